@@ -1,0 +1,46 @@
+# `make run` and `make test` set up what is missing, then do their job. See README.md.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+SIM    ?= verilator
+OUT    ?= out
+export SIM
+
+.PHONY: setup system run test test-long sim lint bench clean
+
+setup: $(VENV)/.ready
+
+# Icarus comes from Debian; without root and without it the Icarus half is left out, and said.
+system:
+	@command -v iverilog >/dev/null 2>&1 || { \
+	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1; then \
+	    { apt-get update -qq && apt-get install -y -qq --no-install-recommends iverilog; } >/dev/null 2>&1 || true; fi; \
+	  command -v iverilog >/dev/null 2>&1 || echo "note: iverilog is not installed (apt-get install iverilog); going on without it"; }
+
+$(VENV)/.ready: pyproject.toml
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v == (3, 11) else "Python 3.11 is needed, this is %d.%d; set PYTHON=" % v)'
+	@for tool in g++ make perl; do command -v $$tool >/dev/null 2>&1 || { echo "$$tool is missing: apt-get install g++ make perl" >&2; exit 2; }; done
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[dev]'
+	@touch $@
+
+run: setup
+	$(BIN)/rtds run all --robot paper --out $(OUT)
+
+test: setup system
+	$(BIN)/python -m pytest
+
+test-long: setup system
+	$(BIN)/python -m pytest -m 'long or not long'
+
+sim: setup system
+	$(BIN)/python -m pytest tb
+
+lint: setup
+	$(BIN)/ruff check python tb sim examples
+
+bench: setup
+	$(BIN)/python -m rtds_host.bench
+
+clean:
+	rm -rf build $(OUT) .pytest_cache .ruff_cache

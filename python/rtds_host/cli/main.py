@@ -1,0 +1,69 @@
+"""The `rtds` command: one module a sub-command, imported only when it is called."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+
+import click
+import typer.main
+
+from rtds_host import __version__
+from rtds_host.errors import RtdsError
+
+# Sub-command -> what it does. Each stands in the module rtds_host.cli.<name> as the Typer app `app`.
+COMMANDS = {
+    "run": "Drive a scenario with the motors in RTL (or the bit-exact model) and write a run folder.",
+    "diagnose": "Say where the gap between simulator and reality lies, and which effect causes it.",
+    "predict": "Replay a run from its commands, with or without a diagnosis.",
+}
+MODULES = {"import": "import_"}
+
+
+class _Commands(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        if name not in COMMANDS:
+            return None
+        module = importlib.import_module(f"rtds_host.cli.{MODULES.get(name, name)}")
+        command = typer.main.get_command(module.app)
+        command.name = name
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.command(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="rtds")
+def root() -> None:
+    """Simulate a mobile robot's motors in real time, and find out why the real one differs."""
+
+
+def main() -> None:
+    """Entry point: exit status 0 done, 1 some of several cases failed, 2 unusable input, 130 interrupted."""
+    try:
+        status = root.main(standalone_mode=False)
+    except RtdsError as error:
+        print("rtds: " + " ".join(str(error).split()), file=sys.stderr)
+        status = 2
+    except click.exceptions.Exit as error:
+        status = error.exit_code
+    except click.ClickException as error:
+        print("rtds: " + " ".join(error.format_message().split()), file=sys.stderr)
+        status = 2
+    except (KeyboardInterrupt, click.Abort):
+        print("rtds: interrupted", file=sys.stderr)
+        status = 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 1
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,269 @@
+"""The nominal robot: `robot.toml` of the contract (sections 2 and 7), checked when it is read."""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+
+from rtds_host.errors import InputError
+
+SCHEMA = "rtds-robot/1"
+GRAVITY_M_S2 = 9.80665
+
+# Channel of a log -> key of its noise in [sensors] (contract, section 2).
+NOISE_KEYS = {
+    "i_l": "i_a", "i_r": "i_a", "w_l": "w_rad_s", "w_r": "w_rad_s", "th_l": "th_rad", "th_r": "th_rad",
+    "gyro_z": "gyro_rad_s", "x": "xy_m", "y": "xy_m", "yaw": "yaw_rad", "v_bus": "v_bus_v",
+}
+
+
+@dataclass(frozen=True)
+class Motor:
+    """One gearmotor, values at the motor shaft, SI. In torque mode the electrical values may be NaN (absent)."""
+
+    resistance_ohm: float
+    inductance_h: float
+    torque_constant_nm_per_a: float
+    back_emf_constant_v_s_per_rad: float
+    rotor_inertia_kg_m2: float
+    viscous_friction_nm_s_per_rad: float
+    gear_ratio: float
+
+
+@dataclass(frozen=True)
+class Chassis:
+    """Body and wheels of the planar robot, SI."""
+
+    mass_kg: float
+    yaw_inertia_kg_m2: float
+    wheel_radius_m: float
+    wheel_inertia_kg_m2: float
+    track_width_m: float
+    com_x_m: float = 0.0
+    com_y_m: float = 0.0
+    com_z_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The declared load of a single-axis case (contract, section 7), SI, seen from the gear's output."""
+
+    kind: str
+    inertia_kg_m2: float = 0.0
+    mass_kg: float = 0.0
+    length_m: float = 0.0
+    metres_per_rad: float = 0.0
+    zero_rad: float = 0.0
+
+
+@dataclass(frozen=True)
+class Driver:
+    """How `v_cmd` (or `w_cmd`) becomes the motor's voltage or torque (contract, section 7)."""
+
+    mode: str = "voltage"
+    torque_nm_per_v: float = math.nan
+    bus: str = "nominal"
+
+
+@dataclass(frozen=True)
+class Servo:
+    """Inner speed loop of `mode = "speed"`: a saturated PI controller on the wheel's speed."""
+
+    kp_v_s_per_rad: float
+    ki_v_per_rad: float
+    limit_v: float
+    period_s: float
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A nominal robot or a single axis: exactly one of `chassis` and `axis` is set."""
+
+    name: str
+    motor: Motor
+    supply_v: float
+    chassis: Chassis | None
+    axis: Axis | None
+    driver: Driver
+    servo: Servo | None
+    sensors: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Suffixes of the sides that exist: ("l", "r"), or ("l",) for a single axis."""
+        return ("l",) if self.axis is not None else ("l", "r")
+
+    def noise(self, channel: str) -> float | None:
+        """One standard deviation of white noise on a sample of `channel`, or None where it is not declared."""
+        return self.sensors.get(NOISE_KEYS.get(channel, ""))
+
+
+class _Section:
+    """A table of the file that knows its place, so that each complaint names file, table and key."""
+
+    def __init__(self, path: Path, name: str, table: dict):
+        self.path, self.name, self.table = path, name, table
+
+    def fail(self, key: str, what: str) -> InputError:
+        return InputError(f"{self.path}: [{self.name}] {key}: {what}")
+
+    def number(self, key: str, default: float | None = None, low: float = -math.inf, high: float = math.inf,
+               positive: bool = False) -> float:
+        if key not in self.table:
+            if default is not None:
+                return default
+            raise self.fail(key, "missing")
+        value = self.table[key]
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise self.fail(key, f"is {value!r}, a number is needed")
+        value = float(value)
+        if not math.isfinite(value):
+            raise self.fail(key, f"is {value}, a finite number is needed")
+        if positive and value <= 0:
+            raise self.fail(key, f"is {value:g}, it must be above 0")
+        if not low <= value <= high:
+            raise self.fail(key, f"is {value:g}, it must lie within {low:g} to {high:g}")
+        return value
+
+    def choice(self, key: str, allowed: tuple[str, ...], default: str | None = None) -> str:
+        value = self.table.get(key, default)
+        if value is None:
+            raise self.fail(key, "missing")
+        if value not in allowed:
+            raise self.fail(key, f"is {value!r}, it must be one of {', '.join(allowed)}")
+        return value
+
+
+def load_robot(path: str | os.PathLike) -> Robot:
+    """Read and check a `robot.toml`.
+
+    Raises
+    ------
+    InputError : unreadable file, missing key, a value that is no finite number or physically impossible.
+    """
+    path = Path(path)
+    try:
+        with open(path, "rb") as stream:
+            data = tomllib.load(stream)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not valid TOML ({error})") from error
+    return _parse(path, data)
+
+
+def builtin_robot(name: str) -> Robot:
+    """A robot that comes with the package: ``burger`` (the contract's) or ``paper``.
+
+    Raises
+    ------
+    InputError : no robot of that name.
+    """
+    return load_robot(builtin_robot_path(name))
+
+
+def builtin_robot_path(name: str) -> Path:
+    """Path of the `robot.toml` of a robot that comes with the package."""
+    folder = Path(str(resources.files("rtds_host.contract"))) / "robots"
+    path = folder / f"{name}.toml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
+        raise InputError(f"robot {name!r}: unknown (known: {known}; or give the path of a robot.toml)")
+    return path
+
+
+def _parse(path: Path, data: dict) -> Robot:
+    if data.get("schema") != SCHEMA:
+        raise InputError(f"{path}: schema: is {data.get('schema')!r}, this program reads {SCHEMA!r}")
+
+    def section(name: str, required: bool = True) -> _Section | None:
+        table = data.get(name)
+        if table is None:
+            if required:
+                raise InputError(f"{path}: [{name}]: missing")
+            return None
+        if not isinstance(table, dict):
+            raise InputError(f"{path}: [{name}]: is no table")
+        return _Section(path, name, table)
+
+    if ("chassis" in data) == ("axis" in data):
+        raise InputError(f"{path}: exactly one of [chassis] and [axis] is needed")
+
+    table = section("driver", required=False)
+    driver = Driver()
+    if table is not None:
+        mode = table.choice("mode", ("voltage", "torque", "speed"), "voltage")
+        driver = Driver(
+            mode=mode,
+            torque_nm_per_v=table.number("torque_nm_per_v") if mode == "torque" else math.nan,
+            bus=table.choice("bus", ("nominal", "measured"), "nominal"),
+        )
+    electrical = driver.mode != "torque"
+
+    table = section("motor")
+    absent = None if electrical else math.nan
+    # Bounds reject slips of unit (mm for m, mH for H), not unusual machines.
+    motor = Motor(
+        resistance_ohm=table.number("resistance_ohm", absent, high=1e5, positive=True),
+        inductance_h=table.number("inductance_h", absent, high=100.0, positive=True),
+        torque_constant_nm_per_a=table.number("torque_constant_nm_per_a", absent, high=1e3, positive=True),
+        back_emf_constant_v_s_per_rad=table.number("back_emf_constant_v_s_per_rad", absent, high=1e3, positive=True),
+        rotor_inertia_kg_m2=table.number("rotor_inertia_kg_m2", low=0.0, high=1e3),
+        viscous_friction_nm_s_per_rad=table.number("viscous_friction_nm_s_per_rad", low=0.0, high=1e3),
+        gear_ratio=table.number("gear_ratio", high=1e5, positive=True),
+    )
+    if electrical and "chassis" in data:
+        for key in ("rotor_inertia_kg_m2",):
+            if getattr(motor, key) <= 0:
+                raise table.fail(key, "is 0, it must be above 0 for a robot")
+
+    supply = section("supply")
+    supply_v = supply.number("voltage_v", high=1e4, positive=True)
+
+    chassis = axis = None
+    if "chassis" in data:
+        table = section("chassis")
+        chassis = Chassis(
+            mass_kg=table.number("mass_kg", high=1e4, positive=True),
+            yaw_inertia_kg_m2=table.number("yaw_inertia_kg_m2", high=1e5, positive=True),
+            wheel_radius_m=table.number("wheel_radius_m", high=10.0, positive=True),
+            wheel_inertia_kg_m2=table.number("wheel_inertia_kg_m2", low=0.0, high=1e3),
+            track_width_m=table.number("track_width_m", high=100.0, positive=True),
+            com_x_m=table.number("com_x_m", 0.0, low=-10, high=10),
+            com_y_m=table.number("com_y_m", 0.0, low=-10, high=10),
+            com_z_m=table.number("com_z_m", 0.0, low=0, high=10),
+        )
+    else:
+        table = section("axis")
+        kind = table.choice("kind", ("inertia", "pendulum", "linear"))
+        axis = Axis(
+            kind=kind,
+            inertia_kg_m2=table.number("inertia_kg_m2", None if kind == "inertia" else 0.0, low=0.0, high=1e6),
+            mass_kg=table.number("mass_kg", None if kind != "inertia" else 0.0, low=0.0, high=1e6),
+            length_m=table.number("length_m", None if kind == "pendulum" else 0.0, low=0.0, high=1e3),
+            metres_per_rad=table.number("metres_per_rad", None if kind == "linear" else 0.0, low=-1e3, high=1e3),
+            zero_rad=table.number("zero_rad", 0.0),
+        )
+        load = {"inertia": axis.inertia_kg_m2, "pendulum": axis.inertia_kg_m2 + axis.mass_kg * axis.length_m**2,
+                "linear": axis.mass_kg * axis.metres_per_rad**2}[kind]
+        if load + motor.rotor_inertia_kg_m2 * motor.gear_ratio**2 <= 0:
+            raise InputError(f"{path}: [axis]: load and rotor have no inertia at all")
+
+    servo = None
+    if driver.mode == "speed":
+        table = section("servo")
+        servo = Servo(
+            kp_v_s_per_rad=table.number("kp_v_s_per_rad", low=0.0),
+            ki_v_per_rad=table.number("ki_v_per_rad", low=0.0),
+            limit_v=table.number("limit_v", positive=True),
+            period_s=table.number("period_s", positive=True, high=10.0),
+        )
+
+    table = section("sensors")
+    sensors = {key: table.number(key, positive=True) for key in sorted(set(NOISE_KEYS.values())) if key in table.table}
+    return Robot(name=str(data.get("name", path.parent.name or path.stem)), motor=motor, supply_v=supply_v,
+                 chassis=chassis, axis=axis, driver=driver, servo=servo, sensors=sensors)

@@ -1,0 +1,316 @@
+"""Run folders and cases: reading with every check the contract asks for, and writing in the same format."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Mapping
+
+import numpy as np
+
+from rtds_host.contract.output import staged_folder
+from rtds_host.contract.robot import Robot, load_robot
+from rtds_host.errors import InputError
+
+SCHEMA = "rtds-run/1"
+COMMANDS = {"voltage": ("v_cmd_l", "v_cmd_r"), "torque": ("v_cmd_l", "v_cmd_r"), "speed": ("w_cmd_l", "w_cmd_r")}
+MEASURED = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
+INFORMATION = ("w_ref_l", "w_ref_r")
+COLUMNS = ("t", "v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r", *MEASURED, *INFORMATION)
+
+
+@dataclass(frozen=True)
+class RunMeta:
+    """What `run.json` says of a run."""
+
+    scenario: str = "run"
+    payload_kg: float = 0.0
+    slope_rad: float = 0.0
+    uphill_yaw_rad: float = 0.0
+    notes: str = ""
+
+    def to_json(self) -> dict:
+        """The content of `run.json`."""
+        return {"schema": SCHEMA, "scenario": self.scenario, "payload_kg": self.payload_kg,
+                "slope_rad": self.slope_rad, "uphill_yaw_rad": self.uphill_yaw_rad, "notes": self.notes}
+
+
+@dataclass(frozen=True)
+class RunLog:
+    """One recorded run.
+
+    `t` (n,) s, strictly increasing; `columns`: name -> (n,) float64 with NaN where a row has no sample
+    (commands never have NaN: an empty cell keeps the last); `notices`: what was ignored or repaired.
+    """
+
+    name: str
+    meta: RunMeta
+    t: np.ndarray
+    columns: dict[str, np.ndarray]
+    path: Path | None = None
+    notices: tuple[str, ...] = ()
+
+    def has(self, channel: str) -> bool:
+        """Whether at least one sample of the channel exists."""
+        column = self.columns.get(channel)
+        return column is not None and bool(np.isfinite(column).any())
+
+    def commands(self, mode: str = "voltage") -> np.ndarray:
+        """Commands (n, sides): `v_cmd_*` in V, or `w_cmd_*` in rad/s in speed mode."""
+        return np.column_stack([self.columns[c] for c in COMMANDS[mode] if c in self.columns])
+
+
+@dataclass(frozen=True)
+class Case:
+    """A nominal robot and the runs recorded on one physical robot."""
+
+    name: str
+    robot: Robot
+    runs: tuple[RunLog, ...]
+    path: Path | None = None
+    notices: tuple[str, ...] = field(default=())
+
+
+def _log_path(folder: Path) -> Path:
+    found = [folder / name for name in ("log.csv", "log.parquet") if (folder / name).is_file()]
+    if not found:
+        raise InputError(f"{folder}: neither log.csv nor log.parquet is there")
+    if len(found) > 1:
+        raise InputError(f"{folder}: both log.csv and log.parquet are there, keep one")
+    return found[0]
+
+
+def read_meta(path: str | os.PathLike) -> RunMeta:
+    """Read and check a `run.json`.
+
+    Raises
+    ------
+    InputError : unreadable, not JSON, another schema, a value of the wrong kind or physically impossible.
+    """
+    path = Path(path)
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not valid JSON ({error})") from error
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+        raise InputError(f"{path}: schema: is {data.get('schema') if isinstance(data, dict) else data!r}, "
+                         f"this program reads {SCHEMA!r}")
+
+    def number(key: str, low: float, high: float) -> float:
+        value = data.get(key, 0.0)
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise InputError(f"{path}: {key}: is {value!r}, a finite number is needed")
+        if not low <= value <= high:
+            hint = " (degrees?)" if key.endswith("_rad") else ""
+            raise InputError(f"{path}: {key}: is {value:g}, it must lie within {low:g} to {high:g}{hint}")
+        return float(value)
+
+    return RunMeta(scenario=str(data.get("scenario", "")), payload_kg=number("payload_kg", 0.0, 1e4),
+                   slope_rad=number("slope_rad", -1.2, 1.2), uphill_yaw_rad=number("uphill_yaw_rad", -100.0, 100.0),
+                   notes=str(data.get("notes", "")))
+
+
+def _read_csv(path: Path) -> dict[str, np.ndarray]:
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is no text (byte {error.start})") from error
+    lines = text.splitlines()
+    if not lines or not lines[0].strip():
+        raise InputError(f"{path}: is empty, a header line is needed")
+    names = [name.strip() for name in next(csv.reader([lines[0]]))]
+    if len(set(names)) != len(names):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        raise InputError(f"{path}: row 1: column {twice[0]!r} stands twice")
+    if text and not text.endswith(("\n", "\r")) and len(lines) > 1 and lines[-1].count(",") != len(names) - 1:
+        raise InputError(f"{path}: row {len(lines)}: ends in the middle, the file is truncated")
+    body = io.StringIO("\n".join(lines[1:]))
+    try:
+        # Fast path: a full table of plain numbers.
+        table = np.loadtxt(body, delimiter=",", ndmin=2) if len(lines) > 1 else np.empty((0, len(names)))
+        if table.shape[1] == len(names) and np.isfinite(table).all():
+            return {name: table[:, k] for k, name in enumerate(names)}
+    except ValueError:
+        pass
+    wanted = [k for k, name in enumerate(names) if name in COLUMNS]
+    columns: dict[int, list[float]] = {k: [] for k in wanted}
+    for number, row in enumerate(csv.reader(lines[1:]), start=2):
+        if not row:
+            continue
+        if len(row) != len(names):
+            raise InputError(f"{path}: row {number}: has {len(row)} cells, the header names {len(names)}"
+                             + (", the file is truncated" if number == len(lines) else ""))
+        for k in wanted:
+            cell = row[k].strip()
+            if not cell:
+                columns[k].append(math.nan)
+                continue
+            try:
+                value = float(cell)
+            except ValueError as error:
+                raise InputError(f"{path}: row {number}: {names[k]} is {cell!r}, no number") from error
+            if not math.isfinite(value):
+                raise InputError(f"{path}: row {number}: {names[k]} is {cell}, leave a cell empty where there is "
+                                 "no sample")
+            columns[k].append(value)
+    result = {names[k]: np.asarray(values) for k, values in columns.items()}
+    rows = len(next(iter(result.values()))) if result else 0
+    result.update({name: np.full(rows, math.nan) for name in names if name not in result})
+    return result
+
+
+def _read_parquet(path: Path) -> dict[str, np.ndarray]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(path)
+    except (pa.ArrowException, OSError) as error:
+        raise InputError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from error
+    columns = {}
+    for name in table.column_names:
+        column = table.column(name)
+        if name not in COLUMNS:
+            columns[name] = np.full(len(column), math.nan)
+            continue
+        if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type) or pa.types.is_null(column.type)):
+            raise InputError(f"{path}: column {name}: holds {column.type}, numbers are needed")
+        columns[name] = np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=float).copy()
+    return columns
+
+
+def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measured: bool = False) -> RunLog:
+    """Read one run folder.
+
+    Parameters
+    ----------
+    folder : holds `run.json` and `log.csv` or `log.parquet`.
+    robot : tells which commands are required (its driver's mode, one side or two); without it two voltages.
+    need_measured : a diagnosis also needs a `w_*` or `th_*`; a prediction does not.
+
+    Raises
+    ------
+    InputError : a file, column, row or value that the contract does not allow; the message names it.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: is no run folder")
+    meta = read_meta(folder / "run.json")
+    path = _log_path(folder)
+    raw = _read_csv(path) if path.suffix == ".csv" else _read_parquet(path)
+    notices = [f"{path.name}: column {name!r} is not in the contract, ignored" for name in raw if name not in COLUMNS]
+    columns = {name: values for name, values in raw.items() if name in COLUMNS}
+
+    mode = robot.driver.mode if robot else "voltage"
+    sides = robot.sides if robot else ("l", "r")
+    required = [c for c in COMMANDS[mode] if c.endswith(tuple(f"_{s}" for s in sides))]
+    for name in ("t", *required):
+        if name not in columns:
+            raise InputError(f"{path}: column {name}: missing")
+    if need_measured and not any(f"{c}_{s}" in columns for c in ("w", "th") for s in sides):
+        raise InputError(f"{path}: neither w_* nor th_* is there, a diagnosis needs at least one of them")
+
+    t = columns.pop("t")
+    if len(t) < 2:
+        raise InputError(f"{path}: has {len(t)} rows, at least 2 are needed")
+    bad = np.flatnonzero(~np.isfinite(t))
+    if bad.size:
+        raise InputError(f"{path}: row {bad[0] + 2}: t is missing or no finite number")
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if back.size:
+        k = back[0]
+        raise InputError(f"{path}: row {k + 3}: time goes back or stands still ({t[k]:g} s, then {t[k + 1]:g} s)")
+    for name, values in columns.items():
+        wrong = np.flatnonzero(np.isinf(values))
+        if wrong.size:
+            raise InputError(f"{path}: row {wrong[0] + 2}: {name} is infinite")
+    for name in required:
+        values = columns[name]
+        if not np.isfinite(values[0]):
+            raise InputError(f"{path}: row 2: {name} is empty, the first row needs a command")
+        absurd = np.flatnonzero(np.abs(values) > 1e4)
+        if absurd.size:
+            raise InputError(f"{path}: row {absurd[0] + 2}: {name} is {values[absurd[0]]:g}, beyond anything possible")
+        last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), 0))
+        columns[name] = values[last]
+    return RunLog(name=folder.name, meta=meta, t=t, columns=columns, path=path, notices=tuple(notices))
+
+
+def read_case(folder: str | os.PathLike, need_measured: bool = True) -> Case:
+    """Read a case: `robot.toml` and every sub-folder that holds a `run.json`, in the order of their names.
+
+    Raises
+    ------
+    InputError : no robot, no run, a run that belongs to another robot (its own differing `robot.toml`), or
+        anything that `read_run` rejects.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: is no case folder")
+    if not any(folder.iterdir()):
+        raise InputError(f"{folder}: is empty, a case needs robot.toml and at least one run folder")
+    robot = load_robot(folder / "robot.toml")
+    notices, runs = [], []
+    for sub in sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")):
+        if not (sub / "run.json").is_file():
+            if any((sub / name).is_file() for name in ("log.csv", "log.parquet")):
+                raise InputError(f"{sub / 'run.json'}: missing")
+            notices.append(f"{sub.name}: holds no run.json, ignored")
+            continue
+        own = sub / "robot.toml"
+        if own.is_file() and load_robot(own) != robot:
+            raise InputError(f"{own}: describes another robot than {folder / 'robot.toml'}; "
+                             "all runs of a case belong to one robot")
+        runs.append(read_run(sub, robot, need_measured))
+        notices += [f"{sub.name}/{notice}" for notice in runs[-1].notices]
+    if not runs:
+        raise InputError(f"{folder}: holds no run (a sub-folder with run.json)")
+    return Case(name=folder.resolve().name, robot=robot, runs=tuple(runs), path=folder, notices=tuple(notices))
+
+
+def write_csv(path: Path, columns: Mapping[str, np.ndarray], digits: int = 9) -> None:
+    """Write columns (each (n,)) as a contract's csv; NaN becomes an empty cell. `t` must be among them."""
+    names = list(columns)
+    table = np.column_stack([np.asarray(columns[name], dtype=float) for name in names])
+    form = f"%.{digits}g"
+    with open(path, "w", encoding="ascii", newline="") as stream:
+        stream.write(",".join(names) + "\n")
+        for row in table:
+            stream.write(",".join("" if value != value else form % value for value in row) + "\n")
+
+
+def write_run(folder: str | os.PathLike, meta: RunMeta, columns: Mapping[str, np.ndarray], form: str = "csv") -> None:
+    """Write a run folder (`run.json` and the log) whole or not at all.
+
+    Parameters
+    ----------
+    columns : name -> (n,), `t` first, contract's names only.
+    form : "csv" or "parquet".
+
+    Raises
+    ------
+    OutputError : the place cannot be written. ValueError : a column the contract does not name.
+    """
+    unknown = [name for name in columns if name not in COLUMNS]
+    if unknown or "t" not in columns:
+        raise ValueError(f"not in the contract: {unknown or 't is missing'}")
+    with staged_folder(folder) as scratch:
+        (scratch / "run.json").write_text(json.dumps(meta.to_json(), indent=1) + "\n")
+        if form == "parquet":
+            import pyarrow as pa
+            import pyarrow.parquet as pq
+
+            arrays = {name: pa.array(np.asarray(values, dtype=float), from_pandas=True)
+                      for name, values in columns.items()}
+            pq.write_table(pa.table(arrays), scratch / "log.parquet", compression="zstd")
+        else:
+            write_csv(scratch / "log.csv", columns)
