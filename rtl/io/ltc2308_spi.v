@@ -1,0 +1,52 @@
+// ltc2308_spi: one conversion cycle of an LTC2308, exactly 80 clocks of 40 MHz (2 us, 500 kSPS).
+//
+// Purpose    Makes CONVST, SCK and SDI, and reads SDO. It knows nothing of the order of channels: the
+//            sequencer gives the channel of the NEXT conversion, because the word that is sent while a
+//            result is read selects the conversion that follows.
+//
+// Handshake  run_i is looked at in the last clock of a cycle (and in every clock while idle). next_ch_i is
+//            taken in the clock in which slot_o is 1 (64 clocks after a cycle's first), valid_o is 1 for one
+//            clock with code_o, the result of THIS cycle's conversion; code_o holds until the next one.
+//
+// Latency    From the edge that starts a cycle: valid_o after edge 77, the next cycle starts at edge 80.
+//            After reset the first cycle starts no earlier than 80 clocks later: a conversion that a
+//            reset cut in two has then ended (1.6 us), and the cycle time of 2 us is kept.
+//
+// Clocks     clk_i     40 MHz, phase 0: everything but the CONVST output register.
+//            clk_cnv_i 40 MHz, 7.5 ns (108 degrees) later, from the same PLL: the CONVST output register.
+//            Why two: at 500 kSPS the first of the SCK edges must come 1600 to 1610 ns after CONVST (the
+//            conversion takes up to 1600, the acquisition after the 7th edge at least 240 of 2000 ns). Both
+//            on one clock leave 0 and 10 ns: a pad skew of 1 ns breaks it, and the half clock is 12.5 ns
+//            away. With this phase SCK rises 1605 ns after CONVST: 5 ns on either side, 3 ns of it left
+//            with pad delays that differ from 3 to 5 ns.
+//
+// Pin edges  (clk_i period = 25 ns; edge n is at 25*n ns after the start of the cycle, at the registers)
+//            CONVST  rises at 7.5, falls at 32.5
+//            SDI     bit k (0..5: S/D O/S S1 S0 UNI SLP) from edge 64+k to edge 65+k
+//            SCK     k-th pulse (0..11): rises at 25*(64+k) + 12.5, falls at edge 65+k
+//            SDO     bit 11-k is caught at edge 65+k: the falling edge that asks for the next bit, a full
+//                    period after the one that asked for this one (12.5 ns of the device and twice 5 ns of
+//                    pad leave 2.5 ns; half a period would leave -10)
+//
+// SDC        ADC_SCK is a generated clock: clk_i inverted, through the output cell of ltc2308_spi_sck.
+//            ADC_SDI: output delay against it (set-up 0, hold 2.5). ADC_SDO: input delay against its
+//            falling edge (max 12.5, min 4). clk_i -> clk_cnv_i is a synchronous path of 7.5 ns.
+`default_nettype none
+
+module ltc2308_spi (
+  input  wire        clk_i,       // 40 MHz
+  input  wire        clk_cnv_i,   // 40 MHz, 7.5 ns after clk_i
+  input  wire        rst_ni,      // asserted asynchronously, released with clk_i
+  input  wire        run_i,       // 1: start another cycle
+  input  wire  [2:0] next_ch_i,   // channel of the next conversion
+  output wire        slot_o,      // next_ch_i is taken in this clock
+  output wire        valid_o,     // one clock: code_o is new
+  output wire [11:0] code_o,      // straight binary, 1 mV a step
+  output wire        adc_convst_o,
+  output wire        adc_sck_o,
+  output wire        adc_sdi_o,
+  input  wire        adc_sdo_i
+);
+endmodule
+
+`default_nettype wire
