@@ -5,10 +5,10 @@
 //            result is read selects the conversion that follows.
 //
 // Handshake  run_i is looked at in the last clock of a cycle (and in every clock while idle). next_ch_i is
-//            taken in the clock in which slot_o is 1 (64 clocks after a cycle's first), valid_o is 1 for one
-//            clock with code_o, the result of THIS cycle's conversion; code_o holds until the next one.
+//            taken at edge 64, valid_o is 1 for one clock (edge 77 to 78) with code_o, the result of THIS
+//            cycle's conversion; code_o holds until edge 66 of the next cycle.
 //
-// Latency    From the edge that starts a cycle: valid_o after edge 77, the next cycle starts at edge 80.
+// Latency    From the edge that starts a cycle: valid_o from edge 77, the next cycle starts at edge 80.
 //            After reset the first cycle starts no earlier than 80 clocks later: a conversion that a
 //            reset cut in two has then ended (1.6 us), and the cycle time of 2 us is kept.
 //
@@ -34,19 +34,111 @@
 `default_nettype none
 
 module ltc2308_spi (
-  input  wire        clk_i,       // 40 MHz
-  input  wire        clk_cnv_i,   // 40 MHz, 7.5 ns after clk_i
-  input  wire        rst_ni,      // asserted asynchronously, released with clk_i
-  input  wire        run_i,       // 1: start another cycle
-  input  wire  [2:0] next_ch_i,   // channel of the next conversion
-  output wire        slot_o,      // next_ch_i is taken in this clock
-  output wire        valid_o,     // one clock: code_o is new
-  output wire [11:0] code_o,      // straight binary, 1 mV a step
-  output wire        adc_convst_o,
-  output wire        adc_sck_o,
-  output wire        adc_sdi_o,
-  input  wire        adc_sdo_i
+    input  wire        clk_i,         // 40 MHz
+    input  wire        clk_cnv_i,     // 40 MHz, 7.5 ns after clk_i
+    input  wire        rst_ni,        // asserted asynchronously, released with clk_i
+    input  wire        run_i,         // 1: start another cycle
+    input  wire [ 2:0] next_ch_i,     // channel of the next conversion
+    output wire        valid_o,       // one clock: code_o is new
+    output wire [11:0] code_o,        // straight binary, 1 mV a step
+    output wire        adc_convst_o,
+    output wire        adc_sck_o,
+    output wire        adc_sdi_o,
+    input  wire        adc_sdo_i
 );
+
+  localparam [6:0] CYCLE = 7'd80;       // 2 us
+  localparam [6:0] CONVERSION = 7'd64;  // 1.6 us, the longest conversion
+  localparam [6:0] BITS = 7'd12;
+
+  // A cycle. Out of reset one cycle passes without a pin moving (active_q = 0).
+  reg [6:0] count_q;
+  reg       active_q;
+  wire      last = (count_q == CYCLE - 7'd1);
+  wire      start = last && run_i;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      count_q  <= 7'd0;
+      active_q <= 1'b0;
+    end else if (last) begin
+      active_q <= run_i;
+      if (run_i) count_q <= 7'd0;
+    end else begin
+      count_q <= count_q + 7'd1;
+    end
+  end
+
+  // CONVST: high for the first clock of a cycle, moved to its own phase by the output register.
+  reg cnv_q;
+  reg convst_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) cnv_q <= 1'b0;
+    else         cnv_q <= start;
+  end
+
+  always @(posedge clk_cnv_i or negedge rst_ni) begin
+    if (!rst_ni) convst_q <= 1'b0;
+    else         convst_q <= cnv_q;
+  end
+
+  assign adc_convst_o = convst_q;
+
+  // SCK: the enable is high in the clocks before edges 64 to 75.
+  wire sck_en = active_q && (count_q >= CONVERSION - 7'd1) && (count_q < CONVERSION + BITS - 7'd1);
+
+  ltc2308_spi_sck u_sck (
+      .clk_i (clk_i),
+      .rst_ni(rst_ni),
+      .en_i  (sck_en),
+      .sck_o (adc_sck_o)
+  );
+
+  // SDI: single ended, channel, unipolar, awake; the part wants the odd bit of the channel first.
+  reg  [5:0] word_q;
+  wire       load = active_q && (count_q == CONVERSION - 7'd1);
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni)   word_q <= 6'd0;
+    else if (load) word_q <= {1'b1, next_ch_i[0], next_ch_i[2:1], 2'b10};
+    else           word_q <= {word_q[4:0], 1'b0};
+  end
+
+  assign adc_sdi_o = word_q[5];
+
+  // SDO: caught in the input register at every edge, shifted in one clock later.
+  reg         sdo_q;
+  reg  [11:0] code_q;
+  reg         valid_q;
+  wire        shift = active_q && (count_q > CONVERSION) && (count_q <= CONVERSION + BITS);
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      sdo_q <= 1'b0;
+    end else begin
+`ifdef SYNTHESIS
+      sdo_q <= adc_sdo_i;
+`else
+      // An input buffer makes some level of a floating or undefined line: 0 here, so that an X stays outside.
+      sdo_q <= (adc_sdo_i === 1'b1);
+`endif
+    end
+  end
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      code_q  <= 12'd0;
+      valid_q <= 1'b0;
+    end else begin
+      if (shift) code_q <= {code_q[10:0], sdo_q};
+      valid_q <= active_q && (count_q == CONVERSION + BITS);
+    end
+  end
+
+  assign code_o  = code_q;
+  assign valid_o = valid_q;
+
 endmodule
 
 `default_nettype wire
