@@ -34,7 +34,7 @@ test-long: setup system
 	$(BIN)/python -m pytest -m 'long or not long'
 
 sim: setup system
-	$(BIN)/python -m pytest tb
+	SIM_ONLY=$(SIM) $(BIN)/python -m pytest tb
 
 lint: setup
 	$(BIN)/ruff check python tb sim examples

