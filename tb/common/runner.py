@@ -116,6 +116,7 @@ def run_cocotb(
     runner.build(
         hdl_toplevel=toplevel,
         sources=[*control, *verilog] if simulator == "verilator" else verilog,
+        includes=sorted({path.parent for path in verilog}),
         parameters=parameters,
         defines=defines,
         build_args=[*_VERILATOR_ARGS, *build_args] if simulator == "verilator" else [],
