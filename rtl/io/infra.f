@@ -1,0 +1,10 @@
+cdc_sync.v
+cdc_handshake.v
+reset_sync.v
+reset_ctrl.v
+crc16.v
+uart_rx.v
+uart_tx.v
+serial_bridge.v
+rtds_regs.v
+rtds_ctrl.v

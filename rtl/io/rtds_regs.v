@@ -1,0 +1,229 @@
+// rtds_regs: the register file, an Avalon-MM slave.
+//
+// Purpose     parameters, scalings, sources, control, sticky status, identity and counters (docs/registers.md;
+//             addresses and reset values come from rtds_regs_map.vh, made from the one description).
+// Handshake   Avalon-MM, word addresses, never a wait state: a read or write is taken at any clock with
+//             avs_read_i or avs_write_i high. readdatavalid (reads) or writeresponsevalid (writes) follow one
+//             clock later together with response: 0 okay, 2 refused (read only), 3 no such register.
+//             A commit waits until idle_i is high and then replaces the whole of config_o at one clock edge;
+//             clear_o pulses under the same condition. A second command while one waits joins it.
+// Latency     read 1 clock, write 1 clock, sticky bits 1 clock after their event. An event at the clock in
+//             which its bit is cleared wins.
+// Format      floats are opaque words here.
+// Reset       rst_ni is the board's reset, not the PLL's: registers survive a lost lock.
+`default_nettype none
+
+module rtds_regs #(
+    parameter [31:0] BUILD_ID = 32'd0
+) (
+    input  wire          clk_i,
+    input  wire          rst_ni,
+
+    input  wire [   7:0] avs_address_i,
+    input  wire          avs_read_i,
+    input  wire          avs_write_i,
+    input  wire [  31:0] avs_writedata_i,
+    output wire [  31:0] avs_readdata_o,
+    output wire          avs_readdatavalid_o,
+    output wire          avs_writeresponsevalid_o,
+    output wire [   1:0] avs_response_o,
+
+    // to the chip
+    output wire          run_o,
+    output wire          blank_o,
+    output wire [1151:0] config_o,        // CFG_WORDS words of the config group in force
+    output wire          clear_o,
+    input  wire          idle_i,          // no step is in hand
+
+    // from the chip
+    input  wire [  10:0] event_i,         // set the sticky bit of the same number
+    input  wire [   5:0] live_i,          // bits 5:0 of LIVE
+    input  wire          step_i,          // one step done
+    input  wire          serial_error_i,
+    input  wire [  31:0] latency_i,
+    input  wire [ 383:0] now_i,           // NOW_I_L (lowest word) .. NOW_KB
+    input  wire [ 159:0] codes_i          // CODES_V (lowest word) .. CODES_R
+);
+
+  `include "rtds_regs_map.vh"
+
+  localparam [1:0] RESP_OKAY = 2'd0;
+  localparam [1:0] RESP_REFUSED = 2'd2;
+  localparam [1:0] RESP_NONE = 2'd3;
+
+  localparam integer NOW_WORDS = 12;
+  localparam integer CODE_WORDS = 5;
+
+  wire [7:0] address = avs_address_i;
+  wire       write = avs_write_i;
+  wire       read = avs_read_i;
+
+  wire [7:0] cfg_index = address - CFG_FIRST;
+  wire       in_config = (address >= CFG_FIRST) && (cfg_index < CFG_WORDS);
+  wire [7:0] now_index = address - ADDR_NOW_I_L;
+  wire       in_now = (address >= ADDR_NOW_I_L) && (now_index < NOW_WORDS);
+  wire [7:0] code_index = address - ADDR_CODES_V;
+  wire       in_codes = (address >= ADDR_CODES_V) && (code_index < CODE_WORDS);
+
+  // --- config group: shadow and the set in force -------------------------------------------------------
+  reg [32*CFG_WORDS-1:0] shadow_q;
+  reg [32*CFG_WORDS-1:0] active_q;
+  reg                    commit_pending_q;
+  reg                    clear_pending_q;
+  reg                    clear_q;
+
+  wire command = write && (address == ADDR_COMMAND);
+  wire commit_now = commit_pending_q && idle_i;
+  wire clear_now = clear_pending_q && idle_i;
+
+  genvar k;
+  generate
+    for (k = 0; k < CFG_WORDS; k = k + 1) begin : gen_config
+      always @(posedge clk_i or negedge rst_ni) begin
+        if (!rst_ni) begin
+          shadow_q[32*k+:32] <= CFG_RESET[32*k+:32];
+          active_q[32*k+:32] <= CFG_RESET[32*k+:32];
+        end else begin
+          if (write && in_config && cfg_index == k) shadow_q[32*k+:32] <= avs_writedata_i;
+          if (commit_now) active_q[32*k+:32] <= shadow_q[32*k+:32];
+        end
+      end
+    end
+  endgenerate
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      commit_pending_q <= 1'b0;
+      clear_pending_q  <= 1'b0;
+      clear_q          <= 1'b0;
+    end else begin
+      if (command && avs_writedata_i[BIT_COMMAND_COMMIT]) commit_pending_q <= 1'b1;
+      else if (commit_now) commit_pending_q <= 1'b0;
+      if (command && avs_writedata_i[BIT_COMMAND_CLEAR]) clear_pending_q <= 1'b1;
+      else if (clear_now) clear_pending_q <= 1'b0;
+      clear_q <= clear_now;
+    end
+  end
+
+  // --- control, scratch ----------------------------------------------------------------------------------
+  reg [ 1:0] control_q;
+  reg [31:0] scratch_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      control_q <= CONTROL_RESET[1:0];
+      scratch_q <= 32'd0;
+    end else begin
+      if (write && address == ADDR_CONTROL) control_q <= avs_writedata_i[1:0];
+      if (write && address == ADDR_SCRATCH) scratch_q <= avs_writedata_i;
+    end
+  end
+
+  // --- sticky status -------------------------------------------------------------------------------------
+  reg  [10:0] status_q;
+  wire [10:0] status_clear = (write && address == ADDR_STATUS) ? avs_writedata_i[10:0] : 11'd0;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) status_q <= 11'd0;
+    else         status_q <= (status_q & ~status_clear) | event_i;
+  end
+
+  // --- counters; reading the lowest word freezes the other three -------------------------------------------
+  reg [63:0] cycles_q;
+  reg [63:0] steps_q;
+  reg [31:0] cycles_hi_q;
+  reg [63:0] steps_seen_q;
+  reg [31:0] serial_errors_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      cycles_q        <= 64'd0;
+      steps_q         <= 64'd0;
+      cycles_hi_q     <= 32'd0;
+      steps_seen_q    <= 64'd0;
+      serial_errors_q <= 32'd0;
+    end else begin
+      cycles_q <= cycles_q + 64'd1;
+      if (clear_q) steps_q <= 64'd0;
+      else if (step_i) steps_q <= steps_q + 64'd1;
+      if (serial_error_i) serial_errors_q <= serial_errors_q + 32'd1;
+      if (read && address == ADDR_CYCLES_LO) begin
+        cycles_hi_q  <= cycles_q[63:32];
+        steps_seen_q <= steps_q;
+      end
+    end
+  end
+
+  // --- read ----------------------------------------------------------------------------------------------
+  reg  [31:0] readdata_d;
+  reg  [ 1:0] response_d;
+  reg  [31:0] readdata_q;
+  reg  [ 1:0] response_q;
+  reg         readdatavalid_q;
+  reg         writeresponsevalid_q;
+
+  wire [ 6:0] live = {commit_pending_q || clear_pending_q, live_i};
+
+  always @* begin
+    readdata_d = 32'd0;
+    response_d = RESP_OKAY;
+    if (in_config) begin
+      readdata_d = shadow_q[32*cfg_index+:32];
+    end else if (in_now) begin
+      readdata_d = now_i[32*now_index+:32];
+      if (write) response_d = RESP_REFUSED;
+    end else if (in_codes) begin
+      readdata_d = codes_i[32*code_index+:32];
+      if (write) response_d = RESP_REFUSED;
+    end else begin
+      case (address)
+        ADDR_SCRATCH: readdata_d = scratch_q;
+        ADDR_CONTROL: readdata_d = {30'd0, control_q};
+        ADDR_COMMAND: readdata_d = 32'd0;
+        ADDR_STATUS:  readdata_d = {21'd0, status_q};
+        default: begin
+          if (write) response_d = RESP_REFUSED;
+          case (address)
+            ADDR_ID:            readdata_d = MAP_ID;
+            ADDR_VERSION:       readdata_d = MAP_VERSION;
+            ADDR_BUILD:         readdata_d = BUILD_ID;
+            ADDR_LIVE:          readdata_d = {25'd0, live};
+            ADDR_CYCLES_LO:     readdata_d = cycles_q[31:0];
+            ADDR_CYCLES_HI:     readdata_d = cycles_hi_q;
+            ADDR_STEPS_LO:      readdata_d = steps_seen_q[31:0];
+            ADDR_STEPS_HI:      readdata_d = steps_seen_q[63:32];
+            ADDR_SERIAL_ERRORS: readdata_d = serial_errors_q;
+            ADDR_LATENCY:       readdata_d = latency_i;
+            default:            response_d = RESP_NONE;
+          endcase
+        end
+      endcase
+    end
+  end
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      readdata_q           <= 32'd0;
+      response_q           <= 2'd0;
+      readdatavalid_q      <= 1'b0;
+      writeresponsevalid_q <= 1'b0;
+    end else begin
+      readdata_q           <= read ? readdata_d : 32'd0;
+      response_q           <= response_d;
+      readdatavalid_q      <= read;
+      writeresponsevalid_q <= write;
+    end
+  end
+
+  assign avs_readdata_o           = readdata_q;
+  assign avs_readdatavalid_o      = readdatavalid_q;
+  assign avs_writeresponsevalid_o = writeresponsevalid_q;
+  assign avs_response_o           = response_q;
+  assign run_o                    = control_q[BIT_CONTROL_RUN];
+  assign blank_o                  = control_q[BIT_CONTROL_BLANK];
+  assign config_o                 = active_q;
+  assign clear_o                  = clear_q;
+
+endmodule
+
+`default_nettype wire
