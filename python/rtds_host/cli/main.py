@@ -7,7 +7,9 @@ import os
 import sys
 
 import click
+import typer
 import typer.main
+from typer.exceptions import TyperException
 
 from rtds_host import __version__
 from rtds_host.errors import RtdsError
@@ -17,6 +19,7 @@ COMMANDS = {
     "run": "Drive a scenario with the motors in RTL (or the bit-exact model) and write a run folder.",
     "diagnose": "Say where the gap between simulator and reality lies, and which effect causes it.",
     "predict": "Replay a run from its commands, with or without a diagnosis.",
+    "import": "Turn ROS 2 bags or csv files of a real robot into a case.",
 }
 MODULES = {"import": "import_"}
 
@@ -51,12 +54,13 @@ def main() -> None:
     except RtdsError as error:
         print("rtds: " + " ".join(str(error).split()), file=sys.stderr)
         status = 2
-    except click.exceptions.Exit as error:
+    # The group is Click's, the sub-commands are Typer's, which carries a Click of its own with its own errors.
+    except (click.exceptions.Exit, typer.Exit) as error:
         status = error.exit_code
-    except click.ClickException as error:
+    except (click.ClickException, TyperException) as error:
         print("rtds: " + " ".join(error.format_message().split()), file=sys.stderr)
         status = 2
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, click.Abort, typer.Abort):
         print("rtds: interrupted", file=sys.stderr)
         status = 130
     except BrokenPipeError:

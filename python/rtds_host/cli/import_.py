@@ -1,0 +1,63 @@
+"""`rtds import`: ROS 2 bags and csv files of real robots into a case."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rtds_host.contract import RunMeta
+from rtds_host.errors import InputError
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def import_(
+    sources: Annotated[list[Path], typer.Argument(metavar="BAG_OR_CSV", help="ROS 2 bags (a folder, .mcap or "
+                                                  ".db3) or csv files; one run each.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="CASE", help="Folder of the case.")] = None,
+    robot: Annotated[str | None, typer.Option(help="Nominal robot: a built-in name or a robot.toml (default: the "
+                                              "mapping's; with --append the case's).")] = None,
+    mapping: Annotated[str | None, typer.Option(help="Mapping file, or the name of one that comes along "
+                                                "(turtlebot3, rtds). Default for bags: turtlebot3.")] = None,
+    append: Annotated[bool, typer.Option("--append", help="Add runs to a case that exists.")] = False,
+    name: Annotated[list[str] | None, typer.Option(help="Name of a run; once a source.")] = None,
+    scenario: Annotated[str, typer.Option(help="What was driven, for run.json (default: the run's name).")] = "",
+    payload_kg: Annotated[float, typer.Option(help="Payload during the runs.")] = 0.0,
+    slope_rad: Annotated[float, typer.Option(help="Slope of the ground.")] = 0.0,
+    uphill_yaw_rad: Annotated[float, typer.Option(help="Heading that climbs the slope.")] = 0.0,
+    notes: Annotated[str, typer.Option(help="Free text for run.json (default: the recording's name and time).")] = "",
+    start_s: Annotated[float, typer.Option(help="Take the recordings from here on.")] = 0.0,
+    end_s: Annotated[float, typer.Option(help="Take the recordings up to here.")] = math.inf,
+    trust_units: Annotated[bool, typer.Option("--trust-units", help="Import even where a unit looks wrong.")] = False,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Write log.parquet instead of log.csv.")] = False,
+    list_topics: Annotated[bool, typer.Option("--list", help="Only list the topics of the bags.")] = False,
+) -> None:
+    """Import ROS 2 bags or csv files as the runs of a case.
+
+    Stock TurtleBot3 bags need no mapping. For other robots a small TOML file says which topic, field or column
+    holds what, and in which unit: docs/import.md.
+    """
+    if list_topics:
+        from rtds_host.importers.bag import list_topics as topics_of
+
+        for source in sources:
+            for topic, kind, count in topics_of(source):
+                print(f"{source.name}  {topic}  {kind}  {count} messages")
+        return
+    if out is None:
+        raise InputError("--out CASE: missing, the folder to write to")
+    from rtds_host.importers.case import import_case
+
+    runs = import_case(sources, out, robot=robot, mapping=mapping, append=append, names=name or [],
+                       meta=RunMeta(scenario, payload_kg, slope_rad, uphill_yaw_rad, notes),
+                       start_s=start_s, end_s=end_s, trust_units=trust_units, form="parquet" if parquet else "csv")
+    for run in runs:
+        t = run.imported.columns["t"]
+        counts = ", ".join(f"{channel} {count}" for channel, count in run.imported.counts.items() if channel != "t")
+        print(f"{out / run.name}: {run.imported.mode} mode, {t[-1]:.3f} s, {len(t)} rows; samples: {counts}")
+        for notice in run.imported.notices:
+            print(f"  note: {notice}")

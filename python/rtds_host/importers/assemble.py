@@ -1,0 +1,266 @@
+"""One recording into the rows and columns of a run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from rtds_host.contract import Robot
+from rtds_host.errors import InputError
+from rtds_host.importers.bag import Bag, is_bag
+from rtds_host.importers.mapping import Mapping, Source, Twist
+from rtds_host.importers.plausible import complaints
+from rtds_host.importers.series import NS, Series
+from rtds_host.importers.table import Table
+from rtds_host.importers.units import FIXED, QUANTITY, factor
+
+AT_REST_RAD_S = 0.2
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A recording in the contract's terms.
+
+    `mode`: "voltage", "torque" or "speed"; `columns`: name -> (n,), `t` first, NaN where a row has no sample;
+    `start_ns`: time of the first row on the recording's clock; `counts`: samples a channel; `notices`: what was
+    left out, repaired or assumed.
+    """
+
+    path: Path
+    mode: str
+    columns: dict[str, np.ndarray]
+    start_ns: int
+    counts: dict[str, int]
+    notices: tuple[str, ...] = field(default=())
+
+
+def assemble(path: Path, mapping: Mapping, robot: Robot, start_s: float = 0.0, end_s: float = math.inf,
+             trust_units: bool = False, sloped: bool = False, form: str = "csv") -> Imported:
+    """Read a bag or a table and bring it into the contract's columns.
+
+    Parameters
+    ----------
+    start_s, end_s : part of the recording to take, in seconds from its first command or sample.
+    trust_units : a suspicious unit becomes a notice instead of an error.
+    sloped : the run was on a declared slope, so a pose that only says where the robot started is of use.
+    form : "csv" rounds times so that nine digits keep them apart; "parquet" keeps nanoseconds.
+
+    Raises
+    ------
+    InputError : one line that names the file, the topic or column, and what is wrong.
+    """
+    file = Bag(path, mapping) if is_bag(path) else Table(path, mapping)
+    requests: list[Source | Twist] = [s for sources in mapping.signals.values() for s in sources]
+    if mapping.twist is not None:
+        requests.append(mapping.twist)
+    file.read([r for r in requests if file.available(r)])
+    notices = list(file.notices)
+    signals = _signals(file, mapping, robot, notices)
+    mode = _commands(file, mapping, robot, signals, notices)
+    sides = robot.sides
+    commands = [f"{'w_cmd' if mode == 'speed' else 'v_cmd'}_{s}" for s in sides]
+    if not any(f"{kind}_{s}" in signals for kind in ("w", "th") for s in sides):
+        lacking = "; ".join(dict.fromkeys(file.wanting(source) for kind in ("w", "th") for s in sides
+                                          for source in mapping.signals.get(f"{kind}_{s}", ())))
+        raise InputError(f"{path}: no measured wheel speed or angle (w_*, th_*): "
+                         f"{lacking or str(mapping.path) + ' maps none'}")
+
+    for name in ("x", "y", "yaw"):
+        used = [source for source in mapping.signals.get(name, ()) if source.use == "start"]
+        if used and name in signals:
+            if sloped:
+                signals[name] = signals[name].keep(np.arange(len(signals[name])) == 0)
+            else:
+                del signals[name]
+    found = complaints({k: v for k, v in signals.items() if k not in ("x", "y", "yaw") or len(v) > 1}, robot, mode)
+    if found:
+        if not trust_units:
+            raise InputError(f"{path}: {'; '.join(found)} (mapping {mapping.path.name}; --trust-units if it is right)")
+        notices += [f"{path.name}: {text}" for text in found]
+
+    signals, start_ns = _span(path, signals, commands, mapping, start_s, end_s, notices)
+    t_ns = np.unique(np.concatenate([series.t_ns for series in signals.values()]))
+    longest = (t_ns[-1] - t_ns[0]) / NS
+    # A csv's nine digits hold microseconds up to 1000 s, ten of them up to 10000 s.
+    grid = 1 if form == "parquet" else 1000 if longest < 999.0 else 10_000 if longest < 9999.0 else 100_000
+    ticks = np.unique((t_ns - start_ns + grid // 2) // grid)
+    columns = {"t": ticks * (grid / NS)}
+    for name in (*commands, *(n for n in QUANTITY if n not in commands)):
+        if name not in signals:
+            continue
+        series = signals[name]
+        column = np.full(len(ticks), math.nan)
+        column[np.searchsorted(ticks, (series.t_ns - start_ns + grid // 2) // grid)] = series.values
+        columns[name] = column
+    return Imported(path, mode, columns, start_ns, {n: int(np.isfinite(c).sum()) for n, c in columns.items()},
+                    tuple(notices))
+
+
+def _signals(file: Bag | Table, mapping: Mapping, robot: Robot, notices: list[str]) -> dict[str, Series]:
+    """The first source of each channel that is there and holds samples, in SI units at the time of reading."""
+    signals: dict[str, Series] = {}
+    for channel, sources in mapping.signals.items():
+        if channel.endswith("_r") and "r" not in robot.sides:
+            continue
+        there = [source for source in sources if file.available(source)]
+        if not there:
+            if not channel.startswith(("v_cmd", "w_cmd", "w_ref")):
+                notices.append(f"{file.path.name}: {channel} is left out, "
+                               f"{' and '.join(dict.fromkeys(file.wanting(s) for s in sources))}")
+            continue
+        for n, source in enumerate(there):
+            rest = there[n + 1:]
+            if rest and source.topic in getattr(file, "broken", {}):
+                notices.append(f"{file.broken[source.topic]}; {channel} is taken from {rest[0].topic}")
+                continue
+            raw = file.series(source)
+            if len(raw) < 2:
+                notices.append(f"{raw.origin}: {source.field or channel} holds {'one sample' if len(raw) else 'nothing'}"
+                               + (f", {channel} is taken from {rest[0].topic or rest[0].column}" if rest
+                                  else f", {channel} is left out"))
+                continue
+            signals[channel] = _convert(raw, source, robot)
+            break
+    return signals
+
+
+def _convert(raw: Series, source: Source, robot: Robot) -> Series:
+    quantity = QUANTITY[source.channel]
+    place = source.place
+    values = raw.values
+    if source.pair is not None:
+        radius, track = _geometry(source, robot)
+        sign = -0.5 if source.channel.endswith("_l") else 0.5
+        values = (values[:, 0] + sign * values[:, 1] * track) / radius
+        gain = 1.0
+    else:
+        if source.wraps_at is not None:
+            values = np.unwrap(values, period=source.wraps_at)
+        elif source.channel == "yaw" and source.unit is None:
+            values = np.unwrap(values)          # a quaternion's heading
+        gain = factor(place, quantity, source.unit or next(iter(FIXED[quantity])), robot, source.full_scale,
+                      source.counts_per_rev, source.wheel_radius_m, source.shaft)
+    values = (values * source.scale + source.offset) * gain
+    series = replace(raw, values=-values if source.reverse else values)
+    return series.earlier(source.late_samples, source.late_s).last_of_equal_times()
+
+
+def _geometry(source: Source | Twist, robot: Robot) -> tuple[float, float]:
+    if robot.chassis is None:
+        raise InputError(f"{source.place}: a twist has no meaning for a single axis")
+    return (source.wheel_radius_m or robot.chassis.wheel_radius_m, source.track_width_m or robot.chassis.track_width_m)
+
+
+def wheel_speeds(twist: Twist, robot: Robot, linear: np.ndarray, angular: np.ndarray) -> np.ndarray:
+    """Wheel speeds (n, 2) rad/s that the firmware asks of its servos for a twist, `linear` m/s, `angular` rad/s."""
+    def cut(values: np.ndarray, step: float) -> np.ndarray:
+        # As in C: multiply, drop the fraction. 0.29 * 100 is 28.999..., so 0.28 goes out, on the robot and here.
+        return np.trunc(values * (1.0 / step)) * step if step else values
+
+    linear = np.clip(cut(linear, twist.cut), -twist.linear_limit, twist.linear_limit)
+    angular = np.clip(cut(angular, twist.cut), -twist.angular_limit, twist.angular_limit)
+    radius, track = _geometry(twist, robot)
+    wheels = np.column_stack([linear - angular * track / 2.0, linear + angular * track / 2.0]) / radius
+    return np.clip(cut(wheels, twist.wheel_cut_rad_s), -twist.wheel_limit_rad_s, twist.wheel_limit_rad_s)
+
+
+def _commands(file: Bag | Table, mapping: Mapping, robot: Robot, signals: dict[str, Series],
+              notices: list[str]) -> str:
+    """Decide the mode and leave its commands in `signals`; names what is missing where there are none."""
+    voltages = [f"v_cmd_{s}" for s in robot.sides]
+    speeds = [f"w_cmd_{s}" for s in robot.sides]
+    twist = mapping.twist
+    if not any(name in signals for name in speeds) and twist is not None and file.available(twist):
+        raw = file.series(twist)
+        if len(raw):
+            linear = raw.values[:, 0] * {"m/s": 1.0, "mm/s": 1e-3}[twist.linear_unit]
+            wheels = wheel_speeds(twist, robot, linear, raw.values[:, 1] * FIXED["rate"][twist.angular_unit])
+            for name, values in zip(speeds, wheels.T):
+                signals[name] = replace(raw, values=values).last_of_equal_times()
+    for names in (voltages, speeds):
+        missing = [name for name in names if name not in signals]
+        if missing and len(missing) < len(names):
+            raise InputError(f"{file.path}: {missing[0]} is missing while {names[1 - names.index(missing[0])]} is there")
+    if all(name in signals for name in voltages):
+        for name in speeds:
+            if name in signals:
+                signals.setdefault(name.replace("w_cmd", "w_ref"), signals[name])
+                del signals[name]
+        return "torque" if robot.driver.mode == "torque" else "voltage"
+    if all(name in signals for name in speeds):
+        return "speed"
+    lacking = [file.wanting(s) for name in (*voltages, *speeds) for s in mapping.signals.get(name, ())]
+    if twist is not None:
+        lacking.append(file.wanting(twist) if not file.available(twist) else f"{twist.topic or 'twist'} is empty")
+    there = ""
+    if isinstance(file, Bag):
+        names = sorted(file.topics)
+        there = f" (topics there: {', '.join(names[:12])}{', ...' if len(names) > 12 else ''})"
+    raise InputError(f"{file.path}: no command signal: neither voltages ({', '.join(voltages)}) nor wheel speeds "
+                     f"({', '.join(speeds)}) can be had: {'; '.join(dict.fromkeys(lacking)) or 'none is mapped'}{there}")
+
+
+def _span(path: Path, signals: dict[str, Series], commands: list[str], mapping: Mapping, start_s: float, end_s: float,
+          notices: list[str]) -> tuple[dict[str, Series], int]:
+    """Cut to the part that has commands and measurements; give the first row its commands."""
+    measured = {n: s for n, s in signals.items() if n not in commands and not n.startswith("w_ref") and len(s)}
+    first = min(s.t_ns[0] for s in (*measured.values(), *(signals[c] for c in commands)))
+    last = max(s.t_ns[-1] for s in measured.values())
+    low = first + round(start_s * NS)
+    high = last if math.isinf(end_s) else min(last, first + round(end_s * NS))
+
+    held: dict[str, Series] = {}
+    for name in commands:
+        series = signals[name]
+        if math.isfinite(mapping.timeout_s):
+            series = _with_timeout(series, round(mapping.timeout_s * NS))
+        held[name] = series
+    known = max(series.t_ns[0] for series in held.values())
+    if known > low and mapping.before_first is not None:
+        moving = [n for n, s in measured.items() if n in ("w_l", "w_r")
+                  and np.abs(s.values[(s.t_ns >= low) & (s.t_ns < known)]).max(initial=0.0) > AT_REST_RAD_S]
+        if not moving:
+            for name, series in held.items():
+                if series.t_ns[0] > low:
+                    held[name] = replace(series, t_ns=np.append(low, series.t_ns),
+                                         values=np.append(mapping.before_first, series.values))
+            known = low
+        else:
+            notices.append(f"{path.name}: {', '.join(moving)} moves before the first command, so "
+                           f"{(known - low) / NS:.3g} s are left out")
+    elif known > low and (known - low) / NS > 0.5:
+        notices.append(f"{path.name}: {(known - low) / NS:.3g} s before the first command are left out")
+    low = max(low, known)
+    if low >= high:
+        raise InputError(f"{path}: commands and measurements do not overlap in time (commands from "
+                         f"{(known - first) / NS:.3g} s, measurements until {(last - first) / NS:.3g} s)")
+
+    result: dict[str, Series] = {}
+    for name, series in {**signals, **held}.items():
+        if name in commands:
+            now = int(np.searchsorted(series.t_ns, low, side="right")) - 1
+            inside = (series.t_ns > low) & (series.t_ns <= high)
+            result[name] = replace(series, t_ns=np.append(low, series.t_ns[inside]),
+                                   values=np.append(series.values[now], series.values[inside]))
+            continue
+        kept = series.keep((series.t_ns >= low) & (series.t_ns <= high))
+        if len(kept):
+            result[name] = kept
+        elif len(series) == 1:                    # where the robot started, read before the first command
+            result[name] = replace(series, t_ns=np.asarray([low]))
+    if not any(name in result for name in ("w_l", "w_r", "th_l", "th_r")):
+        raise InputError(f"{path}: no sample of a wheel's speed or angle lies between {start_s:g} and {end_s:g} s")
+    return result, int(low)
+
+
+def _with_timeout(series: Series, timeout_ns: int) -> Series:
+    """Add the zero that a base puts in by itself when no command comes for `timeout_ns`."""
+    following = np.append(series.t_ns[1:], np.iinfo(np.int64).max)
+    late = following - series.t_ns > timeout_ns
+    t_ns = np.concatenate([series.t_ns, series.t_ns[late] + timeout_ns])
+    values = np.concatenate([series.values, np.zeros(int(late.sum()))])
+    order = np.argsort(t_ns, kind="stable")
+    return replace(series, t_ns=t_ns[order], values=values[order])

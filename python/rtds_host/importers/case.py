@@ -1,0 +1,195 @@
+"""Recordings into a case folder: the nominal robot with its driver section, and one run a recording."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from dataclasses import dataclass, replace
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Sequence
+
+import tomllib
+
+from rtds_host.contract import (Robot, RunMeta, builtin_robot_path, load_robot, read_run, staged_folder, write_run)
+from rtds_host.errors import InputError
+from rtds_host.importers.assemble import Imported, assemble
+from rtds_host.importers.bag import is_bag
+from rtds_host.importers.mapping import Mapping, load_mapping
+from rtds_host.importers.series import NS
+
+SERVO_KEYS = ("kp_v_s_per_rad", "ki_v_per_rad", "limit_v", "period_s")
+
+
+@dataclass(frozen=True)
+class ImportedRun:
+    """What became of one recording: the run's name, its columns, the start on the recording's clock, notices."""
+
+    name: str
+    imported: Imported
+    meta: RunMeta
+
+
+def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, robot: str | None = None,
+                mapping: str | os.PathLike | None = None, append: bool = False, names: Sequence[str] = (),
+                meta: RunMeta = RunMeta(scenario="", notes=""), start_s: float = 0.0, end_s: float = math.inf,
+                trust_units: bool = False, form: str = "csv") -> list[ImportedRun]:
+    """Import bags or tables as the runs of one case; the folder is complete afterwards, or untouched.
+
+    Parameters
+    ----------
+    sources : bags (folders, .mcap, .db3) or csv files; one run each.
+    out : the case's folder; new, unless `append`.
+    robot : name of a built-in robot or path of a robot.toml; the mapping's, and with `append` the case's, if None.
+    mapping : path or name of a mapping; "turtlebot3" for bags if None.
+    append : add runs to a case that exists; its robot and its mode must be the same.
+    names : names of the runs, one a source; the sources' own if empty.
+    meta : what run.json shall say of every run; the mapping's [runs.NAME] overrides it.
+
+    Raises
+    ------
+    InputError : one line that names the file, the topic, column or key, and what is wrong. OutputError : the place
+        cannot be written.
+    """
+    out = Path(out)
+    paths = [Path(source) for source in sources]
+    if not paths:
+        raise InputError("nothing to import: give at least one bag or csv file")
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path}: does not exist")
+    if mapping is None:
+        tables = [path for path in paths if not is_bag(path)]
+        if tables:
+            raise InputError(f"{tables[0]}: a table needs --mapping, which says what its columns are")
+        mapping = "turtlebot3"
+    mapped = load_mapping(mapping)
+    exists = out.is_dir() and any(out.iterdir())
+    if exists and not append:
+        raise InputError(f"{out}: exists already; --append adds runs to it")
+    if append and not (out / "robot.toml").is_file():
+        raise InputError(f"{out / 'robot.toml'}: missing, there is no case to append to")
+    if append and robot is None:
+        nominal_path = out / "robot.toml"
+    else:
+        name = robot or mapped.robot
+        if name is None:
+            raise InputError(f"{out}: no nominal robot: give --robot NAME or --robot FILE (or robot = in the mapping)")
+        nominal_path = Path(name) if os.path.sep in name or name.endswith(".toml") else builtin_robot_path(name)
+    nominal = load_robot(nominal_path)
+
+    runs: list[ImportedRun] = []
+    for path, name in zip(paths, _names(paths, names, out if append else None)):
+        said = replace(meta, **mapped.runs.get(name, {}))
+        _check_meta(mapped.path, name, said)
+        imported = assemble(path, mapped, nominal, start_s, end_s, trust_units, said.slope_rad != 0.0, form)
+        if runs and imported.mode != runs[0].imported.mode:
+            raise InputError(f"{path}: holds {imported.mode} commands, {runs[0].imported.path} holds "
+                             f"{runs[0].imported.mode} commands; all runs of a case need the same")
+        runs.append(ImportedRun(name, imported, replace(said, scenario=said.scenario or name,
+                                                        notes=said.notes or _origin(path, mapped, imported))))
+
+    text = case_robot(nominal_path, nominal, mapped, runs[0].imported.mode)
+    with staged_folder(out) as scratch:
+        (scratch / "robot.toml").write_text(text, encoding="utf-8")
+        robot_written = load_robot(scratch / "robot.toml")
+        if append:
+            there = load_robot(out / "robot.toml")
+            _same_robot(out / "robot.toml", there, robot_written)
+            (scratch / "robot.toml").unlink()
+        for run in runs:
+            write_run(scratch / run.name, run.meta, run.imported.columns, form)
+            read_run(scratch / run.name, robot_written, need_measured=True)
+    return runs
+
+
+def _names(paths: list[Path], names: Sequence[str], case: Path | None) -> list[str]:
+    if names and len(names) != len(paths):
+        raise InputError(f"{len(paths)} recordings but {len(names)} names were given")
+    result = []
+    for path, name in zip(paths, names or [None] * len(paths)):
+        if name is None:
+            stem = path.resolve().name if path.is_dir() else path.stem
+            name = re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).strip("._-") or "run"
+        elif not re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*", name):
+            raise InputError(f"run name {name!r}: use letters, digits, _ . and - only")
+        if name in result:
+            raise InputError(f"{path}: two recordings would become the run {name!r}; give --name for each")
+        if case is not None and (case / name).exists():
+            raise InputError(f"{case / name}: the case has this run already; give another --name")
+        result.append(name)
+    return result
+
+
+def _check_meta(path: Path, name: str, meta: RunMeta) -> None:
+    bounds = {"payload_kg": (0.0, 1e4), "slope_rad": (-1.2, 1.2), "uphill_yaw_rad": (-100.0, 100.0)}
+    for key, (low, high) in bounds.items():
+        value = getattr(meta, key)
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+            raise InputError(f"run {name}: {key} is {value!r}, a number within {low:g} to {high:g} is needed "
+                             f"(option, or [runs] in {path})")
+    for key in ("scenario", "notes"):
+        if not isinstance(getattr(meta, key), str):
+            raise InputError(f"run {name}: {key} is {getattr(meta, key)!r}, a text is needed ([runs] in {path})")
+
+
+def _origin(path: Path, mapping: Mapping, imported: Imported) -> str:
+    text = f"imported from {path.name} with the mapping {mapping.name}"
+    # A clock that counts from 2000 on or later is the wall's.
+    if imported.start_ns > 946_684_800 * NS:
+        start = datetime.fromtimestamp(imported.start_ns // NS, timezone.utc)
+        text += f", recorded {start.isoformat().replace('+00:00', 'Z')}"
+    return text
+
+
+def case_robot(path: Path, nominal: Robot, mapping: Mapping, mode: str) -> str:
+    """Text of the case's robot.toml: the nominal robot's own text, its driver section and inner loop set.
+
+    Raises
+    ------
+    InputError : speed mode, and neither the mapping nor the robot declares the inner loop.
+    """
+    text = path.read_text(encoding="utf-8")
+    data = tomllib.loads(text)
+    driver = {"mode": mode, **{k: v for k, v in data.get("driver", {}).items() if k != "mode"}, **mapping.driver}
+    if mode != "torque":
+        driver.pop("torque_nm_per_v", None)
+    blocks = {"driver": driver}
+    if mode == "speed":
+        servo = {"limit_v": nominal.supply_v, **data.get("servo", {}), **mapping.servo}
+        missing = [key for key in SERVO_KEYS if key not in servo]
+        if missing:
+            raise InputError(f"{mapping.path}: [servo] {missing[0]}: missing; a log without voltages needs the inner "
+                             "speed loop, in the mapping or in the robot")
+        blocks["servo"] = {key: servo[key] for key in SERVO_KEYS}
+    dropped = {"driver", "servo"}
+    if mapping.sensors:
+        blocks["sensors"] = {**data.get("sensors", {}), **mapping.sensors}
+        dropped.add("sensors")
+
+    kept, inside = [], False
+    for line in text.splitlines():
+        header = re.match(r"\s*\[\s*([A-Za-z0-9_.-]+)\s*\]", line)
+        if header:
+            inside = header[1] in dropped
+        if not inside:
+            kept.append(line)
+    while kept and not kept[-1].strip():
+        kept.pop()
+    for name, table in blocks.items():
+        kept += ["", f"[{name}]" + {"driver": "                                    # set by rtds import",
+                                    "servo": "                                     # nominal inner speed loop"}.get(name, "")]
+        kept += [f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value!r}" for key, value in table.items()]
+    return "\n".join(kept) + "\n"
+
+
+def _same_robot(path: Path, there: Robot, new: Robot) -> None:
+    if there.driver.mode != new.driver.mode:
+        raise InputError(f"{path}: the case holds {there.driver.mode} commands, the recording holds {new.driver.mode} "
+                         "commands; all runs of a case need the same")
+    if replace(there, name="") != replace(new, name=""):
+        parts = [key for key in ("motor", "supply_v", "chassis", "axis", "driver", "servo", "sensors")
+                 if getattr(there, key) != getattr(new, key)]
+        raise InputError(f"{path}: the case's robot differs from the recording's in {', '.join(parts)}; "
+                         "all runs of a case belong to one robot")

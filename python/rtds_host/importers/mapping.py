@@ -1,0 +1,273 @@
+"""Mapping files: which topic and field, or which column, holds which channel, and in what unit."""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from dataclasses import dataclass, field, fields
+from importlib import resources
+from pathlib import Path
+
+from rtds_host.errors import InputError
+from rtds_host.importers.units import FIXED, QUANTITY
+
+SCHEMA = "rtds-mapping/1"
+META_KEYS = ("scenario", "payload_kg", "slope_rad", "uphill_yaw_rad", "notes")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where one channel comes from. A bag is asked for `topic` and `field`, a table for `column`.
+
+    `pair` names the two fields (or columns) of a twist, forward speed and yaw rate, from which a wheel's speed
+    follows. `late_samples`, `late_s`: the value in a message was read that much earlier than its stamp says.
+    """
+
+    place: str
+    channel: str
+    topic: str | None = None
+    field: str | None = None
+    joint: str | None = None
+    column: str | None = None
+    pair: tuple[str, str] | None = None
+    unit: str | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    reverse: bool = False
+    full_scale: float | None = None
+    counts_per_rev: float | None = None
+    wheel_radius_m: float | None = None
+    track_width_m: float | None = None
+    shaft: str = "wheel"
+    late_samples: int = 0
+    late_s: float = 0.0
+    wraps_at: float | None = None
+    use: str = "all"
+
+
+@dataclass(frozen=True)
+class Twist:
+    """A commanded twist of the whole robot and what the robot's firmware makes of it, step by step.
+
+    Forward speed and yaw rate are cut toward zero to whole `cut` (m/s and rad/s), held within `linear_limit` and
+    `angular_limit`, turned into wheel speeds with the firmware's radius and track, cut toward zero to whole
+    `wheel_cut_rad_s`, and held within `wheel_limit_rad_s`.
+    """
+
+    place: str
+    topic: str | None = None
+    linear: str | None = None
+    angular: str | None = None
+    linear_unit: str = "m/s"
+    angular_unit: str = "rad/s"
+    cut: float = 0.0
+    linear_limit: float = math.inf
+    angular_limit: float = math.inf
+    wheel_radius_m: float | None = None
+    track_width_m: float | None = None
+    wheel_cut_rad_s: float = 0.0
+    wheel_limit_rad_s: float = math.inf
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """A checked mapping file."""
+
+    path: Path
+    name: str
+    robot: str | None = None
+    signals: dict[str, tuple[Source, ...]] = field(default_factory=dict)
+    twist: Twist | None = None
+    time_source: str = "header"
+    time_column: str | None = None
+    time_unit: str = "s"
+    delimiter: str = ","
+    decimal: str = "."
+    skip_rows: int = 0
+    before_first: float | None = None
+    timeout_s: float = math.inf
+    driver: dict = field(default_factory=dict)
+    servo: dict = field(default_factory=dict)
+    sensors: dict = field(default_factory=dict)
+    definitions: dict[str, str] = field(default_factory=dict)
+    runs: dict[str, dict] = field(default_factory=dict)
+
+
+def builtin_mappings() -> tuple[str, ...]:
+    """Names of the mappings that come with the package."""
+    return tuple(sorted(path.stem for path in _folder().glob("*.toml")))
+
+
+def _folder() -> Path:
+    return Path(str(resources.files("rtds_host.importers"))) / "mappings"
+
+
+def load_mapping(path_or_name: str | os.PathLike) -> Mapping:
+    """Read and check a mapping file, or one that comes with the package.
+
+    Raises
+    ------
+    InputError : unreadable, no TOML, an unknown key or unit, a value of the wrong kind.
+    """
+    path = Path(path_or_name)
+    if not path.exists() and path.name == str(path_or_name) and path.suffix != ".toml":
+        if path.name not in builtin_mappings():
+            raise InputError(f"mapping {str(path_or_name)!r}: unknown (known: {', '.join(builtin_mappings())}; or give "
+                             "the path of a .toml file)")
+        path = _folder() / f"{path.name}.toml"
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not valid TOML ({error})") from error
+    return _Parser(path).mapping(data)
+
+
+class _Parser:
+    def __init__(self, path: Path):
+        self.path = path
+
+    def fail(self, place: str, what: str) -> InputError:
+        return InputError(f"{self.path}: {place}: {what}")
+
+    def table(self, data: dict, key: str) -> dict:
+        value = data.get(key, {})
+        if not isinstance(value, dict):
+            raise self.fail(key, f"is {value!r}, a table [{key}] is needed")
+        return value
+
+    def only(self, place: str, table: dict, allowed: tuple[str, ...]) -> None:
+        for key in table:
+            if key not in allowed:
+                raise self.fail(place, f"key {key!r} is unknown, known are {', '.join(allowed)}")
+
+    def number(self, place: str, table: dict, key: str, default: float | None, positive: bool = False,
+               low: float = -math.inf) -> float | None:
+        if key not in table:
+            return default
+        value = table[key]
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise self.fail(place, f"{key} is {value!r}, a finite number is needed")
+        if positive and value <= 0 or value < low:
+            raise self.fail(place, f"{key} is {value:g}, it must be " + ("above 0" if positive else f"at least {low:g}"))
+        return float(value)
+
+    def text(self, place: str, table: dict, key: str, default: str | None,
+             choices: tuple[str, ...] | None = None) -> str | None:
+        if key not in table:
+            return default
+        value = table[key]
+        if not isinstance(value, str):
+            raise self.fail(place, f"{key} is {value!r}, a text is needed")
+        if choices and value not in choices:
+            raise self.fail(place, f"{key} is {value!r}, it must be one of {', '.join(choices)}")
+        return value
+
+    def mapping(self, data: dict) -> Mapping:
+        if data.get("schema") != SCHEMA:
+            raise InputError(f"{self.path}: schema: is {data.get('schema')!r}, this program reads {SCHEMA!r}")
+        self.only("top level", data, ("schema", "name", "robot", "base", "time", "table", "signal", "twist", "commands",
+                                      "driver", "servo", "sensors", "definitions", "runs"))
+        base = self.text("base", data, "base", None)
+        below = load_mapping(base) if base else Mapping(self.path, self.path.stem)
+
+        time = self.table(data, "time")
+        self.only("[time]", time, ("source", "column", "unit"))
+        table = self.table(data, "table")
+        self.only("[table]", table, ("delimiter", "decimal", "skip_rows"))
+        commands = self.table(data, "commands")
+        self.only("[commands]", commands, ("before_first", "timeout_s"))
+
+        signals = dict(below.signals)
+        for channel, entry in self.table(data, "signal").items():
+            place = f"[signal.{channel}]"
+            if channel not in QUANTITY:
+                raise self.fail(place, f"is no channel of the contract, channels are {', '.join(QUANTITY)}")
+            entries = entry if isinstance(entry, list) else [entry]
+            if not all(isinstance(item, dict) for item in entries):
+                raise self.fail(place, "must be a table or a list of tables")
+            signals[channel] = tuple(self.source(place, channel, item) for item in entries)
+
+        twist = below.twist
+        if "twist" in data:
+            twist = self.twist(self.table(data, "twist"))
+        driver = {**below.driver, **self.table(data, "driver")}
+        self.only("[driver]", driver, ("bus",))
+        self.text("[driver]", driver, "bus", None, ("nominal", "measured"))
+        servo = {**below.servo, **self.table(data, "servo")}
+        self.only("[servo]", servo, ("kp_v_s_per_rad", "ki_v_per_rad", "limit_v", "period_s"))
+        sensors = {**below.sensors, **self.table(data, "sensors")}
+        self.only("[sensors]", sensors, ("i_a", "w_rad_s", "th_rad", "gyro_rad_s", "xy_m", "yaw_rad", "v_bus_v"))
+        for name, values in (("[servo]", servo), ("[sensors]", sensors)):
+            for key in values:
+                self.number(name, values, key, None, low=0.0)
+        definitions = {**below.definitions, **self.table(data, "definitions")}
+        for name in definitions:
+            self.text("[definitions]", definitions, name, None)
+        runs = self.table(data, "runs")
+        for name in runs:
+            self.only(f"[runs.{name}]", self.table(runs, name), META_KEYS)
+        decimal = self.text("[table]", table, "decimal", below.decimal, (".", ","))
+        return Mapping(
+            path=self.path, name=self.text("name", data, "name", self.path.stem),
+            robot=self.text("robot", data, "robot", below.robot), signals=signals, twist=twist,
+            time_source=self.text("[time]", time, "source", below.time_source, ("header", "record")),
+            time_column=self.text("[time]", time, "column", below.time_column),
+            time_unit=self.text("[time]", time, "unit", below.time_unit, tuple(FIXED["time"])),
+            delimiter=self.text("[table]", table, "delimiter", ";" if decimal == "," else below.delimiter),
+            decimal=decimal, skip_rows=int(self.number("[table]", table, "skip_rows", below.skip_rows, low=0)),
+            before_first=self.number("[commands]", commands, "before_first", below.before_first),
+            timeout_s=self.number("[commands]", commands, "timeout_s", below.timeout_s, positive=True),
+            driver=driver, servo=servo, sensors=sensors, definitions=definitions, runs=runs)
+
+    def source(self, place: str, channel: str, table: dict) -> Source:
+        allowed = tuple(f.name for f in fields(Source) if f.name not in ("place", "channel"))
+        self.only(place, table, allowed)
+        if ("topic" in table) == ("column" in table) and not ("pair" in table and "topic" not in table):
+            raise self.fail(place, "needs a topic (bags) or a column (tables), one of them")
+        if "topic" in table and "field" not in table and "pair" not in table:
+            raise self.fail(place, "needs the field of the topic")
+        pair = table.get("pair")
+        if pair is not None:
+            if channel not in ("w_l", "w_r", "w_cmd_l", "w_cmd_r"):
+                raise self.fail(place, "pair (forward speed, yaw rate) has a meaning for a wheel's speed only")
+            if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(item, str) for item in pair):
+                raise self.fail(place, "pair must be two names, of the forward speed [m/s] and the yaw rate [rad/s]")
+            pair = tuple(pair)
+        if not isinstance(table.get("reverse", False), bool):
+            raise self.fail(place, f"reverse is {table['reverse']!r}, true or false is needed")
+        late = self.number(place, table, "late_samples", 0.0, low=0.0)
+        if late != int(late):
+            raise self.fail(place, f"late_samples is {late:g}, a whole number is needed")
+        number = self.number
+        return Source(
+            place=f"{self.path}: {place}", channel=channel, pair=pair,
+            **{key: self.text(place, table, key, None) for key in ("topic", "field", "joint", "column", "unit")},
+            scale=number(place, table, "scale", 1.0), offset=number(place, table, "offset", 0.0),
+            reverse=table.get("reverse", False),
+            **{key: number(place, table, key, None, positive=True)
+               for key in ("full_scale", "counts_per_rev", "wheel_radius_m", "track_width_m", "wraps_at")},
+            shaft=self.text(place, table, "shaft", "wheel", ("wheel", "motor")), late_samples=int(late),
+            late_s=number(place, table, "late_s", 0.0), use=self.text(place, table, "use", "all", ("all", "start")))
+
+    def twist(self, table: dict) -> Twist:
+        place = "[twist]"
+        allowed = tuple(f.name for f in fields(Twist) if f.name != "place")
+        self.only(place, table, allowed)
+        if "topic" not in table and not ("linear" in table and "angular" in table):
+            raise self.fail(place, "needs a topic (bags), or the columns linear and angular (tables)")
+        number = self.number
+        return Twist(
+            place=f"{self.path}: {place}", topic=self.text(place, table, "topic", None),
+            linear=self.text(place, table, "linear", None), angular=self.text(place, table, "angular", None),
+            linear_unit=self.text(place, table, "linear_unit", "m/s", ("m/s", "mm/s")),
+            angular_unit=self.text(place, table, "angular_unit", "rad/s", tuple(FIXED["rate"])),
+            cut=number(place, table, "cut", 0.0, low=0.0),
+            linear_limit=number(place, table, "linear_limit", math.inf, positive=True),
+            angular_limit=number(place, table, "angular_limit", math.inf, positive=True),
+            wheel_radius_m=number(place, table, "wheel_radius_m", None, positive=True),
+            track_width_m=number(place, table, "track_width_m", None, positive=True),
+            wheel_cut_rad_s=number(place, table, "wheel_cut_rad_s", 0.0, low=0.0),
+            wheel_limit_rad_s=number(place, table, "wheel_limit_rad_s", math.inf, positive=True))
