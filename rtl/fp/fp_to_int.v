@@ -1,0 +1,71 @@
+// fp_to_int: binary32 to signed 32-bit fixed point.
+//
+// Purpose    y = x * 2^FRAC (FRAC 0 to 31), round to nearest even, clamped to -2^31 .. 2^31 - 1.
+//            sat_o: x was out of range (infinities included) and y is the nearer end. nan_o: x was no number and
+//            y is 0.
+// Handshake  none: a result for every enabled clock. en_i = 0 freezes the whole pipeline.
+// Latency    2 clocks: x in clock n (before edge n + 1) gives the result after edge n + 2.
+// Stages     1 shift | 2 round, negate, clamp.
+// Crossing   none. Registers have no reset: nothing in them counts until an operand has passed through.
+`default_nettype none
+
+module fp_to_int #(
+  parameter FRAC = 0
+) (
+  input  wire        clk_i,
+  input  wire        en_i,
+  input  wire [31:0] x_i,
+  output reg  [31:0] y_o,
+  output reg         sat_o,
+  output reg         nan_o
+);
+  generate
+    if (FRAC < 0 || FRAC > 31) begin : g_bad_frac
+      FRAC_must_be_0_to_31 u_error ();
+    end
+  endgenerate
+
+  localparam [8:0] EXP_TOP = 9'd158 - FRAC;  // biased exponent at which the leading one stands at bit 31
+
+  // Bits 56..25 of `placed` are the integer, 24 the half, the rest (and `below`) sticky.
+  wire  [7:0] exp    = x_i[30:23];
+  wire        normal = |exp;
+  wire        over   = {1'b0, exp} > EXP_TOP;
+  wire  [8:0] right  = EXP_TOP - {1'b0, exp};
+  wire        below  = ~over & (|right[8:6]);
+  wire [56:0] placed = {normal, x_i[22:0], 33'd0} >> right[5:0];
+
+  reg        sign_q;
+  reg        max_q;
+  reg        nan_q;
+  reg [31:0] whole_q;
+  reg        half_q;
+  reg        rest_q;
+
+  always @(posedge clk_i) begin
+    if (en_i) begin
+      sign_q  <= x_i[31];
+      max_q   <= over;
+      nan_q   <= (&exp) & (|x_i[22:0]);
+      whole_q <= below ? 32'd0 : placed[56:25];
+      half_q  <= ~below & placed[24];
+      rest_q  <= |placed[23:0];
+    end
+  end
+
+  wire        up    = half_q & (rest_q | whole_q[0]);
+  wire [32:0] size  = {1'b0, whole_q} + {32'd0, up};
+  wire        beyond = max_q | size[32] | (size[31] & ~(sign_q & ~(|size[30:0])));
+
+  always @(posedge clk_i) begin
+    if (en_i) begin
+      nan_o <= nan_q;
+      sat_o <= beyond & ~nan_q;
+      if (nan_q)      y_o <= 32'd0;
+      else if (beyond) y_o <= sign_q ? 32'h8000_0000 : 32'h7FFF_FFFF;
+      else            y_o <= sign_q ? ~size[31:0] + 32'd1 : size[31:0];
+    end
+  end
+endmodule
+
+`default_nettype wire

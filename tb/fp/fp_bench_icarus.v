@@ -1,0 +1,103 @@
+// fp_bench_icarus: what fp_bench.cpp does, for Icarus, which sees X where a pipeline has no value.
+//
+//   vvp fp_bench_icarus.vvp +pairs=<file, 16 hex digits a line: a b> +out=<file> +count=<pairs> [+divide=<pairs>]
+//
+// out: a line a pair, add sub mul from_int to_int flags in hex; then a line a division.
+`timescale 1ns / 1ps
+`default_nettype none
+
+module fp_bench_icarus;
+  reg clk;
+  reg rst_n;
+  reg start;
+  reg [31:0] a;
+  reg [31:0] b;
+  wire [31:0] add;
+  wire [31:0] sub;
+  wire [31:0] mul;
+  wire [31:0] div;
+  wire div_valid;
+  wire [31:0] from_int;
+  wire [31:0] to_int;
+  wire [1:0] flags;
+
+  fp_bench u_bench (
+    .clk_i(clk),
+    .rst_ni(rst_n),
+    .en_i(1'b1),
+    .start_i(start),
+    .a_i(a),
+    .b_i(b),
+    .add_o(add),
+    .sub_o(sub),
+    .mul_o(mul),
+    .div_o(div),
+    .div_valid_o(div_valid),
+    .from_int_o(from_int),
+    .to_int_o(to_int),
+    .to_int_flags_o(flags)
+  );
+
+  reg [63:0] pairs[0:1048575];
+  reg [8*512-1:0] pairs_name;
+  reg [8*512-1:0] out_name;
+  integer count;
+  integer divide;
+  integer out;
+  integer k;
+  integer clocks;
+
+  // Results of latency 2 wait one clock for those of latency 3.
+  reg [31:0] mul_d;
+  reg [31:0] from_int_d;
+  reg [31:0] to_int_d;
+  reg [1:0] flags_d;
+
+  task edge_of_clock;
+    begin
+      #10 clk = 1'b1;
+      #10 clk = 1'b0;
+    end
+  endtask
+
+  initial begin
+    if (!$value$plusargs("pairs=%s", pairs_name)) $finish;
+    if (!$value$plusargs("out=%s", out_name)) $finish;
+    if (!$value$plusargs("count=%d", count)) $finish;
+    if (!$value$plusargs("divide=%d", divide)) divide = count;
+    $readmemh(pairs_name, pairs, 0, count - 1);
+    out = $fopen(out_name, "w");
+    clk = 1'b0;
+    rst_n = 1'b0;
+    start = 1'b0;
+    a = 32'd0;
+    b = 32'd0;
+    edge_of_clock;
+    rst_n = 1'b1;
+    for (k = 0; k < count + 2; k = k + 1) begin
+      if (k < count) {a, b} = pairs[k];
+      mul_d = mul;
+      from_int_d = from_int;
+      to_int_d = to_int;
+      flags_d = flags;
+      edge_of_clock;
+      if (k >= 2) $fdisplay(out, "%h %h %h %h %h %h", add, sub, mul_d, from_int_d, to_int_d, flags_d);
+    end
+    for (k = 0; k < divide; k = k + 1) begin
+      {a, b} = pairs[k];
+      start = 1'b1;
+      edge_of_clock;
+      start = 1'b0;
+      clocks = 1;
+      while (!div_valid && clocks < 40) begin
+        edge_of_clock;
+        clocks = clocks + 1;
+      end
+      $fdisplay(out, "%h %0d", div, clocks);
+    end
+    $fclose(out);
+    $finish;
+  end
+endmodule
+
+`default_nettype wire
