@@ -50,8 +50,9 @@ module adc_sequencer (
   localparam [2:0] SLOT_V_L = 3'd3;
   localparam [2:0] SLOT_V_R = 3'd4;  // the last one of a sequence
 
-  // now_*: the conversion of this cycle. next_*: the one that the word sent in this cycle selects.
-  reg         now_known_q;  // the device was told what to convert
+  // now_*: the conversion of this cycle. next_*: the one that the word sent in this cycle selects. After reset
+  // the device converts an unknown channel while it is told P: both stand at P, and the second result replaces
+  // the first.
   reg  [ 2:0] now_slot_q;
   reg  [ 1:0] now_param_q;
   reg  [ 2:0] next_slot_q;
@@ -63,13 +64,11 @@ module adc_sequencer (
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      now_known_q  <= 1'b0;
       now_slot_q   <= SLOT_P;
       now_param_q  <= 2'd0;
       next_slot_q  <= SLOT_P;
       next_param_q <= 2'd0;
     end else if (spi_valid) begin
-      now_known_q <= 1'b1;
       now_slot_q  <= next_slot_q;
       now_param_q <= next_param_q;
       next_slot_q <= next_is_last ? SLOT_P : next_slot_q + 3'd1;
@@ -107,9 +106,8 @@ module adc_sequencer (
   );
 
   // Codes of the running sequence, and whether all of them so far were 000 or FFF.
-  wire        take = spi_valid && now_known_q;
   wire        opening = (now_slot_q == SLOT_P);
-  wire        at_end = take && (now_slot_q == SLOT_V_R);
+  wire        at_end = spi_valid && (now_slot_q == SLOT_V_R);
   reg  [11:0] part_p_q;
   reg  [11:0] part_t_l_q;
   reg  [11:0] part_t_r_q;
@@ -127,7 +125,7 @@ module adc_sequencer (
       part_v_l_q <= 12'd0;
       zeros_q    <= 1'b0;
       ones_q     <= 1'b0;
-    end else if (take) begin
+    end else if (spi_valid) begin
       zeros_q <= zeros;
       ones_q  <= ones;
       case (now_slot_q)
