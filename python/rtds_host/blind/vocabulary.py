@@ -1,0 +1,172 @@
+"""What can happen to a robot in the blind worlds: the contract's catalogue with ranges of sizes, and more.
+
+Ranges go from hardly visible to large; magnitudes are drawn log-uniformly.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+# id -> (subsystem, has sides)
+EFFECTS = {
+    "supply_sag": ("driver", False), "battery_decline": ("driver", False), "driver_deadzone": ("driver", True),
+    "bridge_drop": ("driver", True), "driver_gain": ("driver", True), "voltage_limit": ("driver", True),
+    "resistance_error": ("winding", True), "winding_heating": ("winding", True),
+    "torque_constant_error": ("winding", True),
+    "coulomb_friction": ("drivetrain", True), "stribeck_friction": ("drivetrain", True),
+    "viscous_friction": ("drivetrain", True), "friction_asymmetry": ("drivetrain", True),
+    "load_friction": ("drivetrain", True), "backlash": ("drivetrain", True), "gear_compliance": ("drivetrain", True),
+    "torque_ripple": ("drivetrain", True), "rotor_inertia_error": ("drivetrain", True),
+    "wheel_radius_error": ("wheel_ground", True), "longitudinal_slip": ("wheel_ground", True),
+    "spin_scrub": ("wheel_ground", False), "rolling_resistance": ("wheel_ground", False),
+    "track_width_error": ("chassis", False), "payload_error": ("chassis", False), "com_offset": ("chassis", False),
+    "slope_error": ("chassis", False), "yaw_inertia_error": ("chassis", False),
+    "speed_gain": ("sensing", True), "current_gain": ("sensing", True), "current_bias": ("sensing", True),
+    "speed_filter": ("sensing", True), "gyro_bias": ("sensing", False), "gyro_gain": ("sensing", False),
+    "command_delay": ("timing", False), "measurement_delay": ("timing", False),
+}
+
+# Effects that the catalogue does not hold: id -> (subsystem, has sides).
+OUTSIDE = {
+    "command_hysteresis": ("driver", True), "command_quantised": ("driver", True), "command_crosstalk": ("driver", True),
+    "slew_limit": ("driver", True), "bus_noise": ("driver", False), "magnetic_saturation": ("winding", True),
+    "rub_spot": ("drivetrain", True), "growing_friction": ("drivetrain", True), "quadratic_drag": ("drivetrain", True),
+    "random_brakes": ("drivetrain", False), "wheel_eccentricity": ("wheel_ground", True),
+    "traction_limit": ("wheel_ground", True), "floor_patch": ("wheel_ground", False),
+    "cable_drag": ("chassis", False), "lateral_slope": ("chassis", False), "gusts": ("chassis", False),
+    "speed_dropouts": ("sensing", False), "speed_clipped": ("sensing", False), "encoder_wobble": ("sensing", True),
+}
+
+
+def _log(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(math.exp(rng.uniform(math.log(low), math.log(high))))
+
+
+def _signed(rng: np.random.Generator, low: float, high: float) -> float:
+    return _log(rng, low, high) * (1 if rng.random() < 0.5 else -1)
+
+
+def _side(rng: np.random.Generator, sided: bool) -> str:
+    return str(rng.choice(["both", "left", "right"])) if sided else "both"
+
+
+def _parameters(rng: np.random.Generator, name: str) -> dict:
+    def ratio(low: float, high: float) -> dict:
+        return {"ratio": 1.0 + _signed(rng, low, high)}
+
+    if name == "supply_sag":
+        return {"resistance_ohm": _log(rng, 0.15, 2.0)}
+    if name == "battery_decline":
+        return {"rate_v_per_s": _log(rng, 0.004, 0.08)}
+    if name in ("driver_deadzone", "bridge_drop"):
+        return {"volts": _log(rng, 0.04, 0.8)}
+    if name == "driver_gain":
+        return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.015, 0.2)
+    if name == "voltage_limit":
+        return {"volts": float(rng.uniform(4.0, 9.0))}
+    if name == "resistance_error":
+        return ratio(0.05, 0.4)
+    if name == "winding_heating":
+        return {"rise_per_watt": _log(rng, 0.06, 1.0), "time_constant_s": _log(rng, 3.0, 60.0)}
+    if name == "torque_constant_error":
+        return ratio(0.04, 0.25)
+    if name == "coulomb_friction":
+        return {"torque_nm": _log(rng, 0.003, 0.1)}
+    if name == "stribeck_friction":
+        return {"torque_nm": _log(rng, 0.005, 0.06), "extra_torque_nm": _log(rng, 0.008, 0.08),
+                "speed_rad_s": _log(rng, 0.15, 1.5)}
+    if name == "viscous_friction":
+        value = _log(rng, 0.0015, 0.04)
+        return {"nm_s_per_rad": -min(value, 0.025) if rng.random() < 0.3 else value}
+    if name == "friction_asymmetry":
+        sign = 1 if rng.random() < 0.5 else -1
+        return {"torque_nm": sign * _log(rng, 0.003, 0.04), "nm_s_per_rad": sign * _log(rng, 0.0005, 0.01)}
+    if name == "load_friction":
+        return {"ratio": _log(rng, 0.05, 0.45)}
+    if name == "backlash":
+        return {"angle_rad": _log(rng, 0.004, 0.15)}
+    if name == "gear_compliance":
+        stiffness = _log(rng, 0.3, 15.0)
+        return {"stiffness_nm_per_rad": stiffness, "damping_nm_s_per_rad": _log(rng, 0.002, 0.03)}
+    if name == "torque_ripple":
+        return {"amplitude_nm": _log(rng, 0.005, 0.08), "cycles_per_rev": int(rng.choice([1, 2, 3, 4, 5, 6, 8, 10, 12])),
+                "phase_rad": float(rng.uniform(-math.pi, math.pi))}
+    if name == "rotor_inertia_error":
+        return ratio(0.06, 0.6)
+    if name == "wheel_radius_error":
+        return ratio(0.004, 0.08)
+    if name == "longitudinal_slip":
+        return {"slip_per_newton": _log(rng, 0.004, 0.08)}
+    if name == "spin_scrub":
+        return {"torque_nm": _log(rng, 0.004, 0.1)}
+    if name == "rolling_resistance":
+        return {"coefficient": _log(rng, 0.004, 0.06)}
+    if name == "track_width_error":
+        return ratio(0.008, 0.12)
+    if name == "payload_error":
+        value = _log(rng, 0.1, 2.0)
+        return {"mass_kg": -min(value, 0.4) if rng.random() < 0.2 else value}
+    if name == "com_offset":
+        return {"x_m": _signed(rng, 0.006, 0.05), "y_m": _signed(rng, 0.002, 0.02)}
+    if name == "slope_error":
+        return {"slope_rad": _signed(rng, 0.004, 0.06)}
+    if name == "yaw_inertia_error":
+        return {"ratio": _log(rng, 1.6, 9.0) if rng.random() < 0.8 else _log(rng, 0.3, 0.6)}
+    if name == "speed_gain":
+        return ratio(0.008, 0.12)
+    if name == "current_gain":
+        return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.03, 0.3)
+    if name == "current_bias":
+        return {"amperes": _signed(rng, 0.002, 0.06)}
+    if name == "speed_filter":
+        return {"time_constant_s": _log(rng, 0.004, 0.08)}
+    if name == "gyro_bias":
+        return {"rad_s": _signed(rng, 0.001, 0.05)}
+    if name == "gyro_gain":
+        return ratio(0.01, 0.15)
+    if name in ("command_delay", "measurement_delay"):
+        return {"seconds": _log(rng, 0.0015, 0.04)}
+    raise ValueError(f"effect {name!r} is not in the contract")
+
+
+def draw_effect(rng: np.random.Generator, name: str | None = None) -> dict:
+    """One effect of the catalogue: id, side, subsystem and parameters, drawn at random (id too unless given)."""
+    name = name or str(rng.choice(list(EFFECTS)))
+    subsystem, sided = EFFECTS[name]
+    side = _side(rng, sided)
+    parameters = {key: float(f"{value:.5g}") for key, value in _parameters(rng, name).items()}
+    return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}
+
+
+def draw_outside(rng: np.random.Generator, name: str | None = None) -> dict:
+    """One effect outside of the catalogue, with the planar world's parameters."""
+    name = name or str(rng.choice(list(OUTSIDE)))
+    subsystem, sided = OUTSIDE[name]
+    side = _side(rng, sided)
+    u = rng.uniform
+    parameters = {
+        "command_hysteresis": lambda: {"hysteresis": _log(rng, 0.4, 2.0)},
+        "command_quantised": lambda: {"quantum": _log(rng, 0.8, 2.5)},
+        "command_crosstalk": lambda: {"crosstalk": _signed(rng, 0.03, 0.2)},
+        "slew_limit": lambda: {"slew": _log(rng, 20.0, 150.0)},
+        "bus_noise": lambda: {"bus_noise": _log(rng, 0.15, 0.8), "bus_tau": _log(rng, 0.05, 1.0)},
+        "magnetic_saturation": lambda: {"saturation": _log(rng, 0.35, 1.2)},
+        "rub_spot": lambda: {"rub_torque": _log(rng, 0.03, 0.2), "rub_angle": u(-math.pi, math.pi),
+                             "rub_width": u(0.15, 0.6)},
+        "growing_friction": lambda: {"friction_per_s": _log(rng, 0.0005, 0.005)},
+        "quadratic_drag": lambda: {"quadratic": _log(rng, 0.002, 0.015)},
+        "random_brakes": lambda: {"brakes": [int(rng.integers(3, 9)), _log(rng, 0.15, 0.8), _log(rng, 0.05, 0.4)]},
+        "wheel_eccentricity": lambda: {"eccentricity": _log(rng, 0.01, 0.08), "eccentric_phase": u(-math.pi, math.pi)},
+        "traction_limit": lambda: {"traction": _log(rng, 0.4, 1.4)},
+        "floor_patch": lambda: {"patch_x": u(-0.3, 0.3), "patch_force": _log(rng, 0.4, 3.0)},
+        "cable_drag": lambda: {"cable": _log(rng, 0.4, 4.0)},
+        "lateral_slope": lambda: {"lateral_slope": _signed(rng, 0.02, 0.1)},
+        "gusts": lambda: {"gust": _log(rng, 0.3, 2.0), "gust_tau": _log(rng, 0.1, 1.0)},
+        "speed_dropouts": lambda: {"hold": [[u(0.02, 0.95), _log(rng, 0.15, 0.8), str(rng.choice(["w_l", "w_r"]))]
+                                            for _ in range(int(rng.integers(5, 15)))]},
+        "speed_clipped": lambda: {"clip_speed": u(2.0, 4.0)},
+        "encoder_wobble": lambda: {"encoder_wobble": _log(rng, 0.015, 0.1)},
+    }[name]()
+    return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}
