@@ -26,6 +26,13 @@ def test_resets(simulator):
     run_cocotb("reset_ctrl", [INFRA], "tb_reset", "tb/cdc", simulator)
 
 
-@pytest.mark.parametrize("simulator", SIMULATORS)
+# With its clock in Verilog the PLL takes Verilator a minute to build: one simulator is enough unless asked.
+@pytest.mark.parametrize(
+    "simulator",
+    [
+        pytest.param(s, marks=[pytest.mark.long] if s == "verilator" and len(SIMULATORS) > 1 else [])
+        for s in SIMULATORS
+    ],
+)
 def test_pll(simulator):
     run_cocotb("pll_adc", ["rtl/io/pll_adc.v"], "tb_pll", "tb/cdc", simulator, build_args=["--timing", "-CFLAGS", "-std=c++20 -fcoroutines"])

@@ -1,0 +1,5 @@
+-f ../fp/fp.f
+-f ../core/core.f
+-f ../io/io.f
+-f ../io/infra.f
+rtds_chip.v
