@@ -10,32 +10,197 @@
 //            A valid_i while busy is ignored (records come 500 clocks apart). The parameters that were not in
 //            the record keep their value; params_valid_o is 1 once each of the four was read since reset.
 //
-// Latency    LATENCY clocks from valid_i to valid_o (see the localparam), always; at most 12.
+// Latency    12 clocks: valid_i before edge n + 1, outputs after edge n + 12. One chain for all: from int (2),
+//            times gain (2), plus offset (3); five operands enter it one after the other; one output register.
+//
+// Crossing   none; gain_i and offset_i are of this clock. Each quantity reads its pair 1 and 3 clocks after it
+//            enters, so a pair rewritten in that moment may act in two steps, as two writes do anyway.
 `default_nettype none
 
 module adc_scale (
-  input  wire         clk_i,          // 50 MHz
-  input  wire         rst_ni,
-  input  wire         valid_i,
-  input  wire  [11:0] code_v_l_i,
-  input  wire  [11:0] code_v_r_i,
-  input  wire  [11:0] code_t_l_i,
-  input  wire  [11:0] code_t_r_i,
-  input  wire  [11:0] code_p_i,
-  input  wire   [1:0] index_p_i,      // 0 B, 1 J, 2 Km, 3 Kb
-  input  wire [255:0] gain_i,
-  input  wire [255:0] offset_i,
-  output wire         valid_o,
-  output wire  [31:0] v_l_o,
-  output wire  [31:0] v_r_o,
-  output wire  [31:0] t_l_o,
-  output wire  [31:0] t_r_o,
-  output wire  [31:0] p_b_o,
-  output wire  [31:0] p_j_o,
-  output wire  [31:0] p_km_o,
-  output wire  [31:0] p_kb_o,
-  output wire         params_valid_o
+    input  wire         clk_i,          // 50 MHz
+    input  wire         rst_ni,
+    input  wire         valid_i,
+    input  wire [ 11:0] code_v_l_i,
+    input  wire [ 11:0] code_v_r_i,
+    input  wire [ 11:0] code_t_l_i,
+    input  wire [ 11:0] code_t_r_i,
+    input  wire [ 11:0] code_p_i,
+    input  wire [  1:0] index_p_i,      // 0 B, 1 J, 2 Km, 3 Kb
+    input  wire [255:0] gain_i,
+    input  wire [255:0] offset_i,
+    output wire         valid_o,
+    output wire [ 31:0] v_l_o,
+    output wire [ 31:0] v_r_o,
+    output wire [ 31:0] t_l_o,
+    output wire [ 31:0] t_r_o,
+    output wire [ 31:0] p_b_o,
+    output wire [ 31:0] p_j_o,
+    output wire [ 31:0] p_km_o,
+    output wire [ 31:0] p_kb_o,
+    output wire         params_valid_o
 );
+
+  localparam [3:0] LAST_CLOCK = 4'd11;  // of a record, counted from the clock of valid_i = 0
+
+  reg  [ 3:0] count_q;  // 0: idle
+  wire        start = valid_i && (count_q == 4'd0);
+  wire        run = start || (count_q != 4'd0);
+  wire        done = (count_q == LAST_CLOCK);
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni)   count_q <= 4'd0;
+    else if (done) count_q <= 4'd0;
+    else if (run)  count_q <= count_q + 4'd1;
+  end
+
+  // The operands that wait their turn: T_l, T_r, V_l, V_r as signed numbers behind the parameter.
+  reg  [47:0] wait_q;
+  reg  [ 1:0] index_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      wait_q  <= 48'd0;
+      index_q <= 2'd0;
+    end else if (start) begin
+      wait_q  <= {code_t_l_i, code_t_r_i, code_v_l_i, code_v_r_i};
+      index_q <= index_p_i;
+    end else begin
+      wait_q <= {wait_q[35:0], 12'd0};
+    end
+  end
+
+  // Offset binary to two's complement: the top bit is inverted.
+  wire [31:0] parameter_int = {20'd0, code_p_i};
+  wire [31:0] signed_int = {{21{!wait_q[47]}}, wait_q[46:36]};
+  wire [31:0] entering = start ? parameter_int : signed_int;
+
+  // Channel whose gain (one clock after it entered) and offset (three clocks after) is looked up.
+  function [2:0] channel;
+    input [2:0] place;
+    input [1:0] index;
+    begin
+      case (place)
+        3'd1:    channel = 3'd2;  // T_l
+        3'd2:    channel = 3'd3;  // T_r
+        3'd3:    channel = 3'd0;  // V_l
+        3'd4:    channel = 3'd1;  // V_r
+        default: channel = {1'b1, index};
+      endcase
+    end
+  endfunction
+
+  wire [ 3:0] gain_place = count_q - 4'd1;
+  wire [ 3:0] offset_place = count_q - 4'd3;
+  wire [ 2:0] gain_channel = channel(gain_place[2:0], index_q);
+  wire [ 2:0] offset_channel = channel(offset_place[2:0], index_q);
+  reg  [31:0] gain_q;
+  reg  [31:0] offset_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      gain_q   <= 32'd0;
+      offset_q <= 32'd0;
+    end else if (run) begin
+      gain_q   <= gain_i[32*gain_channel+:32];
+      offset_q <= offset_i[32*offset_channel+:32];
+    end
+  end
+
+  // The chain. It stands still between records.
+  wire [31:0] number;
+  wire [31:0] product;
+  wire [31:0] value;
+
+  fp_from_int #(
+      .FRAC(0)
+  ) u_from_int (
+      .clk_i(clk_i),
+      .en_i (run),
+      .x_i  (entering),
+      .y_o  (number)
+  );
+
+  fp_mul u_mul (
+      .clk_i(clk_i),
+      .en_i (run),
+      .a_i  (number),
+      .b_i  (gain_q),
+      .y_o  (product)
+  );
+
+  fp_add u_add (
+      .clk_i(clk_i),
+      .en_i (run),
+      .sub_i(1'b0),
+      .a_i  (product),
+      .b_i  (offset_q),
+      .y_o  (value)
+  );
+
+  // Results come in clocks 7 to 11; the last one completes the record.
+  reg [31:0] part_p_q;
+  reg [31:0] part_t_l_q;
+  reg [31:0] part_t_r_q;
+  reg [31:0] part_v_l_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      part_p_q   <= 32'd0;
+      part_t_l_q <= 32'd0;
+      part_t_r_q <= 32'd0;
+      part_v_l_q <= 32'd0;
+    end else begin
+      if (count_q == 4'd7) part_p_q <= value;
+      if (count_q == 4'd8) part_t_l_q <= value;
+      if (count_q == 4'd9) part_t_r_q <= value;
+      if (count_q == 4'd10) part_v_l_q <= value;
+    end
+  end
+
+  reg         valid_q;
+  reg [ 31:0] v_l_q;
+  reg [ 31:0] v_r_q;
+  reg [ 31:0] t_l_q;
+  reg [ 31:0] t_r_q;
+  reg [127:0] param_q;
+  reg [  3:0] seen_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      valid_q <= 1'b0;
+      v_l_q   <= 32'd0;
+      v_r_q   <= 32'd0;
+      t_l_q   <= 32'd0;
+      t_r_q   <= 32'd0;
+      param_q <= 128'd0;
+      seen_q  <= 4'd0;
+    end else begin
+      valid_q <= done;
+      if (done) begin
+        v_l_q                   <= part_v_l_q;
+        v_r_q                   <= value;
+        t_l_q                   <= part_t_l_q;
+        t_r_q                   <= part_t_r_q;
+        param_q[32*index_q+:32] <= part_p_q;
+        seen_q[index_q]         <= 1'b1;
+      end
+    end
+  end
+
+  assign valid_o        = valid_q;
+  assign v_l_o          = v_l_q;
+  assign v_r_o          = v_r_q;
+  assign t_l_o          = t_l_q;
+  assign t_r_o          = t_r_q;
+  assign p_b_o          = param_q[31:0];
+  assign p_j_o          = param_q[63:32];
+  assign p_km_o         = param_q[95:64];
+  assign p_kb_o         = param_q[127:96];
+  assign params_valid_o = &seen_q;
+
+  wire unused = &{1'b0, gain_place[3], offset_place[3]};
+
 endmodule
 
 `default_nettype wire

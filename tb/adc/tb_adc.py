@@ -6,11 +6,9 @@ import itertools
 import os
 
 import cocotb
-from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge, Timer, ValueChange
-
 from agents.ltc2308 import Ltc2308
+from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge, Timer
 
-PERIOD_PS = 25_000
 SEQUENCE_CLOCKS = 400
 RECORD_CHANNELS = (2, 3, 0, 1)  # after the parameter: T_l, T_r, V_l, V_r
 
@@ -101,7 +99,7 @@ async def parameters_take_turns_and_the_rate_is_exact(dut):
 async def the_record_changes_at_one_edge_only(dut):
     """All codes, the index and the toggle change together, 400 clocks apart; valid marks the clock after."""
     tb = await started(dut)
-    changes, previous, toggles = [], None, 0
+    changes, previous = [], None
     for clock in range(558 + 3 * SEQUENCE_CLOCKS + 5):
         await RisingEdge(dut.clk)
         await ReadOnly()

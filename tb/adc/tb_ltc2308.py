@@ -8,10 +8,9 @@ from __future__ import annotations
 import dataclasses
 
 import cocotb
+from agents.ltc2308 import pack, violated
 from cocotb.triggers import Timer
 from cocotb.types import Logic
-
-from agents.ltc2308 import pack, violated
 
 
 @dataclasses.dataclass
@@ -91,9 +90,7 @@ def limit_test(name: str, good: Times, bad: Times, expected: str):
 
 
 limit_convst_high = limit_test("convst_high", Times(), Times(convst_high=19_900), "CONVST_SHORT")
-limit_convst_low = limit_test(
-    "convst_low", Times(convst_high=40_000), Times(convst_high=40_100), "CONVST_LATE_LOW"
-)
+limit_convst_low = limit_test("convst_low", Times(convst_high=40_000), Times(convst_high=40_100), "CONVST_LATE_LOW")
 limit_cycle = limit_test("cycle", Times(), Times(cycle=1_999_900), "CYCLE_SHORT")
 limit_first_sck = limit_test("first_sck", Times(), Times(first_sck=1_599_900), "SCK_EARLY")
 limit_period = limit_test("period", Times(), Times(period=24_900), "SCK_FAST")
@@ -101,9 +98,7 @@ limit_high = limit_test("high", Times(high=10_000), Times(high=9_900), "SCK_HIGH
 limit_low = limit_test("low", Times(high=15_000), Times(high=15_100), "SCK_LOW_SHORT")
 limit_setup = limit_test("setup", Times(sdi_before=100), Times(sdi_before=0), "SDI_SETUP")
 limit_hold = limit_test("hold", Times(swap_sdi_at=2_500), Times(swap_sdi_at=2_400), "SDI_HOLD")
-limit_acquisition = limit_test(
-    "acquisition", Times(first_sck=1_610_000), Times(first_sck=1_610_100), "ACQUISITION"
-)
+limit_acquisition = limit_test("acquisition", Times(first_sck=1_610_000), Times(first_sck=1_610_100), "ACQUISITION")
 limit_sck_to_convst = limit_test(
     "sck_to_convst",
     Times(period=60_000, cycle=1_600_000 + 11 * 60_000 + 12_500 + 20_000),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-
 from common.runner import BUILD, ROOT, SIMULATORS, run_cocotb
 
 RTL = ("rtl/io/ltc2308_spi_sck.v", "rtl/io/ltc2308_spi.v", "rtl/io/adc_sequencer.v")
@@ -81,7 +80,7 @@ def bench(simulator: str, test_module: str, top: str = "adc_tb", sources=(*BENCH
         test_module,
         Path("tb/adc"),
         simulator,
-        build_args=["--timing", "-CFLAGS", "-std=c++20"],  # coroutines
+        build_args=["--timing", "-CFLAGS", "-std=c++20 -O0"],  # coroutines
         **more,
     )
 
