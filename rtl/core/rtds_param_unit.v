@@ -1,0 +1,196 @@
+// rtds_param_unit: from motor constants and step to the coefficients of the update.
+//
+// Purpose    th = h theta (theta 1 or 1/2), L' = L + th R, J' = J + th B, c = th Kb, d = th Km, D = L' J' + c d,
+//            q = h / D, then G11 = q J', G12 = q c, G21 = q d, G22 = q L'. Nothing is subtracted, so nothing
+//            cancels. One multiplier, one adder, one divider, one operation after the other.
+//            fault_o: a parameter or a coefficient is no positive normal number (zero, negative, NaN, infinite,
+//            subnormal).
+// Handshake  start_i for one clock; the parameters stay until done_o. done_o for one clock, when the coefficients
+//            and fault_o stand; they hold until the next start_i. A start_i while busy is not allowed.
+// Latency    done_o comes 80 clocks after start_i: start_i in clock n (before edge n + 1), done_o after edge n + 80.
+// Format     binary32, SI. coef_o = {G22, G21, G12, G11, B, Km, Kb, R}, R in bits 31..0.
+// Crossing   none.
+`default_nettype none
+
+module rtds_param_unit (
+  input  wire         clk_i,
+  input  wire         rst_ni,
+  input  wire         start_i,
+  input  wire  [31:0] r_i,
+  input  wire  [31:0] l_i,
+  input  wire  [31:0] km_i,
+  input  wire  [31:0] kb_i,
+  input  wire  [31:0] j_i,
+  input  wire  [31:0] b_i,
+  input  wire  [31:0] h_i,
+  input  wire         method_i,   // 0 backward Euler (theta 1), 1 trapezoidal (theta 1/2)
+  output wire         busy_o,
+  output reg          done_o,
+  output wire         fault_o,
+  output wire [255:0] coef_o
+);
+  localparam [31:0] ONE  = 32'h3F80_0000;
+  localparam [31:0] HALF = 32'h3F00_0000;
+
+  // The operations, in order. lp, jp, c, d end as G22, G11, G12, G21.
+  localparam [3:0] OP_TH    = 4'd0;   // x  = h * theta
+  localparam [3:0] OP_A     = 4'd1;   // y  = x * R
+  localparam [3:0] OP_LP    = 4'd2;   // lp = L + y
+  localparam [3:0] OP_B     = 4'd3;   // y  = x * B
+  localparam [3:0] OP_JP    = 4'd4;   // jp = J + y
+  localparam [3:0] OP_C     = 4'd5;   // c  = x * Kb
+  localparam [3:0] OP_D     = 4'd6;   // d  = x * Km
+  localparam [3:0] OP_CD    = 4'd7;   // y  = c * d
+  localparam [3:0] OP_LJ    = 4'd8;   // x  = lp * jp
+  localparam [3:0] OP_DET   = 4'd9;   // y  = x + y
+  localparam [3:0] OP_SCALE = 4'd10;  // x  = h / y
+  localparam [3:0] OP_G11   = 4'd11;  // jp = x * jp
+  localparam [3:0] OP_G12   = 4'd12;  // c  = x * c
+  localparam [3:0] OP_G21   = 4'd13;  // d  = x * d
+  localparam [3:0] OP_G22   = 4'd14;  // lp = x * lp
+
+  localparam [4:0] LAST_MUL = 5'd2;   // clocks of an operation, less one: latency of the operator
+  localparam [4:0] LAST_ADD = 5'd3;
+  localparam [4:0] LAST_DIV = 5'd31;
+
+  reg  [31:0] x_q;
+  reg  [31:0] y_q;
+  reg  [31:0] lp_q;
+  reg  [31:0] jp_q;
+  reg  [31:0] c_q;
+  reg  [31:0] d_q;
+
+  // ---- sequence --------------------------------------------------------------------------------------------------
+  reg       busy_q;
+  reg [3:0] op_q;
+  reg [4:0] clock_q;   // clock within the operation
+  reg       first_q;   // its first clock
+
+  wire       is_add = (op_q == OP_LP) | (op_q == OP_JP) | (op_q == OP_DET);
+  wire       is_div = op_q == OP_SCALE;
+  wire [4:0] last   = is_div ? LAST_DIV : is_add ? LAST_ADD : LAST_MUL;
+  wire       write  = busy_q & (clock_q == last);
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      busy_q  <= 1'b0;
+      op_q    <= OP_TH;
+      clock_q <= 5'd0;
+      first_q <= 1'b0;
+      done_o  <= 1'b0;
+    end else begin
+      done_o  <= write & (op_q == OP_G22);
+      first_q <= start_i | (write & (op_q != OP_G22));
+      if (start_i) begin
+        busy_q  <= 1'b1;
+        op_q    <= OP_TH;
+        clock_q <= 5'd0;
+      end else if (write) begin
+        clock_q <= 5'd0;
+        op_q    <= op_q + 4'd1;
+        if (op_q == OP_G22) busy_q <= 1'b0;
+      end else if (busy_q) begin
+        clock_q <= clock_q + 5'd1;
+      end
+    end
+  end
+
+  // ---- operators -------------------------------------------------------------------------------------------------
+  reg  [31:0] mul_a;
+  reg  [31:0] mul_b;
+  wire [31:0] mul_y;
+  wire [31:0] add_y;
+  wire [31:0] div_y;
+  wire        div_valid;
+
+  always @* begin
+    mul_a = x_q;
+    mul_b = lp_q;
+    case (op_q)
+      OP_TH: begin
+        mul_a = h_i;
+        mul_b = method_i ? HALF : ONE;
+      end
+      OP_A:   mul_b = r_i;
+      OP_B:   mul_b = b_i;
+      OP_C:   mul_b = kb_i;
+      OP_D:   mul_b = km_i;
+      OP_CD: begin
+        mul_a = c_q;
+        mul_b = d_q;
+      end
+      OP_LJ:  mul_a = jp_q;
+      OP_G11: mul_b = jp_q;
+      OP_G12: mul_b = c_q;
+      OP_G21: mul_b = d_q;
+      default: ;
+    endcase
+  end
+
+  fp_mul u_mul (
+    .clk_i(clk_i),
+    .en_i (busy_q),
+    .a_i  (mul_a),
+    .b_i  (mul_b),
+    .y_o  (mul_y)
+  );
+  fp_add u_add (
+    .clk_i(clk_i),
+    .en_i (busy_q),
+    .sub_i(1'b0),
+    .a_i  ((op_q == OP_LP) ? l_i : (op_q == OP_JP) ? j_i : x_q),
+    .b_i  (y_q),
+    .y_o  (add_y)
+  );
+  fp_div u_div (
+    .clk_i  (clk_i),
+    .rst_ni (rst_ni),
+    .en_i   (busy_q),
+    .start_i(first_q & is_div),
+    .a_i    (h_i),
+    .b_i    (y_q),
+    .valid_o(div_valid),
+    .y_o    (div_y)
+  );
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      x_q  <= 32'd0;
+      y_q  <= 32'd0;
+      lp_q <= 32'd0;
+      jp_q <= 32'd0;
+      c_q  <= 32'd0;
+      d_q  <= 32'd0;
+    end else if (write) begin
+      case (op_q)
+        OP_TH, OP_LJ:       x_q  <= mul_y;
+        OP_SCALE:           x_q  <= div_y;
+        OP_A, OP_B, OP_CD:  y_q  <= mul_y;
+        OP_DET:             y_q  <= add_y;
+        OP_LP:              lp_q <= add_y;
+        OP_G22:             lp_q <= mul_y;
+        OP_JP:              jp_q <= add_y;
+        OP_G11:             jp_q <= mul_y;
+        OP_C, OP_G12:       c_q  <= mul_y;
+        OP_D, OP_G21:       d_q  <= mul_y;
+        default: ;
+      endcase
+    end
+  end
+
+  // ---- fault -----------------------------------------------------------------------------------------------------
+  function usable;  // a positive normal number; the argument is {sign, exponent}
+    input [8:0] x;
+    usable = ~x[8] & (|x[7:0]) & ~(&x[7:0]);
+  endfunction
+
+  assign fault_o = ~(usable(r_i[31:23]) & usable(l_i[31:23]) & usable(km_i[31:23]) & usable(kb_i[31:23])
+                   & usable(j_i[31:23]) & usable(b_i[31:23]) & usable(h_i[31:23]) & usable(jp_q[31:23])
+                   & usable(c_q[31:23]) & usable(d_q[31:23]) & usable(lp_q[31:23]));
+  assign coef_o  = {lp_q, d_q, c_q, jp_q, b_i, km_i, kb_i, r_i};
+  assign busy_o  = busy_q;
+
+  wire unused = &{1'b0, div_valid};
+endmodule
+
+`default_nettype wire

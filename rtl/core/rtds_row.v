@@ -1,0 +1,141 @@
+// rtds_row: one row of the motor's update, that is, one state variable in two words.
+//
+// Purpose    Computes, in binary32 and in this order, with (i, w) the high words of both rows:
+//              e = u - s                  s = (R i) + (Kb w)         ELECTRICAL = 1, u = V, state x = i
+//              e = s - u                  s = (Km i) - (B w)         ELECTRICAL = 0, u = T, state x = w
+//              d = (g1 e1) -/+ (g2 e2)    minus for the electrical row
+//              t = d + lo;  hi' = hi + t;  lo' = t - (hi' - hi)
+//            s of the next step is computed when hi' stands, before the next input is known.
+//            One adder and two multipliers; the sequencer says what they work on (docs/motor-unit.md has the table).
+// Handshake  none of its own: op_i, mul_g_i and the save_*_i of rtds_sequencer.
+// Latency    fp_add 3, fp_mul 2 clocks; of the step: see rtds_sequencer.
+// Crossing   none.
+`default_nettype none
+
+module rtds_row #(
+  parameter ELECTRICAL = 1
+) (
+  input  wire        clk_i,
+  input  wire        rst_ni,
+  input  wire        clear_i,     // state to zero
+  // from rtds_sequencer
+  input  wire        en_i,
+  input  wire  [2:0] op_i,        // what enters the adder in this clock
+  input  wire        mul_g_i,     // the multipliers work on e1, e2 rather than on the state
+  input  wire        save_t_i,
+  input  wire        save_hi_i,
+  input  wire        save_lo_i,
+  input  wire        save_s_i,
+  // coefficients: R, Kb, G11, G12 or Km, B, G21, G22
+  input  wire [31:0] a1_i,
+  input  wire [31:0] a2_i,
+  input  wire [31:0] g1_i,
+  input  wire [31:0] g2_i,
+  // input held over the step, state of both rows, e of both rows
+  input  wire [31:0] u_i,
+  input  wire [31:0] i_hi_i,
+  input  wire [31:0] w_hi_i,
+  input  wire [31:0] e1_i,
+  input  wire [31:0] e2_i,
+  output wire [31:0] e_o,         // the adder's result; e in the clock in which mul_g_i is 1
+  output reg  [31:0] hi_o,
+  output reg  [31:0] lo_o
+);
+  // The same codes as in rtds_sequencer.
+  localparam [2:0] OP_E  = 3'd0;
+  localparam [2:0] OP_D  = 3'd1;
+  localparam [2:0] OP_T  = 3'd2;
+  localparam [2:0] OP_HI = 3'd3;
+  localparam [2:0] OP_Z  = 3'd4;
+  localparam [2:0] OP_LO = 3'd5;
+  localparam [2:0] OP_S  = 3'd6;
+
+  wire [31:0] m1;
+  wire [31:0] m2;
+  wire [31:0] y;
+  reg  [31:0] s_q;
+  reg  [31:0] t_q;
+
+  fp_mul u_mul1 (
+    .clk_i(clk_i),
+    .en_i (en_i),
+    .a_i  (mul_g_i ? g1_i : a1_i),
+    .b_i  (mul_g_i ? e1_i : i_hi_i),
+    .y_o  (m1)
+  );
+  fp_mul u_mul2 (
+    .clk_i(clk_i),
+    .en_i (en_i),
+    .a_i  (mul_g_i ? g2_i : a2_i),
+    .b_i  (mul_g_i ? e2_i : w_hi_i),
+    .y_o  (m2)
+  );
+
+  reg [31:0] add_a;
+  reg [31:0] add_b;
+  reg        add_sub;
+
+  always @* begin
+    add_a   = m1;
+    add_b   = m2;
+    add_sub = 1'b0;
+    case (op_i)
+      OP_E: begin
+        add_a   = (ELECTRICAL != 0) ? u_i : s_q;
+        add_b   = (ELECTRICAL != 0) ? s_q : u_i;
+        add_sub = 1'b1;
+      end
+      OP_D: add_sub = (ELECTRICAL != 0);
+      OP_T: begin
+        add_a = y;
+        add_b = lo_o;
+      end
+      OP_HI: begin
+        add_a = y;
+        add_b = hi_o;
+      end
+      OP_Z: begin
+        add_a   = y;
+        add_b   = hi_o;
+        add_sub = 1'b1;
+      end
+      OP_LO: begin
+        add_a   = t_q;
+        add_b   = y;
+        add_sub = 1'b1;
+      end
+      OP_S: add_sub = (ELECTRICAL == 0);
+      default: ;
+    endcase
+  end
+
+  fp_add u_add (
+    .clk_i(clk_i),
+    .en_i (en_i),
+    .sub_i(add_sub),
+    .a_i  (add_a),
+    .b_i  (add_b),
+    .y_o  (y)
+  );
+  assign e_o = y;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      hi_o <= 32'd0;
+      lo_o <= 32'd0;
+      s_q  <= 32'd0;
+      t_q  <= 32'd0;
+    end else if (clear_i) begin
+      hi_o <= 32'd0;
+      lo_o <= 32'd0;
+      s_q  <= 32'd0;  // s of a zero state, whatever the coefficients
+    end else begin
+      if (save_t_i) t_q <= y;
+      if (save_hi_i) hi_o <= y;
+      if (save_lo_i) lo_o <= y;
+      if (save_s_i) s_q <= y;
+    end
+  end
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,95 @@
+// rtds_sequencer: says in each clock of a step what the adders and multipliers of the motor units do.
+//
+// Purpose    Slot k is the k-th clock after the strobe's edge. What enters the adder in slot k leaves it in slot
+//            k + 3, the multipliers' results come two slots later:
+//              slot  1   add E : u, s -> e (slot 4)
+//              slot  4   mul G : e1, e2 -> products (slot 6)
+//              slot  6   add D : products -> d (slot 9)
+//              slot  9   add T : d + lo -> t (slot 12, saved at its end)
+//              slot 12   add HI: hi + t -> hi' (slot 15, saved at its end: outputs change, valid)
+//              slot 15   add Z : hi' - hi -> z (slot 18)
+//              slot 16   mul   : state -> products (slot 18 and on)
+//              slot 18   add LO: t - z -> lo' (slot 21, saved at its end)
+//              slot 19   add S : products -> s (slot 22, saved at its end)
+//            refresh_i runs slots 16 to 22 alone, without LO: s anew after the coefficients have changed.
+// Handshake  start_i or refresh_i only while idle_o; idle_o is 1 in slot 22 already. clear_i ends what is under way.
+// Latency    valid_o in slot 16: 15 clocks after the strobe; the next strobe may follow 22 clocks after the last.
+// Crossing   none.
+`default_nettype none
+
+module rtds_sequencer (
+  input  wire       clk_i,
+  input  wire       rst_ni,
+  input  wire       clear_i,
+  input  wire       start_i,
+  input  wire       refresh_i,
+  output wire       idle_o,
+  output reg        valid_o,
+  output wire       en_o,
+  output reg  [2:0] op_o,
+  output wire       mul_g_o,
+  output wire       save_t_o,
+  output wire       save_hi_o,
+  output wire       save_lo_o,
+  output wire       save_s_o
+);
+  // The same codes as in rtds_row.
+  localparam [2:0] OP_E  = 3'd0;
+  localparam [2:0] OP_D  = 3'd1;
+  localparam [2:0] OP_T  = 3'd2;
+  localparam [2:0] OP_HI = 3'd3;
+  localparam [2:0] OP_Z  = 3'd4;
+  localparam [2:0] OP_LO = 3'd5;
+  localparam [2:0] OP_S  = 3'd6;
+
+  localparam [4:0] SLOT_IDLE  = 5'd0;
+  localparam [4:0] SLOT_FIRST = 5'd1;
+  localparam [4:0] SLOT_MUL_S = 5'd16;
+  localparam [4:0] SLOT_LAST  = 5'd22;
+
+  reg [4:0] slot_q;
+  reg [4:0] slot_n;
+  reg       refresh_q;
+
+  always @* begin
+    slot_n = slot_q + 5'd1;
+    if (slot_q == SLOT_IDLE || slot_q == SLOT_LAST) slot_n = SLOT_IDLE;
+    if (start_i) slot_n = SLOT_FIRST;
+    if (refresh_i) slot_n = SLOT_MUL_S;
+    if (clear_i) slot_n = SLOT_IDLE;
+  end
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      slot_q    <= SLOT_IDLE;
+      refresh_q <= 1'b0;
+      valid_o   <= 1'b0;
+    end else begin
+      slot_q  <= slot_n;
+      valid_o <= save_hi_o & ~clear_i;
+      if (start_i | refresh_i) refresh_q <= refresh_i;
+    end
+  end
+
+  always @* begin
+    case (slot_q)
+      5'd1:    op_o = OP_E;
+      5'd6:    op_o = OP_D;
+      5'd9:    op_o = OP_T;
+      5'd12:   op_o = OP_HI;
+      5'd15:   op_o = OP_Z;
+      5'd18:   op_o = OP_LO;
+      default: op_o = OP_S;
+    endcase
+  end
+
+  assign idle_o    = (slot_q == SLOT_IDLE) | (slot_q == SLOT_LAST);
+  assign en_o      = slot_q != SLOT_IDLE;
+  assign mul_g_o   = slot_q == 5'd4;
+  assign save_t_o  = slot_q == 5'd12;
+  assign save_hi_o = slot_q == 5'd15;
+  assign save_lo_o = (slot_q == 5'd21) & ~refresh_q;
+  assign save_s_o  = slot_q == SLOT_LAST;
+endmodule
+
+`default_nettype wire
