@@ -354,8 +354,12 @@ def run_machine(machine: Machine, t: np.ndarray, v_cmd: np.ndarray, start: np.nd
         gains[:4] = ke + motor.resistance_ohm * drag / kt, 0.35, 1.2, robot.supply_v
     out = kernel.simulate(t, v_cmd, machine.side, world, start, step_s or machine.step_s, closed, w_ref, noise_w, period_rows, gains,
                           events, seed % (2**31))
+    return apply_sensors({name: out[:, k].copy() for k, name in enumerate(CHANNELS)}, machine, t)
+
+
+def apply_sensors(raw: dict[str, np.ndarray], machine: Machine, t: np.ndarray) -> dict[str, np.ndarray]:
+    """Gains, biases and faults of a machine's instruments; `raw` (channel -> (n,)) is changed and returned."""
     sensing = machine.sensing
-    raw = {name: out[:, k].copy() for k, name in enumerate(CHANNELS)}
     for s, label in enumerate("lr"):
         wobble = sensing.encoder_wobble[s]
         if wobble:
