@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from mcap_ros2.writer import Writer
 
-from rtds_host.importers.messages import FIELDS, definition, full_name
+from rtds_host.importers.messages import definition, full_name
 
 SEED = 20260611
 NS = 1_000_000_000
@@ -38,7 +38,7 @@ ENCODER = 2.0 * math.pi / 4096.0
 # What the nominal robot does not have: dry friction in the left gear, N*m at the wheel.
 TIGHT = (0.12, 0.0)
 
-SENSOR_STATE = """std_msgs/Header header
+SENSOR_STATE = {"turtlebot3_msgs/SensorState": """std_msgs/Header header
 uint8 bumper
 float32 cliff
 float32 sonar
@@ -48,7 +48,7 @@ uint8 button
 bool torque
 int32 left_encoder
 int32 right_encoder
-float32 battery"""
+float32 battery"""}
 
 
 class Robot:
@@ -116,13 +116,12 @@ def record(name: str, rng: np.random.Generator, start_s: int) -> bytes:
     odometry, last_late = np.zeros(3), None
     next_command = next_read = 0
     buffer = io.BytesIO()
-    FIELDS["turtlebot3_msgs/SensorState"] = SENSOR_STATE
     with Writer(buffer) as writer:
         schemas = {}
 
         def put(topic: str, kind: str, message: dict, now_ns: int) -> None:
             if kind not in schemas:
-                schemas[kind] = writer.register_msgdef(full_name(kind), definition(kind))
+                schemas[kind] = writer.register_msgdef(full_name(kind), definition(kind, SENSOR_STATE))
             writer.write_message(topic, schemas[kind], message, log_time=now_ns, publish_time=now_ns)
 
         for k in range(int(round(total / dt))):

@@ -180,6 +180,10 @@ def _commands(file: Bag | Table, mapping: Mapping, robot: Robot, signals: dict[s
             wheels = wheel_speeds(twist, robot, linear, raw.values[:, 1] * FIXED["rate"][twist.angular_unit])
             for name, values in zip(speeds, wheels.T):
                 signals[name] = replace(raw, values=values).last_of_equal_times()
+            track = _geometry(twist, robot)[1]
+            if abs(track / robot.chassis.track_width_m - 1.0) > 0.05:
+                notices.append(f"{file.path.name}: {twist.topic or 'twist'} became wheel speeds with the mapping's track "
+                               f"of {track:g} m, the nominal robot's is {robot.chassis.track_width_m:g} m")
     for names in (voltages, speeds):
         missing = [name for name in names if name not in signals]
         if missing and len(missing) < len(names):

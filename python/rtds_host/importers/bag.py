@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import re
 import struct
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Callable, Iterable
 
 import apsw
 import numpy as np

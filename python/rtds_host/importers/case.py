@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import os
 import re
-from dataclasses import dataclass, replace
-from datetime import datetime, timezone
-from pathlib import Path
-from typing import Sequence
-
 import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
 
-from rtds_host.contract import (Robot, RunMeta, builtin_robot_path, load_robot, read_run, staged_folder, write_run)
+from rtds_host.contract import Robot, RunMeta, builtin_robot_path, load_robot, read_run, staged_folder, write_run
 from rtds_host.errors import InputError
 from rtds_host.importers.assemble import Imported, assemble
 from rtds_host.importers.bag import is_bag
@@ -33,7 +32,7 @@ class ImportedRun:
 
 def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, robot: str | None = None,
                 mapping: str | os.PathLike | None = None, append: bool = False, names: Sequence[str] = (),
-                meta: RunMeta = RunMeta(scenario="", notes=""), start_s: float = 0.0, end_s: float = math.inf,
+                meta: RunMeta | None = None, start_s: float = 0.0, end_s: float = math.inf,
                 trust_units: bool = False, form: str = "csv") -> list[ImportedRun]:
     """Import bags or tables as the runs of one case; the folder is complete afterwards, or untouched.
 
@@ -52,6 +51,7 @@ def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, ro
     InputError : one line that names the file, the topic, column or key, and what is wrong. OutputError : the place
         cannot be written.
     """
+    meta = meta or RunMeta(scenario="", notes="")
     out = Path(out)
     paths = [Path(source) for source in sources]
     if not paths:
@@ -138,7 +138,7 @@ def _origin(path: Path, mapping: Mapping, imported: Imported) -> str:
     text = f"imported from {path.name} with the mapping {mapping.name}"
     # A clock that counts from 2000 on or later is the wall's.
     if imported.start_ns > 946_684_800 * NS:
-        start = datetime.fromtimestamp(imported.start_ns // NS, timezone.utc)
+        start = datetime.fromtimestamp(imported.start_ns // NS, UTC)
         text += f", recorded {start.isoformat().replace('+00:00', 'Z')}"
     return text
 

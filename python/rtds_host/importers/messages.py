@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 # Only fields and constants that the wire format needs; comments of the originals are left out.
 FIELDS = {
@@ -36,18 +37,19 @@ FIELDS = {
 }
 
 
-def definition(name: str) -> str:
-    """Definition of "package/Type" followed by those of all types it is made of."""
+def definition(name: str, extra: Mapping[str, str] | None = None) -> str:
+    """Definition of "package/Type" followed by those of all types it is made of; `extra` adds types to `FIELDS`."""
+    known = {**FIELDS, **(extra or {})}
     needed: list[str] = []
 
     def collect(of: str) -> None:
-        for part in re.findall(r"\b(\w+/\w+)\b", FIELDS[of]):
+        for part in re.findall(r"\b(\w+/\w+)\b", known[of]):
             if part not in needed:
                 needed.append(part)
                 collect(part)
 
     collect(name)
-    return "\n".join([FIELDS[name], *(f"{'=' * 80}\nMSG: {part}\n{FIELDS[part]}" for part in needed), ""])
+    return "\n".join([known[name], *(f"{'=' * 80}\nMSG: {part}\n{known[part]}" for part in needed), ""])
 
 
 def full_name(name: str) -> str:

@@ -20,11 +20,11 @@ class Series:
     def __len__(self) -> int:
         return len(self.t_ns)
 
-    def keep(self, mask: np.ndarray) -> "Series":
+    def keep(self, mask: np.ndarray) -> Series:
         """The samples where `mask` (n,) is true."""
         return replace(self, t_ns=self.t_ns[mask], values=self.values[mask])
 
-    def earlier(self, samples: int, seconds: float) -> "Series":
+    def earlier(self, samples: int, seconds: float) -> Series:
         """The same values at the time they were read: that many samples, and then seconds, before their stamp.
 
         Where messages were lost in between, the stamp of the sample before is no help, and the usual interval is
@@ -41,7 +41,7 @@ class Series:
         t_ns = np.maximum.accumulate(t_ns) if len(t_ns) else t_ns
         return replace(self, t_ns=t_ns - round(seconds * NS), values=self.values[len(self) - len(t_ns):])
 
-    def last_of_equal_times(self) -> "Series":
+    def last_of_equal_times(self) -> Series:
         """One sample a time: of several with the same time the last."""
         if len(self) < 2:
             return self
