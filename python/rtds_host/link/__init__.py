@@ -1,0 +1,38 @@
+"""Links: one small interface to the motors, computed by the bit-exact model or by the RTL in a simulator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rtds_host.errors import InputError
+from rtds_host.link.base import Exchange, Link
+
+__all__ = ["Exchange", "Link", "LINKS", "open_link"]
+
+LINKS = ("model", "rtl")
+
+
+def open_link(kind: str, **options: Any) -> Link:
+    """Open a link to the motors.
+
+    Parameters
+    ----------
+    kind : "model" (bit-exact model, in process) or "rtl" (the Verilog in a simulator).
+    **options : of `rtl` only, see `rtds_host.link.rtl.RtlLink`: `sim` ("verilator" or "icarus"), `step_clocks`
+        (clocks from one step to the next, 500 as on the board, or "min": the next as soon as the unit is ready),
+        `timeout_s`, `progress`. The model ignores `sim` and `step_clocks`: its results do not depend on them.
+
+    Raises
+    ------
+    InputError : unknown kind or option value.
+    LinkError : the simulator cannot be built or started.
+    """
+    if kind == "model":
+        from rtds_host.link.model import ModelLink
+
+        return ModelLink()
+    if kind == "rtl":
+        from rtds_host.link.rtl import RtlLink
+
+        return RtlLink(**options)
+    raise InputError(f"link: {kind!r} is unknown, choose one of {', '.join(LINKS)}")

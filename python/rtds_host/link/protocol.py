@@ -1,0 +1,75 @@
+"""What host and simulator say to each other over the socket; imported by both.
+
+Every message is a frame: kind and length (two little-endian uint32), then so many bytes. The host asks, the
+simulator answers each request with one frame. All numbers are little-endian; words are binary32 patterns.
+
+=============  ==================================================  ==========================================
+request        payload                                             answer
+=============  ==================================================  ==========================================
+(start)        none: the simulator speaks first                    HELLO: JSON {version, top, simulator}
+PARAMETERS     7 words R L Km Kb J B h, method, step_clocks        DONE: empty
+EXCHANGE       4 words v_l v_r t_l t_r, steps, sample_steps        SAMPLES: flags, step count, simulated clocks
+                                                                   (uint64), then n times i_l w_l i_r w_r
+CLOSE          empty                                               none, the simulator ends
+=============  ==================================================  ==========================================
+
+Instead of its answer the simulator may send FAILED with a line of text.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+
+VERSION = 1
+FD_VARIABLE = "RTDS_LINK_FD"
+
+HELLO, PARAMETERS, DONE, EXCHANGE, SAMPLES, CLOSE, FAILED = range(1, 8)
+
+HEADER = struct.Struct("<II")
+PARAMETERS_PAYLOAD = struct.Struct("<7III")
+EXCHANGE_PAYLOAD = struct.Struct("<4III")
+SAMPLES_HEAD = struct.Struct("<IIQ")
+
+FLAG_PARAM_FAULT, FLAG_NONFINITE, FLAG_OVERRUN, FLAG_STUCK = 1, 2, 4, 8
+
+MAX_SAMPLES = 32  # rows the simulation top keeps for one request
+MAX_PAYLOAD = 1 << 20
+
+
+class Closed(Exception):
+    """The other side has closed the socket."""
+
+
+def send_frame(sock: socket.socket, kind: int, payload: bytes = b"") -> None:
+    """Send one frame. Raises OSError as `socket.sendall` does."""
+    sock.sendall(HEADER.pack(kind, len(payload)) + payload)
+
+
+def _receive_exactly(sock: socket.socket, count: int) -> bytes:
+    data = sock.recv(count)
+    if len(data) == count:
+        return data
+    while data and len(data) < count:
+        more = sock.recv(count - len(data))
+        if not more:
+            break
+        data += more
+    if len(data) < count:
+        raise Closed
+    return data
+
+
+def receive_frame(sock: socket.socket) -> tuple[int, bytes]:
+    """Receive one frame as (kind, payload).
+
+    Raises
+    ------
+    Closed : the other side is gone.
+    ValueError : the frame is longer than any of ours.
+    OSError : as `socket.recv`; TimeoutError after the socket's timeout.
+    """
+    kind, length = HEADER.unpack(_receive_exactly(sock, HEADER.size))
+    if length > MAX_PAYLOAD:
+        raise ValueError(f"frame of {length} bytes announced")
+    return kind, _receive_exactly(sock, length) if length else b""

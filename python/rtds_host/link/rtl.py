@@ -1,0 +1,324 @@
+"""The RTL behind the link interface: a simulator as a child process at the other end of a socket.
+
+The simulator never outlives its link, and the link never waits for ever: every answer has a time limit, the child's
+end is noticed at once (its socket closes with it), and what it last wrote to stderr is quoted in the one line that
+the caller gets. Should the host itself die, the simulator sees the socket close and ends.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import tempfile
+import weakref
+from typing import Callable, Sequence
+
+import find_libpython
+import numpy as np
+
+from rtds_host.errors import InputError, LinkError
+from rtds_host.link import protocol
+from rtds_host.link.base import (
+    CLOSED,
+    NO_PARAMETERS,
+    NONFINITE,
+    Exchange,
+    exchange_of,
+    input_words,
+    whole_steps,
+)
+from rtds_host.link.build import ROOT, TOPS, Top, build
+from rtds_host.motor.parameters import parameter_words
+
+# Clocks a simulator works off in well under a second even on a busy machine: a longer exchange is put in several
+# requests, so that the time limit of one answer says something about the simulator and not about the exchange.
+REQUEST_CLOCKS = {"verilator": 2_000_000, "icarus": 50_000}
+LEAST_CLOCKS = 24  # of a step, when it is started as soon as the core is ready
+MAX_STEP_CLOCKS = 0xFFFF
+_STDERR_LINES = 3
+_STDERR_CHARACTERS = 300
+_EXIT_GRACE_S = 2.0
+
+
+def _period(step_clocks: int | str) -> int:
+    if step_clocks == "min":
+        return 0
+    if isinstance(step_clocks, bool) or not isinstance(step_clocks, int) or not 1 <= step_clocks <= MAX_STEP_CLOCKS:
+        raise InputError(f"step_clocks: {step_clocks!r} must be 'min' or a whole number from 1 to {MAX_STEP_CLOCKS}")
+    return step_clocks
+
+
+def _end(process: subprocess.Popen, sock: socket.socket) -> None:
+    """Leave no simulator behind (also run when the interpreter ends with the link still open)."""
+    sock.close()
+    if process.poll() is None:
+        process.kill()  # SIGKILL ends a stopped process too
+    process.wait()
+
+
+class RtlLink:
+    """The Verilog of both motor units in Verilator or Icarus, as a `Link`.
+
+    Parameters
+    ----------
+    sim : "verilator" or "icarus".
+    step_clocks : clocks from one step to the next: 500 as on the board, or "min": the next step starts as soon as the
+        unit is ready. Idle clocks change no result, they only take time.
+    timeout_s : longest wait for any one answer of the simulator, s.
+    start_timeout_s : longest wait for its first sign of life, s.
+    top : the simulation top, an entry of `rtds_host.link.build.TOPS` or a `Top`.
+    progress : called with a line when the simulator has to be built first (default: to stderr).
+
+    Attributes
+    ----------
+    pid : process id of the simulator.
+    simulator : its name and version, as it says itself.
+    clocks : clocks simulated so far, reset included.
+
+    Raises
+    ------
+    InputError : an option is out of its range.
+    LinkError : the simulator cannot be built or started.
+    """
+
+    def __init__(
+        self,
+        sim: str = "verilator",
+        step_clocks: int | str = "min",
+        timeout_s: float = 20.0,
+        start_timeout_s: float = 60.0,
+        top: str | Top = "core",
+        progress: Callable[[str], None] | None = None,
+    ) -> None:
+        self.step_s = 0.0
+        self.clocks = 0
+        self._sim = sim
+        self._step_clocks = _period(step_clocks)
+        self._timeout_s = timeout_s
+        self._steps = 0
+        self._closed = False
+        top = TOPS[top] if isinstance(top, str) else top
+        built = build(top, sim, progress)
+
+        self._stderr = tempfile.TemporaryFile()
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            self._process = subprocess.Popen(
+                built.command,
+                stdin=subprocess.DEVNULL,
+                stdout=self._stderr,
+                stderr=self._stderr,
+                env={**os.environ, **built.environment, **_cocotb_environment(top, theirs.fileno())},
+                pass_fds=(theirs.fileno(),),
+                start_new_session=True,  # Ctrl-C reaches the host alone, which ends the simulator
+            )
+        except OSError as error:
+            ours.close()
+            raise LinkError(f"{built.command[0]}: the simulator cannot be started ({error.strerror})") from error
+        finally:
+            theirs.close()
+        self._socket = ours
+        self.pid = self._process.pid
+        self._finalizer = weakref.finalize(self, _end, self._process, ours)
+
+        try:
+            hello = json.loads(self._answer(protocol.HELLO, start_timeout_s))
+            if hello["version"] != protocol.VERSION:
+                raise LinkError(f"the simulator speaks version {hello['version']} of the link, not {protocol.VERSION}")
+        except BaseException:
+            self.close()
+            raise
+        self.simulator = hello["simulator"]
+
+    def set_parameters(
+        self,
+        resistance_ohm: float,
+        inductance_h: float,
+        torque_constant_nm_per_a: float,
+        back_emf_constant_v_s_per_rad: float,
+        rotor_inertia_kg_m2: float,
+        viscous_friction_nm_s_per_rad: float,
+        step_s: float,
+        method: str = "backward_euler",
+    ) -> None:
+        """See `Link.set_parameters`."""
+        self._check_open()
+        values = (
+            resistance_ohm,
+            inductance_h,
+            torque_constant_nm_per_a,
+            back_emf_constant_v_s_per_rad,
+            rotor_inertia_kg_m2,
+            viscous_friction_nm_s_per_rad,
+            step_s,
+        )
+        words, method_index = parameter_words(values, method)
+        payload = protocol.PARAMETERS_PAYLOAD.pack(
+            *words.view(np.uint32).tolist(), method_index, self._step_clocks
+        )
+        self._ask(protocol.PARAMETERS, payload, protocol.DONE)
+        self.step_s = float(step_s)
+
+    def exchange(
+        self,
+        voltages: Sequence[float],
+        torques: Sequence[float],
+        interval_s: float,
+        sample_s: float | None = None,
+    ) -> Exchange:
+        """See `Link.exchange`."""
+        self._check_open()
+        if self.step_s == 0.0:
+            raise InputError(NO_PARAMETERS)
+        v, t = input_words("voltages", voltages), input_words("torques", torques)
+        steps = whole_steps("interval_s", interval_s, self.step_s)
+        sample_steps = steps if sample_s is None else whole_steps("sample_s", sample_s, self.step_s)
+        inputs = np.concatenate([v, t]).view(np.uint32).tolist()
+        rows = [
+            row if wanted else row[:0]
+            for piece, every, wanted in self._pieces(steps, sample_steps)
+            for row in (self._request(inputs, piece, every),)
+        ]
+        return exchange_of(np.concatenate(rows), steps, sample_steps, self.step_s)
+
+    def close(self) -> None:
+        """See `Link.close`."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._process.poll() is None:
+            try:
+                self._socket.settimeout(_EXIT_GRACE_S)
+                protocol.send_frame(self._socket, protocol.CLOSE)
+                self._process.wait(_EXIT_GRACE_S)
+            except (OSError, subprocess.TimeoutExpired):
+                pass  # it does not leave by itself: _end kills it
+            finally:
+                self._finalizer()
+        self._finalizer()
+        self._stderr.close()
+
+    def __enter__(self) -> "RtlLink":
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        self.close()
+
+    def _pieces(self, steps: int, sample_steps: int) -> list[tuple[int, int, bool]]:
+        """An exchange as requests (steps, sample every, are the rows wanted), each small enough for one answer."""
+        most = max(1, REQUEST_CLOCKS[self._sim] // max(self._step_clocks, LEAST_CLOCKS))
+        pieces = []
+        done = 0
+        while done < steps:
+            to_sample = min(sample_steps, steps - done)
+            if to_sample > most:  # not even one sample fits: the way to it in pieces, of which the last row counts
+                while to_sample > most:
+                    pieces.append((most, most, False))
+                    to_sample -= most
+                    done += most
+                pieces.append((to_sample, to_sample, True))
+                done += to_sample
+            else:
+                rows = min(protocol.MAX_SAMPLES, most // to_sample)
+                piece = min(rows * sample_steps, steps - done)
+                pieces.append((piece, sample_steps, True))
+                done += piece
+        return pieces
+
+    def _request(self, inputs: list[int], steps: int, every: int) -> np.ndarray:
+        """One request; (n, 4) float32 with columns i_l w_l i_r w_r."""
+        payload = self._ask(
+            protocol.EXCHANGE, protocol.EXCHANGE_PAYLOAD.pack(*inputs, steps, every), protocol.SAMPLES
+        )
+        flags, step_count, clocks = protocol.SAMPLES_HEAD.unpack_from(payload)
+        self._steps = (self._steps + steps) & 0xFFFFFFFF
+        self.clocks = clocks
+        if flags & protocol.FLAG_STUCK:
+            raise self._failure("the core gave no ready or valid for thousands of clocks")
+        if flags & protocol.FLAG_NONFINITE:
+            raise LinkError(NONFINITE)
+        if flags & protocol.FLAG_PARAM_FAULT:
+            raise self._failure("the parameter unit refuses parameters that the host found usable")
+        if flags & protocol.FLAG_OVERRUN or step_count != self._steps:
+            raise self._failure(f"the core counted {step_count} steps where {self._steps} were asked for")
+        return np.frombuffer(payload, np.dtype("<f4"), offset=protocol.SAMPLES_HEAD.size).reshape(-1, 4)
+
+    def _ask(self, kind: int, payload: bytes, expected: int) -> bytes:
+        try:
+            self._socket.settimeout(self._timeout_s)
+            protocol.send_frame(self._socket, kind, payload)
+        except TimeoutError as error:
+            raise self._no_answer(self._timeout_s) from error
+        except OSError as error:
+            raise self._gone() from error
+        return self._answer(expected, self._timeout_s)
+
+    def _answer(self, expected: int, timeout_s: float) -> bytes:
+        try:
+            self._socket.settimeout(timeout_s)
+            kind, payload = protocol.receive_frame(self._socket)
+        except TimeoutError as error:
+            raise self._no_answer(timeout_s) from error
+        except (OSError, protocol.Closed) as error:
+            raise self._gone() from error
+        except (ValueError, struct.error) as error:
+            raise self._failure(f"cannot make sense of the simulator's answer ({error})") from error
+        if kind == protocol.FAILED:
+            raise self._failure(payload.decode(errors="replace"))
+        if kind != expected:
+            raise self._failure(f"the simulator answered with a frame of kind {kind} instead of {expected}")
+        return payload
+
+    def _no_answer(self, timeout_s: float) -> LinkError:
+        return self._failure(f"no answer for {timeout_s:g} s; it has been ended")
+
+    def _gone(self) -> LinkError:
+        try:
+            status = self._process.wait(_EXIT_GRACE_S)
+        except subprocess.TimeoutExpired:
+            return self._failure("it closed the link without leaving; it has been ended")
+        if status < 0:
+            return self._failure(f"it was killed by {signal.Signals(-status).name}")
+        return self._failure(f"it ended with exit status {status}")
+
+    def _failure(self, what: str) -> LinkError:
+        """End the simulator and put all there is to say into one line."""
+        pid = self.pid
+        self._finalizer()
+        self._stderr.seek(0)
+        lines = [line.strip() for line in self._stderr.read().decode(errors="replace").splitlines() if line.strip()]
+        self.close()
+        said = " | ".join(lines[-_STDERR_LINES:])[-_STDERR_CHARACTERS:]
+        return LinkError(f"{self._sim} simulator (process {pid}): {what}" + (f"; it said: {said}" if said else ""))
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise LinkError(CLOSED)
+
+
+def _cocotb_environment(top: Top, descriptor: int) -> dict[str, str]:
+    import cocotb_tools.config
+
+    python = find_libpython.find_libpython()
+    if python is None:
+        raise LinkError("no shared libpython was found, cocotb needs one: apt-get install libpython3-dev")
+    search = [str(ROOT / "sim"), str(ROOT / "python"), *(path for path in sys.path if path)]
+    return {
+        "GPI_USERS": f"{python};{cocotb_tools.config.pygpi_entry_point()}",
+        "PYGPI_PYTHON_BIN": sys.executable,
+        "PYTHONPATH": os.pathsep.join(search),
+        "COCOTB_TOPLEVEL": top.module,
+        "TOPLEVEL_LANG": "verilog",
+        "COCOTB_TEST_MODULES": top.bridge,
+        "COCOTB_TESTCASE": "",
+        "COCOTB_TEST_FILTER": "",
+        "COCOTB_RESULTS_FILE": os.devnull,
+        "COCOTB_LOG_LEVEL": "ERROR",
+        "GPI_LOG_LEVEL": "ERROR",
+        protocol.FD_VARIABLE: str(descriptor),
+    }

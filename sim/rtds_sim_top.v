@@ -1,0 +1,182 @@
+// Simulation top of the ideal link: rtds_core, and a sequencer that gives it strobes and keeps samples.
+//
+// Purpose   The host asks for a number of steps; this module runs them without waking the host in between. So the
+//           simulator meets Python once for up to 32 samples, whatever the number of clocks.
+// Handshake The bridge sets the inputs and toggles go_i; when steps_i steps are done and the samples stand in
+//           samples_q, sync_o toggles. Everything the bridge reads is stable at least one clock before sync_o
+//           toggles, so it may be read on that very event (Icarus calls back before other registers change).
+//           Inputs may change only between a toggle of sync_o and the next toggle of go_i.
+// Period    step_clocks_i clocks from strobe to strobe (500 on the board), or as many as the core needs
+//           (ready_o) where that is more; 0 = always as soon as ready. No result depends on it.
+// Latency   go_i to first strobe: 1 clock (if the period has passed); last valid to sync_o: 1 clock.
+// Numbers   binary32 words, SI at the motor shaft; a sample is {i_l, w_l, i_r, w_r}, i_l in the lowest word.
+// Crossings none: one clock. With RTDS_CLOCK_INSIDE the clock is made here (Icarus is faster so); otherwise
+//           the C++ main drives clk_i.
+`timescale 1ns / 1ps
+`default_nettype none
+
+module rtds_sim_top #(
+    parameter GIVE_UP = 4096  // clocks waited for ready or valid of the core before a request is given up
+) (
+`ifndef RTDS_CLOCK_INSIDE
+    input wire clk_i,
+`endif
+    input wire rst_ni,
+
+    input wire        go_i,
+    input wire [31:0] steps_i,
+    input wire [31:0] sample_steps_i,
+    input wire [15:0] step_clocks_i,
+
+    input wire [31:0] v_l_i,
+    input wire [31:0] v_r_i,
+    input wire [31:0] t_l_i,
+    input wire [31:0] t_r_i,
+    input wire [31:0] p_r_i,
+    input wire [31:0] p_l_i,
+    input wire [31:0] p_km_i,
+    input wire [31:0] p_kb_i,
+    input wire [31:0] p_j_i,
+    input wire [31:0] p_b_i,
+    input wire [31:0] p_h_i,
+    input wire        method_i,
+
+    output reg               sync_o,
+    output reg  [       3:0] flags_o,       // {stuck, overrun, nonfinite, param_fault}, sticky but for the last
+    output wire [      31:0] step_count_o
+);
+
+`ifdef RTDS_CLOCK_INSIDE
+  reg clk_i;
+  initial begin
+    clk_i = 1'b0;
+    forever #10 clk_i = ~clk_i;
+  end
+`endif
+
+  // Sample k in bits [128k +: 128]. Not a port, because a public port is copied at every clock.
+  reg  [32*128-1:0] samples_q;
+
+  wire        valid;
+  wire        ready;
+  wire        overrun;
+  wire        nonfinite;
+  wire        param_fault;
+  wire [31:0] i_l, w_l, i_r, w_r;
+
+  reg         go_q;        // last go_i seen
+  reg         running_q;   // a request is being worked on
+  reg         pending_q;   // a step is under way: its valid has not come yet
+  reg         done_q;      // the last sample stands; toggle sync_o
+  reg  [31:0] left_q;      // strobes still to give
+  reg  [31:0] sample_q;    // steps to the next sample
+  reg  [ 4:0] index_q;     // samples kept (at most 32 a request, the bridge sees to it)
+  reg  [15:0] period_q;    // clocks since the last strobe, saturating
+  reg  [12:0] wait_q;      // clocks without progress
+
+  wire        period_over = period_q >= step_clocks_i;
+  wire        strobe = running_q & ready & period_over & ~pending_q & (left_q != 32'd0);
+  wire        step_done = pending_q & valid;
+  wire        last_step = left_q == 32'd0;
+  wire        keep = step_done & (last_step | (sample_q == 32'd1));
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      go_q      <= 1'b0;
+      running_q <= 1'b0;
+      pending_q <= 1'b0;
+      done_q    <= 1'b0;
+      left_q    <= 32'd0;
+      sample_q  <= 32'd0;
+      index_q   <= 5'd0;
+      period_q  <= 16'd0;
+      wait_q    <= 13'd0;
+      sync_o    <= 1'b0;
+      flags_o   <= 4'd0;
+    end else begin
+      done_q <= 1'b0;
+      if (done_q) sync_o <= ~sync_o;
+
+      flags_o[0] <= param_fault;
+      if (nonfinite) flags_o[1] <= 1'b1;
+      if (overrun) flags_o[2] <= 1'b1;
+
+      if (strobe) period_q <= 16'd1;
+      else if (period_q != 16'hFFFF) period_q <= period_q + 16'd1;
+
+      if (strobe) begin
+        pending_q <= 1'b1;
+        left_q    <= left_q - 32'd1;
+      end
+      if (step_done) begin
+        pending_q <= 1'b0;
+        sample_q  <= keep ? sample_steps_i : sample_q - 32'd1;
+        if (keep) index_q <= index_q + 5'd1;
+        if (last_step) begin
+          running_q <= 1'b0;
+          done_q    <= 1'b1;
+        end
+      end
+
+      if (strobe | step_done | ~running_q | ~(pending_q | period_over)) wait_q <= 13'd0;
+      else wait_q <= wait_q + 13'd1;
+      if (wait_q == GIVE_UP) begin
+        flags_o[3] <= 1'b1;
+        running_q  <= 1'b0;
+        pending_q  <= 1'b0;
+        done_q     <= 1'b1;
+        wait_q     <= 13'd0;
+      end
+
+      if (go_i != go_q) begin
+        go_q      <= go_i;
+        running_q <= 1'b1;
+        left_q    <= steps_i;
+        sample_q  <= sample_steps_i;
+        index_q   <= 5'd0;
+      end
+    end
+  end
+
+  // A blocking assignment on purpose: nothing in the design reads samples_q, and with a non-blocking one the
+  // compiled simulation copies the whole vector at every clock.
+  always @(posedge clk_i) begin
+    if (keep) samples_q[{index_q, 7'd0}+:128] = {w_r, i_r, w_l, i_l};
+  end
+
+  rtds_core u_core (
+      .clk_i        (clk_i),
+      .rst_ni       (rst_ni),
+      .strobe_i     (strobe),
+      .clear_i      (1'b0),
+      .v_l_i        (v_l_i),
+      .v_r_i        (v_r_i),
+      .t_l_i        (t_l_i),
+      .t_r_i        (t_r_i),
+      .p_r_i        (p_r_i),
+      .p_l_i        (p_l_i),
+      .p_km_i       (p_km_i),
+      .p_kb_i       (p_kb_i),
+      .p_j_i        (p_j_i),
+      .p_b_i        (p_b_i),
+      .p_h_i        (p_h_i),
+      .method_i     (method_i),
+      .valid_o      (valid),
+      .ready_o      (ready),
+      .overrun_o    (overrun),
+      .nonfinite_o  (nonfinite),
+      .param_fault_o(param_fault),
+      .step_count_o (step_count_o),
+      .i_l_o        (i_l),
+      .w_l_o        (w_l),
+      .i_r_o        (i_r),
+      .w_r_o        (w_r),
+      .i_l_lo_o     (),
+      .w_l_lo_o     (),
+      .i_r_lo_o     (),
+      .w_r_lo_o     ()
+  );
+
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,158 @@
+// Main of the Verilator simulators: makes the clocks, and lets cocotb in only when it has something to do.
+//
+// cocotb's own main looks for callbacks at every time step. Here the clocks are toggled in a plain loop, and VPI
+// (hence cocotb) is served
+//   - once at the start,
+//   - when the top's `sync_o` toggles, after the clock edge has settled,
+//   - when a cocotb Timer is due (rounded up to the next clock edge).
+// A bridge therefore awaits nothing but changes of sync_o and Timers: other triggers are not looked at in between.
+// Values written by cocotb act after the edge at which it was served, that is, before the next one.
+//
+// Between two visits of cocotb the model's own evaluation is called without the wrapper Vtop::eval(), which locks two
+// mutexes each time to look for work (deferred deletion, messages of other threads) that never comes up here: 40 % of
+// the time of a small design.
+//
+// Set by the build, one set a top:
+//   RTDS_CLOCKS   comma-separated {&top.<port>, <half period in ps>}, all low at the start
+//   RTDS_SYNC     the port that toggles when the bridge is wanted (a one-bit output)
+//   RTDS_POSEDGE  set to the clock's port if there is one clock only and nothing depends on its falling edge or level:
+//                 then falling edges are not evaluated, the model is told that the clock was low instead
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+
+#include "Vtop.h"
+#include "Vtop___024root.h"
+#include "verilated.h"
+#include "verilated_vpi.h"
+
+extern "C" void vlog_startup_routines_bootstrap(void);
+
+void Vtop___024root___eval(Vtop___024root* root);  // defined by the generated code, declared in no header
+
+namespace {
+
+std::uint64_t now_ps = 0;
+
+struct Clock {
+    CData* port;
+    std::uint64_t half_ps;
+    std::uint64_t next_ps;
+};
+
+void settle_value_callbacks() {
+    while (VerilatedVpi::callValueCbs()) {
+    }
+}
+
+// Everything IEEE 1800 wants done in one time step, for a cocotb that may write values and wait again.
+void serve_vpi(Vtop& top) {
+    settle_value_callbacks();
+    do {
+        do {
+            VerilatedVpi::clearEvalNeeded();
+            VerilatedVpi::doInertialPuts();
+            top.eval();
+            settle_value_callbacks();
+        } while (VerilatedVpi::evalNeeded());
+        VerilatedVpi::callCbs(cbReadWriteSynch);
+        VerilatedVpi::doInertialPuts();
+        settle_value_callbacks();
+    } while (VerilatedVpi::evalNeeded());
+    VerilatedVpi::callCbs(cbReadOnlySynch);
+}
+
+// What is due when the time moves on for the first time after serving.
+void begin_time_step() {
+    VerilatedVpi::callCbs(cbNextSimTime);
+    settle_value_callbacks();
+    VerilatedVpi::callTimedCbs();
+    settle_value_callbacks();
+}
+
+#define RTDS_JOIN_(a, b, c) a##b##c
+#define RTDS_JOIN(a, b, c) RTDS_JOIN_(a, b, c)
+#ifdef RTDS_POSEDGE
+#define RTDS_CLOCK_BEFORE RTDS_JOIN(__Vtrigprevexpr___TOP__, RTDS_POSEDGE, __0)
+#else
+#define RTDS_CLOCK_BEFORE rtds_no_such_member
+#endif
+
+// Where the generated code keeps the clock's previous level; null if there is none under the expected name, and then
+// falling edges are evaluated like all others.
+template <typename Root>
+auto clock_before(Root& root, int) -> decltype(&root.RTDS_CLOCK_BEFORE) {
+    return &root.RTDS_CLOCK_BEFORE;
+}
+template <typename Root>
+CData* clock_before(Root&, long) {
+    return nullptr;
+}
+
+template <std::size_t N>
+void toggle_next(Clock (&clocks)[N]) {
+    if (N == 1) {  // the usual case, without the search
+        now_ps = clocks[0].next_ps;
+        clocks[0].next_ps += clocks[0].half_ps;
+        *clocks[0].port = !*clocks[0].port;
+        return;
+    }
+    now_ps = clocks[0].next_ps;
+    for (const Clock& clock : clocks) now_ps = std::min(now_ps, clock.next_ps);
+    for (Clock& clock : clocks) {
+        if (clock.next_ps != now_ps) continue;
+        clock.next_ps += clock.half_ps;
+        *clock.port = !*clock.port;
+    }
+}
+
+}  // namespace
+
+double sc_time_stamp() { return static_cast<double>(now_ps); }
+
+int main(int argc, char** argv) {
+    Verilated::commandArgs(argc, argv);
+    Verilated::fatalOnVpiError(false);  // cocotb asks for objects that may not exist
+    const std::unique_ptr<Vtop> owner(new Vtop(""));
+    Vtop& top = *owner;
+    Clock clocks[] = {RTDS_CLOCKS};
+    for (Clock& clock : clocks) {
+        *clock.port = 0;
+        clock.next_ps = clock.half_ps;
+    }
+
+    vlog_startup_routines_bootstrap();
+    VerilatedVpi::callCbs(cbStartOfSimulation);
+    top.eval();
+    serve_vpi(top);
+
+    Vtop___024root* const root = top.rootp;
+    CData* const before = clock_before(*root, 0);
+    CData sync = top.RTDS_SYNC;
+    while (!Verilated::gotFinish()) {
+        const std::uint64_t due_ps = VerilatedVpi::cbNextDeadline();
+        toggle_next(clocks);
+        begin_time_step();
+        top.eval();
+        if (before && *clocks[0].port) {
+            const std::uint64_t period_ps = 2 * clocks[0].half_ps;
+            while (top.RTDS_SYNC == sync && now_ps < due_ps) {
+                now_ps += period_ps;
+                *before = 0;
+                Vtop___024root___eval(root);
+            }
+            clocks[0].next_ps = now_ps + clocks[0].half_ps;
+        }
+        while (top.RTDS_SYNC == sync && now_ps < due_ps) {
+            toggle_next(clocks);
+            Vtop___024root___eval(root);
+        }
+        sync = top.RTDS_SYNC;
+        VerilatedVpi::callTimedCbs();
+        serve_vpi(top);
+    }
+
+    top.final();
+    VerilatedVpi::callCbs(cbEndOfSimulation);
+    return Verilated::threadContextp()->errorCount() > 0 ? 1 : 0;
+}
