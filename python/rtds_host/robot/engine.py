@@ -1,0 +1,80 @@
+"""The interface of a physics engine: wheel speeds in, wheel torques and pose out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+
+from rtds_host.errors import InputError
+from rtds_host.robot.body import Body
+
+ENGINES = ("pybullet", "mujoco")
+STEP_S = 1e-3
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """The robot seen from outside, SI, in the tilted plane. Pose is that of the axle's mid-point, yaw not wrapped."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    speed_m_s: float
+    yaw_rate_rad_s: float
+    pitch_rad: float
+
+
+class Engine(Protocol):
+    """A robot on a plane whose wheels turn as they are told.
+
+    `step_s` is the engine's own step. An engine is a context manager; leaving it frees what it holds.
+    """
+
+    step_s: float
+
+    def hold(self) -> np.ndarray:
+        """Torque (2,) N m at the wheels that holds the robot at rest where it stands; wheels do not turn."""
+
+    def advance(self, speeds_rad_s: np.ndarray) -> np.ndarray:
+        """Go on by n steps, the wheels' speeds at the end of each step being `speeds_rad_s` (n, 2).
+
+        Returns the mean torque (2,) N m over these steps that the gears delivered to the wheels; the acceleration of
+        body and wheels is in it, friction in gear and motor is not.
+        """
+
+    def state(self) -> RobotState:
+        """Pose and speed now."""
+
+    def wheel_speeds(self) -> np.ndarray:
+        """Speeds (2,) rad/s that the wheels really have."""
+
+    def energy_j(self) -> float:
+        """Kinetic energy of body and wheels plus potential energy in the slope, J; its zero is arbitrary."""
+
+    def close(self) -> None:
+        """Free what the engine holds."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, *exc) -> None: ...
+
+
+def open_engine(name: str, body: Body, pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
+                step_s: float = STEP_S) -> Engine:
+    """A physics engine with the robot standing at `pose` (x m, y m, yaw rad), settled, at rest.
+
+    Raises
+    ------
+    InputError : unknown engine.
+    """
+    if name == "pybullet":
+        from rtds_host.robot.pybullet_engine import PyBulletEngine
+
+        return PyBulletEngine(body, pose, step_s)
+    if name == "mujoco":
+        from rtds_host.robot.mujoco_engine import MujocoEngine
+
+        return MujocoEngine(body, pose, step_s)
+    raise InputError(f"engine {name!r}: unknown (known: {', '.join(ENGINES)})")
