@@ -124,7 +124,7 @@ def record(name: str, rng: np.random.Generator, start_s: int) -> bytes:
                 schemas[kind] = writer.register_msgdef(full_name(kind), definition(kind, SENSOR_STATE))
             writer.write_message(topic, schemas[kind], message, log_time=now_ns, publish_time=now_ns)
 
-        for k in range(int(round(total / dt))):
+        for k in range(round(total / dt)):
             t = k * dt
             if next_read < len(read_times) and t >= read_times[next_read]:
                 # One read-out of the board: everything below is the state at this moment.
@@ -132,8 +132,8 @@ def record(name: str, rng: np.random.Generator, start_s: int) -> bytes:
                 stamp_ns = start_s * NS + round(t * NS)
                 arrived = stamp_ns + int(rng.uniform(1.0e6, 3.0e6))
                 stamp = {"sec": stamp_ns // NS, "nanosec": stamp_ns % NS}
-                counts = [int(math.floor(a / ENCODER)) for a in robot.th]
-                speeds = [int(round((w + rng.normal(0.0, 0.02)) / COUNT)) for w in robot.w]
+                counts = [math.floor(a / ENCODER) for a in robot.th]
+                speeds = [round((w + rng.normal(0.0, 0.02)) / COUNT) for w in robot.w]
                 rate = RADIUS * (robot.w[1] - robot.w[0]) / TRACK + rng.normal(0.0, 0.003)
                 volt = round(SUPPLY + rng.normal(0.0, 0.03), 2)
                 put("/battery_state", "sensor_msgs/BatteryState", {
@@ -195,8 +195,8 @@ def table(rng: np.random.Generator) -> str:
     """A logger of its own kind, on the same robot with a plain PWM driver: ms, counts, rpm, degrees, mA, mV."""
     robot = Robot()
     dt = 0.0005
-    lines = ["time_ms;pwm_left;pwm_right;rpm_left;rpm_right;angle_left_deg;angle_right_deg;"
-             "current_left_mA;current_right_mA;yaw_rate_dps;battery_mV"]
+    lines = [("time_ms;pwm_left;pwm_right;rpm_left;rpm_right;angle_left_deg;angle_right_deg;"
+             "current_left_mA;current_right_mA;yaw_rate_dps;battery_mV")]
     pwm = np.zeros(2, dtype=int)
     for row in range(900):
         if row % 30 == 0 and row >= 30:

@@ -33,6 +33,10 @@ def is_bag(path: Path) -> bool:
     return path.is_dir() or path.suffix in SUFFIXES
 
 
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:160] or type(error).__name__
+
+
 @dataclass
 class _Topic:
     """What was read of one topic: record times, header stamps (None without a header), values by request."""
@@ -75,7 +79,7 @@ class Bag:
         self.topics = {c.topic: c.msgtype for c in self.connections if c.msgcount > 0}
 
     def _damaged(self, error: BaseException) -> InputError:
-        reason = " ".join(str(error).split())[:160] or type(error).__name__
+        reason = _one_line(error)
         hint = " (`mcap recover` may save what is there)" if str(self.file).endswith(".mcap") else ""
         return InputError(f"{self.path}: is truncated or damaged: {reason}{hint}")
 
@@ -117,12 +121,13 @@ class Bag:
                         types.update(get_types_from_idl(part))
             except (TypesysError, IndexError) as error:
                 self.broken[connection.topic] = (f"{self.path}: topic {connection.topic}: the definition of "
-                                                 f"{connection.msgtype} in the bag cannot be read ({error})")
+                                                 f"{connection.msgtype} in the bag cannot be read ({_one_line(error)})")
         for name, text in self.mapping.definitions.items():
             try:
                 parsed = get_types_from_msg(text, name)
             except TypesysError as error:
-                raise InputError(f"{self.mapping.path}: [definitions] {name}: cannot be read ({error})") from error
+                raise InputError(f"{self.mapping.path}: [definitions] {name}: cannot be read "
+                                 f"({_one_line(error)})") from error
             types = {**parsed, **types}
         standard = get_typestore(Stores.ROS2_JAZZY).fielddefs
         types = {**standard, **types}
@@ -154,8 +159,8 @@ class Bag:
                         if connection.msgtype not in store.fielddefs:
                             what = f"its type {connection.msgtype} is not defined in the bag, add it to [definitions]"
                         else:
-                            what = f"a message does not fit its type {connection.msgtype} ({error})"
-                        self.broken[topic] = f"{self.path}: topic {topic}: {' '.join(what.split())}"
+                            what = f"a message does not fit its type {connection.msgtype} ({_one_line(error)})"
+                        self.broken[topic] = f"{self.path}: topic {topic}: {what}"
                         continue
                     if topic not in getters:
                         getters[topic] = [(request, self._getter(request, message, connection.msgtype))

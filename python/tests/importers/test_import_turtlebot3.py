@@ -7,7 +7,20 @@ import math
 
 import numpy as np
 import pytest
-from import_recordings import COUNT, EPOCH_NS, NS, RADIUS, TICK, TRACK, Recording, stamp, turned, turtlebot, twist, wheel
+from import_recordings import (
+    COUNT,
+    EPOCH_NS,
+    NS,
+    RADIUS,
+    TICK,
+    TRACK,
+    Recording,
+    stamp,
+    turned,
+    turtlebot,
+    twist,
+    wheel,
+)
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
 
