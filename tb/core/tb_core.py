@@ -12,7 +12,6 @@ import cocotb
 import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import ReadOnly, RisingEdge
-
 from rtds_host.motor import CoreModel
 
 VALID_CLOCKS = 15

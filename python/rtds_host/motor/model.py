@@ -6,8 +6,8 @@ compiled without `fastmath`, so that nothing is reordered or contracted. Each st
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Sequence
 
 import numba
 import numpy as np
@@ -312,12 +312,15 @@ def canonical_words(values: np.ndarray) -> np.ndarray:
 
 
 @numba.njit(cache=True)
-def _strobe(state, c, v, t):
+def _trace(state, c, v, t, out):
+    """One step for each row of `out` (n, 2, 4) float32, which gets the state after it."""
     for m in range(2):
-        i, w, i_lo, w_lo = _step(
-            state[m, 0], state[m, 1], state[m, 2], state[m, 3],
-            c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], v[m], t[m],
-        )
+        i, w, i_lo, w_lo = state[m, 0], state[m, 1], state[m, 2], state[m, 3]
+        for k in range(len(out)):
+            i, w, i_lo, w_lo = _step(
+                i, w, i_lo, w_lo, c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], v[m], t[m]
+            )
+            out[k, m, 0], out[k, m, 1], out[k, m, 2], out[k, m, 3] = i, w, i_lo, w_lo
         state[m, 0], state[m, 1], state[m, 2], state[m, 3] = i, w, i_lo, w_lo
 
 
@@ -337,7 +340,11 @@ class CoreModel:
         self.step_count = 0
 
     def strobe(self, v: np.ndarray, t: np.ndarray, parameters: np.ndarray, method: int) -> np.ndarray:
-        """One step.
+        """One step: `run` with one strobe, (2, 4)."""
+        return self.run(v, t, parameters, method, 1)[0]
+
+    def run(self, v: np.ndarray, t: np.ndarray, parameters: np.ndarray, method: int, n_steps: int) -> np.ndarray:
+        """`n_steps` strobes with everything held.
 
         Parameters
         ----------
@@ -347,11 +354,12 @@ class CoreModel:
 
         Returns
         -------
-        (2, 4) uint32: i, w, i_lo, w_lo of [left, right] after the step. A changed parameter set acts on the next.
+        (n_steps, 2, 4) uint32: i, w, i_lo, w_lo of [left, right] after each step. A changed parameter set acts on
+        the second.
         """
         inputs = np.asarray(v, np.uint32).view(np.float32), np.asarray(t, np.uint32).view(np.float32)
-        _strobe(self._state, self._coefficients, *inputs)
-        self.step_count = (self.step_count + 1) & 0xFFFFFFFF
+        out = np.empty((n_steps, 2, len(STATE_COLUMNS)), dtype=np.float32)
+        _trace(self._state, self._coefficients, *inputs, out[:1])
         words = np.ascontiguousarray(parameters, np.uint32)
         seen = (words.tobytes(), method)
         if seen != self._last_seen:
@@ -359,7 +367,9 @@ class CoreModel:
             new, self.fault = coefficients(words.view(np.float32), method)
             if not self.fault:
                 self._coefficients = new
-        return canonical_words(self._state)
+        _trace(self._state, self._coefficients, *inputs, out[1:])
+        self.step_count = (self.step_count + n_steps) & 0xFFFFFFFF
+        return canonical_words(out)
 
     def clear(self) -> None:
         """State and step count to zero; coefficients and fault stay."""

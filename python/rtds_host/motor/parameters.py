@@ -14,7 +14,7 @@ coefficients are positive and the update carries the signs. Derivation: docs/mot
 from __future__ import annotations
 
 import math
-from typing import Sequence
+from collections.abc import Sequence
 
 import numpy as np
 

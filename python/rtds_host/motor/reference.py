@@ -9,7 +9,7 @@ not from the closed forms of the parameter unit.
 
 from __future__ import annotations
 
-from typing import Sequence
+from collections.abc import Sequence
 
 import numba
 import numpy as np
