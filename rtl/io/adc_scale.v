@@ -3,7 +3,8 @@
 // Format     y = fl(fl(n * gain) + offset), binary32, round to nearest even, with
 //              n = code - 2048 for V and T (offset binary), n = code for the parameters (straight binary).
 //            gain_i and offset_i hold eight binary32 words, channel c at bits 32*c+31..32*c, numbered as the
-//            ADC's channels: 0 V_l, 1 V_r, 2 T_l, 3 T_r, 4 B, 5 J, 6 Km, 7 Kb. Defaults: io_ranges.vh.
+//            ADC's channels: 0 V_l, 1 V_r, 2 T_l, 3 T_r, 4 B, 5 J, 6 Km, 7 Kb.
+//            Defaults: registers.toml.
 //
 // Handshake  valid_i for one clock with the record (taken at that edge). valid_o for one clock when everything
 //            stands; outputs hold until the next valid_o and change together with it.

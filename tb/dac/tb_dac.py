@@ -170,7 +170,7 @@ async def fault_at_every_clock_ends_in_the_safe_value(dut):
         await tb.clocks(clock)
         await Timer(1, "ns")
         updates = int(dut.updates.value)
-        before_ldac = clock < WRITE_TO_LDAC
+        before_ldac = clock <= WRITE_TO_LDAC  # at 22 the edge is still in the pad
         dut.fault.value = 1
         safe_after = None
         for passed in range(1, 70):

@@ -7,8 +7,8 @@ Quantities are SI at the motor shaft. The default gains are the reset values of 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Callable
 
 import numpy as np
 
