@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,6 +35,16 @@ def is_bag(path: Path) -> bool:
 
 def _one_line(error: BaseException) -> str:
     return " ".join(str(error).split())[:160] or type(error).__name__
+
+
+def _type_names(definition: object) -> Iterator[str]:
+    """Names of the message types that a parsed definition mentions."""
+    if isinstance(definition, str):
+        if "/msg/" in definition:
+            yield definition
+    elif isinstance(definition, list | tuple):
+        for part in definition:
+            yield from _type_names(part)
 
 
 @dataclass
@@ -130,8 +140,18 @@ class Bag:
                                  f"({_one_line(error)})") from error
             types = {**parsed, **types}
         standard = get_typestore(Stores.ROS2_JAZZY).fielddefs
-        types = {**standard, **types}
-        store.register(types)
+        # Only what is needed: registering all of ROS takes longer than reading a small bag.
+        todo = [connection.msgtype for connection in needed.values()] + list(types)
+        seen: dict = {}
+        while todo:
+            name = todo.pop()
+            if name not in seen and (name in types or name in standard):
+                seen[name] = types.get(name, standard.get(name))
+                todo += _type_names(seen[name])
+        try:
+            store.register(seen)
+        except TypesysError as error:
+            raise InputError(f"{self.path}: its message definitions contradict each other ({_one_line(error)})") from error
         return store
 
     def read(self, requests: Iterable[Source | Twist]) -> None:
