@@ -208,7 +208,7 @@ class Bag:
         if self._use_record_time:
             return
         for topic, data in self._read.items():
-            if data.stamp_ns is None or not len(data.log_ns):
+            if data.stamp_ns is None or not len(data.log_ns) or all(isinstance(r, Twist) for r in data.values):
                 continue
             apart = float(np.median(data.log_ns - data.stamp_ns)) / NS
             if abs(apart) > CLOCKS_APART_S:
@@ -301,7 +301,9 @@ class Bag:
         if topic in self.broken:
             raise InputError(self.broken[topic])
         data = self._read[topic]
-        t_ns = data.log_ns if self._use_record_time or data.stamp_ns is None else data.stamp_ns
+        # A commanded twist acts when it arrives, whatever the sender's stamp (a laptop's clock, often) says.
+        recorded = self._use_record_time or data.stamp_ns is None or isinstance(request, Twist)
+        t_ns = data.log_ns if recorded else data.stamp_ns
         back = np.flatnonzero(np.diff(t_ns) < 0)
         if back.size:
             k = int(back[0])

@@ -21,7 +21,7 @@ from import_recordings import (
     twist,
     wheel,
 )
-from rosbags.rosbag2 import Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from rtds_host.contract import RunMeta, builtin_robot, read_case
@@ -180,6 +180,35 @@ def test_a_bag_of_a_newer_ros_with_definitions_in_sqlite3(tmp_path, version):
     assert run.columns["th_l"][0] == pytest.approx(1.05)
     assert run.columns["w_cmd_r"][0] == pytest.approx(math.floor((0.04 + 0.1 * TRACK / 2) / RADIUS / COUNT) * COUNT,
                                                       abs=1e-6)
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_compressed_bags(bag, tmp_path, mode):
+    writer = Writer(tmp_path / "small", version=8)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with Reader(bag) as reader, writer:
+        there = {c.id: writer.add_connection(c.topic, c.msgtype, msgdef=c.msgdef.data, rihs01="RIHS01_0")
+                 for c in reader.connections}
+        for connection, when, raw in reader.messages():
+            writer.write(there[connection.id], when, raw)
+    _, whole, _ = run_of(bag, tmp_path / "a")
+    _, small, _ = run_of(tmp_path / "small", tmp_path / "b")
+    assert np.array_equal(small.t, whole.t)
+    for name, values in whole.columns.items():
+        assert np.array_equal(small.columns[name], values, equal_nan=True), name
+
+
+def test_a_stamped_command_counts_when_it_arrives_not_when_another_computer_thinks_it_left(tmp_path):
+    recording = turtlebot()
+    recording.messages = [
+        (t, topic, "geometry_msgs/TwistStamped", {"header": {"stamp": stamp(t - 0.3), "frame_id": ""}, "twist": message})
+        if topic == "/cmd_vel" else (t, topic, kind, message) for t, topic, kind, message in recording.messages]
+    recording.mcap(tmp_path / "stamped.mcap")
+    turtlebot().mcap(tmp_path / "plain.mcap")
+    _, stamped, _ = run_of(tmp_path / "stamped.mcap", tmp_path / "a")
+    _, plain, _ = run_of(tmp_path / "plain.mcap", tmp_path / "b")
+    assert np.array_equal(stamped.t, plain.t)
+    assert np.array_equal(stamped.columns["w_cmd_l"], plain.columns["w_cmd_l"])
 
 
 def test_stamps_of_another_clock_give_way_to_the_recorders(tmp_path):
