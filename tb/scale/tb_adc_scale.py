@@ -8,6 +8,7 @@ import cocotb
 import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
+
 from rtds_host.link.scaling import ADC_CHANNELS, AdcScale, default_scaling
 from rtds_host.motor.model import canonical_words
 

@@ -8,6 +8,7 @@ import cocotb
 import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge
+
 from rtds_host.link.scaling import DAC_OUTPUTS, DacScale, default_scaling
 
 LATENCY = 11

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from rtds_host.errors import InputError
 from rtds_host.link.scaling import ADC_CHANNELS, DAC_OUTPUTS, AdcScale, DacScale, default_scaling, scaling_from
 
