@@ -16,7 +16,7 @@
 
 module rtds_ctrl #(
     parameter SILENT_CLOCKS = 1000,  // 20 us
-    parameter BUSY_CLOCKS = 100
+    parameter BUSY_CLOCKS = 127
 ) (
     input  wire         clk_i,
     input  wire         rst_ni,
@@ -127,8 +127,8 @@ module rtds_ctrl #(
   // --- halt, safe value ----------------------------------------------------------------------------------
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) halted_q <= 1'b0;
+    else if (clear_i) halted_q <= 1'b0;  // the level of core_nonfinite_i falls with this very edge
     else if (core_nonfinite_i) halted_q <= 1'b1;
-    else if (clear_i) halted_q <= 1'b0;
   end
 
   reg blank_q;

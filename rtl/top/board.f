@@ -1,0 +1,4 @@
+// the whole design with the board around it
+-f top.f
+../io/pll_adc.v
+rtds_top.v
