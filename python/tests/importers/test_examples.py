@@ -71,3 +71,11 @@ def test_the_csv_example(make_bag, tmp_path):
                                          "gyro_z"}
     found = misses(case)
     assert found["rover", "w_l"] > 4.0 and found["rover", "w_r"] < 1.2
+
+
+def test_the_tutorials_imports_print_what_stands_there():
+    spec = importlib.util.spec_from_file_location("run_tutorial", EXAMPLES / "run_tutorial.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    page = (EXAMPLES.parent / "docs" / "tutorial-bag.md").read_text()
+    assert module.refreshed(page, only="rtds import") == page
