@@ -1,0 +1,173 @@
+"""`rtds run`: drive a scenario and write a run folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from rtds_host.contract import staged_folder
+from rtds_host.errors import InputError
+from rtds_host.run import LinkChoice, Options, Plan, check_writable, make_plan, perform, write_outcome
+from rtds_host.run.summary import Summary, lines
+from rtds_host.scenario import find_scenario, scenarios
+
+app = typer.Typer(add_completion=False)
+
+# Options that stand for a parameter of a scenario.
+SHORT_CUTS = {"duration": "duration_s", "radius": "radius_m", "length": "length_m"}
+FAMILY_ALL = "paper"
+
+
+def _settings(texts: list[str]) -> dict[str, float]:
+    values = {}
+    for text in texts:
+        name, sign, number = text.partition("=")
+        try:
+            values[name.strip()] = float(number)
+        except ValueError:
+            sign = ""
+        if not sign:
+            raise InputError(f"--set {text}: name=number is needed, as in --set peak_v=8")
+    return values
+
+
+def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[str, dict[str, float]]]:
+    """Scenarios to run, and the parameters for each. With `all` a parameter goes to those that have it."""
+    if scenario != "all":
+        find_scenario(scenario)
+        return [(scenario, given)]
+    chosen = [one for one in scenarios().values() if one.family == FAMILY_ALL]
+    known = {name for one in chosen for name in one.parameters}
+    for name in given:
+        if name not in known:
+            raise InputError(f"scenario 'all': none of {', '.join(one.name for one in chosen)} has a parameter "
+                             f"{name!r} (known: {', '.join(sorted(known))})")
+    return [(one.name, {name: value for name, value in given.items() if name in one.parameters}) for one in chosen]
+
+
+@contextmanager
+def _bars(plans: list[Plan]) -> Iterator[Callable[[str, float], None]]:
+    """A progress bar a run on standard error, where that is a terminal."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.1f} s of {task.total:.1f} s"),
+               TimeElapsedColumn(), TimeRemainingColumn())
+    lengths = {plan.scenario.name: plan.duration_s for plan in plans}
+    tasks: dict[str, int] = {}
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+
+        def report(label: str, t_s: float) -> None:
+            if label not in tasks:
+                tasks[label] = progress.add_task(label, total=lengths[label.split(" ")[0]])
+            progress.update(tasks[label], completed=t_s)
+
+        yield report
+
+
+def _show(console: Console, summary: Summary, place: Path) -> None:
+    table = Table(title=f"{summary.scenario}  ->  {place}", title_justify="left", show_header=False, box=None)
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    for label, text in lines(summary):
+        table.add_row(label, text)
+    console.print(table)
+    console.print()
+
+
+@app.command()
+def run(
+    scenario: Annotated[str, typer.Argument(help="linear, circle, eight, a manoeuvre, or all (the first three); "
+                                                 "--list shows every one.")] = "",
+    show_list: Annotated[bool, typer.Option("--list", help="List the scenarios with their parameters.")] = False,
+    link: Annotated[str, typer.Option(help="What computes the motors: rtl or model.")] = "rtl",
+    sim: Annotated[str, typer.Option(help="Simulator of the RTL: verilator or icarus.")] = "verilator",
+    step_clocks: Annotated[str, typer.Option(help="Clocks of the RTL from step to step: a number (500 as on the "
+                                                  "board), or min.")] = "min",
+    robot: Annotated[str, typer.Option(help="burger, paper, or the path of a robot.toml.")] = "burger",
+    controller: Annotated[str, typer.Option(help="exact or paper.")] = "exact",
+    coupling: Annotated[str, typer.Option(help="closed: the robot's wheels follow the motor units; paper: they "
+                                               "follow the reference.")] = "closed",
+    engine: Annotated[str, typer.Option(help="Physics engine: pybullet or mujoco.")] = "pybullet",
+    support: Annotated[str, typer.Option(help="What the robot stands on beside its wheels: skids or caster.")] = "skids",
+    out: Annotated[Path | None, typer.Option(help="Folder of the run; for `all`, of the case with a folder a "
+                                                     "run. Default: out/SCENARIO, or out.")] = None,
+    payload: Annotated[float | None, typer.Option(help="Payload, kg.")] = None,
+    slope: Annotated[float | None, typer.Option(help="Slope, rad.")] = None,
+    uphill_yaw: Annotated[float | None, typer.Option(help="Heading that climbs, rad.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Length of the run, s.")] = None,
+    radius: Annotated[float | None, typer.Option(help="Radius of the circle, m.")] = None,
+    length: Annotated[float | None, typer.Option(help="Length of the way, m.")] = None,
+    setting: Annotated[list[str] | None, typer.Option("--set", help="Any parameter of the scenario, "
+                                                                      "name=number; may be repeated.")] = None,
+    exchange: Annotated[float | None, typer.Option(help="Exchange interval, s.")] = None,
+    log_interval: Annotated[float | None, typer.Option(help="Time between two rows of the log, s.")] = None,
+    step: Annotated[float, typer.Option(help="Step of the motor units, s.")] = 1e-5,
+    method: Annotated[str, typer.Option(help="backward_euler or trapezoidal.")] = "backward_euler",
+    compare: Annotated[bool, typer.Option(help="Drive once more with the other controller and print both errors.")]
+    = True,
+    figure: Annotated[bool, typer.Option(help="Draw the six-panel figure.")] = True,
+    form: Annotated[str, typer.Option("--format", help="Format of the log: csv or parquet.")] = "csv",
+) -> None:
+    """Drive SCENARIO with the motors in RTL (or the bit-exact model) and write a run folder."""
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=120)
+    if show_list:
+        _list(console)
+        return
+    if not scenario:
+        raise InputError(f"no scenario given (known: {', '.join(scenarios())}, all)")
+    if form not in ("csv", "parquet"):
+        raise InputError(f"--format {form}: unknown (known: csv, parquet)")
+    given = _settings(setting or [])
+    for name, value in (("duration", duration), ("radius", radius), ("length", length)):
+        if value is not None:
+            given[SHORT_CUTS[name]] = value
+    options = Options(robot=robot, controller=controller, coupling=coupling, engine=engine, support=support,
+                      payload_kg=payload, slope_rad=slope, uphill_yaw_rad=uphill_yaw, exchange_s=exchange,
+                      log_s=log_interval, simulator_step_s=step, method=method)
+    plans = [make_plan(name, values, options) for name, values in _wanted(scenario, given)]
+    choice = _link(link, sim, step_clocks)
+    target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / scenario)
+    check_writable(target)
+    with _bars(plans) as report:
+        if scenario != "all":
+            outcome = perform(plans[0], choice, compare, progress=report)
+            write_outcome(outcome, target, figure, form)
+            summaries = [(outcome.summary, target)]
+        else:
+            # A case whole or not at all: robot.toml beside the runs.
+            summaries = []
+            with staged_folder(target) as scratch:
+                (scratch / "robot.toml").write_bytes(plans[0].robot_path.read_bytes())
+                for plan in plans:
+                    outcome = perform(plan, choice, compare, progress=report)
+                    write_outcome(outcome, scratch / plan.scenario.name, figure, form)
+                    summaries.append((outcome.summary, target / plan.scenario.name))
+    for summary, place in summaries:
+        _show(console, summary, place)
+
+
+def _link(link: str, sim: str, step_clocks: str) -> LinkChoice:
+    if link != "rtl":
+        return LinkChoice(link)
+    try:
+        clocks: int | str = step_clocks if step_clocks == "min" else int(step_clocks)
+    except ValueError as error:
+        raise InputError(f"--step-clocks {step_clocks}: a whole number or min is needed") from error
+    return LinkChoice("rtl", {"sim": sim, "step_clocks": clocks}, f"rtl ({sim}, {step_clocks} clocks a step)")
+
+
+def _list(console: Console) -> None:
+    for one in scenarios().values():
+        console.print(f"[bold]{one.name}[/bold]  {one.about}")
+        console.print(f"    payload {one.payload_kg:g} kg, slope {one.slope_rad:g} rad, uphill at "
+                      f"{one.uphill_yaw_rad:.4g} rad; separates {one.separates}")
+        for name, parameter in one.parameters.items():
+            console.print(f"    {name} = {parameter.default:g}: {parameter.about}")

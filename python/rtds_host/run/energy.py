@@ -1,0 +1,53 @@
+"""Where the energy went: the run's inputs once more through the bit-exact model, which sums every step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtds_host.link.model import ModelLink
+from rtds_host.motor import EnergyTerms
+from rtds_host.robot import STEP_S
+from rtds_host.run.loop import Record, set_motors
+from rtds_host.run.plan import Plan
+
+
+@dataclass(frozen=True)
+class Audit:
+    """Energy of the motors and of the robot.
+
+    Attributes
+    ----------
+    terms : energy of both motors, summed at every simulator step.
+    imbalance : drawn minus accounted over the largest term, the worse of the two motors.
+    robot_gap : (work at the shafts minus energy gained by the robot) over the work exchanged in both directions.
+    throughput_j : work exchanged between motors and robot, in both directions.
+    same : the model ends at the same 32-bit currents and speeds as the link did.
+    """
+
+    terms: EnergyTerms
+    imbalance: float
+    robot_gap: float
+    throughput_j: float
+    same: bool
+
+
+def audit(plan: Plan, record: Record) -> Audit:
+    """Replay the applied voltages and torques of a record and sum the energies."""
+    with ModelLink(energy=True) as link:
+        set_motors(link, plan)
+        throughput, before = 0.0, np.zeros(2)
+        for start, end, volts, load in zip(record.starts, record.ends, record.applied, record.shaft_torques,
+                                           strict=True):
+            last = link.exchange(volts, load, (end - start) * STEP_S)
+            work = link.pair.energy.shaft_j
+            throughput += float(np.abs(work - before).sum())
+            before = work
+        terms = link.pair.energy
+    ratio = plan.robot.motor.gear_ratio
+    same = bool(np.array_equal(last.speeds[-1].astype(np.float64) / ratio, record.speeds[-1])
+                and np.array_equal(last.currents[-1].astype(np.float64), record.currents[-1]))
+    gap = float(terms.shaft_j.sum()) - record.engine_energy_j
+    return Audit(terms=terms, imbalance=float(terms.imbalance.max()), throughput_j=throughput,
+                 robot_gap=gap / throughput if throughput > 0 else 0.0, same=same)

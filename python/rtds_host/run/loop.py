@@ -1,0 +1,181 @@
+"""The loop: controller, driver, motor units, robot, sensors; once an exchange."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtds_host.control import Observation, make_controller
+from rtds_host.link import Link, open_link
+from rtds_host.robot import STEP_S, Engine, open_engine
+from rtds_host.run.path import Sample, SignalPath
+from rtds_host.run.plan import Plan
+from rtds_host.scenario import SpeedMotion, reference_poses, wheel_references
+
+
+@dataclass(frozen=True)
+class Record:
+    """What happened. n engine steps, m exchanges, k rows of the log. Wheel side but where said; [left, right].
+
+    Attributes
+    ----------
+    t_s : (n + 1,) s.
+    speeds, currents : (n + 1, 2) rad/s and A, of the motor units, at every engine step.
+    references : (n + 1, 2) rad/s or None (a run by voltage).
+    reference_poses : (n + 1, 3) m, m, rad, or None.
+    starts, ends : (m,) engine steps at which each exchange began and ended.
+    commanded, applied : (m, 2) V, asked for and at the motors; `applied` is float32.
+    shaft_torques : (m, 2) float32, N m at the motor shaft, held over the exchange.
+    rows : (k,) engine steps of the log's rows; `samples` their measured values, `truth` the true ones.
+    engine_energy_j : energy of the robot gained over the run. wall_s : time the loop took.
+    """
+
+    t_s: np.ndarray
+    speeds: np.ndarray
+    currents: np.ndarray
+    references: np.ndarray | None
+    reference_poses: np.ndarray | None
+    starts: np.ndarray
+    ends: np.ndarray
+    commanded: np.ndarray
+    applied: np.ndarray
+    shaft_torques: np.ndarray
+    rows: np.ndarray
+    samples: list[Sample]
+    truth: list[Sample]
+    engine_energy_j: float
+    wall_s: float
+
+
+def set_motors(link: Link, plan: Plan) -> None:
+    """Give the link the plan's motor parameters.
+
+    Raises
+    ------
+    InputError : parameters the core refuses. LinkError : no answer.
+    """
+    motor = plan.robot.motor
+    link.set_parameters(resistance_ohm=motor.resistance_ohm, inductance_h=motor.inductance_h,
+                        torque_constant_nm_per_a=motor.torque_constant_nm_per_a,
+                        back_emf_constant_v_s_per_rad=motor.back_emf_constant_v_s_per_rad,
+                        rotor_inertia_kg_m2=motor.rotor_inertia_kg_m2,
+                        viscous_friction_nm_s_per_rad=motor.viscous_friction_nm_s_per_rad,
+                        step_s=plan.simulator_step_s, method=plan.method)
+
+
+def drive(plan: Plan, link: Link, path: SignalPath | None = None,
+          progress: Callable[[float], None] | None = None) -> Record:
+    """Drive one run through an open link.
+
+    Parameters
+    ----------
+    path : what stands between controller, motors, robot and log; the nominal one by default.
+    progress : is called with the simulated time, s, once an exchange.
+
+    Raises
+    ------
+    InputError : parameters or times the link cannot take. LinkError : the link does not answer.
+    """
+    set_motors(link, plan)
+    path = path or SignalPath(plan.robot.supply_v)
+    with open_engine(plan.engine, plan.body, plan.motion.start) as engine:
+        began = time.perf_counter()
+        record = _Loop(plan, link, engine, path).run(progress)
+        return Record(**record, wall_s=time.perf_counter() - began)
+
+
+def drive_with(plan: Plan, link_name: str, link_options: dict | None = None, path: SignalPath | None = None,
+               progress: Callable[[float], None] | None = None) -> Record:
+    """Open a link, drive one run through it, close it. See `drive` and `rtds_host.link.open_link`."""
+    with open_link(link_name, **(link_options or {})) as link:
+        return drive(plan, link, path, progress)
+
+
+class _Loop:
+    def __init__(self, plan: Plan, link: Link, engine: Engine, path: SignalPath):
+        self.plan, self.link, self.engine, self.path = plan, link, engine, path
+        self.ratio = plan.robot.motor.gear_ratio
+        count = plan.total_steps + 1
+        self.t = np.arange(count) * STEP_S
+        self.speeds, self.currents = np.zeros((count, 2)), np.zeros((count, 2))
+        self.angles = np.zeros(2)
+        self.references = self.poses = self.controller = self.voltages = None
+        motion = plan.motion
+        if isinstance(motion, SpeedMotion):
+            self.references = wheel_references(motion, plan.robot, self.t)
+            self.poses = reference_poses(motion, STEP_S)
+            self.controller = make_controller(plan.controller, plan.robot.motor, plan.robot.supply_v)
+        else:
+            period = round(motion.period_s / STEP_S)
+            self.voltages = motion.voltages((np.arange(count) // period * period) * STEP_S)
+
+    def run(self, progress: Callable[[float], None] | None) -> dict:
+        plan, engine = self.plan, self.engine
+        total = plan.total_steps
+        torque = engine.hold()
+        energy = engine.energy_j()
+        rows, samples, truth = [], [], []
+        starts = np.arange(0, total, plan.exchange_steps)
+        ends = np.minimum(starts + plan.exchange_steps, total)
+        commanded, applied = np.zeros((len(starts), 2)), np.zeros((len(starts), 2), np.float32)
+        loads = np.zeros((len(starts), 2), np.float32)
+
+        def look(step: int) -> tuple[Sample, Sample]:
+            seen = self._sample(step)
+            measured = self.path.sensors(self.t[step], seen)
+            rows.append(step)
+            truth.append(seen)
+            samples.append(measured)
+            return seen, measured
+
+        for k, (start, end) in enumerate(zip(starts.tolist(), ends.tolist(), strict=True)):
+            at_row = start % plan.log_steps == 0
+            seen, measured = look(start) if at_row else (self._sample(start),) * 2
+            loads[k] = self.path.loads(self.t[start], torque, seen) / self.ratio
+            commanded[k] = self._command(start, end, measured, loads[k])
+            applied[k] = self.path.voltages(self.t[start], commanded[k], seen)
+            interval = (end - start) * STEP_S
+            got = self.link.exchange(applied[k], loads[k], interval, STEP_S)
+            self.speeds[start + 1:end + 1] = got.speeds.astype(np.float64) / self.ratio
+            self.currents[start + 1:end + 1] = got.currents
+            torque = self._move_robot(start, end, torque, look)
+            if progress is not None:
+                progress(self.t[end])
+        look(total)
+        return {"t_s": self.t, "speeds": self.speeds, "currents": self.currents, "references": self.references,
+                "reference_poses": self.poses, "starts": starts, "ends": ends, "commanded": commanded,
+                "applied": applied, "shaft_torques": loads, "rows": np.array(rows), "samples": samples,
+                "truth": truth, "engine_energy_j": engine.energy_j() - energy}
+
+    def _command(self, start: int, end: int, measured: Sample, load: np.ndarray) -> np.ndarray:
+        if self.controller is None:
+            return self.voltages[start].astype(np.float32).astype(np.float64)
+        seen = Observation(speeds_rad_s=measured.speeds_rad_s * self.ratio, currents_a=measured.currents_a,
+                           torques_nm=load.astype(np.float64))
+        volts = self.controller.command(seen, self.references[start] * self.ratio, self.references[end] * self.ratio,
+                                        (end - start) * STEP_S)
+        # The link works in single precision: the log then holds exactly what acted.
+        return volts.astype(np.float32).astype(np.float64)
+
+    def _move_robot(self, start: int, end: int, torque: np.ndarray, look: Callable) -> np.ndarray:
+        """Let the robot follow over the exchange, with a row of the log where one is due; the mean torque."""
+        lead = self.speeds if self.plan.coupling == "closed" else self.references
+        wheels = self.path.wheels(lead[start + 1:end + 1], torque)
+        total, now = np.zeros(2), start
+        while now < end:
+            stop = min(end, (now // self.plan.log_steps + 1) * self.plan.log_steps)
+            total += (stop - now) * self.engine.advance(wheels[now - start:stop - start])
+            self.angles = self.angles + 0.5 * STEP_S * (self.speeds[now:stop] + self.speeds[now + 1:stop + 1]).sum(axis=0)
+            now = stop
+            if now < end:
+                look(now)
+        return total / (end - start)
+
+    def _sample(self, step: int) -> Sample:
+        state = self.engine.state()
+        return Sample(v_bus=self.plan.robot.supply_v, currents_a=self.currents[step], speeds_rad_s=self.speeds[step],
+                      angles_rad=self.angles, gyro_rad_s=state.yaw_rate_rad_s, x_m=state.x_m, y_m=state.y_m,
+                      yaw_rad=state.yaw_rad)

@@ -1,0 +1,98 @@
+"""One run from plan to folder."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from rtds_host.contract import staged_folder, write_run
+from rtds_host.errors import OutputError
+from rtds_host.run.log import log_columns, run_meta
+from rtds_host.run.loop import Record, drive_with
+from rtds_host.run.path import SignalPath
+from rtds_host.run.plan import Plan, other_controller
+from rtds_host.run.summary import Summary, summarise
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class LinkChoice:
+    """Which link, and its options (see `rtds_host.link.open_link`)."""
+
+    name: str = "model"
+    options: dict | None = None
+    label: str = ""
+
+    @property
+    def text(self) -> str:
+        """How the link is named in a summary."""
+        return self.label or self.name
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A run that has been driven."""
+
+    plan: Plan
+    record: Record
+    summary: Summary
+
+
+def perform(plan: Plan, link: LinkChoice, compare: bool = True, path: SignalPath | None = None,
+            progress: Progress | None = None) -> Outcome:
+    """Drive the plan and, where there is a controller and `compare`, once more with the other one.
+
+    Raises
+    ------
+    InputError, LinkError : see `rtds_host.run.loop.drive`.
+    """
+
+    def report(label: str) -> Callable[[float], None] | None:
+        return None if progress is None else lambda t: progress(label, t)
+
+    record = drive_with(plan, link.name, link.options, path, report(plan.scenario.name))
+    compared = None
+    if compare and plan.controller is not None:
+        other = other_controller(plan)
+        compared = (other, drive_with(other, link.name, link.options, None,
+                                      report(f"{plan.scenario.name} ({other.controller})")))
+    return Outcome(plan, record, summarise(plan, record, link.text, compared))
+
+
+def write_outcome(outcome: Outcome, folder: Path, figure: bool = True, form: str = "csv") -> None:
+    """Fill a run folder: `run.json`, `log.csv`, `robot.toml`, `summary.json`, `figure.png`, `figure.pdf`.
+
+    Raises
+    ------
+    OutputError : the place cannot be written; nothing is left half-written.
+    """
+    with staged_folder(folder) as scratch:
+        plan = outcome.plan
+        notes = f"driven by rtds: {plan.robot.name}, coupling {plan.coupling}, {plan.engine}"
+        write_run(scratch, run_meta(plan, notes), log_columns(outcome.record), form)
+        (scratch / "robot.toml").write_bytes(plan.robot_path.read_bytes())
+        (scratch / "summary.json").write_text(json.dumps(outcome.summary.to_json(), indent=1) + "\n")
+        if figure:
+            from rtds_host.run.figure import draw
+
+            draw(plan, outcome.record, scratch)
+
+
+def check_writable(folder: Path) -> None:
+    """Find out before a long run whether its result can be written.
+
+    Raises
+    ------
+    OutputError : it cannot.
+    """
+    place = folder.absolute()
+    while not place.exists():
+        place = place.parent
+    if not place.is_dir():
+        raise OutputError(f"{place}: is a file, a folder is needed for the output")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise OutputError(f"{place}: cannot write (no permission)")

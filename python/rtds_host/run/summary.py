@@ -1,0 +1,133 @@
+"""The figures of a run: for the terminal, and as `summary.json`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from rtds_host.run.energy import Audit, audit
+from rtds_host.run.loop import Record
+from rtds_host.run.plan import Plan
+
+# What the paper states for its own set-up.
+PAPER_STEP_RATIO = 2000
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Figures of one run, SI; two-vectors are [left, right]. None where a run has no reference, or no comparison."""
+
+    scenario: str
+    robot: str
+    link: str
+    engine: str
+    coupling: str
+    controller: str | None
+    exchange_s: float
+    simulated_s: float
+    wall_s: float
+    step_ratio: float
+    inertia_ratio: float | None
+    end_position_error_m: float | None
+    end_yaw_error_rad: float | None
+    path_error_max_m: float | None
+    speed_error_rms_rad_s: float | None
+    compared_controller: str | None
+    compared_exchange_s: float | None
+    compared_error_rms_rad_s: float | None
+    peak_current_a: list[float]
+    peak_voltage_v: list[float]
+    current_negative_s: list[float]
+    drawn_j: list[float]
+    recovered_j: list[float]
+    copper_j: list[float]
+    viscous_j: list[float]
+    shaft_j: list[float]
+    stored_j: list[float]
+    numerical_j: list[float]
+    energy_imbalance: float
+    robot_energy_j: float
+    robot_energy_gap: float
+    model_agrees: bool
+
+    def to_json(self) -> dict:
+        """For `summary.json`."""
+        return asdict(self)
+
+
+def speed_error_rms(record: Record) -> float | None:
+    """RMS over both wheels, a sample every millisecond, of speed minus reference, rad/s."""
+    if record.references is None:
+        return None
+    return float(np.sqrt(np.mean((record.speeds - record.references)[1:] ** 2)))
+
+
+def path_errors(record: Record) -> tuple[float, float, float] | None:
+    """At the end: distance m and yaw error rad; and the largest distance on the way, m, at equal times."""
+    if record.reference_poses is None:
+        return None
+    poses = np.array([[s.x_m, s.y_m, s.yaw_rad] for s in record.truth])
+    off = poses - record.reference_poses[record.rows]
+    distance = np.hypot(off[:, 0], off[:, 1])
+    return float(distance[-1]), float(off[-1, 2]), float(distance.max())
+
+
+def summarise(plan: Plan, record: Record, link: str, compared: tuple[Plan, Record] | None = None) -> Summary:
+    """The figures of a run; `compared` is the same run with the other controller."""
+    energy: Audit = audit(plan, record)
+    terms = energy.terms
+    errors = path_errors(record) or (None, None, None)
+    return Summary(
+        scenario=plan.scenario.name, robot=plan.robot.name, link=link, engine=plan.engine, coupling=plan.coupling,
+        controller=plan.controller, exchange_s=plan.exchange_s, simulated_s=plan.duration_s, wall_s=record.wall_s,
+        step_ratio=plan.exchange_s / plan.simulator_step_s, inertia_ratio=plan.inertia_ratio,
+        end_position_error_m=errors[0], end_yaw_error_rad=errors[1], path_error_max_m=errors[2],
+        speed_error_rms_rad_s=speed_error_rms(record),
+        compared_controller=compared[0].controller if compared else None,
+        compared_exchange_s=compared[0].exchange_s if compared else None,
+        compared_error_rms_rad_s=speed_error_rms(compared[1]) if compared else None,
+        peak_current_a=np.abs(record.currents).max(axis=0).tolist(),
+        peak_voltage_v=np.abs(record.applied).astype(float).max(axis=0).tolist(),
+        current_negative_s=((record.currents < 0.0).sum(axis=0) * float(record.t_s[1])).tolist(),
+        drawn_j=terms.supplied_j.tolist(), recovered_j=terms.recovered_j.tolist(), copper_j=terms.copper_j.tolist(),
+        viscous_j=terms.viscous_j.tolist(), shaft_j=terms.shaft_j.tolist(), stored_j=terms.stored_j.tolist(),
+        numerical_j=terms.numerical_j.tolist(), energy_imbalance=energy.imbalance,
+        robot_energy_j=record.engine_energy_j, robot_energy_gap=energy.robot_gap, model_agrees=energy.same)
+
+
+def lines(summary: Summary) -> list[tuple[str, str]]:
+    """The summary as pairs of a label and a text, in the order they are printed."""
+    s = summary
+
+    def pair(values: list[float], form: str, unit: str) -> str:
+        return f"{values[0]:{form}} | {values[1]:{form}} {unit}"
+
+    rows = [("robot, link", f"{s.robot}, motors in {s.link}, {s.engine}, coupling {s.coupling}")]
+    if s.controller is not None:
+        text = (f"{1e3 * s.end_position_error_m:.2f} mm and {math.degrees(s.end_yaw_error_rad):.3f} deg off; "
+                f"largest distance on the way {1e3 * s.path_error_max_m:.2f} mm")
+        rows.append(("end of the path", text))
+        text = f"{s.speed_error_rms_rad_s:.5f} rad/s with {s.controller!r} at {1e3 * s.exchange_s:g} ms"
+        if s.compared_error_rms_rad_s is not None:
+            text += (f", {s.compared_error_rms_rad_s:.5f} with {s.compared_controller!r} at "
+                     f"{1e3 * s.compared_exchange_s:g} ms (ratio "
+                     f"{s.compared_error_rms_rad_s / s.speed_error_rms_rad_s:.3g})")
+        rows.append(("speed error (rms)", text))
+    gained = (f"gained {s.robot_energy_j:.3f} J, the shafts gave {sum(s.shaft_j):.3f} J "
+              f"(off by {100 * s.robot_energy_gap:.3f} % of what went to and fro)")
+    wall = f"{s.wall_s:.2f} s for {s.simulated_s:g} s simulated ({s.simulated_s / s.wall_s:.3g} times real time)"
+    rows += [
+        ("peak current, voltage", pair(s.peak_current_a, ".3f", "A") + ",  " + pair(s.peak_voltage_v, ".2f", "V")),
+        ("current below zero", pair(s.current_negative_s, ".2f", "s")),
+        ("energy drawn", pair(s.drawn_j, ".3f", "J") + ", recovered " + pair(s.recovered_j, ".4f", "J")),
+        ("  copper, viscous", pair(s.copper_j, ".3f", "J") + ",  " + pair(s.viscous_j, ".3f", "J")),
+        ("  shafts, stored", pair(s.shaft_j, ".3f", "J") + ",  " + pair(s.stored_j, ".4f", "J")),
+        ("  balance", f"off by {s.energy_imbalance:.1e} of the largest term, every step summed"
+         + ("" if s.model_agrees else "; the model's end differs from the link's")),
+        ("  robot", gained),
+        ("steps", f"{s.step_ratio:g} simulator steps an exchange with the robot (the paper: about {PAPER_STEP_RATIO})"),
+        ("wall time", wall),
+    ]
+    return rows

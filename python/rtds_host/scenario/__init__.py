@@ -1,0 +1,17 @@
+"""Scenarios: one file each, found by themselves."""
+
+from rtds_host.scenario.base import (
+                                     Motion,
+                                     Parameter,
+                                     Scenario,
+                                     SpeedMotion,
+                                     VoltageMotion,
+                                     find_scenario,
+                                     reference_poses,
+                                     scenarios,
+                                     wheel_references,
+)
+from rtds_host.scenario.reach import check_reach
+
+__all__ = ["Motion", "Parameter", "Scenario", "SpeedMotion", "VoltageMotion", "check_reach", "find_scenario",
+           "reference_poses", "scenarios", "wheel_references"]
