@@ -12,7 +12,9 @@ module adc_tb;
   reg  [95:0] codes;
   reg  [31:0] t_conv;
   reg  [31:0] d_convst;
+  reg  [31:0] d_convst_fall;
   reg  [31:0] d_sck;
+  reg  [31:0] d_sck_fall;
   reg  [31:0] d_sdi;
   reg  [31:0] d_sdo;
   reg         sdo_stuck;
@@ -53,7 +55,9 @@ module adc_tb;
     codes          = 96'd0;
     t_conv         = 1600000;
     d_convst       = 4000;
+    d_convst_fall  = 4000;
     d_sck          = 4000;
+    d_sck_fall     = 4000;
     d_sdi          = 4000;
     d_sdo          = 4000;
     sdo_stuck      = 1'b0;
@@ -70,11 +74,40 @@ module adc_tb;
   always #12500 clk = !clk;
   always @(clk) clk_cnv <= #7500 clk;
 
-  // Pads: transport delays, shorter than the shortest pulse.
-  always @(convst) convst_at_part <= #(d_convst) convst;
-  always @(sck) sck_at_part <= #(d_sck) sck;
+  // Pads: transport delays, shorter than the shortest pulse; CONVST and SCK have one for each direction.
+  always @(convst) convst_at_part <= #(convst ? d_convst : d_convst_fall) convst;
+  always @(sck) sck_at_part <= #(sck ? d_sck : d_sck_fall) sck;
   always @(sdi) sdi_at_part <= #(d_sdi) sdi;
   always @(sdo_at_part or sdo_stuck or sdo_level) sdo <= #(d_sdo) (sdo_stuck ? sdo_level : sdo_at_part);
+
+  // How long SDO has stood still at the edges that catch a bit, and for how long it does so after them.
+  reg  [31:0] capture_setup_min;
+  reg  [31:0] capture_hold_min;
+  time        t_sdo;
+  time        t_capture;
+  reg         captured;
+  wire        catches = dut.u_spi.active_q && (dut.u_spi.count_q >= 7'd64) && (dut.u_spi.count_q < 7'd76);
+
+  initial begin
+    capture_setup_min = 32'hFFFF_FFFF;
+    capture_hold_min  = 32'hFFFF_FFFF;
+    t_sdo             = 0;
+    t_capture         = 0;
+    captured          = 1'b0;
+  end
+
+  always @(sdo) begin
+    if (captured && $time - t_capture < {32'd0, capture_hold_min}) capture_hold_min = $time - t_capture;
+    captured = 1'b0;
+    t_sdo    = $time;
+  end
+
+  always @(posedge clk)
+    if (catches && rst_n && !sdo_stuck) begin
+      if ($time - t_sdo < {32'd0, capture_setup_min}) capture_setup_min = $time - t_sdo;
+      t_capture = $time;
+      captured  = 1'b1;
+    end
 
   adc_sequencer dut (
       .clk_i        (clk),

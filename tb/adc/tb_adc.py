@@ -65,19 +65,41 @@ async def started(dut) -> TB:
 
 @cocotb.test()
 async def every_pad_delay_and_conversion_time(dut):
-    """All corners of 3 to 5 ns on each of the four pins, conversions of 1.3 to 1.6 us: right codes, no violation."""
+    """All corners of 3 to 5 ns on each pin and edge, conversions of 1.3 to 1.6 us: right codes, no violation."""
     tb = await started(dut)
-    corners = list(itertools.product((3000, 5000), repeat=4))
-    for number, (convst, sck, sdi, sdo) in enumerate([*corners, (4000, 4000, 4000, 4000)]):
+    pads = (dut.d_convst, dut.d_convst_fall, dut.d_sck, dut.d_sck_fall, dut.d_sdi, dut.d_sdo)
+    corners = list(itertools.product((3000, 5000), repeat=len(pads)))
+    for number, corner in enumerate([*corners, (4000,) * len(pads)]):
         dut.rst_n.value = 0
         dut.agent_clear.value = 1
-        dut.d_convst.value, dut.d_sck.value, dut.d_sdi.value, dut.d_sdo.value = convst, sck, sdi, sdo
-        dut.t_conv.value = (1_300_000, 1_450_000, 1_600_000)[number % 3]
+        for pad, delay in zip(pads, corner, strict=True):
+            pad.value = delay
+        dut.t_conv.value = (1_300_000, 1_450_000)[number % 2]
         await tb.reset()
         await tb.good_record()
         dut.t_conv.value = 1_600_000
         await tb.good_record()
         tb.part.check()
+    # What the design promises in rtl/io/ltc2308_spi.v, as seen by the part, in ps.
+    promised = {
+        "convst_high_min": 23_000,
+        "convst_high_max": 27_000,
+        "cycle_min": 2_000_000,
+        "first_sck_min": 1_603_000,
+        "acquisition_min": 243_000,
+        "sck_to_convst_min": 105_500,
+        "sck_period_min": 25_000,
+        "sck_high_min": 10_500,
+        "sck_low_min": 10_500,
+        "sdi_setup_min": 10_500,
+        "sdi_hold_min": 10_500,
+    }
+    seen = {name: int(getattr(dut.part, name).value) for name in promised}
+    seen["capture_setup_min"] = int(dut.capture_setup_min.value)
+    seen["capture_hold_min"] = int(dut.capture_hold_min.value)
+    for name, value in seen.items():
+        dut._log.info("margin %-18s %9.1f ns", name, value / 1000)
+    assert seen == promised | {"capture_setup_min": 2_500, "capture_hold_min": 10_000}
 
 
 @cocotb.test()
@@ -190,13 +212,8 @@ async def reset_at_every_phase(dut):
 
 @cocotb.test()
 async def a_fault_is_caught(dut):
-    """Run with a mutated copy of the RTL (FAULT_EXPECTED names what must be noticed): it must be noticed."""
+    """Run with a mutated copy of the RTL (FAULT_EXPECTED names what must be noticed); else nothing may be noticed."""
     expected = os.environ.get("FAULT_EXPECTED", "")
-    if not expected:
-        tb = await started(dut)
-        await tb.good_record()
-        tb.part.check()
-        return
     tb = await started(dut)
     dut.d_convst.value = 5000
     dut.d_sck.value = 3000
@@ -208,4 +225,7 @@ async def a_fault_is_caught(dut):
         wrong_code = True
     noticed = set(tb.part.violations) | ({"WRONG_CODE"} if wrong_code else set())
     dut._log.info("noticed: %s", sorted(noticed))
-    assert expected in noticed, f"expected {expected}, noticed {sorted(noticed)}"
+    if expected:
+        assert expected in noticed, f"expected {expected}, noticed {sorted(noticed)}"
+    else:
+        assert not noticed

@@ -79,6 +79,23 @@ module ltc2308 (
   reg           sdo;
   integer       run;            // number of the conversion: an old one's end must not touch a new one's SDO
 
+  // The least (and where there is an upper limit, the largest) of each time seen so far, ps.
+  reg    [31:0] convst_high_min;
+  reg    [31:0] convst_high_max;
+  reg    [31:0] cycle_min;
+  reg    [31:0] first_sck_min;
+  reg    [31:0] sck_period_min;
+  reg    [31:0] sck_high_min;
+  reg    [31:0] sck_low_min;
+  reg    [31:0] sdi_setup_min;
+  reg    [31:0] sdi_hold_min;
+  reg    [31:0] acquisition_min;
+  reg    [31:0] sck_to_convst_min;
+
+  function [31:0] least(input [31:0] known, input [63:0] seen);
+    least = (seen < {32'd0, known}) ? seen[31:0] : known;
+  endfunction
+
   task violate(input integer which);
     begin
       violations_o[which] = 1'b1;
@@ -117,6 +134,17 @@ module ltc2308 (
     result            = 12'd0;
     sdo               = 1'b0;
     run               = 0;
+    convst_high_min   = 32'hFFFF_FFFF;
+    convst_high_max   = 0;
+    cycle_min         = 32'hFFFF_FFFF;
+    first_sck_min     = 32'hFFFF_FFFF;
+    sck_period_min    = 32'hFFFF_FFFF;
+    sck_high_min      = 32'hFFFF_FFFF;
+    sck_low_min       = 32'hFFFF_FFFF;
+    sdi_setup_min     = 32'hFFFF_FFFF;
+    sdi_hold_min      = 32'hFFFF_FFFF;
+    acquisition_min   = 32'hFFFF_FFFF;
+    sck_to_convst_min = 32'hFFFF_FFFF;
     forget;
   end
 
@@ -138,6 +166,9 @@ module ltc2308 (
     if (!clear_i) begin
       if (any_convst && $time - t_convst < T_CYCLE) violate(CYCLE_SHORT);
       if (any_convst && pulses != 12) violate(SCK_COUNT);
+      if (any_convst) cycle_min = least(cycle_min, $time - t_convst);
+      if (pulses >= 7) acquisition_min = least(acquisition_min, $time - t_sck_7th);
+      if (any_sck_fall) sck_to_convst_min = least(sck_to_convst_min, $time - t_sck_fall);
       if (pulses >= 7 && $time - t_sck_7th < T_ACQUIRE) violate(ACQUISITION);
       if (sck_i !== 1'b0 || (any_sck_fall && $time - t_sck_fall < T_SCK_TO_CONVST)) violate(SCK_TO_CONVST);
       any_convst      = 1'b1;
@@ -170,6 +201,8 @@ module ltc2308 (
 
   always @(negedge convst_i)
     if (!clear_i && any_convst) begin
+      convst_high_min = least(convst_high_min, $time - t_convst);
+      if ($time - t_convst > {32'd0, convst_high_max}) convst_high_max = $time - t_convst;
       if ($time - t_convst < T_CONVST_HIGH) violate(CONVST_SHORT);
       if ($time - t_convst > T_CONVST_LATE && $time - t_convst < T_CONV_MAX) violate(CONVST_LATE_LOW);
       if (!converting) bus_on = 1'b1;
@@ -177,6 +210,7 @@ module ltc2308 (
 
   always @(sdi_i) begin
     if (!clear_i && any_sck_rise && pulses >= 1 && pulses <= 6) begin
+      sdi_hold_min = least(sdi_hold_min, $time - t_sck_rise);
       if ($time == t_sck_rise) violate(SDI_SETUP);
       else if ($time - t_sck_rise < T_SDI_HOLD) violate(SDI_HOLD);
     end
@@ -185,6 +219,10 @@ module ltc2308 (
 
   always @(posedge sck_i)
     if (!clear_i) begin
+      if (any_convst && pulses == 0) first_sck_min = least(first_sck_min, $time - t_convst);
+      if (any_sck_rise) sck_period_min = least(sck_period_min, $time - t_sck_rise);
+      if (any_sck_fall) sck_low_min = least(sck_low_min, $time - t_sck_fall);
+      if (pulses < 6 && t_sdi != 0) sdi_setup_min = least(sdi_setup_min, $time - t_sdi);
       if (any_convst && $time - t_convst < T_CONV_MAX) violate(SCK_EARLY);
       if (any_sck_rise && $time - t_sck_rise < T_SCK_PERIOD) violate(SCK_FAST);
       if (any_sck_fall && $time - t_sck_fall < T_SCK_LOW) violate(SCK_LOW_SHORT);
@@ -207,6 +245,7 @@ module ltc2308 (
 
   always @(negedge sck_i)
     if (!clear_i && any_sck_rise) begin
+      sck_high_min = least(sck_high_min, $time - t_sck_rise);
       if ($time - t_sck_rise < T_SCK_HIGH) violate(SCK_HIGH_SHORT);
       t_sck_fall   = $time;
       any_sck_fall = 1'b1;
