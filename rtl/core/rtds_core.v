@@ -2,13 +2,14 @@
 //
 // Purpose    Each strobe makes one simulation step of both motors. An input acts in the step of the strobe that
 //            reads it; a parameter set acts one step later. The coefficients change all at once, between two steps.
-// Handshake  strobe_i while ready_o: inputs and parameters are taken at that edge. A strobe while not ready, or
-//            together with clear_i, is not taken and gives overrun_o for one clock.
+// Handshake  strobe_i while ready_o: inputs and parameters are taken at that edge, the inputs straight into the
+//            adders (give them from registers of this clock). A strobe while not ready, or together with clear_i, is
+//            not taken and gives overrun_o for one clock.
 //            clear_i: state and step count to zero, a step under way is dropped (no valid_o); the coefficients and
 //            a parameter set under way stay.
-// Latency    From the strobe's edge, always the same: 15 clocks to valid_o (one clock) and the high words, which
-//            hold until the next; 21 clocks to the low words; ready_o so that the next strobe may come 22 clocks
-//            after the last, and 87 clocks after one that brought changed parameters (81 if they were unusable).
+// Latency    Counted in edges after the one that takes the strobe, always the same: 15 to valid_o (one clock) and the
+//            high words, which hold until the next; 21 to the low words; 23 to the earliest next strobe (ready_o is
+//            seen after the 22nd), 88 if the strobe brought changed parameters, 81 if those were unusable.
 // Format     binary32, SI at the motor shaft: V, N.m (opposing load positive), A, rad/s, ohm, H, N.m/A, V.s/rad,
 //            kg.m2, N.m.s/rad, s. A state is the sum of its high and low word. One NaN: 7FC00000.
 // Faults     param_fault_o: the last parameter set is unusable (zero, negative, NaN, infinite or subnormal, or such a
@@ -57,27 +58,9 @@ module rtds_core (
 
   assign ready_o = idle & ~param_pending;
 
-  reg [31:0] v_l_q;
-  reg [31:0] v_r_q;
-  reg [31:0] t_l_q;
-  reg [31:0] t_r_q;
-
   always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) begin
-      v_l_q     <= 32'd0;
-      v_r_q     <= 32'd0;
-      t_l_q     <= 32'd0;
-      t_r_q     <= 32'd0;
-      overrun_o <= 1'b0;
-    end else begin
-      overrun_o <= strobe_i & ~accept;
-      if (accept) begin
-        v_l_q <= v_l_i;
-        v_r_q <= v_r_i;
-        t_l_q <= t_l_i;
-        t_r_q <= t_r_i;
-      end
-    end
+    if (!rst_ni) overrun_o <= 1'b0;
+    else overrun_o <= strobe_i & ~accept;
   end
 
   // ---- parameters: taken at the strobe, computed beside the step, committed after it -----------------------------
@@ -137,9 +120,11 @@ module rtds_core (
   );
 
   // ---- motors ----------------------------------------------------------------------------------------------------
-  wire       en;
+  wire       add_en;
+  wire       mul_en;
   wire [2:0] op;
-  wire       mul_g;
+  wire [1:0] mul_sel;
+  wire       save_p;
   wire       save_t;
   wire       save_hi;
   wire       save_lo;
@@ -153,9 +138,11 @@ module rtds_core (
     .refresh_i(refresh),
     .idle_o   (idle),
     .valid_o  (valid_o),
-    .en_o     (en),
+    .add_en_o (add_en),
+    .mul_en_o (mul_en),
     .op_o     (op),
-    .mul_g_o  (mul_g),
+    .mul_sel_o(mul_sel),
+    .save_p_o (save_p),
     .save_t_o (save_t),
     .save_hi_o(save_hi),
     .save_lo_o(save_lo),
@@ -166,16 +153,18 @@ module rtds_core (
     .clk_i    (clk_i),
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
-    .en_i     (en),
+    .add_en_i (add_en),
+    .mul_en_i (mul_en),
     .op_i     (op),
-    .mul_g_i  (mul_g),
+    .mul_sel_i(mul_sel),
+    .save_p_i (save_p),
     .save_t_i (save_t),
     .save_hi_i(save_hi),
     .save_lo_i(save_lo),
     .save_s_i (save_s),
     .coef_i   (coef_q),
-    .v_i      (v_l_q),
-    .t_i      (t_l_q),
+    .v_i      (v_l_i),
+    .t_i      (t_l_i),
     .i_hi_o   (i_l_o),
     .w_hi_o   (w_l_o),
     .i_lo_o   (i_l_lo_o),
@@ -186,16 +175,18 @@ module rtds_core (
     .clk_i    (clk_i),
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
-    .en_i     (en),
+    .add_en_i (add_en),
+    .mul_en_i (mul_en),
     .op_i     (op),
-    .mul_g_i  (mul_g),
+    .mul_sel_i(mul_sel),
+    .save_p_i (save_p),
     .save_t_i (save_t),
     .save_hi_i(save_hi),
     .save_lo_i(save_lo),
     .save_s_i (save_s),
     .coef_i   (coef_q),
-    .v_i      (v_r_q),
-    .t_i      (t_r_q),
+    .v_i      (v_r_i),
+    .t_i      (t_r_i),
     .i_hi_o   (i_r_o),
     .w_hi_o   (w_r_o),
     .i_lo_o   (i_r_lo_o),

@@ -6,8 +6,9 @@
 //              d = (g1 e1) -/+ (g2 e2)    minus for the electrical row
 //              t = d + lo;  hi' = hi + t;  lo' = t - (hi' - hi)
 //            s of the next step is computed when hi' stands, before the next input is known.
-//            One adder and two multipliers; the sequencer says what they work on (docs/motor-unit.md has the table).
-// Handshake  none of its own: op_i, mul_g_i and the save_*_i of rtds_sequencer.
+//            One adder and one multiplier; the sequencer says what they work on (it has the table).
+// Handshake  none of its own: op_i, mul_sel_i, the enables and the save_*_i of rtds_sequencer. u_i is used in the clock
+//            of the strobe only.
 // Latency    fp_add 3, fp_mul 2 clocks; of the step: see rtds_sequencer.
 // Crossing   none.
 `default_nettype none
@@ -19,9 +20,11 @@ module rtds_row #(
   input  wire        rst_ni,
   input  wire        clear_i,     // state to zero
   // from rtds_sequencer
-  input  wire        en_i,
+  input  wire        add_en_i,
+  input  wire        mul_en_i,
   input  wire  [2:0] op_i,        // what enters the adder in this clock
-  input  wire        mul_g_i,     // the multipliers work on e1, e2 rather than on the state
+  input  wire  [1:0] mul_sel_i,   // what enters the multiplier: {G e rather than S x, second rather than first}
+  input  wire        save_p_i,    // first product
   input  wire        save_t_i,
   input  wire        save_hi_i,
   input  wire        save_lo_i,
@@ -31,13 +34,13 @@ module rtds_row #(
   input  wire [31:0] a2_i,
   input  wire [31:0] g1_i,
   input  wire [31:0] g2_i,
-  // input held over the step, state of both rows, e of both rows
+  // input, state of both rows, e of both rows
   input  wire [31:0] u_i,
   input  wire [31:0] i_hi_i,
   input  wire [31:0] w_hi_i,
   input  wire [31:0] e1_i,
   input  wire [31:0] e2_i,
-  output wire [31:0] e_o,         // the adder's result; e in the clock in which mul_g_i is 1
+  output wire [31:0] e_o,         // the adder's result; e while mul_sel_i[1] is 1
   output reg  [31:0] hi_o,
   output reg  [31:0] lo_o
 );
@@ -50,25 +53,40 @@ module rtds_row #(
   localparam [2:0] OP_LO = 3'd5;
   localparam [2:0] OP_S  = 3'd6;
 
-  wire [31:0] m1;
-  wire [31:0] m2;
+  wire [31:0] m;
   wire [31:0] y;
   reg  [31:0] s_q;
-  reg  [31:0] t_q;
+  reg  [31:0] t_q;   // first product, until it is added to the second; t, until lo' is made of it
+  reg  [31:0] mul_a;
+  reg  [31:0] mul_b;
 
-  fp_mul u_mul1 (
+  always @* begin
+    case (mul_sel_i)
+      2'b00: begin
+        mul_a = a1_i;
+        mul_b = i_hi_i;
+      end
+      2'b01: begin
+        mul_a = a2_i;
+        mul_b = w_hi_i;
+      end
+      2'b10: begin
+        mul_a = g1_i;
+        mul_b = e1_i;
+      end
+      default: begin
+        mul_a = g2_i;
+        mul_b = e2_i;
+      end
+    endcase
+  end
+
+  fp_mul u_mul (
     .clk_i(clk_i),
-    .en_i (en_i),
-    .a_i  (mul_g_i ? g1_i : a1_i),
-    .b_i  (mul_g_i ? e1_i : i_hi_i),
-    .y_o  (m1)
-  );
-  fp_mul u_mul2 (
-    .clk_i(clk_i),
-    .en_i (en_i),
-    .a_i  (mul_g_i ? g2_i : a2_i),
-    .b_i  (mul_g_i ? e2_i : w_hi_i),
-    .y_o  (m2)
+    .en_i (mul_en_i),
+    .a_i  (mul_a),
+    .b_i  (mul_b),
+    .y_o  (m)
   );
 
   reg [31:0] add_a;
@@ -76,8 +94,8 @@ module rtds_row #(
   reg        add_sub;
 
   always @* begin
-    add_a   = m1;
-    add_b   = m2;
+    add_a   = t_q;
+    add_b   = m;
     add_sub = 1'b0;
     case (op_i)
       OP_E: begin
@@ -100,7 +118,6 @@ module rtds_row #(
         add_sub = 1'b1;
       end
       OP_LO: begin
-        add_a   = t_q;
         add_b   = y;
         add_sub = 1'b1;
       end
@@ -111,7 +128,7 @@ module rtds_row #(
 
   fp_add u_add (
     .clk_i(clk_i),
-    .en_i (en_i),
+    .en_i (add_en_i),
     .sub_i(add_sub),
     .a_i  (add_a),
     .b_i  (add_b),
@@ -130,6 +147,7 @@ module rtds_row #(
       lo_o <= 32'd0;
       s_q  <= 32'd0;  // s of a zero state, whatever the coefficients
     end else begin
+      if (save_p_i) t_q <= m;
       if (save_t_i) t_q <= y;
       if (save_hi_i) hi_o <= y;
       if (save_lo_i) lo_o <= y;

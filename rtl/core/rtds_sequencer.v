@@ -1,19 +1,22 @@
 // rtds_sequencer: says in each clock of a step what the adders and multipliers of the motor units do.
 //
-// Purpose    Slot k is the k-th clock after the strobe's edge. What enters the adder in slot k leaves it in slot
-//            k + 3, the multipliers' results come two slots later:
-//              slot  1   add E : u, s -> e (slot 4)
-//              slot  4   mul G : e1, e2 -> products (slot 6)
+// Purpose    Slot 0 is the clock of the strobe, slot k the k-th clock after it. What enters the adder in slot k leaves
+//            it in slot k + 3, a product leaves the multiplier two slots after its factors entered:
+//              slot  0   add E : u, s -> e (slot 3; the adder stands still for one clock, e stays in slot 4)
+//              slot  3   mul   : g1 e1 (slot 5, saved at its end)
+//              slot  4   mul   : g2 e2 (slot 6)
 //              slot  6   add D : products -> d (slot 9)
 //              slot  9   add T : d + lo -> t (slot 12, saved at its end)
 //              slot 12   add HI: hi + t -> hi' (slot 15, saved at its end: outputs change, valid)
 //              slot 15   add Z : hi' - hi -> z (slot 18)
-//              slot 16   mul   : state -> products (slot 18 and on)
+//              slot 16   mul   : first product of the state (slot 18, saved at its end)
+//              slot 17   mul   : second product of the state (slot 19)
 //              slot 18   add LO: t - z -> lo' (slot 21, saved at its end)
 //              slot 19   add S : products -> s (slot 22, saved at its end)
 //            refresh_i runs slots 16 to 22 alone, without LO: s anew after the coefficients have changed.
-// Handshake  start_i or refresh_i only while idle_o; idle_o is 1 in slot 22 already. clear_i ends what is under way.
-// Latency    valid_o in slot 16: 15 clocks after the strobe; the next strobe may follow 22 clocks after the last.
+// Handshake  start_i (in the clock of the strobe) or refresh_i only while idle_o. clear_i ends what is under way.
+// Latency    valid_o in slot 16, after the 15th edge that follows the strobe's; the next strobe may follow 23 clocks
+//            after the last.
 // Crossing   none.
 `default_nettype none
 
@@ -25,9 +28,11 @@ module rtds_sequencer (
   input  wire       refresh_i,
   output wire       idle_o,
   output reg        valid_o,
-  output wire       en_o,
+  output wire       add_en_o,
+  output wire       mul_en_o,
   output reg  [2:0] op_o,
-  output wire       mul_g_o,
+  output wire [1:0] mul_sel_o,
+  output wire       save_p_o,
   output wire       save_t_o,
   output wire       save_hi_o,
   output wire       save_lo_o,
@@ -73,23 +78,28 @@ module rtds_sequencer (
 
   always @* begin
     case (slot_q)
-      5'd1:    op_o = OP_E;
-      5'd6:    op_o = OP_D;
-      5'd9:    op_o = OP_T;
-      5'd12:   op_o = OP_HI;
-      5'd15:   op_o = OP_Z;
-      5'd18:   op_o = OP_LO;
-      default: op_o = OP_S;
+      SLOT_IDLE: op_o = OP_E;
+      5'd6:      op_o = OP_D;
+      5'd9:      op_o = OP_T;
+      5'd12:     op_o = OP_HI;
+      5'd15:     op_o = OP_Z;
+      5'd18:     op_o = OP_LO;
+      default:   op_o = OP_S;
     endcase
   end
 
-  assign idle_o    = (slot_q == SLOT_IDLE) | (slot_q == SLOT_LAST);
-  assign en_o      = slot_q != SLOT_IDLE;
-  assign mul_g_o   = slot_q == 5'd4;
-  assign save_t_o  = slot_q == 5'd12;
-  assign save_hi_o = slot_q == 5'd15;
-  assign save_lo_o = (slot_q == 5'd21) & ~refresh_q;
-  assign save_s_o  = slot_q == SLOT_LAST;
+  wire busy = slot_q != SLOT_IDLE;
+
+  assign idle_o       = ~busy;
+  assign mul_sel_o[1] = (slot_q == 5'd3) | (slot_q == 5'd4);
+  assign mul_sel_o[0] = (slot_q == 5'd4) | (slot_q == 5'd17);
+  assign add_en_o     = (busy | start_i) & (slot_q != 5'd3);
+  assign mul_en_o     = busy;
+  assign save_p_o     = (slot_q == 5'd5) | (slot_q == 5'd18);
+  assign save_t_o     = slot_q == 5'd12;
+  assign save_hi_o    = slot_q == 5'd15;
+  assign save_lo_o    = (slot_q == 5'd21) & ~refresh_q;
+  assign save_s_o     = slot_q == SLOT_LAST;
 endmodule
 
 `default_nettype wire

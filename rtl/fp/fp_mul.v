@@ -36,30 +36,28 @@ module fp_mul (
     .zero_o (none_left)
   );
 
-  // Biased exponent of the product's bit 46; signed, -125 to 381.
-  wire signed [9:0] exp_raw   = $signed({2'd0, a_i[30:24], a_i[23] | ~a_normal})
-                              + $signed({2'd0, b_i[30:24], b_i[23] | ~b_normal}) - 10'sd127;
-  wire signed [9:0] exp_above = exp_raw - 10'sd1;                // left shift at which exponent 1 is reached
-  wire signed [9:0] zeros_ext = $signed({5'd0, zeros});
-  wire              limited   = exp_above < zeros_ext;           // the result's exponent is 1 (or subnormal)
-  wire signed [9:0] shift     = limited ? ((exp_above < -10'sd31) ? -10'sd31 : exp_above) : zeros_ext;
-  wire signed [9:0] exp_norm  = limited ? 10'sd1 : exp_raw - zeros_ext;
+  // One less than the biased exponent of the product's bit 46, signed, -126 to 380: also the left shift that would
+  // bring it to exponent 1. A left shift stops there; a negative one is a right shift, of which 31 is enough.
+  wire [8:0] exp_sum   = {1'b0, a_i[30:24], a_i[23] | ~a_normal} + {1'b0, b_i[30:24], b_i[23] | ~b_normal};
+  wire [9:0] exp_above = {1'b0, exp_sum} - 10'd128;
+  wire [9:0] exp_left  = exp_above - {5'd0, zeros};
+  wire       limited   = exp_left[9];
+  wire       deep      = exp_above[9] & ~(&exp_above[8:5]);
+  wire [5:0] shift     = limited ? (deep ? 6'h21 : exp_above[5:0]) : {1'b0, zeros};
 
   reg        sign_q;
   reg [47:0] product_q;
-  reg  [5:0] right_q;     // right shift of {product, 24 zeros}: 24 less the left shift, 1 to 55
-  reg  [8:0] exp_q;       // 1 to 381
+  reg  [5:0] right_q;     // right shift of {product, 24 zeros}: 24 less the left shift, 1 to 56
+  reg  [8:0] exp_q;       // one less than the exponent of bit 46 after the shift, 0 to 380
   reg        nan_q;
   reg        inf_q;
-
-  wire [5:0] right = 6'd24 - shift[5:0];
 
   always @(posedge clk_i) begin
     if (en_i) begin
       sign_q    <= a_i[31] ^ b_i[31];
       product_q <= a_mant * b_mant;
-      right_q   <= right;
-      exp_q     <= exp_norm[8:0];
+      right_q   <= 6'd24 - shift;
+      exp_q     <= (limited | a_zero | b_zero) ? 9'd0 : exp_left[8:0];
       nan_q     <= a_nan | b_nan | (a_max & b_zero) | (b_max & a_zero);
       inf_q     <= a_max | b_max;
     end
@@ -74,12 +72,12 @@ module fp_mul (
   wire [71:0] placed   = {product_q, 24'd0} >> right_q;
 
   wire        top      = placed[47];
-  wire [23:0] mant     = top ? placed[47:24] : placed[46:23];
+  wire [22:0] frac     = top ? placed[46:24] : placed[45:23];
   wire        guard    = top ? placed[23] : placed[22];
   wire        sticky   = (|placed[21:0]) | (top & placed[22]) | lost;
-  wire  [8:0] exp      = top ? exp_q + 9'd1 : placed[46] ? exp_q : 9'd0;
-  wire        up       = guard & (sticky | mant[0]);
-  wire [31:0] word   = {exp, mant[22:0]} + {31'd0, up};
+  wire        up       = guard & (sticky | frac[0]);
+  // The leading one counts one in the exponent, or two at the upper place; a subnormal has none.
+  wire [31:0] word     = {exp_q, 23'd0} + {7'd0, top, placed[46] & ~top, frac} + {31'd0, up};
   wire        overflow = inf_q | word[31] | (&word[30:23]);
 
   always @(posedge clk_i) begin
@@ -90,7 +88,7 @@ module fp_mul (
     end
   end
 
-  wire unused = &{1'b0, none_left, mant[23], placed[71:48], shift[9:6], exp_norm[9]};
+  wire unused = &{1'b0, none_left, placed[71:48]};
 endmodule
 
 `default_nettype wire

@@ -21,7 +21,7 @@
 namespace {
 
 constexpr int VALID_CLOCKS = 15;
-constexpr int READY_CLOCKS = 22;
+constexpr int READY_CLOCKS = 23;
 constexpr int READY_LIMIT = 400;
 
 std::uint64_t random_state = 88172645463325252ull;

@@ -16,8 +16,8 @@ from rtds_host.motor import CoreModel
 
 VALID_CLOCKS = 15
 LOW_CLOCKS = 21
-READY_CLOCKS = 22
-PARAMETER_CLOCKS = 87
+READY_CLOCKS = 23
+PARAMETER_CLOCKS = 88
 FAULT_CLOCKS = 81
 
 NOMINAL = (8.6, 1e-3, 6.538e-3, 6.538e-3, 1e-7, 4.372e-7, 1e-5)
@@ -224,7 +224,7 @@ async def strobe_while_not_ready_is_refused_and_reported(dut):
     await tb.step(words([12, 6]), words([0, 0]))
     await RisingEdge(dut.clk_i)
     tb.drive(words([12, 6]), words([0, 0]))
-    dut.strobe_i.value = 1  # and stays on: taken every 22nd clock, refused at all others
+    dut.strobe_i.value = 1  # and stays on: taken every 23rd clock, refused at all others
     await RisingEdge(dut.clk_i)
     valids = 0
     for clock in range(1, 3 * READY_CLOCKS):

@@ -65,21 +65,21 @@ def _run_energy(state, c, p, theta, v, t, n_steps, every, done, total, out, row,
     p : (7,) float32 parameters in force, theta : 1 or 0.5.
     """
     r, kb, km, b, g11, g12, g21, g22 = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7]
-    r64, l64, km64, kb64 = float(p[0]), float(p[1]), float(p[2]), float(p[3])
-    j64, b64, h64 = float(p[4]), float(p[5]), float(p[6])
+    r64, l64, km64, kb64 = np.float64(p[0]), np.float64(p[1]), np.float64(p[2]), np.float64(p[3])
+    j64, b64, h64 = np.float64(p[4]), np.float64(p[5]), np.float64(p[6])
     end = done + n_steps
     while done < end:
         stop = min(end, (done // every + 1) * every)
         for m in range(2):
             i, w, i_lo, w_lo = state[m, 0], state[m, 1], state[m, 2], state[m, 3]
-            v64, t64 = float(v[m]), float(t[m])
+            v64, t64 = np.float64(v[m]), np.float64(t[m])
             supplied, recovered, copper, viscous = 0.0, 0.0, 0.0, 0.0
             shaft, conversion, dissipated = 0.0, 0.0, 0.0
-            i0, w0 = float(i) + float(i_lo), float(w) + float(w_lo)
+            i0, w0 = np.float64(i) + np.float64(i_lo), np.float64(w) + np.float64(w_lo)
             stored = -0.5 * (l64 * i0 * i0 + j64 * w0 * w0)
             for _ in range(stop - done):
                 i, w, i_lo, w_lo = _step(i, w, i_lo, w_lo, r, kb, km, b, g11, g12, g21, g22, v[m], t[m])
-                i1, w1 = float(i) + float(i_lo), float(w) + float(w_lo)
+                i1, w1 = np.float64(i) + np.float64(i_lo), np.float64(w) + np.float64(w_lo)
                 di, dw = i1 - i0, w1 - w0
                 im, wm = i0 + theta * di, w0 + theta * dw  # where the method takes the derivative
                 power = v64 * im
