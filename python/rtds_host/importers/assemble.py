@@ -17,7 +17,7 @@ from rtds_host.importers.series import NS, Series
 from rtds_host.importers.table import Table
 from rtds_host.importers.units import FIXED, QUANTITY, factor
 
-AT_REST_RAD_S = 0.2
+AT_REST_RAD_S, AT_REST_RAD = 0.2, 0.05
 
 
 @dataclass(frozen=True)
@@ -224,8 +224,12 @@ def _span(path: Path, signals: dict[str, Series], commands: list[str], mapping: 
         held[name] = series
     known = max(series.t_ns[0] for series in held.values())
     if known > low and mapping.before_first is not None:
-        moving = [n for n, s in measured.items() if n in ("w_l", "w_r")
-                  and np.abs(s.values[(s.t_ns >= low) & (s.t_ns < known)]).max(initial=0.0) > AT_REST_RAD_S]
+        moving = []
+        for name, series in measured.items():
+            before = series.values[(series.t_ns >= low) & (series.t_ns < known)]
+            if (name in ("w_l", "w_r") and np.abs(before).max(initial=0.0) > AT_REST_RAD_S
+                    or name in ("th_l", "th_r") and len(before) and np.ptp(before) > AT_REST_RAD):
+                moving.append(name)
         if not moving:
             for name, series in held.items():
                 if series.t_ns[0] > low:

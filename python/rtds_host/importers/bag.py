@@ -312,12 +312,12 @@ class Bag:
         values = np.asarray(data.values[request], dtype=float)
         shape = (len(t_ns), 2) if isinstance(request, Twist) or request.pair else (len(t_ns),)
         values = values.reshape(shape)
-        infinite = np.flatnonzero(np.isinf(values).reshape(len(t_ns), -1).any(axis=1))
+        rows = values.reshape(len(t_ns), 1 if values.ndim == 1 else 2)
+        infinite = np.flatnonzero(np.isinf(rows).any(axis=1))
         if infinite.size:
             raise InputError(f"{self.path}: topic {topic}, message {infinite[0] + 1}: a value is infinite "
                              f"({request.place})")
-        finite = np.isfinite(values).reshape(len(t_ns), -1).all(axis=1)
-        return Series(t_ns, values, f"{self.path.name} {topic}").keep(finite)
+        return Series(t_ns, values, f"{self.path.name} {topic}").keep(np.isfinite(rows).all(axis=1))
 
 
 def list_topics(path: Path) -> list[tuple[str, str, int]]:

@@ -76,7 +76,10 @@ def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, ro
         name = robot or mapped.robot
         if name is None:
             raise InputError(f"{out}: no nominal robot: give --robot NAME or --robot FILE (or robot = in the mapping)")
-        nominal_path = Path(name) if os.path.sep in name or name.endswith(".toml") else builtin_robot_path(name)
+        if os.path.sep not in name and not name.endswith(".toml"):
+            nominal_path = builtin_robot_path(name)
+        else:                       # a mapping's path is relative to the mapping
+            nominal_path = Path(name) if robot is not None else mapped.path.parent / name
     nominal = load_robot(nominal_path)
 
     runs: list[ImportedRun] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+import sqlite3
 import sys
 
 import numpy as np
@@ -115,6 +116,16 @@ def test_the_missing_command_is_named_with_what_is_there(tmp_path):
     message = refused(tmp_path / "drive.mcap", tmp_path)
     assert "no command signal: neither voltages (v_cmd_l, v_cmd_r) nor wheel speeds (w_cmd_l, w_cmd_r)" in message
     assert "no topic /cmd_vel" in message and "/joint_states" in message
+
+
+def test_a_topic_that_the_metadata_promises_and_the_file_does_not_hold_is_noted(whole, tmp_path):
+    shutil.copytree(whole / "humble", tmp_path / "humble")
+    base = sqlite3.connect(tmp_path / "humble" / "humble_0.db3")
+    base.execute("DELETE FROM messages WHERE topic_id = (SELECT id FROM topics WHERE name = '/imu')")
+    base.commit()
+    base.close()
+    run = import_case([tmp_path / "humble"], tmp_path / "case")[0]
+    assert any("/imu: angular_velocity.z holds nothing, gyro_z is left out" in n for n in run.imported.notices)
 
 
 def test_missing_measurements_are_named(tmp_path):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rtds_host.contract import read_case
+from rtds_host.contract import builtin_robot_path, read_case
 from rtds_host.errors import InputError
 from rtds_host.importers import import_case
 
@@ -55,6 +55,32 @@ def test_units_become_si_and_empty_cells_stay_empty(tmp_path):
     assert np.isfinite(run.columns["i_l"]).sum() == 20 and np.nanmax(run.columns["i_l"]) == pytest.approx(0.15)
     assert run.columns["yaw"] == pytest.approx(np.radians(355 + np.arange(60)))
     assert run.name == "log"
+
+
+def test_a_commanded_twist_and_odometry_in_columns(tmp_path):
+    mapping = """schema = "rtds-mapping/1"
+robot = "burger.toml"
+[time]
+column = "s"
+[twist]
+linear = "v_mm"
+angular = "turn"
+linear_unit = "mm/s"
+angular_unit = "deg/s"
+[servo]
+kp_v_s_per_rad = 1.0
+ki_v_per_rad = 10.0
+period_s = 0.01
+[signal]
+w_l = { pair = ["v", "omega"] }
+w_r = { pair = ["v", "omega"] }
+"""
+    (tmp_path / "burger.toml").write_text(builtin_robot_path("burger").read_text())     # beside the mapping
+    lines = [f"{0.05 * k},66,{math.degrees(0.5):.9f},0.066,0.5" for k in range(30)]
+    run = bring(tmp_path, table(tmp_path, None, text="\n".join(["s,v_mm,turn,v,omega", *lines])), mapping)
+    for side, sign in (("l", -1), ("r", 1)):
+        assert run.columns[f"w_cmd_{side}"] == pytest.approx((0.066 + sign * 0.04) / 0.033)
+        assert run.columns[f"w_{side}"] == pytest.approx((0.066 + sign * 0.04) / 0.033)
 
 
 def test_words_for_no_sample(tmp_path):
