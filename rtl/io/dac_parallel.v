@@ -13,7 +13,7 @@
 //
 // Safe value SAFE_CODE (mid-scale: 0 A, 0 rad/s). While rst_ni is 0 (reset, lock lost) /RESET is low, at once and
 //            without a clock: a DAC7624 then shows mid-scale by itself, a DAC7625 zero-scale. After release
-//            /RESET stays low for 4 clocks more, then the safe codes are written, then ready_o rises. fault_i
+//            /RESET stays low for 5 clocks more, then the safe codes are written, then ready_o rises. fault_i
 //            (level, or a pulse of one clock): a running transfer is finished, its values being whole; then the
 //            safe codes are written once, and ready_o stays 0 until fault_i falls. From fault_i to the LDAC of
 //            the safe value: 22 clocks when idle, at most 47. safe_o: the outputs show the written safe value.
@@ -45,7 +45,7 @@ module dac_parallel #(
   localparam [2:0] SLOT_LDAC = 3'd4;    // slots 0 to 3: outputs A to D
   localparam [2:0] RESET_CLOCKS = 3'd4;
 
-  // The part's reset outlasts ours by a few clocks: 80 ns where 50 are wanted, however short ours was.
+  // The part's reset outlasts ours by a few clocks: 100 ns where 50 are wanted, however short ours was.
   reg  [2:0] boot_q;
   reg        reset_off_q;
   wire       booted = (boot_q == RESET_CLOCKS);
