@@ -166,9 +166,9 @@ module rtds_chip #(
   wire        enable_adc;
   wire [61:0] record_adc;
   wire        toggle_adc;
+  wire        valid_adc;
   wire        silent_adc;
   wire        dropped_adc;
-  reg         toggle_prev_q;
   reg         lost_q;
 
   cdc_sync u_enable (
@@ -191,6 +191,7 @@ module rtds_chip #(
       .code_p_o     (record_adc[59:48]),
       .index_p_o    (record_adc[61:60]),
       .done_toggle_o(toggle_adc),
+      .valid_o      (valid_adc),
       .silent_o     (silent_adc),
       .adc_convst_o (adc_convst_o),
       .adc_sck_o    (adc_sck_o),
@@ -200,13 +201,8 @@ module rtds_chip #(
 
   // A record that the crossing could not take is reported by a level that changes once a loss.
   always @(posedge clk_adc_i or negedge rst_adc_n) begin
-    if (!rst_adc_n) begin
-      toggle_prev_q <= 1'b0;
-      lost_q        <= 1'b0;
-    end else begin
-      toggle_prev_q <= toggle_adc;
-      if (dropped_adc) lost_q <= !lost_q;
-    end
+    if (!rst_adc_n) lost_q <= 1'b0;
+    else if (dropped_adc) lost_q <= !lost_q;
   end
 
   wire        record_valid;
@@ -221,7 +217,7 @@ module rtds_chip #(
   ) u_record (
       .src_clk_i    (clk_adc_i),
       .src_rst_ni   (rst_adc_n),
-      .src_valid_i  (toggle_adc != toggle_prev_q),
+      .src_valid_i  (valid_adc),
       .src_ready_o  (record_ready),
       .src_data_i   (record_adc),
       .src_dropped_o(dropped_adc),
@@ -479,7 +475,7 @@ module rtds_chip #(
     run, !uart_tx_o || !uart_rx_i, levels[0], levels[2], levels[4], levels[3], locked, blink_q[24]
   };
 
-  wire unused = ^{record_ready, low_words, core_steps, dac_nan};
+  wire unused = ^{toggle_adc, record_ready, low_words, core_steps, dac_nan};
 
 endmodule
 
