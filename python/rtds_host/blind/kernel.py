@@ -53,8 +53,10 @@ WORLD_NAMES = (
 BRISTLE_RAD = 1e-4            # travel after which a bristle yields: far below an encoder count
 TYRE_N_PER_M = 3e6            # a third of a micrometre at 1 N: far below the pose's noise
 TYRE_N_S_PER_M = 600.0
-STOP_NM_PER_RAD = 1000.0      # gear teeth in contact, where nothing softer is asked for
-STOP_NM_S_PER_RAD = 0.05
+SOFT_TYRE_N_PER_M = 1.5e4
+SOFT_TYRE_N_S_PER_M = 50.0
+STOP_NM_PER_RAD = 600.0       # gear teeth in contact, where nothing softer is asked for; they hardly bounce
+STOP_NM_S_PER_RAD = 0.8
 
 
 @njit(cache=True)
@@ -127,7 +129,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
     row = 0          # next row to record and to command
     sample = 0       # next delayed sample
     acting = -1      # row whose command reaches the driver
-    steps = int(round(times[n - 1] / h)) + 1
+    steps = round(times[n - 1] / h) + 1
     for k in range(steps):
         t = k * h
         for q in range(8):
@@ -143,10 +145,8 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
                 previous[q] = current[q]
         while sample < n and times[sample] - delay_m <= t + 1e-9:
             part = (times[sample] - delay_m - (t - h)) / h
-            if part > 1.0:
-                part = 1.0
-            if part < 0.0:
-                part = 0.0
+            part = min(part, 1.0)
+            part = max(part, 0.0)
             for q in range(8):
                 out[sample, q] = previous[q] + part * (current[q] - previous[q])
             sample += 1

@@ -24,7 +24,10 @@ from rtds_host.contract import RunMeta, builtin_robot_path, load_robot, write_ru
 STEP_S = 50e-6
 SCENARIOS = ("coast", "crawl", "steps", "prbs", "spin", "circle", "eight", "linear", "teleop")
 CLOSED = ("spin", "circle", "eight", "linear", "teleop")
-TIERS = ("all", "tol", "few", "pair", "none", "unknown")
+TIERS = ("all", "tol", "few", "pair", "none", "unknown", "long")
+WORLDS = ("planar", "mujoco")
+HELD_OUT = 2                  # runs of each sealed case that the diagnoser never sees
+SLOW_EFFECTS = ("winding_heating", "battery_decline")
 TOLERANCE_NAMES = {"resistance_ohm": ("resistance",), "torque_constant_nm_per_a": ("torque_constant", "back_emf"),
                    "rotor_inertia_kg_m2": ("inertia",), "viscous_friction_nm_s_per_rad": ("viscosity",)}
 # Counts of the instruments, as the logs of such robots show them.
@@ -131,6 +134,9 @@ def apply_effect(machine: Machine, effect: dict) -> None:
         for target in ratios[name]:
             machine.scale(target, p["ratio"], sides)
     elif name in simple:
+        if name == "longitudinal_slip":       # a tyre that creeps is soft, too
+            machine.set("tyre", kernel.SOFT_TYRE_N_PER_M, sides)
+            machine.set("tyre_damping", kernel.SOFT_TYRE_N_S_PER_M, sides)
         for target, key in simple[name]:
             if target == "coulomb":       # two effects may both bring dry friction
                 machine.side[SIDE_NAMES.index(target), list(sides)] += p[key]
@@ -317,7 +323,7 @@ CHANNELS = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", 
 def run_machine(machine: Machine, t: np.ndarray, v_cmd: np.ndarray, start: np.ndarray, payload_kg: float,
                 slope_rad: float, uphill: float, closed: bool = False, w_ref: np.ndarray | None = None,
                 noise_w: np.ndarray | None = None, robot=None, period_rows: int = 3, seed: int = 0,
-                step_s: float | None = None) -> dict[str, np.ndarray]:
+                step_s: float | None = None, world: str = "planar") -> dict[str, np.ndarray]:
     """Drive a machine once and return what error-free instruments of that machine would report.
 
     Parameters
@@ -329,11 +335,10 @@ def run_machine(machine: Machine, t: np.ndarray, v_cmd: np.ndarray, start: np.nd
     -------
     channel -> (n,), sensor gains and biases applied, no noise, no quantisation.
     """
-    world = machine.world.copy()
-    mass = WORLD_NAMES.index("mass")
-    world[mass] += payload_kg + machine.mass_extra
-    world[WORLD_NAMES.index("slope")] = slope_rad + machine.slope_extra
-    world[WORLD_NAMES.index("uphill")] = uphill
+    place = machine.world.copy()
+    place[WORLD_NAMES.index("mass")] += payload_kg + machine.mass_extra
+    place[WORLD_NAMES.index("slope")] = slope_rad + machine.slope_extra
+    place[WORLD_NAMES.index("uphill")] = uphill
     rng = np.random.default_rng(seed)
     events = np.zeros((0, 4))
     if machine.brakes is not None:
@@ -352,8 +357,13 @@ def run_machine(machine: Machine, t: np.ndarray, v_cmd: np.ndarray, start: np.nd
         kt = motor.gear_ratio * motor.torque_constant_nm_per_a
         drag = motor.gear_ratio**2 * motor.viscous_friction_nm_s_per_rad
         gains[:4] = ke + motor.resistance_ohm * drag / kt, 0.35, 1.2, robot.supply_v
-    out = kernel.simulate(t, v_cmd, machine.side, world, start, step_s or machine.step_s, closed, w_ref, noise_w, period_rows, gains,
-                          events, seed % (2**31))
+    rest = (closed, w_ref, noise_w, period_rows, gains, events, seed % (2**31))
+    if world == "mujoco":
+        from rtds_host.blind import world as second
+
+        out = second.simulate(t, v_cmd, machine.side, place, start, *rest)
+    else:
+        out = kernel.simulate(t, v_cmd, machine.side, place, start, step_s or machine.step_s, *rest)
     return apply_sensors({name: out[:, k].copy() for k, name in enumerate(CHANNELS)}, machine, t)
 
 
@@ -398,13 +408,14 @@ def add_noise(raw: dict[str, np.ndarray], t: np.ndarray, robot, rng: np.random.G
     return out
 
 
-def sample_times(duration: float, rate: float, jitter: float, dropped: float, rng: np.random.Generator) -> np.ndarray:
-    """Times of a log's rows, multiples of 0.1 ms: uniform, or with jitter (share of the period), some rows lost."""
-    n = int(round(duration * rate))
+def sample_times(duration: float, rate: float, jitter: float, dropped: float, rng: np.random.Generator,
+                 grid_s: float = 1e-4) -> np.ndarray:
+    """Times of a log's rows, multiples of `grid_s`: uniform, or with jitter (share of the period), some rows lost."""
+    n = round(duration * rate)
     t = np.arange(n + 1) / rate
     if jitter > 0:
         t[1:] += rng.uniform(-jitter, jitter, n) / rate
-    t = np.round(t, 4)
+    t = np.round(np.round(t / grid_s) * grid_s, 4)
     if dropped > 0:
         keep = rng.random(t.size) >= dropped
         keep[0] = keep[-1] = True
@@ -412,9 +423,9 @@ def sample_times(duration: float, rate: float, jitter: float, dropped: float, rn
     return t
 
 
-def draw_spec(rng: np.random.Generator, tier: str) -> dict:
-    """What happens in a case of a tier: effects, tolerance, channels, rates, runs."""
-    spec = {"tier": tier, "effects": [], "outside": None, "tolerance": tier == "tol", "colour": (0.0, 0.0),
+def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar") -> dict:
+    """What happens in a case of a tier: effects, tolerance, channels, rates, runs, and runs held out of the case."""
+    spec = {"tier": tier, "world": world, "effects": [], "outside": None, "tolerance": tier in ("tol", "long"), "colour": (0.0, 0.0),
             "rate": float(rng.choice([100.0, 200.0])), "jitter": 0.0, "dropped": 0.0, "missing": [], "slow": {},
             "form": "parquet"}
     if tier in ("all", "tol", "few"):
@@ -425,8 +436,11 @@ def draw_spec(rng: np.random.Generator, tier: str) -> dict:
         while second["id"] == first["id"]:
             second = draw_effect(rng)
         spec["effects"] = [first, second]
+    elif tier == "long":
+        slow = str(rng.choice(SLOW_EFFECTS)) if rng.random() < 0.5 else None
+        spec["effects"] = [draw_effect(rng, slow)]
     elif tier == "unknown":
-        spec["outside"] = draw_outside(rng)
+        spec["outside"] = draw_outside(rng, world=world)
     elif tier != "none":
         raise ValueError(f"tier {tier!r} is not one of {', '.join(TIERS)}")
     if tier in ("pair", "none", "unknown", "few"):
@@ -467,7 +481,17 @@ def draw_spec(rng: np.random.Generator, tier: str) -> dict:
         low, high = {"prbs": (10, 13), "spin": (12, 18), "crawl": (14, 18), "steps": (14, 18)}.get(name, (16, 24))
         runs.append({"name": str(name), "payload_kg": float(payload[k]), "slope_rad": float(slope[k]),
                      "uphill_yaw_rad": round(uphill, 4), "duration": round(float(rng.uniform(low, high)), 1)})
+    if tier == "long":
+        runs = runs[:3]
+        for run in runs:
+            run["duration"] = round(float(rng.uniform(60, 90)), 1)
     spec["runs"] = sorted(runs, key=lambda run: run["name"])
+    spec["held_out"] = []
+    for k, name in enumerate(rng.permutation(["teleop", "steps", "coast", "spin", "eight", "prbs"])[:HELD_OUT]):
+        spec["held_out"].append({
+            "name": str(name), "payload_kg": float(k % 2) * 2.0, "slope_rad": float(rng.integers(2)) * 0.1,
+            "uphill_yaw_rad": round(float(rng.uniform(-math.pi, math.pi)), 4),
+            "duration": round(float(rng.uniform(40, 60) if tier == "long" else rng.uniform(12, 18)), 1)})
     return spec
 
 
@@ -484,7 +508,8 @@ def build_machine(robot, spec: dict, rng: np.random.Generator, effects: bool = T
     return machine
 
 
-def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None = None, sizes: bool = True) -> dict:
+def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None = None, sizes: bool = True,
+              held_out: Path | None = None) -> dict:
     """Write one case folder and return its truth.
 
     Parameters
@@ -494,6 +519,7 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
     folder : the public folder to write; gets nothing that tells the truth.
     robot_path : nominal robot, default the burger.
     sizes : compute `size_gap` and `size_sigma` (eight more replays).
+    held_out : folder for the runs that the case does not show; none are made without it.
 
     Returns
     -------
@@ -513,9 +539,13 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(robot_path, folder / "robot.toml")
     changes, slopes = [], []
-    for run in spec["runs"]:
+    planned = [(run, folder) for run in spec["runs"]]
+    if held_out is not None:
+        planned += [(run, Path(held_out)) for run in spec["held_out"]]
+    for run, place in planned:
         seed_run = int(rng.integers(2**31))
-        t = sample_times(run["duration"], spec["rate"], spec["jitter"], spec["dropped"], rng)
+        t = sample_times(run["duration"], spec["rate"], spec["jitter"], spec["dropped"], rng,
+                         2e-4 if spec["world"] == "mujoco" else 1e-4)
         v_cmd, w_ref = scenario(run["name"], t, rng, robot)
         closed = run["name"] in CLOSED
         heading = float(rng.choice([0.0, run["uphill_yaw_rad"], rng.uniform(-math.pi, math.pi)]))
@@ -524,7 +554,8 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
         white_w = own * np.column_stack([_colour(rng.standard_normal(t.size), t, *spec["colour"]) for _ in range(2)])
         where = {"payload_kg": run["payload_kg"], "slope_rad": run["slope_rad"], "uphill": run["uphill_yaw_rad"]}
         raw = run_machine(machine, t, v_cmd, start, closed=closed, w_ref=w_ref, noise_w=white_w, robot=robot,
-                          period_rows=max(1, int(round(0.03 * spec["rate"]))), seed=seed_run, **where)
+                          period_rows=max(1, round(0.03 * spec["rate"])), seed=seed_run, **where,
+                          world=spec["world"])
         measured = add_noise(raw, t, robot, rng, white_w, spec["colour"])
         if closed:
             for s, label in enumerate("lr"):
@@ -536,21 +567,23 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
                 continue
             slow = spec["slow"].get(name)
             if slow:
-                every = max(1, int(round(spec["rate"] / slow)))
+                every = max(1, round(spec["rate"] / slow))
                 values = np.where(np.arange(t.size) % every == 0, values, np.nan)
             columns[name] = np.round(values, 6)
         meta = RunMeta(scenario=run["name"], payload_kg=run["payload_kg"], slope_rad=run["slope_rad"],
                        uphill_yaw_rad=run["uphill_yaw_rad"])
-        write_run(folder / run["name"], meta, columns, spec["form"])
-        if sizes and (spec["effects"] or spec["outside"]):
+        write_run(place / run["name"], meta, columns, spec["form"])
+        if sizes and place == folder and (spec["effects"] or spec["outside"]):
+            if spec["world"] != "planar":      # both sides of the difference come from one world
+                raw = run_machine(machine, t, v_cmd, start, seed=seed_run, **where)
             a, b = _signature(machine, plain, robot, t, v_cmd, start, where, columns, seed_run, raw)
             changes.append(a)
             slopes.append(b)
-    truth = {"schema": "rtds-truth/1", "tier": spec["tier"],
+    truth = {"schema": "rtds-truth/1", "tier": spec["tier"], "world": spec["world"],
              "verdict": "unknown" if spec["outside"] else ("known" if spec["effects"] else "none"),
              "effects": spec["effects"]}
     if machine.tolerance:
-        truth["nominal_fit"] = _fitted(machine, spec)
+        truth["nominal_fit"] = machine.tolerance
     if spec["outside"]:
         truth["outside"] = spec["outside"]
     if changes:
@@ -561,11 +594,6 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
         truth["size_sigma"] = round(float(np.sqrt(max(change @ change - seen @ np.linalg.solve(gram, seen), 0))), 3)
     truth["conditions"] = {key: spec[key] for key in ("rate", "jitter", "dropped", "missing", "slow", "colour")}
     return truth
-
-
-def _fitted(machine: Machine, spec: dict) -> dict:
-    """Nuisances of a machine, without what its effects changed."""
-    return machine.tolerance
 
 
 def _signature(machine, plain, robot, t, v_cmd, start, where, columns, seed, raw):
@@ -591,7 +619,7 @@ def _signature(machine, plain, robot, t, v_cmd, start, where, columns, seed, raw
             difference = other[name] - base[name]
             weight = math.sqrt(10.0)
             if name in ("x", "y", "yaw", "th_l", "th_r"):     # moves in windows of 1 s, one of them a second
-                step = int(round(1.0 / np.median(np.diff(t))))
+                step = round(1.0 / float(np.median(np.diff(t))))
                 difference = difference[step:] - difference[:-step]
                 difference = difference / math.sqrt(2.0)
                 weight = math.sqrt(10.0 / step)
@@ -630,14 +658,15 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--effect", choices=sorted(EFFECTS) + sorted(OUTSIDE), help="always this effect")
+    parser.add_argument("--world", choices=WORLDS, default="planar")
     parser.add_argument("--no-sizes", action="store_true", help="do not compute the effects' sizes")
     args = parser.parse_args(argv)
     (args.out / "truth").mkdir(parents=True, exist_ok=True)
     for k in range(args.n):
         rng = np.random.default_rng([args.seed, k, TIERS.index(args.tier)])
-        spec = draw_spec(rng, args.tier)
+        spec = draw_spec(rng, args.tier, args.world)
         if args.effect in OUTSIDE:
-            spec["effects"], spec["outside"] = [], draw_outside(rng, args.effect)
+            spec["effects"], spec["outside"] = [], draw_outside(rng, args.effect, args.world)
         elif args.effect:
             spec["effects"], spec["outside"] = [draw_effect(rng, args.effect)], None
         name = f"case-{k:03d}"

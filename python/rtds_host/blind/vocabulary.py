@@ -39,6 +39,8 @@ OUTSIDE = {
     "speed_dropouts": ("sensing", False), "speed_clipped": ("sensing", False), "encoder_wobble": ("sensing", True),
 }
 
+PLANAR_ONLY = ("wheel_eccentricity",)      # a wheel that is out of true would lift the other one off the second world's floor
+
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:
     return float(math.exp(rng.uniform(math.log(low), math.log(high))))
@@ -140,9 +142,9 @@ def draw_effect(rng: np.random.Generator, name: str | None = None) -> dict:
     return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}
 
 
-def draw_outside(rng: np.random.Generator, name: str | None = None) -> dict:
+def draw_outside(rng: np.random.Generator, name: str | None = None, world: str = "planar") -> dict:
     """One effect outside of the catalogue, with the planar world's parameters."""
-    name = name or str(rng.choice(list(OUTSIDE)))
+    name = name or str(rng.choice([item for item in OUTSIDE if world == "planar" or item not in PLANAR_ONLY]))
     subsystem, sided = OUTSIDE[name]
     side = _side(rng, sided)
     u = rng.uniform

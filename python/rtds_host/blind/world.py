@@ -19,7 +19,7 @@ load_friction        a share of the torque measured at the gear's input in the s
 backlash             the wheel's own joint with limits, teeth that give
 longitudinal_slip    a tread that turns on its rim against a torque (creep)
 spin_scrub           dry friction about the vertical axis
-rolling_resistance   rolling friction of the contact, proportional to the wheel's own normal force
+rolling_resistance   a dry friction constraint on the wheel, proportional to its own normal force
 ==================== =======================================================================================
 """
 
@@ -32,14 +32,69 @@ import numpy as np
 from numba import njit
 
 from rtds_host.blind.kernel import (
-    S_ASYM_TORQUE, S_ASYM_VISCOUS, S_BACK_EMF, S_BACKLASH, S_COULOMB, S_CROSSTALK, S_DAMPING, S_DEADZONE, S_DROP,
-    S_FILTER_TAU, S_FRICTION_PER_S, S_GAIN, S_HEAT_PER_WATT, S_HEAT_TAU, S_HYSTERESIS, S_INDUCTANCE, S_INERTIA,
-    S_LIMIT, S_LOAD_FRICTION, S_QUADRATIC, S_QUANTUM, S_RADIUS, S_RESISTANCE, S_RIPPLE, S_RIPPLE_CYCLES,
-    S_RIPPLE_PHASE, S_ROLLING, S_RUB_ANGLE, S_RUB_TORQUE, S_RUB_WIDTH, S_SATURATION, S_SLEW, S_SLIP, S_STIFFNESS,
-    S_STRIBECK, S_STRIBECK_SPEED, S_TORQUE_CONSTANT, S_TRACTION, S_VISCOSITY, S_VISCOUS, W_BUS_NOISE, W_BUS_TAU,
-    W_CABLE, W_COM_X, W_COM_Y, W_COMMAND_DELAY, W_DECLINE, W_GEAR, W_GUST, W_GUST_TAU, W_LATERAL_SLOPE, W_MASS,
-    W_MEASUREMENT_DELAY, W_PATCH_FORCE, W_PATCH_X, W_SAG, W_SCRUB, W_SLOPE, W_TRACK, W_UPHILL, W_VOLTAGE,
-    W_WHEEL_INERTIA, W_YAW_INERTIA,
+    S_ASYM_TORQUE,
+    S_ASYM_VISCOUS,
+    S_BACK_EMF,
+    S_BACKLASH,
+    S_COULOMB,
+    S_CROSSTALK,
+    S_DAMPING,
+    S_DEADZONE,
+    S_DROP,
+    S_FILTER_TAU,
+    S_FRICTION_PER_S,
+    S_GAIN,
+    S_HEAT_PER_WATT,
+    S_HEAT_TAU,
+    S_HYSTERESIS,
+    S_INDUCTANCE,
+    S_INERTIA,
+    S_LIMIT,
+    S_LOAD_FRICTION,
+    S_QUADRATIC,
+    S_QUANTUM,
+    S_RADIUS,
+    S_RESISTANCE,
+    S_RIPPLE,
+    S_RIPPLE_CYCLES,
+    S_RIPPLE_PHASE,
+    S_ROLLING,
+    S_RUB_ANGLE,
+    S_RUB_TORQUE,
+    S_RUB_WIDTH,
+    S_SATURATION,
+    S_SLEW,
+    S_SLIP,
+    S_STIFFNESS,
+    S_STRIBECK,
+    S_STRIBECK_SPEED,
+    S_TORQUE_CONSTANT,
+    S_TRACTION,
+    S_VISCOSITY,
+    S_VISCOUS,
+    W_BUS_NOISE,
+    W_BUS_TAU,
+    W_CABLE,
+    W_COM_X,
+    W_COM_Y,
+    W_COMMAND_DELAY,
+    W_DECLINE,
+    W_GEAR,
+    W_GUST,
+    W_GUST_TAU,
+    W_LATERAL_SLOPE,
+    W_MASS,
+    W_MEASUREMENT_DELAY,
+    W_PATCH_FORCE,
+    W_PATCH_X,
+    W_SAG,
+    W_SCRUB,
+    W_SLOPE,
+    W_TRACK,
+    W_UPHILL,
+    W_VOLTAGE,
+    W_WHEEL_INERTIA,
+    W_YAW_INERTIA,
 )
 
 STEP_S = 2e-4
@@ -49,7 +104,6 @@ WHEEL_TILT_KG_M2 = 1.1e-5     # about a diameter
 BUS_FARAD = 470e-6
 COPPER_PER_K = 0.0039
 PRESLIDING_RAD = 2e-3
-OUT_OF_REACH = ("wheel_eccentricity",)        # effects outside of the catalogue that this world cannot make
 
 
 def model_xml(side: np.ndarray, world: np.ndarray) -> str:
@@ -75,9 +129,9 @@ def model_xml(side: np.ndarray, world: np.ndarray) -> str:
         p = side[:, s]
         radius = p[S_RADIUS]
         grip = 1.5 if p[S_TRACTION] <= 0 else p[S_TRACTION] / (0.5 * mass * GRAVITY_M_S2)
-        roll = p[S_ROLLING] * radius
+        roll = p[S_ROLLING] * radius * 0.5 * mass * GRAVITY_M_S2 * abs(gz)
         geom = (f'<geom type="sphere" size="{radius:.9g}" contype="2" conaffinity="1" mass="0" '
-                f'friction="{grip:.9g} 1e-5 {max(roll, 1e-6):.9g}" condim="{6 if roll > 0 else 3}"/>')
+                f'friction="{grip:.9g} 1e-5 1e-6" condim="3"/>')
         full = (f'<inertial pos="0 0 0" mass="{WHEEL_KG}" diaginertia="{WHEEL_TILT_KG_M2} '
                 f'{world[W_WHEEL_INERTIA]:.9g} {WHEEL_TILT_KG_M2}"/>')
         small = '<inertial pos="0 0 0" mass="1e-4" diaginertia="1e-7 1e-7 1e-7"/>'
@@ -98,7 +152,8 @@ def model_xml(side: np.ndarray, world: np.ndarray) -> str:
         damping = gear * gear * p[S_VISCOSITY] + p[S_VISCOUS]
         wheels.append(
             f'<body name="gear_{label}" pos="0 {(1 - 2 * s) * track / 2:.9g} {radius:.9g}"><joint name="gear_{label}" '
-            f'axis="0 1 0" armature="{gear * gear * p[S_INERTIA]:.9g}" damping="{max(damping, 0.0):.9g}"/>{inner}</body>')
+            f'axis="0 1 0" armature="{gear * gear * p[S_INERTIA]:.9g}" damping="{max(damping, 0.0):.9g}" '
+            f'frictionloss="{roll:.9g}"/>{inner}</body>')
         thermal = ""
         if p[S_HEAT_TAU] > 0:
             thermal = (f'thermal="{p[S_HEAT_PER_WATT] / COPPER_PER_K:.9g} 0 {p[S_HEAT_TAU]:.9g} {COPPER_PER_K} 25 25"')
@@ -116,9 +171,9 @@ def model_xml(side: np.ndarray, world: np.ndarray) -> str:
         if p[S_RIPPLE] != 0:
             actuators.append(
                 f'<dcmotor name="cogs_{label}" joint="gear_{label}" input="none" motorconst="0 0" resistance="1" '
-                f'cogging="{p[S_RIPPLE]:.9g} {int(round(p[S_RIPPLE_CYCLES]))} {p[S_RIPPLE_PHASE]:.9g}"/>')
+                f'cogging="{p[S_RIPPLE]:.9g} {round(p[S_RIPPLE_CYCLES])} {p[S_RIPPLE_PHASE]:.9g}"/>')
     return (
-        f'<mujoco model="second-world"><option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" '
+        f'<mujoco model="second-world"><compiler angle="radian"/><option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" '
         f'impratio="10" iterations="30" tolerance="1e-10" gravity="{GRAVITY_M_S2 * gx:.9g} {GRAVITY_M_S2 * gy:.9g} '
         f'{GRAVITY_M_S2 * gz:.9g}"/>'
         '<default><geom solimp="0.99 0.9999 0.0001" solref="0.002 1"/></default><worldbody>'
@@ -236,7 +291,7 @@ def _needs_every_step(side: np.ndarray, world: np.ndarray, events: np.ndarray) -
 def simulate(times: np.ndarray, v_cmd: np.ndarray, side: np.ndarray, world: np.ndarray, start: np.ndarray,
              closed: bool, w_ref: np.ndarray, w_noise: np.ndarray, period_rows: int, gains: np.ndarray,
              events: np.ndarray, seed: int) -> np.ndarray:
-    """Run one scenario; arguments and result as in `kernel.simulate` (`times` in multiples of 0.1 ms)."""
+    """Run one scenario; arguments and result as in `kernel.simulate` (`times` in multiples of `STEP_S`)."""
     model = mujoco.MjModel.from_xml_string(model_xml(side, world))
     data = mujoco.MjData(model)
 
@@ -251,15 +306,9 @@ def simulate(times: np.ndarray, v_cmd: np.ndarray, side: np.ndarray, world: np.n
     # The current is the last of the motor's own states (the temperature comes before it).
     current = np.array([int(model.actuator_actadr[k] + model.actuator_actnum[k] - 1) for k in actuator])
     control = np.array([int(model.actuator_ctrladr[k]) for k in actuator])
-    px, py, pz, pyaw = (dof(name) for name in ("x", "y", "z", "yaw"))
+    px, py, pyaw = (dof(name) for name in ("x", "y", "yaw"))
     data.qpos[[px, py, pyaw]] = start[:3]
     data.qpos[gear] = start[3:]
-    for k in range(model.nu_act if hasattr(model, "nu_act") else 0):
-        del k
-    for k, s in zip(actuator, range(2)):
-        if model.actuator_actnum[k] > 1:
-            data.act[model.actuator_actadr[k]] = 0.0
-        del s
     mujoco.mj_forward(model, data)
     _seed(seed)
     state = np.zeros(12)
@@ -269,7 +318,7 @@ def simulate(times: np.ndarray, v_cmd: np.ndarray, side: np.ndarray, world: np.n
     qpos, qvel, qacc, act, ctrl, applied = (data.qpos, data.qvel, data.qacc, data.act, data.ctrl, data.qfrc_applied)
     dense = _needs_every_step(side, world, events)
     bothways = [s for s in range(2) if play[s] is not None and side[S_BACKLASH, s] > 0 and side[S_STIFFNESS, s] > 0]
-    total_steps = int(round(times[-1] / STEP_S))
+    total_steps = round(times[-1] / STEP_S)
     filter_keep = [math.exp(-STEP_S / side[S_FILTER_TAU, s]) if side[S_FILTER_TAU, s] > 0 else 0.0 for s in range(2)]
     filtered = np.zeros(2)
     history = np.zeros((total_steps + 2, 8)) if dense else np.zeros((0, 8))

@@ -20,6 +20,7 @@ COMMANDS = {
     "diagnose": "Say where the gap between simulator and reality lies, and which effect causes it.",
     "predict": "Replay a run from its commands, with or without a diagnosis.",
     "import": "Turn ROS 2 bags or csv files of a real robot into a case.",
+    "blind": "Check the diagnosis on sealed cases: make, answer, score.",
 }
 MODULES = {"import": "import_"}
 

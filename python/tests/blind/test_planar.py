@@ -99,7 +99,7 @@ def test_slip_depends_on_the_force_and_not_on_the_direction():
 
 
 def test_delays_shift_the_response_but_not_the_pose():
-    t, plain = settled(planar.nominal_machine(ROBOT), (6.0, 6.0), seconds=0.5)
+    _, plain = settled(planar.nominal_machine(ROBOT), (6.0, 6.0), seconds=0.5)
     _, late = settled(with_effect("command_delay", seconds=0.02), (6.0, 6.0), seconds=0.5)
     _, told = settled(with_effect("measurement_delay", seconds=0.02), (6.0, 6.0), seconds=0.5)
     assert late["w_l"][4:] == pytest.approx(plain["w_l"][:-4], abs=1e-6)

@@ -1,0 +1,404 @@
+"""Scoring of sealed answers, the way people who judge diagnoses would.
+
+Every share comes with its Wilson interval (Wilson 1927, 95 %). Closure is measured here, on runs that no diagnoser
+saw, with a gap of the scorer's own (`gap.py`), the nominal robot of the planar world before and the diagnoser's
+`rtds predict` after.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from rtds_host.blind.gap import channel_gaps, total
+from rtds_host.blind.planar import CHANNELS, TIERS, nominal_machine, replay_gap
+from rtds_host.blind.seal import open_truths
+from rtds_host.blind.vocabulary import EFFECTS
+from rtds_host.contract import load_robot, read_run, write_atomic
+
+VISIBLE_SIGMA = 5.0          # smaller effects are reported apart
+SCHEMA = "rtds-blind-score/1"
+
+
+def wilson(hits: int, count: int, z: float = 1.959964) -> tuple[float, float]:
+    """95 % interval of a share (Wilson's score interval); (0, 1) for no trial."""
+    if count == 0:
+        return 0.0, 1.0
+    p, z2 = hits / count, z * z
+    middle = (p + z2 / (2 * count)) / (1 + z2 / count)
+    half = z / (1 + z2 / count) * math.sqrt(p * (1 - p) / count + z2 / (4 * count * count))
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def predict_command() -> list[str]:
+    """Command of the project's own prediction; ``RUN --robot R --diagnosis D --out F`` is added behind it."""
+    return [sys.executable, "-m", "rtds_host.cli.main", "predict"]
+
+
+def _read_prediction(path: Path) -> dict[str, np.ndarray]:
+    with open(path, newline="") as stream:
+        rows = list(csv.reader(stream))
+    table = np.array([[float(cell) for cell in row] for row in rows[1:]])
+    return {name: table[:, k] for k, name in enumerate(rows[0])}
+
+
+def _pool(gaps: list[dict[str, float]]) -> dict[str, float]:
+    """Root mean square of each channel's gap over runs."""
+    names = sorted({name for gap in gaps for name in gap})
+    return {name: float(np.sqrt(np.mean([gap[name] ** 2 for gap in gaps if name in gap]))) for name in names}
+
+
+def closure(case: Path, held_out: Path, diagnosis: Path, command: list[str] | None = None) -> dict:
+    """Gap before and after on the held-out runs of a case.
+
+    Returns
+    -------
+    {"before", "after", "closed" (None where before is below 1.1), "channels": {name: [before, after]}} or
+    {"error": last line of the prediction's complaint}.
+    """
+    robot = load_robot(case / "robot.toml")
+    noise = {name: robot.noise(name) for name in CHANNELS if robot.noise(name)}
+    before, after = [], []
+    for folder in sorted(p for p in held_out.iterdir() if p.is_dir()):
+        run = read_run(folder, robot)
+        before.append(replay_gap(nominal_machine(robot), robot, run))
+        with tempfile.TemporaryDirectory(prefix="rtds-blind-") as scratch:
+            target = Path(scratch) / "pred.csv"
+            done = subprocess.run([*(command or predict_command()), str(folder), "--robot", str(case / "robot.toml"),
+                                   "--diagnosis", str(diagnosis), "--out", str(target)],
+                                  capture_output=True, text=True, check=False)
+            if done.returncode or not target.is_file():
+                return {"error": (done.stderr.strip().splitlines() or ["no prediction"])[-1][:300]}
+            after.append(channel_gaps(run.t, run.columns, _read_prediction(target), noise))
+    b, a = _pool(before), _pool(after)
+    start, end = total(b), total(a)
+    closed = (start - end) / (start - 1) if start >= 1.1 else None
+    return {"before": round(start, 4), "after": round(end, 4), "closed": None if closed is None else round(closed, 4),
+            "channels": {name: [round(b[name], 3), round(a[name], 3)] for name in b if name in a}}
+
+
+def _parameters(truth: dict, blamed: dict) -> list[dict]:
+    """Error and coverage of each parameter of an effect that was found."""
+    out = []
+    for name, value in truth["parameters"].items():
+        given = blamed.get("parameters", {}).get(name)
+        if not isinstance(given, dict) or given.get("value") is None:
+            continue
+        error = given["value"] - value
+        if name == "phase_rad":
+            error = math.remainder(error, 2 * math.pi)
+            relative = error / math.pi
+        else:
+            relative = error / abs(value) if value else math.inf
+        interval = given.get("ci90")
+        covered = None
+        if interval and all(isinstance(x, (int, float)) for x in interval):
+            covered = bool(interval[0] <= value <= interval[1])
+            if name == "phase_rad":
+                middle, half = (interval[0] + interval[1]) / 2, (interval[1] - interval[0]) / 2
+                covered = bool(abs(math.remainder(value - middle, 2 * math.pi)) <= half)
+        out.append({"effect": truth["id"], "name": name, "truth": value, "value": given["value"],
+                    "relative_error": round(relative, 5), "covered": covered})
+    return out
+
+
+def judge(truth: dict, answer: dict | None, entry: dict) -> dict:
+    """What one answer is worth.
+
+    Parameters
+    ----------
+    truth : opened truth. answer : `diagnosis.json`, None where there is none. entry : the ledger's line.
+
+    Returns
+    -------
+    dict of figures; a figure that does not apply to the case is None.
+    """
+    actual = {(e["id"], e["side"]) for e in truth["effects"]}
+    kind = truth["verdict"]
+    subsystems = {e["subsystem"] for e in truth["effects"]} | ({truth["outside"]["subsystem"]} if kind == "unknown"
+                                                               else set())
+    record = {"tier": truth["tier"], "world": truth.get("world", "planar"), "kind": kind,
+              "truth": sorted(map(list, actual)), "outside": truth.get("outside", {}).get("id"),
+              "size_sigma": truth.get("size_sigma"), "seconds": entry["seconds"], "answered": answer is not None,
+              "said": entry["said"] if answer is None else ""}
+    answer = answer or {"verdict": None}
+    effects = answer.get("effects") or []
+    blamed = [(e["id"], e["side"]) for e in effects]
+    sets = [{(e["id"], e["side"]) for e in group} for group in answer.get("indistinguishable") or []]
+    located = [part["subsystem"] for part in answer.get("located") or []]
+    known = kind == "known"
+    good_sets = [group for group in sets if len(group) <= 3 and group & set(blamed)]
+
+    def inside(effect: tuple[str, str]) -> bool:
+        return effect in blamed or any(effect in group for group in good_sets)
+
+    reached = {effect for effect in actual if inside(effect)}
+    # A blamed effect is false if it is neither true nor declared to be confusable with a true one.
+    false = [b for b in blamed if b not in actual and not any(b in group and group & actual for group in good_sets)]
+    sizes = [min((len(group) for group in good_sets if effect in group), default=1) for effect in reached]
+    record.update({
+        "verdict": answer.get("verdict"), "blamed": [list(b) for b in blamed], "located": located[:3],
+        "verdict_right": answer.get("verdict") == kind,
+        "cause_right": (set(blamed) == actual) if known else None,
+        "first_right": (bool(blamed) and blamed[0] in actual) if known else None,
+        "id_right": ({b[0] for b in blamed} == {a[0] for a in actual}) if known else None,
+        "in_set": (len(reached) == len(actual) and not false) if known else None,
+        "any_right": bool(set(blamed) & actual or reached) if known else None,
+        "set_size": max(sizes) if known and sizes else None,
+        "subsystem_right": (bool(located) and located[0] in subsystems) if kind != "none" else None,
+        "false_cause": bool(blamed) if kind == "none" else None,
+        "extra_cause": bool(false) if known else None,
+        "unknown_right": (answer.get("verdict") == "unknown") if kind == "unknown" else None,
+        "wrongly_unknown": (answer.get("verdict") == "unknown") if kind != "unknown" else None,
+        "parameters": [p for e in truth["effects"] for b in effects
+                       if (b["id"], b["side"]) == (e["id"], e["side"]) for p in _parameters(e, b)],
+        "calibration": [[e.get("probability"), (e["id"], e["side"]) in actual] for e in effects
+                        if e.get("probability") is not None],
+    })
+    return record
+
+
+FIGURES = (
+    ("verdict_right", "verdict right"), ("cause_right", "cause and side right, nothing else blamed"),
+    ("first_right", "strongest blamed effect is true"), ("id_right", "cause right, side aside"),
+    ("in_set", "right or in a declared set of at most 3"), ("any_right", "at least one true effect found"),
+    ("subsystem_right", "subsystem right"), ("extra_cause", "an effect blamed that is not there"),
+    ("false_cause", "false cause on a case without effect"), ("unknown_right", "unknown recognised"),
+    ("wrongly_unknown", "wrongly unknown"),
+)
+
+
+def share(records: list[dict], figure: str) -> dict | None:
+    """Hits, count, share and Wilson interval of one figure; None where it applies to no record."""
+    values = [record[figure] for record in records if record.get(figure) is not None]
+    if not values:
+        return None
+    hits = sum(map(bool, values))
+    low, high = wilson(hits, len(values))
+    return {"hits": hits, "count": len(values), "share": round(hits / len(values), 4),
+            "wilson95": [round(low, 4), round(high, 4)]}
+
+
+def summarise(records: list[dict]) -> dict:
+    """All figures of a group of records."""
+    closed = [r["closure"]["closed"] for r in records
+              if r["kind"] == "known" and r.get("closure") and r["closure"].get("closed") is not None]
+    parameters = [p for r in records for p in r["parameters"]]
+    covered = [{"covered": p["covered"]} for p in parameters if p["covered"] is not None]
+    errors = [abs(p["relative_error"]) for p in parameters if math.isfinite(p["relative_error"])]
+    seconds = [r["seconds"] for r in records]
+    return {
+        "cases": len(records), "answered": sum(r["answered"] for r in records),
+        **{name: share(records, name) for name, _ in FIGURES},
+        "closure": {"count": len(closed), "median": _rounded(np.median(closed)) if closed else None,
+                    "quartiles": [_rounded(q) for q in np.percentile(closed, [25, 75])] if closed else None},
+        "parameter_error_median": _rounded(np.median(errors)) if errors else None,
+        "coverage90": share(covered, "covered"),
+        "seconds_median": _rounded(np.median(seconds)) if seconds else None,
+        "seconds_max": _rounded(max(seconds)) if seconds else None,
+    }
+
+
+def _rounded(value: float) -> float:
+    return round(float(value), 4)
+
+
+def calibration(records: list[dict], bins: int = 5) -> list[dict]:
+    """Probability against truth: for each bin of stated probability its mean and the share that was true."""
+    pairs = np.array([pair for r in records for pair in r["calibration"]], dtype=float).reshape(-1, 2)
+    edges = np.linspace(0, 1, bins + 1)
+    out = []
+    for k in range(bins):
+        inside = (pairs[:, 0] >= edges[k]) & ((pairs[:, 0] < edges[k + 1]) | (k == bins - 1))
+        count = int(inside.sum())
+        if count:
+            hits = int(pairs[inside, 1].sum())
+            low, high = wilson(hits, count)
+            out.append({"stated": _rounded(pairs[inside, 0].mean()), "true": _rounded(hits / count), "count": count,
+                        "wilson95": [_rounded(low), _rounded(high)]})
+    return out
+
+
+def confusion(records: list[dict]) -> tuple[list[str], list[str], np.ndarray]:
+    """Rows: what was there (single effects, none, unknown). Columns: what was blamed first.
+
+    Returns
+    -------
+    (row labels, column labels, counts (rows, columns)).
+    """
+    order = [*EFFECTS, "none", "unknown"]
+    cells: dict[tuple[str, str], int] = {}
+    for r in records:
+        if len(r["truth"]) > 1 or not r["answered"]:
+            continue
+        row = r["truth"][0][0] if r["truth"] else r["kind"]
+        column = r["blamed"][0][0] if r["blamed"] and r["verdict"] != "unknown" else (
+            "unknown" if r["verdict"] == "unknown" else "none")
+        cells[row, column] = cells.get((row, column), 0) + 1
+    def place(name: str) -> int:
+        return order.index(name) if name in order else len(order)
+
+    rows = sorted({row for row, _ in cells}, key=place)
+    columns = sorted({column for _, column in cells} | set(rows), key=place)
+    counts = np.zeros((len(rows), len(columns)), dtype=int)
+    for (row, column), count in cells.items():
+        counts[rows.index(row), columns.index(column)] = count
+    return rows, columns, counts
+
+
+def draw(records: list[dict], folder: Path) -> None:
+    """Write `confusion.png` and `calibration.png`."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    rows, columns, counts = confusion(records)
+    if rows:
+        figure, axes = plt.subplots(figsize=(3.5 + 0.28 * len(columns), 2.5 + 0.28 * len(rows)))
+        shown = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        axes.imshow(shown, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+        for (k, j), count in np.ndenumerate(counts):
+            if count:
+                axes.text(j, k, str(count), ha="center", va="center", fontsize=7,
+                          color="white" if shown[k, j] > 0.6 else "black")
+        axes.set_xticks(range(len(columns)), columns, rotation=90, fontsize=7)
+        axes.set_yticks(range(len(rows)), rows, fontsize=7)
+        axes.set_xlabel("blamed first")
+        axes.set_ylabel("what was there (single effects)")
+        figure.tight_layout()
+        figure.savefig(folder / "confusion.png", dpi=130, metadata={"Software": None})
+        plt.close(figure)
+    points = calibration(records)
+    figure, axes = plt.subplots(figsize=(4.2, 4.0))
+    axes.plot([0, 1], [0, 1], color="0.7", lw=1)
+    if points:
+        x, y = [p["stated"] for p in points], [p["true"] for p in points]
+        spread = [[p["true"] - p["wilson95"][0] for p in points], [p["wilson95"][1] - p["true"] for p in points]]
+        axes.errorbar(x, y, yerr=np.maximum(spread, 0), fmt="o", capsize=3)
+        for p in points:
+            axes.annotate(f"n = {p['count']}", (p["stated"], p["true"]), xytext=(4, -10), textcoords="offset points",
+                          fontsize=7)
+    axes.set(xlabel="stated probability", ylabel="share that is true (95 % Wilson)", xlim=(0, 1.02), ylim=(0, 1.02))
+    figure.tight_layout()
+    figure.savefig(folder / "calibration.png", dpi=130, metadata={"Software": None})
+    plt.close(figure)
+
+
+def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closure: bool = True, progress=None) -> dict:
+    """Open the truth, check every hash, judge every answer, write `OUT/score/`.
+
+    Returns
+    -------
+    The content of `score.json`: groups ("everything", every tier, every world), calibration, one record a case.
+
+    Raises
+    ------
+    InputError : anything was tampered with, or not every case has been asked (see `seal.open_truths`).
+    """
+    truths, answers, ledger = open_truths(out)
+    by_case = {entry["case"]: entry for entry in ledger}
+    kept = out / "score" / "cases"
+
+    def one(case: str) -> dict:
+        record = {"case": case, **judge(truths[case], answers.get(case), by_case[case])}
+        record["closure"] = None
+        if case in answers and with_closure:
+            store = kept / f"{case}.json"
+            mark = by_case[case]["sha256"]
+            if store.is_file():
+                old = json.loads(store.read_text())
+                if old.get("answer") == mark and "error" not in old["closure"]:
+                    record["closure"] = old["closure"]
+            if record["closure"] is None:
+                record["closure"] = closure(out / "public" / case, out / "sealed" / case / "held-out",
+                                            out / "answers" / case / "diagnosis.json", command)
+                write_atomic(store, json.dumps({"answer": mark, "closure": record["closure"]}) + "\n")
+        return record
+
+    records = []
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        for done, record in enumerate(pool.map(one, sorted(truths)), 1):
+            records.append(record)
+            if progress:
+                progress(done, len(truths))
+    visible = [r for r in records if r["kind"] != "known" or (r["size_sigma"] or 0) >= VISIBLE_SIGMA]
+    seed = json.loads((out / "sealed" / "seed.json").read_text())
+    result = {
+        "schema": SCHEMA, "seed": seed["seed"], "count": seed["count"],
+        "quick": any(entry.get("quick") for entry in ledger),
+        "everything": summarise(records), "visible": summarise(visible),
+        "tiers": {tier: summarise([r for r in visible if r["tier"] == tier]) for tier in TIERS
+                  if any(r["tier"] == tier for r in visible)},
+        "worlds": {world: summarise([r for r in visible if r["world"] == world])
+                   for world in sorted({r["world"] for r in visible})},
+        "hardly_visible": summarise([r for r in records if r not in visible]),
+        "calibration": calibration(records), "cases": records,
+    }
+    folder = out / "score"
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomic(folder / "score.json", json.dumps(result, indent=1) + "\n")
+    draw(records, folder)
+    write_atomic(folder / "page.md", page(result))
+    return result
+
+
+def _cell(value: dict | None) -> str:
+    if value is None:
+        return "–"
+    low, high = value["wilson95"]
+    return f"{100 * value['share']:.0f} % ({value['hits']}/{value['count']}; {100 * low:.0f}–{100 * high:.0f})"
+
+
+def page(result: dict) -> str:
+    """A page in Markdown with the figures of a scored check."""
+    groups = [*result["tiers"], "visible", *result["worlds"]]
+    tables = {**result["tiers"], "visible": result["visible"], **result["worlds"]}
+    titles = {"visible": "all tiers", "planar": "planar world", "mujoco": "MuJoCo world"}
+    lines = [
+        "# Blind check: figures of one run", "",
+        (f"{result['count']} sealed cases, seed {result['seed']}, made by `rtds blind make --n {result['count']} --seed "
+        f"{result['seed']}`, answered by `rtds blind answer{' --quick' if result['quick'] else ''}`, scored by "
+        "`rtds blind score`. Shares with hits, count and the 95 % Wilson interval. Effects below "
+        f"{VISIBLE_SIGMA:g} sigma after the motors' tolerance is projected off are left out here and reported below."), "",
+        "| | " + " | ".join(titles.get(g, g) for g in groups) + " |", "|---|" + "---|" * len(groups)]
+    lines.append("| cases (answered) | " + " | ".join(f"{tables[g]['cases']} ({tables[g]['answered']})"
+                                                      for g in groups) + " |")
+    for name, title in FIGURES:
+        lines.append(f"| {title} | " + " | ".join(_cell(tables[g][name]) for g in groups) + " |")
+
+    def line(title: str, text) -> str:
+        return f"| {title} | " + " | ".join(text(tables[g]) for g in groups) + " |"
+
+    def closed(t: dict) -> str:
+        c = t["closure"]
+        return "–" if c["median"] is None else f"{c['median']:.2f} ({c['quartiles'][0]:.2f} to {c['quartiles'][1]:.2f})"
+
+    lines.append(line("closure on unseen runs, median (quartiles)", closed))
+    lines.append(line("parameter error, median", lambda t: "–" if t["parameter_error_median"] is None
+                      else f"{100 * t['parameter_error_median']:.1f} %"))
+    lines.append(line("90 % intervals that hold the truth", lambda t: _cell(t["coverage90"])))
+    lines.append(line("time a case, median (longest)", lambda t: "–" if t["seconds_median"] is None
+                      else f"{t['seconds_median']:.0f} s ({t['seconds_max']:.0f} s)"))
+    small = result["hardly_visible"]
+    lines += ["", (f"Hardly visible effects: {small['cases']} cases, cause and side right {_cell(small['cause_right'])}, "
+              f"in a set {_cell(small['in_set'])}, nothing blamed otherwise or something else."), "",
+              "![what was there against what was blamed](confusion.png)", "",
+              "![stated probability against truth](calibration.png)", "",
+              "| case | tier | world | there | blamed | verdict | size (sigma) | closed | time |", "|---|---|---|---|---|---|---|---|---|"]
+    for r in result["cases"]:
+        there = ", ".join(f"{i} {s}" for i, s in r["truth"]) or (f"outside: {r['outside']}" if r["outside"] else "nothing")
+        blamed = ", ".join(f"{i} {s}" for i, s in r["blamed"]) or "nothing"
+        c = r["closure"] or {}
+        lines.append(f"| {r['case']} | {r['tier']} | {r['world']} | {there} | {blamed} | {r['verdict'] or 'no answer'} | "
+                     f"{r['size_sigma'] if r['size_sigma'] is not None else '–'} | "
+                     f"{'–' if c.get('closed') is None else format(c['closed'], '.2f')} | {r['seconds']:.0f} s |")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,94 @@
+"""`rtds blind`: make sealed cases, let the diagnoser answer, open the truth and score."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from rtds_host.contract import write_atomic
+
+app = typer.Typer(add_completion=False, no_args_is_help=True,
+                  help="Check the diagnosis on cases whose cause is sealed until the answers are in.")
+CORES = os.cpu_count() or 1
+Folder = Annotated[Path, typer.Option("--out", "-o", help="Folder of the check.")]
+
+
+@contextmanager
+def _bar(title: str) -> Iterator[Callable[[int, int], None]]:
+    console = Console(stderr=True)
+    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(title, total=None)
+        yield lambda done, count: progress.update(task, completed=done, total=count)
+
+
+@app.command()
+def make(out: Folder, n: Annotated[int, typer.Option("--n", help="Number of cases.")] = 60,
+         tier: Annotated[list[str] | None, typer.Option(help="Only these tiers (repeatable).")] = None,
+         world: Annotated[list[str] | None, typer.Option(help="Only these worlds: planar, mujoco (repeatable).")] = None,
+         seed: Annotated[int | None, typer.Option(help="Default: drawn, and kept with the sealed truth.")] = None,
+         jobs: Annotated[int, typer.Option(help="Processes.")] = CORES) -> None:
+    """Draw cases, seal their truths and publish the seals."""
+    from rtds_host.blind.seal import make as make_cases
+
+    with _bar("making cases") as report:
+        seals = make_cases(out, n, tier, world, seed, jobs, report)
+    Console().print(f"{len(seals)} cases in {out / 'public'}, sealed in {out / 'public' / 'SEALS.json'}")
+
+
+@app.command()
+def answer(out: Folder, quick: Annotated[bool, typer.Option("--quick", help="The diagnoser's quick mode.")] = False,
+           jobs: Annotated[int, typer.Option(help="Cases at a time.")] = 1,
+           timeout: Annotated[float, typer.Option(help="Seconds for a case.")] = 600.0) -> None:
+    """Let the diagnoser, as another process, answer every case that has no answer yet."""
+    from rtds_host.blind.seal import answer as answer_cases
+
+    with _bar("diagnosing") as report:
+        ledger = answer_cases(out, quick, jobs, timeout_s=timeout, progress=report)
+    failed = [entry for entry in ledger if entry["sha256"] is None]
+    Console().print(f"{len(ledger) - len(failed)} of {len(ledger)} cases answered, hashes in "
+                    f"{out / 'answers' / 'LEDGER.jsonl'}")
+    for entry in failed:
+        typer.echo(f"{entry['case']}: exit status {entry['status']}: {entry['said']}", err=True)
+    if failed:
+        raise typer.Exit(1)
+
+
+@app.command()
+def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time.")] = CORES,
+          page: Annotated[Path | None, typer.Option(help="Also write the page of figures (and its pictures) here.")] = None,
+          closure: Annotated[bool, typer.Option(help="Measure closure on the held-out runs.")] = True) -> None:
+    """Open the truth, check every hash, and judge the answers."""
+    from rtds_host.blind.score import FIGURES, _cell
+    from rtds_host.blind.score import score as score_cases
+
+    with _bar("scoring") as report:
+        result = score_cases(out, jobs, with_closure=closure, progress=report)
+    console = Console()
+    table = Table(title=f"{result['count']} sealed cases, seed {result['seed']}", title_justify="left")
+    groups = {"all tiers": result["visible"], **result["tiers"]}
+    table.add_column("")
+    for name in groups:
+        table.add_column(name)
+    for name, title in FIGURES:
+        table.add_row(title, *(_cell(group[name]) for group in groups.values()))
+    table.add_row("closure, median", *("–" if g["closure"]["median"] is None else f"{g['closure']['median']:.2f}"
+                                       for g in groups.values()))
+    table.add_row("90 % intervals that hold", *(_cell(g["coverage90"]) for g in groups.values()))
+    table.add_row("time a case, median", *(f"{g['seconds_median']:.0f} s" for g in groups.values()))
+    console.print(table)
+    console.print(f"figures and pictures in {out / 'score'}")
+    if page is not None:
+        write_atomic(page, (out / "score" / "page.md").read_text())
+        for name in ("confusion.png", "calibration.png"):
+            source = out / "score" / name
+            if source.is_file():
+                write_atomic(page.parent / name, source.read_bytes())
