@@ -6,7 +6,7 @@ SIM    ?= verilator
 OUT    ?= out
 export SIM
 
-.PHONY: setup system run test test-long sim lint bench clean
+.PHONY: setup system run test test-long sim lint bench blind blind-long clean
 
 setup: $(VENV)/.ready
 
@@ -41,6 +41,17 @@ lint: setup
 
 bench: setup
 	$(BIN)/python -m rtds_host.bench
+
+# Sealed cases for the diagnosis, 60 in about 20 minutes or 340 for the figures in docs; both go on where they stopped.
+blind: setup
+	@test -f build/blind/public/SEALS.json || $(BIN)/rtds blind make --out build/blind --n 60
+	$(BIN)/rtds blind answer --out build/blind --quick
+	$(BIN)/rtds blind score --out build/blind
+
+blind-long: setup
+	@test -f build/blind-long/public/SEALS.json || $(BIN)/rtds blind make --out build/blind-long --n 340
+	$(BIN)/rtds blind answer --out build/blind-long
+	$(BIN)/rtds blind score --out build/blind-long --page docs/blind-results.md
 
 clean:
 	rm -rf build $(OUT) .pytest_cache .ruff_cache

@@ -33,8 +33,11 @@ from rtds_host.contract import write_atomic
 from rtds_host.errors import InputError
 
 SEALS_SCHEMA = "rtds-blind-seals/1"
-# Share of the cases a tier gets in a mixed check; `make blind` has 60, `make blind-long` at least 300.
+# Share of the cases a tier gets in a mixed check: one for everyone (60 cases), one for figures (340 cases, so that
+# every tier has 30 and "no effect" 60).
 WEIGHTS = {"all": 16, "tol": 8, "few": 8, "pair": 8, "none": 10, "unknown": 8, "long": 2}
+LONG_WEIGHTS = {"all": 90, "tol": 40, "few": 40, "pair": 40, "none": 60, "unknown": 40, "long": 30}
+LONG_CHECK = 300
 
 
 def canonical(value: object) -> bytes:
@@ -58,9 +61,10 @@ def hash_folder(folder: Path) -> dict[str, str]:
 
 
 def shares(count: int, tiers: list[str]) -> list[str]:
-    """A tier for each of `count` cases, in proportion to `WEIGHTS` (largest remainders)."""
-    total = sum(WEIGHTS[tier] for tier in tiers)
-    exact = [count * WEIGHTS[tier] / total for tier in tiers]
+    """A tier for each of `count` cases, in proportion to the weights (largest remainders)."""
+    weights = LONG_WEIGHTS if count >= LONG_CHECK else WEIGHTS
+    total = sum(weights[tier] for tier in tiers)
+    exact = [count * weights[tier] / total for tier in tiers]
     whole = [int(value) for value in exact]
     order = sorted(range(len(tiers)), key=lambda k: exact[k] - whole[k], reverse=True)
     for k in order[: count - sum(whole)]:

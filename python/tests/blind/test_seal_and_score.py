@@ -131,6 +131,13 @@ def test_an_interrupted_answering_goes_on_where_it_stopped(copied, tmp_path):
     assert ledger.read_text().splitlines()[0] == kept[0]
 
 
+def test_a_long_check_has_enough_cases_of_every_tier():
+    plan = seal.shares(340, list(planar.TIERS))
+    assert len(plan) == 340 and plan.count("none") >= 60
+    assert all(plan.count(tier) >= 30 for tier in planar.TIERS)
+    assert set(seal.shares(60, list(planar.TIERS))) == set(planar.TIERS)
+
+
 def test_a_check_is_not_made_twice_and_bad_requests_are_refused(copied, tmp_path):
     with pytest.raises(InputError, match="not made again"):
         seal.make(copied, 3)
