@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from rtds_host.contract import staged_folder
+from rtds_host.contract import load_robot, read_run, staged_folder
 from rtds_host.errors import InputError
 from rtds_host.run import LinkChoice, Options, Plan, check_writable, make_plan, perform, write_outcome
 from rtds_host.run.summary import Summary, lines
@@ -113,6 +113,8 @@ def run(
     = True,
     figure: Annotated[bool, typer.Option(help="Draw the six-panel figure.")] = True,
     form: Annotated[str, typer.Option("--format", help="Format of the log: csv or parquet.")] = "csv",
+    mcap: Annotated[bool, typer.Option("--mcap", help="Write run.mcap too, for Foxglove, PlotJuggler or ros2 bag.")]
+    = False,
 ) -> None:
     """Drive SCENARIO with the motors in RTL (or the bit-exact model) and write a run folder."""
     console = Console(highlight=False)
@@ -151,6 +153,11 @@ def run(
                     write_outcome(outcome, scratch / plan.scenario.name, figure, form)
                     summaries.append((outcome.summary, target / plan.scenario.name))
     for summary, place in summaries:
+        if mcap:
+            from rtds_host.importers import write_mcap
+
+            nominal = load_robot(place / "robot.toml")
+            write_mcap(place / "run.mcap", read_run(place, nominal), nominal)
         _show(console, summary, place)
 
 

@@ -211,3 +211,13 @@ def test_mappings_that_come_along_are_sound():
         assert load_mapping(name).name == name
     with pytest.raises(InputError, match="schema"):
         load_mapping(builtin_robot_path("burger"))
+
+
+def test_a_waffle_needs_only_its_own_figures():
+    from pathlib import Path
+
+    waffle = load_mapping(Path(__file__).parents[3] / "examples" / "turtlebot3_waffle.toml")
+    stock = load_mapping("turtlebot3")
+    assert waffle.twist.track_width_m == 0.287 and stock.twist.track_width_m == 0.160
+    assert waffle.signals == stock.signals and waffle.servo == stock.servo
+    assert waffle.before_first == stock.before_first == 0.0

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import io
 import math
+import sys
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from rtds_host.contract import RunLog, RunMeta, builtin_robot, read_case
+from rtds_host.cli.main import main
+from rtds_host.contract import RunLog, RunMeta, builtin_robot, read_case, read_run
 from rtds_host.errors import OutputError
 from rtds_host.importers import import_case, write_mcap
 
@@ -105,3 +107,16 @@ def test_the_file_is_complete_for_readers_that_stream(tmp_path):
     write_mcap(tmp_path / "run.mcap", log())
     summary = make_reader(io.BytesIO((tmp_path / "run.mcap").read_bytes())).get_summary()
     assert summary.statistics.message_count == len(decoded(tmp_path / "run.mcap"))
+
+
+def test_rtds_run_writes_a_bag_that_comes_back_as_the_run_it_wrote(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["rtds", "run", "linear", "--link", "model", "--length", "0.5", "--duration",
+                                      "9", "--no-compare", "--no-figure", "--mcap", "--out", str(tmp_path / "run")])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0, capsys.readouterr().err
+    import_case([tmp_path / "run" / "run.mcap"], tmp_path / "case", mapping="rtds", form="parquet")
+    run, back = read_run(tmp_path / "run"), read_case(tmp_path / "case").runs[0]
+    assert back.t == pytest.approx(run.t - run.t[0], abs=1e-9)
+    for name in ("v_cmd_l", "v_cmd_r", "i_l", "w_r", "th_l"):
+        assert back.columns[name] == pytest.approx(run.columns[name], abs=1e-12, nan_ok=True), name
