@@ -12,6 +12,7 @@ import cocotb
 import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import ReadOnly, RisingEdge
+
 from rtds_host.motor import CoreModel
 
 VALID_CLOCKS = 15

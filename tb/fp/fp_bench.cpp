@@ -2,12 +2,15 @@
 //
 //   Vfp_bench <pairs.bin> <out.bin> <stall>
 //
-// pairs: uint32 a, b; out: for each pair uint32 add, sub, mul, div, from_int, to_int, to_int flags.
+// pairs: uint32 a, b; out: for each pair uint32 add, sub, mul, div, from_int, from_fix16, from_fix63, to_int, to_fix16,
+// to_fix31, flags of the last three.
 // stall: 0 = the clock enable is always on; else it is off in about one clock of <stall>, with other operands on
 // the inputs, so that a pipeline that does not freeze gives wrong results.
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <iterator>
 #include <memory>
 #include <vector>
 
@@ -20,6 +23,7 @@ constexpr int ADD_LATENCY = 3;
 constexpr int MUL_LATENCY = 2;
 constexpr int INT_LATENCY = 2;
 constexpr int DIV_LATENCY = 31;
+constexpr int RESULTS = 11;
 
 std::uint64_t random_state = 88172645463325252ull;
 std::uint64_t next_random() {
@@ -72,7 +76,7 @@ int main(int argc, char** argv) {
     for (std::uint32_t pair[2]; std::fread(pair, sizeof pair, 1, in) == 1;) pairs.insert(pairs.end(), pair, pair + 2);
     std::fclose(in);
     const long n = static_cast<long>(pairs.size() / 2);
-    std::vector<std::uint32_t> out(static_cast<std::size_t>(n) * 7);
+    std::vector<std::uint32_t> out(static_cast<std::size_t>(n) * RESULTS);
 
     Vfp_bench& top = bench->top;
     top.rst_ni = 0;
@@ -87,14 +91,14 @@ int main(int argc, char** argv) {
         bench->clock(real ? pairs[2 * k] : 0, real ? pairs[2 * k + 1] : 0, false);
         const long add = k - (ADD_LATENCY - 1), mul = k - (MUL_LATENCY - 1), integer = k - (INT_LATENCY - 1);
         if (add >= 0 && add < n) {
-            out[7 * add] = top.add_o;
-            out[7 * add + 1] = top.sub_o;
+            out[RESULTS * add] = top.add_o;
+            out[RESULTS * add + 1] = top.sub_o;
         }
-        if (mul >= 0 && mul < n) out[7 * mul + 2] = top.mul_o;
+        if (mul >= 0 && mul < n) out[RESULTS * mul + 2] = top.mul_o;
         if (integer >= 0 && integer < n) {
-            out[7 * integer + 4] = top.from_int_o;
-            out[7 * integer + 5] = top.to_int_o;
-            out[7 * integer + 6] = top.to_int_flags_o;
+            const std::uint32_t words[] = {top.from_int_o, top.from_fix16_o, top.from_fix63_o, top.to_int_o,
+                                           top.to_fix16_o, top.to_fix31_o,   top.to_flags_o};
+            std::copy(std::begin(words), std::end(words), out.begin() + RESULTS * integer + 4);
         }
     }
 
@@ -111,7 +115,7 @@ int main(int argc, char** argv) {
             std::fprintf(stderr, "fp_div: not valid after %d clocks\n", DIV_LATENCY);
             return 1;
         }
-        out[7 * k + 3] = top.div_o;
+        out[RESULTS * k + 3] = top.div_o;
     }
 
     std::FILE* file = std::fopen(argv[2], "wb");

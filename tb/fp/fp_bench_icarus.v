@@ -2,7 +2,7 @@
 //
 //   vvp fp_bench_icarus.vvp +pairs=<file, 16 hex digits a line: a b> +out=<file> +count=<pairs> [+divide=<pairs>]
 //
-// out: a line a pair, add sub mul from_int to_int flags in hex; then a line a division.
+// out: a line a pair, add sub mul, the three from_, the three to_, flags in hex; then a line a division.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -17,9 +17,7 @@ module fp_bench_icarus;
   wire [31:0] mul;
   wire [31:0] div;
   wire div_valid;
-  wire [31:0] from_int;
-  wire [31:0] to_int;
-  wire [1:0] flags;
+  wire [197:0] converted;
 
   fp_bench u_bench (
     .clk_i(clk),
@@ -33,9 +31,13 @@ module fp_bench_icarus;
     .mul_o(mul),
     .div_o(div),
     .div_valid_o(div_valid),
-    .from_int_o(from_int),
-    .to_int_o(to_int),
-    .to_int_flags_o(flags)
+    .from_int_o(converted[197:166]),
+    .from_fix16_o(converted[165:134]),
+    .from_fix63_o(converted[133:102]),
+    .to_int_o(converted[101:70]),
+    .to_fix16_o(converted[69:38]),
+    .to_fix31_o(converted[37:6]),
+    .to_flags_o(converted[5:0])
   );
 
   reg [63:0] pairs[0:1048575];
@@ -49,9 +51,7 @@ module fp_bench_icarus;
 
   // Results of latency 2 wait one clock for those of latency 3.
   reg [31:0] mul_d;
-  reg [31:0] from_int_d;
-  reg [31:0] to_int_d;
-  reg [1:0] flags_d;
+  reg [197:0] converted_d;
 
   task edge_of_clock;
     begin
@@ -77,11 +77,13 @@ module fp_bench_icarus;
     for (k = 0; k < count + 2; k = k + 1) begin
       if (k < count) {a, b} = pairs[k];
       mul_d = mul;
-      from_int_d = from_int;
-      to_int_d = to_int;
-      flags_d = flags;
+      converted_d = converted;
       edge_of_clock;
-      if (k >= 2) $fdisplay(out, "%h %h %h %h %h %h", add, sub, mul_d, from_int_d, to_int_d, flags_d);
+      if (k >= 2) begin
+        $fwrite(out, "%h %h %h %h %h %h ", add, sub, mul_d, converted_d[197:166], converted_d[165:134],
+                converted_d[133:102]);
+        $fdisplay(out, "%h %h %h %h", converted_d[101:70], converted_d[69:38], converted_d[37:6], converted_d[5:0]);
+      end
     end
     for (k = 0; k < divide; k = k + 1) begin
       {a, b} = pairs[k];

@@ -7,7 +7,12 @@ import itertools
 import numpy as np
 
 CANONICAL_NAN = 0x7FC00000
-RESULTS = ("add", "sub", "mul", "div", "from_int", "to_int", "to_int_flags")
+RESULTS = (
+    *("add", "sub", "mul", "div"),
+    *("from_int", "from_fix16", "from_fix63", "to_int", "to_fix16", "to_fix31", "to_flags"),
+)
+FROM_PLACES = (0, 16, 63)
+TO_PLACES = (0, 16, 31)
 
 # Positive words whose every pair, with all four pairs of signs, is tried.
 _DIRECTED = (
@@ -149,11 +154,14 @@ def to_int(words: np.ndarray, frac: int) -> tuple[np.ndarray, np.ndarray]:
     return clipped.astype(np.int64).astype(np.uint32), flags
 
 
-def expected(pairs: np.ndarray, frac_from: int = 0, frac_to: int = 0) -> np.ndarray:
-    """(n, 7) uint32, columns as RESULTS, from numpy's float32."""
+def expected(pairs: np.ndarray) -> np.ndarray:
+    """(n, 11) uint32, columns as RESULTS, from numpy's float32."""
     a, b = (np.ascontiguousarray(pairs[:, k]).view(np.float32) for k in (0, 1))
     words = np.ascontiguousarray(pairs[:, 0])
     with np.errstate(all="ignore"):
-        whole, flags = to_int(words, frac_to)
-        columns = [canonical(y) for y in (a + b, a - b, a * b, a / b)] + [from_int(words, frac_from), whole, flags]
+        columns = [canonical(y) for y in (a + b, a - b, a * b, a / b)]
+        columns += [from_int(words, places) for places in FROM_PLACES]
+        converted = [to_int(words, places) for places in TO_PLACES]
+    columns += [whole for whole, _ in converted]
+    columns.append(sum(flags << np.uint32(2 * k) for k, (_, flags) in enumerate(converted)))
     return np.stack(columns, axis=1)

@@ -21,11 +21,9 @@ needs_verilator = [s for s in SIMULATORS if s == "verilator"]
 needs_icarus = [s for s in SIMULATORS if s == "icarus"]
 
 
-def run_verilator(pairs: np.ndarray, folder: Path, stall: int = 0, frac_from: int = 0, frac_to: int = 0) -> np.ndarray:
-    """(n, 7) uint32, columns as RESULTS."""
-    parameters = {"FRAC_FROM": frac_from, "FRAC_TO": frac_to}
-    name = f"fp_bench-{frac_from}-{frac_to}"
-    program = verilate("fp_bench", SOURCES, "tb/fp/fp_bench.cpp", name, parameters)
+def run_verilator(pairs: np.ndarray, folder: Path, stall: int = 0) -> np.ndarray:
+    """(n, 11) uint32, columns as RESULTS."""
+    program = verilate("fp_bench", SOURCES, "tb/fp/fp_bench.cpp")
     pairs.astype("<u4").tofile(folder / "pairs.bin")
     done = subprocess.run(
         [program, folder / "pairs.bin", folder / "out.bin", str(stall)], check=False, capture_output=True, text=True
@@ -35,7 +33,7 @@ def run_verilator(pairs: np.ndarray, folder: Path, stall: int = 0, frac_from: in
 
 
 def run_icarus(pairs: np.ndarray, folder: Path, divide: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(n, 6) results without the divider's, (divide,) quotients, (divide,) clocks they took."""
+    """(n, 10) results without the divider's, (divide,) quotients, (divide,) clocks they took."""
     program = icarus("fp_bench_icarus", [*SOURCES, "tb/fp/fp_bench_icarus.v"])
     (folder / "pairs.hex").write_text("\n".join(f"{a:08x}{b:08x}" for a, b in pairs.tolist()))
     subprocess.run(
@@ -75,14 +73,6 @@ def test_clock_enable_freezes_every_pipeline(simulator, tmp_path):
     assert_equal(pairs, run_verilator(pairs, tmp_path, stall=3), expected(pairs), RESULTS)
 
 
-@pytest.mark.parametrize("simulator", needs_verilator)
-@pytest.mark.parametrize("frac_from, frac_to", [(63, 31), (16, 16)])
-def test_fixed_point_conversions_scale_by_powers_of_two(simulator, frac_from, frac_to, tmp_path):
-    pairs = np.concatenate([directed(), random_pairs(100_000, seed=22)])
-    got = run_verilator(pairs, tmp_path, 0, frac_from, frac_to)
-    assert_equal(pairs, got, expected(pairs, frac_from, frac_to), RESULTS)
-
-
 def icarus_case(pairs: np.ndarray, folder: Path, divide: int) -> None:
     want = expected(pairs)
     without_div = [k for k, name in enumerate(RESULTS) if name != "div"]
@@ -94,7 +84,7 @@ def icarus_case(pairs: np.ndarray, folder: Path, divide: int) -> None:
 
 @pytest.mark.parametrize("simulator", needs_icarus)
 def test_icarus_agrees_on_a_hundred_thousand_pairs(simulator, tmp_path):
-    icarus_case(random_pairs(100_000, seed=23), tmp_path, divide=5_000)
+    icarus_case(random_pairs(100_000, seed=23), tmp_path, divide=2_000)
 
 
 @pytest.mark.long

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from rtds_host.errors import InputError
 from rtds_host.motor import reference
 from rtds_host.motor.model import MotorPair, _step
 from rtds_host.motor.parameters import METHODS, coefficients, parameter_words
@@ -130,11 +129,11 @@ def energy_imbalance(method: str, step_s: float) -> float:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables; ends with status 1 if a bound is broken."""
-    parser = argparse.ArgumentParser(prog="rtds_host.motor.accuracy", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m rtds_host.motor.accuracy", description=__doc__)
     parser.add_argument("--seconds", type=float, default=300.0, help="simulated time of each run (default 300)")
     seconds = parser.parse_args(arguments).seconds
-    if not seconds > 0.0:
-        raise InputError(f"--seconds: {seconds} must be greater than zero")
+    if not 0.0 < seconds < math.inf:
+        parser.error(f"argument --seconds: {seconds} must be greater than zero")
     stall = NOMINAL[2] * SUPPLY_V / NOMINAL[0]
     broken = False
     print(f"Against the same difference equation in float64: largest difference over {seconds:g} s, of full scale")
