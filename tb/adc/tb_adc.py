@@ -7,7 +7,16 @@ import os
 
 import cocotb
 from agents.ltc2308 import Ltc2308
-from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge, Timer
+from cocotb.triggers import (
+    ClockCycles,
+    FallingEdge,
+    ReadOnly,
+    RisingEdge,
+    SimTimeoutError,
+    Timer,
+    ValueChange,
+    with_timeout,
+)
 
 SEQUENCE_CLOCKS = 400
 RECORD_CHANNELS = (2, 3, 0, 1)  # after the parameter: T_l, T_r, V_l, V_r
@@ -32,14 +41,11 @@ class TB:
 
     async def record(self, timeout_us: float = 40) -> dict:
         """The next record: codes, index of the parameter, the conversions it must have come from."""
-        toggle = int(self.dut.toggle.value)
-        for _ in range(int(timeout_us * 40)):
-            await RisingEdge(self.dut.clk)
-            await FallingEdge(self.dut.clk)
-            if int(self.dut.toggle.value) != toggle:
-                break
-        else:
-            raise AssertionError(f"no record within {timeout_us} us")
+        try:
+            await with_timeout(ValueChange(self.dut.toggle), timeout_us, "us")
+        except SimTimeoutError:
+            raise AssertionError(f"no record within {timeout_us} us") from None
+        await FallingEdge(self.dut.clk)
         d = self.dut
         return {
             "codes": [int(h.value) for h in (d.code_p, d.code_t_l, d.code_t_r, d.code_v_l, d.code_v_r)],
@@ -167,8 +173,7 @@ async def a_dead_line_makes_no_record(dut):
         toggle = int(dut.toggle.value)
         dut.sdo_level.value = cocotb.types.Logic(level)
         dut.sdo_stuck.value = 1
-        for _ in range(2 * SEQUENCE_CLOCKS + 20):
-            await RisingEdge(dut.clk)
+        await ClockCycles(dut.clk, 2 * SEQUENCE_CLOCKS + 20)
         await ReadOnly()
         assert int(dut.silent.value) == 1
         assert int(dut.toggle.value) == toggle, "a record was made of a dead line"
@@ -200,8 +205,7 @@ async def reset_at_every_phase(dut):
     tb = await started(dut)
     await tb.good_record()
     for phase in range(80):
-        for _ in range(phase + 2):
-            await RisingEdge(dut.clk)
+        await ClockCycles(dut.clk, phase + 2)
         await Timer(1 + 7 * (phase % 4), "ns")
         await tb.reset()
         assert int(dut.convst.value) == 0 and int(dut.sck.value) == 0
