@@ -100,11 +100,12 @@ module dac_scale (
       .nan_o(no_number)
   );
 
-  // Clamp to -2048 .. 2047: in range when bits 31 to 11 agree. What fp_to_int clamped keeps its sign.
+  // Clamp to -2048 .. 2047: in range when bits 31 to 11 agree. What fp_to_int clamped to 32 bits is out of range
+  // here too, and a NaN comes as 0: mid-scale.
   wire        low = whole[31] && !(&whole[30:11]);
   wire        high = !whole[31] && (|whole[30:11]);
-  wire        clamped = low || high || beyond;
-  wire [11:0] code = no_number ? 12'h800 : low ? 12'h000 : high ? 12'hFFF : {!whole[11], whole[10:0]};
+  wire        flagged = low || high || no_number;
+  wire [11:0] code = low ? 12'h000 : high ? 12'hFFF : {!whole[11], whole[10:0]};
 
   // Results come in clocks 7 to 10; the last one completes the set.
   reg  [35:0] part_code_q;
@@ -118,7 +119,7 @@ module dac_scale (
       part_nan_q  <= 3'd0;
     end else if (run) begin
       part_code_q <= {code, part_code_q[35:12]};
-      part_sat_q  <= {clamped || no_number, part_sat_q[2:1]};
+      part_sat_q  <= {flagged, part_sat_q[2:1]};
       part_nan_q  <= {no_number, part_nan_q[2:1]};
     end
   end
@@ -138,7 +139,7 @@ module dac_scale (
       valid_q <= done;
       if (done) begin
         code_q <= {code, part_code_q};
-        sat_q  <= {clamped || no_number, part_sat_q};
+        sat_q  <= {flagged, part_sat_q};
         nan_q  <= {no_number, part_nan_q};
       end
     end
@@ -149,7 +150,7 @@ module dac_scale (
   assign sat_o   = sat_q;
   assign nan_o   = nan_q;
 
-  wire unused = &{1'b0, offset_place[3:2]};
+  wire unused = &{1'b0, offset_place[3:2], beyond};
 
 endmodule
 

@@ -108,9 +108,10 @@ async def ldac_falls_22_clocks_after_write(dut):
         await tb.write(codes)
         for clock in range(1, WRITE_TO_LDAC + 1):
             assert int(dut.ldac_n.value) == 1 and int(dut.codes.value) == before, f"clock {clock}"
+            assert int(dut.safe.value) == (unpack(before) == SAFE), f"clock {clock}"
             await tb.clocks(1)
             await Timer(1, "ns")
-        assert int(dut.ldac_n.value) == 0
+        assert int(dut.ldac_n.value) == 0 and int(dut.safe.value) == 0
         await tb.clocks(TRANSFER - WRITE_TO_LDAC)
         await Timer(1, "ns")
         assert unpack(int(dut.codes.value)) == codes
@@ -161,6 +162,22 @@ async def reset_at_every_clock_leaves_the_safe_value(dut):
 
 
 @cocotb.test()
+async def the_shortest_reset_is_long_enough_for_the_part(dut):
+    """A reset of 2 ns, anywhere in a clock: the part still sees RESET low for 50 ns or more, then mid-scale."""
+    tb = await started(dut)
+    for delay in range(1, 20, 3):
+        await tb.write(tb.draw())
+        await Timer(delay, "ns")
+        dut.rst_n.value = 0
+        await Timer(2, "ns")
+        dut.rst_n.value = 1
+        await tb.clocks(60)
+        await Timer(1, "ns")
+        assert unpack(int(dut.codes.value)) == SAFE and int(dut.ready.value) == 1
+        tb.check()
+
+
+@cocotb.test()
 async def fault_at_every_clock_ends_in_the_safe_value(dut):
     """Fault in each clock of a transfer and when idle, as a pulse and as a level: safe within 47 clocks, once."""
     tb = await started(dut)
@@ -183,6 +200,7 @@ async def fault_at_every_clock_ends_in_the_safe_value(dut):
             if safe_after is None and int(dut.safe.value):
                 safe_after = passed - 1  # the first edge took the fault
         assert safe_after is not None and safe_after <= FAULT_TO_SAFE_AT_MOST, safe_after
+        assert clock < TRANSFER or safe_after == WRITE_TO_LDAC, "when idle the safe value goes out at once"
         assert unpack(int(dut.codes.value)) == SAFE
         assert int(dut.updates.value) - updates == before_ldac + 1, "the safe value is written once"
         assert int(dut.ready.value) == 1
@@ -206,6 +224,9 @@ async def nothing_is_written_while_a_fault_lasts(dut):
         await tb.clocks(60)
         await Timer(1, "ns")
         updates = int(dut.updates.value)
+        dut.write.value = 1
+        await Timer(1, "ns")
+        assert int(dut.dropped.value) == 1
         await tb.write(tb.draw())
         await tb.clocks(60)
         assert int(dut.updates.value) == updates
