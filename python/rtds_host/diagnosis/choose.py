@@ -1,0 +1,321 @@
+"""Choice of the explanation: none, one effect, several, or unknown.
+
+Explanations are compared by their evidence (Laplace's approximation: fit, price of each free parameter, prior odds
+that count how many explanations of that size there are) on residuals whose weight is cut by the structure that even
+the best explanation leaves, and an effect must also gain on stretches of the runs it was not fitted to. In-sample
+likelihood alone would blame something in every case with correlated residuals.
+
+References: D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992 (evidence and Occam factor).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rtds_host.diagnosis import ripple
+from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis
+from rtds_host.diagnosis.problem import CHANNELS, Problem
+from rtds_host.diagnosis.screen import Candidate, Screen
+
+# Prior odds: no effect, one, two, three; the rest is outside the catalogue.
+PRIOR_BY_COUNT = {0: 0.25, 1: 0.55, 2: 0.17, 3: 0.03}
+SIDE_PRIOR = {"both": 0.5, "left": 0.25, "right": 0.25}
+NUISANCE_BAND = 0.03
+# A free parameter that the data do not need costs at least this much of -2 log evidence.
+PARSIMONY = 1.0
+FOLD_S = 5.0
+
+
+@dataclass
+class Scored:
+    """A fit with its standing: `score` = -2 log(evidence x prior), `gain` and `held_out_t` against no effect."""
+
+    fit: Fit
+    score: float
+    probability: float = 0.0
+    reason: str = ""
+
+
+@dataclass
+class Choice:
+    """What the search found: explanations best first, the refit without effect, the dispersion they were judged by."""
+
+    base: Fit
+    ranked: list[Scored]
+    dispersion: float
+    fits: dict[Hypothesis, Fit] = field(default_factory=dict)
+
+
+def dispersion(problem: Problem, residual: np.ndarray, jacobian: np.ndarray) -> float:
+    """Variance of block sums of the residuals over that of white noise, pooled over channels, at least 1.
+
+    The mean of squares and the squared sums over blocks of 0.25 and 1 s (correlated errors add up within a block).
+    """
+    worst = float(np.mean(residual**2)) * len(residual) / max(len(residual) - jacobian.shape[1], 1)
+    key = problem.blocks * len(CHANNELS) + problem.channels_of
+    sums = np.bincount(key, residual)
+    counts = np.bincount(key)
+    used = counts > 0
+    ratios = sums[used] ** 2 / counts[used]
+    # A few blocks of a fast transient must not hide a perfect rest: the mean, but of a limited ratio.
+    block = float(np.mean(np.minimum(ratios, 50.0 * max(np.median(ratios), 0.45))))
+    worst = max(worst, block)
+    return worst if worst > 1.15 else 1.0
+
+
+def structure(problem: Problem, residual: np.ndarray) -> float:
+    """How much structure is left: variance of 1 s block sums over that of white noise, pooled; 1 for white noise."""
+    key = problem.blocks * len(CHANNELS) + problem.channels_of
+    sums, counts = np.bincount(key, residual), np.bincount(key)
+    used = counts > 0
+    return float(np.mean(sums[used] ** 2 / counts[used]))
+
+
+def log_prior(hypothesis: Hypothesis, effects: int) -> float:
+    """Log prior probability of an explanation, among explanations of its size."""
+    count = len(hypothesis)
+    value = np.log(PRIOR_BY_COUNT.get(count, 0.003))
+    for k, (effect, side) in enumerate(hypothesis):
+        odds = SIDE_PRIOR[side] if CATALOGUE[effect].sided else 1.0
+        value += np.log(odds / max(effects - k, 1)) + np.log(k + 1)
+    return float(value)
+
+
+def score(fit: Fit, effects: int, scale: float) -> float:
+    """-2 log of evidence and prior (up to a constant of the case), residuals weighted by 1 / scale."""
+    precision = fit.jacobian.T @ fit.jacobian
+    precision = precision.astype(float) / scale
+    prior = fit.prior_precision()
+    # Parameters on a bound are held there.
+    keep = np.flatnonzero(fit.free)
+    inside = precision[np.ix_(keep, keep)] / np.sqrt(np.outer(prior[keep], prior[keep])) + np.eye(len(keep))
+    occam = float(np.linalg.slogdet(inside)[1])
+    return (fit.chi2 / scale + fit.prior + occam + PARSIMONY * len(fit.u) - 2 * log_prior(fit.hypothesis, effects))
+
+
+def named(fit: Fit) -> bool:
+    """Whether each effect is big enough to be named: a `ratio` within 3 % of 1 on R, K, J or B is a nuisance."""
+    for (effect, _), values in zip(fit.hypothesis, fit.values):
+        if CATALOGUE[effect].nuisance and abs(values["ratio"] - 1.0) <= NUISANCE_BAND:
+            return False
+        if effect == "viscous_friction":
+            continue
+    return True
+
+
+def folds(problem: Problem) -> np.ndarray:
+    """Stretches of about 5 s of a run, (N,): what is left out together."""
+    per = max(int(FOLD_S), 1)
+    starts = np.zeros(problem.block_count, int)
+    fold = 0
+    first = 0
+    for run in problem.runs:
+        count = int(run.block.max(initial=-1)) + 1
+        pieces = max(1, round(count / per))
+        starts[first:first + count] = fold + np.minimum(np.arange(count) * pieces // max(count, 1), pieces - 1)
+        first += count
+        fold += pieces
+    return starts[problem.blocks]
+
+
+def held_out(problem: Problem, fit: Fit, fold_of: np.ndarray) -> np.ndarray:
+    """Squared residuals summed by block, each fold predicted from a fit to the others (one linear step)."""
+    jacobian = fit.jacobian.astype(float)
+    keep = np.flatnonzero(fit.free)
+    precision = fit.precision()[np.ix_(keep, keep)]
+    out = fit.residual.copy()
+    for fold in range(fold_of.max() + 1):
+        rows = np.flatnonzero(fold_of == fold)
+        if not len(rows):
+            continue
+        j = jacobian[np.ix_(rows, keep)]
+        rest = precision - j.T @ j / fit.dispersion
+        step = np.linalg.solve(rest + 1e-9 * np.diag(np.diag(precision)), j.T @ fit.residual[rows] / fit.dispersion)
+        out[rows] = fit.residual[rows] + j @ step
+    return np.bincount(problem.blocks, out * out, minlength=problem.block_count)
+
+
+class Search:
+    """One case's search over explanations."""
+
+    def __init__(self, problem: Problem, quick: bool = False, without: frozenset[str] = frozenset()):
+        self.problem = problem
+        self.fitter = Fitter(problem)
+        self.quick = quick
+        self.without = without
+        self.fits: dict[Hypothesis, Fit] = {}
+        self.scale = 1.0
+        self.z0 = np.zeros(self.fitter.count)
+
+    def _screen(self, fit: Fit) -> Screen:
+        k = self.fitter.count
+        model = fit.model(self.problem)
+        outs = self.problem.replay(model)
+        penalty = fit.prior_precision()
+        only = {e for e in CATALOGUE if e not in self.without}
+        extra = {} if "torque_ripple" in self.without else ripple.starts(self.problem, outs)
+        del k
+        return Screen(self.fitter, model, fit.residual, fit.jacobian, penalty, fit.dispersion, fit.hypothesis, extra,
+                      only)
+
+    def try_fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, iterations: int = 8,
+                fresh: bool = False) -> Fit:
+        """Fit and remember the better of this and an earlier fit of the same explanation."""
+        fit = self.fitter.fit(hypothesis, start, z, self.scale, iterations, fresh)
+        known = self.fits.get(hypothesis)
+        if known is None or fit.chi2 / self.scale + fit.prior < known.chi2 / self.scale + known.prior:
+            self.fits[hypothesis] = fit
+        return self.fits[hypothesis]
+
+    def cost(self, fit: Fit) -> float:
+        return fit.chi2 / self.scale + fit.prior
+
+    def grow(self, fit: Fit, count: int) -> list[Fit]:
+        """Add one effect to an explanation: screen what it leaves, fit the most promising."""
+        screen = self._screen(fit)
+        result = []
+        tried = 0
+        for candidate in screen.candidates():
+            if candidate.gain < 8.0 or tried >= count:
+                break
+            (effect, side), = candidate.hypothesis
+            mine = [s for e, s in fit.hypothesis if e == effect]
+            if mine and ("both" in mine or side == "both" or side in mine):
+                continue
+            tried += 1
+            hypothesis = tuple(sorted(fit.hypothesis + candidate.hypothesis))
+            starts = dict(zip(fit.hypothesis, _split(fit.hypothesis, fit.u)))
+            starts[candidate.hypothesis[0]] = candidate.start
+            start = np.concatenate([starts[h] for h in hypothesis])
+            result.append(self.try_fit(hypothesis, start, fit.z))
+        return result
+
+    def best(self, count: int | None = None) -> list[Fit]:
+        """Fits (of so many effects) by score, best first."""
+        total = len(CATALOGUE)
+        fits = [f for f in self.fits.values() if (count is None or len(f.hypothesis) == count) and named(f)]
+        return sorted(fits, key=lambda f: score(f, total, self.scale))
+
+    def run(self) -> Choice:
+        """Search: nothing, singles, pairs, more while each earns its place; then judge all by one dispersion."""
+        problem, fitter = self.problem, self.fitter
+        nominal = problem.residual(problem.nominal)
+        self.scale = dispersion(problem, nominal, np.empty((len(nominal), 0)))
+        base = self.try_fit((), np.empty(0), self.z0)
+        # Nuisances move little: their derivatives about the refit serve every later fit.
+        fitter.nuisance_jacobian = None
+        base = self.fits[()] = fitter.fit((), np.empty(0), base.z, self.scale, 3)
+        screen = self._screen(base)
+        singles = [c for c in screen.candidates() if c.gain > 6.0]
+        width = 7 if self.quick else 12
+        for candidate in self._spread(singles, width):
+            self.try_fit(candidate.hypothesis, candidate.start, base.z)
+        self._siblings(screen, 3)
+        top = min(self.fits.values(), key=self.cost)
+        # Judge by what the best explanation leaves, not by what none would.
+        for _ in range(2):
+            new = min(self.scale, dispersion(problem, top.residual, top.jacobian))
+            if new > 0.8 * self.scale:
+                break
+            self.scale = new
+            self._refresh(5 if self.quick else 8)
+            top = min(self.fits.values(), key=self.cost)
+        if singles:
+            self._pairs(screen)
+            pairs = self.best(2)
+            if pairs:
+                self._rescale()
+                best = self.best()[0]
+                if len(best.hypothesis) == 2:
+                    self._swap(best)
+                    best = self.best()[0]
+                    self.grow(best, 2 if self.quick else 4)
+                    self._rescale()
+        return self._judge()
+
+    def _rescale(self) -> None:
+        top = min(self.fits.values(), key=self.cost)
+        new = dispersion(self.problem, top.residual, top.jacobian)
+        if new < 0.8 * self.scale:
+            self.scale = new
+            self._refresh(4 if self.quick else 7)
+
+    def _spread(self, candidates: list[Candidate], width: int) -> list[Candidate]:
+        """The first of the list, but no more than the sides of an effect that are close to its best one."""
+        best: dict[str, float] = {}
+        picked = []
+        for c in candidates:
+            effect = c.hypothesis[0][0]
+            best.setdefault(effect, c.gain)
+            if c.gain >= 0.6 * best[effect]:
+                picked.append(c)
+        return picked[:width]
+
+    def _siblings(self, screen: Screen, count: int) -> None:
+        """Other sides and the known look-alikes of the leaders, so that none wins for want of a rival."""
+        starts = {c.hypothesis: c for c in screen.candidates()}
+        leaders = sorted((f for f in self.fits.values() if len(f.hypothesis) == 1), key=self.cost)[:count]
+        for leader in leaders[:1]:
+            (effect, side), = leader.hypothesis
+            for rival in CATALOGUE[effect].confused_with:
+                hypothesis = ((rival, side if CATALOGUE[rival].sided else "both"),)
+                if hypothesis in starts and hypothesis not in self.fits:
+                    self.try_fit(hypothesis, starts[hypothesis].start, self.fits[()].z)
+        for leader in leaders:
+            (effect, side), = leader.hypothesis
+            for other in CATALOGUE[effect].sides:
+                hypothesis = ((effect, other),)
+                if hypothesis in starts and hypothesis not in self.fits:
+                    self.try_fit(hypothesis, leader.u, self.fits[()].z)
+
+    def _pairs(self, screen: Screen) -> None:
+        leaders = self.best(1)[:2 if self.quick else 3]
+        for leader in leaders:
+            self.grow(leader, 2 if self.quick else 4)
+        for candidate in screen.pairs(3 if self.quick else 6):
+            if candidate.hypothesis not in self.fits:
+                self.try_fit(candidate.hypothesis, candidate.start, self.fits[()].z)
+
+    def _swap(self, best: Fit) -> None:
+        """Exchange each member of a pair for what the screening of the other member alone proposes."""
+        for kept in best.hypothesis:
+            alone = self.fits.get((kept,))
+            if alone is None:
+                part = dict(zip(best.hypothesis, _split(best.hypothesis, best.u)))[kept]
+                alone = self.try_fit((kept,), part, best.z)
+                self.grow(alone, 2 if self.quick else 3)
+
+    def _refresh(self, count: int) -> None:
+        """Refit the leaders at the present dispersion, with fresh derivatives of the nuisances."""
+        leaders = sorted(self.fits.values(), key=lambda f: f.chi2)[:count]
+        self.fitter.nuisance_jacobian = None
+        for fit in leaders:
+            self.fits[fit.hypothesis] = self.fitter.fit(fit.hypothesis, fit.u, fit.z, self.scale, 6)
+        base = self.fits[()]
+        if base.dispersion != self.scale:
+            self.fits[()] = self.fitter.fit((), np.empty(0), base.z, self.scale, 4)
+
+    def _judge(self) -> Choice:
+        total = len(CATALOGUE)
+        ranked = []
+        for fit in self.fits.values():
+            if fit.hypothesis and not named(fit):
+                continue
+            ranked.append(Scored(fit, score(fit, total, self.scale)))
+        ranked.sort(key=lambda s: s.score)
+        weights = np.exp(-0.5 * (np.array([s.score for s in ranked]) - ranked[0].score))
+        for s, weight in zip(ranked, weights / weights.sum()):
+            s.probability = float(weight)
+        return Choice(self.fits[()], ranked, self.scale, self.fits)
+
+
+def _split(hypothesis: Hypothesis, u: np.ndarray) -> list[np.ndarray]:
+    parts, k = [], 0
+    for effect, _ in hypothesis:
+        n = len(CATALOGUE[effect].parameters)
+        parts.append(u[k:k + n])
+        k += n
+    return parts

@@ -1,0 +1,85 @@
+"""What an effect is: everything the program knows of it, in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Callable, Mapping
+
+from rtds_host.diagnosis.replay.model import Model
+
+SIDES = {"both": (0, 1), "left": (0,), "right": (1,)}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
+    about `null` (sets the step of the fit and the price of a free parameter); starts : values to start a fit from.
+    """
+
+    name: str
+    unit: str
+    null: float
+    low: float
+    high: float
+    spread: float
+    starts: tuple[float, ...]
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One unmodelled effect of the catalogue.
+
+    apply(model, sides, values) puts it into a replay's model. `nuisance` marks a ratio that is no cause within 3 %
+    of 1 (contract, section 2). `runs_in` says where it acts in the real-time simulator: "rtl", "robot" or "signal".
+    """
+
+    id: str
+    subsystem: str
+    sided: bool
+    parameters: tuple[Parameter, ...]
+    apply: Callable[[Model, tuple[int, ...], Mapping[str, float]], None]
+    equation: str
+    source: str
+    confused_with: tuple[str, ...]
+    shown_by: str
+    advice: str
+    runs_in: str
+    nuisance: bool = False
+    axis: bool = True
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Sides it can have, in the contract's words."""
+        return ("both", "left", "right") if self.sided else ("both",)
+
+
+def scale(slot: str, parameter: str = "ratio") -> Callable:
+    """An effect that multiplies one entry of the model."""
+
+    def apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
+        model.scale(slot, values[parameter], sides)
+
+    return apply
+
+
+def add(**slots: str) -> Callable:
+    """An effect that adds parameters to entries of the model: entry = parameter's name."""
+
+    def apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
+        for slot, parameter in slots.items():
+            model.add(slot, values[parameter], sides)
+
+    return apply
+
+
+def put(**slots: str) -> Callable:
+    """An effect that sets entries of the model: entry = parameter's name."""
+
+    def apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
+        for slot, parameter in slots.items():
+            model.put(slot, values[parameter], sides)
+
+    return apply

@@ -1,0 +1,20 @@
+"""battery_decline: bus = voltage_v - rate t."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="battery_decline",
+    subsystem="driver",
+    sided=False,
+    parameters=(
+        Parameter("rate_v_per_s", "V/s", null=0, low=0, high=1, spread=0.01, starts=(0.01, 0.05),
+                  meaning="fall of the bus voltage"),
+    ),
+    apply=add(decline="rate_v_per_s"),
+    equation="bus = voltage_v - rate t",
+    source="contract, section 3",
+    confused_with=("winding_heating", "supply_sag"),
+    shown_by="a long run with steady load",
+    advice="Charge or replace the battery, or scale the duty by the measured bus.",
+    runs_in="rtl",
+)

@@ -1,0 +1,23 @@
+"""com_offset: gravity turns the robot on a slope."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="com_offset",
+    subsystem="chassis",
+    sided=False,
+    parameters=(
+        Parameter("x_m", "m", null=0, low=-0.3, high=0.3, spread=0.02, starts=(0.01, -0.01),
+                  meaning="forward of the axle's mid-point"),
+        Parameter("y_m", "m", null=0, low=-0.3, high=0.3, spread=0.02, starts=(0.005, -0.005),
+                  meaning="to the left"),
+    ),
+    apply=add(com_x="x_m", com_y="y_m"),
+    equation="gravity turns the robot on a slope; m x yaw_rate^2 and m x v yaw_rate act",
+    source="contract, section 3; Y. Yamamoto, X. Yun, IEEE Trans. Autom. Control 39(6), 1994",
+    confused_with=("yaw_inertia_error", "slope_error"),
+    shown_by="a slope across and along, with payload",
+    advice="Weigh each wheel; move the payload over the axle.",
+    runs_in="robot",
+    axis=False,
+)

@@ -1,0 +1,20 @@
+"""command_delay: v_cmd(t - d)."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="command_delay",
+    subsystem="timing",
+    sided=False,
+    parameters=(
+        Parameter("seconds", "s", null=0, low=0, high=0.5, spread=0.012, starts=(0.003, 0.015, 0.05),
+                  meaning="v_cmd acts late"),
+    ),
+    apply=add(command_delay="seconds"),
+    equation="v_cmd(t - d)",
+    source="contract, section 3",
+    confused_with=("measurement_delay", "rotor_inertia_error", "backlash"),
+    shown_by="steps with the pose measured",
+    advice="Shorten the bus cycle to the driver, or predict over the delay in the controller.",
+    runs_in="rtl",
+)

@@ -1,0 +1,20 @@
+"""coulomb_friction: -tau sgn(w), sticking at rest."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="coulomb_friction",
+    subsystem="drivetrain",
+    sided=True,
+    parameters=(
+        Parameter("torque_nm", "N·m", null=0, low=0, high=10, spread=0.04, starts=(0.01, 0.06),
+                  meaning="dry friction, at the wheel"),
+    ),
+    apply=add(coulomb="torque_nm"),
+    equation="-tau sgn(w), sticking at rest",
+    source="contract, section 3; B. Armstrong-Helouvry et al., Automatica 30(7), 1994",
+    confused_with=("driver_deadzone", "bridge_drop", "rolling_resistance", "friction_asymmetry", "load_friction"),
+    shown_by="crawl with reversals, coasting to rest",
+    advice="Grease or change the gear; feed the friction torque forward in the controller.",
+    runs_in="rtl",
+)

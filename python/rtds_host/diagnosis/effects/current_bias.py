@@ -1,0 +1,20 @@
+"""current_bias: i reported plus a constant."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="current_bias",
+    subsystem="sensing",
+    sided=True,
+    parameters=(
+        Parameter("amperes", "A", null=0, low=-3, high=3, spread=0.01, starts=(0.005, -0.005),
+                  meaning="added to i"),
+    ),
+    apply=add(current_bias="amperes"),
+    equation="i reported plus a constant",
+    source="contract, section 3",
+    confused_with=("friction_asymmetry",),
+    shown_by="standstill with current logged",
+    advice="Zero the current sensor at standstill before a run.",
+    runs_in="signal",
+)

@@ -1,0 +1,20 @@
+"""current_gain: i reported times ratio."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+
+EFFECT = Effect(
+    id="current_gain",
+    subsystem="sensing",
+    sided=True,
+    parameters=(
+        Parameter("ratio", "1", null=1, low=-3, high=5, spread=0.1, starts=(0.93, 1.08),
+                  meaning="reported over true"),
+    ),
+    apply=scale("current_gain"),
+    equation="i reported times ratio",
+    source="contract, section 3",
+    confused_with=("resistance_error", "torque_constant_error"),
+    shown_by="loaded runs with current and speed",
+    advice="Calibrate the shunt and its amplifier.",
+    runs_in="signal",
+)

@@ -1,0 +1,20 @@
+"""driver_deadzone: V = v_cmd - sgn(v_cmd) min(|v_cmd|, v)."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="driver_deadzone",
+    subsystem="driver",
+    sided=True,
+    parameters=(
+        Parameter("volts", "V", null=0, low=0, high=8, spread=0.3, starts=(0.1, 0.5),
+                  meaning="voltage lost between command and bridge"),
+    ),
+    apply=add(deadzone="volts"),
+    equation="V = v_cmd - sgn(v_cmd) min(|v_cmd|, v)",
+    source="contract, section 3; dead time of a bridge: S.-G. Jeong, M.-H. Park, IEEE Trans. Ind. Electron. 38(2), 1991",
+    confused_with=("bridge_drop", "coulomb_friction"),
+    shown_by="crawl and reversals with current logged",
+    advice="Compensate the bridge's dead time in the driver, or raise its PWM resolution.",
+    runs_in="rtl",
+)

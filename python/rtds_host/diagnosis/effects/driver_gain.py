@@ -1,0 +1,20 @@
+"""driver_gain: V = ratio v_cmd."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+
+EFFECT = Effect(
+    id="driver_gain",
+    subsystem="driver",
+    sided=True,
+    parameters=(
+        Parameter("ratio", "1", null=1, low=-3, high=3, spread=0.1, starts=(0.93, 1.07),
+                  meaning="voltage that reaches the motor over the command"),
+    ),
+    apply=scale("voltage_gain"),
+    equation="V = ratio v_cmd",
+    source="contract, section 3",
+    confused_with=("speed_gain", "torque_constant_error", "supply_sag"),
+    shown_by="steps with current and speed logged",
+    advice="Measure the motor's voltage against the command; correct the supply's nominal value or the leads.",
+    runs_in="rtl",
+)

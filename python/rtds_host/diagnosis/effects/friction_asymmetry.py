@@ -1,0 +1,22 @@
+"""friction_asymmetry: -tau_a |sgn(w)| - b_a |w|."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="friction_asymmetry",
+    subsystem="drivetrain",
+    sided=True,
+    parameters=(
+        Parameter("torque_nm", "N·m", null=0, low=-5, high=5, spread=0.03, starts=(0.01, -0.01),
+                  meaning="half the difference of dry friction"),
+        Parameter("nm_s_per_rad", "N·m·s/rad", null=0, low=-2, high=2, spread=0.01, starts=(0.003, -0.003),
+                  meaning="half the difference of viscous friction"),
+    ),
+    apply=add(asymmetry="torque_nm", asymmetry_viscous="nm_s_per_rad"),
+    equation="-tau_a |sgn(w)| - b_a |w|",
+    source="contract, section 3; A. Janot et al., Mech. Syst. Signal Process., 2017",
+    confused_with=("coulomb_friction", "slope_error", "current_bias"),
+    shown_by="the same speeds forwards and backwards",
+    advice="Look for wear or preload on one flank of the gear; calibrate each direction.",
+    runs_in="rtl",
+)

@@ -1,0 +1,21 @@
+"""gyro_bias: gyro reported plus a constant."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="gyro_bias",
+    subsystem="sensing",
+    sided=False,
+    parameters=(
+        Parameter("rad_s", "rad/s", null=0, low=-2, high=2, spread=0.01, starts=(0.004, -0.004),
+                  meaning="added to the gyro"),
+    ),
+    apply=add(gyro_bias="rad_s"),
+    equation="gyro reported plus a constant",
+    source="contract, section 3",
+    confused_with=("wheel_radius_error",),
+    shown_by="standstill with gyro",
+    advice="Average the gyro at standstill and subtract it.",
+    runs_in="signal",
+    axis=False,
+)

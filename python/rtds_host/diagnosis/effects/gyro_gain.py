@@ -1,0 +1,21 @@
+"""gyro_gain: gyro reported times ratio."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+
+EFFECT = Effect(
+    id="gyro_gain",
+    subsystem="sensing",
+    sided=False,
+    parameters=(
+        Parameter("ratio", "1", null=1, low=-3, high=3, spread=0.05, starts=(0.96, 1.04),
+                  meaning="reported over true"),
+    ),
+    apply=scale("gyro_gain"),
+    equation="gyro reported times ratio",
+    source="contract, section 3",
+    confused_with=("track_width_error",),
+    shown_by="spinning on the spot with the pose measured",
+    advice="Turn ten times on the spot and set the gyro's scale.",
+    runs_in="signal",
+    axis=False,
+)

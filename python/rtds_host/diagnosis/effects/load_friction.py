@@ -1,0 +1,20 @@
+"""load_friction: loss = c |torque at the gear's input| against the motion."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="load_friction",
+    subsystem="drivetrain",
+    sided=True,
+    parameters=(
+        Parameter("ratio", "1", null=0, low=0, high=0.95, spread=0.12, starts=(0.08, 0.3),
+                  meaning="share of the torque before the loss"),
+    ),
+    apply=add(load_share="ratio"),
+    equation="loss = c |torque at the gear's input| against the motion",
+    source="contract, section 3; M. Duclusaud et al., ICRA 2025, arXiv 2410.08650",
+    confused_with=("coulomb_friction", "torque_constant_error", "payload_error"),
+    shown_by="hill climbing and descending with payload",
+    advice="Expect gear efficiency to fall with load; choose a gear of higher efficiency.",
+    runs_in="rtl",
+)

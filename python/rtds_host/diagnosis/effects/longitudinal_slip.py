@@ -1,0 +1,21 @@
+"""longitudinal_slip: v_wheel = r w (1 - k F), F opposing where the wheel is driven by the ground."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="longitudinal_slip",
+    subsystem="wheel_ground",
+    sided=True,
+    parameters=(
+        Parameter("slip_per_newton", "1/N", null=0, low=0, high=0.5, spread=0.02, starts=(0.01, 0.04),
+                  meaning="relative loss of speed a newton of traction"),
+    ),
+    apply=add(slip="slip_per_newton"),
+    equation="v_wheel = r w (1 - k F), F opposing where the wheel is driven by the ground; traction builds up over the contact patch and is limited by grip",
+    source="contract, section 3; H. B. Pacejka, Tire and Vehicle Dynamics, 2012, ch. 1 and 5",
+    confused_with=("wheel_radius_error", "track_width_error"),
+    shown_by="hill climbing with payload, pose measured",
+    advice="Use tyres of higher stiffness, lower the load, or estimate the pose from outside.",
+    runs_in="robot",
+    axis=False,
+)

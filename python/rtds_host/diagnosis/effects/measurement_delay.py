@@ -1,0 +1,20 @@
+"""measurement_delay: reported(t) = true(t - d)."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="measurement_delay",
+    subsystem="timing",
+    sided=False,
+    parameters=(
+        Parameter("seconds", "s", null=0, low=0, high=0.5, spread=0.012, starts=(0.003, 0.015, 0.05),
+                  meaning="i, w, th, gyro and v_bus are reported late"),
+    ),
+    apply=add(measurement_delay="seconds"),
+    equation="reported(t) = true(t - d); x, y, yaw are not delayed",
+    source="contract, section 3",
+    confused_with=("command_delay", "speed_filter"),
+    shown_by="steps with the pose measured",
+    advice="Stamp the samples at the sensor, or shift them by the delay.",
+    runs_in="signal",
+)

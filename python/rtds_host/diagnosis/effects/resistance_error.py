@@ -1,0 +1,21 @@
+"""resistance_error: R = ratio R_nominal."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+
+EFFECT = Effect(
+    id="resistance_error",
+    subsystem="winding",
+    sided=True,
+    parameters=(
+        Parameter("ratio", "1", null=1, low=0.1, high=10, spread=0.15, starts=(0.9, 1.15),
+                  meaning="R over its nominal value"),
+    ),
+    apply=scale("resistance"),
+    equation="R = ratio R_nominal",
+    source="contract, section 3",
+    confused_with=("torque_constant_error", "supply_sag", "winding_heating"),
+    shown_by="steps and hill climbing with current logged",
+    advice="Measure the winding's resistance at the terminals, at several rotor positions.",
+    runs_in="rtl",
+    nuisance=True,
+)

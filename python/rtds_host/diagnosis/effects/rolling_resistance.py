@@ -1,0 +1,21 @@
+"""rolling_resistance: c m g / 2 at each wheel's rim against the motion."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="rolling_resistance",
+    subsystem="wheel_ground",
+    sided=False,
+    parameters=(
+        Parameter("coefficient", "1", null=0, low=0, high=1, spread=0.03, starts=(0.01, 0.05),
+                  meaning="of the normal force"),
+    ),
+    apply=add(rolling="coefficient"),
+    equation="c m g / 2 at each wheel's rim against the motion",
+    source="contract, section 3",
+    confused_with=("coulomb_friction", "spin_scrub"),
+    shown_by="the same run with two payloads",
+    advice="Inflate or harden the tyres; expect more of it with payload.",
+    runs_in="robot",
+    axis=False,
+)

@@ -1,0 +1,21 @@
+"""slope_error: slope = slope_run + slope_rad."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="slope_error",
+    subsystem="chassis",
+    sided=False,
+    parameters=(
+        Parameter("slope_rad", "rad", null=0, low=-0.5, high=0.5, spread=0.02, starts=(0.01, -0.01),
+                  meaning="beyond what the run says, along its uphill direction"),
+    ),
+    apply=add(slope_extra="slope_rad"),
+    equation="slope = slope_run + slope_rad",
+    source="contract, section 3",
+    confused_with=("payload_error", "friction_asymmetry"),
+    shown_by="both headings on the slope",
+    advice="Measure the slope with a level.",
+    runs_in="robot",
+    axis=False,
+)

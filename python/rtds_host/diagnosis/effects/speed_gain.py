@@ -1,0 +1,20 @@
+"""speed_gain: w and th reported times ratio."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+
+EFFECT = Effect(
+    id="speed_gain",
+    subsystem="sensing",
+    sided=True,
+    parameters=(
+        Parameter("ratio", "1", null=1, low=-3, high=3, spread=0.04, starts=(0.97, 1.03),
+                  meaning="reported over true"),
+    ),
+    apply=scale("speed_gain"),
+    equation="w and th reported times ratio",
+    source="contract, section 3",
+    confused_with=("wheel_radius_error", "driver_gain", "torque_constant_error"),
+    shown_by="straight runs with the pose measured",
+    advice="Check the counts a turn and the gear ratio in the driver.",
+    runs_in="signal",
+)

@@ -1,0 +1,21 @@
+"""spin_scrub: -tau sgn(yaw rate)."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="spin_scrub",
+    subsystem="wheel_ground",
+    sided=False,
+    parameters=(
+        Parameter("torque_nm", "N·m", null=0, low=0, high=5, spread=0.04, starts=(0.01, 0.08),
+                  meaning="against the yaw rate"),
+    ),
+    apply=add(scrub="torque_nm"),
+    equation="-tau sgn(yaw rate)",
+    source="contract, section 3",
+    confused_with=("coulomb_friction", "rolling_resistance"),
+    shown_by="spinning on the spot against straight runs",
+    advice="Use narrower tyres or a freer caster.",
+    runs_in="robot",
+    axis=False,
+)

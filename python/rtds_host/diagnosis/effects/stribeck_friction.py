@@ -1,0 +1,34 @@
+"""stribeck_friction: -(tau + tau_s exp(-(w/w_s)^2)) sgn(w)."""
+
+from typing import Mapping
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter
+from rtds_host.diagnosis.replay.model import Model
+
+
+def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
+    model.add("coulomb", values["torque_nm"], sides)
+    model.add("stribeck", values["extra_torque_nm"], sides)
+    model.put("stribeck_speed", values["speed_rad_s"], sides)
+
+
+EFFECT = Effect(
+    id="stribeck_friction",
+    subsystem="drivetrain",
+    sided=True,
+    parameters=(
+        Parameter("torque_nm", "N·m", null=0, low=0, high=10, spread=0.04, starts=(0.02,),
+                  meaning="dry friction at speed, at the wheel"),
+        Parameter("extra_torque_nm", "N·m", null=0, low=0, high=10, spread=0.04, starts=(0.02, 0.06),
+                  meaning="extra dry friction at rest"),
+        Parameter("speed_rad_s", "rad/s", null=0.5, low=0.02, high=20, spread=0.7, starts=(0.3, 1.2),
+                  meaning="speed over which the extra fades"),
+    ),
+    apply=_apply,
+    equation="-(tau + tau_s exp(-(w/w_s)^2)) sgn(w)",
+    source="contract, section 3; R. Stribeck, VDI-Zeitschrift 46, 1902; Armstrong-Helouvry et al. 1994",
+    confused_with=("coulomb_friction", "driver_deadzone"),
+    shown_by="slow crawl with reversals",
+    advice="Grease for low speed, dither the command, or avoid very slow motion.",
+    runs_in="rtl",
+)

@@ -1,0 +1,20 @@
+"""supply_sag: V = v_cmd bus / voltage_v, bus = voltage_v - R_s sum(i v_cmd / voltage_v)."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+
+EFFECT = Effect(
+    id="supply_sag",
+    subsystem="driver",
+    sided=False,
+    parameters=(
+        Parameter("resistance_ohm", "ohm", null=0, low=0, high=20, spread=0.5, starts=(0.3, 1.0),
+                  meaning="resistance of supply and wiring"),
+    ),
+    apply=add(source_resistance="resistance_ohm"),
+    equation="V = v_cmd bus / voltage_v, bus = voltage_v - R_s sum(i v_cmd / voltage_v)",
+    source="contract, section 3; averaged H-bridge: N. Mohan et al., Power Electronics, 2003, ch. 7",
+    confused_with=("resistance_error", "driver_gain", "battery_decline"),
+    shown_by="both motors loaded and braking, with v_bus logged",
+    advice="Measure the bus at the driver under load; use a stiffer supply, thicker leads or a bulk capacitor.",
+    runs_in="rtl",
+)

@@ -1,0 +1,30 @@
+"""torque_constant_error: Km = Kb = ratio K_nominal."""
+
+from typing import Mapping
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter
+from rtds_host.diagnosis.replay.model import Model
+
+
+def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
+    model.scale("torque_constant", values["ratio"], sides)
+    model.scale("back_emf", values["ratio"], sides)
+
+
+EFFECT = Effect(
+    id="torque_constant_error",
+    subsystem="winding",
+    sided=True,
+    parameters=(
+        Parameter("ratio", "1", null=1, low=0.1, high=10, spread=0.12, starts=(0.92, 1.1),
+                  meaning="Km and Kb over their nominal values"),
+    ),
+    apply=_apply,
+    equation="Km = Kb = ratio K_nominal",
+    source="contract, section 3",
+    confused_with=("driver_gain", "resistance_error", "speed_gain"),
+    shown_by="coasting and hill climbing with current logged",
+    advice="Measure the back-EMF of the motor driven from outside.",
+    runs_in="rtl",
+    nuisance=True,
+)

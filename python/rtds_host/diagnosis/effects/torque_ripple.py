@@ -1,0 +1,24 @@
+"""torque_ripple: A sin(n th + phi)."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, put
+
+EFFECT = Effect(
+    id="torque_ripple",
+    subsystem="drivetrain",
+    sided=True,
+    parameters=(
+        Parameter("amplitude_nm", "N·m", null=0, low=0, high=5, spread=0.02, starts=(0.02,),
+                  meaning="amplitude at the wheel"),
+        Parameter("cycles_per_rev", "1", null=1, low=0.2, high=3000, spread=40, starts=(1.0,),
+                  meaning="periods a turn of the wheel"),
+        Parameter("phase_rad", "rad", null=0, low=-7, high=7, spread=2, starts=(0.0,),
+                  meaning="phase at angle zero"),
+    ),
+    apply=put(ripple="amplitude_nm", ripple_cycles="cycles_per_rev", ripple_phase="phase_rad"),
+    equation="A sin(n th + phi)",
+    source="contract, section 3; cogging and gear mesh: Z. Q. Zhu, D. Howe, IEEE Trans. Energy Convers. 15(4), 2000",
+    confused_with=("stribeck_friction",),
+    shown_by="slow steady turning over whole turns",
+    advice="Feed the ripple forward by angle, or change the gear stage whose tooth count matches.",
+    runs_in="rtl",
+)

@@ -1,0 +1,21 @@
+"""track_width_error: yaw rate = r (w_r - w_l) / (ratio b)."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+
+EFFECT = Effect(
+    id="track_width_error",
+    subsystem="chassis",
+    sided=False,
+    parameters=(
+        Parameter("ratio", "1", null=1, low=0.3, high=3, spread=0.05, starts=(0.95, 1.05),
+                  meaning="b over its nominal value"),
+    ),
+    apply=scale("track"),
+    equation="yaw rate = r (w_r - w_l) / (ratio b)",
+    source="contract, section 3; Borenstein, Feng 1996",
+    confused_with=("wheel_radius_error", "gyro_gain"),
+    shown_by="spinning on the spot with gyro and pose",
+    advice="Turn ten times on the spot and set the track width from the measured angle.",
+    runs_in="robot",
+    axis=False,
+)

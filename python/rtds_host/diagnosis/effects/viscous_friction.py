@@ -1,0 +1,31 @@
+"""viscous_friction: -b w, b down to minus the nominal B."""
+
+from typing import Mapping
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter
+from rtds_host.diagnosis.replay.model import Model
+
+
+def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
+    for side in sides:
+        # Friction cannot give energy back: not below minus the nominal B.
+        floor = -model.get("viscous", side) * model.get("gear_ratio") ** 2
+        model.add("viscous_wheel", max(values["nm_s_per_rad"], floor), (side,))
+
+
+EFFECT = Effect(
+    id="viscous_friction",
+    subsystem="drivetrain",
+    sided=True,
+    parameters=(
+        Parameter("nm_s_per_rad", "N·m·s/rad", null=0, low=-0.5, high=5, spread=0.015, starts=(0.005, 0.03, -0.008),
+                  meaning="beyond the nominal B, at the wheel"),
+    ),
+    apply=_apply,
+    equation="-b w, b down to minus the nominal B",
+    source="contract, section 3",
+    confused_with=("torque_constant_error", "load_friction"),
+    shown_by="steady speeds with current logged",
+    advice="Check the grease and its temperature; refit B.",
+    runs_in="rtl",
+)

@@ -1,0 +1,21 @@
+"""wheel_radius_error: v = ratio r w."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+
+EFFECT = Effect(
+    id="wheel_radius_error",
+    subsystem="wheel_ground",
+    sided=True,
+    parameters=(
+        Parameter("ratio", "1", null=1, low=0.3, high=3, spread=0.05, starts=(0.96, 1.04),
+                  meaning="r over its nominal value"),
+    ),
+    apply=scale("radius"),
+    equation="v = ratio r w",
+    source="contract, section 3; J. Borenstein, L. Feng, IEEE Trans. Robot. Autom. 12(6), 1996",
+    confused_with=("speed_gain", "track_width_error"),
+    shown_by="straight and turning runs with the pose measured",
+    advice="Measure the distance of ten wheel turns under load and set the radius.",
+    runs_in="robot",
+    axis=False,
+)

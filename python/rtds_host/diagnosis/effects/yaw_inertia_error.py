@@ -1,0 +1,21 @@
+"""yaw_inertia_error: I_z = ratio I_z nominal."""
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+
+EFFECT = Effect(
+    id="yaw_inertia_error",
+    subsystem="chassis",
+    sided=False,
+    parameters=(
+        Parameter("ratio", "1", null=1, low=0.05, high=50, spread=1.0, starts=(0.5, 2.0, 5.0),
+                  meaning="I_z over its nominal value"),
+    ),
+    apply=scale("yaw_inertia"),
+    equation="I_z = ratio I_z nominal",
+    source="contract, section 3",
+    confused_with=("spin_scrub", "rotor_inertia_error"),
+    shown_by="pseudo-random spinning with gyro",
+    advice="Identify the yaw inertia from a bifilar swing.",
+    runs_in="robot",
+    axis=False,
+)

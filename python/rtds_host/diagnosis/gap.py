@@ -1,0 +1,91 @@
+"""The gap between a replay and what was measured (contract, section 4)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rtds_host.contract import Robot, RunLog
+from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+
+SAMPLED = ("i_l", "i_r", "w_l", "w_r", "gyro_z")
+WINDOW_S = 1.0
+
+
+def gap_channels(log: RunLog, robot: Robot) -> tuple[str, ...]:
+    """Channels of a run that count: measured, with a declared noise; `th_*` only on a side without `w_*`."""
+    names = [c for c in SAMPLED if log.has(c)]
+    names += [f"th_{s}" for s in robot.sides if log.has(f"th_{s}") and not log.has(f"w_{s}")]
+    if log.has("x") and log.has("y") and log.has("yaw"):
+        names += ["x", "y"]
+    if log.has("yaw"):
+        names += ["yaw"]
+    return tuple(c for c in names if robot.noise(c) is not None)
+
+
+def window_rows(t: np.ndarray, rows: np.ndarray, window_s: float = WINDOW_S) -> np.ndarray:
+    """Rows that bound the complete consecutive windows of `window_s`, of the rows (ascending) that have a sample."""
+    if len(rows) < 2:
+        return rows[:0]
+    times = t[rows]
+    count = int((times[-1] - times[0]) / window_s + 1e-6)
+    marks = times[0] + window_s * np.arange(count + 1)
+    return rows[np.searchsorted(times, marks - 1e-6)]
+
+
+def moves(x: np.ndarray, y: np.ndarray, yaw: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, ...]:
+    """How far a pose moves in each window, seen from the heading at its start: three arrays (windows,)."""
+    dx, dy = np.diff(x[rows]), np.diff(y[rows])
+    c, s = np.cos(yaw[rows[:-1]]), np.sin(yaw[rows[:-1]])
+    return c * dx + s * dy, c * dy - s * dx, np.diff(yaw[rows])
+
+
+def errors(log: RunLog, robot: Robot, out: np.ndarray) -> dict[str, np.ndarray]:
+    """Error of each channel that counts, in units of its noise.
+
+    Parameters
+    ----------
+    out : (n, 11) a replay at the log's times, columns as `OUTPUTS`.
+
+    Returns
+    -------
+    channel -> (samples,) for `i`, `w`, `gyro_z`; (windows,) for `x`, `y`, `yaw`, `th_*`.
+    """
+    result = {}
+    channels = gap_channels(log, robot)
+    for c in channels:
+        noise = robot.noise(c)
+        if c in SAMPLED:
+            error = (out[:, OUTPUT_INDEX[c]] - log.columns[c]) / noise
+            result[c] = error[np.isfinite(error)]
+        elif c.startswith("th_") or (c == "yaw" and "x" not in channels):
+            rows = window_rows(log.t, np.flatnonzero(np.isfinite(log.columns[c])))
+            result[c] = (np.diff(out[rows, OUTPUT_INDEX[c]]) - np.diff(log.columns[c][rows])) / (noise * np.sqrt(2))
+    if "x" in channels:
+        pose = [log.columns[c] for c in ("x", "y", "yaw")]
+        rows = window_rows(log.t, np.flatnonzero(np.isfinite(pose).all(axis=0)))
+        measured = moves(*pose, rows)
+        replayed = moves(*(out[:, OUTPUT_INDEX[c]] for c in ("x", "y", "yaw")), rows)
+        for c, a, b in zip(("x", "y", "yaw"), measured, replayed):
+            if c in channels:
+                result[c] = (b - a) / (robot.noise(c) * np.sqrt(2))
+    return result
+
+
+def pooled(parts: list[dict[str, np.ndarray]]) -> dict[str, float]:
+    """Root mean square of each channel over several runs."""
+    total: dict[str, list[np.ndarray]] = {}
+    for part in parts:
+        for channel, error in part.items():
+            total.setdefault(channel, []).append(error)
+    joined = {channel: np.concatenate(e) for channel, e in total.items()}
+    return {channel: float(np.sqrt(np.mean(e**2))) for channel, e in joined.items() if len(e)}
+
+
+def gap(channels: dict[str, float]) -> float:
+    """The gap G: root mean square over the channels."""
+    return float(np.sqrt(np.mean(np.square(list(channels.values()))))) if channels else float("nan")
+
+
+def closed(start: float, after: float) -> float | None:
+    """Share of the gap closed, (start - after) / (start - 1); None where the start is below 1.1."""
+    return None if start < 1.1 else (start - after) / (start - 1.0)

@@ -1,0 +1,205 @@
+"""A case as a fitting problem: whitened residuals of whole-run replays, in blocks of time.
+
+The residuals hold more than the gap of the contract counts (angles beside speeds, the bus voltage, window ends
+averaged over their neighbours), since each sample that narrows an explanation is welcome in the choice.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rtds_host.contract import Case, RunLog
+from rtds_host.diagnosis.gap import WINDOW_S
+from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+
+BLOCK_S = 1.0
+# Half the span over which a window's end is averaged: long against a sample, short against the motion.
+AVERAGE_S = 0.05
+PRIOR = 0.01
+# Nuisance of a side -> entries of the model that it scales (contract, section 2).
+NUISANCES = {"resistance": ("resistance",), "constant": ("torque_constant", "back_emf"),
+             "inertia": ("rotor_inertia",), "viscous": ("viscous",)}
+NOMINAL_KEYS = {"resistance": ("resistance_ohm",),
+                "constant": ("torque_constant_nm_per_a", "back_emf_constant_v_s_per_rad"),
+                "inertia": ("rotor_inertia_kg_m2",), "viscous": ("viscous_friction_nm_s_per_rad",)}
+
+
+@dataclass
+class _Windows:
+    """Averaging of a channel about the ends of windows: rows grouped by `starts` for np.add.reduceat."""
+
+    rows: np.ndarray
+    starts: np.ndarray
+    counts: np.ndarray
+    times: np.ndarray
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        return np.add.reduceat(values[self.rows], self.starts) / self.counts
+
+
+def _windows(t: np.ndarray, good: np.ndarray) -> _Windows | None:
+    rows = np.flatnonzero(good)
+    if len(rows) < 2 or t[rows[-1]] - t[rows[0]] < WINDOW_S:
+        return None
+    times = t[rows]
+    marks = times[0] + WINDOW_S * np.arange(int((times[-1] - times[0]) / WINDOW_S + 1e-6) + 1)
+    first = np.searchsorted(times, marks - AVERAGE_S - 1e-9)
+    last = np.searchsorted(times, marks + AVERAGE_S + 1e-9)
+    keep = last > first
+    first, last, marks = first[keep], last[keep], marks[keep]
+    if len(marks) < 2:
+        return None
+    picked = np.concatenate([rows[a:b] for a, b in zip(first, last)])
+    counts = last - first
+    return _Windows(picked, np.concatenate([[0], np.cumsum(counts)[:-1]]), counts, marks)
+
+
+@dataclass
+class RunData:
+    """One run prepared: inputs of the replay and what its residual compares."""
+
+    log: RunLog
+    inputs: tuple[np.ndarray, ...]
+    sampled: list[tuple[str, int, np.ndarray, np.ndarray, float]] = field(default_factory=list)
+    angles: list[tuple[str, int, _Windows, np.ndarray, float]] = field(default_factory=list)
+    pose: tuple | None = None
+    block: np.ndarray = field(default_factory=lambda: np.empty(0, int))
+    channel: np.ndarray = field(default_factory=lambda: np.empty(0, int))
+    gap_weight: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+
+CHANNELS = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
+
+
+class Problem:
+    """Residuals of a case for any model.
+
+    `blocks`: (N,) which block of `BLOCK_S` a residual belongs to, over all runs; `runs_of`: (N,) which run;
+    `channels_of`: (N,) index into `CHANNELS`.
+    """
+
+    def __init__(self, case: Case, threads: int = 2):
+        self.case = case
+        self.robot = case.robot
+        self.nominal = nominal_model(case.robot)
+        self.threads = max(threads, 1)
+        self.pool = ThreadPoolExecutor(self.threads)
+        self.runs = [self._prepare(log) for log in case.runs]
+        offset = 0
+        blocks = []
+        for run in self.runs:
+            blocks.append(run.block + offset)
+            offset += int(run.block.max(initial=-1)) + 1
+        self.blocks = np.concatenate(blocks)
+        self.block_count = offset
+        self.runs_of = np.concatenate([np.full(len(r.block), k) for k, r in enumerate(self.runs)])
+        self.channels_of = np.concatenate([r.channel for r in self.runs])
+        self.size = len(self.blocks)
+
+    def _prepare(self, log: RunLog) -> RunData:
+        robot = self.robot
+        data = RunData(log, run_inputs(log, robot))
+        blocks, channels = [], []
+
+        def note(channel: str, times: np.ndarray) -> None:
+            blocks.append(((times - log.t[0]) / BLOCK_S).astype(int))
+            channels.append(np.full(len(times), CHANNELS.index(channel)))
+
+        for channel in ("v_bus", "i_l", "i_r", "w_l", "w_r", "gyro_z"):
+            noise = robot.noise(channel)
+            if noise is None or not log.has(channel) or (channel == "v_bus" and robot.driver.bus == "measured"):
+                continue
+            if channel[-2:] == "_r" and len(robot.sides) == 1:
+                continue
+            rows = np.flatnonzero(np.isfinite(log.columns[channel]))
+            data.sampled.append((channel, OUTPUT_INDEX[channel], rows, log.columns[channel][rows], noise))
+            note(channel, log.t[rows])
+        for side in robot.sides:
+            channel = f"th_{side}"
+            noise = robot.noise(channel)
+            if noise is None or not log.has(channel):
+                continue
+            windows = _windows(log.t, np.isfinite(log.columns[channel]))
+            if windows is None:
+                continue
+            scale = noise * np.sqrt(1.0 / windows.counts[1:] + 1.0 / windows.counts[:-1])
+            # Averaging does not help against a count that stands still: an encoder's step limits the noise.
+            scale = np.maximum(scale, noise)
+            measured = np.diff(windows.mean(log.columns[channel]))
+            data.angles.append((channel, OUTPUT_INDEX[channel], windows, measured, scale))
+            note(channel, windows.times[:-1])
+        if robot.axis is None and log.has("yaw") and robot.noise("yaw"):
+            full = log.has("x") and log.has("y") and robot.noise("x") is not None
+            good = np.isfinite(log.columns["yaw"])
+            if full:
+                good = good & np.isfinite(log.columns["x"]) & np.isfinite(log.columns["y"])
+            windows = _windows(log.t, good)
+            if windows is not None:
+                spread = np.sqrt(1.0 / windows.counts[1:] + 1.0 / windows.counts[:-1])
+                columns = [log.columns[c] if full or c == "yaw" else np.zeros(len(log.t)) for c in ("x", "y", "yaw")]
+                data.pose = (full, windows, self._moves(windows, *columns), spread)
+                for channel in ("x", "y", "yaw") if full else ("yaw",):
+                    note(channel, windows.times[:-1])
+        data.block = np.concatenate(blocks) if blocks else np.empty(0, int)
+        data.channel = np.concatenate(channels) if channels else np.empty(0, int)
+        return data
+
+    @staticmethod
+    def _moves(windows: _Windows, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> tuple[np.ndarray, ...]:
+        px, py, heading = windows.mean(x), windows.mean(y), windows.mean(yaw)
+        dx, dy = np.diff(px), np.diff(py)
+        c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
+        return c * dx + s * dy, c * dy - s * dx, np.diff(heading)
+
+    def run_residual(self, data: RunData, out: np.ndarray) -> np.ndarray:
+        """(replayed - measured) / noise of one run, (n,)."""
+        parts = []
+        for channel, column, rows, measured, noise in data.sampled:
+            error = (out[rows, column] - measured) / noise
+            if channel == "v_bus":
+                # Its level is the supply's affair; only how it moves is evidence.
+                error = error - error.mean()
+            parts.append(error)
+        for _, column, windows, measured, scale in data.angles:
+            parts.append((np.diff(windows.mean(out[:, column])) - measured) / scale)
+        if data.pose is not None:
+            full, windows, measured, spread = data.pose
+            replayed = self._moves(windows, out[:, 8], out[:, 9], out[:, 10])
+            noise = (self.robot.noise("x"), self.robot.noise("y"), self.robot.noise("yaw"))
+            for k in range(3) if full else (2,):
+                parts.append((replayed[k] - measured[k]) / (noise[k] * spread))
+        return np.concatenate(parts) if parts else np.empty(0)
+
+    def replay(self, model: Model) -> list[np.ndarray]:
+        """Replays of all runs, each (n, 11)."""
+        return [replay_run(model, data.inputs) for data in self.runs]
+
+    def residual(self, model: Model) -> np.ndarray:
+        """Whitened residuals of all runs, (N,)."""
+        return np.concatenate([self.run_residual(d, replay_run(model, d.inputs)) for d in self.runs])
+
+    def residuals(self, models: list[Model]) -> list[np.ndarray]:
+        """Residuals of several models, on all cores."""
+        return list(self.pool.map(self.residual, models))
+
+    def nuisance_names(self) -> list[tuple[str, int]]:
+        """Nuisances that play a part: (name, side)."""
+        names = []
+        for side in range(len(self.robot.sides)):
+            for name, slots in NUISANCES.items():
+                if self.nominal.get(slots[0], side) > 0 and not (
+                        self.robot.driver.mode == "torque" and name in ("resistance", "constant")):
+                    names.append((name, side))
+        return names
+
+    def with_nuisances(self, z: np.ndarray) -> Model:
+        """The nominal model with nuisances z (in units of their prior's sigma)."""
+        model = self.nominal.copy()
+        for value, (name, side) in zip(z, self.nuisance_names()):
+            for slot in NUISANCES[name]:
+                model.scale(slot, float(np.exp(PRIOR * value)), (side,))
+        return model

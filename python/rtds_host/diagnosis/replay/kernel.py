@@ -1,0 +1,543 @@
+"""The replay's inner loop: two motors, two gears and a planar body, from commands alone.
+
+Method. Within a step of length h the armature equation is solved exactly for a speed that moves linearly
+(so that L, whose time constant is a tenth of the step, neither rings nor is lost); the speed itself follows the
+implicit mid-point rule. Dry friction, sticking, free play and the yaw scrub are complementarity conditions on the
+velocities at the end of the step (Moreau's time stepping): a regime (forwards, stuck, backwards; touching,
+free) is guessed from the step before, the linear system is solved, and the guess is corrected until it agrees. So
+a stuck wheel stands still without chatter. Traction forces solve a 2x2 system that couples both wheels
+through the body; slip is a compliance in it. Steps end on every command change and every sample, also
+delayed ones, so that the result is a smooth function of the delays.
+
+References: contract, section 2 (equations); J. J. Moreau, "Unilateral contact and dry friction in finite
+freedom dynamics", 1988 (time stepping with friction); E. Hairer, G. Wanner, "Solving ODEs II", 1996 (mid-point).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from rtds_host.diagnosis.replay.slots import COMMON_INDEX, SIDE_INDEX
+
+GRAVITY = 9.80665
+# Length over which a slipping tyre's shear builds up, and its largest traction over the load on it: rubber on a
+# hard floor (H. B. Pacejka, "Tire and Vehicle Dynamics", 2012, ch. 5 and 1).
+PATCH_M = 0.0015
+GRIP = 0.9
+
+R, L, KM, KB, J, B = (SIDE_INDEX[n] for n in ("resistance", "inductance", "torque_constant", "back_emf",
+                                              "rotor_inertia", "viscous"))
+RADIUS, V_GAIN, DEADZONE, DROP, LIMIT = (SIDE_INDEX[n] for n in ("radius", "voltage_gain", "deadzone", "drop",
+                                                                 "limit"))
+HEAT_RISE, HEAT_TAU = SIDE_INDEX["heat_rise"], SIDE_INDEX["heat_tau"]
+COULOMB, STRIBECK, STRIBECK_W = (SIDE_INDEX[n] for n in ("coulomb", "stribeck", "stribeck_speed"))
+VISCOUS_W, ASYM, ASYM_V, LOAD = (SIDE_INDEX[n] for n in ("viscous_wheel", "asymmetry", "asymmetry_viscous",
+                                                         "load_share"))
+BACKLASH, STIFF, DAMP = (SIDE_INDEX[n] for n in ("backlash", "stiffness", "damping"))
+RIPPLE, RIPPLE_N, RIPPLE_PHI = (SIDE_INDEX[n] for n in ("ripple", "ripple_cycles", "ripple_phase"))
+SLIP, W_GAIN, I_GAIN, I_BIAS, W_TAU = (SIDE_INDEX[n] for n in ("slip", "speed_gain", "current_gain",
+                                                               "current_bias", "speed_tau"))
+GEAR, SUPPLY, MASS, IZ, JW, TRACK = (COMMON_INDEX[n] for n in ("gear_ratio", "supply", "mass", "yaw_inertia",
+                                                               "wheel_inertia", "track"))
+SOURCE_R, DECLINE, SCRUB, ROLLING, COM_X, COM_Y = (COMMON_INDEX[n] for n in (
+    "source_resistance", "decline", "scrub", "rolling", "com_x", "com_y"))
+SLOPE_X, GYRO_GAIN, GYRO_BIAS, CMD_DELAY, MEAS_DELAY = (COMMON_INDEX[n] for n in (
+    "slope_extra", "gyro_gain", "gyro_bias", "command_delay", "measurement_delay"))
+MODE, TORQUE_V, BUS_MEAS = (COMMON_INDEX[n] for n in ("mode", "torque_per_volt", "bus_measured"))
+KP, KI, SERVO_LIMIT, SERVO_T = (COMMON_INDEX[n] for n in ("servo_kp", "servo_ki", "servo_limit", "servo_period"))
+AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = (COMMON_INDEX[n] for n in ("axis", "axis_inertia", "axis_mass", "axis_arm",
+                                                               "axis_zero"))
+
+# Regimes of a side's gear in the step: rigid, spring, free play (free, pushing forwards, pushing backwards).
+_RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0, 1, 2, 3, 4
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
+    """Replay one run.
+
+    Parameters
+    ----------
+    t : (n,) s, times of the rows; cmd : (n, 2) V (rad/s in speed mode), held until the next row.
+    bus_log : (n,) V, used where `bus_measured` is set.
+    side : (2, len(SIDE)); com : (len(COMMON),), see `slots`.
+    run : (3,) payload kg, slope rad, uphill yaw rad.
+    start : (9,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at the first row.
+    h_max : s, longest step.
+    out : (n, 11) filled with what the sensors would report, columns as `slots.OUTPUTS`.
+
+    A state that leaves the finite numbers fills the remaining rows with 1e6.
+    """
+    n = t.shape[0]
+    axis = int(com[AXIS])
+    mode = int(com[MODE])
+    sides = 1 if axis > 0 else 2
+    gear = com[GEAR]
+    supply = com[SUPPLY]
+    mass = com[MASS] + run[0]
+    slope = run[1] + com[SLOPE_X]
+    uphill = run[2]
+    pull = mass * GRAVITY * math.sin(slope)
+    half = 0.5 * com[TRACK]
+    dc = com[CMD_DELAY]
+    dm = com[MEAS_DELAY]
+    scrub = com[SCRUB]
+
+    x, y, yaw = start[0], start[1], start[2]
+    th = np.empty(2)          # wheel angles
+    w = np.empty(2)           # wheel speeds
+    wm = np.empty(2)          # rotor speeds, at the wheel's side of the gear
+    play = np.zeros(2)        # rotor angle less wheel angle, at the wheel's side
+    cur = np.empty(2)
+    rise = np.zeros(2)
+    wf = np.empty(2)          # filtered speeds
+    contact = np.zeros(2, np.int64)
+    stick = np.zeros(2, np.int64)
+    force = np.zeros(2)
+    integ = np.zeros(2)
+    flexible = False
+    dry = False
+    outer = 1
+    for k in range(2):
+        th[k] = start[3 + k]
+        w[k] = start[5 + k]
+        wm[k] = w[k]
+        wf[k] = w[k]
+        cur[k] = start[7 + k]
+        if side[k, STIFF] > 0.0:
+            contact[k] = _SPRING
+            flexible = True
+        elif side[k, BACKLASH] > 0.0:
+            contact[k] = _FREE
+            flexible = True
+        if (side[k, COULOMB] != 0.0 or side[k, STRIBECK] != 0.0 or side[k, ASYM] != 0.0 or side[k, LOAD] != 0.0
+                or com[ROLLING] != 0.0):
+            dry = True
+        if side[k, LOAD] != 0.0:
+            outer = 3
+    slipping = side[0, SLIP] != 0.0 or side[1, SLIP] != 0.0
+    shear = np.zeros(2)
+    # Inverse of the body's inertia for (v, yaw rate): the centre of mass beside the axle couples them.
+    i22 = 1.0 / (com[IZ] - mass * com[COM_Y] ** 2) if axis == 0 else 1.0
+    i12 = com[COM_Y] * i22
+    i11 = 1.0 / mass + com[COM_Y] * i12 if axis == 0 else 1.0
+    grip = GRIP * mass * GRAVITY * 0.5
+    if com[SOURCE_R] != 0.0:
+        outer = 3
+    v = 0.0
+    rate = 0.0
+    if axis == 0:
+        v = 0.5 * (side[0, RADIUS] * w[0] + side[1, RADIUS] * w[1])
+        rate = (side[1, RADIUS] * w[1] - side[0, RADIUS] * w[0]) / com[TRACK]
+
+    # What the step works with, a value a side.
+    va = np.zeros(2)          # command in force, clipped
+    vd = np.zeros(2)          # voltage behind dead zone and gain, at the nominal bus
+    c0, c1, m0, m1 = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    im = np.zeros(2)
+    am, bm = np.zeros(2), np.zeros(2)
+    alpha, beta = np.zeros(2), np.zeros(2)
+    hi, lo = np.zeros(2), np.zeros(2)
+    wn, wmn, tin, tout = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    decay_h, decay_r, decay = np.full(2, -1.0), np.full(2, -1.0), np.zeros(2)
+    p = np.zeros(2)
+    load_j = com[JW]
+    if axis == 1:
+        load_j = com[AX_J]
+    elif axis == 2:
+        load_j = com[AX_J] + (com[AX_M] + run[0]) * com[AX_ARM] ** 2
+    elif axis == 3:
+        load_j = (com[AX_M] + run[0]) * com[AX_ARM] ** 2
+
+    now = t[0]
+    kc = 0                    # next command to act, at t[kc] + dc
+    ka = 0                    # next delayed sample, the state at t[ka] - dm
+    kp = 0                    # next pose sample, at t[kp]
+    servo_next = t[0]
+    bus = supply
+    row_bus = bus_log[0]
+    wcmd0 = 0.0
+    wcmd1 = 0.0
+    end = t[n - 1]
+    while kp < n or ka < n:
+        # ---- events at this instant: samples first, then commands (contract, section 1)
+        while kp < n and t[kp] <= now + 1e-9:
+            out[kp, 8] = x
+            out[kp, 9] = y
+            out[kp, 10] = yaw
+            kp += 1
+        while ka < n and t[ka] - dm <= now + 1e-9:
+            draw = 0.0
+            for k in range(sides):
+                draw += cur[k] * va[k] / supply
+            if com[BUS_MEAS] > 0.0:
+                bus = bus_log[ka]
+            else:
+                bus = supply - com[SOURCE_R] * draw - com[DECLINE] * (now - t[0])
+            out[ka, 0] = bus
+            for k in range(2):
+                out[ka, 1 + k] = cur[k] * side[k, I_GAIN] + side[k, I_BIAS]
+                out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else w[k]) * side[k, W_GAIN]
+                out[ka, 5 + k] = start[3 + k] + (th[k] - start[3 + k]) * side[k, W_GAIN]
+            out[ka, 7] = rate * com[GYRO_GAIN] + com[GYRO_BIAS]
+            ka += 1
+        if kp >= n and ka >= n:
+            break
+        changed = False
+        while kc < n and t[kc] + dc <= now + 1e-9:
+            changed = True
+            row_bus = bus_log[kc]
+            if mode == 2:
+                wcmd0 = cmd[kc, 0]
+                wcmd1 = cmd[kc, 1] if sides == 2 else 0.0
+            else:
+                for k in range(sides):
+                    va[k] = min(max(cmd[kc, k], -supply), supply) if mode == 0 else cmd[kc, k]
+            kc += 1
+        if mode == 2 and servo_next <= now + 1e-9:
+            changed = True
+            for k in range(sides):
+                miss = (wcmd0 if k == 0 else wcmd1) - w[k] * side[k, W_GAIN]
+                limit = min(com[SERVO_LIMIT], supply)
+                want = integ[k] + com[KI] * miss * com[SERVO_T]
+                integ[k] = min(max(want, -limit), limit)
+                va[k] = min(max(com[KP] * miss + integ[k], -limit), limit)
+            while servo_next <= now + 1e-9:
+                servo_next += com[SERVO_T]
+        if changed:
+            for k in range(sides):
+                a = va[k]
+                dz = side[k, DEADZONE]
+                if dz != 0.0:
+                    a -= math.copysign(min(abs(a), dz), a) if dz > 0.0 else (math.copysign(dz, a) if a != 0.0 else 0.0)
+                vd[k] = a * side[k, V_GAIN]
+
+        # ---- next event
+        ahead = end + 1.0
+        if kp < n:
+            ahead = min(ahead, t[kp])
+        if ka < n:
+            ahead = min(ahead, t[ka] - dm)
+        if kc < n:
+            ahead = min(ahead, t[kc] + dc)
+        if mode == 2:
+            ahead = min(ahead, servo_next)
+        span = ahead - now
+        if span <= 1e-9:
+            now = ahead
+            continue
+        steps = int(math.ceil(span / h_max - 1e-9))
+        h = span / steps
+
+        for step in range(steps):
+            elapsed = now + step * h - t[0]
+            yaw_mid = yaw + 0.5 * h * rate
+            for k in range(sides):
+                wn[k] = w[k]
+                wmn[k] = wm[k]
+                im[k] = cur[k]
+            for trial in range(outer):
+                # ---- driver and armature: mean current = m0 - m1 * rotor speed at the end of the step
+                if com[BUS_MEAS] > 0.0:
+                    bus = row_bus
+                else:
+                    draw = 0.0
+                    for k in range(sides):
+                        draw += im[k] * va[k] / supply
+                    bus = supply - com[SOURCE_R] * draw - com[DECLINE] * (elapsed + 0.5 * h)
+                for k in range(sides):
+                    if mode == 1:
+                        # An ideal current amplifier: the torque is commanded, the current plays no part.
+                        torque = vd[k] * com[TORQUE_V] * (bus / supply)
+                        drive, slope_w = torque * gear, 0.0
+                        c0[k], c1[k], m0[k], m1[k] = 0.0, 0.0, 0.0, 0.0
+                    else:
+                        ke = side[k, KB] * gear
+                        res = side[k, R] * (1.0 + rise[k])
+                        if decay_h[k] != h or decay_r[k] != res:
+                            decay_h[k], decay_r[k] = h, res
+                            decay[k] = math.exp(-h * res / side[k, L])
+                        e = decay[k]
+                        volts = vd[k] * (bus / supply)
+                        lim = side[k, LIMIT]
+                        volts = min(max(volts, -lim), lim)
+                        if side[k, DROP] != 0.0:
+                            drop = side[k, DROP]
+                            u = volts - ke * wmn[k]
+                            if drop > 0.0:
+                                volts -= min(max(u, -drop), drop)
+                            else:
+                                volts -= math.copysign(drop, u) if u != 0.0 else 0.0
+                        q = 1.0 - (1.0 - e) * side[k, L] / (res * h)
+                        c0[k] = e * cur[k] + (1.0 - e) / res * (volts - ke * wmn[k]) + ke * wmn[k] / res * q
+                        c1[k] = ke / res * q
+                        m0[k] = (side[k, L] * (cur[k] - c0[k]) / h + volts - 0.5 * ke * wmn[k]) / res
+                        m1[k] = (0.5 * ke - side[k, L] * c1[k] / h) / res
+                        drive, slope_w = gear * side[k, KM] * m0[k], gear * side[k, KM] * m1[k]
+                    inertia = gear * gear * side[k, J]
+                    # The load's inertia and torques join the rotor's while the gear is rigid.
+                    torque = drive
+                    if side[k, RIPPLE] != 0.0:
+                        torque += side[k, RIPPLE] * math.sin(
+                            side[k, RIPPLE_N] * (th[k] + 0.5 * h * wn[k]) + side[k, RIPPLE_PHI])
+                    fluid = gear * gear * side[k, B] + side[k, VISCOUS_W]
+                    if side[k, ASYM_V] != 0.0:
+                        fluid += side[k, ASYM_V] if wmn[k] > 0.0 else (-side[k, ASYM_V] if wmn[k] < 0.0 else 0.0)
+                    am[k] = inertia + 0.5 * h * fluid + h * slope_w
+                    bm[k] = inertia * wmn[k] + h * (torque - 0.5 * fluid * wmn[k])
+                    if dry:
+                        f = side[k, COULOMB]
+                        if side[k, STRIBECK] != 0.0:
+                            f += side[k, STRIBECK] * math.exp(-(wmn[k] / side[k, STRIBECK_W]) ** 2)
+                        if com[ROLLING] != 0.0 and axis == 0:
+                            f += com[ROLLING] * mass * GRAVITY * 0.5 * side[k, RADIUS]
+                        if side[k, LOAD] != 0.0:
+                            if trial == 0:
+                                # The torque at the gear's input as the step begins, from the force of the step before.
+                                tout[k] = side[k, RADIUS] * force[k] if axis == 0 else tout[k]
+                            f += side[k, LOAD] * max(abs(tin[k]), abs(tout[k]))
+                        hi[k] = h * (f + side[k, ASYM])
+                        lo[k] = -h * (f - side[k, ASYM])
+
+                # ---- velocities at the end of the step
+                if dry and trial == 0:
+                    for k in range(sides):
+                        stick[k] = 1 if wmn[k] > 0.0 else (-1 if wmn[k] < 0.0 else 0)
+                spin = 0.0
+                if scrub != 0.0:
+                    spin = 1.0 if rate > 0.0 else (-1.0 if rate < 0.0 else 0.0)
+                rate_new = 0.0
+                v_new = 0.0
+                for attempt in range(20):
+                    for k in range(sides):
+                        rad = side[k, RADIUS]
+                        ext = 0.0
+                        if axis == 2:
+                            ext = -(com[AX_M] + run[0]) * GRAVITY * com[AX_ARM] * math.sin(
+                                th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+                        p[k] = 0.0
+                        if dry:
+                            p[k] = hi[k] if stick[k] > 0 else (lo[k] if stick[k] < 0 else 0.0)
+                        kind = contact[k]
+                        bw = load_j * wn[k] + h * ext
+                        if kind == _RIGID:
+                            if dry and stick[k] == 0:
+                                alpha[k], beta[k] = 0.0, 0.0
+                            else:
+                                a = am[k] + load_j
+                                alpha[k] = (bm[k] + bw - p[k]) / a
+                                beta[k] = h * rad / a
+                        elif kind == _SPRING:
+                            # Implicit mid-point for the spring: its mean torque = t0 + kap * (rotor - wheel).
+                            kap = 0.25 * h * side[k, STIFF] + 0.5 * side[k, DAMP]
+                            t0 = side[k, STIFF] * play[k] + kap * (wmn[k] - wn[k])
+                            if dry and stick[k] == 0:
+                                a = load_j + h * kap
+                                alpha[k] = (bw + h * t0) / a
+                                beta[k] = h * rad / a
+                            else:
+                                a = am[k] + h * kap
+                                rotor0 = (bm[k] - h * t0 - p[k]) / a
+                                rotor1 = h * kap / a
+                                d = load_j + h * kap * (1.0 - rotor1)
+                                alpha[k] = (bw + h * t0 + h * kap * rotor0) / d
+                                beta[k] = h * rad / d
+                        elif kind == _FREE:
+                            alpha[k] = bw / load_j
+                            beta[k] = h * rad / load_j
+                        else:
+                            gap = (0.5 * side[k, BACKLASH] if kind == _PUSH_F else -0.5 * side[k, BACKLASH]) - play[k]
+                            if dry and stick[k] == 0:
+                                alpha[k], beta[k] = -gap / h, 0.0
+                            else:
+                                a = am[k] + load_j
+                                alpha[k] = (bm[k] + bw - p[k] - am[k] * gap / h) / a
+                                beta[k] = h * rad / a
+                    if axis > 0:
+                        force[0] = 0.0
+                        w[0] = alpha[0]
+                    else:
+                        gx = -pull * math.cos(yaw_mid - uphill) + mass * com[COM_X] * rate * rate
+                        gz = pull * (com[COM_X] * math.sin(yaw_mid - uphill) + com[COM_Y] * math.cos(yaw_mid - uphill))
+                        gz -= mass * com[COM_X] * v * rate
+                        w0 = h * (i11 - 2.0 * half * i12 + half * half * i22)
+                        w1 = h * (i11 + 2.0 * half * i12 + half * half * i22)
+                        wx = h * (i11 - half * half * i22)
+                        a00 = side[0, RADIUS] * beta[0] + w0
+                        a11 = side[1, RADIUS] * beta[1] + w1
+                        if slipping:
+                            # r w - u = compliance * F - lag: the patch's shear builds up over its own length.
+                            a00 += side[0, SLIP] * (abs(side[0, RADIUS] * wn[0]) + PATCH_M / h)
+                            a11 += side[1, SLIP] * (abs(side[1, RADIUS] * wn[1]) + PATCH_M / h)
+                        det = a00 * a11 - wx * wx
+                        q = spin * h * scrub
+                        for turn in range(2):
+                            dv = h * (i11 * gx + i12 * gz) - i12 * q
+                            dr = h * (i12 * gx + i22 * gz) - i22 * q
+                            b0 = side[0, RADIUS] * alpha[0] - (v - half * rate) - dv + half * dr
+                            b1 = side[1, RADIUS] * alpha[1] - (v + half * rate) - dv - half * dr
+                            if slipping:
+                                b0 += side[0, SLIP] * PATCH_M / h * shear[0]
+                                b1 += side[1, SLIP] * PATCH_M / h * shear[1]
+                            force[0] = (a11 * b0 - wx * b1) / det
+                            force[1] = (a00 * b1 - wx * b0) / det
+                            if slipping:
+                                for k in range(2):
+                                    if side[k, SLIP] > 0.0 and abs(force[k]) > grip:
+                                        force[k] = math.copysign(grip, force[k])
+                                        if k == 0:
+                                            force[1] = (b1 - wx * force[0]) / a11
+                                        else:
+                                            force[0] = (b0 - wx * force[1]) / a00
+                            rate_new = rate + dr + h * (i12 * (force[0] + force[1])
+                                                        + i22 * half * (force[1] - force[0]))
+                            if scrub == 0.0 or turn == 1 or spin * rate_new > 0.0:
+                                break
+                            # The scrub would reverse the turn: find the impulse that stops it, within its bound.
+                            q0 = i12 - half * i22
+                            q1 = i12 + half * i22
+                            f0 = (a11 * q0 - wx * q1) / det
+                            f1 = (a00 * q1 - wx * q0) / det
+                            gain = h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) - i22
+                            q = min(max(q - rate_new / gain, -h * scrub), h * scrub)
+                        v_new = v + dv + h * (i11 * (force[0] + force[1]) + i12 * half * (force[1] - force[0]))
+                        for k in range(2):
+                            w[k] = alpha[k] - beta[k] * force[k]
+                    # ---- does the guessed regime hold?
+                    again = False
+                    for k in range(sides):
+                        rad = side[k, RADIUS]
+                        kind = contact[k]
+                        if kind == _RIGID:
+                            wm[k] = w[k]
+                            if dry:
+                                if stick[k] == 0:
+                                    need = bm[k] + load_j * wn[k] - h * rad * force[k]
+                                    if axis == 2:
+                                        need += -h * (com[AX_M] + run[0]) * GRAVITY * com[AX_ARM] * math.sin(
+                                            th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+                                    if need > max(hi[k], 0.0):
+                                        stick[k] = 1
+                                        again = True
+                                    elif need < min(lo[k], 0.0):
+                                        stick[k] = -1
+                                        again = True
+                                elif stick[k] * w[k] < 0.0:
+                                    stick[k] = 0
+                                    again = True
+                        elif kind == _SPRING:
+                            kap = 0.25 * h * side[k, STIFF] + 0.5 * side[k, DAMP]
+                            t0 = side[k, STIFF] * play[k] + kap * (wmn[k] - wn[k])
+                            if dry and stick[k] == 0:
+                                wm[k] = 0.0
+                                need = bm[k] - h * (t0 - kap * w[k])
+                                if need > max(hi[k], 0.0):
+                                    stick[k] = 1
+                                    again = True
+                                elif need < min(lo[k], 0.0):
+                                    stick[k] = -1
+                                    again = True
+                            else:
+                                wm[k] = (bm[k] - h * t0 - p[k] + h * kap * w[k]) / (am[k] + h * kap)
+                                if dry and stick[k] * wm[k] < 0.0:
+                                    stick[k] = 0
+                                    again = True
+                        else:
+                            if kind == _FREE:
+                                if dry and stick[k] == 0:
+                                    wm[k] = 0.0
+                                    need = bm[k]
+                                else:
+                                    wm[k] = (bm[k] - p[k]) / am[k]
+                                    need = 0.0
+                                moved = play[k] + h * (wm[k] - w[k])
+                                if moved > 0.5 * side[k, BACKLASH]:
+                                    contact[k] = _PUSH_F
+                                    again = True
+                                elif moved < -0.5 * side[k, BACKLASH]:
+                                    contact[k] = _PUSH_B
+                                    again = True
+                            else:
+                                gap = (0.5 * side[k, BACKLASH] if kind == _PUSH_F
+                                       else -0.5 * side[k, BACKLASH]) - play[k]
+                                wm[k] = w[k] + gap / h
+                                # Impulse the rotor passes on; a gear can push but not pull.
+                                ext = 0.0
+                                if axis == 2:
+                                    ext = -(com[AX_M] + run[0]) * GRAVITY * com[AX_ARM] * math.sin(
+                                        th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+                                push = load_j * (w[k] - wn[k]) + h * rad * force[k] - h * ext
+                                need = bm[k] - push
+                                if (kind == _PUSH_F and push < 0.0) or (kind == _PUSH_B and push > 0.0):
+                                    if attempt < 10:
+                                        contact[k] = _FREE
+                                        again = True
+                            if dry:
+                                if stick[k] == 0:
+                                    if need > max(hi[k], 0.0):
+                                        stick[k] = 1
+                                        again = True
+                                    elif need < min(lo[k], 0.0):
+                                        stick[k] = -1
+                                        again = True
+                                elif stick[k] * wm[k] < 0.0 and attempt < 10:
+                                    stick[k] = 0
+                                    again = True
+                    if not again:
+                        break
+                if outer > 1:
+                    for k in range(sides):
+                        im[k] = m0[k] - m1[k] * wm[k]
+                        if side[k, LOAD] != 0.0:
+                            fluid = gear * gear * side[k, B] + side[k, VISCOUS_W]
+                            torque = gear * side[k, KM] * im[k]
+                            if mode == 1:
+                                torque = vd[k] * com[TORQUE_V] * (bus / supply) * gear
+                            tin[k] = (torque - 0.5 * fluid * (wmn[k] + wm[k])
+                                      - gear * gear * side[k, J] * (wm[k] - wmn[k]) / h)
+                            tout[k] = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k]
+                            if axis == 2:
+                                tout[k] += (com[AX_M] + run[0]) * GRAVITY * com[AX_ARM] * math.sin(
+                                    th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+
+            # ---- accept the step
+            for k in range(sides):
+                mean = m0[k] - m1[k] * wm[k]
+                cur[k] = c0[k] - c1[k] * wm[k]
+                if side[k, HEAT_RISE] != 0.0:
+                    res = side[k, R] * (1.0 + rise[k])
+                    rise[k] += h * (side[k, HEAT_RISE] * mean * mean * res - rise[k]) / side[k, HEAT_TAU]
+                th[k] += 0.5 * h * (wn[k] + w[k])
+                if flexible:
+                    if contact[k] == _SPRING:
+                        play[k] += 0.5 * h * (wmn[k] + wm[k] - wn[k] - w[k])
+                    elif contact[k] != _RIGID:
+                        play[k] += h * (wm[k] - w[k])
+                tau = side[k, W_TAU]
+                if tau > 0.0:
+                    ramp = (w[k] - wn[k]) / h
+                    wf[k] = w[k] - ramp * tau + (wf[k] - wn[k] + ramp * tau) * math.exp(-h / tau)
+            if axis == 0:
+                v_mid = 0.5 * (v + v_new)
+                rate_mid = 0.5 * (rate + rate_new)
+                heading = yaw + 0.5 * h * rate_mid
+                x += h * v_mid * math.cos(heading)
+                y += h * v_mid * math.sin(heading)
+                yaw += h * rate_mid
+                v = v_new
+                rate = rate_new
+                shear[0] = force[0]
+                shear[1] = force[1]
+        now = ahead
+        bad = False
+        for k in range(sides):
+            if not (abs(w[k]) < 1e6 and abs(cur[k]) < 1e6):
+                bad = True
+        if bad:
+            for k in range(min(ka, kp), n):
+                for c in range(11):
+                    out[k, c] = 1e6
+            return

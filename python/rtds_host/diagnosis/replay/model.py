@@ -1,0 +1,161 @@
+"""A robot as the kernel sees it, and one call that replays a run on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtds_host.contract import Robot, RunLog
+from rtds_host.diagnosis.replay import kernel
+from rtds_host.diagnosis.replay.slots import COMMON, COMMON_INDEX, OUTPUTS, SIDE, SIDE_INDEX
+
+# Longest step of the search: its error moves no sample by more than about a quarter of its noise (steps of 20 V), and
+# chi2 by a few units. What is reported is replayed at `REPORT_STEP_S`, at which these are a tenth of that.
+STEP_S = 1.7e-3
+REPORT_STEP_S = 5.0e-4
+# Springs, free play and slip bring faster modes.
+FINE_STEP_S = 2.5e-4
+
+
+@dataclass
+class Model:
+    """Numbers of one robot: `side` (2, len(SIDE)) and `common` (len(COMMON),), addressed by name."""
+
+    side: np.ndarray
+    common: np.ndarray
+
+    def copy(self) -> "Model":
+        """An independent copy."""
+        return Model(self.side.copy(), self.common.copy())
+
+    def scale(self, name: str, factor: float, sides: tuple[int, ...] = (0, 1)) -> None:
+        """Multiply an entry, of the given sides if it has sides."""
+        if name in SIDE_INDEX:
+            self.side[list(sides), SIDE_INDEX[name]] *= factor
+        else:
+            self.common[COMMON_INDEX[name]] *= factor
+
+    def add(self, name: str, value: float, sides: tuple[int, ...] = (0, 1)) -> None:
+        """Add to an entry, of the given sides if it has sides."""
+        if name in SIDE_INDEX:
+            self.side[list(sides), SIDE_INDEX[name]] += value
+        else:
+            self.common[COMMON_INDEX[name]] += value
+
+    def put(self, name: str, value: float, sides: tuple[int, ...] = (0, 1)) -> None:
+        """Set an entry, of the given sides if it has sides."""
+        if name in SIDE_INDEX:
+            self.side[list(sides), SIDE_INDEX[name]] = value
+        else:
+            self.common[COMMON_INDEX[name]] = value
+
+    def get(self, name: str, side: int = 0) -> float:
+        """One entry."""
+        return float(self.side[side, SIDE_INDEX[name]] if name in SIDE_INDEX else self.common[COMMON_INDEX[name]])
+
+    @property
+    def step_s(self) -> float:
+        """Longest step that resolves what is switched on."""
+        fine = (self.side[:, [SIDE_INDEX["stiffness"], SIDE_INDEX["backlash"], SIDE_INDEX["slip"]]] != 0).any()
+        return FINE_STEP_S if fine else STEP_S
+
+
+def nominal_model(robot: Robot) -> Model:
+    """The nominal robot of the contract (section 2), or the single axis of its section 7."""
+    side = np.array([entry[0] or 0.0 for entry in SIDE.values()])
+    model = Model(np.vstack([side, side]), np.array([entry[0] or 0.0 for entry in COMMON.values()]))
+    motor = robot.motor
+    torque_mode = robot.driver.mode == "torque"
+    # In torque mode the electrical values play no part; any finite ones serve.
+    model.put("resistance", 1.0 if torque_mode else motor.resistance_ohm)
+    model.put("inductance", 1.0 if torque_mode else motor.inductance_h)
+    model.put("torque_constant", 0.0 if torque_mode else motor.torque_constant_nm_per_a)
+    model.put("back_emf", 0.0 if torque_mode else motor.back_emf_constant_v_s_per_rad)
+    model.put("rotor_inertia", motor.rotor_inertia_kg_m2)
+    model.put("viscous", motor.viscous_friction_nm_s_per_rad)
+    model.put("gear_ratio", motor.gear_ratio)
+    model.put("supply", robot.supply_v)
+    model.put("mode", {"voltage": 0, "torque": 1, "speed": 2}[robot.driver.mode])
+    model.put("bus_measured", 1.0 if robot.driver.bus == "measured" else 0.0)
+    if torque_mode:
+        model.put("torque_per_volt", robot.driver.torque_nm_per_v)
+    if robot.servo is not None:
+        model.put("servo_kp", robot.servo.kp_v_s_per_rad)
+        model.put("servo_ki", robot.servo.ki_v_per_rad)
+        model.put("servo_limit", robot.servo.limit_v)
+        model.put("servo_period", robot.servo.period_s)
+    if robot.chassis is not None:
+        body = robot.chassis
+        model.put("mass", body.mass_kg)
+        model.put("yaw_inertia", body.yaw_inertia_kg_m2)
+        model.put("wheel_inertia", body.wheel_inertia_kg_m2)
+        model.put("track", body.track_width_m)
+        model.put("radius", body.wheel_radius_m)
+        model.put("com_x", body.com_x_m)
+        model.put("com_y", body.com_y_m)
+    else:
+        axis = robot.axis
+        model.put("axis", {"inertia": 1, "pendulum": 2, "linear": 3}[axis.kind])
+        model.put("axis_inertia", axis.inertia_kg_m2)
+        model.put("axis_mass", axis.mass_kg)
+        model.put("axis_arm", axis.length_m if axis.kind == "pendulum" else axis.metres_per_rad)
+        model.put("axis_zero", axis.zero_rad)
+    return model
+
+
+def _filled(log: RunLog, name: str, default: float) -> np.ndarray:
+    """The channel with each gap holding the last sample, and its first sample before that."""
+    values = log.columns.get(name)
+    if values is None or not np.isfinite(values).any():
+        return np.full(len(log.t), default)
+    good = np.isfinite(values)
+    last = np.maximum.accumulate(np.where(good, np.arange(len(values)), -1))
+    return values[np.where(last >= 0, last, np.argmax(good))]
+
+
+def start_state(log: RunLog, robot: Robot) -> np.ndarray:
+    """State at the first row (9,): x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r.
+
+    A robot starts at rest unless its first samples say otherwise by more than five times their noise (contract,
+    section 2); a single axis starts as its first row says (section 7).
+    """
+    start = np.zeros(9)
+    for k, name in enumerate(("x", "y", "yaw", "th_l", "th_r")):
+        if log.has(name):
+            start[k] = _filled(log, name, 0.0)[0]
+    for k, name in enumerate(("w_l", "w_r", "i_l", "i_r")):
+        values = log.columns.get(name)
+        if values is None or not np.isfinite(values[0]):
+            continue
+        noise = robot.noise(name) or 0.0
+        if robot.axis is not None or abs(values[0]) > 5 * noise + 1e-9:
+            start[5 + k] = values[0]
+    return start
+
+
+def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
+    """What the kernel needs of a run: t (n,), commands (n, 2), bus (n,), run (3,), start (9,)."""
+    commands = log.commands(robot.driver.mode)
+    if commands.shape[1] == 1:
+        commands = np.column_stack([commands[:, 0], np.zeros(len(commands))])
+    run = np.array([log.meta.payload_kg, log.meta.slope_rad, log.meta.uphill_yaw_rad])
+    return (np.ascontiguousarray(log.t), np.ascontiguousarray(commands), _filled(log, "v_bus", robot.supply_v), run,
+            start_state(log, robot))
+
+
+def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | None = None) -> np.ndarray:
+    """Replay one run from its commands.
+
+    Parameters
+    ----------
+    model : the robot; inputs : from `run_inputs`; step_s : longest step, by default what the model needs.
+
+    Returns
+    -------
+    (n, 11) what the sensors would report without noise, columns as `OUTPUTS`, SI.
+    """
+    t, commands, bus, run, start = inputs
+    out = np.empty((len(t), len(OUTPUTS)))
+    kernel.replay(t, commands, bus, model.side, model.common, run, start, step_s or model.step_s, out)
+    return out

@@ -1,0 +1,88 @@
+"""Where a torque ripple would be: periodograms of the residuals over the wheel's angle.
+
+The number of cycles a turn has no useful derivative until it is nearly right, so it is read off a spectrum first:
+least-squares power over the measured (or replayed) angle, which needs no even sampling and knows no Nyquist limit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+
+CYCLES_STEP = 0.25
+CYCLES = np.arange(1.0, 400.0, CYCLES_STEP)
+AMPLITUDE_NM = 0.02
+SAMPLES = 3000
+
+
+def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, np.ndarray]:
+    """Power over `CYCLES` by side ("left", "right", "both"), in units of white noise's mean."""
+    result = {}
+    coherent = 0
+    for k, name in enumerate(("left", "right")[:len(problem.robot.sides)]):
+        suffix = "lr"[k]
+        total = np.zeros(len(CYCLES))
+        wave = np.zeros(len(CYCLES), complex)
+        count = 0
+        for channel in (f"w_{suffix}", f"i_{suffix}"):
+            angles, values = [], []
+            for data, out in zip(problem.runs, outs):
+                log = data.log
+                if not log.has(channel) or problem.robot.noise(channel) is None:
+                    continue
+                good = np.isfinite(log.columns[channel])
+                th = log.columns.get(f"th_{suffix}")
+                angle = out[:, OUTPUT_INDEX[f"th_{suffix}"]]
+                if th is not None and np.isfinite(th).sum() > 0.5 * good.sum():
+                    known = np.isfinite(th)
+                    angle = np.interp(log.t, log.t[known], th[known])
+                error = (out[:, OUTPUT_INDEX[channel]] - log.columns[channel]) / problem.robot.noise(channel)
+                moving = good & (np.abs(out[:, OUTPUT_INDEX[f"w_{suffix}"]]) > 0.1)
+                if moving.sum() > 20:
+                    angles.append(angle[moving])
+                    values.append(error[moving] - error[moving].mean())
+            if not angles:
+                continue
+            angle, value = np.concatenate(angles), np.concatenate(values)
+            stride = max(1, len(angle) // SAMPLES)
+            angle, value = angle[::stride], value[::stride]
+            scale = np.sqrt(np.mean(value**2)) or 1.0
+            # e^{i n angle} for evenly spaced n by repeated rotation.
+            turn = np.exp(-1j * CYCLES_STEP * angle)
+            phase = np.exp(-1j * CYCLES[0] * angle) * (value / scale) / np.sqrt(len(value))
+            line = np.empty(len(CYCLES), complex)
+            for n in range(len(CYCLES)):
+                line[n] = phase.sum()
+                phase *= turn
+            total += np.abs(line) ** 2
+            wave += line
+            count += 1
+        if count:
+            result[name] = total / count
+            coherent = coherent + wave / np.sqrt(count)
+    if len(result) == 2:
+        result["both"] = 0.5 * (result["left"] + result["right"])
+    return result
+
+
+def starts(problem: Problem, outs: list[np.ndarray], peaks: int = 2) -> dict[tuple[str, str], list[dict]]:
+    """Parameter sets for the screening, by (effect, side): each peak with two phases."""
+    powers = spectra(problem, outs)
+    found: dict[str, set[float]] = {"left": set(), "right": set()}
+    for name, power in powers.items():
+        power = power.copy()
+        for _ in range(peaks):
+            k = int(np.argmax(power))
+            if power[k] < 8.0:
+                break
+            for side in ("left", "right") if name == "both" else (name,):
+                found[side].add(float(CYCLES[k]))
+            power[max(0, k - 4):k + 5] = 0.0
+    if "right" in powers:
+        shared = found["left"] | found["right"]
+        found = {"left": shared, "right": shared}
+    return {("torque_ripple", side): [{"amplitude_nm": AMPLITUDE_NM, "cycles_per_rev": n, "phase_rad": phase}
+                                      for n in sorted(cycles) for phase in (0.0, np.pi / 2)]
+            for side, cycles in found.items() if side in powers}
