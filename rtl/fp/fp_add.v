@@ -52,11 +52,56 @@ module fp_add (
   wire  [7:0] exp_small    = {small1_q[30:24], small1_q[23] | ~small_normal};
   wire [23:0] small_mant   = {small_normal, small1_q[22:0]};
 
-  // 24 bits, two guard bits and a sticky bit.
+  // 24 bits, two guard bits and a sticky bit: shifted by 8, by 2 and by 1, what falls off joins the sticky bit.
   wire  [7:0] distance = exp_big - exp_small;
   wire        far      = |distance[7:5];
-  wire [55:0] shifted  = {small_mant, 32'd0} >> distance[4:0];
-  wire [26:0] aligned  = far ? {26'd0, |small_mant} : {shifted[55:30], |shifted[29:0]};
+  wire [49:0] whole    = {24'd0, small_mant, 2'd0};
+  reg  [25:0] by8;
+  reg         lost8;
+  reg  [25:0] by2;
+  reg         lost2;
+
+  always @* begin
+    case (distance[4:3])
+      2'd0: begin
+        by8   = whole[25:0];
+        lost8 = 1'b0;
+      end
+      2'd1: begin
+        by8   = whole[33:8];
+        lost8 = |whole[7:2];
+      end
+      2'd2: begin
+        by8   = whole[41:16];
+        lost8 = |whole[15:2];
+      end
+      default: begin
+        by8   = whole[49:24];
+        lost8 = |whole[23:2];
+      end
+    endcase
+    case (distance[2:1])
+      2'd0: begin
+        by2   = by8;
+        lost2 = lost8;
+      end
+      2'd1: begin
+        by2   = {2'd0, by8[25:2]};
+        lost2 = lost8 | (|by8[1:0]);
+      end
+      2'd2: begin
+        by2   = {4'd0, by8[25:4]};
+        lost2 = lost8 | (|by8[3:0]);
+      end
+      default: begin
+        by2   = {6'd0, by8[25:6]};
+        lost2 = lost8 | (|by8[5:0]);
+      end
+    endcase
+  end
+
+  wire        lost1    = lost2 | (distance[0] & by2[0]);
+  wire [26:0] aligned  = far ? {26'd0, |small_mant} : {distance[0] ? {1'b0, by2[25:1]} : by2, lost1};
   wire [27:0] sum      = {1'b0, big_normal, big1_q[22:0], 3'd0}
                        + ({1'b0, aligned} ^ {28{unlike1_q}}) + {27'd0, unlike1_q};
   // One at the place beyond which a left shift would pass exponent 1: the leading-zero count stops there.

@@ -64,17 +64,77 @@ module fp_mul (
   end
 
   // ---- stage 2 ---------------------------------------------------------------------------------------------------
-  // Places of the product that a right shift of a subnormal result drops below `placed`.
-  wire        to_right = right_q > 6'd24;
-  wire  [4:0] dropped  = right_q[4:0] - 5'd24;
-  wire [30:0] mask     = to_right ? ~(31'h7FFF_FFFF << dropped) : 31'd0;
-  wire        lost     = |(product_q[30:0] & mask);
-  wire [71:0] placed   = {product_q, 24'd0} >> right_q;
+  // {product, 24 zeros} >> right_q, of which places 47..22 matter; by 16, by 4, by 1, what falls off below joins the
+  // sticky bit on the way.
+  wire [110:0] whole  = {39'd0, product_q, 24'd0};
+  reg   [62:22] by16;
+  reg           lost16;
+  reg   [50:22] by4;
+  reg           lost4;
+  reg   [47:22] placed;
+  reg           lost;
+
+  always @* begin
+    case (right_q[5:4])
+      2'd0: begin
+        by16   = whole[62:22];
+        lost16 = 1'b0;
+      end
+      2'd1: begin
+        by16   = whole[78:38];
+        lost16 = |whole[37:24];
+      end
+      2'd2: begin
+        by16   = whole[94:54];
+        lost16 = |whole[53:24];
+      end
+      default: begin
+        by16   = whole[110:70];
+        lost16 = |whole[69:24];
+      end
+    endcase
+    case (right_q[3:2])
+      2'd0: begin
+        by4   = by16[50:22];
+        lost4 = lost16;
+      end
+      2'd1: begin
+        by4   = by16[54:26];
+        lost4 = lost16 | (|by16[25:22]);
+      end
+      2'd2: begin
+        by4   = by16[58:30];
+        lost4 = lost16 | (|by16[29:22]);
+      end
+      default: begin
+        by4   = by16[62:34];
+        lost4 = lost16 | (|by16[33:22]);
+      end
+    endcase
+    case (right_q[1:0])
+      2'd0: begin
+        placed = by4[47:22];
+        lost   = lost4;
+      end
+      2'd1: begin
+        placed = by4[48:23];
+        lost   = lost4 | by4[22];
+      end
+      2'd2: begin
+        placed = by4[49:24];
+        lost   = lost4 | (|by4[23:22]);
+      end
+      default: begin
+        placed = by4[50:25];
+        lost   = lost4 | (|by4[24:22]);
+      end
+    endcase
+  end
 
   wire        top      = placed[47];
   wire [22:0] frac     = top ? placed[46:24] : placed[45:23];
   wire        guard    = top ? placed[23] : placed[22];
-  wire        sticky   = (|placed[21:0]) | (top & placed[22]) | lost;
+  wire        sticky   = (top & placed[22]) | lost;
   wire        up       = guard & (sticky | frac[0]);
   // The leading one counts one in the exponent, or two at the upper place; a subnormal has none.
   wire [31:0] word     = {exp_q, 23'd0} + {7'd0, top, placed[46] & ~top, frac} + {31'd0, up};
@@ -88,7 +148,7 @@ module fp_mul (
     end
   end
 
-  wire unused = &{1'b0, none_left, placed[71:48]};
+  wire unused = &{1'b0, none_left, whole[21:0]};
 endmodule
 
 `default_nettype wire
