@@ -242,7 +242,10 @@ def _span(path: Path, signals: dict[str, Series], commands: list[str], mapping: 
     elif known > low and (known - low) / NS > 0.5:
         notices.append(f"{path.name}: {(known - low) / NS:.3g} s before the first command are left out")
     low = max(low, known)
-    if low >= high:
+    # The first row tells how the robot starts (speeds, angles), so it is a row that says so.
+    wheel = next(measured[name] for name in ("w_l", "w_r", "th_l", "th_r") if name in measured)
+    low = int(wheel.t_ns[min(np.searchsorted(wheel.t_ns, low), len(wheel) - 1)])
+    if low >= high or low < known:
         raise InputError(f"{path}: commands and measurements do not overlap in time (commands from "
                          f"{(known - first) / NS:.3g} s, measurements until {(last - first) / NS:.3g} s)")
 

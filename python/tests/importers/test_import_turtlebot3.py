@@ -229,9 +229,10 @@ def test_a_robot_that_moves_before_the_first_command_is_cut_to_it(tmp_path, with
     recording.mcap(path)
     _, run, notices = run_of(path, tmp_path)
     assert any("moves before the first command" in notice for notice in notices)
-    moved = run.columns["th_l"][np.isfinite(run.columns["th_l"])]
-    assert moved[0] > 12.0
-    assert run.t[-1] == pytest.approx(2.94, abs=0.01)
+    # It starts with the first measurement that has a command, so that the first row tells how the robot moves.
+    assert run.columns["th_l"][0] == pytest.approx(wheel(2.05, 0)[1], abs=TICK)
+    assert "w_l" not in run.columns or run.columns["w_l"][0] == pytest.approx(wheel(2.05, 0)[0])
+    assert run.t[-1] == pytest.approx(4.95 - 2.05)
 
 
 def test_a_message_that_does_not_fit_its_type_is_passed_over_where_another_topic_serves(tmp_path):
