@@ -23,9 +23,11 @@ import numpy as np
 from rtds_host.diagnosis.replay.slots import COMMON_INDEX, SIDE_INDEX
 
 GRAVITY = 9.80665
-# Length over which a slipping tyre's shear builds up, and its largest traction over the load on it: rubber on a
-# hard floor (H. B. Pacejka, "Tire and Vehicle Dynamics", 2012, ch. 5 and 1).
-PATCH_M = 0.0015
+# A slipping tyre: stiffness and damping of its shear, and its largest traction over the load on it. Steady slip needs
+# none of them; how fast it builds up does. Values of a small rubber tyre on a hard floor; the form is the brush
+# model's (H. B. Pacejka, "Tire and Vehicle Dynamics", 2012, ch. 3 and 5).
+TYRE_K = 1.0e4
+TYRE_D = 30.0
 GRIP = 0.9
 
 R, L, KM, KB, J, B = (SIDE_INDEX[n] for n in ("resistance", "inductance", "torque_constant", "back_emf",
@@ -119,7 +121,9 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
         if side[k, LOAD] != 0.0:
             outer = 3
     slipping = side[0, SLIP] != 0.0 or side[1, SLIP] != 0.0
-    shear = np.zeros(2)
+    tyre = np.zeros(2)        # shear of the tyres, m
+    give = np.zeros(2)
+    yield_z = np.zeros(2)
     # Inverse of the body's inertia for (v, yaw rate): the centre of mass beside the axle couples them.
     i22 = 1.0 / (com[IZ] - mass * com[COM_Y] ** 2) if axis == 0 else 1.0
     i12 = com[COM_Y] * i22
@@ -369,9 +373,15 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
                         a00 = side[0, RADIUS] * beta[0] + w0
                         a11 = side[1, RADIUS] * beta[1] + w1
                         if slipping:
-                            # r w - u = compliance * F - lag: the patch's shear builds up over its own length.
-                            a00 += side[0, SLIP] * (abs(side[0, RADIUS] * wn[0]) + PATCH_M / h)
-                            a11 += side[1, SLIP] * (abs(side[1, RADIUS] * wn[1]) + PATCH_M / h)
+                            # F = K z + D z', z' = slip speed - |r w| k K z: in steady rolling F = slip / k.
+                            for k in range(2):
+                                yield_z[k] = 0.0
+                                if side[k, SLIP] > 0.0:
+                                    fade = 1.0 + h * abs(side[k, RADIUS] * wn[k]) * side[k, SLIP] * TYRE_K
+                                    give[k] = fade / (h * TYRE_K + TYRE_D)
+                                    yield_z[k] = (give[k] * TYRE_D - 1.0) * tyre[k] / h
+                            a00 += give[0]
+                            a11 += give[1]
                         det = a00 * a11 - wx * wx
                         q = spin * h * scrub
                         for turn in range(2):
@@ -380,8 +390,8 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
                             b0 = side[0, RADIUS] * alpha[0] - (v - half * rate) - dv + half * dr
                             b1 = side[1, RADIUS] * alpha[1] - (v + half * rate) - dv - half * dr
                             if slipping:
-                                b0 += side[0, SLIP] * PATCH_M / h * shear[0]
-                                b1 += side[1, SLIP] * PATCH_M / h * shear[1]
+                                b0 -= yield_z[0]
+                                b1 -= yield_z[1]
                             force[0] = (a11 * b0 - wx * b1) / det
                             force[1] = (a00 * b1 - wx * b0) / det
                             if slipping:
@@ -529,8 +539,13 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
                 yaw += h * rate_mid
                 v = v_new
                 rate = rate_new
-                shear[0] = force[0]
-                shear[1] = force[1]
+                if slipping:
+                    for k in range(2):
+                        if side[k, SLIP] > 0.0:
+                            if abs(force[k]) >= grip:
+                                tyre[k] = force[k] / TYRE_K
+                            else:
+                                tyre[k] = (force[k] + TYRE_D * tyre[k] / h) / (TYRE_K + TYRE_D / h)
         now = ahead
         bad = False
         for k in range(sides):

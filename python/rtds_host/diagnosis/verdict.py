@@ -1,0 +1,180 @@
+"""From ranked explanations to a verdict: what earns its place, what cannot be told apart, none, known or unknown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rtds_host.diagnosis.choose import Choice, Scored, folds, held_out, log_prior, structure
+from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.fit import Fit, Hypothesis
+from rtds_host.diagnosis.problem import Problem
+
+# An added effect must explain at least this share of what the explanation without it leaves above the noise:
+# a wrong form leaves a structured rest, of which a further wrong effect always takes some.
+EARN_SHARE = 0.4
+# Held-out gain over its block standard error, and the gain itself in units of chi2.
+HELD_OUT_T = 2.0
+HELD_OUT_GAIN = 9.0
+# Explanations whose fits differ by less (in chi2 over dispersion) cannot be told apart: about 2.5 sigma.
+ALIKE = 6.0
+# Squared sums over 1 s blocks above this many times white noise's are structure.
+STRUCTURED = 1.5
+# As a rule (contract, section 5) less than this closed, with a structured rest, is not an explanation.
+CLOSED_ENOUGH = 0.7
+
+
+@dataclass
+class Decision:
+    """What was decided and why.
+
+    fit : the chosen explanation's fit (possibly without effect); verdict : "none", "known" or "unknown";
+    ranked : explanations that stand, best first, with probabilities; unknown : probability of none of the catalogue;
+    alike : sets of (effect, side) that cannot be told apart, each holding a blamed one; reasons : explanation -> why
+    it was rejected; gains : explanation -> (held-out gain per sample, t).
+    """
+
+    fit: Fit
+    base: Fit
+    verdict: str
+    ranked: list[Scored]
+    unknown: float
+    alike: list[list[tuple[str, str]]]
+    structured: bool
+    closed: float
+    reasons: dict[Hypothesis, str] = field(default_factory=dict)
+    gains: dict[Hypothesis, tuple[float, float]] = field(default_factory=dict)
+
+
+def _cost(fit: Fit, scale: float) -> float:
+    return fit.chi2 / scale + fit.prior
+
+
+def _held_out_gain(problem: Problem, small: np.ndarray, large: np.ndarray, scale: float) -> tuple[float, float]:
+    """Gain of chi2 (over dispersion) on held-out blocks, and that gain over its block standard error."""
+    difference = (small - large) / scale
+    gain = float(difference.sum())
+    # Median-centred spread would ignore the few blocks that carry a real effect; the plain one does not.
+    error = float(np.sqrt(len(difference)) * difference.std())
+    return gain, gain / error if error > 0 else 0.0
+
+
+def decide(problem: Problem, choice: Choice) -> Decision:
+    """Choose among the ranked explanations.
+
+    An explanation stands when each of its effects gains on held-out stretches and explains its share of what the
+    rest leaves; the best that stands is blamed.
+    """
+    scale = choice.dispersion
+    fold_of = folds(problem)
+    noise = float(problem.size)
+    out_of_sample: dict[Hypothesis, np.ndarray] = {}
+    reasons: dict[Hypothesis, str] = {}
+    gains: dict[Hypothesis, tuple[float, float]] = {}
+
+    def predicted(fit: Fit) -> np.ndarray:
+        if fit.hypothesis not in out_of_sample:
+            out_of_sample[fit.hypothesis] = held_out(problem, fit, fold_of)
+        return out_of_sample[fit.hypothesis]
+
+    def stands(fit: Fit) -> bool:
+        if not fit.hypothesis:
+            return True
+        parts = [fit.hypothesis[:k] + fit.hypothesis[k + 1:] for k in range(len(fit.hypothesis))]
+        smaller = [choice.fits[p] for p in parts if p in choice.fits]
+        if not smaller:
+            smaller = [choice.base]
+        rival = min(smaller, key=lambda f: _cost(f, scale))
+        gain, t = _held_out_gain(problem, predicted(rival), predicted(fit), scale)
+        base_gain, base_t = _held_out_gain(problem, predicted(choice.base), predicted(fit), scale)
+        gains[fit.hypothesis] = (base_gain * scale / noise, base_t)
+        if gain < HELD_OUT_GAIN or (t < HELD_OUT_T and gain < 10 * HELD_OUT_GAIN):
+            reasons[fit.hypothesis] = f"gains too little on stretches it was not fitted to ({gain:.0f}, t = {t:.1f})"
+            return False
+        left = rival.chi2 - noise
+        if len(fit.hypothesis) > 1 and rival.chi2 - fit.chi2 < EARN_SHARE * left:
+            reasons[fit.hypothesis] = (f"its last effect takes {(rival.chi2 - fit.chi2) / left:.0%} of what the others "
+                                       "leave")
+            return False
+        return len(fit.hypothesis) == 1 or all(stands(f) for f in [rival] if f.hypothesis) or len(smaller) == 1
+
+    ranked = choice.ranked
+    chosen = None
+    standing = []
+    for scored in ranked[:25]:
+        if scored.probability < 1e-12 and chosen is not None and len(standing) > 12:
+            break
+        if stands(scored.fit):
+            standing.append(scored)
+            chosen = chosen or scored
+    chosen = chosen or Scored(choice.base, 0.0)
+    fit, base = chosen.fit, choice.base
+    ranked = [chosen] + [s for s in standing if s is not chosen]
+    rough = structure(problem, fit.residual)
+    structured = rough > STRUCTURED
+    excess = base.chi2 - noise
+    closed = 1.0 - (np.sqrt(max(fit.chi2 / noise, 1.0)) - 1.0) / max(np.sqrt(max(base.chi2 / noise, 1.0)) - 1.0, 1e-9)
+    closed = float(min(max(closed, 0.0), 1.0)) if fit.hypothesis else 0.0
+    if not fit.hypothesis:
+        verdict = "unknown" if structured and excess > 0.1 * noise else "none"
+    else:
+        verdict = "unknown" if structured and closed < CLOSED_ENOUGH else "known"
+
+    weights = np.exp(-0.5 * (np.array([s.score for s in ranked]) - ranked[0].score))
+    if verdict == "unknown":
+        unknown = 0.9
+    elif structured:
+        unknown = float(np.clip(1.0 - closed, 0.02, 0.5))
+    else:
+        unknown = 0.01
+    probabilities = weights / weights.sum() * (1.0 - unknown)
+    for scored, p in zip(ranked, probabilities):
+        scored.probability = float(p)
+    alike = _alike(choice, fit, scale, reasons) if verdict == "known" else []
+    _share(ranked, fit, alike)
+    ranked.sort(key=lambda s: (-s.probability, s.score))
+    if verdict == "known":
+        # What is blamed comes first; its equals follow.
+        ranked = [chosen] + [s for s in ranked if s is not chosen]
+    return Decision(fit, base, verdict, ranked, unknown, alike, structured, closed, reasons, gains)
+
+
+def _alike(choice: Choice, fit: Fit, scale: float, reasons: dict[Hypothesis, str]) -> list[list[tuple[str, str]]]:
+    """Sets of (effect, side): a blamed one and those that replace it in the explanation at no loss of fit."""
+    best = _cost(fit, scale)
+    sets = []
+    for member in fit.hypothesis:
+        rest = tuple(h for h in fit.hypothesis if h != member)
+        rivals = []
+        for hypothesis, other in choice.fits.items():
+            if len(hypothesis) != len(fit.hypothesis) or hypothesis == fit.hypothesis:
+                continue
+            if not set(rest) <= set(hypothesis):
+                continue
+            worse = _cost(other, scale) - best
+            # More freedom for no better fit is no rival, but the same explanation with idle parameters.
+            if len(other.u) > len(fit.u) and worse > -ALIKE:
+                continue
+            if worse < ALIKE:
+                replaced = next(h for h in hypothesis if h not in rest)
+                if replaced[0] == member[0]:
+                    # Sides of one effect: the freer one is no rival of the shared one.
+                    continue
+                rivals.append((worse, replaced))
+        rivals.sort()
+        if rivals:
+            sets.append([member] + [r for _, r in rivals[:2]])
+    return sets
+
+
+def _share(ranked: list[Scored], fit: Fit, alike: list[list[tuple[str, str]]]) -> None:
+    """Members of a set share the probability of their explanations by prior."""
+    for members in alike:
+        rest = [h for h in fit.hypothesis if h != members[0]]
+        rows = [s for s in ranked
+                if any(s.fit.hypothesis == tuple(sorted(rest + [m])) for m in members)]
+        total = sum(s.probability for s in rows)
+        weights = np.exp([log_prior(s.fit.hypothesis, len(CATALOGUE)) for s in rows])
+        for s, weight in zip(rows, weights / weights.sum() if len(rows) else []):
+            s.probability = float(total * weight)
