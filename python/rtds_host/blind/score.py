@@ -293,6 +293,27 @@ def draw(records: list[dict], folder: Path) -> None:
     plt.close(figure)
 
 
+def _write_table(records: list[dict], path: Path) -> None:
+    """One row a case; what was there and what was blamed as text."""
+    import io
+
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    rows = []
+    for r in records:
+        measured = r["closure"] or {}
+        row = {name: r[name] for name in ("case", "tier", "world", "kind", "verdict", "size_sigma", "seconds", "answered",
+                                          "set_size", *(name for name, _ in FIGURES))}
+        row["there"] = ", ".join(f"{i} {s}" for i, s in r["truth"]) or (r["outside"] or "")
+        row["blamed"] = ", ".join(f"{i} {s}" for i, s in r["blamed"])
+        row.update({name: measured.get(name) for name in ("before", "after", "closed")})
+        rows.append(row)
+    buffer = io.BytesIO()
+    pq.write_table(pa.Table.from_pylist(rows), buffer, compression="zstd")
+    write_atomic(path, buffer.getvalue())
+
+
 def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closure: bool = True, progress=None) -> dict:
     """Open the truth, check every hash, judge every answer, write `OUT/score/`.
 
@@ -347,6 +368,7 @@ def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closu
     folder.mkdir(parents=True, exist_ok=True)
     write_atomic(folder / "score.json", json.dumps(result, indent=1) + "\n")
     draw(records, folder)
+    _write_table(records, folder / "cases.parquet")
     write_atomic(folder / "page.md", page(result))
     return result
 

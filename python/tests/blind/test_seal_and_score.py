@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from rtds_host.blind import planar, score, seal
@@ -161,6 +162,8 @@ def test_the_silent_diagnoser_scores_what_it_deserves(checked):
     assert result["everything"]["cause_right"]["hits"] == 0
     assert result["everything"]["unknown_right"]["hits"] == 0
     assert (checked / "score" / "page.md").read_text().startswith("# Blind check")
+    table = pq.read_table(checked / "score" / "cases.parquet").to_pylist()
+    assert [row["case"] for row in table] == ["case-001", "case-002", "case-003"]
     assert (checked / "score" / "calibration.png").stat().st_size > 1000
 
 
