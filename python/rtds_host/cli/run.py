@@ -14,6 +14,7 @@ from rich.table import Table
 
 from rtds_host.contract import load_robot, read_run, staged_folder
 from rtds_host.errors import InputError
+from rtds_host.robot import ENGINES
 from rtds_host.run import LinkChoice, Options, Plan, check_writable, make_plan, perform, write_outcome
 from rtds_host.run.summary import Summary, lines
 from rtds_host.scenario import find_scenario, scenarios
@@ -23,6 +24,8 @@ app = typer.Typer(add_completion=False)
 # Options that stand for a parameter of a scenario.
 SHORT_CUTS = {"duration": "duration_s", "radius": "radius_m", "length": "length_m"}
 FAMILY_ALL = "paper"
+# A hundred times slower than Verilator: on a busy machine a healthy one may take this long over an exchange.
+ICARUS_TIMEOUT_S = 120.0
 
 
 def _settings(texts: list[str]) -> dict[str, float]:
@@ -94,6 +97,8 @@ def run(
     coupling: Annotated[str, typer.Option(help="closed: the robot's wheels follow the motor units; paper: they "
                                                "follow the reference.")] = "closed",
     engine: Annotated[str, typer.Option(help="Physics engine: pybullet or mujoco.")] = "pybullet",
+    against: Annotated[str | None, typer.Option(help="Drive once more in this engine too and print how far apart "
+                                                    "both end.")] = None,
     support: Annotated[str, typer.Option(help="What the robot stands on beside its wheels: skids or caster.")] = "skids",
     out: Annotated[Path | None, typer.Option(help="Folder of the run; for `all`, of the case with a folder a "
                                                      "run. Default: out/SCENARIO, or out.")] = None,
@@ -134,13 +139,15 @@ def run(
     options = Options(robot=robot, controller=controller, coupling=coupling, engine=engine, support=support,
                       payload_kg=payload, slope_rad=slope, uphill_yaw_rad=uphill_yaw, exchange_s=exchange,
                       log_s=log_interval, simulator_step_s=step, method=method)
+    if against is not None and against not in ENGINES:
+        raise InputError(f"--against {against}: unknown engine (known: {', '.join(ENGINES)})")
     plans = [make_plan(name, values, options) for name, values in _wanted(scenario, given)]
     choice = _link(link, sim, step_clocks)
     target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / scenario)
     check_writable(target)
     with _bars(plans) as report:
         if scenario != "all":
-            outcome = perform(plans[0], choice, compare, progress=report)
+            outcome = perform(plans[0], choice, compare, progress=report, against=against)
             write_outcome(outcome, target, figure, form)
             summaries = [(outcome.summary, target)]
         else:
@@ -149,7 +156,7 @@ def run(
             with staged_folder(target) as scratch:
                 (scratch / "robot.toml").write_bytes(plans[0].robot_path.read_bytes())
                 for plan in plans:
-                    outcome = perform(plan, choice, compare, progress=report)
+                    outcome = perform(plan, choice, compare, progress=report, against=against)
                     write_outcome(outcome, scratch / plan.scenario.name, figure, form)
                     summaries.append((outcome.summary, target / plan.scenario.name))
     for summary, place in summaries:
@@ -168,7 +175,10 @@ def _link(link: str, sim: str, step_clocks: str) -> LinkChoice:
         clocks: int | str = step_clocks if step_clocks == "min" else int(step_clocks)
     except ValueError as error:
         raise InputError(f"--step-clocks {step_clocks}: a whole number or min is needed") from error
-    return LinkChoice("rtl", {"sim": sim, "step_clocks": clocks}, f"rtl ({sim}, {step_clocks} clocks a step)")
+    options: dict = {"sim": sim, "step_clocks": clocks}
+    if sim == "icarus":
+        options["timeout_s"] = ICARUS_TIMEOUT_S
+    return LinkChoice("rtl", options, f"rtl ({sim}, {step_clocks} clocks a step)")
 
 
 def _list(console: Console) -> None:

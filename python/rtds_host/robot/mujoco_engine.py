@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -11,7 +12,6 @@ import numpy as np
 from rtds_host.robot.body import SKID_RADIUS_M, Body
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import base_inertia, supports
-from typing import Self
 
 # A wheel's speed is given, not found: an armature far above anything on the ground (which would see 0.005 kg m2) lets a
 # wheel turn as it is told whatever its contact does, and the contact's torque is read off the solver.

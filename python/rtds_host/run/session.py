@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rtds_host.contract import staged_folder, write_run
@@ -43,8 +43,11 @@ class Outcome:
 
 
 def perform(plan: Plan, link: LinkChoice, compare: bool = True, path: SignalPath | None = None,
-            progress: Progress | None = None) -> Outcome:
+            progress: Progress | None = None, against: str | None = None) -> Outcome:
     """Drive the plan and, where there is a controller and `compare`, once more with the other one.
+
+    The comparison of a run in RTL is driven on the bit-exact model: it gives the same bits (`Summary.model_agrees` says
+    whether it did so here), and a simulator's time is not spent twice.
 
     Raises
     ------
@@ -55,12 +58,16 @@ def perform(plan: Plan, link: LinkChoice, compare: bool = True, path: SignalPath
         return None if progress is None else lambda t: progress(label, t)
 
     record = drive_with(plan, link.name, link.options, path, report(plan.scenario.name))
-    compared = None
+    twin = LinkChoice("model") if link.name == "rtl" else link
+    compared = rival = None
     if compare and plan.controller is not None:
         other = other_controller(plan)
-        compared = (other, drive_with(other, link.name, link.options, None,
+        compared = (other, drive_with(other, twin.name, twin.options, None,
                                       report(f"{plan.scenario.name} ({other.controller})")))
-    return Outcome(plan, record, summarise(plan, record, link.text, compared))
+    if against is not None and against != plan.engine:
+        rival = (against, drive_with(replace(plan, engine=against), twin.name, twin.options, path,
+                                     report(f"{plan.scenario.name} ({against})")))
+    return Outcome(plan, record, summarise(plan, record, link.text, compared, rival))
 
 
 def write_outcome(outcome: Outcome, folder: Path, figure: bool = True, form: str = "csv") -> None:

@@ -16,6 +16,18 @@ PAPER_STEP_RATIO = 2000
 
 
 @dataclass(frozen=True)
+class EngineGap:
+    """How far the same run comes out in another physics engine. Root mean squares over the run, both sides."""
+
+    engine: str
+    end_position_m: float
+    end_yaw_rad: float
+    speed_rms_rad_s: float
+    current_rms_a: float
+    load_rms_nm: float
+
+
+@dataclass(frozen=True)
 class Summary:
     """Figures of one run, SI; two-vectors are [left, right]. None where a run has no reference, or no comparison."""
 
@@ -51,6 +63,7 @@ class Summary:
     robot_energy_j: float
     robot_energy_gap: float
     model_agrees: bool
+    engine_gap: EngineGap | None
 
     def to_json(self) -> dict:
         """For `summary.json`."""
@@ -74,8 +87,21 @@ def path_errors(record: Record) -> tuple[float, float, float] | None:
     return float(distance[-1]), float(off[-1, 2]), float(distance.max())
 
 
-def summarise(plan: Plan, record: Record, link: str, compared: tuple[Plan, Record] | None = None) -> Summary:
-    """The figures of a run; `compared` is the same run with the other controller."""
+def engine_gap(plan: Plan, record: Record, engine: str, other: Record) -> EngineGap:
+    """Compare a record with that of the same plan in another engine; torques at the wheel."""
+
+    def rms(a: np.ndarray, b: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((a.astype(float) - b.astype(float)) ** 2)))
+
+    here, there = record.truth[-1], other.truth[-1]
+    return EngineGap(engine, math.hypot(here.x_m - there.x_m, here.y_m - there.y_m), here.yaw_rad - there.yaw_rad,
+                     rms(record.speeds, other.speeds), rms(record.currents, other.currents),
+                     plan.robot.motor.gear_ratio * rms(record.shaft_torques, other.shaft_torques))
+
+
+def summarise(plan: Plan, record: Record, link: str, compared: tuple[Plan, Record] | None = None,
+              rival: tuple[str, Record] | None = None) -> Summary:
+    """The figures of a run; `compared` is the same run with the other controller, `rival` in the other engine."""
     energy: Audit = audit(plan, record)
     terms = energy.terms
     errors = path_errors(record) or (None, None, None)
@@ -94,7 +120,8 @@ def summarise(plan: Plan, record: Record, link: str, compared: tuple[Plan, Recor
         drawn_j=terms.supplied_j.tolist(), recovered_j=terms.recovered_j.tolist(), copper_j=terms.copper_j.tolist(),
         viscous_j=terms.viscous_j.tolist(), shaft_j=terms.shaft_j.tolist(), stored_j=terms.stored_j.tolist(),
         numerical_j=terms.numerical_j.tolist(), energy_imbalance=energy.imbalance,
-        robot_energy_j=record.engine_energy_j, robot_energy_gap=energy.robot_gap, model_agrees=energy.same)
+        robot_energy_j=record.engine_energy_j, robot_energy_gap=energy.robot_gap, model_agrees=energy.same,
+        engine_gap=engine_gap(plan, record, *rival) if rival else None)
 
 
 def lines(summary: Summary) -> list[tuple[str, str]]:
@@ -118,6 +145,11 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
     gained = (f"gained {s.robot_energy_j:.3f} J, the shafts gave {sum(s.shaft_j):.3f} J "
               f"(off by {100 * s.robot_energy_gap:.3f} % of what went to and fro)")
     wall = f"{s.wall_s:.2f} s for {s.simulated_s:g} s simulated ({s.simulated_s / s.wall_s:.3g} times real time)"
+    if s.engine_gap is not None:
+        g = s.engine_gap
+        rows.append((f"{s.engine} - {g.engine}", (
+            f"end {1e3 * g.end_position_m:.3f} mm and {math.degrees(g.end_yaw_rad):.4f} deg apart; rms "
+            f"{1e3 * g.speed_rms_rad_s:.2g} mrad/s, {1e3 * g.current_rms_a:.2g} mA, {1e3 * g.load_rms_nm:.2g} mN m")))
     rows += [
         ("peak current, voltage", pair(s.peak_current_a, ".3f", "A") + ",  " + pair(s.peak_voltage_v, ".2f", "V")),
         ("current below zero", pair(s.current_negative_s, ".2f", "s")),
