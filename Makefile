@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 SIM    ?= verilator
+# Tests in a browser are left out only where there is none; `system` says so.
+BROWSER = $(shell command -v chromium >/dev/null 2>&1 && command -v chromedriver >/dev/null 2>&1 || echo "and not browser")
 OUT    ?= out
 export SIM
 
@@ -16,6 +18,10 @@ system:
 	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1; then \
 	    { apt-get update -qq && apt-get install -y -qq --no-install-recommends iverilog; } >/dev/null 2>&1 || true; fi; \
 	  command -v iverilog >/dev/null 2>&1 || echo "note: iverilog is not installed (apt-get install iverilog); going on without it"; }
+	@command -v chromium >/dev/null 2>&1 && command -v chromedriver >/dev/null 2>&1 || { \
+	  if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1; then \
+	    { apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium chromium-driver; } >/dev/null 2>&1 || true; fi; \
+	  command -v chromedriver >/dev/null 2>&1 || echo "note: chromium is not installed (apt-get install chromium chromium-driver); the tests of the report in a browser are left out"; }
 
 $(VENV)/.ready: pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v == (3, 11) else "Python 3.11 is needed, this is %d.%d; set PYTHON=" % v)'
@@ -28,10 +34,10 @@ run: setup
 	$(BIN)/rtds run all --robot paper --out $(OUT)
 
 test: setup system
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -m "not long $(BROWSER)"
 
 test-long: setup system
-	$(BIN)/python -m pytest -m 'long or not long'
+	$(BIN)/python -m pytest -m "(long or not long) $(BROWSER)"
 
 sim: setup system
 	SIM_ONLY=$(SIM) $(BIN)/python -m pytest tb
