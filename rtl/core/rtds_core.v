@@ -7,9 +7,11 @@
 //            not taken and gives overrun_o for one clock.
 //            clear_i: state and step count to zero, a step under way is dropped (no valid_o); the coefficients and
 //            a parameter set under way stay.
-// Latency    Counted in edges after the one that takes the strobe, always the same: 15 to valid_o (one clock) and the
-//            high words, which hold until the next; 21 to the low words; 23 to the earliest next strobe (ready_o is
-//            seen after the 22nd), 88 if the strobe brought changed parameters, 81 if those were unusable.
+// Latency    Counted in edges after the one that takes the strobe, always the same:
+//              15  high words and valid_o (one clock); the words hold until the next
+//              21  low words (scratch from the 12th on)
+//              23  earliest next strobe; ready_o is seen after the 22nd
+//              89  the same if the strobe brought changed parameters, 82 if those were unusable
 // Format     binary32, SI at the motor shaft: V, N.m (opposing load positive), A, rad/s, ohm, H, N.m/A, V.s/rad,
 //            kg.m2, N.m.s/rad, s. A state is the sum of its high and low word. One NaN: 7FC00000.
 // Faults     param_fault_o: the last parameter set is unusable (zero, negative, NaN, infinite or subnormal, or such a
@@ -125,10 +127,9 @@ module rtds_core (
   wire [2:0] op;
   wire [1:0] mul_sel;
   wire       save_p;
-  wire       save_t;
+  wire       save_s;
   wire       save_hi;
   wire       save_lo;
-  wire       save_s;
 
   rtds_sequencer u_sequencer (
     .clk_i    (clk_i),
@@ -143,10 +144,9 @@ module rtds_core (
     .op_o     (op),
     .mul_sel_o(mul_sel),
     .save_p_o (save_p),
-    .save_t_o (save_t),
+    .save_s_o (save_s),
     .save_hi_o(save_hi),
-    .save_lo_o(save_lo),
-    .save_s_o (save_s)
+    .save_lo_o(save_lo)
   );
 
   rtds_motor u_left (
@@ -158,10 +158,9 @@ module rtds_core (
     .op_i     (op),
     .mul_sel_i(mul_sel),
     .save_p_i (save_p),
-    .save_t_i (save_t),
+    .save_s_i (save_s),
     .save_hi_i(save_hi),
     .save_lo_i(save_lo),
-    .save_s_i (save_s),
     .coef_i   (coef_q),
     .v_i      (v_l_i),
     .t_i      (t_l_i),
@@ -180,10 +179,9 @@ module rtds_core (
     .op_i     (op),
     .mul_sel_i(mul_sel),
     .save_p_i (save_p),
-    .save_t_i (save_t),
+    .save_s_i (save_s),
     .save_hi_i(save_hi),
     .save_lo_i(save_lo),
-    .save_s_i (save_s),
     .coef_i   (coef_q),
     .v_i      (v_r_i),
     .t_i      (t_r_i),

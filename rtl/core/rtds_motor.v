@@ -3,7 +3,8 @@
 // Purpose    x+ = x + G (u - S x) for x = (i, w), u = (V, T): armature current and shaft speed after one step with
 //            the inputs held. Derivation and signs: docs/motor-unit.md.
 // Handshake  none of its own: control comes from rtds_sequencer, the same for both motors.
-// Latency    i_hi_o, w_hi_o change 15 clocks after the strobe, i_lo_o, w_lo_o 21 clocks after it.
+// Latency    i_hi_o, w_hi_o change 15 clocks after the strobe; i_lo_o, w_lo_o belong to them 21 clocks after it, and are
+//            scratch from the 12th clock on.
 // Format     binary32, SI at the motor shaft: V, N.m (opposing load positive), A, rad/s. A state is hi + lo.
 // Crossing   none.
 `default_nettype none
@@ -18,10 +19,9 @@ module rtds_motor (
   input  wire   [2:0] op_i,
   input  wire   [1:0] mul_sel_i,
   input  wire         save_p_i,
-  input  wire         save_t_i,
+  input  wire         save_s_i,
   input  wire         save_hi_i,
   input  wire         save_lo_i,
-  input  wire         save_s_i,
   // coefficients {G22, G21, G12, G11, B, Km, Kb, R}, R in bits 31..0
   input  wire [255:0] coef_i,
   // inputs, used in the clock of the strobe
@@ -46,10 +46,9 @@ module rtds_motor (
     .op_i     (op_i),
     .mul_sel_i(mul_sel_i),
     .save_p_i (save_p_i),
-    .save_t_i (save_t_i),
+    .save_s_i (save_s_i),
     .save_hi_i(save_hi_i),
     .save_lo_i(save_lo_i),
-    .save_s_i (save_s_i),
     .a1_i     (coef_i[0+:32]),
     .a2_i     (coef_i[32+:32]),
     .g1_i     (coef_i[128+:32]),
@@ -75,10 +74,9 @@ module rtds_motor (
     .op_i     (op_i),
     .mul_sel_i(mul_sel_i),
     .save_p_i (save_p_i),
-    .save_t_i (save_t_i),
+    .save_s_i (save_s_i),
     .save_hi_i(save_hi_i),
     .save_lo_i(save_lo_i),
-    .save_s_i (save_s_i),
     .a1_i     (coef_i[64+:32]),
     .a2_i     (coef_i[96+:32]),
     .g1_i     (coef_i[192+:32]),

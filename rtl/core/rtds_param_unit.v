@@ -7,7 +7,7 @@
 //            subnormal).
 // Handshake  start_i for one clock; the parameters stay until done_o. done_o for one clock, when the coefficients
 //            and fault_o stand; they hold until the next start_i. A start_i while busy is not allowed.
-// Latency    done_o comes 80 clocks after start_i: start_i in clock n (before edge n + 1), done_o after edge n + 80.
+// Latency    start_i in clock n (before edge n + 1) gives done_o after edge n + 79, always.
 // Format     binary32, SI. coef_o = {G22, G21, G12, G11, B, Km, Kb, R}, R in bits 31..0.
 // Crossing   none.
 `default_nettype none
@@ -49,9 +49,9 @@ module rtds_param_unit (
   localparam [3:0] OP_G21   = 4'd13;  // d  = x * d
   localparam [3:0] OP_G22   = 4'd14;  // lp = x * lp
 
-  localparam [4:0] LAST_MUL = 5'd2;   // clocks of an operation, less one: latency of the operator
-  localparam [4:0] LAST_ADD = 5'd3;
-  localparam [4:0] LAST_DIV = 5'd31;
+  localparam [5:0] LAST_MUL = 6'd2;   // clocks of an operation, less one: latency of the operator
+  localparam [5:0] LAST_ADD = 6'd3;
+  localparam [5:0] LAST_DIV = 6'd32;
 
   reg  [31:0] x_q;
   reg  [31:0] y_q;
@@ -63,19 +63,19 @@ module rtds_param_unit (
   // ---- sequence --------------------------------------------------------------------------------------------------
   reg       busy_q;
   reg [3:0] op_q;
-  reg [4:0] clock_q;   // clock within the operation
+  reg [5:0] clock_q;   // clock within the operation
   reg       first_q;   // its first clock
 
   wire       is_add = (op_q == OP_LP) | (op_q == OP_JP) | (op_q == OP_DET);
   wire       is_div = op_q == OP_SCALE;
-  wire [4:0] last   = is_div ? LAST_DIV : is_add ? LAST_ADD : LAST_MUL;
+  wire [5:0] last   = is_div ? LAST_DIV : is_add ? LAST_ADD : LAST_MUL;
   wire       write  = busy_q & (clock_q == last);
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       busy_q  <= 1'b0;
       op_q    <= OP_TH;
-      clock_q <= 5'd0;
+      clock_q <= 6'd0;
       first_q <= 1'b0;
       done_o  <= 1'b0;
     end else begin
@@ -84,13 +84,13 @@ module rtds_param_unit (
       if (start_i) begin
         busy_q  <= 1'b1;
         op_q    <= OP_TH;
-        clock_q <= 5'd0;
+        clock_q <= 6'd0;
       end else if (write) begin
-        clock_q <= 5'd0;
+        clock_q <= 6'd0;
         op_q    <= op_q + 4'd1;
         if (op_q == OP_G22) busy_q <= 1'b0;
       end else if (busy_q) begin
-        clock_q <= clock_q + 5'd1;
+        clock_q <= clock_q + 6'd1;
       end
     end
   end
@@ -153,6 +153,8 @@ module rtds_param_unit (
     .y_o    (div_y)
   );
 
+  wire [31:0] result = is_div ? div_y : is_add ? add_y : mul_y;
+
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       x_q  <= 32'd0;
@@ -163,16 +165,12 @@ module rtds_param_unit (
       d_q  <= 32'd0;
     end else if (write) begin
       case (op_q)
-        OP_TH, OP_LJ:       x_q  <= mul_y;
-        OP_SCALE:           x_q  <= div_y;
-        OP_A, OP_B, OP_CD:  y_q  <= mul_y;
-        OP_DET:             y_q  <= add_y;
-        OP_LP:              lp_q <= add_y;
-        OP_G22:             lp_q <= mul_y;
-        OP_JP:              jp_q <= add_y;
-        OP_G11:             jp_q <= mul_y;
-        OP_C, OP_G12:       c_q  <= mul_y;
-        OP_D, OP_G21:       d_q  <= mul_y;
+        OP_TH, OP_LJ, OP_SCALE:    x_q  <= result;
+        OP_A, OP_B, OP_CD, OP_DET: y_q  <= result;
+        OP_LP, OP_G22:             lp_q <= result;
+        OP_JP, OP_G11:             jp_q <= result;
+        OP_C, OP_G12:              c_q  <= result;
+        OP_D, OP_G21:              d_q  <= result;
         default: ;
       endcase
     end

@@ -24,11 +24,10 @@ module rtds_row #(
   input  wire        mul_en_i,
   input  wire  [2:0] op_i,        // what enters the adder in this clock
   input  wire  [1:0] mul_sel_i,   // what enters the multiplier: {G e rather than S x, second rather than first}
-  input  wire        save_p_i,    // first product
-  input  wire        save_t_i,
+  input  wire        save_p_i,    // first product, or s
+  input  wire        save_s_i,    // it is s
   input  wire        save_hi_i,
-  input  wire        save_lo_i,
-  input  wire        save_s_i,
+  input  wire        save_lo_i,   // t, later lo'
   // coefficients: R, Kb, G11, G12 or Km, B, G21, G22
   input  wire [31:0] a1_i,
   input  wire [31:0] a2_i,
@@ -42,7 +41,7 @@ module rtds_row #(
   input  wire [31:0] e2_i,
   output wire [31:0] e_o,         // the adder's result; e while mul_sel_i[1] is 1
   output reg  [31:0] hi_o,
-  output reg  [31:0] lo_o
+  output reg  [31:0] lo_o         // t while a step is between its two sums
 );
   // The same codes as in rtds_sequencer.
   localparam [2:0] OP_E  = 3'd0;
@@ -55,8 +54,7 @@ module rtds_row #(
 
   wire [31:0] m;
   wire [31:0] y;
-  reg  [31:0] s_q;
-  reg  [31:0] t_q;   // first product, until it is added to the second; t, until lo' is made of it
+  reg  [31:0] p_q;   // s between the steps; then the first product, until it is added to the second
   reg  [31:0] mul_a;
   reg  [31:0] mul_b;
 
@@ -89,21 +87,24 @@ module rtds_row #(
     .y_o  (m)
   );
 
+  // The adder takes p or its own result, negated or not, and one of four others.
   reg [31:0] add_a;
   reg [31:0] add_b;
-  reg        add_sub;
+  reg        negate_a;
+  reg        negate_b;
 
   always @* begin
-    add_a   = t_q;
-    add_b   = m;
-    add_sub = 1'b0;
+    add_a    = p_q;
+    add_b    = m;
+    negate_a = 1'b0;
+    negate_b = 1'b0;
     case (op_i)
       OP_E: begin
-        add_a   = (ELECTRICAL != 0) ? u_i : s_q;
-        add_b   = (ELECTRICAL != 0) ? s_q : u_i;
-        add_sub = 1'b1;
+        add_b    = u_i;
+        negate_a = (ELECTRICAL != 0);
+        negate_b = (ELECTRICAL == 0);
       end
-      OP_D: add_sub = (ELECTRICAL != 0);
+      OP_D: negate_b = (ELECTRICAL != 0);
       OP_T: begin
         add_a = y;
         add_b = lo_o;
@@ -113,15 +114,16 @@ module rtds_row #(
         add_b = hi_o;
       end
       OP_Z: begin
-        add_a   = y;
-        add_b   = hi_o;
-        add_sub = 1'b1;
+        add_a    = y;
+        add_b    = hi_o;
+        negate_b = 1'b1;
       end
-      OP_LO: begin
-        add_b   = y;
-        add_sub = 1'b1;
+      OP_LO: begin  // lo_o holds t
+        add_a    = y;
+        add_b    = lo_o;
+        negate_a = 1'b1;
       end
-      OP_S: add_sub = (ELECTRICAL == 0);
+      OP_S: negate_b = (ELECTRICAL == 0);
       default: ;
     endcase
   end
@@ -129,8 +131,8 @@ module rtds_row #(
   fp_add u_add (
     .clk_i(clk_i),
     .en_i (add_en_i),
-    .sub_i(add_sub),
-    .a_i  (add_a),
+    .sub_i(negate_b),
+    .a_i  ({add_a[31] ^ negate_a, add_a[30:0]}),
     .b_i  (add_b),
     .y_o  (y)
   );
@@ -140,18 +142,15 @@ module rtds_row #(
     if (!rst_ni) begin
       hi_o <= 32'd0;
       lo_o <= 32'd0;
-      s_q  <= 32'd0;
-      t_q  <= 32'd0;
+      p_q  <= 32'd0;
     end else if (clear_i) begin
       hi_o <= 32'd0;
       lo_o <= 32'd0;
-      s_q  <= 32'd0;  // s of a zero state, whatever the coefficients
+      p_q  <= 32'd0;  // s of a zero state, whatever the coefficients
     end else begin
-      if (save_p_i) t_q <= m;
-      if (save_t_i) t_q <= y;
       if (save_hi_i) hi_o <= y;
       if (save_lo_i) lo_o <= y;
-      if (save_s_i) s_q <= y;
+      if (save_p_i) p_q <= save_s_i ? y : m;
     end
   end
 endmodule

@@ -33,10 +33,9 @@ module rtds_sequencer (
   output reg  [2:0] op_o,
   output wire [1:0] mul_sel_o,
   output wire       save_p_o,
-  output wire       save_t_o,
+  output wire       save_s_o,
   output wire       save_hi_o,
-  output wire       save_lo_o,
-  output wire       save_s_o
+  output wire       save_lo_o
 );
   // The same codes as in rtds_row.
   localparam [2:0] OP_E  = 3'd0;
@@ -95,11 +94,10 @@ module rtds_sequencer (
   assign mul_sel_o[0] = (slot_q == 5'd4) | (slot_q == 5'd17);
   assign add_en_o     = (busy | start_i) & (slot_q != 5'd3);
   assign mul_en_o     = busy;
-  assign save_p_o     = (slot_q == 5'd5) | (slot_q == 5'd18);
-  assign save_t_o     = slot_q == 5'd12;
-  assign save_hi_o    = slot_q == 5'd15;
-  assign save_lo_o    = (slot_q == 5'd21) & ~refresh_q;
   assign save_s_o     = slot_q == SLOT_LAST;
+  assign save_p_o     = (slot_q == 5'd5) | (slot_q == 5'd18) | save_s_o;
+  assign save_hi_o    = slot_q == 5'd15;
+  assign save_lo_o    = (slot_q == 5'd12) | ((slot_q == 5'd21) & ~refresh_q);
 endmodule
 
 `default_nettype wire

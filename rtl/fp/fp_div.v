@@ -5,8 +5,8 @@
 //            result is wanted now and then (the parameter unit).
 // Handshake  start_i with the operands; valid_o for one clock with the result, which then holds. A start_i while
 //            busy starts over. en_i = 0 freezes everything, start_i included.
-// Latency    31 clocks: start_i in clock n (before edge n + 1) gives valid_o and the result after edge n + 31.
-// Steps      1 take | 2 shift | 3 .. 28 quotient | 29 place | 30 round | 31 pack
+// Latency    32 clocks: start_i in clock n (before edge n + 1) gives valid_o and the result after edge n + 32.
+// Steps      1 take | 2, 3 shift a, b | 4 .. 29 quotient | 30 place | 31 round | 32 pack
 // Crossing   none.
 `default_nettype none
 
@@ -20,13 +20,14 @@ module fp_div (
   output reg         valid_o,
   output reg  [31:0] y_o
 );
-  localparam [4:0] STEP_IDLE  = 5'd0;
-  localparam [4:0] STEP_SHIFT = 5'd1;
-  localparam [4:0] STEP_FIRST = 5'd2;
-  localparam [4:0] STEP_LAST  = 5'd27;
-  localparam [4:0] STEP_PLACE = 5'd28;
-  localparam [4:0] STEP_ROUND = 5'd29;
-  localparam [4:0] STEP_PACK  = 5'd30;
+  localparam [4:0] STEP_IDLE    = 5'd0;
+  localparam [4:0] STEP_SHIFT_A = 5'd1;
+  localparam [4:0] STEP_SHIFT_B = 5'd2;
+  localparam [4:0] STEP_FIRST   = 5'd3;
+  localparam [4:0] STEP_LAST    = 5'd28;
+  localparam [4:0] STEP_PLACE   = 5'd29;
+  localparam [4:0] STEP_ROUND   = 5'd30;
+  localparam [4:0] STEP_PACK    = 5'd31;
 
   reg  [4:0] step_q;
 
@@ -36,52 +37,42 @@ module fp_div (
       valid_o <= 1'b0;
     end else if (en_i) begin
       valid_o <= (step_q == STEP_PACK) & ~start_i;
-      if (start_i)                  step_q <= STEP_SHIFT;
+      if (start_i)                  step_q <= STEP_SHIFT_A;
       else if (step_q == STEP_PACK) step_q <= STEP_IDLE;
       else if (step_q != STEP_IDLE) step_q <= step_q + 5'd1;
     end
   end
 
-  // ---- operands, both brought to a leading one -------------------------------------------------------------------
+  // ---- operands, one after the other brought to a leading one ----------------------------------------------------
   reg [31:0] a_q;
   reg [31:0] b_q;
 
-  wire        a_normal = |a_q[30:23];
-  wire        b_normal = |b_q[30:23];
-  wire        a_max    = &a_q[30:23];
-  wire        b_max    = &b_q[30:23];
-  wire        a_nan    = a_max & (|a_q[22:0]);
-  wire        b_nan    = b_max & (|b_q[22:0]);
-  wire        a_zero   = ~(|a_q[30:0]);
-  wire        b_zero   = ~(|b_q[30:0]);
-  wire  [4:0] a_zeros;
-  wire  [4:0] b_zeros;
-  wire        a_none;
-  wire        b_none;
+  wire        a_max  = &a_q[30:23];
+  wire        b_max  = &b_q[30:23];
+  wire        a_nan  = a_max & (|a_q[22:0]);
+  wire        b_nan  = b_max & (|b_q[22:0]);
+  wire        a_zero = ~(|a_q[30:0]);
+  wire        b_zero = ~(|b_q[30:0]);
 
-  fp_lzc u_lzc_a (
-    .x_i    ({a_normal, a_q[22:0], 8'd0}),
-    .count_o(a_zeros),
-    .zero_o (a_none)
-  );
-  fp_lzc u_lzc_b (
-    .x_i    ({b_normal, b_q[22:0], 8'd0}),
-    .count_o(b_zeros),
-    .zero_o (b_none)
+  wire [30:0] operand = (step_q == STEP_SHIFT_A) ? a_q[30:0] : b_q[30:0];
+  wire        normal  = |operand[30:23];
+  wire  [4:0] zeros;
+  wire        none_left;
+
+  fp_lzc u_lzc (
+    .x_i    ({normal, operand[22:0], 8'd0}),
+    .count_o(zeros),
+    .zero_o (none_left)
   );
 
-  wire [23:0] a_mant = {a_normal, a_q[22:0]} << a_zeros;
-  wire [23:0] b_mant = {b_normal, b_q[22:0]} << b_zeros;
-  // Biased exponent of a quotient in [1, 2): signed, -149 to 403.
-  wire signed [9:0] exp_raw = $signed({2'd0, a_q[30:24], a_q[23] | ~a_normal}) - $signed({5'd0, a_zeros})
-                            - $signed({2'd0, b_q[30:24], b_q[23] | ~b_normal}) + $signed({5'd0, b_zeros})
-                            + 10'sd127;
+  wire        [23:0] mant = {normal, operand[22:0]} << zeros;
+  wire signed  [9:0] exp  = $signed({2'd0, operand[30:24], operand[23] | ~normal}) - $signed({5'd0, zeros});
 
   // ---- quotient, placing, rounding -------------------------------------------------------------------------------
   reg        [24:0] rest_q;   // remainder, below twice the divisor
   reg        [23:0] divisor_q;
   reg        [25:0] quot_q;   // bit 25: the place of 1
-  reg signed  [9:0] exp_q;
+  reg signed  [9:0] exp_q;    // of a quotient in [1, 2), biased: -149 to 403
   reg               sticky_q;
   reg        [30:0] packed_q;
   reg               over_q;
@@ -97,8 +88,54 @@ module fp_div (
   wire               tiny     = exp_norm < 10'sd1;
   wire signed  [9:0] deep     = 10'sd1 - exp_norm;
   wire         [4:0] right    = ~tiny ? 5'd0 : (deep > 10'sd31) ? 5'd31 : deep[4:0];
-  wire        [56:0] placed   = {quot, 31'd0} >> right;
-  wire               lost     = (|placed[30:0]) | (|rest_q);
+
+  // Shifted by 8, by 2 and by 1; what falls off joins the sticky bit.
+  reg [25:0] by8;
+  reg        lost8;
+  reg [25:0] by2;
+  reg        lost2;
+
+  always @* begin
+    case (right[4:3])
+      2'd0: begin
+        by8   = quot;
+        lost8 = |rest_q;
+      end
+      2'd1: begin
+        by8   = {8'd0, quot[25:8]};
+        lost8 = (|rest_q) | (|quot[7:0]);
+      end
+      2'd2: begin
+        by8   = {16'd0, quot[25:16]};
+        lost8 = (|rest_q) | (|quot[15:0]);
+      end
+      default: begin
+        by8   = {24'd0, quot[25:24]};
+        lost8 = (|rest_q) | (|quot[23:0]);
+      end
+    endcase
+    case (right[2:1])
+      2'd0: begin
+        by2   = by8;
+        lost2 = lost8;
+      end
+      2'd1: begin
+        by2   = {2'd0, by8[25:2]};
+        lost2 = lost8 | (|by8[1:0]);
+      end
+      2'd2: begin
+        by2   = {4'd0, by8[25:4]};
+        lost2 = lost8 | (|by8[3:0]);
+      end
+      default: begin
+        by2   = {6'd0, by8[25:6]};
+        lost2 = lost8 | (|by8[5:0]);
+      end
+    endcase
+  end
+
+  wire [25:0] placed = right[0] ? {1'b0, by2[25:1]} : by2;
+  wire        lost   = lost2 | (right[0] & by2[0]);
 
   wire up = quot_q[1] & (quot_q[0] | sticky_q | quot_q[2]);
 
@@ -108,10 +145,13 @@ module fp_div (
         a_q <= a_i;
         b_q <= b_i;
       end
-      if (step_q == STEP_SHIFT) begin
-        rest_q    <= {1'b0, a_mant};
-        divisor_q <= b_mant;
-        exp_q     <= exp_raw;
+      if (step_q == STEP_SHIFT_A) begin
+        rest_q <= {1'b0, mant};
+        exp_q  <= exp + 10'sd127;
+      end
+      if (step_q == STEP_SHIFT_B) begin
+        divisor_q <= mant;
+        exp_q     <= exp_q - exp;
         quot_q    <= 26'd0;
       end
       if (step_q >= STEP_FIRST && step_q <= STEP_LAST) begin
@@ -119,9 +159,9 @@ module fp_div (
         rest_q <= {left_over[23:0], 1'b0};
       end
       if (step_q == STEP_PLACE) begin
-        quot_q   <= placed[56:31];
+        quot_q   <= placed;
         sticky_q <= lost;
-        exp_q    <= tiny ? (placed[56] ? 10'sd1 : 10'sd0) : exp_norm;
+        exp_q    <= tiny ? (placed[25] ? 10'sd1 : 10'sd0) : exp_norm;
       end
       if (step_q == STEP_ROUND) begin
         packed_q <= {exp_q[7:0], quot_q[24:2]} + {30'd0, up};
@@ -137,7 +177,7 @@ module fp_div (
     end
   end
 
-  wire unused = &{1'b0, a_none, b_none, left_over[24], deep[9:5]};
+  wire unused = &{1'b0, none_left, left_over[24], deep[9:5]};
 endmodule
 
 `default_nettype wire

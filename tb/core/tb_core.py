@@ -18,8 +18,8 @@ from rtds_host.motor import CoreModel
 VALID_CLOCKS = 15
 LOW_CLOCKS = 21
 READY_CLOCKS = 23
-PARAMETER_CLOCKS = 88
-FAULT_CLOCKS = 81
+PARAMETER_CLOCKS = 89
+FAULT_CLOCKS = 82
 
 NOMINAL = (8.6, 1e-3, 6.538e-3, 6.538e-3, 1e-7, 4.372e-7, 1e-5)
 PARAMETER_PORTS = ("p_r_i", "p_l_i", "p_km_i", "p_kb_i", "p_j_i", "p_b_i", "p_h_i")

@@ -22,7 +22,7 @@ namespace {
 constexpr int ADD_LATENCY = 3;
 constexpr int MUL_LATENCY = 2;
 constexpr int INT_LATENCY = 2;
-constexpr int DIV_LATENCY = 31;
+constexpr int DIV_LATENCY = 32;
 constexpr int RESULTS = 11;
 
 std::uint64_t random_state = 88172645463325252ull;
