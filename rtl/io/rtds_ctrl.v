@@ -150,28 +150,28 @@ module rtds_ctrl #(
   assign dac_write_o = codes_valid_i && !fault_q && !halted_q;
 
   // --- latency from the record to the LDAC edge ----------------------------------------------------------
-  reg  [15:0] count_q;
+  reg  [ 7:0] count_q;
   reg         timing_q;
-  reg  [15:0] last_q;
-  reg  [15:0] largest_q;
+  reg  [ 7:0] last_q;
+  reg  [ 7:0] largest_q;
   reg         written_q;    // this step's codes went to the DAC
   reg         ldac_prev_q;
   wire        ldac_edge = ldac_prev_q && !dac_ldac_ni;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      count_q     <= 16'd0;
+      count_q     <= 8'd0;
       timing_q    <= 1'b0;
-      last_q      <= 16'd0;
-      largest_q   <= 16'd0;
+      last_q      <= 8'd0;
+      largest_q   <= 8'd0;
       written_q   <= 1'b0;
       ldac_prev_q <= 1'b1;
     end else begin
       ldac_prev_q <= dac_ldac_ni;
-      count_q     <= count_q + 16'd1;
+      count_q     <= count_q + 8'd1;
       if (dac_write_o) written_q <= 1'b1;
       if (admit) begin
-        count_q   <= 16'd1;
+        count_q   <= 8'd1;
         timing_q  <= 1'b1;
         written_q <= 1'b0;
       end else if (timing_q && written_q && ldac_edge) begin
@@ -184,7 +184,7 @@ module rtds_ctrl #(
     end
   end
 
-  assign latency_o = {largest_q, last_q};
+  assign latency_o = {8'd0, largest_q, 8'd0, last_q};  // never more than BUSY_CLOCKS
 
 endmodule
 

@@ -91,6 +91,21 @@ module rtds_regs #(
     end
   endgenerate
 
+  // What a read gives comes from a memory beside the shadow (a multiplexer over all its words would take as many
+  // cells as a motor's adder); a word that was not written since reset still has its reset value.
+  reg  [         31:0] mirror[0:63];
+  reg  [CFG_WORDS-1:0] written_q;
+  wire [          5:0] cfg_word = cfg_index[5:0];
+  wire [         31:0] mirrored = mirror[cfg_word];
+  wire [         31:0] shadow = written_q[cfg_word] ? mirrored : CFG_RESET[32*cfg_word+:32];
+
+  always @(posedge clk_i) if (write && in_config) mirror[cfg_word] <= avs_writedata_i;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) written_q <= {CFG_WORDS{1'b0}};
+    else if (write && in_config) written_q[cfg_word] <= 1'b1;
+  end
+
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       commit_pending_q <= 1'b0;
@@ -133,7 +148,7 @@ module rtds_regs #(
   reg [63:0] steps_q;
   reg [31:0] cycles_hi_q;
   reg [63:0] steps_seen_q;
-  reg [31:0] serial_errors_q;
+  reg [15:0] serial_errors_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -141,12 +156,12 @@ module rtds_regs #(
       steps_q         <= 64'd0;
       cycles_hi_q     <= 32'd0;
       steps_seen_q    <= 64'd0;
-      serial_errors_q <= 32'd0;
+      serial_errors_q <= 16'd0;
     end else begin
       cycles_q <= cycles_q + 64'd1;
       if (clear_q) steps_q <= 64'd0;
       else if (step_i) steps_q <= steps_q + 64'd1;
-      if (serial_error_i) serial_errors_q <= serial_errors_q + 32'd1;
+      if (serial_error_i) serial_errors_q <= serial_errors_q + 16'd1;
       if (read && address == ADDR_CYCLES_LO) begin
         cycles_hi_q  <= cycles_q[63:32];
         steps_seen_q <= steps_q;
@@ -168,7 +183,7 @@ module rtds_regs #(
     readdata_d = 32'd0;
     response_d = RESP_OKAY;
     if (in_config) begin
-      readdata_d = shadow_q[32*cfg_index+:32];
+      readdata_d = shadow;
     end else if (in_now) begin
       readdata_d = now_i[32*now_index+:32];
       if (write) response_d = RESP_REFUSED;
@@ -192,7 +207,7 @@ module rtds_regs #(
             ADDR_CYCLES_HI:     readdata_d = cycles_hi_q;
             ADDR_STEPS_LO:      readdata_d = steps_seen_q[31:0];
             ADDR_STEPS_HI:      readdata_d = steps_seen_q[63:32];
-            ADDR_SERIAL_ERRORS: readdata_d = serial_errors_q;
+            ADDR_SERIAL_ERRORS: readdata_d = {16'd0, serial_errors_q};
             ADDR_LATENCY:       readdata_d = latency_i;
             default:            response_d = RESP_NONE;
           endcase

@@ -11,7 +11,7 @@ from agents.dac7624 import violated as dac_violated
 from agents.ltc2308 import Ltc2308
 from agents.serial_line import BridgedTransport, SerialLine
 from cocotb.task import bridge
-from cocotb.triggers import ReadOnly, RisingEdge, Timer, ValueChange, with_timeout
+from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge, Timer, ValueChange, with_timeout
 from cocotb.utils import get_sim_time
 
 from rtds_host.link.registers import RegisterClient, load_map, word_float
@@ -28,11 +28,11 @@ BIT_PS = 8 * 20_000
 class Record:
     """One ADC record as the pipeline gets it, and what became of it."""
 
-    def __init__(self, word, clock):
+    def __init__(self, word, time_ps):
         fields = [word >> 12 * k & 0xFFF for k in range(5)]
         self.v_l, self.v_r, self.t_l, self.t_r, self.p = fields
         self.index = word >> 60 & 3
-        self.clock = clock
+        self.time_ps = time_ps
 
 
 class Chip:
@@ -52,10 +52,11 @@ class Chip:
         self.latencies: list[int] = []  # clocks from the record to LDAC
         self.nanoseconds: list[float] = []  # from the end of the sequence in 40 MHz to LDAC
         self.steps = 0
-        self.clock = 0
         self.forget()
-        cocotb.start_soon(self._pipeline())
-        cocotb.start_soon(self._outputs())
+        self._started = None  # times of a record on its way to the DAC, and of its sequence's end
+        self._end_ps = 0
+        for watch in (self._pipeline, self._writes, self._ends, self._resets, self._outputs):
+            cocotb.start_soon(watch())
 
     # --- prediction ---------------------------------------------------------------------------------------------
 
@@ -107,41 +108,42 @@ class Chip:
         return tuple(shown)
 
     async def _pipeline(self):
-        """Follow each admitted record to the DAC; the prediction becomes what the DAC may show."""
-        dut, chip = self.dut, self.dut.chip
-        started = None
-        done_at = 0.0
-        cocotb.start_soon(self._ends())
-        previous_ldac = 1
+        """Follow each admitted record: its prediction becomes what the DAC may show."""
+        chip = self.dut.chip
         while True:
-            await RisingEdge(dut.clk_sys)
+            await RisingEdge(chip.record_valid)
             await ReadOnly()
-            self.clock += 1
-            if not int(chip.rst_run_n.value):
-                started = None
-                previous_ldac = 1
-                continue
-            if int(chip.record_valid.value):
-                record = Record(int(chip.record.value), self.clock)
-                self.records.append(record)
-                if int(chip.scale_start.value):
-                    codes = self._predict(record)
-                    if codes is not None:
-                        self.predicted = codes
-                        self.allowed = self.allowed | {codes}
-                        started, done_at = self.clock, self.end_of_sequence
-            ldac = int(dut.dac_ldac_n.value)
-            if previous_ldac and not ldac and started is not None and int(self.ctrl.written_q.value):
-                self.latencies.append(self.clock - started)
-                self.nanoseconds.append(get_sim_time("ns") - done_at)
+            record = Record(int(chip.record.value), get_sim_time("ps"))
+            self.records.append(record)
+            if int(chip.scale_start.value):
+                codes = self._predict(record)
+                if codes is not None:
+                    self.predicted = codes
+                    self.allowed = self.allowed | {codes}
+                    self._started = (record.time_ps, self._end_ps)
+
+    async def _writes(self):
+        """The LDAC edge of each step: how long it took, and from here on its codes alone (or the safe ones) count."""
+        while True:
+            await FallingEdge(self.dut.dac_ldac_n)
+            now = get_sim_time("ps")
+            await ReadOnly()
+            if self._started and int(self.ctrl.written_q.value) and int(self.dut.chip.rst_run_n.value):
+                start, end = self._started
+                self.latencies.append(round((now - start) / 20_000))
+                self.nanoseconds.append((now - end) / 1000)
                 self.allowed = {self.predicted, SAFE}
-                started = None
-            previous_ldac = ldac
+                self._started = None
 
     async def _ends(self):
         while True:
             await RisingEdge(self.dut.chip.valid_adc)
-            self.end_of_sequence = get_sim_time("ns")
+            self._end_ps = get_sim_time("ps")
+
+    async def _resets(self):
+        while True:
+            await FallingEdge(self.dut.chip.rst_run_n)
+            self._started = None
 
     async def _outputs(self):
         """Whatever the DAC shows is one whole predicted set, or the safe one: never torn, never anything else."""
@@ -161,6 +163,9 @@ class Chip:
         dut.locked.value = 0
         dut.agent_clear.value = 1
         dut.forgive.value = 1
+        dut.jitter.value = 0
+        dut.adc_stopped.value = 0
+        dut.sdo_stuck.value = 0
         await Timer(300, "ns")
         dut.forgive.value = 0
         dut.agent_clear.value = 0

@@ -56,11 +56,11 @@ module chip_tb #(
   reg         ldac_n_at_part;
   reg         reset_n_at_part;
 
-  // Edges at absolute times, so that jitter does not add up. A change of `phase` acts at once.
-  time        edge_sys;
-  time        edge_adc;
+  // Jitter moves an edge, not those after it. A change of `phase` acts once, as a delay.
   reg  [31:0] phase_now;
   integer     seed;
+  integer     moved_now;
+  integer     moved_before;
 
   initial begin
     ext_rst_n       = 1'b0;
@@ -88,25 +88,21 @@ module chip_tb #(
     ldac_n_at_part  = 1'b1;
     reset_n_at_part = 1'b0;
     seed            = 7;
-    edge_sys        = 20000;
-    edge_adc        = 20000;
-  end
-
-  function integer moved(input integer bound);
-    moved = (bound == 0) ? 0 : ($random(seed) % (bound + 1));
-  endfunction
-
-  always begin
-    #(edge_sys + moved(jitter) - $time);
-    clk_sys  = !clk_sys;
-    edge_sys = edge_sys + 10000;
+    moved_now       = 0;
+    moved_before    = 0;
   end
 
   always begin
-    #(edge_adc - $time);
-    if (!adc_stopped) clk_adc = !clk_adc;
-    edge_adc  = edge_adc + 12500 + phase - phase_now;
+    moved_before = moved_now;
+    moved_now    = (jitter == 0) ? 0 : ($random(seed) % $signed(jitter + 1));
+    #(10000 + moved_now - moved_before);
+    clk_sys = !clk_sys;
+  end
+
+  always begin
+    #(12500 + (25000 + phase - phase_now) % 25000);
     phase_now = phase;
+    if (!adc_stopped) clk_adc = !clk_adc;
   end
 
   always @(clk_adc) clk_cnv <= #7500 clk_adc;

@@ -27,3 +27,31 @@ def bench(simulator, module, long=False, **more):
 @pytest.mark.parametrize("simulator", BOTH)
 def test_chip(simulator):
     bench(simulator, "tb_chip")
+
+
+FAULTS = (
+    "reset_at_every_phase",
+    "lock_lost_at_every_phase",
+    "dead_sdo",
+    "silent_clock",
+    "every_phase_between_the_clocks",
+    "configuration_at_the_worst_moment",
+    "unusable_parameters",
+    "nonfinite_state",
+    "bad_scalings_stay_bounded",
+    "run_blank_and_clear",
+    "through_the_serial_pins",
+    "nothing_before_the_lock",
+)
+
+
+@pytest.mark.parametrize("simulator", BOTH)
+def test_faults(simulator):
+    bench(simulator, "tb_faults")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_at_every_phase(name):
+    """The wide sweeps: every clock of a step, every 100 ps between the clocks."""
+    bench(SIMULATORS[0], "tb_faults", long=True, testcase=[name])
