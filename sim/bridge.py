@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import os
 import socket
-from typing import Awaitable, Callable, ClassVar
+from collections.abc import Awaitable, Callable
+from typing import ClassVar
 
 import cocotb
 from cocotb.simtime import get_sim_time
@@ -49,7 +50,7 @@ def now_ps() -> int:
 class Bridge:
     """Serves one host over the socket whose descriptor stands in the environment."""
 
-    handlers: ClassVar[dict[int, Callable[["Bridge", bytes], Awaitable[tuple[int, bytes]]]]] = {}
+    handlers: ClassVar[dict[int, Callable[[Bridge, bytes], Awaitable[tuple[int, bytes]]]]] = {}
 
     def __init__(self, dut) -> None:
         self.dut = dut

@@ -6,10 +6,12 @@ build lets cocotb in at these events only. While it waits for the host simulated
 
 from __future__ import annotations
 
+from typing import ClassVar
+
+import bridge
 import cocotb
 from cocotb.triggers import Timer, ValueChange
 
-import bridge
 from rtds_host.link import protocol
 
 PARAMETER_PORTS = ("p_r_i", "p_l_i", "p_km_i", "p_kb_i", "p_j_i", "p_b_i", "p_h_i")
@@ -67,7 +69,7 @@ class CoreBridge(bridge.Bridge):
         head = protocol.SAMPLES_HEAD.pack(flags, bridge.word(dut.step_count_o), bridge.now_ps() // CLOCK_PERIOD_PS)
         return protocol.SAMPLES, head + samples.to_bytes(16 * rows, "little")
 
-    handlers = {protocol.PARAMETERS: set_parameters, protocol.EXCHANGE: exchange}
+    handlers: ClassVar = {protocol.PARAMETERS: set_parameters, protocol.EXCHANGE: exchange}
 
 
 @cocotb.test()

@@ -7,7 +7,7 @@ from typing import Any
 from rtds_host.errors import InputError
 from rtds_host.link.base import Exchange, Link
 
-__all__ = ["Exchange", "Link", "LINKS", "open_link"]
+__all__ = ["LINKS", "Exchange", "Link", "open_link"]
 
 LINKS = ("model", "rtl")
 

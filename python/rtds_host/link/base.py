@@ -7,8 +7,9 @@ the caller.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, Sequence
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -91,7 +92,7 @@ class Link(Protocol):
     def close(self) -> None:
         """End the simulator, if there is one. May be called more than once."""
 
-    def __enter__(self) -> "Link": ...
+    def __enter__(self) -> Self: ...
 
     def __exit__(self, *exc_info: object) -> None: ...
 
@@ -106,11 +107,11 @@ def whole_steps(name: str, time_s: float, step_s: float) -> int:
     if not math.isfinite(time_s):
         raise InputError(f"{name}: {time_s} is not a finite time")
     ratio = time_s / step_s
+    if ratio > MAX_STEPS:
+        raise InputError(f"{name}: {time_s:g} s is more than {MAX_STEPS} simulation steps of {step_s:g} s")
     steps = round(ratio)
     if steps < 1 or abs(ratio - steps) > STEP_TOLERANCE:
         raise InputError(f"{name}: {time_s:g} s is not a whole number of simulation steps of {step_s:g} s")
-    if steps > MAX_STEPS:
-        raise InputError(f"{name}: {time_s:g} s is more than {MAX_STEPS} simulation steps of {step_s:g} s")
     return steps
 
 

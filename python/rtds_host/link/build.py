@@ -16,15 +16,16 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Callable, Iterator, Mapping
 
 from rtds_host.errors import InputError, LinkError
 
 SIMULATORS = ("verilator", "icarus")
 ROOT = Path(__file__).resolve().parents[3]
+BUILDS = ROOT / "build" / "sim"
 BUILD_TIMEOUT_S = 600.0
 _POLL_S = 0.1
 
@@ -254,14 +255,13 @@ def _build_icarus(top: Top, scratch: Path) -> None:
     )  # fmt: skip
 
 
-def build(top: Top, simulator: str, say: Callable[[str], None] | None = None, build_root: Path | None = None) -> Built:
+def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) -> Built:
     """The simulator of `top`, built if it is not there yet.
 
     Parameters
     ----------
     simulator : one of `SIMULATORS`.
     say : called with a line when something takes long (default: to stderr).
-    build_root : where builds are kept (default: ``build/sim`` of the source tree).
 
     Raises
     ------
@@ -282,16 +282,15 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None, bu
         _program("vvp")
         tools += [_run_for_text([_program("iverilog"), "-V"]).splitlines()[0]]
 
-    build_root = build_root or ROOT / "build" / "sim"
-    folder = build_root / f"{top.module}-{simulator}-{_key(top, simulator, tools)}"
+    folder = BUILDS / f"{top.module}-{simulator}-{_key(top, simulator, tools)}"
     if not folder.is_dir():
         try:
-            build_root.mkdir(parents=True, exist_ok=True)
+            BUILDS.mkdir(parents=True, exist_ok=True)
             waiting = f"rtds: waiting for another process that builds the {simulator} simulator"
-            with _locked(build_root / f"{folder.name}.lock", lambda: say(waiting)):
+            with _locked(BUILDS / f"{folder.name}.lock", lambda: say(waiting)):
                 if not folder.is_dir():
                     say(f"rtds: building the {simulator} simulator of {top.module} (once for this state of the RTL)")
-                    scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=build_root))
+                    scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=BUILDS))
                     try:
                         if simulator == "verilator":
                             _build_verilator(top, scratch, program, environment, libraries)
@@ -301,7 +300,7 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None, bu
                     finally:
                         shutil.rmtree(scratch, ignore_errors=True)
         except OSError as error:
-            raise LinkError(f"{error.filename or build_root}: cannot build there ({error.strerror})") from error
+            raise LinkError(f"{error.filename or BUILDS}: cannot build there ({error.strerror})") from error
 
     if simulator == "verilator":
         command = (str(folder / "sim"),)

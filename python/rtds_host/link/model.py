@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Sequence
+from collections.abc import Sequence
+from typing import Self
 
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link.base import CLOSED, NO_PARAMETERS, Exchange, exchange_of, input_words, whole_steps
@@ -71,7 +72,7 @@ class ModelLink:
         """See `Link.close`."""
         self._closed = True
 
-    def __enter__(self) -> "ModelLink":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exc_info: object) -> None:

@@ -16,7 +16,8 @@ import subprocess
 import sys
 import tempfile
 import weakref
-from typing import Callable, Sequence
+from collections.abc import Callable, Sequence
+from typing import Self
 
 import find_libpython
 import numpy as np
@@ -105,7 +106,7 @@ class RtlLink:
         top = TOPS[top] if isinstance(top, str) else top
         built = build(top, sim, progress)
 
-        self._stderr = tempfile.TemporaryFile()
+        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the link
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             self._process = subprocess.Popen(
@@ -203,7 +204,7 @@ class RtlLink:
         self._finalizer()
         self._stderr.close()
 
-    def __enter__(self) -> "RtlLink":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exc_info: object) -> None:

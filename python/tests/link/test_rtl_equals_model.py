@@ -1,0 +1,113 @@
+"""The RTL in either simulator and the bit-exact model give the same bytes, whatever the exchange."""
+
+import numpy as np
+import pytest
+from link_cases import BURGER, STEP_S
+
+from rtds_host.link import open_link
+
+
+def assert_same(got, want):
+    assert got.t_s.tobytes() == want.t_s.tobytes()
+    assert got.speeds.dtype == got.currents.dtype == np.float32
+    assert got.speeds.tobytes() == want.speeds.tobytes()
+    assert got.currents.tobytes() == want.currents.tobytes()
+
+
+def random_session(seed, exchanges):
+    """Calls of one session: now and then new parameters, then inputs, an interval and a sample interval."""
+    rng = np.random.default_rng(seed)
+    for number in range(exchanges):
+        if number == 0 or rng.random() < 0.3:
+            scale = 1.0 if number == 0 else rng.uniform(0.7, 1.4, len(BURGER))
+            values = dict(zip(BURGER, np.array(list(BURGER.values())) * scale, strict=True))
+            values["step_s"] = STEP_S if rng.random() < 0.8 else 1e-6
+            yield "parameters", values, str(rng.choice(["backward_euler", "trapezoidal"]))
+        steps = int(rng.integers(1, 120))
+        every = int(rng.integers(1, 40)) if rng.random() < 0.7 else None
+        yield "exchange", rng.uniform(-12.0, 12.0, 2), rng.uniform(-1.5e-3, 1.5e-3, 2), steps, every
+
+
+def play(session, *links):
+    """Give every call to all links; the answers of the first are held against those of the others."""
+    for kind, *call in session:
+        if kind == "parameters":
+            for link in links:
+                link.set_parameters(**call[0], method=call[1])
+        else:
+            voltages, torques, steps, every = call
+            step_s = links[0].step_s
+            answers = [
+                link.exchange(voltages, torques, steps * step_s, None if every is None else every * step_s)
+                for link in links
+            ]
+            for answer in answers[1:]:
+                assert_same(answers[0], answer)
+
+
+@pytest.mark.parametrize("step_clocks", ["min", 500])
+def test_random_sessions_are_byte_equal_to_the_model(simulator, step_clocks):
+    exchanges = {("verilator", "min"): 150, ("verilator", 500): 40, ("icarus", "min"): 12, ("icarus", 500): 2}
+    with open_link("rtl", sim=simulator, step_clocks=step_clocks) as rtl, open_link("model") as model:
+        play(random_session(7, exchanges[simulator, step_clocks]), rtl, model)
+
+
+def test_no_result_depends_on_the_step_period():
+    periods = ("min", 1, 37, 500, 3001)
+    links = [open_link("rtl", step_clocks=period) for period in periods]
+    try:
+        play(random_session(11, 12), *links)
+        assert links[0].clocks < links[2].clocks < links[3].clocks < links[4].clocks
+    finally:
+        for link in links:
+            link.close()
+
+
+def test_the_step_period_is_what_was_asked_for():
+    with open_link("rtl", step_clocks=500) as link:
+        link.set_parameters(**BURGER)
+        link.exchange([1.0, 1.0], [0.0, 0.0], 10 * STEP_S)
+        before = link.clocks
+        link.exchange([1.0, 1.0], [0.0, 0.0], 100 * STEP_S)
+        link.exchange([2.0, 1.0], [0.0, 0.0], 100 * STEP_S)
+        assert link.clocks - before == 200 * 500
+
+
+def test_at_the_least_a_step_takes_at_most_24_clocks():
+    with open_link("rtl") as link:
+        link.set_parameters(**BURGER)
+        link.exchange([1.0, 1.0], [0.0, 0.0], 10 * STEP_S)
+        before = link.clocks
+        link.exchange([1.0, 1.0], [0.0, 0.0], 1000 * STEP_S)
+        assert link.clocks - before <= 24 * 1000 + 10
+
+
+def test_an_exchange_longer_than_one_request_is_put_together_again(monkeypatch):
+    monkeypatch.setattr("rtds_host.link.rtl.REQUEST_CLOCKS", {"verilator": 24 * 50})
+    with open_link("rtl") as rtl, open_link("model") as model:
+        for link in (rtl, model):
+            link.set_parameters(**BURGER)
+        for steps, every in ((1000, None), (1000, 1), (1000, 7), (1000, 130), (1000, 333), (49, 50), (51, 50), (50, 50)):
+            sample_s = None if every is None else every * STEP_S
+            answers = [link.exchange([9.0, -7.0], [1e-4, -1e-4], steps * STEP_S, sample_s) for link in (rtl, model)]
+            assert_same(*answers)
+            assert len(answers[0].t_s) == (1 if every is None else -(-steps // every))
+            assert answers[0].t_s[-1] == steps * STEP_S
+
+
+def test_first_step_after_new_parameters_still_uses_the_old_ones():
+    with open_link("rtl") as link:
+        link.set_parameters(**BURGER)
+        first = link.exchange([12.0, 12.0], [0.0, 0.0], 2 * STEP_S, STEP_S)
+        assert (first.currents[0] == 0.0).all()  # no coefficients yet: the state rests
+        assert (first.currents[1] > 0.0).all()
+
+
+def test_a_clip_of_a_long_run_sampled_every_millisecond_is_byte_equal():
+    with open_link("rtl") as rtl, open_link("model") as model:
+        for link in (rtl, model):
+            link.set_parameters(**BURGER)
+        rng = np.random.default_rng(3)
+        for _ in range(20):
+            call = rng.uniform(-12, 12, 2), rng.uniform(-1e-3, 1e-3, 2), 0.032, 0.001
+            assert_same(rtl.exchange(*call), model.exchange(*call))
