@@ -16,7 +16,7 @@ import numpy as np
 
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.effects import CATALOGUE
-from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis
+from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, to_values
 from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.screen import Candidate, Screen
 
@@ -26,6 +26,8 @@ SIDE_PRIOR = {"both": 0.5, "left": 0.25, "right": 0.25}
 NUISANCE_BAND = 0.03
 # A free parameter that the data do not need costs at least this much of -2 log evidence.
 PARSIMONY = 1.0
+# What further parameters of a form must gain in chi2 before it is another explanation than the form without them.
+IDLE_GAIN = 8.0
 FOLD_S = 5.0
 
 
@@ -164,6 +166,13 @@ class Search:
     def try_fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, iterations: int = 8,
                 fresh: bool = False) -> Fit:
         """Fit and remember the better of this and an earlier fit of the same explanation."""
+        if hypothesis and len(z):
+            # Nuisances that bent to stand in for the effect are a poor place to start from.
+            starts = [z, np.zeros_like(z)]
+            models = [apply(self.problem.with_nuisances(s), hypothesis, to_values(hypothesis, start)) for s in starts]
+            costs = [float(r @ r) / self.scale + float(s @ s)
+                     for r, s in zip(self.problem.residuals(models), starts)]
+            z = starts[int(np.argmin(costs))]
         fit = self.fitter.fit(hypothesis, start, z, self.scale, iterations, fresh)
         known = self.fits.get(hypothesis)
         if known is None or fit.chi2 / self.scale + fit.prior < known.chi2 / self.scale + known.prior:
@@ -202,6 +211,7 @@ class Search:
     def run(self) -> Choice:
         """Search: nothing, singles, pairs, more while each earns its place; then judge all by one dispersion."""
         problem, fitter = self.problem, self.fitter
+        problem.align(problem.nominal)
         nominal = problem.residual(problem.nominal)
         self.scale = dispersion(problem, nominal, np.empty((len(nominal), 0)))
         base = self.try_fit((), np.empty(0), self.z0)
@@ -215,6 +225,9 @@ class Search:
             self.try_fit(candidate.hypothesis, candidate.start, base.z)
         self._siblings(screen, 3)
         top = min(self.fits.values(), key=self.cost)
+        if problem.align(top.model(problem)) > 0.0:
+            self._refresh(len(self.fits))
+            top = min(self.fits.values(), key=self.cost)
         # Judge by what the best explanation leaves, not by what none would.
         for _ in range(2):
             new = min(self.scale, dispersion(problem, top.residual, top.jacobian))
@@ -298,11 +311,20 @@ class Search:
         if base.dispersion != self.scale:
             self.fits[()] = self.fitter.fit((), np.empty(0), base.z, self.scale, 4)
 
+    def _idle(self, fit: Fit) -> bool:
+        """Whether an effect's further parameters rest, so that the explanation is a simpler one said twice."""
+        for k, (effect, side) in enumerate(fit.hypothesis):
+            for simpler in CATALOGUE[effect].contains:
+                other = self.fits.get(tuple(sorted(fit.hypothesis[:k] + fit.hypothesis[k + 1:] + ((simpler, side),))))
+                if other is not None and self.cost(other) < self.cost(fit) + IDLE_GAIN:
+                    return True
+        return False
+
     def _judge(self) -> Choice:
         total = len(CATALOGUE)
         ranked = []
         for fit in self.fits.values():
-            if fit.hypothesis and not named(fit):
+            if fit.hypothesis and (not named(fit) or self._idle(fit)):
                 continue
             ranked.append(Scored(fit, score(fit, total, self.scale)))
         ranked.sort(key=lambda s: s.score)

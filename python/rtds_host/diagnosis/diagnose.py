@@ -75,7 +75,7 @@ def diagnose(case: Case, quick: bool = False, threads: int = 2, seed: int = 1,
         "indistinguishable": [[{"id": e, "side": s} for e, s in members] for members in decision.alike],
         "gap": held["gap"],
         "held_out_runs": [run.name for run in case.runs],
-        "next_experiment": next_experiment(problem, decision),
+        "next_experiment": next_experiment(problem, decision, choice.fits),
     }
     rest = diagnosis["gap"]["rest"]
     if rest["structured"] and after is not None:
@@ -188,15 +188,17 @@ def _held_out(problem: Problem, decision: Decision, seed: int) -> dict:
     effects = decision.verdict == "known"
     step = min(REPORT_STEP_S, fit.model(problem).step_s)
     parts: dict[str, list[dict[str, np.ndarray]]] = {"before": [], "refit": [], "after": []}
-    runs, traces, notes = {}, {}, []
-    row_blocks = problem.blocks
-    for k, data in enumerate(problem.runs):
+    runs, traces = {}, {}
+    notes = [f"{name}: no heading in the log; the slope's pull says that the run began at {heading:.2f} rad"
+             for name, heading in problem.headings.items()]
+    for k, data in enumerate(problem.whole):
         mine = np.flatnonzero(problem.runs_of == k)
         pieces = [(0, len(data.log.t), mine)]
-        if len(problem.runs) == 1:
+        if len(problem.whole) == 1:
             middle = len(data.log.t) // 2
-            block = int((data.log.t[middle] - data.log.t[0]))
-            pieces = [(0, middle, mine[row_blocks[mine] < block]), (middle, len(data.log.t), mine[row_blocks[mine] >= block])]
+            half = np.median(problem.blocks[mine])
+            pieces = [(0, middle, mine[problem.blocks[mine] < half]),
+                      (middle, len(data.log.t), mine[problem.blocks[mine] >= half])]
             notes.append("one run only: each half was held out in turn, which is weaker evidence than another run")
         nominal = replay_run(problem.nominal, data.inputs, step)
         run_parts = {"before": [], "refit": [], "after": []}

@@ -18,7 +18,6 @@ from rtds_host.diagnosis.replay.model import Model
 Hypothesis = tuple[tuple[str, str], ...]          # ((effect, side), ...), sorted
 NUISANCE_LIMIT = 3.5                              # sigma of the prior
 EFFECT_PRIOR = 3.0                                # spreads
-DIFFERENCE = 0.01                                 # spreads, step of a derivative
 
 
 def parameters(hypothesis: Hypothesis) -> list[tuple[Effect, str, Parameter]]:
@@ -83,6 +82,10 @@ class Fit:
         """The replay's model with nuisances and effects."""
         return apply(problem.with_nuisances(self.z), self.hypothesis, self.values)
 
+    def model_at(self, problem: Problem, z: np.ndarray) -> Model:
+        """The same with other nuisances."""
+        return apply(problem.with_nuisances(z), self.hypothesis, self.values)
+
     def precision(self) -> np.ndarray:
         """Hessian of half the objective, (k + p, k + p)."""
         jacobian = self.jacobian.astype(float)
@@ -121,8 +124,9 @@ class Fitter:
     def _derivatives(self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: range,
                      high: np.ndarray) -> np.ndarray:
         models, steps = [], []
+        differences = [p.difference for _, _, p in parameters(hypothesis)]
         for j in which:
-            step = 0.3 if j < self.count else DIFFERENCE
+            step = 0.3 if j < self.count else differences[j - self.count]
             if x[j] + step > high[j]:
                 step = -step
             moved = x.copy()

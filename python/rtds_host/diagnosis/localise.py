@@ -16,6 +16,7 @@ hands its energy to its subsystem, and what no signature explains stays with the
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 
 import numba
@@ -50,6 +51,8 @@ DELAYS_S = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08)
 # A signature is believed when it explains at least this share of what is left, or of what there was.
 BELIEVED = 0.35
 BELIEVED_OF_ALL = 0.03
+# Excess energy, as a share of the noise's, below which no place is named.
+FAINT = 0.05
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,20 @@ class _Windows:
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         return values - np.repeat(np.add.reduceat(values, self.starts) / self.counts, self.counts)
+
+    def whole(self, good: np.ndarray) -> np.ndarray:
+        """Rows of windows in which every row is good."""
+        return np.repeat(np.logical_and.reduceat(good, self.starts), self.counts)
+
+
+def _near(t: np.ndarray, good: np.ndarray) -> np.ndarray:
+    """Rows with a sample close by: filling in over a longer hole would be invention."""
+    at = t[good]
+    if len(at) < 2:
+        return np.zeros(len(t), bool)
+    after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
+    distance = np.minimum(np.abs(t - at[after - 1]), np.abs(at[after] - t))
+    return distance <= 2.5 * float(np.median(np.diff(at)))
 
 
 @numba.njit(cache=True)
@@ -186,12 +203,13 @@ class _Run:
         self.bus = self._get("v_bus")
         measured_bus = robot.driver.bus == "measured" and log.has("v_bus")
         scale = _filled(t, log.columns["v_bus"]) / self.supply if measured_bus else 1.0
-        self.has_w = []
+        self.has_w, self.w_extra = [], []
         for k, s in zip(self.sides, robot.sides):
             gain = model.get("speed_gain", k)
             w, th = self._get(f"w_{s}"), self._get(f"th_{s}")
             self.th.append(None if th is None else th / gain)
             self.has_w.append(w is not None)
+            self.w_extra.append(np.zeros(self.n))
             if w is not None:
                 self.w.append(_filled(t, w) / gain)
                 self.w_noise.append(robot.noise(f"w_{s}"))
@@ -200,7 +218,13 @@ class _Run:
                 angle = _filled(t, th) / gain
                 speed = np.gradient(angle, t)
                 self.w.append(speed)
-                self.w_noise.append(robot.noise(f"th_{s}") * np.sqrt(2.0) / (2.0 * float(np.median(self.dt))))
+                noise = robot.noise(f"th_{s}") * np.sqrt(2.0) / (2.0 * float(np.median(self.dt)))
+                self.w_noise.append(noise)
+                # Where the speed bends, a difference of angles about the row is not its speed.
+                bend = np.zeros(self.n)
+                bend[1:-1] = np.diff(speed, 2)
+                bend = np.maximum.reduce([np.abs(bend), np.abs(np.roll(bend, 1)), np.abs(np.roll(bend, -1))])
+                self.w_extra[-1] = 0.5 * np.sqrt(np.maximum(bend**2 - (4.0 * noise) ** 2, 0.0))
                 self.w_rows.append(np.isfinite(th))
             else:
                 self.w.append(np.full(self.n, np.nan))
@@ -268,7 +292,7 @@ class _Run:
             self.mass = model.get("mass") + log.meta.payload_kg
             self.slope = log.meta.slope_rad + model.get("slope_extra")
             self.wheel_rate = rate
-        half = max(1, int(round(0.015 / float(np.median(self.dt)))))
+        half = max(1, round(0.015 / float(np.median(self.dt))))
         self.half = half
         self.acc = [np.gradient(_smooth(w, half), t) for w in self.w]
         speed = max(float(np.nanmax(np.abs(w), initial=0.0)) for w in self.w)
@@ -384,7 +408,7 @@ class _Run:
             expected = settled + decay * (np.concatenate([[i[0]], i[:-1]]) - settled)
             noise_i = self.robot.noise(f"i_{s}") / abs(model.get("current_gain", k))
             # Speeds filled in between slow samples are less certain than the samples.
-            noise = np.sqrt(noise_i**2 * (1 + decay**2) + (ke / res * self.w_noise[k]) ** 2)
+            noise = np.sqrt(noise_i**2 * (1 + decay**2) + (ke / res * np.hypot(self.w_noise[k], self.w_extra[k])) ** 2)
             rows = self.i_rows[k] & self.w_rows[k]
             rows[0] = False
             self._block(f"current_{s}", i - expected, noise, rows)
@@ -484,7 +508,9 @@ class _Run:
             dry = dry + model.get("rolling") * self.mass * GRAVITY_M_S2 * 0.5 * r
             torque = torque - lever * model.get("scrub") * yaw_sign_mid
         dry = dry + model.get("load_share", k) * np.abs(drive - fluid * mid)
-        torque = torque - dry * sign_mid
+        # A wheel at rest is held by as much friction as it takes.
+        rests = np.abs(_mid(_smooth(w, self.half))) < 3.0 * self.w_noise[k]
+        torque = torque - np.where(rests, np.clip(torque, -dry, dry), dry * sign_mid)
         torque = torque - model.get("asymmetry", k) * np.abs(sign_mid) - model.get("asymmetry_viscous", k) * np.abs(mid)
         angle = _filled(t, self.th[k]) if self.th[k] is not None else _cum(mid, dt)
         if model.get("ripple", k):
@@ -497,8 +523,9 @@ class _Run:
         if self.has_w[k]:
             white = self.w_noise[k] ** 2 * (1.0 + (self.cross / self.inertia[k]) ** 2)
         else:
-            white = self.w_noise[k] ** 2
-        rows = self.w_rows[k] & np.isfinite(residual)
+            white = self.w_noise[k] ** 2 + self.w_extra[k] ** 2
+        known = _near(t, self.w_rows[k]) & (_near(t, self.i_rows[k]) if self.has_i[k] else True)
+        rows = self.w_rows[k] & np.isfinite(residual) & self.cut.whole(known)
         self._block(f"torque_{s}", residual, np.sqrt(white + walk), rows)
 
         def put(cause: str, values: np.ndarray) -> None:
@@ -530,6 +557,11 @@ class _Run:
             for cycles in (1, 2, 3, 4, 6, 8, 12, 18):
                 put(f"drivetrain:ripple{cycles}_{s}", np.sin(cycles * _mid(angle)))
                 put(f"drivetrain:ripple{cycles}_{s}b", np.cos(cycles * _mid(angle)))
+        if self.has_i[k] and self.voltage_mode:
+            # What the current does between its samples hangs on the winding too.
+            within = self.km[k] * ke / _mid(res) * (w[1:] - self.w_mean[k])
+            put(f"winding:resistance_{s}", -within)
+            put(f"winding:constant_{s}", within)
         if self.has_i[k]:
             self._put(f"sensing:current_gain_{s}", f"current_{s}", i)
             put(f"sensing:current_gain_{s}", -self.km[k] * _mid(i))
@@ -569,7 +601,8 @@ class _Run:
         if self.gyro is not None and np.isfinite(self.wheel_rate).all():
             noise_gyro = self.robot.noise("gyro_z") / abs(model.get("gyro_gain"))
             true = (self.gyro - model.get("gyro_bias")) / model.get("gyro_gain")
-            noise = np.hypot(noise_gyro, np.hypot(r[0] * self.w_noise[0], r[1] * self.w_noise[1]) / track)
+            noise = np.hypot(noise_gyro, np.hypot(r[0] * np.hypot(self.w_noise[0], self.w_extra[0]),
+                                                r[1] * np.hypot(self.w_noise[1], self.w_extra[1])) / track)
             rows = np.isfinite(true) & self.w_rows[0] & self.w_rows[1]
             self._block("turn", true - self.wheel_rate, noise, rows)
             self._put("sensing:gyro_gain", "turn", self.wheel_rate)
@@ -682,6 +715,7 @@ class _Run:
         th = self.th[k]
         rows = np.isfinite(th)
         residual = self.cut_twice(_filled(self.t, th) - _cum(self.w_mean[k], self.dt))
+        rows &= self.cut_twice.whole(_near(self.t, self.w_rows[k]))
         step = float(np.median(self.dt))
         gap = float(np.median(np.diff(self.t[self.w_rows[k]]))) if self.w_rows[k].sum() > 2 else step
         walk = self.w_noise[k] ** 2 * gap * TWICE_WINDOW_S / 6.0
@@ -698,6 +732,7 @@ class _Run:
         late = model.get("measurement_delay")
         if late:
             turned = np.interp(self.t + late, self.t, turned)
+        rows &= self.cut_twice.whole(_near(self.t, np.isfinite(self.gyro)))
         step = float(np.median(np.diff(self.t[np.isfinite(self.gyro)])))
         walk = self.robot.noise("gyro_z") ** 2 * step * TWICE_WINDOW_S / 6.0
         self._block("yaw_twice", self.cut_twice(_filled(self.t, self.yaw) - turned),
@@ -718,7 +753,7 @@ def _regimes(run: _Run) -> dict[str, np.ndarray]:
     for w in run.w:
         sign = np.sign(np.where(np.abs(w) > 5 * 0.02 * max(top, 1e-9), w, 0.0))
         kept = np.flatnonzero(sign)
-        for a, b in zip(kept[:-1], kept[1:]):
+        for a, b in itertools.pairwise(kept):
             if sign[a] != sign[b]:
                 turned |= (t > t[a] - 0.1) & (t < t[b] + 0.1)
     result["reversal"] = turned
@@ -769,8 +804,7 @@ def _group(cause: str) -> str:
     if name.startswith("late"):
         return "timing:late"
     for s in ("_lb", "_rb", "_l", "_r"):
-        if name.endswith(s):
-            name = name[: -len(s)]
+        name = name.removesuffix(s)
     return f"{subsystem}:{name}"
 
 
@@ -928,7 +962,8 @@ def _share(sums: _Sums) -> tuple[dict[str, float], list[tuple[str, str, float]],
     floor = sum(min(count[b], energy[b]) for b in blocks)
     left = sum(energy.values()) - explained - floor
     whole = left
-    if whole < 0.05 * floor:
+    # So small an excess may be the colour of the noise, which some columns share.
+    if whole < FAINT * floor:
         return located, chosen, 0.0
     for _ in range(6):
         best = None
@@ -946,7 +981,7 @@ def _share(sums: _Sums) -> tuple[dict[str, float], list[tuple[str, str, float]],
         picked += extra
         loose |= set(members)
         explained, theta = fit(picked, loose)
-        chosen.append((group, group.split(":")[0], gain / whole))
+        chosen.append((group, group.split(":")[0], min(gain / max(whole, gain), 1.0)))
         located[group.split(":")[0]] += gain
         left -= gain
     if left > 0.02 * whole:
@@ -960,7 +995,9 @@ def _share(sums: _Sums) -> tuple[dict[str, float], list[tuple[str, str, float]],
                 located[subsystem] += part * left * value / scale if scale > 0 else 0.0
     total = sum(located.values())
     located = {s: float(v / total) if total > 0 else 0.0 for s, v in located.items()}
-    lag = sum(float(names[j].split("late")[1]) * theta[n] for n, j in enumerate(picked) if ":late" in names[j])
+    late = [(float(names[j].split("late")[1]), theta[n]) for n, j in enumerate(picked) if ":late" in names[j]]
+    weight = sum(share for _, share in late)
+    lag = sum(delay * share for delay, share in late) / max(weight, 1.0)
     return located, chosen, float(lag)
 
 

@@ -7,19 +7,25 @@ averaged over their neighbours), since each sample that narrows an explanation i
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis.gap import WINDOW_S
-from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.model import Model, nominal_model, piece_inputs, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 BLOCK_S = 1.0
+# Pieces of a single axis's run: longer than its transients, shorter than it takes to drift away.
+PIECE_S = 0.4
 # Half the span over which a window's end is averaged: long against a sample, short against the motion.
 AVERAGE_S = 0.05
 PRIOR = 0.01
+# A heading at the start is estimated on slopes above this, and changed for a gain of chi2 above that.
+HEADING_SLOPE_RAD = 0.005
+HEADING_GAIN = 20.0
 # Nuisance of a side -> entries of the model that it scales (contract, section 2).
 NUISANCES = {"resistance": ("resistance",), "constant": ("torque_constant", "back_emf"),
              "inertia": ("rotor_inertia",), "viscous": ("viscous",)}
@@ -87,8 +93,14 @@ class Problem:
         self.robot = case.robot
         self.nominal = nominal_model(case.robot)
         self.threads = max(threads, 1)
+        self.headings: dict[str, float] = {}
         self.pool = ThreadPoolExecutor(self.threads)
-        self.runs = [self._prepare(log) for log in case.runs]
+        self.whole = [RunData(log, run_inputs(log, case.robot)) for log in case.runs]
+        self.runs, owners = [], []
+        for k, log in enumerate(case.runs):
+            parts = self._pieces(log) if case.robot.axis is not None else [self._prepare(log, run_inputs(log, self.robot))]
+            self.runs += parts
+            owners += [k] * len(parts)
         offset = 0
         blocks = []
         for run in self.runs:
@@ -96,13 +108,29 @@ class Problem:
             offset += int(run.block.max(initial=-1)) + 1
         self.blocks = np.concatenate(blocks)
         self.block_count = offset
-        self.runs_of = np.concatenate([np.full(len(r.block), k) for k, r in enumerate(self.runs)])
+        self.runs_of = np.concatenate([np.full(len(r.block), k) for k, r in zip(owners, self.runs)])
         self.channels_of = np.concatenate([r.channel for r in self.runs])
         self.size = len(self.blocks)
 
-    def _prepare(self, log: RunLog) -> RunData:
+    def _pieces(self, log: RunLog) -> list[RunData]:
+        """A run of a single axis in pieces that each start from the measured state.
+
+        An axis integrates and sticks: over a whole run the misfit has many local minima, over a piece few. What is
+        reported is judged on whole runs all the same.
+        """
+        marks = np.searchsorted(log.t, np.arange(log.t[0], log.t[-1], PIECE_S))
+        parts = []
+        for first, last in zip(marks, np.append(marks[1:], len(log.t))):
+            if last - first < 5:
+                continue
+            rows = slice(first, last)
+            piece = replace(log, t=log.t[rows], columns={c: v[rows] for c, v in log.columns.items()})
+            parts.append(self._prepare(piece, piece_inputs(log, self.robot, int(first), int(last))))
+        return parts
+
+    def _prepare(self, log: RunLog, inputs: tuple[np.ndarray, ...]) -> RunData:
         robot = self.robot
-        data = RunData(log, run_inputs(log, robot))
+        data = RunData(log, inputs)
         blocks, channels = [], []
 
         def note(channel: str, times: np.ndarray) -> None:
@@ -173,6 +201,37 @@ class Problem:
             for k in range(3) if full else (2,):
                 parts.append((replayed[k] - measured[k]) / (noise[k] * spread))
         return np.concatenate(parts) if parts else np.empty(0)
+
+    def align(self, model: Model) -> float:
+        """Estimate the heading at which runs began whose log holds none, where it matters: on a slope.
+
+        The contract has such runs begin at zero; a real one begins anywhere, and the slope then pulls another way than
+        the replay's. Returns the largest change, rad.
+        """
+        largest = 0.0
+        for data, whole in zip(self.runs, self.whole):
+            log = data.log
+            if self.robot.axis is not None or log.has("yaw") or abs(log.meta.slope_rad) < HEADING_SLOPE_RAD:
+                continue
+            start = data.inputs[-1]
+
+            def misfit(heading: float) -> float:
+                moved = (*data.inputs[:-1], np.concatenate([start[:2], [heading], start[3:]]))
+                residual = self.run_residual(data, replay_run(model, moved))
+                return float(residual @ residual)
+
+            grid = np.linspace(-np.pi, np.pi, 24, endpoint=False)
+            values = list(self.pool.map(misfit, grid))
+            k = int(np.argmin(values))
+            found = minimize_scalar(misfit, bounds=(grid[k] - 0.3, grid[k] + 0.3), method="bounded",
+                                    options={"xatol": 1e-3})
+            known = misfit(start[2])
+            if found.fun < known - HEADING_GAIN * max(1.0, found.fun / max(len(data.block), 1)):
+                largest = max(largest, abs(found.x - start[2]))
+                start[2] = found.x
+                whole.inputs[-1][2] = found.x
+                self.headings[log.name] = float(found.x)
+        return largest
 
     def replay(self, model: Model) -> list[np.ndarray]:
         """Replays of all runs, each (n, 11)."""

@@ -18,6 +18,8 @@ from rtds_host.diagnosis.replay.model import Model
 
 # Effects whose parameters each stand for a part of their own: absent where only one of them is.
 SEPARATE = ("com_offset", "friction_asymmetry")
+# Effects whose signature changes its form with its size.
+OSCILLATING = ("backlash", "gear_compliance", "voltage_limit")
 
 
 @dataclass
@@ -154,14 +156,16 @@ class Screen:
             # Size is the first parameter's affair; the others give its shape.
             values[first.name] = float(np.clip(first.null + step * (values[first.name] - first.null), first.low,
                                                first.high))
-            if effect == "gear_compliance":
-                # Stiffness acts by its inverse.
-                stiffness = self.signatures[k].values[first.name] / min(max(step, 0.1), 10.0)
-                values = {**self.signatures[k].values, first.name: stiffness}
-            if effect == "voltage_limit":
+            if effect in OSCILLATING:
+                # Extrapolating a resonance or a limit is worth nothing: the best of the starts, as it stands.
+                gain, k = max((self._direct(k), k) for k in members)
                 values = dict(self.signatures[k].values)
             result.append(Candidate(((effect, side),), gain, scaled(((effect, side),), [values])))
         return sorted(result, key=lambda c: -c.gain)
+
+    def _direct(self, k: int) -> float:
+        """Gain of chi2 (over dispersion) at a signature's own size."""
+        return float(-(2 * self.slope[k] + self.gram[k, k]))
 
     def _ripple(self, side: str, members: list[int]) -> Candidate:
         """Amplitude and phase by least squares on the quadratures of each number of cycles."""

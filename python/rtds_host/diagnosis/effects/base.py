@@ -15,7 +15,8 @@ class Parameter:
     """One number of an effect.
 
     null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
-    about `null` (sets the step of the fit and the price of a free parameter); starts : values to start a fit from.
+    about `null` (sets the price of a free parameter); starts : values to start a fit from; difference : step of a
+    derivative, in spreads.
     """
 
     name: str
@@ -26,6 +27,7 @@ class Parameter:
     spread: float
     starts: tuple[float, ...]
     meaning: str = ""
+    difference: float = 0.01
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,8 @@ class Effect:
     """One unmodelled effect of the catalogue.
 
     apply(model, sides, values) puts it into a replay's model. `nuisance` marks a ratio that is no cause within 3 %
-    of 1 (contract, section 2). `runs_in` says where it acts in the real-time simulator: "rtl", "robot" or "signal".
+    of 1 (contract, section 2). `axis`: it exists on a single axis. `contains`: effects it turns into when its further
+    parameters rest. `runs_in` says where it acts in the real-time simulator: "rtl", "robot" or "signal".
     """
 
     id: str
@@ -49,6 +52,7 @@ class Effect:
     runs_in: str
     nuisance: bool = False
     axis: bool = True
+    contains: tuple[str, ...] = ()
 
     @property
     def sides(self) -> tuple[str, ...]:

@@ -9,8 +9,10 @@ EFFECT = Effect(
     parameters=(
         Parameter("slip_per_newton", "1/N", null=0, low=0, high=0.5, spread=0.02, starts=(0.01, 0.04),
                   meaning="relative loss of speed a newton of traction"),
+        Parameter("relaxation_m", "m", null=0.0, low=0.0, high=0.05, spread=0.003, starts=(0.0, 0.003),
+                  meaning="rolling distance over which traction builds up; 0 = at once"),
     ),
-    apply=add(slip="slip_per_newton"),
+    apply=add(slip="slip_per_newton", slip_relaxation="relaxation_m"),
     equation="v_wheel = r w (1 - k F), F opposing where the wheel is driven by the ground; traction builds up over the contact patch and is limited by grip",
     source="contract, section 3; H. B. Pacejka, Tire and Vehicle Dynamics, 2012, ch. 1 and 5",
     confused_with=("wheel_radius_error", "track_width_error"),

@@ -31,4 +31,5 @@ EFFECT = Effect(
     shown_by="slow crawl with reversals",
     advice="Grease for low speed, dither the command, or avoid very slow motion.",
     runs_in="rtl",
+    contains=("coulomb_friction",),
 )

@@ -23,11 +23,10 @@ import numpy as np
 from rtds_host.diagnosis.replay.slots import COMMON_INDEX, SIDE_INDEX
 
 GRAVITY = 9.80665
-# A slipping tyre: stiffness and damping of its shear, and its largest traction over the load on it. Steady slip needs
-# none of them; how fast it builds up does. Values of a small rubber tyre on a hard floor; the form is the brush
-# model's (H. B. Pacejka, "Tire and Vehicle Dynamics", 2012, ch. 3 and 5).
-TYRE_K = 1.0e4
-TYRE_D = 30.0
+# A slipping tyre builds its shear up over a relaxation length, damped over the time it takes at about 1 m/s, and grips
+# up to a share of the load on it (H. B. Pacejka, "Tire and Vehicle Dynamics", 2012, ch. 1, 3 and 5; a small rubber tyre
+# on a hard floor).
+RELAXATION_S_M = 0.9
 GRIP = 0.9
 
 R, L, KM, KB, J, B = (SIDE_INDEX[n] for n in ("resistance", "inductance", "torque_constant", "back_emf",
@@ -40,8 +39,8 @@ VISCOUS_W, ASYM, ASYM_V, LOAD = (SIDE_INDEX[n] for n in ("viscous_wheel", "asymm
                                                          "load_share"))
 BACKLASH, STIFF, DAMP = (SIDE_INDEX[n] for n in ("backlash", "stiffness", "damping"))
 RIPPLE, RIPPLE_N, RIPPLE_PHI = (SIDE_INDEX[n] for n in ("ripple", "ripple_cycles", "ripple_phase"))
-SLIP, W_GAIN, I_GAIN, I_BIAS, W_TAU = (SIDE_INDEX[n] for n in ("slip", "speed_gain", "current_gain",
-                                                               "current_bias", "speed_tau"))
+SLIP, SLIP_LENGTH = SIDE_INDEX["slip"], SIDE_INDEX["slip_relaxation"]
+W_GAIN, I_GAIN, I_BIAS, W_TAU = (SIDE_INDEX[n] for n in ("speed_gain", "current_gain", "current_bias", "speed_tau"))
 GEAR, SUPPLY, MASS, IZ, JW, TRACK = (COMMON_INDEX[n] for n in ("gear_ratio", "supply", "mass", "yaw_inertia",
                                                                "wheel_inertia", "track"))
 SOURCE_R, DECLINE, SCRUB, ROLLING, COM_X, COM_Y = (COMMON_INDEX[n] for n in (
@@ -58,22 +57,24 @@ _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0, 1, 2, 3, 4
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
+def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
     """Replay one run.
 
     Parameters
     ----------
-    t : (n,) s, times of the rows; cmd : (n, 2) V (rad/s in speed mode), held until the next row.
-    bus_log : (n,) V, used where `bus_measured` is set.
+    t : (n,) s, times of the samples wanted; the first is where the replay starts.
+    t_cmd : (m,) s, times of the commands, which may begin before t; cmd : (m, 2) V (rad/s in speed mode), held until
+        the next; bus_log : (m,) V at the same times, used where `bus_measured` is set.
     side : (2, len(SIDE)); com : (len(COMMON),), see `slots`.
-    run : (3,) payload kg, slope rad, uphill yaw rad.
-    start : (9,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at the first row.
+    run : (4,) payload kg, slope rad, uphill yaw rad, time s at which the run began.
+    start : (11,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at t[0], and the speeds w_l, w_r as reported there.
     h_max : s, longest step.
     out : (n, 11) filled with what the sensors would report, columns as `slots.OUTPUTS`.
 
     A state that leaves the finite numbers fills the remaining rows with 1e6.
     """
     n = t.shape[0]
+    m = t_cmd.shape[0]
     axis = int(com[AXIS])
     mode = int(com[MODE])
     sides = 1 if axis > 0 else 2
@@ -107,7 +108,7 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
         th[k] = start[3 + k]
         w[k] = start[5 + k]
         wm[k] = w[k]
-        wf[k] = w[k]
+        wf[k] = start[9 + k]
         cur[k] = start[7 + k]
         if side[k, STIFF] > 0.0:
             contact[k] = _SPRING
@@ -121,7 +122,7 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
         if side[k, LOAD] != 0.0:
             outer = 3
     slipping = side[0, SLIP] != 0.0 or side[1, SLIP] != 0.0
-    tyre = np.zeros(2)        # shear of the tyres, m
+    tyre = np.zeros(2)        # shear of the tyres over their relaxation length
     give = np.zeros(2)
     yield_z = np.zeros(2)
     # Inverse of the body's inertia for (v, yaw rate): the centre of mass beside the axle couples them.
@@ -157,7 +158,7 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
         load_j = (com[AX_M] + run[0]) * com[AX_ARM] ** 2
 
     now = t[0]
-    kc = 0                    # next command to act, at t[kc] + dc
+    kc = 0                    # next command to act, at t_cmd[kc] + dc
     ka = 0                    # next delayed sample, the state at t[ka] - dm
     kp = 0                    # next pose sample, at t[kp]
     servo_next = t[0]
@@ -178,20 +179,21 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
             for k in range(sides):
                 draw += cur[k] * va[k] / supply
             if com[BUS_MEAS] > 0.0:
-                bus = bus_log[ka]
+                bus = row_bus
             else:
-                bus = supply - com[SOURCE_R] * draw - com[DECLINE] * (now - t[0])
+                bus = supply - com[SOURCE_R] * draw - com[DECLINE] * (now - run[3])
             out[ka, 0] = bus
             for k in range(2):
                 out[ka, 1 + k] = cur[k] * side[k, I_GAIN] + side[k, I_BIAS]
-                out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else w[k]) * side[k, W_GAIN]
-                out[ka, 5 + k] = start[3 + k] + (th[k] - start[3 + k]) * side[k, W_GAIN]
+                # The encoder sits at the gear's output, before any play or spring (contract, section 7).
+                out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else wm[k]) * side[k, W_GAIN]
+                out[ka, 5 + k] = start[3 + k] + (th[k] + play[k] - start[3 + k]) * side[k, W_GAIN]
             out[ka, 7] = rate * com[GYRO_GAIN] + com[GYRO_BIAS]
             ka += 1
         if kp >= n and ka >= n:
             break
         changed = False
-        while kc < n and t[kc] + dc <= now + 1e-9:
+        while kc < m and t_cmd[kc] + dc <= now + 1e-9:
             changed = True
             row_bus = bus_log[kc]
             if mode == 2:
@@ -204,7 +206,7 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
         if mode == 2 and servo_next <= now + 1e-9:
             changed = True
             for k in range(sides):
-                miss = (wcmd0 if k == 0 else wcmd1) - w[k] * side[k, W_GAIN]
+                miss = (wcmd0 if k == 0 else wcmd1) - wm[k] * side[k, W_GAIN]
                 limit = min(com[SERVO_LIMIT], supply)
                 want = integ[k] + com[KI] * miss * com[SERVO_T]
                 integ[k] = min(max(want, -limit), limit)
@@ -225,8 +227,8 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
             ahead = min(ahead, t[kp])
         if ka < n:
             ahead = min(ahead, t[ka] - dm)
-        if kc < n:
-            ahead = min(ahead, t[kc] + dc)
+        if kc < m:
+            ahead = min(ahead, t_cmd[kc] + dc)
         if mode == 2:
             ahead = min(ahead, servo_next)
         span = ahead - now
@@ -237,7 +239,7 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
         h = span / steps
 
         for step in range(steps):
-            elapsed = now + step * h - t[0]
+            elapsed = now + step * h - run[3]
             yaw_mid = yaw + 0.5 * h * rate
             for k in range(sides):
                 wn[k] = w[k]
@@ -373,13 +375,16 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
                         a00 = side[0, RADIUS] * beta[0] + w0
                         a11 = side[1, RADIUS] * beta[1] + w1
                         if slipping:
-                            # F = K z + D z', z' = slip speed - |r w| k K z: in steady rolling F = slip / k.
+                            # F = K (z + tau z'), z' = slip speed - |r w| z / length, K = 1 / (k length): in steady
+                            # rolling F = slip / k. The state is z / length, which stays finite as the length goes.
                             for k in range(2):
                                 yield_z[k] = 0.0
                                 if side[k, SLIP] > 0.0:
-                                    fade = 1.0 + h * abs(side[k, RADIUS] * wn[k]) * side[k, SLIP] * TYRE_K
-                                    give[k] = fade / (h * TYRE_K + TYRE_D)
-                                    yield_z[k] = (give[k] * TYRE_D - 1.0) * tyre[k] / h
+                                    length = side[k, SLIP_LENGTH]
+                                    tau = RELAXATION_S_M * length
+                                    path = length + h * abs(side[k, RADIUS] * wn[k])
+                                    give[k] = side[k, SLIP] * path / (h + tau)
+                                    yield_z[k] = (path * tau / (h + tau) - length) * tyre[k] / h
                             a00 += give[0]
                             a11 += give[1]
                         det = a00 * a11 - wx * wx
@@ -528,8 +533,8 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
                         play[k] += h * (wm[k] - w[k])
                 tau = side[k, W_TAU]
                 if tau > 0.0:
-                    ramp = (w[k] - wn[k]) / h
-                    wf[k] = w[k] - ramp * tau + (wf[k] - wn[k] + ramp * tau) * math.exp(-h / tau)
+                    ramp = (wm[k] - wmn[k]) / h
+                    wf[k] = wm[k] - ramp * tau + (wf[k] - wmn[k] + ramp * tau) * math.exp(-h / tau)
             if axis == 0:
                 v_mid = 0.5 * (v + v_new)
                 rate_mid = 0.5 * (rate + rate_new)
@@ -542,10 +547,11 @@ def replay(t, cmd, bus_log, side, com, run, start, h_max, out):
                 if slipping:
                     for k in range(2):
                         if side[k, SLIP] > 0.0:
+                            tau = RELAXATION_S_M * side[k, SLIP_LENGTH]
                             if abs(force[k]) >= grip:
-                                tyre[k] = force[k] / TYRE_K
+                                tyre[k] = force[k] * side[k, SLIP]
                             else:
-                                tyre[k] = (force[k] + TYRE_D * tyre[k] / h) / (TYRE_K + TYRE_D / h)
+                                tyre[k] = (force[k] * side[k, SLIP] + tau * tyre[k] / h) / (1.0 + tau / h)
         now = ahead
         bad = False
         for k in range(sides):

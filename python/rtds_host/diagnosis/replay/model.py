@@ -16,6 +16,9 @@ STEP_S = 1.7e-3
 REPORT_STEP_S = 5.0e-4
 # Springs, free play and slip bring faster modes.
 FINE_STEP_S = 2.5e-4
+# A piece starts from a parabola over this time to either side, and knows so many commands from before.
+START_S = 0.02
+HISTORY_ROWS = 200
 
 
 @dataclass
@@ -115,12 +118,12 @@ def _filled(log: RunLog, name: str, default: float) -> np.ndarray:
 
 
 def start_state(log: RunLog, robot: Robot) -> np.ndarray:
-    """State at the first row (9,): x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r.
+    """State at the first row (11,): x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r, and w_l, w_r as reported.
 
     A robot starts at rest unless its first samples say otherwise by more than five times their noise (contract,
     section 2); a single axis starts as its first row says (section 7).
     """
-    start = np.zeros(9)
+    start = np.zeros(11)
     for k, name in enumerate(("x", "y", "yaw", "th_l", "th_r")):
         if log.has(name):
             start[k] = _filled(log, name, 0.0)[0]
@@ -131,17 +134,56 @@ def start_state(log: RunLog, robot: Robot) -> np.ndarray:
         noise = robot.noise(name) or 0.0
         if robot.axis is not None or abs(values[0]) > 5 * noise + 1e-9:
             start[5 + k] = values[0]
+    start[9:] = start[5:7]
     return start
 
 
 def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
-    """What the kernel needs of a run: t (n,), commands (n, 2), bus (n,), run (3,), start (9,)."""
+    """What the kernel needs of a run: sample times (n,), command times (n,), commands (n, 2), bus (n,), run (4,), start
+    (11,)."""
     commands = log.commands(robot.driver.mode)
     if commands.shape[1] == 1:
         commands = np.column_stack([commands[:, 0], np.zeros(len(commands))])
-    run = np.array([log.meta.payload_kg, log.meta.slope_rad, log.meta.uphill_yaw_rad])
-    return (np.ascontiguousarray(log.t), np.ascontiguousarray(commands), _filled(log, "v_bus", robot.supply_v), run,
-            start_state(log, robot))
+    run = np.array([log.meta.payload_kg, log.meta.slope_rad, log.meta.uphill_yaw_rad, log.t[0]])
+    t = np.ascontiguousarray(log.t)
+    return t, t, np.ascontiguousarray(commands), _filled(log, "v_bus", robot.supply_v), run, start_state(log, robot)
+
+
+def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.ndarray, ...]:
+    """The same for rows first <= k < last, started from the measured state there (single axis).
+
+    Angle and speed come from a straight line through the angles about the start where there are any (it leads no
+    filter and no delay into the state), else from the speed's own samples; commands from before stay known, for
+    effects that make them late.
+    """
+    t, _, commands, bus, run, start = run_inputs(log, robot)
+    start = start.copy()
+    about = np.abs(t - t[first]) <= START_S
+    speed = _line(t, log.columns.get("w_l"), about, t[first])
+    angle = _line(t, log.columns.get("th_l"), about, t[first])
+    start[9] = start[5] if speed is None else speed[0]
+    start[5] = start[9] if angle is None else angle[1]
+    if angle is not None:
+        start[3] = angle[0]
+    if robot.driver.mode != "torque":
+        motor = robot.motor
+        volts = commands[first, 0] * (bus[first] / robot.supply_v if robot.driver.bus == "measured" else 1.0)
+        # Across the few electrical time constants that a start lasts, the winding is in its steady state.
+        start[7] = (volts - motor.back_emf_constant_v_s_per_rad * motor.gear_ratio * start[5]) / motor.resistance_ohm
+    before = max(0, first - HISTORY_ROWS)
+    return (np.ascontiguousarray(t[first:last]), np.ascontiguousarray(t[before:last]),
+            np.ascontiguousarray(commands[before:last]), np.ascontiguousarray(bus[before:last]), run, start)
+
+
+def _line(t: np.ndarray, values: np.ndarray | None, rows: np.ndarray, at: float) -> tuple[float, float] | None:
+    """Value and slope at a time, of a parabola through the samples in some rows; None with fewer than five."""
+    if values is None:
+        return None
+    good = rows & np.isfinite(values)
+    if good.sum() < 5:
+        return None
+    coefficients = np.polyfit(t[good] - at, values[good], 2)
+    return float(coefficients[2]), float(coefficients[1])
 
 
 def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | None = None) -> np.ndarray:
@@ -155,7 +197,7 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     -------
     (n, 11) what the sensors would report without noise, columns as `OUTPUTS`, SI.
     """
-    t, commands, bus, run, start = inputs
+    t, t_cmd, commands, bus, run, start = inputs
     out = np.empty((len(t), len(OUTPUTS)))
-    kernel.replay(t, commands, bus, model.side, model.common, run, start, step_s or model.step_s, out)
+    kernel.replay(t, t_cmd, commands, bus, model.side, model.common, run, start, step_s or model.step_s, out)
     return out

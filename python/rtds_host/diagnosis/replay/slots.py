@@ -35,6 +35,7 @@ SIDE = {
     "ripple_cycles": (1.0, "1/rev", "of the wheel"),
     "ripple_phase": (0.0, "rad", ""),
     "slip": (0.0, "1/N", "longitudinal"),
+    "slip_relaxation": (0.0, "m", "length over which its traction builds up"),
     "speed_gain": (1.0, "1", "sensor"),
     "current_gain": (1.0, "1", "sensor"),
     "current_bias": (0.0, "A", "sensor"),

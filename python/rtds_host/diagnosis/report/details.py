@@ -66,9 +66,9 @@ class Details:
     """
 
     case: Case
-    gate: "Gate | None" = None
-    localisation: "Localisation | None" = None
-    localisation_after: "Localisation | None" = None
+    gate: Gate | None = None
+    localisation: Localisation | None = None
+    localisation_after: Localisation | None = None
     candidates: list[Candidate] = field(default_factory=list)
     traces: dict[str, dict[str, Trace]] = field(default_factory=dict)
     regimes: dict[str, dict[str, float | None]] = field(default_factory=dict)

@@ -1,0 +1,30 @@
+"""`rtds diagnose`: where the gap lies, which effect causes it, how far it shrinks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def diagnose(
+    cases: Annotated[list[Path], typer.Argument(help="Case folders: robot.toml and a sub-folder a run.")],
+    out: Annotated[Path, typer.Option(help="Folder for diagnosis.json and report.html; with several cases, "
+                                           "a sub-folder each.")],
+    quick: Annotated[bool, typer.Option("--quick", help="A narrower search, several times faster.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed of the bootstrap.")] = 1,
+    jobs: Annotated[int, typer.Option(help="Cores to use; 0 = all.")] = 0,
+) -> None:
+    """Say where the gap between simulator and reality lies, and which effect causes it."""
+    from rtds_host.diagnosis.batch import run_many, run_one
+
+    if len(cases) == 1:
+        run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs)
+        return
+    failed = run_many(cases, out, quick=quick, seed=seed, jobs=jobs)
+    if failed:
+        raise typer.Exit(1)

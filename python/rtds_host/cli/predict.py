@@ -1,0 +1,34 @@
+"""`rtds predict`: replay a run from its commands, with or without a diagnosis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def predict(
+    run: Annotated[Path, typer.Argument(help="Run folder: run.json and log.csv or log.parquet.")],
+    robot: Annotated[Path, typer.Option(help="The nominal robot.toml.")],
+    out: Annotated[Path, typer.Option(help="The csv to write: t and every channel of the contract.")],
+    diagnosis: Annotated[Optional[Path], typer.Option(help="A diagnosis.json to apply.")] = None,
+) -> None:
+    """Replay a run from its commands, with or without a diagnosis."""
+    import io
+
+    from rtds_host.contract import load_robot, read_run, write_atomic
+    from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
+
+    nominal = load_robot(robot)
+    log = read_run(run, nominal)
+    columns = predicted_columns(log, nominal, read_diagnosis(diagnosis, nominal) if diagnosis else None)
+    text = io.StringIO()
+    names = list(columns)
+    text.write(",".join(names) + "\n")
+    for row in zip(*columns.values()):
+        text.write(",".join(f"{value:.9g}" for value in row) + "\n")
+    write_atomic(out, text.getvalue())

@@ -1,0 +1,98 @@
+"""Prediction of a run by the nominal robot or by a diagnosis (contract, section 6)."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+
+from rtds_host.contract import Robot, RunLog
+from rtds_host.diagnosis.effects import CATALOGUE, SIDES
+from rtds_host.diagnosis.problem import NOMINAL_KEYS, NUISANCES
+from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.slots import OUTPUTS
+from rtds_host.errors import InputError
+
+DIAGNOSIS_SCHEMA = "rtds-diagnosis/1"
+
+
+def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
+    """The robot with a diagnosis in it: its `nominal_fit` and its effects.
+
+    Raises
+    ------
+    InputError : unreadable, another schema, an effect, side or parameter that the catalogue does not know.
+    """
+    path = Path(path)
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not valid JSON ({error})") from error
+    if not isinstance(data, dict) or data.get("schema") != DIAGNOSIS_SCHEMA:
+        raise InputError(f"{path}: schema: this program reads {DIAGNOSIS_SCHEMA!r}")
+    model = nominal_model(robot)
+    entries = {key: slot for name, keys in NOMINAL_KEYS.items() for key, slot in zip(keys, NUISANCES[name])}
+    for suffix, values in (data.get("nominal_fit") or {}).items():
+        if suffix not in ("l", "r") or not isinstance(values, dict):
+            raise InputError(f"{path}: nominal_fit: {suffix!r} is no side, it must be l or r")
+        for key, value in values.items():
+            if key not in entries:
+                raise InputError(f"{path}: nominal_fit.{suffix}.{key}: is no nuisance of [motor]")
+            model.put(entries[key], _number(path, f"nominal_fit.{suffix}.{key}", value, positive=True),
+                      ("lr".index(suffix),))
+    for k, entry in enumerate(data.get("effects") or []):
+        place = f"effects[{k}]"
+        effect = CATALOGUE.get(entry.get("id")) if isinstance(entry, dict) else None
+        if effect is None:
+            raise InputError(f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in "
+                             "the catalogue (see `rtds effects`)")
+        if entry.get("side") not in effect.sides:
+            raise InputError(f"{path}: {place}.side: {entry.get('side')!r} must be one of {', '.join(effect.sides)}")
+        values = {}
+        given = entry.get("parameters") or {}
+        for p in effect.parameters:
+            if p.name not in given:
+                raise InputError(f"{path}: {place}.parameters.{p.name}: missing")
+            value = given[p.name].get("value") if isinstance(given[p.name], dict) else given[p.name]
+            value = _number(path, f"{place}.parameters.{p.name}", value)
+            if not p.low <= value <= p.high:
+                raise InputError(f"{path}: {place}.parameters.{p.name}: is {value:g}, it must lie within {p.low:g} to "
+                                 f"{p.high:g} {p.unit}")
+            values[p.name] = value
+        effect.apply(model, SIDES[entry["side"]], values)
+    return model
+
+
+def _number(path: Path, place: str, value: object, positive: bool = False) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise InputError(f"{path}: {place}: is {value!r}, a finite number is needed")
+    if positive and value <= 0:
+        raise InputError(f"{path}: {place}: is {value:g}, it must be above 0")
+    return float(value)
+
+
+def predicted_columns(log: RunLog, robot: Robot, model: Model | None = None) -> dict[str, np.ndarray]:
+    """Replay a run from its commands.
+
+    Returns
+    -------
+    Column -> (n,): `t`, the commands, and every channel of the contract's section 1 except `w_ref_*`, without noise,
+    at the run's times; a single axis has the left side's alone.
+    """
+    model = model or nominal_model(robot)
+    out = replay_run(model, run_inputs(log, robot), min(REPORT_STEP_S, model.step_s))
+    columns = {"t": log.t}
+    commands = ("w_cmd_l", "w_cmd_r") if robot.driver.mode == "speed" else ("v_cmd_l", "v_cmd_r")
+    for name in commands:
+        if name in log.columns and name[-1] in robot.sides:
+            columns[name] = log.columns[name]
+    for k, name in enumerate(OUTPUTS):
+        if robot.axis is not None and (name.endswith("_r") or name in ("gyro_z", "x", "y", "yaw")):
+            continue
+        columns[name] = out[:, k]
+    return columns

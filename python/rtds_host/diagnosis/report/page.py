@@ -1,0 +1,327 @@
+"""`report.html`: one self-contained page, no network, the same bytes for the same input."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import os
+from collections.abc import Iterable
+from html import escape
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from rtds_host.contract import write_atomic
+from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.report.chain import chain_svg
+from rtds_host.diagnosis.report.details import Details, Trace
+from rtds_host.diagnosis.report.words import (
+    SUBSYSTEM_WORDS,
+    effect_name,
+    explanation_name,
+    number,
+    percent,
+    unit_of,
+    value_words,
+    verdict_sentence,
+)
+
+# Points a line keeps: two a bucket, so that peaks survive.
+BUCKETS = 450
+UNITS = {"v_bus": "V", "i": "A", "w": "rad/s", "th": "rad", "gyro_z": "rad/s", "x": "m", "y": "m", "yaw": "rad"}
+
+
+def _asset(name: str) -> str:
+    return resources.files("rtds_host.diagnosis.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def _json(data: Any) -> str:
+    """JSON that may stand inside a script element."""
+    return json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+
+
+def _decimated(trace: Trace, unit: str) -> dict[str, Any]:
+    """A trace with at most two samples a bucket: where the measured signal is smallest and largest."""
+    good = np.flatnonzero(np.isfinite(trace.measured))
+    if len(good) == 0:
+        good = np.arange(len(trace.t))
+    if len(good) > 2 * BUCKETS:
+        edges = np.linspace(0, len(good), BUCKETS + 1).astype(int)
+        keep = []
+        for a, b in itertools.pairwise(edges):
+            rows = good[a:b]
+            values = trace.measured[rows]
+            keep += [rows[0]] if not np.isfinite(values).any() else [rows[np.nanargmin(values)], rows[np.nanargmax(values)]]
+        good = np.unique(keep)
+
+    def plain(values: np.ndarray, digits: int) -> list[float | None]:
+        return [float(f"{v:.{digits}g}") if math.isfinite(v) else None for v in values[good]]
+
+    result: dict[str, Any] = {"unit": unit, "t": plain(trace.t, 6), "measured": plain(trace.measured, 4)}
+    for name in ("nominal", "refit", "after"):
+        line = getattr(trace, name)
+        if line is not None:
+            result[name] = plain(np.asarray(line), 4)
+    return result
+
+
+def _table(head: Iterable[tuple[str, bool]], rows: Iterable[Iterable[str]], attributes: list[str] | None = None,
+           name: str = "") -> str:
+    head = list(head)
+    lines = [f'<table{f" id={chr(34)}{name}{chr(34)}" if name else ""}><thead><tr>'
+             + "".join(f'<th{" class=n" if n else ""}>{escape(h)}</th>' for h, n in head) + "</tr></thead><tbody>"]
+    for k, row in enumerate(rows):
+        extra = " " + attributes[k] if attributes and attributes[k] else ""
+        lines.append(f"<tr{extra}>" + "".join(
+            f'<td{" class=n" if n else ""}>{cell}</td>' for cell, (_, n) in zip(row, head, strict=True)) + "</tr>")
+    return "\n".join(lines) + "</tbody></table>"
+
+
+def _bar(value: float | None, top: float, kind: str = "", width: int = 120) -> str:
+    if value is None or not math.isfinite(value) or top <= 0:
+        return ""
+    return f'<span class="bar {kind}" style="width:{max(1, round(width * min(value / top, 1.0)))}px"></span>'
+
+
+def _gap_bars(entry: dict[str, float | None], top: float) -> str:
+    scale = math.log10(max(top, 1.1)) + 0.3
+
+    def size(v: float | None) -> float | None:
+        return None if v is None else max(math.log10(max(v, 0.5)) + 0.3, 0.02)
+
+    return "<br>".join(_bar(size(entry.get(k)), scale, k, 160) for k in ("before", "refit", "after"))
+
+
+def _gap_table(first: str, gaps: dict[str, dict[str, float | None]], name: str) -> str:
+    if not gaps:
+        return ""
+    top = max((v for e in gaps.values() for v in e.values() if v is not None and math.isfinite(v)), default=1.0)
+    rows = [[escape(label), number(e.get("before")), number(e.get("refit")), number(e.get("after")), _gap_bars(e, top)]
+            for label, e in gaps.items()]
+    return _table([(first, False), ("nominal", True), ("refitted", True), ("with effects", True),
+                   ("(logarithmic)", False)], rows, [f'data-name="{escape(k)}"' for k in gaps], name)
+
+
+def _head(diagnosis: dict[str, Any], details: Details) -> str:
+    gap = diagnosis["gap"]
+    held = diagnosis.get("held_out_runs") or []
+    figures = [("before", number(gap.get("before")), "gap, nominal robot"),
+               ("refit", number(gap.get("refit")), "motor values refitted"),
+               ("after", number(gap.get("after")), "with the blamed effects"),
+               ("closed", percent(gap.get("closed")), "of the gap closed")]
+    interval = gap.get("closed_ci90")
+    if interval and None not in interval:
+        figures[-1] = ("closed", figures[-1][1], f"closed (90 %: {percent(interval[0])} to {percent(interval[1])})")
+    case = details.case
+    return (f"<section><h1>{escape(case.name)} · {escape(case.robot.name)} · {len(case.runs)} run"
+            f"{'s' if len(case.runs) != 1 else ''}</h1>"
+            f'<p id="verdict"><span class="badge {diagnosis["verdict"]}">{diagnosis["verdict"]}</span>'
+            f"{escape(verdict_sentence(diagnosis))}</p>"
+            '<div class="figures" id="gap">' + "".join(
+                f'<div data-name="{k}"><b>{v}</b><span>{escape(t)}</span></div>' for k, v, t in figures) + "</div>"
+            '<p class="soft small">The gap is the root mean square of replay minus measured in units of each sensor\'s '
+            "noise; 1 is a perfect model. Judged on " + (escape(", ".join(held)) if held else "held-out parts of the runs")
+            + ", each time without using it for the fit.</p></section>")
+
+
+def _where(diagnosis: dict[str, Any], details: Details) -> str:
+    located = diagnosis["located"]
+    parts = ["<section><h2>Where the gap lies</h2>", chain_svg(located)]
+    local = details.localisation
+    if not located:
+        parts.append('<p class="soft">No part of the chain stands out.</p>')
+    if local is not None and local.blocks:
+        after = {b.name: b.score for b in details.localisation_after.blocks} if details.localisation_after else {}
+        top = max(b.score for b in local.blocks)
+        rows = []
+        for b in local.blocks:
+            regimes = sorted(b.regimes.items(), key=lambda p: -p[1])
+            worst = ", ".join(f"{escape(r)} {number(v)}" for r, v in regimes[:3]) if b.score > 1.3 else ""
+            rows.append([escape(b.title), escape(SUBSYSTEM_WORDS[b.subsystem]),
+                         _bar(b.score, top) + number(b.score), number(after.get(b.name)), worst])
+        parts.append("<h3>Each block on its own, driven by measured signals (units of noise; a perfect robot scores 1)"
+                     "</h3>")
+        parts.append(_table([("block", False), ("speaks of", False), ("score", True), ("with effects", True),
+                             ("worst where", False)], rows, [f'data-block="{b.name}"' for b in local.blocks], "blocks"))
+        if local.lost:
+            parts.append('<p class="small soft" id="lost">' + escape("; ".join(local.lost)).capitalize() + ".</p>")
+    rest = diagnosis["gap"].get("rest") or {}
+    if rest.get("share") is not None and diagnosis["verdict"] != "none":
+        text = f"The blamed effects leave {percent(rest['share'])} of the gap"
+        text += ", with structure" if rest.get("structured") else ", without structure"
+        if rest.get("structured") and rest.get("subsystem"):
+            text += f", mostly in the {SUBSYSTEM_WORDS.get(rest['subsystem'], rest['subsystem'])}"
+        parts.append(f'<p id="rest">{escape(text)}.</p>')
+    return "".join(parts) + "</section>"
+
+
+def _what(diagnosis: dict[str, Any], details: Details) -> str:
+    parts = ["<section><h2>What causes it</h2>"]
+    if diagnosis["effects"]:
+        rows, attributes = [], []
+        for effect in diagnosis["effects"]:
+            known = CATALOGUE.get(effect["id"])
+            for k, (name, p) in enumerate(effect["parameters"].items()):
+                interval = p.get("ci90")
+                unit = unit_of(effect["id"], name)
+                pinned = "not pinned by these runs" if interval is None else (
+                    f"{number(interval[0], 4)} to {number(interval[1], 4)}")
+                rows.append([escape(effect_name(effect)) if k == 0 else "", percent(effect["probability"]) if k == 0 else "",
+                             escape(name), f"{number(p['value'], 4)} {escape(unit)}", pinned,
+                             escape(known.advice) if known and k == 0 else ""])
+                attributes.append(f'class="effect" data-id="{effect["id"]}" data-side="{effect["side"]}" '
+                                  f'data-parameter="{escape(name)}"')
+        parts.append(_table([("effect", False), ("probability", True), ("parameter", False), ("value", True),
+                             ("90 % interval", True), ("what to do", False)], rows, attributes, "effects"))
+        for effect in diagnosis["effects"]:
+            known = CATALOGUE.get(effect["id"])
+            if known:
+                parts.append(f'<p class="small soft">{escape(effect_name(effect))}: {escape(known.equation)}</p>')
+    else:
+        parts.append('<p class="soft">No effect is blamed.</p>')
+
+    parts.append("<h3>Explanations, best first</h3>")
+    reasons = {_key(c.effects): c for c in details.candidates}
+    blamed = _key(diagnosis["effects"])
+    rows, attributes, seen = [], [], set()
+    for alternative in diagnosis["alternatives"]:
+        key = _key(alternative["effects"])
+        seen.add(key)
+        c = reasons.get(key)
+        rows.append(_explanation(alternative["effects"], alternative["probability"], c))
+        attributes.append(f'data-probability="{alternative["probability"]:.6g}"'
+                          + (' class="blamed"' if key == blamed and diagnosis["verdict"] != "unknown" else ""))
+    head = [("explanation", False), ("probability", True), ("explains, noise²", True), ("t, held out", True),
+            ("why", False)]
+    parts.append(_table(head, rows, attributes, "alternatives"))
+    others = [c for c in details.candidates if _key(c.effects) not in seen]
+    if others:
+        parts.append(f"<details><summary>{len(others)} more that were tried</summary>")
+        parts.append(_table(head, [_explanation(c.effects, c.probability, c) for c in others], None, "rejected"))
+        parts.append("</details>")
+    moved = {s: v for s, v in (diagnosis.get("nominal_fit") or {}).items() if v}
+    if moved:
+        parts.append("<h3>Motor values refitted within their 1 % (no cause)</h3>")
+        rows = [[{"l": "left", "r": "right"}.get(s, s), escape(name), number(value, 5)]
+                for s, values in sorted(moved.items()) for name, value in values.items()]
+        parts.append(_table([("side", False), ("value", False), ("refitted", True)], rows, None, "nominal_fit"))
+    return "".join(parts) + "</section>"
+
+
+def _key(effects: list[dict[str, Any]] | str) -> Any:
+    return effects if isinstance(effects, str) else tuple(sorted((e["id"], e["side"]) for e in effects))
+
+
+def _explanation(effects: list[dict[str, Any]] | str, probability: float | None, candidate: Any) -> list[str]:
+    fitted = ""
+    if candidate is not None and candidate.parameters:
+        fitted = '<br><span class="small soft">' + escape("; ".join(
+            f"{name} = {value_words(e['id'], name, entry)}"
+            for e, values in zip(candidate.effects, candidate.parameters, strict=False)
+            for name, entry in values.items())) + "</span>"
+    share = percent(probability) if probability is not None else "–"
+    return [escape(explanation_name(effects)) + fitted, _bar(probability, 1.0, "", 60) + share,
+            number(candidate.improvement) if candidate else "–", number(candidate.held_out_t) if candidate else "–",
+            escape(candidate.reason) if candidate else ""]
+
+
+def _plots(details: Details) -> str:
+    data = {run: {channel: _decimated(trace, UNITS.get(channel, UNITS.get(channel[:-2], "")))
+                  for channel, trace in channels.items()} for run, channels in details.traces.items() if channels}
+    if not data:
+        return ""
+    return ('<section><h2>Measured against replay</h2><div class="controls"><label>run <select id="run"></select></label>'
+            '<span id="keys"></span><button id="reset" type="button">whole run</button>'
+            '<span class="soft small">wheel zooms, dragging moves, double click shows all</span></div>'
+            '<div id="plots"></div>'
+            f'<script type="application/json" id="traces">{_json(data)}</script></section>')
+
+
+def _gaps(diagnosis: dict[str, Any], details: Details) -> str:
+    parts = ["<section><h2>The gap by channel, regime and run</h2>",
+             '<p class="small soft">Units of noise, on runs that were not used for the fit.</p>',
+             _gap_table("channel", diagnosis["gap"].get("channels") or {}, "channels")]
+    if details.regimes:
+        parts += ["<h3>By regime</h3>", _gap_table("regime", details.regimes, "regimes")]
+    if details.run_gaps:
+        parts += ["<h3>By run</h3>", _gap_table("run", details.run_gaps, "runs")]
+    return "".join(parts) + "</section>"
+
+
+def _next(diagnosis: dict[str, Any], details: Details) -> str:
+    parts = ["<section><h2>What these runs cannot tell, and the next experiment</h2>"]
+    sets = diagnosis["indistinguishable"]
+    if sets:
+        parts.append("<p>Alike in these runs:</p><ul id=indistinguishable>" + "".join(
+            "<li>" + escape(" · ".join(effect_name(m) for m in s)) + "</li>" for s in sets) + "</ul>")
+    else:
+        parts.append('<p id="indistinguishable" class="soft">No rival fits as well as what is blamed.</p>')
+    plan = diagnosis.get("next_experiment")
+    if plan:
+        separation = plan.get("expected_separation")
+        parts.append(f'<p id="next">Record <b>{escape(str(plan["scenario"]))}</b> next: {escape(str(plan.get("why", "")))}'
+                     + (f" Expected separation: {number(separation)} standard errors." if separation is not None else "")
+                     + "</p>"
+                     f'<pre>rtds run {escape(str(plan["scenario"]))} --robot robot.toml --out next-run</pre>')
+        if plan.get("separates"):
+            parts.append('<p class="small">It separates ' + escape(" from ".join(
+                effect_name(e) for e in plan["separates"])) + ".</p>")
+    else:
+        parts.append('<p id="next" class="soft">No further experiment is needed to tell rivals apart.</p>')
+    for note in details.notes:
+        parts.append(f'<p class="small soft">{escape(note)}</p>')
+    return "".join(parts) + "</section>"
+
+
+def _condition(details: Details) -> str:
+    parts = ["<section><h2>The data's condition</h2>"]
+    findings = details.gate.findings if details.gate is not None else ()
+    if findings:
+        rows = [[f'<span class="{f.severity}">{f.severity}</span>', escape(f.run or "all"), escape(f.channel),
+                 escape(f.text)] for f in findings]
+        parts.append(_table([("", False), ("run", False), ("channel", False), ("finding", False)], rows,
+                            [f'data-kind="{escape(f.kind)}"' for f in findings], "findings"))
+    else:
+        parts.append('<p id="findings" class="soft">Nothing to complain about.</p>')
+    rows = []
+    for log in details.case.runs:
+        meta = log.meta
+        channels = ", ".join(c for c in log.columns if log.has(c) and not c.startswith("w_ref"))
+        rows.append([escape(log.name), f"{log.t[-1] - log.t[0]:.1f} s", str(len(log.t)),
+                     f"{1 / float(np.median(np.diff(log.t))):.3g} Hz", f"{meta.payload_kg:g} kg", f"{meta.slope_rad:g} rad",
+                     escape(channels)])
+    parts.append("<h3>Runs</h3>")
+    parts.append(_table([("run", False), ("length", True), ("rows", True), ("rate", True), ("payload", True),
+                         ("slope", True), ("channels", False)], rows, None, "recorded"))
+    return "".join(parts) + "</section>"
+
+
+def page(diagnosis: dict[str, Any], details: Details) -> str:
+    """The whole report as a string of HTML."""
+    title = f"{details.case.name}: {diagnosis['verdict']}"
+    body = "".join([_head(diagnosis, details), _where(diagnosis, details), _what(diagnosis, details),
+                    _plots(details), _gaps(diagnosis, details), _next(diagnosis, details), _condition(details)])
+    return ("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
+            "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"
+            # The page may load nothing: what it shows is all inside it.
+            "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
+            "script-src 'unsafe-inline'; img-src data:\">"
+            "<link rel=\"icon\" href=\"data:,\">"
+            f"<title>{escape(title)}</title><style>{_asset('style.css')}</style></head><body><main>{body}</main>"
+            f'<script type="application/json" id="diagnosis">{_json(diagnosis)}</script>'
+            f"<script>{_asset('plots.js')}</script></body></html>\n")
+
+
+def write_report(path: str | os.PathLike | None, diagnosis: dict[str, Any], details: Details) -> str:
+    """Write the report and return its text; with `path` None only return it.
+
+    Raises
+    ------
+    OutputError : the place cannot be written.
+    """
+    text = page(diagnosis, details)
+    if path is not None:
+        write_atomic(path, text)
+    return text

@@ -1,0 +1,57 @@
+"""The answer on the terminal: a few lines."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from rtds_host.diagnosis.report.details import Details
+from rtds_host.diagnosis.report.words import (
+    SUBSYSTEM_WORDS,
+    effect_name,
+    explanation_name,
+    number,
+    percent,
+    value_words,
+    verdict_sentence,
+)
+
+_STYLE = {"none": "green", "known": "cyan", "unknown": "red"}
+
+
+def print_summary(console: Console, diagnosis: dict[str, Any], details: Details) -> None:
+    """Print verdict, place, causes, rivals, gap, warnings and the next experiment."""
+    verdict = diagnosis["verdict"]
+    console.print(f"[bold]{escape(details.case.name)}[/] [{_STYLE[verdict]} bold]{verdict}[/]  "
+                  f"{escape(verdict_sentence(diagnosis))}")
+    if diagnosis["located"]:
+        console.print("  located  " + ", ".join(f"{SUBSYSTEM_WORDS[e['subsystem']]} {percent(e['share'])}"
+                                               for e in diagnosis["located"] if e["share"] >= 0.005))
+    for effect in diagnosis["effects"]:
+        values = ", ".join(f"{name} = {value_words(effect['id'], name, p)}" for name, p in effect["parameters"].items())
+        console.print(f"  effect   {escape(effect_name(effect))}: {escape(values)}")
+    rivals = diagnosis["alternatives"]
+    if len(rivals) > 1:
+        console.print("  odds     " + escape("; ".join(f"{explanation_name(a['effects'])} {percent(a['probability'])}"
+                                                       for a in rivals[:4])))
+    gap = diagnosis["gap"]
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_edge=False)
+    table.add_column("  gap", style="bold")
+    for name in ("nominal", "refitted", "with effects", "closed"):
+        table.add_column(name, justify="right")
+    table.add_row("  held out", number(gap.get("before")), number(gap.get("refit")), number(gap.get("after")),
+                  percent(gap.get("closed")))
+    console.print(table)
+    warnings = details.gate.warnings if details.gate is not None else ()
+    for finding in warnings[:5]:
+        console.print(f"  [yellow]{finding.severity}[/]  {escape(' '.join(p for p in (finding.run, finding.text) if p))}")
+    if len(warnings) > 5:
+        console.print(f"  [yellow]and {len(warnings) - 5} more warnings, see the report[/]")
+    plan = diagnosis.get("next_experiment")
+    if plan:
+        console.print(f"  next     rtds run {escape(str(plan['scenario']))}: {escape(str(plan.get('why', '')))}")
+    if details.seconds is not None:
+        console.print(f"  [dim]{details.seconds:.1f} s[/]")
