@@ -18,6 +18,10 @@ SUPPORTS = ("skids", "caster")
 # Turtlebot3's caster (its URDF): behind the axle; the wheel's axis stands 23 mm above the base frame.
 CASTER_X_M = -0.081
 SKID_RADIUS_M = 0.005
+# The nominal model rolls without slip and does not pitch. A step of 20 V asks for 17 m/s^2: with the centre of mass 55 mm
+# up, skids nearer than 0.18 m would take the load off the wheels, and tyres below 3 would slide.
+SKID_ARM_M = 0.25
+TYRE_FRICTION = 10.0
 MAX_INERTIA_RATIO = 0.8
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rtds_host.errors import InputError
-from rtds_host.robot.body import CASTER_X_M, SKID_RADIUS_M, Body
+from rtds_host.robot.body import CASTER_X_M, SKID_ARM_M, SKID_RADIUS_M, Body
 
 WHEEL_JOINTS = ("wheel_left_joint", "wheel_right_joint")
 
@@ -45,12 +45,11 @@ def base_inertia(body: Body) -> BaseInertia:
 
 
 def supports(body: Body) -> list[tuple[str, float]]:
-    """Frictionless points of support: name and x [m]. Skids stand fore and aft of the centre of mass at a track
-    width's distance; the caster is the Turtlebot3's own, behind the axle alone."""
+    """Frictionless points of support: name and x [m]. Skids stand fore and aft of the centre of mass; the caster is the Turtlebot3's own, behind the axle alone."""
     if body.support == "caster":
         return [("caster", CASTER_X_M)]
-    return [("skid_front", body.com_m[0] + 0.5 * body.track_width_m),
-            ("skid_rear", body.com_m[0] - 0.5 * body.track_width_m)]
+    return [("skid_front", body.com_m[0] + SKID_ARM_M),
+            ("skid_rear", body.com_m[0] - SKID_ARM_M)]
 
 
 def make_urdf(body: Body) -> str:

@@ -119,6 +119,24 @@ def test_work_of_the_wheels_is_the_energy_the_robot_gains(burger, engine):
 
 
 @engines
+@pytest.mark.parametrize("sides", [(1.0, 1.0), (-1.0, 1.0)])
+def test_the_hardest_step_of_voltage_makes_no_tyre_slide(burger, engine, sides):
+    """From 10 V one way to 10 V the other: 540 rad/s^2 at the wheels, 18 m/s^2."""
+    t = np.arange(1, 101) * STEP_S
+    turn = 5.0 * (2.0 * np.exp(-t / 0.0185) - 1.0)
+    with open_engine(engine, make_body(burger)) as robot:
+        robot.advance(ramp(0.5, 5.0 * np.array(sides), rise=0.4))
+        before = robot.state()
+        robot.advance(turn[:, None] * np.array(sides))
+        after = robot.state()
+    travel = 0.033 * STEP_S * (turn.sum() - 0.5 * (turn[-1] - 5.0))
+    if sides[0] > 0:
+        assert after.x_m - before.x_m == pytest.approx(travel, abs=2e-5)
+    else:
+        assert after.yaw_rad - before.yaw_rad == pytest.approx(2.0 * travel / 0.160, abs=4e-4)
+
+
+@engines
 def test_robot_stays_level_downhill_on_its_skids(burger, engine):
     with open_engine(engine, make_body(burger, 2.0, 0.1, uphill_yaw_rad=math.pi)) as robot:
         robot.advance(ramp(1.0, (5.0, 5.0)))
