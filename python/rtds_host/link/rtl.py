@@ -77,6 +77,7 @@ class RtlLink:
 
     Attributes
     ----------
+    timeout_s : as given; may be changed while the link is open.
     pid : process id of the simulator.
     simulator : its name and version, as it says itself.
     clocks : clocks simulated so far, reset included.
@@ -100,7 +101,7 @@ class RtlLink:
         self.clocks = 0
         self._sim = sim
         self._step_clocks = _period(step_clocks)
-        self._timeout_s = timeout_s
+        self.timeout_s = timeout_s
         self._steps = 0
         self._closed = False
         top = TOPS[top] if isinstance(top, str) else top
@@ -251,13 +252,13 @@ class RtlLink:
 
     def _ask(self, kind: int, payload: bytes, expected: int) -> bytes:
         try:
-            self._socket.settimeout(self._timeout_s)
+            self._socket.settimeout(self.timeout_s)
             protocol.send_frame(self._socket, kind, payload)
         except TimeoutError as error:
-            raise self._no_answer(self._timeout_s) from error
+            raise self._no_answer(self.timeout_s) from error
         except OSError as error:
             raise self._gone() from error
-        return self._answer(expected, self._timeout_s)
+        return self._answer(expected, self.timeout_s)
 
     def _answer(self, expected: int, timeout_s: float) -> bytes:
         try:

@@ -29,9 +29,10 @@ def is_running(pid):
 
 @pytest.fixture
 def link(simulator):
-    with open_link("rtl", sim=simulator, timeout_s=TIMEOUT_S) as link:
+    with open_link("rtl", sim=simulator) as link:
         link.set_parameters(**BURGER)
         link.exchange([1.0, 1.0], [0.0, 0.0], STEP_S)
+        link.timeout_s = TIMEOUT_S  # from here on no answer is expected
         yield link
 
 
@@ -142,7 +143,7 @@ def test_a_simulator_that_misbehaves_gives_one_line(tmp_path, monkeypatch, body,
     top = top_with_bridge(tmp_path, body)
 
     def use():
-        with RtlLink(top=top, timeout_s=TIMEOUT_S, start_timeout_s=TIMEOUT_S if body == SILENT else 30.0) as link:
+        with RtlLink(top=top, start_timeout_s=TIMEOUT_S if body == SILENT else 30.0) as link:
             link.set_parameters(**BURGER)
             one_step(link)
 
