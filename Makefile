@@ -8,7 +8,7 @@ BROWSER = $(shell command -v chromium >/dev/null 2>&1 && command -v chromedriver
 OUT    ?= out
 export SIM
 
-.PHONY: setup system run test test-long sim lint bench blind blind-long clean
+.PHONY: setup system run test test-long sim lint formal synth mutate registers bench blind blind-long clean
 
 setup: $(VENV)/.ready
 
@@ -44,6 +44,20 @@ sim: setup system
 
 lint: setup
 	$(BIN)/ruff check python tb sim examples
+	$(BIN)/python tb/lint/lint.py
+
+formal: setup
+	$(BIN)/python tb/formal/formal.py
+
+synth: setup
+	$(BIN)/python tb/synth/synth.py
+
+mutate: setup system
+	$(BIN)/python tb/mutate/mutate.py
+
+# After a change of python/rtds_host/link/registers.toml.
+registers: setup
+	$(BIN)/python -m rtds_host.link.register_files .
 
 bench: setup
 	$(BIN)/python -m rtds_host.bench
