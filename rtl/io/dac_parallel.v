@@ -161,6 +161,21 @@ module dac_parallel #(
   assign dac_ldac_no  = !ldac_q;
   assign dac_reset_no = reset_off_q;
 
+`ifdef FORMAL
+  // Invariants for tb/formal: the counters stay within a transfer, the strobes follow them.
+  always @* begin
+    assert (phase_q <= LAST_PHASE && slot_q <= (busy_q ? SLOT_LDAC : SLOT_LDAC + 3'd1) && boot_q <= RESET_CLOCKS);
+    if (!booted) assert (!reset_off_q);
+    if (!reset_off_q) assert (!busy_q && !cs_q && !ldac_q && !calm_q);
+    assert (!(cs_q && ldac_q));
+    if (!busy_q) assert (!cs_q && !ldac_q);
+    if (busy_q && !ldac_slot) begin
+      assert (cs_q == (phase_q >= 3'd1 && phase_q <= 3'd3) && !ldac_q && address_q == slot_q[1:0]);
+    end
+    if (busy_q && ldac_slot) assert (!cs_q && ldac_q == (phase_q >= 3'd2));
+  end
+`endif
+
 endmodule
 
 `default_nettype wire

@@ -139,6 +139,37 @@ module ltc2308_spi (
   assign code_o  = code_q;
   assign valid_o = valid_q;
 
+`ifdef FORMAL
+  // For tb/formal: pulses of SCK and results of the present cycle, counted.
+  reg [3:0] f_pulses;
+  reg [1:0] f_results;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      f_pulses  <= 4'd0;
+      f_results <= 2'd0;
+    end else if (last) begin
+      f_pulses  <= 4'd0;
+      f_results <= 2'd0;
+    end else begin
+      if (sck_en) f_pulses <= f_pulses + 4'd1;
+      if (valid_q) f_results <= f_results + 2'd1;
+    end
+  end
+
+  always @* begin
+    assert (count_q < CYCLE);
+    assert (valid_q == (active_q && count_q == CONVERSION + BITS + 7'd1));
+    assert (!cnv_q || (active_q && count_q == 7'd0));
+    if (!active_q || count_q < CONVERSION) assert (f_pulses == 4'd0);
+    else if (count_q < CONVERSION + BITS) assert ({3'd0, f_pulses} == count_q - CONVERSION + 7'd1);
+    else assert (f_pulses == BITS[3:0]);
+    assert (f_results == {1'b0, active_q && count_q > CONVERSION + BITS + 7'd1});
+    // Every cycle that ends has had its twelve pulses and its one result.
+    if (last && active_q) assert (f_pulses == BITS[3:0] && f_results == 2'd1);
+  end
+`endif
+
 endmodule
 
 `default_nettype wire

@@ -8,7 +8,9 @@
 // Crossing    locked_o is asynchronous to every clock. The outputs have a fixed phase to refclk_i, yet the
 //             crossings of this chip do not depend on it (cdc_handshake).
 `default_nettype none
+`ifndef SYNTHESIS
 `timescale 1ns / 1ps
+`endif
 
 module pll_adc #(
     parameter LOCK_NS = 2000  // simulation only

@@ -51,15 +51,15 @@ module rtds_regs #(
   localparam [1:0] RESP_REFUSED = 2'd2;
   localparam [1:0] RESP_NONE = 2'd3;
 
-  localparam integer NOW_WORDS = 12;
-  localparam integer CODE_WORDS = 5;
+  localparam [7:0] NOW_WORDS = 8'd12;
+  localparam [7:0] CODE_WORDS = 8'd5;
 
   wire [7:0] address = avs_address_i;
   wire       write = avs_write_i;
   wire       read = avs_read_i;
 
   wire [7:0] cfg_index = address - CFG_FIRST;
-  wire       in_config = (address >= CFG_FIRST) && (cfg_index < CFG_WORDS);
+  wire       in_config = (address >= CFG_FIRST) && (cfg_index < CFG_WORDS[7:0]);
   wire [7:0] now_index = address - ADDR_NOW_I_L;
   wire       in_now = (address >= ADDR_NOW_I_L) && (now_index < NOW_WORDS);
   wire [7:0] code_index = address - ADDR_CODES_V;

@@ -1,6 +1,7 @@
 // Register map: addresses (32-bit words), bit positions, reset values.
 // Made from python/rtds_host/link/registers.toml by `make registers`; do not edit.
-// To be included inside a module; a module uses a part of it.
+// To be included inside a module; a module uses a part of it, hence the waiver.
+// verilator lint_off UNUSEDPARAM
 
 localparam [31:0] MAP_ID = 32'h52544453;
 localparam [31:0] MAP_VERSION = 32'h00010000;
@@ -181,3 +182,5 @@ localparam [32*CFG_WORDS-1:0] CFG_RESET = {
 };
 
 localparam [31:0] CONTROL_RESET = 32'h00000001;
+
+// verilator lint_on UNUSEDPARAM

@@ -52,6 +52,13 @@ def test_faults(simulator):
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", FAULTS)
+def test_one_fault(name):
+    """One of them alone (for the mutants)."""
+    bench(DEFAULT, "tb_faults", testcase=[name])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", FAULTS)
 def test_faults_at_every_phase(name):
     """The wide sweeps: every clock of a step, every 100 ps between the clocks."""
     bench(SIMULATORS[0], "tb_faults", long=True, testcase=[name])

@@ -20,7 +20,8 @@ def verilog_header(regs: RegisterMap) -> str:
     lines = [
         "// Register map: addresses (32-bit words), bit positions, reset values.",
         f"// Made from python/rtds_host/link/registers.toml by `{COMMAND}`; do not edit.",
-        "// To be included inside a module; a module uses a part of it.",
+        "// To be included inside a module; a module uses a part of it, hence the waiver.",
+        "// verilator lint_off UNUSEDPARAM",
         "",
         f"localparam [31:0] MAP_ID = 32'h{regs.identity:08X};",
         f"localparam [31:0] MAP_VERSION = 32'h{regs.version_word:08X};",
@@ -44,7 +45,7 @@ def verilog_header(regs: RegisterMap) -> str:
     ]
     lines += ["};", ""]
     control = regs.named("CONTROL")
-    lines += [f"localparam [31:0] CONTROL_RESET = 32'h{control.reset:08X};"]
+    lines += [f"localparam [31:0] CONTROL_RESET = 32'h{control.reset:08X};", "", "// verilator lint_on UNUSEDPARAM"]
     return "\n".join(lines) + "\n"
 
 

