@@ -198,6 +198,7 @@ def summarise(records: list[dict]) -> dict:
     return {
         "cases": len(records), "answered": sum(r["answered"] for r in records),
         **{name: share(records, name) for name, _ in FIGURES},
+        "predictions_failed": sum(bool(r.get("closure")) and "error" in r["closure"] for r in records),
         "closure": {"count": len(closed), "median": _rounded(np.median(closed)) if closed else None,
                     "quartiles": [_rounded(q) for q in np.percentile(closed, [25, 75])] if closed else None},
         "parameter_error_median": _rounded(np.median(errors)) if errors else None,
@@ -405,6 +406,7 @@ def page(result: dict) -> str:
         return "–" if c["median"] is None else f"{c['median']:.2f} ({c['quartiles'][0]:.2f} to {c['quartiles'][1]:.2f})"
 
     lines.append(line("closure on unseen runs, median (quartiles)", closed))
+    lines.append(line("predictions that failed", lambda t: str(t["predictions_failed"])))
     lines.append(line("parameter error, median", lambda t: "–" if t["parameter_error_median"] is None
                       else f"{100 * t['parameter_error_median']:.1f} %"))
     lines.append(line("90 % intervals that hold the truth", lambda t: _cell(t["coverage90"])))
