@@ -29,6 +29,9 @@ PARSIMONY = 1.0
 # What further parameters of a form must gain in chi2 before it is another explanation than the form without them.
 IDLE_GAIN = 8.0
 FOLD_S = 5.0
+# Effects whose misfit has many minima (impacts, resonances), and where to look about one.
+ROUGH = ("backlash", "gear_compliance")
+ROUGH_FACTORS = (0.6, 0.75, 0.83, 0.88, 0.92, 0.96, 1.04, 1.08, 1.13, 1.2, 1.35, 1.6)
 
 
 @dataclass
@@ -173,11 +176,31 @@ class Search:
             costs = [float(r @ r) / self.scale + float(s @ s)
                      for r, s in zip(self.problem.residuals(models), starts)]
             z = starts[int(np.argmin(costs))]
-        fit = self.fitter.fit(hypothesis, start, z, self.scale, iterations, fresh)
+        fit = self._scan(self.fitter.fit(hypothesis, start, z, self.scale, iterations, fresh), iterations)
         known = self.fits.get(hypothesis)
         if known is None or fit.chi2 / self.scale + fit.prior < known.chi2 / self.scale + known.prior:
             self.fits[hypothesis] = fit
         return self.fits[hypothesis]
+
+    def _scan(self, fit: Fit, iterations: int) -> Fit:
+        """Look about an optimum of an effect whose misfit is rough, and fit again from what is found there."""
+        at = 0
+        for effect, _ in fit.hypothesis:
+            if effect in ROUGH:
+                trials = []
+                for factor in ROUGH_FACTORS:
+                    u = fit.u.copy()
+                    p = CATALOGUE[effect].parameters[0]
+                    u[at] = (min(max((p.null + p.spread * u[at]) * factor, p.low), p.high) - p.null) / p.spread
+                    trials.append(u)
+                costs = [float(r @ r) / self.scale for r in self.problem.residuals(
+                    [apply(self.problem.with_nuisances(fit.z), fit.hypothesis, to_values(fit.hypothesis, u))
+                     for u in trials])]
+                best = int(np.argmin(costs))
+                if costs[best] < fit.chi2 / self.scale:
+                    fit = self.fitter.fit(fit.hypothesis, trials[best], fit.z, self.scale, iterations)
+            at += len(CATALOGUE[effect].parameters)
+        return fit
 
     def cost(self, fit: Fit) -> float:
         return fit.chi2 / self.scale + fit.prior

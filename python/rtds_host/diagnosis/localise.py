@@ -47,7 +47,7 @@ TITLES = {
 # Signatures of the contract's nuisances, ratios all; beyond `NAMED` a ratio is a cause of its own.
 NUISANCES = ("winding:resistance", "winding:constant", "drivetrain:inertia", "drivetrain:viscous")
 NAMED = 0.03
-DELAYS_S = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08)
+DELAYS_S = (0.002, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08)
 # A signature is believed when it explains at least this share of what is left, or of what there was.
 BELIEVED = 0.35
 BELIEVED_OF_ALL = 0.03
@@ -72,7 +72,7 @@ class Block:
 @dataclass(frozen=True)
 class Localisation:
     """Blocks of a case, the share of each subsystem and the signatures that made it; `lost`: what missing channels
-    keep from being told apart; `lag_s`: delay of the response that fits the blocks best."""
+    keep from being told apart; `lag_s`: delay of `DELAYS_S` that fits the blocks best, 0 without one."""
 
     blocks: tuple[Block, ...]
     located: dict[str, float]
@@ -953,6 +953,8 @@ def _share(sums: _Sums) -> tuple[dict[str, float], list[tuple[str, str, float]],
             held |= over
         return float(2.0 * theta @ c - theta @ g @ theta), theta
 
+    # The column of a speed sensor's fault holds that sensor's noise: it counts only where the two readings disagree.
+    twice = any(excess.get(f"speed_twice_{s}", 0.0) > 0.2 * count.get(f"speed_twice_{s}", 0) for s in "lr")
     located = dict.fromkeys(SUBSYSTEMS, 0.0)
     chosen: list[tuple[str, str, float]] = []
     picked: list[int] = list(always)
@@ -968,7 +970,7 @@ def _share(sums: _Sums) -> tuple[dict[str, float], list[tuple[str, str, float]],
     for _ in range(6):
         best = None
         for group, members in groups.items():
-            if "steady" in group or any(group == g for g, _, _ in chosen):
+            if "steady" in group or (group == "sensing:speed_fault" and not twice) or any(group == g for g, _, _ in chosen):
                 continue
             extra = [j for j in members if j not in picked]
             value, _ = fit(picked + extra, loose | set(members))
@@ -995,10 +997,13 @@ def _share(sums: _Sums) -> tuple[dict[str, float], list[tuple[str, str, float]],
                 located[subsystem] += part * left * value / scale if scale > 0 else 0.0
     total = sum(located.values())
     located = {s: float(v / total) if total > 0 else 0.0 for s, v in located.items()}
-    late = [(float(names[j].split("late")[1]), theta[n]) for n, j in enumerate(picked) if ":late" in names[j]]
-    weight = sum(share for _, share in late)
-    lag = sum(delay * share for delay, share in late) / max(weight, 1.0)
-    return located, chosen, float(lag)
+    lag = 0.0
+    if any(group == "timing:late" for group, _, _ in chosen):
+        late = groups["timing:late"]
+        others = [j for j in picked if j not in late]
+        lag = max(late, key=lambda j: fit([*others, j], loose)[0])
+        lag = float(names[lag].split("late")[1])
+    return located, chosen, lag
 
 
 def _owner(block: str, sums: _Sums, excess: dict[str, float]) -> dict[str, float]:

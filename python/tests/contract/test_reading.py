@@ -1,0 +1,155 @@
+"""Reading robots, runs and cases: what is accepted, and the one line that bad input gets."""
+
+import json
+
+import numpy as np
+import pytest
+
+from rtds_host.contract import (RunMeta, builtin_robot, builtin_robot_path, load_robot, read_case, read_run, write_run)
+from rtds_host.errors import InputError
+
+HEADER = "t,v_cmd_l,v_cmd_r,w_l,w_r\n"
+
+
+@pytest.fixture
+def case(tmp_path):
+    (tmp_path / "robot.toml").write_text(builtin_robot_path("burger").read_text())
+    run = tmp_path / "run-1"
+    run.mkdir()
+    (run / "run.json").write_text(json.dumps(RunMeta("steps").to_json()))
+    (run / "log.csv").write_text(HEADER + "0,1,1,0,0\n0.01,1,1,0.1,0.1\n0.02,1,1,0.2,0.2\n")
+    return tmp_path
+
+
+def refuse(folder, *words):
+    with pytest.raises(InputError) as error:
+        read_case(folder)
+    line = str(error.value)
+    assert "\n" not in line
+    for word in words:
+        assert word in line, line
+
+
+@pytest.mark.parametrize("text,words", [
+    ("t,v_cmd_l,w_l\n0,1,0\n1,1,0\n", ["log.csv", "v_cmd_r", "missing"]),
+    ("t,v_cmd_l,v_cmd_r\n0,1,1\n1,1,1\n", ["w_*", "th_*"]),
+    (HEADER + "0,1,1,0,0\n0.01,1,1,0,0\n0.005,1,1,0,0\n", ["row 4", "time goes back"]),
+    (HEADER + "0,1,1,0,0\n0,1,1,0,0\n", ["row 3", "stands still"]),
+    (HEADER + "0,1,1,nan,0\n1,1,1,0,0\n", ["row 2", "w_l"]),
+    (HEADER + "0,1,1,inf,0\n1,1,1,0,0\n", ["row 2", "w_l"]),
+    (HEADER + "0,1,1,fast,0\n1,1,1,0,0\n", ["row 2", "w_l", "fast"]),
+    (HEADER + "0,,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l", "empty"]),
+    (HEADER + "0,1,1,0,0\n1,1,1,0\n", ["row 3", "truncated"]),
+    (HEADER + "0,1,1,0,0\n1,1,1,0", ["row 3", "truncated"]),
+    (HEADER + "0,1,1,0,0\n", ["at least 2"]),
+    (HEADER + "0,1e6,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l"]),
+    ("t,t,v_cmd_l,v_cmd_r,w_l\n0,0,1,1,1\n", ["twice"]),
+    ("", ["empty"]),
+])
+def test_a_bad_log_is_named_by_file_row_and_column(case, text, words):
+    (case / "run-1" / "log.csv").write_text(text)
+    refuse(case, "run-1", *words)
+
+
+def test_a_truncated_parquet_file_is_named(case):
+    run = case / "run-1"
+    (run / "log.csv").unlink()
+    t = np.arange(500) * 0.01
+    write_run(run, RunMeta("x"), {"t": t, "v_cmd_l": t, "v_cmd_r": t, "w_l": t}, form="parquet")
+    data = (run / "log.parquet").read_bytes()
+    (run / "log.parquet").write_bytes(data[: len(data) // 2])
+    refuse(case, "log.parquet", "Parquet")
+
+
+@pytest.mark.parametrize("edit,words", [
+    (lambda d: d.update(schema="rtds-run/9"), ["schema"]),
+    (lambda d: d.update(slope_rad=5.7), ["slope_rad", "degrees"]),
+    (lambda d: d.update(payload_kg=-1), ["payload_kg"]),
+    (lambda d: d.update(uphill_yaw_rad="north"), ["uphill_yaw_rad"]),
+])
+def test_a_bad_run_json_is_named_by_key(case, edit, words):
+    path = case / "run-1" / "run.json"
+    data = json.loads(path.read_text())
+    edit(data)
+    path.write_text(json.dumps(data))
+    refuse(case, "run.json", *words)
+
+
+@pytest.mark.parametrize("old,new,words", [
+    ("resistance_ohm = 8.6", "", ["[motor]", "resistance_ohm", "missing"]),
+    ("resistance_ohm = 8.6", "resistance_ohm = 0", ["resistance_ohm", "above 0"]),
+    ("resistance_ohm = 8.6", "resistance_ohm = nan", ["resistance_ohm", "finite"]),
+    ("resistance_ohm = 8.6", "resistance_ohm = '8.6'", ["resistance_ohm", "number"]),
+    ("wheel_radius_m = 0.033", "wheel_radius_m = 33", ["wheel_radius_m", "within"]),
+    ("gear_ratio = 258.5", "gear_ratio = -258.5", ["gear_ratio", "above 0"]),
+    ("[supply]", "[suply]", ["[supply]", "missing"]),
+    ('schema = "rtds-robot/1"', 'schema = "rtds-robot/2"', ["schema"]),
+    ("[motor]", "[motor", ["TOML"]),
+])
+def test_a_bad_robot_is_named_by_table_and_key(case, old, new, words):
+    path = case / "robot.toml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    refuse(case, "robot.toml", *words)
+
+
+def test_an_empty_folder_and_a_folder_without_runs_are_refused(tmp_path, case):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    refuse(empty, "empty")
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    (bare / "robot.toml").write_text(builtin_robot_path("burger").read_text())
+    refuse(bare, "no run")
+
+
+def test_runs_of_different_robots_in_one_case_are_refused(case):
+    text = builtin_robot_path("burger").read_text().replace("wheel_radius_m = 0.033", "wheel_radius_m = 0.04")
+    (case / "run-1" / "robot.toml").write_text(text)
+    refuse(case, "another robot")
+
+
+def test_empty_cells_keep_commands_and_leave_measurements_out_and_strange_columns_are_ignored_with_a_notice(case):
+    (case / "run-1" / "log.csv").write_text(
+        "t,v_cmd_l,v_cmd_r,w_l,mood\n0,1,2,0,9\n0.01,,,,\n0.03,3,,0.2,good\n")
+    run = read_case(case).runs[0]
+    assert list(run.columns["v_cmd_l"]) == [1, 1, 3] and list(run.columns["v_cmd_r"]) == [2, 2, 2]
+    assert np.isnan(run.columns["w_l"][1]) and "mood" not in run.columns
+    assert any("mood" in notice for notice in run.notices)
+
+
+def test_what_is_written_is_read_back_the_same(tmp_path):
+    t = np.arange(5) * 0.01
+    w = np.array([0, np.nan, 0.1, np.nan, 0.25])
+    for form in ("csv", "parquet"):
+        write_run(tmp_path / form, RunMeta("x", 2.0, 0.1, 1.5, "n"), {"t": t, "v_cmd_l": t, "v_cmd_r": -t, "w_l": w},
+                  form=form)
+        run = read_run(tmp_path / form)
+        assert run.meta == RunMeta("x", 2.0, 0.1, 1.5, "n")
+        assert np.array_equal(run.columns["w_l"], w, equal_nan=True) and np.array_equal(run.t, t)
+
+
+def test_an_axis_needs_only_the_left_columns_and_torque_mode_no_winding(tmp_path):
+    path = tmp_path / "robot.toml"
+    path.write_text("""
+schema = "rtds-robot/1"
+[motor]
+rotor_inertia_kg_m2 = 0.0
+viscous_friction_nm_s_per_rad = 1e-5
+gear_ratio = 1.0
+[supply]
+voltage_v = 10.0
+[axis]
+kind = "linear"
+mass_kg = 95.0
+metres_per_rad = 4e-4
+[driver]
+mode = "torque"
+torque_nm_per_v = 0.014
+[sensors]
+w_rad_s = 0.02
+""")
+    robot = load_robot(path)
+    assert robot.sides == ("l",) and np.isnan(robot.motor.resistance_ohm)
+    assert builtin_robot("burger").sides == ("l", "r")

@@ -1,0 +1,64 @@
+"""`rtds predict`: the nominal robot and a diagnosis, replayed from a run's commands."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnosis_cases import example_diagnosis, make_case
+
+from rtds_host.contract import builtin_robot_path, read_run, write_run
+from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
+from rtds_host.errors import InputError
+
+RTDS = [str(Path(sys.executable).with_name("rtds"))]
+
+
+@pytest.fixture
+def run_folder(tmp_path):
+    run = make_case(seconds=2.0).runs[1]
+    columns = {"t": run.t, **{c: run.columns[c] for c in ("v_cmd_l", "v_cmd_r")}}
+    write_run(tmp_path / "steps", run.meta, columns)
+    return tmp_path / "steps"
+
+
+def test_a_run_without_any_measurement_is_predicted_from_rest(run_folder, tmp_path):
+    out = tmp_path / "pred.csv"
+    done = subprocess.run(RTDS + ["predict", str(run_folder), "--robot", str(builtin_robot_path("burger")), "--out",
+                                  str(out)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    names = out.read_text().splitlines()[0].split(",")
+    assert names == ["t", "v_cmd_l", "v_cmd_r", "v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x",
+                     "y", "yaw"]
+    table = np.loadtxt(out, delimiter=",", skiprows=1)
+    assert np.isfinite(table).all() and np.all(table[0, 4:] == 0)
+    assert len(table) == len(read_run(run_folder).t)
+
+
+def test_a_diagnosis_brings_its_effects_and_its_refit(run_folder, tmp_path):
+    robot = make_case(seconds=1.0).robot
+    (tmp_path / "d.json").write_text(json.dumps(example_diagnosis()))
+    model = read_diagnosis(tmp_path / "d.json", robot)
+    assert model.get("coulomb", 0) == model.get("coulomb", 1) == 0.048
+    assert (model.get("resistance", 0), model.get("resistance", 1)) == (8.66, 8.57)
+    log = read_run(run_folder)
+    assert np.abs(predicted_columns(log, robot, model)["w_l"] - predicted_columns(log, robot)["w_l"]).max() > 0.1
+
+
+@pytest.mark.parametrize("edit,words", [
+    (lambda d: d["effects"][0].update(id="gremlins"), "effects[0].id"),
+    (lambda d: d["effects"][0].update(side="front"), "effects[0].side"),
+    (lambda d: d["effects"][0]["parameters"].clear(), "torque_nm"),
+    (lambda d: d["effects"][0]["parameters"]["torque_nm"].update(value=-1.0), "torque_nm"),
+    (lambda d: d["nominal_fit"]["l"].update(resistance_ohm="much"), "nominal_fit.l.resistance_ohm"),
+    (lambda d: d.update(schema="other"), "schema"),
+])
+def test_a_broken_diagnosis_is_named_by_file_and_key(tmp_path, edit, words):
+    diagnosis = example_diagnosis()
+    edit(diagnosis)
+    (tmp_path / "d.json").write_text(json.dumps(diagnosis))
+    with pytest.raises(InputError, match="d.json") as error:
+        read_diagnosis(tmp_path / "d.json", make_case(seconds=1.0).robot)
+    assert words in str(error.value)

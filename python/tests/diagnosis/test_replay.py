@@ -1,0 +1,165 @@
+"""The replay: the contract's nominal robot against scipy at tight tolerance, and what each effect does to it."""
+
+import math
+
+import numpy as np
+import pytest
+from diagnosis_cases import commands
+from scipy.integrate import solve_ivp
+
+from rtds_host.contract import GRAVITY_M_S2, RunLog, RunMeta, builtin_robot
+from rtds_host.diagnosis.effects import CATALOGUE, SIDES, SUBSYSTEMS
+from rtds_host.diagnosis.replay.model import REPORT_STEP_S, STEP_S, nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
+from rtds_host.diagnosis.screen import start_values
+
+ROBOT = builtin_robot("burger")
+
+
+def run(kind="steps", seconds=4.0, seed=3, slope=0.1, payload=1.0, uphill=0.4):
+    t, v = commands(kind, seconds, seed)
+    return RunLog(kind, RunMeta(kind, payload, slope, uphill), t, {"v_cmd_l": v[:, 0], "v_cmd_r": v[:, 1]})
+
+
+def scipy_reference(log):
+    """The equations of the contract's section 2, integrated from one command to the next at 1e-10."""
+    m, c = ROBOT.motor, ROBOT.chassis
+    n, r, b = m.gear_ratio, c.wheel_radius_m, c.track_width_m
+    mass = c.mass_kg + log.meta.payload_kg
+    pull = mass * GRAVITY_M_S2 * math.sin(log.meta.slope_rad)
+    spin = n * n * m.rotor_inertia_kg_m2 + c.wheel_inertia_kg_m2
+    # Mass matrix of the two wheel speeds, the body's inertia seen through r and b.
+    own, cross = r * r * (mass / 4 + c.yaw_inertia_kg_m2 / b**2), r * r * (mass / 4 - c.yaw_inertia_kg_m2 / b**2)
+    inverse = np.linalg.inv([[spin + own, cross], [cross, spin + own]])
+
+    def rates(_, s, v):
+        il, ir, wl, wr, thl, thr, x, y, yaw = s
+        current, w = np.array([il, ir]), np.array([wl, wr])
+        di = (v - m.resistance_ohm * current - m.back_emf_constant_v_s_per_rad * n * w) / m.inductance_h
+        torque = n * m.torque_constant_nm_per_a * current - n * n * m.viscous_friction_nm_s_per_rad * w
+        dw = inverse @ (torque - r * pull * math.cos(yaw - log.meta.uphill_yaw_rad) / 2)
+        speed, rate = r * (wl + wr) / 2, r * (wr - wl) / b
+        return [*di, *dw, wl, wr, speed * math.cos(yaw), speed * math.sin(yaw), rate]
+
+    state = np.zeros(9)
+    rows = [state]
+    for k in range(len(log.t) - 1):
+        v = np.array([log.columns["v_cmd_l"][k], log.columns["v_cmd_r"][k]])
+        state = solve_ivp(rates, log.t[k:k + 2], state, args=(v,), method="DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
+        rows.append(state)
+    s = np.array(rows)
+    rate = r * (s[:, 3] - s[:, 2]) / b
+    return np.column_stack([np.full(len(s), ROBOT.supply_v), s[:, :6], rate, s[:, 6:]])
+
+
+@pytest.mark.parametrize("kind", ["steps", "weave", "spin"])
+def test_nominal_replay_is_within_a_fraction_of_the_noise_of_scipy(kind):
+    log = run(kind)
+    reference = scipy_reference(log)
+    for step, share in ((STEP_S, 0.3), (REPORT_STEP_S, 0.1)):
+        out = replay_run(nominal_model(ROBOT), run_inputs(log, ROBOT), step)
+        for name in ("i_l", "i_r", "w_l", "w_r", "gyro_z"):
+            worst = np.abs(out[:, OUTPUT_INDEX[name]] - reference[:, OUTPUT_INDEX[name]]).max()
+            assert worst < share * ROBOT.noise(name), (name, step, worst)
+        for name in ("th_l", "th_r", "x", "y", "yaw"):
+            worst = np.abs(out[:, OUTPUT_INDEX[name]] - reference[:, OUTPUT_INDEX[name]]).max()
+            assert worst < ROBOT.noise(name), (name, step, worst)
+
+
+def test_halving_the_step_brings_the_replay_four_times_nearer():
+    log = run("steps")
+    reference = scipy_reference(log)[:, OUTPUT_INDEX["w_l"]]
+    errors = [np.sqrt(np.mean((replay_run(nominal_model(ROBOT), run_inputs(log, ROBOT), h)[:, OUTPUT_INDEX["w_l"]]
+                               - reference) ** 2)) for h in (2e-3, 1e-3, 5e-4)]
+    assert errors[0] / errors[1] > 3.3 and errors[1] / errors[2] > 3.3
+
+
+def effect_cases():
+    return [(e.id, side) for e in CATALOGUE.values() for side in e.sides]
+
+
+@pytest.mark.parametrize("effect,side", effect_cases())
+def test_every_effect_is_absent_at_its_null_and_seen_at_its_start(effect, side):
+    entry = CATALOGUE[effect]
+    assert entry.subsystem in SUBSYSTEMS
+    log = run("weave", slope=0.1, payload=2.0)
+    # Standing still, crawling and braking from full speed, so that each effect has something to act on.
+    log.columns["v_cmd_l"][100:140] = log.columns["v_cmd_r"][100:140] = 12.0
+    inputs = run_inputs(log, ROBOT)
+    nominal = replay_run(nominal_model(ROBOT), inputs)
+
+    def with_values(values):
+        model = nominal_model(ROBOT)
+        entry.apply(model, SIDES[side], values)
+        return replay_run(model, inputs)
+
+    if effect not in ("gear_compliance", "voltage_limit"):       # their null is a bound at infinity
+        null = with_values({p.name: p.null for p in entry.parameters})
+        assert np.allclose(null, nominal, atol=1e-9)
+    starts = start_values(entry) or [{"amplitude_nm": 0.02, "cycles_per_rev": 12.0, "phase_rad": 0.5}]
+    noise = np.array([ROBOT.noise(name) for name in OUTPUTS])
+    largest = max(np.abs((with_values(values) - nominal) / noise).max() for values in starts)
+    assert largest > 1.0
+
+
+def test_a_motor_below_its_breakaway_torque_stands_still_and_leaves_above_it():
+    model = nominal_model(ROBOT)
+    model.put("coulomb", 0.06)
+    m = ROBOT.motor
+    stall = 0.06 * m.resistance_ohm / (m.gear_ratio * m.torque_constant_nm_per_a)
+    t = np.arange(0, 2.0, 0.01)
+    for volts, moves in ((0.98 * stall, False), (1.02 * stall, True)):
+        v = np.full(len(t), volts)
+        log = RunLog("stall", RunMeta(), t, {"v_cmd_l": v, "v_cmd_r": v})
+        w = replay_run(model, run_inputs(log, ROBOT))[:, OUTPUT_INDEX["w_l"]]
+        assert (np.abs(w).max() > 0) == moves
+        assert np.count_nonzero(np.diff(np.sign(w[w != 0]))) == 0, "chatters"
+
+
+@pytest.mark.parametrize("delay", [0.003, 0.01, 0.0237])
+def test_a_delayed_command_shifts_everything_and_a_delayed_measurement_all_but_the_pose(delay):
+    log = run("weave", slope=0.0)
+    fine = np.arange(0, log.t[-1], 0.001)
+    smooth = {c: np.interp(fine, log.t, v) for c, v in log.columns.items()}
+    inputs = run_inputs(RunLog("fine", log.meta, fine, smooth), ROBOT)
+    nominal = replay_run(nominal_model(ROBOT), inputs, 1e-3)
+    late = {}
+    for slot in ("command_delay", "measurement_delay"):
+        model = nominal_model(ROBOT)
+        model.put(slot, delay)
+        late[slot] = replay_run(model, inputs, 1e-3)
+    inside = fine > 0.1
+    # Currents jump with the command: between samples they cannot be interpolated.
+    whole = abs(delay / 0.001 - round(delay / 0.001)) < 1e-9 and round(delay / 0.001) % 10 == 0
+    for name in ("w_l", "gyro_z", "i_r") if whole else ("w_l", "gyro_z"):
+        k = OUTPUT_INDEX[name]
+        shifted = np.interp(fine - delay, fine, nominal[:, k])
+        for slot in late:
+            assert np.abs(late[slot][inside, k] - shifted[inside]).max() < 0.5 * ROBOT.noise(name)
+    assert np.allclose(late["measurement_delay"][:, 8:], nominal[:, 8:], atol=1e-6)
+    assert np.abs(late["command_delay"][:, 8:] - nominal[:, 8:]).max() > ROBOT.noise("x")
+
+
+def test_free_play_lets_the_encoder_run_ahead_by_its_angle_and_no_more():
+    model = nominal_model(ROBOT)
+    model.put("backlash", 0.1)
+    log = run("steps", slope=0.0)
+    inputs = run_inputs(log, ROBOT)
+    played, tight = replay_run(model, inputs), replay_run(nominal_model(ROBOT), inputs)
+    # Distance rolled over the wheel's radius is the wheel's angle; the encoder sits before the play.
+    spin = ROBOT.chassis.track_width_m * played[:, 10] / ROBOT.chassis.wheel_radius_m
+    ahead = (played[:, OUTPUT_INDEX["th_r"]] - played[:, OUTPUT_INDEX["th_l"]]) - spin
+    assert 0.05 < np.abs(ahead).max() <= 0.1 + 1e-3
+    spin = ROBOT.chassis.track_width_m * tight[:, 10] / ROBOT.chassis.wheel_radius_m
+    assert np.abs(tight[:, 6] - tight[:, 5] - spin).max() < 1e-3
+
+
+def test_both_sides_are_the_two_sides_together_where_the_effect_is_linear():
+    inputs = run_inputs(run("weave"), ROBOT)
+
+    def change(side):
+        model = nominal_model(ROBOT)
+        CATALOGUE["current_bias"].apply(model, SIDES[side], {"amperes": 0.01})
+        return replay_run(model, inputs) - replay_run(nominal_model(ROBOT), inputs)
+
+    assert np.allclose(change("both"), change("left") + change("right"), atol=1e-12)
