@@ -1,0 +1,195 @@
+"""The gate: what is wrong with a log is named with run, channel and figures; a sound log is left alone."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from diagnosis_cases import changed, make_case, without
+
+from rtds_host.contract import Case, RunLog
+from rtds_host.diagnosis.gate import examine
+from rtds_host.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def case():
+    return make_case()
+
+
+def kinds(gate):
+    return {(f.channel, f.kind) for f in gate.findings}
+
+
+def scaled(*channels, factor):
+    def edit(_, columns):
+        for c in channels:
+            columns[c] *= factor
+    return edit
+
+
+# ---- a sound log ---------------------------------------------------------------------------------------------------
+
+def test_a_sound_log_gives_no_finding(case):
+    assert examine(case).findings == ()
+
+
+@pytest.mark.parametrize("change", [
+    lambda m: m.scale("speed_gain", 1.1), lambda m: m.scale("voltage_gain", -1.0), lambda m: m.add("coulomb", 0.05),
+    lambda m: m.scale("yaw_inertia", 8.0), lambda m: m.put("limit", 5.0), lambda m: m.add("source_resistance", 1.5),
+    lambda m: m.scale("current_gain", 1.8), lambda m: m.add("mass", 2.0), lambda m: m.put("speed_tau", 0.02),
+    lambda m: m.add("backlash", 0.05), lambda m: m.add("deadzone", 0.7)])
+def test_effects_of_the_catalogue_are_no_fault_of_the_data(change):
+    found = examine(make_case(change)).findings
+    assert [f for f in found if f.severity != "note"] == []
+    assert {f.kind for f in found} <= {"sign", "delay"}
+
+
+# ---- units ---------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(("channels", "factor", "unit"), [
+    (("w_l", "w_r"), 57.29578, "degrees per second"), (("w_l", "w_r"), 9.549297, "revolutions per minute"),
+    (("w_l", "w_r"), 0.033, "metres per second"), (("w_l", "w_r"), 258.5, "of the motor"),
+    (("th_l", "th_r"), 57.29578, "degrees"), (("i_l", "i_r"), 1000.0, "milliamperes"),
+    (("gyro_z",), 57.29578, "degrees per second"), (("yaw",), 57.29578, "degrees"),
+    (("x", "y"), 1000.0, "millimetres"), (("v_bus",), 1000.0, "millivolts"),
+    (("v_cmd_l", "v_cmd_r"), 1 / 12, "a duty"), (("v_cmd_l", "v_cmd_r"), 1000.0, "millivolts")])
+def test_a_wrong_unit_is_suspected_by_name_in_all_its_channels(case, channels, factor, unit):
+    gate = examine(changed(case, scaled(*channels, factor=factor)))
+    suspected = gate.of("unit")
+    assert {f.channel for f in suspected} == set(channels)
+    assert all(unit in f.text and f.severity == "warning" for f in suspected)
+
+
+def test_time_in_milliseconds_is_suspected(case):
+    gate = examine(changed(case, lambda t, _: 1000.0 * t))
+    assert any(f.channel == "t" and "milliseconds" in f.text for f in gate.of("unit"))
+
+
+# ---- sensors -------------------------------------------------------------------------------------------------------
+
+def test_a_dead_sensor_is_named_while_the_rest_goes_on(case):
+    def edit(_, columns):
+        columns["i_l"][:] = 0.012
+        columns["gyro_z"][:] = 0.0
+    dead = examine(changed(case, edit)).of("dead")
+    assert {f.channel for f in dead} == {"i_l", "gyro_z"}
+
+
+def test_a_clipped_channel_is_named_with_its_limit(case):
+    def edit(_, columns):
+        columns["w_l"] = np.clip(columns["w_l"], -3.0, 3.0)
+    clipped = examine(changed(case, edit)).of("clipped")
+    assert {f.channel for f in clipped} == {"w_l"} and "3" in clipped[0].text
+
+
+def test_held_samples_are_found(case):
+    def edit(_, columns):
+        columns["w_r"][200:240] = columns["w_r"][200]
+    frozen = examine(changed(case, edit)).of("frozen")
+    assert {f.channel for f in frozen} == {"w_r"} and "0.39 s" in frozen[0].text
+
+
+def test_a_wrapped_yaw_is_found(case):
+    def edit(_, columns):
+        columns["yaw"] = np.angle(np.exp(1j * (3 * columns["yaw"])))
+    assert ("yaw", "wrapped") in kinds(examine(changed(case, edit)))
+
+
+def test_a_channel_at_a_lower_rate_is_noted_with_its_rate(case):
+    def edit(_, columns):
+        columns["x"][np.arange(len(columns["x"])) % 5 > 0] = np.nan
+    slow = examine(changed(case, edit)).of("slow")
+    assert {f.channel for f in slow} == {"x"} and "20 Hz" in slow[0].text
+
+
+def test_swapped_leads_are_only_noted_for_the_catalogue_knows_them(case):
+    signs = examine(changed(case, scaled("w_l", factor=-1.0))).of("sign")
+    assert {(f.channel, f.severity) for f in signs} == {("w_l", "note")}
+
+
+# ---- time ----------------------------------------------------------------------------------------------------------
+
+def thinned(case, keep):
+    runs = tuple(RunLog(r.name, r.meta, r.t[keep(r.t)], {c: v[keep(r.t)] for c, v in r.columns.items()})
+                 for r in case.runs)
+    return Case(case.name, case.robot, runs)
+
+
+def test_a_hole_in_the_log_is_named_with_its_place(case):
+    gaps = examine(thinned(case, lambda t: (t < 2.0) | (t > 2.5))).of("gap")
+    assert gaps and "0.51" in gaps[0].text or "0.52" in gaps[0].text
+
+
+def test_a_log_below_30_hz_is_warned_of(case):
+    assert ("t", "rate") in kinds(examine(thinned(case, lambda t: np.arange(len(t)) % 5 == 0)))
+
+
+def test_uneven_rows_are_noted(case):
+    rng = np.random.default_rng(3)
+    gate = examine(changed(case, lambda t, _: t + 0.002 * rng.random(len(t))))
+    assert ("t", "jitter") in kinds(gate)
+
+
+def test_a_late_answer_is_noted_with_its_delay():
+    late = examine(make_case(lambda m: m.put("measurement_delay", 0.03))).of("delay")
+    assert {f.channel for f in late} == {"w_l", "w_r"}
+    assert all("30 ms later" in f.text or "29 ms later" in f.text or "31 ms later" in f.text for f in late)
+
+
+def test_an_answer_before_the_command_is_warned_of(case):
+    def edit(t, columns):
+        for c in ("w_l", "w_r"):
+            columns[c] = np.interp(t + 0.04, t, columns[c])
+    early = examine(changed(case, edit)).of("delay")
+    assert early and all(f.severity == "warning" and "earlier" in f.text for f in early)
+
+
+def test_a_command_beyond_the_supply_is_told(case):
+    beyond = examine(changed(case, scaled("v_cmd_l", factor=1.6))).of("beyond_supply")
+    assert {f.channel for f in beyond} == {"v_cmd_l"} and "more than the supply's 12 V" in beyond[0].text
+
+
+def test_one_run_only_works_with_a_caveat(case):
+    gate = examine(Case(case.name, case.robot, case.runs[:1]))
+    assert len(gate.of("one_run")) == 1
+
+
+def test_a_wheel_that_only_turns_forwards_is_noted(case):
+    def edit(_, columns):
+        for c in ("v_cmd_l", "w_l", "th_l"):
+            columns[c] = np.abs(columns[c])
+    assert ("w_l", "one_sign") in kinds(examine(changed(case, edit)))
+
+
+# ---- what ends a diagnosis -----------------------------------------------------------------------------------------
+
+def test_nothing_commanded_and_nothing_moving_ends_it(case):
+    rng = np.random.default_rng(0)
+
+    def edit(t, columns):
+        for c in columns:
+            columns[c] = np.zeros(len(t)) if c.startswith("v_cmd") else 0.0001 * rng.standard_normal(len(t))
+    with pytest.raises(InputError, match=r"spin.*w_\*, th_\*.*nothing to diagnose"):
+        examine(changed(case, edit))
+
+
+def test_dead_wheel_sensors_end_it(case):
+    def edit(t, columns):
+        for c in ("w_l", "w_r", "th_l", "th_r"):
+            columns[c] = np.zeros(len(t))
+    with pytest.raises(InputError, match=r"w_\*, th_\*: constant"):
+        examine(changed(case, edit))
+
+
+def test_runs_of_a_moment_end_it(case):
+    with pytest.raises(InputError, match="at least 0.5 s"):
+        examine(thinned(case, lambda t: t < 0.1))
+
+
+def test_a_channel_without_declared_noise_is_shown_but_not_used(case):
+    robot = dataclasses.replace(case.robot, sensors={k: v for k, v in case.robot.sensors.items() if k != "gyro_rad_s"})
+    assert ("gyro_z", "no_noise") in kinds(examine(Case(case.name, robot, case.runs)))
+
+
+def test_missing_channels_are_no_fault(case):
+    assert examine(without(case, "i_l", "i_r", "x", "y", "yaw", "v_bus")).findings == ()

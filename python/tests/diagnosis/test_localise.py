@@ -1,0 +1,122 @@
+"""Localisation by components: a perfect robot scores 1, an effect shows in its block and its subsystem."""
+
+import numpy as np
+import pytest
+from diagnosis_cases import changed, make_case, without
+
+from rtds_host.diagnosis.effects import SUBSYSTEMS
+from rtds_host.diagnosis.localise import BLOCKS, localise
+from rtds_host.diagnosis.replay.model import nominal_model
+
+
+def located(case):
+    return localise(case, nominal_model(case.robot))
+
+
+def scores(localisation):
+    return {b.name: b.score for b in localisation.blocks}
+
+
+@pytest.fixture(scope="module")
+def perfect():
+    case = make_case(seconds=12.0)
+    return case, located(case)
+
+
+def test_a_perfect_robot_scores_the_noise_in_every_block(perfect):
+    _, result = perfect
+    assert set(scores(result)) == set(BLOCKS)
+    assert all(0.85 < s < 1.15 for s in scores(result).values()), scores(result)
+    assert result.shares() == []
+
+
+def test_nuisances_within_their_prior_are_no_place_of_a_gap():
+    def scatter(m):
+        m.scale("resistance", 1.012, (0,))
+        m.scale("rotor_inertia", 0.99, (1,))
+        m.scale("torque_constant", 1.008, (0,))
+        m.scale("back_emf", 1.008, (0,))
+    assert located(make_case(scatter)).shares() == []
+
+
+CAUSES = [
+    ("driver", lambda m: m.add("source_resistance", 1.0), "bus"),
+    ("driver", lambda m: m.put("deadzone", 0.4), "current_l"),
+    ("driver", lambda m: m.put("limit", 5.0, (1,)), "current_r"),
+    ("winding", lambda m: m.scale("resistance", 1.2, (0,)), "current_l"),
+    ("drivetrain", lambda m: m.add("coulomb", 0.03, (1,)), "torque_r"),
+    ("drivetrain", lambda m: m.add("viscous_wheel", 0.01), "torque_l"),
+    ("drivetrain", lambda m: m.scale("rotor_inertia", 1.2), "torque_l"),
+    ("wheel_ground", lambda m: m.scale("radius", 1.05, (0,)), "turn"),
+    ("wheel_ground", lambda m: m.add("slip", 0.2), "way"),
+    ("wheel_ground", lambda m: m.add("scrub", 0.05), "torque_l"),
+    ("chassis", lambda m: m.scale("track", 1.05), "way"),
+    ("chassis", lambda m: m.add("slope_extra", 0.05), "torque_r"),
+    ("chassis", lambda m: m.add("mass", 1.5), "torque_l"),
+    ("sensing", lambda m: m.put("speed_tau", 0.03, (0,)), "speed_twice_l"),
+    ("sensing", lambda m: m.add("gyro_bias", 0.02), "turn"),
+    ("sensing", lambda m: m.scale("current_gain", 1.1, (1,)), "torque_r"),
+    ("timing", lambda m: m.put("command_delay", 0.025), "current_l"),
+    ("timing", lambda m: m.put("measurement_delay", 0.012), "torque_l"),
+]
+
+
+@pytest.mark.parametrize(("subsystem", "change", "block"), CAUSES, ids=lambda v: v if isinstance(v, str) else "")
+def test_an_effect_shows_in_its_block_and_its_subsystem(subsystem, change, block):
+    result = located(make_case(change))
+    assert scores(result)[block] > 1.3
+    assert result.shares()[0]["subsystem"] == subsystem, (result.shares(), result.signatures)
+
+
+def test_shares_sum_to_one_and_come_largest_first():
+    shares = located(make_case(lambda m: (m.add("coulomb", 0.02), m.scale("track", 1.04)))).shares()
+    values = [s["share"] for s in shares]
+    assert abs(sum(values) - 1.0) < 1e-9 and values == sorted(values, reverse=True)
+    assert {s["subsystem"] for s in shares} <= set(SUBSYSTEMS)
+
+
+def test_the_model_with_the_effect_brings_the_blocks_back_to_noise():
+    case = make_case(lambda m: m.add("coulomb", 0.03))
+    model = nominal_model(case.robot)
+    assert scores(localise(case, model))["torque_l"] > 5
+    model.add("coulomb", 0.03)
+    assert scores(localise(case, model))["torque_l"] < 1.6
+
+
+def test_a_delay_is_told_to_the_nearest_of_its_grid():
+    result = located(make_case(lambda m: m.put("command_delay", 0.03)))
+    assert result.lag_s == 0.03
+
+
+def test_a_regime_shows_where_a_block_fails():
+    torque = next(b for b in located(make_case(lambda m: m.put("limit", 4.0))).blocks if b.name == "current_l")
+    assert torque.regimes["fast"] > 2 * torque.regimes["slow"]
+
+
+def test_faults_that_no_signature_knows_stay_with_their_block():
+    rng = np.random.default_rng(5)
+
+    def dropouts(_, columns):
+        for start in rng.integers(100, 700, 6):
+            columns["w_l"][start:start + 25] = columns["w_l"][start]
+    assert located(changed(make_case(), dropouts)).shares()[0]["subsystem"] == "sensing"
+
+
+def test_what_missing_channels_cost_is_said_and_the_rest_still_works():
+    case = without(make_case(lambda m: m.add("coulomb", 0.05)), "i_l", "i_r", "x", "y", "yaw")
+    result = located(case)
+    assert any("without current" in text for text in result.lost)
+    assert any("x and y" in text for text in result.lost)
+    assert "current_l" not in scores(result) and scores(result)["torque_l"] > 3
+
+
+@pytest.mark.parametrize("gone", [("w_l", "w_r"), ("th_l", "th_r"), ("gyro_z",), ("v_bus", "i_l", "i_r"),
+                                  ("w_l", "w_r", "i_l", "i_r", "v_bus", "gyro_z"), ("x", "y", "yaw", "gyro_z")])
+def test_a_perfect_robot_without_some_channels_has_no_gap_anywhere(perfect, gone):
+    result = located(without(perfect[0], *gone))
+    assert result.shares() == [], (result.shares(), scores(result))
+
+
+def test_the_same_case_gives_the_same_figures(perfect):
+    case, first = perfect
+    assert located(case) == first

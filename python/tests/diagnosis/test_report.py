@@ -1,0 +1,214 @@
+"""The report: words, schema, and the page in a real headless browser."""
+
+import io
+import json
+import re
+import shutil
+
+import pytest
+from diagnosis_cases import example_details, example_diagnosis
+from rich.console import Console
+
+from rtds_host.diagnosis.report import print_summary, validate, write_report
+
+
+@pytest.fixture(scope="module")
+def details():
+    return example_details()
+
+
+# ---- diagnosis.json ------------------------------------------------------------------------------------------------
+
+def test_the_contracts_example_is_valid():
+    validate(example_diagnosis())
+
+
+def _without(key):
+    def edit(d):
+        del d[key]
+    return edit
+
+
+def _with(**values):
+    def edit(d):
+        d.update(values)
+    return edit
+
+
+@pytest.mark.parametrize(("edit", "place"), [
+    (_without("gap"), "gap"),
+    (_with(verdict="perhaps"), "verdict"),
+    (_with(schema="rtds-diagnosis/2"), "schema"),
+    (_with(extra=1), "extra"),
+    (_with(located=[{"subsystem": "drivetrain", "share": 0.7}]), "located"),
+    (_with(located=[{"subsystem": "motor", "share": 1.0}]), "located/0/subsystem"),
+    (_with(effects=[]), "effects"),
+    (_with(verdict="none"), "verdict"),
+    (_with(alternatives=[{"effects": [], "probability": 0.4}]), "alternatives"),
+    (_with(alternatives=[{"effects": [], "probability": 0.1}, {"effects": "unknown", "probability": 0.9}]),
+     "alternatives"),
+    (_with(indistinguishable=[[{"id": "coulomb_friction", "side": "both"}]]), "indistinguishable/0"),
+    (_with(nominal_fit={"left": {}}), "nominal_fit"),
+])
+def test_a_diagnosis_that_breaks_the_contract_is_refused_by_place(edit, place):
+    diagnosis = example_diagnosis()
+    edit(diagnosis)
+    with pytest.raises(ValueError, match=re.escape(place)):
+        validate(diagnosis)
+
+
+def test_an_interval_may_be_null_for_not_pinned():
+    diagnosis = example_diagnosis()
+    diagnosis["effects"][0]["parameters"]["torque_nm"]["ci90"] = None
+    validate(diagnosis)
+
+
+# ---- the page as text ----------------------------------------------------------------------------------------------
+
+def test_the_same_input_gives_the_same_bytes(details, tmp_path):
+    first = write_report(tmp_path / "a.html", example_diagnosis(), details)
+    details.seconds = 17.0
+    write_report(tmp_path / "b.html", example_diagnosis(), example_details())
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes() == first.encode()
+
+
+def test_the_page_refers_to_nothing_outside_itself(details):
+    text = write_report(None, example_diagnosis(), details)
+    assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:)""", text)
+    assert "http://" not in text and "https://" not in text
+
+
+def test_the_page_is_small_enough_to_mail(details):
+    assert len(write_report(None, example_diagnosis(), details)) < 3_000_000
+
+
+def test_text_from_outside_cannot_become_markup(details):
+    text = write_report(None, example_diagnosis(), details)
+    assert "&lt;on other runs&gt;" in text and "<on other runs>" not in text
+
+
+@pytest.mark.parametrize("verdict", ["none", "unknown"])
+def test_every_verdict_has_its_page_and_summary(details, verdict):
+    diagnosis = example_diagnosis()
+    diagnosis.update(verdict=verdict, effects=[], next_experiment=None)
+    if verdict == "none":
+        diagnosis["located"] = []
+        diagnosis["gap"].update(closed=None, closed_ci90=None, effect_closed=None)
+    validate(diagnosis)
+    text = write_report(None, diagnosis, details)
+    console = Console(file=io.StringIO(), width=100)
+    print_summary(console, diagnosis, details)
+    shown = console.file.getvalue()
+    assert verdict in shown
+    if verdict == "none":
+        assert "Nothing is missing" in text and "Nothing is missing" in shown
+    else:
+        assert "most of it lies in the drivetrain (91 %)" in text
+
+
+def test_the_summary_names_effect_value_gap_and_next_run(details):
+    console = Console(file=io.StringIO(), width=120)
+    print_summary(console, example_diagnosis(), details)
+    shown = console.file.getvalue()
+    for piece in ("Coulomb friction, both sides", "0.048 N·m (0.046 to 0.05)", "14.2", "1.08", "rtds run crawl"):
+        assert piece in shown
+    assert len(shown.splitlines()) < 20
+
+
+# ---- the page in a browser -----------------------------------------------------------------------------------------
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium")
+    for flag in ("--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
+                 "--disable-component-update", "--disable-sync", "--no-first-run", "--disable-dev-shm-usage",
+                 "--window-size=1200,1400", f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture(scope="module")
+def opened(browser, details, tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(path, example_diagnosis(), details)
+    browser.get_log("performance")
+    browser.get(path.as_uri())
+    return browser
+
+
+PIXELS = """
+const c = arguments[0], d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data, seen = new Set();
+for (let k = 0; k < d.length; k += 4) if (d[k + 3] > 200) seen.add(d[k] + ',' + d[k + 1] + ',' + d[k + 2]);
+return [...seen];
+"""
+
+
+@pytest.mark.browser
+def test_the_page_loads_without_errors_and_without_network(opened):
+    assert [entry for entry in opened.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
+    asked = [json.loads(entry["message"])["message"] for entry in opened.get_log("performance")]
+    urls = [m["params"]["request"]["url"] for m in asked if m["method"] == "Network.requestWillBeSent"]
+    assert urls and all(url.startswith(("file:", "data:")) for url in urls)
+
+
+@pytest.mark.browser
+def test_the_text_on_the_page_matches_the_json(opened):
+    held = json.loads(opened.execute_script("return document.getElementById('diagnosis').textContent"))
+    assert held == example_diagnosis()
+    verdict = opened.find_element("id", "verdict").text
+    for piece in ("known", "Coulomb friction, both sides", "0.048 N·m", "96 %", "13.9", "1.08"):
+        assert piece in verdict
+    figures = {f.get_attribute("data-name"): f.text for f in opened.find_elements("css selector", "#gap > div")}
+    assert figures["before"].startswith("14.2") and figures["after"].startswith("1.08")
+    assert "99.1 % to 99.7 %" in figures["closed"]
+    shares = {g.get_attribute("data-subsystem"): float(g.get_attribute("data-share"))
+              for g in opened.find_elements("css selector", "#chain .block")}
+    assert shares["drivetrain"] == 0.91 and shares["driver"] == 0.09 and len(shares) == 7
+    rows = opened.find_elements("css selector", "#alternatives tbody tr")
+    assert [float(r.get_attribute("data-probability")) for r in rows] == [0.95, 0.03, 0.01, 0.01]
+    assert "misses the runs with payload" in rows[1].text
+    assert "0.046 to 0.05" in opened.find_element("css selector", "#effects tr.effect").text
+    assert "w_l" in opened.find_element("id", "channels").text
+    assert "crawl" in opened.find_element("id", "next").text
+
+
+@pytest.mark.browser
+def test_each_channel_has_a_plot_with_measured_nominal_and_after(opened):
+    canvases = opened.find_elements("css selector", "#plots canvas")
+    assert {c.get_attribute("data-channel") for c in canvases} >= {"w_l", "w_r", "i_l", "gyro_z", "yaw"}
+    chosen = next(c for c in canvases if c.get_attribute("data-channel") == "w_l")
+    colours = opened.execute_script(PIXELS, chosen)
+    for line in ("217,119,6", "21,128,61"):
+        assert line in colours
+
+
+@pytest.mark.browser
+def test_the_wheel_zooms_all_plots_and_the_button_shows_the_whole_run(opened):
+    shot = "return document.querySelector('#plots canvas').toDataURL()"
+    before = opened.execute_script(shot)
+    opened.execute_script("""
+        const c = document.querySelector('#plots canvas'), b = c.getBoundingClientRect();
+        c.dispatchEvent(new WheelEvent('wheel', {deltaY: -800, clientX: b.left + b.width / 2, clientY: b.top + 50,
+                                                 bubbles: true, cancelable: true}));""")
+    zoomed = opened.execute_script(shot)
+    assert zoomed != before
+    opened.execute_script("document.getElementById('reset').click()")
+    assert opened.execute_script(shot) == before
+
+
+@pytest.mark.browser
+def test_another_run_and_another_line_can_be_shown(opened):
+    shot = "return document.querySelector('#plots canvas[data-channel=w_l]').toDataURL()"
+    first = opened.execute_script(shot)
+    opened.execute_script("const s = document.getElementById('run'); s.value = 'weave'; "
+                          "s.dispatchEvent(new Event('change'))")
+    second = opened.execute_script(shot)
+    assert second != first
+    opened.execute_script("document.querySelector('#keys input[value=nominal]').click()")
+    assert opened.execute_script(shot) != second
