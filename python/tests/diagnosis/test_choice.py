@@ -1,0 +1,105 @@
+"""The choice: what is blamed on replays whose cause is known, and what is not.
+
+The truths here are made by the replay itself, so they test the choice and not the physics; the independent worlds of
+`rtds_host.blind` test both.
+"""
+
+import numpy as np
+import pytest
+from diagnosis_cases import make_case, without
+
+from rtds_host.contract import Case
+from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.report import validate
+
+
+def blamed(diagnosis):
+    return [(e["id"], e["side"]) for e in diagnosis["effects"]]
+
+
+def run(case, **options):
+    diagnosis, details = diagnose(case, quick=True, threads=2, **options)
+    validate(diagnosis)
+    return diagnosis, details
+
+
+def test_no_effect_is_none_even_with_motors_that_scatter():
+    def scatter(model):
+        model.scale("resistance", 1.012, (0,))
+        model.scale("torque_constant", 0.991, (1,))
+        model.scale("back_emf", 0.991, (1,))
+        model.scale("rotor_inertia", 0.985)
+
+    diagnosis, _ = run(make_case(scatter, seed=21))
+    assert diagnosis["verdict"] == "none" and diagnosis["effects"] == [] and diagnosis["located"] == []
+    assert diagnosis["nominal_fit"]["l"]["resistance_ohm"] == pytest.approx(8.6 * 1.012, rel=0.005)
+    assert diagnosis["gap"]["refit"] < 1.05
+
+
+@pytest.mark.parametrize("slot,amount,sides,effect,side,parameter", [
+    ("coulomb", 0.03, (0, 1), "coulomb_friction", "both", "torque_nm"),
+    ("command_delay", 0.006, (0, 1), "command_delay", "both", "seconds"),
+    ("current_bias", 0.012, (1,), "current_bias", "right", "amperes"),
+])
+def test_one_effect_is_named_with_its_side_and_size(slot, amount, sides, effect, side, parameter):
+    diagnosis, _ = run(make_case(lambda m: m.add(slot, amount, sides), seed=22))
+    assert diagnosis["verdict"] == "known" and blamed(diagnosis) == [(effect, side)]
+    entry = diagnosis["effects"][0]["parameters"][parameter]
+    assert entry["value"] == pytest.approx(amount, rel=0.1)
+    assert entry["ci90"][0] <= amount * 1.05 and entry["ci90"][1] >= amount * 0.95
+    assert diagnosis["gap"]["after"] < 1.05 and sum(a["probability"] for a in diagnosis["alternatives"]) > 0.98
+
+
+def test_two_effects_are_both_named():
+    def change(model):
+        model.add("coulomb", 0.03)
+        model.scale("radius", 1.04)
+
+    diagnosis, _ = run(make_case(change, seed=23))
+    assert set(blamed(diagnosis)) == {("coulomb_friction", "both"), ("wheel_radius_error", "both")}
+    assert {row["subsystem"] for row in diagnosis["located"]} == {"drivetrain", "wheel_ground"}
+    assert sum(row["share"] for row in diagnosis["located"]) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_an_effect_that_the_catalogue_lacks_is_unknown():
+    case = make_case(lambda m: m.put("speed_tau", 0.05), seed=24)
+    diagnosis, _ = run(case, without=frozenset({"speed_filter", "measurement_delay", "gear_compliance"}))
+    assert diagnosis["verdict"] == "unknown" and diagnosis["effects"] == []
+    assert diagnosis["alternatives"][0]["effects"] == "unknown" and diagnosis["located"]
+
+
+def test_what_the_channels_cannot_separate_is_declared_with_a_run_that_would():
+    """From rest and without a pose the two delays are one (contract, section 3)."""
+    case = without(make_case(lambda m: m.put("command_delay", 0.012), seed=25), "x", "y", "yaw", "v_bus")
+    case = Case(case.name, case.robot, tuple(r for r in case.runs if r.meta.slope_rad == 0.0))
+    diagnosis, _ = run(case)
+    assert len(diagnosis["indistinguishable"]) == 1
+    members = {m["id"] for m in diagnosis["indistinguishable"][0]}
+    assert {"command_delay", "measurement_delay"} <= members and len(members) <= 3
+
+
+def test_one_run_works_with_halves_held_out_and_says_so():
+    case = make_case(lambda m: m.add("coulomb", 0.05), seed=26, seconds=12.0)
+    diagnosis, details = run(Case("one", case.robot, case.runs[1:2]))
+    assert blamed(diagnosis) == [("coulomb_friction", "both")]
+    assert any("one run only" in note for note in details.notes)
+
+
+def test_the_same_seed_gives_the_same_diagnosis_to_the_byte():
+    case = make_case(lambda m: m.add("coulomb", 0.02), seed=27, seconds=5.0)
+    first, _ = run(case)
+    again, _ = diagnose(case, quick=True, threads=1)
+    assert first == again
+
+
+def test_ripple_is_found_by_its_spectrum():
+    def change(model):
+        model.put("ripple", 0.03)
+        model.put("ripple_cycles", 23.0)
+        model.put("ripple_phase", 1.0)
+
+    diagnosis, _ = run(make_case(change, seed=28, seconds=12.0))
+    assert blamed(diagnosis) == [("torque_ripple", "both")]
+    found = diagnosis["effects"][0]["parameters"]
+    assert found["cycles_per_rev"]["value"] == pytest.approx(23.0, abs=0.1)
+    assert np.isclose(found["amplitude_nm"]["value"], 0.03, rtol=0.1)
