@@ -9,7 +9,7 @@ from rtds_host.diagnosis.report.words import SUBSYSTEM_WORDS, percent
 
 _ORDER = ("timing", "driver", "winding", "drivetrain", "wheel_ground", "chassis", "sensing")
 _SIGNALS = ("command", "", "voltage", "current, torque", "wheel speed", "force", "motion", "log")
-_WIDTH, _HEIGHT, _STEP = 112, 64, 146
+_WIDTH, _HEIGHT, _STEP = 126, 64, 160
 
 
 def _colour(share: float) -> str:
