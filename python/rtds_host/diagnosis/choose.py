@@ -156,15 +156,18 @@ class Search:
         self.z0 = np.zeros(self.fitter.count)
 
     def _screen(self, fit: Fit) -> Screen:
-        k = self.fitter.count
         model = fit.model(self.problem)
-        outs = self.problem.replay(model)
-        penalty = fit.prior_precision()
         only = {e for e in CATALOGUE if e not in self.without}
-        extra = {} if "torque_ripple" in self.without else ripple.starts(self.problem, outs)
-        del k
-        return Screen(self.fitter, model, fit.residual, fit.jacobian, penalty, fit.dispersion, fit.hypothesis, extra,
-                      only)
+        if self._white(fit):
+            # Where nothing structured is left, effects that take many small steps to replay are not looked for.
+            only -= {"backlash", "gear_compliance", "longitudinal_slip"}
+        extra = {} if "torque_ripple" in self.without else ripple.starts(self.problem, self.problem.replay(model))
+        return Screen(self.fitter, model, fit.residual, fit.jacobian, fit.prior_precision(), fit.dispersion,
+                      fit.hypothesis, extra, only)
+
+    def _white(self, fit: Fit) -> bool:
+        """Whether a fit leaves hardly more than noise."""
+        return structure(self.problem, fit.residual) < 1.3 and fit.chi2 < 1.1 * self.problem.size
 
     def try_fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, iterations: int = 8,
                 fresh: bool = False) -> Fit:
@@ -309,6 +312,9 @@ class Search:
 
     def _pairs(self, screen: Screen) -> None:
         leaders = self.best(1)[:2 if self.quick else 3]
+        if leaders and self._white(leaders[0]):
+            # A leader that leaves noise has no rival that needs a second effect to catch up with it.
+            leaders = [f for f in leaders if self.cost(f) < self.cost(leaders[0]) + 100.0]
         for leader in leaders:
             self.grow(leader, 2 if self.quick else 4)
         for candidate in screen.pairs(3 if self.quick else 6):

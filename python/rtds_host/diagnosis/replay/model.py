@@ -15,7 +15,7 @@ from rtds_host.diagnosis.replay.slots import COMMON, COMMON_INDEX, OUTPUTS, SIDE
 STEP_S = 1.7e-3
 REPORT_STEP_S = 5.0e-4
 # Springs, free play and slip bring faster modes.
-FINE_STEP_S = 2.5e-4
+FINE_STEP_S = 4.0e-4
 # A piece starts from a parabola over this time to either side, and knows so many commands from before.
 START_S = 0.02
 HISTORY_ROWS = 200
