@@ -550,6 +550,11 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
         closed = run["name"] in CLOSED
         heading = float(rng.choice([0.0, run["uphill_yaw_rad"], rng.uniform(-math.pi, math.pi)]))
         start = np.array([*rng.uniform(-1, 1, 2), heading, *rng.uniform(-20, 20, 2)])
+        # Whoever replays a log without a pose or an angle starts from zero (contract, section 1).
+        if "pose" in spec["missing"]:
+            start[:3] = 0.0
+        if "th" in spec["missing"]:
+            start[3:] = 0.0
         own = math.sqrt(max(robot.noise("w_l") ** 2 - QUANTA["w"] ** 2 / 12, 0))
         white_w = own * np.column_stack([_colour(rng.standard_normal(t.size), t, *spec["colour"]) for _ in range(2)])
         where = {"payload_kg": run["payload_kg"], "slope_rad": run["slope_rad"], "uphill": run["uphill_yaw_rad"]}

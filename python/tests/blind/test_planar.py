@@ -163,6 +163,19 @@ def test_without_an_effect_only_noise_is_left(tmp_path):
         assert gaps["w_l"] == pytest.approx(1.0, abs=0.05)
 
 
+def test_a_robot_without_a_measured_pose_starts_where_a_replay_of_its_log_starts(tmp_path):
+    spec = planar.draw_spec(np.random.default_rng(2), "few")
+    effect = {"id": "driver_gain", "side": "both", "subsystem": "driver", "parameters": {"ratio": 1.1}}
+    spec.update(tolerance=False, colour=(0.0, 0.0), slow={}, dropped=0.0, missing=["pose", "th"], effects=[effect])
+    for run in spec["runs"]:
+        run.update(slope_rad=0.1, uphill_yaw_rad=0.5)
+    planar.make_case(4, spec, tmp_path / "case", sizes=False)
+    case = read_case(tmp_path / "case")
+    machine = planar.nominal_machine(case.robot)
+    planar.apply_effect(machine, effect)
+    assert max(total(planar.replay_gap(machine, case.robot, run)) for run in case.runs) < 1.15
+
+
 def test_the_gap_counts_moves_seen_from_the_heading_at_each_window():
     t = np.arange(0, 3.001, 0.01)
     turned = {"x": 0.2 * t, "y": 0 * t, "yaw": 0 * t}
