@@ -1,8 +1,18 @@
 """The contract: formats of robots, runs and cases that others' logs and scripts depend on."""
 
 from rtds_host.contract.output import staged_folder, write_atomic
-from rtds_host.contract.robot import (GRAVITY_M_S2, Axis, Chassis, Driver, Motor, Robot, Servo, builtin_robot,
-                                      builtin_robot_path, load_robot)
+from rtds_host.contract.robot import (
+                                      GRAVITY_M_S2,
+                                      Axis,
+                                      Chassis,
+                                      Driver,
+                                      Motor,
+                                      Robot,
+                                      Servo,
+                                      builtin_robot,
+                                      builtin_robot_path,
+                                      load_robot,
+)
 from rtds_host.contract.runlog import Case, RunLog, RunMeta, read_case, read_meta, read_run, write_csv, write_run
 
 __all__ = ["GRAVITY_M_S2", "Axis", "Case", "Chassis", "Driver", "Motor", "Robot", "RunLog", "RunMeta", "Servo",

@@ -7,9 +7,9 @@ import io
 import json
 import math
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Mapping
 
 import numpy as np
 
@@ -284,8 +284,7 @@ def write_csv(path: Path, columns: Mapping[str, np.ndarray], digits: int = 9) ->
     form = f"%.{digits}g"
     with open(path, "w", encoding="ascii", newline="") as stream:
         stream.write(",".join(names) + "\n")
-        for row in table:
-            stream.write(",".join("" if value != value else form % value for value in row) + "\n")
+        stream.writelines(",".join("" if value != value else form % value for value in row) + "\n" for row in table)
 
 
 def write_run(folder: str | os.PathLike, meta: RunMeta, columns: Mapping[str, np.ndarray], form: str = "csv") -> None:

@@ -5,20 +5,20 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from dataclasses import replace
-from typing import Callable
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.choose import Search
+from rtds_host.diagnosis.choose import Choice, Search
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.experiment import next_experiment
 from rtds_host.diagnosis.fit import Fit, Hypothesis, apply, parameters
-from rtds_host.diagnosis.gate import examine
+from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.localise import localise
-from rtds_host.diagnosis.problem import NOMINAL_KEYS, NUISANCES, PRIOR, Problem
+from rtds_host.diagnosis.problem import NOMINAL_KEYS, PRIOR, Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
 from rtds_host.diagnosis.report.details import Candidate, Details, Trace
 from rtds_host.diagnosis.verdict import Decision, decide
@@ -52,14 +52,39 @@ def diagnose(case: Case, quick: bool = False, threads: int = 2, seed: int = 1,
     say = progress or (lambda stage, share: None)
     say("gate", 0.0)
     gate = examine(case)
+    found = investigate(case, quick, threads, say, without)
+    diagnosis, details = conclude(found, gate, seed, say)
+    details.seconds = time.perf_counter() - began
+    say("done", 1.0)
+    return diagnosis, details
+
+
+@dataclass
+class Investigation:
+    """A search and what was decided on it."""
+
+    problem: Problem
+    choice: Choice
+    decision: Decision
+
+
+def investigate(case: Case, quick: bool = False, threads: int = 2, say: Callable[[str, float], None] = lambda *_: None,
+                without: frozenset[str] = frozenset()) -> Investigation:
+    """Search for the explanation of a case and decide; parameters as of `diagnose`."""
     say("replay", 0.05)
     problem = Problem(case, threads)
     search = Search(problem, quick, without)
     say("candidates", 0.1)
     choice = search.run()
     say("choice", 0.8)
-    decision = decide(problem, choice)
-    fit = decision.fit
+    return Investigation(problem, choice, decide(problem, choice))
+
+
+def conclude(found: Investigation, gate: Gate | None, seed: int = 1,
+             say: Callable[[str, float], None] = lambda *_: None) -> tuple[dict, Details]:
+    """What a decision means in the contract's terms: gap on held-out runs, places, alternatives, next experiment."""
+    problem, choice, decision = found.problem, found.choice, found.decision
+    case, fit = problem.case, decision.fit
     say("gap", 0.85)
     held = _held_out(problem, decision, seed)
     located, localisation, after = _locate(problem, decision, held)
@@ -84,8 +109,7 @@ def diagnose(case: Case, quick: bool = False, threads: int = 2, seed: int = 1,
     details = Details(
         case=case, gate=gate, localisation=localisation, localisation_after=after,
         candidates=_candidates(problem, choice, decision), traces=held["traces"], regimes={},
-        run_gaps=held["runs"], notes=list(case.notices) + held["notes"], seconds=time.perf_counter() - began)
-    say("done", 1.0)
+        run_gaps=held["runs"], notes=list(case.notices) + held["notes"])
     return diagnosis, details
 
 
@@ -306,7 +330,7 @@ def _locate(problem: Problem, decision: Decision, held: dict) -> tuple[list[dict
     return sorted(rows, key=lambda r: -r["share"]), localisation, after
 
 
-def _candidates(problem: Problem, choice, decision: Decision) -> list[Candidate]:
+def _candidates(problem: Problem, choice: Choice, decision: Decision) -> list[Candidate]:
     """What was tried, best first, with the reason in words."""
     chosen = decision.fit
     equals = {member for members in decision.alike for member in members[1:]}

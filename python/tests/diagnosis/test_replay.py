@@ -33,7 +33,8 @@ def scipy_reference(log):
     inverse = np.linalg.inv([[spin + own, cross], [cross, spin + own]])
 
     def rates(_, s, v):
-        il, ir, wl, wr, thl, thr, x, y, yaw = s
+        il, ir, wl, wr = s[:4]
+        yaw = s[8]
         current, w = np.array([il, ir]), np.array([wl, wr])
         di = (v - m.resistance_ohm * current - m.back_emf_constant_v_s_per_rad * n * w) / m.inductance_h
         torque = n * m.torque_constant_nm_per_a * current - n * n * m.viscous_friction_nm_s_per_rad * w

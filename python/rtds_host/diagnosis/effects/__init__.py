@@ -19,4 +19,4 @@ for _module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
 
 SUBSYSTEMS = ("driver", "winding", "drivetrain", "wheel_ground", "chassis", "sensing", "timing")
 
-__all__ = ["CATALOGUE", "Effect", "Parameter", "SIDES", "SUBSYSTEMS"]
+__all__ = ["CATALOGUE", "SIDES", "SUBSYSTEMS", "Effect", "Parameter"]

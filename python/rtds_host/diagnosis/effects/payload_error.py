@@ -1,6 +1,6 @@
 """payload_error: m = m_nominal + payload + mass_kg."""
 
-from typing import Mapping
+from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter
 from rtds_host.diagnosis.replay.model import Model

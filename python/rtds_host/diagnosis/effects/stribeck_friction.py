@@ -1,6 +1,6 @@
 """stribeck_friction: -(tau + tau_s exp(-(w/w_s)^2)) sgn(w)."""
 
-from typing import Mapping
+from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter
 from rtds_host.diagnosis.replay.model import Model

@@ -1,6 +1,6 @@
 """torque_constant_error: Km = Kb = ratio K_nominal."""
 
-from typing import Mapping
+from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter
 from rtds_host.diagnosis.replay.model import Model

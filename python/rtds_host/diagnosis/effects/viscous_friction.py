@@ -1,6 +1,6 @@
 """viscous_friction: -b w, b down to minus the nominal B."""
 
-from typing import Mapping
+from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter
 from rtds_host.diagnosis.replay.model import Model

@@ -3,4 +3,4 @@
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 
-__all__ = ["Model", "OUTPUTS", "nominal_model", "replay_run"]
+__all__ = ["OUTPUTS", "Model", "nominal_model", "replay_run"]

@@ -28,7 +28,7 @@ class Model:
     side: np.ndarray
     common: np.ndarray
 
-    def copy(self) -> "Model":
+    def copy(self) -> Model:
         """An independent copy."""
         return Model(self.side.copy(), self.common.copy())
 

@@ -1,0 +1,246 @@
+"""How often the diagnosis is right: `python -m rtds_host.diagnosis.bench`, against what one would do today.
+
+Cases come from the independent planar world (`rtds_host.blind.planar`, as another process); the same searches are
+judged by three common methods: least squares on all parameters at once, BIC over the candidates, and the largest
+improvement of fit. Prints a page in Markdown and writes it where `--page` says.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import multiprocessing
+import subprocess
+import sys
+import time
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from rtds_host.contract import read_case, write_atomic
+from rtds_host.diagnosis.choose import Search
+from rtds_host.diagnosis.diagnose import Investigation, conclude, investigate
+from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.fit import Hypothesis
+
+TIERS = {"all": 60, "tol": 40, "few": 30, "pair": 30, "none": 40, "unknown": 30}
+SIZE_SIGMA = 5.0
+METHODS = ("this program", "least squares on all parameters", "BIC over candidates", "largest improvement of fit")
+
+
+def _bic(found: Investigation) -> Hypothesis:
+    """Candidate (none, one or several effects) of the lowest Bayesian information criterion."""
+    size = math.log(found.problem.size)
+    return min(found.choice.fits.values(), key=lambda f: f.chi2 + f.prior + len(f.u) * size).hypothesis
+
+
+def _largest(found: Investigation) -> Hypothesis:
+    """Single effect that lowers chi2 the most."""
+    singles = [f for f in found.choice.fits.values() if len(f.hypothesis) == 1]
+    return min(singles, key=lambda f: f.chi2).hypothesis if singles else ()
+
+
+def _least_squares(found: Investigation) -> Hypothesis:
+    """All effects of both sides at once (one linear step, minimum norm): what stands out by five sigma, if anything."""
+    search = Search(found.problem, quick=True)
+    search.scale = 1.0
+    base = found.choice.base
+    screen = search._screen(base)
+    keep = [k for k, s in enumerate(screen.signatures)
+            if (s.side == "both" or not CATALOGUE[s.effect].sided)
+            and s.values == next(x.values for x in screen.signatures if x.effect == s.effect)]
+    scale = np.sqrt(np.maximum(np.diag(screen.gram)[keep], 1e-12))
+    gram = screen.gram[np.ix_(keep, keep)] / np.outer(scale, scale)
+    inverse = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
+    steps = -inverse @ (screen.slope[keep] / scale)
+    sigma = np.sqrt(np.maximum(np.diag(inverse), 1e-12))
+    best = int(np.argmax(np.abs(steps) / sigma))
+    if abs(steps[best]) / sigma[best] < 5.0:
+        return ()
+    s = screen.signatures[keep[best]]
+    return ((s.effect, s.side),)
+
+
+def _examine(job: tuple[str, str, str, bool, str | None]) -> dict:
+    tier, folder, truth_file, quick, removed = job
+    truth = json.loads(Path(truth_file).read_text())
+    began = time.process_time()
+    found = investigate(read_case(folder), quick=quick, threads=1,
+                        without=frozenset([removed]) if removed else frozenset())
+    diagnosis, _ = conclude(found, None)
+    seconds = time.process_time() - began
+    others = {} if removed else {METHODS[1]: _least_squares(found), METHODS[2]: _bic(found), METHODS[3]: _largest(found)}
+    return {"tier": tier, "case": Path(folder).name, "truth": truth, "diagnosis": diagnosis, "seconds": seconds,
+            "others": others, "removed": removed}
+
+
+def _named(diagnosis: dict) -> set[tuple[str, str]]:
+    return {(e["id"], e["side"]) for e in diagnosis["effects"]}
+
+
+def _true(truth: dict) -> set[tuple[str, str]]:
+    return {(e["id"], e["side"]) for e in truth["effects"]}
+
+
+def _in_set(diagnosis: dict, truth: dict) -> bool:
+    named = _named(diagnosis)
+    sets = [{(m["id"], m["side"]) for m in members} for members in diagnosis["indistinguishable"]]
+    return diagnosis["verdict"] == "known" and len(named) == len(_true(truth)) and all(
+        t in named or any(t in s and len(s) <= 3 for s in sets) for t in _true(truth))
+
+
+def wilson(hits: int, count: int) -> tuple[float, float]:
+    """95 % interval of a share (E. B. Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+    if count == 0:
+        return 0.0, 1.0
+    z, p = 1.96, hits / count
+    middle = (p + z * z / (2 * count)) / (1 + z * z / count)
+    half = z / (1 + z * z / count) * math.sqrt(p * (1 - p) / count + z * z / (4 * count * count))
+    return middle - half, middle + half
+
+
+def _share(rows: list[bool]) -> str:
+    if not rows:
+        return "no case"
+    low, high = wilson(sum(rows), len(rows))
+    return f"{sum(rows)}/{len(rows)} = {np.mean(rows):.1%} ({low:.0%} to {high:.0%})"
+
+
+def _coverage(rows: list[dict]) -> list[bool]:
+    result = []
+    for r in rows:
+        truth = {(e["id"], e["side"]): e["parameters"] for e in r["truth"]["effects"]}
+        for e in r["diagnosis"]["effects"]:
+            for name, value in truth.get((e["id"], e["side"]), {}).items():
+                interval = e["parameters"].get(name, {}).get("ci90")
+                if interval:
+                    if name == "phase_rad":
+                        value += 2 * math.pi * round((sum(interval) / 2 - value) / (2 * math.pi))
+                    result.append(interval[0] <= value <= interval[1])
+    return result
+
+
+def page(rows: list[dict], command: str) -> str:
+    """The page: rates with 95 % intervals by Wilson, the comparison, and the confusions."""
+    main = [r for r in rows if not r["removed"]]
+    strong = [r for r in main if r["truth"]["verdict"] == "known" and (r["truth"].get("size_sigma") or 0) >= SIZE_SIGMA]
+    weak = [r for r in main if r["truth"]["verdict"] == "known" and r not in strong]
+    single = [r for r in strong if r["tier"] in ("all", "tol")]
+    none = [r for r in main if r["tier"] == "none"]
+    unknown = [r for r in main if r["tier"] == "unknown"]
+    lines = ["# How often the diagnosis is right", "",
+             (f"Made by `{command}`: {len(main)} cases of the planar world, and {len(rows) - len(main)} with their "
+              "effect taken out of the catalogue. Truths of at least 5 sigma (nuisances projected off) unless said "
+              "otherwise; 95 % intervals."), "", "| | |", "|---|---|"]
+
+    def row(name: str, value: str) -> None:
+        lines.append(f"| {name} | {value} |")
+
+    def exact(r: dict) -> bool:
+        return r["diagnosis"]["verdict"] == "known" and _named(r["diagnosis"]) == _true(r["truth"])
+
+    row("right cause and side, all channels, no tolerance", _share([exact(r) for r in strong if r["tier"] == "all"]))
+    row("the same with motors off by 1 %", _share([exact(r) for r in strong if r["tier"] == "tol"]))
+    row("right or inside a declared set of at most 3 (both)", _share([exact(r) or _in_set(r["diagnosis"], r["truth"])
+                                                                     for r in single]))
+    row("few channels: right or inside a set", _share([exact(r) or _in_set(r["diagnosis"], r["truth"])
+                                                       for r in strong if r["tier"] == "few"]))
+    row("pairs: both", _share([exact(r) or _in_set(r["diagnosis"], r["truth"]) for r in strong if r["tier"] == "pair"]))
+    row("pairs: at least one", _share([bool(_named(r["diagnosis"]) & _true(r["truth"])) for r in strong
+                                       if r["tier"] == "pair"]))
+    row("right subsystem (largest share)", _share([
+        bool(r["diagnosis"]["located"]) and r["diagnosis"]["located"][0]["subsystem"]
+        in {e["subsystem"] for e in r["truth"]["effects"]} for r in single]))
+    row("false cause where there is none", _share([bool(r["diagnosis"]["effects"]) for r in none]))
+    row("unknown recognised (outside effects)", _share([r["diagnosis"]["verdict"] == "unknown" for r in unknown]))
+    row("wrongly unknown", _share([r["diagnosis"]["verdict"] == "unknown" for r in single]))
+    removed = [r for r in rows if r["removed"]]
+    telling = [r for r in removed if not (r["diagnosis"]["verdict"] == "known"
+                                          and not r["diagnosis"]["gap"]["rest"]["structured"])]
+    row("unknown, effect taken out of the catalogue, where no other effect does the same",
+        _share([r["diagnosis"]["verdict"] == "unknown" for r in telling]))
+    row("… of which another effect does the same down to the noise", f"{len(removed) - len(telling)} of {len(removed)}")
+    closed = [r["diagnosis"]["gap"]["closed"] for r in strong
+              if r["diagnosis"]["verdict"] == "known" and r["diagnosis"]["gap"]["closed"] is not None]
+    row("closure on held-out runs, median (5 % quantile)",
+        f"{np.median(closed):.3f} ({np.quantile(closed, 0.05):.3f}), {len(closed)} cases" if closed else "no case")
+    row("90 % intervals that hold the truth", _share(_coverage([r for r in single if exact(r)])))
+    row("weak effects (below 5 sigma): right, none, other", " / ".join(str(x) for x in (
+        sum(exact(r) for r in weak), sum(r["diagnosis"]["verdict"] == "none" for r in weak),
+        sum(not exact(r) and r["diagnosis"]["verdict"] != "none" for r in weak))))
+    seconds = [r["seconds"] for r in main]
+    row("CPU seconds a case, median (largest)", f"{np.median(seconds):.1f} ({max(seconds):.0f})")
+
+    lines += ["", "## Against what one would do today", "", "The same cases and the same fits.", "",
+              ("| method | right cause and side (all, tol) | pairs: both | false cause where there is none | "
+               "outside effect blamed on a catalogue effect |"), "|---|---|---|---|---|"]
+    pairs = [r for r in strong if r["tier"] == "pair"]
+
+    def answer(r: dict, method: str) -> set[tuple[str, str]]:
+        return _named(r["diagnosis"]) if method == METHODS[0] else {tuple(x) for x in r["others"][method]}
+
+    def rate(hits: list[bool]) -> str:
+        return f"{np.mean(hits):.0%}" if hits else "–"
+
+    for method in METHODS:
+        lines.append("| " + " | ".join([
+            method, rate([answer(r, method) == _true(r["truth"]) for r in single]),
+            rate([answer(r, method) == _true(r["truth"]) for r in pairs]),
+            rate([bool(answer(r, method)) for r in none]), rate([bool(answer(r, method)) for r in unknown])]) + " |")
+
+    lines += ["", "## Confusions", "", "What single effects (all, tol) were taken for, right answers left out.", "",
+              "| truth | answer | cases |", "|---|---|---|"]
+    wrong = Counter()
+    for r in single:
+        if not exact(r):
+            name = ", ".join(sorted(f"{e} ({s})" for e, s in _named(r["diagnosis"]))) or r["diagnosis"]["verdict"]
+            wrong[(", ".join(sorted(f"{e} ({s})" for e, s in _true(r["truth"]))), name)] += 1
+    lines += [f"| {a} | {b} | {n} |" for (a, b), n in sorted(wrong.items())] or ["| – | – | 0 |"]
+    right = Counter(e for r in single if exact(r) for e, _ in _true(r["truth"]))
+    total = Counter(e for r in single for e, _ in _true(r["truth"]))
+    lines += ["", "Right of all, by effect: " + ", ".join(f"{e} {right[e]}/{n}" for e, n in sorted(total.items())) + ".", ""]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("build/diagnosis-bench"))
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--share", type=float, default=1.0, help="of the full number of cases")
+    parser.add_argument("--removed", type=int, default=20, help="cases diagnosed again without their effect")
+    parser.add_argument("--page", type=Path, help="where to write the page; printed in any case")
+    parser.add_argument("--full", action="store_true", help="the full search in place of the quick one")
+    options = parser.parse_args()
+    jobs = []
+    for k, (tier, count) in enumerate(TIERS.items()):
+        count = max(1, round(count * options.share))
+        folder = options.out / f"{tier}-{options.seed}-{count}"
+        if not (folder / "complete").exists():
+            subprocess.run([sys.executable, "-m", "rtds_host.blind.planar", "--n", str(count), "--tier", tier, "--seed",
+                            str(1000 * options.seed + k), "--out", str(folder)], check=True, stdout=subprocess.DEVNULL)
+            (folder / "complete").touch()
+        for case in sorted((folder / "public").iterdir()):
+            if case.is_dir():
+                jobs.append((tier, str(case), str(folder / "truth" / f"{case.name}.json"), not options.full, None))
+    singles = [j for j in jobs if j[0] in ("all", "tol")][:options.removed]
+    for tier, case, truth, quick, _ in singles:
+        jobs.append((tier, case, truth, quick, json.loads(Path(truth).read_text())["effects"][0]["id"]))
+    rows = []
+    with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
+        for row in pool.map(_examine, jobs):
+            rows.append(row)
+            print(f"\r{len(rows)}/{len(jobs)}", end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    command = "python -m rtds_host.diagnosis.bench" + (f" --seed {options.seed}" if options.seed != 1 else "") + (
+        " --full" if options.full else "") + (f" --share {options.share:g}" if options.share != 1 else "")
+    text = page(rows, command)
+    print(text)
+    if options.page:
+        write_atomic(options.page, text)
+
+
+if __name__ == "__main__":
+    main()
