@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import typer
 
@@ -15,7 +15,7 @@ def predict(
     run: Annotated[Path, typer.Argument(help="Run folder: run.json and log.csv or log.parquet.")],
     robot: Annotated[Path, typer.Option(help="The nominal robot.toml.")],
     out: Annotated[Path, typer.Option(help="The csv to write: t and every channel of the contract.")],
-    diagnosis: Annotated[Optional[Path], typer.Option(help="A diagnosis.json to apply.")] = None,
+    diagnosis: Annotated[Path | None, typer.Option(help="A diagnosis.json to apply.")] = None,
 ) -> None:
     """Replay a run from its commands, with or without a diagnosis."""
     import io

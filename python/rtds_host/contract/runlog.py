@@ -284,7 +284,7 @@ def write_csv(path: Path, columns: Mapping[str, np.ndarray], digits: int = 9) ->
     form = f"%.{digits}g"
     with open(path, "w", encoding="ascii", newline="") as stream:
         stream.write(",".join(names) + "\n")
-        stream.writelines(",".join("" if value != value else form % value for value in row) + "\n" for row in table)
+        stream.writelines(",".join("" if math.isnan(value) else form % value for value in row) + "\n" for row in table)
 
 
 def write_run(folder: str | os.PathLike, meta: RunMeta, columns: Mapping[str, np.ndarray], form: str = "csv") -> None:

@@ -274,9 +274,9 @@ def _bootstrap(parts: dict[str, list[dict[str, np.ndarray]]], rng: np.random.Gen
         squares = {"before": [], "after": []}
         for channel in blocks.values():
             pick = rng.integers(0, len(channel["before"]), len(channel["before"]))
-            for name in squares:
+            for name, values in squares.items():
                 chosen = channel[name][pick]
-                squares[name].append(chosen[:, 0].sum() / max(chosen[:, 1].sum(), 1))
+                values.append(chosen[:, 0].sum() / max(chosen[:, 1].sum(), 1))
         before, after = (math.sqrt(np.mean(squares[name])) for name in ("before", "after"))
         value = gaps.closed(before, after)
         if value is not None:

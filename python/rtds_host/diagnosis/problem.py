@@ -6,6 +6,7 @@ averaged over their neighbours), since each sample that narrows an explanation i
 
 from __future__ import annotations
 
+import functools
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -202,6 +203,12 @@ class Problem:
                 parts.append((replayed[k] - measured[k]) / (noise[k] * spread))
         return np.concatenate(parts) if parts else np.empty(0)
 
+    def _heading_misfit(self, data: RunData, model: Model, heading: float) -> float:
+        start = data.inputs[-1].copy()
+        start[2] = heading
+        residual = self.run_residual(data, replay_run(model, (*data.inputs[:-1], start)))
+        return float(residual @ residual)
+
     def align(self, model: Model) -> float:
         """Estimate the heading at which runs began whose log holds none, where it matters: on a slope.
 
@@ -209,20 +216,14 @@ class Problem:
         the replay's. Returns the largest change, rad.
         """
         largest = 0.0
-        for data, whole in zip(self.runs, self.whole):
+        for data, whole in zip(self.runs, self.whole, strict=False):
             log = data.log
             if self.robot.axis is not None or log.has("yaw") or abs(log.meta.slope_rad) < HEADING_SLOPE_RAD:
                 continue
             start = data.inputs[-1]
-
-            def misfit(heading: float) -> float:
-                moved = (*data.inputs[:-1], np.concatenate([start[:2], [heading], start[3:]]))
-                residual = self.run_residual(data, replay_run(model, moved))
-                return float(residual @ residual)
-
+            misfit = functools.partial(self._heading_misfit, data, model)
             grid = np.linspace(-np.pi, np.pi, 24, endpoint=False)
-            values = list(self.pool.map(misfit, grid))
-            k = int(np.argmin(values))
+            k = int(np.argmin(list(self.pool.map(misfit, grid))))
             found = minimize_scalar(misfit, bounds=(grid[k] - 0.3, grid[k] + 0.3), method="bounded",
                                     options={"xatol": 1e-3})
             known = misfit(start[2])

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from rtds_host.contract import (RunMeta, builtin_robot, builtin_robot_path, load_robot, read_case, read_run, write_run)
+from rtds_host.contract import RunMeta, builtin_robot, builtin_robot_path, load_robot, read_case, read_run, write_run
 from rtds_host.errors import InputError
 
 HEADER = "t,v_cmd_l,v_cmd_r,w_l,w_r\n"
