@@ -1,5 +1,7 @@
 """pll_adc, the branch for simulation: frequency, phase, lock time, and every way to lose the lock."""
 
+from itertools import pairwise
+
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import RisingEdge, Timer, with_timeout
@@ -24,7 +26,7 @@ async def frequency_phase_and_lock(dut):
         edges.append(get_sim_time("ps"))
         await RisingEdge(dut.outclk_cnv_o)
         assert get_sim_time("ps") - edges[-1] == 7500
-    assert {b - a for a, b in zip(edges, edges[1:])} == {25000}
+    assert {b - a for a, b in pairwise(edges)} == {25000}
 
     dut.rst_i.value = 1
     await Timer(50, "ns")

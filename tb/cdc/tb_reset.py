@@ -53,7 +53,7 @@ async def held_until_locked(dut):
         await RisingEdge(dut.clk_sys_i)
         count += 1
         assert count < 2 * LOCK_CLOCKS
-    assert count >= LOCK_CLOCKS + 4, f"released {count} clocks after lock"
+    assert count == LOCK_CLOCKS + 8, f"released {count} clocks after lock"
     await adc
     await Timer(200, "ns")
     assert resets(dut) == (1, 1, 1) and int(dut.locked_o.value) == 1

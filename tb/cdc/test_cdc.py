@@ -1,7 +1,6 @@
 """The crossing between the clock domains, the resets and the PLL wrapper."""
 
 import pytest
-
 from common.runner import SIMULATORS, run_cocotb
 
 INFRA = "rtl/io/infra.f"

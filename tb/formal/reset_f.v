@@ -18,6 +18,15 @@ module reset_f (
       .lock_lost_o(lock_lost)
   );
 
+  // Signals inside of dut, joined by Yosys when it flattens.
+  (* hierconn *) wire \dut.u_lock.rst_meta_q ;
+  (* hierconn *) wire \dut.u_lock.rst_sync_q ;
+  (* hierconn *) wire \dut.u_lock.rst_out_q ;
+  (* hierconn *) wire \dut.u_sys.rst_meta_q ;
+  (* hierconn *) wire \dut.u_sys.rst_sync_q ;
+  (* hierconn *) wire [7:0] \dut.lock_count_q ;
+  (* hierconn *) wire \dut.lock_ok_q ;
+
   reg started = 1'b0;
   reg clk_sys_q, clk_adc_q, sys_q = 1'b0, run_q = 1'b0, adc_q = 1'b0;
   reg [3:0] good = 4'd0;       // rising edges of clk_sys since the lock came, saturating
@@ -36,6 +45,11 @@ module reset_f (
     else if (started && clk_sys && !clk_sys_q && since_ext != 3'd7) since_ext <= since_ext + 3'd1;
   end
 
+  // The counts as of this instant: an edge that falls into it is one.
+  wire edge_now = started && clk_sys && !clk_sys_q;
+  wire [4:0] good_now = locked ? {1'b0, good} + {4'd0, edge_now} : 5'd0;
+  wire [3:0] ext_now = ext_rst_n ? {1'b0, since_ext} + {3'd0, edge_now} : 4'd0;
+
   always @* if (!started) assume (!ext_rst_n && !locked && !clk_sys && !clk_adc);
 
   always @* if (started) begin
@@ -44,9 +58,23 @@ module reset_f (
     if (rst_sys_n && !sys_q) assert (clk_sys && !clk_sys_q);
     if (rst_run_n && !run_q) assert (clk_sys && !clk_sys_q);
     if (rst_adc_n && !adc_q) assert (clk_adc && !clk_adc_q);
-    if (rst_sys_n && !sys_q) assert (since_ext >= 3'd2);
-    if (rst_run_n) assert (good >= 4'd6);
-    if (rst_adc_n) assert (good >= 4'd6);
+    if (rst_sys_n && !sys_q) assert (ext_now >= 4'd3);
+    if (rst_run_n) assert (good_now >= 5'd7);
+    if (rst_adc_n) assert (good_now >= 5'd7);
+  end
+
+  // Ties for the induction: how far a release has come is how many edges there were.
+  always @* if (started) begin
+    if (dut.u_sys.rst_meta_q) assert (ext_now >= 4'd1);
+    if (dut.u_sys.rst_sync_q) assert (ext_now >= 4'd2);
+    if (rst_sys_n) assert (ext_now >= 4'd3);
+    if (dut.u_lock.rst_meta_q) assert (good_now >= 5'd1);
+    if (dut.u_lock.rst_sync_q) assert (good_now >= 5'd2);
+    if (dut.u_lock.rst_out_q) assert (good_now >= 5'd3);
+    assert (dut.lock_count_q <= 8'd3);
+    if (dut.lock_count_q != 8'd0) assert (dut.u_lock.rst_out_q && {3'd0, good_now} >= 8'd3 + dut.lock_count_q);
+    if (dut.lock_ok_q) assert (dut.lock_count_q == 8'd3 && good_now >= 5'd7);
+    if (rst_run_n || rst_adc_n) assert (dut.lock_ok_q);
   end
 
   always @* if (started) begin

@@ -34,7 +34,7 @@ module sck_f (
     if (!started) assume (!clk && !rst_n);
     if (started) assume (clk != clk_q);               // a clock at half the solver's rate
     if (started && rst_q) assume (rst_n);
-    if (started && rst_n && !rst_q) assume (!clk_q);   // released away from the edge that takes en
+    if (started && rst_n && !rst_q) assume (clk_q);    // released away from the edge that takes en
     if (started && !(clk && !clk_q)) assume (en == en_q);
   end
 

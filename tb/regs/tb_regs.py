@@ -1,6 +1,7 @@
 """rtds_regs through cocotb-bus's Avalon-MM master: every register, and the worst moments."""
 
 import random
+from typing import ClassVar
 
 import cocotb
 from cocotb.clock import Clock
@@ -18,8 +19,8 @@ CODES = [r for r in MAP.registers if r.name.startswith("CODES_")]
 class Master(AvalonMaster):
     """cocotb-bus's master, told that this slave's ports carry _i and _o."""
 
-    _signals = {"address": "address_i"}
-    _optional_signals = {
+    _signals: ClassVar = {"address": "address_i"}
+    _optional_signals: ClassVar = {
         "readdata": "readdata_o",
         "read": "read_i",
         "write": "write_i",

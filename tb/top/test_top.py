@@ -1,7 +1,6 @@
 """The whole chip between models of its converters and a serial line."""
 
 import pytest
-
 from common.runner import SIMULATORS, run_cocotb
 
 SOURCES = ["rtl/top/top.f", "tb/agents/ltc2308.v", "tb/agents/dac7624.v", "tb/top/chip_tb.v"]

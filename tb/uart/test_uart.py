@@ -1,7 +1,6 @@
 """The serial port to the registers, spoken to by the same client that speaks to a board."""
 
 import pytest
-
 from common.runner import SIMULATORS, run_cocotb
 
 

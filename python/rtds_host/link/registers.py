@@ -12,7 +12,7 @@ import struct
 import tomllib
 from dataclasses import dataclass
 from importlib import resources
-from typing import Protocol
+from typing import Protocol, Self
 
 from rtds_host.errors import InputError, LinkError
 
@@ -59,7 +59,7 @@ class Register:
                 return candidate
         raise InputError(f"register {self.name}: no field {name!r}, it has {', '.join(f.name for f in self.fields)}")
 
-    def to_word(self, value: float | int) -> int:
+    def to_word(self, value: float) -> int:
         """A value as the 32-bit word on the bus. Raises InputError when it does not fit."""
         if self.kind == "float":
             return float_word(float(value), self.name)
@@ -210,7 +210,7 @@ class SerialTransport:
         self._error = serial.SerialException
         self.device = device
         try:
-            self._port = serial.Serial(device, baudrate=baud, timeout=timeout_s, write_timeout=timeout_s)
+            self._port = serial.Serial(device, baudrate=baud, timeout=timeout_s, write_timeout=2.0)
         except (serial.SerialException, ValueError) as error:
             raise LinkError(f"{device}: cannot open the serial port ({error})") from error
 
@@ -299,7 +299,7 @@ class RegisterClient:
         """A register as float or int, by its kind. Raises InputError (name), LinkError (bus)."""
         return self.map.named(name).from_word(self.read_word(name))
 
-    def write(self, name: str, value: float | int) -> None:
+    def write(self, name: str, value: float) -> None:
         """Write a register. Raises InputError (name, value, read-only register), LinkError (bus)."""
         register = self.map.named(name)
         if register.access == "ro":
@@ -362,7 +362,7 @@ class RegisterClient:
         """Close the transport."""
         self._transport.close()
 
-    def __enter__(self) -> "RegisterClient":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exc_info: object) -> None:
