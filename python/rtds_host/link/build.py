@@ -57,7 +57,10 @@ class Top:
     posedge_only : there is one clock, and nothing depends on its falling edge or its level.
     sync : one-bit output that toggles when the bridge is wanted.
     control : Verilator control file that makes the bridge's ports public.
-    bridge : Python module below ``sim/`` with the cocotb test that serves the link.
+    bridge : Python module below ``sim/`` with the cocotb test that serves the link; "" where the main serves it itself,
+        without cocotb (Verilator only, and then without `sync` and `control`).
+    main : C++ main of the Verilator build, below the source tree.
+    includes : folders of Verilog headers, relative to `root`.
     root : folder to which the names are relative: the source tree.
     """
 
@@ -69,6 +72,8 @@ class Top:
     sync: str
     control: str
     bridge: str
+    main: str = "sim/verilator_main.cpp"
+    includes: tuple[str, ...] = ()
     root: Path = ROOT
 
     def files(self) -> list[Path]:
@@ -118,6 +123,18 @@ TOPS: Mapping[str, Top] = {
         control="sim/rtds_sim_top.vlt",
         bridge="bridge_core",
     ),
+    "chip": Top(
+        module="rtds_chip",
+        file_lists=("rtl/top/top.f",),
+        sources=(),
+        clocks=(),
+        posedge_only=False,
+        sync="",
+        control="",
+        bridge="",
+        main="sim/chip_main.cpp",
+        includes=("rtl/io",),
+    ),
 }
 
 
@@ -164,7 +181,10 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
     digest = hashlib.sha256()
     files = top.files()
     if simulator == "verilator":
-        files += [top.root / top.control, ROOT / "sim" / "verilator_main.cpp"]
+        files += [top.root / top.control] if top.control else []
+        files += [ROOT / top.main]
+    for folder in top.includes:
+        files += sorted((top.root / folder).glob("*.vh"))
     for text in (top.module, repr(top.clocks), repr(top.posedge_only), top.sync, *tools):
         digest.update(text.encode() + b"\0")
     for path in files:
@@ -216,20 +236,26 @@ def _call(what: str, command: list[str], environment: Mapping[str, str], log: Pa
 
 
 def _build_verilator(top: Top, scratch: Path, program: str, environment: Mapping[str, str], libraries: Path) -> None:
-    clocks = ",".join(f"{{&top.{port},{half_ps}}}" for port, half_ps in top.clocks)
-    defines = [f"'-DRTDS_CLOCKS={clocks}'", f"-DRTDS_SYNC={top.sync}"]
-    if top.posedge_only:
-        defines.append(f"-DRTDS_POSEDGE={top.clocks[0][0]}")
+    defines, cocotb, control = [], [], []
+    if top.bridge:
+        clocks = ",".join(f"{{&top.{port},{half_ps}}}" for port, half_ps in top.clocks)
+        defines = [f"'-DRTDS_CLOCKS={clocks}'", f"-DRTDS_SYNC={top.sync}"]
+        if top.posedge_only:
+            defines.append(f"-DRTDS_POSEDGE={top.clocks[0][0]}")
+        cocotb = ["--vpi", "-LDFLAGS", f"'-Wl,-rpath,{libraries}' '-L{libraries}' -lcocotbvpi_verilator"]
+        control = [str(top.root / top.control)]
     log = scratch / "build.log"
     objects = scratch / "objects"
     _call(
         "Verilator",
         [
-            program, "--cc", "--exe", "--vpi", "--prefix", "Vtop", "--Mdir", str(objects), "-o", str(scratch / "sim"),
+            program, "--cc", "--exe", *cocotb, "--prefix", "Vtop", "--Mdir", str(objects), "-o", str(scratch / "sim"),
             "--top-module", top.module, "-Wno-fatal", *VERILATOR_FLAGS,
             "-CFLAGS", " ".join([CXX_FLAGS, *defines]),
-            "-LDFLAGS", f"'-Wl,-rpath,{libraries}' '-L{libraries}' -lcocotbvpi_verilator",
-            str(top.root / top.control), str(ROOT / "sim" / "verilator_main.cpp"), *map(str, top.files()),
+            # One C++ file: the PyPI package's makefile forgets the option for the precompiled header of a split design.
+            "--output-split", "0",
+            *(f"-I{top.root / folder}" for folder in top.includes),
+            *control, str(ROOT / top.main), *map(str, top.files()),
         ],
         environment,
         log,
@@ -270,6 +296,8 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
     """
     if simulator not in SIMULATORS:
         raise InputError(f"sim: {simulator!r} is unknown, choose one of {', '.join(SIMULATORS)}")
+    if simulator != "verilator" and not top.bridge:
+        raise InputError(f"sim: {top.module} is simulated by verilator only, not by {simulator}")
     say = say or (lambda line: print(line, file=sys.stderr, flush=True))
     libraries = _cocotb_libraries()
     tools = [importlib.metadata.version("cocotb"), str(libraries)]

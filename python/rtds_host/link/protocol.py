@@ -10,6 +10,10 @@ request        payload                                             answer
 PARAMETERS     7 words R L Km Kb J B h, method, step_clocks        DONE: empty
 EXCHANGE       4 words v_l v_r t_l t_r, steps, sample_steps        SAMPLES: flags, step count, simulated clocks
                                                                    (uint64), then n times i_l w_l i_r w_r
+CHIP_RUN       the chip's harness only: 8 voltages (float64, V)    CHIP_RAN: flags, LDAC edges so far, time in ps
+               at the ADC's pins, steps, sample_steps, bytes       and clocks of 50 MHz (uint64), m, n, then the m
+               expected on the serial line, every_clock, limit     bytes that came on the serial line, then n times
+               in ns (uint64), then bytes to send on that line     four uint16 codes of the DAC, A to D
 CLOSE          empty                                               none, the simulator ends
 =============  ==================================================  ==========================================
 
@@ -24,14 +28,17 @@ import struct
 VERSION = 1
 FD_VARIABLE = "RTDS_LINK_FD"
 
-HELLO, PARAMETERS, DONE, EXCHANGE, SAMPLES, CLOSE, FAILED = range(1, 8)
+HELLO, PARAMETERS, DONE, EXCHANGE, SAMPLES, CLOSE, FAILED, CHIP_RUN, CHIP_RAN = range(1, 10)
 
 HEADER = struct.Struct("<II")
 PARAMETERS_PAYLOAD = struct.Struct("<7III")
 EXCHANGE_PAYLOAD = struct.Struct("<4III")
 SAMPLES_HEAD = struct.Struct("<IIQ")
+CHIP_RUN_HEAD = struct.Struct("<8d4IQ")
+CHIP_RAN_HEAD = struct.Struct("<IIQQII")
 
 FLAG_PARAM_FAULT, FLAG_NONFINITE, FLAG_OVERRUN, FLAG_STUCK = 1, 2, 4, 8
+CHIP_FLAG_TIMEOUT, CHIP_FLAG_RESET = 1, 2
 
 MAX_SAMPLES = 32  # rows the simulation top keeps for one request
 MAX_PAYLOAD = 1 << 20

@@ -115,7 +115,7 @@ class RtlLink:
                 stdin=subprocess.DEVNULL,
                 stdout=self._stderr,
                 stderr=self._stderr,
-                env={**os.environ, **built.environment, **_cocotb_environment(top, theirs.fileno())},
+                env={**os.environ, **built.environment, **_environment(top, theirs.fileno())},
                 pass_fds=(theirs.fileno(),),
                 start_new_session=True,  # Ctrl-C reaches the host alone, which ends the simulator
             )
@@ -303,7 +303,9 @@ class RtlLink:
             raise LinkError(CLOSED)
 
 
-def _cocotb_environment(top: Top, descriptor: int) -> dict[str, str]:
+def _environment(top: Top, descriptor: int) -> dict[str, str]:
+    if not top.bridge:
+        return {protocol.FD_VARIABLE: str(descriptor)}
     import cocotb_tools.config
 
     python = find_libpython.find_libpython()
