@@ -14,17 +14,22 @@ app = typer.Typer(add_completion=False)
 def diagnose(
     cases: Annotated[list[Path], typer.Argument(help="Case folders: robot.toml and a sub-folder a run.")],
     out: Annotated[Path, typer.Option(help="Folder for diagnosis.json and report.html; with several cases, "
-                                           "a sub-folder each.")],
+                                           "a sub-folder each, cases.parquet and index.html.")],
     quick: Annotated[bool, typer.Option("--quick", help="A narrower search, several times faster.")] = False,
     seed: Annotated[int, typer.Option(help="Seed of the bootstrap.")] = 1,
-    jobs: Annotated[int, typer.Option(help="Cores to use; 0 = all.")] = 0,
+    jobs: Annotated[int, typer.Option(help="Cores to use; 0 = all.", min=0)] = 0,
+    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask scheduler "
+                                                                          "(tcp://host:8786).")] = None,
 ) -> None:
-    """Say where the gap between simulator and reality lies, and which effect causes it."""
+    """Say where the gap between simulator and reality lies, and which effect causes it.
+
+    Several cases go on where an interrupted call stopped; status 1 if some failed, the others are complete.
+    """
     from rtds_host.diagnosis.batch import run_many, run_one
 
-    if len(cases) == 1:
+    if len(cases) == 1 and scheduler is None:
         run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs)
         return
-    failed = run_many(cases, out, quick=quick, seed=seed, jobs=jobs)
+    failed = run_many(cases, out, quick=quick, seed=seed, jobs=jobs, scheduler=scheduler)
     if failed:
         raise typer.Exit(1)

@@ -1,37 +1,56 @@
-"""One case or many: reading, diagnosing, writing, and what to do when one of many fails."""
+"""One case or many: reading, diagnosing, writing, going on after an interruption, and a table of all results."""
 
 from __future__ import annotations
 
+import fcntl
+import hashlib
 import json
-import multiprocessing
 import os
+import re
+import shutil
 import sys
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from rtds_host.contract import read_case, staged_folder
+from rtds_host import __version__
+from rtds_host.contract import Case, read_case, staged_folder, write_atomic
 from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.overview import overview_page, row_of, table_bytes
 from rtds_host.diagnosis.report import print_summary, validate, write_report
-from rtds_host.errors import InputError, RtdsError
+from rtds_host.errors import InputError, OutputError
+from rtds_host.spread import cores, on_cluster, on_cores
 
 FILES = ("diagnosis.json", "report.html")
+# Beside the results of many cases: what is done, and the lock.
+STATE = ".rtds"
+
+# (case, quick, seed, threads) -> (content of diagnosis.json, report.html, seconds)
+Explain = Callable[[Case, bool, int, int], tuple[dict, str, float]]
 
 
-def _cores(jobs: int) -> int:
-    return jobs if jobs > 0 else len(os.sched_getaffinity(0))
+def _json(result: dict) -> str:
+    return json.dumps(result, indent=1, ensure_ascii=False) + "\n"
 
+
+def _write(out: Path, files: dict[str, str]) -> None:
+    with staged_folder(out) as scratch:
+        for name, text in files.items():
+            (scratch / name).write_text(text, encoding="utf-8")
+
+
+# ---- one case --------------------------------------------------------------------------------------------------------
 
 def write_diagnosis(folder: Path, out: Path, quick: bool, seed: int, threads: int, progress=None) -> tuple:
     """Diagnose one case folder and write both files, together or not at all. Returns (diagnosis, details)."""
     case = read_case(folder)
     result, details = diagnose(case, quick=quick, threads=threads, seed=seed, progress=progress)
     validate(result)
-    with staged_folder(out) as scratch:
-        (scratch / "diagnosis.json").write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n")
-        (scratch / "report.html").write_text(write_report(result, details), encoding="utf-8")
+    _write(out, {"diagnosis.json": _json(result), "report.html": write_report(None, result, details)})
     return result, details
 
 
@@ -41,58 +60,191 @@ def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: i
     with Progress(TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn(), console=errors,
                   transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("reading", total=1.0)
-        result, details = write_diagnosis(folder, out, quick, seed, _cores(jobs),
+        result, details = write_diagnosis(folder, out, quick, seed, jobs if jobs > 0 else cores(),
                                           lambda stage, share: bar.update(task, description=stage, completed=share))
     print_summary(Console(), result, details)
 
 
-def _job(folder: str, out: str, quick: bool, seed: int) -> str:
-    result, _ = write_diagnosis(Path(folder), Path(out), quick, seed, 1)
-    named = ", ".join(f"{e['id']} ({e['side']})" for e in result["effects"])
-    return result["verdict"] + (f": {named}" if named else "")
+# ---- many cases ------------------------------------------------------------------------------------------------------
+
+def explain(case: Case, quick: bool, seed: int, threads: int) -> tuple[dict, str, float]:
+    """A case's diagnosis and report; runs in a process of its own, here or on a cluster, and writes nothing."""
+    result, details = diagnose(case, quick=quick, threads=threads, seed=seed)
+    validate(result)
+    return result, write_report(None, result, details), details.seconds
 
 
-def _done(folder: Path, out: Path) -> bool:
-    """Whether both files are there and younger than everything they were made from."""
-    if not all((out / name).is_file() for name in FILES):
-        return False
-    newest = max((p.stat().st_mtime for p in folder.rglob("*") if p.is_file()), default=0.0)
-    return min((out / name).stat().st_mtime for name in FILES) > newest
+def _explain_folder(work: Explain, folder: str, quick: bool, seed: int, threads: int) -> tuple[dict, str, float]:
+    return work(read_case(folder), quick, seed, threads)
 
 
-def run_many(cases: list[Path], out: Path, quick: bool = False, seed: int = 1, jobs: int = 0) -> list[str]:
-    """`rtds diagnose` of several cases, a process each; what is already done is not done again.
+def fingerprint(folder: Path, quick: bool, seed: int) -> str:
+    """SHA-256 over everything a result depends on: the case's name and files, the options, the program's version."""
+    digest = hashlib.sha256(json.dumps([__version__, folder.resolve().name, quick, seed]).encode())
+    found = [folder / "robot.toml"]
+    for name in ("robot.toml", "run.json", "log.csv", "log.parquet"):
+        found += folder.glob(f"*/{name}")
+    for path in sorted(found):
+        try:
+            content = hashlib.sha256(path.read_bytes()).hexdigest()
+        except OSError as error:
+            content = type(error).__name__
+        digest.update(json.dumps([str(path.relative_to(folder)), content]).encode())
+    return digest.hexdigest()
+
+
+def _sha(text: bytes) -> str:
+    return hashlib.sha256(text).hexdigest()
+
+
+class _Results:
+    """Folder of many results: which are done, of what input, and whether their files are still the ones written."""
+
+    def __init__(self, out: Path):
+        self.out, self.state = out, out / STATE
+
+    def row(self, name: str, key: str) -> dict | None:
+        """The table's row of a case that is done, None for one to do."""
+        try:
+            note = json.loads((self.state / f"{name}.json").read_text(encoding="utf-8"))
+            same = note["key"] == key and all(
+                _sha((self.out / name / file).read_bytes()) == note["files"][file] for file in FILES)
+            return note["row"] if same else None
+        except (OSError, ValueError, KeyError, TypeError):
+            # No note, one of an older program, or files that are gone: done again.
+            return None
+
+    def write(self, name: str, key: str, result: dict, page: str, seconds: float) -> dict:
+        """Write a result; the note that it is done comes last, so that what a kill leaves counts as not done."""
+        files = {"diagnosis.json": _json(result), "report.html": page}
+        _write(self.out / name, files)
+        row = row_of(name, result, seconds)
+        hashes = {file: _sha(text.encode("utf-8")) for file, text in files.items()}
+        write_atomic(self.state / f"{name}.json", json.dumps({"key": key, "files": hashes, "row": row}) + "\n")
+        return row
+
+    def drop(self, name: str) -> None:
+        """Take away an earlier result of a case that now fails: it would pass for the answer to the new input."""
+        note = self.state / f"{name}.json"
+        if not note.is_file():
+            return
+        try:
+            for file in FILES:
+                (self.out / name / file).unlink(missing_ok=True)
+            note.unlink()
+            if not any((self.out / name).iterdir()):
+                (self.out / name).rmdir()
+        except FileNotFoundError:
+            # Taken away by hand before.
+            return
+        except OSError as error:
+            raise OutputError(f"{error.filename}: cannot be removed ({error.strerror})") from error
+
+    def sweep(self, names: list[str]) -> None:
+        """Remove scratch folders and files that a killed run left."""
+        known = re.compile(r"\.(" + "|".join(map(re.escape, [*names, "cases.parquet", "index.html"])) + r")-[a-z0-9_]{8}")
+        for path in self.out.iterdir():
+            if known.fullmatch(path.name):
+                shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """One run at a time in a folder.
+
+        Raises
+        ------
+        OutputError : another run writes there, or the folder cannot be written.
+        """
+        try:
+            self.state.mkdir(parents=True, exist_ok=True)
+            handle = os.open(self.state / "lock", os.O_RDWR | os.O_CREAT, 0o644)
+        except OSError as error:
+            raise OutputError(f"{self.out}: cannot write ({error.strerror})") from error
+        try:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise OutputError(f"{self.out}: another rtds diagnose writes there") from error
+            yield
+        finally:
+            os.close(handle)
+
+
+def _checked(cases: list[Path], out: Path) -> dict[str, Path]:
+    by_name: dict[str, Path] = {}
+    for case in cases:
+        name = case.resolve().name
+        if name in by_name:
+            raise InputError(f"{name}: two cases have this name; their results would fall into one folder")
+        if name in (STATE, ""):
+            raise InputError(f"{case}: no name for a case")
+        if (out / name).resolve() == case.resolve():
+            raise InputError(f"{out}: the results of {case} would fall into the case itself; choose another folder")
+        by_name[name] = case
+    return by_name
+
+
+def run_many(cases: list[Path], out: Path, quick: bool = False, seed: int = 1, jobs: int = 0,
+             scheduler: str | None = None, work: Explain = explain) -> list[str]:
+    """`rtds diagnose` of several cases: a process a core, or the workers of a Dask cluster.
+
+    What an earlier call into `out` did from the same input with the same options is not done again. Ends with
+    `OUT/cases.parquet`, a row a case, and `OUT/index.html`, an overview with links to the reports.
+
+    Parameters
+    ----------
+    jobs : processes on this machine, 0 = one a core. scheduler : address of a Dask scheduler, in place of processes.
+    work : what is done with a case; found by its name in other processes.
 
     Returns
     -------
-    Names of the cases that failed; the others are complete.
+    Names of the cases that failed, for whatever reason; the others are complete.
 
     Raises
     ------
-    InputError : two cases of the same name.
+    InputError : two cases of the same name, or results that would fall into a case. OutputError : `out` cannot be
+    written (what is done stays). LinkError : the cluster cannot be used, or is lost (what is done stays).
     """
-    names = [case.resolve().name for case in cases]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(f"{twice[0]}: two cases have this name; their results would fall into one folder")
-    console = Console()
-    failed: list[str] = []
-    todo = []
-    for name, case in zip(names, cases):
-        if _done(case, out / name):
-            console.print(f"{name}: already done", highlight=False)
+    by_name = _checked(cases, out)
+    results = _Results(out)
+    with results.locked():
+        results.sweep(list(by_name))
+        keys = {name: fingerprint(case, quick, seed) for name, case in by_name.items()}
+        rows = {name: row for name in by_name if (row := results.row(name, keys[name])) is not None}
+        todo = {name: case for name, case in by_name.items() if name not in rows}
+        if rows:
+            print(f"{len(rows)} of {len(by_name)} cases are done already", flush=True)
+        if scheduler is not None:
+            def loaded(case: Path) -> tuple:
+                return read_case(case), quick, seed, 1
+
+            outcomes = on_cluster(work, {name: partial(loaded, case) for name, case in todo.items()}, scheduler)
         else:
-            todo.append((name, case))
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(max(1, min(_cores(jobs), len(todo))), mp_context=context) as pool:
-        futures = {pool.submit(_job, str(case), str(out / name), quick, seed): name for name, case in todo}
-        for future in as_completed(futures):
-            name = futures[future]
-            try:
-                console.print(f"{name}: {future.result()}", highlight=False)
-            except RtdsError as error:
-                failed.append(name)
-                print("rtds: " + " ".join(str(error).split()), file=sys.stderr)
+            processes = jobs if jobs > 0 else cores()
+            threads = max(1, processes // max(1, len(todo)))
+            outcomes = on_cores(_explain_folder, {name: (work, str(case), quick, seed, threads)
+                                                  for name, case in todo.items()}, processes)
+        columns = (TextColumn("diagnosing"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+                   TextColumn("{task.description}"))
+        with closing(outcomes), Progress(*columns, console=Console(stderr=True), transient=True,
+                                         disable=not sys.stderr.isatty()) as bar:
+            task = bar.add_task("", total=len(by_name), completed=len(rows))
+            for outcome in outcomes if todo else ():
+                name = outcome.name
+                if outcome.error is None:
+                    rows[name] = results.write(name, keys[name], *outcome.value)
+                    blamed = ", ".join(f"{e} ({s})" for e, s in zip(rows[name]["effects"], rows[name]["sides"]))
+                    print(f"{name}: {rows[name]['verdict']}" + (f": {blamed}" if blamed else ""), flush=True)
+                else:
+                    results.drop(name)
+                    rows[name] = row_of(name, None, None, outcome.error)
+                    place = "" if name in outcome.error else f"{name}: "
+                    print(f"rtds: {place}{outcome.error}", file=sys.stderr, flush=True)
+                bar.update(task, advance=1, description=name)
+        table = [rows[name] for name in by_name]
+        write_atomic(out / "cases.parquet", table_bytes(table))
+        write_atomic(out / "index.html", overview_page(table))
+    failed = sorted(row["case"] for row in table if row["error"] is not None)
     if failed:
-        print(f"rtds: {len(failed)} of {len(cases)} cases failed: {', '.join(sorted(failed))}", file=sys.stderr)
-    return sorted(failed)
+        print(f"rtds: {len(failed)} of {len(table)} cases failed: {', '.join(failed)}", file=sys.stderr)
+    return failed
