@@ -56,6 +56,9 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         values = {}
         given = entry.get("parameters") or {}
         for p in effect.parameters:
+            if p.name not in given and p.optional:
+                values[p.name] = p.null
+                continue
             if p.name not in given:
                 raise InputError(f"{path}: {place}.parameters.{p.name}: missing")
             value = given[p.name].get("value") if isinstance(given[p.name], dict) else given[p.name]

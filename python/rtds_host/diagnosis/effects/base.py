@@ -16,7 +16,7 @@ class Parameter:
 
     null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
     about `null` (sets the price of a free parameter); starts : values to start a fit from; difference : step of a
-    derivative, in spreads.
+    derivative, in spreads; optional : a diagnosis may leave it out, it is `null` then.
     """
 
     name: str
@@ -28,6 +28,7 @@ class Parameter:
     starts: tuple[float, ...]
     meaning: str = ""
     difference: float = 0.01
+    optional: bool = False
 
 
 @dataclass(frozen=True)
