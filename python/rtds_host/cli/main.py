@@ -22,6 +22,7 @@ from rtds_host.errors import RtdsError
 # Sub-command -> what it does. Each stands in the module rtds_host.cli.<name> as the Typer app `app`.
 COMMANDS = {
     "run": "Drive a scenario with the motors in RTL (or the bit-exact model) and write a run folder.",
+    "calibrate": "Measure gain and offset of the wires between PC and chip.",
     "diagnose": "Say where the gap between simulator and reality lies, and which effect causes it.",
     "predict": "Replay a run from its commands, with or without a diagnosis.",
     "import": "Turn ROS 2 bags or csv files of a real robot into a case.",

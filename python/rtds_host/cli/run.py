@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from rtds_host.cli.calibrate import link_options
 from rtds_host.contract import load_robot, read_run, staged_folder
 from rtds_host.errors import InputError
 from rtds_host.robot import ENGINES
@@ -88,8 +89,15 @@ def run(
     scenario: Annotated[str, typer.Argument(help="linear, circle, eight, a manoeuvre, or all (the first three); "
                                                  "--list shows every one.")] = "",
     show_list: Annotated[bool, typer.Option("--list", help="List the scenarios with their parameters.")] = False,
-    link: Annotated[str, typer.Option(help="What computes the motors: rtl or model.")] = "rtl",
+    link: Annotated[str, typer.Option(help="What computes the motors: rtl or model; chip (the whole chip in simulation, "
+                                           "through its pins) or ad2 (a board).")] = "rtl",
     sim: Annotated[str, typer.Option(help="Simulator of the RTL: verilator or icarus.")] = "verilator",
+    calibration: Annotated[Path | None, typer.Option(help="chip, ad2: file of `rtds calibrate`.")] = None,
+    wires: Annotated[Path | None, typer.Option(help="chip: gain and offset that the simulated wires have, a file of the "
+                                                    "same form.")] = None,
+    ad2: Annotated[list[str] | None, typer.Option(help="ad2: serial numbers of both Analog Discovery 2, the one "
+                                                       "with the voltages first; give it twice.")] = None,
+    serial: Annotated[str, typer.Option(help="ad2: serial port of the chip's registers.")] = "",
     step_clocks: Annotated[str, typer.Option(help="Clocks of the RTL from step to step: a number (500 as on the "
                                                   "board), or min.")] = "min",
     robot: Annotated[str, typer.Option(help="burger, paper, or the path of a robot.toml.")] = "burger",
@@ -142,7 +150,7 @@ def run(
     if against is not None and against not in ENGINES:
         raise InputError(f"--against {against}: unknown engine (known: {', '.join(ENGINES)})")
     plans = [make_plan(name, values, options) for name, values in _wanted(scenario, given)]
-    choice = _link(link, sim, step_clocks)
+    choice = _link(link, sim, step_clocks, link_options(link, calibration, wires, ad2, serial))
     target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / scenario)
     check_writable(target)
     with _bars(plans) as report:
@@ -168,13 +176,17 @@ def run(
         _show(console, summary, place)
 
 
-def _link(link: str, sim: str, step_clocks: str) -> LinkChoice:
-    if link != "rtl":
-        return LinkChoice(link)
+def _link(link: str, sim: str, step_clocks: str, more: dict) -> LinkChoice:
+    if link not in ("rtl", "chip"):
+        return LinkChoice(link, more)
     try:
         clocks: int | str = step_clocks if step_clocks == "min" else int(step_clocks)
     except ValueError as error:
         raise InputError(f"--step-clocks {step_clocks}: a whole number or min is needed") from error
+    if link == "chip":
+        if sim != "verilator":
+            raise InputError(f"--sim {sim}: the whole chip is simulated by verilator only")
+        return LinkChoice("chip", {"step_clocks": clocks, **more}, "the whole chip (verilator, through its pins)")
     options: dict = {"sim": sim, "step_clocks": clocks}
     if sim == "icarus":
         options["timeout_s"] = ICARUS_TIMEOUT_S

@@ -1,4 +1,4 @@
-"""Links: one small interface to the motors, computed by the bit-exact model or by the RTL in a simulator."""
+"""Links: one small interface to the motors: the bit-exact model, the RTL in a simulator, the whole chip, or a board."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rtds_host.link.base import Exchange, Link
 
 __all__ = ["LINKS", "Exchange", "Link", "open_link"]
 
-LINKS = ("model", "rtl")
+LINKS = ("model", "rtl", "chip", "ad2")
 
 
 def open_link(kind: str, **options: Any) -> Link:
@@ -17,8 +17,9 @@ def open_link(kind: str, **options: Any) -> Link:
 
     Parameters
     ----------
-    kind : "model" (bit-exact model, in process) or "rtl" (the Verilog in a simulator).
-    **options : of `rtl` only, see `rtds_host.link.rtl.RtlLink`: `sim` ("verilator" or "icarus"), `step_clocks`
+    kind : "model" (bit-exact model, in process), "rtl" (the motor units' Verilog in a simulator), "chip" (the whole chip
+        in a simulator, through its pins) or "ad2" (a board behind two Analog Discovery 2).
+    **options : of `chip` see `rtds_host.link.chip.ChipLink`, of `ad2` `rtds_host.link.ad2.Ad2Link`; of `rtl` `rtds_host.link.rtl.RtlLink`: `sim` ("verilator" or "icarus"), `step_clocks`
         (clocks from one step to the next, 500 as on the board, or "min": the next as soon as the unit is ready),
         `timeout_s`, `progress`. The model ignores `sim` and `step_clocks`: its results do not depend on them.
 
@@ -35,4 +36,12 @@ def open_link(kind: str, **options: Any) -> Link:
         from rtds_host.link.rtl import RtlLink
 
         return RtlLink(**options)
+    if kind == "chip":
+        from rtds_host.link.chip import ChipLink
+
+        return ChipLink(**options)
+    if kind == "ad2":
+        from rtds_host.link.ad2 import Ad2Link
+
+        return Ad2Link(**options)
     raise InputError(f"link: {kind!r} is unknown, choose one of {', '.join(LINKS)}")

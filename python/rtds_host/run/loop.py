@@ -31,6 +31,7 @@ class Record:
     shaft_torques : (m, 2) float32, N m at the motor shaft, held over the exchange.
     rows : (k,) engine steps of the log's rows; `samples` their measured values, `truth` the true ones.
     engine_energy_j : energy of the robot gained over the run. wall_s : time the loop took.
+    link_report : what the link has to say about itself (pacing, clocks, ranges that cut), or None.
     """
 
     t_s: np.ndarray
@@ -48,6 +49,7 @@ class Record:
     truth: list[Sample]
     engine_energy_j: float
     wall_s: float
+    link_report: dict | None = None
 
 
 def set_motors(link: Link, plan: Plan) -> None:
@@ -84,7 +86,8 @@ def drive(plan: Plan, link: Link, path: SignalPath | None = None,
     with open_engine(plan.engine, plan.body, plan.motion.start) as engine:
         began = time.perf_counter()
         record = _Loop(plan, link, engine, path).run(progress)
-        return Record(**record, wall_s=time.perf_counter() - began)
+        report = getattr(link, "report", None)
+        return Record(**record, wall_s=time.perf_counter() - began, link_report=report() if report else None)
 
 
 def drive_with(plan: Plan, link_name: str, link_options: dict | None = None, path: SignalPath | None = None,

@@ -46,8 +46,9 @@ def perform(plan: Plan, link: LinkChoice, compare: bool = True, path: SignalPath
             progress: Progress | None = None, against: str | None = None) -> Outcome:
     """Drive the plan and, where there is a controller and `compare`, once more with the other one.
 
-    The comparison of a run in RTL is driven on the bit-exact model: it gives the same bits (`Summary.model_agrees` says
-    whether it did so here), and a simulator's time is not spent twice.
+    The comparison is driven on the bit-exact model whatever the link: the RTL gives the same bits (`Summary.model_agrees`
+    says whether it did so here), and neither a simulator's time nor a board's is spent twice. Through converters (links
+    `chip` and `ad2`) the model's end differs from the run's.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def perform(plan: Plan, link: LinkChoice, compare: bool = True, path: SignalPath
         return None if progress is None else lambda t: progress(label, t)
 
     record = drive_with(plan, link.name, link.options, path, report(plan.scenario.name))
-    twin = LinkChoice("model") if link.name == "rtl" else link
+    twin = LinkChoice("model")
     compared = rival = None
     if compare and plan.controller is not None:
         other = other_controller(plan)

@@ -64,6 +64,7 @@ class Summary:
     robot_energy_gap: float
     model_agrees: bool
     engine_gap: EngineGap | None
+    link_report: dict | None
 
     def to_json(self) -> dict:
         """For `summary.json`."""
@@ -121,7 +122,7 @@ def summarise(plan: Plan, record: Record, link: str, compared: tuple[Plan, Recor
         viscous_j=terms.viscous_j.tolist(), shaft_j=terms.shaft_j.tolist(), stored_j=terms.stored_j.tolist(),
         numerical_j=terms.numerical_j.tolist(), energy_imbalance=energy.imbalance,
         robot_energy_j=record.engine_energy_j, robot_energy_gap=energy.robot_gap, model_agrees=energy.same,
-        engine_gap=engine_gap(plan, record, *rival) if rival else None)
+        engine_gap=engine_gap(plan, record, *rival) if rival else None, link_report=record.link_report)
 
 
 def lines(summary: Summary) -> list[tuple[str, str]]:
@@ -162,4 +163,22 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
         ("steps", f"{s.step_ratio:g} simulator steps an exchange with the robot (the paper: about {PAPER_STEP_RATIO})"),
         ("wall time", wall),
     ]
+    if s.link_report is not None:
+        rows.append(("link", _link_text(s.link_report)))
     return rows
+
+
+def _link_text(report: dict) -> str:
+    """A link's report in words."""
+    parts = []
+    if "overruns" in report:
+        parts.append(f"{report['exchanges']} exchanges began {1e3 * report['lateness_mean_s']:.2f} ms late on average, "
+                     f"{1e3 * report['lateness_max_s']:.2f} ms at most, jitter {1e3 * report['jitter_s']:.2f} ms, "
+                     f"{report['overruns']} overruns")
+        parts.append(f"{report['samples_held']} of {report['samples']} samples repeated")
+    if "chip_steps" in report:
+        clocks = "every clock" if report["every_clock"] else "idle clocks left out"
+        parts.append(f"{report['chip_steps']} steps of the chip, {report['clocks_50_mhz']} clocks of 50 MHz ({clocks}) in "
+                     f"{report['chip_wall_s']:.2f} s")
+    parts.append("cut by a range: " + (", ".join(report["cut_by_range"]) or "nothing"))
+    return "; ".join(parts)
