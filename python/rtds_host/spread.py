@@ -144,6 +144,24 @@ def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> I
             suspects.extend(lost)
 
 
+def on_threads(function: Callable, jobs: Mapping[str, Callable[[], tuple]], width: int) -> Iterator[Outcome]:
+    """Like `on_cores` for jobs that start processes themselves: a thread waits for each. Arguments as `on_cluster`'s.
+
+    When it is closed early, jobs that have not begun are dropped and those that have are waited for.
+    """
+    pool = concurrent.futures.ThreadPoolExecutor(max(1, width))
+    try:
+        running = {pool.submit(lambda make: function(*make()), make): name for name, make in jobs.items()}
+        for future in concurrent.futures.as_completed(running):
+            error = future.exception()
+            if error is not None:
+                yield Outcome(running[future], error=_said(error, "".join(traceback.format_exception(error))))
+            else:
+                yield Outcome(running[future], future.result())
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
 # ---- a Dask cluster --------------------------------------------------------------------------------------------------
 
 def _version() -> str:

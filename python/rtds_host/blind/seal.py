@@ -23,7 +23,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +33,7 @@ import numpy as np
 from rtds_host.blind.planar import TIERS, WORLDS, draw_spec, make_case
 from rtds_host.contract import write_atomic
 from rtds_host.errors import InputError
+from rtds_host.spread import cores, on_cluster, on_threads
 
 SEALS_SCHEMA = "rtds-blind-seals/1"
 # Share of the cases a tier gets in a mixed check: one for everyone (60 cases), one for figures (340 cases, so that
@@ -199,16 +202,24 @@ def _append(out: Path, entry: dict) -> None:
     write_atomic(path, "\n".join(lines) + "\n")
 
 
-def diagnoser_command(quick: bool) -> list[str]:
-    """Command of the project's own diagnoser; the case and ``--out DIR`` are added behind it."""
-    return [sys.executable, "-m", "rtds_host.cli.main", "diagnose", *(["--quick"] if quick else [])]
+def diagnoser_command(quick: bool, threads: int = 0) -> list[str]:
+    """Command of the project's own diagnoser on so many cores (0 = all); the case and ``--out DIR`` come behind it."""
+    return [sys.executable, "-m", "rtds_host.cli.main", "diagnose", *(["--quick"] if quick else []),
+            "--jobs", str(threads)]
 
 
-def _ask(command: list[str], public: Path, case: str, answers: Path, timeout_s: float) -> dict:
-    """One case in a process of its own, which sees a copy of that case and nothing else of the check."""
+def _ask(command: list[str] | None, quick: bool, threads: int, case: str, files: dict[str, bytes],
+         timeout_s: float) -> tuple[dict, bytes | None]:
+    """One case in a process of its own, which sees a copy of that case and nothing else of the check.
+
+    Needs nothing but its arguments, so that it may run on another machine; returns the ledger's entry and the answer.
+    """
+    command = command or diagnoser_command(quick, threads)
     with tempfile.TemporaryDirectory(prefix="rtds-blind-") as scratch:
         place = Path(scratch) / "case"
-        shutil.copytree(public / case, place)
+        for name, content in files.items():
+            (place / name).parent.mkdir(parents=True, exist_ok=True)
+            (place / name).write_bytes(content)
         target = Path(scratch) / "answer"
         begin = time.monotonic()
         try:
@@ -220,32 +231,52 @@ def _ask(command: list[str], public: Path, case: str, answers: Path, timeout_s: 
         seconds = time.monotonic() - begin
         found = [p for p in (target / "diagnosis.json", target / "case" / "diagnosis.json") if p.is_file()]
         entry = {"case": case, "status": status, "seconds": round(seconds, 2), "sha256": None, "said": said[:300]}
-        if found:
-            write_atomic(answers / case / "diagnosis.json", found[0].read_bytes())
-            entry["sha256"] = hash_file(answers / case / "diagnosis.json")
-        return entry
+        if not found:
+            return entry, None
+        content = found[0].read_bytes()
+        return {**entry, "sha256": hashlib.sha256(content).hexdigest()}, content
 
 
 def answer(out: Path, quick: bool = False, jobs: int = 1, command: list[str] | None = None, timeout_s: float = 600.0,
-           progress=None) -> list[dict]:
+           progress=None, scheduler: str | None = None) -> list[dict]:
     """Let a diagnoser answer every case that has no answer yet.
+
+    Each answer is in the ledger as soon as it is there, so that an interrupted call loses only what was in work.
 
     Parameters
     ----------
-    quick : pass ``--quick``. jobs : cases at a time (the diagnoser itself uses all cores). command : another
-        diagnoser; called with a case folder and ``--out DIR``, it writes ``DIR/diagnosis.json``.
+    quick : pass ``--quick``. jobs : cases at a time, which share the cores. command : another diagnoser; called with
+        a case folder and ``--out DIR``, it writes ``DIR/diagnosis.json``. scheduler : address of a Dask scheduler
+        whose workers run the diagnoser in place of this machine; they get public cases only.
 
     Returns
     -------
     The whole ledger. A case that failed is in it, with its exit status and last word, and is not asked again.
+
+    Raises
+    ------
+    InputError : no check is there, or its ledger was changed. LinkError : the cluster cannot be used, or is lost;
+        call again to go on.
     """
     seals = read_seals(out)
     ledger = read_ledger(out)
     todo = [case for case in seals if case not in {entry["case"] for entry in ledger}]
-    command = command or diagnoser_command(quick)
-    with ThreadPoolExecutor(max(1, jobs)) as pool:
-        work = pool.map(lambda case: _ask(command, out / "public", case, out / "answers", timeout_s), todo)
-        for done, entry in enumerate(work, 1):
+    jobs = max(1, min(jobs, len(todo)))
+    threads = max(1, cores() // jobs) if scheduler is None else 1
+
+    def question(case: str) -> tuple:
+        folder = out / "public" / case
+        files = {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+        return command, quick, threads, case, files, timeout_s
+
+    questions = {case: partial(question, case) for case in todo}
+    outcomes = on_cluster(_ask, questions, scheduler) if scheduler else on_threads(_ask, questions, jobs)
+    with closing(outcomes):
+        for done, outcome in enumerate(outcomes if todo else (), 1):
+            entry, content = outcome.value or ({"case": outcome.name, "status": -1, "seconds": 0.0, "sha256": None,
+                                                "said": (outcome.error or "")[:300]}, None)
+            if content is not None:
+                write_atomic(out / "answers" / entry["case"] / "diagnosis.json", content)
             _append(out, {**entry, "quick": quick})
             if progress:
                 progress(done, len(todo))

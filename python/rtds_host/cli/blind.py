@@ -46,13 +46,15 @@ def make(out: Folder, n: Annotated[int, typer.Option("--n", help="Number of case
 
 @app.command()
 def answer(out: Folder, quick: Annotated[bool, typer.Option("--quick", help="The diagnoser's quick mode.")] = False,
-           jobs: Annotated[int, typer.Option(help="Cases at a time.")] = 1,
-           timeout: Annotated[float, typer.Option(help="Seconds for a case.")] = 600.0) -> None:
+           jobs: Annotated[int, typer.Option(help="Cases at a time; they share the cores.")] = CORES,
+           timeout: Annotated[float, typer.Option(help="Seconds for a case.")] = 600.0,
+           scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask "
+                                                                                 "scheduler (tcp://host:8786).")] = None) -> None:
     """Let the diagnoser, as another process, answer every case that has no answer yet."""
     from rtds_host.blind.seal import answer as answer_cases
 
     with _bar("diagnosing") as report:
-        ledger = answer_cases(out, quick, jobs, timeout_s=timeout, progress=report)
+        ledger = answer_cases(out, quick, jobs, timeout_s=timeout, progress=report, scheduler=scheduler)
     failed = [entry for entry in ledger if entry["sha256"] is None]
     Console().print(f"{len(ledger) - len(failed)} of {len(ledger)} cases answered, hashes in "
                     f"{out / 'answers' / 'LEDGER.jsonl'}")
