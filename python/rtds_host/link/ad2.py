@@ -78,8 +78,8 @@ class DiscoveryPair:
     """
 
     def __init__(self, serial_numbers: Sequence[str]) -> None:
-        numbers = [number.strip() for number in serial_numbers]
-        if len(numbers) != DEVICES or not all(numbers) or numbers[0].casefold() == numbers[1].casefold():
+        numbers = [number.strip().upper().removeprefix("SN:") for number in serial_numbers]  # as pydwf shows them
+        if len(numbers) != DEVICES or not all(numbers) or numbers[0] == numbers[1]:
             raise InputError(f"ad2: two different serial numbers are needed, got {', '.join(numbers) or 'none'}")
         try:
             import pydwf
@@ -109,7 +109,7 @@ class DiscoveryPair:
         found = [enumeration.serialNumber(k) for k in range(enumeration.enumerateDevices())]
         chosen = []
         for number in self.serial_numbers:
-            match = [k for k, serial in enumerate(found) if serial.casefold().endswith(number.casefold())]
+            match = [k for k, serial in enumerate(found) if serial.upper().endswith(number)]
             if len(match) != 1:
                 what = "no device has" if not match else f"{len(match)} devices have"
                 raise LinkError(f"ad2: {what} the serial number {number} (connected: {', '.join(found) or 'none'})")
@@ -285,7 +285,7 @@ class Ad2Link:
         interval_s: float,
         sample_s: float | None = None,
     ) -> Exchange:
-        """See `Link.exchange`. A sample whose time is over when the host gets to it repeats the one before it.
+        """See `Link.exchange`. A sample whose successor is due already repeats the one before it.
 
         Raises
         ------

@@ -11,7 +11,6 @@ exchange runs.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 
