@@ -158,12 +158,13 @@ class Search:
     def _screen(self, fit: Fit) -> Screen:
         model = fit.model(self.problem)
         only = {e for e in CATALOGUE if e not in self.without}
-        if self._white(fit):
-            # Where nothing structured is left, effects that take many small steps to replay are not looked for.
+        if self._white(fit) or (self.quick and fit.hypothesis):
+            # Effects that take many small steps to replay are looked for where structure is left, and when in a hurry
+            # only once; pairs with them come from the first screening.
             only -= {"backlash", "gear_compliance", "longitudinal_slip"}
         extra = {} if "torque_ripple" in self.without else ripple.starts(self.problem, self.problem.replay(model))
-        return Screen(self.fitter, model, fit.residual, fit.jacobian, fit.prior_precision(), fit.dispersion,
-                      fit.hypothesis, extra, only)
+        return Screen(self.fitter, model, fit.residual, fit.jacobian, fit.prior_precision(),
+                      np.concatenate([fit.z, fit.u]), fit.dispersion, fit.hypothesis, extra, only)
 
     def _white(self, fit: Fit) -> bool:
         """Whether a fit leaves hardly more than noise."""

@@ -18,8 +18,8 @@ from rtds_host.diagnosis.replay.model import Model
 
 # Effects whose parameters each stand for a part of their own: absent where only one of them is.
 SEPARATE = ("com_offset", "friction_asymmetry")
-# Effects whose signature changes its form with its size.
-OSCILLATING = ("backlash", "gear_compliance", "voltage_limit")
+# Effects whose signature changes its form with its size, and with what the other side does.
+OSCILLATING = ("backlash", "gear_compliance", "longitudinal_slip", "voltage_limit")
 
 
 @dataclass
@@ -67,10 +67,14 @@ def available(problem: Problem) -> list[Effect]:
 
 
 class Screen:
-    """Signatures of all effects about one explanation (nothing, or effects already found)."""
+    """Signatures of all effects about one explanation (nothing, or effects already found).
+
+    `residual` (N,), `jacobian` (N, p), `penalty` (p,) the prior's precision and `at` (p,) the fit's parameters describe
+    that explanation.
+    """
 
     def __init__(self, fitter: Fitter, base: Model, residual: np.ndarray, jacobian: np.ndarray, penalty: np.ndarray,
-                 dispersion: float, taken: Hypothesis = (), extra: dict[tuple[str, str], list[dict]] | None = None,
+                 at: np.ndarray, dispersion: float, taken: Hypothesis = (), extra: dict[tuple[str, str], list[dict]] | None = None,
                  only: set[str] | None = None):
         problem = fitter.problem
         self.residual = residual
@@ -81,6 +85,8 @@ class Screen:
             if only is not None and effect.id not in only:
                 continue
             sides = [names[k] for k in range(len(problem.robot.sides))] if effect.sided else ["both"]
+            if effect.id in OSCILLATING and len(sides) == 2:
+                sides.append("both")
             for side in sides:
                 sets = start_values(effect) + (extra or {}).get((effect.id, side), [])
                 for values in sets:
@@ -93,7 +99,7 @@ class Screen:
         left = {(s.effect, tuple(s.values.items())): s for s in self.signatures if s.side == "left"}
         for s in [s for s in self.signatures if s.side == "right"]:
             twin = left.get((s.effect, tuple(s.values.items())))
-            if twin is not None:
+            if twin is not None and s.effect not in OSCILLATING:
                 self.signatures.append(Signature(s.effect, "both", s.values, s.change + twin.change))
         self.jacobian = jacobian
         columns = np.column_stack([s.change for s in self.signatures])
@@ -102,8 +108,9 @@ class Screen:
         cross = (jac.T @ columns).astype(float) / dispersion
         self.gram = (columns.T @ columns).astype(float) / dispersion - cross.T @ inner @ cross
         r32 = residual.astype(np.float32)
+        # Nuisances that an effect sets free give their prior's cost back: the gradient holds the prior's pull too.
         self.slope = (columns.T @ r32).astype(float) / dispersion - cross.T @ inner @ (
-            (jac.T @ r32).astype(float) / dispersion)
+            (jac.T @ r32).astype(float) / dispersion + penalty * at)
         self.taken = taken
 
     def _line(self, k: int) -> tuple[float, float]:

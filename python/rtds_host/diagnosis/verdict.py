@@ -82,6 +82,10 @@ def decide(problem: Problem, choice: Choice) -> Decision:
         if not fit.hypothesis:
             return True
         parts = [fit.hypothesis[:k] + fit.hypothesis[k + 1:] for k in range(len(fit.hypothesis))]
+        # One effect on both sides alike is the simpler form of the same effect on each side.
+        for effect in {e for e, side in fit.hypothesis if side == "left"} & {e for e, s in fit.hypothesis if s == "right"}:
+            rest = tuple(h for h in fit.hypothesis if h[0] != effect)
+            parts.append(tuple(sorted((*rest, (effect, "both")))))
         smaller = [choice.fits[p] for p in parts if p in choice.fits]
         if not smaller:
             smaller = [choice.base]
