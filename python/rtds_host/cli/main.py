@@ -25,6 +25,7 @@ COMMANDS = {
     "calibrate": "Measure gain and offset of the wires between PC and chip.",
     "diagnose": "Say where the gap between simulator and reality lies, and which effect causes it.",
     "predict": "Replay a run from its commands, with or without a diagnosis.",
+    "effects": "List the effects that a diagnosis can blame, or tell all of one.",
     "import": "Turn ROS 2 bags or csv files of a real robot into a case.",
     "blind": "Check the diagnosis on sealed cases: make, answer, score.",
 }

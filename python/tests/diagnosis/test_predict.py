@@ -62,3 +62,12 @@ def test_a_broken_diagnosis_is_named_by_file_and_key(tmp_path, edit, words):
     with pytest.raises(InputError, match="d.json") as error:
         read_diagnosis(tmp_path / "d.json", make_case(seconds=1.0).robot)
     assert words in str(error.value)
+
+
+def test_the_catalogue_is_listed_and_each_effect_explained():
+    listed = subprocess.run([*RTDS, "effects"], capture_output=True, text=True, env={"COLUMNS": "200"})
+    assert listed.returncode == 0 and "coulomb_friction" in listed.stdout and "command_delay" in listed.stdout
+    one = subprocess.run([*RTDS, "effects", "backlash"], capture_output=True, text=True)
+    assert one.returncode == 0 and "angle_rad" in one.stdout and "Nordin" in one.stdout
+    wrong = subprocess.run([*RTDS, "effects", "gremlins"], capture_output=True, text=True)
+    assert wrong.returncode == 2 and len(wrong.stderr.splitlines()) == 1

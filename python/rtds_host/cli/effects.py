@@ -1,0 +1,42 @@
+"""`rtds effects`: the catalogue."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def effects(
+    name: Annotated[str | None, typer.Argument(help="One effect, in full; without it, all of them in a table.")] = None,
+) -> None:
+    """List the effects that a diagnosis can blame."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from rtds_host.diagnosis.effects import CATALOGUE
+    from rtds_host.errors import InputError
+
+    console = Console()
+    if name is None:
+        table = Table(box=None)
+        for title in ("subsystem", "effect", "sides", "parameters"):
+            table.add_column(title)
+        for effect in sorted(CATALOGUE.values(), key=lambda e: (e.subsystem, e.id)):
+            table.add_row(effect.subsystem, effect.id, ", ".join(effect.sides),
+                          ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters))
+        console.print(table)
+        return
+    if name not in CATALOGUE:
+        raise InputError(f"effect {name!r}: not in the catalogue (`rtds effects` lists it)")
+    effect = CATALOGUE[name]
+    lines = [f"{effect.id}: {effect.subsystem}, {' or '.join(effect.sides)}", f"  {effect.equation}",
+             f"  source: {effect.source}"]
+    lines += [f"  {p.name} [{p.unit}]: {p.meaning or 'see the equation'}; within {p.low:g} to {p.high:g}, absent at {p.null:g}"
+              for p in effect.parameters]
+    lines += [f"  taken for: {', '.join(effect.confused_with)}", f"  shown by: {effect.shown_by}",
+              f"  on the robot: {effect.advice}"]
+    console.print("\n".join(lines), highlight=False, markup=False)
