@@ -45,10 +45,11 @@ def write_sby(task: str, mode: str) -> Path:
     for name in files:
         shutil.copy(ROOT / "rtl" / name, folder)
     path = folder / "task.sby"
+    define = "-DCOVER" if mode == "cover" else ""
     path.write_text(
         f"[options]\nmode {mode}\ndepth {prove_depth if mode == 'prove' else cover_depth}\n"
         f"multiclock {'on' if multiclock else 'off'}\n\n[engines]\nsmtbmc z3\n\n[script]\n"
-        f"read_verilog -formal {' '.join(names)}\n{before}\nprep -flatten -top {task}\n\n[files]\n" + "\n".join(names) + "\n"
+        f"read_verilog -formal {define} {' '.join(names)}\n{before}\nprep -flatten -top {task}\n\n[files]\n" + "\n".join(names) + "\n"
     )
     return folder
 
