@@ -16,6 +16,7 @@ def effects(
     """List the effects that a diagnosis can blame."""
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     from rtds_host.diagnosis.effects import CATALOGUE
     from rtds_host.errors import InputError
@@ -27,7 +28,7 @@ def effects(
             table.add_column(title)
         for effect in sorted(CATALOGUE.values(), key=lambda e: (e.subsystem, e.id)):
             table.add_row(effect.subsystem, effect.id, ", ".join(effect.sides),
-                          ", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters))
+                          Text(", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters)))
         console.print(table)
         return
     if name not in CATALOGUE:
