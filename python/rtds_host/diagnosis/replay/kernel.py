@@ -235,7 +235,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
         if span <= 1e-9:
             now = ahead
             continue
-        steps = int(math.ceil(span / h_max - 1e-9))
+        steps = math.ceil(span / h_max - 1e-9)
         h = span / steps
 
         for step in range(steps):
@@ -486,10 +486,10 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
                                         th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
                                 push = load_j * (w[k] - wn[k]) + h * rad * force[k] - h * ext
                                 need = bm[k] - push
-                                if (kind == _PUSH_F and push < 0.0) or (kind == _PUSH_B and push > 0.0):
-                                    if attempt < 10:
-                                        contact[k] = _FREE
-                                        again = True
+                                pulls = (kind == _PUSH_F and push < 0.0) or (kind == _PUSH_B and push > 0.0)
+                                if pulls and attempt < 10:
+                                    contact[k] = _FREE
+                                    again = True
                             if dry:
                                 if stick[k] == 0:
                                     if need > max(hi[k], 0.0):
