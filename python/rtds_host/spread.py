@@ -241,7 +241,9 @@ def on_cluster(function: Callable, jobs: Mapping[str, Callable[[], tuple]], sche
                 if not running:
                     continue
                 try:
-                    done = distributed.wait(list(running), timeout=WORKERLESS_S, return_when="FIRST_COMPLETED").done
+                    with client.as_current():
+                        done = distributed.wait(list(running), timeout=WORKERLESS_S,
+                                                return_when="FIRST_COMPLETED").done
                 except TimeoutError:
                     if not client.nthreads():
                         raise LinkError(f"scheduler {scheduler}: no worker is left; call again to go on") from None
