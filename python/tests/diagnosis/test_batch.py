@@ -1,0 +1,329 @@
+"""Many cases: one bad case costs no other, an interrupted run goes on, a cluster's worker may die, nothing is half-written."""
+
+import errno
+import io
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from batch_work import by_number, fake
+from diagnosis_cases import example_diagnosis, make_case
+from distributed import LocalCluster
+
+from rtds_host.blind import seal
+from rtds_host.contract import builtin_robot_path, write_run
+from rtds_host.diagnosis import batch
+from rtds_host.diagnosis.overview import SCHEMA, overview_page, row_of, table_bytes
+from rtds_host.errors import InputError, LinkError, OutputError
+from rtds_host.spread import on_cores
+
+NAMES = ("one", "two", "three")
+
+
+def write_case(folder: Path, case) -> Path:
+    """A case in the contract's format."""
+    folder.mkdir(parents=True)
+    shutil.copy(builtin_robot_path("burger"), folder / "robot.toml")
+    for run in case.runs:
+        write_run(folder / run.name, run.meta, {"t": run.t, **run.columns})
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tiny():
+    return make_case(lambda m: m.add("coulomb", 0.05), seconds=3)
+
+
+@pytest.fixture
+def cases(tmp_path, tiny):
+    return [write_case(tmp_path / "in" / name, tiny) for name in NAMES]
+
+
+def tell(case: Path, **order) -> None:
+    for path in case.glob("*/run.json"):
+        meta = json.loads(path.read_text())
+        path.write_text(json.dumps({**meta, "notes": json.dumps(order)}))
+
+
+def started(log: Path) -> list[str]:
+    return [line.split()[0] for line in log.read_text().splitlines()] if log.exists() else []
+
+
+def visible(out: Path) -> set[str]:
+    return {str(p.relative_to(out)) for p in out.rglob("*") if p.is_file() and batch.STATE not in p.parts}
+
+
+def complete(*names: str) -> set[str]:
+    return {f"{name}/{file}" for name in names for file in batch.FILES} | {"cases.parquet", "index.html"}
+
+
+# ---- a bad case ----------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(("spoil", "said"), [
+    (lambda case: shutil.rmtree(case), "is no case folder"),
+    (lambda case: tell(case, do="raise"), "internal error at batch_work.py:"),
+    (lambda case: tell(case, do="die"), "its process died")], ids=["unreadable", "exception", "dying process"])
+def test_one_bad_case_is_named_and_the_others_are_complete(cases, tmp_path, capsys, spoil, said):
+    spoil(cases[1])
+    out = tmp_path / "out"
+    assert batch.run_many(cases, out, jobs=2, work=fake) == ["two"]
+    assert visible(out) == complete("one", "three")
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 2 and said in told[0] and "two" in told[0]
+    assert told[1] == "rtds: 1 of 3 cases failed: two"
+    rows = pq.read_table(out / "cases.parquet").to_pylist()
+    assert [row["case"] for row in rows] == list(NAMES)
+    assert [row["error"] is None for row in rows] == [True, False, True]
+    assert said in rows[1]["error"] and rows[1]["verdict"] is None
+
+
+def test_each_job_comes_back_once_though_one_kills_its_process():
+    found = [(o.name, o.value, o.error is None) for o in on_cores(by_number, {str(k): (k,) for k in range(7)}, 2)]
+    assert sorted(found) == [(str(k), None if k == 3 else k * k, k != 3) for k in range(7)]
+
+
+def test_two_cases_of_one_name_are_refused_before_anything_is_written(cases, tmp_path, tiny):
+    other = write_case(tmp_path / "other" / "one", tiny)
+    with pytest.raises(InputError, match="one: two cases have this name"):
+        batch.run_many([*cases, other], tmp_path / "out", work=fake)
+    assert not (tmp_path / "out").exists()
+
+
+def test_results_never_fall_into_a_case(cases):
+    with pytest.raises(InputError, match="into the case itself"):
+        batch.run_many(cases, cases[0].parent, work=fake)
+    assert not list(cases[0].parent.glob("*/*.html"))
+
+
+# ---- again ---------------------------------------------------------------------------------------------------------
+
+def test_only_what_changed_is_done_again(cases, tmp_path):
+    out, log = tmp_path / "out", tmp_path / "log"
+    for case in cases:
+        tell(case, log=str(log))
+
+    def done(**options):
+        log.unlink(missing_ok=True)
+        assert batch.run_many(cases, out, jobs=1, work=fake, **options) == []
+        assert visible(out) == complete(*NAMES)
+        return sorted(started(log))
+
+    assert done() == sorted(NAMES)
+    assert done() == []
+    # An input, an age without a change, a result by hand, a result that is gone, each option.
+    tell(cases[0], log=str(log), wait=0.0)
+    os.utime(cases[1] / "robot.toml")
+    assert done() == ["one"]
+    (out / "two" / "diagnosis.json").write_text("{}")
+    assert done() == ["two"]
+    (out / "three" / "report.html").unlink()
+    assert done() == ["three"]
+    assert done(seed=2) == sorted(NAMES)
+    assert done(seed=2, quick=True) == sorted(NAMES)
+    assert "2 True" in (out / "one" / "report.html").read_text()
+
+
+def test_an_earlier_result_of_a_case_that_now_fails_is_taken_away(cases, tmp_path):
+    out = tmp_path / "out"
+    batch.run_many(cases, out, jobs=1, work=fake)
+    (cases[0] / "robot.toml").write_text("schema = 1")
+    assert batch.run_many(cases, out, jobs=1, work=fake) == ["one"]
+    assert visible(out) == complete("two", "three")
+
+
+RUN = """
+import sys
+sys.path.insert(0, {tests!r})
+from pathlib import Path
+from batch_work import fake
+from rtds_host.diagnosis.batch import run_many
+if __name__ == "__main__":
+    run_many([Path(p) for p in sys.argv[2:]], Path(sys.argv[1]), jobs=1, work=fake)
+"""
+
+
+def test_a_killed_run_leaves_nothing_half_written_and_the_next_goes_on(cases, tmp_path):
+    out, log, script = tmp_path / "out", tmp_path / "log", tmp_path / "run.py"
+    script.write_text(RUN.format(tests=str(Path(__file__).parent)))
+    tell(cases[0], log=str(log))
+    tell(cases[1], log=str(log), wait=60)
+    tell(cases[2], log=str(log))
+    process = subprocess.Popen([sys.executable, str(script), str(out), *map(str, cases)], stderr=subprocess.DEVNULL)
+    while started(log) != ["one", "two"]:
+        assert process.poll() is None
+        time.sleep(0.02)
+    worker = int(log.read_text().split()[-1])
+    process.kill()
+    process.wait()
+    assert visible(out) == {"one/diagnosis.json", "one/report.html"}
+    # Its worker goes, too, and does not work on for nobody.
+    while Path(f"/proc/{worker}/stat").exists() and Path(f"/proc/{worker}/stat").read_text().split()[2] != "Z":
+        time.sleep(0.02)
+    # What a kill in the middle of writing leaves.
+    (out / ".two-abcd1234").mkdir()
+    (out / ".two-abcd1234" / "diagnosis.json").write_text("{")
+    tell(cases[1], log=str(log))
+    log.unlink()
+    assert batch.run_many(cases, out, jobs=1, work=fake) == []
+    assert started(log) == ["two", "three"]
+    assert visible(out) == complete(*NAMES)
+
+
+def test_a_second_run_into_the_same_folder_is_refused(cases, tmp_path):
+    results = batch._Results(tmp_path / "out")
+    with results.locked(), pytest.raises(OutputError, match="another rtds diagnose"):
+        batch.run_many(cases, tmp_path / "out", work=fake)
+
+
+def test_a_full_disk_ends_it_with_nothing_half_written(cases, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    write = Path.write_text
+
+    def full(path, text, **options):
+        if path.name == "report.html" and "two" in str(path):
+            write(path, text[:5], **options)
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        return write(path, text, **options)
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(OutputError, match="No space left on device"):
+        batch.run_many(cases, out, jobs=1, work=fake)
+    assert visible(out) == {"one/diagnosis.json", "one/report.html"}
+    assert not list(out.glob(".two*"))
+    monkeypatch.undo()
+    assert batch.run_many(cases, out, jobs=1, work=fake) == []
+    assert visible(out) == complete(*NAMES)
+
+
+# ---- table and page ------------------------------------------------------------------------------------------------
+
+def test_a_row_holds_what_the_diagnosis_says():
+    row = pq.read_table(io.BytesIO(table_bytes([row_of("a", example_diagnosis(), 2.5)]))).to_pylist()[0]
+    assert row == {"case": "a", "verdict": "known", "effects": ["coulomb_friction"], "sides": ["both"],
+                   "subsystems": ["drivetrain"], "probabilities": [0.96], "probability": 0.95,
+                   "parameters": [{"effect": "coulomb_friction", "side": "both", "name": "torque_nm", "value": 0.048,
+                                   "low": 0.046, "high": 0.050}],
+                   "gap_before": 14.2, "gap_refit": 13.9, "gap_after": 1.08, "closed": 0.994, "effect_closed": 0.994,
+                   "seconds": 2.5, "error": None}
+    assert list(row) == SCHEMA.names
+
+
+def test_the_page_links_the_reports_and_carries_everything_itself():
+    page = overview_page([row_of("a <b>", example_diagnosis(), 2.5), row_of("c", None, None, "c: robot.toml <missing>")])
+    assert 'href="a%20%3Cb%3E/report.html"' in page and "a &lt;b&gt;" in page and "<b>" not in page.split("<tbody>")[1]
+    assert "robot.toml &lt;missing&gt;" in page and 'href="c/' not in page
+    assert "http" not in page and "src=" not in page
+
+
+@pytest.mark.browser
+def test_a_click_on_a_head_sorts_by_its_column(tmp_path):
+    from selenium import webdriver
+
+    rows = []
+    for name, before in (("a", 9.5), ("b", 10.0), ("c", 2.0)):
+        diagnosis = example_diagnosis()
+        diagnosis["gap"]["before"] = before
+        rows.append(row_of(name, diagnosis, 1.0))
+    rows.insert(0, row_of("d", None, None, "no good"))
+    (tmp_path / "index.html").write_text(overview_page(rows), encoding="utf-8")
+    options = webdriver.ChromeOptions()
+    for flag in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage"):
+        options.add_argument(flag)
+    options.binary_location = shutil.which("chromium")
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
+    try:
+        driver.get((tmp_path / "index.html").as_uri())
+
+        def order():
+            return "".join(r.text.split()[0] for r in driver.find_elements("css selector", "#cases tbody tr"))
+
+        head = next(h for h in driver.find_elements("css selector", "#cases th") if h.text.startswith("gap"))
+        assert order() == "dabc"
+        head.click()
+        assert order() == "cabd"
+        head.click()
+        assert order() == "bacd"
+        assert [e for e in driver.get_log("browser") if e["level"] == "SEVERE"] == []
+    finally:
+        driver.quit()
+
+
+# ---- a cluster -----------------------------------------------------------------------------------------------------
+
+@pytest.fixture(scope="module")
+def cluster():
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        yield cluster
+
+
+def test_a_worker_that_is_killed_at_work_loses_nothing_and_nothing_comes_twice(cluster, tmp_path, tiny, capsys):
+    names = [f"case-{k}" for k in range(8)]
+    cases = [write_case(tmp_path / "in" / name, tiny) for name in names]
+    log, out, killed = tmp_path / "log", tmp_path / "out", []
+    for case in cases:
+        tell(case, log=str(log), wait=0.4)
+
+    def kill():
+        while not started(log):
+            time.sleep(0.01)
+        name, pid = log.read_text().splitlines()[0].split()
+        os.kill(int(pid), signal.SIGKILL)
+        killed.append(name)
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    assert batch.run_many(cases, out, scheduler=cluster.scheduler_address, work=fake) == []
+    thread.join()
+    assert started(log).count(killed[0]) == 2
+    said = [line.split(":")[0] for line in capsys.readouterr().out.splitlines() if line.startswith("case-")]
+    assert sorted(said) == names
+    assert visible(out) == complete(*names)
+    assert [row["case"] for row in pq.read_table(out / "cases.parquet").to_pylist()] == names
+    before = len(started(log))
+    assert batch.run_many(cases, out, scheduler=cluster.scheduler_address, work=fake) == []
+    assert len(started(log)) == before
+
+
+def test_on_a_cluster_too_bad_cases_are_named_and_the_others_are_complete(cluster, cases, tmp_path, capsys):
+    tell(cases[0], do="raise")
+    (cases[2] / "robot.toml").unlink()
+    assert batch.run_many(cases, tmp_path / "out", scheduler=cluster.scheduler_address, work=fake) == ["one", "three"]
+    assert visible(tmp_path / "out") == complete("two")
+    said = capsys.readouterr().err
+    assert "one: internal error at batch_work.py" in said and "robot.toml" in said
+
+
+def test_cluster_processes_and_a_single_call_give_the_same_bytes(cluster, cases, tmp_path):
+    """The real diagnosis, on two threads, in a pool of processes, and on a cluster."""
+    batch.run_one(cases[0], tmp_path / "single", quick=True, jobs=2)
+    assert batch.run_many(cases[:2], tmp_path / "many", quick=True, jobs=2) == []
+    assert batch.run_many(cases[:1], tmp_path / "cluster", quick=True, scheduler=cluster.scheduler_address) == []
+    for file in batch.FILES:
+        expected = (tmp_path / "single" / file).read_bytes()
+        assert (tmp_path / "many" / "one" / file).read_bytes() == expected
+        assert (tmp_path / "cluster" / "one" / file).read_bytes() == expected
+
+
+def test_a_blind_check_is_answered_on_a_cluster(cluster, tmp_path):
+    out, script = tmp_path / "check", tmp_path / "silent.py"
+    seal.make(out, 3, ["none"], ["planar"], seed=5, jobs=1)
+    script.write_text("import pathlib, sys\nout = pathlib.Path(sys.argv[3])\nout.mkdir()\n"
+                      "(out / 'diagnosis.json').write_text('{}')\n")
+    ledger = seal.answer(out, command=[sys.executable, str(script)], scheduler=cluster.scheduler_address)
+    assert sorted(entry["case"] for entry in ledger) == ["case-001", "case-002", "case-003"]
+    assert all(entry["status"] == 0 for entry in ledger)
+    seal.open_truths(out)
+
+
+def test_an_address_where_nobody_answers_is_said_in_one_line(cases, tmp_path, monkeypatch):
+    monkeypatch.setattr("rtds_host.spread.CONNECT_S", 0.5)
+    with pytest.raises(LinkError, match="tcp://127.0.0.1:1: does not answer"):
+        batch.run_many(cases, tmp_path / "out", scheduler="tcp://127.0.0.1:1", work=fake)
