@@ -165,6 +165,7 @@ class Chip:
         dut.forgive.value = 1
         dut.jitter.value = 0
         dut.adc_stopped.value = 0
+        dut.sys_stopped.value = 0
         dut.sdo_stuck.value = 0
         await Timer(300, "ns")
         dut.forgive.value = 0

@@ -12,6 +12,7 @@ module chip_tb #(
   reg         ext_rst_n;
   reg         locked;
   reg         adc_stopped;   // 1: the PLL's clocks stand
+  reg         sys_stopped;   // 1: the 50 MHz stands
   reg  [31:0] phase;         // of the 40 MHz against the 50 MHz
   reg  [31:0] jitter;        // each edge of the 50 MHz moves by up to this (SCK may not: it is at its limit)
   reg  [95:0] adc_codes;
@@ -66,6 +67,7 @@ module chip_tb #(
     ext_rst_n       = 1'b0;
     locked          = 1'b0;
     adc_stopped     = 1'b0;
+    sys_stopped     = 1'b0;
     phase           = 0;
     phase_now       = 0;
     jitter          = 0;
@@ -96,7 +98,7 @@ module chip_tb #(
     moved_before = moved_now;
     moved_now    = (jitter == 0) ? 0 : ($random(seed) % $signed(jitter + 1));
     #(10000 + moved_now - moved_before);
-    clk_sys = !clk_sys;
+    if (!sys_stopped) clk_sys = !clk_sys;
   end
 
   always begin

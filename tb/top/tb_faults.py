@@ -160,6 +160,32 @@ async def silent_clock(dut):
 
 
 @cocotb.test()
+async def system_clock_falters(dut):
+    """The 50 MHz stands while records go on coming: one that cannot be taken is told, and no step is half of two.
+
+    Every record brings other parameters. Even so the core is ready again before a record is admitted: no overrun.
+    """
+    chip = await running(dut, steps=5)
+    chip.adc.fixed = None
+    # Clocks from the restart, with a record waiting in the crossing, to the next record (< 0: that one came before it).
+    for clocks, told in ((-50, {"dropped"}), (40, {"dropped"}), (145, set())):
+        await chip.until_steps(5)
+        await clear_status(dut)
+        await RisingEdge(dut.chip.valid_adc)
+        await Timer(8, "us")
+        dut.sys_stopped.value = 1
+        await Timer(12_000 - 20 * clocks, "ns")
+        dut.sys_stopped.value = 0
+        await chip.until_steps(3)
+        assert status(dut) & {"dropped", "overrun"} == told, f"{clocks} clocks: {status(dut)}"
+        assert chip.now == chip.predicted
+        await clear_status(dut)
+        await chip.until_steps(2)
+        assert not status(dut) & {"dropped", "overrun"}, "once"
+    chip.check()
+
+
+@cocotb.test()
 async def every_phase_between_the_clocks(dut):
     """40 against 50 MHz in steps of 100 ps (light: 1 ns), +-100 ps of jitter: every record makes one step."""
     chip = await running(dut, steps=2)

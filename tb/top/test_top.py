@@ -33,6 +33,7 @@ FAULTS = (
     "lock_lost_at_every_phase",
     "dead_sdo",
     "silent_clock",
+    "system_clock_falters",
     "every_phase_between_the_clocks",
     "configuration_at_the_worst_moment",
     "unusable_parameters",
