@@ -25,6 +25,7 @@ TESTS = {
     "fp": ["tb/fp/test_fp.py", "-k", "test_every_directed_pair"],
     "chip": ["tb/top/test_top.py", "-k", "test_chip and icarus"],
     "parameters": ["tb/top/test_top.py", "-k", "test_one_fault and unusable_parameters"],
+    "scalings": ["tb/top/test_top.py", "-k", "test_one_fault and bad_scalings"],
     "nonfinite": ["tb/top/test_top.py", "-k", "test_one_fault and nonfinite_state"],
     "dead_sdo": ["tb/top/test_top.py", "-k", "test_one_fault and dead_sdo"],
     "resets": ["tb/cdc/test_cdc.py", "-k", "resets and icarus"],
@@ -58,9 +59,11 @@ def run_test(folder: Path, test: str) -> bool:
 
 
 def main(argv: list[str]) -> int:
-    """Run all mutants, or those whose name contains argv[1]."""
-    wanted = argv[1] if len(argv) > 1 else ""
-    mutants = [m for m in tomllib.loads((HERE / "mutants.toml").read_text())["mutant"] if wanted in m["name"]]
+    """Run all mutants, or those whose name contains one of the arguments."""
+    wanted = argv[1:] or [""]
+    mutants = [
+        m for m in tomllib.loads((HERE / "mutants.toml").read_text())["mutant"] if any(w in m["name"] for w in wanted)
+    ]
     folder = WORK / "tree"
     copy_tree(folder)
     healthy = set()
