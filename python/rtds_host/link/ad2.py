@@ -123,7 +123,7 @@ class DiscoveryPair:
     def _prepare(self, device) -> None:
         dwf = self._dwf
         carrier = dwf.DwfAnalogOutNode.Carrier
-        device.paramSet(dwf.DwfDeviceParameter.OnClose, 2)  # outputs off when this process ends, whatever the way
+        device.paramSet(dwf.DwfDeviceParameter.OnClose, 2)  # outputs off when the device is closed
         device.autoConfigureSet(0)  # a value takes effect with `configure`, not half way
         for channel in range(CHANNELS):
             device.analogOut.nodeFunctionSet(channel, carrier, dwf.DwfAnalogOutFunction.DC)

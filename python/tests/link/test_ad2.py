@@ -155,7 +155,7 @@ class TestFaults:
         board.exchange()
         assert board.link.report()["cut_by_range"] == ["w_r"]
 
-    def test_outputs_go_off_with_the_process(self, dwf):
+    def test_outputs_go_off_when_the_devices_are_closed(self, dwf):
         Board(dwf)
         assert dwf.fake_on_close(0) == dwf.fake_on_close(1) == 2
 
