@@ -21,7 +21,6 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.contract import read_case, write_atomic
-from rtds_host.diagnosis.choose import Search
 from rtds_host.diagnosis.diagnose import Investigation, conclude, investigate
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.fit import Hypothesis
@@ -45,10 +44,7 @@ def _largest(found: Investigation) -> Hypothesis:
 
 def _least_squares(found: Investigation) -> Hypothesis:
     """All effects of both sides at once (one linear step, minimum norm): what stands out by five sigma, if anything."""
-    search = Search(found.problem, quick=True)
-    search.scale = 1.0
-    base = found.choice.base
-    screen = search._screen(base)
+    screen = found.choice.screen
     keep = [k for k, s in enumerate(screen.signatures)
             if (s.side == "both" or not CATALOGUE[s.effect].sided)
             and s.values == next(x.values for x in screen.signatures if x.effect == s.effect)]
@@ -216,15 +212,14 @@ def main() -> None:
     options = parser.parse_args()
     jobs = []
     for k, (tier, count) in enumerate(TIERS.items()):
-        count = max(1, round(count * options.share))
         folder = options.out / f"{tier}-{options.seed}-{count}"
         if not (folder / "complete").exists():
             subprocess.run([sys.executable, "-m", "rtds_host.blind.planar", "--n", str(count), "--tier", tier, "--seed",
                             str(1000 * options.seed + k), "--out", str(folder)], check=True, stdout=subprocess.DEVNULL)
             (folder / "complete").touch()
-        for case in sorted((folder / "public").iterdir()):
-            if case.is_dir():
-                jobs.append((tier, str(case), str(folder / "truth" / f"{case.name}.json"), not options.full, None))
+        cases = sorted(c for c in (folder / "public").iterdir() if c.is_dir())
+        for case in cases[:max(1, round(count * options.share))]:
+            jobs.append((tier, str(case), str(folder / "truth" / f"{case.name}.json"), not options.full, None))
     singles = [j for j in jobs if j[0] in ("all", "tol")][:options.removed]
     for tier, case, truth, quick, _ in singles:
         jobs.append((tier, case, truth, quick, json.loads(Path(truth).read_text())["effects"][0]["id"]))

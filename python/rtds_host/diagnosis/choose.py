@@ -46,12 +46,14 @@ class Scored:
 
 @dataclass
 class Choice:
-    """What the search found: explanations best first, the refit without effect, the dispersion they were judged by."""
+    """What the search found: explanations best first, the refit without effect, the dispersion they were judged by, all
+    fits, and the screening about the refit."""
 
     base: Fit
     ranked: list[Scored]
     dispersion: float
     fits: dict[Hypothesis, Fit] = field(default_factory=dict)
+    screen: Screen | None = None
 
 
 def dispersion(problem: Problem, residual: np.ndarray, jacobian: np.ndarray) -> float:
@@ -245,7 +247,7 @@ class Search:
         # Nuisances move little: their derivatives about the refit serve every later fit.
         fitter.nuisance_jacobian = None
         base = self.fits[()] = fitter.fit((), np.empty(0), base.z, self.scale, 3)
-        screen = self._screen(base)
+        self.screen = screen = self._screen(base)
         singles = [c for c in screen.candidates() if c.gain > 6.0]
         width = 7 if self.quick else 12
         for candidate in self._spread(singles, width):
@@ -361,7 +363,7 @@ class Search:
         weights = np.exp(-0.5 * (np.array([s.score for s in ranked]) - ranked[0].score))
         for s, weight in zip(ranked, weights / weights.sum()):
             s.probability = float(weight)
-        return Choice(self.fits[()], ranked, self.scale, self.fits)
+        return Choice(self.fits[()], ranked, self.scale, self.fits, self.screen)
 
 
 def _split(hypothesis: Hypothesis, u: np.ndarray) -> list[np.ndarray]:
