@@ -108,8 +108,6 @@ def named(fit: Fit) -> bool:
     for (effect, _), values in zip(fit.hypothesis, fit.values):
         if CATALOGUE[effect].nuisance and abs(values["ratio"] - 1.0) <= NUISANCE_BAND:
             return False
-        if effect == "viscous_friction":
-            continue
     return True
 
 
