@@ -18,8 +18,10 @@ from rtds_host.diagnosis.experiment import next_experiment
 from rtds_host.diagnosis.fit import Fit, Hypothesis, apply, parameters
 from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.localise import localise
+from rtds_host.diagnosis.localise.regimes import Motion, regimes
 from rtds_host.diagnosis.problem import NOMINAL_KEYS, PRIOR, Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
+from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.diagnosis.report.details import Candidate, Details, Trace
 from rtds_host.diagnosis.verdict import Decision, decide
 
@@ -108,7 +110,7 @@ def conclude(found: Investigation, gate: Gate | None, seed: int = 1,
         rest["subsystem"] = shares[0]["subsystem"] if shares else None
     details = Details(
         case=case, gate=gate, localisation=localisation, localisation_after=after,
-        candidates=_candidates(problem, choice, decision), traces=held["traces"], regimes={},
+        candidates=_candidates(problem, choice, decision), traces=held["traces"], regimes=held["regimes"],
         run_gaps=held["runs"], notes=list(case.notices) + held["notes"])
     return diagnosis, details
 
@@ -212,6 +214,7 @@ def _held_out(problem: Problem, decision: Decision, seed: int) -> dict:
     effects = decision.verdict == "known"
     step = min(REPORT_STEP_S, fit.model(problem).step_s)
     parts: dict[str, list[dict[str, np.ndarray]]] = {"before": [], "refit": [], "after": []}
+    by_regime: dict[str, dict[str, list[dict[str, np.ndarray]]]] = {}
     runs, traces = {}, {}
     notes = [f"{name}: no heading in the log; the slope's pull says that the run began at {heading:.2f} rad"
              for name, heading in problem.headings.items()]
@@ -231,8 +234,13 @@ def _held_out(problem: Problem, decision: Decision, seed: int) -> dict:
             refit = replay_run(_left_out(problem, base, rows), data.inputs, step)
             after = replay_run(_left_out(problem, fit, rows), data.inputs, step) if effects else refit
             log = _slice(data.log, first, last)
+            motion = _regimes(problem, log, after[first:last])
             for name, out in (("before", nominal), ("refit", refit), ("after", after)):
-                run_parts[name].append(gaps.errors(log, robot, out[first:last]))
+                found = gaps.errors_at(log, robot, out[first:last])
+                run_parts[name].append({channel: error for channel, (_, error) in found.items()})
+                for regime, inside in motion.items():
+                    part = {channel: error[inside[rows]] for channel, (rows, error) in found.items()}
+                    by_regime.setdefault(regime, {}).setdefault(name, []).append(part)
             shown["refit"][first:last], shown["after"][first:last] = refit[first:last], after[first:last]
         for name in parts:
             parts[name] += run_parts[name]
@@ -254,8 +262,26 @@ def _held_out(problem: Problem, decision: Decision, seed: int) -> dict:
             "rest": {"share": _round(min(max(share, 0.0), 1.0)), "structured": bool(decision.structured),
                      "subsystem": None},
         },
-        "runs": runs, "traces": traces, "notes": notes,
+        "runs": runs, "traces": traces, "notes": notes, "regimes": _by_regime(by_regime),
     }
+
+
+def _regimes(problem: Problem, log: RunLog, out: np.ndarray) -> dict[str, np.ndarray]:
+    """Regime -> rows of a log in it, by how the corrected replay `out` moves, which no sensor has to measure."""
+    column = {name: out[:, k] for k, name in enumerate(OUTPUTS)}
+    speeds = [column[f"w_{s}"] for s in problem.robot.sides]
+    body = problem.robot.chassis is not None
+    motion = Motion(log.t, speeds, column["yaw"] if body else None, column["gyro_z"] if body else None)
+    half = max(1, round(0.015 / float(np.median(np.diff(log.t)))))
+    return regimes(motion, log.meta, log.meta.slope_rad, half)
+
+
+def _by_regime(parts: dict[str, dict[str, list[dict[str, np.ndarray]]]]) -> dict[str, dict[str, float]]:
+    """Gap of each regime, of those that hold some of the samples and not all of them."""
+    counts = {regime: sum(len(e) for part in named["before"] for e in part.values()) for regime, named in parts.items()}
+    whole = counts.get("first half", 0) + counts.get("second half", 0)
+    return {regime: {name: _round(gaps.gap(gaps.pooled(p))) for name, p in named.items()}
+            for regime, named in parts.items() if max(1, min(50, 0.02 * whole)) <= counts[regime] < 0.98 * whole}
 
 
 def _bootstrap(parts: dict[str, list[dict[str, np.ndarray]]], rng: np.random.Generator) -> list[float] | None:

@@ -50,16 +50,23 @@ def errors(log: RunLog, robot: Robot, out: np.ndarray) -> dict[str, np.ndarray]:
     -------
     channel -> (samples,) for `i`, `w`, `gyro_z`; (windows,) for `x`, `y`, `yaw`, `th_*`.
     """
+    return {channel: error for channel, (_, error) in errors_at(log, robot, out).items()}
+
+
+def errors_at(log: RunLog, robot: Robot, out: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """As `errors`, with the row of each error (of a window: its first), channel -> (rows, errors)."""
     result = {}
     channels = gap_channels(log, robot)
     for c in channels:
         noise = robot.noise(c)
         if c in SAMPLED:
             error = (out[:, OUTPUT_INDEX[c]] - log.columns[c]) / noise
-            result[c] = error[np.isfinite(error)]
+            rows = np.flatnonzero(np.isfinite(error))
+            result[c] = rows, error[rows]
         elif c.startswith("th_") or (c == "yaw" and "x" not in channels):
             rows = window_rows(log.t, np.flatnonzero(np.isfinite(log.columns[c])))
-            result[c] = (np.diff(out[rows, OUTPUT_INDEX[c]]) - np.diff(log.columns[c][rows])) / (noise * np.sqrt(2))
+            moved = np.diff(out[rows, OUTPUT_INDEX[c]]) - np.diff(log.columns[c][rows])
+            result[c] = rows[:-1], moved / (noise * np.sqrt(2))
     if "x" in channels:
         pose = [log.columns[c] for c in ("x", "y", "yaw")]
         rows = window_rows(log.t, np.flatnonzero(np.isfinite(pose).all(axis=0)))
@@ -67,7 +74,7 @@ def errors(log: RunLog, robot: Robot, out: np.ndarray) -> dict[str, np.ndarray]:
         replayed = moves(*(out[:, OUTPUT_INDEX[c]] for c in ("x", "y", "yaw")), rows)
         for c, a, b in zip(("x", "y", "yaw"), measured, replayed):
             if c in channels:
-                result[c] = (b - a) / (robot.noise(c) * np.sqrt(2))
+                result[c] = rows[:-1], (b - a) / (robot.noise(c) * np.sqrt(2))
     return result
 
 

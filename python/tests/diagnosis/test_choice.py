@@ -50,6 +50,15 @@ def test_one_effect_is_named_with_its_side_and_size(slot, amount, sides, effect,
     assert diagnosis["gap"]["after"] < 1.05 and sum(a["probability"] for a in diagnosis["alternatives"]) > 0.98
 
 
+def test_the_gap_is_split_by_regime_before_and_after():
+    # A wrong track width shows while the robot turns.
+    _, details = run(make_case(lambda m: m.scale("track", 1.05), seed=25))
+    gap = details.regimes
+    assert {"slow", "fast", "reversal", "straight", "first half", "second half"} <= set(gap)
+    assert gap["turning left"]["before"] > 2.0 * gap["straight"]["before"]
+    assert max(row["after"] for row in gap.values()) < 1.3
+
+
 def test_two_effects_are_both_named():
     def change(model):
         model.add("coulomb", 0.03)

@@ -46,6 +46,7 @@ def test_a_good_case_gives_both_files_a_summary_and_status_0(case, tmp_path):
     validate(diagnosis)
     assert [(e["id"], e["side"]) for e in diagnosis["effects"]] == [("coulomb_friction", "both")]
     assert "Coulomb friction" in done.stdout
+    assert "By regime" in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_one_run_only_works_with_a_caveat(case, tmp_path):

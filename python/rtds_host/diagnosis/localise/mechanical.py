@@ -1,0 +1,153 @@
+"""The block of the gear, the wheels and the body: current -> speed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rtds_host.contract import GRAVITY_M_S2
+from rtds_host.diagnosis.localise.series import cumulated, filled, middles, near, smooth
+from rtds_host.diagnosis.localise.signals import WINDOW_S, Signals
+
+
+def torque_block(run: Signals, k: int) -> None:
+    """Current -> speed, and the mechanical signatures."""
+    model, t, dt = run.model, run.t, run.dt
+    s = run.robot.sides[k]
+    gear = model.get("gear_ratio")
+    res, tau, ke, _ = run.electric[k]
+    w, i, sign = run.w[k], run.i[k], run.sign[k]
+    fluid = gear**2 * model.get("viscous", k) + model.get("viscous_wheel", k)
+    if run.robot.driver.mode == "torque":
+        _, raw = run.held(run.volts[k], run.delay)
+        drive = raw * model.get("torque_per_volt") * gear * model.get("voltage_gain", k)
+        current_noise = 0.0
+    elif run.voltage_mode:
+        if tau < float(np.median(dt)) / 3:
+            # Between rows the current follows voltage and speed; its measured end fixes the level.
+            start = (run.v_mean[k] - ke * w[:-1]) / middles(res)
+            mean = (i[1:] + (run.v_mean[k] - run.v_end[k][1:]) / middles(res)
+                    + ke / middles(res) * (w[1:] - run.w_mean[k]) + tau / dt * (i[:-1] - start))
+        else:
+            mean = middles(i)
+        drive = run.km[k] * mean
+        current_noise = (run.robot.noise(f"i_{s}") / abs(model.get("current_gain", k)) if run.has_i[k]
+                         else float(np.mean(ke / res)) * run.w_noise[k])
+    elif run.has_i[k]:
+        drive = run.km[k] * middles(i)
+        current_noise = run.robot.noise(f"i_{s}")
+    else:
+        return
+    mid, sign_mid = run.w_mean[k], middles(sign)
+    pull = np.zeros(run.n)
+    axis = int(model.get("axis"))
+    load = None
+    if run.body:
+        r = model.get("radius", k)
+        climb = np.sin(run.slope) * np.cos(run.heading - run.log.meta.uphill_yaw_rad)
+        side_climb = np.sin(run.slope) * np.sin(run.heading - run.log.meta.uphill_yaw_rad)
+        lever = (1 if k else -1) * r / model.get("track")
+        pull = -0.5 * r * run.mass * GRAVITY_M_S2 * climb
+        moment = run.mass * GRAVITY_M_S2 * (model.get("com_x") * side_climb + model.get("com_y") * climb)
+        pull = pull + lever * moment
+        drive_acc = 0.25 * run.mass * r * r * (run.acc[0] + run.acc[1])
+        turn_acc = lever * model.get("yaw_inertia") * r * (run.acc[1] - run.acc[0]) / model.get("track")
+        load = drive_acc + turn_acc - pull
+        yaw_sign = np.tanh(smooth(run.wheel_rate, run.half) / 0.03)
+        yaw_sign_mid = middles(yaw_sign)
+    elif axis == 2:
+        if run.th[k] is not None:
+            angle = filled(t, run.th[k])
+        else:
+            angle = cumulated(middles(w), dt) + model.get("axis_zero")
+        arm = GRAVITY_M_S2 * model.get("axis_arm") * np.sin(angle - model.get("axis_zero"))
+        pull = -(model.get("axis_mass") + run.log.meta.payload_kg) * arm
+    torque = drive - fluid * mid + middles(pull)
+    # Effects that the model already holds.
+    dry = model.get("coulomb", k) + model.get("stribeck", k) * np.exp(-(mid / model.get("stribeck_speed", k)) ** 2)
+    if run.body:
+        dry = dry + model.get("rolling") * run.mass * GRAVITY_M_S2 * 0.5 * r
+        torque = torque - lever * model.get("scrub") * yaw_sign_mid
+    dry = dry + model.get("load_share", k) * np.abs(drive - fluid * mid)
+    # A wheel at rest is held by as much friction as it takes.
+    rests = np.abs(middles(smooth(w, run.half))) < 3.0 * run.w_noise[k]
+    torque = torque - np.where(rests, np.clip(torque, -dry, dry), dry * sign_mid)
+    torque = torque - model.get("asymmetry", k) * np.abs(sign_mid) - model.get("asymmetry_viscous", k) * np.abs(mid)
+    angle = filled(t, run.th[k]) if run.th[k] is not None else cumulated(mid, dt)
+    if model.get("ripple", k):
+        torque = torque + model.get("ripple", k) * np.sin(
+            model.get("ripple_cycles", k) * middles(angle) + model.get("ripple_phase", k))
+    momentum = run.inertia[k] * w + (run.cross * run.w[1 - k] if run.body else 0.0)
+    residual = run.cut(momentum - cumulated(torque, dt)) / run.inertia[k]
+    steps = float(np.median(dt))
+    walk = (run.km[k] * current_noise * steps / run.inertia[k]) ** 2 * (WINDOW_S / steps) / 6.0
+    if run.has_w[k]:
+        white = run.w_noise[k] ** 2 * (1.0 + (run.cross / run.inertia[k]) ** 2)
+    else:
+        white = run.w_noise[k] ** 2 + run.w_extra[k] ** 2
+    known = near(t, run.w_rows[k]) & (near(t, run.i_rows[k]) if run.has_i[k] else True)
+    rows = run.w_rows[k] & np.isfinite(residual) & run.cut.whole(known)
+    run.block(f"torque_{s}", residual, np.sqrt(white + walk), rows)
+
+    def put(cause: str, values: np.ndarray) -> None:
+        run.torque_columns(cause, k, values)
+
+    put(f"drivetrain:coulomb_{s}", -sign_mid)
+    put(f"drivetrain:steady_{s}", np.ones(run.n - 1))
+    for fade in (0.3, 1.0):
+        put(f"drivetrain:stribeck{fade:g}_{s}", -sign_mid * np.exp(-(mid / fade) ** 2))
+    put(f"drivetrain:viscous_{s}", -max(gear**2 * model.get("viscous", k), 1e-9) * mid)
+    put(f"drivetrain:quadratic_{s}", -mid * np.abs(mid))
+    put(f"drivetrain:direction_{s}", -np.abs(sign_mid))
+    put(f"drivetrain:direction_{s}b", -np.abs(mid))
+    put(f"drivetrain:load_{s}", -np.abs(drive - fluid * mid) * sign_mid)
+    put(f"drivetrain:growing_{s}", -sign_mid * middles(t - t[0]))
+    run.put(f"drivetrain:inertia_{s}", f"torque_{s}", -run.cut(gear**2 * model.get("rotor_inertia", k) * w)
+              / run.inertia[k])
+    if load is not None:
+        rate = np.gradient(smooth(load, run.half), t)
+        knock = np.gradient(np.tanh(smooth(load, run.half) / 0.004), t)
+        # Speed and angle are those of the gear's output; behind a spring or free play the wheel lags.
+        for name, lead in (("spring", rate), ("play", knock)):
+            cause = f"drivetrain:{name}_{s}"
+            share = 1.0 - gear**2 * model.get("rotor_inertia", k) / run.inertia[k]
+            run.put(cause, f"torque_{s}", share * run.cut(lead))
+            if run.body and run.gyro is not None:
+                run.put(cause, "turn", -(1 if k else -1) * r / model.get("track") * lead)
+    if run.th[k] is not None:
+        for cycles in (1, 2, 3, 4, 6, 8, 12, 18):
+            put(f"drivetrain:ripple{cycles}_{s}", np.sin(cycles * middles(angle)))
+            put(f"drivetrain:ripple{cycles}_{s}b", np.cos(cycles * middles(angle)))
+    if run.has_i[k] and run.voltage_mode:
+        # What the current does between its samples hangs on the winding too.
+        within = run.km[k] * ke / middles(res) * (w[1:] - run.w_mean[k])
+        put(f"winding:resistance_{s}", -within)
+        put(f"winding:constant_{s}", within)
+    if run.has_i[k]:
+        run.put(f"sensing:current_gain_{s}", f"current_{s}", i)
+        put(f"sensing:current_gain_{s}", -run.km[k] * middles(i))
+        run.put(f"sensing:current_bias_{s}", f"current_{s}", np.ones(run.n))
+        put(f"sensing:current_bias_{s}", np.full(run.n - 1, -run.km[k]))
+        put(f"winding:constant_{s}", run.km[k] * middles(i))
+        put(f"winding:saturation_{s}", -run.km[k] * middles(i * np.abs(i)))
+    elif run.voltage_mode:
+        put(f"winding:constant_{s}", drive)
+    if run.body:
+        weight = GRAVITY_M_S2 * r * 0.5
+        put("wheel_ground:rolling", -sign_mid * weight * run.mass)
+        put("wheel_ground:scrub", -lever * yaw_sign_mid)
+        put("chassis:mass", middles(pull) / run.mass - 0.25 * r * r * middles(run.acc[0] + run.acc[1]))
+        uphill = run.heading - run.log.meta.uphill_yaw_rad
+        put("chassis:slope", -weight * run.mass * middles(np.cos(uphill)))
+        put("chassis:slope_side", -weight * run.mass * middles(np.sin(uphill)))
+        put("chassis:com_x", lever * run.mass * (GRAVITY_M_S2 * middles(side_climb)
+                                                  - middles(0.5 * r * (run.w[0] + run.w[1]) * run.wheel_rate)))
+        put("chassis:com_x", 0.5 * r * run.mass * middles(run.wheel_rate) ** 2)
+        put("chassis:com_y", lever * run.mass * GRAVITY_M_S2 * middles(climb))
+        put("chassis:yaw_inertia", -middles(turn_acc))
+        put("chassis:drag", -0.5 * r * np.tanh(middles(run.w[0] + run.w[1]) / 0.4))
+        if run.log.has("x") and run.log.has("y"):
+            # A tether pulls towards where the run began.
+            x, y = (filled(t, run.log.columns[c]) for c in ("x", "y"))
+            away = (x - x[0]) * np.cos(run.heading) + (y - y[0]) * np.sin(run.heading)
+            put("chassis:tether", -0.5 * r * middles(away))
+        put(f"wheel_ground:radius_{s}", -middles(load))

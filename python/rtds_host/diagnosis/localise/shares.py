@@ -1,0 +1,221 @@
+"""How much of the gap lies where: a regression of all blocks on the signatures of possible errors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rtds_host.diagnosis.effects import SUBSYSTEMS
+from rtds_host.diagnosis.localise.regimes import Motion, regimes
+from rtds_host.diagnosis.localise.series import smooth
+from rtds_host.diagnosis.localise.signals import Signals
+
+PRIOR = 0.01
+# Which subsystem a block's own, unexplained residual speaks of.
+BLOCKS = {
+    "bus": "driver", "current_l": "driver", "current_r": "driver", "torque_l": "drivetrain",
+    "torque_r": "drivetrain", "turn": "wheel_ground", "way": "wheel_ground",
+    "speed_twice_l": "sensing", "speed_twice_r": "sensing", "yaw_twice": "sensing",
+}
+# Signatures of the contract's nuisances, ratios all; beyond `NAMED` a ratio is a cause of its own.
+NUISANCES = ("winding:resistance", "winding:constant", "drivetrain:inertia", "drivetrain:viscous")
+NAMED = 0.03
+# A signature is believed when it explains at least this share of what is left, or of what there was.
+BELIEVED = 0.35
+BELIEVED_OF_ALL = 0.03
+# Excess energy, as a share of the noise's, below which no place is named.
+FAINT = 0.05
+
+
+def _group(cause: str) -> str:
+    subsystem, name = cause.split(":")
+    if name.startswith("late"):
+        return "timing:late"
+    for s in ("_lb", "_rb", "_l", "_r"):
+        name = name.removesuffix(s)
+    return f"{subsystem}:{name}"
+
+
+class Sums:
+    """Normal equations of all blocks and runs: `gram[block]`, `cross[block]`, `energy[block]`, `count[block]`."""
+
+    def __init__(self, runs: list[Signals]):
+        self.names = sorted({c for run in runs for c in run.columns})
+        self.blocks = [b for b in BLOCKS if any(b in run.blocks for run in runs)]
+        index = {name: j for j, name in enumerate(self.names)}
+        size = len(self.names)
+        self.gram = {b: np.zeros((size, size)) for b in self.blocks}
+        self.cross = {b: np.zeros(size) for b in self.blocks}
+        self.energy = dict.fromkeys(self.blocks, 0.0)
+        self.count = dict.fromkeys(self.blocks, 0)
+        self.regimes: dict[str, dict[str, list[float]]] = {b: {} for b in self.blocks}
+        self.both = [0.0, 0.0, 0.0]
+        self.against = [0.0, 0.0]
+        for run in runs:
+            which = regimes(Motion(run.t, run.w, run.heading, run.wheel_rate), run.log.meta, run.slope, run.half)
+            for b in self.blocks:
+                if b in run.blocks:
+                    self._add(run, b, index, which)
+            self._sides(run)
+
+    def _add(self, run: Signals, b: str, index: dict[str, int], which: dict[str, np.ndarray]) -> None:
+        residual, noise, rows = run.blocks[b]
+        take = np.arange(len(residual)) if b == "way" else np.flatnonzero(rows)
+        at = rows[take] if b == "way" else take
+        z = residual[take] / noise[take]
+        keep = np.isfinite(z)
+        # A block that has left all bounds says no more than that.
+        take, at, z = take[keep], at[keep], np.clip(z[keep], -1e4, 1e4)
+        used = [c for c in run.columns if b in run.columns[c]]
+        a = np.empty((len(z), len(used)))
+        for j, c in enumerate(used):
+            a[:, j] = run.columns[c][b][take] / noise[take]
+        a[~np.isfinite(a)] = 0.0
+        place = [index[c] for c in used]
+        self.gram[b][np.ix_(place, place)] += a.T @ a
+        self.cross[b][place] += a.T @ z
+        self.energy[b] += float(z @ z)
+        self.count[b] += len(z)
+        for regime, mask in which.items():
+            inside = mask[at]
+            if inside.sum() >= 10:
+                entry = self.regimes[b].setdefault(regime, [0.0, 0])
+                entry[0] += float(z[inside] @ z[inside])
+                entry[1] += int(inside.sum())
+
+    def _sides(self, run: Signals) -> None:
+        """Do both sides' torques miss together, and do they miss against the motion?"""
+        torque = {}
+        for k in run.sides:
+            b = f"torque_{run.robot.sides[k]}"
+            if b not in run.blocks:
+                return
+            residual, noise, rows = run.blocks[b]
+            z = np.where(rows, np.clip(residual / noise, -1e4, 1e4), 0.0)
+            push = run.columns[f"drivetrain:steady_{run.robot.sides[k]}"][b] / noise
+            push = np.where(rows, push, 0.0)
+            starts = run.cut.starts
+            norm = np.add.reduceat(push * push, starts)
+            estimate = np.add.reduceat(push * z, starts) / np.maximum(norm, 1e-12)
+            estimate *= np.sqrt(norm)
+            torque[k] = estimate
+            motion = np.sign(np.add.reduceat(smooth(run.w[k], run.half), starts))
+            big = np.abs(estimate) > 3.0
+            self.against[0] -= float(np.sum((estimate * np.abs(estimate) * motion)[big]))
+            self.against[1] += float(np.sum(estimate[big] ** 2))
+        if len(torque) == 2:
+            self.both[0] += float(torque[0] @ torque[1])
+            self.both[1] += float(torque[0] @ torque[0])
+            self.both[2] += float(torque[1] @ torque[1])
+
+    @property
+    def together(self) -> float:
+        """Correlation of both sides' missing torques, -1 to 1."""
+        return self.both[0] / np.sqrt(max(self.both[1] * self.both[2], 1e-12))
+
+    @property
+    def opposing(self) -> float:
+        """-1 to 1: 1 where all missing torque acts against the motion."""
+        return self.against[0] / max(self.against[1], 1e-12)
+
+
+def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], float]:
+    """Explain the residual energy by signatures, one at a time; the rest stays with its block."""
+    names, blocks, gram, cross, energy, count = (sums.names, sums.blocks, sums.gram, sums.cross, sums.energy,
+                                                 sums.count)
+    excess = {b: max(energy[b] - count[b], 0.0) for b in blocks}
+    total_gram = sum(gram.values()) if blocks else np.zeros((len(names), len(names)))
+    total_cross = sum(cross.values()) if blocks else np.zeros(len(names))
+    groups: dict[str, list[int]] = {}
+    for j, name in enumerate(names):
+        if total_gram[j, j] > 0:
+            groups.setdefault(_group(name), []).append(j)
+    always = [j for name in NUISANCES for j in groups.get(name, [])]
+    nuisance = set(always)
+
+    def fit(columns: list[int], loose: set[int]) -> tuple[float, np.ndarray]:
+        """Energy that columns explain, nuisances kept within their prior and within `NAMED`."""
+        fixed = np.zeros(len(columns))
+        held = np.zeros(len(columns), bool)
+        tight = np.array([j in nuisance and j not in loose for j in columns])
+        g = total_gram[np.ix_(columns, columns)]
+        c = total_cross[columns]
+        for _ in range(3):
+            free = ~held
+            p = np.where(tight, 1.0 / PRIOR**2, 0.0)[free]
+            gf = g[np.ix_(free, free)]
+            d = np.sqrt(np.diag(gf) + p)
+            normal = gf / np.outer(d, d)
+            normal[np.diag_indices_from(normal)] += p / d**2 + 1e-9
+            theta = fixed.copy()
+            theta[free] = np.linalg.solve(normal, (c[free] - g[np.ix_(free, held)] @ fixed[held]) / d) / d
+            over = tight & free & (np.abs(theta) > NAMED)
+            if not over.any():
+                break
+            fixed[over] = np.sign(theta[over]) * NAMED
+            held |= over
+        return float(2.0 * theta @ c - theta @ g @ theta), theta
+
+    # The column of a speed sensor's fault holds that sensor's noise: it counts only where the two readings disagree.
+    twice = any(excess.get(f"speed_twice_{s}", 0.0) > 0.2 * count.get(f"speed_twice_{s}", 0) for s in "lr")
+    located = dict.fromkeys(SUBSYSTEMS, 0.0)
+    chosen: list[tuple[str, str, float]] = []
+    picked: list[int] = list(always)
+    loose: set[int] = set()
+    explained, theta = fit(picked, loose) if picked else (0.0, np.zeros(0))
+    # Noise is known to a few per cent only; what no column at all can lower is not excess.
+    floor = sum(min(count[b], energy[b]) for b in blocks)
+    left = sum(energy.values()) - explained - floor
+    whole = left
+    # So small an excess may be the colour of the noise, which some columns share.
+    if whole < FAINT * floor:
+        return located, chosen, 0.0
+    for _ in range(6):
+        best = None
+        for group, members in groups.items():
+            if "steady" in group or (group == "sensing:speed_fault" and not twice) or any(group == g for g, _, _ in chosen):
+                continue
+            extra = [j for j in members if j not in picked]
+            value, _ = fit(picked + extra, loose | set(members))
+            gain = value - explained - 2.0 * len(members)
+            if best is None or gain > best[0]:
+                best = (gain, group, members, extra)
+        if best is None or best[0] < max(BELIEVED * left, BELIEVED_OF_ALL * whole, 30.0):
+            break
+        gain, group, members, extra = best
+        picked += extra
+        loose |= set(members)
+        explained, theta = fit(picked, loose)
+        chosen.append((group, group.split(":")[0], min(gain / max(whole, gain), 1.0)))
+        located[group.split(":")[0]] += gain
+        left -= gain
+    if left > 0.02 * whole:
+        remaining = {}
+        for b in blocks:
+            g = gram[b][np.ix_(picked, picked)]
+            remaining[b] = max(energy[b] - 2.0 * theta @ cross[b][picked] + theta @ g @ theta - count[b], 0.0)
+        scale = sum(remaining.values())
+        for b, value in remaining.items():
+            for subsystem, part in _owner(b, sums, excess).items():
+                located[subsystem] += part * left * value / scale if scale > 0 else 0.0
+    total = sum(located.values())
+    located = {s: float(v / total) if total > 0 else 0.0 for s, v in located.items()}
+    lag = 0.0
+    if any(group == "timing:late" for group, _, _ in chosen):
+        late = groups["timing:late"]
+        others = [j for j in picked if j not in late]
+        lag = max(late, key=lambda j: fit([*others, j], loose)[0])
+        lag = float(names[lag].split("late")[1])
+    return located, chosen, lag
+
+
+def _owner(block: str, sums: Sums, excess: dict[str, float]) -> dict[str, float]:
+    """Subsystems that the unexplained rest of a block speaks of."""
+    if block.startswith("torque") and len(sums.blocks) > 1 and sums.both[1] > 0:
+        # What pushes the body is felt by both wheels at once, and not always against their motion.
+        body = min(abs(sums.together), 1.0) ** 2 * (1.0 - max(sums.opposing, 0.0) ** 2)
+        return {"chassis": body, "drivetrain": 1.0 - body}
+    if block == "turn" and "way" in excess and excess["turn"] > 0:
+        # A wheel that slips takes the pose with it; one that shakes behind its gear does not.
+        slips = excess["way"] / max(sums.count["way"], 1) > 0.05 * excess["turn"] / sums.count["turn"]
+        return {"wheel_ground": 1.0} if slips else {"drivetrain": 1.0}
+    return {BLOCKS[block]: 1.0}
