@@ -20,7 +20,7 @@ import numpy as np
 
 from rtds_host.blind.gap import channel_gaps, total
 from rtds_host.blind.planar import CHANNELS, TIERS, nominal_machine, replay_gap
-from rtds_host.blind.seal import open_truths
+from rtds_host.blind.seal import open_truths, what_was_drawn
 from rtds_host.blind.vocabulary import EFFECTS
 from rtds_host.contract import load_robot, read_run, write_atomic
 
@@ -50,10 +50,21 @@ def _read_prediction(path: Path) -> dict[str, np.ndarray]:
     return {name: table[:, k] for k, name in enumerate(rows[0])}
 
 
-def _pool(gaps: list[dict[str, float]]) -> dict[str, float]:
+def pooled(gaps: list[dict[str, float]]) -> dict[str, float]:
     """Root mean square of each channel's gap over runs."""
     names = sorted({name for gap in gaps for name in gap})
     return {name: float(np.sqrt(np.mean([gap[name] ** 2 for gap in gaps if name in gap]))) for name in names}
+
+
+def predicted(run: Path, robot: Path, diagnosis: Path, command: list[str] | None = None) -> dict[str, np.ndarray] | str:
+    """A run replayed with a diagnosis by the program's own `rtds predict`: column -> (n,), or its last complaint."""
+    with tempfile.TemporaryDirectory(prefix="rtds-blind-") as scratch:
+        target = Path(scratch) / "pred.csv"
+        done = subprocess.run([*(command or predict_command()), str(run), "--robot", str(robot), "--diagnosis",
+                               str(diagnosis), "--out", str(target)], capture_output=True, text=True, check=False)
+        if done.returncode or not target.is_file():
+            return (done.stderr.strip().splitlines() or ["no prediction"])[-1][:300]
+        return _read_prediction(target)
 
 
 def closure(case: Path, held_out: Path, diagnosis: Path, command: list[str] | None = None) -> dict:
@@ -70,15 +81,11 @@ def closure(case: Path, held_out: Path, diagnosis: Path, command: list[str] | No
     for folder in sorted(p for p in held_out.iterdir() if p.is_dir()):
         run = read_run(folder, robot)
         before.append(replay_gap(nominal_machine(robot), robot, run))
-        with tempfile.TemporaryDirectory(prefix="rtds-blind-") as scratch:
-            target = Path(scratch) / "pred.csv"
-            done = subprocess.run([*(command or predict_command()), str(folder), "--robot", str(case / "robot.toml"),
-                                   "--diagnosis", str(diagnosis), "--out", str(target)],
-                                  capture_output=True, text=True, check=False)
-            if done.returncode or not target.is_file():
-                return {"error": (done.stderr.strip().splitlines() or ["no prediction"])[-1][:300]}
-            after.append(channel_gaps(run.t, run.columns, _read_prediction(target), noise))
-    b, a = _pool(before), _pool(after)
+        columns = predicted(folder, case / "robot.toml", diagnosis, command)
+        if isinstance(columns, str):
+            return {"error": columns}
+        after.append(channel_gaps(run.t, run.columns, columns, noise))
+    b, a = pooled(before), pooled(after)
     start, end = total(b), total(a)
     closed = (start - end) / (start - 1) if start >= 1.1 else None
     return {"before": round(start, 4), "after": round(end, 4), "closed": None if closed is None else round(closed, 4),
@@ -353,7 +360,7 @@ def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closu
             if progress:
                 progress(done, len(truths))
     visible = [r for r in records if r["kind"] != "known" or (r["size_sigma"] or 0) >= VISIBLE_SIGMA]
-    seed = json.loads((out / "sealed" / "seed.json").read_text())
+    seed = what_was_drawn(out)
     result = {
         "schema": SCHEMA, "seed": seed["seed"], "count": seed["count"],
         "quick": any(entry.get("quick") for entry in ledger),

@@ -83,12 +83,28 @@ def _make_one(job: tuple[int, str, str, str, str]) -> str:
     hidden = Path(sealed)
     held = hidden / "held-out"
     held.mkdir(parents=True, exist_ok=True)
-    truth = make_case(int(rng.integers(2**31)), spec, case, held_out=held)
-    truth["held_out"] = hash_folder(held)
-    truth["case"] = hash_folder(case)
+    return lock(make_case(int(rng.integers(2**31)), spec, case, held_out=held), case, hidden)
+
+
+def lock(truth: dict, case: Path, hidden: Path) -> str:
+    """Write a truth, with a salt and the hashes of the case's and the held-out runs' files, and return its seal."""
+    truth = {**truth, "held_out": hash_folder(hidden / "held-out"), "case": hash_folder(case)}
     salt = secrets.token_hex(16)
     write_atomic(hidden / "truth.json", json.dumps({"salt": salt, "truth": truth}, indent=1) + "\n")
     return seal(salt, truth)
+
+
+def publish(out: Path, seals: dict[str, str], drawn: dict) -> None:
+    """Publish the seals; what was drawn from (the seed among it) stays with the sealed truth."""
+    write_atomic(out / "sealed" / "seed.json", json.dumps(drawn) + "\n")
+    write_atomic(out / "public" / "SEALS.json", json.dumps({"schema": SEALS_SCHEMA, "hash": "sha256(salt, newline, truth)",
+                                                            "cases": seals}, indent=1) + "\n")
+
+
+def refuse_again(out: Path) -> None:
+    """Raise InputError where a check with published seals is there already."""
+    if (out / "public" / "SEALS.json").exists():
+        raise InputError(f"{out / 'public' / 'SEALS.json'}: is there already, a sealed check is not made again")
 
 
 def make(out: Path, count: int, tiers: list[str] | None = None, worlds: list[str] | None = None,
@@ -116,8 +132,7 @@ def make(out: Path, count: int, tiers: list[str] | None = None, worlds: list[str
     if count < 1:
         raise InputError(f"{count} cases: at least 1 is needed")
     public, sealed = out / "public", out / "sealed"
-    if (public / "SEALS.json").exists():
-        raise InputError(f"{public / 'SEALS.json'}: is there already, a sealed check is not made again")
+    refuse_again(out)
     seed = secrets.randbits(63) if seed is None else seed
     rng = np.random.default_rng(seed)
     plan = shares(count, tiers)
@@ -143,10 +158,22 @@ def make(out: Path, count: int, tiers: list[str] | None = None, worlds: list[str
                 seals[name] = value
                 if progress:
                     progress(done, count)
-    write_atomic(sealed / "seed.json", json.dumps({"seed": seed, "count": count, "tiers": tiers, "worlds": worlds}) + "\n")
-    write_atomic(public / "SEALS.json", json.dumps({"schema": SEALS_SCHEMA, "hash": "sha256(salt, newline, truth)",
-                                                    "cases": seals}, indent=1) + "\n")
+    publish(out, seals, {"seed": seed, "count": count, "tiers": tiers, "worlds": worlds})
     return seals
+
+
+def what_was_drawn(out: Path) -> dict:
+    """What `make` drew from: seed, count, and for measured data the names of the data sets.
+
+    Raises
+    ------
+    InputError : it is not there any more.
+    """
+    path = out / "sealed" / "seed.json"
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read ({error})") from error
 
 
 def read_seals(out: Path) -> dict[str, str]:

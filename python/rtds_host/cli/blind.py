@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from rtds_host.contract import write_atomic
+from rtds_host.errors import InputError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True,
                   help="Check the diagnosis on cases whose cause is sealed until the answers are in.")
@@ -31,16 +32,23 @@ def _bar(title: str) -> Iterator[Callable[[int, int], None]]:
 
 
 @app.command()
-def make(out: Folder, n: Annotated[int, typer.Option("--n", help="Number of cases.")] = 60,
+def make(out: Folder, n: Annotated[int | None, typer.Option("--n", help="Number of cases (default 60); with --measured "
+                                                            "draws a data set (default 20).")] = None,
+         measured: Annotated[list[Path] | None, typer.Option(metavar="CASE", help="Plant changes in this case of measured "
+                                                             "data in place of simulating robots (repeatable).")] = None,
          tier: Annotated[list[str] | None, typer.Option(help="Only these tiers (repeatable).")] = None,
          world: Annotated[list[str] | None, typer.Option(help="Only these worlds: planar, mujoco (repeatable).")] = None,
          seed: Annotated[int | None, typer.Option(help="Default: drawn, and kept with the sealed truth.")] = None,
          jobs: Annotated[int, typer.Option(help="Processes.")] = CORES) -> None:
     """Draw cases, seal their truths and publish the seals."""
+    from rtds_host.blind.measured import make_measured
     from rtds_host.blind.seal import make as make_cases
 
+    if measured and (tier or world):
+        raise InputError("--measured: has neither tiers nor worlds")
     with _bar("making cases") as report:
-        seals = make_cases(out, n, tier, world, seed, jobs, report)
+        seals = (make_measured(out, measured, n, seed, report) if measured
+                 else make_cases(out, 60 if n is None else n, tier, world, seed, jobs, report))
     Console().print(f"{len(seals)} cases in {out / 'public'}, sealed in {out / 'public' / 'SEALS.json'}")
 
 
@@ -69,9 +77,20 @@ def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time."
           page: Annotated[Path | None, typer.Option(help="Also write the page of figures (and its pictures) here.")] = None,
           closure: Annotated[bool, typer.Option(help="Measure closure on the held-out runs.")] = True) -> None:
     """Open the truth, check every hash, and judge the answers."""
+    from rtds_host.blind.measured import is_measured, score_measured
     from rtds_host.blind.score import FIGURES, _cell
     from rtds_host.blind.score import score as score_cases
+    from rtds_host.blind.seal import read_seals
 
+    read_seals(out)
+    if is_measured(out):
+        with _bar("scoring") as report:
+            score_measured(out, jobs, with_gap=closure, progress=report)
+        text = (out / "score" / "page.md").read_text()
+        typer.echo(text, nl=False)
+        if page is not None:
+            write_atomic(page, text)
+        return
     with _bar("scoring") as report:
         result = score_cases(out, jobs, with_closure=closure, progress=report)
     console = Console()

@@ -1,0 +1,364 @@
+"""Sealed draws on measured data: one thing is planted in the logs of a real machine, and must be found.
+
+Nobody knows the whole truth of a real machine, but whoever declares its mass 20 % too high knows that much. From every
+data set come one untouched case, the base, and so many planted ones, shuffled and named alike; all are sealed, answered
+and opened like the other blind cases (`seal.py`). The diagnoser cannot tell the base from the rest.
+
+Some runs of each data set, the same for all its cases, are withheld from the diagnoser. On them the score measures how
+much of the gap that the planted change opened is closed again.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import secrets
+import shutil
+import tomllib
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from rtds_host.blind.gap import channel_gaps, total
+from rtds_host.blind.plants import Plant, kinds
+from rtds_host.blind.score import pooled, predicted, share
+from rtds_host.blind.seal import lock, open_truths, publish, refuse_again, what_was_drawn
+from rtds_host.blind.vocabulary import EFFECTS
+from rtds_host.contract import Case, RunLog, load_robot, read_case, read_run, write_atomic, write_run
+from rtds_host.errors import InputError
+
+KIND = "measured"
+SCHEMA = "rtds-blind-measured/1"
+DRAWS = 20
+# One run in so many is withheld (none of a single run).
+WITHHELD_SHARE = 4
+# A planted change that opens the gap by less than this factor hides in what the machine leaves anyway.
+VISIBLE = 1.1
+# A size counts as right within this factor.
+FACTOR = 2.0
+
+
+def dump_toml(data: dict) -> str:
+    """A robot.toml (tables of plain values) without the comments it may have had: they may tell the former value."""
+    def text(value: object) -> str:
+        return json.dumps(value) if isinstance(value, (str, bool)) else repr(value)
+
+    lines = [f"{key} = {text(value)}" for key, value in data.items() if not isinstance(value, dict)]
+    for name, table in data.items():
+        if isinstance(table, dict):
+            lines += ["", f"[{name}]", *(f"{key} = {text(value)}" for key, value in table.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _write_run(run: RunLog, plant: Plant | None, folder: Path) -> None:
+    t, columns = plant.alter(run) if plant is not None and plant.alter is not None else (run.t, run.columns)
+    write_run(folder, run.meta, {"t": t, **columns}, form="parquet")
+
+
+def _write_case(case: Case, plant: Plant | None, withheld: set[str], public: Path, sealed: Path) -> None:
+    """A case as planted: what the diagnoser may see, and the withheld runs beside the truth."""
+    data = tomllib.loads((case.path / "robot.toml").read_text())
+    for (section, key), value in (plant.declared if plant is not None else {}).items():
+        data.setdefault(section, {})[key] = value
+    data["name"] = "measured"
+    public.mkdir(parents=True)
+    (sealed / "held-out").mkdir(parents=True)
+    (public / "robot.toml").write_text(dump_toml(data))
+    for run in case.runs:
+        _write_run(run, plant, (sealed / "held-out" if run.name in withheld else public) / run.name)
+
+
+def make_measured(out: Path, cases: list[Path], draws: int | None = None, seed: int | None = None,
+                  progress=None) -> dict[str, str]:
+    """Plant `draws` changes in each data set, seal what was planted, publish the seals.
+
+    Parameters
+    ----------
+    out : folder of the check. cases : case folders of measured data, each a data set; their names must differ.
+    draws : planted cases a data set (default 20), beside one that is left as it was.
+    seed : default drawn from the system; kept with the sealed truth. progress : called with (done, count).
+
+    Returns
+    -------
+    case -> seal.
+
+    Raises
+    ------
+    InputError : a check is there already, a case cannot be read, or two have one name.
+    """
+    draws = DRAWS if draws is None else draws
+    if draws < 1:
+        raise InputError(f"{draws} draws: at least 1 is needed")
+    refuse_again(out)
+    sets = {}
+    for folder in cases:
+        case = read_case(folder)
+        if case.name in sets:
+            raise InputError(f"{folder}: a second data set of the name {case.name!r}")
+        sets[case.name] = case
+    seed = secrets.randbits(63) if seed is None else seed
+    rng = np.random.default_rng(seed)
+    plan: list[tuple[str, Plant | None]] = []
+    withheld = {}
+    for name, case in sets.items():
+        runs = [run.name for run in case.runs]
+        count = 0 if len(runs) == 1 else max(1, len(runs) // WITHHELD_SHARE)
+        withheld[name] = {runs[k] for k in rng.choice(len(runs), count, replace=False)}
+        known = kinds(case)
+        # Every kind about equally often, in an order that says nothing.
+        order = [kind for _ in range(math.ceil(draws / len(known))) for kind in rng.permutation(list(known))][:draws]
+        plan += [(name, None), *((name, known[kind](rng)) for kind in order)]
+    plan = [plan[k] for k in rng.permutation(len(plan))]
+    seals = {}
+    for number, (name, plant) in enumerate(plan, 1):
+        label = f"case-{number:03d}"
+        public, hidden = out / "public" / label, out / "sealed" / label
+        shutil.rmtree(public, ignore_errors=True)                # remains of an interrupted make
+        shutil.rmtree(hidden, ignore_errors=True)
+        _write_case(sets[name], plant, withheld[name], public, hidden)
+        truth = {"tier": KIND, "set": name, "kind": "base", "axis": sets[name].robot.axis is not None}
+        if plant is not None:
+            truth.update(kind=plant.kind, side=plant.side, said=plant.said,
+                         same=[e.to_json() for e in plant.same], alike=[e.to_json() for e in plant.alike])
+        seals[label] = lock(truth, public, hidden)
+        if progress:
+            progress(number, len(plan))
+    publish(out, seals, {"kind": KIND, "seed": seed, "count": len(plan), "draws": draws, "sets": list(sets)})
+    return seals
+
+
+def is_measured(out: Path) -> bool:
+    """Whether a check was made from measured data."""
+    return what_was_drawn(out).get("kind") == KIND
+
+
+def _value(blamed: dict, parameter: str) -> tuple[float | None, list | None]:
+    given = blamed.get("parameters", {}).get(parameter)
+    if isinstance(given, dict):
+        return given.get("value"), given.get("ci90")
+    return given, None
+
+
+def _change(value: float, base: float | None, ratio: bool) -> float:
+    """Size of a change: log of a ratio's, difference of anything else's."""
+    if ratio:
+        return math.log(abs(value) / abs(base if base else 1.0)) if value else -math.inf
+    return value - (base or 0.0)
+
+
+class _Answer:
+    """Blamed effects of an answer, sides aside where there is one side only."""
+
+    def __init__(self, answer: dict | None, axis: bool):
+        self.axis = axis
+        self.verdict = answer["verdict"] if answer else None
+        self.effects = {self.key(e["id"], e["side"]): e for e in (answer or {}).get("effects") or []}
+        sets = [{self.key(e["id"], e["side"]) for e in group} for group in (answer or {}).get("indistinguishable") or []]
+        self.sets = [group for group in sets if len(group) <= 3 and group & set(self.effects)]
+
+    def key(self, effect: str, side: str) -> tuple[str, str]:
+        return effect, "" if self.axis else side
+
+
+def _match(want: dict, side: str, answer: _Answer, base: _Answer) -> dict | None:
+    """How an answer holds one equivalent of the planted change; None where it does not."""
+    key = answer.key(want["id"], side if EFFECTS[want["id"]][1] else "both")
+    ratio = want["parameter"] == "ratio"
+    low, high = (_change(want[end], None, ratio) for end in ("low", "high"))
+    if key not in answer.effects:
+        return {"effect": want["id"], "named": False} if any(key in group for group in answer.sets) else None
+    value, interval = _value(answer.effects[key], want["parameter"])
+    if value is None:
+        return None
+    before, _ = _value(base.effects[key], want["parameter"]) if key in base.effects else (None, None)
+    change = _change(value, before, ratio)
+    target = min(max(change, low), high)
+    if not target * change > 0 or not 1 / FACTOR <= change / target <= FACTOR:
+        return None
+
+    def expected(end: float) -> float:
+        return end * (before or 1.0) if ratio else end + (before or 0.0)
+
+    ends = sorted((expected(want["low"]), expected(want["high"])))
+    covered = None
+    if interval and all(isinstance(x, (int, float)) for x in interval):
+        covered = bool(interval[0] <= ends[1] and interval[1] >= ends[0])
+    return {"effect": want["id"], "named": True, "parameter": want["parameter"], "expected": ends, "value": value,
+            "ci90": interval, "covered": covered, "size_error": round(change / target - 1, 4)}
+
+
+def judge_planted(truth: dict, said: dict | None, base_said: dict | None, entry: dict) -> dict:
+    """What one answer to a planted case is worth, with the answer to the untouched case as base.
+
+    Parameters
+    ----------
+    truth : opened truth. said, base_said : `diagnosis.json` of the case and of its data set's untouched case, or
+    None where there is none. entry : the ledger's line.
+
+    Returns
+    -------
+    dict of figures (docs/blind.md says what they mean).
+    """
+    axis = truth["axis"]
+    answer, base = _Answer(said, axis), _Answer(base_said, axis)
+    same = [m for want in truth["same"] if (m := _match(want, truth["side"], answer, base))]
+    alike = [m for want in truth["alike"] if (m := _match(want, truth["side"], answer, base))]
+    named = [m for m in same if m["named"]]
+    sharing = {want["id"] for want in (*truth["same"], *truth["alike"])}
+    new = [key[0] for key in answer.effects if key not in base.effects and key[0] not in sharing]
+    return {
+        "set": truth["set"], "kind": truth["kind"], "said": truth["said"], "side": truth["side"],
+        "seconds": entry["seconds"], "answered": said is not None, "complaint": "" if said else entry["said"],
+        "verdict": answer.verdict, "blamed": sorted(key[0] for key in answer.effects),
+        "want": [want["id"] for want in truth["same"]],
+        "named": bool(named), "found": bool(same), "near": bool(same or any(m["named"] for m in alike)),
+        "match": (named or same or [m for m in alike if m["named"]] or [None])[0],
+        "covered": named[0]["covered"] if named else None,
+        "size_error": named[0]["size_error"] if named else None,
+        "silent": answer.verdict == "known" and set(answer.effects) == set(base.effects) and not same,
+        "new_false": bool(new), "false": sorted(new), "unknown": answer.verdict == "unknown",
+        "base_kept": (set(base.effects) <= set(answer.effects)) if base.effects else None,
+    }
+
+
+FIGURES = (
+    ("named", "planted cause and side named, size within a factor of two"),
+    ("found", "named, or in a declared set of at most 3"),
+    ("near", "found, or an effect named that stands in for it"),
+    ("covered", "named: size within its 90 % interval"),
+    ("base_kept", "all that the untouched case blames is still blamed"),
+    ("silent", "nothing new seen"), ("unknown", "called unknown"), ("new_false", "another effect blamed anew"),
+)
+
+
+def _gap(robot_path: Path, held_out: Path, diagnosis: Path, command: list[str] | None) -> float | str | None:
+    """Gap of a diagnosis on the withheld runs: a number, the prediction's complaint, or None without such runs."""
+    robot = load_robot(robot_path)
+    gaps = []
+    for folder in sorted(p for p in held_out.iterdir() if p.is_dir()):
+        run = read_run(folder, robot)
+        columns = predicted(folder, robot_path, diagnosis, command)
+        if isinstance(columns, str):
+            return columns
+        noise = {name: robot.noise(name) for name in run.columns if robot.noise(name)}
+        columns.setdefault("yaw", np.zeros(len(run.t)))          # an axis has no heading
+        gaps.append(channel_gaps(run.t, run.columns, columns, noise))
+    return total(pooled(gaps)) if gaps else None
+
+
+def score_measured(out: Path, jobs: int = 1, command: list[str] | None = None, with_gap: bool = True,
+                   progress=None) -> dict:
+    """Open the truth of a check on measured data, check every hash, judge every answer, write `OUT/score/`.
+
+    Returns
+    -------
+    The content of `score.json`: figures a data set and of all, and one record a case.
+
+    Raises
+    ------
+    InputError : anything was tampered with, or not every case has been asked (see `seal.open_truths`).
+    """
+    truths, answers, ledger = open_truths(out)
+    entries = {entry["case"]: entry for entry in ledger}
+    bases = {truth["set"]: case for case, truth in truths.items() if truth["kind"] == "base"}
+
+    def answered(case: str) -> Path | None:
+        return out / "answers" / case / "diagnosis.json" if case in answers else None
+
+    def gap(case: str, answer_of: str) -> float | str | None:
+        path = answered(answer_of)
+        if path is None or not with_gap:
+            return None
+        return _gap(out / "public" / case / "robot.toml", out / "sealed" / case / "held-out", path, command)
+
+    rest = {name: gap(case, case) for name, case in bases.items()}
+
+    def one(case: str) -> dict:
+        truth = truths[case]
+        base = bases[truth["set"]]
+        record = {"case": case, **judge_planted(truth, answers.get(case), answers.get(base), entries[case])}
+        opened, left, bottom = gap(case, base), gap(case, case), rest[truth["set"]]
+        record.update(gap_base=bottom, gap_opened=opened, gap_left=left, visible=None, restored=None)
+        if isinstance(opened, float) and isinstance(bottom, float):
+            record["visible"] = opened >= VISIBLE * bottom
+            if record["visible"] and isinstance(left, float):
+                record["restored"] = round((opened - left) / (opened - bottom), 4)
+        return record
+
+    planted = sorted(case for case, truth in truths.items() if truth["kind"] != "base")
+    records = []
+    with ThreadPoolExecutor(max(1, jobs)) as pool:
+        for done, record in enumerate(pool.map(one, planted), 1):
+            records.append(record)
+            if progress:
+                progress(done, len(planted))
+    drawn = what_was_drawn(out)
+    result = {
+        "schema": SCHEMA, "seed": drawn["seed"], "draws": drawn["draws"],
+        "quick": any(entry.get("quick") for entry in ledger),
+        "sets": {name: _group([r for r in records if r["set"] == name]) for name in drawn["sets"]},
+        "all": _group(records),
+        "bases": {name: {"verdict": (answers.get(case) or {}).get("verdict"), "gap": rest[name], "case": case,
+                         "blamed": [e["id"] for e in (answers.get(case) or {}).get("effects", [])]}
+                  for name, case in bases.items()},
+        "cases": records,
+    }
+    write_atomic(out / "score" / "score.json", json.dumps(result, indent=1) + "\n")
+    write_atomic(out / "score" / "page.md", page(result))
+    return result
+
+
+def _group(records: list[dict]) -> dict:
+    seen = [r for r in records if r["visible"] is not False]
+    restored = [r["restored"] for r in records if r["restored"] is not None]
+    errors = [abs(r["size_error"]) for r in seen if r["size_error"] is not None]
+    return {"cases": len(records), "answered": sum(r["answered"] for r in records), "visible": len(seen),
+            **{name: share(seen, name) for name, _ in FIGURES},
+            "size_error_median": round(float(np.median(errors)), 4) if errors else None,
+            "restored_median": round(float(np.median(restored)), 4) if restored else None,
+            "hidden_named": share([r for r in records if r["visible"] is False], "named")}
+
+
+def _cell(value: dict | None) -> str:
+    if value is None:
+        return "–"
+    low, high = value["wilson95"]
+    return f"{value['hits']}/{value['count']} ({100 * low:.0f} to {100 * high:.0f} %)"
+
+
+def _number(value: float | str | None, form: str = ".3g") -> str:
+    return format(value, form) if isinstance(value, float) else "–"
+
+
+def page(result: dict) -> str:
+    """The figures of a scored check on measured data, in Markdown."""
+    sets = {**result["sets"], "all": result["all"]}
+    sources = " ".join(f"--measured {name}" for name in result["sets"])
+    lines = [(f"`rtds blind make {sources} --n {result['draws']} --seed {result['seed']} --out check`, `rtds blind answer"
+             f"{' --quick' if result['quick'] else ''} --out check`, `rtds blind score --out check`."), "",
+             "| | " + " | ".join(sets) + " |", "|---|" + "---|" * len(sets),
+             "| draws (answered) | " + " | ".join(f"{g['cases']} ({g['answered']})" for g in sets.values()) + " |",
+             f"| of these open the gap by {100 * (VISIBLE - 1):.0f} % or more | "
+             + " | ".join(str(g["visible"]) for g in sets.values()) + " |"]
+    lines += [f"| {title} | " + " | ".join(_cell(g[name]) for g in sets.values()) + " |" for name, title in FIGURES]
+    lines += ["| error of the size, median | " + " | ".join(
+        "–" if g["size_error_median"] is None else f"{100 * g['size_error_median']:.0f} %" for g in sets.values()) + " |",
+        "| of the gap opened on withheld runs, closed again (median) | " + " | ".join(
+            _number(g["restored_median"], ".2f") for g in sets.values()) + " |", ""]
+    for name, base in result["bases"].items():
+        lines.append(f"{name} untouched: {base['verdict']}, blamed {', '.join(base['blamed']) or 'nothing'}, gap "
+                     f"{_number(base['gap'])} on the withheld runs.")
+    lines += ["", "| set | planted | blamed | named | in a set or near | size: expected, found | gap: opened, left |",
+              "|---|---|---|---|---|---|---|"]
+    for r in sorted(result["cases"], key=lambda r: (r["set"], r["kind"], r["case"])):
+        m = r["match"]
+        size = "–"
+        if m and m.get("named"):
+            ends = " to ".join(f"{x:.3g}" for x in dict.fromkeys(m["expected"]))
+            size = f"{m['effect']}: {ends}, {m['value']:.3g}"
+        where = "yes" if r["found"] and not r["named"] else "near" if r["near"] and not r["found"] else ""
+        blamed = ", ".join(r["blamed"]) or r["verdict"] or "no answer"
+        lines.append(f"| {r['set']} | {r['said']} | {blamed} | {'yes' if r['named'] else 'no'} | {where} | {size} | "
+                     f"{_number(r['gap_opened'])}, {_number(r['gap_left'])} |")
+    return "\n".join(lines) + "\n"

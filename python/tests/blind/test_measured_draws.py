@@ -1,0 +1,297 @@
+"""Sealed draws on measured data: what is planted is what the truth says, nothing tells it, and the score is fair."""
+
+import json
+import math
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from axis_machine import write_axis_case
+
+from rtds_host.blind import measured, plants, seal
+from rtds_host.contract import load_robot, read_case
+from rtds_host.errors import InputError
+
+# A diagnoser that blames Coulomb friction in every case.
+SAME = """
+import json, pathlib, sys
+out = pathlib.Path(sys.argv[3])
+out.mkdir(parents=True)
+(out / "diagnosis.json").write_text(json.dumps({"schema": "rtds-diagnosis/1", "verdict": "known", "located": [],
+  "effects": [{"id": "coulomb_friction", "side": "left", "probability": 1.0,
+               "parameters": {"torque_nm": {"value": 0.03, "ci90": None}}}], "indistinguishable": [], "nominal_fit": {}}))
+"""
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory):
+    """Two data sets of machines with dry friction: a pendulum on a measured bus, a linear axis in torque mode."""
+    root = tmp_path_factory.mktemp("measured")
+    return [write_axis_case(root / "arm", "pendulum", "voltage", bus="measured", coulomb=0.03, seconds=3.0),
+            write_axis_case(root / "slide", "linear", "torque", coulomb=0.03, seconds=3.0)]
+
+
+@pytest.fixture(scope="module")
+def check(sources, tmp_path_factory):
+    out = tmp_path_factory.mktemp("check") / "out"
+    measured.make_measured(out, sources, 9, seed=4)
+    return out
+
+
+def truths(out):
+    return {p.parent.name: json.loads(p.read_text())["truth"] for p in sorted(out.glob("sealed/case-*/truth.json"))}
+
+
+def drawn(source, kind, seed=0):
+    case = read_case(source)
+    return case, plants.kinds(case)[kind](np.random.default_rng(seed))
+
+
+def test_each_data_set_gives_its_draws_and_one_untouched_case_in_no_order(check):
+    kinds = [(t["set"], t["kind"]) for t in truths(check).values()]
+    assert len(kinds) == 20
+    assert kinds.count(("arm", "base")) == kinds.count(("slide", "base")) == 1
+    assert kinds != sorted(kinds)
+    assert {kind for name, kind in kinds if name == "slide"} == {
+        "base", "mass", "length", "torque constant", "command gain", "command bias", "speed gain", "speed late", "all late"}
+
+
+def test_a_public_case_holds_robot_and_runs_and_nothing_that_tells(check, sources):
+    for case, truth in truths(check).items():
+        public = check / "public" / case
+        read = read_case(public)
+        assert read.robot.name == "measured" and "#" not in (public / "robot.toml").read_text()
+        assert sorted(p.name for p in public.iterdir()) == sorted(["robot.toml", *(run.name for run in read.runs)])
+        held = {p.name for p in (check / "sealed" / case / "held-out").iterdir()}
+        source = next(s for s in sources if s.name == truth["set"])
+        assert len(held) == 1 and held | {r.name for r in read.runs} == {r.name for r in read_case(source).runs}
+
+
+def test_the_untouched_case_is_the_data_as_they_are(check, sources):
+    for case, truth in truths(check).items():
+        if truth["kind"] == "base":
+            source = read_case(next(s for s in sources if s.name == truth["set"]))
+            for run in read_case(check / "public" / case).runs:
+                was = next(r for r in source.runs if r.name == run.name)
+                assert all(np.array_equal(run.columns[c], was.columns[c]) for c in was.columns)
+
+
+def test_every_planted_case_differs_from_the_untouched_one_in_what_the_truth_says(check):
+    all_truths = truths(check)
+    base = {t["set"]: read_case(check / "public" / c) for c, t in all_truths.items() if t["kind"] == "base"}
+    for case, truth in all_truths.items():
+        if truth["kind"] == "base":
+            continue
+        planted, plain = read_case(check / "public" / case), base[truth["set"]]
+        declared = truth["kind"] in ("mass", "length", "torque constant", "voltage", "resistance")
+        assert (planted.robot != plain.robot) == declared, truth["said"]
+        same = all(len(a.t) == len(b.t) and all(np.array_equal(a.columns[c], b.columns[c]) for c in b.columns)
+                   for a, b in zip(planted.runs, plain.runs))
+        assert same == declared, truth["said"]
+
+
+def test_a_wrong_mass_is_the_mass_that_is_missing(sources):
+    case, plant = drawn(sources[1], "mass")
+    declared = plant.declared["axis", "mass_kg"]
+    same = {e.effect: e for e in plant.same}
+    assert same["payload_error"].low == pytest.approx(case.robot.axis.mass_kg - declared)
+    # Seen from the motor it is the rotor's inertia.
+    rotor = case.robot.motor.rotor_inertia_kg_m2 * case.robot.motor.gear_ratio**2
+    inertia = (case.robot.axis.mass_kg - declared) * case.robot.axis.metres_per_rad**2
+    assert same["rotor_inertia_error"].low == pytest.approx(1 + inertia / rotor)
+
+
+def test_a_wrong_arm_lies_between_what_gravity_and_what_inertia_ask_for(sources):
+    _, plant = drawn(sources[0], "length")
+    mass, length, declared = 0.3, 0.1, plant.declared["axis", "length_m"]
+    (wanted,) = [e for e in plant.same if e.effect == "payload_error"]
+    ends = sorted(((mass * length / declared) - mass, mass * (length / declared) ** 2 - mass))
+    assert [wanted.low, wanted.high] == pytest.approx(ends)
+
+
+def test_a_stronger_drive_and_a_larger_reading_are_one_thing_where_gravity_is_not(sources):
+    _, slide = drawn(sources[1], "torque constant")
+    _, arm = drawn(sources[0], "command gain")
+    assert {e.effect for e in slide.same} == {"driver_gain", "speed_gain"}
+    assert {e.effect for e in arm.same} == {"driver_gain"} and "speed_gain" in {e.effect for e in arm.alike}
+
+
+def test_a_supply_declared_too_high_is_a_drive_that_is_too_strong(sources):
+    _, plant = drawn(sources[0], "voltage")
+    (same,) = [e for e in plant.same if e.effect == "driver_gain"]
+    assert same.low == pytest.approx(plant.declared["supply", "voltage_v"] / 12.0)
+
+
+def test_late_columns_show_what_was_there_before_and_the_commands_stay(sources):
+    case, plant = drawn(sources[0], "all late")
+    late = plant.same[0].low
+    run = case.runs[0]
+    t, columns = plant.alter(run)
+    assert t[0] >= run.t[0] + late and len(t) < len(run.t)
+    k = len(t) // 2
+    assert columns["w_l"][k] == pytest.approx(np.interp(t[k] - late, run.t, run.columns["w_l"]))
+    assert columns["v_cmd_l"][k] == run.columns["v_cmd_l"][len(run.t) - len(t) + k]
+
+
+def test_empty_cells_stay_empty_when_a_channel_is_shifted():
+    t = np.arange(6) * 0.1
+    values = np.array([0.0, np.nan, 2.0, np.nan, 4.0, np.nan])
+    assert plants.shifted(t, values, 0.1) == pytest.approx([0, np.nan, 1, np.nan, 3, np.nan], nan_ok=True)
+
+
+def test_a_command_off_by_a_constant_is_a_torque_that_has_one_sign(sources):
+    case, plant = drawn(sources[1], "command bias")
+    volts = plant.alter(case.runs[0])[1]["v_cmd_l"][0] - case.runs[0].columns["v_cmd_l"][0]
+    (same,) = plant.same
+    assert (same.effect, same.parameter) == ("friction_asymmetry", "torque_nm")
+    assert same.low == pytest.approx(volts * 0.0025 * 50.0)
+
+
+def test_sizes_are_random_and_within_their_range(sources):
+    case = read_case(sources[0])
+    ratios = [plants.kinds(case)["speed gain"](np.random.default_rng(k)).same[0].low for k in range(40)]
+    sizes = np.abs(np.log(ratios))
+    assert 0.08 <= sizes.min() < 0.1 and 0.28 < sizes.max() <= 0.34
+    assert 8 < sum(r > 1 for r in ratios) < 32
+
+
+def test_a_robot_without_comments_reads_as_the_same_robot(sources, tmp_path):
+    import tomllib
+
+    text = (sources[0] / "robot.toml").read_text()
+    (tmp_path / "robot.toml").write_text(measured.dump_toml(tomllib.loads(text)))
+    assert load_robot(tmp_path / "robot.toml") == load_robot(sources[0] / "robot.toml")
+
+
+def test_the_same_seed_plants_the_same(check, sources, tmp_path):
+    measured.make_measured(tmp_path / "again", sources, 9, seed=4)
+    for case, truth in truths(tmp_path / "again").items():
+        assert {k: v for k, v in truth.items() if k not in ("case", "held_out")} == {
+            k: v for k, v in truths(check)[case].items() if k not in ("case", "held_out")}
+
+
+def test_bad_requests_end_in_one_line(check, sources, tmp_path):
+    with pytest.raises(InputError, match="not made again"):
+        measured.make_measured(check, sources, 1)
+    with pytest.raises(InputError, match="second data set of the name 'arm'"):
+        measured.make_measured(tmp_path / "x", [sources[0], sources[0]], 1)
+    with pytest.raises(InputError, match="0 draws"):
+        measured.make_measured(tmp_path / "x", sources, 0)
+
+
+# What an answer is worth.
+
+MASS = {"set": "arm", "kind": "mass", "side": "left", "said": "mass", "axis": True,
+        "same": [{"id": "payload_error", "subsystem": "chassis", "parameter": "mass_kg", "low": 0.1, "high": 0.1}],
+        "alike": [{"id": "driver_gain", "subsystem": "driver", "parameter": "ratio", "low": 0.8, "high": 0.8}]}
+GAIN = {**MASS, "kind": "command gain", "alike": [],
+        "same": [{"id": "driver_gain", "subsystem": "driver", "parameter": "ratio", "low": 0.8, "high": 0.8}]}
+ENTRY = {"seconds": 1.0, "said": ""}
+
+
+def effect(name, side="left", **parameters):
+    return {"id": name, "side": side, "parameters": {
+        k: {"value": v[0], "ci90": v[1]} if isinstance(v, tuple) else {"value": v, "ci90": None}
+        for k, v in parameters.items()}}
+
+
+def says(*effects, verdict="known", sets=()):
+    return {"verdict": verdict, "effects": list(effects), "indistinguishable": [
+        [{"id": i, "side": s} for i, s in group] for group in sets]}
+
+
+COULOMB = effect("coulomb_friction", torque_nm=0.03)
+BASE = says(COULOMB)
+
+
+def test_the_planted_cause_beside_the_machines_own_is_right_on_whichever_side_an_axis_has():
+    for side in ("left", "both"):
+        r = measured.judge_planted(MASS, says(COULOMB, effect("payload_error", side, mass_kg=(0.12, [0.09, 0.15]))),
+                                   BASE, ENTRY)
+        assert r["named"] and r["found"] and r["covered"] and r["base_kept"] and not r["new_false"]
+        assert r["size_error"] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("mass", [-0.1, 0.04, 0.25])
+def test_a_wrong_direction_or_a_size_off_by_more_than_a_factor_of_two_is_not_right(mass):
+    r = measured.judge_planted(MASS, says(COULOMB, effect("payload_error", mass_kg=mass)), BASE, ENTRY)
+    assert not r["found"] and not r["new_false"]
+
+
+def test_a_stand_in_is_near_and_anything_else_blamed_anew_is_a_false_cause():
+    r = measured.judge_planted(MASS, says(COULOMB, effect("driver_gain", ratio=0.85)), BASE, ENTRY)
+    assert r["near"] and not r["found"] and not r["new_false"]
+    r = measured.judge_planted(MASS, says(COULOMB, effect("backlash", angle_rad=0.1)), BASE, ENTRY)
+    assert not r["near"] and r["new_false"] and r["false"] == ["backlash"]
+
+
+def test_a_declared_set_of_three_counts_and_one_of_four_does_not():
+    group = [("coulomb_friction", "left"), ("payload_error", "both"), ("backlash", "left")]
+    r = measured.judge_planted(MASS, says(COULOMB, sets=[group]), BASE, ENTRY)
+    assert r["found"] and not r["named"] and r["covered"] is None
+    r = measured.judge_planted(MASS, says(COULOMB, sets=[[*group, ("speed_gain", "left")]]), BASE, ENTRY)
+    assert not r["found"]
+
+
+def test_an_effect_that_the_untouched_case_has_must_move_by_what_was_planted():
+    base = says(effect("driver_gain", ratio=0.9))
+    r = measured.judge_planted(GAIN, says(effect("driver_gain", ratio=(0.72, [0.7, 0.75]))), base, ENTRY)
+    assert r["named"] and r["covered"] and r["match"]["expected"] == pytest.approx([0.72, 0.72])
+    r = measured.judge_planted(GAIN, says(effect("driver_gain", ratio=0.9)), base, ENTRY)
+    assert not r["found"] and r["silent"]
+
+
+def test_an_answer_of_unknown_or_none_at_all_finds_nothing():
+    r = measured.judge_planted(MASS, says(verdict="unknown"), BASE, ENTRY)
+    assert r["unknown"] and not r["found"] and not r["silent"] and not r["base_kept"]
+    r = measured.judge_planted(MASS, None, BASE, {"seconds": 1.0, "said": "no good"})
+    assert not r["answered"] and not r["near"] and r["complaint"] == "no good"
+
+
+def test_answers_are_sealed_and_scored_like_all_others(check, tmp_path):
+    """A diagnoser that always says the same finds nothing, keeps the base, and closes nothing of what was opened."""
+    out = tmp_path / "out"
+    shutil.copytree(check, out)
+    script = tmp_path / "same.py"
+    script.write_text(SAME)
+    with pytest.raises(InputError, match="stays closed"):
+        measured.score_measured(out)
+    seal.answer(out, command=[sys.executable, str(script)])
+    # The prediction of a test: the machine stands still.
+    still = tmp_path / "still.py"
+    still.write_text("import sys\nfrom pathlib import Path\nimport numpy as np\nfrom rtds_host.contract import *\n"
+                     "robot = load_robot(sys.argv[3])\nrun = read_run(sys.argv[1], robot)\n"
+                     "write_csv(Path(sys.argv[7]), {'t': run.t, **{c: 0 * run.t for c in ('i_l', 'w_l', 'th_l')}})\n")
+    result = measured.score_measured(out, command=[sys.executable, str(still)])
+    assert result["all"]["cases"] == 18 and not any(r["named"] or r["new_false"] for r in result["cases"])
+    assert result["bases"]["arm"]["blamed"] == ["coulomb_friction"]
+    assert all(r["gap_opened"] == r["gap_left"] and r["base_kept"] for r in result["cases"])
+    assert all(r["visible"] == (r["gap_opened"] >= 1.1 * r["gap_base"]) for r in result["cases"])
+    assert all(r["restored"] == 0.0 for r in result["cases"] if r["visible"])
+    assert "| slide | " in (out / "score" / "page.md").read_text()
+    truth = out / "sealed" / "case-001" / "truth.json"
+    data = json.loads(truth.read_text())
+    data["truth"]["said"] = "something else"
+    truth.write_text(json.dumps(data))
+    with pytest.raises(InputError, match="differs"):
+        measured.score_measured(out)
+
+
+def test_the_command_line_makes_draws_and_scores_them(sources, tmp_path):
+    def rtds(*arguments):
+        return subprocess.run([sys.executable, "-m", "rtds_host.cli.main", "blind", *map(str, arguments)],
+                              capture_output=True, text=True, check=False)
+
+    out = tmp_path / "out"
+    done = rtds("make", "--measured", sources[1], "--n", 1, "--seed", 6, "--out", out)
+    assert done.returncode == 0 and done.stdout.startswith("2 cases"), done.stderr
+    done = rtds("make", "--measured", sources[1], "--tier", "none", "--out", tmp_path / "x")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    script = tmp_path / "same.py"
+    script.write_text(SAME)
+    seal.answer(out, command=[sys.executable, str(script)])
+    done = rtds("score", "--out", out, "--page", tmp_path / "page.md")
+    assert done.returncode == 0 and "planted cause" in (tmp_path / "page.md").read_text(), done.stderr
+    assert math.isfinite(json.loads((out / "score" / "score.json").read_text())["bases"]["slide"]["gap"])
