@@ -104,11 +104,15 @@ class UnitEffects:
     command : V asked for -> V of the bridge at the nominal bus (dead zone, gain).
     limit_v : V, |V| at the terminals never exceeds it; infinite: no limit.
     drop : A -> V subtracted (bridge and brushes).
-    friction_forward, friction_backward : |rad/s| -> N·m, level of dry friction while turning forward and backward,
-        never negative; both or neither. At rest the levels at zero speed hold the shaft.
+    friction_forward, friction_backward : |rad/s| -> N·m, torque of dry friction against turning forward and against
+        turning backward; both or neither. At rest the shaft is held by what it needs, up to the levels at zero speed (a
+        negative level holds nothing: it drives a shaft that turns that way).
     torque : rad/s -> N·m against positive speed (viscous, asymmetric viscous): smooth, does not hold at rest.
-    load_share : dry friction grows by this share of the larger of |Km i| and |T|.
-    ripple : angle of the wheel in [0, 2 pi] -> N·m that drives the motor forward.
+    load_share : share c of the torque that a gear loses: the level of dry friction grows by c / (1 - c) |T| for a
+        motion against the load torque T (the torque before the loss is T / (1 - c)), by c |T| for one with it.
+    ripple : angle in [0, 2 pi] of one period -> N·m that drives the motor forward.
+    ripple_periods_per_rad : periods a radian of the motor shaft.
+    ripple_start_rad : the angle, of a period, at which a run begins.
     heat_rise_per_w, heat_tau_s : relative rise of the resistance in the steady state for each watt of copper loss,
         and the time constant, s, with which it is reached.
     """
@@ -122,6 +126,8 @@ class UnitEffects:
     torque: Curve | None = None
     load_share: float = 0.0
     ripple: Curve | None = None
+    ripple_periods_per_rad: float = 0.0
+    ripple_start_rad: float = 0.0
     heat_rise_per_w: float = 0.0
     heat_tau_s: float = math.inf
 
@@ -133,11 +139,7 @@ class UnitEffects:
             raise InputError("friction_forward, friction_backward: one of them is absent, give both or neither")
         for name in ("friction_forward", "friction_backward"):
             curve = getattr(self, name)
-            if curve is None:
-                continue
-            if min(curve.y) < 0.0:
-                raise InputError(f"{name}: a level of {min(curve.y):g} N·m, dry friction cannot be negative")
-            if curve.x[0] < 0.0:
+            if curve is not None and curve.x[0] < 0.0:
                 raise InputError(f"{name}: a point at {curve.x[0]:g} rad/s, the curve is of the size of the speed")
         _finite("load_share", self.load_share)
         if not 0.0 <= self.load_share < 1.0:
@@ -146,8 +148,12 @@ class UnitEffects:
             self.ripple.x[0] >= 0.0 and self.ripple.x[-1] <= FULL_TURN * (1.0 + _TURN_SLACK)
         ):
             raise InputError(
-                f"ripple: angles from {self.ripple.x[0]:g} to {self.ripple.x[-1]:g} rad, one turn from 0 to 2 pi is taken"
+                f"ripple: angles from {self.ripple.x[0]:g} to {self.ripple.x[-1]:g} rad, one period from 0 to 2 pi is taken"
             )
+        _finite("ripple_periods_per_rad", self.ripple_periods_per_rad)
+        _finite("ripple_start_rad", self.ripple_start_rad)
+        if self.ripple is not None and self.ripple_periods_per_rad <= 0.0:
+            raise InputError(f"ripple_periods_per_rad: {self.ripple_periods_per_rad:g} must be greater than zero")
         _finite("heat_rise_per_w", self.heat_rise_per_w)
         if self.heat_rise_per_w < 0.0:
             raise InputError(f"heat_rise_per_w: {self.heat_rise_per_w:g} must be zero or greater")
@@ -157,7 +163,8 @@ class UnitEffects:
     @property
     def absent(self) -> bool:
         """Nothing differs from the ideal motor unit."""
-        return self == UnitEffects() or self == UnitEffects(heat_tau_s=self.heat_tau_s)
+        curves = (self.motor, self.command, self.drop, self.friction_forward, self.torque, self.ripple)
+        return not any(curves) and math.isinf(self.limit_v) and not (self.load_share or self.heat_rise_per_w)
 
 
 @dataclass(frozen=True)
@@ -171,26 +178,22 @@ class SupplyEffects:
     source_resistance_ohm : the bus sags by it times the current drawn, the sum of i · command / voltage_v.
     decline_v_per_s : the bus falls by it, from the start of the run.
     command_delay_s : s, a whole number of steps; commands reach the bridge so much later.
-    gear_ratio : motor turns a wheel turn, for the wheel's angle.
     """
 
     voltage_v: float = math.inf
     source_resistance_ohm: float = 0.0
     decline_v_per_s: float = 0.0
     command_delay_s: float = 0.0
-    gear_ratio: float = 1.0
 
     def __post_init__(self) -> None:
         """Raises InputError: names the field that cannot be meant."""
         if math.isnan(self.voltage_v) or self.voltage_v <= 0.0:
             raise InputError(f"voltage_v: {self.voltage_v:g} must be greater than zero")
-        for name in ("source_resistance_ohm", "decline_v_per_s", "command_delay_s", "gear_ratio"):
+        for name in ("source_resistance_ohm", "decline_v_per_s", "command_delay_s"):
             _finite(name, getattr(self, name))
         for name in ("source_resistance_ohm", "command_delay_s"):
             if getattr(self, name) < 0.0:
                 raise InputError(f"{name}: {getattr(self, name):g} must be zero or greater")
-        if self.gear_ratio <= 0.0:
-            raise InputError(f"gear_ratio: {self.gear_ratio:g} must be greater than zero")
         if (self.source_resistance_ohm or self.decline_v_per_s) and math.isinf(self.voltage_v):
             raise InputError("voltage_v: sag and decline need the nominal voltage of the bus")
 
