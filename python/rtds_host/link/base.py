@@ -14,6 +14,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from rtds_host.errors import InputError, LinkError
+from rtds_host.motor.effects import SupplyEffects, UnitEffects
 
 # A time is accepted as a whole number of steps when it misses one by less than this part of a step: room for the
 # rounding of decimal fractions in binary (0.032 / 1e-5), far below anything meant by a caller.
@@ -89,6 +90,20 @@ class Link(Protocol):
         LinkError : the simulator does not answer, or the state is no longer finite.
         """
 
+    def set_effects(
+        self, left: UnitEffects | None, right: UnitEffects | None, supply: SupplyEffects | None = None
+    ) -> None:
+        """Make the motor units differ from the ideal ones; None is absent, and all absent changes no bit.
+
+        To be called before the first exchange, before or after `set_parameters`.
+
+        Raises
+        ------
+        InputError : an exchange has been made; or the unit cannot hold something (named, with its side), here or, where
+            it takes the motors' parameters to know, in `set_parameters`.
+        LinkError : the simulator does not answer.
+        """
+
     def close(self) -> None:
         """End the simulator, if there is one. May be called more than once."""
 
@@ -153,3 +168,4 @@ def exchange_of(words: np.ndarray, steps: int, sample_steps: int, step_s: float)
 NO_PARAMETERS = "exchange: no parameters yet, call set_parameters first"
 NONFINITE = "exchange: the motors' state is no longer finite (inputs or parameters out of all proportion)"
 CLOSED = "the link is closed"
+EFFECTS_LATE = "set_effects: an exchange has been made, effects are set before the first"

@@ -161,10 +161,15 @@ class UnitEffects:
             raise InputError(f"heat_tau_s: {self.heat_tau_s:g} s must be greater than zero")
 
     @property
+    def plain(self) -> bool:
+        """At most the motor's own parameters differ from the ideal motor unit."""
+        curves = (self.command, self.drop, self.friction_forward, self.torque, self.ripple)
+        return not any(curves) and math.isinf(self.limit_v) and not (self.load_share or self.heat_rise_per_w)
+
+    @property
     def absent(self) -> bool:
         """Nothing differs from the ideal motor unit."""
-        curves = (self.motor, self.command, self.drop, self.friction_forward, self.torque, self.ripple)
-        return not any(curves) and math.isinf(self.limit_v) and not (self.load_share or self.heat_rise_per_w)
+        return self.plain and self.motor is None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,288 @@
+"""Bit-exact model of the motor units with the effect unit (rtl/effects).
+
+As in `rtds_host.motor.model` every operation is one binary32 operation, rounded to nearest even, in the RTL's order. The
+step itself ends with a projection: what dry friction can take of the speed that the free step would give. After each step
+the program of `effect_program` prepares what the next one works with.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+
+from rtds_host.errors import InputError
+from rtds_host.motor.effect_program import CONSTANTS, OUTPUTS, STATES, TABLE_ORIGIN, TABLES
+from rtds_host.motor.effect_tables import DELAY_ENTRIES, EffectWords
+from rtds_host.motor.model import SAMPLE_COLUMNS, STATE_COLUMNS, _step, canonical_words
+from rtds_host.motor.parameters import coefficients, parameter_words
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_LAST_CELL = 255
+(_COMMAND_K, _DROP_K, _TORQUE_K, _RIPPLE_K, _FORWARD_K, _BACKWARD_K, _SAG, _DECLINE, _NOMINAL, _LIMIT, _HEAT_IN,
+ _HEAT_OUT, _PHASE, _DRIVING, _DRIVEN) = range(len(CONSTANTS))  # fmt: skip
+_COMMAND, _DROP, _TORQUE, _RIPPLE, _FORWARD, _BACKWARD = range(len(TABLES))
+_SIGNED_ORIGIN = TABLE_ORIGIN["command"]
+_SIZE_ORIGIN = TABLE_ORIGIN["ripple"]
+# Registers of the delay: where the next entry goes, entries so far (at most the delay), step within an entry.
+_DELAY_AT, _DELAY_FILLED, _DELAY_PHASE = range(3)
+_COEFFICIENTS = 9  # R, Kb, Km, B, G11, G12, G21, G22, rho
+
+
+@numba.njit(inline="always")
+def _look(tables, m, table, x, k, origin):
+    """The table's line at x: slope * x + intercept of the cell floor(x k) + origin, held in 0..255."""
+    u = x * k
+    if math.isnan(u):
+        cell = origin
+    elif u >= np.float32(256.0):
+        cell = _LAST_CELL
+    elif u < np.float32(-256.0):
+        cell = 0
+    else:
+        cell = min(max(math.floor(u) + origin, 0), _LAST_CELL)
+    return tables[m, table, cell, 1] * x + tables[m, table, cell, 0]
+
+
+@numba.njit(inline="always")
+def _two_words(hi, lo, increment):
+    """hi + lo + increment, as the motor units add up their states: (new hi, new lo)."""
+    t = increment + lo
+    new = hi + t
+    return new, t - (new - hi)
+
+
+@numba.njit(cache=True)
+def _prepare(m, i, w, draws, vc, t, c, constants, tables, inner, ahead):
+    """What side m's next step works with, into ahead (2, 4): u_v, u_t, level_f, level_b; inner (2, 6) goes on."""
+    k = constants[m]
+    rise, rise_lo, fall, fall_lo, angle, angle_lo = inner[m]
+    # supply
+    sagged = k[_SAG] * draws
+    fall_new, fall_lo = _two_words(fall, fall_lo, k[_DECLINE])
+    bus = (k[_NOMINAL] - fall_new) - sagged
+    # voltage
+    scaled = _look(tables, m, _COMMAND, vc, k[_COMMAND_K], _SIGNED_ORIGIN) * bus
+    limited = scaled
+    if abs(scaled) > abs(k[_LIMIT]):
+        limited = np.float32(math.copysign(k[_LIMIT], scaled))
+    limited = limited + _ZERO
+    driving = limited - c[1] * w
+    left_over = limited - _look(tables, m, _DROP, driving, k[_DROP_K], _SIGNED_ORIGIN)
+    copper = c[0] * i
+    hot = rise * copper
+    ahead[m, 0] = left_over - hot
+    # heat
+    power = (copper + hot) * i
+    warmed = k[_HEAT_IN] * power - k[_HEAT_OUT] * rise
+    rise, rise_lo = _two_words(rise, rise_lo, warmed)
+    # torque
+    resisting = _look(tables, m, _TORQUE, w, k[_TORQUE_K], _SIGNED_ORIGIN)
+    angle, angle_lo = _two_words(angle, angle_lo, k[_PHASE] * w)
+    if angle < _ZERO:
+        angle = angle + _ONE
+    elif angle >= _ONE:
+        angle = angle - _ONE
+    else:
+        angle = angle + _ZERO
+    driven = _look(tables, m, _RIPPLE, angle, k[_RIPPLE_K], _SIZE_ORIGIN)
+    ahead[m, 1] = (t + resisting) - driven
+    # friction
+    forward = _look(tables, m, _FORWARD, w, k[_FORWARD_K], _SIZE_ORIGIN)
+    backward = _look(tables, m, _BACKWARD, w, k[_BACKWARD_K], _SIZE_ORIGIN)
+    driving_loss = t * k[_DRIVING]
+    driven_loss = t * k[_DRIVEN]
+    more_f, more_b = driving_loss, driven_loss
+    if driving_loss < _ZERO:
+        more_f, more_b = driven_loss, driving_loss
+    ahead[m, 2] = forward + (more_f + _ZERO)
+    ahead[m, 3] = backward - (more_b + _ZERO)
+    inner[m, 0], inner[m, 1] = rise + _ZERO, rise_lo
+    inner[m, 2], inner[m, 3] = fall_new + _ZERO, fall_lo
+    inner[m, 4], inner[m, 5] = angle + _ZERO, angle_lo
+
+
+@numba.njit(inline="always")
+def _step_with_friction(i, w, i_lo, w_lo, c, ahead):
+    """One step of one motor, projected on what dry friction allows (rtl/core with effects on)."""
+    e1 = ahead[0] - (c[0] * i + c[1] * w)
+    e2 = (c[2] * i - c[3] * w) - ahead[1]
+    ti = (c[4] * e1 - c[5] * e2) + i_lo
+    tw = (c[6] * e1 + c[7] * e2) + w_lo
+    free = w + tw
+    most_f = c[7] * ahead[2]
+    most_b = c[7] * ahead[3]
+    if free < _ZERO:
+        stuck = -free <= most_b
+        taken = free if stuck else -most_b
+    else:
+        stuck = free == _ZERO or free <= most_f
+        taken = free if stuck else most_f
+    ti = ti + c[8] * taken
+    i_new = i + ti
+    i_lo_new = ti - (i_new - i)
+    if stuck:
+        return i_new, _ZERO, i_lo_new, _ZERO
+    tw = tw - taken
+    w_new = w + tw
+    return i_new, w_new, i_lo_new, tw - (w_new - w)
+
+
+@numba.njit(cache=True)
+def _run_effects(on, state, ahead, inner, c, constants, tables, memory, late, delay, stride, held, v, t, n_steps, every,
+                 done, total, out, row):  # fmt: skip
+    """`n_steps` of both motors, samples as in `rtds_host.motor.model`; out (m, 2, 4) takes the whole state.
+
+    on : the effect unit runs; without it only the sides' own coefficients c (2, 9) differ from the ideal unit.
+    ahead (2, 4), inner (2, 6), memory (DELAY_ENTRIES, 2), late (3,), held (2,): the unit's state.
+    """
+    end = done + n_steps
+    while done < end:
+        for m in range(2):
+            i, w, i_lo, w_lo = state[m, 0], state[m, 1], state[m, 2], state[m, 3]
+            k = c[m]
+            if on:
+                i, w, i_lo, w_lo = _step_with_friction(i, w, i_lo, w_lo, k, ahead[m])
+            else:
+                i, w, i_lo, w_lo = _step(i, w, i_lo, w_lo, k[0], k[1], k[2], k[3], k[4], k[5], k[6], k[7], v[m], t[m])
+            state[m, 0], state[m, 1], state[m, 2], state[m, 3] = i, w, i_lo, w_lo
+        if on:
+            if late[_DELAY_PHASE] == 0:
+                at = late[_DELAY_AT]
+                memory[at, 0], memory[at, 1] = v[0], v[1]
+                ready = late[_DELAY_FILLED] >= delay
+                there = (at - delay) % DELAY_ENTRIES
+                for m in range(2):
+                    held[m] = memory[there, m] if ready else _ZERO
+                late[_DELAY_AT] = (at + 1) % DELAY_ENTRIES
+                if not ready:
+                    late[_DELAY_FILLED] += 1
+            late[_DELAY_PHASE] = late[_DELAY_PHASE] + 1 if late[_DELAY_PHASE] + 1 < stride else 0
+            draws = held[0] * state[0, 0] + held[1] * state[1, 0]
+            for m in range(2):
+                _prepare(m, state[m, 0], state[m, 1], draws, held[m], t[m], c[m], constants, tables, inner, ahead)
+        done += 1
+        if done % every == 0 or done == total:
+            out[row] = state
+            row += 1
+    return row
+
+
+def side_coefficients(words: np.ndarray, method: int) -> tuple[np.ndarray, bool]:
+    """A side's (9,) coefficients R, Kb, Km, B, G11, G12, G21, G22, rho, and the fault of the parameter unit.
+
+    rho = c / L' = G12 / G22, A/(rad/s), the current that a speed taken by friction leaves: c and L' as in
+    `rtds_host.motor.parameters`.
+    """
+    found, fault = coefficients(words, method)
+    r, l, kb, h = np.float32(words[0]), np.float32(words[1]), np.float32(words[3]), np.float32(words[6])
+    with np.errstate(all="ignore"):
+        th = h * np.float32(0.5 if method else 1.0)
+        found[8] = (th * kb) / (l + th * r)
+    return found, fault
+
+
+class EffectPair:
+    """Both motors with the effect unit between strobes, as raw words: what the RTL core does with effects.
+
+    Attributes
+    ----------
+    on : the effect unit runs.
+    step_count : steps since the start or the last `clear`.
+    """
+
+    def __init__(self) -> None:
+        self._state = np.zeros((2, len(STATE_COLUMNS)), np.float32)
+        self._c = np.zeros((2, _COEFFICIENTS), np.float32)
+        self._next: np.ndarray | None = None
+        self.on = False
+        self.constants = np.zeros((2, len(CONSTANTS)), np.float32)
+        self.tables = np.zeros((2, len(TABLES), _LAST_CELL + 1, 2), np.float32)
+        self._delay = 0
+        self._stride = 1
+        self.step_count = 0
+        self._rest()
+
+    def load(self, words: EffectWords) -> None:
+        """Take tables, constants and delay over, and run with them; the unit's own state starts anew."""
+        self.constants[:] = words.constants
+        self.tables[:] = words.tables
+        self.switch(words.on, words.delay, words.stride)
+
+    def switch(self, on: bool, delay: int = 0, stride: int = 1) -> None:
+        """Effects on or off; a unit that was off starts anew. `delay` counts entries of `stride` steps each."""
+        if not 0 <= delay < DELAY_ENTRIES or stride < 1:
+            raise InputError(f"delay, stride: {delay}, {stride}: 0 to {DELAY_ENTRIES - 1} entries of one step or more")
+        if on != self.on or not on or (delay, stride) != (self._delay, self._stride):
+            self._rest()
+        self.on, self._delay, self._stride = on, delay, stride
+
+    def set_parameters(self, values: np.ndarray, method: str) -> None:
+        """(2, 7) parameters of [left, right], SI; they act from the step after next.
+
+        Raises
+        ------
+        InputError : as `rtds_host.motor.parameters.parameter_words`.
+        """
+        found = [side_coefficients(*parameter_words(side, method)) for side in values]
+        self._next = np.array([c for c, _ in found], np.float32)
+
+    def step(self, v: Sequence[float], t: Sequence[float], n_steps: int, sample_every: int | None = None) -> np.ndarray:
+        """Steps with the inputs held.
+
+        Parameters
+        ----------
+        v, t : (2,) V and N·m, [left, right].
+        n_steps, sample_every : as in `rtds_host.motor.MotorPair.step`.
+
+        Returns
+        -------
+        (m, 2, 4) float32: i, w, i_lo, w_lo of [left, right] at each sample.
+        """
+        v, t = np.ascontiguousarray(v, np.float32), np.ascontiguousarray(t, np.float32)
+        every = n_steps if sample_every is None else sample_every
+        out = np.empty((-(-n_steps // every), 2, len(STATE_COLUMNS)), np.float32)
+        done = row = 0
+        if self._next is not None:
+            row = self._advance(v, t, 1, every, 0, n_steps, out, 0)
+            self._c, self._next = self._next, None
+            done = 1
+        if done < n_steps:
+            self._advance(v, t, n_steps - done, every, done, n_steps, out, row)
+        self.step_count = (self.step_count + n_steps) & 0xFFFFFFFF
+        return out
+
+    def clear(self) -> None:
+        """State of motors and effects, and the step count, to zero; tables and coefficients stay."""
+        self._state[:] = 0.0
+        self.step_count = 0
+        self._rest()
+
+    def words(self) -> np.ndarray:
+        """(2, 4) uint32: i, w, i_lo, w_lo of [left, right], NaN in its canonical form."""
+        return canonical_words(self._state)
+
+    def samples(self, states: np.ndarray) -> np.ndarray:
+        """(m, 4) float32, the high words of `step`, columns as `SAMPLE_COLUMNS`."""
+        return np.ascontiguousarray(states[:, :, :2].reshape(-1, len(SAMPLE_COLUMNS)))
+
+    @property
+    def inner(self) -> dict[str, np.ndarray]:
+        """The effect unit's own state, name -> (2,) float32: rise of R, fall of the bus, angle in periods."""
+        return {name: self._inner[:, k].copy() for k, name in enumerate(STATES)}
+
+    def _rest(self) -> None:
+        self._ahead = np.zeros((2, len(OUTPUTS)), np.float32)
+        self._inner = np.zeros((2, len(STATES)), np.float32)
+        self._memory = np.zeros((DELAY_ENTRIES, 2), np.float32)
+        self._late = np.zeros(3, np.int64)
+        self._held = np.zeros(2, np.float32)
+
+    def _advance(self, v, t, n_steps, every, done, total, out, row) -> int:
+        return _run_effects(
+            self.on, self._state, self._ahead, self._inner, self._c, self.constants, self.tables, self._memory,
+            self._late, self._delay, self._stride, self._held, v, t, n_steps, every, done, total, out, row,
+        )  # fmt: skip
