@@ -33,10 +33,14 @@ SCHEMA = "rtds-blind-measured/1"
 DRAWS = 20
 # One run in so many is withheld (none of a single run).
 WITHHELD_SHARE = 4
-# A planted change that opens the gap by less than this factor hides in what the machine leaves anyway.
-VISIBLE = 1.1
+# A planted change counts as visible where it outweighs all that the machine leaves anyway: twice its mean square.
+VISIBLE = math.sqrt(2.0)
 # A size counts as right within this factor.
 FACTOR = 2.0
+# Of these lates one may stand in the base and another in the answer; the answer's then holds both sizes.
+LATE = {"measurement_delay": "seconds", "command_delay": "seconds", "speed_filter": "time_constant_s"}
+# A form of an effect that holds another one as a part of it.
+WIDER = {"stribeck_friction": "coulomb_friction"}
 
 
 def dump_toml(data: dict) -> str:
@@ -172,6 +176,9 @@ def _match(want: dict, side: str, answer: _Answer, base: _Answer) -> dict | None
     if value is None:
         return None
     before, _ = _value(base.effects[key], want["parameter"]) if key in base.effects else (None, None)
+    if before is None and want["id"] in LATE:
+        gone = [_value(e, LATE[k[0]])[0] for k, e in base.effects.items() if k[0] in LATE and k not in answer.effects]
+        before = sum(x for x in gone if x is not None) or None
     change = _change(value, before, ratio)
     target = min(max(change, low), high)
     if not target * change > 0 or not 1 / FACTOR <= change / target <= FACTOR:
@@ -206,7 +213,9 @@ def judge_planted(truth: dict, said: dict | None, base_said: dict | None, entry:
     alike = [m for want in truth["alike"] if (m := _match(want, truth["side"], answer, base))]
     named = [m for m in same if m["named"]]
     sharing = {want["id"] for want in (*truth["same"], *truth["alike"])}
-    new = [key[0] for key in answer.effects if key not in base.effects and key[0] not in sharing]
+    forms = set(base.effects) | {(wide, side) for wide, part in WIDER.items() for name, side in base.effects if name == part}
+    kept = set(answer.effects) | {(WIDER[name], side) for name, side in answer.effects if name in WIDER}
+    new = [key[0] for key in answer.effects if key not in forms and key[0] not in sharing]
     return {
         "set": truth["set"], "kind": truth["kind"], "said": truth["said"], "side": truth["side"],
         "seconds": entry["seconds"], "answered": said is not None, "complaint": "" if said else entry["said"],
@@ -218,7 +227,7 @@ def judge_planted(truth: dict, said: dict | None, base_said: dict | None, entry:
         "size_error": named[0]["size_error"] if named else None,
         "silent": answer.verdict == "known" and set(answer.effects) == set(base.effects) and not same,
         "new_false": bool(new), "false": sorted(new), "unknown": answer.verdict == "unknown",
-        "base_kept": (set(base.effects) <= set(answer.effects)) if base.effects else None,
+        "base_kept": (set(base.effects) <= kept) if base.effects else None,
     }
 
 
@@ -317,7 +326,8 @@ def _group(records: list[dict]) -> dict:
             **{name: share(seen, name) for name, _ in FIGURES},
             "size_error_median": round(float(np.median(errors)), 4) if errors else None,
             "restored_median": round(float(np.median(restored)), 4) if restored else None,
-            "hidden_named": share([r for r in records if r["visible"] is False], "named")}
+            "hidden_named": share([r for r in records if r["visible"] is False], "named"),
+            "all_found": share(records, "found"), "all_near": share(records, "near")}
 
 
 def _cell(value: dict | None) -> str:
@@ -339,13 +349,15 @@ def page(result: dict) -> str:
              f"{' --quick' if result['quick'] else ''} --out check`, `rtds blind score --out check`."), "",
              "| | " + " | ".join(sets) + " |", "|---|" + "---|" * len(sets),
              "| draws (answered) | " + " | ".join(f"{g['cases']} ({g['answered']})" for g in sets.values()) + " |",
-             f"| of these open the gap by {100 * (VISIBLE - 1):.0f} % or more | "
+             "| of these the planted part outweighs what the machine leaves anyway | "
              + " | ".join(str(g["visible"]) for g in sets.values()) + " |"]
     lines += [f"| {title} | " + " | ".join(_cell(g[name]) for g in sets.values()) + " |" for name, title in FIGURES]
     lines += ["| error of the size, median | " + " | ".join(
         "–" if g["size_error_median"] is None else f"{100 * g['size_error_median']:.0f} %" for g in sets.values()) + " |",
         "| of the gap opened on withheld runs, closed again (median) | " + " | ".join(
-            _number(g["restored_median"], ".2f") for g in sets.values()) + " |", ""]
+            _number(g["restored_median"], ".2f") for g in sets.values()) + " |"]
+    lines += [f"| of all draws: {title} | " + " | ".join(_cell(g[name]) for g in sets.values()) + " |"
+              for name, title in (("all_found", "found"), ("all_near", "found, or a stand-in named"))] + [""]
     for name, base in result["bases"].items():
         lines.append(f"{name} untouched: {base['verdict']}, blamed {', '.join(base['blamed']) or 'nothing'}, gap "
                      f"{_number(base['gap'])} on the withheld runs.")

@@ -268,7 +268,7 @@ def test_answers_are_sealed_and_scored_like_all_others(check, tmp_path):
     assert result["all"]["cases"] == 18 and not any(r["named"] or r["new_false"] for r in result["cases"])
     assert result["bases"]["arm"]["blamed"] == ["coulomb_friction"]
     assert all(r["gap_opened"] == r["gap_left"] and r["base_kept"] for r in result["cases"])
-    assert all(r["visible"] == (r["gap_opened"] >= 1.1 * r["gap_base"]) for r in result["cases"])
+    assert all(r["visible"] == (r["gap_opened"] >= measured.VISIBLE * r["gap_base"]) for r in result["cases"])
     assert all(r["restored"] == 0.0 for r in result["cases"] if r["visible"])
     assert "| slide | " in (out / "score" / "page.md").read_text()
     truth = out / "sealed" / "case-001" / "truth.json"
@@ -295,3 +295,19 @@ def test_the_command_line_makes_draws_and_scores_them(sources, tmp_path):
     done = rtds("score", "--out", out, "--page", tmp_path / "page.md")
     assert done.returncode == 0 and "planted cause" in (tmp_path / "page.md").read_text(), done.stderr
     assert math.isfinite(json.loads((out / "score" / "score.json").read_text())["bases"]["slide"]["gap"])
+
+
+def test_a_delay_that_takes_the_place_of_the_bases_filter_holds_both_sizes():
+    late = {**MASS, "kind": "all late", "alike": [], "same": [
+        {"id": "measurement_delay", "subsystem": "timing", "parameter": "seconds", "low": 0.01, "high": 0.01}]}
+    base = says(effect("speed_filter", time_constant_s=0.02))
+    r = measured.judge_planted(late, says(effect("measurement_delay", seconds=(0.031, [0.029, 0.033]))), base, ENTRY)
+    assert r["named"] and r["covered"] and r["match"]["expected"] == pytest.approx([0.03, 0.03])
+    both = says(effect("speed_filter", time_constant_s=0.02), effect("measurement_delay", seconds=0.011))
+    assert measured.judge_planted(late, both, base, ENTRY)["match"]["expected"] == pytest.approx([0.01, 0.01])
+
+
+def test_a_wider_form_of_what_the_base_blames_is_neither_new_nor_lost():
+    wider = effect("stribeck_friction", torque_nm=0.03, extra_torque_nm=0.01, speed_rad_s=1.0)
+    r = measured.judge_planted(MASS, says(wider, effect("payload_error", mass_kg=0.1)), BASE, ENTRY)
+    assert r["named"] and r["base_kept"] and not r["new_false"]
