@@ -8,7 +8,7 @@ BROWSER = $(shell command -v chromium >/dev/null 2>&1 && command -v chromedriver
 OUT    ?= out
 export SIM
 
-.PHONY: setup system run test test-long sim lint formal synth mutate registers bench blind blind-long clean
+.PHONY: setup system run test test-long sim lint formal synth mutate registers bench blind blind-long docs clean
 
 setup: $(VENV)/.ready
 
@@ -72,6 +72,10 @@ blind-long: setup
 	@test -f build/blind-long/public/SEALS.json || $(BIN)/rtds blind make --out build/blind-long --n 340
 	$(BIN)/rtds blind answer --out build/blind-long
 	$(BIN)/rtds blind score --out build/blind-long --page docs/blind-results.md
+
+# The documentation as a site in build/site; a broken link ends it.
+docs: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 clean:
 	rm -rf build $(OUT) .pytest_cache .ruff_cache
