@@ -44,6 +44,8 @@ class Body:
     slope_rad: float = 0.0
     uphill_yaw_rad: float = 0.0
     support: str = "skids"
+    tyre_friction: float = TYRE_FRICTION
+    skid_arm_m: float = SKID_ARM_M
 
     @property
     def total_mass_kg(self) -> float:
@@ -53,8 +55,10 @@ class Body:
     @property
     def wheel_mass_kg(self) -> float:
         """Mass of one wheel as a solid disc of its inertia. How the mass is shared between wheels and base plays no
-        part in the plane; the sum and the moments are kept."""
-        return min(2.0 * self.wheel_inertia_kg_m2 / max(self.wheel_radius_m) ** 2, 0.2 * self.mass_kg)
+        part in the plane; the sum and the moments are kept. A robot of little yaw inertia gets lighter ones, so that
+        a base is left for it."""
+        return min(2.0 * self.wheel_inertia_kg_m2 / max(self.wheel_radius_m) ** 2, 0.2 * self.mass_kg,
+                   0.5 * self.yaw_inertia_kg_m2 / self.track_width_m**2)
 
     @property
     def gravity_m_s2(self) -> np.ndarray:

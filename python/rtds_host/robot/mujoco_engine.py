@@ -9,7 +9,7 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from rtds_host.robot.body import SKID_RADIUS_M, TYRE_FRICTION, Body
+from rtds_host.robot.body import SKID_RADIUS_M, Body
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import base_inertia, supports
 
@@ -38,13 +38,13 @@ def make_mjcf(body: Body, step_s: float) -> str:
         f'<inertial pos="0 0 0" mass="{body.wheel_mass_kg:.12g}" diaginertia="{vector((spin / 2, spin, spin / 2))}"/>\n'
         f'<joint name="wheel_{name}" type="hinge" axis="0 1 0" armature="{ARMATURE_KG_M2:g}" damping="0" '
         'frictionloss="0"/>\n'
-        f'<geom name="wheel_{name}" type="sphere" size="{radius:.12g}" condim="3" friction="{TYRE_FRICTION:g} 0 0" '
+        f'<geom name="wheel_{name}" type="sphere" size="{radius:.12g}" condim="3" friction="{body.tyre_friction:g} 0 0" '
         f'contype="2" conaffinity="1" {CONTACT}/>\n</body>\n'
         for name, side, radius in zip(("left", "right"), (0.5, -0.5), body.wheel_radius_m, strict=True))
     return (f'<mujoco model="burger">\n<option timestep="{step_s:.12g}" gravity="{vector(body.gravity_m_s2)}" '
             'integrator="Euler" cone="elliptic" solver="Newton" iterations="100" tolerance="1e-14" impratio="10">'
             '</option>\n<worldbody>\n'
-            f'<geom name="ground" type="plane" size="0 0 1" condim="1" friction="{TYRE_FRICTION:g} 0 0" contype="1" '
+            f'<geom name="ground" type="plane" size="0 0 1" condim="1" friction="{body.tyre_friction:g} 0 0" contype="1" '
             f'conaffinity="2" {CONTACT}/>\n'
             '<body name="base">\n<freejoint/>\n'
             f'<inertial pos="{vector(base.com_m)}" mass="{base.mass_kg:.12g}" '

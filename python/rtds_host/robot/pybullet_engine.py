@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from rtds_host.robot.body import TYRE_FRICTION, Body, inertia_at_wheel_kg_m2
+from rtds_host.robot.body import Body, inertia_at_wheel_kg_m2
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import WHEEL_JOINTS, make_urdf, supports
 
@@ -85,7 +85,7 @@ class PyBulletEngine:
         self._wheels = [links[joint.removesuffix("_joint")] for joint in WHEEL_JOINTS]
         slippery = [links[name] for name, _ in supports(self._body)]
         for link in range(-1, len(links)):
-            p.changeDynamics(self._robot, link, lateralFriction=0.0 if link in slippery else TYRE_FRICTION,
+            p.changeDynamics(self._robot, link, lateralFriction=0.0 if link in slippery else self._body.tyre_friction,
                              rollingFriction=0.0, spinningFriction=0.0, restitution=0.0, linearDamping=0.0,
                              angularDamping=0.0, jointDamping=0.0, physicsClientId=client)
         p.changeDynamics(self._robot, -1, activationState=p.ACTIVATION_STATE_DISABLE_SLEEPING, physicsClientId=client)

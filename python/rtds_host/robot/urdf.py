@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rtds_host.errors import InputError
-from rtds_host.robot.body import CASTER_X_M, SKID_ARM_M, SKID_RADIUS_M, Body
+from rtds_host.robot.body import CASTER_X_M, SKID_RADIUS_M, Body
 
 WHEEL_JOINTS = ("wheel_left_joint", "wheel_right_joint")
 
@@ -44,12 +44,20 @@ def base_inertia(body: Body) -> BaseInertia:
     return BaseInertia(mass_kg=mass, com_m=com, inertia_kg_m2=(yaw, yaw, yaw))
 
 
+def yaw_inertia_kg_m2(body: Body) -> float:
+    """Yaw inertia about the axle's mid-point of all that an engine builds, payload included."""
+    base = body.mass_kg - 2.0 * body.wheel_mass_kg + body.payload_kg
+    total = body.total_mass_kg
+    # Steiner's term of the payload's share, which `Body.yaw_inertia_kg_m2` does not hold.
+    return body.yaw_inertia_kg_m2 + body.payload_kg * total * (body.com_m[0] ** 2 + body.com_m[1] ** 2) / base
+
+
 def supports(body: Body) -> list[tuple[str, float]]:
     """Frictionless points of support: name and x [m]. Skids stand fore and aft of the centre of mass; the caster is the Turtlebot3's own, behind the axle alone."""
     if body.support == "caster":
         return [("caster", CASTER_X_M)]
-    return [("skid_front", body.com_m[0] + SKID_ARM_M),
-            ("skid_rear", body.com_m[0] - SKID_ARM_M)]
+    return [("skid_front", body.com_m[0] + body.skid_arm_m),
+            ("skid_rear", body.com_m[0] - body.skid_arm_m)]
 
 
 def make_urdf(body: Body) -> str:
