@@ -18,16 +18,17 @@ def effects(
     from rich.table import Table
     from rich.text import Text
 
+    from rtds_host.correction.translate import PLACE_NAMES
     from rtds_host.diagnosis.effects import CATALOGUE
     from rtds_host.errors import InputError
 
     console = Console()
     if name is None:
         table = Table(box=None)
-        for title in ("subsystem", "effect", "sides", "parameters"):
-            table.add_column(title)
+        for title in ("subsystem", "effect", "sides", "runs in", "parameters"):
+            table.add_column(title, no_wrap=title in ("subsystem", "effect", "runs in"))
         for effect in sorted(CATALOGUE.values(), key=lambda e: (e.subsystem, e.id)):
-            table.add_row(effect.subsystem, effect.id, ", ".join(effect.sides),
+            table.add_row(effect.subsystem, effect.id, ", ".join(effect.sides), PLACE_NAMES[effect.runs_in],
                           Text(", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters)))
         console.print(table)
         return
@@ -39,5 +40,5 @@ def effects(
     lines += [f"  {p.name} [{p.unit}]: {p.meaning or 'see the equation'}; within {p.low:g} to {p.high:g}, absent at {p.null:g}"
               for p in effect.parameters]
     lines += [f"  taken for: {', '.join(effect.confused_with)}", f"  shown by: {effect.shown_by}",
-              f"  on the robot: {effect.advice}"]
+              f"  in the simulator: {PLACE_NAMES[effect.runs_in]}", f"  on the robot: {effect.advice}"]
     console.print("\n".join(lines), highlight=False, markup=False)

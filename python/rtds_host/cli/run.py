@@ -16,7 +16,7 @@ from rtds_host.cli.calibrate import link_options
 from rtds_host.contract import load_robot, read_run, staged_folder
 from rtds_host.errors import InputError
 from rtds_host.robot import ENGINES
-from rtds_host.run import LinkChoice, Options, Plan, check_writable, make_plan, perform, write_outcome
+from rtds_host.run import Effects, LinkChoice, Options, Plan, check_writable, make_plan, perform, write_outcome
 from rtds_host.run.summary import Summary, lines
 from rtds_host.scenario import find_scenario, scenarios
 
@@ -120,6 +120,10 @@ def run(
                                                                       "name=number; may be repeated.")] = None,
     exchange: Annotated[float | None, typer.Option(help="Exchange interval, s.")] = None,
     log_interval: Annotated[float | None, typer.Option(help="Time between two rows of the log, s.")] = None,
+    effects: Annotated[Path | None, typer.Option(help="A diagnosis.json: drive the robot it describes.")] = None,
+    effect: Annotated[list[str] | None, typer.Option(
+        help="An effect of the catalogue, as coulomb_friction.torque_nm=0.05,side=left (side both without it; "
+             "`rtds effects` lists them); may be repeated.")] = None,
     step: Annotated[float, typer.Option(help="Step of the motor units, s.")] = 1e-5,
     method: Annotated[str, typer.Option(help="backward_euler or trapezoidal.")] = "backward_euler",
     compare: Annotated[bool, typer.Option(help="Drive once more with the other controller and print both errors.")]
@@ -150,12 +154,13 @@ def run(
     if against is not None and against not in ENGINES:
         raise InputError(f"--against {against}: unknown engine (known: {', '.join(ENGINES)})")
     plans = [make_plan(name, values, options) for name, values in _wanted(scenario, given)]
+    changes = [_effects(plan, effects, effect) for plan in plans]
     choice = _link(link, sim, step_clocks, link_options(link, calibration, wires, ad2, serial))
     target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / scenario)
     check_writable(target)
     with _bars(plans) as report:
         if scenario != "all":
-            outcome = perform(plans[0], choice, compare, progress=report, against=against)
+            outcome = perform(plans[0], choice, compare, progress=report, against=against, effects=changes[0])
             write_outcome(outcome, target, figure, form)
             summaries = [(outcome.summary, target)]
         else:
@@ -163,8 +168,8 @@ def run(
             summaries = []
             with staged_folder(target) as scratch:
                 (scratch / "robot.toml").write_bytes(plans[0].robot_path.read_bytes())
-                for plan in plans:
-                    outcome = perform(plan, choice, compare, progress=report, against=against)
+                for plan, change in zip(plans, changes, strict=True):
+                    outcome = perform(plan, choice, compare, progress=report, against=against, effects=change)
                     write_outcome(outcome, scratch / plan.scenario.name, figure, form)
                     summaries.append((outcome.summary, target / plan.scenario.name))
     for summary, place in summaries:
@@ -174,6 +179,17 @@ def run(
             nominal = load_robot(place / "robot.toml")
             write_mcap(place / "run.mcap", read_run(place, nominal), nominal)
         _show(console, summary, place)
+
+
+def _effects(plan: Plan, diagnosis: Path | None, effects: list[str] | None) -> Effects | None:
+    """What a plan's robot has beyond the nominal one."""
+    if diagnosis is None and not effects:
+        return None
+    from rtds_host.correction.choose import choose
+    from rtds_host.correction.translate import translate
+
+    chosen = choose(plan.robot, diagnosis, effects)
+    return Effects(translate(chosen.model, plan.robot, plan.body.payload_kg, step_s=plan.simulator_step_s), chosen.names)
 
 
 def _link(link: str, sim: str, step_clocks: str, more: dict) -> LinkChoice:

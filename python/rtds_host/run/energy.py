@@ -1,4 +1,8 @@
-"""Where the energy went: the run's inputs once more through the bit-exact model, which sums every step."""
+"""Where the energy went: the run's inputs once more through the bit-exact model, which sums every step.
+
+A run with effects goes through the model once more too, to see that it ends in the same state; its energies are not
+summed (the terms are those of ideal motor units).
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rtds_host.correction.correction import Correction
+from rtds_host.correction.coupler import set_effects
 from rtds_host.link.model import ModelLink
 from rtds_host.motor import EnergyTerms
 from rtds_host.robot import STEP_S
@@ -33,6 +39,23 @@ class Audit:
     same: bool
 
 
+def _same(plan: Plan, record: Record, last) -> bool:
+    ratio = plan.robot.motor.gear_ratio
+    return bool(np.array_equal(last.speeds[-1].astype(np.float64) / ratio, record.speeds[-1])
+                and np.array_equal(last.currents[-1].astype(np.float64), record.currents[-1]))
+
+
+def ends_alike(plan: Plan, record: Record, correction: Correction) -> bool:
+    """Whether the bit-exact model, with a correction's effects, ends at the same 32-bit currents and speeds."""
+    with ModelLink() as link:
+        set_motors(link, plan)
+        set_effects(link, correction)
+        for start, end, volts, load in zip(record.starts, record.ends, record.applied, record.shaft_torques,
+                                           strict=True):
+            last = link.exchange(volts, load, (end - start) * STEP_S)
+    return _same(plan, record, last)
+
+
 def audit(plan: Plan, record: Record) -> Audit:
     """Replay the applied voltages and torques of a record and sum the energies."""
     with ModelLink(energy=True) as link:
@@ -45,9 +68,6 @@ def audit(plan: Plan, record: Record) -> Audit:
             throughput += float(np.abs(work - before).sum())
             before = work
         terms = link.pair.energy
-    ratio = plan.robot.motor.gear_ratio
-    same = bool(np.array_equal(last.speeds[-1].astype(np.float64) / ratio, record.speeds[-1])
-                and np.array_equal(last.currents[-1].astype(np.float64), record.currents[-1]))
     gap = float(terms.shaft_j.sum()) - record.engine_energy_j
     return Audit(terms=terms, imbalance=float(terms.imbalance.max()), throughput_j=throughput,
-                 robot_gap=gap / throughput if throughput > 0 else 0.0, same=same)
+                 robot_gap=gap / throughput if throughput > 0 else 0.0, same=_same(plan, record, last))

@@ -9,10 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.control import Observation, make_controller
+from rtds_host.correction.correction import Correction
+from rtds_host.correction.coupler import Coupler, set_effects
+from rtds_host.errors import InputError
 from rtds_host.link import Link, open_link
 from rtds_host.robot import STEP_S, Engine, open_engine
 from rtds_host.run.path import Sample, SignalPath
 from rtds_host.run.plan import Plan
+from rtds_host.run.sensors import CorrectedPath
 from rtds_host.scenario import SpeedMotion, reference_poses, wheel_references
 
 
@@ -68,38 +72,50 @@ def set_motors(link: Link, plan: Plan) -> None:
                         step_s=plan.simulator_step_s, method=plan.method)
 
 
-def drive(plan: Plan, link: Link, path: SignalPath | None = None,
-          progress: Callable[[float], None] | None = None) -> Record:
+def drive(plan: Plan, link: Link, path: SignalPath | None = None, progress: Callable[[float], None] | None = None,
+          correction: Correction | None = None) -> Record:
     """Drive one run through an open link.
 
     Parameters
     ----------
     path : what stands between controller, motors, robot and log; the nominal one by default.
     progress : is called with the simulated time, s, once an exchange.
+    correction : makes it another robot than the nominal one; motors and robot then exchange torques each engine step,
+        whatever the controller's interval.
 
     Raises
     ------
     InputError : parameters or times the link cannot take. LinkError : the link does not answer.
     """
     set_motors(link, plan)
+    body = plan.body
+    if correction is not None:
+        if plan.coupling != "closed":
+            raise InputError(f"coupling {plan.coupling!r}: effects need coupling 'closed', where the robot follows its motors")
+        body = correction.body_on(plan.body)
+        set_effects(link, correction)
+        path = path or CorrectedPath(plan.robot.supply_v, correction.sensors)
     path = path or SignalPath(plan.robot.supply_v)
-    with open_engine(plan.engine, plan.body, plan.motion.start) as engine:
+    with open_engine(plan.engine, body, plan.motion.start) as engine:
         began = time.perf_counter()
-        record = _Loop(plan, link, engine, path).run(progress)
+        coupler = None if correction is None else Coupler(plan.robot, body, link, engine, correction)
+        record = _Loop(plan, link, engine, path, coupler, correction).run(progress)
         report = getattr(link, "report", None)
         return Record(**record, wall_s=time.perf_counter() - began, link_report=report() if report else None)
 
 
 def drive_with(plan: Plan, link_name: str, link_options: dict | None = None, path: SignalPath | None = None,
-               progress: Callable[[float], None] | None = None) -> Record:
+               progress: Callable[[float], None] | None = None, correction: Correction | None = None) -> Record:
     """Open a link, drive one run through it, close it. See `drive` and `rtds_host.link.open_link`."""
     with open_link(link_name, **(link_options or {})) as link:
-        return drive(plan, link, path, progress)
+        return drive(plan, link, path, progress, correction)
 
 
 class _Loop:
-    def __init__(self, plan: Plan, link: Link, engine: Engine, path: SignalPath):
+    def __init__(self, plan: Plan, link: Link, engine: Engine, path: SignalPath, coupler: Coupler | None = None,
+                 correction: Correction | None = None):
         self.plan, self.link, self.engine, self.path = plan, link, engine, path
+        self.coupler, self.correction = coupler, correction
         self.ratio = plan.robot.motor.gear_ratio
         count = plan.total_steps + 1
         self.t = np.arange(count) * STEP_S
@@ -125,6 +141,9 @@ class _Loop:
         ends = np.minimum(starts + plan.exchange_steps, total)
         commanded, applied = np.zeros((len(starts), 2)), np.zeros((len(starts), 2), np.float32)
         loads = np.zeros((len(starts), 2), np.float32)
+        sent: list[np.ndarray] = []
+        if self.path.watches:
+            self.path.watch(self.t[0], self._sample(0))
 
         def look(step: int) -> tuple[Sample, Sample]:
             seen = self._sample(step)
@@ -140,6 +159,12 @@ class _Loop:
             loads[k] = self.path.loads(self.t[start], torque, seen) / self.ratio
             commanded[k] = self._command(start, end, measured, loads[k])
             applied[k] = self.path.voltages(self.t[start], commanded[k], seen)
+            if self.coupler is not None:
+                sent += self._move_together(start, end, applied[k], look)
+                torque = self.coupler.load
+                if progress is not None:
+                    progress(self.t[end])
+                continue
             interval = (end - start) * STEP_S
             got = self.link.exchange(applied[k], loads[k], interval, STEP_S)
             self.speeds[start + 1:end + 1] = got.speeds.astype(np.float64) / self.ratio
@@ -148,6 +173,10 @@ class _Loop:
             if progress is not None:
                 progress(self.t[end])
         look(total)
+        if self.coupler is not None:
+            often = ends - starts
+            starts, loads = np.arange(total), np.array(sent)
+            ends, commanded, applied = starts + 1, np.repeat(commanded, often, axis=0), np.repeat(applied, often, axis=0)
         return {"t_s": self.t, "speeds": self.speeds, "currents": self.currents, "references": self.references,
                 "reference_poses": self.poses, "starts": starts, "ends": ends, "commanded": commanded,
                 "applied": applied, "shaft_torques": loads, "rows": np.array(rows), "samples": samples,
@@ -177,8 +206,33 @@ class _Loop:
                 look(now)
         return total / (end - start)
 
+    def _move_together(self, start: int, end: int, volts: np.ndarray, look: Callable) -> list[np.ndarray]:
+        """Motors and robot with effects, engine step by engine step; the torques (2,) that were sent to the shafts."""
+        sent = []
+        for step in range(start + 1, end + 1):
+            motion = self.coupler.advance([(volts, STEP_S)])
+            sent.append(self.coupler.sent)
+            width = np.diff(motion.t_s, prepend=0.0)[:, None]
+            speeds = np.vstack([self.speeds[step - 1], motion.speeds])
+            self.angles = self.angles + (0.5 * width * (speeds[1:] + speeds[:-1])).sum(axis=0)
+            self.speeds[step], self.currents[step] = motion.speeds[-1], motion.currents[-1]
+            if self.path.watches:
+                self.path.watch(self.t[step], self._sample(step))
+            if step < end and step % self.plan.log_steps == 0:
+                look(step)
+        return sent
+
+    def _bus(self, step: int) -> float:
+        """Voltage of the supply."""
+        nominal = self.plan.robot.supply_v
+        if self.correction is None:
+            return nominal
+        supply = self.correction.supply
+        draw = float(self.currents[step] @ self.coupler.in_force) / nominal
+        return nominal - supply.source_resistance_ohm * draw - supply.decline_v_per_s * float(self.t[step])
+
     def _sample(self, step: int) -> Sample:
         state = self.engine.state()
-        return Sample(v_bus=self.plan.robot.supply_v, currents_a=self.currents[step], speeds_rad_s=self.speeds[step],
+        return Sample(v_bus=self._bus(step), currents_a=self.currents[step], speeds_rad_s=self.speeds[step],
                       angles_rad=self.angles, gyro_rad_s=state.yaw_rate_rad_s, x_m=state.x_m, y_m=state.y_m,
                       yaw_rad=state.yaw_rad)

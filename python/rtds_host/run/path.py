@@ -26,7 +26,15 @@ class Sample:
 
 
 class SignalPath:
-    """The nominal path; subclass it and override what differs. Methods are called in the order of time."""
+    """The nominal path; subclass it and override what differs. Methods are called in the order of time.
+
+    `watches`: `watch` is to be called with the truth at every engine step (for what remembers).
+    """
+
+    watches = False
+
+    def watch(self, t_s: float, sample: Sample) -> None:
+        """Take note of the truth."""
 
     def __init__(self, supply_v: float):
         self.supply_v = supply_v

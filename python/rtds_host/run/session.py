@@ -14,7 +14,7 @@ from rtds_host.run.log import log_columns, run_meta
 from rtds_host.run.loop import Record, drive_with
 from rtds_host.run.path import SignalPath
 from rtds_host.run.plan import Plan, other_controller
-from rtds_host.run.summary import Summary, summarise
+from rtds_host.run.summary import Effects, Summary, summarise
 
 Progress = Callable[[str, float], None]
 
@@ -43,7 +43,7 @@ class Outcome:
 
 
 def perform(plan: Plan, link: LinkChoice, compare: bool = True, path: SignalPath | None = None,
-            progress: Progress | None = None, against: str | None = None) -> Outcome:
+            progress: Progress | None = None, against: str | None = None, effects: Effects | None = None) -> Outcome:
     """Drive the plan and, where there is a controller and `compare`, once more with the other one.
 
     The comparison is driven on the bit-exact model whatever the link: the RTL gives the same bits (`Summary.model_agrees`
@@ -58,17 +58,18 @@ def perform(plan: Plan, link: LinkChoice, compare: bool = True, path: SignalPath
     def report(label: str) -> Callable[[float], None] | None:
         return None if progress is None else lambda t: progress(label, t)
 
-    record = drive_with(plan, link.name, link.options, path, report(plan.scenario.name))
+    change = effects.correction if effects else None
+    record = drive_with(plan, link.name, link.options, path, report(plan.scenario.name), change)
     twin = LinkChoice("model")
     compared = rival = None
     if compare and plan.controller is not None:
         other = other_controller(plan)
         compared = (other, drive_with(other, twin.name, twin.options, None,
-                                      report(f"{plan.scenario.name} ({other.controller})")))
+                                      report(f"{plan.scenario.name} ({other.controller})"), change))
     if against is not None and against != plan.engine:
         rival = (against, drive_with(replace(plan, engine=against), twin.name, twin.options, path,
-                                     report(f"{plan.scenario.name} ({against})")))
-    return Outcome(plan, record, summarise(plan, record, link.text, compared, rival))
+                                     report(f"{plan.scenario.name} ({against})"), change))
+    return Outcome(plan, record, summarise(plan, record, link.text, compared, rival, effects))
 
 
 def write_outcome(outcome: Outcome, folder: Path, figure: bool = True, form: str = "csv") -> None:
@@ -81,6 +82,8 @@ def write_outcome(outcome: Outcome, folder: Path, figure: bool = True, form: str
     with staged_folder(folder) as scratch:
         plan = outcome.plan
         notes = f"driven by rtds: {plan.robot.name}, coupling {plan.coupling}, {plan.engine}"
+        if outcome.summary.effects:
+            notes += "; with " + "; ".join(outcome.summary.effects)
         write_run(scratch, run_meta(plan, notes), log_columns(outcome.record), form)
         (scratch / "robot.toml").write_bytes(plan.robot_path.read_bytes())
         (scratch / "summary.json").write_text(json.dumps(outcome.summary.to_json(), indent=1) + "\n")

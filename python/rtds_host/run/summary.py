@@ -7,7 +7,9 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from rtds_host.run.energy import Audit, audit
+from rtds_host.correction.correction import Correction
+from rtds_host.robot import STEP_S
+from rtds_host.run.energy import Audit, audit, ends_alike
 from rtds_host.run.loop import Record
 from rtds_host.run.plan import Plan
 
@@ -28,8 +30,17 @@ class EngineGap:
 
 
 @dataclass(frozen=True)
+class Effects:
+    """What makes a run's robot another one: the correction, and how each effect is named in a summary."""
+
+    correction: Correction
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Summary:
-    """Figures of one run, SI; two-vectors are [left, right]. None where a run has no reference, or no comparison."""
+    """Figures of one run, SI; two-vectors are [left, right]. None where a run has no reference, or no comparison;
+    energies are those of ideal motor units, None with `effects`."""
 
     scenario: str
     robot: str
@@ -52,19 +63,20 @@ class Summary:
     peak_current_a: list[float]
     peak_voltage_v: list[float]
     current_negative_s: list[float]
-    drawn_j: list[float]
-    recovered_j: list[float]
-    copper_j: list[float]
-    viscous_j: list[float]
-    shaft_j: list[float]
-    stored_j: list[float]
-    numerical_j: list[float]
-    energy_imbalance: float
+    drawn_j: list[float] | None
+    recovered_j: list[float] | None
+    copper_j: list[float] | None
+    viscous_j: list[float] | None
+    shaft_j: list[float] | None
+    stored_j: list[float] | None
+    numerical_j: list[float] | None
+    energy_imbalance: float | None
     robot_energy_j: float
-    robot_energy_gap: float
+    robot_energy_gap: float | None
     model_agrees: bool
     engine_gap: EngineGap | None
     link_report: dict | None
+    effects: tuple[str, ...] = ()
 
     def to_json(self) -> dict:
         """For `summary.json`."""
@@ -101,15 +113,19 @@ def engine_gap(plan: Plan, record: Record, engine: str, other: Record) -> Engine
 
 
 def summarise(plan: Plan, record: Record, link: str, compared: tuple[Plan, Record] | None = None,
-              rival: tuple[str, Record] | None = None) -> Summary:
+              rival: tuple[str, Record] | None = None, effects: Effects | None = None) -> Summary:
     """The figures of a run; `compared` is the same run with the other controller, `rival` in the other engine."""
-    energy: Audit = audit(plan, record)
-    terms = energy.terms
+    energy: Audit | None = audit(plan, record) if effects is None else None
+    alike = energy.same if energy else ends_alike(plan, record, effects.correction)
+
+    def term(name: str) -> list[float] | None:
+        return getattr(energy.terms, name).tolist() if energy else None
+
     errors = path_errors(record) or (None, None, None)
     return Summary(
         scenario=plan.scenario.name, robot=plan.robot.name, link=link, engine=plan.engine, coupling=plan.coupling,
         controller=plan.controller, exchange_s=plan.exchange_s, simulated_s=plan.duration_s, wall_s=record.wall_s,
-        step_ratio=plan.exchange_s / plan.simulator_step_s, inertia_ratio=plan.inertia_ratio,
+        step_ratio=int(record.ends[0] - record.starts[0]) * STEP_S / plan.simulator_step_s, inertia_ratio=plan.inertia_ratio,
         end_position_error_m=errors[0], end_yaw_error_rad=errors[1], path_error_max_m=errors[2],
         speed_error_rms_rad_s=speed_error_rms(record),
         compared_controller=compared[0].controller if compared else None,
@@ -118,11 +134,12 @@ def summarise(plan: Plan, record: Record, link: str, compared: tuple[Plan, Recor
         peak_current_a=np.abs(record.currents).max(axis=0).tolist(),
         peak_voltage_v=np.abs(record.applied).astype(float).max(axis=0).tolist(),
         current_negative_s=((record.currents < 0.0).sum(axis=0) * float(record.t_s[1])).tolist(),
-        drawn_j=terms.supplied_j.tolist(), recovered_j=terms.recovered_j.tolist(), copper_j=terms.copper_j.tolist(),
-        viscous_j=terms.viscous_j.tolist(), shaft_j=terms.shaft_j.tolist(), stored_j=terms.stored_j.tolist(),
-        numerical_j=terms.numerical_j.tolist(), energy_imbalance=energy.imbalance,
-        robot_energy_j=record.engine_energy_j, robot_energy_gap=energy.robot_gap, model_agrees=energy.same,
-        engine_gap=engine_gap(plan, record, *rival) if rival else None, link_report=record.link_report)
+        drawn_j=term("supplied_j"), recovered_j=term("recovered_j"), copper_j=term("copper_j"),
+        viscous_j=term("viscous_j"), shaft_j=term("shaft_j"), stored_j=term("stored_j"),
+        numerical_j=term("numerical_j"), energy_imbalance=energy.imbalance if energy else None,
+        robot_energy_j=record.engine_energy_j, robot_energy_gap=energy.robot_gap if energy else None,
+        model_agrees=alike, engine_gap=engine_gap(plan, record, *rival) if rival else None,
+        link_report=record.link_report, effects=effects.names if effects else ())
 
 
 def lines(summary: Summary) -> list[tuple[str, str]]:
@@ -133,6 +150,7 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
         return f"{values[0]:{form}} | {values[1]:{form}} {unit}"
 
     rows = [("robot, link", f"{s.robot}, motors in {s.link}, {s.engine}, coupling {s.coupling}")]
+    rows += [("effects" if k == 0 else "", name) for k, name in enumerate(s.effects)]
     if s.controller is not None:
         text = (f"{1e3 * s.end_position_error_m:.2f} mm and {math.degrees(s.end_yaw_error_rad):.3f} deg off; "
                 f"largest distance on the way {1e3 * s.path_error_max_m:.2f} mm")
@@ -143,23 +161,30 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
                      f"{1e3 * s.compared_exchange_s:g} ms (ratio "
                      f"{s.compared_error_rms_rad_s / s.speed_error_rms_rad_s:.3g})")
         rows.append(("speed error (rms)", text))
-    gained = (f"gained {s.robot_energy_j:.3f} J, the shafts gave {sum(s.shaft_j):.3f} J "
-              f"(off by {100 * s.robot_energy_gap:.3f} % of what went to and fro)")
     wall = f"{s.wall_s:.2f} s for {s.simulated_s:g} s simulated ({s.simulated_s / s.wall_s:.3g} times real time)"
     if s.engine_gap is not None:
         g = s.engine_gap
         rows.append((f"{s.engine} - {g.engine}", (
             f"end {1e3 * g.end_position_m:.3f} mm and {math.degrees(g.end_yaw_rad):.4f} deg apart; rms "
             f"{1e3 * g.speed_rms_rad_s:.2g} mrad/s, {1e3 * g.current_rms_a:.2g} mA, {1e3 * g.load_rms_nm:.2g} mN m")))
+    differs = "the model's end differs from the link's"
     rows += [
         ("peak current, voltage", pair(s.peak_current_a, ".3f", "A") + ",  " + pair(s.peak_voltage_v, ".2f", "V")),
         ("current below zero", pair(s.current_negative_s, ".2f", "s")),
-        ("energy drawn", pair(s.drawn_j, ".3f", "J") + ", recovered " + pair(s.recovered_j, ".4f", "J")),
-        ("  copper, viscous", pair(s.copper_j, ".3f", "J") + ",  " + pair(s.viscous_j, ".3f", "J")),
-        ("  shafts, stored", pair(s.shaft_j, ".3f", "J") + ",  " + pair(s.stored_j, ".4f", "J")),
-        ("  balance", f"off by {s.energy_imbalance:.1e} of the largest term, every step summed"
-         + ("" if s.model_agrees else "; the model's end differs from the link's")),
-        ("  robot", gained),
+    ]
+    if s.drawn_j is not None:
+        rows += [
+            ("energy drawn", pair(s.drawn_j, ".3f", "J") + ", recovered " + pair(s.recovered_j, ".4f", "J")),
+            ("  copper, viscous", pair(s.copper_j, ".3f", "J") + ",  " + pair(s.viscous_j, ".3f", "J")),
+            ("  shafts, stored", pair(s.shaft_j, ".3f", "J") + ",  " + pair(s.stored_j, ".4f", "J")),
+            ("  balance", f"off by {s.energy_imbalance:.1e} of the largest term, every step summed"
+             + ("" if s.model_agrees else f"; {differs}")),
+            ("  robot", (f"gained {s.robot_energy_j:.3f} J, the shafts gave {sum(s.shaft_j):.3f} J "
+                         f"(off by {100 * s.robot_energy_gap:.3f} % of what went to and fro)")),
+        ]
+    elif not s.model_agrees:
+        rows.append(("model", differs))
+    rows += [
         ("steps", f"{s.step_ratio:g} simulator steps an exchange with the robot (the paper: about {PAPER_STEP_RATIO})"),
         ("wall time", wall),
     ]

@@ -16,5 +16,5 @@ EFFECT = Effect(
     confused_with=("gear_compliance", "command_delay"),
     shown_by="reversals and pseudo-random voltage",
     advice="Preload or replace the gear; avoid torque reversals at rest.",
-    runs_in="rtl",
+    runs_in="robot",
 )

@@ -18,5 +18,5 @@ EFFECT = Effect(
     confused_with=("backlash", "speed_filter"),
     shown_by="steps and pseudo-random voltage",
     advice="Stiffen the coupling, or filter the command above its resonance.",
-    runs_in="rtl",
+    runs_in="robot",
 )

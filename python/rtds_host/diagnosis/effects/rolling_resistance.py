@@ -16,6 +16,6 @@ EFFECT = Effect(
     confused_with=("coulomb_friction", "spin_scrub"),
     shown_by="the same run with two payloads",
     advice="Inflate or harden the tyres; expect more of it with payload.",
-    runs_in="robot",
+    runs_in="rtl",
     axis=False,
 )

@@ -1,0 +1,1 @@
+"""A diagnosis put into the real-time simulator: motor units, robot and sensors."""

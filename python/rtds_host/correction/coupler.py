@@ -1,0 +1,252 @@
+"""Motors in a link and a robot in an engine, exchanged each millisecond without the lag of an exchange."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtds_host.contract import GRAVITY_M_S2, Robot
+from rtds_host.correction import layer
+from rtds_host.correction.correction import Correction
+from rtds_host.diagnosis.replay.kernel import GRIP
+from rtds_host.errors import InputError
+from rtds_host.link import Link
+from rtds_host.motor.effects import MotorParameters, UnitEffects
+from rtds_host.robot import STEP_S, Body, Engine
+from rtds_host.robot.urdf import yaw_inertia_kg_m2
+
+# Step of the layer between motor and engine, and between two looks at the motors.
+LAYER_S = 1e-4
+_FORETOLD = np.full(2, layer.FORETOLD)
+# A voltage held over part of an exchange.
+Piece = tuple[np.ndarray, float]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What the motors did over one exchange: times s from its start (n,), speeds (n, 2) rad/s at the wheel's side of the
+    gear, currents (n, 2) A. The last row is the end."""
+
+    t_s: np.ndarray
+    speeds: np.ndarray
+    currents: np.ndarray
+
+
+def wheel_inertia(body: Body, yaw_inertia: float) -> tuple[np.ndarray, np.ndarray]:
+    """The inertia (2, 2) kg m² at the wheels, their own spin left out, of a body with so much yaw inertia about the
+    axle's mid-point, and the change (2,) of the yaw rate with the wheels' speeds."""
+    r_l, r_r = body.wheel_radius_m
+    track = body.track_width_m
+    ways = np.array([[0.5 * r_l, 0.5 * r_r], [-r_l / track, r_r / track]])
+    mass, side = body.total_mass_kg, body.total_mass_kg * body.com_m[1]
+    return ways.T @ np.array([[mass, -side], [-side, yaw_inertia]]) @ ways, ways[1]
+
+
+def set_effects(link: Link, correction: Correction) -> None:
+    """Give a link a correction's effects.
+
+    Raises
+    ------
+    InputError : the link has no effect unit, or it cannot hold them. LinkError : no answer.
+    """
+    effects = correction.links_effects()
+    if all(part is None for part in effects.values()):
+        return
+    if not hasattr(link, "set_effects"):
+        raise InputError("link: has no effect unit; effects in motor, driver or gear need the link model or rtl")
+    link.set_effects(**effects)
+
+
+class Coupler:
+    """Lets motors and robot go on together, one exchange of torques after the other.
+
+    Parameters
+    ----------
+    robot, body : nominal motors; body as the engine has it.
+    link, engine : parameters and effects set, robot at rest.
+    correction : what differs from the nominal robot; None: nothing.
+    exchange_steps : engine steps between two exchanges of torques.
+    foretell : give the motors the torque of the coming exchange, foretold; without it, that of the one before.
+
+    `sent` (2,) float32 N m at the shaft: torques of the last exchange; `load` (2,) N m: what the wheels took.
+    `in_force` (2,) V: commands that act at its end, `now` s. `after_step` is called after each engine step.
+    """
+
+    def __init__(self, robot: Robot, body: Body, link: Link, engine: Engine, correction: Correction | None = None,
+                 exchange_steps: int = 1, foretell: bool = True):
+        self.link, self.engine = link, engine
+        self.exchange_steps, self.foretell = exchange_steps, foretell
+        self.gear = robot.motor.gear_ratio
+        self.supply_v = robot.supply_v
+        gears = correction.gears if correction else (None, None)
+        units = correction.units if correction else (UnitEffects(), UnitEffects())
+        self.units = units
+        self.delay_s = correction.supply.command_delay_s if correction else 0.0
+        self.scrub = correction.scrub_nm if correction else 0.0
+        self.side = np.zeros((2, 6))
+        for k in range(2):
+            if gears[k] is not None:
+                self.side[k, :5] = (gears[k].stiffness_nm_per_rad, gears[k].damping_nm_s_per_rad,
+                                    gears[k].backlash_rad, gears[k].slip_per_newton, gears[k].slip_relaxation_m)
+            self.side[k, layer.RADIUS] = body.wheel_radius_m[k]
+        self.wheel_j = body.wheel_inertia_kg_m2
+        # The engine's, and the robot's, where the engine could not build it (`BodyValues.on`).
+        self.inertia, self.lever = wheel_inertia(body, yaw_inertia_kg_m2(body))
+        wanted = correction.body.yaw_inertia_kg_m2 if correction else yaw_inertia_kg_m2(body)
+        if wanted <= body.total_mass_kg * body.com_m[1] ** 2:
+            raise InputError(f"com_y_m: {body.com_m[1]:g} m off the axle's mid-point needs more yaw inertia than "
+                             f"{wanted:g} kg m2")
+        self.ground = np.linalg.inv(wheel_inertia(body, wanted)[0])
+        self.grip = GRIP * body.total_mass_kg * GRAVITY_M_S2 * 0.5 * np.array(body.wheel_radius_m)
+        self.rotor = np.array([self._rotor(robot, unit) for unit in units])
+        self.state = np.zeros((2, 5))
+        self.contact = layer.start_contact(self.side)
+        self.elastic = (self.side[:, layer.STIFFNESS] > 0.0) | (self.side[:, layer.BACKLASH] > 0.0)
+        self.current, self.speed = np.zeros(2), np.zeros(2)
+        self.known = np.full(2, layer.GIVEN)
+        self.offset_v = np.zeros(2)
+        self.disturbance = np.zeros(2)
+        self.external = engine.hold()
+        self.owed = np.zeros(2)
+        self.load = self.external.copy()
+        self.sent = np.zeros(2, np.float32)
+        self.after_step: Callable[[], None] | None = None
+        self.now = 0.0
+        self.in_force = np.zeros(2)
+        # Commands and when they were given; before the first none.
+        self._past: list[tuple[float, np.ndarray]] = [(-np.inf, np.zeros(2))]
+
+    def _rotor(self, robot: Robot, unit: UnitEffects) -> list[float]:
+        m: MotorParameters = unit.motor or robot.motor
+        n = self.gear
+        levels = [n * max(curve.at(0.0), 0.0) if curve is not None else 0.0
+                  for curve in (unit.friction_forward, unit.friction_backward)]
+        return [n * n * m.rotor_inertia_kg_m2, n * n * m.viscous_friction_nm_s_per_rad, n * m.torque_constant_nm_per_a,
+                n * m.back_emf_constant_v_s_per_rad, m.resistance_ohm, m.inductance_h, *levels]
+
+    def _bridge(self, volts: np.ndarray) -> np.ndarray:
+        """Voltages (2,) at the nominal bus, of those asked for, as far as they are known."""
+        out = np.array(volts, dtype=float)
+        for k, unit in enumerate(self.units):
+            if unit.command is not None:
+                out[k] = unit.command.at(out[k])
+            out[k] = min(max(out[k], -unit.limit_v), unit.limit_v)
+        return out
+
+    def _schedule(self, pieces: list[Piece]) -> np.ndarray:
+        """Voltages (n, 2) at the motors for each step of the layer: those asked for, late by the command's delay."""
+        start = now = self.now
+        for volts, seconds in pieces:
+            self._past.append((now, np.array(volts, dtype=float)))
+            now += seconds
+        count = round((now - start) / LAYER_S)
+        late = start - self.delay_s
+        # Whatever is older than the oldest command that still counts.
+        while len(self._past) > 1 and self._past[1][0] <= late + 1e-9:
+            self._past.pop(0)
+        times = [t for t, _ in self._past]
+        values = np.array([self._bridge(v) if t <= now - self.delay_s else np.zeros(2) for t, v in self._past])
+        index = np.searchsorted(times, late + (np.arange(count) + 0.5) * LAYER_S, side="right") - 1
+        self.now = now
+        self.in_force = self._past[max(int(np.searchsorted(times, now - self.delay_s - 1e-9, side="left")) - 1, 0)][1]
+        return values[np.maximum(index, 0)]
+
+    def advance(self, pieces: list[Piece]) -> Motion:
+        """Go on by one exchange.
+
+        Parameters
+        ----------
+        pieces : voltages (2,) V asked for, clipped at the supply, and how long each is held, s (whole simulator
+            steps); together `exchange_steps` engine steps, or fewer at the end of a run.
+        """
+        total_s = sum(seconds for _, seconds in pieces)
+        steps = round(total_s / STEP_S)
+        volts = self._schedule(pieces)
+        if self.foretell:
+            known = np.clip(volts + self.offset_v, -1e4, 1e4)
+            # A driven rotor is where it ought to be; a given one will be what the owed torque makes of it.
+            brake = self.disturbance + np.where(self.known == layer.DRIVEN, 0.0, self.owed)
+            torque, spin = layer.roll(LAYER_S, _FORETOLD, known, self.rotor, self.current, known, brake,
+                                      self.state.copy(), self.contact.copy(), self.side, self.wheel_j, self.ground,
+                                      self.lever, self.scrub, 0.0, self.grip, self.external)
+            load = torque + self.owed
+        else:
+            torque, load = self.load, self.load
+            rate = float(self.lever @ self.state[:, layer.GROUND])
+            spin = max(-1.0, min(1.0, rate / 0.02))
+        sent = (load / self.gear).astype(np.float32)
+        self.sent = sent
+        motion = self._exchange(pieces, sent)
+        self._observe(motion, volts, sent.astype(float) * self.gear, total_s)
+        happened = self._follow(motion, steps, spin, sent.astype(float) * self.gear)
+        if self.foretell:
+            behind = self.rotor[:, layer.INERTIA] * (self.speed - self.state[:, layer.ROTOR]) / total_s
+            self.owed = np.where(self.known == layer.DRIVEN, behind, happened - torque)
+        self.load = happened
+        return motion
+
+    def _exchange(self, pieces: list[Piece], sent: np.ndarray) -> Motion:
+        times, speeds, currents = [], [], []
+        now = 0.0
+        for volts, seconds in pieces:
+            got = self.link.exchange(np.asarray(volts, dtype=np.float32), sent, seconds, min(LAYER_S, seconds))
+            times.append(now + got.t_s)
+            speeds.append(got.speeds)
+            currents.append(got.currents)
+            now += seconds
+        return Motion(np.concatenate(times), np.concatenate(speeds).astype(float) / self.gear,
+                      np.concatenate(currents).astype(float))
+
+    def _observe(self, motion: Motion, volts: np.ndarray, load: np.ndarray, seconds: float) -> None:
+        """Learn from an exchange what the motors have beyond their constants: a voltage, and a torque that brakes."""
+        t = np.concatenate([[0.0], motion.t_s])
+        before = self.speed
+        current = np.vstack([self.current, motion.currents])
+        speed = np.vstack([before, motion.speeds])
+        width = np.diff(t)[:, None]
+        mean_i = (0.5 * (current[1:] + current[:-1]) * width).sum(axis=0) / seconds
+        mean_w = (0.5 * (speed[1:] + speed[:-1]) * width).sum(axis=0) / seconds
+        rotor = self.rotor
+        seen = (rotor[:, layer.RESISTANCE] * mean_i + rotor[:, layer.KB] * mean_w
+                + rotor[:, layer.INDUCTANCE] * (current[-1] - current[0]) / seconds)
+        self.offset_v = seen - volts.mean(axis=0)
+        self.disturbance = (rotor[:, layer.KM] * mean_i - rotor[:, layer.VISCOUS] * mean_w - load
+                            - rotor[:, layer.INERTIA] * (speed[-1] - speed[0]) / seconds)
+        self.current = current[-1].copy()
+
+    def _follow(self, motion: Motion, steps: int, spin: float, sent: np.ndarray) -> np.ndarray:
+        """Let gear, wheels and robot follow the rotors; the mean torque (2,) that the gears delivered."""
+        per = round(STEP_S / LAYER_S)
+        at = (np.arange(steps * per) + 1) * LAYER_S
+        before, end = self.speed, motion.speeds[-1]
+        if len(motion.t_s) == len(at) and np.allclose(motion.t_s, at, rtol=0, atol=1e-9):
+            given = motion.speeds.copy()
+        else:
+            t = np.concatenate([[0.0], motion.t_s])
+            given = np.column_stack([np.interp(at, t, np.concatenate([[before[k]], motion.speeds[:, k]]))
+                                     for k in range(2)])
+        for k in range(2):
+            # A rotor that dry friction holds takes any blow without moving.
+            held = before[k] == 0.0 and end[k] == 0.0
+            self.known[k] = layer.DRIVEN if self.elastic[k] and not held and self.foretell else layer.GIVEN
+            if self.known[k] == layer.DRIVEN:
+                gained = np.diff(given[:, k], prepend=before[k])
+                given[:, k] = self.rotor[k, layer.INERTIA] * gained + LAYER_S * sent[k]
+        self.speed = end.copy()
+        total = np.zeros(2)
+        for k in range(steps):
+            before = self.state[:, layer.GROUND].copy()
+            torque, _ = layer.roll(LAYER_S, self.known, given[k * per:(k + 1) * per], self.rotor, self.current,
+                                   np.zeros((per, 2)), self.disturbance, self.state, self.contact, self.side,
+                                   self.wheel_j, self.ground, self.lever, self.scrub, spin, self.grip, self.external)
+            now = self.state[:, layer.GROUND]
+            answer = self.engine.advance(now[None, :])
+            gained = (now - before) / STEP_S
+            external = answer - self.inertia @ gained - self.wheel_j * gained
+            total += torque + external - self.external
+            self.external = external
+            if self.after_step is not None:
+                self.after_step()
+        return total / steps

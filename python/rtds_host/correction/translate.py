@@ -1,0 +1,190 @@
+"""From the replay's numbers to the simulator's: the one place that knows both.
+
+An effect of the catalogue writes its numbers into a `Model` (`rtds_host.diagnosis.replay`), once, in its own file; so
+do a diagnosis' `nominal_fit` and effects. Here each of the model's slots is handed to where it acts in the real-time
+simulator. Whoever adds a slot has to add it here: a translation that leaves a slot unread raises `LookupError`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rtds_host.contract import GRAVITY_M_S2, Robot
+from rtds_host.correction.correction import BodyValues, Correction, GearValues, SensorValues
+from rtds_host.diagnosis.effects import Effect
+from rtds_host.diagnosis.replay.model import Model, nominal_model
+from rtds_host.diagnosis.replay.slots import COMMON, SIDE
+from rtds_host.errors import InputError
+from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
+
+# Where each slot acts: "rtl" in the motor unit, "robot" in the physics engine or in the layer before it, "signal" on
+# the way of the measured values, "refused" where the simulator has no such robot.
+PLACES = {
+    **dict.fromkeys(("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia", "viscous",
+                     "voltage_gain", "deadzone", "drop", "limit", "heat_rise", "heat_tau", "coulomb", "stribeck",
+                     "stribeck_speed", "viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share", "ripple",
+                     "ripple_cycles", "ripple_phase", "gear_ratio", "supply", "source_resistance", "decline",
+                     "command_delay", "rolling"), "rtl"),
+    **dict.fromkeys(("radius", "backlash", "stiffness", "damping", "slip", "slip_relaxation", "mass", "yaw_inertia",
+                     "wheel_inertia", "track", "scrub", "com_x", "com_y", "slope_extra"), "robot"),
+    **dict.fromkeys(("speed_gain", "current_gain", "current_bias", "speed_tau", "gyro_gain", "gyro_bias",
+                     "measurement_delay", "bus_measured"), "signal"),
+    **dict.fromkeys(("mode", "torque_per_volt", "servo_kp", "servo_ki", "servo_limit", "servo_period", "axis",
+                     "axis_inertia", "axis_mass", "axis_arm", "axis_zero"), "refused"),
+}
+_UNPLACED = sorted((SIDE.keys() | COMMON.keys()) ^ PLACES.keys())
+if _UNPLACED:
+    raise LookupError(f"the replay's slots and their places in the simulator differ: {', '.join(_UNPLACED)}")
+
+# Where an effect runs, in a reader's words.
+PLACE_NAMES = {"rtl": "motor unit", "robot": "robot", "signal": "signal path"}
+NO_LIMIT_V = 1e8
+# Friction against speed: points of a curve, over so many of its widths.
+STRIBECK_POINTS, STRIBECK_WIDTHS = 97, 3.5
+RIPPLE_POINTS = 129
+# Beyond any speed of the motors, rad/s at the wheel.
+FAST_RAD_S = 16.0
+
+
+class _Slots:
+    """A model's entries, with a list of those that nobody has read."""
+
+    def __init__(self, model: Model):
+        self._model = model
+        self.unread = SIDE.keys() | COMMON.keys()
+
+    def __call__(self, name: str, side: int = 0) -> float:
+        self.unread = self.unread - {name}
+        return self._model.get(name, side)
+
+    def pair(self, name: str) -> tuple[float, float]:
+        return self(name, 0), self(name, 1)
+
+
+def translate(model: Model, robot: Robot, payload_kg: float = 0.0, start_angles: tuple[float, float] = (0.0, 0.0),
+              step_s: float = 1e-5) -> Correction:
+    """What makes the simulator the robot that a replay's model describes.
+
+    Parameters
+    ----------
+    robot : the nominal robot. payload_kg : of the run, which rolling resistance grows with.
+    start_angles : rad, wheel angles as the run begins, for what depends on the angle.
+    step_s : of the motor units; a command's delay is a whole number of them.
+
+    Raises
+    ------
+    InputError : a robot that is no two-wheeled one driven by voltage, or a value no motor unit can hold.
+    LookupError : a slot that this function does not know.
+    """
+    get = _Slots(model)
+    _refuse(get, robot)
+    nominal = nominal_model(robot)
+    if get("gear_ratio") != nominal.get("gear_ratio") or get("supply") != nominal.get("supply"):
+        raise InputError("gear_ratio, supply: no effect changes them, they are the robot's own")
+    mass = get("mass") + payload_kg
+    units = tuple(_unit(get, k, robot, mass, start_angles[k]) for k in (0, 1))
+    supply = SupplyEffects(voltage_v=get("supply"), source_resistance_ohm=get("source_resistance"),
+                           decline_v_per_s=get("decline"),
+                           command_delay_s=round(get("command_delay") / step_s) * step_s)
+    body = BodyValues(mass_kg=get("mass"), yaw_inertia_kg_m2=get("yaw_inertia"), wheel_radius_m=get.pair("radius"),
+                      wheel_inertia_kg_m2=get("wheel_inertia"), track_width_m=get("track"), com_x_m=get("com_x"),
+                      com_y_m=get("com_y"), slope_extra_rad=get("slope_extra"))
+    gears = tuple(GearValues(stiffness_nm_per_rad=get("stiffness", k), damping_nm_s_per_rad=get("damping", k),
+                             backlash_rad=get("backlash", k), slip_per_newton=get("slip", k),
+                             slip_relaxation_m=get("slip_relaxation", k)) for k in (0, 1))
+    sensors = SensorValues(speed_gain=get.pair("speed_gain"), current_gain=get.pair("current_gain"),
+                           current_bias_a=get.pair("current_bias"), speed_filter_s=get.pair("speed_tau"),
+                           gyro_gain=get("gyro_gain"), gyro_bias_rad_s=get("gyro_bias"),
+                           delay_s=get("measurement_delay"))
+    correction = Correction(units=units, supply=supply, body=body, gears=gears, scrub_nm=get("scrub"),
+                            sensors=sensors, bus_measured=get("bus_measured") > 0)
+    if get.unread:
+        raise LookupError(f"slots of the replay's model that nothing translates: {', '.join(sorted(get.unread))}")
+    return correction
+
+
+def _refuse(get: _Slots, robot: Robot) -> None:
+    axis, mode = get("axis"), get("mode")
+    for name, place in PLACES.items():
+        if place == "refused":
+            get(name)
+    if axis != 0 or robot.chassis is None:
+        raise InputError(f"robot {robot.name!r}: is a single axis, the real-time simulator has a robot on two wheels")
+    if mode != 0:
+        raise InputError(f"robot {robot.name!r}: [driver] mode is {robot.driver.mode!r}, the real-time simulator drives by "
+                         "voltage")
+
+
+def _unit(get: _Slots, k: int, robot: Robot, mass: float, start_angle: float) -> UnitEffects:
+    n = get("gear_ratio")
+    forward, backward = _friction(get, k, n, mass)
+    fluid = get("asymmetry_viscous", k) / n**2
+    fast = n * FAST_RAD_S
+    limit, drop = get("limit", k), get("drop", k)
+    heat, tau = get("heat_rise", k), get("heat_tau", k)
+    size, cycles = get("ripple", k), get("ripple_cycles", k)
+    start = (cycles * start_angle + get("ripple_phase", k)) % (2.0 * math.pi)
+    return UnitEffects(
+        motor=_motor(get, k, robot, n), command=_command(get, k), limit_v=limit if limit < NO_LIMIT_V else math.inf,
+        drop=Curve((0.0, 0.0), (-drop, drop)) if drop else None, friction_forward=forward, friction_backward=backward,
+        torque=Curve((-fast, 0.0, fast), (fluid * fast, 0.0, fluid * fast)) if fluid else None,
+        load_share=get("load_share", k), ripple=_sine(size / n) if size else None,
+        ripple_periods_per_rad=cycles / (2.0 * math.pi * n) if size else 0.0, ripple_start_rad=start if size else 0.0,
+        heat_rise_per_w=heat, heat_tau_s=tau if heat else math.inf)
+
+
+def _motor(get: _Slots, k: int, robot: Robot, n: float) -> MotorParameters | None:
+    m = robot.motor
+    own = (get("resistance", k), get("inductance", k), get("torque_constant", k), get("back_emf", k),
+           get("rotor_inertia", k), get("viscous", k) + get("viscous_wheel", k) / n**2)
+    nominal = (m.resistance_ohm, m.inductance_h, m.torque_constant_nm_per_a, m.back_emf_constant_v_s_per_rad,
+               m.rotor_inertia_kg_m2, m.viscous_friction_nm_s_per_rad)
+    if own == nominal:
+        return None
+    # A unit's friction is above zero; a billionth of a typical one is none.
+    return MotorParameters(*own[:5], max(own[5], 1e-16))
+
+
+def _command(get: _Slots, k: int) -> Curve | None:
+    gain, dead, top = get("voltage_gain", k), max(get("deadzone", k), 0.0), get("supply")
+    if gain == 1.0 and dead == 0.0:
+        return None
+    if dead == 0.0:
+        return Curve((-top, top), (-gain * top, gain * top))
+    if dead >= top:
+        return Curve((0.0,), (0.0,))
+    return Curve((-top, -dead, dead, top), (-gain * (top - dead), 0.0, 0.0, gain * (top - dead)))
+
+
+def _friction(get: _Slots, k: int, n: float, mass: float) -> tuple[Curve | None, Curve | None]:
+    """Dry friction against turning forwards and backwards.
+
+    Rolling resistance is dry friction of the same shaft: two of them in a row hold and slip as one.
+    """
+    dry = get("coulomb", k) + get("rolling") * mass * GRAVITY_M_S2 * 0.5 * get("radius", k)
+    extra, width, apart = get("stribeck", k), get("stribeck_speed", k), get("asymmetry", k)
+    if not (dry or extra or apart):
+        return None, None
+    speeds = np.linspace(0.0, STRIBECK_WIDTHS * abs(width), STRIBECK_POINTS) if extra else np.zeros(1)
+    level = dry + extra * np.exp(-((speeds / width) ** 2))
+    x = tuple(n * speeds)
+    return Curve(x, tuple((level + apart) / n)), Curve(x, tuple((level - apart) / n))
+
+
+def _sine(size: float) -> Curve:
+    x = np.linspace(0.0, 2.0 * math.pi, RIPPLE_POINTS)
+    return Curve(tuple(x), tuple(size * np.sin(x)))
+
+
+def places_of(effect: Effect, robot: Robot) -> set[str]:
+    """Where an effect's numbers go, of `PLACES`: what its `apply` changes in the nominal model."""
+    found = set()
+    for side in effect.sides[:1]:
+        model = nominal_model(robot)
+        before = model.copy()
+        effect.apply(model, (0, 1) if side == "both" else (0,), {p.name: p.starts[0] for p in effect.parameters})
+        found |= {PLACES[name] for name, row, old in zip(SIDE, model.side.T, before.side.T) if (row != old).any()}
+        found |= {PLACES[name] for name, value, old in zip(COMMON, model.common, before.common) if value != old}
+    return found

@@ -1,0 +1,77 @@
+"""Sensors that do not report what is, in the signal path of a run."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from rtds_host.correction.correction import SensorValues
+from rtds_host.run.path import Sample, SignalPath
+
+
+def filtered(values: np.ndarray, before: np.ndarray, state: np.ndarray, dt_s: float, tau_s: np.ndarray) -> np.ndarray:
+    """A first-order low-pass over a straight piece (2,): exact for values that move linearly from `before`."""
+    out = np.array(values, dtype=float)
+    for k in range(len(out)):
+        tau = tau_s[k]
+        if tau > 0.0 and dt_s > 0.0:
+            ramp = (values[k] - before[k]) / dt_s
+            out[k] = values[k] - ramp * tau + (state[k] - before[k] + ramp * tau) * math.exp(-dt_s / tau)
+    return out
+
+
+class CorrectedPath(SignalPath):
+    """Gains, biases, filters and delay of a correction's sensors.
+
+    `watches`: the loop has to call `watch` with the truth at every engine step, in the order of time.
+    """
+
+    def __init__(self, supply_v: float, sensors: SensorValues):
+        super().__init__(supply_v)
+        self.values = sensors
+        self._filters = np.array(sensors.speed_filter_s)
+        self._delay = sensors.delay_s
+        self.watches = bool(self._delay > 0.0 or (self._filters > 0.0).any())
+        self._past: deque[tuple[float, Sample]] = deque()
+        self._speeds = self._filtered = np.zeros(2)
+
+    def watch(self, t_s: float, sample: Sample) -> None:
+        """Take note of the truth, a filter's state with it."""
+        if self._past:
+            dt_s = t_s - self._past[-1][0]
+            self._filtered = filtered(sample.speeds_rad_s, self._speeds, self._filtered, dt_s, self._filters)
+        else:
+            self._filtered = np.array(sample.speeds_rad_s, dtype=float)
+        self._speeds = np.array(sample.speeds_rad_s, dtype=float)
+        self._past.append((t_s, replace(sample, speeds_rad_s=self._filtered)))
+        while len(self._past) > 2 and self._past[1][0] <= t_s - self._delay:
+            self._past.popleft()
+
+    def _late(self, t_s: float, sample: Sample) -> Sample:
+        """What left the sensors' inputs `delay` ago; before the run began, what it began with."""
+        if not self.watches:
+            return sample
+        at = t_s - self._delay
+        (t0, before), (t1, after) = self._past[0], self._past[min(1, len(self._past) - 1)]
+        share = 0.0 if t1 <= t0 else min(max((at - t0) / (t1 - t0), 0.0), 1.0)
+        if self._delay <= 0.0:
+            before, after, share = self._past[-1][1], self._past[-1][1], 1.0
+
+        def between(name: str):
+            return (1.0 - share) * getattr(before, name) + share * getattr(after, name)
+
+        return Sample(v_bus=between("v_bus"), currents_a=between("currents_a"), speeds_rad_s=between("speeds_rad_s"),
+                      angles_rad=between("angles_rad"), gyro_rad_s=between("gyro_rad_s"), x_m=sample.x_m,
+                      y_m=sample.y_m, yaw_rad=sample.yaw_rad)
+
+    def sensors(self, t_s: float, sample: Sample) -> Sample:
+        """What is reported. The pose is measured from outside: neither late nor wrong."""
+        seen, v = self._late(t_s, sample), self.values
+        gain = np.array(v.speed_gain)
+        return Sample(v_bus=seen.v_bus, currents_a=seen.currents_a * np.array(v.current_gain) + np.array(v.current_bias_a),
+                      speeds_rad_s=seen.speeds_rad_s * gain, angles_rad=seen.angles_rad * gain,
+                      gyro_rad_s=seen.gyro_rad_s * v.gyro_gain + v.gyro_bias_rad_s, x_m=sample.x_m, y_m=sample.y_m,
+                      yaw_rad=sample.yaw_rad)
