@@ -22,7 +22,7 @@ NOISE = {"i_a": 0.004, "w_rad_s": 0.01, "th_rad": 0.0001}
 TORQUE_PER_VOLT = 0.0025
 
 
-def robot_toml(kind, mode, bus="nominal"):
+def robot_toml(kind, mode, bus="nominal", ki=SERVO["ki_v_per_rad"]):
     """The nominal machine of a kind ("inertia", "pendulum", "linear") and a mode ("voltage", "torque", "speed")."""
     tables = {"motor": dict(MOTOR), "supply": {"voltage_v": 12.0}, "driver": {"mode": mode, "bus": bus},
               "axis": {"kind": kind, **AXES[kind]}, "sensors": NOISE}
@@ -31,7 +31,7 @@ def robot_toml(kind, mode, bus="nominal"):
         for key in ("resistance_ohm", "inductance_h", "torque_constant_nm_per_a", "back_emf_constant_v_s_per_rad"):
             del tables["motor"][key]
     if mode == "speed":
-        tables["servo"] = SERVO
+        tables["servo"] = {**SERVO, "ki_v_per_rad": ki}
     lines = ['schema = "rtds-robot/1"', 'name = "axis"']
     for name, table in tables.items():
         lines += [f"[{name}]"] + [f'{k} = "{v}"' if isinstance(v, str) else f"{k} = {v!r}" for k, v in table.items()]
@@ -39,11 +39,11 @@ def robot_toml(kind, mode, bus="nominal"):
 
 
 def simulate(kind, mode, command, seconds, *, gain=1.0, resistance=1.0, constant=1.0, coulomb=0.0, viscous=0.0,
-             load=1.0, late_s=0.0, rate=250, th0=0.2):
+             load=1.0, late_s=0.0, rate=250, th0=0.2, ki=SERVO["ki_v_per_rad"]):
     """What an axis does on a command (a function of time); t (n,), columns noiseless.
 
     gain, resistance, constant and load (mass or inertia) are ratios, coulomb N·m and viscous N·m·s/rad at the output,
-    late_s the delay of all measured columns.
+    late_s the delay of all measured columns; ki that of the servo in speed mode.
     """
     r, kt = MOTOR["resistance_ohm"] * resistance, MOTOR["torque_constant_nm_per_a"] * constant
     inertia = {"inertia": lambda a: a["inertia_kg_m2"], "pendulum": lambda a: a["mass_kg"] * a["length_m"] ** 2,
@@ -65,7 +65,7 @@ def simulate(kind, mode, command, seconds, *, gain=1.0, resistance=1.0, constant
         if mode == "speed":
             if k % round(SERVO["period_s"] / H) == 0:
                 error = held - w
-                integral += SERVO["ki_v_per_rad"] * error * SERVO["period_s"]
+                integral += ki * error * SERVO["period_s"]
                 volts = min(max(SERVO["kp_v_s_per_rad"] * error + integral, -12.0), 12.0)
         else:
             volts = held if mode == "torque" else min(max(held, -12.0), 12.0)
@@ -97,15 +97,15 @@ def commands(kind, mode, seed):
             "ramps": lambda t: size * (2 * abs((t / 1.3) % 2 - 1) - 1) * (0 if t > 3.2 else 1)}
 
 
-def write_axis_case(folder, kind, mode, seed=1, seconds=4.0, bus="nominal", currents=True, **truth):
+def write_axis_case(folder, kind, mode, seed=1, seconds=4.0, bus="nominal", currents=True, noisy=True, **truth):
     """A case of three runs of an axis that has what `truth` (of `simulate`) says; returns the folder."""
     rng = np.random.default_rng(seed + 100)
     folder.mkdir(parents=True)
-    (folder / "robot.toml").write_text(robot_toml(kind, mode, bus))
+    (folder / "robot.toml").write_text(robot_toml(kind, mode, bus, truth.get("ki", SERVO["ki_v_per_rad"])))
     for name, command in commands(kind, mode, seed).items():
         t, columns = simulate(kind, mode, command, seconds, **truth)
         for channel, noise in (("i_l", NOISE["i_a"]), ("w_l", NOISE["w_rad_s"]), ("th_l", NOISE["th_rad"])):
-            if channel in columns:
+            if channel in columns and noisy:
                 columns[channel] = columns[channel] + noise * rng.standard_normal(len(t))
         if not currents:
             columns.pop("i_l", None)
