@@ -8,6 +8,7 @@ whole. Commands inside of sentences are not run, but options, targets, modules a
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.util
 import os
@@ -19,10 +20,14 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer.main
 
 from rtds_host.cli.main import COMMANDS, MODULES
+from rtds_host.contract import builtin_robot
+from rtds_host.robot import make_body
+from rtds_host.scenario import check_reach
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -224,3 +229,27 @@ def test_every_link_of_the_start_page_leads_to_a_file():
 def test_the_collector_knows_every_command_of_the_program():
     assert isinstance(options_of(["blind", "make"]), set) and options_of(["blind", "nothing"]) is None
     assert all(options_of([name]) for name in COMMANDS)
+
+
+def python_blocks(page: Path) -> list[str]:
+    return re.findall(r"^```python\n(.*?)^```", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if python_blocks(page)], ids=lambda p: p.name)
+def test_python_in_a_page_is_python_and_imports_what_there_is(page):
+    for block in python_blocks(page):
+        for node in ast.walk(ast.parse(block)):
+            if isinstance(node, ast.ImportFrom):
+                module = importlib.import_module(node.module)
+                assert all(hasattr(module, name.name) for name in node.names), (page.name, ast.unparse(node))
+
+
+def test_the_example_of_a_scenario_is_within_reach_of_the_robot(tmp_path):
+    (code,) = python_blocks(ROOT / "docs" / "add-a-scenario.md")
+    (tmp_path / "swing.py").write_text(code)
+    spec = importlib.util.spec_from_file_location("swing", tmp_path / "swing.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    scenario, robot = module.SCENARIO, builtin_robot("burger")
+    motion = check_reach(scenario, scenario.values(), robot, make_body(robot, 0.0, 0.0, 0.0))
+    assert motion.voltages(np.array([0.0, 0.5])) == pytest.approx(np.array([[0.0, 0.0], [4.0, 4.0]]))
