@@ -274,7 +274,28 @@ class Search:
                     best = self.best()[0]
                     self.grow(best, 2 if self.quick else 4)
                     self._rescale()
+        self._prune()
         return self._judge()
+
+    def _prune(self) -> None:
+        """Take each effect of the leaders away again, starting from what they found: a simpler explanation may have
+        been stuck on the way. Sides that came out alike become one effect of both."""
+        done: set[Hypothesis] = set()
+        while True:
+            best = self.best()[0]
+            if len(best.hypothesis) < 2 or best.hypothesis in done:
+                return
+            done.add(best.hypothesis)
+            starts = dict(zip(best.hypothesis, _split(best.hypothesis, best.u)))
+            simpler = [tuple(h for h in best.hypothesis if h != out) for out in best.hypothesis]
+            for effect, side in best.hypothesis:
+                if side == "left" and (effect, "right") in starts:
+                    starts[effect, "both"] = 0.5 * (starts[effect, "left"] + starts[effect, "right"])
+                    rest = [h for h in best.hypothesis if h[0] != effect]
+                    simpler.append(tuple(sorted([*rest, (effect, "both")])))
+            for hypothesis in simpler:
+                if hypothesis:
+                    self.try_fit(hypothesis, np.concatenate([starts[h] for h in hypothesis]), best.z, 12)
 
     def _rescale(self) -> None:
         top = min(self.fits.values(), key=self.cost)

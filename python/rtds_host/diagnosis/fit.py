@@ -18,6 +18,7 @@ from rtds_host.diagnosis.replay.model import Model
 Hypothesis = tuple[tuple[str, str], ...]          # ((effect, side), ...), sorted
 NUISANCE_LIMIT = 3.5                              # sigma of the prior
 EFFECT_PRIOR = 3.0                                # spreads
+STALE_GAIN = 20.0                                 # chi2 that a step promised and did not bring
 
 
 def parameters(hypothesis: Hypothesis) -> list[tuple[Effect, str, Parameter]]:
@@ -169,7 +170,8 @@ class Fitter:
         now, damping = cost(x, r), 1e-3
         jacobian = jn
         free = np.ones(len(x), bool)
-        for iteration in range(iterations):
+        renewed = fresh
+        for _ in range(iterations):
             ju = self._derivatives(hypothesis, x, r, range(k, len(x)), high)
             jacobian = np.hstack([jn, ju])
             gradient = (jacobian.T @ r.astype(np.float32)).astype(float) / dispersion + weight * x
@@ -193,5 +195,8 @@ class Fitter:
                     break                   # what a step could still bring is below the noise of the choice
                 damping = max(damping * 30, 1e-2)
             if improved < 0.2 + 1e-6 * now:
-                break
+                if renewed or not len(start) or abs(gradient @ step) < STALE_GAIN:
+                    break
+                # Far from where they were taken, the nuisances' derivatives point the wrong way.
+                jn, renewed, damping = self._derivatives(hypothesis, x, r, range(k), high), True, 1e-3
         return Fit(hypothesis, x[:k].copy(), x[k:].copy(), r, jacobian, free, dispersion)

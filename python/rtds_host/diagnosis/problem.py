@@ -23,6 +23,8 @@ BLOCK_S = 1.0
 PIECE_S = 0.4
 # Half the span over which a window's end is averaged: long against a sample, short against the motion.
 AVERAGE_S = 0.05
+# The same for angles where no speed is measured: they then have to show what moves fast, too.
+FINE_WINDOW_S, FINE_AVERAGE_S = 0.1, 0.01
 PRIOR = 0.01
 # A heading at the start is estimated on slopes above this, and changed for a gain of chi2 above that.
 HEADING_SLOPE_RAD = 0.005
@@ -48,14 +50,15 @@ class _Windows:
         return np.add.reduceat(values[self.rows], self.starts) / self.counts
 
 
-def _windows(t: np.ndarray, good: np.ndarray) -> _Windows | None:
+def _windows(t: np.ndarray, good: np.ndarray, window_s: float = WINDOW_S,
+             average_s: float = AVERAGE_S) -> _Windows | None:
     rows = np.flatnonzero(good)
-    if len(rows) < 2 or t[rows[-1]] - t[rows[0]] < WINDOW_S:
+    if len(rows) < 2 or t[rows[-1]] - t[rows[0]] < window_s:
         return None
     times = t[rows]
-    marks = times[0] + WINDOW_S * np.arange(int((times[-1] - times[0]) / WINDOW_S + 1e-6) + 1)
-    first = np.searchsorted(times, marks - AVERAGE_S - 1e-9)
-    last = np.searchsorted(times, marks + AVERAGE_S + 1e-9)
+    marks = times[0] + window_s * np.arange(int((times[-1] - times[0]) / window_s + 1e-6) + 1)
+    first = np.searchsorted(times, marks - average_s - 1e-9)
+    last = np.searchsorted(times, marks + average_s + 1e-9)
     keep = last > first
     first, last, marks = first[keep], last[keep], marks[keep]
     if len(marks) < 2:
@@ -152,15 +155,17 @@ class Problem:
             noise = robot.noise(channel)
             if noise is None or not log.has(channel):
                 continue
-            windows = _windows(log.t, np.isfinite(log.columns[channel]))
-            if windows is None:
-                continue
-            scale = noise * np.sqrt(1.0 / windows.counts[1:] + 1.0 / windows.counts[:-1])
-            # Averaging does not help against a count that stands still: an encoder's step limits the noise.
-            scale = np.maximum(scale, noise)
-            measured = np.diff(windows.mean(log.columns[channel]))
-            data.angles.append((channel, OUTPUT_INDEX[channel], windows, measured, scale))
-            note(channel, windows.times[:-1])
+            lone = not log.has(f"w_{side}") or robot.noise(f"w_{side}") is None
+            for spans in ((WINDOW_S, AVERAGE_S), (FINE_WINDOW_S, FINE_AVERAGE_S))[:2 if lone else 1]:
+                windows = _windows(log.t, np.isfinite(log.columns[channel]), *spans)
+                if windows is None:
+                    continue
+                scale = noise * np.sqrt(1.0 / windows.counts[1:] + 1.0 / windows.counts[:-1])
+                # Averaging does not help against a count that stands still: an encoder's step limits the noise.
+                scale = np.maximum(scale, noise)
+                measured = np.diff(windows.mean(log.columns[channel]))
+                data.angles.append((channel, OUTPUT_INDEX[channel], windows, measured, scale))
+                note(channel, windows.times[:-1])
         if robot.axis is None and log.has("yaw") and robot.noise("yaw"):
             full = log.has("x") and log.has("y") and robot.noise("x") is not None
             good = np.isfinite(log.columns["yaw"])

@@ -17,6 +17,13 @@ AMPLITUDE_NM = 0.02
 SAMPLES = 3000
 
 
+def _channels(problem: Problem, suffix: str) -> list[str]:
+    """Channels in which a side's ripple shows: its speed and current, else what the body makes of them."""
+    there = [c for c in (f"w_{suffix}", f"i_{suffix}", "gyro_z")
+             if problem.robot.noise(c) is not None and any(data.log.has(c) for data in problem.runs)]
+    return [c for c in there if c != "gyro_z"] or there
+
+
 def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, np.ndarray]:
     """Power over `CYCLES` by side ("left", "right", "both"), in units of white noise's mean."""
     result = {}
@@ -26,11 +33,11 @@ def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, np.ndarray]:
         total = np.zeros(len(CYCLES))
         wave = np.zeros(len(CYCLES), complex)
         count = 0
-        for channel in (f"w_{suffix}", f"i_{suffix}"):
+        for channel in _channels(problem, suffix):
             angles, values = [], []
             for data, out in zip(problem.runs, outs):
                 log = data.log
-                if not log.has(channel) or problem.robot.noise(channel) is None:
+                if not log.has(channel):
                     continue
                 good = np.isfinite(log.columns[channel])
                 th = log.columns.get(f"th_{suffix}")

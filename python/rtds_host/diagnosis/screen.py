@@ -24,12 +24,11 @@ OSCILLATING = ("backlash", "gear_compliance", "longitudinal_slip", "voltage_limi
 
 @dataclass
 class Signature:
-    """One direction of one effect: `values` at which it was taken, `change` (N,) of the residuals."""
+    """One direction of one effect: the change of the residuals when it enters with `values`."""
 
     effect: str
     side: str
     values: dict[str, float]
-    change: np.ndarray
 
 
 @dataclass
@@ -77,7 +76,6 @@ class Screen:
                  at: np.ndarray, dispersion: float, taken: Hypothesis = (), extra: dict[tuple[str, str], list[dict]] | None = None,
                  only: set[str] | None = None):
         problem = fitter.problem
-        self.residual = residual
         self.dispersion = dispersion
         jobs, models = [], []
         names = {0: "left", 1: "right"}
@@ -92,25 +90,29 @@ class Screen:
                 for values in sets:
                     jobs.append((effect.id, side, values))
                     models.append(apply(base, ((effect.id, side),), [values]))
-        residuals = problem.residuals(models)
-        self.signatures = [Signature(e, s, v, (r - residual).astype(np.float32))
-                           for (e, s, v), r in zip(jobs, residuals)]
+        # One row a replay, (S, N).
+        rows = np.empty((len(models), len(residual)), np.float32)
+        for k, moved in enumerate(problem.residuals(models)):
+            np.subtract(moved, residual, out=rows[k], casting="same_kind")
+        self.signatures = [Signature(*job) for job in jobs]
+        mix = list(np.eye(len(jobs)))
         # Effects of both sides: the sum of the sides' signatures.
-        left = {(s.effect, tuple(s.values.items())): s for s in self.signatures if s.side == "left"}
-        for s in [s for s in self.signatures if s.side == "right"]:
+        left = {(s.effect, tuple(s.values.items())): k for k, s in enumerate(self.signatures) if s.side == "left"}
+        for k, s in enumerate(list(self.signatures)):
             twin = left.get((s.effect, tuple(s.values.items())))
-            if twin is not None and s.effect not in OSCILLATING:
-                self.signatures.append(Signature(s.effect, "both", s.values, s.change + twin.change))
-        self.jacobian = jacobian
-        columns = np.column_stack([s.change for s in self.signatures])
+            if s.side == "right" and twin is not None and s.effect not in OSCILLATING:
+                self.signatures.append(Signature(s.effect, "both", s.values))
+                mix.append(mix[k] + mix[twin])
+        combine = np.array(mix)
         jac = jacobian.astype(np.float32)
         inner = np.linalg.inv((jac.T @ jac).astype(float) / dispersion + np.diag(penalty))
-        cross = (jac.T @ columns).astype(float) / dispersion
-        self.gram = (columns.T @ columns).astype(float) / dispersion - cross.T @ inner @ cross
+        cross = (rows @ jac).astype(float) @ inner / dispersion
+        gram = (rows @ rows.T).astype(float) / dispersion - cross @ (rows @ jac).astype(float).T / dispersion
         r32 = residual.astype(np.float32)
         # Nuisances that an effect sets free give their prior's cost back: the gradient holds the prior's pull too.
-        self.slope = (columns.T @ r32).astype(float) / dispersion - cross.T @ inner @ (
-            (jac.T @ r32).astype(float) / dispersion + penalty * at)
+        slope = (rows @ r32).astype(float) / dispersion - cross @ ((jac.T @ r32).astype(float) / dispersion + penalty * at)
+        self.gram = combine @ gram @ combine.T
+        self.slope = combine @ slope
         self.taken = taken
 
     def _line(self, k: int) -> tuple[float, float]:

@@ -14,6 +14,12 @@ from rtds_host.diagnosis.problem import Problem
 # An added effect must explain at least this share of what the explanation without it leaves above the noise:
 # a wrong form leaves a structured rest, of which a further wrong effect always takes some.
 EARN_SHARE = 0.4
+# A further effect smaller than this many of its spreads is a blemish of model or sensors, not a cause; so is one of
+# the second size that explains less than a share of the whole excess.
+TOO_SMALL = 0.06
+SMALL, SMALL_SHARE = 0.25, 0.005
+# Sides of one effect whose sizes differ by less are the effect on both sides.
+SAME_SIZE = 0.12
 # Held-out gain over its block standard error, and the gain itself in units of chi2.
 HELD_OUT_T = 2.0
 HELD_OUT_GAIN = 9.0
@@ -23,6 +29,14 @@ ALIKE = 6.0
 STRUCTURED = 1.5
 # As a rule (contract, section 5) less than this closed, with a structured rest, is not an explanation.
 CLOSED_ENOUGH = 0.7
+# A true cause brings a fair share of the blocks down to their noise. What leaves a rest everywhere may be a stand-in
+# for an effect that the catalogue lacks, and must close more.
+CLEAN_SHARE, CLEAN = 0.3, 1.5
+CLOSED_ENOUGH_EVERYWHERE = 0.87
+# No replay follows the impacts of an erratic effect for long, however right it is.
+CLOSED_ENOUGH_ERRATIC = 0.5
+# Without a named effect a structured rest below a gap of 1.1 counts as none (contract, section 4).
+NO_GAP = 1.1**2 - 1.0
 
 
 @dataclass
@@ -49,6 +63,39 @@ class Decision:
 
 def _cost(fit: Fit, scale: float) -> float:
     return fit.chi2 / scale + fit.prior
+
+
+def _enough(problem: Problem, fit: Fit) -> float:
+    """Share of the gap that an explanation with a structured rest has to close."""
+    if any(CATALOGUE[effect].erratic for effect, _ in fit.hypothesis):
+        return CLOSED_ENOUGH_ERRATIC
+    counts = np.bincount(problem.blocks, minlength=problem.block_count)
+    sums = np.bincount(problem.blocks, fit.residual**2, minlength=problem.block_count)
+    clean = float(np.mean(sums[counts > 0] < CLEAN * counts[counts > 0]))
+    return CLOSED_ENOUGH if clean >= CLEAN_SHARE else CLOSED_ENOUGH_EVERYWHERE
+
+
+def _twins(fit: Fit) -> bool:
+    """Whether an effect stands on each side with the same parameters."""
+    by_side = {(effect, side): values for (effect, side), values in zip(fit.hypothesis, fit.values)}
+    for (effect, side), left in by_side.items():
+        right = by_side.get((effect, "right"))
+        if side == "left" and right is not None and all(
+                abs(left[p.name] - right[p.name]) <= SAME_SIZE * max(
+                    abs(left[p.name] - p.null), abs(right[p.name] - p.null), 0.5 * p.spread)
+                for p in CATALOGUE[effect].parameters if not p.shape):
+            return True
+    return False
+
+
+def _smallest(fit: Fit) -> float:
+    """Size of the smallest effect of an explanation, in spreads of its parameters."""
+    sizes, k = [], 0
+    for effect, _ in fit.hypothesis:
+        parameters = CATALOGUE[effect].parameters
+        sizes.append(max(abs(fit.u[k + n]) for n, p in enumerate(parameters) if not p.shape))
+        k += len(parameters)
+    return float(min(sizes))
 
 
 def _held_out_gain(problem: Problem, small: np.ndarray, large: np.ndarray, scale: float) -> tuple[float, float]:
@@ -90,6 +137,15 @@ def decide(problem: Problem, choice: Choice) -> Decision:
         if not smaller:
             smaller = [choice.base]
         rival = min(smaller, key=lambda f: _cost(f, scale))
+        if len(fit.hypothesis) > 1:
+            small = _smallest(fit)
+            little = rival.chi2 - fit.chi2 < SMALL_SHARE * max(choice.base.chi2 - noise, 0.0)
+            if small < TOO_SMALL or (small < SMALL and little):
+                reasons[fit.hypothesis] = f"one of its effects is hardly there ({small:.1%} of what is met in practice)"
+                return False
+            if _twins(fit):
+                reasons[fit.hypothesis] = "its sides are alike: that is the effect on both sides"
+                return False
         gain, t = _held_out_gain(problem, predicted(rival), predicted(fit), scale)
         base_gain, base_t = _held_out_gain(problem, predicted(choice.base), predicted(fit), scale)
         gains[fit.hypothesis] = (base_gain * scale / noise, base_t)
@@ -120,10 +176,16 @@ def decide(problem: Problem, choice: Choice) -> Decision:
     excess = base.chi2 - noise
     closed = 1.0 - (np.sqrt(max(fit.chi2 / noise, 1.0)) - 1.0) / max(np.sqrt(max(base.chi2 / noise, 1.0)) - 1.0, 1e-9)
     closed = float(min(max(closed, 0.0), 1.0)) if fit.hypothesis else 0.0
+    if fit.hypothesis and excess <= NO_GAP * noise and structured and closed < _enough(problem, fit):
+        # Hardly a gap, and what there is has the colour of noise rather than the form of this effect.
+        chosen = next((s for s in standing if not s.fit.hypothesis), Scored(base, chosen.score))
+        fit, closed = base, 0.0
+        standing = [chosen] + [s for s in standing if s is not chosen]
+        ranked = standing
     if not fit.hypothesis:
-        verdict = "unknown" if structured and excess > 0.1 * noise else "none"
+        verdict = "unknown" if structured and excess > NO_GAP * noise else "none"
     else:
-        verdict = "unknown" if structured and closed < CLOSED_ENOUGH else "known"
+        verdict = "unknown" if structured and closed < _enough(problem, fit) else "known"
 
     weights = np.exp(-0.5 * (np.array([s.score for s in ranked]) - ranked[0].score))
     if verdict == "unknown":

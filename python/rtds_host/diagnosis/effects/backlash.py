@@ -17,4 +17,5 @@ EFFECT = Effect(
     shown_by="reversals and pseudo-random voltage",
     advice="Preload or replace the gear; avoid torque reversals at rest.",
     runs_in="robot",
+    erratic=True,
 )

@@ -16,7 +16,8 @@ class Parameter:
 
     null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
     about `null` (sets the price of a free parameter); starts : values to start a fit from; difference : step of a
-    derivative, in spreads; optional : a diagnosis may leave it out, it is `null` then.
+    derivative, in spreads; optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form,
+    not its size.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Parameter:
     meaning: str = ""
     difference: float = 0.01
     optional: bool = False
+    shape: bool = False
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,8 @@ class Effect:
 
     apply(model, sides, values) puts it into a replay's model. `nuisance` marks a ratio that is no cause within 3 %
     of 1 (contract, section 2). `axis`: it exists on a single axis. `contains`: effects it turns into when its further
-    parameters rest. `runs_in` says where it acts in the real-time simulator: "rtl", "robot" or "signal".
+    parameters rest. `erratic`: the motion it causes hangs on small
+    differences, so that no replay follows it for long. `runs_in` says where it acts in the real-time simulator: "rtl", "robot" or "signal".
     """
 
     id: str
@@ -54,6 +57,7 @@ class Effect:
     nuisance: bool = False
     axis: bool = True
     contains: tuple[str, ...] = ()
+    erratic: bool = False
 
     @property
     def sides(self) -> tuple[str, ...]:

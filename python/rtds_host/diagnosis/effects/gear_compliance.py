@@ -10,7 +10,7 @@ EFFECT = Effect(
         Parameter("stiffness_nm_per_rad", "N·m/rad", null=200, low=0.05, high=5000, spread=30, starts=(0.7, 1.5, 3.0, 6.0, 12.0, 25.0, 60.0),
                   meaning="spring between gear and wheel"),
         Parameter("damping_nm_s_per_rad", "N·m·s/rad", null=0.0, low=0, high=5, spread=0.01, starts=(0.01,),
-                  meaning="its damping"),
+                  shape=True, meaning="its damping"),
     ),
     apply=put(stiffness="stiffness_nm_per_rad", damping="damping_nm_s_per_rad"),
     equation="T = k (th_gear - th_wheel) + d (w_gear - w_wheel)",

@@ -10,7 +10,7 @@ EFFECT = Effect(
         Parameter("slip_per_newton", "1/N", null=0, low=0, high=0.5, spread=0.02, starts=(0.005, 0.015, 0.05),
                   meaning="relative loss of speed a newton of traction"),
         Parameter("relaxation_m", "m", null=0.0, low=0.0, high=0.05, spread=0.003, starts=(0.0, 0.003),
-                  optional=True, meaning="rolling distance over which traction builds up; 0 = at once"),
+                  optional=True, shape=True, meaning="rolling distance over which traction builds up; 0 = at once"),
     ),
     apply=add(slip="slip_per_newton", slip_relaxation="relaxation_m"),
     equation="v_wheel = r w (1 - k F), F opposing where the wheel is driven by the ground; traction builds up over the contact patch and is limited by grip",

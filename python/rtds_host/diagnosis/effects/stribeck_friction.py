@@ -22,7 +22,7 @@ EFFECT = Effect(
         Parameter("extra_torque_nm", "N·m", null=0, low=0, high=10, spread=0.04, starts=(0.02, 0.06),
                   meaning="extra dry friction at rest"),
         Parameter("speed_rad_s", "rad/s", null=0.5, low=0.02, high=20, spread=0.7, starts=(0.3, 1.2),
-                  meaning="speed over which the extra fades"),
+                  shape=True, meaning="speed over which the extra fades"),
     ),
     apply=_apply,
     equation="-(tau + tau_s exp(-(w/w_s)^2)) sgn(w)",

@@ -10,7 +10,7 @@ EFFECT = Effect(
         Parameter("rise_per_watt", "1/W", null=0, low=0, high=5, spread=0.1, starts=(0.05, 0.2),
                   meaning="relative rise of R a watt, steady"),
         Parameter("time_constant_s", "s", null=30, low=1, high=2000, spread=60, starts=(15.0, 60.0),
-                  meaning="thermal time constant"),
+                  shape=True, meaning="thermal time constant"),
     ),
     apply=put(heat_rise="rise_per_watt", heat_tau="time_constant_s"),
     equation="R = R0 (1 + rise), rise' = (rise_per_watt i^2 R - rise) / tau",
