@@ -29,6 +29,7 @@ PARSIMONY = 1.0
 # What further parameters of a form must gain in chi2 before it is another explanation than the form without them.
 IDLE_GAIN = 8.0
 FOLD_S = 5.0
+TRUSTED = 3.0
 # Effects whose misfit has many minima (impacts, resonances), and where to look about one.
 ROUGH = ("backlash", "gear_compliance")
 ROUGH_FACTORS = (0.6, 0.75, 0.83, 0.88, 0.92, 0.96, 1.04, 1.08, 1.13, 1.2, 1.35, 1.6)
@@ -131,6 +132,8 @@ def held_out(problem: Problem, fit: Fit, fold_of: np.ndarray) -> np.ndarray:
     jacobian = fit.jacobian.astype(float)
     keep = np.flatnonzero(fit.free)
     precision = fit.precision()[np.ix_(keep, keep)]
+    # A linear step is trusted for a few of its sigmas: where the misfit is rough, its derivatives are no guide.
+    limit = TRUSTED * np.sqrt(np.diag(np.linalg.inv(precision)))
     out = fit.residual.copy()
     for fold in range(fold_of.max() + 1):
         rows = np.flatnonzero(fold_of == fold)
@@ -139,6 +142,7 @@ def held_out(problem: Problem, fit: Fit, fold_of: np.ndarray) -> np.ndarray:
         j = jacobian[np.ix_(rows, keep)]
         rest = precision - j.T @ j / fit.dispersion
         step = np.linalg.solve(rest + 1e-9 * np.diag(np.diag(precision)), j.T @ fit.residual[rows] / fit.dispersion)
+        step = np.clip(step, -limit, limit)
         out[rows] = fit.residual[rows] + j @ step
     return np.bincount(problem.blocks, out * out, minlength=problem.block_count)
 
