@@ -74,7 +74,23 @@ module rtds_sim_top #(
   reg  [15:0] period_q;    // clocks since the last strobe, saturating
   reg  [12:0] wait_q;      // clocks without progress
 
-  wire        period_over = period_q >= step_clocks_i;
+  // The inputs of the request. Held in registers so that a compiled simulation does not work through all that
+  // hangs on an input of the top at each evaluation, whether it changed or not.
+  reg  [31:0] v_l_q;
+  reg  [31:0] v_r_q;
+  reg  [31:0] t_l_q;
+  reg  [31:0] t_r_q;
+  reg  [31:0] p_r_q;
+  reg  [31:0] p_l_q;
+  reg  [31:0] p_km_q;
+  reg  [31:0] p_kb_q;
+  reg  [31:0] p_j_q;
+  reg  [31:0] p_b_q;
+  reg  [31:0] p_h_q;
+  reg         method_q;
+  reg  [15:0] step_clocks_q;
+
+  wire        period_over = period_q >= step_clocks_q;
   wire        strobe = running_q & ready & period_over & ~pending_q & (left_q != 32'd0);
   wire        step_done = pending_q & valid;
   wire        last_step = left_q == 32'd0;
@@ -138,6 +154,24 @@ module rtds_sim_top #(
     end
   end
 
+  always @(posedge clk_i) begin
+    if (go_i != go_q) begin
+      v_l_q <= v_l_i;
+      v_r_q <= v_r_i;
+      t_l_q <= t_l_i;
+      t_r_q <= t_r_i;
+      p_r_q <= p_r_i;
+      p_l_q <= p_l_i;
+      p_km_q <= p_km_i;
+      p_kb_q <= p_kb_i;
+      p_j_q <= p_j_i;
+      p_b_q <= p_b_i;
+      p_h_q <= p_h_i;
+      method_q <= method_i;
+      step_clocks_q <= step_clocks_i;
+    end
+  end
+
   // A blocking assignment on purpose: nothing in the design reads samples_q, and with a non-blocking one the
   // compiled simulation copies the whole vector at every clock.
   always @(posedge clk_i) begin
@@ -149,18 +183,18 @@ module rtds_sim_top #(
       .rst_ni       (rst_ni),
       .strobe_i     (strobe),
       .clear_i      (1'b0),
-      .v_l_i        (v_l_i),
-      .v_r_i        (v_r_i),
-      .t_l_i        (t_l_i),
-      .t_r_i        (t_r_i),
-      .p_r_i        (p_r_i),
-      .p_l_i        (p_l_i),
-      .p_km_i       (p_km_i),
-      .p_kb_i       (p_kb_i),
-      .p_j_i        (p_j_i),
-      .p_b_i        (p_b_i),
-      .p_h_i        (p_h_i),
-      .method_i     (method_i),
+      .v_l_i        (v_l_q),
+      .v_r_i        (v_r_q),
+      .t_l_i        (t_l_q),
+      .t_r_i        (t_r_q),
+      .p_r_i        (p_r_q),
+      .p_l_i        (p_l_q),
+      .p_km_i       (p_km_q),
+      .p_kb_i       (p_kb_q),
+      .p_j_i        (p_j_q),
+      .p_b_i        (p_b_q),
+      .p_h_i        (p_h_q),
+      .method_i     (method_q),
       .valid_o      (valid),
       .ready_o      (ready),
       .overrun_o    (overrun),

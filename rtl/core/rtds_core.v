@@ -91,8 +91,9 @@ module rtds_core (
       coef_q        <= 256'd0;
       param_fault_o <= 1'b0;
     end else begin
-      start_q <= accept & (~seen_q | (param_in != param_q));
+      start_q <= 1'b0;
       if (accept) begin
+        start_q <= ~seen_q | (param_in != param_q);
         param_q <= param_in;
         seen_q  <= 1'b1;
       end
@@ -122,8 +123,8 @@ module rtds_core (
   );
 
   // ---- motors ----------------------------------------------------------------------------------------------------
-  wire       add_en;
-  wire       mul_en;
+  wire [2:0] add_en;
+  wire [1:0] mul_en;
   wire [2:0] op;
   wire [1:0] mul_sel;
   wire       save_p;

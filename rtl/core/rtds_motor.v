@@ -14,8 +14,8 @@ module rtds_motor (
   input  wire         rst_ni,
   input  wire         clear_i,
   // from rtds_sequencer
-  input  wire         add_en_i,
-  input  wire         mul_en_i,
+  input  wire   [2:0] add_en_i,
+  input  wire   [1:0] mul_en_i,
   input  wire   [2:0] op_i,
   input  wire   [1:0] mul_sel_i,
   input  wire         save_p_i,

@@ -26,7 +26,7 @@ module rtds_param_unit (
   input  wire         method_i,   // 0 backward Euler (theta 1), 1 trapezoidal (theta 1/2)
   output wire         busy_o,
   output reg          done_o,
-  output wire         fault_o,
+  output reg          fault_o,
   output wire [255:0] coef_o
 );
   localparam [31:0] ONE  = 32'h3F80_0000;
@@ -69,31 +69,6 @@ module rtds_param_unit (
   wire       is_add = (op_q == OP_LP) | (op_q == OP_JP) | (op_q == OP_DET);
   wire       is_div = op_q == OP_SCALE;
   wire [5:0] last   = is_div ? LAST_DIV : is_add ? LAST_ADD : LAST_MUL;
-  wire       write  = busy_q & (clock_q == last);
-
-  always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) begin
-      busy_q  <= 1'b0;
-      op_q    <= OP_TH;
-      clock_q <= 6'd0;
-      first_q <= 1'b0;
-      done_o  <= 1'b0;
-    end else begin
-      done_o  <= write & (op_q == OP_G22);
-      first_q <= start_i | (write & (op_q != OP_G22));
-      if (start_i) begin
-        busy_q  <= 1'b1;
-        op_q    <= OP_TH;
-        clock_q <= 6'd0;
-      end else if (write) begin
-        clock_q <= 6'd0;
-        op_q    <= op_q + 4'd1;
-        if (op_q == OP_G22) busy_q <= 1'b0;
-      end else if (busy_q) begin
-        clock_q <= clock_q + 6'd1;
-      end
-    end
-  end
 
   // ---- operators -------------------------------------------------------------------------------------------------
   reg  [31:0] mul_a;
@@ -129,14 +104,14 @@ module rtds_param_unit (
 
   fp_mul u_mul (
     .clk_i(clk_i),
-    .en_i (busy_q),
+    .en_i ({2{busy_q}}),
     .a_i  (mul_a),
     .b_i  (mul_b),
     .y_o  (mul_y)
   );
   fp_add u_add (
     .clk_i(clk_i),
-    .en_i (busy_q),
+    .en_i ({3{busy_q}}),
     .sub_i(1'b0),
     .a_i  ((op_q == OP_LP) ? l_i : (op_q == OP_JP) ? j_i : x_q),
     .b_i  (y_q),
@@ -155,36 +130,62 @@ module rtds_param_unit (
 
   wire [31:0] result = is_div ? div_y : is_add ? add_y : mul_y;
 
-  always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) begin
-      x_q  <= 32'd0;
-      y_q  <= 32'd0;
-      lp_q <= 32'd0;
-      jp_q <= 32'd0;
-      c_q  <= 32'd0;
-      d_q  <= 32'd0;
-    end else if (write) begin
-      case (op_q)
-        OP_TH, OP_LJ, OP_SCALE:    x_q  <= result;
-        OP_A, OP_B, OP_CD, OP_DET: y_q  <= result;
-        OP_LP, OP_G22:             lp_q <= result;
-        OP_JP, OP_G11:             jp_q <= result;
-        OP_C, OP_G12:              c_q  <= result;
-        OP_D, OP_G21:              d_q  <= result;
-        default: ;
-      endcase
-    end
-  end
-
-  // ---- fault -----------------------------------------------------------------------------------------------------
+  // ---- sequence, results, fault ----------------------------------------------------------------------------------
   function usable;  // a positive normal number; the argument is {sign, exponent}
     input [8:0] x;
     usable = ~x[8] & (|x[7:0]) & ~(&x[7:0]);
   endfunction
 
-  assign fault_o = ~(usable(r_i[31:23]) & usable(l_i[31:23]) & usable(km_i[31:23]) & usable(kb_i[31:23])
-                   & usable(j_i[31:23]) & usable(b_i[31:23]) & usable(h_i[31:23]) & usable(jp_q[31:23])
-                   & usable(c_q[31:23]) & usable(d_q[31:23]) & usable(lp_q[31:23]));
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      busy_q  <= 1'b0;
+      op_q    <= OP_TH;
+      clock_q <= 6'd0;
+      first_q <= 1'b0;
+      done_o  <= 1'b0;
+      fault_o <= 1'b0;
+      x_q     <= 32'd0;
+      y_q     <= 32'd0;
+      lp_q    <= 32'd0;
+      jp_q    <= 32'd0;
+      c_q     <= 32'd0;
+      d_q     <= 32'd0;
+    end else begin
+      done_o  <= 1'b0;
+      first_q <= start_i;
+      if (start_i) begin
+        busy_q  <= 1'b1;
+        op_q    <= OP_TH;
+        clock_q <= 6'd0;
+        fault_o <= ~(usable(r_i[31:23]) & usable(l_i[31:23]) & usable(km_i[31:23]) & usable(kb_i[31:23])
+                   & usable(j_i[31:23]) & usable(b_i[31:23]) & usable(h_i[31:23]));
+      end else if (busy_q) begin
+        clock_q <= clock_q + 6'd1;
+        if (clock_q == last) begin
+          clock_q <= 6'd0;
+          op_q    <= op_q + 4'd1;
+          first_q <= 1'b1;
+          case (op_q)
+            OP_TH, OP_LJ, OP_SCALE:    x_q  <= result;
+            OP_A, OP_B, OP_CD, OP_DET: y_q  <= result;
+            OP_LP, OP_G22:             lp_q <= result;
+            OP_JP, OP_G11:             jp_q <= result;
+            OP_C, OP_G12:              c_q  <= result;
+            OP_D, OP_G21:              d_q  <= result;
+            default: ;
+          endcase
+          if (op_q == OP_G11 || op_q == OP_G12 || op_q == OP_G21 || op_q == OP_G22)
+            fault_o <= fault_o | ~usable(result[31:23]);
+          if (op_q == OP_G22) begin
+            busy_q  <= 1'b0;
+            first_q <= 1'b0;
+            done_o  <= 1'b1;
+          end
+        end
+      end
+    end
+  end
+
   assign coef_o  = {lp_q, d_q, c_q, jp_q, b_i, km_i, kb_i, r_i};
   assign busy_o  = busy_q;
 

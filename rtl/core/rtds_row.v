@@ -20,8 +20,8 @@ module rtds_row #(
   input  wire        rst_ni,
   input  wire        clear_i,     // state to zero
   // from rtds_sequencer
-  input  wire        add_en_i,
-  input  wire        mul_en_i,
+  input  wire  [2:0] add_en_i,    // a bit for each stage of the adder, the first in bit 0
+  input  wire  [1:0] mul_en_i,
   input  wire  [2:0] op_i,        // what enters the adder in this clock
   input  wire  [1:0] mul_sel_i,   // what enters the multiplier: {G e rather than S x, second rather than first}
   input  wire        save_p_i,    // first product, or s
@@ -90,21 +90,19 @@ module rtds_row #(
   // The adder takes p or its own result, negated or not, and one of four others.
   reg [31:0] add_a;
   reg [31:0] add_b;
-  reg        negate_a;
-  reg        negate_b;
+  reg        sub;
 
   always @* begin
-    add_a    = p_q;
-    add_b    = m;
-    negate_a = 1'b0;
-    negate_b = 1'b0;
+    add_a = p_q;
+    add_b = m;
+    sub   = 1'b0;
     case (op_i)
       OP_E: begin
-        add_b    = u_i;
-        negate_a = (ELECTRICAL != 0);
-        negate_b = (ELECTRICAL == 0);
+        add_a[31] = p_q[31] ^ (ELECTRICAL != 0);
+        add_b     = u_i;
+        sub       = (ELECTRICAL == 0);
       end
-      OP_D: negate_b = (ELECTRICAL != 0);
+      OP_D: sub = (ELECTRICAL != 0);
       OP_T: begin
         add_a = y;
         add_b = lo_o;
@@ -114,16 +112,15 @@ module rtds_row #(
         add_b = hi_o;
       end
       OP_Z: begin
-        add_a    = y;
-        add_b    = hi_o;
-        negate_b = 1'b1;
+        add_a = y;
+        add_b = hi_o;
+        sub   = 1'b1;
       end
       OP_LO: begin  // lo_o holds t
-        add_a    = y;
-        add_b    = lo_o;
-        negate_a = 1'b1;
+        add_a = {~y[31], y[30:0]};
+        add_b = lo_o;
       end
-      OP_S: negate_b = (ELECTRICAL == 0);
+      OP_S: sub = (ELECTRICAL == 0);
       default: ;
     endcase
   end
@@ -131,8 +128,8 @@ module rtds_row #(
   fp_add u_add (
     .clk_i(clk_i),
     .en_i (add_en_i),
-    .sub_i(negate_b),
-    .a_i  ({add_a[31] ^ negate_a, add_a[30:0]}),
+    .sub_i(sub),
+    .a_i  (add_a),
     .b_i  (add_b),
     .y_o  (y)
   );

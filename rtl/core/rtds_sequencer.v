@@ -2,7 +2,7 @@
 //
 // Purpose    Slot 0 is the clock of the strobe, slot k the k-th clock after it. What enters the adder in slot k leaves
 //            it in slot k + 3, a product leaves the multiplier two slots after its factors entered:
-//              slot  0   add E : u, s -> e (slot 3; the adder stands still for one clock, e stays in slot 4)
+//              slot  0   add E : u, s -> e (slot 3, and it stays in slot 4)
 //              slot  3   mul   : g1 e1 (slot 5, saved at its end)
 //              slot  4   mul   : g2 e2 (slot 6)
 //              slot  6   add D : products -> d (slot 9)
@@ -28,8 +28,8 @@ module rtds_sequencer (
   input  wire       refresh_i,
   output wire       idle_o,
   output reg        valid_o,
-  output wire       add_en_o,
-  output wire       mul_en_o,
+  output wire [2:0] add_en_o,    // a bit for each stage, the first in bit 0
+  output wire [1:0] mul_en_o,
   output reg  [2:0] op_o,
   output wire [1:0] mul_sel_o,
   output wire       save_p_o,
@@ -75,16 +75,40 @@ module rtds_sequencer (
     end
   end
 
+  // An operator's later stages follow its first one clock by clock.
+  reg       add_first;
+  reg [1:0] add_later_q;
+  reg       mul_later_q;
+  wire      mul_first = (slot_q == 5'd3) | (slot_q == 5'd4) | (slot_q == SLOT_MUL_S) | (slot_q == 5'd17);
+
   always @* begin
+    add_first = 1'b1;
     case (slot_q)
-      SLOT_IDLE: op_o = OP_E;
+      SLOT_IDLE: begin
+        op_o      = OP_E;
+        add_first = start_i;
+      end
       5'd6:      op_o = OP_D;
       5'd9:      op_o = OP_T;
       5'd12:     op_o = OP_HI;
       5'd15:     op_o = OP_Z;
       5'd18:     op_o = OP_LO;
-      default:   op_o = OP_S;
+      5'd19:     op_o = OP_S;
+      default: begin
+        op_o      = OP_S;
+        add_first = 1'b0;
+      end
     endcase
+  end
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      add_later_q <= 2'd0;
+      mul_later_q <= 1'b0;
+    end else begin
+      add_later_q <= {add_later_q[0], add_first};
+      mul_later_q <= mul_first;
+    end
   end
 
   wire busy = slot_q != SLOT_IDLE;
@@ -92,8 +116,8 @@ module rtds_sequencer (
   assign idle_o       = ~busy;
   assign mul_sel_o[1] = (slot_q == 5'd3) | (slot_q == 5'd4);
   assign mul_sel_o[0] = (slot_q == 5'd4) | (slot_q == 5'd17);
-  assign add_en_o     = (busy | start_i) & (slot_q != 5'd3);
-  assign mul_en_o     = busy;
+  assign add_en_o     = {add_later_q, add_first};
+  assign mul_en_o     = {mul_later_q, mul_first};
   assign save_s_o     = slot_q == SLOT_LAST;
   assign save_p_o     = (slot_q == 5'd5) | (slot_q == 5'd18) | save_s_o;
   assign save_hi_o    = slot_q == 5'd15;

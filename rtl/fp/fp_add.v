@@ -2,30 +2,33 @@
 //
 // Purpose    IEEE-754 addition, round to nearest even, subnormals in and out. An exact zero from operands of
 //            unlike sign is +0. Any NaN result is the canonical NaN 7FC00000.
-// Handshake  none: a result for every enabled clock. en_i = 0 freezes the whole pipeline.
+// Handshake  none: a result for every enabled clock. en_i has a bit for each stage, stage 1 in bit 0: a stage whose bit is
+//            0 keeps what it has. All bits alike: 0 freezes the whole pipeline. A one that moves up by a place each clock
+//            takes one pair of operands through, and the result then holds.
 // Latency    3 clocks: operands in clock n (before edge n + 1) give the result after edge n + 3.
 // Stages     1 compare, swap | 2 align, add | 3 normalise, round, pack.
+// Style      What a stage computes stands in functions called under its enable, so that a compiled simulation passes
+//            over a stage at rest; otherwise these would be most of its time.
 // Crossing   none. Registers have no reset: nothing in them counts until an operand has passed through.
 `default_nettype none
 
 module fp_add (
   input  wire        clk_i,
-  input  wire        en_i,
+  input  wire  [2:0] en_i,
   input  wire        sub_i,
   input  wire [31:0] a_i,
   input  wire [31:0] b_i,
   output reg  [31:0] y_o
 );
   // ---- stage 1: which is larger --------------------------------------------------------------------------------
-  wire        b_sign   = b_i[31] ^ sub_i;
-  wire        b_larger = a_i[30:0] < b_i[30:0];
-  wire [30:0] big      = b_larger ? b_i[30:0] : a_i[30:0];
-  wire [30:0] small_op = b_larger ? a_i[30:0] : b_i[30:0];
-  wire        unlike   = a_i[31] ^ b_sign;
-  wire        a_max    = &a_i[30:23];
-  wire        b_max    = &b_i[30:23];
-  wire        a_nan    = a_max & (|a_i[22:0]);
-  wire        b_nan    = b_max & (|b_i[22:0]);
+  function is_nan;  // one operand is, or infinity less infinity
+    input [30:0] a;
+    input [30:0] b;
+    input        unlike;
+    is_nan = ((&a[30:23]) & ((|a[22:0]) | ((&b[30:23]) & unlike))) | ((&b[30:23]) & (|b[22:0]));
+  endfunction
+
+  wire        b_sign = b_i[31] ^ sub_i;
 
   reg         sign1_q;
   reg         unlike1_q;
@@ -35,77 +38,56 @@ module fp_add (
   reg         inf1_q;
 
   always @(posedge clk_i) begin
-    if (en_i) begin
-      sign1_q   <= b_larger ? b_sign : a_i[31];
-      unlike1_q <= unlike;
-      big1_q    <= big;
-      small1_q  <= small_op;
-      nan1_q    <= a_nan | b_nan | (a_max & b_max & unlike);
-      inf1_q    <= a_max | b_max;
+    if (en_i[0]) begin
+      if (a_i[30:0] < b_i[30:0]) begin
+        sign1_q  <= b_sign;
+        big1_q   <= b_i[30:0];
+        small1_q <= a_i[30:0];
+      end else begin
+        sign1_q  <= a_i[31];
+        big1_q   <= a_i[30:0];
+        small1_q <= b_i[30:0];
+      end
+      unlike1_q <= a_i[31] ^ b_sign;
+      nan1_q    <= is_nan(a_i[30:0], b_i[30:0], a_i[31] ^ b_sign);
+      inf1_q    <= (&a_i[30:23]) | (&b_i[30:23]);
     end
   end
 
   // ---- stage 2: align the smaller, add or subtract -------------------------------------------------------------
-  wire        big_normal   = |big1_q[30:23];
-  wire        small_normal = |small1_q[30:23];
-  wire  [7:0] exp_big      = {big1_q[30:24], big1_q[23] | ~big_normal};  // subnormals count from exponent 1
-  wire  [7:0] exp_small    = {small1_q[30:24], small1_q[23] | ~small_normal};
-  wire [23:0] small_mant   = {small_normal, small1_q[22:0]};
+  function [7:0] exponent;  // subnormals count from exponent 1
+    input [7:0] x;
+    exponent = {x[7:1], x[0] | ~(|x)};
+  endfunction
 
-  // 24 bits, two guard bits and a sticky bit: shifted by 8, by 2 and by 1, what falls off joins the sticky bit.
-  wire  [7:0] distance = exp_big - exp_small;
-  wire        far      = |distance[7:5];
-  wire [49:0] whole    = {24'd0, small_mant, 2'd0};
-  reg  [25:0] by8;
-  reg         lost8;
-  reg  [25:0] by2;
-  reg         lost2;
+  /* verilator lint_off UNUSEDSIGNAL */
+  function [27:0] sum;  // 24 bits, two guard bits and a sticky bit
+    input        unlike;
+    input [30:0] big;
+    input [30:0] small_op;
+    reg    [7:0] distance;
+    reg   [25:0] mant;
+    reg   [25:0] by8;   // shifted by 8, by 2 and by 1; what falls off joins the sticky bit
+    reg   [25:0] by2;
+    reg          lost;
+    reg   [26:0] aligned;
+    begin
+      distance = exponent(big[30:23]) - exponent(small_op[30:23]);
+      mant     = {|small_op[30:23], small_op[22:0], 2'd0};
+      by8      = mant >> {distance[4:3], 3'd0};
+      by2      = by8 >> {distance[2:1], 1'd0};
+      lost     = (|(mant & ~(26'h3FF_FFFF << {distance[4:3], 3'd0})))
+               | (|(by8 & ~(26'h3FF_FFFF << {distance[2:1], 1'd0}))) | (by2[0] & distance[0]);
+      aligned  = (|distance[7:5]) ? {26'd0, |mant} : {by2 >> distance[0], lost};
+      sum      = {1'b0, |big[30:23], big[22:0], 3'd0} + ({1'b0, aligned} ^ {28{unlike}}) + {27'd0, unlike};
+    end
+  endfunction
+  /* verilator lint_on UNUSEDSIGNAL */
 
-  always @* begin
-    case (distance[4:3])
-      2'd0: begin
-        by8   = whole[25:0];
-        lost8 = 1'b0;
-      end
-      2'd1: begin
-        by8   = whole[33:8];
-        lost8 = |whole[7:2];
-      end
-      2'd2: begin
-        by8   = whole[41:16];
-        lost8 = |whole[15:2];
-      end
-      default: begin
-        by8   = whole[49:24];
-        lost8 = |whole[23:2];
-      end
-    endcase
-    case (distance[2:1])
-      2'd0: begin
-        by2   = by8;
-        lost2 = lost8;
-      end
-      2'd1: begin
-        by2   = {2'd0, by8[25:2]};
-        lost2 = lost8 | (|by8[1:0]);
-      end
-      2'd2: begin
-        by2   = {4'd0, by8[25:4]};
-        lost2 = lost8 | (|by8[3:0]);
-      end
-      default: begin
-        by2   = {6'd0, by8[25:6]};
-        lost2 = lost8 | (|by8[5:0]);
-      end
-    endcase
-  end
-
-  wire        lost1    = lost2 | (distance[0] & by2[0]);
-  wire [26:0] aligned  = far ? {26'd0, |small_mant} : {distance[0] ? {1'b0, by2[25:1]} : by2, lost1};
-  wire [27:0] sum      = {1'b0, big_normal, big1_q[22:0], 3'd0}
-                       + ({1'b0, aligned} ^ {28{unlike1_q}}) + {27'd0, unlike1_q};
-  // One at the place beyond which a left shift would pass exponent 1: the leading-zero count stops there.
-  wire [27:0] limit    = (exp_big > 8'd27) ? 28'd0 : (28'h800_0000 >> exp_big[4:0]);
+  function [27:0] limit;  // one at the place beyond which a left shift would pass exponent 1: the count stops there
+    input [7:0] exp;
+    limit = (exp > 8'd27) ? 28'd0 : (28'h800_0000 >> exp[4:0]);
+  endfunction
 
   reg         sign2_q;
   reg         unlike2_q;
@@ -116,43 +98,79 @@ module fp_add (
   reg         inf2_q;
 
   always @(posedge clk_i) begin
-    if (en_i) begin
+    if (en_i[1]) begin
       sign2_q   <= sign1_q;
       unlike2_q <= unlike1_q;
-      exp2_q    <= exp_big;
-      sum2_q    <= sum;
-      limit2_q  <= limit;
+      exp2_q    <= exponent(big1_q[30:23]);
+      sum2_q    <= sum(unlike1_q, big1_q, small1_q);
+      limit2_q  <= limit(exponent(big1_q[30:23]));
       nan2_q    <= nan1_q;
       inf2_q    <= inf1_q;
     end
   end
 
   // ---- stage 3: normalise, round, pack -------------------------------------------------------------------------
-  wire  [4:0] zeros;
-  wire        none_left;
-  fp_lzc u_lzc (
-    .x_i    ({sum2_q | limit2_q, 4'd0}),
-    .count_o(zeros),
-    .zero_o (none_left)
-  );
-  wire [27:0] left     = sum2_q << zeros;
-  wire        up       = left[3] & ((|left[2:0]) | left[4]);
-  // The leading one of `left` counts one in the exponent; a subnormal has none.
-  wire  [7:0] exp_less = exp2_q - {3'd0, zeros};
-  wire [30:0] word     = {exp_less, 23'd0} + {7'd0, left[27:4]} + {30'd0, up};
-  wire        overflow = inf2_q | (&word[30:23]);
-  wire        zero     = ~(|sum2_q);
+  /* verilator lint_off UNUSEDSIGNAL */
+  // Leading zeros of a word (31 for zero): the tree of fp_lzc, all nodes of a level in one word.
+  function [4:0] leading_zeros;
+    input [31:0] x;
+    reg [31:0] z;  // at a node's lowest bit: all of its bits are zero
+    reg [31:0] h;  // there, too: all of its upper half are
+    reg [31:0] s;  // h at each place of a count
+    reg [31:0] c;  // leading zeros within, from the node's lowest bit up
+    begin
+      h = {1'b0, ~x[31:1]} & 32'h5555_5555;  // nodes of two bits
+      z = ~x & h;
+      c = h;
+      h = {2'd0, z[31:2]} & 32'h1111_1111;   // of four
+      c = (c & h) | ({2'd0, c[31:2]} & 32'h1111_1111 & ~h) | {h[30:0], 1'b0};
+      z = z & h;
+      h = {4'd0, z[31:4]} & 32'h0101_0101;   // of eight
+      s = h | {h[30:0], 1'b0};
+      c = (c & s) | ({4'd0, c[31:4]} & 32'h0303_0303 & ~s) | {h[29:0], 2'd0};
+      z = z & h;
+      h = {8'd0, z[31:8]} & 32'h0001_0001;   // of sixteen
+      s = h | {h[30:0], 1'b0} | {h[29:0], 2'd0};
+      c = (c & s) | ({8'd0, c[31:8]} & 32'h0007_0007 & ~s) | {h[28:0], 3'd0};
+      leading_zeros = {z[16] & h[16], (z[16] & h[16]) ? c[3:0] : c[19:16]};
+    end
+  endfunction
+
+  function [30:0] rounded;
+    input  [7:0] exp;
+    input [27:0] s;
+    input [27:0] stop;
+    reg    [4:0] zeros;
+    reg   [27:0] left;
+    reg    [7:0] exp_less;
+    begin
+      zeros    = leading_zeros({s | stop, 4'd0});
+      left     = s << zeros;
+      // The leading one of `left` counts one in the exponent; a subnormal has none.
+      exp_less = exp - {3'd0, zeros};
+      rounded  = {exp_less, 23'd0} + {7'd0, left[27:4]} + {30'd0, left[3] & ((|left[2:0]) | left[4])};
+    end
+  endfunction
+  /* verilator lint_on UNUSEDSIGNAL */
+
+  function [31:0] pack;
+    input        sign;
+    input        unlike;
+    input        zero;
+    input        nan;
+    input        infinite;
+    input [30:0] word;
+    begin
+      if (nan)                       pack = 32'h7FC0_0000;
+      else if (zero)                 pack = {sign & ~unlike, 31'd0};
+      else if (infinite | (&word[30:23])) pack = {sign, 31'h7F80_0000};
+      else                           pack = {sign, word};
+    end
+  endfunction
 
   always @(posedge clk_i) begin
-    if (en_i) begin
-      if (nan2_q)        y_o <= 32'h7FC0_0000;
-      else if (zero)     y_o <= {sign2_q & ~unlike2_q, 31'd0};
-      else if (overflow) y_o <= {sign2_q, 31'h7F80_0000};
-      else               y_o <= {sign2_q, word};
-    end
+    if (en_i[2]) y_o <= pack(sign2_q, unlike2_q, ~(|sum2_q), nan2_q, inf2_q, rounded(exp2_q, sum2_q, limit2_q));
   end
-
-  wire unused = &{1'b0, none_left};
 endmodule
 
 `default_nettype wire

@@ -7,6 +7,7 @@
 //            busy starts over. en_i = 0 freezes everything, start_i included.
 // Latency    32 clocks: start_i in clock n (before edge n + 1) gives valid_o and the result after edge n + 32.
 // Steps      1 take | 2, 3 shift a, b | 4 .. 29 quotient | 30 place | 31 round | 32 pack
+// Style      What a step computes stands in functions called in that step: see fp_add.
 // Crossing   none.
 `default_nettype none
 
@@ -55,18 +56,47 @@ module fp_div (
   wire        b_zero = ~(|b_q[30:0]);
 
   wire [30:0] operand = (step_q == STEP_SHIFT_A) ? a_q[30:0] : b_q[30:0];
-  wire        normal  = |operand[30:23];
-  wire  [4:0] zeros;
-  wire        none_left;
 
-  fp_lzc u_lzc (
-    .x_i    ({normal, operand[22:0], 8'd0}),
-    .count_o(zeros),
-    .zero_o (none_left)
-  );
+  /* verilator lint_off UNUSEDSIGNAL */  // of a function's arguments not every bit is used
+  // Leading zeros of a word (31 for zero): the tree of fp_lzc, all nodes of a level in one word.
+  function [4:0] leading_zeros;
+    input [31:0] x;
+    reg [31:0] z;  // at a node's lowest bit: all of its bits are zero
+    reg [31:0] h;  // there, too: all of its upper half are
+    reg [31:0] s;  // h at each place of a count
+    reg [31:0] c;  // leading zeros within, from the node's lowest bit up
+    begin
+      h = {1'b0, ~x[31:1]} & 32'h5555_5555;  // nodes of two bits
+      z = ~x & h;
+      c = h;
+      h = {2'd0, z[31:2]} & 32'h1111_1111;   // of four
+      c = (c & h) | ({2'd0, c[31:2]} & 32'h1111_1111 & ~h) | {h[30:0], 1'b0};
+      z = z & h;
+      h = {4'd0, z[31:4]} & 32'h0101_0101;   // of eight
+      s = h | {h[30:0], 1'b0};
+      c = (c & s) | ({4'd0, c[31:4]} & 32'h0303_0303 & ~s) | {h[29:0], 2'd0};
+      z = z & h;
+      h = {8'd0, z[31:8]} & 32'h0001_0001;   // of sixteen
+      s = h | {h[30:0], 1'b0} | {h[29:0], 2'd0};
+      c = (c & s) | ({8'd0, c[31:8]} & 32'h0007_0007 & ~s) | {h[28:0], 3'd0};
+      leading_zeros = {z[16] & h[16], (z[16] & h[16]) ? c[3:0] : c[19:16]};
+    end
+  endfunction
 
-  wire        [23:0] mant = {normal, operand[22:0]} << zeros;
-  wire signed  [9:0] exp  = $signed({2'd0, operand[30:24], operand[23] | ~normal}) - $signed({5'd0, zeros});
+  function [4:0] places;  // to shift left by
+    input [30:0] x;
+    places = (|x[30:23]) ? 5'd0 : leading_zeros({1'b0, x[22:0], 8'd0});
+  endfunction
+
+  function [23:0] mantissa;  // brought to a leading one
+    input [30:0] x;
+    mantissa = {|x[30:23], x[22:0]} << places(x);
+  endfunction
+
+  function [9:0] exponent;  // of that, signed; subnormals count from exponent 1
+    input [30:0] x;
+    exponent = {2'd0, x[30:24], x[23] | ~(|x[30:23])} - {5'd0, places(x)};
+  endfunction
 
   // ---- quotient, placing, rounding -------------------------------------------------------------------------------
   reg        [24:0] rest_q;   // remainder, below twice the divisor
@@ -77,65 +107,34 @@ module fp_div (
   reg        [30:0] packed_q;
   reg               over_q;
 
-  wire [25:0] minus    = {1'b0, rest_q} - {2'd0, divisor_q};
-  wire        fits     = ~minus[25];
-  wire [24:0] left_over = fits ? minus[24:0] : rest_q;
+  function [25:0] divide;  // {quotient's bit, remainder}
+    input [24:0] rest;
+    input [23:0] divisor;
+    reg   [25:0] minus;
+    begin
+      minus  = {1'b0, rest} - {2'd0, divisor};
+      divide = minus[25] ? {1'b0, rest[23:0], 1'b0} : {1'b1, minus[23:0], 1'b0};
+    end
+  endfunction
 
-  // Put the leading one at bit 25, or leave it lower where the result is subnormal.
-  wire               top      = quot_q[25];
-  wire        [25:0] quot     = top ? quot_q : {quot_q[24:0], 1'b0};
-  wire signed  [9:0] exp_norm = top ? exp_q : exp_q - 10'sd1;
-  wire               tiny     = exp_norm < 10'sd1;
-  wire signed  [9:0] deep     = 10'sd1 - exp_norm;
-  wire         [4:0] right    = ~tiny ? 5'd0 : (deep > 10'sd31) ? 5'd31 : deep[4:0];
-
-  // Shifted by 8, by 2 and by 1; what falls off joins the sticky bit.
-  reg [25:0] by8;
-  reg        lost8;
-  reg [25:0] by2;
-  reg        lost2;
-
-  always @* begin
-    case (right[4:3])
-      2'd0: begin
-        by8   = quot;
-        lost8 = |rest_q;
-      end
-      2'd1: begin
-        by8   = {8'd0, quot[25:8]};
-        lost8 = (|rest_q) | (|quot[7:0]);
-      end
-      2'd2: begin
-        by8   = {16'd0, quot[25:16]};
-        lost8 = (|rest_q) | (|quot[15:0]);
-      end
-      default: begin
-        by8   = {24'd0, quot[25:24]};
-        lost8 = (|rest_q) | (|quot[23:0]);
-      end
-    endcase
-    case (right[2:1])
-      2'd0: begin
-        by2   = by8;
-        lost2 = lost8;
-      end
-      2'd1: begin
-        by2   = {2'd0, by8[25:2]};
-        lost2 = lost8 | (|by8[1:0]);
-      end
-      2'd2: begin
-        by2   = {4'd0, by8[25:4]};
-        lost2 = lost8 | (|by8[3:0]);
-      end
-      default: begin
-        by2   = {6'd0, by8[25:6]};
-        lost2 = lost8 | (|by8[5:0]);
-      end
-    endcase
-  end
-
-  wire [25:0] placed = right[0] ? {1'b0, by2[25:1]} : by2;
-  wire        lost   = lost2 | (right[0] & by2[0]);
+  // {exponent, lost, quotient}: the leading one at bit 25 or, of a subnormal result, lower, and then the exponent is 0.
+  function [36:0] placed;
+    input        [25:0] quot;
+    input signed  [9:0] exp;
+    input               rest;  // what is left is not zero
+    reg   signed  [9:0] norm;
+    reg          [25:0] from;
+    reg           [9:0] deep;
+    reg           [4:0] right;
+    begin
+      norm   = exp - {9'd0, ~quot[25]};
+      from   = quot[25] ? quot : {quot[24:0], 1'b0};
+      deep   = 10'd1 - norm;
+      right  = (norm >= 10'sd1) ? 5'd0 : (|deep[9:5]) ? 5'd31 : deep[4:0];
+      placed = {(norm >= 10'sd1) ? norm : 10'd0, rest | (|(from & ~(26'h3FF_FFFF << right))), from >> right};
+    end
+  endfunction
+  /* verilator lint_on UNUSEDSIGNAL */
 
   wire up = quot_q[1] & (quot_q[0] | sticky_q | quot_q[2]);
 
@@ -146,23 +145,19 @@ module fp_div (
         b_q <= b_i;
       end
       if (step_q == STEP_SHIFT_A) begin
-        rest_q <= {1'b0, mant};
-        exp_q  <= exp + 10'sd127;
+        rest_q <= {1'b0, mantissa(operand)};
+        exp_q  <= exponent(operand) + 10'd127;
       end
       if (step_q == STEP_SHIFT_B) begin
-        divisor_q <= mant;
-        exp_q     <= exp_q - exp;
+        divisor_q <= mantissa(operand);
+        exp_q     <= exp_q - exponent(operand);
         quot_q    <= 26'd0;
       end
       if (step_q >= STEP_FIRST && step_q <= STEP_LAST) begin
-        quot_q <= {quot_q[24:0], fits};
-        rest_q <= {left_over[23:0], 1'b0};
+        quot_q[25:1]        <= quot_q[24:0];
+        {quot_q[0], rest_q} <= divide(rest_q, divisor_q);
       end
-      if (step_q == STEP_PLACE) begin
-        quot_q   <= placed;
-        sticky_q <= lost;
-        exp_q    <= tiny ? (placed[25] ? 10'sd1 : 10'sd0) : exp_norm;
-      end
+      if (step_q == STEP_PLACE) {exp_q, sticky_q, quot_q} <= placed(quot_q, exp_q, |rest_q);
       if (step_q == STEP_ROUND) begin
         packed_q <= {exp_q[7:0], quot_q[24:2]} + {30'd0, up};
         over_q   <= exp_q > 10'sd254;
@@ -176,8 +171,6 @@ module fp_div (
       end
     end
   end
-
-  wire unused = &{1'b0, none_left, left_over[24], deep[9:5]};
 endmodule
 
 `default_nettype wire

@@ -124,7 +124,7 @@ module adc_scale (
 
   fp_mul u_mul (
       .clk_i(clk_i),
-      .en_i (run),
+      .en_i ({2{run}}),
       .a_i  (number),
       .b_i  (gain_q),
       .y_o  (product)
@@ -132,7 +132,7 @@ module adc_scale (
 
   fp_add u_add (
       .clk_i(clk_i),
-      .en_i (run),
+      .en_i ({3{run}}),
       .sub_i(1'b0),
       .a_i  (product),
       .b_i  (offset_q),

@@ -74,7 +74,7 @@ module dac_scale (
 
   fp_mul u_mul (
       .clk_i(clk_i),
-      .en_i (run),
+      .en_i ({2{run}}),
       .a_i  (entering),
       .b_i  (gain_i[32*gain_place+:32]),
       .y_o  (product)
@@ -82,7 +82,7 @@ module dac_scale (
 
   fp_add u_add (
       .clk_i(clk_i),
-      .en_i (run),
+      .en_i ({3{run}}),
       .sub_i(1'b0),
       .a_i  (product),
       .b_i  (offset_q),

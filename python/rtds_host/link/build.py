@@ -54,7 +54,8 @@ class Top:
     sources : further Verilog files, relative to `root`; the top itself among them.
     clocks : (port, half period in ps) of each clock that the C++ main drives. On Icarus the top makes its own clocks
         (it is compiled with RTDS_CLOCK_INSIDE).
-    posedge_only : there is one clock, and nothing depends on its falling edge or its level.
+    posedge_only : there is one clock, nothing depends on its falling edge or its level, and the design makes no event of
+        its own (a derived clock).
     sync : one-bit output that toggles when the bridge is wanted.
     control : Verilator control file that makes the bridge's ports public.
     bridge : Python module below ``sim/`` with the cocotb test that serves the link; "" where the main serves it itself,
