@@ -48,13 +48,15 @@ class Scored:
 @dataclass
 class Choice:
     """What the search found: explanations best first, the refit without effect, the dispersion they were judged by, all
-    fits, and the screening about the refit."""
+    fits, the screening about the refit, and by explanation what each effect promised to add to it (chi2 over dispersion).
+    """
 
     base: Fit
     ranked: list[Scored]
     dispersion: float
     fits: dict[Hypothesis, Fit] = field(default_factory=dict)
     screen: Screen | None = None
+    growth: dict[Hypothesis, dict[str, float]] = field(default_factory=dict)
 
 
 def dispersion(problem: Problem, residual: np.ndarray, jacobian: np.ndarray) -> float:
@@ -156,6 +158,7 @@ class Search:
         self.quick = quick
         self.without = without
         self.fits: dict[Hypothesis, Fit] = {}
+        self.growth: dict[Hypothesis, dict[str, float]] = {}
         self.scale = 1.0
         self.z0 = np.zeros(self.fitter.count)
 
@@ -184,7 +187,10 @@ class Search:
             costs = [float(r @ r) / self.scale + float(s @ s)
                      for r, s in zip(self.problem.residuals(models), starts)]
             z = starts[int(np.argmin(costs))]
-        fit = self._scan(self.fitter.fit(hypothesis, start, z, self.scale, iterations, fresh), iterations)
+        fit = self.fitter.fit(hypothesis, start, z, self.scale, iterations, fresh)
+        if len(hypothesis) == 1 or not self.quick:
+            # When in a hurry, a pair starts from what was found about its members alone.
+            fit = self._scan(fit, iterations)
         known = self.fits.get(hypothesis)
         if known is None or fit.chi2 / self.scale + fit.prior < known.chi2 / self.scale + known.prior:
             self.fits[hypothesis] = fit
@@ -218,10 +224,12 @@ class Search:
         screen = self._screen(fit)
         result = []
         tried = 0
+        promised = self.growth.setdefault(fit.hypothesis, {})
         for candidate in screen.candidates():
-            if candidate.gain < 8.0 or tried >= count:
-                break
             (effect, side), = candidate.hypothesis
+            promised.setdefault(effect, candidate.gain)
+            if candidate.gain < 8.0 or tried >= count:
+                continue
             mine = [s for e, s in fit.hypothesis if e == effect]
             if mine and ("both" in mine or side == "both" or side in mine):
                 continue
@@ -386,7 +394,7 @@ class Search:
         weights = np.exp(-0.5 * (np.array([s.score for s in ranked]) - ranked[0].score))
         for s, weight in zip(ranked, weights / weights.sum()):
             s.probability = float(weight)
-        return Choice(self.fits[()], ranked, self.scale, self.fits, self.screen)
+        return Choice(self.fits[()], ranked, self.scale, self.fits, self.screen, self.growth)
 
 
 def _split(hypothesis: Hypothesis, u: np.ndarray) -> list[np.ndarray]:

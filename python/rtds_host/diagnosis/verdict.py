@@ -9,17 +9,22 @@ import numpy as np
 from rtds_host.diagnosis.choose import Choice, Scored, folds, held_out, log_prior, structure
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.fit import Fit, Hypothesis
+from rtds_host.diagnosis.gap import errors, gap, pooled
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.model import replay_run
 
 # An added effect must explain at least this share of what the explanation without it leaves above the noise:
 # a wrong form leaves a structured rest, of which a further wrong effect always takes some.
 EARN_SHARE = 0.4
-# A further effect smaller than this many of its spreads is a blemish of model or sensors, not a cause; so is one of
-# the second size that explains less than a share of the whole excess.
-TOO_SMALL = 0.06
-SMALL, SMALL_SHARE = 0.25, 0.005
+# A further effect smaller than so many of its spreads that explains less than so much of the whole excess is a blemish
+# of model or sensors, not a cause.
+BLEMISHES = ((0.06, 0.01), (0.25, 0.005))
+# Of its spreads, from where on an effect is of fair size.
+FAIR_SIZE = 0.25
 # Sides of one effect whose sizes differ by less are the effect on both sides.
 SAME_SIZE = 0.12
+# Unless nothing else would take nearly as much: a wrong form's rest suits many effects, a right effect's only itself.
+SINGULAR, SINGULAR_GAIN = 3.0, 60.0
 # Held-out gain over its block standard error, and the gain itself in units of chi2.
 HELD_OUT_T = 2.0
 HELD_OUT_GAIN = 9.0
@@ -65,6 +70,17 @@ def _cost(fit: Fit, scale: float) -> float:
     return fit.chi2 / scale + fit.prior
 
 
+def _closed(problem: Problem, base: Fit, fit: Fit) -> float:
+    """Share of the gap of the refitted nominal model that an explanation closes, 0 to 1."""
+    if problem.robot.axis is None:
+        before, after = (np.sqrt(max(f.chi2 / problem.size, 1.0)) for f in (base, fit))
+    else:
+        # Fitted on pieces, judged on whole runs.
+        before, after = (max(gap(pooled([errors(data.log, problem.robot, replay_run(f.model(problem), data.inputs))
+                                         for data in problem.whole])), 1.0) for f in (base, fit))
+    return float(np.clip((before - after) / max(before - 1.0, 1e-9), 0.0, 1.0))
+
+
 def _enough(problem: Problem, fit: Fit) -> float:
     """Share of the gap that an explanation with a structured rest has to close."""
     if any(CATALOGUE[effect].erratic for effect, _ in fit.hypothesis):
@@ -73,6 +89,17 @@ def _enough(problem: Problem, fit: Fit) -> float:
     sums = np.bincount(problem.blocks, fit.residual**2, minlength=problem.block_count)
     clean = float(np.mean(sums[counts > 0] < CLEAN * counts[counts > 0]))
     return CLOSED_ENOUGH if clean >= CLEAN_SHARE else CLOSED_ENOUGH_EVERYWHERE
+
+
+def _at_bound(fit: Fit) -> str:
+    """Name of a parameter that ends on a bound other than where its effect is absent; empty where none does."""
+    k = len(fit.z)
+    for (effect, _), values in zip(fit.hypothesis, fit.values):
+        for p in CATALOGUE[effect].parameters:
+            if not fit.free[k] and not p.optional and abs(values[p.name] - p.null) > 1e-9:
+                return f"{effect}.{p.name}"
+            k += 1
+    return ""
 
 
 def _twins(fit: Fit) -> bool:
@@ -125,6 +152,17 @@ def decide(problem: Problem, choice: Choice) -> Decision:
             out_of_sample[fit.hypothesis] = held_out(problem, fit, fold_of)
         return out_of_sample[fit.hypothesis]
 
+    def singular(fit: Fit, rival: Fit) -> bool:
+        """Whether the effect added to `rival` is of fair size and does what no other effect comes near to doing."""
+        added = [h for h in fit.hypothesis if h not in rival.hypothesis]
+        promised = choice.growth.get(rival.hypothesis)
+        if len(added) != 1 or not promised or _smallest(fit) < FAIR_SIZE:
+            return False
+        (effect, _), = added
+        others = max((gain for name, gain in promised.items() if name != effect), default=0.0)
+        gain = (rival.chi2 - fit.chi2) / scale
+        return gain > SINGULAR_GAIN and promised.get(effect, 0.0) > SINGULAR * others
+
     def stands(fit: Fit) -> bool:
         if not fit.hypothesis:
             return True
@@ -139,8 +177,8 @@ def decide(problem: Problem, choice: Choice) -> Decision:
         rival = min(smaller, key=lambda f: _cost(f, scale))
         if len(fit.hypothesis) > 1:
             small = _smallest(fit)
-            little = rival.chi2 - fit.chi2 < SMALL_SHARE * max(choice.base.chi2 - noise, 0.0)
-            if small < TOO_SMALL or (small < SMALL and little):
+            share = (rival.chi2 - fit.chi2) / max(choice.base.chi2 - noise, 1e-9)
+            if any(small < size and share < part for size, part in BLEMISHES):
                 reasons[fit.hypothesis] = f"one of its effects is hardly there ({small:.1%} of what is met in practice)"
                 return False
             if _twins(fit):
@@ -152,8 +190,11 @@ def decide(problem: Problem, choice: Choice) -> Decision:
         if gain < HELD_OUT_GAIN or (t < HELD_OUT_T and gain < 10 * HELD_OUT_GAIN):
             reasons[fit.hypothesis] = f"gains too little on stretches it was not fitted to ({gain:.0f}, t = {t:.1f})"
             return False
+        if structure(problem, fit.residual) > STRUCTURED and (bound := _at_bound(fit)):
+            reasons[fit.hypothesis] = f"{bound} ends on its bound, and leaves a rest with structure"
+            return False
         left = rival.chi2 - noise
-        if len(fit.hypothesis) > 1 and rival.chi2 - fit.chi2 < EARN_SHARE * left:
+        if len(fit.hypothesis) > 1 and rival.chi2 - fit.chi2 < EARN_SHARE * left and not singular(fit, rival):
             reasons[fit.hypothesis] = (f"its last effect takes {(rival.chi2 - fit.chi2) / left:.0%} of what the others "
                                        "leave")
             return False
@@ -174,9 +215,9 @@ def decide(problem: Problem, choice: Choice) -> Decision:
     rough = structure(problem, fit.residual)
     structured = rough > STRUCTURED
     excess = base.chi2 - noise
-    closed = 1.0 - (np.sqrt(max(fit.chi2 / noise, 1.0)) - 1.0) / max(np.sqrt(max(base.chi2 / noise, 1.0)) - 1.0, 1e-9)
-    closed = float(min(max(closed, 0.0), 1.0)) if fit.hypothesis else 0.0
-    if fit.hypothesis and excess <= NO_GAP * noise and structured and closed < _enough(problem, fit):
+    closed = _closed(problem, base, fit) if fit.hypothesis else 0.0
+    faint = _smallest(fit) < FAIR_SIZE or (base.chi2 - fit.chi2) / scale < SINGULAR_GAIN if fit.hypothesis else False
+    if faint and excess <= NO_GAP * noise and structured and closed < _enough(problem, fit):
         # Hardly a gap, and what there is has the colour of noise rather than the form of this effect.
         chosen = next((s for s in standing if not s.fit.hypothesis), Scored(base, chosen.score))
         fit, closed = base, 0.0
@@ -185,7 +226,7 @@ def decide(problem: Problem, choice: Choice) -> Decision:
     if not fit.hypothesis:
         verdict = "unknown" if structured and excess > NO_GAP * noise else "none"
     else:
-        verdict = "unknown" if structured and closed < _enough(problem, fit) else "known"
+        verdict = "unknown" if structured and excess > NO_GAP * noise and closed < _enough(problem, fit) else "known"
 
     weights = np.exp(-0.5 * (np.array([s.score for s in ranked]) - ranked[0].score))
     if verdict == "unknown":
