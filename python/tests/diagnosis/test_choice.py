@@ -112,3 +112,30 @@ def test_ripple_is_found_by_its_spectrum():
     found = diagnosis["effects"][0]["parameters"]
     assert found["cycles_per_rev"]["value"] == pytest.approx(23.0, abs=0.1)
     assert np.isclose(found["amplitude_nm"]["value"], 0.03, rtol=0.1)
+
+
+def test_ripple_is_found_in_angles_and_gyro_where_no_speed_and_no_current_is_measured():
+    def change(model):
+        model.put("ripple", 0.03, (1,))
+        model.put("ripple_cycles", 7.0, (1,))
+
+    case = without(make_case(change, seed=29, seconds=12.0), "w_l", "w_r", "i_l", "i_r", "v_bus")
+    diagnosis, _ = run(case)
+    assert blamed(diagnosis) == [("torque_ripple", "right")]
+    assert diagnosis["effects"][0]["parameters"]["cycles_per_rev"]["value"] == pytest.approx(7.0, abs=0.1)
+
+
+def test_a_blemish_beside_a_large_effect_is_not_blamed():
+    # A gain that is off by 0.2 % shows in the residuals, and is no cause anyone would look for.
+    def change(model):
+        model.add("coulomb", 0.05)
+        model.scale("speed_gain", 1.002)
+
+    diagnosis, _ = run(make_case(change, seed=30))
+    assert blamed(diagnosis) == [("coulomb_friction", "both")]
+
+
+def test_intervals_have_room_for_another_formulation_of_the_same_effect():
+    diagnosis, _ = run(make_case(lambda m: m.add("coulomb", 0.1), seed=31))
+    entry = diagnosis["effects"][0]["parameters"]["torque_nm"]
+    assert entry["ci90"][1] - entry["ci90"][0] >= 2 * 1.6 * 0.01 * entry["value"]
