@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="sensing",
     sided=False,
     parameters=(
-        Parameter("rad_s", "rad/s", null=0, low=-2, high=2, spread=0.01, starts=(0.004, -0.004),
+        Parameter("rad_s", "rad/s", null=0, low=-2, high=2, spread=0.004, starts=(0.004, -0.004),
                   meaning="added to the gyro"),
     ),
     apply=add(gyro_bias="rad_s"),
