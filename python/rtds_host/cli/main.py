@@ -24,6 +24,7 @@ COMMANDS = {
     "run": "Drive a scenario with the motors in RTL (or the bit-exact model) and write a run folder.",
     "calibrate": "Measure gain and offset of the wires between PC and chip.",
     "diagnose": "Say where the gap between simulator and reality lies, and which effect causes it.",
+    "close": "Put a diagnosis into the real-time simulator and see the gap close there.",
     "predict": "Replay a run from its commands, with or without a diagnosis.",
     "effects": "List the effects that a diagnosis can blame, or tell all of one.",
     "import": "Turn ROS 2 bags or csv files of a real robot into a case.",

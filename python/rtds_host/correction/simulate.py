@@ -17,13 +17,15 @@ from rtds_host.diagnosis.replay.model import Model, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 from rtds_host.link import Link, open_link
+from rtds_host.link.quantisation import QuantisedLink
 from rtds_host.robot import STEP_S, Body, make_body, open_engine
 
 
 @dataclass(frozen=True)
 class Setting:
     """How the simulator is put together: link and its options, physics engine, time between two exchanges of torques
-    (engine steps), whether the coming exchange's torque is foretold, and the motor units' step, s."""
+    (engine steps), whether the coming exchange's torque is foretold, the motor units' step, s, and whether 12-bit
+    converters stand on all wires."""
 
     link: str = "model"
     link_options: dict = field(default_factory=dict)
@@ -31,6 +33,7 @@ class Setting:
     exchange_steps: int = 1
     foretell: bool = True
     step_s: float = 1e-5
+    converters: bool = False
 
 
 @dataclass(frozen=True)
@@ -57,8 +60,7 @@ def _low_pass(t, values, tau):
     return out
 
 
-def set_link(link: Link, robot: Robot, correction: Correction | None, step_s: float,
-             method: str = "backward_euler") -> None:
+def set_link(link: Link, robot: Robot, correction: Correction | None, setting: Setting) -> None:
     """Give a link the robot's motors and a correction's effects.
 
     Raises
@@ -66,24 +68,23 @@ def set_link(link: Link, robot: Robot, correction: Correction | None, step_s: fl
     InputError : the link cannot hold them. LinkError : no answer.
     """
     m = robot.motor
-    link.set_parameters(resistance_ohm=m.resistance_ohm, inductance_h=m.inductance_h,
-                        torque_constant_nm_per_a=m.torque_constant_nm_per_a,
-                        back_emf_constant_v_s_per_rad=m.back_emf_constant_v_s_per_rad,
-                        rotor_inertia_kg_m2=m.rotor_inertia_kg_m2,
-                        viscous_friction_nm_s_per_rad=m.viscous_friction_nm_s_per_rad, step_s=step_s, method=method)
+    (QuantisedLink(link) if setting.converters else link).set_parameters(
+        resistance_ohm=m.resistance_ohm, inductance_h=m.inductance_h, torque_constant_nm_per_a=m.torque_constant_nm_per_a,
+        back_emf_constant_v_s_per_rad=m.back_emf_constant_v_s_per_rad, rotor_inertia_kg_m2=m.rotor_inertia_kg_m2,
+        viscous_friction_nm_s_per_rad=m.viscous_friction_nm_s_per_rad, step_s=setting.step_s)
     if correction is not None:
         set_effects(link, correction)
 
 
 def simulate(log: RunLog, robot: Robot, model: Model | None = None, setting: Setting | None = None,
-             start: np.ndarray | None = None, change: Callable[[Correction], Correction] | None = None,
+             start: np.ndarray | None = None, change: Callable[[Correction, np.ndarray], Correction] | None = None,
              progress: Callable[[float], None] | None = None) -> Simulated:
     """Drive the motors of a link and the robot of an engine with a log's commands.
 
     Parameters
     ----------
     model : the robot as a diagnosis has it; None: the nominal one. start : (11,) as of `run_inputs`, for a heading that
-        the log does not hold. change : a last change of the correction, as by a table. progress : called with the time.
+        the log does not hold. change : a last change of the correction, given the start, as by a table. progress : called with the time.
 
     Raises
     ------
@@ -101,7 +102,7 @@ def simulate(log: RunLog, robot: Robot, model: Model | None = None, setting: Set
     if model is not None:
         correction = translate(model, robot, float(run[0]), (float(start[3]), float(start[4])), setting.step_s)
         if change is not None:
-            correction = change(correction)
+            correction = change(correction, start)
         body = correction.body_on(body)
     if np.abs(start[5:7]).max() > 0.0:
         notes.append(f"{log.name}: the log starts in motion, the simulator at rest")
@@ -111,7 +112,9 @@ def simulate(log: RunLog, robot: Robot, model: Model | None = None, setting: Set
         scale = np.ones(len(t))
     clipped = np.clip(commands, -robot.supply_v, robot.supply_v)
     with open_link(setting.link, **setting.link_options) as link:
-        set_link(link, robot, correction, setting.step_s)
+        set_link(link, robot, correction, setting)
+        if setting.converters:
+            link = QuantisedLink(link)
         with open_engine(setting.engine, body, tuple(map(float, start[:3]))) as engine:
             replay = _Replay(t - t[0], clipped, clipped * scale[:, None], correction, setting, robot, body)
             coupler = Coupler(robot, body, link, engine, correction, setting.exchange_steps, setting.foretell)

@@ -1,0 +1,103 @@
+"""`rtds close`: put a diagnosis into the real-time simulator and see whether the gap closes there."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+app = typer.Typer(add_completion=False)
+LINKS = ("model", "rtl")
+
+
+@app.command()
+def close(
+    case: Annotated[Path, typer.Argument(help="Case folder: robot.toml and a sub-folder a run.")],
+    out: Annotated[Path, typer.Option(help="Folder for close.json, diagnosis.json and close.png.")],
+    diagnosis: Annotated[Path | None, typer.Option(help="A diagnosis.json of the case; without it the case is diagnosed, "
+                                                        "all runs but those held out.")] = None,
+    hold_out: Annotated[list[str] | None, typer.Option(help="Run to keep out of the diagnosis and to replay; may be repeated. "
+                                                            "Default: the last; with --diagnosis, all.")] = None,
+    link: Annotated[str, typer.Option(help="What computes the motors: model (bit for bit the RTL) or rtl.")] = "model",
+    sim: Annotated[str, typer.Option(help="rtl: verilator or icarus.")] = "verilator",
+    engine: Annotated[str, typer.Option(help="Physics engine: pybullet or mujoco.")] = "pybullet",
+    full: Annotated[bool, typer.Option("--full", help="Diagnose by the wide search, several times slower.")] = False,
+    table: Annotated[bool, typer.Option("--table", help="Load what the diagnosis leaves as a table, where one fits.")] = False,
+    causes: Annotated[bool, typer.Option(help="Vary the simulator one thing at a time, to say where it differs from the "
+                                              "diagnosis' own replay.")] = True,
+    figure: Annotated[bool, typer.Option(help="Draw close.png.")] = True,
+    seed: Annotated[int, typer.Option(help="Seed of the diagnosis' bootstrap.")] = 1,
+    jobs: Annotated[int, typer.Option(help="Cores for the diagnosis; 0 = all.", min=0)] = 0,
+) -> None:
+    """Diagnose CASE, put the effects into the real-time simulator, and report the gap there before and after."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from rtds_host.correction.close import close_folder
+    from rtds_host.correction.simulate import Setting
+    from rtds_host.errors import InputError
+    from rtds_host.robot import ENGINES
+    from rtds_host.run import check_writable
+    from rtds_host.spread import cores
+
+    if link not in LINKS:
+        raise InputError(f"--link {link}: unknown (known: {', '.join(LINKS)})")
+    if engine not in ENGINES:
+        raise InputError(f"--engine {engine}: unknown (known: {', '.join(ENGINES)})")
+    check_writable(out)
+    setting = Setting(link=link, link_options={"sim": sim, "step_clocks": "min"} if link == "rtl" else {}, engine=engine)
+    with Progress(TextColumn("{task.description:<24}"), BarColumn(), TimeElapsedColumn(),
+                  console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+        task = bar.add_task("reading", total=1.0)
+        result = close_folder(case, out, diagnosis, figure, setting=setting, hold_out=hold_out, quick=not full,
+                              causes=causes, table=table, threads=jobs if jobs > 0 else cores(), seed=seed,
+                              progress=lambda stage, share: bar.update(task, description=stage, completed=share))
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=120)
+    _show(console, result.content, out)
+
+
+def _number(value: float | None, form: str = ".3g") -> str:
+    return "-" if value is None else format(value, form)
+
+
+def _show(console: Console, content: dict, out: Path) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    gap, simulator = content["gap"], content["simulator"]
+    effects = "; ".join(
+        f"{e['id']} ({e['side']}) " + ", ".join(f"{name} = {p['value']:.4g}" for name, p in e["parameters"].items())
+        for e in content["effects"]) or "no effect"
+    console.print(f"[bold]{escape(content['case'])}[/]  {content['verdict']}: {escape(effects)}")
+    console.print(f"  held out {escape(', '.join(content['runs']))}; motors in {simulator['link']}, robot in "
+                  f"{simulator['engine']}  ->  {escape(str(out))}")
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_edge=False)
+    for title in ("  gap", "nominal", "corrected", "closed"):
+        table.add_column(title, justify="left" if title == "  gap" else "right")
+    for which, text in (("simulator", "  in the simulator"), ("replay", "  in the diagnosis' replay")):
+        table.add_row(text, _number(gap[which]["before"]), _number(gap[which]["after"]),
+                      "-" if gap[which]["closed"] is None else f"{100 * gap[which]['closed']:.1f} %")
+    console.print(table)
+    difference = content["difference"]
+    console.print(f"  simulator and replay lie {_number(difference['nominal']['gap'])} (nominal) and "
+                  f"{_number(difference['corrected']['gap'])} (corrected) units of noise apart")
+    if "table" in content:
+        entry = content["table"]
+        console.print(f"  table    {escape(entry['kind'])}, sides {', '.join(entry['curves'])}: explains "
+                      f"{100 * entry['explained']:.0f} % of what is left in its block")
+    if difference.get("causes"):
+        causes = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_edge=False)
+        for title in (f"  varied, on {difference['causes_on']}", "moves", "from replay"):
+            causes.add_column(title, justify="left" if title.startswith("  ") else "right")
+        for row in difference["causes"]:
+            causes.add_row(f"  {row['varied']}", _number(row["moves"], ".2g"), _number(row["from_replay"], ".2g"))
+        console.print(causes)
+    for note in content["notes"]:
+        console.print(f"  [yellow]note[/]  {escape(note)}")

@@ -1,0 +1,70 @@
+"""Simulator and replay agree, effect by effect."""
+
+import pytest
+
+from rtds_host.contract import builtin_robot
+from rtds_host.correction.agreement import (
+    BOUND,
+    END,
+    START,
+    Row,
+    compare,
+    designed_run,
+    markdown,
+    rows,
+    sides_of,
+    values_of,
+    write_between,
+)
+from rtds_host.correction.simulate import Setting
+from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.errors import InputError
+
+# One of each kind of place: own parameters, tables, thermal state, supply, delay; body, gear, tyre, scrub; sensors.
+LIGHT = ("resistance_error", "stribeck_friction", "winding_heating", "bridge_drop", "supply_sag", "command_delay",
+         "com_offset", "gear_compliance", "longitudinal_slip", "spin_scrub", "measurement_delay", "torque_ripple")
+
+
+@pytest.fixture(scope="module")
+def log():
+    return designed_run(4.0)
+
+
+@pytest.mark.parametrize("effect", LIGHT)
+def test_simulator_agrees_with_the_replay(effect, log):
+    row = compare(effect, sides_of(effect)[-1], log, builtin_robot("burger"), Setting())
+    assert row.within, f"{row.apart} above {row.bound}, most in {row.worst}"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("effect", list(CATALOGUE))
+@pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
+def test_every_effect_agrees_on_the_whole_run(effect, engine):
+    for row in rows([effect], Setting(engine=engine)):
+        assert row.within, f"{row.side}: {row.apart} above {row.bound}, most in {row.worst}"
+        assert row.size > 2.0 * row.bound, "the run does not show the effect"
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=list(CATALOGUE))
+def test_sizes_are_ones_the_catalogue_allows(effect):
+    values = values_of(effect.id)
+    for p in effect.parameters:
+        assert p.low <= values[p.name] <= p.high
+
+
+def test_an_unknown_effect_is_refused():
+    with pytest.raises(InputError, match="magnetism"):
+        list(rows(["magnetism"]))
+
+
+def test_the_table_goes_between_its_marks(tmp_path):
+    row = Row("backlash", "both", {"angle_rad": 0.02}, "robot", 5.0, BOUND / 2, ("gyro_z", 0.1), BOUND, "because")
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{START}\nold\n{END}\nafter\n")
+    write_between(page, markdown([row]))
+    text = page.read_text()
+    assert "old" not in text
+    assert "| `backlash` | both | angle_rad 0.02 | robot | 5 | 0.05 |" in text
+    assert text.startswith("before") and text.endswith("after\n")
+    with pytest.raises(InputError, match="marks"):
+        write_between(tmp_path / "page.md", "x", "<!-- no -->")
