@@ -305,7 +305,7 @@ def score_measured(out: Path, jobs: int = 1, command: list[str] | None = None, w
     drawn = what_was_drawn(out)
     result = {
         "schema": SCHEMA, "seed": drawn["seed"], "draws": drawn["draws"],
-        "quick": any(entry.get("quick") for entry in ledger),
+        "quick": any(entry.get("quick") for entry in ledger), "gaps": with_gap,
         "sets": {name: _group([r for r in records if r["set"] == name]) for name in drawn["sets"]},
         "all": _group(records),
         "bases": {name: {"verdict": (answers.get(case) or {}).get("verdict"), "gap": rest[name], "case": case,
@@ -349,15 +349,17 @@ def page(result: dict) -> str:
              f"{' --quick' if result['quick'] else ''} --out check`, `rtds blind score --out check`."), "",
              "| | " + " | ".join(sets) + " |", "|---|" + "---|" * len(sets),
              "| draws (answered) | " + " | ".join(f"{g['cases']} ({g['answered']})" for g in sets.values()) + " |",
-             "| of these the planted part outweighs what the machine leaves anyway | "
-             + " | ".join(str(g["visible"]) for g in sets.values()) + " |"]
+             *([] if not result["gaps"] else ["| of these the planted part outweighs what the machine leaves anyway | "
+                                              + " | ".join(str(g["visible"]) for g in sets.values()) + " |"])]
     lines += [f"| {title} | " + " | ".join(_cell(g[name]) for g in sets.values()) + " |" for name, title in FIGURES]
-    lines += ["| error of the size, median | " + " | ".join(
-        "–" if g["size_error_median"] is None else f"{100 * g['size_error_median']:.0f} %" for g in sets.values()) + " |",
-        "| of the gap opened on withheld runs, closed again (median) | " + " | ".join(
-            _number(g["restored_median"], ".2f") for g in sets.values()) + " |"]
-    lines += [f"| of all draws: {title} | " + " | ".join(_cell(g[name]) for g in sets.values()) + " |"
-              for name, title in (("all_found", "found"), ("all_near", "found, or a stand-in named"))] + [""]
+    lines.append("| error of the size, median | " + " | ".join(
+        "–" if g["size_error_median"] is None else f"{100 * g['size_error_median']:.0f} %" for g in sets.values()) + " |")
+    if result["gaps"]:
+        lines.append("| of the gap opened on withheld runs, closed again (median) | " + " | ".join(
+            _number(g["restored_median"], ".2f") for g in sets.values()) + " |")
+        lines += [f"| of all draws: {title} | " + " | ".join(_cell(g[name]) for g in sets.values()) + " |"
+                  for name, title in (("all_found", "found"), ("all_near", "found, or a stand-in named"))]
+    lines.append("")
     for name, base in result["bases"].items():
         lines.append(f"{name} untouched: {base['verdict']}, blamed {', '.join(base['blamed']) or 'nothing'}, gap "
                      f"{_number(base['gap'])} on the withheld runs.")
