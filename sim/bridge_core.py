@@ -15,6 +15,8 @@ from cocotb.triggers import Timer, ValueChange
 from rtds_host.link import protocol
 
 PARAMETER_PORTS = ("p_r_i", "p_l_i", "p_km_i", "p_kb_i", "p_j_i", "p_b_i", "p_h_i")
+SECOND_PORTS = ("p2_r_i", "p2_l_i", "p2_km_i", "p2_kb_i", "p2_j_i", "p2_b_i")
+SETTING_PORTS = ("method_i", "step_clocks_i", "fx_on_i", "fx_own_i", "fx_delay_i", "fx_stride_i")
 INPUT_PORTS = ("v_l_i", "v_r_i", "t_l_i", "t_r_i")
 CLOCK_PERIOD_PS = 20_000
 
@@ -25,7 +27,8 @@ class CoreBridge(bridge.Bridge):
     def __init__(self, dut) -> None:
         super().__init__(dut)
         self.inputs = [getattr(dut, name) for name in INPUT_PORTS]
-        self.parameters = [getattr(dut, name) for name in PARAMETER_PORTS]
+        self.parameters = [getattr(dut, name) for name in (*PARAMETER_PORTS, *SECOND_PORTS, *SETTING_PORTS)]
+        self.fx_go = 0
         self.go = 0
         self.done = ValueChange(dut.sync_o)
 
@@ -34,18 +37,25 @@ class CoreBridge(bridge.Bridge):
         dut = self.dut
         for port in (*self.inputs, *self.parameters):
             port.value = 0
-        for port in (dut.go_i, dut.method_i, dut.steps_i, dut.sample_steps_i, dut.step_clocks_i, dut.rst_ni):
+        for port in (dut.go_i, dut.steps_i, dut.sample_steps_i, dut.fx_go_i, dut.fx_addr_i, dut.fx_data_i, dut.rst_ni):
             port.value = 0
         await Timer(10 * CLOCK_PERIOD_PS, unit="ps")
         dut.rst_ni.value = 1
         await Timer(2 * CLOCK_PERIOD_PS, unit="ps")
 
     async def set_parameters(self, payload: bytes) -> tuple[int, bytes]:
-        *words, method, step_clocks = protocol.PARAMETERS_PAYLOAD.unpack(payload)
-        for port, word in zip(self.parameters, words):
+        for port, word in zip(self.parameters, protocol.PARAMETERS_PAYLOAD.unpack(payload)):
             port.value = word
-        self.dut.method_i.value = method
-        self.dut.step_clocks_i.value = step_clocks
+        return protocol.DONE, b""
+
+    async def set_effects(self, payload: bytes) -> tuple[int, bytes]:
+        dut = self.dut
+        for address, word in protocol.EFFECT_WORD.iter_unpack(payload):
+            dut.fx_addr_i.value = address
+            dut.fx_data_i.value = word
+            self.fx_go ^= 1
+            dut.fx_go_i.value = self.fx_go
+            await self.done
         return protocol.DONE, b""
 
     async def exchange(self, payload: bytes) -> tuple[int, bytes]:
@@ -69,7 +79,11 @@ class CoreBridge(bridge.Bridge):
         head = protocol.SAMPLES_HEAD.pack(flags, bridge.word(dut.step_count_o), bridge.now_ps() // CLOCK_PERIOD_PS)
         return protocol.SAMPLES, head + samples.to_bytes(16 * rows, "little")
 
-    handlers: ClassVar = {protocol.PARAMETERS: set_parameters, protocol.EXCHANGE: exchange}
+    handlers: ClassVar = {
+        protocol.PARAMETERS: set_parameters,
+        protocol.EFFECTS: set_effects,
+        protocol.EXCHANGE: exchange,
+    }
 
 
 @cocotb.test()

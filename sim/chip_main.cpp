@@ -11,7 +11,7 @@
 //            after the 40 MHz (on the board 7.5; CONVST still comes 1592.5 ns before the first SCK). 13 evaluations a
 //            100 ns.
 // Idle       With `every_clock` 0 clocks of 50 MHz are left out while the pins show that nothing is in hand: IDLE_CLOCKS
-//            after an LDAC pulse and until the last conversion of a sequence (channel 1) is read out, and only while
+//            (with `every_clock` 2, for effects, FX_IDLE_CLOCKS) after an LDAC pulse and until the last conversion of a sequence (channel 1) is read out, and only while
 //            the serial line is at rest. Counters of clocks in the chip then count less; codes do not change.
 // Requests   CHIP_RUN: run until `steps` more LDAC edges and, where `expect` is not 0, until so many bytes came back
 //            on the serial line, or until `limit_ns` has passed. The pins' voltages act at once: a run ends
@@ -37,7 +37,7 @@ void Vtop___024root___eval(Vtop___024root* root);  // defined by the generated c
 
 namespace {
 
-constexpr unsigned VERSION = 1;
+constexpr unsigned VERSION = 2;
 enum : std::uint32_t { HELLO = 1, CLOSE = 6, FAILED = 7, CHIP_RUN = 8, CHIP_RAN = 9 };
 enum : std::uint32_t { FLAG_TIMEOUT = 1, FLAG_RESET = 2 };
 
@@ -45,6 +45,7 @@ constexpr double LSB_V = 1e-3;
 constexpr int CODES = 4096;
 constexpr int BIT_CLOCKS = 50;     // 1 Mbaud
 constexpr int IDLE_CLOCKS = 100;   // after LDAC: the chip has been busy for 127 since the record, LDAC comes after 60 to 75
+constexpr int FX_IDLE_CLOCKS = 260;  // with effects: the core is ready again 175 or, with new parameters, 251 after its strobe
 constexpr int LAST_CHANNEL = 1;    // of a sequence: V_R
 constexpr std::uint64_t RESET_PS = 1000000;
 constexpr std::size_t MAX_PAYLOAD = 1u << 20;
@@ -261,7 +262,7 @@ class Harness {
         if (done) {
             since_ldac_ = 0;
             adc_.last_read_out = false;
-        } else if (++since_ldac_ > IDLE_CLOCKS && !every_clock_) {
+        } else if (++since_ldac_ > idle_clocks_ && !every_clock_) {
             idle_ = !adc_.last_read_out && serial_.at_rest() && dac_.updates > 1;
         }
         return done;
@@ -287,7 +288,8 @@ class Harness {
         Run ask;
         std::memcpy(&ask, payload.data(), sizeof ask);
         std::copy_n(ask.pins_v, 8, adc_.pins_v);
-        every_clock_ = ask.every_clock != 0;
+        every_clock_ = ask.every_clock == 1;
+        idle_clocks_ = ask.every_clock == 2 ? FX_IDLE_CLOCKS : IDLE_CLOCKS;
         for (std::size_t k = sizeof ask; k < payload.size(); ++k) serial_.to_send.push_back(static_cast<std::uint8_t>(payload[k]));
         serial_.pending += static_cast<int>(ask.expect);
         serial_.received.clear();
@@ -347,6 +349,7 @@ class Harness {
     std::uint64_t now_ps_ = 0, round_ps_ = 0, clocks_ = 0;
     unsigned slot_ = 0, since_ldac_ = 0;
     bool idle_ = false, every_clock_ = true;
+    int idle_clocks_ = IDLE_CLOCKS;
 };
 
 constexpr Harness::Event Harness::EVENTS[13];

@@ -5,7 +5,7 @@
 // Handshake The bridge sets the inputs and toggles go_i; when steps_i steps are done and the samples stand in
 //           samples_q, sync_o toggles. Everything the bridge reads is stable at least one clock before sync_o
 //           toggles, so it may be read on that very event (Icarus calls back before other registers change).
-//           Inputs may change only between a toggle of sync_o and the next toggle of go_i.
+//           Inputs may change only between a toggle of sync_o and the next toggle of go_i or fx_go_i.
 // Period    step_clocks_i clocks from strobe to strobe (500 on the board), or as many as the core needs
 //           (ready_o) where that is more; 0 = always as soon as ready. No result depends on it.
 // Latency   go_i to first strobe: 1 clock (if the period has passed); last valid to sync_o: 1 clock.
@@ -41,6 +41,21 @@ module rtds_sim_top #(
     input wire [31:0] p_h_i,
     input wire        method_i,
 
+    // effects: as on the core; a toggle of fx_go_i writes a word and is answered by sync_o
+    input wire        fx_on_i,
+    input wire        fx_own_i,
+    input wire [11:0] fx_delay_i,
+    input wire [15:0] fx_stride_i,
+    input wire [31:0] p2_r_i,
+    input wire [31:0] p2_l_i,
+    input wire [31:0] p2_km_i,
+    input wire [31:0] p2_kb_i,
+    input wire [31:0] p2_j_i,
+    input wire [31:0] p2_b_i,
+    input wire        fx_go_i,
+    input wire [13:0] fx_addr_i,
+    input wire [31:0] fx_data_i,
+
     output reg               sync_o,
     output reg  [       3:0] flags_o,       // {stuck, overrun, nonfinite, param_fault}, sticky but for the last
     output wire [      31:0] step_count_o
@@ -59,6 +74,10 @@ module rtds_sim_top #(
 
   wire        valid;
   wire        ready;
+  wire        fx_ready;
+  reg         fx_write_q;  // a word for the effect unit stands in the next two
+  reg  [13:0] fx_addr_q;
+  reg  [31:0] fx_data_q;
   wire        overrun;
   wire        nonfinite;
   wire        param_fault;
@@ -67,7 +86,8 @@ module rtds_sim_top #(
   reg         go_q;        // last go_i seen
   reg         running_q;   // a request is being worked on
   reg         pending_q;   // a step is under way: its valid has not come yet
-  reg         done_q;      // the last sample stands; toggle sync_o
+  reg         done_q;      // the last sample stands, or a word is taken; toggle sync_o
+  reg         fx_go_q;     // last fx_go_i seen
   reg  [31:0] left_q;      // strobes still to give
   reg  [31:0] sample_q;    // steps to the next sample
   reg  [ 4:0] index_q;     // samples kept (at most 32 a request, the bridge sees to it)
@@ -89,6 +109,16 @@ module rtds_sim_top #(
   reg  [31:0] p_h_q;
   reg         method_q;
   reg  [15:0] step_clocks_q;
+  reg         fx_on_q;
+  reg         fx_own_q;
+  reg  [11:0] fx_delay_q;
+  reg  [15:0] fx_stride_q;
+  reg  [31:0] p2_r_q;
+  reg  [31:0] p2_l_q;
+  reg  [31:0] p2_km_q;
+  reg  [31:0] p2_kb_q;
+  reg  [31:0] p2_j_q;
+  reg  [31:0] p2_b_q;
 
   wire        period_over = period_q >= step_clocks_q;
   wire        strobe = running_q & ready & period_over & ~pending_q & (left_q != 32'd0);
@@ -99,6 +129,8 @@ module rtds_sim_top #(
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       go_q      <= 1'b0;
+      fx_go_q   <= 1'b0;
+      fx_write_q <= 1'b0;
       running_q <= 1'b0;
       pending_q <= 1'b0;
       done_q    <= 1'b0;
@@ -112,6 +144,13 @@ module rtds_sim_top #(
     end else begin
       done_q <= 1'b0;
       if (done_q) sync_o <= ~sync_o;
+
+      fx_write_q <= 1'b0;
+      if (fx_go_i != fx_go_q && fx_ready && !fx_write_q) begin
+        fx_go_q    <= fx_go_i;
+        fx_write_q <= 1'b1;
+        done_q     <= 1'b1;
+      end
 
       flags_o[0] <= param_fault;
       if (nonfinite) flags_o[1] <= 1'b1;
@@ -169,6 +208,23 @@ module rtds_sim_top #(
       p_h_q <= p_h_i;
       method_q <= method_i;
       step_clocks_q <= step_clocks_i;
+      fx_on_q <= fx_on_i;
+      fx_own_q <= fx_own_i;
+      fx_delay_q <= fx_delay_i;
+      fx_stride_q <= fx_stride_i;
+      p2_r_q <= p2_r_i;
+      p2_l_q <= p2_l_i;
+      p2_km_q <= p2_km_i;
+      p2_kb_q <= p2_kb_i;
+      p2_j_q <= p2_j_i;
+      p2_b_q <= p2_b_i;
+    end
+  end
+
+  always @(posedge clk_i) begin
+    if (fx_go_i != fx_go_q) begin
+      fx_addr_q <= fx_addr_i;
+      fx_data_q <= fx_data_i;
     end
   end
 
@@ -195,6 +251,20 @@ module rtds_sim_top #(
       .p_b_i        (p_b_q),
       .p_h_i        (p_h_q),
       .method_i     (method_q),
+      .fx_on_i      (fx_on_q),
+      .fx_own_i     (fx_own_q),
+      .fx_delay_i   (fx_delay_q),
+      .fx_stride_i  (fx_stride_q),
+      .p2_r_i       (p2_r_q),
+      .p2_l_i       (p2_l_q),
+      .p2_km_i      (p2_km_q),
+      .p2_kb_i      (p2_kb_q),
+      .p2_j_i       (p2_j_q),
+      .p2_b_i       (p2_b_q),
+      .fx_wr_valid_i(fx_write_q),
+      .fx_wr_addr_i (fx_addr_q),
+      .fx_wr_data_i (fx_data_q),
+      .fx_wr_ready_o(fx_ready),
       .valid_o      (valid),
       .ready_o      (ready),
       .overrun_o    (overrun),

@@ -1,4 +1,4 @@
-// rtds_core: two motor units, left and right, and the parameter unit they share.
+// rtds_core: two motor units, left and right, the parameter unit they share, and the effect unit beside them.
 //
 // Purpose    Each strobe makes one simulation step of both motors. An input acts in the step of the strobe that
 //            reads it; a parameter set acts one step later. The coefficients change all at once, between two steps.
@@ -12,6 +12,11 @@
 //              21  low words (scratch from the 12th on)
 //              23  earliest next strobe; ready_o is seen after the 22nd
 //              89  the same if the strobe brought changed parameters, 82 if those were unusable
+//            With effects (fx_on_i at the strobe): 24, 30 and 177; if the strobe brought changed parameters and
+//            each side has its own (fx_own_i), the later of that and 251.
+// Effects    fx_on_i: V and T act one step later, through effect_unit, and dry friction takes its part at the end of the
+//            step (docs/effect-unit.md). fx_own_i: p2_*_i are the right motor's parameters, p_*_i the left one's.
+//            fx_* and p2_* are taken at the strobe like the parameters. fx_wr_*: see effect_unit.
 // Format     binary32, SI at the motor shaft: V, N.m (opposing load positive), A, rad/s, ohm, H, N.m/A, V.s/rad,
 //            kg.m2, N.m.s/rad, s. A state is the sum of its high and low word. One NaN: 7FC00000.
 // Faults     param_fault_o: the last parameter set is unusable (zero, negative, NaN, infinite or subnormal, or such a
@@ -38,6 +43,20 @@ module rtds_core (
   input  wire [31:0] p_b_i,
   input  wire [31:0] p_h_i,
   input  wire        method_i,
+  input  wire        fx_on_i,
+  input  wire        fx_own_i,
+  input  wire [11:0] fx_delay_i,
+  input  wire [15:0] fx_stride_i,
+  input  wire [31:0] p2_r_i,
+  input  wire [31:0] p2_l_i,
+  input  wire [31:0] p2_km_i,
+  input  wire [31:0] p2_kb_i,
+  input  wire [31:0] p2_j_i,
+  input  wire [31:0] p2_b_i,
+  input  wire        fx_wr_valid_i,
+  input  wire [13:0] fx_wr_addr_i,
+  input  wire [31:0] fx_wr_data_i,
+  output wire        fx_wr_ready_o,
   output wire        valid_o,
   output wire [31:0] i_l_o,
   output wire [31:0] w_l_o,
@@ -54,8 +73,11 @@ module rtds_core (
   output reg  [31:0] step_count_o
 );
   // ---- strobe ----------------------------------------------------------------------------------------------------
-  wire idle;
+  wire sequencer_idle;
+  wire fx_busy;
+  wire idle = sequencer_idle & ~fx_busy;
   wire param_pending;
+  reg  fx_q;  // effects act in the step in hand
   wire accept = strobe_i & ready_o & ~clear_i;
 
   assign ready_o = idle & ~param_pending;
@@ -65,72 +87,143 @@ module rtds_core (
     else overrun_o <= strobe_i & ~accept;
   end
 
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) fx_q <= 1'b0;
+    else if (accept) fx_q <= fx_on_i;
+  end
+
   // ---- parameters: taken at the strobe, computed beside the step, committed after it -----------------------------
-  wire [224:0] param_in = {method_i, p_h_i, p_b_i, p_j_i, p_kb_i, p_km_i, p_l_i, p_r_i};
-  reg  [224:0] param_q;    // the last set read
+  // The right motor's stand apart only where it has its own: without, they cannot start a computation.
+  wire [191:0] param2_in = {p2_b_i, p2_j_i, p2_kb_i, p2_km_i, p2_l_i, p2_r_i} & {192{fx_own_i}};
+  wire [226:0] param_in  = {fx_own_i, fx_on_i, method_i, p_h_i, p_b_i, p_j_i, p_kb_i, p_km_i, p_l_i, p_r_i};
+  reg  [226:0] param_q;    // the last set read
+  reg  [191:0] param2_q;
   reg          seen_q;     // there was one
   reg          start_q;    // it differs from the one before
+  reg          second_q;   // the right motor's coefficients are being computed, or stand
+  reg          again_q;    // they start
   reg          waiting_q;  // coefficients stand, not yet committed
-  reg  [255:0] coef_q;     // in force
+  reg  [287:0] left_q;     // the left motor's, while the right one's are computed
+  reg          fault_q;    // and whether they are unusable
+  reg  [287:0] coef_l_q;   // in force: {rho, G22, G21, G12, G11, B, Km, Kb, R}
+  reg  [287:0] coef_r_q;
   wire [255:0] coef;
+  wire  [31:0] rho;
   wire         param_busy;
   wire         param_done;
-  wire         fault;
+  wire         fault_one;
 
+  wire         own     = param_q[226];
+  wire [191:0] motor   = second_q ? param2_q : param_q[191:0];
+  wire         fault   = fault_one | (own & fault_q);
   wire         commit  = waiting_q & idle;
   wire         refresh = commit & ~fault;
 
-  assign param_pending = start_q | param_busy | param_done | waiting_q;
+  assign param_pending = start_q | again_q | param_busy | param_done | waiting_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      param_q       <= 225'd0;
+      param_q       <= 227'd0;
+      param2_q      <= 192'd0;
       seen_q        <= 1'b0;
       start_q       <= 1'b0;
+      second_q      <= 1'b0;
+      again_q       <= 1'b0;
       waiting_q     <= 1'b0;
-      coef_q        <= 256'd0;
+      left_q        <= 288'd0;
+      fault_q       <= 1'b0;
+      coef_l_q      <= 288'd0;
+      coef_r_q      <= 288'd0;
       param_fault_o <= 1'b0;
     end else begin
       start_q <= 1'b0;
+      again_q <= param_done & own & ~second_q;
       if (accept) begin
-        start_q <= ~seen_q | (param_in != param_q);
-        param_q <= param_in;
-        seen_q  <= 1'b1;
+        start_q  <= ~seen_q | (param_in != param_q) | (param2_in != param2_q);
+        param_q  <= param_in;
+        param2_q <= param2_in;
+        seen_q   <= 1'b1;
+        second_q <= 1'b0;
       end
-      if (param_done) waiting_q <= 1'b1;
+      if (param_done & own & ~second_q) begin
+        second_q <= 1'b1;
+        left_q   <= {rho, coef};
+        fault_q  <= fault_one;
+      end
+      if (param_done & (~own | second_q)) waiting_q <= 1'b1;
       else if (commit) waiting_q <= 1'b0;
       if (commit) param_fault_o <= fault;
-      if (refresh) coef_q <= coef;
+      if (refresh) begin
+        coef_l_q <= own ? left_q : {rho, coef};
+        coef_r_q <= {rho, coef};
+      end
     end
   end
 
   rtds_param_unit u_param_unit (
     .clk_i   (clk_i),
     .rst_ni  (rst_ni),
-    .start_i (start_q),
-    .r_i     (param_q[0+:32]),
-    .l_i     (param_q[32+:32]),
-    .km_i    (param_q[64+:32]),
-    .kb_i    (param_q[96+:32]),
-    .j_i     (param_q[128+:32]),
-    .b_i     (param_q[160+:32]),
+    .start_i (start_q | again_q),
+    .r_i     (motor[0+:32]),
+    .l_i     (motor[32+:32]),
+    .km_i    (motor[64+:32]),
+    .kb_i    (motor[96+:32]),
+    .j_i     (motor[128+:32]),
+    .b_i     (motor[160+:32]),
     .h_i     (param_q[192+:32]),
+    .rho_i   (param_q[225]),
     .method_i(param_q[224]),
     .busy_o  (param_busy),
     .done_o  (param_done),
-    .fault_o (fault),
-    .coef_o  (coef)
+    .fault_o (fault_one),
+    .coef_o  (coef),
+    .rho_o   (rho)
+  );
+
+  // ---- effects ---------------------------------------------------------------------------------------------------
+  wire        save_hi;
+  wire [63:0] u_v;
+  wire [63:0] u_t;
+  wire [63:0] level_f;
+  wire [63:0] level_b;
+
+  effect_unit u_effects (
+    .clk_i     (clk_i),
+    .rst_ni    (rst_ni),
+    .rest_i    (clear_i | (accept & ~fx_on_i)),
+    .strobe_i  (accept & fx_on_i),
+    .v_i       ({v_r_i, v_l_i}),
+    .t_i       ({t_r_i, t_l_i}),
+    .delay_i   (fx_delay_i),
+    .stride_i  (fx_stride_i),
+    .step_i    (save_hi & fx_q),
+    .r_i       ({coef_r_q[0+:32], coef_l_q[0+:32]}),
+    .kb_i      ({coef_r_q[32+:32], coef_l_q[32+:32]}),
+    .i_i       ({i_r_o, i_l_o}),
+    .w_i       ({w_r_o, w_l_o}),
+    .busy_o    (fx_busy),
+    .u_v_o     (u_v),
+    .u_t_o     (u_t),
+    .level_f_o (level_f),
+    .level_b_o (level_b),
+    .wr_valid_i(fx_wr_valid_i),
+    .wr_addr_i (fx_wr_addr_i),
+    .wr_data_i (fx_wr_data_i),
+    .wr_ready_o(fx_wr_ready_o)
   );
 
   // ---- motors ----------------------------------------------------------------------------------------------------
   wire [2:0] add_en;
   wire [1:0] mul_en;
   wire [2:0] op;
-  wire [1:0] mul_sel;
+  wire [2:0] mul_sel;
   wire       save_p;
   wire       save_s;
-  wire       save_hi;
   wire       save_lo;
+  wire       save_last;
+  wire       save_f;
+  wire       save_b;
+  wire       save_taken;
 
   rtds_sequencer u_sequencer (
     .clk_i    (clk_i),
@@ -138,7 +231,8 @@ module rtds_core (
     .clear_i  (clear_i),
     .start_i  (accept),
     .refresh_i(refresh),
-    .idle_o   (idle),
+    .effects_i(fx_q),
+    .idle_o   (sequencer_idle),
     .valid_o  (valid_o),
     .add_en_o (add_en),
     .mul_en_o (mul_en),
@@ -147,7 +241,11 @@ module rtds_core (
     .save_p_o (save_p),
     .save_s_o (save_s),
     .save_hi_o(save_hi),
-    .save_lo_o(save_lo)
+    .save_lo_o(save_lo),
+    .save_last_o (save_last),
+    .save_f_o    (save_f),
+    .save_b_o    (save_b),
+    .save_taken_o(save_taken)
   );
 
   rtds_motor u_left (
@@ -162,9 +260,17 @@ module rtds_core (
     .save_s_i (save_s),
     .save_hi_i(save_hi),
     .save_lo_i(save_lo),
-    .coef_i   (coef_q),
-    .v_i      (v_l_i),
-    .t_i      (t_l_i),
+    .save_last_i (save_last),
+    .save_f_i    (save_f),
+    .save_b_i    (save_b),
+    .save_taken_i(save_taken),
+    .effects_i(fx_q),
+    .rho_i    (coef_l_q[256+:32]),
+    .level_f_i(level_f[0+:32]),
+    .level_b_i(level_b[0+:32]),
+    .coef_i   (coef_l_q[255:0]),
+    .v_i      (fx_on_i ? u_v[0+:32] : v_l_i),
+    .t_i      (fx_on_i ? u_t[0+:32] : t_l_i),
     .i_hi_o   (i_l_o),
     .w_hi_o   (w_l_o),
     .i_lo_o   (i_l_lo_o),
@@ -183,9 +289,17 @@ module rtds_core (
     .save_s_i (save_s),
     .save_hi_i(save_hi),
     .save_lo_i(save_lo),
-    .coef_i   (coef_q),
-    .v_i      (v_r_i),
-    .t_i      (t_r_i),
+    .save_last_i (save_last),
+    .save_f_i    (save_f),
+    .save_b_i    (save_b),
+    .save_taken_i(save_taken),
+    .effects_i(fx_q),
+    .rho_i    (coef_r_q[256+:32]),
+    .level_f_i(level_f[32+:32]),
+    .level_b_i(level_b[32+:32]),
+    .coef_i   (coef_r_q[255:0]),
+    .v_i      (fx_on_i ? u_v[32+:32] : v_r_i),
+    .t_i      (fx_on_i ? u_t[32+:32] : t_r_i),
     .i_hi_o   (i_r_o),
     .w_hi_o   (w_r_o),
     .i_lo_o   (i_r_lo_o),

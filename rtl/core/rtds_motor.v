@@ -3,8 +3,9 @@
 // Purpose    x+ = x + G (u - S x) for x = (i, w), u = (V, T): armature current and shaft speed after one step with
 //            the inputs held. Derivation and signs: docs/motor-unit.md.
 // Handshake  none of its own: control comes from rtds_sequencer, the same for both motors.
+//            With effects, friction takes its part of the speed before the state is saved (rtds_friction).
 // Latency    i_hi_o, w_hi_o change 15 clocks after the strobe; i_lo_o, w_lo_o belong to them 21 clocks after it, and are
-//            scratch from the 12th clock on.
+//            scratch from the 12th clock on. With effects 9 clocks more, from the 12th on.
 // Format     binary32, SI at the motor shaft: V, N.m (opposing load positive), A, rad/s. A state is hi + lo.
 // Crossing   none.
 `default_nettype none
@@ -17,11 +18,20 @@ module rtds_motor (
   input  wire   [2:0] add_en_i,
   input  wire   [1:0] mul_en_i,
   input  wire   [2:0] op_i,
-  input  wire   [1:0] mul_sel_i,
+  input  wire   [2:0] mul_sel_i,
   input  wire         save_p_i,
   input  wire         save_s_i,
   input  wire         save_hi_i,
   input  wire         save_lo_i,
+  input  wire         save_last_i,
+  input  wire         save_f_i,
+  input  wire         save_b_i,
+  input  wire         save_taken_i,
+  // effects: rho = G12 / G22, levels of dry friction, N.m
+  input  wire         effects_i,
+  input  wire  [31:0] rho_i,
+  input  wire  [31:0] level_f_i,
+  input  wire  [31:0] level_b_i,
   // coefficients {G22, G21, G12, G11, B, Km, Kb, R}, R in bits 31..0
   input  wire [255:0] coef_i,
   // inputs, used in the clock of the strobe
@@ -34,6 +44,22 @@ module rtds_motor (
 );
   wire [31:0] e1;
   wire [31:0] e2;
+  wire [31:0] m_electrical;
+  wire [31:0] m_mechanical;
+  wire [31:0] taken;
+  wire        held;
+
+  rtds_friction u_friction (
+    .clk_i       (clk_i),
+    .rst_ni      (rst_ni),
+    .save_f_i    (save_f_i),
+    .save_b_i    (save_b_i),
+    .save_taken_i(save_taken_i),
+    .product_i   (m_mechanical),
+    .free_i      (e2),
+    .taken_o     (taken),
+    .held_o      (held)
+  );
 
   rtds_row #(
     .ELECTRICAL(1)
@@ -49,6 +75,12 @@ module rtds_motor (
     .save_s_i (save_s_i),
     .save_hi_i(save_hi_i),
     .save_lo_i(save_lo_i),
+    .zero_i   (1'b0),
+    .k_i      (rho_i),
+    .y4_i     (taken),
+    .y5_i     (taken),
+    .taken_i  (taken),
+    .m_o      (m_electrical),
     .a1_i     (coef_i[0+:32]),
     .a2_i     (coef_i[32+:32]),
     .g1_i     (coef_i[128+:32]),
@@ -77,6 +109,12 @@ module rtds_motor (
     .save_s_i (save_s_i),
     .save_hi_i(save_hi_i),
     .save_lo_i(save_lo_i),
+    .zero_i   (effects_i & held & save_last_i),
+    .k_i      (coef_i[224+:32]),
+    .y4_i     (level_f_i),
+    .y5_i     (level_b_i),
+    .taken_i  (taken),
+    .m_o      (m_mechanical),
     .a1_i     (coef_i[64+:32]),
     .a2_i     (coef_i[96+:32]),
     .g1_i     (coef_i[192+:32]),
@@ -90,6 +128,8 @@ module rtds_motor (
     .hi_o     (w_hi_o),
     .lo_o     (w_lo_o)
   );
+
+  wire unused = ^m_electrical;
 endmodule
 
 `default_nettype wire

@@ -3,11 +3,12 @@
 // Purpose    th = h theta (theta 1 or 1/2), L' = L + th R, J' = J + th B, c = th Kb, d = th Km, D = L' J' + c d,
 //            q = h / D, then G11 = q J', G12 = q c, G21 = q d, G22 = q L'. Nothing is subtracted, so nothing
 //            cancels. One multiplier, one adder, one divider, one operation after the other.
+//            With rho_i also rho = c / L' = G12 / G22, which friction needs; else rho_o stays.
 //            fault_o: a parameter or a coefficient is no positive normal number (zero, negative, NaN, infinite,
 //            subnormal).
 // Handshake  start_i for one clock; the parameters stay until done_o. done_o for one clock, when the coefficients
 //            and fault_o stand; they hold until the next start_i. A start_i while busy is not allowed.
-// Latency    start_i in clock n (before edge n + 1) gives done_o after edge n + 79, always.
+// Latency    start_i in clock n (before edge n + 1) gives done_o after edge n + 79, with rho_i n + 112, always.
 // Format     binary32, SI. coef_o = {G22, G21, G12, G11, B, Km, Kb, R}, R in bits 31..0.
 // Crossing   none.
 `default_nettype none
@@ -23,11 +24,13 @@ module rtds_param_unit (
   input  wire  [31:0] j_i,
   input  wire  [31:0] b_i,
   input  wire  [31:0] h_i,
+  input  wire         rho_i,
   input  wire         method_i,   // 0 backward Euler (theta 1), 1 trapezoidal (theta 1/2)
   output wire         busy_o,
   output reg          done_o,
   output reg          fault_o,
-  output wire [255:0] coef_o
+  output wire [255:0] coef_o,
+  output wire  [31:0] rho_o
 );
   localparam [31:0] ONE  = 32'h3F80_0000;
   localparam [31:0] HALF = 32'h3F00_0000;
@@ -48,6 +51,7 @@ module rtds_param_unit (
   localparam [3:0] OP_G12   = 4'd12;  // c  = x * c
   localparam [3:0] OP_G21   = 4'd13;  // d  = x * d
   localparam [3:0] OP_G22   = 4'd14;  // lp = x * lp
+  localparam [3:0] OP_RHO   = 4'd15;  // rho = c / lp, between d and c d
 
   localparam [5:0] LAST_MUL = 6'd2;   // clocks of an operation, less one: latency of the operator
   localparam [5:0] LAST_ADD = 6'd3;
@@ -59,6 +63,7 @@ module rtds_param_unit (
   reg  [31:0] jp_q;
   reg  [31:0] c_q;
   reg  [31:0] d_q;
+  reg  [31:0] rho_q;
 
   // ---- sequence --------------------------------------------------------------------------------------------------
   reg       busy_q;
@@ -67,7 +72,8 @@ module rtds_param_unit (
   reg       first_q;   // its first clock
 
   wire       is_add = (op_q == OP_LP) | (op_q == OP_JP) | (op_q == OP_DET);
-  wire       is_div = op_q == OP_SCALE;
+  wire       is_rho = op_q == OP_RHO;
+  wire       is_div = (op_q == OP_SCALE) | is_rho;
   wire [5:0] last   = is_div ? LAST_DIV : is_add ? LAST_ADD : LAST_MUL;
 
   // ---- operators -------------------------------------------------------------------------------------------------
@@ -122,8 +128,8 @@ module rtds_param_unit (
     .rst_ni (rst_ni),
     .en_i   (busy_q),
     .start_i(first_q & is_div),
-    .a_i    (h_i),
-    .b_i    (y_q),
+    .a_i    (is_rho ? c_q : h_i),
+    .b_i    (is_rho ? lp_q : y_q),
     .valid_o(div_valid),
     .y_o    (div_y)
   );
@@ -150,6 +156,7 @@ module rtds_param_unit (
       jp_q    <= 32'd0;
       c_q     <= 32'd0;
       d_q     <= 32'd0;
+      rho_q   <= 32'd0;
     end else begin
       done_o  <= 1'b0;
       first_q <= start_i;
@@ -163,7 +170,7 @@ module rtds_param_unit (
         clock_q <= clock_q + 6'd1;
         if (clock_q == last) begin
           clock_q <= 6'd0;
-          op_q    <= op_q + 4'd1;
+          op_q    <= is_rho ? OP_CD : (rho_i & (op_q == OP_D)) ? OP_RHO : op_q + 4'd1;
           first_q <= 1'b1;
           case (op_q)
             OP_TH, OP_LJ, OP_SCALE:    x_q  <= result;
@@ -172,6 +179,7 @@ module rtds_param_unit (
             OP_JP, OP_G11:             jp_q <= result;
             OP_C, OP_G12:              c_q  <= result;
             OP_D, OP_G21:              d_q  <= result;
+            OP_RHO:                    rho_q <= result;
             default: ;
           endcase
           if (op_q == OP_G11 || op_q == OP_G12 || op_q == OP_G21 || op_q == OP_G22)
@@ -187,6 +195,7 @@ module rtds_param_unit (
   end
 
   assign coef_o  = {lp_q, d_q, c_q, jp_q, b_i, km_i, kb_i, r_i};
+  assign rho_o   = rho_q;
   assign busy_o  = busy_q;
 
   wire unused = &{1'b0, div_valid};

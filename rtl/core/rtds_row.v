@@ -6,6 +6,9 @@
 //              d = (g1 e1) -/+ (g2 e2)    minus for the electrical row
 //              t = d + lo;  hi' = hi + t;  lo' = t - (hi' - hi)
 //            s of the next step is computed when hi' stands, before the next input is known.
+//            With effects, between t and the last sums, after rtds_friction has taken its part of the free speed:
+//              t' = t + k y4   ELECTRICAL = 1: k = rho, y4 = the speed taken
+//              t' = t - taken  ELECTRICAL = 0; and k y4, k y5 before it: k = g2, y4, y5 = levels of friction
 //            One adder and one multiplier; the sequencer says what they work on (it has the table).
 // Handshake  none of its own: op_i, mul_sel_i, the enables and the save_*_i of rtds_sequencer. u_i is used in the clock
 //            of the strobe only.
@@ -23,16 +26,23 @@ module rtds_row #(
   input  wire  [2:0] add_en_i,    // a bit for each stage of the adder, the first in bit 0
   input  wire  [1:0] mul_en_i,
   input  wire  [2:0] op_i,        // what enters the adder in this clock
-  input  wire  [1:0] mul_sel_i,   // what enters the multiplier: {G e rather than S x, second rather than first}
+  input  wire  [2:0] mul_sel_i,   // into the multiplier: {friction, G e rather than S x, second rather than first}
   input  wire        save_p_i,    // first product, or s
   input  wire        save_s_i,    // it is s
   input  wire        save_hi_i,
   input  wire        save_lo_i,   // t, later lo'
+  input  wire        zero_i,      // what is saved is zero: the shaft is held
   // coefficients: R, Kb, G11, G12 or Km, B, G21, G22
   input  wire [31:0] a1_i,
   input  wire [31:0] a2_i,
   input  wire [31:0] g1_i,
   input  wire [31:0] g2_i,
+  // of friction, with effects
+  input  wire [31:0] k_i,
+  input  wire [31:0] y4_i,
+  input  wire [31:0] y5_i,
+  input  wire [31:0] taken_i,
+  output wire [31:0] m_o,         // the multiplier's result
   // input, state of both rows, e of both rows
   input  wire [31:0] u_i,
   input  wire [31:0] i_hi_i,
@@ -51,6 +61,7 @@ module rtds_row #(
   localparam [2:0] OP_Z  = 3'd4;
   localparam [2:0] OP_LO = 3'd5;
   localparam [2:0] OP_S  = 3'd6;
+  localparam [2:0] OP_P  = 3'd7;
 
   wire [31:0] m;
   wire [31:0] y;
@@ -60,21 +71,25 @@ module rtds_row #(
 
   always @* begin
     case (mul_sel_i)
-      2'b00: begin
+      3'b000: begin
         mul_a = a1_i;
         mul_b = i_hi_i;
       end
-      2'b01: begin
+      3'b001: begin
         mul_a = a2_i;
         mul_b = w_hi_i;
       end
-      2'b10: begin
+      3'b010: begin
         mul_a = g1_i;
         mul_b = e1_i;
       end
-      default: begin
+      3'b011: begin
         mul_a = g2_i;
         mul_b = e2_i;
+      end
+      default: begin
+        mul_a = k_i;
+        mul_b = mul_sel_i[0] ? y5_i : y4_i;
       end
     endcase
   end
@@ -121,6 +136,11 @@ module rtds_row #(
         add_b = lo_o;
       end
       OP_S: sub = (ELECTRICAL == 0);
+      OP_P: begin  // lo_o holds t
+        add_a = lo_o;
+        add_b = (ELECTRICAL != 0) ? m : taken_i;
+        sub   = (ELECTRICAL == 0);
+      end
       default: ;
     endcase
   end
@@ -134,6 +154,7 @@ module rtds_row #(
     .y_o  (y)
   );
   assign e_o = y;
+  assign m_o = m;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -145,8 +166,8 @@ module rtds_row #(
       lo_o <= 32'd0;
       p_q  <= 32'd0;  // s of a zero state, whatever the coefficients
     end else begin
-      if (save_hi_i) hi_o <= y;
-      if (save_lo_i) lo_o <= y;
+      if (save_hi_i) hi_o <= zero_i ? 32'd0 : y;
+      if (save_lo_i) lo_o <= zero_i ? 32'd0 : y;
       if (save_p_i) p_q <= save_s_i ? y : m;
     end
   end

@@ -14,9 +14,17 @@
 //              slot 18   add LO: t - z -> lo' (slot 21, saved at its end)
 //              slot 19   add S : products -> s (slot 22, saved at its end)
 //            refresh_i runs slots 16 to 22 alone, without LO: s anew after the coefficients have changed.
+//            With effects_i slots 32 to 40 stand between 14 and 15, so that all after them is 9 clocks later:
+//              slot  5   mul   : level of friction forward (slot 7, saved at its end)
+//              slot  6   mul   : level of friction backward (slot 8, saved at its end)
+//              slot 32   (what HI gave in slot 12 is the free speed: rtds_friction takes its part, saved at its end)
+//              slot 33   mul   : rho taken (slot 35)
+//              slot 35   add P : t corrected -> t' (slot 38, saved at its end)
+//              slot 38   add HI: hi + t' -> hi' (slot 15)
 // Handshake  start_i (in the clock of the strobe) or refresh_i only while idle_o. clear_i ends what is under way.
+//            effects_i holds from the clock after start_i to the next.
 // Latency    valid_o in slot 16, after the 15th edge that follows the strobe's; the next strobe may follow 23 clocks
-//            after the last.
+//            after the last. With effects 9 more.
 // Crossing   none.
 `default_nettype none
 
@@ -26,16 +34,21 @@ module rtds_sequencer (
   input  wire       clear_i,
   input  wire       start_i,
   input  wire       refresh_i,
+  input  wire       effects_i,
   output wire       idle_o,
   output reg        valid_o,
   output wire [2:0] add_en_o,    // a bit for each stage, the first in bit 0
   output wire [1:0] mul_en_o,
   output reg  [2:0] op_o,
-  output wire [1:0] mul_sel_o,
+  output wire [2:0] mul_sel_o,
   output wire       save_p_o,
   output wire       save_s_o,
   output wire       save_hi_o,
-  output wire       save_lo_o
+  output wire       save_lo_o,
+  output wire       save_last_o,  // what save_hi_o or save_lo_o saves is the new state
+  output wire       save_f_o,     // products of rtds_friction
+  output wire       save_b_o,
+  output wire       save_taken_o
 );
   // The same codes as in rtds_row.
   localparam [2:0] OP_E  = 3'd0;
@@ -45,18 +58,23 @@ module rtds_sequencer (
   localparam [2:0] OP_Z  = 3'd4;
   localparam [2:0] OP_LO = 3'd5;
   localparam [2:0] OP_S  = 3'd6;
+  localparam [2:0] OP_P  = 3'd7;
 
-  localparam [4:0] SLOT_IDLE  = 5'd0;
-  localparam [4:0] SLOT_FIRST = 5'd1;
-  localparam [4:0] SLOT_MUL_S = 5'd16;
-  localparam [4:0] SLOT_LAST  = 5'd22;
+  localparam [5:0] SLOT_IDLE  = 6'd0;
+  localparam [5:0] SLOT_FIRST = 6'd1;
+  localparam [5:0] SLOT_MUL_S = 6'd16;
+  localparam [5:0] SLOT_LAST  = 6'd22;
+  localparam [5:0] SLOT_FREE  = 6'd32;  // with effects: after 14
+  localparam [5:0] SLOT_BACK  = 6'd40;  // before 15
 
-  reg [4:0] slot_q;
-  reg [4:0] slot_n;
+  reg [5:0] slot_q;
+  reg [5:0] slot_n;
   reg       refresh_q;
 
   always @* begin
-    slot_n = slot_q + 5'd1;
+    slot_n = slot_q + 6'd1;
+    if (slot_q == 6'd14 && effects_i) slot_n = SLOT_FREE;
+    if (slot_q == SLOT_BACK) slot_n = 6'd15;
     if (slot_q == SLOT_IDLE || slot_q == SLOT_LAST) slot_n = SLOT_IDLE;
     if (start_i) slot_n = SLOT_FIRST;
     if (refresh_i) slot_n = SLOT_MUL_S;
@@ -79,7 +97,8 @@ module rtds_sequencer (
   reg       add_first;
   reg [1:0] add_later_q;
   reg       mul_later_q;
-  wire      mul_first = (slot_q == 5'd3) | (slot_q == 5'd4) | (slot_q == SLOT_MUL_S) | (slot_q == 5'd17);
+  wire      mul_fx    = effects_i & ((slot_q == 6'd5) | (slot_q == 6'd6) | (slot_q == 6'd33));
+  wire      mul_first = (slot_q == 6'd3) | (slot_q == 6'd4) | (slot_q == SLOT_MUL_S) | (slot_q == 6'd17) | mul_fx;
 
   always @* begin
     add_first = 1'b1;
@@ -88,12 +107,14 @@ module rtds_sequencer (
         op_o      = OP_E;
         add_first = start_i;
       end
-      5'd6:      op_o = OP_D;
-      5'd9:      op_o = OP_T;
-      5'd12:     op_o = OP_HI;
-      5'd15:     op_o = OP_Z;
-      5'd18:     op_o = OP_LO;
-      5'd19:     op_o = OP_S;
+      6'd6:      op_o = OP_D;
+      6'd9:      op_o = OP_T;
+      6'd12:     op_o = OP_HI;
+      6'd15:     op_o = OP_Z;
+      6'd18:     op_o = OP_LO;
+      6'd35:     op_o = OP_P;
+      6'd38:     op_o = OP_HI;
+      6'd19:     op_o = OP_S;
       default: begin
         op_o      = OP_S;
         add_first = 1'b0;
@@ -114,14 +135,19 @@ module rtds_sequencer (
   wire busy = slot_q != SLOT_IDLE;
 
   assign idle_o       = ~busy;
-  assign mul_sel_o[1] = (slot_q == 5'd3) | (slot_q == 5'd4);
-  assign mul_sel_o[0] = (slot_q == 5'd4) | (slot_q == 5'd17);
+  assign mul_sel_o[2] = mul_fx;
+  assign mul_sel_o[1] = (slot_q == 6'd3) | (slot_q == 6'd4);
+  assign mul_sel_o[0] = (slot_q == 6'd4) | (slot_q == 6'd17) | (effects_i & (slot_q == 6'd6));
   assign add_en_o     = {add_later_q, add_first};
   assign mul_en_o     = {mul_later_q, mul_first};
   assign save_s_o     = slot_q == SLOT_LAST;
-  assign save_p_o     = (slot_q == 5'd5) | (slot_q == 5'd18) | save_s_o;
-  assign save_hi_o    = slot_q == 5'd15;
-  assign save_lo_o    = (slot_q == 5'd12) | ((slot_q == 5'd21) & ~refresh_q);
+  assign save_p_o     = (slot_q == 6'd5) | (slot_q == 6'd18) | save_s_o;
+  assign save_hi_o    = slot_q == 6'd15;
+  assign save_lo_o    = (slot_q == 6'd12) | (slot_q == 6'd38) | ((slot_q == 6'd21) & ~refresh_q);
+  assign save_last_o  = (slot_q == 6'd15) | (slot_q == 6'd21);
+  assign save_f_o     = slot_q == 6'd7;
+  assign save_b_o     = slot_q == 6'd8;
+  assign save_taken_o = slot_q == SLOT_FREE;
 endmodule
 
 `default_nettype wire

@@ -7,6 +7,8 @@
 //             clock later together with response: 0 okay, 2 refused (read only), 3 no such register.
 //             A commit waits until idle_i is high and then replaces the whole of config_o at one clock edge;
 //             clear_o pulses under the same condition. A second command while one waits joins it.
+//             A write to FX_DATA passes on to the effect unit in the same clock; it has no wait state either, and is lost
+//             (FX_ADDRESS stays) while the unit still holds the word before.
 // Latency     read 1 clock, write 1 clock, sticky bits 1 clock after their event. An event at the clock in
 //             which its bit is cleared wins.
 // Format      floats are opaque words here.
@@ -31,8 +33,12 @@ module rtds_regs #(
     // to the chip
     output wire          run_o,
     output wire          blank_o,
-    output wire [1151:0] config_o,        // CFG_WORDS words of the config group in force
+    output wire [1407:0] config_o,        // CFG_WORDS words of the config group in force
     output wire          clear_o,
+    output wire          fx_valid_o,      // a word for the effect unit
+    output wire [  13:0] fx_address_o,
+    output wire [  31:0] fx_data_o,
+    input  wire          fx_ready_i,      // it takes one
     input  wire          idle_i,          // no step is in hand
 
     // from the chip
@@ -120,6 +126,19 @@ module rtds_regs #(
     end
   end
 
+  // --- words for the effect unit ---------------------------------------------------------------------------
+  reg [13:0] fx_address_q;
+
+  assign fx_valid_o   = write && (address == ADDR_FX_DATA) && fx_ready_i;
+  assign fx_address_o = fx_address_q;
+  assign fx_data_o    = avs_writedata_i;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) fx_address_q <= 14'd0;
+    else if (write && address == ADDR_FX_ADDRESS) fx_address_q <= avs_writedata_i[13:0];
+    else if (fx_valid_o) fx_address_q <= fx_address_q + 14'd1;
+  end
+
   // --- control, scratch ----------------------------------------------------------------------------------
   reg [ 1:0] control_q;
   reg [31:0] scratch_q;
@@ -194,8 +213,9 @@ module rtds_regs #(
       case (address)
         ADDR_SCRATCH: readdata_d = scratch_q;
         ADDR_CONTROL: readdata_d = {30'd0, control_q};
-        ADDR_COMMAND: readdata_d = 32'd0;
-        ADDR_STATUS:  readdata_d = {21'd0, status_q};
+        ADDR_COMMAND, ADDR_FX_DATA: readdata_d = 32'd0;
+        ADDR_FX_ADDRESS: readdata_d = {18'd0, fx_address_q};
+        ADDR_STATUS: readdata_d = {21'd0, status_q};
         default: begin
           if (write) response_d = RESP_REFUSED;
           case (address)

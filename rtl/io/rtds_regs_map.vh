@@ -4,7 +4,7 @@
 // verilator lint_off UNUSEDPARAM
 
 localparam [31:0] MAP_ID = 32'h52544453;
-localparam [31:0] MAP_VERSION = 32'h00010000;
+localparam [31:0] MAP_VERSION = 32'h00010100;
 
 localparam [7:0] ADDR_ID = 8'h00;
 localparam [7:0] ADDR_VERSION = 8'h01;
@@ -42,6 +42,8 @@ localparam [7:0] ADDR_STEPS_LO = 8'h0A;
 localparam [7:0] ADDR_STEPS_HI = 8'h0B;
 localparam [7:0] ADDR_SERIAL_ERRORS = 8'h0C;
 localparam [7:0] ADDR_LATENCY = 8'h0D;
+localparam [7:0] ADDR_FX_ADDRESS = 8'h0E;
+localparam [7:0] ADDR_FX_DATA = 8'h0F;
 localparam [7:0] ADDR_R = 8'h10;
 localparam [7:0] ADDR_L = 8'h11;
 localparam [7:0] ADDR_KM = 8'h12;
@@ -85,6 +87,16 @@ localparam [7:0] ADDR_DAC_I_L_OFFSET = 8'h30;
 localparam [7:0] ADDR_DAC_W_L_OFFSET = 8'h31;
 localparam [7:0] ADDR_DAC_I_R_OFFSET = 8'h32;
 localparam [7:0] ADDR_DAC_W_R_OFFSET = 8'h33;
+localparam [7:0] ADDR_R_R = 8'h34;
+localparam [7:0] ADDR_L_R = 8'h35;
+localparam [7:0] ADDR_KM_R = 8'h36;
+localparam [7:0] ADDR_KB_R = 8'h37;
+localparam [7:0] ADDR_J_R = 8'h38;
+localparam [7:0] ADDR_B_R = 8'h39;
+localparam [7:0] ADDR_EFFECTS = 8'h3A;
+localparam integer BIT_EFFECTS_ON = 0;
+localparam integer BIT_EFFECTS_OWN = 1;
+localparam [7:0] ADDR_DELAY = 8'h3B;
 localparam [7:0] ADDR_NOW_I_L = 8'h40;
 localparam [7:0] ADDR_NOW_W_L = 8'h41;
 localparam [7:0] ADDR_NOW_I_R = 8'h42;
@@ -104,7 +116,7 @@ localparam [7:0] ADDR_CODES_L = 8'h4F;
 localparam [7:0] ADDR_CODES_R = 8'h50;
 
 // The config group as one vector: word k at bits 32*k+31 : 32*k.
-localparam integer CFG_WORDS = 36;
+localparam integer CFG_WORDS = 44;
 localparam [7:0] CFG_FIRST = 8'h10;
 localparam integer CFG_R = 0;
 localparam integer CFG_L = 1;
@@ -142,7 +154,23 @@ localparam integer CFG_DAC_I_L_OFFSET = 32;
 localparam integer CFG_DAC_W_L_OFFSET = 33;
 localparam integer CFG_DAC_I_R_OFFSET = 34;
 localparam integer CFG_DAC_W_R_OFFSET = 35;
+localparam integer CFG_R_R = 36;
+localparam integer CFG_L_R = 37;
+localparam integer CFG_KM_R = 38;
+localparam integer CFG_KB_R = 39;
+localparam integer CFG_J_R = 40;
+localparam integer CFG_B_R = 41;
+localparam integer CFG_EFFECTS = 42;
+localparam integer CFG_DELAY = 43;
 localparam [32*CFG_WORDS-1:0] CFG_RESET = {
+  32'h00010000,  // DELAY = 0x10000
+  32'h00000000,  // EFFECTS = 0x0
+  32'h34EAB84F,  // B_R = 4.372e-07
+  32'h33D6BF95,  // J_R = 1e-07
+  32'h3BD63CB8,  // KB_R = 0.006538
+  32'h3BD63CB8,  // KM_R = 0.006538
+  32'h3A83126F,  // L_R = 0.001
+  32'h4109999A,  // R_R = 8.6
   32'h00000000,  // DAC_W_R_OFFSET = 0
   32'h00000000,  // DAC_I_R_OFFSET = 0
   32'h00000000,  // DAC_W_L_OFFSET = 0

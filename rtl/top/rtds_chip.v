@@ -90,6 +90,10 @@ module rtds_chip #(
   wire [ 383:0] now;
   wire [ 159:0] codes;
   wire [32*CFG_WORDS-1:0] cfg;
+  wire          fx_valid;
+  wire [  13:0] fx_address;
+  wire [  31:0] fx_data;
+  wire          fx_ready;
 
   uart_rx #(
       .CLKS_PER_BIT(UART_CLKS_PER_BIT)
@@ -152,6 +156,10 @@ module rtds_chip #(
       .blank_o                 (blank),
       .config_o                (cfg),
       .clear_o                 (clear),
+      .fx_valid_o              (fx_valid),
+      .fx_address_o            (fx_address),
+      .fx_data_o               (fx_data),
+      .fx_ready_i              (fx_ready),
       .idle_i                  (idle),
       .event_i                 (events),
       .live_i                  (live),
@@ -352,6 +360,20 @@ module rtds_chip #(
       .p_b_i        (core_params[31:0]),
       .p_h_i        (cfg[32*CFG_H+:32]),
       .method_i     (cfg[32*CFG_CONFIG+BIT_CONFIG_METHOD]),
+      .fx_on_i      (cfg[32*CFG_EFFECTS+BIT_EFFECTS_ON]),
+      .fx_own_i     (cfg[32*CFG_EFFECTS+BIT_EFFECTS_OWN]),
+      .fx_delay_i   (cfg[32*CFG_DELAY+:12]),
+      .fx_stride_i  (cfg[32*CFG_DELAY+16+:16]),
+      .p2_r_i       (cfg[32*CFG_R_R+:32]),
+      .p2_l_i       (cfg[32*CFG_L_R+:32]),
+      .p2_km_i      (cfg[32*CFG_KM_R+:32]),
+      .p2_kb_i      (cfg[32*CFG_KB_R+:32]),
+      .p2_j_i       (cfg[32*CFG_J_R+:32]),
+      .p2_b_i       (cfg[32*CFG_B_R+:32]),
+      .fx_wr_valid_i(fx_valid),
+      .fx_wr_addr_i (fx_address),
+      .fx_wr_data_i (fx_data),
+      .fx_wr_ready_o(fx_ready),
       .valid_o      (core_valid),
       .i_l_o        (i_l),
       .w_l_o        (w_l),

@@ -52,12 +52,25 @@ void drive(Vrtds_core& top, const std::uint32_t* record) {
     top.p_b_i = record[9];
     top.p_h_i = record[10];
     top.method_i = record[11] & 1;
+    top.fx_on_i = 0;
+    top.fx_own_i = 0;
 }
 
 void scramble(Vrtds_core& top) {
     std::uint32_t words[12];
     for (std::uint32_t& word : words) word = random_word();
     drive(top, words);
+    // Without effects at the strobe, nothing of them counts.
+    top.fx_on_i = random_word() & 1;
+    top.fx_own_i = random_word() & 1;
+    top.fx_delay_i = random_word() & 0xFFF;
+    top.fx_stride_i = random_word() & 0xFFFF;
+    top.p2_r_i = random_word();
+    top.p2_l_i = random_word();
+    top.p2_km_i = random_word();
+    top.p2_kb_i = random_word();
+    top.p2_j_i = random_word();
+    top.p2_b_i = random_word();
 }
 
 int fail(long step, const char* what, int clocks) {
@@ -82,6 +95,7 @@ int main(int argc, char** argv) {
     top.rst_ni = 0;
     top.strobe_i = 0;
     top.clear_i = 0;
+    top.fx_wr_valid_i = 0;
     top.eval();
     edge(top);
     top.rst_ni = 1;

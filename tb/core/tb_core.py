@@ -23,6 +23,9 @@ FAULT_CLOCKS = 82
 
 NOMINAL = (8.6, 1e-3, 6.538e-3, 6.538e-3, 1e-7, 4.372e-7, 1e-5)
 PARAMETER_PORTS = ("p_r_i", "p_l_i", "p_km_i", "p_kb_i", "p_j_i", "p_b_i", "p_h_i")
+# Without effects none of these counts (tb/effects has the rest).
+SECOND_PORTS = ("p2_r_i", "p2_l_i", "p2_km_i", "p2_kb_i", "p2_j_i", "p2_b_i")
+EFFECT_PORTS = (*SECOND_PORTS, "fx_delay_i", "fx_stride_i", "fx_wr_valid_i", "fx_wr_addr_i", "fx_wr_data_i")
 HIGH_PORTS = ("i_l_o", "w_l_o", "i_r_o", "w_r_o")
 LOW_PORTS = ("i_l_lo_o", "w_l_lo_o", "i_r_lo_o", "w_r_lo_o")
 ONE_NAN = 0x7FC00000
@@ -49,6 +52,8 @@ class TB:
         dut.rst_ni.value = 0
         dut.strobe_i.value = 0
         dut.clear_i.value = 0
+        for port in EFFECT_PORTS:
+            getattr(dut, port).value = 0
         self.drive([0, 0], [0, 0])
         for _ in range(3):
             await RisingEdge(dut.clk_i)
@@ -63,6 +68,8 @@ class TB:
         for port, word in zip(PARAMETER_PORTS, self.parameters):
             getattr(dut, port).value = word
         dut.method_i.value = self.method
+        for port in ("fx_on_i", "fx_own_i"):
+            getattr(dut, port).value = 0
 
     def read(self, ports) -> list[int]:
         """Words on outputs; an X raises."""
@@ -96,9 +103,10 @@ class TB:
         await RisingEdge(dut.clk_i)
         dut.strobe_i.value = 0
         if not hold:  # only the strobe's edge counts
-            for port in ("v_l_i", "v_r_i", "t_l_i", "t_r_i", *PARAMETER_PORTS):
+            for port in ("v_l_i", "v_r_i", "t_l_i", "t_r_i", *PARAMETER_PORTS, *SECOND_PORTS):
                 getattr(dut, port).value = random.getrandbits(32)
-            dut.method_i.value = random.getrandbits(1)
+            for port in ("method_i", "fx_on_i", "fx_own_i"):
+                getattr(dut, port).value = random.getrandbits(1)
         await ReadOnly()
         want = self.model.strobe(np.array(v, np.uint32), np.array(t, np.uint32), np.array(self.parameters, np.uint32),
                                  self.method).tolist()  # fmt: skip

@@ -1,5 +1,5 @@
-// Proof of the core's step: a step that is not cleared gives its valid exactly LATENCY clocks after its start, no valid
-// comes otherwise, and the core is idle again SPACING clocks after the start at the latest.
+// Proof of the core's step: a step that is not cleared gives its valid exactly LATENCY clocks after its start, MORE later
+// with effects, no valid comes otherwise, and the rows are idle again SPACING clocks (and MORE) after the start at the latest.
 `default_nettype none
 
 module sequencer_f (
@@ -7,31 +7,37 @@ module sequencer_f (
     input wire rst_n,
     input wire clear,
     input wire start,
-    input wire refresh
+    input wire refresh,
+    input wire effects
 );
   localparam LATENCY = 16;
   localparam SPACING = 23;
+  localparam MORE = 9;
 
   wire idle, valid;
+  reg effects_q = 1'b0;  // from the clock after a start to the next
+
+  always @(posedge clk) if (start) effects_q <= effects;
 
   rtds_sequencer dut (
-      .clk_i(clk), .rst_ni(rst_n), .clear_i(clear), .start_i(start), .refresh_i(refresh), .idle_o(idle), .valid_o(valid)
+      .clk_i(clk), .rst_ni(rst_n), .clear_i(clear), .start_i(start), .refresh_i(refresh), .effects_i(effects_q), .idle_o(idle), .valid_o(valid)
   );
 
   // Signals inside of dut, joined by Yosys when it flattens.
   (* hierconn *) wire \dut.refresh_q ;
 
   reg started = 1'b0;
-  reg [LATENCY-1:0] due = 0;   // a step on its way, one place a clock
-  reg [4:0] since = 5'd31;     // clocks since the last start
+  reg [LATENCY+MORE-1:0] due = 0;  // a step on its way, one place a clock
+  reg [5:0] since = 6'd63;         // clocks since the last start
+  wire [5:0] spacing = effects_q ? SPACING + MORE : SPACING;
 
   always @(posedge clk) begin
     started <= 1'b1;
     if (!rst_n || clear) due <= 0;
-    else due <= {due[LATENCY-2:0], start};
-    if (!rst_n || clear) since <= 5'd31;
-    else if (start) since <= 5'd1;
-    else if (since != 5'd31) since <= since + 5'd1;
+    else due <= {due[LATENCY+MORE-2:0], start && effects} | (start && !effects) << MORE;
+    if (!rst_n || clear) since <= 6'd63;
+    else if (start) since <= 6'd1;
+    else if (since != 6'd63) since <= since + 6'd1;
   end
 
   always @* begin
@@ -42,10 +48,11 @@ module sequencer_f (
   end
 
   always @* if (started && rst_n) begin
-    assert (valid == due[LATENCY-1]);
-    if (since >= SPACING && since != 5'd31) assert (idle || dut.refresh_q);
+    assert (valid == due[LATENCY+MORE-1]);
+    if (since >= spacing && since != 6'd63) assert (idle || dut.refresh_q);
     cover (valid && idle == 1'b0);
-    cover (valid && since == LATENCY);
-    cover (since == SPACING && idle && start);
+    cover (valid && since == LATENCY && !effects_q);
+    cover (valid && since == LATENCY + MORE && effects_q);
+    cover (since == spacing && idle && start && effects_q);
   end
 endmodule

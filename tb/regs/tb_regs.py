@@ -42,6 +42,7 @@ class Bench:
         for name in ("idle_i", "event_i", "live_i", "step_i", "serial_error_i", "latency_i", "now_i", "codes_i"):
             getattr(dut, name).value = 0
         dut.idle_i.value = 1
+        dut.fx_ready_i.value = 0
         dut.rst_ni.value = 0
         dut.clk_i.value = 0
         cocotb.start_soon(Clock(dut.clk_i, 20, "ns", impl="gpi").start())
@@ -127,6 +128,8 @@ async def every_address_answers_as_described(dut):
             assert b.response == OKAY
             if register.name == "CONTROL":
                 assert word == written["CONTROL"] & 3
+            elif register.name == "FX_ADDRESS":  # no word was taken meanwhile
+                assert word == written["FX_ADDRESS"] & 0x3FFF
             elif register.access == "rw":
                 assert word == written[register.name], register.name
             elif register.access in ("wo", "w1c"):
@@ -188,6 +191,36 @@ async def clear_is_one_pulse_between_steps(dut):
     for _ in range(20):
         await RisingEdge(dut.clk_i)
     assert sum(pulses) == 1
+
+
+@cocotb.test()
+async def words_for_the_effect_unit_carry_ascending_addresses(dut):
+    """A write to FX_DATA passes on in one clock and counts the address up; without room nothing passes and it stays."""
+    b = await bench(dut)
+    seen = []
+
+    async def watch():
+        while True:
+            await RisingEdge(dut.clk_i)
+            if int(dut.fx_valid_o.value):
+                seen.append((int(dut.fx_address_o.value), int(dut.fx_data_o.value)))
+
+    cocotb.start_soon(watch())
+    rng = random.Random(7)
+    address = 0x3FF0
+    await b.write("FX_ADDRESS", 0xFFFFC000 | address)
+    wanted = []
+    for _ in range(40):
+        word = rng.getrandbits(32)
+        ready = rng.random() < 0.7
+        dut.fx_ready_i.value = int(ready)
+        await b.write("FX_DATA", word)
+        if ready:
+            wanted.append((address, word))
+            address = (address + 1) & 0x3FFF
+        assert await b.read("FX_ADDRESS") == address
+    assert seen == wanted
+    assert b.config() == [r.reset for r in MAP.config]
 
 
 @cocotb.test()

@@ -23,9 +23,11 @@ import numpy as np
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link.analog import ADC_HIGH_V, ADC_LOW_V, Front, Paths, clamp_to_adc
 from rtds_host.link.base import CLOSED, NO_PARAMETERS, Exchange, exchange_of, input_words, sample_times, whole_steps
-from rtds_host.link.chip import STEP_NS, check_status, parameter_registers
+from rtds_host.link.chip import STEP_NS, check_status, effect_registers, parameter_registers
+from rtds_host.link.configured import ConfiguredLink
 from rtds_host.link.registers import RegisterClient, open_serial
 from rtds_host.link.scaling import Scaling, default_scaling
+from rtds_host.motor.effect_tables import EffectWords
 from rtds_host.motor.parameters import parameter_words
 
 DEVICES = 2
@@ -196,7 +198,7 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-class Ad2Link:
+class Ad2Link(ConfiguredLink):
     """The board behind two Analog Discovery 2, as a `Link`.
 
     Parameters
@@ -228,7 +230,6 @@ class Ad2Link:
     ) -> None:
         if not port:
             raise InputError("ad2: the serial port of the chip's registers is needed (--serial)")
-        self.step_s = 0.0
         self.front = Front(scaling or default_scaling(), calibration)
         self._clock = clock or WallClock()
         self._due: float | None = None
@@ -244,38 +245,23 @@ class Ad2Link:
             self._pair.close()
             raise
 
-    def set_parameters(
-        self,
-        resistance_ohm: float,
-        inductance_h: float,
-        torque_constant_nm_per_a: float,
-        back_emf_constant_v_s_per_rad: float,
-        rotor_inertia_kg_m2: float,
-        viscous_friction_nm_s_per_rad: float,
-        step_s: float,
-        method: str = "backward_euler",
-    ) -> None:
-        """See `Link.set_parameters`. Sets voltages, torques, currents and speeds to zero; the schedule starts anew."""
-        self._check_open()
-        values = (
-            resistance_ohm,
-            inductance_h,
-            torque_constant_nm_per_a,
-            back_emf_constant_v_s_per_rad,
-            rotor_inertia_kg_m2,
-            viscous_friction_nm_s_per_rad,
-            step_s,
-        )
-        words, method_index = parameter_words(values, method)
+    def _check_step(self, step_s: float) -> None:
         if round(step_s * 1e9) != STEP_NS:
             raise InputError(f"step: {step_s:g} s: the board makes a step each {1e-9 * STEP_NS:g} s, no other")
+
+    def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+        """Bring the chip to rest with these parameters and effects; the schedule starts anew."""
+        (left, method_index), (right, _) = (parameter_words(side, method) for side in words.side_values(values))
         self._safe()
-        self.registers.configure(parameter_registers(words, method_index) | self.front.scaling.register_values())
+        if words.on:
+            self.registers.load_effects(words.writes())
+        self.registers.configure(
+            parameter_registers(left, method_index) | self.front.scaling.register_values() | effect_registers(words, right)
+        )
         self._clock.sleep_until(self._clock.now() + SETTLE_S)
         self.registers.take_status()
         self.registers.write_flags("COMMAND", clear=True)
         self.front.clipped |= check_status(self.registers.flags("STATUS"), "chip")
-        self.step_s = float(step_s)
         self._due = None
 
     def exchange(
@@ -294,6 +280,7 @@ class Ad2Link:
         self._check_open()
         if self.step_s == 0.0:
             raise InputError(NO_PARAMETERS)
+        self._exchanged = True
         values = np.concatenate([input_words("voltages", voltages), input_words("torques", torques)])
         steps = whole_steps("interval_s", interval_s, self.step_s)
         sample_steps = steps if sample_s is None else whole_steps("sample_s", sample_s, self.step_s)

@@ -22,6 +22,7 @@ from rtds_host.link.analog import ADC_VOLTS_PER_STEP, Front, Paths, dac_volts
 from rtds_host.link.registers import OP_READ, SOF_ANSWER, RegisterClient, decode, encode_request, load_map
 from rtds_host.link.rtl import RtlLink
 from rtds_host.link.scaling import ADC_CHANNELS, SIGNED_CHANNELS, Scaling, default_scaling
+from rtds_host.motor.effect_tables import EffectWords
 from rtds_host.motor.parameters import parameter_words
 
 STEP_NS = 10_000  # one ADC sequence, one step
@@ -51,6 +52,16 @@ def parameter_registers(words: np.ndarray, method: int, source: str = "registers
     bits |= {f"{name}_from_adc": source == "adc" for name in PARAMETER_CHANNELS}
     word = sum(1 << config.field(name).bit for name, on in bits.items() if on)
     return {"R": r, "L": l, "KM": km, "KB": kb, "J": j, "B": b, "H": h, "CONFIG": word}
+
+
+def effect_registers(words: EffectWords, right: np.ndarray) -> dict[str, float | int]:
+    """The chip's configuration for effects: the right motor's own (7,) parameters, switches and delay."""
+    config = load_map().named("EFFECTS")
+    on = {"on": words.on, "own": words.own}
+    bits = sum(1 << config.field(name).bit for name, wanted in on.items() if wanted)
+    names = ("R_R", "L_R", "KM_R", "KB_R", "J_R", "B_R")
+    values = dict(zip(names, map(float, right), strict=False))
+    return values | {"EFFECTS": bits, "DELAY": words.stride << 16 | words.delay}
 
 
 def check_status(status: dict[str, bool], where: str) -> set[str]:
@@ -105,7 +116,8 @@ class ChipLink(RtlLink):
             raise InputError(f"step_clocks: {step_clocks!r}: the chip's step is {BOARD_CLOCKS} clocks, or min")
         if parameters not in PARAMETER_SOURCES:
             raise InputError(f"parameters: {parameters!r} is unknown, choose one of {', '.join(PARAMETER_SOURCES)}")
-        self._every_clock = int(step_clocks == BOARD_CLOCKS)
+        self._every_clock = step_clocks == BOARD_CLOCKS
+        self._idle_later = False
         self._source = parameters
         self.front = Front(scaling or default_scaling(), calibration)
         self.wires = wires or Paths()
@@ -118,33 +130,16 @@ class ChipLink(RtlLink):
         super().__init__("verilator", BOARD_CLOCKS, timeout_s, start_timeout_s, "chip", progress)
         self.registers = RegisterClient(_SimulatedLine(self), where="simulated chip")
 
-    def set_parameters(
-        self,
-        resistance_ohm: float,
-        inductance_h: float,
-        torque_constant_nm_per_a: float,
-        back_emf_constant_v_s_per_rad: float,
-        rotor_inertia_kg_m2: float,
-        viscous_friction_nm_s_per_rad: float,
-        step_s: float,
-        method: str = "backward_euler",
-    ) -> None:
-        """See `Link.set_parameters`. The first call also sets currents and speeds to zero at its end.
+    def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+        """Write the parameters, and effects if there are any. The first call also sets currents and speeds to zero at its
+        end, as does every one with effects.
 
-        About 3 ms pass in the chip meanwhile (19 requests over the serial line), with the inputs of the last
-        exchange, as on a board.
+        About 3 ms pass in the chip meanwhile (19 requests over the serial line; 0.18 ms for each word of effects), with the
+        inputs of the last exchange, as on a board.
         """
-        self._check_open()
-        values = (
-            resistance_ohm,
-            inductance_h,
-            torque_constant_nm_per_a,
-            back_emf_constant_v_s_per_rad,
-            rotor_inertia_kg_m2,
-            viscous_friction_nm_s_per_rad,
-            step_s,
-        )
-        words, method_index = parameter_words(values, method)
+        if self._source == "adc" and words.own:
+            raise InputError("set_effects: a motor of its own needs parameters from registers, not from the ADC")
+        (left, method_index), (right, _) = (parameter_words(side, method) for side in words.side_values(values))
         for k, (name, value) in enumerate(
             zip(PARAMETER_CHANNELS, (values[5], values[4], values[2], values[3]), strict=True)
         ):
@@ -154,24 +149,27 @@ class ChipLink(RtlLink):
             self.write_wires(self.front.to_volts((0.0, 0.0, 0.0, 0.0)))
             self.registers.identify()
         self.run(_READ_ALL)
-        self.registers.configure(
-            parameter_registers(words, method_index, self._source) | self.front.scaling.register_values()
-            if first
-            else parameter_registers(words, method_index, self._source)
-        )
+        settings = parameter_registers(left, method_index, self._source)
         if first:
+            settings |= self.front.scaling.register_values()
+        if not words.ideal or self.effect_words is not None:
+            settings |= effect_registers(words, right)
+            self._idle_later = True
+        if words.on:
+            self.registers.load_effects(words.writes())
+        self.registers.configure(settings)
+        if first or words.on:
             self.registers.take_status()  # of the time before there was anything to compute with
             self.registers.write_flags("COMMAND", clear=True)
             self._identified = True
         self.run(_READ_ALL)
         self._note(self.registers.flags("STATUS"))
-        self.step_s = float(step_s)
 
     def report(self) -> dict:
         """Figures of the run so far, for a summary: simulated time and clocks, wall time, what was cut."""
         return {
             "clocks_50_mhz": self.clocks,
-            "every_clock": bool(self._every_clock),
+            "every_clock": self._every_clock,
             "chip_steps": self._chip_steps,
             "chip_wall_s": self._wall_s,
             "cut_by_range": sorted(self.front.clipped),
@@ -202,7 +200,8 @@ class ChipLink(RtlLink):
         """
         self._check_open()
         limit_ns = 2 * steps * STEP_NS + _SERIAL_LIMIT_NS
-        head = protocol.CHIP_RUN_HEAD.pack(*self._pins, steps, every, expect, self._every_clock, limit_ns)
+        clocks = 1 if self._every_clock else 2 if self._idle_later else 0
+        head = protocol.CHIP_RUN_HEAD.pack(*self._pins, steps, every, expect, clocks, limit_ns)
         began = time.perf_counter()
         payload = self._ask(protocol.CHIP_RUN, head + send, protocol.CHIP_RAN)
         self._wall_s += time.perf_counter() - began

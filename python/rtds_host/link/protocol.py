@@ -7,13 +7,17 @@ simulator answers each request with one frame. All numbers are little-endian; wo
 request        payload                                             answer
 =============  ==================================================  ==========================================
 (start)        none: the simulator speaks first                    HELLO: JSON {version, top, simulator}
-PARAMETERS     7 words R L Km Kb J B h, method, step_clocks        DONE: empty
+PARAMETERS     7 words R L Km Kb J B h, 6 words R L Km Kb J B of   DONE: empty
+               the right motor, method, step_clocks, effects on,
+               right motor's own, delay, stride
+EFFECTS        n times address, word of the effect unit            DONE: empty
 EXCHANGE       4 words v_l v_r t_l t_r, steps, sample_steps        SAMPLES: flags, step count, simulated clocks
                                                                    (uint64), then n times i_l w_l i_r w_r
 CHIP_RUN       the chip's harness only: 8 voltages (float64, V)    CHIP_RAN: flags, LDAC edges so far, time in ps
                at the ADC's pins, steps, sample_steps, bytes       and clocks of 50 MHz (uint64), m, n, then the m
-               expected on the serial line, every_clock, limit     bytes that came on the serial line, then n times
-               in ns (uint64), then bytes to send on that line     four uint16 codes of the DAC, A to D
+               expected on the serial line, clocks (0 idle ones    bytes that came on the serial line, then n times
+               left out, 1 all, 2 as 0 with effects), limit in     four uint16 codes of the DAC, A to D
+               ns (uint64), then bytes to send on that line
 CLOSE          empty                                               none, the simulator ends
 =============  ==================================================  ==========================================
 
@@ -25,13 +29,14 @@ from __future__ import annotations
 import socket
 import struct
 
-VERSION = 1
+VERSION = 2
 FD_VARIABLE = "RTDS_LINK_FD"
 
-HELLO, PARAMETERS, DONE, EXCHANGE, SAMPLES, CLOSE, FAILED, CHIP_RUN, CHIP_RAN = range(1, 10)
+HELLO, PARAMETERS, DONE, EXCHANGE, SAMPLES, CLOSE, FAILED, CHIP_RUN, CHIP_RAN, EFFECTS = range(1, 11)
 
 HEADER = struct.Struct("<II")
-PARAMETERS_PAYLOAD = struct.Struct("<7III")
+PARAMETERS_PAYLOAD = struct.Struct("<7I6I6I")
+EFFECT_WORD = struct.Struct("<II")
 EXCHANGE_PAYLOAD = struct.Struct("<4III")
 SAMPLES_HEAD = struct.Struct("<IIQ")
 CHIP_RUN_HEAD = struct.Struct("<8d4IQ")

@@ -24,6 +24,7 @@ from rtds_host.errors import RtdsError
 from rtds_host.link import open_link
 from rtds_host.link.base import Exchange, Link
 from rtds_host.link.scaling import ADC_CHANNELS, DAC_OUTPUTS, Scaling, default_scaling
+from rtds_host.motor.effects import SupplyEffects, UnitEffects
 
 STAGES = ("parameters", "voltages", "torques", "outputs")
 """Where a converter stands: four parameters, two voltages, two torques through the ADC; four outputs through the DAC."""
@@ -91,6 +92,12 @@ class QuantisedLink:
             step_s,
             method,
         )
+
+    def set_effects(
+        self, left: UnitEffects | None, right: UnitEffects | None, supply: SupplyEffects | None = None
+    ) -> None:
+        """See `Link.set_effects`; registers carry them, unquantised."""
+        self.inner.set_effects(left, right, supply)
 
     def exchange(
         self, voltages: Sequence[float], torques: Sequence[float], interval_s: float, sample_s: float | None = None

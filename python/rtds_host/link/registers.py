@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import struct
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import resources
 from typing import Protocol, Self
@@ -23,6 +24,8 @@ OP_READ = 1
 OP_WRITE = 2
 FRAME_BYTES = 9
 STATUS_TEXT = {1: "operation unknown to the chip", 2: "the register is read-only", 3: "no such register in the chip"}
+EFFECT_RUN = 128  # words of the effect unit between two looks at the address
+EFFECT_ADDRESS_MASK = 0x3FFF
 NO_ANSWER = "bus does not answer"
 
 
@@ -343,6 +346,31 @@ class RegisterClient:
                 raise InputError(f"register {name} is not in the config group")
             self.write(name, value)
         self.write_flags("COMMAND", commit=True)
+
+    def load_effects(self, writes: Iterable[tuple[int, int]]) -> None:
+        """Load words of the effect unit, (address, word), in runs of ascending addresses.
+
+        A request that was repeated because its answer got lost may have been carried out twice: each run ends with a
+        look at the address, and is written once more if that is not where it should be.
+
+        Raises
+        ------
+        LinkError : no answer, or words do not arrive.
+        """
+        runs: list[tuple[int, list[int]]] = []
+        for address, word in writes:
+            if not runs or address != runs[-1][0] + len(runs[-1][1]) or len(runs[-1][1]) == EFFECT_RUN:
+                runs.append((address, []))
+            runs[-1][1].append(word)
+        for start, words in runs:
+            for _ in range(self._attempts):
+                self.write("FX_ADDRESS", start)
+                for word in words:
+                    self.write("FX_DATA", word)
+                if self.read_word("FX_ADDRESS") == (start + len(words)) & EFFECT_ADDRESS_MASK:
+                    break
+            else:
+                raise LinkError(f"{self.where}: words for the effect unit do not arrive")
 
     def counters(self) -> tuple[int, int]:
         """(clocks since reset, steps since reset or clear) at one instant, 64 bits each."""

@@ -34,12 +34,15 @@ from rtds_host.link.base import (
     whole_steps,
 )
 from rtds_host.link.build import ROOT, TOPS, Top, build
+from rtds_host.link.configured import ConfiguredLink
+from rtds_host.motor.effect_tables import EffectWords
 from rtds_host.motor.parameters import parameter_words
 
 # Clocks a simulator works off in well under a second even on a busy machine: a longer exchange is put in several
 # requests, so that the time limit of one answer says something about the simulator and not about the exchange.
 REQUEST_CLOCKS = {"verilator": 2_000_000, "icarus": 50_000}
 LEAST_CLOCKS = 24  # of a step, when it is started as soon as the core is ready
+LEAST_CLOCKS_WITH_EFFECTS = 177
 MAX_STEP_CLOCKS = 0xFFFF
 _STDERR_LINES = 3
 _STDERR_CHARACTERS = 300
@@ -62,7 +65,7 @@ def _end(process: subprocess.Popen, sock: socket.socket) -> None:
     process.wait()
 
 
-class RtlLink:
+class RtlLink(ConfiguredLink):
     """The Verilog of both motor units in Verilator or Icarus, as a `Link`.
 
     Parameters
@@ -97,13 +100,13 @@ class RtlLink:
         top: str | Top = "core",
         progress: Callable[[str], None] | None = None,
     ) -> None:
-        self.step_s = 0.0
         self.clocks = 0
         self._sim = sim
         self._step_clocks = _period(step_clocks)
         self.timeout_s = timeout_s
         self._steps = 0
         self._closed = False
+        self._effects = False
         top = TOPS[top] if isinstance(top, str) else top
         built = build(top, sim, progress)
 
@@ -137,34 +140,17 @@ class RtlLink:
             raise
         self.simulator = hello["simulator"]
 
-    def set_parameters(
-        self,
-        resistance_ohm: float,
-        inductance_h: float,
-        torque_constant_nm_per_a: float,
-        back_emf_constant_v_s_per_rad: float,
-        rotor_inertia_kg_m2: float,
-        viscous_friction_nm_s_per_rad: float,
-        step_s: float,
-        method: str = "backward_euler",
-    ) -> None:
-        """See `Link.set_parameters`."""
-        self._check_open()
-        values = (
-            resistance_ohm,
-            inductance_h,
-            torque_constant_nm_per_a,
-            back_emf_constant_v_s_per_rad,
-            rotor_inertia_kg_m2,
-            viscous_friction_nm_s_per_rad,
-            step_s,
-        )
-        words, method_index = parameter_words(values, method)
+    def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+        if words.on:
+            table = b"".join(protocol.EFFECT_WORD.pack(*pair) for pair in words.writes())
+            self._ask(protocol.EFFECTS, table, protocol.DONE)
+        (left, method_index), (right, _) = (parameter_words(side, method) for side in words.side_values(values))
         payload = protocol.PARAMETERS_PAYLOAD.pack(
-            *words.view(np.uint32).tolist(), method_index, self._step_clocks
-        )
+            *left.view(np.uint32).tolist(), *right[:6].view(np.uint32).tolist(), method_index, self._step_clocks, words.on,
+            words.own, words.delay, words.stride,
+        )  # fmt: skip
         self._ask(protocol.PARAMETERS, payload, protocol.DONE)
-        self.step_s = float(step_s)
+        self._effects = words.on
 
     def exchange(
         self,
@@ -181,6 +167,7 @@ class RtlLink:
         steps = whole_steps("interval_s", interval_s, self.step_s)
         sample_steps = steps if sample_s is None else whole_steps("sample_s", sample_s, self.step_s)
         inputs = np.concatenate([v, t]).view(np.uint32).tolist()
+        self._exchanged = True
         rows = [
             row if wanted else row[:0]
             for piece, every, wanted in self._pieces(steps, sample_steps)
@@ -213,7 +200,8 @@ class RtlLink:
 
     def _pieces(self, steps: int, sample_steps: int) -> list[tuple[int, int, bool]]:
         """An exchange as requests (steps, sample every, are the rows wanted), each small enough for one answer."""
-        most = max(1, REQUEST_CLOCKS[self._sim] // max(self._step_clocks, LEAST_CLOCKS))
+        least = LEAST_CLOCKS_WITH_EFFECTS if self._effects else LEAST_CLOCKS
+        most = max(1, REQUEST_CLOCKS[self._sim] // max(self._step_clocks, least))
         pieces = []
         done = 0
         while done < steps:

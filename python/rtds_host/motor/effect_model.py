@@ -15,7 +15,7 @@ import numpy as np
 
 from rtds_host.errors import InputError
 from rtds_host.motor.effect_program import CONSTANTS, OUTPUTS, STATES, TABLE_ORIGIN, TABLES
-from rtds_host.motor.effect_tables import DELAY_ENTRIES, EffectWords
+from rtds_host.motor.effect_tables import DELAY_ENTRIES, TABLE_WORDS, EffectWords
 from rtds_host.motor.model import SAMPLE_COLUMNS, STATE_COLUMNS, _step, canonical_words
 from rtds_host.motor.parameters import coefficients, parameter_words
 
@@ -216,7 +216,7 @@ class EffectPair:
         """Effects on or off; a unit that was off starts anew. `delay` counts entries of `stride` steps each."""
         if not 0 <= delay < DELAY_ENTRIES or stride < 1:
             raise InputError(f"delay, stride: {delay}, {stride}: 0 to {DELAY_ENTRIES - 1} entries of one step or more")
-        if on != self.on or not on or (delay, stride) != (self._delay, self._stride):
+        if not (on and self.on):
             self._rest()
         self.on, self._delay, self._stride = on, delay, stride
 
@@ -229,6 +229,12 @@ class EffectPair:
         """
         found = [side_coefficients(*parameter_words(side, method)) for side in values]
         self._next = np.array([c for c, _ in found], np.float32)
+
+    def set_coefficients(self, c: np.ndarray, rho: np.float32 | None = None) -> None:
+        """(2, 9) coefficients in force from now on; `rho` in place of both sides' own."""
+        self._c[:] = c
+        if rho is not None:
+            self._c[:, 8] = rho
 
     def step(self, v: Sequence[float], t: Sequence[float], n_steps: int, sample_every: int | None = None) -> np.ndarray:
         """Steps with the inputs held.
@@ -286,3 +292,67 @@ class EffectPair:
             self.on, self._state, self._ahead, self._inner, self._c, self.constants, self.tables, self._memory,
             self._late, self._delay, self._stride, self._held, v, t, n_steps, every, done, total, out, row,
         )  # fmt: skip
+
+
+class EffectCore:
+    """The RTL core with effects strobe by strobe, parameter unit included, on raw words: the oracle of the RTL's tests.
+
+    Attributes
+    ----------
+    fault : `param_fault_o` after the last strobe and the computation it started.
+    """
+
+    def __init__(self) -> None:
+        self._pair = EffectPair()
+        self._seen: tuple | None = None
+        self._rho = np.float32(0.0)
+        self.fault = False
+
+    def write(self, address: int, word: int) -> None:
+        """A word through the register port, between two steps; addresses that hold nothing are passed over."""
+        value = np.uint32(word).view(np.float32)
+        if address < TABLE_WORDS:
+            side, table, cell, which = address >> 12, (address >> 9) & 7, (address >> 1) & 255, address & 1
+            if table < len(TABLES):
+                self._pair.tables[side, table, cell, which] = value
+        else:
+            side, k = (address >> 7) & 1, address & 127
+            if k < len(CONSTANTS):
+                self._pair.constants[side, k] = value
+
+    def clear(self) -> None:
+        """`clear_i`: the state of motors and effects to zero."""
+        self._pair.clear()
+
+    def run(
+        self, v: np.ndarray, t: np.ndarray, parameters: np.ndarray, method: int, n_steps: int, *, on: bool = True,
+        own: np.ndarray | None = None, delay: int = 0, stride: int = 1,
+    ) -> np.ndarray:  # fmt: skip
+        """`n_steps` strobes with everything held.
+
+        Parameters
+        ----------
+        v, t : (2,) uint32. parameters : (7,) uint32. method : 0 or 1.
+        on, own, delay, stride : `fx_on_i`, the right motor's (6,) uint32 with `fx_own_i`, `fx_delay_i`, `fx_stride_i`.
+
+        Returns
+        -------
+        (n_steps, 2, 4) uint32: i, w, i_lo, w_lo of [left, right] after each step.
+        """
+        v, t = np.asarray(v, np.uint32).view(np.float32), np.asarray(t, np.uint32).view(np.float32)
+        self._pair.switch(on, delay, stride)
+        first = self._pair.step(v, t, 1, 1)
+        words = np.ascontiguousarray(parameters, np.uint32)
+        right = words if own is None else np.append(np.asarray(own, np.uint32), words[6])
+        seen = (words.tobytes(), right.tobytes(), own is None, method, on)
+        if seen != self._seen:
+            self._seen = seen
+            found = [side_coefficients(side.view(np.float32), method) for side in (words, right)]
+            self.fault = any(fault for _, fault in found)
+            if on:
+                self._rho = found[1][0][8]
+            if not self.fault:
+                self._pair.set_coefficients(np.array([c for c, _ in found]), None if on else self._rho)
+        if n_steps == 1:
+            return canonical_words(first)
+        return canonical_words(np.concatenate([first, self._pair.step(v, t, n_steps - 1, 1)]))

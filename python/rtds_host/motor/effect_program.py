@@ -170,9 +170,11 @@ def schedule() -> list[Instruction]:
         if op == "look":
             operands = operands[:1]  # the other names a table
         found = []
+        # What the right side issued a clock later, the left side may not read as soon.
+        later = any(name.startswith("right.") for name in operands)
         for j, (other, _, *others) in enumerate(OPERATIONS):
             if other in map(_source, operands) and other not in STATES:
-                found.append((j, LATENCY_PAIRS))
+                found.append((j, LATENCY_PAIRS + later))
             if result in STATES and result in others:
                 found.append((j, 0))  # the old value has been read
         return found

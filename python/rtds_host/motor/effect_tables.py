@@ -75,9 +75,14 @@ class EffectWords:
         return np.array([(*motor.values, shared[6]) if motor else shared for motor in self.motors])
 
     @property
+    def own(self) -> bool:
+        """A side has a motor of its own."""
+        return self.motors != (None, None)
+
+    @property
     def ideal(self) -> bool:
         """Nothing differs from two ideal motor units with the parameters of `set_parameters`."""
-        return not self.on and self.motors == (None, None)
+        return not (self.on or self.own)
 
     def writes(self) -> Iterator[tuple[int, int]]:
         """(address, word) of everything to load through the register port, in ascending addresses by block."""

@@ -1,0 +1,86 @@
+"""What the links share that are told parameters and effects in any order: checks, compilation, one call to load both."""
+
+from __future__ import annotations
+
+from rtds_host.errors import InputError
+from rtds_host.link.base import EFFECTS_LATE
+from rtds_host.motor.effect_tables import EffectWords, tables_of
+from rtds_host.motor.effects import SupplyEffects, UnitEffects
+from rtds_host.motor.parameters import parameter_words
+
+
+class ConfiguredLink:
+    """`Link.set_parameters` and `Link.set_effects` by way of `_load`, which a link implements.
+
+    Attributes
+    ----------
+    step_s : see `Link`.
+    effect_words : with effects, what the effect unit is loaded with, and by how much the tables miss the curves.
+    """
+
+    step_s = 0.0
+    effect_words: EffectWords | None = None
+    _exchanged = False
+    _wanted: tuple[UnitEffects | None, UnitEffects | None, SupplyEffects | None] = (None, None, None)
+    _parameters: tuple[tuple[float, ...], str] | None = None
+
+    def set_parameters(
+        self,
+        resistance_ohm: float,
+        inductance_h: float,
+        torque_constant_nm_per_a: float,
+        back_emf_constant_v_s_per_rad: float,
+        rotor_inertia_kg_m2: float,
+        viscous_friction_nm_s_per_rad: float,
+        step_s: float,
+        method: str = "backward_euler",
+    ) -> None:
+        """See `Link.set_parameters`."""
+        self._check_open()
+        values = (
+            resistance_ohm,
+            inductance_h,
+            torque_constant_nm_per_a,
+            back_emf_constant_v_s_per_rad,
+            rotor_inertia_kg_m2,
+            viscous_friction_nm_s_per_rad,
+            step_s,
+        )
+        parameter_words(values, method)
+        self._check_step(float(step_s))
+        self._compile(self._wanted, (values, method))
+        self.step_s = float(step_s)
+
+    def set_effects(
+        self, left: UnitEffects | None, right: UnitEffects | None, supply: SupplyEffects | None = None
+    ) -> None:
+        """See `Link.set_effects`."""
+        self._check_open()
+        if self._exchanged:
+            raise InputError(EFFECTS_LATE)
+        self._check_effects(left, right, supply)
+        self._compile((left, right, supply), self._parameters)
+
+    def _compile(self, wanted, parameters) -> None:
+        """Take effects and parameters over, once both are known and hold together."""
+        if parameters is not None:
+            values, method = parameters
+            words = tables_of(*wanted, values)
+            for side in words.side_values(values):
+                parameter_words(side, method)
+            self._load(words, values, method)
+            self.effect_words = None if words.ideal else words
+        self._wanted, self._parameters = wanted, parameters
+
+    def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+        """Bring effects and the (7,) parameters of `set_parameters` to where the motors are computed."""
+        raise NotImplementedError
+
+    def _check_open(self) -> None:
+        raise NotImplementedError
+
+    def _check_step(self, step_s: float) -> None:
+        """Raises InputError where this link cannot make such a step."""
+
+    def _check_effects(self, left, right, supply) -> None:
+        """Raises InputError where this link cannot have such effects."""

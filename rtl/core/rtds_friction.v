@@ -1,0 +1,58 @@
+// rtds_friction: what dry friction takes of the speed that a step without it would give.
+//
+// Purpose    most_f, most_b = G22 level: the most speed that friction can take of a motion forward or backward. It takes
+//            all of the free speed if that is no more (the shaft is held), else the most. A negative level holds
+//            nothing and adds to the motion. A NaN is not held, so that it stays one.
+// Handshake  none of its own: the saves of rtds_sequencer.
+// Latency    taken_o and held_o from the clock after save_taken_i to the next.
+// Format     binary32, rad/s.
+// Crossing   none.
+`default_nettype none
+
+module rtds_friction (
+  input  wire        clk_i,
+  input  wire        rst_ni,
+  input  wire        save_f_i,      // product_i is most_f
+  input  wire        save_b_i,      // product_i is most_b
+  input  wire        save_taken_i,  // free_i is the free speed
+  input  wire [31:0] product_i,
+  input  wire [31:0] free_i,
+  output reg  [31:0] taken_o,
+  output reg         held_o
+);
+  reg  [31:0] most_f_q;
+  reg  [31:0] most_b_q;
+
+  // {held, taken}
+  function [32:0] take;
+    input [31:0] free;
+    input [31:0] most_f;
+    input [31:0] most_b;
+    reg          zero;
+    reg          backward;
+    reg          held;
+    reg   [31:0] most;
+    begin
+      zero     = ~(|free[30:0]);
+      backward = free[31] & ~zero;
+      most     = backward ? most_b : most_f;
+      held     = zero | (~most[31] & ~((&most[30:23]) & (|most[22:0])) & (free[30:0] <= most[30:0]));
+      take     = {held, held ? free : {most[31] ^ backward, most[30:0]}};
+    end
+  endfunction
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      most_f_q <= 32'd0;
+      most_b_q <= 32'd0;
+      taken_o  <= 32'd0;
+      held_o   <= 1'b0;
+    end else begin
+      if (save_f_i) most_f_q <= product_i;
+      if (save_b_i) most_b_q <= product_i;
+      if (save_taken_i) {held_o, taken_o} <= take(free_i, most_f_q, most_b_q);
+    end
+  end
+endmodule
+
+`default_nettype wire

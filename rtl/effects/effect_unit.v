@@ -1,0 +1,102 @@
+// effect_unit: what makes both motor units differ from ideal ones; the delay, the engine, and the way to load them.
+//
+// Purpose    Keeps the inputs of a strobe, and after the step prepares from them, from the new state and from the tables
+//            what the next step works with (see effect_engine). So inputs act one step later than without it.
+// Handshake  strobe_i with the inputs, at the edge that starts a step; step_i when the new state stands, one clock or more
+//            later than the delay's three; no strobe while busy_o. rest_i: effects off, or state cleared.
+//            wr_valid_i for one clock while wr_ready_o: a word for a table or a constant; it is written as soon as no
+//            run is in hand, so a run sees it either before or after.
+// Latency    outputs hold from 151 clocks after step_i to the next run; those after rest_i are zero.
+// Format     binary32; pairs have left in the lower half. Addresses: see effect_engine.
+// Crossing   none.
+`default_nettype none
+
+module effect_unit (
+  input  wire        clk_i,
+  input  wire        rst_ni,
+  input  wire        rest_i,
+  input  wire        strobe_i,
+  input  wire [63:0] v_i,
+  input  wire [63:0] t_i,
+  input  wire [11:0] delay_i,
+  input  wire [15:0] stride_i,
+  input  wire        step_i,
+  input  wire [63:0] r_i,
+  input  wire [63:0] kb_i,
+  input  wire [63:0] i_i,
+  input  wire [63:0] w_i,
+  output wire        busy_o,
+  output wire [63:0] u_v_o,
+  output wire [63:0] u_t_o,
+  output wire [63:0] level_f_o,
+  output wire [63:0] level_b_o,
+  input  wire        wr_valid_i,
+  input  wire [13:0] wr_addr_i,
+  input  wire [31:0] wr_data_i,
+  output wire        wr_ready_o
+);
+  // ---- inputs of the strobe --------------------------------------------------------------------------------------
+  reg  [63:0] t_q;
+  wire [63:0] v_late;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) t_q <= 64'd0;
+    else if (strobe_i) t_q <= t_i;
+  end
+
+  effect_delay u_delay (
+    .clk_i   (clk_i),
+    .rst_ni  (rst_ni),
+    .rest_i  (rest_i),
+    .strobe_i(strobe_i),
+    .delay_i (delay_i),
+    .stride_i(stride_i),
+    .v_i     (v_i),
+    .v_o     (v_late)
+  );
+
+  // ---- words on their way in ---------------------------------------------------------------------------------------
+  reg         pending_q;
+  reg  [13:0] addr_q;
+  reg  [31:0] data_q;
+  wire        write = pending_q & ~busy_o & ~step_i;
+
+  assign wr_ready_o = ~pending_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      pending_q <= 1'b0;
+      addr_q    <= 14'd0;
+      data_q    <= 32'd0;
+    end else if (wr_valid_i & ~pending_q) begin
+      pending_q <= 1'b1;
+      addr_q    <= wr_addr_i;
+      data_q    <= wr_data_i;
+    end else if (write) begin
+      pending_q <= 1'b0;
+    end
+  end
+
+  effect_engine u_engine (
+    .clk_i     (clk_i),
+    .rst_ni    (rst_ni),
+    .rest_i    (rest_i),
+    .start_i   (step_i),
+    .busy_o    (busy_o),
+    .r_i       (r_i),
+    .kb_i      (kb_i),
+    .i_i       (i_i),
+    .w_i       (w_i),
+    .v_i       (v_late),
+    .t_i       (t_q),
+    .u_v_o     (u_v_o),
+    .u_t_o     (u_t_o),
+    .level_f_o (level_f_o),
+    .level_b_o (level_b_o),
+    .wr_valid_i(write),
+    .wr_addr_i (addr_q),
+    .wr_data_i (data_q)
+  );
+endmodule
+
+`default_nettype wire
