@@ -2,12 +2,14 @@
 
 Cases come from the independent planar world (`rtds_host.blind.planar`, as another process); the same searches are
 judged by three common methods: least squares on all parameters at once, BIC over the candidates, and the largest
-improvement of fit. Prints a page in Markdown and writes it where `--page` says.
+improvement of fit. Prints a page in Markdown and writes it where `--page` says. What was examined is kept below
+`--out`: an interrupted run goes on where it stopped, a changed diagnosis begins anew.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import math
 import multiprocessing
@@ -58,6 +60,25 @@ def _least_squares(found: Investigation) -> Hypothesis:
         return ()
     s = screen.signatures[keep[best]]
     return ((s.effect, s.side),)
+
+
+def _version() -> str:
+    """Hash of the diagnosis' sources: rows of another version do not count."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parent
+    for path in sorted(root.rglob("*.py")):
+        digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _kept(job: tuple[str, str, str, bool, str | None, str]) -> dict:
+    """A row that is there already, or a new one."""
+    tier, folder, _, quick, removed, rows = job
+    path = Path(rows) / f"{tier}-{Path(folder).name}-{'quick' if quick else 'full'}-{removed or 'whole'}.json"
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(path, json.dumps(_examine(job[:-1])))
+    return json.loads(path.read_text())
 
 
 def _examine(job: tuple[str, str, str, bool, str | None]) -> dict:
@@ -224,8 +245,9 @@ def main() -> None:
     for tier, case, truth, quick, _ in singles:
         jobs.append((tier, case, truth, quick, json.loads(Path(truth).read_text())["effects"][0]["id"]))
     rows = []
+    kept = str(options.out / "rows" / _version())
     with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
-        for row in pool.map(_examine, jobs):
+        for row in pool.map(_kept, [(*job, kept) for job in jobs]):
             rows.append(row)
             print(f"\r{len(rows)}/{len(jobs)}", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
