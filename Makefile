@@ -8,7 +8,7 @@ BROWSER = $(shell command -v chromium >/dev/null 2>&1 && command -v chromedriver
 OUT    ?= out
 export SIM
 
-.PHONY: setup system run test test-long sim lint formal synth mutate registers bench blind blind-long docs clean
+.PHONY: setup system run test test-long sim lint formal synth mutate coverage registers bench blind blind-long docs clean
 
 setup: $(VENV)/.ready
 
@@ -54,6 +54,9 @@ synth: setup
 
 mutate: setup system
 	$(BIN)/python tb/mutate/mutate.py
+
+coverage: setup
+	$(BIN)/python tb/rtl_coverage/coverage.py
 
 # After a change of python/rtds_host/link/registers.toml.
 registers: setup

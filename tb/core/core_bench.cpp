@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "Vrtds_core.h"
+#include "../common/coverage.h"
 #include "verilated.h"
 
 namespace {
@@ -136,5 +137,6 @@ int main(int argc, char** argv) {
         }
     }
     std::fclose(in);
+    write_coverage("core_bench");
     return std::fclose(out) == 0 ? 0 : 2;
 }

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "Vrtds_core.h"
+#include "../common/coverage.h"
 #include "verilated.h"
 
 namespace {
@@ -157,5 +158,6 @@ int main(int argc, char** argv) {
         }
     }
     std::fclose(in);
+    write_coverage("effect_bench");
     return std::fclose(out) == 0 ? 0 : 2;
 }

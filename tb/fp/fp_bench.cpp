@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "Vfp_bench.h"
+#include "../common/coverage.h"
 #include "verilated.h"
 
 namespace {
@@ -122,5 +123,6 @@ int main(int argc, char** argv) {
     if (!file) return 2;
     std::fwrite(out.data(), sizeof(std::uint32_t), out.size(), file);
     std::fclose(file);
+    write_coverage("fp_bench");
     return 0;
 }
