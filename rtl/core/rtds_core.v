@@ -12,8 +12,8 @@
 //              21  low words (scratch from the 12th on)
 //              23  earliest next strobe; ready_o is seen after the 22nd
 //              89  the same if the strobe brought changed parameters, 82 if those were unusable
-//            With effects (fx_on_i at the strobe): 24, 30 and 177; if the strobe brought changed parameters and
-//            each side has its own (fx_own_i), the later of that and 251.
+//            With effects (fx_on_i at the strobe): 24, 30 and 176; 184 if the strobe brought changed parameters, 235 if
+//            each side has its own besides (fx_own_i).
 // Effects    fx_on_i: V and T act one step later, through effect_unit, and dry friction takes its part at the end of the
 //            step (docs/effect-unit.md). fx_own_i: p2_*_i are the right motor's parameters, p_*_i the left one's.
 //            fx_* and p2_* are taken at the strobe like the parameters. fx_wr_*: see effect_unit.

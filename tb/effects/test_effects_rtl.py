@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.runner import ROOT, SIMULATORS, verilate
+from common.runner import ROOT, SIMULATORS, run_cocotb, verilate
 
 from effects.effect_script import Script, sensible, wild
 from rtds_host.motor import effect_program
@@ -20,6 +20,18 @@ needs_icarus = [s for s in SIMULATORS if s == "icarus"]
 
 def test_the_program_in_the_rtl_is_the_one_of_the_model():
     assert (ROOT / "rtl/effects/effect_program.v").read_text() == effect_program.verilog()
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_the_ports_with_effects_clock_by_clock(simulator):
+    run_cocotb("rtds_core", SOURCES, "tb_effects", "tb/effects", simulator)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("simulator", needs_icarus)
+def test_thousands_of_random_steps_with_effects_on_icarus(simulator):
+    run_cocotb("rtds_core", SOURCES, "tb_effects", "tb/effects", simulator,
+               testcase="random_effects_switched_and_changed_while_the_motors_turn", extra_env={"EFFECT_STEPS": "4000"})  # fmt: skip
 
 
 def test_no_operation_reads_what_is_not_written_yet_and_none_overwrites_what_is_still_needed():

@@ -1,0 +1,277 @@
+"""cocotb tests of rtds_core with effects: latencies, clear, parameters and words under way, NaN; every word the model's.
+
+`EFFECT_STEPS` in the environment sets the length of the random test.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+
+import cocotb
+import numpy as np
+from cocotb.clock import Clock
+from cocotb.triggers import ReadOnly, RisingEdge
+
+from effects.effect_script import NOMINAL, random_unit, words
+from rtds_host.motor.effect_model import EffectCore
+from rtds_host.motor.effect_tables import constant_address, tables_of
+from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
+
+VALID_CLOCKS, LOW_CLOCKS, READY_CLOCKS = 24, 30, 176
+CHANGED_CLOCKS = 184  # ready after changed parameters
+OWN_CLOCKS = 235  # and where each side has its own
+PARAMETER_PORTS = ("p_r_i", "p_l_i", "p_km_i", "p_kb_i", "p_j_i", "p_b_i", "p_h_i")
+SECOND_PORTS = ("p2_r_i", "p2_l_i", "p2_km_i", "p2_kb_i", "p2_j_i", "p2_b_i")
+HIGH_PORTS = ("i_l_o", "w_l_o", "i_r_o", "w_r_o")
+LOW_PORTS = ("i_l_lo_o", "w_l_lo_o", "i_r_lo_o", "w_r_lo_o")
+DRY = Curve((0.0,), (2e-4,))
+HELD = UnitEffects(friction_forward=DRY, friction_backward=DRY)
+RICH = UnitEffects(
+    friction_forward=DRY, friction_backward=DRY, drop=Curve((0.0, 0.0), (-0.3, 0.3)), heat_rise_per_w=0.5, heat_tau_s=1e-3,
+    torque=Curve((-900.0, 0.0, 900.0), (-1e-4, 0.0, 2e-4)), load_share=0.2,
+)  # fmt: skip
+OTHER = MotorParameters(9.0, 1.1e-3, 6e-3, 6.2e-3, 2e-7, 5e-7)
+SUPPLY = SupplyEffects(voltage_v=12.0, source_resistance_ohm=1.0, decline_v_per_s=100.0, command_delay_s=3e-5)
+
+
+class TB:
+    """The core, its clock, and the model that it is compared with."""
+
+    def __init__(self, dut) -> None:
+        self.dut = dut
+        self.model = EffectCore()
+        self.parameters, self.own, self.method = words(NOMINAL), None, 0
+        self.on, self.delay, self.stride = True, 0, 1
+        Clock(dut.clk_i, 20, unit="ns", impl="gpi").start()
+
+    async def reset(self) -> None:
+        dut = self.dut
+        for name in ("rst_ni", "strobe_i", "clear_i", "fx_wr_valid_i", "fx_wr_addr_i", "fx_wr_data_i"):
+            getattr(dut, name).value = 0
+        self.drive([0, 0], [0, 0])
+        for _ in range(3):
+            await RisingEdge(dut.clk_i)
+        dut.rst_ni.value = 1
+        await RisingEdge(dut.clk_i)
+
+    def drive(self, v, t) -> None:
+        dut = self.dut
+        dut.v_l_i.value, dut.v_r_i.value = (int(x) for x in v)
+        dut.t_l_i.value, dut.t_r_i.value = (int(x) for x in t)
+        for port, word in zip(PARAMETER_PORTS, self.parameters):
+            getattr(dut, port).value = int(word)
+        for port, word in zip(SECOND_PORTS, [0] * 6 if self.own is None else self.own):
+            getattr(dut, port).value = int(word)
+        dut.method_i.value, dut.fx_on_i.value, dut.fx_own_i.value = self.method, int(self.on), int(self.own is not None)
+        dut.fx_delay_i.value, dut.fx_stride_i.value = self.delay, self.stride
+
+    def read(self, ports) -> list[int]:
+        """Words on outputs; an X raises."""
+        return [int(getattr(self.dut, port).value) for port in ports]
+
+    async def load(self, left, right=None, supply=None, parameters=NOMINAL) -> None:
+        """Words of these effects through the port, and what they say of delay and own motors."""
+        found = tables_of(left, right, supply, parameters)
+        for address, word in found.writes():
+            await self.write(address, word)
+        values = words(found.side_values(parameters))
+        self.parameters, self.own = values[0], values[1, :6] if found.own else None
+        self.delay, self.stride = found.delay, found.stride
+
+    async def write(self, address, word) -> None:
+        dut = self.dut
+        await RisingEdge(dut.clk_i)
+        dut.fx_wr_valid_i.value, dut.fx_wr_addr_i.value, dut.fx_wr_data_i.value = 1, address, word
+        await RisingEdge(dut.clk_i)
+        dut.fx_wr_valid_i.value = 0
+        await RisingEdge(dut.clk_i)
+        await RisingEdge(dut.clk_i)
+        assert int(dut.fx_wr_ready_o.value), "while no run is in hand a word is written in a clock"
+        self.model.write(address, word)
+
+    async def strobe(self, v, t) -> None:
+        """The edge that starts a step; afterwards inputs and switches carry random words."""
+        dut = self.dut
+        await RisingEdge(dut.clk_i)
+        self.drive(v, t)
+        dut.strobe_i.value = 1
+        await RisingEdge(dut.clk_i)
+        dut.strobe_i.value = 0
+        for port in ("v_l_i", "v_r_i", "t_l_i", "t_r_i", *PARAMETER_PORTS, *SECOND_PORTS):
+            getattr(dut, port).value = random.getrandbits(32)
+        for port in ("method_i", "fx_on_i", "fx_own_i"):
+            getattr(dut, port).value = random.getrandbits(1)
+        await ReadOnly()
+
+    async def step(self, v, t, write=None) -> np.ndarray:
+        """A strobe until ready; words and latencies are asserted. write: (clock, address, word) under way."""
+        dut = self.dut
+        v, t = words(v) if isinstance(v[0], float) else v, words(t) if isinstance(t[0], float) else t
+        await self.strobe(v, t)
+        want = self.model.run(v, t, self.parameters, self.method, 1, on=self.on, own=self.own, delay=self.delay,
+                              stride=self.stride)[0]  # fmt: skip
+        high, low = want[:, :2].ravel().tolist(), want[:, 2:].ravel().tolist()
+        self.valid = self.ready = self.low = None
+        clocks = 0
+        while self.ready is None:
+            await RisingEdge(dut.clk_i)
+            clocks += 1
+            if write and clocks == write[0]:
+                dut.fx_wr_valid_i.value, dut.fx_wr_addr_i.value, dut.fx_wr_data_i.value = 1, write[1], write[2]
+            elif write and clocks == write[0] + 1:
+                dut.fx_wr_valid_i.value = 0
+            await ReadOnly()
+            assert clocks < 400, "ready_o must come back within 400 clocks"
+            if int(dut.valid_o.value):
+                assert self.valid is None, "one valid_o a step"
+                self.valid = clocks
+                assert self.read(HIGH_PORTS) == high
+            if int(dut.ready_o.value):
+                self.ready = clocks + 1
+            if clocks == (LOW_CLOCKS if self.on else 21):
+                assert self.read(LOW_PORTS) == low
+        assert self.read(HIGH_PORTS) == high, "high words must hold"
+        assert self.read(LOW_PORTS) == low, "low words must hold"
+        assert int(dut.param_fault_o.value) == self.model.fault
+        return want.view(np.float32)
+
+
+async def bench(dut, *effects, parameters=NOMINAL):
+    tb = TB(dut)
+    await tb.reset()
+    if effects:
+        await tb.load(*effects, parameters=parameters)
+    return tb
+
+
+@cocotb.test()
+async def latencies_are_the_documented_ones(dut):
+    tb = await bench(dut, RICH, UnitEffects(), SUPPLY)
+    await tb.step([6.0, -3.0], [0.0, 1e-4])
+    assert (tb.valid, tb.ready) == (VALID_CLOCKS, CHANGED_CLOCKS)
+    for _ in range(10):
+        await tb.step([6.0, -3.0], [0.0, 1e-4])
+        assert (tb.valid, tb.ready) == (VALID_CLOCKS, READY_CLOCKS)
+    tb.own = words(OTHER.values)
+    await tb.step([6.0, -3.0], [0.0, 1e-4])
+    assert (tb.valid, tb.ready) == (VALID_CLOCKS, OWN_CLOCKS)
+    await tb.step([6.0, -3.0], [0.0, 1e-4])
+    assert (tb.valid, tb.ready) == (VALID_CLOCKS, READY_CLOCKS)
+    tb.on = False
+    await tb.step([6.0, -3.0], [0.0, 1e-4])
+    assert tb.valid == 15
+    await tb.step([6.0, -3.0], [0.0, 1e-4])
+    assert (tb.valid, tb.ready) == (15, 23)
+
+
+@cocotb.test()
+async def a_motor_below_breakaway_stands_still_and_leaves_above_it(dut):
+    tb = await bench(dut, HELD, HELD)
+    breakaway = 2e-4 / NOMINAL[2] * NOMINAL[0]
+    for _ in range(60):
+        state = await tb.step([0.98 * breakaway, -0.98 * breakaway], [0.0, 0.0])
+        assert (state[:, 1] == 0.0).all() and (state[:, 3] == 0.0).all()
+    for _ in range(40):
+        state = await tb.step([2.0 * breakaway, -2.0 * breakaway], [0.0, 0.0])
+    assert state[0, 1] > 0.0 > state[1, 1]
+
+
+@cocotb.test()
+async def clear_at_any_clock_of_a_step_leaves_rest_and_nothing_else(dut):
+    """The step under way is dropped, motors and effects are at rest, tables and coefficients stay."""
+    tb = await bench(dut, RICH, RICH, SUPPLY)
+    for clocks in (*range(0, 45, 3), 60, 100, 150, 169, 170, 171, 172, 173, 174, 175):
+        for _ in range(2):
+            await tb.step([8.0, -8.0], [1e-4, 0.0])
+        await tb.strobe(words([8.0, -8.0]), words([0.0, 0.0]))
+        for _ in range(clocks):
+            await RisingEdge(dut.clk_i)
+        await RisingEdge(dut.clk_i)
+        dut.clear_i.value = 1
+        await RisingEdge(dut.clk_i)
+        dut.clear_i.value = 0
+        tb.model.clear()
+        for _ in range(40):
+            await RisingEdge(dut.clk_i)
+            await ReadOnly()
+            assert not int(dut.valid_o.value), f"a step cleared {clocks} clocks after its strobe must give no valid"
+        assert self_ready(dut) and tb.read(HIGH_PORTS) == [0, 0, 0, 0] == tb.read(LOW_PORTS)
+    await tb.step([8.0, -8.0], [1e-4, 0.0])
+    await tb.step([8.0, -8.0], [1e-4, 0.0])
+
+
+def self_ready(dut) -> bool:
+    """ready_o, read as a number."""
+    return bool(int(dut.ready_o.value))
+
+
+@cocotb.test()
+async def words_written_at_any_clock_act_after_the_run_in_hand(dut):
+    """A limit that changes under way: the run of this step has the old one or the new one, whole, and the next the new."""
+    tb = await bench(dut, UnitEffects(limit_v=6.0), UnitEffects(limit_v=6.0))
+    limit = constant_address(1, 9)
+    await tb.step([9.0, 9.0], [0.0, 0.0])
+    for k, clock in enumerate((1, 5, 20, 21, 22, 23, 24, 25, 60, 100, 150, 170)):
+        word = int(words(1.0 + 0.5 * k))
+        if clock <= 21:  # written by the edge before the one that starts the run
+            tb.model.write(limit, word)
+        await tb.step([9.0, 9.0], [0.0, 0.0], write=(clock, limit, word))
+        tb.model.write(limit, word)
+        await RisingEdge(dut.clk_i)
+        await RisingEdge(dut.clk_i)
+    await tb.step([9.0, 9.0], [0.0, 0.0])
+
+
+@cocotb.test()
+async def a_nan_spreads_as_in_the_model_and_clear_ends_it(dut):
+    tb = await bench(dut, RICH, UnitEffects(), SUPPLY)
+    await tb.step([6.0, 6.0], [0.0, 0.0])
+    nan = np.array([0x7FC00000, *words([6.0])], np.uint32)
+    for v in (nan, words([6.0, 6.0]), words([6.0, 6.0]), words([6.0, 6.0]), words([6.0, 6.0]), words([6.0, 6.0])):
+        await tb.step(v, words([0.0, 0.0]))
+    assert int(dut.nonfinite_o.value)
+    await RisingEdge(dut.clk_i)
+    dut.clear_i.value = 1
+    await RisingEdge(dut.clk_i)
+    dut.clear_i.value = 0
+    tb.model.clear()
+    await RisingEdge(dut.clk_i)
+    for _ in range(6):
+        state = await tb.step([6.0, 6.0], [0.0, 0.0])
+    assert np.isfinite(state).all()
+    assert not int(dut.nonfinite_o.value)
+
+
+@cocotb.test()
+async def an_unusable_motor_on_one_side_keeps_both_sides_coefficients(dut):
+    tb = await bench(dut, RICH, UnitEffects(motor=OTHER))
+    for _ in range(3):
+        await tb.step([6.0, 6.0], [0.0, 0.0])
+    good, tb.own = tb.own, np.array([*tb.own[:4], 0, tb.own[5]], np.uint32)
+    for _ in range(3):
+        await tb.step([5.0, 6.0], [0.0, 0.0])
+    assert int(dut.param_fault_o.value)
+    tb.own = good
+    for _ in range(3):
+        await tb.step([5.0, 6.0], [0.0, 0.0])
+    assert not int(dut.param_fault_o.value)
+
+
+@cocotb.test()
+async def random_effects_switched_and_changed_while_the_motors_turn(dut):
+    rng = np.random.default_rng(5)
+    tb = await bench(dut)
+    left = steps = int(os.environ.get("EFFECT_STEPS", "120"))
+    while left > 0:
+        # Few points a curve in few tables keep the load short: one cell tables, and one of 256.
+        unit = random_unit(rng)
+        await tb.load(UnitEffects(motor=unit.motor, limit_v=unit.limit_v, load_share=unit.load_share, drop=unit.drop,
+                                  heat_rise_per_w=unit.heat_rise_per_w, heat_tau_s=unit.heat_tau_s),
+                      HELD, SUPPLY)  # fmt: skip
+        for _ in range(10):
+            tb.on = bool(rng.random() < 0.85)
+            for _ in range(4):
+                await tb.step(words(rng.normal(0.0, 4.0, 2)), words(rng.normal(0.0, 2e-4, 2)))
+                left -= 1
+    assert steps - left >= steps
