@@ -14,6 +14,7 @@ import json
 import math
 import secrets
 import shutil
+import tempfile
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -25,7 +26,7 @@ from rtds_host.blind.plants import Plant, kinds
 from rtds_host.blind.score import pooled, predicted, share
 from rtds_host.blind.seal import lock, open_truths, publish, refuse_again, what_was_drawn
 from rtds_host.blind.vocabulary import EFFECTS
-from rtds_host.contract import Case, RunLog, load_robot, read_case, read_run, write_atomic, write_run
+from rtds_host.contract import Case, Robot, RunLog, load_robot, read_case, read_run, write_atomic, write_run
 from rtds_host.errors import InputError
 
 KIND = "measured"
@@ -241,6 +242,13 @@ FIGURES = (
 )
 
 
+def carried_over(diagnosis: dict, base: Robot, planted: Robot) -> dict:
+    """The base's answer for the planted robot: what it refitted of R, K, J and B is kept relative to what is declared."""
+    fitted = {side: {key: value * getattr(planted.motor, key) / getattr(base.motor, key) for key, value in values.items()}
+              for side, values in (diagnosis.get("nominal_fit") or {}).items()}
+    return {**diagnosis, "nominal_fit": fitted}
+
+
 def _gap(robot_path: Path, held_out: Path, diagnosis: Path, command: list[str] | None) -> float | str | None:
     """Gap of a diagnosis on the withheld runs: a number, the prediction's complaint, or None without such runs."""
     robot = load_robot(robot_path)
@@ -279,7 +287,14 @@ def score_measured(out: Path, jobs: int = 1, command: list[str] | None = None, w
         path = answered(answer_of)
         if path is None or not with_gap:
             return None
-        return _gap(out / "public" / case / "robot.toml", out / "sealed" / case / "held-out", path, command)
+        robots = [out / "public" / name / "robot.toml" for name in (answer_of, case)]
+        held = out / "sealed" / case / "held-out"
+        if case == answer_of:
+            return _gap(robots[1], held, path, command)
+        with tempfile.TemporaryDirectory(prefix="rtds-blind-") as scratch:
+            carried = Path(scratch) / "diagnosis.json"
+            carried.write_text(json.dumps(carried_over(answers[answer_of], *map(load_robot, robots))))
+            return _gap(robots[1], held, carried, command)
 
     rest = {name: gap(case, case) for name, case in bases.items()}
 
@@ -346,7 +361,7 @@ def page(result: dict) -> str:
     sets = {**result["sets"], "all": result["all"]}
     sources = " ".join(f"--measured {name}" for name in result["sets"])
     lines = [(f"`rtds blind make {sources} --n {result['draws']} --seed {result['seed']} --out check`, `rtds blind answer"
-             f"{' --quick' if result['quick'] else ''} --out check`, `rtds blind score --out check`."), "",
+             f"{' --quick' if result['quick'] else ''} --out check`, `rtds blind score{'' if result['gaps'] else ' --no-closure'} --out check`."), "",
              "| | " + " | ".join(sets) + " |", "|---|" + "---|" * len(sets),
              "| draws (answered) | " + " | ".join(f"{g['cases']} ({g['answered']})" for g in sets.values()) + " |",
              *([] if not result["gaps"] else ["| of these the planted part outweighs what the machine leaves anyway | "

@@ -311,3 +311,13 @@ def test_a_wider_form_of_what_the_base_blames_is_neither_new_nor_lost():
     wider = effect("stribeck_friction", torque_nm=0.03, extra_torque_nm=0.01, speed_rad_s=1.0)
     r = measured.judge_planted(MASS, says(wider, effect("payload_error", mass_kg=0.1)), BASE, ENTRY)
     assert r["named"] and r["base_kept"] and not r["new_false"]
+
+
+def test_the_bases_refit_goes_along_with_what_is_declared(sources, tmp_path):
+    """Else a resistance declared wrongly would be put right by the base's answer, and open no gap."""
+    text = (sources[0] / "robot.toml").read_text()
+    (tmp_path / "robot.toml").write_text(text.replace("resistance_ohm = 4.0", "resistance_ohm = 5.0"))
+    base, planted = load_robot(sources[0] / "robot.toml"), load_robot(tmp_path / "robot.toml")
+    said = {"effects": [], "nominal_fit": {"l": {"resistance_ohm": 4.04, "rotor_inertia_kg_m2": 3.9e-7}}}
+    fitted = measured.carried_over(said, base, planted)["nominal_fit"]["l"]
+    assert fitted == pytest.approx({"resistance_ohm": 5.05, "rotor_inertia_kg_m2": 3.9e-7})
