@@ -31,6 +31,8 @@ TESTS = {
     "resets": ["tb/cdc/test_cdc.py", "-k", "resets and icarus"],
     "cdc": ["tb/cdc/test_cdc.py", "-k", "keeps_every_word and icarus"],
     "uart": ["tb/uart/test_uart.py", "-k", "icarus"],
+    "effects": ["tb/effects/test_effects_rtl.py", "-k", "clock_by_clock and icarus"],
+    "fx_words": ["tb/effects/test_effects_rtl.py", "-k", "random_effects_and_motors"],
     "regs": ["tb/regs/test_regs.py", "-k", "register_file and icarus"],
 }
 
