@@ -28,6 +28,8 @@ NUISANCE_BAND = 0.03
 PARSIMONY = 1.0
 # What further parameters of a form must gain in chi2 before it is another explanation than the form without them.
 IDLE_GAIN = 8.0
+# Nor is it where they are this small a part of their spreads, and explain this little of the whole excess.
+IDLE_SIZE, IDLE_SHARE = 0.06, 0.01
 FOLD_S = 5.0
 TRUSTED = 3.0
 # Effects whose misfit has many minima (impacts, resonances), and where to look about one.
@@ -379,7 +381,14 @@ class Search:
         for k, (effect, side) in enumerate(fit.hypothesis):
             for simpler in CATALOGUE[effect].contains:
                 other = self.fits.get(tuple(sorted(fit.hypothesis[:k] + fit.hypothesis[k + 1:] + ((simpler, side),))))
-                if other is not None and self.cost(other) < self.cost(fit) + IDLE_GAIN:
+                if other is None:
+                    continue
+                own = _split(fit.hypothesis, fit.u)[k]
+                shared = len([p for p in CATALOGUE[simpler].parameters if not p.shape])
+                further = [u for u, p in zip(own, CATALOGUE[effect].parameters) if not p.shape][shared:]
+                faint = bool(further) and max(abs(u) for u in further) < IDLE_SIZE
+                if self.cost(other) < self.cost(fit) + IDLE_GAIN or (
+                        faint and other.chi2 - fit.chi2 < IDLE_SHARE * (self.fits[()].chi2 - self.problem.size)):
                     return True
         return False
 

@@ -23,7 +23,7 @@ from rtds_host.diagnosis.problem import NOMINAL_KEYS, PRIOR, Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.diagnosis.report.details import Candidate, Details, Trace
-from rtds_host.diagnosis.verdict import Decision, decide
+from rtds_host.diagnosis.verdict import NO_GAP, Decision, decide
 
 SCHEMA = "rtds-diagnosis/1"
 Z90 = 1.6448536269514722
@@ -76,7 +76,15 @@ def investigate(case: Case, quick: bool = False, threads: int = 2, say: Callable
                 without: frozenset[str] = frozenset()) -> Investigation:
     """Search for the explanation of a case and decide; parameters as of `diagnose`."""
     say("replay", 0.05)
-    problem = Problem(case, threads)
+    found = _searched(Problem(case, threads), quick, say, without)
+    left = found.decision.fit.chi2 / found.problem.size
+    if case.robot.axis is not None and (found.decision.verdict == "unknown" or left > 1.0 + NO_GAP):
+        # An axis integrates and sticks: over whole runs of a real one the misfit has many local minima, over pieces few.
+        found = _searched(Problem(case, threads, pieces=True), quick, say, without)
+    return found
+
+
+def _searched(problem: Problem, quick: bool, say: Callable[[str, float], None], without: frozenset[str]) -> Investigation:
     search = Search(problem, quick, without)
     say("candidates", 0.1)
     choice = search.run()

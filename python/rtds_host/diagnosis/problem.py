@@ -86,23 +86,24 @@ CHANNELS = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", 
 
 
 class Problem:
-    """Residuals of a case for any model.
+    """Residuals of a case for any model, of whole runs or (of a single axis) of `pieces` of them.
 
     `blocks`: (N,) which block of `BLOCK_S` a residual belongs to, over all runs; `runs_of`: (N,) which run;
     `channels_of`: (N,) index into `CHANNELS`.
     """
 
-    def __init__(self, case: Case, threads: int = 2):
+    def __init__(self, case: Case, threads: int = 2, pieces: bool = False):
         self.case = case
         self.robot = case.robot
         self.nominal = nominal_model(case.robot)
         self.threads = max(threads, 1)
         self.headings: dict[str, float] = {}
+        self.pieces = pieces
         self.pool = ThreadPoolExecutor(self.threads)
         self.whole = [RunData(log, run_inputs(log, case.robot)) for log in case.runs]
         self.runs, owners = [], []
         for k, log in enumerate(case.runs):
-            parts = self._pieces(log) if case.robot.axis is not None else [self._prepare(log, run_inputs(log, self.robot))]
+            parts = self._pieces(log) if pieces else [self._prepare(log, run_inputs(log, self.robot))]
             self.runs += parts
             owners += [k] * len(parts)
         offset = 0
@@ -214,13 +215,38 @@ class Problem:
         residual = self.run_residual(data, replay_run(model, (*data.inputs[:-1], start)))
         return float(residual @ residual)
 
+    def _settle(self, data: RunData, model: Model) -> float:
+        """Estimate the speed at which a run of an axis began, within the noise of its first sample; its change."""
+        noise = self.robot.noise("w_l")
+        start = data.inputs[-1]
+        if noise is None or not data.log.has("w_l"):
+            return 0.0
+        measured = float(data.log.columns["w_l"][0])
+        if not np.isfinite(measured):
+            return 0.0
+
+        def residual(speed: float) -> np.ndarray:
+            moved = start.copy()
+            moved[5] = moved[9] = speed
+            return self.run_residual(data, replay_run(model, (*data.inputs[:-1], moved)))
+
+        begun = start[5]
+        at = residual(begun)
+        slope = (residual(begun + 0.3 * noise) - at) / (0.3 * noise)
+        step = -(slope @ at + (begun - measured) / noise**2) / (slope @ slope + noise**-2)
+        start[5] = start[9] = float(np.clip(begun + step, measured - 3 * noise, measured + 3 * noise))
+        return abs(start[5] - begun)
+
     def align(self, model: Model) -> float:
         """Estimate the heading at which runs began whose log holds none, where it matters: on a slope.
 
         The contract has such runs begin at zero; a real one begins anywhere, and the slope then pulls another way than
-        the replay's. Returns the largest change, rad.
+        the replay's. An axis begins at a speed that is known to its sensor's noise only, which is estimated likewise.
+        Returns the largest change, rad or rad/s.
         """
         largest = 0.0
+        if self.robot.axis is not None:
+            return max((self._settle(data, model) for data in self.runs), default=0.0) if not self.pieces else 0.0
         for data, whole in zip(self.runs, self.whole, strict=False):
             log = data.log
             if self.robot.axis is not None or log.has("yaw") or abs(log.meta.slope_rad) < HEADING_SLOPE_RAD:

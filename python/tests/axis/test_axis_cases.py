@@ -18,7 +18,7 @@ WRONG = {
     ("pendulum", "voltage"): ({"load": 1.3}, "payload_error", 0.3 * AXES["pendulum"]["mass_kg"]),
     ("pendulum", "torque"): ({"viscous": 0.02}, "viscous_friction", 0.02),
     ("pendulum", "speed"): ({"coulomb": 0.08, "ki": 0.0}, "coulomb_friction", 0.08),
-    ("linear", "voltage"): ({"gain": 1.2, "currents": False}, "driver_gain", 1.2),
+    ("linear", "voltage"): ({"gain": 1.2}, "driver_gain", 1.2),
     ("linear", "torque"): ({"gain": 0.85}, "driver_gain", 0.85),
     ("linear", "speed"): ({"coulomb": 0.05, "ki": 0.0}, "coulomb_friction", 0.05),
     ("inertia", "voltage"): ({"constant": 0.85}, "torque_constant_error", 0.85),
@@ -38,6 +38,21 @@ def test_what_is_wrong_with_an_axis_is_named(tmp_path, kind, mode):
     assert found["gap"]["before"] > 20
     # A pendulum driven by torque alone runs away from any replay, however small what is missed.
     assert found["gap"]["after"] < (0.05 * found["gap"]["before"] if (kind, mode) == ("pendulum", "torque") else 1.5)
+
+
+@pytest.mark.parametrize(("kind", "mode"), [("pendulum", "voltage"), ("pendulum", "speed"), ("linear", "torque"),
+                                            ("inertia", "voltage"), ("inertia", "speed")], ids=lambda key: key)
+def test_nothing_is_blamed_where_nothing_is_wrong(tmp_path, kind, mode):
+    """Also with a servo whose integrator no log shows: whole runs begin where it does."""
+    found, _ = diagnose(read_case(write_axis_case(tmp_path / "case", kind, mode)), quick=True)
+    assert found["verdict"] == "none" and found["effects"] == []
+    assert found["gap"]["refit"] < 1.05
+
+
+def test_dry_friction_is_not_dressed_up_as_stribeck(tmp_path):
+    found, _ = diagnose(read_case(write_axis_case(tmp_path / "case", "linear", "voltage", coulomb=0.05)), quick=True)
+    (blamed,) = found["effects"]
+    assert blamed["id"] == "coulomb_friction"
 
 
 def test_without_gravity_load_and_rotor_are_told_to_be_alike(tmp_path):

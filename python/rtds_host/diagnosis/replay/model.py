@@ -167,7 +167,9 @@ def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.n
         start[3] = angle[0]
     if robot.driver.mode != "torque":
         motor = robot.motor
-        volts = commands[first, 0] * (bus[first] / robot.supply_v if robot.driver.bus == "measured" else 1.0)
+        # A row holds the state just before its command acts.
+        held = max(first - 1, 0)
+        volts = commands[held, 0] * (bus[held] / robot.supply_v if robot.driver.bus == "measured" else 1.0)
         # Across the few electrical time constants that a start lasts, the winding is in its steady state.
         start[7] = (volts - motor.back_emf_constant_v_s_per_rad * motor.gear_ratio * start[5]) / motor.resistance_ohm
     before = max(0, first - HISTORY_ROWS)
