@@ -56,7 +56,7 @@ mutate: setup system
 	$(BIN)/python tb/mutate/mutate.py
 
 coverage: setup
-	$(BIN)/python tb/rtl_coverage/coverage.py
+	$(BIN)/python tb/rtl_coverage/coverage_report.py
 
 # After a change of python/rtds_host/link/registers.toml.
 registers: setup

