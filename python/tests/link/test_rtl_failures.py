@@ -12,7 +12,7 @@ import pytest
 from link_cases import BURGER, STEP_S
 
 from rtds_host.errors import InputError, LinkError
-from rtds_host.link import build, open_link
+from rtds_host.link import build, open_link, protocol
 from rtds_host.link.rtl import RtlLink
 
 TIMEOUT_S = 1.5
@@ -119,7 +119,7 @@ def top_with_bridge(folder, body):
 
 
 SILENT = "time.sleep(60)"
-HELLO = """protocol.send_frame(sock, protocol.HELLO, b'{"version": 1, "simulator": "fake"}'); """
+HELLO = f"""protocol.send_frame(sock, protocol.HELLO, b'{{"version": {protocol.VERSION}, "simulator": "fake"}}'); """
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ HELLO = """protocol.send_frame(sock, protocol.HELLO, b'{"version": 1, "simulator
         ("sys.stderr.write('first\\nlast words\\n'); sys.stderr.flush(); os._exit(3)", "exit status 3; it said:"),
         (
             "protocol.send_frame(sock, protocol.HELLO, b'{\"version\": 99, \"simulator\": \"x\"}'); time.sleep(60)",
-            "speaks version 99 of the link, not 1",
+            f"speaks version 99 of the link, not {protocol.VERSION}",
         ),
     ],
 )
@@ -152,7 +152,7 @@ def test_a_simulator_that_misbehaves_gives_one_line(tmp_path, monkeypatch, body,
 
 def copy_of_sources(folder):
     """A source tree of its own, to be broken."""
-    for name in ("rtl/fp", "rtl/core", "sim"):
+    for name in ("rtl/fp", "rtl/core", "rtl/effects", "sim"):
         shutil.copytree(build.ROOT / name, folder / name)
     return dataclasses.replace(build.TOPS["core"], root=folder)
 
