@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "Vrtds_core.h"
+#include "../common/clocked.h"
 #include "../common/coverage.h"
 #include "verilated.h"
 
@@ -24,21 +25,6 @@ namespace {
 constexpr int VALID_CLOCKS = 15;
 constexpr int READY_CLOCKS = 23;
 constexpr int READY_LIMIT = 400;
-
-std::uint64_t random_state = 88172645463325252ull;
-std::uint32_t random_word() {
-    random_state ^= random_state << 13;
-    random_state ^= random_state >> 7;
-    random_state ^= random_state << 17;
-    return static_cast<std::uint32_t>(random_state >> 16);
-}
-
-void edge(Vrtds_core& top) {
-    top.clk_i = 1;
-    top.eval();
-    top.clk_i = 0;
-    top.eval();
-}
 
 void drive(Vrtds_core& top, const std::uint32_t* record) {
     top.v_l_i = record[0];

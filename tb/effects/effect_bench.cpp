@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "Vrtds_core.h"
+#include "../common/clocked.h"
 #include "../common/coverage.h"
 #include "verilated.h"
 
@@ -28,21 +29,6 @@ constexpr int FIELDS = 24;
 constexpr int VALID_CLOCKS[2] = {15, 24};
 constexpr int READY_CLOCKS[2] = {23, 176};
 constexpr int READY_LIMIT = 400;
-
-std::uint64_t random_state = 88172645463325252ull;
-std::uint32_t random_word() {
-    random_state ^= random_state << 13;
-    random_state ^= random_state >> 7;
-    random_state ^= random_state << 17;
-    return static_cast<std::uint32_t>(random_state >> 16);
-}
-
-void edge(Vrtds_core& top) {
-    top.clk_i = 1;
-    top.eval();
-    top.clk_i = 0;
-    top.eval();
-}
 
 void drive(Vrtds_core& top, const std::uint32_t* record) {
     top.v_l_i = record[0];
