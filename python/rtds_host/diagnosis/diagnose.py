@@ -108,8 +108,8 @@ def conclude(found: Investigation, gate: Gate | None, seed: int = 1,
         "located": located,
         "effects": _effects(problem, decision),
         "nominal_fit": _nominal_fit(problem, fit if decision.verdict != "unknown" else decision.base),
-        "alternatives": _alternatives(decision),
-        "indistinguishable": [[{"id": e, "side": s} for e, s in members] for members in decision.alike],
+        "alternatives": _alternatives(problem, decision),
+        "indistinguishable": [[_named(problem, e, s) for e, s in members] for members in decision.alike],
         "gap": held["gap"],
         "held_out_runs": [run.name for run in case.runs],
         "next_experiment": next_experiment(problem, decision, choice.fits),
@@ -159,12 +159,13 @@ def _effects(problem: Problem, decision: Decision) -> list[dict]:
             pinned = not at_bound and sigma[k] < 2.0
             form = (ERRATIC_SHARE if CATALOGUE[effect].erratic else FORM_SHARE) * abs(values[p.name] - p.null)
             spread = Z90 * math.hypot(sigma[k] * p.spread, form)
-            entry[p.name] = {"value": _round(values[p.name]),
-                             "ci90": [_round(max(values[p.name] - spread, p.low)),
-                                      _round(min(values[p.name] + spread, p.high))] if pinned else None}
+            name, _, unit = p.reported(problem.robot.axis)
+            entry[name] = {"value": _round(unit * values[p.name]),
+                           "ci90": [_round(unit * max(values[p.name] - spread, p.low)),
+                                    _round(unit * min(values[p.name] + spread, p.high))] if pinned else None}
             k += 1
         probability = sum(s.probability for s in decision.ranked if (effect, side) in s.fit.hypothesis)
-        result.append({"id": effect, "side": side, "subsystem": CATALOGUE[effect].subsystem,
+        result.append({**_named(problem, effect, side), "subsystem": CATALOGUE[effect].subsystem,
                        "probability": _round(min(probability, 1.0), 4), "parameters": entry})
     strength = {h: _knockout(fit, k) for k, h in enumerate(fit.hypothesis)}
     order = sorted(range(len(result)), key=lambda k: -strength[fit.hypothesis[k]])
@@ -194,8 +195,17 @@ def _nominal_fit(problem: Problem, fit: Fit) -> dict:
     return result
 
 
-def _alternatives(decision: Decision) -> list[dict]:
-    rows = [{"effects": [{"id": e, "side": s} for e, s in scored.fit.hypothesis],
+def _named(problem: Problem, effect: str, side: str) -> dict[str, str]:
+    return {"id": effect, "side": CATALOGUE[effect].side_on(problem.robot.axis, side)}
+
+
+def _reported(problem: Problem, effect: str, values: dict[str, float]) -> dict[str, float]:
+    shown = [(p.reported(problem.robot.axis), values[p.name]) for p in CATALOGUE[effect].parameters]
+    return {name: _round(unit * value, 4) for (name, _, unit), value in shown}
+
+
+def _alternatives(problem: Problem, decision: Decision) -> list[dict]:
+    rows = [{"effects": [_named(problem, e, s) for e, s in scored.fit.hypothesis],
              "probability": scored.probability} for scored in decision.ranked]
     rows.append({"effects": "unknown", "probability": decision.unknown})
     first = rows[0] if decision.verdict != "unknown" else rows[-1]
@@ -403,8 +413,8 @@ def _candidates(problem: Problem, choice: Choice, decision: Decision) -> list[Ca
         else:
             verdict, reason = "rejected", "its further parameters do not earn their place"
         rows.append(Candidate(
-            effects=[{"id": e, "side": s} for e, s in fit.hypothesis],
-            parameters=[{n: _round(v, 4) for n, v in values.items()} for values in fit.values],
+            effects=[_named(problem, e, s) for e, s in fit.hypothesis],
+            parameters=[_reported(problem, e, values) for (e, _), values in zip(fit.hypothesis, fit.values)],
             improvement=None if gain is None else _round(gain[0], 4),
             held_out_t=None if gain is None else _round(gain[1], 3),
             probability=_round(blamed[fit.hypothesis].probability, 4) if fit.hypothesis in blamed else 0.0,

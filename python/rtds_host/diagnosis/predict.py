@@ -51,23 +51,26 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         if effect is None:
             raise InputError(f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in "
                              "the catalogue (see `rtds effects`)")
-        if entry.get("side") not in effect.sides:
-            raise InputError(f"{path}: {place}.side: {entry.get('side')!r} must be one of {', '.join(effect.sides)}")
+        sides = [s for s in effect.sides if effect.side_on(robot.axis, s) == entry.get("side")]
+        if not sides:
+            known = dict.fromkeys(effect.side_on(robot.axis, s) for s in effect.sides)
+            raise InputError(f"{path}: {place}.side: {entry.get('side')!r} must be one of {', '.join(known)}")
         values = {}
         given = entry.get("parameters") or {}
         for p in effect.parameters:
-            if p.name not in given and p.optional:
+            name, unit, one = p.reported(robot.axis)
+            if name not in given and p.optional:
                 values[p.name] = p.null
                 continue
-            if p.name not in given:
-                raise InputError(f"{path}: {place}.parameters.{p.name}: missing")
-            value = given[p.name].get("value") if isinstance(given[p.name], dict) else given[p.name]
-            value = _number(path, f"{place}.parameters.{p.name}", value)
-            if not p.low <= value <= p.high:
-                raise InputError(f"{path}: {place}.parameters.{p.name}: is {value:g}, it must lie within {p.low:g} to "
-                                 f"{p.high:g} {p.unit}")
-            values[p.name] = value
-        effect.apply(model, SIDES[entry["side"]], values)
+            if name not in given:
+                raise InputError(f"{path}: {place}.parameters.{name}: missing")
+            value = given[name].get("value") if isinstance(given[name], dict) else given[name]
+            value = _number(path, f"{place}.parameters.{name}", value)
+            if not one * p.low <= value <= one * p.high:
+                raise InputError(f"{path}: {place}.parameters.{name}: is {value:g}, it must lie within {one * p.low:g} to "
+                                 f"{one * p.high:g} {unit}")
+            values[p.name] = value / one if one else p.null
+        effect.apply(model, SIDES[sides[0]], values)
     return model
 
 

@@ -4,15 +4,19 @@ The machines are integrated by `axis_machine.py`, apart from the replay. In spee
 servo's integrator holds in the middle of a run, no log tells.
 """
 
+import dataclasses
+import json
+
 import numpy as np
 import pytest
 from axis_machine import AXES, GEAR, MOTOR, write_axis_case
 
 from rtds_host.contract import read_case
 from rtds_host.diagnosis.diagnose import diagnose
-from rtds_host.diagnosis.predict import predicted_columns
+from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.errors import InputError
 
 WRONG = {
     ("pendulum", "voltage"): ({"load": 1.3}, "payload_error", 0.3 * AXES["pendulum"]["mass_kg"]),
@@ -58,13 +62,35 @@ def test_dry_friction_is_not_dressed_up_as_stribeck(tmp_path):
 def test_without_gravity_load_and_rotor_are_told_to_be_alike(tmp_path):
     found, _ = diagnose(read_case(write_axis_case(tmp_path / "case", "inertia", "torque", load=1.5)), quick=True)
     (blamed,) = found["effects"]
+    assert {e["side"] for group in found["indistinguishable"] for e in group} == {blamed["side"]} == {"left"}
     (alike,) = [{e["id"] for e in group} for group in found["indistinguishable"]]
     assert alike == {"payload_error", "rotor_inertia_error"} and blamed["id"] in alike
     # Half the declared inertia, seen from the output, is the rotor's own once more.
     extra = 0.5 * AXES["inertia"]["inertia_kg_m2"]
-    (value,) = [v["value"] for v in blamed["parameters"].values()]
-    wanted = 1 + extra / (GEAR**2 * MOTOR["rotor_inertia_kg_m2"]) if blamed["id"] == "rotor_inertia_error" else extra
-    assert value == pytest.approx(wanted, rel=0.02)
+    wanted = {"rotor_inertia_error": ("ratio", 1 + extra / (GEAR**2 * MOTOR["rotor_inertia_kg_m2"])),
+              "payload_error": ("inertia_kg_m2", extra)}[blamed["id"]]
+    ((name, value),) = [(n, v["value"]) for n, v in blamed["parameters"].items()]
+    assert (name, value) == (wanted[0], pytest.approx(wanted[1], rel=0.02))
+
+
+@pytest.mark.parametrize(("kind", "name"), [("inertia", "inertia_kg_m2"), ("pendulum", "mass_kg"), ("linear", "mass_kg")])
+def test_a_load_beyond_the_declared_one_is_predicted_in_the_unit_of_its_kind(tmp_path, kind, name):
+    """Half of the declared load more in a diagnosis replays like a machine whose file declares half as much again."""
+    case = read_case(write_axis_case(tmp_path / "case", kind, "voltage", seconds=1.0))
+    path = tmp_path / "diagnosis.json"
+    entry = {"id": "payload_error", "side": "left", "parameters": {name: {"value": 0.5 * AXES[kind][name], "ci90": None}}}
+    path.write_text(json.dumps({"schema": "rtds-diagnosis/1", "effects": [entry]}))
+    declared = dataclasses.replace(case.robot, axis=dataclasses.replace(case.robot.axis, **{name: 1.5 * AXES[kind][name]}))
+    assert read_diagnosis(path, case.robot).common == pytest.approx(nominal_model(declared).common)
+
+
+def test_a_load_in_another_kinds_unit_is_refused(tmp_path):
+    case = read_case(write_axis_case(tmp_path / "case", "inertia", "voltage", seconds=1.0))
+    path = tmp_path / "diagnosis.json"
+    path.write_text(json.dumps({"schema": "rtds-diagnosis/1", "effects": [
+        {"id": "payload_error", "side": "left", "parameters": {"mass_kg": {"value": 0.1}}}]}))
+    with pytest.raises(InputError, match="inertia_kg_m2: missing"):
+        read_diagnosis(path, case.robot)
 
 
 @pytest.mark.parametrize("mode", ["voltage", "torque", "speed"])

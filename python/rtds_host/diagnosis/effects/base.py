@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from rtds_host.contract.robot import Axis
 from rtds_host.diagnosis.replay.model import Model
 
 SIDES = {"both": (0, 1), "left": (0,), "right": (1,)}
@@ -17,7 +18,8 @@ class Parameter:
     null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
     about `null` (sets the price of a free parameter); starts : values to start a fit from; difference : step of a
     derivative, in spreads; optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form,
-    not its size.
+    not its size; declared : by the kind of a single axis, the value of `[axis]` that it adds to, and its unit: a fit then
+    works in shares of that value, since loads of axes span many orders of magnitude.
     """
 
     name: str
@@ -31,6 +33,14 @@ class Parameter:
     difference: float = 0.01
     optional: bool = False
     shape: bool = False
+    declared: Mapping[str, tuple[str, str]] | None = None
+
+    def reported(self, axis: Axis | None) -> tuple[str, str, float]:
+        """Name, unit and what one unit of the fit is in it, on this machine."""
+        if axis is None or self.declared is None:
+            return self.name, self.unit, 1.0
+        name, unit = self.declared[axis.kind]
+        return name, unit, getattr(axis, name)
 
 
 @dataclass(frozen=True)
@@ -63,6 +73,10 @@ class Effect:
     def sides(self) -> tuple[str, ...]:
         """Sides it can have, in the contract's words."""
         return ("both", "left", "right") if self.sided else ("both",)
+
+    def side_on(self, axis: Axis | None, side: str) -> str:
+        """The side as a report names it: a single axis has one (contract, section 7)."""
+        return side if axis is None else "left"
 
 
 def scale(slot: str, parameter: str = "ratio") -> Callable:

@@ -5,12 +5,15 @@ from collections.abc import Mapping
 from rtds_host.diagnosis.effects.base import Effect, Parameter
 from rtds_host.diagnosis.replay.model import Model
 
+LEAST_LOAD = 0.02
+
 
 def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
-    # On an axis the same error is mass or inertia beyond the declared load (contract, section 7).
-    axis = model.get("axis")
-    slot = "mass" if axis == 0 else ("axis_inertia" if axis == 1 else "axis_mass")
-    model.add(slot, values["mass_kg"])
+    if model.get("axis") == 0:
+        model.add("mass", values["mass_kg"])
+    else:  # a share of the declared load, of which something has to be left
+        slot = "axis_inertia" if model.get("axis") == 1 else "axis_mass"
+        model.scale(slot, max(1.0 + values["mass_kg"], LEAST_LOAD))
 
 
 EFFECT = Effect(
@@ -19,7 +22,8 @@ EFFECT = Effect(
     sided=False,
     parameters=(
         Parameter("mass_kg", "kg", null=0, low=-5, high=50, spread=0.5, starts=(0.3, -0.2, 1.0),
-                  meaning="mass beyond what the run says"),
+                  meaning="mass (of an axis: load) beyond what is declared",
+                  declared={"inertia": ("inertia_kg_m2", "kg·m²"), "pendulum": ("mass_kg", "kg"), "linear": ("mass_kg", "kg")}),
     ),
     apply=_apply,
     equation="m = m_nominal + payload + mass_kg",

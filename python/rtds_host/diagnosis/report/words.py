@@ -52,8 +52,9 @@ def unit_of(effect_id: str, parameter: str) -> str:
     """Unit of an effect's parameter, "" for a plain number."""
     known = CATALOGUE.get(effect_id)
     for p in known.parameters if known else ():
-        if p.name == parameter:
-            return "" if p.unit in ("1", "") else p.unit
+        for name, unit in ((p.name, p.unit), *(p.declared or {}).values()):
+            if name == parameter:
+                return "" if unit in ("1", "") else unit
     return ""
 
 
