@@ -1,10 +1,8 @@
-"""Settings of all host tests: one thread a BLAS call, as the command line sets it (same sums, same bytes)."""
+"""Settings of all host tests."""
 
-import os
 import signal
 
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+import rtds_host  # noqa: F401  before numpy: it sets the threads of a BLAS call
 
 # A test run that a shell put into the background ignores Ctrl-C, and so would the programs whose Ctrl-C is tested.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -6,11 +6,6 @@ import importlib
 import os
 import sys
 
-# One thread a BLAS call, before numpy is loaded: the program spreads its work itself, and the same sums in the same
-# order give the same file on every machine.
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
-
 import click
 import typer
 import typer.main
