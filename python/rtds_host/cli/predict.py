@@ -19,8 +19,10 @@ def predict(
 ) -> None:
     """Replay a run from its commands, with or without a diagnosis."""
     import io
+    import sys
 
     from rtds_host.contract import load_robot, read_run, write_atomic
+    from rtds_host.contract.runlog import COMMANDS
     from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
 
     nominal = load_robot(robot)
@@ -29,6 +31,10 @@ def predict(
     text = io.StringIO()
     names = list(columns)
     text.write(",".join(names) + "\n")
+    # What the log gave is given back to the last digit: a reader may pair rows by their time.
+    given = [name in ("t", *COMMANDS[nominal.driver.mode]) for name in names]
     for row in zip(*columns.values()):
-        text.write(",".join(f"{value:.9g}" for value in row) + "\n")
+        text.write(",".join(repr(float(value)) if exact else f"{value:.9g}" for exact, value in zip(given, row)) + "\n")
     write_atomic(out, text.getvalue())
+    for notice in (*nominal.notices, *log.notices):
+        print(f"note: {notice}", file=sys.stderr)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
 
@@ -13,6 +13,8 @@ from rtds_host.errors import InputError
 
 SCHEMA = "rtds-robot/1"
 GRAVITY_M_S2 = 9.80665
+# Positive values below are no unit of anything: the replay's matrices would be singular.
+TINY = 1e-15
 
 # Channel of a log -> key of its noise in [sensors] (contract, section 2).
 NOISE_KEYS = {
@@ -81,9 +83,12 @@ class Servo:
 
 @dataclass(frozen=True)
 class Robot:
-    """A nominal robot or a single axis: exactly one of `chassis` and `axis` is set."""
+    """A nominal robot or a single axis: exactly one of `chassis` and `axis` is set.
 
-    name: str
+    Two that differ in `name` or in `notices` (what of the file was ignored) alone are equal.
+    """
+
+    name: str = field(compare=False)
     motor: Motor
     supply_v: float
     chassis: Chassis | None
@@ -91,6 +96,7 @@ class Robot:
     driver: Driver
     servo: Servo | None
     sensors: dict[str, float] = field(default_factory=dict)
+    notices: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -120,11 +126,15 @@ class _Section:
         value = self.table[key]
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise self.fail(key, f"is {value!r}, a number is needed")
-        value = float(value)
+        try:
+            value = float(value)
+        except OverflowError:
+            value = math.inf
         if not math.isfinite(value):
             raise self.fail(key, f"is {value}, a finite number is needed")
         if positive and value <= 0:
             raise self.fail(key, f"is {value:g}, it must be above 0")
+        low = max(low, TINY) if positive else low
         if not low <= value <= high:
             raise self.fail(key, f"is {value:g}, it must lie within {low:g} to {high:g}")
         return value
@@ -147,11 +157,11 @@ def load_robot(path: str | os.PathLike) -> Robot:
     """
     path = Path(path)
     try:
-        with open(path, "rb") as stream:
-            data = tomllib.load(stream)
+        data = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    # An integer beyond what Python turns into a number is a plain ValueError.
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not valid TOML ({error})") from error
     return _parse(path, data)
 
@@ -199,9 +209,11 @@ def _parse(path: Path, data: dict) -> Robot:
         mode = table.choice("mode", ("voltage", "torque", "speed"), "voltage")
         driver = Driver(
             mode=mode,
-            torque_nm_per_v=table.number("torque_nm_per_v") if mode == "torque" else math.nan,
+            torque_nm_per_v=table.number("torque_nm_per_v", low=-1e3, high=1e3) if mode == "torque" else math.nan,
             bus=table.choice("bus", ("nominal", "measured"), "nominal"),
         )
+        if driver.torque_nm_per_v == 0:
+            raise table.fail("torque_nm_per_v", "is 0, no command would do anything")
     electrical = driver.mode != "torque"
 
     table = section("motor")
@@ -257,13 +269,24 @@ def _parse(path: Path, data: dict) -> Robot:
     if driver.mode == "speed":
         table = section("servo")
         servo = Servo(
-            kp_v_s_per_rad=table.number("kp_v_s_per_rad", low=0.0),
-            ki_v_per_rad=table.number("ki_v_per_rad", low=0.0),
-            limit_v=table.number("limit_v", positive=True),
+            kp_v_s_per_rad=table.number("kp_v_s_per_rad", low=0.0, high=1e9),
+            ki_v_per_rad=table.number("ki_v_per_rad", low=0.0, high=1e9),
+            limit_v=table.number("limit_v", positive=True, high=1e4),
             period_s=table.number("period_s", positive=True, high=10.0),
         )
 
     table = section("sensors")
-    sensors = {key: table.number(key, positive=True) for key in sorted(set(NOISE_KEYS.values())) if key in table.table}
+    sensors = {key: table.number(key, positive=True, high=1e9) for key in sorted(set(NOISE_KEYS.values())) if key in table.table}
     return Robot(name=str(data.get("name", path.parent.name or path.stem)), motor=motor, supply_v=supply_v,
-                 chassis=chassis, axis=axis, driver=driver, servo=servo, sensors=sensors)
+                 chassis=chassis, axis=axis, driver=driver, servo=servo, sensors=sensors, notices=_strange(path, data))
+
+
+def _strange(path: Path, data: dict) -> tuple[str, ...]:
+    """Notices of tables and keys that the contract does not name: a slip of the pen would pass for a default."""
+    known = {name: {f.name for f in fields(kind)}
+             for name, kind in (("motor", Motor), ("chassis", Chassis), ("axis", Axis), ("driver", Driver), ("servo", Servo))}
+    known |= {"supply": {"voltage_v"}, "sensors": set(NOISE_KEYS.values())}
+    found = [f"{path.name}: {name!r} is not in the contract, ignored" for name in data
+             if name not in known and name not in ("schema", "name")]
+    return tuple(found + [f"{path.name}: [{name}] {key} is not in the contract, ignored"
+                          for name in known for key in data.get(name, ()) if key not in known[name]])

@@ -22,6 +22,11 @@ COMMANDS = {"voltage": ("v_cmd_l", "v_cmd_r"), "torque": ("v_cmd_l", "v_cmd_r"),
 MEASURED = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
 INFORMATION = ("w_ref_l", "w_ref_r")
 COLUMNS = ("t", "v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r", *MEASURED, *INFORMATION)
+META_KEYS = ("schema", "scenario", "payload_kg", "slope_rad", "uphill_yaw_rad", "notes")
+# No run lasts longer than about a day and nothing on a robot measures more than this: beyond it a unit is wrong, and
+# a replay in steps of milliseconds would never end.
+LONGEST_S = 1e5
+ABSURD_COMMAND, ABSURD = 1e4, 1e9
 
 
 @dataclass(frozen=True)
@@ -85,6 +90,19 @@ def _log_path(folder: Path) -> Path:
     return found[0]
 
 
+def _meta_content(path: Path) -> dict:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: is not valid JSON ({error})") from error
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+        raise InputError(f"{path}: schema: is {data.get('schema') if isinstance(data, dict) else data!r}, "
+                         f"this program reads {SCHEMA!r}")
+    return data
+
+
 def read_meta(path: str | os.PathLike) -> RunMeta:
     """Read and check a `run.json`.
 
@@ -93,59 +111,76 @@ def read_meta(path: str | os.PathLike) -> RunMeta:
     InputError : unreadable, not JSON, another schema, a value of the wrong kind or physically impossible.
     """
     path = Path(path)
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is not valid JSON ({error})") from error
-    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
-        raise InputError(f"{path}: schema: is {data.get('schema') if isinstance(data, dict) else data!r}, "
-                         f"this program reads {SCHEMA!r}")
+    return _meta(path, _meta_content(path))
 
+
+def _meta(path: Path, data: dict) -> RunMeta:
     def number(key: str, low: float, high: float) -> float:
         value = data.get(key, 0.0)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise InputError(f"{path}: {key}: is {value!r}, a finite number is needed")
         if not low <= value <= high:
             hint = " (degrees?)" if key.endswith("_rad") else ""
-            raise InputError(f"{path}: {key}: is {value:g}, it must lie within {low:g} to {high:g}{hint}")
+            raise InputError(f"{path}: {key}: is {str(value)[:20]}, it must lie within {low:g} to {high:g}{hint}")
         return float(value)
 
-    return RunMeta(scenario=str(data.get("scenario", "")), payload_kg=number("payload_kg", 0.0, 1e4),
+    def text(key: str) -> str:
+        value = data.get(key, "")
+        if not isinstance(value, str | None):
+            raise InputError(f"{path}: {key}: is {value!r}, a text is needed")
+        return value or ""
+
+    return RunMeta(scenario=text("scenario"), payload_kg=number("payload_kg", 0.0, 1e4),
                    slope_rad=number("slope_rad", -1.2, 1.2), uphill_yaw_rad=number("uphill_yaw_rad", -100.0, 100.0),
-                   notes=str(data.get("notes", "")))
+                   notes=text("notes"))
 
 
-def _read_csv(path: Path) -> dict[str, np.ndarray]:
+def _value(cell: str) -> float:
+    """Number in a cell; Python alone would also take `1_0` and the digits of any script."""
+    if "_" in cell or not cell.isascii():
+        raise ValueError(cell)
+    return float(cell)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], list[int]]:
+    """Columns, and the row of the file that each sample stands in."""
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is no text (byte {error.start})") from error
-    lines = text.splitlines()
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").removesuffix("\n").split("\n")
     if not lines or not lines[0].strip():
         raise InputError(f"{path}: is empty, a header line is needed")
-    names = [name.strip() for name in next(csv.reader([lines[0]]))]
+    names = _header(path, lines[0])
     if len(set(names)) != len(names):
         twice = sorted({name for name in names if names.count(name) > 1})
         raise InputError(f"{path}: row 1: column {twice[0]!r} stands twice")
     if text and not text.endswith(("\n", "\r")) and len(lines) > 1 and lines[-1].count(",") != len(names) - 1:
         raise InputError(f"{path}: row {len(lines)}: ends in the middle, the file is truncated")
-    body = io.StringIO("\n".join(lines[1:]))
+    full = [number for number, line in enumerate(lines[1:], start=2) if line]
+    body = "\n".join(lines[1:])
     try:
-        # Fast path: a full table of plain numbers.
-        table = np.loadtxt(body, delimiter=",", ndmin=2) if len(lines) > 1 else np.empty((0, len(names)))
-        if table.shape[1] == len(names) and np.isfinite(table).all():
-            return {name: table[:, k] for k, name in enumerate(names)}
+        # Fast path: a full table of plain numbers. Digits of other scripts pass for numbers in `loadtxt`, too.
+        table = np.loadtxt(io.StringIO(body), delimiter=",", ndmin=2, comments=None) \
+            if full and body.isascii() and "_" not in body else np.empty((0, len(names)))
+        if table.shape == (len(full), len(names)) and np.isfinite(table).all():
+            return {name: table[:, k] for k, name in enumerate(names)}, full
     except ValueError:
         pass
     wanted = [k for k, name in enumerate(names) if name in COLUMNS]
     columns: dict[int, list[float]] = {k: [] for k in wanted}
-    for number, row in enumerate(csv.reader(lines[1:]), start=2):
-        if not row:
-            continue
+    for number in full:
+        row = _cells(path, number, lines[number - 1])
         if len(row) != len(names):
             raise InputError(f"{path}: row {number}: has {len(row)} cells, the header names {len(names)}"
                              + (", the file is truncated" if number == len(lines) else ""))
@@ -155,7 +190,7 @@ def _read_csv(path: Path) -> dict[str, np.ndarray]:
                 columns[k].append(math.nan)
                 continue
             try:
-                value = float(cell)
+                value = _value(cell)
             except ValueError as error:
                 raise InputError(f"{path}: row {number}: {names[k]} is {cell!r}, no number") from error
             if not math.isfinite(value):
@@ -165,10 +200,28 @@ def _read_csv(path: Path) -> dict[str, np.ndarray]:
     result = {names[k]: np.asarray(values) for k, values in columns.items()}
     rows = len(next(iter(result.values()))) if result else 0
     result.update({name: np.full(rows, math.nan) for name in names if name not in result})
-    return result
+    return result, full
+
+
+def _cells(path: Path, number: int, line: str) -> list[str]:
+    try:
+        return next(csv.reader([line]))
+    except csv.Error as error:
+        raise InputError(f"{path}: row {number}: is no row of a csv file ({error})") from error
+
+
+def _header(path: Path, line: str) -> list[str]:
+    names = [name.strip() for name in _cells(path, 1, line)]
+    for other, word in ((";", "semicolons"), ("\t", "tabs")):
+        if len(names) == 1 and other in line:
+            raise InputError(f"{path}: row 1: its names are separated by {word}, commas are needed")
+    if names and all(name and _is_number(name) for name in names):
+        raise InputError(f"{path}: row 1: holds numbers, a header line is needed")
+    return names
 
 
 def _read_parquet(path: Path) -> dict[str, np.ndarray]:
+    """Columns; sample k stands in row k + 1, a Parquet file has no header line."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -184,7 +237,8 @@ def _read_parquet(path: Path) -> dict[str, np.ndarray]:
             continue
         if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type) or pa.types.is_null(column.type)):
             raise InputError(f"{path}: column {name}: holds {column.type}, numbers are needed")
-        columns[name] = np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=float).copy()
+        # Integers of nanoseconds are no doubles to the last digit.
+        columns[name] = np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=float).copy()
     return columns
 
 
@@ -204,10 +258,16 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: is no run folder")
-    meta = read_meta(folder / "run.json")
+    about = _meta_content(folder / "run.json")
+    meta = _meta(folder / "run.json", about)
     path = _log_path(folder)
-    raw = _read_csv(path) if path.suffix == ".csv" else _read_parquet(path)
-    notices = [f"{path.name}: column {name!r} is not in the contract, ignored" for name in raw if name not in COLUMNS]
+    if path.suffix == ".csv":
+        raw, rows = _read_csv(path)
+    else:
+        raw = _read_parquet(path)
+        rows = range(1, 1 + max(map(len, raw.values()), default=0))
+    notices = [f"run.json: key {key!r} is not in the contract, ignored" for key in about if key not in META_KEYS]
+    notices += [f"{path.name}: column {name!r} is not in the contract, ignored" for name in raw if name not in COLUMNS]
     columns = {name: values for name, values in raw.items() if name in COLUMNS}
 
     mode = robot.driver.mode if robot else "voltage"
@@ -216,6 +276,8 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
     for name in ("t", *required):
         if name not in columns:
             raise InputError(f"{path}: column {name}: missing")
+    if robot and robot.driver.bus == "measured" and not np.isfinite(columns.get("v_bus", np.array([]))).any():
+        raise InputError(f"{path}: column v_bus: missing, a command where [driver] bus is \"measured\"")
     if need_measured and not any(f"{c}_{s}" in columns for c in ("w", "th") for s in sides):
         raise InputError(f"{path}: neither w_* nor th_* is there, a diagnosis needs at least one of them")
 
@@ -224,22 +286,25 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
         raise InputError(f"{path}: has {len(t)} rows, at least 2 are needed")
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
-        raise InputError(f"{path}: row {bad[0] + 2}: t is missing or no finite number")
-    back = np.flatnonzero(np.diff(t) <= 0)
+        raise InputError(f"{path}: row {rows[bad[0]]}: t is missing or no finite number")
+    back = np.flatnonzero(t[1:] <= t[:-1])
     if back.size:
         k = back[0]
-        raise InputError(f"{path}: row {k + 3}: time goes back or stands still ({t[k]:g} s, then {t[k + 1]:g} s)")
+        raise InputError(f"{path}: row {rows[k + 1]}: time goes back or stands still ({t[k]:.12g} s, then "
+                         f"{t[k + 1]:.12g} s)")
+    late = np.flatnonzero(t / 2 - t[0] / 2 > LONGEST_S / 2)
+    if late.size:
+        raise InputError(f"{path}: row {rows[late[0]]}: t is {t[late[0]]:.12g}, more than {LONGEST_S:g} s after the "
+                         "first row (a jump of the clock, or not in seconds?)")
     for name, values in columns.items():
-        wrong = np.flatnonzero(np.isinf(values))
+        limit = ABSURD_COMMAND if name in required else ABSURD
+        wrong = np.flatnonzero(np.abs(values) > limit)
         if wrong.size:
-            raise InputError(f"{path}: row {wrong[0] + 2}: {name} is infinite")
+            raise InputError(f"{path}: row {rows[wrong[0]]}: {name} is {values[wrong[0]]:g}, beyond anything possible")
     for name in required:
         values = columns[name]
         if not np.isfinite(values[0]):
-            raise InputError(f"{path}: row 2: {name} is empty, the first row needs a command")
-        absurd = np.flatnonzero(np.abs(values) > 1e4)
-        if absurd.size:
-            raise InputError(f"{path}: row {absurd[0] + 2}: {name} is {values[absurd[0]]:g}, beyond anything possible")
+            raise InputError(f"{path}: row {rows[0]}: {name} is empty, the first row needs a command")
         last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), 0))
         columns[name] = values[last]
     return RunLog(name=folder.name, meta=meta, t=t, columns=columns, path=path, notices=tuple(notices))
@@ -259,7 +324,7 @@ def read_case(folder: str | os.PathLike, need_measured: bool = True) -> Case:
     if not any(folder.iterdir()):
         raise InputError(f"{folder}: is empty, a case needs robot.toml and at least one run folder")
     robot = load_robot(folder / "robot.toml")
-    notices, runs = [], []
+    notices, runs = list(robot.notices), []
     for sub in sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")):
         if not (sub / "run.json").is_file():
             if any((sub / name).is_file() for name in ("log.csv", "log.parquet")):
@@ -278,13 +343,18 @@ def read_case(folder: str | os.PathLike, need_measured: bool = True) -> Case:
 
 
 def write_csv(path: Path, columns: Mapping[str, np.ndarray], digits: int = 9) -> None:
-    """Write columns (each (n,)) as a contract's csv; NaN becomes an empty cell. `t` must be among them."""
+    """Write columns (each (n,)) as a contract's csv; NaN becomes an empty cell. `t` must be among them.
+
+    `t` has 15 digits, else rows of a clock that counts since 1970 would all stand at one time.
+    """
     names = list(columns)
     table = np.column_stack([np.asarray(columns[name], dtype=float) for name in names])
-    form = f"%.{digits}g"
+    forms = ["%.15g" if name == "t" else f"%.{digits}g" for name in names]
     with open(path, "w", encoding="ascii", newline="") as stream:
         stream.write(",".join(names) + "\n")
-        stream.writelines(",".join("" if math.isnan(value) else form % value for value in row) + "\n" for row in table)
+        for row in table:
+            cells = ("" if math.isnan(value) else form % value for form, value in zip(forms, row))
+            stream.write(",".join(cells) + "\n")
 
 
 def write_run(folder: str | os.PathLike, meta: RunMeta, columns: Mapping[str, np.ndarray], form: str = "csv") -> None:

@@ -18,6 +18,7 @@ from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, to_values
 from rtds_host.diagnosis.problem import CHANNELS, Problem
+from rtds_host.diagnosis.replay.model import STEP_S
 from rtds_host.diagnosis.screen import Candidate, Screen
 
 # Prior odds: no effect, one, two, three; the rest is outside the catalogue.
@@ -161,6 +162,7 @@ class Search:
         self.without = without
         self.fits: dict[Hypothesis, Fit] = {}
         self.growth: dict[Hypothesis, dict[str, float]] = {}
+        self.moves: dict[tuple, np.ndarray] = {}  # of the first screening
         self.scale = 1.0
         self.z0 = np.zeros(self.fitter.count)
 
@@ -171,9 +173,14 @@ class Search:
             # Effects that take many small steps to replay are looked for where structure is left, and when in a hurry
             # only once; pairs with them come from the first screening.
             only -= {"backlash", "gear_compliance", "longitudinal_slip"}
+        # On top of such an effect every replay takes many small steps, and what another effect changes there is nearly what
+        # it changes without.
+        moves = self.moves if self.quick and model.step_s < STEP_S else {}
         extra = {} if "torque_ripple" in self.without else ripple.starts(self.problem, self.problem.replay(model))
+        if not fit.hypothesis:
+            moves = self.moves = {}
         return Screen(self.fitter, model, fit.residual, fit.jacobian, fit.prior_precision(),
-                      np.concatenate([fit.z, fit.u]), fit.dispersion, fit.hypothesis, extra, only)
+                      np.concatenate([fit.z, fit.u]), fit.dispersion, moves, fit.hypothesis, extra, only)
 
     def _white(self, fit: Fit) -> bool:
         """Whether a fit leaves hardly more than noise."""

@@ -30,6 +30,10 @@ class Signature:
     side: str
     values: dict[str, float]
 
+    @property
+    def key(self) -> tuple:
+        return self.effect, self.side, tuple(self.values.items())
+
 
 @dataclass
 class Candidate:
@@ -69,15 +73,16 @@ class Screen:
     """Signatures of all effects about one explanation (nothing, or effects already found).
 
     `residual` (N,), `jacobian` (N, p), `penalty` (p,) the prior's precision and `at` (p,) the fit's parameters describe
-    that explanation.
+    that explanation. `moves`: changes of the residuals, (N,), by `Signature.key`, that need no replay; it is filled with
+    those that had to be replayed.
     """
 
     def __init__(self, fitter: Fitter, base: Model, residual: np.ndarray, jacobian: np.ndarray, penalty: np.ndarray,
-                 at: np.ndarray, dispersion: float, taken: Hypothesis = (), extra: dict[tuple[str, str], list[dict]] | None = None,
-                 only: set[str] | None = None):
+                 at: np.ndarray, dispersion: float, moves: dict[tuple, np.ndarray], taken: Hypothesis = (),
+                 extra: dict[tuple[str, str], list[dict]] | None = None, only: set[str] | None = None):
         problem = fitter.problem
         self.dispersion = dispersion
-        jobs, models = [], []
+        jobs: list[Signature] = []
         names = {0: "left", 1: "right"}
         for effect in available(problem):
             if only is not None and effect.id not in only:
@@ -86,20 +91,19 @@ class Screen:
             if effect.id in OSCILLATING and len(sides) == 2:
                 sides.append("both")
             for side in sides:
-                sets = start_values(effect) + (extra or {}).get((effect.id, side), [])
-                for values in sets:
-                    jobs.append((effect.id, side, values))
-                    models.append(apply(base, ((effect.id, side),), [values]))
-        # One row a replay, (S, N).
-        rows = np.empty((len(models), len(residual)), np.float32)
-        for k, moved in enumerate(problem.residuals(models)):
-            np.subtract(moved, residual, out=rows[k], casting="same_kind")
-        self.signatures = [Signature(*job) for job in jobs]
+                jobs += [Signature(effect.id, side, values)
+                         for values in start_values(effect) + (extra or {}).get((effect.id, side), [])]
+        new = [job for job in jobs if job.key not in moves]
+        models = [apply(base, ((job.effect, job.side),), [job.values]) for job in new]
+        for job, moved in zip(new, problem.residuals(models)):
+            moves[job.key] = (moved - residual).astype(np.float32)
+        rows = np.array([moves[job.key] for job in jobs])
+        self.signatures = jobs
         mix = list(np.eye(len(jobs)))
         # Effects of both sides: the sum of the sides' signatures.
-        left = {(s.effect, tuple(s.values.items())): k for k, s in enumerate(self.signatures) if s.side == "left"}
+        left = {s.key: k for k, s in enumerate(jobs) if s.side == "left"}
         for k, s in enumerate(list(self.signatures)):
-            twin = left.get((s.effect, tuple(s.values.items())))
+            twin = left.get(Signature(s.effect, "left", s.values).key)
             if s.side == "right" and twin is not None and s.effect not in OSCILLATING:
                 self.signatures.append(Signature(s.effect, "both", s.values))
                 mix.append(mix[k] + mix[twin])
