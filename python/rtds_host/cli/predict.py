@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 app = typer.Typer(add_completion=False)
+# What the replay puts where its state leaves the finite numbers.
+LOST = 1e6
 
 
 @app.command()
@@ -36,5 +38,10 @@ def predict(
     for row in zip(*columns.values()):
         text.write(",".join(repr(float(value)) if exact else f"{value:.9g}" for exact, value in zip(given, row)) + "\n")
     write_atomic(out, text.getvalue())
-    for notice in (*nominal.notices, *log.notices):
+    notices = [*nominal.notices, *log.notices]
+    lost = (columns["w_l"] == LOST) & (columns["i_l"] == LOST)
+    if lost.any():
+        notices.append(f"{run}: from t = {log.t[lost.argmax()]:g} s on the replay runs away beyond all bounds, its columns "
+                       f"hold {LOST:g}")
+    for notice in notices:
         print(f"note: {notice}", file=sys.stderr)

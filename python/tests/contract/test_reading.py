@@ -1,8 +1,11 @@
 """Reading robots, runs and cases: what is accepted, and the one line that bad input gets."""
 
 import json
+import math
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from rtds_host.contract import RunMeta, builtin_robot, builtin_robot_path, load_robot, read_case, read_run, write_run
@@ -45,6 +48,17 @@ def refuse(folder, *words):
     (HEADER + "0,1e6,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l"]),
     ("t,t,v_cmd_l,v_cmd_r,w_l\n0,0,1,1,1\n", ["twice"]),
     ("", ["empty"]),
+    (HEADER + "# begin\n0,1,1,0,0\n1,1,1,0,0\n", ["row 2", "cells"]),
+    (HEADER + "0,1,1,0,0 # first\n1,1,1,0,0\n", ["row 2", "w_r", "no number"]),
+    (HEADER + "0,1_0,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l", "1_0"]),
+    (HEADER + "0,\uff13,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l", "no number"]),
+    (HEADER + '"0\n",1,1,0,0\n1,1,1,0,0\n', ["row 2", "cells"]),
+    (HEADER + "0,1,1,0,0\n1,1,1,1e300,0\n", ["row 3", "w_l", "beyond anything"]),
+    (HEADER + "0,1,1,0,0\n\n1,1,1,0,0\n0.5,1,1,0,0\n", ["row 5", "time goes back"]),
+    (HEADER + "0,1,1,0,0\n20000000,1,1,0,0\n", ["row 3", "t is", "seconds"]),
+    (HEADER + "-1e308,1,1,0,0\n1e308,1,1,0,0\n", ["row 3", "t is", "seconds"]),
+    ((HEADER + "0,1,1,0,0\n1,1,1,0,0\n").replace(",", ";"), ["row 1", "semicolons"]),
+    ("0,1,1,0,0\n1,1,1,0,0\n", ["row 1", "header"]),
 ])
 def test_a_bad_log_is_named_by_file_row_and_column(case, text, words):
     (case / "run-1" / "log.csv").write_text(text)
@@ -61,8 +75,23 @@ def test_a_truncated_parquet_file_is_named(case):
     refuse(case, "log.parquet", "Parquet")
 
 
+@pytest.mark.parametrize("column,words", [
+    ({"t": [1700000000000000000, 1700000000020000000]}, ["row 2", "t is", "seconds"]),
+    ({"t": [1.0, 0.5]}, ["row 2", "time goes back"]),
+    ({"w_l": [0.0, math.inf]}, ["row 2", "w_l"]),
+    ({"w_l": ["0", "1"]}, ["w_l", "string"]),
+])
+def test_a_bad_parquet_value_is_named_by_its_row_counted_without_a_header(case, column, words):
+    (case / "run-1" / "log.csv").unlink()
+    pq.write_table(pa.table({"t": [0.0, 0.1], "v_cmd_l": [1, 1], "v_cmd_r": [1, 1], "w_l": [0.0, 0.1], **column}),
+                   case / "run-1" / "log.parquet")
+    refuse(case, "log.parquet", *words)
+
+
 @pytest.mark.parametrize("edit,words", [
     (lambda d: d.update(schema="rtds-run/9"), ["schema"]),
+    (lambda d: d.update(payload_kg=10**400), ["payload_kg", "within"]),
+    (lambda d: d.update(scenario={"name": "eight"}), ["scenario", "text"]),
     (lambda d: d.update(slope_rad=5.7), ["slope_rad", "degrees"]),
     (lambda d: d.update(payload_kg=-1), ["payload_kg"]),
     (lambda d: d.update(uphill_yaw_rad="north"), ["uphill_yaw_rad"]),
@@ -85,13 +114,19 @@ def test_a_bad_run_json_is_named_by_key(case, edit, words):
     ("[supply]", "[suply]", ["[supply]", "missing"]),
     ('schema = "rtds-robot/1"', 'schema = "rtds-robot/2"', ["schema"]),
     ("[motor]", "[motor", ["TOML"]),
+    ("resistance_ohm = 8.6", f"resistance_ohm = {10**400}", ["resistance_ohm", "finite"]),
+    ("mass_kg = 1.0", "mass_kg = 1e-300", ["mass_kg", "within"]),
+    ("w_rad_s = 0.02", "w_rad_s = 1e300", ["w_rad_s", "within"]),
+    ("[motor]", "[driver]\nmode = 'torque'\ntorque_nm_per_v = 0\n[motor]", ["torque_nm_per_v", "is 0"]),
+    ("[motor]", "[driver]\nbus = 'measured'\n[motor]", ["log.csv", "v_bus", "measured"]),
+    ("[motor]", f"a = {'[' * 5000}{']' * 5000}\n[motor]", ["TOML"]),
 ])
 def test_a_bad_robot_is_named_by_table_and_key(case, old, new, words):
     path = case / "robot.toml"
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
-    refuse(case, "robot.toml", *words)
+    refuse(case, *([] if "log.csv" in words else ["robot.toml"]), *words)
 
 
 def test_an_empty_folder_and_a_folder_without_runs_are_refused(tmp_path, case):
@@ -108,6 +143,34 @@ def test_runs_of_different_robots_in_one_case_are_refused(case):
     text = builtin_robot_path("burger").read_text().replace("wheel_radius_m = 0.033", "wheel_radius_m = 0.04")
     (case / "run-1" / "robot.toml").write_text(text)
     refuse(case, "another robot")
+
+
+def test_a_robot_without_a_name_is_the_same_robot_in_every_folder(case):
+    text = builtin_robot_path("burger").read_text().replace('name = "burger-nominal"', "")
+    (case / "robot.toml").write_text(text)
+    (case / "run-1" / "robot.toml").write_text(text)
+    assert len(read_case(case).runs) == 1
+
+
+def test_names_that_the_contract_does_not_know_are_ignored_with_a_notice(case):
+    with open(case / "robot.toml", "a") as stream:
+        stream.write("w = 0.02\n[drivers]\nmode = 'torque'\n")
+    path = case / "run-1" / "run.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "payload": 1.0}))
+    notices = " ".join(read_case(case).notices)
+    assert "[sensors] w " in notices and "'drivers'" in notices and "'payload'" in notices
+
+
+def test_marks_that_editors_put_before_the_text_are_no_part_of_it(case):
+    for path in (case / "robot.toml", case / "run-1" / "run.json", case / "run-1" / "log.csv"):
+        path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert list(read_case(case).runs[0].t) == [0, 0.01, 0.02]
+
+
+def test_times_of_a_clock_that_counts_since_1970_stay_apart_when_written(tmp_path):
+    t = 1.7e9 + np.arange(5) * 0.02
+    write_run(tmp_path / "run", RunMeta("x"), {"t": t, "v_cmd_l": t * 0, "v_cmd_r": t * 0})
+    assert np.allclose(read_run(tmp_path / "run").t, t, rtol=0, atol=1e-5)
 
 
 def test_empty_cells_keep_commands_and_leave_measurements_out_and_strange_columns_are_ignored_with_a_notice(case):

@@ -37,6 +37,28 @@ def test_a_run_without_any_measurement_is_predicted_from_rest(run_folder, tmp_pa
     assert len(table) == len(read_run(run_folder).t)
 
 
+def test_times_come_back_to_the_last_digit_and_what_was_ignored_is_told(run_folder, tmp_path):
+    lines = (run_folder / "log.csv").read_text().splitlines()[:12]
+    rows = [line.split(",")[1:] for line in lines[1:]]
+    times = [f"{1700000000 + 0.02 * k:.2f}" for k in range(len(rows))]
+    (run_folder / "log.csv").write_text("\n".join([lines[0] + ",W_L", *(",".join([t, *row, "1"])
+                                                                        for t, row in zip(times, rows))]) + "\n")
+    out = tmp_path / "pred.csv"
+    done = subprocess.run(RTDS + ["predict", str(run_folder), "--robot", str(builtin_robot_path("burger")), "--out",
+                                  str(out)], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert [float(line.split(",")[0]) for line in out.read_text().splitlines()[1:]] == list(map(float, times))
+    assert "'W_L'" in done.stderr and "ignored" in done.stderr
+
+
+def test_a_replay_that_runs_away_is_told(run_folder, tmp_path):
+    (tmp_path / "robot.toml").write_text(builtin_robot_path("burger").read_text() +
+                                         "\n[driver]\nmode = 'torque'\ntorque_nm_per_v = 1000\n")
+    done = subprocess.run(RTDS + ["predict", str(run_folder), "--robot", str(tmp_path / "robot.toml"), "--out",
+                                  str(tmp_path / "pred.csv")], check=False, capture_output=True, text=True)
+    assert "runs away" in done.stderr
+
+
 def test_a_diagnosis_brings_its_effects_and_its_refit(run_folder, tmp_path):
     robot = make_case(seconds=1.0).robot
     (tmp_path / "d.json").write_text(json.dumps(example_diagnosis()))
