@@ -24,7 +24,7 @@ module rtds_friction (
   reg  [31:0] most_b_q;
 
   // {held, taken}
-  function [32:0] take;
+  function automatic [32:0] take;
     input [31:0] free;
     input [31:0] most_f;
     input [31:0] most_b;

@@ -137,7 +137,7 @@ module rtds_param_unit (
   wire [31:0] result = is_div ? div_y : is_add ? add_y : mul_y;
 
   // ---- sequence, results, fault ----------------------------------------------------------------------------------
-  function usable;  // a positive normal number; the argument is {sign, exponent}
+  function automatic usable;  // a positive normal number; the argument is {sign, exponent}
     input [8:0] x;
     usable = ~x[8] & (|x[7:0]) & ~(&x[7:0]);
   endfunction

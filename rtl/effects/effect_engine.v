@@ -168,24 +168,24 @@ module effect_engine (
   end
 
   // ---- operands ----------------------------------------------------------------------------------------------------
-  function [31:0] half;
+  function automatic [31:0] half;
     input         upper;
     input  [63:0] pair;
     half = upper ? pair[63:32] : pair[31:0];
   endfunction
 
-  function nan;
+  function automatic nan;
     input  [30:0] x;
     nan = (&x[30:23]) & (|x[22:0]);
   endfunction
 
-  function less;  // than zero
+  function automatic less;  // than zero
     input  [31:0] x;
     less = x[31] & (|x[30:0]);
   endfunction
 
   // First operand of the adder; it is the multiplier's and the look-up's, too, for which nothing is done to it.
-  function [31:0] first;
+  function automatic [31:0] first;
     input   [3:0] what;
     input  [31:0] a;
     input  [31:0] b;
@@ -197,7 +197,7 @@ module effect_engine (
     endcase
   endfunction
 
-  function [31:0] second;
+  function automatic [31:0] second;
     input   [3:0] what;
     input  [31:0] a;
     input  [31:0] b;

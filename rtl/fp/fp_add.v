@@ -8,7 +8,8 @@
 // Latency    3 clocks: operands in clock n (before edge n + 1) give the result after edge n + 3.
 // Stages     1 compare, swap | 2 align, add | 3 normalise, round, pack.
 // Style      What a stage computes stands in functions called under its enable, so that a compiled simulation passes
-//            over a stage at rest; otherwise these would be most of its time.
+//            over a stage at rest; otherwise these would be most of its time. Automatic ones: what a static function
+//            computes on its way is kept in memory.
 // Crossing   none. Registers have no reset: nothing in them counts until an operand has passed through.
 `default_nettype none
 
@@ -21,7 +22,7 @@ module fp_add (
   output reg  [31:0] y_o
 );
   // ---- stage 1: which is larger --------------------------------------------------------------------------------
-  function is_nan;  // one operand is, or infinity less infinity
+  function automatic is_nan;  // one operand is, or infinity less infinity
     input [30:0] a;
     input [30:0] b;
     input        unlike;
@@ -55,13 +56,13 @@ module fp_add (
   end
 
   // ---- stage 2: align the smaller, add or subtract -------------------------------------------------------------
-  function [7:0] exponent;  // subnormals count from exponent 1
+  function automatic [7:0] exponent;  // subnormals count from exponent 1
     input [7:0] x;
     exponent = {x[7:1], x[0] | ~(|x)};
   endfunction
 
   /* verilator lint_off UNUSEDSIGNAL */
-  function [27:0] sum;  // 24 bits, two guard bits and a sticky bit
+  function automatic [27:0] sum;  // 24 bits, two guard bits and a sticky bit
     input        unlike;
     input [30:0] big;
     input [30:0] small_op;
@@ -84,7 +85,8 @@ module fp_add (
   endfunction
   /* verilator lint_on UNUSEDSIGNAL */
 
-  function [27:0] limit;  // one at the place beyond which a left shift would pass exponent 1: the count stops there
+  // One at the place beyond which a left shift would pass exponent 1: the count stops there.
+  function automatic [27:0] limit;
     input [7:0] exp;
     limit = (exp > 8'd27) ? 28'd0 : (28'h800_0000 >> exp[4:0]);
   endfunction
@@ -112,7 +114,7 @@ module fp_add (
   // ---- stage 3: normalise, round, pack -------------------------------------------------------------------------
   /* verilator lint_off UNUSEDSIGNAL */
   // Leading zeros of a word (31 for zero): the tree of fp_lzc, all nodes of a level in one word.
-  function [4:0] leading_zeros;
+  function automatic [4:0] leading_zeros;
     input [31:0] x;
     reg [31:0] z;  // at a node's lowest bit: all of its bits are zero
     reg [31:0] h;  // there, too: all of its upper half are
@@ -136,7 +138,7 @@ module fp_add (
     end
   endfunction
 
-  function [30:0] rounded;
+  function automatic [30:0] rounded;
     input  [7:0] exp;
     input [27:0] s;
     input [27:0] stop;
@@ -153,7 +155,7 @@ module fp_add (
   endfunction
   /* verilator lint_on UNUSEDSIGNAL */
 
-  function [31:0] pack;
+  function automatic [31:0] pack;
     input        sign;
     input        unlike;
     input        zero;

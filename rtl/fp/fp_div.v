@@ -59,7 +59,7 @@ module fp_div (
 
   /* verilator lint_off UNUSEDSIGNAL */  // of a function's arguments not every bit is used
   // Leading zeros of a word (31 for zero): the tree of fp_lzc, all nodes of a level in one word.
-  function [4:0] leading_zeros;
+  function automatic [4:0] leading_zeros;
     input [31:0] x;
     reg [31:0] z;  // at a node's lowest bit: all of its bits are zero
     reg [31:0] h;  // there, too: all of its upper half are
@@ -83,17 +83,17 @@ module fp_div (
     end
   endfunction
 
-  function [4:0] places;  // to shift left by
+  function automatic [4:0] places;  // to shift left by
     input [30:0] x;
     places = (|x[30:23]) ? 5'd0 : leading_zeros({1'b0, x[22:0], 8'd0});
   endfunction
 
-  function [23:0] mantissa;  // brought to a leading one
+  function automatic [23:0] mantissa;  // brought to a leading one
     input [30:0] x;
     mantissa = {|x[30:23], x[22:0]} << places(x);
   endfunction
 
-  function [9:0] exponent;  // of that, signed; subnormals count from exponent 1
+  function automatic [9:0] exponent;  // of that, signed; subnormals count from exponent 1
     input [30:0] x;
     exponent = {2'd0, x[30:24], x[23] | ~(|x[30:23])} - {5'd0, places(x)};
   endfunction
@@ -107,7 +107,7 @@ module fp_div (
   reg        [30:0] packed_q;
   reg               over_q;
 
-  function [25:0] divide;  // {quotient's bit, remainder}
+  function automatic [25:0] divide;  // {quotient's bit, remainder}
     input [24:0] rest;
     input [23:0] divisor;
     reg   [25:0] minus;
@@ -118,7 +118,7 @@ module fp_div (
   endfunction
 
   // {exponent, lost, quotient}: the leading one at bit 25 or, of a subnormal result, lower, and then the exponent is 0.
-  function [36:0] placed;
+  function automatic [36:0] placed;
     input        [25:0] quot;
     input signed  [9:0] exp;
     input               rest;  // what is left is not zero

@@ -21,7 +21,7 @@ module fp_mul (
   /* verilator lint_off UNUSEDSIGNAL */  // of a function's arguments not every bit is used
   // ---- stage 1 ---------------------------------------------------------------------------------------------------
   // Leading zeros of a word (31 for zero): the tree of fp_lzc, all nodes of a level in one word.
-  function [4:0] leading_zeros;
+  function automatic [4:0] leading_zeros;
     input [31:0] x;
     reg [31:0] z;  // at a node's lowest bit: all of its bits are zero
     reg [31:0] h;  // there, too: all of its upper half are
@@ -47,7 +47,7 @@ module fp_mul (
 
   // {right shift of {product, 24 zeros}: 24 less the left shift, 1 to 56;
   //  one less than the exponent of bit 46 after the shift, 0 to 380}
-  function [14:0] place;
+  function automatic [14:0] place;
     input [30:0] a;
     input [30:0] b;
     reg       a_normal;
@@ -77,7 +77,7 @@ module fp_mul (
     end
   endfunction
 
-  function is_nan;  // one factor is, or infinity times zero
+  function automatic is_nan;  // one factor is, or infinity times zero
     input [30:0] a;
     input [30:0] b;
     is_nan = ((&a[30:23]) & ((|a[22:0]) | ~(|b))) | ((&b[30:23]) & ((|b[22:0]) | ~(|a)));
@@ -101,7 +101,7 @@ module fp_mul (
   end
 
   // ---- stage 2 ---------------------------------------------------------------------------------------------------
-  function [31:0] rounded;  // magnitude; above 7F7FFFFF it has overflowed
+  function automatic [31:0] rounded;  // magnitude; above 7F7FFFFF it has overflowed
     input [47:0] product;
     input  [5:0] right;
     input  [8:0] exp;
@@ -180,7 +180,7 @@ module fp_mul (
     end
   endfunction
 
-  function [31:0] pack;
+  function automatic [31:0] pack;
     input        sign;
     input        nan;
     input        infinite;
