@@ -54,6 +54,11 @@ def _said(error: BaseException, trace: str) -> str:
     return f"internal error{place}: {type(error).__name__}: {text}".rstrip(": ")
 
 
+def one_line(error: BaseException) -> str:
+    """What an error that was caught here says, in one line; of an unexpected one also its kind and its place."""
+    return _said(error, "".join(traceback.format_exception(error)))
+
+
 # ---- cores of this machine -------------------------------------------------------------------------------------------
 
 def _start_worker() -> None:
@@ -134,7 +139,7 @@ def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> I
                     if isinstance(error, BrokenProcessPool):
                         lost.append(job)
                     elif error is not None:
-                        yield Outcome(job[0], error=_said(error, "".join(traceback.format_exception(error))))
+                        yield Outcome(job[0], error=one_line(error))
                     else:
                         yield Outcome(job[0], future.result())
         lost += running.values()
@@ -155,7 +160,7 @@ def on_threads(function: Callable, jobs: Mapping[str, Callable[[], tuple]], widt
         for future in concurrent.futures.as_completed(running):
             error = future.exception()
             if error is not None:
-                yield Outcome(running[future], error=_said(error, "".join(traceback.format_exception(error))))
+                yield Outcome(running[future], error=one_line(error))
             else:
                 yield Outcome(running[future], future.result())
     finally:

@@ -62,7 +62,11 @@ def main() -> None:
     except (click.exceptions.Exit, typer.Exit) as error:
         status = error.exit_code
     except (click.ClickException, TyperException) as error:
-        print("rtds: " + " ".join(error.format_message().split()), file=sys.stderr)
+        if type(error).__name__ == "NoArgsIsHelpError":
+            # Asked nothing, the help is the answer; Typer has printed its own.
+            print(error.format_message())
+        else:
+            print("rtds: " + " ".join(error.format_message().split()), file=sys.stderr)
         status = 2
     except (KeyboardInterrupt, click.Abort, typer.Abort):
         print("rtds: interrupted", file=sys.stderr)
@@ -70,6 +74,14 @@ def main() -> None:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = 1
+    except Exception as error:
+        # Nobody foresaw it. Python's own status 1 would say that other cases are complete.
+        if os.environ.get("RTDS_TRACEBACK"):
+            raise
+        from rtds_host.spread import one_line
+
+        print(f"rtds: {one_line(error)} (RTDS_TRACEBACK=1 shows more)", file=sys.stderr)
+        status = 2
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -26,9 +26,12 @@ def predict(
     from rtds_host.contract import load_robot, read_run, write_atomic
     from rtds_host.contract.runlog import COMMANDS
     from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
+    from rtds_host.errors import OutputError
 
     nominal = load_robot(robot)
     log = read_run(run, nominal)
+    if out.resolve() in {place.resolve() for place in (log.path, run / "run.json", robot, diagnosis) if place}:
+        raise OutputError(f"{out}: is an input of this very command; choose another file")
     columns = predicted_columns(log, nominal, read_diagnosis(diagnosis, nominal) if diagnosis else None)
     text = io.StringIO()
     names = list(columns)

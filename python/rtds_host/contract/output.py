@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,30 +13,41 @@ from rtds_host.errors import OutputError
 
 
 def _reason(error: OSError) -> str:
-    return error.strerror or str(error)
+    if isinstance(error, (FileExistsError, NotADirectoryError)):
+        return "is a file, a folder is needed"
+    return f"cannot write ({error.strerror or error})"
+
+
+def _scratch_place(target: Path) -> Path:
+    """Where a scratch folder can be moved from: beside the target, or inside where it is a mount or its parent is shut."""
+    if target.is_dir():
+        beside = os.access(target.parent, os.W_OK | os.X_OK) and target.parent.stat().st_dev == target.stat().st_dev
+        return target.parent if beside else target
+    return target.parent
 
 
 @contextmanager
-def staged_folder(target: str | os.PathLike, replace: bool = False) -> Iterator[Path]:
-    """Yield a scratch folder beside `target`; its files move into `target` only if the block succeeds.
+def staged_folder(target: str | os.PathLike, replace: bool = False, owned: Collection[str] = ()) -> Iterator[Path]:
+    """Yield a scratch folder; its files move into `target` only if the block succeeds.
 
     Parameters
     ----------
     target : folder to fill; made if missing. Files already there that the block did not write are kept,
         unless `replace`.
     replace : drop what was in `target` before.
+    owned : names of files that go when the block did not write them: an earlier output's, which would pass for this one's.
 
     Raises
     ------
     OutputError : the place cannot be written (no right, disk full); the scratch folder is removed.
     """
-    target = Path(target)
+    target = Path(target).absolute()
     scratch = None
     try:
         if target.exists() and not target.is_dir():
             raise OutputError(f"{target}: is a file, a folder is needed for the output")
         target.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+        scratch = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=_scratch_place(target)))
         yield scratch
         if replace or not target.exists():
             if target.exists():
@@ -44,13 +55,20 @@ def staged_folder(target: str | os.PathLike, replace: bool = False) -> Iterator[
             scratch.chmod(0o755)
             os.replace(scratch, target)
         else:
-            for item in sorted(scratch.iterdir()):
+            items = sorted(scratch.iterdir())
+            for item in items:
+                if item.is_dir() != (target / item.name).is_dir() and (target / item.name).exists():
+                    kind = "file, a folder" if item.is_dir() else "folder, a file"
+                    raise OutputError(f"{target / item.name}: is a {kind} is needed for the output")
+            for name in set(owned) - {item.name for item in items}:
+                (target / name).unlink(missing_ok=True)
+            for item in items:
                 destination = target / item.name
                 if item.is_dir() and destination.is_dir():
                     shutil.rmtree(destination)
                 os.replace(item, destination)
     except OSError as error:
-        raise OutputError(f"{error.filename or target}: cannot write ({_reason(error)})") from error
+        raise OutputError(f"{error.filename or target}: {_reason(error)}") from error
     finally:
         if scratch is not None:
             shutil.rmtree(scratch, ignore_errors=True)
@@ -59,24 +77,34 @@ def staged_folder(target: str | os.PathLike, replace: bool = False) -> Iterator[
 def write_atomic(path: str | os.PathLike, data: str | bytes) -> None:
     """Write one file so that a reader sees the old content or the new one, never a part.
 
+    A link is followed; a device or a pipe (`/dev/stdout`) is written to, not replaced.
+
     Raises
     ------
     OutputError : the place cannot be written (no right, disk full).
     """
     path = Path(path)
+    content = data.encode() if isinstance(data, str) else data
     scratch = None
     try:
+        if path.is_dir():
+            raise OutputError(f"{path}: is a folder, a file is needed for the output")
+        if path.exists() and not path.is_file():
+            path.write_bytes(content)
+            return
+        path = Path(os.path.realpath(path))
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, scratch = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
         with os.fdopen(handle, "wb") as stream:
-            stream.write(data.encode() if isinstance(data, str) else data)
+            stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
         os.chmod(scratch, 0o644)
         os.replace(scratch, path)
         scratch = None
     except OSError as error:
-        raise OutputError(f"{path}: cannot write ({_reason(error)})") from error
+        raise OutputError(f"{error.filename if isinstance(error, (FileExistsError, NotADirectoryError)) else path}: "
+                          f"{_reason(error)}") from error
     finally:
         if scratch is not None and os.path.exists(scratch):
             os.unlink(scratch)

@@ -22,6 +22,7 @@ COMMANDS = {"voltage": ("v_cmd_l", "v_cmd_r"), "torque": ("v_cmd_l", "v_cmd_r"),
 MEASURED = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
 INFORMATION = ("w_ref_l", "w_ref_r")
 COLUMNS = ("t", "v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r", *MEASURED, *INFORMATION)
+LOG_NAMES = ("log.csv", "log.parquet")
 META_KEYS = ("schema", "scenario", "payload_kg", "slope_rad", "uphill_yaw_rad", "notes")
 # No run lasts longer than about a day and nothing on a robot measures more than this: beyond it a unit is wrong, and
 # a replay in steps of milliseconds would never end.
@@ -82,7 +83,7 @@ class Case:
 
 
 def _log_path(folder: Path) -> Path:
-    found = [folder / name for name in ("log.csv", "log.parquet") if (folder / name).is_file()]
+    found = [folder / name for name in LOG_NAMES if (folder / name).is_file()]
     if not found:
         raise InputError(f"{folder}: neither log.csv nor log.parquet is there")
     if len(found) > 1:
@@ -327,7 +328,7 @@ def read_case(folder: str | os.PathLike, need_measured: bool = True) -> Case:
     notices, runs = list(robot.notices), []
     for sub in sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")):
         if not (sub / "run.json").is_file():
-            if any((sub / name).is_file() for name in ("log.csv", "log.parquet")):
+            if any((sub / name).is_file() for name in LOG_NAMES):
                 raise InputError(f"{sub / 'run.json'}: missing")
             notices.append(f"{sub.name}: holds no run.json, ignored")
             continue
@@ -372,7 +373,7 @@ def write_run(folder: str | os.PathLike, meta: RunMeta, columns: Mapping[str, np
     unknown = [name for name in columns if name not in COLUMNS]
     if unknown or "t" not in columns:
         raise ValueError(f"not in the contract: {unknown or 't is missing'}")
-    with staged_folder(folder) as scratch:
+    with staged_folder(folder, owned=LOG_NAMES) as scratch:
         (scratch / "run.json").write_text(json.dumps(meta.to_json(), indent=1) + "\n")
         if form == "parquet":
             import pyarrow as pa

@@ -153,7 +153,7 @@ def case_robot(path: Path, nominal: Robot, mapping: Mapping, mode: str) -> str:
     ------
     InputError : speed mode, and neither the mapping nor the robot declares the inner loop.
     """
-    text = path.read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8-sig")
     data = tomllib.loads(text)
     driver = {"mode": mode, **{k: v for k, v in data.get("driver", {}).items() if k != "mode"}, **mapping.driver}
     if mode != "torque":

@@ -17,6 +17,8 @@ from rtds_host.run.plan import Plan, other_controller
 from rtds_host.run.summary import Effects, Summary, summarise
 
 Progress = Callable[[str, float], None]
+# What an earlier run may have left in the folder, and would pass for a part of this one.
+OWNED = ("log.csv", "log.parquet", "figure.png", "figure.pdf", "run.mcap")
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def write_outcome(outcome: Outcome, folder: Path, figure: bool = True, form: str
     ------
     OutputError : the place cannot be written; nothing is left half-written.
     """
-    with staged_folder(folder) as scratch:
+    with staged_folder(folder, owned=OWNED) as scratch:
         plan = outcome.plan
         notes = f"driven by rtds: {plan.robot.name}, coupling {plan.coupling}, {plan.engine}"
         if outcome.summary.effects:
