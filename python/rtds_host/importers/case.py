@@ -6,7 +6,8 @@ import math
 import os
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -54,6 +55,11 @@ def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, ro
     meta = meta or RunMeta(scenario="", notes="")
     out = Path(out)
     paths = [Path(source) for source in sources]
+    for option, value in (("--start-s", start_s), ("--end-s", end_s)):
+        if math.isnan(value) or value < 0 or start_s == math.inf:
+            raise InputError(f"{option} {value:g}: a time from the recording's start on is needed, in seconds")
+    if start_s >= end_s:
+        raise InputError(f"--start-s {start_s:g}: lies not before --end-s {end_s:g}")
     if not paths:
         raise InputError("nothing to import: give at least one bag or csv file")
     for path in paths:
@@ -94,7 +100,7 @@ def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, ro
                                                         notes=said.notes or _origin(path, mapped, imported))))
 
     text = case_robot(nominal_path, nominal, mapped, runs[0].imported.mode)
-    with staged_folder(out) as scratch:
+    with staged_folder(out) as scratch, _named(scratch, out):
         (scratch / "robot.toml").write_text(text, encoding="utf-8")
         robot_written = load_robot(scratch / "robot.toml")
         if append:
@@ -105,6 +111,15 @@ def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, ro
             write_run(scratch / run.name, run.meta, run.imported.columns, form)
             read_run(scratch / run.name, robot_written, need_measured=True)
     return runs
+
+
+@contextmanager
+def _named(scratch: Path, out: Path) -> Iterator[None]:
+    """What is wrong with the case is said of the place where it would have stood."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(str(error).replace(str(scratch), str(out))) from error
 
 
 def _names(paths: list[Path], names: Sequence[str], case: Path | None) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 import tomllib
 from dataclasses import dataclass, field, fields
 from importlib import resources
@@ -117,10 +118,10 @@ def load_mapping(path_or_name: str | os.PathLike) -> Mapping:
                              "the path of a .toml file)")
         path = _folder() / f"{path.name}.toml"
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not valid TOML ({error})") from error
     return _Parser(path).mapping(data)
 
@@ -148,8 +149,8 @@ class _Parser:
         if key not in table:
             return default
         value = table[key]
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise self.fail(place, f"{key} is {value!r}, a finite number is needed")
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
+            raise self.fail(place, f"{key} is {str(value)[:20]}, a finite number is needed")
         if positive and value <= 0 or value < low:
             raise self.fail(place, f"{key} is {value:g}, it must be " + ("above 0" if positive else f"at least {low:g}"))
         return float(value)
@@ -208,7 +209,9 @@ class _Parser:
             self.text("[definitions]", definitions, name, None)
         runs = self.table(data, "runs")
         for name in runs:
-            self.only(f"[runs.{name}]", self.table(runs, name), META_KEYS)
+            if not isinstance(runs[name], dict):
+                raise self.fail(f"[runs.{name}]", f"is {runs[name]!r}, a table is needed")
+            self.only(f"[runs.{name}]", runs[name], META_KEYS)
         decimal = self.text("[table]", table, "decimal", below.decimal, (".", ","))
         return Mapping(
             path=self.path, name=self.text("name", data, "name", self.path.stem),
@@ -242,6 +245,8 @@ class _Parser:
         if late != int(late):
             raise self.fail(place, f"late_samples is {late:g}, a whole number is needed")
         number = self.number
+        if number(place, table, "scale", 1.0) == 0:
+            raise self.fail(place, "scale is 0, nothing would be left of the channel")
         return Source(
             place=f"{self.path}: {place}", channel=channel, pair=pair,
             **{key: self.text(place, table, key, None) for key in ("topic", "field", "joint", "column", "unit")},

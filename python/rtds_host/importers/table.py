@@ -85,7 +85,9 @@ class Table:
                 values[n] = math.nan
                 continue
             try:
-                values[n] = float(cell.replace(",", ".") if self.mapping.decimal == "," else cell)
+                # Python would take 1_0 for 10.
+                values[n] = float(cell.replace("_", "?").replace(",", ".") if self.mapping.decimal == "," else
+                                  cell.replace("_", "?"))
             except ValueError as error:
                 raise InputError(f"{self.path}: row {number}: {name} is {cell!r}, no number") from error
             if math.isinf(values[n]):

@@ -110,6 +110,7 @@ def test_an_epoch_in_nanoseconds_keeps_its_digits(tmp_path):
     (lambda r: r[7].__setitem__(0, 20), r"row 9: time goes back \(ms is 120, then 20\)"),
     (lambda r: r[7].__setitem__(0, ""), "row 9: ms is empty"),
     (lambda r: r[7].__setitem__(3, "six"), "row 9: rpm_l is 'six', no number"),
+    (lambda r: r[7].__setitem__(3, "1_0"), "row 9: rpm_l is '1_0', no number"),
     (lambda r: r[7].__setitem__(3, "inf"), "row 9: rpm_l is infinite"),
     (lambda r: r[7].pop(), "row 9: has 7 cells, the header names 8"),
     (lambda r: r[-1].__delitem__(slice(3, None)), "row 61: has 3 cells, the header names 8, the file is truncated"),
@@ -165,3 +166,25 @@ def test_a_table_needs_a_mapping_and_a_time(tmp_path):
         import_case([path], tmp_path / "case")
     with pytest.raises(InputError, match=r"\[time\] column: missing"):
         bring(tmp_path, path, MAPPING.replace('column = "ms"', ""))
+
+
+@pytest.mark.parametrize("options, complaint", [
+    ({"start_s": math.nan}, "--start-s nan"), ({"start_s": math.inf}, "--start-s inf"), ({"end_s": -1.0}, "--end-s -1"),
+    ({"start_s": 5.0, "end_s": 1.0}, "lies not before"),
+])
+def test_a_part_that_is_none_is_refused(tmp_path, options, complaint):
+    with pytest.raises(InputError, match=complaint):
+        bring(tmp_path, table(tmp_path, rows()), **options)
+    assert not (tmp_path / "case").exists()
+
+
+def test_a_robot_saved_with_a_byte_order_mark_can_be_imported(tmp_path):
+    robot = tmp_path / "robot.toml"
+    robot.write_bytes(b"\xef\xbb\xbf" + builtin_robot_path("burger").read_bytes())
+    assert len(bring(tmp_path, table(tmp_path, rows()), robot=str(robot)).t) == 60
+
+
+def test_a_case_that_cannot_be_is_refused_by_the_name_it_would_have_had(tmp_path):
+    with pytest.raises(InputError, match=r"case/robot\.toml: \[sensors\] w_rad_s"):
+        bring(tmp_path, table(tmp_path, rows()), MAPPING + "[sensors]\nw_rad_s = 0\n")
+    assert not (tmp_path / "case").exists()
