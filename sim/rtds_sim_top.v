@@ -152,18 +152,21 @@ module rtds_sim_top #(
         done_q     <= 1'b1;
       end
 
-      flags_o[0] <= param_fault;
-      if (nonfinite) flags_o[1] <= 1'b1;
       if (overrun) flags_o[2] <= 1'b1;
 
-      if (strobe) period_q <= 16'd1;
-      else if (period_q != 16'hFFFF) period_q <= period_q + 16'd1;
+      if (!strobe) begin
+        if (period_q != 16'hFFFF) period_q <= period_q + 16'd1;
+      end else begin
+        period_q <= 16'd1;
+      end
 
       if (strobe) begin
         pending_q <= 1'b1;
         left_q    <= left_q - 32'd1;
       end
       if (step_done) begin
+        flags_o[0] <= param_fault;
+        if (nonfinite) flags_o[1] <= 1'b1;
         pending_q <= 1'b0;
         sample_q  <= keep ? sample_steps_i : sample_q - 32'd1;
         if (keep) index_q <= index_q + 5'd1;
@@ -173,15 +176,14 @@ module rtds_sim_top #(
         end
       end
 
-      if (strobe | step_done | ~running_q | ~(pending_q | period_over)) wait_q <= 13'd0;
-      else wait_q <= wait_q + 13'd1;
       if (wait_q == GIVE_UP) begin
         flags_o[3] <= 1'b1;
         running_q  <= 1'b0;
         pending_q  <= 1'b0;
         done_q     <= 1'b1;
-        wait_q     <= 13'd0;
       end
+      wait_q <= (strobe | step_done | ~running_q | ~(pending_q | period_over) | (wait_q == GIVE_UP)) ? 13'd0
+                                                                                                     : wait_q + 13'd1;
 
       if (go_i != go_q) begin
         go_q      <= go_i;

@@ -94,7 +94,7 @@ module rtds_core (
 
   // ---- parameters: taken at the strobe, computed beside the step, committed after it -----------------------------
   // The right motor's stand apart only where it has its own: without, they cannot start a computation.
-  wire [191:0] param2_in = {p2_b_i, p2_j_i, p2_kb_i, p2_km_i, p2_l_i, p2_r_i} & {192{fx_own_i}};
+  wire [191:0] param2_in = fx_own_i ? {p2_b_i, p2_j_i, p2_kb_i, p2_km_i, p2_l_i, p2_r_i} : 192'd0;
   wire [226:0] param_in  = {fx_own_i, fx_on_i, method_i, p_h_i, p_b_i, p_j_i, p_kb_i, p_km_i, p_l_i, p_r_i};
   reg  [226:0] param_q;    // the last set read
   reg  [191:0] param2_q;
@@ -135,7 +135,7 @@ module rtds_core (
       coef_l_q      <= 288'd0;
       coef_r_q      <= 288'd0;
       param_fault_o <= 1'b0;
-    end else begin
+    end else if (accept | param_pending) begin
       start_q <= 1'b0;
       again_q <= param_done & own & ~second_q;
       if (accept) begin
@@ -187,20 +187,25 @@ module rtds_core (
   wire [63:0] level_f;
   wire [63:0] level_b;
 
+  // Without effects the unit rests since the first strobe without them.
   effect_unit u_effects (
     .clk_i     (clk_i),
     .rst_ni    (rst_ni),
-    .rest_i    (clear_i | (accept & ~fx_on_i)),
+    .rest_i    (clear_i | (accept & fx_q & ~fx_on_i)),
     .strobe_i  (accept & fx_on_i),
     .v_i       ({v_r_i, v_l_i}),
     .t_i       ({t_r_i, t_l_i}),
     .delay_i   (fx_delay_i),
     .stride_i  (fx_stride_i),
     .step_i    (save_hi & fx_q),
-    .r_i       ({coef_r_q[0+:32], coef_l_q[0+:32]}),
-    .kb_i      ({coef_r_q[32+:32], coef_l_q[32+:32]}),
-    .i_i       ({i_r_o, i_l_o}),
-    .w_i       ({w_r_o, w_l_o}),
+    .r_l_i     (coef_l_q[0+:32]),
+    .r_r_i     (coef_r_q[0+:32]),
+    .kb_l_i    (coef_l_q[32+:32]),
+    .kb_r_i    (coef_r_q[32+:32]),
+    .i_l_i     (i_l_o),
+    .i_r_i     (i_r_o),
+    .w_l_i     (w_l_o),
+    .w_r_i     (w_r_o),
     .busy_o    (fx_busy),
     .u_v_o     (u_v),
     .u_t_o     (u_t),

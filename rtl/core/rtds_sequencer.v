@@ -93,12 +93,50 @@ module rtds_sequencer (
     end
   end
 
+  // What a slot does: one word, so that a compiled simulation looks it up once.
+  localparam [11:0] FX    = 12'h800;  // as MUL, but with effects only, and for friction
+  localparam [11:0] MUL   = 12'h400;  // factors enter the multiplier,
+  localparam [11:0] G_E   = 12'h200;  // from G and e rather than S and x,
+  localparam [11:0] TWO   = 12'h100;  // the second pair rather than the first
+  localparam [11:0] P     = 12'h080;  // save the first product, or s
+  localparam [11:0] S     = 12'h040;  // it is s
+  localparam [11:0] HI    = 12'h020;
+  localparam [11:0] LO    = 12'h010;
+  localparam [11:0] LAST  = 12'h008;
+  localparam [11:0] F     = 12'h004;
+  localparam [11:0] B     = 12'h002;
+  localparam [11:0] TAKEN = 12'h001;
+
+  reg [11:0] does;
+
+  always @* begin
+    case (slot_q)
+      6'd3:       does = MUL | G_E;
+      6'd4:       does = MUL | G_E | TWO;
+      6'd5:       does = FX | P;
+      6'd6:       does = FX | TWO;
+      6'd7:       does = F;
+      6'd8:       does = B;
+      6'd12:      does = LO;
+      6'd15:      does = HI | LAST;
+      SLOT_MUL_S: does = MUL;
+      6'd17:      does = MUL | TWO;
+      6'd18:      does = P;
+      6'd21:      does = LO | LAST;
+      SLOT_LAST:  does = P | S;
+      SLOT_FREE:  does = TAKEN;
+      6'd33:      does = FX;
+      6'd38:      does = LO;
+      default:    does = 12'd0;
+    endcase
+  end
+
   // An operator's later stages follow its first one clock by clock.
   reg       add_first;
   reg [1:0] add_later_q;
   reg       mul_later_q;
-  wire      mul_fx    = effects_i & ((slot_q == 6'd5) | (slot_q == 6'd6) | (slot_q == 6'd33));
-  wire      mul_first = (slot_q == 6'd3) | (slot_q == 6'd4) | (slot_q == SLOT_MUL_S) | (slot_q == 6'd17) | mul_fx;
+  wire      mul_fx    = effects_i & does[11];
+  wire      mul_first = does[10] | mul_fx;
 
   always @* begin
     add_first = 1'b1;
@@ -136,18 +174,18 @@ module rtds_sequencer (
 
   assign idle_o       = ~busy;
   assign mul_sel_o[2] = mul_fx;
-  assign mul_sel_o[1] = (slot_q == 6'd3) | (slot_q == 6'd4);
-  assign mul_sel_o[0] = (slot_q == 6'd4) | (slot_q == 6'd17) | (effects_i & (slot_q == 6'd6));
+  assign mul_sel_o[1] = does[9];
+  assign mul_sel_o[0] = does[8] & mul_first;
   assign add_en_o     = {add_later_q, add_first};
   assign mul_en_o     = {mul_later_q, mul_first};
-  assign save_s_o     = slot_q == SLOT_LAST;
-  assign save_p_o     = (slot_q == 6'd5) | (slot_q == 6'd18) | save_s_o;
-  assign save_hi_o    = slot_q == 6'd15;
-  assign save_lo_o    = (slot_q == 6'd12) | (slot_q == 6'd38) | ((slot_q == 6'd21) & ~refresh_q);
-  assign save_last_o  = (slot_q == 6'd15) | (slot_q == 6'd21);
-  assign save_f_o     = slot_q == 6'd7;
-  assign save_b_o     = slot_q == 6'd8;
-  assign save_taken_o = slot_q == SLOT_FREE;
+  assign save_p_o     = does[7];
+  assign save_s_o     = does[6];
+  assign save_hi_o    = does[5];
+  assign save_lo_o    = does[4] & ~(refresh_q & does[3]);
+  assign save_last_o  = does[3];
+  assign save_f_o     = does[2];
+  assign save_b_o     = does[1];
+  assign save_taken_o = does[0];
 endmodule
 
 `default_nettype wire

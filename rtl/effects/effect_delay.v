@@ -45,23 +45,25 @@ module effect_delay (
       read2_q  <= 1'b0;
       there_q  <= 1'b0;
       v_o      <= 64'd0;
-    end else if (rest_i) begin
+    end else if (!rest_i) begin
+      if (strobe_i | read1_q | read2_q) begin
+        read2_q <= read1_q;
+        read1_q <= entry;
+        if (strobe_i) phase_q <= (phase_q + 16'd1 < stride_i) ? phase_q + 16'd1 : 16'd0;
+        if (entry) begin
+          at_q    <= at_q + 12'd1;
+          there_q <= there;
+          if (!there) filled_q <= filled_q + 12'd1;
+        end
+        if (read2_q) v_o <= there_q ? read_q : 64'd0;
+      end
+    end else begin
       at_q     <= 12'd0;
       filled_q <= 12'd0;
       phase_q  <= 16'd0;
       read1_q  <= 1'b0;
       read2_q  <= 1'b0;
       v_o      <= 64'd0;
-    end else begin
-      read1_q <= entry;
-      read2_q <= read1_q;
-      if (strobe_i) phase_q <= (phase_q + 16'd1 < stride_i) ? phase_q + 16'd1 : 16'd0;
-      if (entry) begin
-        at_q    <= at_q + 12'd1;
-        there_q <= there;
-        if (!there) filled_q <= filled_q + 12'd1;
-      end
-      if (read2_q) v_o <= there_q ? read_q : 64'd0;
     end
   end
 endmodule

@@ -21,11 +21,15 @@ module effect_engine (
   input  wire         rest_i,
   input  wire         start_i,
   output wire         busy_o,
+  input  wire  [31:0] r_l_i,
+  input  wire  [31:0] r_r_i,
+  input  wire  [31:0] kb_l_i,
+  input  wire  [31:0] kb_r_i,
+  input  wire  [31:0] i_l_i,
+  input  wire  [31:0] i_r_i,
+  input  wire  [31:0] w_l_i,
+  input  wire  [31:0] w_r_i,
   // left in the lower half
-  input  wire  [63:0] r_i,
-  input  wire  [63:0] kb_i,
-  input  wire  [63:0] i_i,
-  input  wire  [63:0] w_i,
   input  wire  [63:0] v_i,
   input  wire  [63:0] t_i,
   output reg   [63:0] u_v_o,
@@ -92,12 +96,13 @@ module effect_engine (
       valid3_q <= 1'b0;
       valid4_q <= 1'b0;
       valid5_q <= 1'b0;
-    end else begin
-      valid1_q <= run_q & valid;
-      valid2_q <= valid1_q;
-      valid3_q <= valid2_q;
-      valid4_q <= valid3_q;
+    end else if (start_i | busy_o) begin
+      if (valid5_q & ~valid4_q & ~run_q) fresh_q <= 1'b0;
       valid5_q <= valid4_q;
+      valid4_q <= valid3_q;
+      valid3_q <= valid2_q;
+      valid2_q <= valid1_q;
+      valid1_q <= run_q & valid;
       if (start_i) begin
         run_q  <= 1'b1;
         pair_q <= 7'd0;
@@ -107,7 +112,6 @@ module effect_engine (
         if (side_q) pair_q <= pair_q + 7'd1;
         if (side_q & last) run_q <= 1'b0;
       end
-      if (valid5_q & ~valid4_q & ~run_q) fresh_q <= 1'b0;
     end
   end
 
@@ -184,6 +188,14 @@ module effect_engine (
     less = x[31] & (|x[30:0]);
   endfunction
 
+  function automatic [31:0] operand;
+    input         outer;
+    input         zero;
+    input  [31:0] outside;
+    input  [31:0] stored;
+    operand = outer ? outside : zero ? 32'd0 : stored;
+  endfunction
+
   // First operand of the adder; it is the multiplier's and the look-up's, too, for which nothing is done to it.
   function automatic [31:0] first;
     input   [3:0] what;
@@ -208,10 +220,12 @@ module effect_engine (
     endcase
   endfunction
 
-  wire [63:0] outside_a = code_a1_q[1] ? (code_a1_q[0] ? t_i : v_i) : (code_a1_q[0] ? kb_i : r_i);
-  wire [63:0] outside_b = code_b1_q[0] ? w_i : i_i;
-  wire [31:0] a = outer_a1_q ? half(side1_q, outside_a) : zero_a1_q ? 32'd0 : reg_a_q;
-  wire [31:0] b = outer_b1_q ? half(side1_q, outside_b) : zero_b1_q ? 32'd0 : reg_b_q;
+  function automatic [63:0] both;
+    input   [3:0] what;
+    input  [31:0] a;
+    input  [31:0] b;
+    both = {first(what, a, b), second(what, a, b)};
+  endfunction
 
   reg  [31:0] a2_q;
   reg  [31:0] b2_q;
@@ -223,8 +237,12 @@ module effect_engine (
 
   always @(posedge clk_i) begin
     if (valid1_q) begin
-      a2_q      <= first(op1_q, a, b);
-      b2_q      <= second(op1_q, a, b);
+      {a2_q, b2_q} <= both(op1_q,
+                           operand(outer_a1_q, zero_a1_q,
+                                   code_a1_q[1] ? half(side1_q, code_a1_q[0] ? t_i : v_i)
+                                   : code_a1_q[0] ? (side1_q ? kb_r_i : kb_l_i) : (side1_q ? r_r_i : r_l_i), reg_a_q),
+                           operand(outer_b1_q, zero_b1_q,
+                                   code_b1_q[0] ? (side1_q ? w_r_i : w_l_i) : (side1_q ? i_r_i : i_l_i), reg_b_q));
       op2_q     <= op1_q;
       side2_q   <= side1_q;
       look2_q   <= code_b1_q;
@@ -234,30 +252,31 @@ module effect_engine (
   end
 
   // ---- operators: a stage works where there is something for it ------------------------------------------------------
-  reg         mul3_q;
-  reg         add3_q;
-  reg         add4_q;
-  wire        mul2 = valid2_q & (op2_q == OP_MUL);
-  wire        add2 = valid2_q & (op2_q != OP_MUL) & (op2_q != OP_LOOK);
+  reg   [1:0] mul_q;  // stages at work, the first in bit 0
+  reg   [2:0] add_q;
   wire [31:0] mul_y;
   wire [31:0] add_y;
 
-  always @(posedge clk_i) begin
-    mul3_q <= mul2;
-    add3_q <= add2;
-    add4_q <= add3_q;
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      mul_q <= 2'd0;
+      add_q <= 3'd0;
+    end else if (busy_o) begin
+      mul_q <= {mul_q[0], valid1_q & (op1_q == OP_MUL)};
+      add_q <= {add_q[1:0], valid1_q & (op1_q != OP_MUL) & (op1_q != OP_LOOK)};
+    end
   end
 
   fp_mul u_mul (
     .clk_i(clk_i),
-    .en_i ({mul3_q, mul2}),
+    .en_i (mul_q),
     .a_i  (a2_q),
     .b_i  (b2_q),
     .y_o  (mul_y)
   );
   fp_add u_add (
     .clk_i(clk_i),
-    .en_i ({add4_q, add3_q, add2}),
+    .en_i (add_q),
     .sub_i(op2_q == OP_SUB),
     .a_i  (a2_q),
     .b_i  (b2_q),
@@ -265,27 +284,29 @@ module effect_engine (
   );
 
   // ---- tables ------------------------------------------------------------------------------------------------------
-  wire  [7:0] found;
+  wire  [7:0] cell3_q;
 
   effect_index u_index (
+    .clk_i   (clk_i),
+    .en_i    (valid2_q),
     .u_i     (a2_q),
     .signed_i(look2_q[3:1] < 3'd3),
-    .cell_o  (found)
+    .cell_o  (cell3_q)
   );
 
   reg  [31:0] tables [0:8191];
-  reg  [12:0] look_addr3_q;
+  reg   [3:0] look3_code_q;
   reg  [31:0] look4_q;
   reg         look3_q;
 
   always @(posedge clk_i) begin
     look3_q <= valid2_q & (op2_q == OP_LOOK);
-    if (valid2_q) look_addr3_q <= {side2_q, look2_q[3:1], found, look2_q[0]};
+    if (valid2_q) look3_code_q <= look2_q;
   end
 
   always @(posedge clk_i) begin
     if (wr_valid_i & ~wr_addr_i[13]) tables[wr_addr_i[12:0]] <= wr_data_i;
-    if (look3_q) look4_q <= tables[look_addr3_q];
+    if (look3_q) look4_q <= tables[{side3_q, look3_code_q[3:1], cell3_q, look3_code_q[0]}];
   end
 
   // ---- results: what came out of the multiplier or the tables waits a clock for the adder ------------------------------

@@ -29,7 +29,12 @@ module fp_add (
     is_nan = ((&a[30:23]) & ((|a[22:0]) | ((&b[30:23]) & unlike))) | ((&b[30:23]) & (|b[22:0]));
   endfunction
 
-  wire        b_sign = b_i[31] ^ sub_i;
+  function automatic [3:0] signs;  // {sign of the sum, unlike signs, NaN, infinite}
+    input [31:0] a;
+    input [31:0] b;
+    signs = {(a[30:0] < b[30:0]) ? b[31] : a[31], a[31] ^ b[31], is_nan(a[30:0], b[30:0], a[31] ^ b[31]),
+             (&a[30:23]) | (&b[30:23])};
+  endfunction
 
   reg         sign1_q;
   reg         unlike1_q;
@@ -40,18 +45,9 @@ module fp_add (
 
   always @(posedge clk_i) begin
     if (en_i[0]) begin
-      if (a_i[30:0] < b_i[30:0]) begin
-        sign1_q  <= b_sign;
-        big1_q   <= b_i[30:0];
-        small1_q <= a_i[30:0];
-      end else begin
-        sign1_q  <= a_i[31];
-        big1_q   <= a_i[30:0];
-        small1_q <= b_i[30:0];
-      end
-      unlike1_q <= a_i[31] ^ b_sign;
-      nan1_q    <= is_nan(a_i[30:0], b_i[30:0], a_i[31] ^ b_sign);
-      inf1_q    <= (&a_i[30:23]) | (&b_i[30:23]);
+      {sign1_q, unlike1_q, nan1_q, inf1_q} <= signs(a_i, {b_i[31] ^ sub_i, b_i[30:0]});
+      big1_q   <= (a_i[30:0] < b_i[30:0]) ? b_i[30:0] : a_i[30:0];
+      small1_q <= (a_i[30:0] < b_i[30:0]) ? a_i[30:0] : b_i[30:0];
     end
   end
 
