@@ -16,7 +16,7 @@ import numpy as np
 
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.effects import CATALOGUE
-from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, to_values
+from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, scaled, to_values
 from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.replay.model import STEP_S
 from rtds_host.diagnosis.screen import Candidate, Screen
@@ -208,22 +208,31 @@ class Search:
     def _scan(self, fit: Fit, iterations: int) -> Fit:
         """Look about an optimum of an effect whose misfit is rough, and fit again from what is found there."""
         at = 0
-        for effect, _ in fit.hypothesis:
-            if effect in ROUGH:
-                trials = []
-                for factor in ROUGH_FACTORS:
-                    u = fit.u.copy()
-                    p = CATALOGUE[effect].parameters[0]
-                    u[at] = (min(max((p.null + p.spread * u[at]) * factor, p.low), p.high) - p.null) / p.spread
-                    trials.append(u)
+        for k, (effect, _) in enumerate(fit.hypothesis):
+            count = len(CATALOGUE[effect].parameters)
+            trials = [np.concatenate([fit.u[:at], part, fit.u[at + count:]]) for part in self._about(fit, k)]
+            if trials:
                 costs = [float(r @ r) / self.scale for r in self.problem.residuals(
                     [apply(self.problem.with_nuisances(fit.z), fit.hypothesis, to_values(fit.hypothesis, u))
                      for u in trials])]
                 best = int(np.argmin(costs))
                 if costs[best] < fit.chi2 / self.scale:
                     fit = self.fitter.fit(fit.hypothesis, trials[best], fit.z, self.scale, iterations)
-            at += len(CATALOGUE[effect].parameters)
+            at += count
         return fit
+
+    def _about(self, fit: Fit, k: int) -> list[np.ndarray]:
+        """Other parameters of an effect from which its misfit may fall further, scaled; none where it is smooth."""
+        member, values = fit.hypothesis[k:k + 1], fit.values[k]
+        (effect, side), = member
+        p = CATALOGUE[effect].parameters[0]
+        if effect in ROUGH:
+            sizes = [min(max(p.null + factor * (values[p.name] - p.null), p.low), p.high) for factor in ROUGH_FACTORS]
+            return [scaled(member, [{**values, p.name: size}]) for size in sizes]
+        if effect == "torque_ripple":
+            outs = self.problem.replay(fit.model(self.problem))
+            return [scaled(member, [moved]) for moved in ripple.neighbours(values, ripple.turned(outs, side))]
+        return []
 
     def cost(self, fit: Fit) -> float:
         return fit.chi2 / self.scale + fit.prior

@@ -209,9 +209,10 @@ def _alternatives(problem: Problem, decision: Decision) -> list[dict]:
              "probability": scored.probability} for scored in decision.ranked]
     rows.append({"effects": "unknown", "probability": decision.unknown})
     first = rows[0] if decision.verdict != "unknown" else rows[-1]
-    others = sorted((r for r in rows if r is not first), key=lambda r: -r["probability"])
+    # What is blamed stands first among equals; shared by prior, or beside a large rest, it is not always the likeliest.
+    rows.sort(key=lambda r: (-r["probability"], r is not first))
     result, total = [], 0.0
-    for row in [first] + others:
+    for row in rows:
         if total >= 0.995 and row["probability"] < 0.005:
             break
         total += row["probability"]

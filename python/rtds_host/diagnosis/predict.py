@@ -28,16 +28,19 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
     """
     path = Path(path)
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not valid JSON ({error})") from error
     if not isinstance(data, dict) or data.get("schema") != DIAGNOSIS_SCHEMA:
         raise InputError(f"{path}: schema: this program reads {DIAGNOSIS_SCHEMA!r}")
     model = nominal_model(robot)
     entries = {key: slot for name, keys in NOMINAL_KEYS.items() for key, slot in zip(keys, NUISANCES[name])}
-    for suffix, values in (data.get("nominal_fit") or {}).items():
+    refit = data.get("nominal_fit") or {}
+    if not isinstance(refit, dict):
+        raise InputError(f"{path}: nominal_fit: is {refit!r}, an object with l and r is needed")
+    for suffix, values in refit.items():
         if suffix not in ("l", "r") or not isinstance(values, dict):
             raise InputError(f"{path}: nominal_fit: {suffix!r} is no side, it must be l or r")
         for key, value in values.items():
@@ -45,9 +48,13 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
                 raise InputError(f"{path}: nominal_fit.{suffix}.{key}: is no nuisance of [motor]")
             model.put(entries[key], _number(path, f"nominal_fit.{suffix}.{key}", value, positive=True),
                       ("lr".index(suffix),))
-    for k, entry in enumerate(data.get("effects") or []):
+    effects = data.get("effects") or []
+    if not isinstance(effects, list):
+        raise InputError(f"{path}: effects: is {effects!r}, a list is needed")
+    for k, entry in enumerate(effects):
         place = f"effects[{k}]"
-        effect = CATALOGUE.get(entry.get("id")) if isinstance(entry, dict) else None
+        name = entry.get("id") if isinstance(entry, dict) else None
+        effect = CATALOGUE.get(name) if isinstance(name, str) else None
         if effect is None:
             raise InputError(f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in "
                              "the catalogue (see `rtds effects`)")
@@ -57,6 +64,13 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
             raise InputError(f"{path}: {place}.side: {entry.get('side')!r} must be one of {', '.join(known)}")
         values = {}
         given = entry.get("parameters") or {}
+        if not isinstance(given, dict):
+            raise InputError(f"{path}: {place}.parameters: is {given!r}, an object is needed")
+        known = {p.reported(robot.axis)[0] for p in effect.parameters}
+        for name in given:
+            if name not in known:
+                raise InputError(f"{path}: {place}.parameters.{name}: is no parameter of {effect.id} "
+                                 f"(known: {', '.join(sorted(known))})")
         for p in effect.parameters:
             name, unit, one = p.reported(robot.axis)
             if name not in given and p.optional:
@@ -75,8 +89,12 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
 
 
 def _number(path: Path, place: str, value: object, positive: bool = False) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise InputError(f"{path}: {place}: is {value!r}, a finite number is needed")
+    try:
+        finite = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:
+        finite = False
+    if not finite:
+        raise InputError(f"{path}: {place}: is {str(value)[:40]!r}, a finite number is needed")
     if positive and value <= 0:
         raise InputError(f"{path}: {place}: is {value:g}, it must be above 0")
     return float(value)

@@ -6,6 +6,8 @@ least-squares power over the measured (or replayed) angle, which needs no even s
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from rtds_host.diagnosis.problem import Problem
@@ -72,6 +74,24 @@ def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, np.ndarray]:
     if len(result) == 2:
         result["both"] = 0.5 * (result["left"] + result["right"])
     return result
+
+
+def turned(outs: list[np.ndarray], side: str) -> float:
+    """Mean angle of a side's wheel over the samples of all runs, rad."""
+    columns = [OUTPUT_INDEX[f"th_{suffix}"] for suffix in "lr" if side in ("both", {"l": "left", "r": "right"}[suffix])]
+    return float(np.concatenate([out[:, columns].ravel() for out in outs]).mean())
+
+
+def neighbours(values: dict[str, float], angle: float) -> list[dict[str, float]]:
+    """Ripples close by whose misfit may be lower beyond a rise.
+
+    Over a run a wrong number of cycles drifts out of step, and in again: the misfit has a minimum at each. The number is
+    moved with the phase that keeps step at `angle` rad, the middle of the runs.
+    """
+    return [{**values, "cycles_per_rev": values["cycles_per_rev"] + off,
+             "phase_rad": math.remainder(values["phase_rad"] - off * angle + shift, 2 * math.pi)}
+            for off in (-0.08, -0.05, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.05, 0.08)
+            for shift in (-0.5, 0.0, 0.5) if off or shift]
 
 
 def starts(problem: Problem, outs: list[np.ndarray], peaks: int = 2) -> dict[tuple[str, str], list[dict]]:

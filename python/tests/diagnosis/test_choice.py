@@ -4,13 +4,21 @@ The truths here are made by the replay itself, so they test the choice and not t
 `rtds_host.blind` test both.
 """
 
+import importlib
+import math
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from diagnosis_cases import make_case, without
 
 from rtds_host.contract import Case
+from rtds_host.diagnosis import ripple
+from rtds_host.diagnosis.choose import Scored
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.report import validate
+
+diagnose_module = importlib.import_module("rtds_host.diagnosis.diagnose")
 
 
 def blamed(diagnosis):
@@ -112,6 +120,24 @@ def test_ripple_is_found_by_its_spectrum():
     found = diagnosis["effects"][0]["parameters"]
     assert found["cycles_per_rev"]["value"] == pytest.approx(23.0, abs=0.1)
     assert np.isclose(found["amplitude_nm"]["value"], 0.03, rtol=0.1)
+
+
+def test_a_neighbouring_ripple_keeps_step_in_the_middle_of_the_runs():
+    """Otherwise a change of the number of cycles alone would leave the runs out of step, however right it is."""
+    values = {"amplitude_nm": 0.06, "cycles_per_rev": 9.98, "phase_rad": -1.26}
+    steps = [(n["cycles_per_rev"] * 11.6 + n["phase_rad"] - 9.98 * 11.6 + 1.26) for n in ripple.neighbours(values, 11.6)]
+    assert sorted({round(math.remainder(s, 2 * math.pi), 6) for s in steps}) == [-0.5, 0.0, 0.5]
+    assert all(n["amplitude_nm"] == 0.06 and abs(n["phase_rad"]) <= math.pi for n in ripple.neighbours(values, 11.6))
+
+
+def test_alternatives_stand_by_probability_also_where_a_prior_makes_a_rival_likelier_than_the_blamed():
+    def scored(effect, side, probability):
+        return Scored(SimpleNamespace(hypothesis=((effect, side),)), 0.0, probability)
+
+    decision = SimpleNamespace(verdict="known", unknown=0.01, ranked=[scored("wheel_radius_error", "left", 0.2),
+                                                                      scored("track_width_error", "both", 0.79)])
+    rows = diagnose_module._alternatives(SimpleNamespace(robot=SimpleNamespace(axis=None)), decision)
+    assert [r["probability"] for r in rows] == [0.79, 0.2, 0.01]
 
 
 def test_ripple_is_found_in_angles_and_gyro_where_no_speed_and_no_current_is_measured():

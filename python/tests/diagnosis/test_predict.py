@@ -75,6 +75,12 @@ def test_a_diagnosis_brings_its_effects_and_its_refit(run_folder, tmp_path):
     (lambda d: d["effects"][0]["parameters"].clear(), "torque_nm"),
     (lambda d: d["effects"][0]["parameters"]["torque_nm"].update(value=-1.0), "torque_nm"),
     (lambda d: d["nominal_fit"]["l"].update(resistance_ohm="much"), "nominal_fit.l.resistance_ohm"),
+    (lambda d: d["nominal_fit"]["l"].update(resistance_ohm=10**400), "nominal_fit.l.resistance_ohm"),
+    (lambda d: d["effects"][0]["parameters"].update(torque=0.1), "effects[0].parameters.torque"),
+    (lambda d: d["effects"][0].update(parameters=3), "effects[0].parameters"),
+    (lambda d: d["effects"][0].update(id=["coulomb_friction"]), "effects[0].id"),
+    (lambda d: d.update(effects=5), "effects"),
+    (lambda d: d.update(nominal_fit=[1]), "nominal_fit"),
     (lambda d: d.update(schema="other"), "schema"),
 ])
 def test_a_broken_diagnosis_is_named_by_file_and_key(tmp_path, edit, words):
