@@ -87,8 +87,9 @@ def make_body(robot: Robot, payload_kg: float = 0.0, slope_rad: float = 0.0, uph
         raise InputError(f"payload: is {payload_kg:g} kg, it must lie within 0 to 10000")
     if not (math.isfinite(slope_rad) and abs(slope_rad) <= 0.7):
         raise InputError(f"slope: is {slope_rad:g} rad, it must lie within -0.7 to 0.7 (tyres slide beyond)")
-    if not math.isfinite(uphill_yaw_rad):
-        raise InputError(f"uphill yaw: is {uphill_yaw_rad:g}, a finite number is needed")
+    if not abs(uphill_yaw_rad) <= 100.0:
+        # What a run.json may hold.
+        raise InputError(f"uphill yaw: is {uphill_yaw_rad:g} rad, it must lie within -100 to 100 (degrees?)")
     if support not in SUPPORTS:
         raise InputError(f"support {support!r}: unknown (known: {', '.join(SUPPORTS)})")
     chassis = robot.chassis

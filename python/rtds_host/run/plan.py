@@ -15,6 +15,8 @@ from rtds_host.scenario import Motion, Scenario, VoltageMotion, check_reach, fin
 COUPLINGS = ("closed", "paper")
 LOG_LIMIT_STEPS = 8
 MAX_STEPS = 4_000_000
+# A hundredth of the usual step of the motor units; a run at much less would never end.
+FINEST_STEP_S = 1e-7
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,8 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None,
     if grid % log:
         raise InputError(f"log interval: is {log * STEP_S:g} s, it must divide {grid * STEP_S:g} s, at which the "
                          "voltages change, or the log could not hold them")
+    if 0 < options.simulator_step_s < FINEST_STEP_S:
+        raise InputError(f"step: is {options.simulator_step_s:g} s, it must be at least {FINEST_STEP_S:g} s")
     total = max(1, math.ceil(motion.duration_s / STEP_S - 1e-6))
     if total > MAX_STEPS:
         raise InputError(f"duration: is {motion.duration_s:g} s, at most {MAX_STEPS * STEP_S:g} s are possible")

@@ -91,7 +91,9 @@ class Scenario:
                 known = ", ".join(self.parameters) or "none"
                 raise InputError(f"scenario {self.name!r}: has no parameter {name!r} (known: {known})")
             parameter = self.parameters[name]
-            if not math.isfinite(value) or not parameter.low <= value <= parameter.high:
+            if not math.isfinite(value):
+                raise InputError(f"scenario {self.name!r}: {name} is {value:g}, a finite number is needed")
+            if not parameter.low <= value <= parameter.high:
                 raise InputError(f"scenario {self.name!r}: {name} is {value:g}, it must lie within "
                                  f"{parameter.low:g} to {parameter.high:g}")
             values[name] = float(value)

@@ -73,6 +73,9 @@ def test_list_names_every_scenario_with_its_parameters():
     (["linear", "--against", "chaos"], "--against chaos: unknown engine"),
     (["linear", "--format", "xls"], "--format xls: unknown"),
     (["linear", "--method", "magic", "--link", "model"], "method: 'magic'"),
+    (["linear", "--set", "length_m=nan"], "length_m is nan, a finite number is needed"),
+    (["linear", "--step", "1e-12", "--link", "model"], "step: is 1e-12 s, it must be at least 1e-07"),
+    (["linear", "--uphill-yaw", "180.5"], "uphill yaw: is 180.5 rad, it must lie within -100 to 100"),
 ])
 def test_bad_input_is_one_line_and_status_2_and_writes_nothing(tmp_path, monkeypatch, capfd, words, said):
     monkeypatch.chdir(tmp_path)
