@@ -340,6 +340,10 @@ def read_case(folder: str | os.PathLike, need_measured: bool = True) -> Case:
         notices += [f"{sub.name}/{notice}" for notice in runs[-1].notices]
     if not runs:
         raise InputError(f"{folder}: holds no run (a sub-folder with run.json)")
+    wheels = [f"{c}_{s}" for c in ("w", "th") for s in robot.sides]
+    if need_measured and not any(robot.noise(c) for run in runs for c in wheels if c in run.columns):
+        raise InputError(f"{folder / 'robot.toml'}: [sensors] names the noise of no w_* or th_* that the runs hold, a "
+                         "diagnosis has no unit to count in")
     return Case(name=folder.resolve().name, robot=robot, runs=tuple(runs), path=folder, notices=tuple(notices))
 
 

@@ -128,6 +128,13 @@ def test_a_bad_robot_is_named_by_table_and_key(case, old, new, words):
     refuse(case, "robot.toml", *words)
 
 
+def test_wheels_without_a_noise_to_count_in_are_said_to_be_just_that(case):
+    path = case / "robot.toml"
+    path.write_text(path.read_text().replace("w_rad_s = 0.02", ""))
+    refuse(case, "robot.toml", "[sensors]", "w_*")
+    assert len(read_case(case, need_measured=False).runs) == 1
+
+
 def test_an_empty_folder_and_a_folder_without_runs_are_refused(tmp_path, case):
     empty = tmp_path / "empty"
     empty.mkdir()
