@@ -108,57 +108,71 @@ module rtds_sequencer (
   localparam [11:0] TAKEN = 12'h001;
 
   reg [11:0] does;
+  reg        add_first;
 
   always @* begin
-    case (slot_q)
-      6'd3:       does = MUL | G_E;
-      6'd4:       does = MUL | G_E | TWO;
-      6'd5:       does = FX | P;
-      6'd6:       does = FX | TWO;
-      6'd7:       does = F;
-      6'd8:       does = B;
-      6'd12:      does = LO;
-      6'd15:      does = HI | LAST;
-      SLOT_MUL_S: does = MUL;
-      6'd17:      does = MUL | TWO;
-      6'd18:      does = P;
-      6'd21:      does = LO | LAST;
-      SLOT_LAST:  does = P | S;
-      SLOT_FREE:  does = TAKEN;
-      6'd33:      does = FX;
-      6'd38:      does = LO;
-      default:    does = 12'd0;
-    endcase
-  end
-
-  // An operator's later stages follow its first one clock by clock.
-  reg       add_first;
-  reg [1:0] add_later_q;
-  reg       mul_later_q;
-  wire      mul_fx    = effects_i & does[11];
-  wire      mul_first = does[10] | mul_fx;
-
-  always @* begin
-    add_first = 1'b1;
+    op_o      = OP_S;
+    add_first = 1'b0;
+    does      = 12'd0;
     case (slot_q)
       SLOT_IDLE: begin
         op_o      = OP_E;
         add_first = start_i;
       end
-      6'd6:      op_o = OP_D;
-      6'd9:      op_o = OP_T;
-      6'd12:     op_o = OP_HI;
-      6'd15:     op_o = OP_Z;
-      6'd18:     op_o = OP_LO;
-      6'd35:     op_o = OP_P;
-      6'd38:     op_o = OP_HI;
-      6'd19:     op_o = OP_S;
-      default: begin
-        op_o      = OP_S;
-        add_first = 1'b0;
+      6'd3: does = MUL | G_E;
+      6'd4: does = MUL | G_E | TWO;
+      6'd5: does = FX | P;
+      6'd6: begin
+        op_o      = OP_D;
+        add_first = 1'b1;
+        does      = FX | TWO;
       end
+      6'd7: does = F;
+      6'd8: does = B;
+      6'd9: begin
+        op_o      = OP_T;
+        add_first = 1'b1;
+      end
+      6'd12: begin
+        op_o      = OP_HI;
+        add_first = 1'b1;
+        does      = LO;
+      end
+      6'd15: begin
+        op_o      = OP_Z;
+        add_first = 1'b1;
+        does      = HI | LAST;
+      end
+      SLOT_MUL_S: does = MUL;
+      6'd17: does = MUL | TWO;
+      6'd18: begin
+        op_o      = OP_LO;
+        add_first = 1'b1;
+        does      = P;
+      end
+      6'd19: add_first = 1'b1;
+      6'd21: does = LO | LAST;
+      SLOT_LAST: does = P | S;
+      SLOT_FREE: does = TAKEN;
+      6'd33: does = FX;
+      6'd35: begin
+        op_o      = OP_P;
+        add_first = 1'b1;
+      end
+      6'd38: begin
+        op_o      = OP_HI;
+        add_first = 1'b1;
+        does      = LO;
+      end
+      default: ;
     endcase
   end
+
+  // An operator's later stages follow its first one clock by clock.
+  reg [1:0] add_later_q;
+  reg       mul_later_q;
+  wire      mul_fx    = effects_i & does[11];
+  wire      mul_first = does[10] | mul_fx;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
