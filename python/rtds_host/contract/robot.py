@@ -258,7 +258,7 @@ def _parse(path: Path, data: dict) -> Robot:
             mass_kg=table.number("mass_kg", None if kind != "inertia" else 0.0, low=0.0, high=1e6),
             length_m=table.number("length_m", None if kind == "pendulum" else 0.0, low=0.0, high=1e3),
             metres_per_rad=table.number("metres_per_rad", None if kind == "linear" else 0.0, low=-1e3, high=1e3),
-            zero_rad=table.number("zero_rad", 0.0),
+            zero_rad=table.number("zero_rad", 0.0, low=-1e6, high=1e6),
         )
         load = {"inertia": axis.inertia_kg_m2, "pendulum": axis.inertia_kg_m2 + axis.mass_kg * axis.length_m**2,
                 "linear": axis.mass_kg * axis.metres_per_rad**2}[kind]
@@ -272,7 +272,8 @@ def _parse(path: Path, data: dict) -> Robot:
             kp_v_s_per_rad=table.number("kp_v_s_per_rad", low=0.0, high=1e9),
             ki_v_per_rad=table.number("ki_v_per_rad", low=0.0, high=1e9),
             limit_v=table.number("limit_v", positive=True, high=1e4),
-            period_s=table.number("period_s", positive=True, high=10.0),
+            # The replay takes each of the loop's steps: a period in other units than seconds would keep it busy for ever.
+            period_s=table.number("period_s", positive=True, low=1e-5, high=10.0),
         )
 
     table = section("sensors")
