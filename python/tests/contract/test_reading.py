@@ -118,8 +118,8 @@ def test_a_bad_run_json_is_named_by_key(case, edit, words):
     ("mass_kg = 1.0", "mass_kg = 1e-300", ["mass_kg", "within"]),
     ("w_rad_s = 0.02", "w_rad_s = 1e300", ["w_rad_s", "within"]),
     ("[motor]", "[driver]\nmode = 'torque'\ntorque_nm_per_v = 0\n[motor]", ["torque_nm_per_v", "is 0"]),
-    ("[motor]", "[servo]\nkp_v_s_per_rad = 1\nki_v_per_rad = 1\nlimit_v = 12\nperiod_s = 1e-9\n"
-                "[driver]\nmode = 'speed'\n[motor]", ["period_s", "within"]),
+    ("[motor]", ("[servo]\nkp_v_s_per_rad = 1\nki_v_per_rad = 1\nlimit_v = 12\nperiod_s = 1e-9\n"
+                 "[driver]\nmode = 'speed'\n[motor]"), ["period_s", "within"]),
     ("[motor]", f"a = {'[' * 5000}{']' * 5000}\n[motor]", ["TOML"]),
 ])
 def test_a_bad_robot_is_named_by_table_and_key(case, old, new, words):

@@ -110,3 +110,13 @@ def test_a_log_that_starts_in_motion_is_noted():
     columns["w_l"] = np.full(len(log.t), 2.0)
     moving = type(log)(log.name, log.meta, log.t, columns)
     assert "starts in motion" in simulate(moving, ROBOT, nominal_model(ROBOT)).notes[0]
+
+
+@pytest.mark.parametrize("verdict", [None, 5, "perhaps"])
+def test_a_diagnosis_with_another_verdict_is_refused_and_nothing_is_written(case, tmp_path, verdict):
+    folder = write_case(case, tmp_path / "case")
+    path = tmp_path / "diagnosis.json"
+    path.write_text(json.dumps(diagnosis_of(FRICTION, verdict=verdict)))
+    with pytest.raises(InputError, match=r"diagnosis\.json: verdict"):
+        close_folder(folder, tmp_path / "out", path, causes=False)
+    assert not (tmp_path / "out").exists()
