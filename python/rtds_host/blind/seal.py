@@ -36,10 +36,10 @@ from rtds_host.errors import InputError
 from rtds_host.spread import cores, on_cluster, on_threads
 
 SEALS_SCHEMA = "rtds-blind-seals/1"
-# Share of the cases a tier gets in a mixed check: one for everyone (60 cases), one for figures (340 cases, so that
+# Share of the cases a tier gets in a mixed check: one for everyone (60 cases), one for figures (310 cases, so that
 # every tier has 30 and "no effect" 60).
 WEIGHTS = {"all": 16, "tol": 8, "few": 8, "pair": 8, "none": 10, "unknown": 8, "long": 2}
-LONG_WEIGHTS = {"all": 90, "tol": 40, "few": 40, "pair": 40, "none": 60, "unknown": 40, "long": 30}
+LONG_WEIGHTS = {"all": 60, "tol": 40, "few": 40, "pair": 40, "none": 60, "unknown": 40, "long": 30}
 LONG_CHECK = 300
 
 
