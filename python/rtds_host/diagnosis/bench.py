@@ -175,11 +175,12 @@ def page(rows: list[dict], command: str) -> str:
     row("unknown recognised (outside effects)", _share([r["diagnosis"]["verdict"] == "unknown" for r in unknown]))
     row("wrongly unknown", _share([r["diagnosis"]["verdict"] == "unknown" for r in single]))
     removed = [r for r in rows if r["removed"]]
-    telling = [r for r in removed if not (r["diagnosis"]["verdict"] == "known"
-                                          and not r["diagnosis"]["gap"]["rest"]["structured"])]
-    row("unknown, effect taken out of the catalogue, where no other effect does the same",
-        _share([r["diagnosis"]["verdict"] == "unknown" for r in telling]))
-    row("… of which another effect does the same down to the noise", f"{len(removed) - len(telling)} of {len(removed)}")
+    same = [r for r in removed if r["diagnosis"]["verdict"] == "known" and r["diagnosis"]["gap"]["after"] < 1.1]
+    small = [r for r in removed if r["diagnosis"]["verdict"] == "none" and r["diagnosis"]["gap"]["refit"] < 1.1]
+    row("unknown, effect taken out of the catalogue, where that leaves a gap and no other effect does the same",
+        _share([r["diagnosis"]["verdict"] == "unknown" for r in removed if r not in same and r not in small]))
+    row("… others of these: another effect leaves a gap below 1.1; the refit alone does, and nothing is blamed",
+        f"{len(same)} and {len(small)} of {len(removed)}")
     closed = [r["diagnosis"]["gap"]["closed"] for r in strong
               if r["diagnosis"]["verdict"] == "known" and r["diagnosis"]["gap"]["closed"] is not None]
     row("closure on held-out runs, median (5 % quantile)",

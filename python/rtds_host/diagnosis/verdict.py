@@ -72,13 +72,24 @@ def _cost(fit: Fit, scale: float) -> float:
 
 def _closed(problem: Problem, base: Fit, fit: Fit) -> float:
     """Share of the gap of the refitted nominal model that an explanation closes, 0 to 1."""
-    if problem.robot.axis is None:
-        before, after = (np.sqrt(max(f.chi2 / problem.size, 1.0)) for f in (base, fit))
-    else:
-        # Fitted on pieces, judged on whole runs.
-        before, after = (max(gap(pooled([errors(data.log, problem.robot, replay_run(f.model(problem), data.inputs))
-                                         for data in problem.whole])), 1.0) for f in (base, fit))
+    if problem.robot.axis is not None:
+        return _gap_closed(problem, base, fit)  # fitted on pieces, judged on whole runs
+    before, after = (np.sqrt(max(f.chi2 / problem.size, 1.0)) for f in (base, fit))
     return float(np.clip((before - after) / max(before - 1.0, 1e-9), 0.0, 1.0))
+
+
+def _gap_closed(problem: Problem, base: Fit, fit: Fit) -> float:
+    """The same of the contract's gap, in which a channel of few samples weighs as much as one of many."""
+    before, after = (max(gap(pooled([errors(data.log, problem.robot, replay_run(f.model(problem), data.inputs))
+                                     for data in problem.whole])), 1.0) for f in (base, fit))
+    return float(np.clip((before - after) / max(before - 1.0, 1e-9), 0.0, 1.0))
+
+
+def _explains(problem: Problem, base: Fit, fit: Fit, closed: float) -> bool:
+    """Whether an explanation with a structured rest closes enough: of the misfit, and of no channel at another's cost."""
+    erratic = any(CATALOGUE[effect].erratic for effect, _ in fit.hypothesis)
+    return closed >= _enough(problem, fit) and (
+        _gap_closed(problem, base, fit) >= (CLOSED_ENOUGH_ERRATIC if erratic else CLOSED_ENOUGH))
 
 
 def _enough(problem: Problem, fit: Fit) -> float:
@@ -226,7 +237,8 @@ def decide(problem: Problem, choice: Choice) -> Decision:
     if not fit.hypothesis:
         verdict = "unknown" if structured and excess > NO_GAP * noise else "none"
     else:
-        verdict = "unknown" if structured and excess > NO_GAP * noise and closed < _enough(problem, fit) else "known"
+        gap_left = structured and excess > NO_GAP * noise
+        verdict = "unknown" if gap_left and not _explains(problem, base, fit, closed) else "known"
 
     weights = np.exp(-0.5 * (np.array([s.score for s in ranked]) - ranked[0].score))
     if verdict == "unknown":
