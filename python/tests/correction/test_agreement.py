@@ -36,10 +36,15 @@ def test_simulator_agrees_with_the_replay(effect, log):
     assert row.within, f"{row.apart} above {row.bound}, most in {row.worst}"
 
 
+# A centre of mass far ahead of the axle makes the robot yaw at a hard reversal in MuJoCo, and neither in PyBullet nor in
+# the replay: docs/known-limits.md.
+APART = [pytest.param("mujoco", "com_offset", marks=pytest.mark.xfail(strict=True, reason="docs/known-limits.md"))]
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("effect", list(CATALOGUE))
-@pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
-def test_every_effect_agrees_on_the_whole_run(effect, engine):
+@pytest.mark.parametrize(("engine", "effect"), APART + [
+    (engine, effect) for engine in ("pybullet", "mujoco") for effect in CATALOGUE if (engine, effect) != APART[0].values])
+def test_every_effect_agrees_on_the_whole_run(engine, effect):
     for row in rows([effect], Setting(engine=engine)):
         assert row.within, f"{row.side}: {row.apart} above {row.bound}, most in {row.worst}"
         assert row.size > 2.0 * row.bound, "the run does not show the effect"

@@ -165,7 +165,7 @@ def test_one_bad_case_of_two_ends_with_status_1_and_the_other_is_complete(case, 
 def test_a_place_that_cannot_be_written_ends_with_one_line_and_status_2(case, tmp_path):
     (tmp_path / "file").write_text("")
     done = called(case, "--out", tmp_path / "file" / "out")
-    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "cannot write" in done.stderr
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "file: is a file" in done.stderr
 
 
 # The command, held while it writes, so that the signal always finds it there.

@@ -266,14 +266,13 @@ def test_a_plan_that_cannot_be_driven_is_refused(options, words):
         make_plan("linear", options=options)
 
 
-def test_parameters_the_core_cannot_take_are_named(tmp_path):
+def test_a_motor_beyond_any_is_named_before_the_run(tmp_path):
     from rtds_host.contract import builtin_robot_path
 
     text = builtin_robot_path("burger").read_text().replace("inductance_h = 1.0e-3", "inductance_h = 1.0e-40")
     (tmp_path / "robot.toml").write_text(text)
-    plan = short(options=Options(robot=str(tmp_path / "robot.toml")))
     with pytest.raises(InputError, match="inductance_h"):
-        drive_with(plan, "model")
+        short(options=Options(robot=str(tmp_path / "robot.toml")))
 
 
 def test_model_link_is_what_runs_are_made_with():
