@@ -91,13 +91,18 @@ def _log_path(folder: Path) -> Path:
     return found[0]
 
 
-def _meta_content(path: Path) -> dict:
+def read_json(path: Path) -> object:
+    """Content of a JSON file, with or without a byte order mark. InputError where it cannot be read or is none."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8-sig"))
+        return json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not valid JSON ({error})") from error
+
+
+def _meta_content(path: Path) -> dict:
+    data = read_json(path)
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         raise InputError(f"{path}: schema: is {data.get('schema') if isinstance(data, dict) else data!r}, "
                          f"this program reads {SCHEMA!r}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.contract import Robot, RunLog
+from rtds_host.contract.runlog import read_json
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES
 from rtds_host.diagnosis.problem import NOMINAL_KEYS, NUISANCES
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
@@ -27,12 +27,7 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
     InputError : unreadable, another schema, an effect, side or parameter that the catalogue does not know.
     """
     path = Path(path)
-    try:
-        data = json.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is not valid JSON ({error})") from error
+    data = read_json(path)
     if not isinstance(data, dict) or data.get("schema") != DIAGNOSIS_SCHEMA:
         raise InputError(f"{path}: schema: this program reads {DIAGNOSIS_SCHEMA!r}")
     model = nominal_model(robot)
