@@ -46,7 +46,7 @@ SIZES = {
     "gyro_bias": {"rad_s": 0.02},
     "current_bias": {"amperes": 0.02},
     "load_friction": {"ratio": 0.3},
-    "backlash": {"angle_rad": 0.03},
+    "backlash": {"angle_rad": 0.03, "restitution": 0.0},
 }
 STEP_S = 0.005
 SECONDS = 6.6

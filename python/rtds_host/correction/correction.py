@@ -71,6 +71,7 @@ class GearValues:
     stiffness_nm_per_rad: float = 0.0
     damping_nm_s_per_rad: float = 0.0
     backlash_rad: float = 0.0
+    restitution: float = 0.0
     slip_per_newton: float = 0.0
     slip_relaxation_m: float = 0.0
 

@@ -85,11 +85,12 @@ class Coupler:
         self.units = units
         self.delay_s = correction.supply.command_delay_s if correction else 0.0
         self.scrub = correction.scrub_nm if correction else 0.0
-        self.side = np.zeros((2, 6))
+        self.side = np.zeros((2, 7))
         for k in range(2):
             if gears[k] is not None:
-                self.side[k, :5] = (gears[k].stiffness_nm_per_rad, gears[k].damping_nm_s_per_rad,
-                                    gears[k].backlash_rad, gears[k].slip_per_newton, gears[k].slip_relaxation_m)
+                self.side[k, :6] = (gears[k].stiffness_nm_per_rad, gears[k].damping_nm_s_per_rad,
+                                    gears[k].backlash_rad, gears[k].restitution, gears[k].slip_per_newton,
+                                    gears[k].slip_relaxation_m)
             self.side[k, layer.RADIUS] = body.wheel_radius_m[k]
         self.wheel_j = body.wheel_inertia_kg_m2
         # The engine's, and the robot's, where the engine could not build it (`BodyValues.on`).

@@ -23,10 +23,10 @@ import math
 import numba
 import numpy as np
 
-from rtds_host.diagnosis.replay.kernel import RELAXATION_S_M
+from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, RELAXATION_S_M
 
 # Columns of a side's parameters.
-STIFFNESS, DAMPING, BACKLASH, SLIP, SLIP_LENGTH, RADIUS = range(6)
+STIFFNESS, DAMPING, BACKLASH, RESTITUTION, SLIP, SLIP_LENGTH, RADIUS = range(7)
 # Columns of a rotor's parameters; LEVEL_F and LEVEL_B hold it at rest against torques forwards and backwards.
 INERTIA, VISCOUS, KM, KB, RESISTANCE, INDUCTANCE, LEVEL_F, LEVEL_B = range(8)
 # Columns of a side's state: rotor's speed, wheel's, ground's, rotor's angle less the wheel's, shear of the tyre.
@@ -62,7 +62,7 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
     given : (n, 2) for each step, speed rad/s at its end (GIVEN) or impulse N m s over it (DRIVEN).
     rotor : (2, 8) columns above; current (2,) A, volts (n, 2) V and disturbance (2,) N m, which brakes, for rotors
         foretold.
-    state : (2, 5), contact : (2,), both changed in place. side : (2, 6). wheel_j : kg m², a wheel's own.
+    state : (2, 5), contact : (2,), both changed in place. side : (2, 7). wheel_j : kg m², a wheel's own.
     ground : (2, 2) inverse of the body's inertia, wheels left out. lever : (2,) change of the yaw rate with u.
     scrub : N m against the yaw rate. spin : share of it that acts, -1 to 1, where rotors are not foretold (else found).
     grip : (2,) N m, largest torque of a slipping tyre. external : (2,) N m that load the wheels.
@@ -79,6 +79,7 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
     am, bm, alpha, beta, f = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     give, shift, amps = np.zeros(2), np.zeros(2), np.zeros(2)
     stick, hi, lo = np.zeros(2, np.int64), np.zeros(2), np.zeros(2)
+    bounces, apart = np.zeros(2, np.bool_), np.zeros(2)
     slipping = side[0, SLIP] > 0.0 or side[1, SLIP] > 0.0
     g00, g01, g11 = ground[0, 0], ground[0, 1], ground[1, 1]
     gl0, gl1 = g00 * lever[0] + g01 * lever[1], g01 * lever[0] + g11 * lever[1]
@@ -90,6 +91,8 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
     for step in range(n):
         for k in range(2):
             old_r[k], old_w[k] = state[k, ROTOR], state[k, WHEEL]
+            bounces[k] = (contact[k] == _FREE and side[k, RESTITUTION] > 0.0
+                          and abs(old_r[k] - old_w[k]) > BOUNCE_RAD_S)
             if known[k] == GIVEN:
                 am[k], bm[k] = _IMMOVABLE, _IMMOVABLE * given[step, k]
                 stick[k] = 2
@@ -145,12 +148,16 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
                 elif kind == _FREE:
                     alpha[k], beta[k] = old_w[k], h / wheel_j
                 else:
+                    # What the rotor is faster than the wheel afterwards.
                     gap = (0.5 if kind == _PUSH_F else -0.5) * side[k, BACKLASH] - state[k, PLAY]
+                    apart[k] = gap / h
+                    if bounces[k] and (old_r[k] > old_w[k]) == (kind == _PUSH_F):
+                        apart[k] = side[k, RESTITUTION] * (old_w[k] - old_r[k])
                     if held:
-                        alpha[k], beta[k] = -gap / h, 0.0
+                        alpha[k], beta[k] = -apart[k], 0.0
                     else:
                         a = am[k] + wheel_j
-                        alpha[k] = (bm[k] - p + wheel_j * old_w[k] - am[k] * gap / h) / a
+                        alpha[k] = (bm[k] - p + wheel_j * old_w[k] - am[k] * apart[k]) / a
                         beta[k] = h / a
             e0, e1 = external[0], external[1]
             a00, a11, a01 = beta[0] + give[0] + h * g00, beta[1] + give[1] + h * g11, h * g01
@@ -201,8 +208,7 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
                         contact[k] = _PUSH_B
                         again = True
                 else:
-                    gap = (0.5 if kind == _PUSH_F else -0.5) * side[k, BACKLASH] - state[k, PLAY]
-                    wr[k] = w[k] + gap / h
+                    wr[k] = w[k] + apart[k]
                     push = wheel_j * (w[k] - old_w[k]) + h * f[k]
                     need = bm[k] - push
                     # A gear can push but not pull.
@@ -228,6 +234,12 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
                 amps[k] = (volts[step, k] + rotor[k, INDUCTANCE] / h * amps[k] - rotor[k, KB] * wr[k]) / electric
             if contact[k] == _SPRING:
                 state[k, PLAY] += 0.5 * h * (old_r[k] + wr[k] - old_w[k] - w[k])
+            elif contact[k] >= _PUSH_F and bounces[k] and (wr[k] > w[k]) != (contact[k] == _PUSH_F):
+                # To the flank at the speed before, and back for the rest of the step.
+                flank = (0.5 if contact[k] == _PUSH_F else -0.5) * side[k, BACKLASH]
+                reach = min(max((flank - state[k, PLAY]) / (old_r[k] - old_w[k]), 0.0), h)
+                state[k, PLAY] = flank + (h - reach) * apart[k]
+                contact[k] = _FREE
             elif contact[k] != _RIGID:
                 state[k, PLAY] += h * (wr[k] - w[k])
             state[k, ROTOR], state[k, WHEEL] = wr[k], w[k]

@@ -36,6 +36,12 @@ TRUSTED = 3.0
 # Effects whose misfit has many minima (impacts, resonances), and where to look about one.
 ROUGH = ("backlash", "gear_compliance")
 ROUGH_FACTORS = (0.6, 0.75, 0.83, 0.88, 0.92, 0.96, 1.04, 1.08, 1.13, 1.2, 1.35, 1.6)
+# Looked about again from what was found while what is left of the misfit falls to less than this share.
+SCAN_ROUNDS, SCAN_AGAIN = 3, 0.98
+# When in a hurry, not where the fit explains less than this share of what the best one does.
+SCAN_SHARE = 0.3
+# How much flanks of gears rebound, and at what other sizes to try it.
+RESTITUTIONS, REBOUND_FACTORS = (0.15, 0.3, 0.45), (0.8, 0.9, 0.95, 1.0)
 
 
 @dataclass
@@ -197,7 +203,7 @@ class Search:
                      for r, s in zip(self.problem.residuals(models), starts)]
             z = starts[int(np.argmin(costs))]
         fit = self.fitter.fit(hypothesis, start, z, self.scale, iterations, fresh)
-        if len(hypothesis) == 1 or not self.quick:
+        if not self.quick or (len(hypothesis) == 1 and self._promises(fit)):
             # When in a hurry, a pair starts from what was found about its members alone.
             fit = self._scan(fit, iterations)
         known = self.fits.get(hypothesis)
@@ -205,19 +211,33 @@ class Search:
             self.fits[hypothesis] = fit
         return self.fits[hypothesis]
 
+    def _promises(self, fit: Fit) -> bool:
+        """Whether a fit explains no far smaller part than the best one known."""
+        if () not in self.fits:
+            return True
+        base = self.fits[()].chi2
+        best = min(f.chi2 for f in self.fits.values())
+        return base - fit.chi2 > SCAN_SHARE * (base - best)
+
     def _scan(self, fit: Fit, iterations: int) -> Fit:
         """Look about an optimum of an effect whose misfit is rough, and fit again from what is found there."""
         at = 0
         for k, (effect, _) in enumerate(fit.hypothesis):
             count = len(CATALOGUE[effect].parameters)
-            trials = [np.concatenate([fit.u[:at], part, fit.u[at + count:]]) for part in self._about(fit, k)]
-            if trials:
+            for _ in range(SCAN_ROUNDS):
+                trials = [np.concatenate([fit.u[:at], part, fit.u[at + count:]]) for part in self._about(fit, k)]
+                if not trials:
+                    break
                 costs = [float(r @ r) / self.scale for r in self.problem.residuals(
                     [apply(self.problem.with_nuisances(fit.z), fit.hypothesis, to_values(fit.hypothesis, u))
                      for u in trials])]
                 best = int(np.argmin(costs))
-                if costs[best] < fit.chi2 / self.scale:
-                    fit = self.fitter.fit(fit.hypothesis, trials[best], fit.z, self.scale, iterations)
+                if costs[best] >= fit.chi2 / self.scale:
+                    break
+                before = fit.chi2
+                fit = self.fitter.fit(fit.hypothesis, trials[best], fit.z, self.scale, iterations)
+                if fit.chi2 - self.problem.size > SCAN_AGAIN * (before - self.problem.size):
+                    break
             at += count
         return fit
 
@@ -228,7 +248,12 @@ class Search:
         p = CATALOGUE[effect].parameters[0]
         if effect in ROUGH:
             sizes = [min(max(p.null + factor * (values[p.name] - p.null), p.low), p.high) for factor in ROUGH_FACTORS]
-            return [scaled(member, [{**values, p.name: size}]) for size in sizes]
+            found = [{**values, p.name: size} for size in sizes]
+            if "restitution" in values:
+                # Flanks that rebound take longer to settle, as more free play does: both are tried at once.
+                found += [{**values, p.name: min(max(factor * values[p.name], p.low), p.high), "restitution": e}
+                          for e in RESTITUTIONS for factor in REBOUND_FACTORS]
+            return [scaled(member, [trial]) for trial in found]
         if effect == "torque_ripple":
             outs = self.problem.replay(fit.model(self.problem))
             return [scaled(member, [moved]) for moved in ripple.neighbours(values, ripple.turned(outs, side))]

@@ -29,7 +29,7 @@ SCHEMA = "rtds-diagnosis/1"
 Z90 = 1.6448536269514722
 BOOTSTRAPS = 400
 # No formula is nature's: sizes agree with those of other simulators' formulations to about this, one sigma.
-FORM_SHARE, ERRATIC_SHARE = 0.002, 0.05
+FORM_SHARE, ERRATIC_SHARE = 0.0025, 0.05
 MOVED = 0.01                                      # sigma of the prior
 
 

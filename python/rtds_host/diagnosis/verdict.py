@@ -40,6 +40,9 @@ CLEAN_SHARE, CLEAN = 0.3, 1.5
 CLOSED_ENOUGH_EVERYWHERE = 0.87
 # No replay follows the impacts of an erratic effect for long, however right it is.
 CLOSED_ENOUGH_ERRATIC = 0.5
+# And less where all others together have no part in it: where no explanation without such an effect gains this share of
+# what it gains.
+CLOSED_ALONE, OTHERS_SHARE = 0.35, 0.2
 # Without a named effect a structured rest below a gap of 1.1 counts as none (contract, section 4).
 NO_GAP = 1.1**2 - 1.0
 
@@ -85,17 +88,23 @@ def _gap_closed(problem: Problem, base: Fit, fit: Fit) -> float:
     return float(np.clip((before - after) / max(before - 1.0, 1e-9), 0.0, 1.0))
 
 
-def _explains(problem: Problem, base: Fit, fit: Fit, closed: float) -> bool:
+def _erratic(fit: Fit) -> bool:
+    return any(CATALOGUE[effect].erratic for effect, _ in fit.hypothesis)
+
+
+def _explains(problem: Problem, choice: Choice, fit: Fit, closed: float) -> bool:
     """Whether an explanation with a structured rest closes enough: of the misfit, and of no channel at another's cost."""
-    erratic = any(CATALOGUE[effect].erratic for effect, _ in fit.hypothesis)
-    return closed >= _enough(problem, fit) and (
-        _gap_closed(problem, base, fit) >= (CLOSED_ENOUGH_ERRATIC if erratic else CLOSED_ENOUGH))
+    enough = _enough(problem, choice, fit)
+    return closed >= enough and (
+        _gap_closed(problem, choice.base, fit) >= (enough if _erratic(fit) else CLOSED_ENOUGH))
 
 
-def _enough(problem: Problem, fit: Fit) -> float:
+def _enough(problem: Problem, choice: Choice, fit: Fit) -> float:
     """Share of the gap that an explanation with a structured rest has to close."""
-    if any(CATALOGUE[effect].erratic for effect, _ in fit.hypothesis):
-        return CLOSED_ENOUGH_ERRATIC
+    if _erratic(fit):
+        others = min(f.chi2 for f in choice.fits.values() if not _erratic(f))
+        alone = choice.base.chi2 - others < OTHERS_SHARE * (choice.base.chi2 - fit.chi2)
+        return CLOSED_ALONE if alone else CLOSED_ENOUGH_ERRATIC
     counts = np.bincount(problem.blocks, minlength=problem.block_count)
     sums = np.bincount(problem.blocks, fit.residual**2, minlength=problem.block_count)
     clean = float(np.mean(sums[counts > 0] < CLEAN * counts[counts > 0]))
@@ -228,7 +237,7 @@ def decide(problem: Problem, choice: Choice) -> Decision:
     excess = base.chi2 - noise
     closed = _closed(problem, base, fit) if fit.hypothesis else 0.0
     faint = _smallest(fit) < FAIR_SIZE or (base.chi2 - fit.chi2) / scale < SINGULAR_GAIN if fit.hypothesis else False
-    if faint and excess <= NO_GAP * noise and structured and closed < _enough(problem, fit):
+    if faint and excess <= NO_GAP * noise and structured and closed < _enough(problem, choice, fit):
         # Hardly a gap, and what there is has the colour of noise rather than the form of this effect.
         chosen = next((s for s in standing if not s.fit.hypothesis), Scored(base, chosen.score))
         fit, closed = base, 0.0
@@ -238,7 +247,7 @@ def decide(problem: Problem, choice: Choice) -> Decision:
         verdict = "unknown" if structured and excess > NO_GAP * noise else "none"
     else:
         gap_left = structured and excess > NO_GAP * noise
-        verdict = "unknown" if gap_left and not _explains(problem, base, fit, closed) else "known"
+        verdict = "unknown" if gap_left and not _explains(problem, choice, fit, closed) else "known"
 
     weights = np.exp(-0.5 * (np.array([s.score for s in ranked]) - ranked[0].score))
     if verdict == "unknown":

@@ -15,7 +15,7 @@ from diagnosis_cases import make_case, without
 from rtds_host.contract import Case
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.choose import Scored
-from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.diagnose import FORM_SHARE, diagnose
 from rtds_host.diagnosis.report import validate
 
 diagnose_module = importlib.import_module("rtds_host.diagnosis.diagnose")
@@ -164,4 +164,4 @@ def test_a_blemish_beside_a_large_effect_is_not_blamed():
 def test_intervals_have_room_for_another_formulation_of_the_same_effect():
     diagnosis, _ = run(make_case(lambda m: m.add("coulomb", 0.1), seed=31))
     entry = diagnosis["effects"][0]["parameters"]["torque_nm"]
-    assert entry["ci90"][1] - entry["ci90"][0] >= 2 * 1.6 * 0.01 * entry["value"]
+    assert entry["ci90"][1] - entry["ci90"][0] >= 2 * 1.6 * FORM_SHARE * entry["value"]

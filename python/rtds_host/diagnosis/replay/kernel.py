@@ -28,6 +28,8 @@ GRAVITY = 9.80665
 # on a hard floor).
 RELAXATION_S_M = 0.9
 GRIP = 0.9
+# Flanks that meet more slowly stay together.
+BOUNCE_RAD_S = 0.05
 
 R, L, KM, KB, J, B = (SIDE_INDEX[n] for n in ("resistance", "inductance", "torque_constant", "back_emf",
                                               "rotor_inertia", "viscous"))
@@ -37,7 +39,7 @@ HEAT_RISE, HEAT_TAU = SIDE_INDEX["heat_rise"], SIDE_INDEX["heat_tau"]
 COULOMB, STRIBECK, STRIBECK_W = (SIDE_INDEX[n] for n in ("coulomb", "stribeck", "stribeck_speed"))
 VISCOUS_W, ASYM, ASYM_V, LOAD = (SIDE_INDEX[n] for n in ("viscous_wheel", "asymmetry", "asymmetry_viscous",
                                                          "load_share"))
-BACKLASH, STIFF, DAMP = (SIDE_INDEX[n] for n in ("backlash", "stiffness", "damping"))
+BACKLASH, RESTITUTION, STIFF, DAMP = (SIDE_INDEX[n] for n in ("backlash", "restitution", "stiffness", "damping"))
 RIPPLE, RIPPLE_N, RIPPLE_PHI = (SIDE_INDEX[n] for n in ("ripple", "ripple_cycles", "ripple_phase"))
 SLIP, SLIP_LENGTH = SIDE_INDEX["slip"], SIDE_INDEX["slip_relaxation"]
 W_GAIN, I_GAIN, I_BIAS, W_TAU = (SIDE_INDEX[n] for n in ("speed_gain", "current_gain", "current_bias", "speed_tau"))
@@ -147,6 +149,8 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
     alpha, beta = np.zeros(2), np.zeros(2)
     hi, lo = np.zeros(2), np.zeros(2)
     wn, wmn, tin, tout = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    bounces = np.zeros(2, np.bool_)
+    apart = np.zeros(2)       # rotor's speed less the wheel's after a step in contact
     decay_h, decay_r, decay = np.full(2, -1.0), np.full(2, -1.0), np.zeros(2)
     p = np.zeros(2)
     load_j = com[JW]
@@ -245,6 +249,8 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
                 wn[k] = w[k]
                 wmn[k] = wm[k]
                 im[k] = cur[k]
+                bounces[k] = (contact[k] == _FREE and side[k, RESTITUTION] > 0.0
+                              and abs(wmn[k] - wn[k]) > BOUNCE_RAD_S)
             for trial in range(outer):
                 # ---- driver and armature: mean current = m0 - m1 * rotor speed at the end of the step
                 if com[BUS_MEAS] > 0.0:
@@ -355,12 +361,16 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
                             alpha[k] = bw / load_j
                             beta[k] = h * rad / load_j
                         else:
+                            # What the rotor is faster than the wheel afterwards.
                             gap = (0.5 * side[k, BACKLASH] if kind == _PUSH_F else -0.5 * side[k, BACKLASH]) - play[k]
+                            apart[k] = gap / h
+                            if bounces[k] and (wmn[k] > wn[k]) == (kind == _PUSH_F):
+                                apart[k] = side[k, RESTITUTION] * (wn[k] - wmn[k])
                             if dry and stick[k] == 0:
-                                alpha[k], beta[k] = -gap / h, 0.0
+                                alpha[k], beta[k] = -apart[k], 0.0
                             else:
                                 a = am[k] + load_j
-                                alpha[k] = (bm[k] + bw - p[k] - am[k] * gap / h) / a
+                                alpha[k] = (bm[k] + bw - p[k] - am[k] * apart[k]) / a
                                 beta[k] = h * rad / a
                     if axis > 0:
                         force[0] = 0.0
@@ -476,9 +486,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
                                     contact[k] = _PUSH_B
                                     again = True
                             else:
-                                gap = (0.5 * side[k, BACKLASH] if kind == _PUSH_F
-                                       else -0.5 * side[k, BACKLASH]) - play[k]
-                                wm[k] = w[k] + gap / h
+                                wm[k] = w[k] + apart[k]
                                 # Impulse the rotor passes on; a gear can push but not pull.
                                 ext = 0.0
                                 if axis == 2:
@@ -529,6 +537,12 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
                 if flexible:
                     if contact[k] == _SPRING:
                         play[k] += 0.5 * h * (wmn[k] + wm[k] - wn[k] - w[k])
+                    elif contact[k] >= _PUSH_F and bounces[k] and (wm[k] > w[k]) != (contact[k] == _PUSH_F):
+                        # To the flank at the speed before, and back for the rest of the step.
+                        flank = 0.5 * side[k, BACKLASH] if contact[k] == _PUSH_F else -0.5 * side[k, BACKLASH]
+                        reach = min(max((flank - play[k]) / (wmn[k] - wn[k]), 0.0), h)
+                        play[k] = flank + (h - reach) * apart[k]
+                        contact[k] = _FREE
                     elif contact[k] != _RIGID:
                         play[k] += h * (wm[k] - w[k])
                 tau = side[k, W_TAU]

@@ -29,6 +29,7 @@ SIDE = {
     "asymmetry_viscous": (0.0, "N·m·s/rad", "the same, by speed"),
     "load_share": (0.0, "1", "share of the torque before the loss"),
     "backlash": (0.0, "rad", "total free play"),
+    "restitution": (0.0, "1", "relative speed after an impact of its flanks over that before"),
     "stiffness": (0.0, "N·m/rad", "gear spring; 0 = rigid"),
     "damping": (0.0, "N·m·s/rad", "gear spring"),
     "ripple": (0.0, "N·m", "amplitude"),
