@@ -28,8 +28,9 @@ from rtds_host.diagnosis.verdict import NO_GAP, Decision, decide
 SCHEMA = "rtds-diagnosis/1"
 Z90 = 1.6448536269514722
 BOOTSTRAPS = 400
-# No formula is nature's: sizes agree with those of other simulators' formulations to about this, one sigma.
-FORM_SHARE, ERRATIC_SHARE = 0.0025, 0.05
+# No formula is nature's: sizes agree with those of other simulators' formulations to about this, one sigma, where the
+# explanation leaves no structure. Where it does, nature's form is another by about so much of the share left open.
+FORM_SHARE, ERRATIC_SHARE, REST_SHARE = 0.0025, 0.05, 0.5
 MOVED = 0.01                                      # sigma of the prior
 
 
@@ -151,14 +152,15 @@ def _effects(problem: Problem, decision: Decision) -> list[dict]:
     if decision.verdict == "unknown":
         return []
     sigma = np.sqrt(np.maximum(np.diag(fit.covariance()), _sandwich(problem, fit)))[len(fit.z):]
+    rest = 1.0 - decision.closed if decision.structured else 0.0
     result, k = [], 0
     for (effect, side), values in zip(fit.hypothesis, fit.values):
         entry = {}
         for p in CATALOGUE[effect].parameters:
             at_bound = not fit.free[len(fit.z) + k]
             pinned = not at_bound and sigma[k] < 2.0
-            form = (ERRATIC_SHARE if CATALOGUE[effect].erratic else FORM_SHARE) * abs(values[p.name] - p.null)
-            spread = Z90 * math.hypot(sigma[k] * p.spread, form)
+            form = ERRATIC_SHARE if CATALOGUE[effect].erratic else math.hypot(FORM_SHARE, REST_SHARE * rest)
+            spread = Z90 * math.hypot(sigma[k] * p.spread, form * abs(values[p.name] - p.null))
             name, _, unit = p.reported(problem.robot.axis)
             entry[name] = {"value": _round(unit * values[p.name]),
                            "ci90": [_round(unit * max(values[p.name] - spread, p.low)),
