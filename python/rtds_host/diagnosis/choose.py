@@ -40,6 +40,8 @@ ROUGH_FACTORS = (0.6, 0.75, 0.83, 0.88, 0.92, 0.96, 1.04, 1.08, 1.13, 1.2, 1.35,
 SCAN_ROUNDS, SCAN_AGAIN = 3, 0.98
 # When in a hurry, not where the fit explains less than this share of what the best one does.
 SCAN_SHARE = 0.3
+# Share of the misfit from which rough effects are looked for on top of others as well (a sixth of the gap).
+MUCH_LEFT = 0.03
 # How much flanks of gears rebound, and at what other sizes to try it.
 RESTITUTIONS, REBOUND_FACTORS = (0.15, 0.3, 0.45), (0.8, 0.9, 0.95, 1.0)
 
@@ -172,17 +174,20 @@ class Search:
         self.scale = 1.0
         self.z0 = np.zeros(self.fitter.count)
 
-    def _screen(self, fit: Fit) -> Screen:
+    def _screen(self, fit: Fit, rough: bool = False) -> Screen:
+        """Signatures about a fit; `rough`: those of the rough effects alone."""
         model = fit.model(self.problem)
-        only = {e for e in CATALOGUE if e not in self.without}
-        if self._white(fit) or (self.quick and fit.hypothesis):
+        only = {e for e in (ROUGH if rough else CATALOGUE) if e not in self.without}
+        if rough:
+            pass
+        elif self._white(fit) or (self.quick and fit.hypothesis):
             # Effects that take many small steps to replay are looked for where structure is left, and when in a hurry
             # only once; pairs with them come from the first screening.
             only -= {"backlash", "gear_compliance", "longitudinal_slip"}
         # On top of such an effect every replay takes many small steps, and what another effect changes there is nearly what
         # it changes without.
         moves = self.moves if self.quick and model.step_s < STEP_S else {}
-        extra = {} if "torque_ripple" in self.without else ripple.starts(self.problem, self.problem.replay(model))
+        extra = {} if rough or "torque_ripple" in self.without else ripple.starts(self.problem, self.problem.replay(model))
         if not fit.hypothesis:
             moves = self.moves = {}
         return Screen(self.fitter, model, fit.residual, fit.jacobian, fit.prior_precision(),
@@ -193,8 +198,8 @@ class Search:
         return structure(self.problem, fit.residual) < 1.3 and fit.chi2 < 1.1 * self.problem.size
 
     def try_fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, iterations: int = 8,
-                fresh: bool = False) -> Fit:
-        """Fit and remember the better of this and an earlier fit of the same explanation."""
+                fresh: bool = False, scan: bool = False) -> Fit:
+        """Fit and remember the better of this and an earlier fit of the same explanation; `scan`: look about it anyway."""
         if hypothesis and len(z):
             # Nuisances that bent to stand in for the effect are a poor place to start from.
             starts = [z, np.zeros_like(z)]
@@ -203,7 +208,7 @@ class Search:
                      for r, s in zip(self.problem.residuals(models), starts)]
             z = starts[int(np.argmin(costs))]
         fit = self.fitter.fit(hypothesis, start, z, self.scale, iterations, fresh)
-        if not self.quick or (len(hypothesis) == 1 and self._promises(fit)):
+        if scan or not self.quick or (len(hypothesis) == 1 and self._promises(fit)):
             # When in a hurry, a pair starts from what was found about its members alone.
             fit = self._scan(fit, iterations)
         known = self.fits.get(hypothesis)
@@ -262,9 +267,9 @@ class Search:
     def cost(self, fit: Fit) -> float:
         return fit.chi2 / self.scale + fit.prior
 
-    def grow(self, fit: Fit, count: int) -> list[Fit]:
-        """Add one effect to an explanation: screen what it leaves, fit the most promising."""
-        screen = self._screen(fit)
+    def grow(self, fit: Fit, count: int, rough: bool = False) -> list[Fit]:
+        """Add one effect (a rough one) to an explanation: screen what it leaves, fit the most promising."""
+        screen = self._screen(fit, rough)
         result = []
         tried = 0
         promised = self.growth.setdefault(fit.hypothesis, {})
@@ -281,7 +286,7 @@ class Search:
             starts = dict(zip(fit.hypothesis, _split(fit.hypothesis, fit.u)))
             starts[candidate.hypothesis[0]] = candidate.start
             start = np.concatenate([starts[h] for h in hypothesis])
-            result.append(self.try_fit(hypothesis, start, fit.z))
+            result.append(self.try_fit(hypothesis, start, fit.z, scan=rough))
         return result
 
     def best(self, count: int | None = None) -> list[Fit]:
@@ -320,6 +325,7 @@ class Search:
             top = min(self.fits.values(), key=self.cost)
         if singles:
             self._pairs(screen)
+            self._under()
             pairs = self.best(2)
             if pairs:
                 self._rescale()
@@ -397,6 +403,17 @@ class Search:
         for candidate in screen.pairs(3 if self.quick else 6):
             if candidate.hypothesis not in self.fits:
                 self.try_fit(candidate.hypothesis, candidate.start, self.fits[()].z)
+
+    def _under(self) -> None:
+        """Look for rough effects on top of the best others where what was found leaves much: a delay or a wrong constant
+        under a swinging gear hides it from the first screening."""
+        best = min(self.fits.values(), key=self.cost)
+        left = (best.chi2 - self.problem.size) / max(self.fits[()].chi2 - self.problem.size, 1e-9)
+        if not self.quick or self._white(best) or left < MUCH_LEFT:
+            return
+        others = [f for f in self.best(1) if not any(effect in ROUGH for effect, _ in f.hypothesis)]
+        for leader in others[:2]:
+            self.grow(leader, 2, rough=True)
 
     def _swap(self, best: Fit) -> None:
         """Exchange each member of a pair for what the screening of the other member alone proposes."""

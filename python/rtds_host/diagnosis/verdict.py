@@ -19,6 +19,8 @@ EARN_SHARE = 0.4
 # A further effect smaller than so many of its spreads that explains less than so much of the whole excess is a blemish
 # of model or sensors, not a cause.
 BLEMISHES = ((0.06, 0.01), (0.25, 0.005))
+# But what takes nearly all of a rest that is a gap by itself is a cause, small as it may be beside a large one.
+TAKES_ALL = 0.9
 # Of its spreads, from where on an effect is of fair size.
 FAIR_SIZE = 0.25
 # Sides of one effect whose sizes differ by less are the effect on both sides.
@@ -198,7 +200,9 @@ def decide(problem: Problem, choice: Choice) -> Decision:
         if len(fit.hypothesis) > 1:
             small = _smallest(fit)
             share = (rival.chi2 - fit.chi2) / max(choice.base.chi2 - noise, 1e-9)
-            if any(small < size and share < part for size, part in BLEMISHES):
+            rest = rival.chi2 - noise
+            whole = rest > NO_GAP * noise and rival.chi2 - fit.chi2 > TAKES_ALL * rest
+            if not whole and any(small < size and share < part for size, part in BLEMISHES):
                 reasons[fit.hypothesis] = f"one of its effects is hardly there ({small:.1%} of what is met in practice)"
                 return False
             if _twins(fit):
