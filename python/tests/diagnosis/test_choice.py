@@ -165,3 +165,24 @@ def test_intervals_have_room_for_another_formulation_of_the_same_effect():
     diagnosis, _ = run(make_case(lambda m: m.add("coulomb", 0.1), seed=31))
     entry = diagnosis["effects"][0]["parameters"]["torque_nm"]
     assert entry["ci90"][1] - entry["ci90"][0] >= 2 * 1.6 * FORM_SHARE * entry["value"]
+
+
+def test_a_swinging_gear_is_found_under_a_delay_that_hides_it():
+    def change(model):
+        model.put("stiffness", 1.0, (1,))
+        model.put("damping", 0.004, (1,))
+        model.put("measurement_delay", 0.011)
+
+    diagnosis, _ = run(make_case(change, seed=41))
+    assert {(e["id"], e["side"]) for e in diagnosis["effects"]} == {
+        ("gear_compliance", "right"), ("measurement_delay", "both")}
+
+
+def test_a_small_effect_beside_a_large_one_is_named_where_it_takes_all_of_a_rest_that_is_a_gap():
+    def change(model):
+        model.put("stiffness", 1.0, (1,))
+        model.put("damping", 0.004, (1,))
+        model.add("coulomb", 0.008)
+
+    diagnosis, _ = run(make_case(change, seed=42))
+    assert {e["id"] for e in diagnosis["effects"]} == {"gear_compliance", "coulomb_friction"}

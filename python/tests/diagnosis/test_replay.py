@@ -155,6 +155,27 @@ def test_free_play_lets_the_encoder_run_ahead_by_its_angle_and_no_more():
     assert np.abs(tight[:, 6] - tight[:, 5] - spin).max() < 1e-3
 
 
+@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.7])
+def test_flanks_part_after_an_impact_at_the_stated_share_of_the_speed_at_which_they_met(restitution):
+    t = np.arange(0.0, 0.2, 5e-4)
+    v = np.full(len(t), 6.0)
+    log = RunLog("kick", RunMeta(scenario="kick"), t, {"v_cmd_l": v, "v_cmd_r": v})
+    model = nominal_model(ROBOT)
+    model.put("backlash", 0.08)
+    model.put("restitution", restitution)
+    out = replay_run(model, run_inputs(log, ROBOT))
+    wheel = np.gradient(out[:, OUTPUT_INDEX["x"]], t) / ROBOT.chassis.wheel_radius_m
+    rotor = out[:, OUTPUT_INDEX["w_l"]]
+    before = int(np.argmax(wheel > 0.05))          # the last sample before the blow
+    met, rotor_after, wheel_after = rotor[before], rotor[before + 1], wheel[before + 3]
+    gained = 2 * (rotor[before] - rotor[before - 1])  # by the motor, over the samples between
+    assert wheel_after - rotor_after == pytest.approx(restitution * met, abs=gained)
+    body = ROBOT.chassis
+    load = 0.5 * body.mass_kg * body.wheel_radius_m**2 + body.wheel_inertia_kg_m2
+    inertia = ROBOT.motor.gear_ratio**2 * ROBOT.motor.rotor_inertia_kg_m2
+    assert inertia * rotor_after + load * wheel_after == pytest.approx(inertia * met, abs=inertia * gained)
+
+
 def test_both_sides_are_the_two_sides_together_where_the_effect_is_linear():
     inputs = run_inputs(run("weave"), ROBOT)
 
