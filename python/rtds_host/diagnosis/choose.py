@@ -190,8 +190,10 @@ class Search:
         extra = {} if rough or "torque_ripple" in self.without else ripple.starts(self.problem, self.problem.replay(model))
         if not fit.hypothesis:
             moves = self.moves = {}
-        return Screen(self.fitter, model, fit.residual, fit.jacobian, fit.prior_precision(),
-                      np.concatenate([fit.z, fit.u]), fit.dispersion, moves, fit.hypothesis, extra, only)
+        # A nuisance on its bound makes no more room: what it would imitate if it could is an effect's to explain.
+        keep = np.flatnonzero(fit.free)
+        return Screen(self.fitter, model, fit.residual, fit.jacobian[:, keep], fit.prior_precision()[keep],
+                      np.concatenate([fit.z, fit.u])[keep], fit.dispersion, moves, fit.hypothesis, extra, only)
 
     def _white(self, fit: Fit) -> bool:
         """Whether a fit leaves hardly more than noise."""

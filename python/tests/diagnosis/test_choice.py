@@ -169,13 +169,13 @@ def test_intervals_have_room_for_another_formulation_of_the_same_effect():
 
 def test_a_swinging_gear_is_found_under_a_delay_that_hides_it():
     def change(model):
-        model.put("stiffness", 1.0, (1,))
+        model.put("stiffness", 3.0, (1,))
         model.put("damping", 0.004, (1,))
-        model.put("measurement_delay", 0.011)
+        model.put("command_delay", 0.012)
 
     diagnosis, _ = run(make_case(change, seed=41))
     assert {(e["id"], e["side"]) for e in diagnosis["effects"]} == {
-        ("gear_compliance", "right"), ("measurement_delay", "both")}
+        ("gear_compliance", "right"), ("command_delay", "both")}
 
 
 def test_a_small_effect_beside_a_large_one_is_named_where_it_takes_all_of_a_rest_that_is_a_gap():
