@@ -178,11 +178,9 @@ class Search:
         """Signatures about a fit; `rough`: those of the rough effects alone."""
         model = fit.model(self.problem)
         only = {e for e in (ROUGH if rough else CATALOGUE) if e not in self.without}
-        if rough:
-            pass
-        elif self._white(fit) or (self.quick and fit.hypothesis):
+        if not rough and (self._white(fit) or (self.quick and fit.hypothesis)):
             # Effects that take many small steps to replay are looked for where structure is left, and when in a hurry
-            # only once; pairs with them come from the first screening.
+            # only once; pairs with them come from the first screening, or from `_under`.
             only -= {"backlash", "gear_compliance", "longitudinal_slip"}
         # On top of such an effect every replay takes many small steps, and what another effect changes there is nearly what
         # it changes without.
