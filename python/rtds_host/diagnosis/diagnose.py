@@ -30,7 +30,7 @@ Z90 = 1.6448536269514722
 BOOTSTRAPS = 400
 # No formula is nature's: sizes agree with those of other simulators' formulations to about this, one sigma, where the
 # explanation leaves no structure. Where it does, nature's form is another by about so much of the share left open.
-FORM_SHARE, ERRATIC_SHARE, REST_SHARE = 0.0025, 0.05, 0.5
+FORM_SHARE, ERRATIC_SHARE, REST_SHARE = 0.008, 0.05, 0.5
 MOVED = 0.01                                      # sigma of the prior
 
 
