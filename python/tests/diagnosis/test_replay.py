@@ -155,6 +155,18 @@ def test_free_play_lets_the_encoder_run_ahead_by_its_angle_and_no_more():
     assert np.abs(tight[:, 6] - tight[:, 5] - spin).max() < 1e-3
 
 
+@pytest.mark.parametrize("angle", [0.02, 0.06, 0.1])
+def test_long_steps_while_flanks_touch_change_little_of_what_free_play_does(angle):
+    inputs = run_inputs(run("steps"), ROBOT)
+    model = nominal_model(ROBOT)
+    model.put("backlash", angle)
+    fine = replay_run(model, inputs, 1e-4)
+    moved = fine - replay_run(nominal_model(ROBOT), inputs, 1e-4)
+    error = replay_run(model, inputs) - fine
+    for k in (OUTPUT_INDEX["w_l"], OUTPUT_INDEX["w_r"]):
+        assert np.std(error[:, k]) < 0.05 * np.std(moved[:, k])
+
+
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.7])
 def test_flanks_part_after_an_impact_at_the_stated_share_of_the_speed_at_which_they_met(restitution):
     t = np.arange(0.0, 0.2, 5e-4)

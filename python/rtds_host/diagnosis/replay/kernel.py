@@ -59,7 +59,7 @@ _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0, 1, 2, 3, 4
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
+def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
     """Replay one run.
 
     Parameters
@@ -70,7 +70,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
     side : (2, len(SIDE)); com : (len(COMMON),), see `slots`.
     run : (4,) payload kg, slope rad, uphill yaw rad, time s at which the run began.
     start : (11,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at t[0], and the speeds w_l, w_r as reported there.
-    h_max : s, longest step.
+    h_max : s, longest step; h_play : s, the same while a rotor is within its free play, where it meets a flank next.
     out : (n, 11) filled with what the sensors would report, columns as `slots.OUTPUTS`.
 
     A state that leaves the finite numbers fills the remaining rows with 1e6.
@@ -150,6 +150,8 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
     hi, lo = np.zeros(2), np.zeros(2)
     wn, wmn, tin, tout = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     bounces = np.zeros(2, np.bool_)
+    was = np.zeros(2, np.int64)
+    held = np.zeros(2)
     apart = np.zeros(2)       # rotor's speed less the wheel's after a step in contact
     decay_h, decay_r, decay = np.full(2, -1.0), np.full(2, -1.0), np.zeros(2)
     p = np.zeros(2)
@@ -239,11 +241,22 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
         if span <= 1e-9:
             now = ahead
             continue
-        steps = math.ceil(span / h_max - 1e-9)
-        h = span / steps
-
-        for step in range(steps):
-            elapsed = now + step * h - run[3]
+        done = 0.0
+        limit = 0.0
+        h = span
+        parts = False             # whether flanks part or meet in this span
+        while span - done > 1e-9:
+            bound = h_max
+            for k in range(sides):
+                was[k] = contact[k]
+                held[k] = force[k]
+                if contact[k] == _FREE or parts:
+                    bound = min(h_max, h_play)
+            if bound != limit:
+                limit = bound
+                h = (span - done) / math.ceil((span - done) / limit - 1e-9)
+            elapsed = now + done - run[3]
+            done += h
             yaw_mid = yaw + 0.5 * h * rate
             for k in range(sides):
                 wn[k] = w[k]
@@ -525,6 +538,18 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, out):
                             if axis == 2:
                                 tout[k] += (com[AX_M] + run[0]) * GRAVITY * com[AX_ARM] * math.sin(
                                     th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+
+            # ---- a long step ends where flanks part: once more, in short ones
+            if flexible and bound > h_play:
+                for k in range(sides):
+                    if contact[k] != was[k]:
+                        parts = True
+                if parts:
+                    done -= h
+                    for k in range(sides):
+                        w[k], wm[k] = wn[k], wmn[k]
+                        contact[k], force[k] = was[k], held[k]
+                    continue
 
             # ---- accept the step
             for k in range(sides):

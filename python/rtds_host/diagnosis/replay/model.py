@@ -14,7 +14,7 @@ from rtds_host.diagnosis.replay.slots import COMMON, COMMON_INDEX, OUTPUTS, SIDE
 # chi2 by a few units. What is reported is replayed at `REPORT_STEP_S`, at which these are a tenth of that.
 STEP_S = 1.7e-3
 REPORT_STEP_S = 5.0e-4
-# Springs, free play and slip bring faster modes.
+# Springs and slip bring faster modes, and so does free play between its flanks.
 FINE_STEP_S = 4.0e-4
 # A piece starts from a parabola over this time to either side, and knows so many commands from before.
 START_S = 0.02
@@ -59,9 +59,16 @@ class Model:
 
     @property
     def step_s(self) -> float:
-        """Longest step that resolves what is switched on."""
-        fine = (self.side[:, [SIDE_INDEX["stiffness"], SIDE_INDEX["backlash"], SIDE_INDEX["slip"]]] != 0).any()
-        return FINE_STEP_S if fine else STEP_S
+        """Longest step that resolves what is switched on (free play asks for shorter ones between its flanks only)."""
+        return FINE_STEP_S if self._has("stiffness", "slip") else STEP_S
+
+    @property
+    def slow(self) -> bool:
+        """Whether it takes many small steps to replay."""
+        return self._has("stiffness", "slip", "backlash")
+
+    def _has(self, *names: str) -> bool:
+        return bool((self.side[:, [SIDE_INDEX[name] for name in names]] != 0).any())
 
 
 def nominal_model(robot: Robot) -> Model:
@@ -201,5 +208,5 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     """
     t, t_cmd, commands, bus, run, start = inputs
     out = np.empty((len(t), len(OUTPUTS)))
-    kernel.replay(t, t_cmd, commands, bus, model.side, model.common, run, start, step_s or model.step_s, out)
+    kernel.replay(t, t_cmd, commands, bus, model.side, model.common, run, start, step_s or model.step_s, FINE_STEP_S, out)
     return out
