@@ -17,8 +17,7 @@ import numpy as np
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, scaled, to_values
-from rtds_host.diagnosis.problem import CHANNELS, Problem
-from rtds_host.diagnosis.replay.model import STEP_S
+from rtds_host.diagnosis.problem import CHANNELS, HEADING_GAIN, Problem
 from rtds_host.diagnosis.screen import Candidate, Screen
 
 # Prior odds: no effect, one, two, three; the rest is outside the catalogue.
@@ -32,6 +31,8 @@ IDLE_GAIN = 8.0
 # Nor is it where they are this small a part of their spreads, and explain this little of the whole excess.
 IDLE_SIZE, IDLE_SHARE = 0.06, 0.01
 FOLD_S = 5.0
+# Gain of chi2 (over dispersion) that a screening must promise for a fit.
+WORTH = 6.0
 TRUSTED = 3.0
 # Effects whose misfit has many minima (impacts, resonances), and where to look about one.
 ROUGH = ("backlash", "gear_compliance")
@@ -184,7 +185,7 @@ class Search:
             only -= {"backlash", "gear_compliance", "longitudinal_slip"}
         # On top of such an effect every replay takes many small steps, and what another effect changes there is nearly what
         # it changes without.
-        moves = self.moves if self.quick and model.step_s < STEP_S else {}
+        moves = self.moves if self.quick and model.slow else {}
         extra = {} if rough or "torque_ripple" in self.without else ripple.starts(self.problem, self.problem.replay(model))
         if not fit.hypothesis:
             moves = self.moves = {}
@@ -297,24 +298,14 @@ class Search:
 
     def run(self) -> Choice:
         """Search: nothing, singles, pairs, more while each earns its place; then judge all by one dispersion."""
-        problem, fitter = self.problem, self.fitter
+        problem = self.problem
         problem.align(problem.nominal)
-        nominal = problem.residual(problem.nominal)
-        self.scale = dispersion(problem, nominal, np.empty((len(nominal), 0)))
-        base = self.try_fit((), np.empty(0), self.z0)
-        # Nuisances move little: their derivatives about the refit serve every later fit.
-        fitter.nuisance_jacobian = None
-        base = self.fits[()] = fitter.fit((), np.empty(0), base.z, self.scale, 3)
-        self.screen = screen = self._screen(base)
-        singles = [c for c in screen.candidates() if c.gain > 6.0]
-        width = 7 if self.quick else 12
-        for candidate in self._spread(singles, width):
-            self.try_fit(candidate.hypothesis, candidate.start, base.z)
-        self._siblings(screen, 3)
+        if problem.headings:
+            self._from_either()
+        else:
+            self._singles()
+        screen = self.screen
         top = min(self.fits.values(), key=self.cost)
-        if problem.align(top.model(problem)) > 0.0:
-            self._refresh(len(self.fits))
-            top = min(self.fits.values(), key=self.cost)
         # Judge by what the best explanation leaves, not by what none would.
         for _ in range(2):
             new = min(self.scale, dispersion(problem, top.residual, top.jacobian))
@@ -323,7 +314,7 @@ class Search:
             self.scale = new
             self._refresh(5 if self.quick else 8)
             top = min(self.fits.values(), key=self.cost)
-        if singles:
+        if any(c.gain > WORTH for c in screen.candidates()):
             self._pairs(screen)
             self._under()
             pairs = self.best(2)
@@ -337,6 +328,39 @@ class Search:
                     self._rescale()
         self._prune()
         return self._judge()
+
+    def _from_either(self) -> None:
+        """Search for singles from the headings that the contract declares, and from those that the nominal robot suggests:
+        a wrong robot suggests wrong ones, which hold its explanation where they are. The better is gone on from."""
+        suggested, found = dict(self.problem.headings), []
+        for headings in ({}, suggested):
+            self.problem.begin(headings)
+            self._singles()
+            found.append((dict(self.problem.headings), self.fits, self.scale, self.screen, self.moves,
+                          self.fitter.nuisance_jacobian))
+        scale = min(kept[2] for kept in found)
+        headings, self.fits, self.scale, self.screen, self.moves, self.fitter.nuisance_jacobian = min(
+            found, key=lambda kept: HEADING_GAIN * len(kept[0]) + min(f.chi2 / scale + f.prior for f in kept[1].values()))
+        self.problem.begin(headings)
+
+    def _singles(self) -> None:
+        """Nothing and single effects, from the headings as they are, which are estimated again with the best of them."""
+        problem, fitter = self.problem, self.fitter
+        self.fits, fitter.nuisance_jacobian = {}, None
+        nominal = problem.residual(problem.nominal)
+        self.scale = dispersion(problem, nominal, np.empty((len(nominal), 0)))
+        base = self.try_fit((), np.empty(0), self.z0)
+        # Nuisances move little: their derivatives about the refit serve every later fit.
+        fitter.nuisance_jacobian = None
+        base = self.fits[()] = fitter.fit((), np.empty(0), base.z, self.scale, 3)
+        self.screen = screen = self._screen(base)
+        singles = [c for c in screen.candidates() if c.gain > WORTH]
+        for candidate in self._spread(singles, 7 if self.quick else 12):
+            self.try_fit(candidate.hypothesis, candidate.start, base.z)
+        self._siblings(screen, 3)
+        top = min(self.fits.values(), key=self.cost)
+        if problem.align(top.model(problem)) > 0.0:
+            self._refresh(len(self.fits))
 
     def _prune(self) -> None:
         """Take each effect of the leaders away again, starting from what they found: a simpler explanation may have
@@ -398,6 +422,7 @@ class Search:
         if leaders and self._white(leaders[0]):
             # A leader that leaves noise has no rival that needs a second effect to catch up with it.
             leaders = [f for f in leaders if self.cost(f) < self.cost(leaders[0]) + 100.0]
+        leaders = leaders[:1] + [f for f in leaders[1:] if not self._slow(f)]
         for leader in leaders:
             self.grow(leader, 2 if self.quick else 4)
         for candidate in screen.pairs(3 if self.quick else 6):
@@ -411,9 +436,15 @@ class Search:
         left = (best.chi2 - self.problem.size) / max(self.fits[()].chi2 - self.problem.size, 1e-9)
         if not self.quick or self._white(best) or left < MUCH_LEFT:
             return
-        others = [f for f in self.best(1) if not any(effect in ROUGH for effect, _ in f.hypothesis)]
-        for leader in others[:2]:
+        others = [f for f in self.best(1) if not self._slow(f)]
+        # What was found by itself needs no more than a second way to its pairs.
+        found = any(effect in ROUGH for effect, _ in best.hypothesis)
+        for leader in others[:1 if found else 2]:
             self.grow(leader, 2, rough=True)
+
+    def _slow(self, fit: Fit) -> bool:
+        """Whether a fit is no place to look for more from in a hurry: each of its replays takes many small steps."""
+        return self.quick and fit.model(self.problem).slow
 
     def _swap(self, best: Fit) -> None:
         """Exchange each member of a pair for what the screening of the other member alone proposes."""

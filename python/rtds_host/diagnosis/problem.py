@@ -7,6 +7,7 @@ averaged over their neighbours), since each sample that narrows an explanation i
 from __future__ import annotations
 
 import functools
+import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -29,6 +30,8 @@ PRIOR = 0.01
 # A heading at the start is estimated on slopes above this, and changed for a gain of chi2 above that.
 HEADING_SLOPE_RAD = 0.005
 HEADING_GAIN = 20.0
+# Parts at most that a replay of all runs is shared out in.
+PARTS = 8
 # Nuisance of a side -> entries of the model that it scales (contract, section 2).
 NUISANCES = {"resistance": ("resistance",), "constant": ("torque_constant", "back_emf"),
              "inertia": ("rotor_inertia",), "viscous": ("viscous",)}
@@ -116,6 +119,8 @@ class Problem:
         self.runs_of = np.concatenate([np.full(len(r.block), k) for k, r in zip(owners, self.runs)])
         self.channels_of = np.concatenate([r.channel for r in self.runs])
         self.size = len(self.blocks)
+        size = math.ceil(len(self.runs) / PARTS)
+        self.parts = [self.runs[k:k + size] for k in range(0, len(self.runs), size)]
 
     def _pieces(self, log: RunLog) -> list[RunData]:
         """A run of a single axis in pieces that each start from the measured state.
@@ -265,17 +270,30 @@ class Problem:
                 self.headings[log.name] = float(found.x)
         return largest
 
+    def begin(self, headings: dict[str, float]) -> None:
+        """Set the headings at which runs began (those of `headings`), zero for runs that are not named."""
+        for data, whole in zip(self.runs, self.whole, strict=False):
+            if data.log.name in self.headings or data.log.name in headings:
+                data.inputs[-1][2] = whole.inputs[-1][2] = headings.get(data.log.name, 0.0)
+        self.headings = dict(headings)
+
     def replay(self, model: Model) -> list[np.ndarray]:
         """Replays of all runs, each (n, 11)."""
         return [replay_run(model, data.inputs) for data in self.runs]
 
     def residual(self, model: Model) -> np.ndarray:
         """Whitened residuals of all runs, (N,)."""
-        return np.concatenate([self.run_residual(d, replay_run(model, d.inputs)) for d in self.runs])
+        return self.residuals([model])[0]
 
     def residuals(self, models: list[Model]) -> list[np.ndarray]:
-        """Residuals of several models, on all cores."""
-        return list(self.pool.map(self.residual, models))
+        """Residuals of several models, on all cores: shared out by runs, since there are often no more models than cores."""
+        jobs = [(model, part) for model in models for part in self.parts]
+        done = list(self.pool.map(self._part_residual, *zip(*jobs))) if jobs else []
+        count = len(self.parts)
+        return [np.concatenate(done[k:k + count]) for k in range(0, len(done), count)]
+
+    def _part_residual(self, model: Model, part: list[RunData]) -> np.ndarray:
+        return np.concatenate([self.run_residual(d, replay_run(model, d.inputs)) for d in part])
 
     def nuisance_names(self) -> list[tuple[str, int]]:
         """Nuisances that play a part: (name, side)."""
