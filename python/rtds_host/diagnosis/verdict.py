@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,6 +46,12 @@ CLOSED_ENOUGH_ERRATIC = 0.5
 # And less where all others together have no part in it: where no explanation without such an effect gains this share of
 # what it gains.
 CLOSED_ALONE, OTHERS_SHARE = 0.35, 0.2
+# Nor may a channel be left open, or opened, where the others are closed: that is what a stand-in does. What is left of its
+# gap is measured against its own, or against this where there was hardly one.
+SMALL_GAP = 4.0
+# Tolerances do not reach so many of their sigmas: what needs nominal parameters there bends them to what it cannot do
+# itself, and must close each channel nearly altogether.
+BENT, CLOSED_ENOUGH_BENT = 3.0, 0.9
 # Without a named effect a structured rest below a gap of 1.1 counts as none (contract, section 4).
 NO_GAP = 1.1**2 - 1.0
 
@@ -83,10 +90,14 @@ def _closed(problem: Problem, base: Fit, fit: Fit) -> float:
     return float(np.clip((before - after) / max(before - 1.0, 1e-9), 0.0, 1.0))
 
 
+def _gaps(problem: Problem, fit: Fit) -> dict[str, float]:
+    """The contract's gap by channel, of whole runs."""
+    return pooled([errors(data.log, problem.robot, replay_run(fit.model(problem), data.inputs)) for data in problem.whole])
+
+
 def _gap_closed(problem: Problem, base: Fit, fit: Fit) -> float:
     """The same of the contract's gap, in which a channel of few samples weighs as much as one of many."""
-    before, after = (max(gap(pooled([errors(data.log, problem.robot, replay_run(f.model(problem), data.inputs))
-                                     for data in problem.whole])), 1.0) for f in (base, fit))
+    before, after = (max(gap(_gaps(problem, f)), 1.0) for f in (base, fit))
     return float(np.clip((before - after) / max(before - 1.0, 1e-9), 0.0, 1.0))
 
 
@@ -97,8 +108,22 @@ def _erratic(fit: Fit) -> bool:
 def _explains(problem: Problem, choice: Choice, fit: Fit, closed: float) -> bool:
     """Whether an explanation with a structured rest closes enough: of the misfit, and of no channel at another's cost."""
     enough = _enough(problem, choice, fit)
-    return closed >= enough and (
-        _gap_closed(problem, choice.base, fit) >= (enough if _erratic(fit) else CLOSED_ENOUGH))
+    if closed < enough:
+        return False
+    if _erratic(fit):
+        return _gap_closed(problem, choice.base, fit) >= enough
+    least = CLOSED_ENOUGH_BENT if np.abs(fit.z).max(initial=0.0) > BENT else CLOSED_ENOUGH
+    return _every_channel(problem, choice.base, fit, least) and _gap_closed(problem, choice.base, fit) >= least
+
+
+def _every_channel(problem: Problem, base: Fit, fit: Fit, least: float) -> bool:
+    """Whether an explanation closes at least this share of every channel's gap."""
+    if problem.robot.axis is not None:
+        before, after = (np.array(list(_gaps(problem, f).values())) for f in (base, fit))
+    else:
+        counts = np.maximum(np.bincount(problem.channels_of), 1)
+        before, after = (np.sqrt(np.bincount(problem.channels_of, f.residual**2) / counts) for f in (base, fit))
+    return bool((after - 1.0 <= (1.0 - least) * np.maximum(before - 1.0, SMALL_GAP)).all())
 
 
 def _enough(problem: Problem, choice: Choice, fit: Fit) -> float:
@@ -234,11 +259,23 @@ def decide(problem: Problem, choice: Choice) -> Decision:
             standing.append(scored)
             chosen = chosen or scored
     chosen = chosen or Scored(choice.base, 0.0)
-    fit, base = chosen.fit, choice.base
-    ranked = [chosen] + [s for s in standing if s is not chosen]
-    rough = structure(problem, fit.residual)
-    structured = rough > STRUCTURED
+    base = choice.base
     excess = base.chi2 - noise
+
+    def explained(f: Fit) -> bool:
+        return structure(problem, f.residual) <= STRUCTURED or _explains(problem, choice, f, _closed(problem, base, f))
+
+    if chosen.fit.hypothesis and excess > NO_GAP * noise and not explained(chosen.fit):
+        # A stand-in may fit better on the whole than the cause whose form is not quite nature's.
+        rivals = list(itertools.takewhile(lambda s: s.fit.hypothesis, standing))
+        passed = list(itertools.takewhile(lambda s: not explained(s.fit), rivals))
+        if len(passed) < len(rivals):
+            reasons.update({s.fit.hypothesis: "leaves too much of some channel's gap open" for s in passed})
+            standing = standing[len(passed):]
+            chosen = standing[0]
+    fit = chosen.fit
+    ranked = [chosen] + [s for s in standing if s is not chosen]
+    structured = structure(problem, fit.residual) > STRUCTURED
     closed = _closed(problem, base, fit) if fit.hypothesis else 0.0
     faint = _smallest(fit) < FAIR_SIZE or (base.chi2 - fit.chi2) / scale < SINGULAR_GAIN if fit.hypothesis else False
     if faint and excess <= NO_GAP * noise and structured and closed < _enough(problem, choice, fit):

@@ -10,12 +10,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from diagnosis_cases import make_case, without
+from diagnosis_cases import make_case, make_run, without
 
-from rtds_host.contract import Case
+from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.choose import Scored
 from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.replay.model import nominal_model
 from rtds_host.diagnosis.report import validate
 
 diagnose_module = importlib.import_module("rtds_host.diagnosis.diagnose")
@@ -83,6 +84,35 @@ def test_an_effect_that_the_catalogue_lacks_is_unknown():
     diagnosis, _ = run(case, without=frozenset({"speed_filter", "measurement_delay", "gear_compliance"}))
     assert diagnosis["verdict"] == "unknown" and diagnosis["effects"] == []
     assert diagnosis["alternatives"][0]["effects"] == "unknown" and diagnosis["located"]
+
+
+def test_a_stand_in_that_opens_a_channel_is_unknown_however_much_of_the_rest_it_closes():
+    # Larger wheels turn as a wider track does, and drive further than the pose says: nine tenths of the gap go.
+    diagnosis, _ = run(make_case(lambda m: m.scale("track", 1.08), seed=53), without=frozenset(["track_width_error"]))
+    assert diagnosis["verdict"] == "unknown" and diagnosis["effects"] == []
+
+
+def test_what_needs_nominal_parameters_beyond_their_tolerance_is_unknown():
+    # A driver's gain and a rotor's inertia stand in for a torque constant where others bend by three sigma and more.
+    def change(model):
+        model.scale("torque_constant", 0.8, (0,))
+        model.scale("back_emf", 0.8, (0,))
+
+    diagnosis, _ = run(make_case(change, seed=54), without=frozenset(["torque_constant_error"]))
+    assert diagnosis["verdict"] == "unknown" and diagnosis["gap"]["refit"] > 10
+
+
+def test_headings_that_a_wrong_robot_suggests_do_not_hold_its_explanation():
+    # Without a pose the slope's pull says where a run began; a robot whose right side is weak would have begun askew.
+    robot = builtin_robot("burger")
+    model = nominal_model(robot)
+    model.scale("voltage_gain", 0.95, (1,))
+    kinds = (("steps", 0.1), ("weave", 0.1), ("spin", 0.0), ("weave", 0.0))
+    runs = tuple(make_run(f"{kind}-{n}", model, robot, kind, seed=51 + n, slope=slope)
+                 for n, (kind, slope) in enumerate(kinds))
+    diagnosis, details = run(without(Case("askew", robot, runs), "x", "y", "yaw", "gyro_z"))
+    assert blamed(diagnosis) == [("driver_gain", "right")]
+    assert not any("heading" in note for note in details.notes)
 
 
 def test_what_the_channels_cannot_separate_is_declared_with_a_run_that_would():
