@@ -12,8 +12,8 @@ import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.choose import Choice, Search
 from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.evidence import Choice
 from rtds_host.diagnosis.experiment import next_experiment
 from rtds_host.diagnosis.fit import Fit, Hypothesis, apply, parameters
 from rtds_host.diagnosis.gate import Gate, examine
@@ -23,6 +23,7 @@ from rtds_host.diagnosis.problem import NOMINAL_KEYS, PRIOR, Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.diagnosis.report.details import Candidate, Details, Trace
+from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.verdict import NO_GAP, Decision, decide
 
 SCHEMA = "rtds-diagnosis/1"

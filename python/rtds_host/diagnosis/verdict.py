@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rtds_host.diagnosis.choose import Choice, Scored, folds, held_out, log_prior, structure
 from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.evidence import Choice, Scored, folds, held_out, log_prior, structure
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import errors, gap, pooled
 from rtds_host.diagnosis.problem import Problem

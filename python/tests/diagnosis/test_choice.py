@@ -14,8 +14,8 @@ from diagnosis_cases import make_case, make_run, without
 
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.choose import Scored
 from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.evidence import Scored
 from rtds_host.diagnosis.replay.model import nominal_model
 from rtds_host.diagnosis.report import validate
 
