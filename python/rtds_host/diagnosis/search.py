@@ -19,6 +19,8 @@ IDLE_GAIN = 8.0
 IDLE_SIZE, IDLE_SHARE = 0.06, 0.01
 # Effects whose misfit has many minima (impacts, resonances), and where to look about one.
 ROUGH = ("backlash", "gear_compliance")
+# And those whose replays take many small steps. When in a hurry, no two of them are tried together.
+SLOW = (*ROUGH, "longitudinal_slip")
 ROUGH_FACTORS = (0.6, 0.75, 0.83, 0.88, 0.92, 0.96, 1.04, 1.08, 1.13, 1.2, 1.35, 1.6)
 # Looked about again from what was found while what is left of the misfit falls to less than this share.
 SCAN_ROUNDS, SCAN_AGAIN = 3, 0.98
@@ -51,7 +53,7 @@ class Search:
         if not rough and (self._white(fit) or (self.quick and fit.hypothesis)):
             # Effects that take many small steps to replay are looked for where structure is left, and when in a hurry
             # only once; pairs with them come from the first screening, or from `_under`.
-            only -= {"backlash", "gear_compliance", "longitudinal_slip"}
+            only -= set(SLOW)
         # On top of such an effect every replay takes many small steps, and what another effect changes there is nearly what
         # it changes without.
         moves = self.moves if self.quick and model.slow else {}
@@ -146,7 +148,7 @@ class Search:
         for candidate in screen.candidates():
             (effect, side), = candidate.hypothesis
             promised.setdefault(effect, candidate.gain)
-            if candidate.gain < 8.0 or tried >= count:
+            if candidate.gain < 8.0 or tried >= count or (effect in SLOW and self._slow(fit)):
                 continue
             mine = [s for e, s in fit.hypothesis if e == effect]
             if mine and ("both" in mine or side == "both" or side in mine):
@@ -288,13 +290,16 @@ class Search:
 
     def _pairs(self, screen: Screen) -> None:
         leaders = self.best(1)[:2 if self.quick else 3]
-        if leaders and self._white(leaders[0]):
+        white = bool(leaders) and self._white(leaders[0])
+        if white:
             # A leader that leaves noise has no rival that needs a second effect to catch up with it.
             leaders = [f for f in leaders if self.cost(f) < self.cost(leaders[0]) + 100.0]
         leaders = leaders[:1] + [f for f in leaders[1:] if not self._slow(f)]
         for leader in leaders:
             self.grow(leader, 2 if self.quick else 4)
-        for candidate in screen.pairs(3 if self.quick else 6):
+        for candidate in screen.pairs(6 if not self.quick else 0 if white else 3):
+            if self.quick and all(effect in SLOW for effect, _ in candidate.hypothesis):
+                continue
             if candidate.hypothesis not in self.fits:
                 self.try_fit(candidate.hypothesis, candidate.start, self.fits[()].z)
 
