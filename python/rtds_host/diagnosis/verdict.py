@@ -123,7 +123,10 @@ def _every_channel(problem: Problem, base: Fit, fit: Fit, least: float) -> bool:
     else:
         counts = np.maximum(np.bincount(problem.channels_of), 1)
         before, after = (np.sqrt(np.bincount(problem.channels_of, f.residual**2) / counts) for f in (base, fit))
-    return bool((after - 1.0 <= (1.0 - least) * np.maximum(before - 1.0, SMALL_GAP)).all())
+    before, after = before - 1.0, after - 1.0
+    # A channel that hardly had a gap may keep it, for a further effect to close; it may not be opened.
+    small = np.maximum((1.0 - least) * SMALL_GAP, before)
+    return bool((after <= np.where(before < SMALL_GAP, small, (1.0 - least) * before)).all())
 
 
 def _enough(problem: Problem, choice: Choice, fit: Fit) -> float:
@@ -278,8 +281,9 @@ def decide(problem: Problem, choice: Choice) -> Decision:
     structured = structure(problem, fit.residual) > STRUCTURED
     closed = _closed(problem, base, fit) if fit.hypothesis else 0.0
     faint = _smallest(fit) < FAIR_SIZE or (base.chi2 - fit.chi2) / scale < SINGULAR_GAIN if fit.hypothesis else False
-    if faint and excess <= NO_GAP * noise and structured and closed < _enough(problem, choice, fit):
-        # Hardly a gap, and what there is has the colour of noise rather than the form of this effect.
+    hardly = fit.hypothesis and _smallest(fit) < BLEMISHES[0][0]
+    if excess <= NO_GAP * noise and (hardly or (faint and structured and closed < _enough(problem, choice, fit))):
+        # Hardly a gap, and what there is has the colour of noise or is as small as another formulation of a perfect robot.
         chosen = next((s for s in standing if not s.fit.hypothesis), Scored(base, chosen.score))
         fit, closed = base, 0.0
         standing = [chosen] + [s for s in standing if s is not chosen]
