@@ -7,9 +7,9 @@ EFFECT = Effect(
     subsystem="drivetrain",
     sided=True,
     parameters=(
-        Parameter("stiffness_nm_per_rad", "N·m/rad", null=200, low=0.05, high=5000, spread=30, starts=(0.7, 1.5, 3.0, 6.0, 12.0, 25.0, 60.0),
+        Parameter("stiffness_nm_per_rad", "N·m/rad", null=200, low=0.05, high=5000, spread=30, starts=(0.35, 0.7, 1.5, 3.0, 6.0, 12.0, 25.0, 60.0),
                   meaning="spring between gear and wheel"),
-        Parameter("damping_nm_s_per_rad", "N·m·s/rad", null=0.0, low=0, high=5, spread=0.01, starts=(0.01,),
+        Parameter("damping_nm_s_per_rad", "N·m·s/rad", null=0.0, low=0, high=5, spread=0.01, starts=(0.01, 0.03),
                   shape=True, meaning="its damping"),
     ),
     apply=put(stiffness="stiffness_nm_per_rad", damping="damping_nm_s_per_rad"),
