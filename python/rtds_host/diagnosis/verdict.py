@@ -47,8 +47,9 @@ CLOSED_ENOUGH_ERRATIC = 0.5
 # what it gains.
 CLOSED_ALONE, OTHERS_SHARE = 0.35, 0.2
 # Nor may a channel be left open, or opened, where the others are closed: that is what a stand-in does. What is left of its
-# gap is measured against its own, or against this where there was hardly one.
-SMALL_GAP = 4.0
+# gap is measured against its own, or against this where there was hardly one. Half of it is enough: nature's form (of slip
+# above all) closes one channel worse than another.
+CHANNEL_CLOSED, SMALL_GAP = 0.5, 4.0
 # Tolerances do not reach so many of their sigmas: what needs nominal parameters there bends them to what it cannot do
 # itself, and must close each channel nearly altogether.
 BENT, CLOSED_ENOUGH_BENT = 3.0, 0.9
@@ -112,8 +113,9 @@ def _explains(problem: Problem, choice: Choice, fit: Fit, closed: float) -> bool
         return False
     if _erratic(fit):
         return _gap_closed(problem, choice.base, fit) >= enough
-    least = CLOSED_ENOUGH_BENT if np.abs(fit.z).max(initial=0.0) > BENT else CLOSED_ENOUGH
-    return _every_channel(problem, choice.base, fit, least) and _gap_closed(problem, choice.base, fit) >= least
+    bent = np.abs(fit.z).max(initial=0.0) > BENT
+    least, each = (CLOSED_ENOUGH_BENT,) * 2 if bent else (CLOSED_ENOUGH, CHANNEL_CLOSED)
+    return _every_channel(problem, choice.base, fit, each) and _gap_closed(problem, choice.base, fit) >= least
 
 
 def _every_channel(problem: Problem, base: Fit, fit: Fit, least: float) -> bool:
