@@ -115,11 +115,11 @@ def _explains(problem: Problem, choice: Choice, fit: Fit, closed: float) -> bool
         return _gap_closed(problem, choice.base, fit) >= enough
     bent = np.abs(fit.z).max(initial=0.0) > BENT
     least, each = (CLOSED_ENOUGH_BENT,) * 2 if bent else (CLOSED_ENOUGH, CHANNEL_CLOSED)
-    return _every_channel(problem, choice.base, fit, each) and _gap_closed(problem, choice.base, fit) >= least
+    return _every_channel(problem, choice.base, fit, each, not bent) and _gap_closed(problem, choice.base, fit) >= least
 
 
-def _every_channel(problem: Problem, base: Fit, fit: Fit, least: float) -> bool:
-    """Whether an explanation closes at least this share of every channel's gap."""
+def _every_channel(problem: Problem, base: Fit, fit: Fit, least: float, lenient: bool) -> bool:
+    """Whether an explanation closes at least this share of every channel's gap; `lenient`: a small one may stay."""
     if problem.robot.axis is not None:
         before, after = (np.array(list(_gaps(problem, f).values())) for f in (base, fit))
     else:
@@ -127,7 +127,7 @@ def _every_channel(problem: Problem, base: Fit, fit: Fit, least: float) -> bool:
         before, after = (np.sqrt(np.bincount(problem.channels_of, f.residual**2) / counts) for f in (base, fit))
     before, after = before - 1.0, after - 1.0
     # A channel that hardly had a gap may keep it, for a further effect to close; it may not be opened.
-    small = np.maximum((1.0 - least) * SMALL_GAP, before)
+    small = np.maximum((1.0 - least) * SMALL_GAP, before if lenient else 0.0)
     return bool((after <= np.where(before < SMALL_GAP, small, (1.0 - least) * before)).all())
 
 
