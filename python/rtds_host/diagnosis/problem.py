@@ -92,7 +92,7 @@ class Problem:
     """Residuals of a case for any model, of whole runs or (of a single axis) of `pieces` of them.
 
     `blocks`: (N,) which block of `BLOCK_S` a residual belongs to, over all runs; `runs_of`: (N,) which run;
-    `channels_of`: (N,) index into `CHANNELS`.
+    `channels_of`: (N,) index into `CHANNELS`; `parts`: the runs in groups, in their order, that cores replay at once.
     """
 
     def __init__(self, case: Case, threads: int = 2, pieces: bool = False):

@@ -150,7 +150,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
     hi, lo = np.zeros(2), np.zeros(2)
     wn, wmn, tin, tout = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     bounces = np.zeros(2, np.bool_)
-    was = np.zeros(2, np.int64)
+    was = np.zeros(2, np.int64)  # regime and force as a step begins, to take it again
     held = np.zeros(2)
     apart = np.zeros(2)       # rotor's speed less the wheel's after a step in contact
     decay_h, decay_r, decay = np.full(2, -1.0), np.full(2, -1.0), np.zeros(2)
@@ -244,7 +244,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
         done = 0.0
         limit = 0.0
         h = span
-        parts = False             # whether flanks part or meet in this span
+        parts = False             # whether flanks part in this span
         while span - done > 1e-9:
             bound = h_max
             for k in range(sides):
