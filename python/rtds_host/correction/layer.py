@@ -182,7 +182,8 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
                 # The scrub would turn the robot back: the impulse that just stops it, within its bound.
                 f0, f1 = (a11 * gl0 - a01 * gl1) / det, (a00 * gl1 - a01 * gl0) / det
                 gain = h * (gl0 * f0 + gl1 * f1) - turn
-                q = min(max(q - new_rate / gain, -h * scrub), h * scrub)
+                # Two wheels that stick hold the turn by themselves.
+                q = min(max(q - new_rate / gain, -h * scrub), h * scrub) if gain < -1e-9 * turn else 0.0
             again = False
             for k in range(2):
                 w[k] = alpha[k] - beta[k] * f[k]

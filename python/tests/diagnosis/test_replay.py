@@ -1,5 +1,6 @@
 """The replay: the contract's nominal robot against scipy at tight tolerance, and what each effect does to it."""
 
+import itertools
 import math
 
 import numpy as np
@@ -101,6 +102,22 @@ def test_every_effect_is_absent_at_its_null_and_seen_at_its_start(effect, side):
     noise = np.array([ROBOT.noise(name) for name in OUTPUTS])
     largest = max(np.abs((with_values(values) - nominal) / noise).max() for values in starts)
     assert largest > 1.0
+
+
+PAIRS = [pair for pair in itertools.combinations(CATALOGUE.values(), 2) if start_values(pair[0]) and start_values(pair[1])]
+
+
+@pytest.mark.parametrize("side", ["right", "both"])
+def test_any_two_effects_together_keep_the_replay_finite(side):
+    # From a standstill too: one wheel that sticks beside a scrub has to be replayed as well.
+    log = run("spin", seconds=2.0)
+    inputs = run_inputs(log, ROBOT)
+    for pair in PAIRS:
+        model = nominal_model(ROBOT)
+        for effect in pair:
+            effect.apply(model, SIDES[side if effect.sided else "both"], start_values(effect)[-1])
+        out = replay_run(model, inputs)
+        assert np.abs(out[:, [OUTPUT_INDEX["w_l"], OUTPUT_INDEX["w_r"], OUTPUT_INDEX["gyro_z"]]]).max() < 100.0, pair
 
 
 def test_a_motor_below_its_breakaway_torque_stands_still_and_leaves_above_it():

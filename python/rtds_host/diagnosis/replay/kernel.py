@@ -440,7 +440,8 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                             f0 = (a11 * q0 - wx * q1) / det
                             f1 = (a00 * q1 - wx * q0) / det
                             gain = h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) - i22
-                            q = min(max(q - rate_new / gain, -h * scrub), h * scrub)
+                            # Two wheels that stick hold the turn by themselves, and the scrub has nothing to do.
+                            q = min(max(q - rate_new / gain, -h * scrub), h * scrub) if gain < -1e-9 * i22 else 0.0
                         v_new = v + dv + h * (i11 * (force[0] + force[1]) + i12 * half * (force[1] - force[0]))
                         for k in range(2):
                             w[k] = alpha[k] - beta[k] * force[k]
