@@ -17,8 +17,8 @@ from rtds_host.diagnosis.replay.model import replay_run
 # An added effect must explain at least this share of what the explanation without it leaves above the noise:
 # a wrong form leaves a structured rest, of which a further wrong effect always takes some.
 EARN_SHARE = 0.4
-# A further effect smaller than so many of its spreads that explains less than so much of the whole excess is a blemish
-# of model or sensors, not a cause.
+# An effect smaller than so many of its spreads that explains less than so much of the whole excess (or of the least that
+# counts as a gap) is a blemish of model or sensors, not a cause.
 BLEMISHES = ((0.06, 0.01), (0.25, 0.005))
 # But what takes nearly all of a rest that is a gap by itself is a cause, small as it may be beside a large one.
 TAKES_ALL = 0.9
@@ -215,6 +215,11 @@ def decide(problem: Problem, choice: Choice) -> Decision:
         gain = (rival.chi2 - fit.chi2) / scale
         return gain > SINGULAR_GAIN and promised.get(effect, 0.0) > SINGULAR * others
 
+    def blemish(fit: Fit, rival: Fit) -> bool:
+        """Whether an effect is too small, and explains too little of the excess over noise, to be a cause."""
+        share = (rival.chi2 - fit.chi2) / max(choice.base.chi2 - noise, NO_GAP * noise)
+        return any(_smallest(fit) < size and share < part for size, part in BLEMISHES)
+
     def stands(fit: Fit) -> bool:
         if not fit.hypothesis:
             return True
@@ -228,11 +233,10 @@ def decide(problem: Problem, choice: Choice) -> Decision:
             smaller = [choice.base]
         rival = min(smaller, key=lambda f: _cost(f, scale))
         if len(fit.hypothesis) > 1:
-            small = _smallest(fit)
-            share = (rival.chi2 - fit.chi2) / max(choice.base.chi2 - noise, 1e-9)
             rest = rival.chi2 - noise
             whole = rest > NO_GAP * noise and rival.chi2 - fit.chi2 > TAKES_ALL * rest
-            if not whole and any(small < size and share < part for size, part in BLEMISHES):
+            if not whole and blemish(fit, rival):
+                small = _smallest(fit)
                 reasons[fit.hypothesis] = f"one of its effects is hardly there ({small:.1%} of what is met in practice)"
                 return False
             if _twins(fit):
@@ -283,7 +287,7 @@ def decide(problem: Problem, choice: Choice) -> Decision:
     structured = structure(problem, fit.residual) > STRUCTURED
     closed = _closed(problem, base, fit) if fit.hypothesis else 0.0
     faint = _smallest(fit) < FAIR_SIZE or (base.chi2 - fit.chi2) / scale < SINGULAR_GAIN if fit.hypothesis else False
-    hardly = fit.hypothesis and _smallest(fit) < BLEMISHES[0][0]
+    hardly = fit.hypothesis and (_smallest(fit) < BLEMISHES[0][0] or blemish(fit, base))
     if excess <= NO_GAP * noise and (hardly or (faint and structured and closed < _enough(problem, choice, fit))):
         # Hardly a gap, and what there is has the colour of noise or is as small as another formulation of a perfect robot.
         chosen = next((s for s in standing if not s.fit.hypothesis), Scored(base, chosen.score))
