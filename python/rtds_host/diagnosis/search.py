@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from rtds_host.diagnosis import ripple
@@ -26,8 +28,12 @@ ROUGH_FACTORS = (0.6, 0.75, 0.83, 0.88, 0.92, 0.96, 1.04, 1.08, 1.13, 1.2, 1.35,
 SCAN_ROUNDS, SCAN_AGAIN = 3, 0.98
 # When in a hurry, not where the fit explains less than this share of what the best one does.
 SCAN_SHARE = 0.3
-# Share of the misfit from which rough effects are looked for on top of others as well (a sixth of the gap).
-MUCH_LEFT = 0.03
+# Share of the misfit from which slow effects are looked for on top of others as well (a sixth of the gap), or what is left
+# in units of noise, squared.
+MUCH_LEFT, OPEN = 0.03, 2.0
+# Such an effect is fitted if it promises this share of what the first one does, and on top of an effect that explains so much
+# itself where a rough effect is part of the best explanation anyway.
+ROUGH_RIVAL, LEADS = 0.5, 0.02
 # How much flanks of gears rebound, and at what other sizes to try it.
 RESTITUTIONS, REBOUND_FACTORS = (0.15, 0.3, 0.45), (0.8, 0.9, 0.95, 1.0)
 
@@ -46,10 +52,10 @@ class Search:
         self.scale = 1.0
         self.z0 = np.zeros(self.fitter.count)
 
-    def _screen(self, fit: Fit, rough: bool = False) -> Screen:
-        """Signatures about a fit; `rough`: those of the rough effects alone."""
+    def _screen(self, fit: Fit, rough: Iterable[str] = ()) -> Screen:
+        """Signatures about a fit; `rough`: of these effects alone."""
         model = fit.model(self.problem)
-        only = {e for e in (ROUGH if rough else CATALOGUE) if e not in self.without}
+        only = {e for e in (rough or CATALOGUE) if e not in self.without}
         if not rough and (self._white(fit) or (self.quick and fit.hypothesis)):
             # Effects that take many small steps to replay are looked for where structure is left, and when in a hurry
             # only once; pairs with them come from the first screening, or from `_under`.
@@ -82,7 +88,7 @@ class Search:
         fit = self.fitter.fit(hypothesis, start, z, self.scale, iterations, fresh)
         if scan or not self.quick or (len(hypothesis) == 1 and self._promises(fit)):
             # When in a hurry, a pair starts from what was found about its members alone.
-            fit = self._scan(fit, iterations)
+            fit = self._scan(self._restarted(fit, iterations), iterations)
         known = self.fits.get(hypothesis)
         if known is None or fit.chi2 / self.scale + fit.prior < known.chi2 / self.scale + known.prior:
             self.fits[hypothesis] = fit
@@ -95,6 +101,14 @@ class Search:
         base = self.fits[()].chi2
         best = min(f.chi2 for f in self.fits.values())
         return base - fit.chi2 > SCAN_SHARE * (base - best)
+
+    def _restarted(self, fit: Fit, iterations: int) -> Fit:
+        """The best of a single effect's fit and of those from its other starts, each from unbent nuisances."""
+        if len(fit.hypothesis) != 1 or self._white(fit):
+            return fit
+        others = [self.fitter.fit(fit.hypothesis, scaled(fit.hypothesis, [dict(values)]), self.z0, self.scale, iterations)
+                  for values in CATALOGUE[fit.hypothesis[0][0]].restarts]
+        return min([fit, *others], key=self.cost)
 
     def _scan(self, fit: Fit, iterations: int) -> Fit:
         """Look about an optimum of an effect whose misfit is rough, and fit again from what is found there."""
@@ -139,8 +153,8 @@ class Search:
     def cost(self, fit: Fit) -> float:
         return fit.chi2 / self.scale + fit.prior
 
-    def grow(self, fit: Fit, count: int, rough: bool = False) -> list[Fit]:
-        """Add one effect (a rough one) to an explanation: screen what it leaves, fit the most promising."""
+    def grow(self, fit: Fit, count: int, rough: Iterable[str] = ()) -> list[Fit]:
+        """Add one effect (one of `rough`) to an explanation: screen what it leaves, fit the most promising."""
         screen = self._screen(fit, rough)
         result = []
         tried = 0
@@ -150,6 +164,8 @@ class Search:
             promised.setdefault(effect, candidate.gain)
             if candidate.gain < 8.0 or tried >= count or (effect in SLOW and self._slow(fit)):
                 continue
+            if rough and candidate.gain < ROUGH_RIVAL * max(promised.values()):
+                continue
             mine = [s for e, s in fit.hypothesis if e == effect]
             if mine and ("both" in mine or side == "both" or side in mine):
                 continue
@@ -158,7 +174,7 @@ class Search:
             starts = dict(zip(fit.hypothesis, _split(fit.hypothesis, fit.u)))
             starts[candidate.hypothesis[0]] = candidate.start
             start = np.concatenate([starts[h] for h in hypothesis])
-            result.append(self.try_fit(hypothesis, start, fit.z, scan=rough))
+            result.append(self.try_fit(hypothesis, start, fit.z, scan=bool(rough)))
         return result
 
     def best(self, count: int | None = None) -> list[Fit]:
@@ -281,6 +297,8 @@ class Search:
                 hypothesis = ((rival, side if CATALOGUE[rival].sided else "both"),)
                 if hypothesis in starts and hypothesis not in self.fits:
                     self.try_fit(hypothesis, starts[hypothesis].start, self.fits[()].z)
+        if self.quick:
+            leaders = leaders[:1] + [f for f in leaders[1:] if not self._slow(f)]
         for leader in leaders:
             (effect, side), = leader.hypothesis
             for other in CATALOGUE[effect].sides:
@@ -304,17 +322,20 @@ class Search:
                 self.try_fit(candidate.hypothesis, candidate.start, self.fits[()].z)
 
     def _under(self) -> None:
-        """Look for rough effects on top of the best others where what was found leaves much: a delay or a wrong constant
-        under a swinging gear hides it from the first screening."""
+        """Look for slow effects on top of the best others where what was found leaves much: a delay or a wrong constant
+        under a swinging gear or a slipping tyre hides it from the first screening."""
         best = min(self.fits.values(), key=self.cost)
         left = (best.chi2 - self.problem.size) / max(self.fits[()].chi2 - self.problem.size, 1e-9)
-        if not self.quick or self._white(best) or left < MUCH_LEFT:
+        if not self.quick or self._white(best) or (left < MUCH_LEFT and best.chi2 < OPEN * self.problem.size):
             return
-        others = [f for f in self.best(1) if not self._slow(f)]
-        # What was found by itself needs no more than a second way to its pairs.
-        found = any(effect in ROUGH for effect, _ in best.hypothesis)
-        for leader in others[:1 if found else 2]:
-            self.grow(leader, 2, rough=True)
+        others = [f for f in self.best(1) if not self._slow(f)][:2]
+        found = {effect for effect, _ in best.hypothesis if effect in ROUGH}
+        if found:
+            # What was found by itself needs no more than a second way to its pairs.
+            least = LEADS * (self.fits[()].chi2 - self.problem.size)
+            others = [f for f in others[:1] if self.fits[()].chi2 - f.chi2 > least]
+        for leader in others:
+            self.grow(leader, 2, found or SLOW)
 
     def _slow(self, fit: Fit) -> bool:
         """Whether a fit is no place to look for more from in a hurry: each of its replays takes many small steps."""
@@ -331,7 +352,8 @@ class Search:
 
     def _refresh(self, count: int) -> None:
         """Refit the leaders at the present dispersion, with fresh derivatives of the nuisances."""
-        leaders = sorted(self.fits.values(), key=lambda f: f.chi2)[:count]
+        leaders = [f for f in sorted(self.fits.values(), key=lambda f: f.chi2)[:count]
+                   if not self._slow(f) or self._promises(f)]
         self.fitter.nuisance_jacobian = None
         for fit in leaders:
             self.fits[fit.hypothesis] = self.fitter.fit(fit.hypothesis, fit.u, fit.z, self.scale, 6)

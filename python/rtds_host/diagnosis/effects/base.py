@@ -50,7 +50,8 @@ class Effect:
     apply(model, sides, values) puts it into a replay's model. `nuisance` marks a ratio that is no cause within 3 %
     of 1 (contract, section 2). `axis`: it exists on a single axis. `contains`: effects it turns into when its further
     parameters rest. `erratic`: the motion it causes hangs on small
-    differences, so that no replay follows it for long. `runs_in` says where it acts in the real-time simulator: "rtl", "robot" or "signal".
+    differences, so that no replay follows it for long. `runs_in` says where it acts in the real-time simulator: "rtl",
+    "robot" or "signal". `restarts`: parameters to fit from as well, where the misfit has more than one minimum.
     """
 
     id: str
@@ -68,6 +69,7 @@ class Effect:
     axis: bool = True
     contains: tuple[str, ...] = ()
     erratic: bool = False
+    restarts: tuple[Mapping[str, float], ...] = ()
 
     @property
     def sides(self) -> tuple[str, ...]:

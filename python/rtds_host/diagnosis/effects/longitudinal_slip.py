@@ -20,4 +20,6 @@ EFFECT = Effect(
     advice="Use tyres of higher stiffness, lower the load, or estimate the pose from outside.",
     runs_in="robot",
     axis=False,
+    # A soft tyre with a long patch and a slippery one with a short one take much the same off a slow turn.
+    restarts=({"slip_per_newton": 0.05, "relaxation_m": 0.0005},),
 )

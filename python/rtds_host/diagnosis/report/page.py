@@ -53,7 +53,7 @@ def _decimated(trace: Trace, unit: str) -> dict[str, Any]:
         for a, b in itertools.pairwise(edges):
             rows = good[a:b]
             values = trace.measured[rows]
-            keep += [rows[0]] if not np.isfinite(values).any() else [rows[np.nanargmin(values)], rows[np.nanargmax(values)]]
+            keep += [rows[values.argmin()], rows[values.argmax()]]
         good = np.unique(keep)
 
     def plain(values: np.ndarray, digits: int) -> list[float | None]:
