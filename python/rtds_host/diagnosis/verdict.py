@@ -20,7 +20,8 @@ EARN_SHARE = 0.4
 # An effect smaller than so many of its spreads that explains less than so much of the whole excess (or of the least that
 # counts as a gap) is a blemish of model or sensors, not a cause.
 BLEMISHES = ((0.06, 0.01), (0.25, 0.005))
-# But what takes nearly all of a rest that is a gap by itself is a cause, small as it may be beside a large one.
+# But what takes nearly all of a rest that is a gap by itself is a cause, small as it may be beside a large one; so is what
+# takes nearly all of a rest that bends nominal parameters.
 TAKES_ALL = 0.9
 # Of its spreads, from where on an effect is of fair size.
 FAIR_SIZE = 0.25
@@ -102,6 +103,11 @@ def _gap_closed(problem: Problem, base: Fit, fit: Fit) -> float:
     return float(np.clip((before - after) / max(before - 1.0, 1e-9), 0.0, 1.0))
 
 
+def _bent(fit: Fit) -> bool:
+    """Whether a nominal parameter stands where tolerances do not reach."""
+    return bool(np.abs(fit.z).max(initial=0.0) > BENT)
+
+
 def _erratic(fit: Fit) -> bool:
     return any(CATALOGUE[effect].erratic for effect, _ in fit.hypothesis)
 
@@ -113,7 +119,7 @@ def _explains(problem: Problem, choice: Choice, fit: Fit, closed: float) -> bool
         return False
     if _erratic(fit):
         return _gap_closed(problem, choice.base, fit) >= enough
-    bent = np.abs(fit.z).max(initial=0.0) > BENT
+    bent = _bent(fit)
     least, each = (CLOSED_ENOUGH_BENT,) * 2 if bent else (CLOSED_ENOUGH, CHANNEL_CLOSED)
     return _every_channel(problem, choice.base, fit, each, not bent) and _gap_closed(problem, choice.base, fit) >= least
 
@@ -234,7 +240,8 @@ def decide(problem: Problem, choice: Choice) -> Decision:
         rival = min(smaller, key=lambda f: _cost(f, scale))
         if len(fit.hypothesis) > 1:
             rest = rival.chi2 - noise
-            whole = rest > NO_GAP * noise and rival.chi2 - fit.chi2 > TAKES_ALL * rest
+            counts = rest > NO_GAP * noise or (_bent(rival) and not _bent(fit))
+            whole = counts and rival.chi2 - fit.chi2 > TAKES_ALL * rest
             if not whole and blemish(fit, rival):
                 small = _smallest(fit)
                 reasons[fit.hypothesis] = f"one of its effects is hardly there ({small:.1%} of what is met in practice)"
