@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rtds_host.diagnosis.effects import CATALOGUE
-from rtds_host.diagnosis.evidence import Choice, Scored, folds, held_out, log_prior, structure
+from rtds_host.diagnosis.evidence import Choice, Scored, folds, held_out, log_prior, named, structure
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import errors, gap, pooled
 from rtds_host.diagnosis.problem import Problem
@@ -17,18 +17,17 @@ from rtds_host.diagnosis.replay.model import replay_run
 # An added effect must explain at least this share of what the explanation without it leaves above the noise:
 # a wrong form leaves a structured rest, of which a further wrong effect always takes some.
 EARN_SHARE = 0.4
+# Unless nothing else would take nearly as much: a wrong form's rest suits many effects, a right effect's only itself.
+SINGULAR, SINGULAR_GAIN = 3.0, 60.0
 # An effect smaller than so many of its spreads that explains less than so much of the whole excess (or of the least that
 # counts as a gap) is a blemish of model or sensors, not a cause.
 BLEMISHES = ((0.06, 0.01), (0.25, 0.005))
-# But what takes nearly all of a rest that is a gap by itself is a cause, small as it may be beside a large one; so is what
-# takes nearly all of a rest that bends nominal parameters.
+# But what takes nearly all of a rest that is a gap by itself is a cause, small as it may be beside a large one.
 TAKES_ALL = 0.9
 # Of its spreads, from where on an effect is of fair size.
 FAIR_SIZE = 0.25
 # Sides of one effect whose sizes differ by less are the effect on both sides.
 SAME_SIZE = 0.12
-# Unless nothing else would take nearly as much: a wrong form's rest suits many effects, a right effect's only itself.
-SINGULAR, SINGULAR_GAIN = 3.0, 60.0
 # Held-out gain over its block standard error, and the gain itself in units of chi2.
 HELD_OUT_T = 2.0
 HELD_OUT_GAIN = 9.0
@@ -54,7 +53,8 @@ CHANNEL_CLOSED, SMALL_GAP = 0.5, 4.0
 # Tolerances do not reach so many of their sigmas: what needs nominal parameters there bends them to what it cannot do
 # itself, and must close each channel nearly altogether.
 BENT, CLOSED_ENOUGH_BENT = 3.0, 0.9
-# Without a named effect a structured rest below a gap of 1.1 counts as none (contract, section 4).
+# Without a named effect a structured rest below a gap of 1.1 counts as none: so small a gap has no closure either (contract,
+# section 4).
 NO_GAP = 1.1**2 - 1.0
 
 
@@ -173,12 +173,13 @@ def _twins(fit: Fit) -> bool:
     return False
 
 
-def _smallest(fit: Fit) -> float:
-    """Size of the smallest effect of an explanation, in spreads of its parameters."""
+def _smallest(fit: Fit, beside: Hypothesis = ()) -> float:
+    """Size of the smallest effect of an explanation that `beside` does not hold, in spreads of its parameters."""
     sizes, k = [], 0
-    for effect, _ in fit.hypothesis:
-        parameters = CATALOGUE[effect].parameters
-        sizes.append(max(abs(fit.u[k + n]) for n, p in enumerate(parameters) if not p.shape))
+    for member in fit.hypothesis:
+        parameters = CATALOGUE[member[0]].parameters
+        if member not in beside:
+            sizes.append(max(abs(fit.u[k + n]) for n, p in enumerate(parameters) if not p.shape))
         k += len(parameters)
     return float(min(sizes))
 
@@ -214,7 +215,7 @@ def decide(problem: Problem, choice: Choice) -> Decision:
         """Whether the effect added to `rival` is of fair size and does what no other effect comes near to doing."""
         added = [h for h in fit.hypothesis if h not in rival.hypothesis]
         promised = choice.growth.get(rival.hypothesis)
-        if len(added) != 1 or not promised or _smallest(fit) < FAIR_SIZE:
+        if len(added) != 1 or not promised or _smallest(fit, rival.hypothesis) < FAIR_SIZE:
             return False
         (effect, _), = added
         others = max((gain for name, gain in promised.items() if name != effect), default=0.0)
@@ -222,9 +223,9 @@ def decide(problem: Problem, choice: Choice) -> Decision:
         return gain > SINGULAR_GAIN and promised.get(effect, 0.0) > SINGULAR * others
 
     def blemish(fit: Fit, rival: Fit) -> bool:
-        """Whether an effect is too small, and explains too little of the excess over noise, to be a cause."""
+        """Whether what an explanation adds to `rival` is too small, and explains too little of the excess, to be a cause."""
         share = (rival.chi2 - fit.chi2) / max(choice.base.chi2 - noise, NO_GAP * noise)
-        return any(_smallest(fit) < size and share < part for size, part in BLEMISHES)
+        return any(_smallest(fit, rival.hypothesis) < size and share < part for size, part in BLEMISHES)
 
     def stands(fit: Fit) -> bool:
         if not fit.hypothesis:
@@ -238,12 +239,11 @@ def decide(problem: Problem, choice: Choice) -> Decision:
         if not smaller:
             smaller = [choice.base]
         rival = min(smaller, key=lambda f: _cost(f, scale))
+        left = max(rival.chi2 - noise, 0.0)
         if len(fit.hypothesis) > 1:
-            rest = rival.chi2 - noise
-            counts = rest > NO_GAP * noise or (_bent(rival) and not _bent(fit))
-            whole = counts and rival.chi2 - fit.chi2 > TAKES_ALL * rest
+            whole = left > NO_GAP * noise and rival.chi2 - fit.chi2 > TAKES_ALL * left
             if not whole and blemish(fit, rival):
-                small = _smallest(fit)
+                small = _smallest(fit, rival.hypothesis)
                 reasons[fit.hypothesis] = f"one of its effects is hardly there ({small:.1%} of what is met in practice)"
                 return False
             if _twins(fit):
@@ -258,12 +258,14 @@ def decide(problem: Problem, choice: Choice) -> Decision:
         if structure(problem, fit.residual) > STRUCTURED and (bound := _at_bound(fit)):
             reasons[fit.hypothesis] = f"{bound} ends on its bound, and leaves a rest with structure"
             return False
-        left = rival.chi2 - noise
         if len(fit.hypothesis) > 1 and rival.chi2 - fit.chi2 < EARN_SHARE * left and not singular(fit, rival):
             reasons[fit.hypothesis] = (f"its last effect takes {(rival.chi2 - fit.chi2) / left:.0%} of what the others "
                                        "leave")
             return False
-        return len(fit.hypothesis) == 1 or all(stands(f) for f in [rival] if f.hypothesis) or len(smaller) == 1
+        if len(fit.hypothesis) > 1 and len(smaller) > 1 and not stands(rival):
+            reasons[fit.hypothesis] = "what is left without its last effect is no explanation"
+            return False
+        return True
 
     ranked = choice.ranked
     chosen = None
@@ -281,6 +283,16 @@ def decide(problem: Problem, choice: Choice) -> Decision:
     def explained(f: Fit) -> bool:
         return structure(problem, f.residual) <= STRUCTURED or _explains(problem, choice, f, _closed(problem, base, f))
 
+    def negligible(f: Fit) -> bool:
+        """Whether an explanation of hardly a gap is as small as another formulation of a perfect robot, or noise's colour."""
+        if not f.hypothesis:
+            return False
+        if _smallest(f) < BLEMISHES[0][0] or blemish(f, base):
+            return True
+        faint = _smallest(f) < FAIR_SIZE or (base.chi2 - f.chi2) / scale < SINGULAR_GAIN
+        return (faint and structure(problem, f.residual) > STRUCTURED
+                and _closed(problem, base, f) < _enough(problem, choice, f))
+
     if chosen.fit.hypothesis and excess > NO_GAP * noise and not explained(chosen.fit):
         # A stand-in may fit better on the whole than the cause whose form is not quite nature's.
         rivals = list(itertools.takewhile(lambda s: s.fit.hypothesis, standing))
@@ -289,25 +301,24 @@ def decide(problem: Problem, choice: Choice) -> Decision:
             reasons.update({s.fit.hypothesis: "leaves too much of some channel's gap open" for s in passed})
             standing = standing[len(passed):]
             chosen = standing[0]
+    if excess <= NO_GAP * noise and negligible(chosen.fit):
+        small, whole = chosen, set(chosen.fit.hypothesis)
+        parts = [s for s in standing if set(s.fit.hypothesis) < whole and not negligible(s.fit)]
+        chosen = parts[0] if parts else Scored(base, small.score)
+        dropped = [s for s in standing if s is small or s.score < chosen.score]
+        reasons.update({s.fit.hypothesis: "is too small to be a cause where there is hardly a gap" for s in dropped})
+        standing = [s for s in standing if s not in dropped]
     fit = chosen.fit
     ranked = [chosen] + [s for s in standing if s is not chosen]
     structured = structure(problem, fit.residual) > STRUCTURED
     closed = _closed(problem, base, fit) if fit.hypothesis else 0.0
-    faint = _smallest(fit) < FAIR_SIZE or (base.chi2 - fit.chi2) / scale < SINGULAR_GAIN if fit.hypothesis else False
-    hardly = fit.hypothesis and (_smallest(fit) < BLEMISHES[0][0] or blemish(fit, base))
-    if excess <= NO_GAP * noise and (hardly or (faint and structured and closed < _enough(problem, choice, fit))):
-        # Hardly a gap, and what there is has the colour of noise or is as small as another formulation of a perfect robot.
-        chosen = next((s for s in standing if not s.fit.hypothesis), Scored(base, chosen.score))
-        fit, closed = base, 0.0
-        standing = [chosen] + [s for s in standing if s is not chosen]
-        ranked = standing
     if not fit.hypothesis:
         verdict = "unknown" if structured and excess > NO_GAP * noise else "none"
     else:
         gap_left = structured and excess > NO_GAP * noise
         verdict = "unknown" if gap_left and not _explains(problem, choice, fit, closed) else "known"
 
-    weights = np.exp(-0.5 * (np.array([s.score for s in ranked]) - ranked[0].score))
+    weights = np.exp(-0.5 * (np.array([s.score for s in ranked]) - min(s.score for s in ranked)))
     if verdict == "unknown":
         unknown = 0.9
     elif structured:
@@ -317,7 +328,7 @@ def decide(problem: Problem, choice: Choice) -> Decision:
     probabilities = weights / weights.sum() * (1.0 - unknown)
     for scored, p in zip(ranked, probabilities):
         scored.probability = float(p)
-    alike = _alike(choice, fit, scale, reasons) if verdict == "known" else []
+    alike = _alike(choice, fit, scale) if verdict == "known" else []
     _share(ranked, fit, alike)
     ranked.sort(key=lambda s: (-s.probability, s.score))
     if verdict == "known":
@@ -326,7 +337,7 @@ def decide(problem: Problem, choice: Choice) -> Decision:
     return Decision(fit, base, verdict, ranked, unknown, alike, structured, closed, reasons, gains)
 
 
-def _alike(choice: Choice, fit: Fit, scale: float, reasons: dict[Hypothesis, str]) -> list[list[tuple[str, str]]]:
+def _alike(choice: Choice, fit: Fit, scale: float) -> list[list[tuple[str, str]]]:
     """Sets of (effect, side): a blamed one and those that replace it in the explanation at no loss of fit."""
     best = _cost(fit, scale)
     sets = []
@@ -336,7 +347,7 @@ def _alike(choice: Choice, fit: Fit, scale: float, reasons: dict[Hypothesis, str
         for hypothesis, other in choice.fits.items():
             if len(hypothesis) != len(fit.hypothesis) or hypothesis == fit.hypothesis:
                 continue
-            if not set(rest) <= set(hypothesis):
+            if not set(rest) <= set(hypothesis) or not named(other):
                 continue
             worse = _cost(other, scale) - best
             # More freedom for no better fit is no rival, but the same explanation with idle parameters.

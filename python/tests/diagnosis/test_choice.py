@@ -191,10 +191,21 @@ def test_a_blemish_beside_a_large_effect_is_not_blamed():
     assert blamed(diagnosis) == [("coulomb_friction", "both")]
 
 
-def test_a_blemish_without_a_gap_is_none():
-    # Samples enough show a scale that is off by a thousandth, as any two simulators of one robot are.
-    diagnosis, _ = run(make_case(lambda m: m.scale("gyro_gain", 1.001), seed=32))
+@pytest.mark.parametrize("slot,gain", [("gyro_gain", 1.001), ("speed_gain", 1.002), ("current_gain", 1.004)])
+def test_a_blemish_without_a_gap_is_none(slot, gain):
+    # Samples enough show a scale that is off by a few thousandths, as any two simulators of one robot are, however sure it is.
+    diagnosis, _ = run(make_case(lambda m: m.scale(slot, gain), seed=32))
     assert diagnosis["verdict"] == "none" and diagnosis["effects"] == []
+    assert diagnosis["gap"]["refit"] < 1.1 and diagnosis["alternatives"][0]["effects"] == []
+
+
+def test_a_fair_effect_is_no_blemish_for_a_small_one_beside_it_that_explains_more():
+    def change(model):
+        model.add("command_delay", 0.0029)
+        model.scale("resistance", 1.05, (0,))
+
+    diagnosis, _ = run(make_case(change, seed=34))
+    assert set(blamed(diagnosis)) == {("command_delay", "both"), ("resistance_error", "left")}
 
 
 def test_intervals_have_room_for_another_formulation_of_the_same_effect():
