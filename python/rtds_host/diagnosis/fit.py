@@ -138,30 +138,22 @@ class Fitter:
         return np.column_stack([(m - r) / s for m, s in zip(moved, steps)]).astype(np.float32) if models \
             else np.empty((len(r), 0), np.float32)
 
-    def nuisances(self, z: np.ndarray, r: np.ndarray) -> np.ndarray:
-        """Derivatives with respect to the nuisances, (N, k), at z."""
-        return self._derivatives((), z, r, range(self.count), np.full(self.count, np.inf))
-
-    def fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, dispersion: float, iterations: int = 8,
-            fresh: bool = False) -> Fit:
+    def fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, dispersion: float,
+            iterations: int = 8) -> Fit:
         """Fit an explanation from a start.
 
         Parameters
         ----------
         start : (p,) scaled effect parameters; z : (k,) nuisances to start from.
         dispersion : residual variance over noise variance, at least 1.
-        fresh : take the nuisances' derivatives anew at the start (needed far from where they were taken).
         """
         k = self.count
         low, high = self._bounds(hypothesis)
         x = np.clip(np.concatenate([z, start]), low, high)
         r = self.problem.residual(self._model(hypothesis, x))
-        if fresh or self.nuisance_jacobian is None:
-            jn = self._derivatives(hypothesis, x, r, range(k), high)
-            if self.nuisance_jacobian is None:
-                self.nuisance_jacobian = jn
-        else:
-            jn = self.nuisance_jacobian
+        if self.nuisance_jacobian is None:
+            self.nuisance_jacobian = self._derivatives(hypothesis, x, r, range(k), high)
+        jn = self.nuisance_jacobian
         weight = np.concatenate([np.ones(k), np.full(len(start), EFFECT_PRIOR**-2)])
 
         def cost(x: np.ndarray, r: np.ndarray) -> float:
@@ -170,7 +162,7 @@ class Fitter:
         now, damping = cost(x, r), 1e-3
         jacobian = jn
         free = np.ones(len(x), bool)
-        renewed = fresh
+        renewed = False
         for _ in range(iterations):
             ju = self._derivatives(hypothesis, x, r, range(k, len(x)), high)
             jacobian = np.hstack([jn, ju])
@@ -199,4 +191,7 @@ class Fitter:
                     break
                 # Far from where they were taken, the nuisances' derivatives point the wrong way.
                 jn, renewed, damping = self._derivatives(hypothesis, x, r, range(k), high), True, 1e-3
+        # Of the point where it ends: the last step may have led onto a bound.
+        gradient = (jacobian.T @ r.astype(np.float32)).astype(float) / dispersion + weight * x
+        free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
         return Fit(hypothesis, x[:k].copy(), x[k:].copy(), r, jacobian, free, dispersion)

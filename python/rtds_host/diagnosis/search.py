@@ -52,31 +52,31 @@ class Search:
         self.scale = 1.0
         self.z0 = np.zeros(self.fitter.count)
 
-    def _screen(self, fit: Fit, rough: Iterable[str] = ()) -> Screen:
-        """Signatures about a fit; `rough`: of these effects alone."""
+    def _screen(self, fit: Fit, only: Iterable[str] = ()) -> Screen:
+        """Signatures about a fit; `only`: of these effects alone."""
         model = fit.model(self.problem)
-        only = {e for e in (rough or CATALOGUE) if e not in self.without}
-        if not rough and (self._white(fit) or (self.quick and fit.hypothesis)):
+        wanted = {e for e in (only or CATALOGUE) if e not in self.without}
+        if not only and (self._white(fit) or (self.quick and fit.hypothesis)):
             # Effects that take many small steps to replay are looked for where structure is left, and when in a hurry
             # only once; pairs with them come from the first screening, or from `_under`.
-            only -= set(SLOW)
+            wanted -= set(SLOW)
         # On top of such an effect every replay takes many small steps, and what another effect changes there is nearly what
         # it changes without.
         moves = self.moves if self.quick and model.slow else {}
-        extra = {} if rough or "torque_ripple" in self.without else ripple.starts(self.problem, self.problem.replay(model))
+        extra = {} if only or "torque_ripple" in self.without else ripple.starts(self.problem, self.problem.replay(model))
         if not fit.hypothesis:
             moves = self.moves = {}
         # A nuisance on its bound makes no more room: what it would imitate if it could is an effect's to explain.
         keep = np.flatnonzero(fit.free)
         return Screen(self.fitter, model, fit.residual, fit.jacobian[:, keep], fit.prior_precision()[keep],
-                      np.concatenate([fit.z, fit.u])[keep], fit.dispersion, moves, fit.hypothesis, extra, only)
+                      np.concatenate([fit.z, fit.u])[keep], fit.dispersion, moves, fit.hypothesis, extra, wanted)
 
     def _white(self, fit: Fit) -> bool:
         """Whether a fit leaves hardly more than noise."""
         return structure(self.problem, fit.residual) < 1.3 and fit.chi2 < 1.1 * self.problem.size
 
     def try_fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, iterations: int = 8,
-                fresh: bool = False, scan: bool = False) -> Fit:
+                scan: bool = False) -> Fit:
         """Fit and remember the better of this and an earlier fit of the same explanation; `scan`: look about it anyway."""
         if hypothesis and len(z):
             # Nuisances that bent to stand in for the effect are a poor place to start from.
@@ -85,7 +85,7 @@ class Search:
             costs = [float(r @ r) / self.scale + float(s @ s)
                      for r, s in zip(self.problem.residuals(models), starts)]
             z = starts[int(np.argmin(costs))]
-        fit = self.fitter.fit(hypothesis, start, z, self.scale, iterations, fresh)
+        fit = self.fitter.fit(hypothesis, start, z, self.scale, iterations)
         if scan or not self.quick or (len(hypothesis) == 1 and self._promises(fit)):
             # When in a hurry, a pair starts from what was found about its members alone.
             fit = self._scan(self._restarted(fit, iterations), iterations)
@@ -153,18 +153,19 @@ class Search:
     def cost(self, fit: Fit) -> float:
         return fit.chi2 / self.scale + fit.prior
 
-    def grow(self, fit: Fit, count: int, rough: Iterable[str] = ()) -> list[Fit]:
-        """Add one effect (one of `rough`) to an explanation: screen what it leaves, fit the most promising."""
-        screen = self._screen(fit, rough)
+    def grow(self, fit: Fit, count: int, only: Iterable[str] = ()) -> list[Fit]:
+        """Add one effect (one of `only`) to an explanation: screen what it leaves, fit the most promising."""
+        screen = self._screen(fit, only)
         result = []
         tried = 0
-        promised = self.growth.setdefault(fit.hypothesis, {})
+        # Only a screening of all effects says what none of the others would take.
+        promised = self.growth.setdefault(fit.hypothesis, {}) if not only else {}
         for candidate in screen.candidates():
             (effect, side), = candidate.hypothesis
             promised.setdefault(effect, candidate.gain)
             if candidate.gain < 8.0 or tried >= count or (effect in SLOW and self._slow(fit)):
                 continue
-            if rough and candidate.gain < ROUGH_RIVAL * max(promised.values()):
+            if only and candidate.gain < ROUGH_RIVAL * max(promised.values()):
                 continue
             mine = [s for e, s in fit.hypothesis if e == effect]
             if mine and ("both" in mine or side == "both" or side in mine):
@@ -174,7 +175,7 @@ class Search:
             starts = dict(zip(fit.hypothesis, _split(fit.hypothesis, fit.u)))
             starts[candidate.hypothesis[0]] = candidate.start
             start = np.concatenate([starts[h] for h in hypothesis])
-            result.append(self.try_fit(hypothesis, start, fit.z, scan=bool(rough)))
+            result.append(self.try_fit(hypothesis, start, fit.z, scan=bool(only)))
         return result
 
     def best(self, count: int | None = None) -> list[Fit]:
@@ -184,7 +185,7 @@ class Search:
         return sorted(fits, key=lambda f: score(f, total, self.scale))
 
     def run(self) -> Choice:
-        """Search: nothing, singles, pairs, more while each earns its place; then judge all by one dispersion."""
+        """Search: nothing, singles, pairs, a third on the best pair; then judge all by one dispersion."""
         problem = self.problem
         problem.align(problem.nominal)
         if problem.headings:
@@ -288,7 +289,7 @@ class Search:
         return picked[:width]
 
     def _siblings(self, screen: Screen, count: int) -> None:
-        """Other sides and the known look-alikes of the leaders, so that none wins for want of a rival."""
+        """Other sides of the leaders and the known look-alikes of the first, so that none wins for want of a rival."""
         starts = {c.hypothesis: c for c in screen.candidates()}
         leaders = sorted((f for f in self.fits.values() if len(f.hypothesis) == 1), key=self.cost)[:count]
         for leader in leaders[:1]:
@@ -322,7 +323,7 @@ class Search:
                 self.try_fit(candidate.hypothesis, candidate.start, self.fits[()].z)
 
     def _under(self) -> None:
-        """Look for slow effects on top of the best others where what was found leaves much: a delay or a wrong constant
+        """When in a hurry, look for slow effects on top of the best others where what was found leaves much: a delay or a wrong constant
         under a swinging gear or a slipping tyre hides it from the first screening."""
         best = min(self.fits.values(), key=self.cost)
         left = (best.chi2 - self.problem.size) / max(self.fits[()].chi2 - self.problem.size, 1e-9)
@@ -342,7 +343,8 @@ class Search:
         return self.quick and fit.model(self.problem).slow
 
     def _swap(self, best: Fit) -> None:
-        """Exchange each member of a pair for what the screening of the other member alone proposes."""
+        """Exchange each member of a pair for what the screening of the other member alone proposes, where the other was never
+        fitted alone."""
         for kept in best.hypothesis:
             alone = self.fits.get((kept,))
             if alone is None:
