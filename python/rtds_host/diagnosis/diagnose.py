@@ -254,6 +254,7 @@ def _held_out(problem: Problem, decision: Decision, seed: int) -> dict:
     effects = decision.verdict == "known"
     step = min(REPORT_STEP_S, fit.model(problem).step_s)
     parts: dict[str, list[dict[str, np.ndarray]]] = {"before": [], "refit": [], "after": []}
+    seconds: list[float] = []
     by_regime: dict[str, dict[str, list[dict[str, np.ndarray]]]] = {}
     runs, traces = {}, {}
     notes = [f"{name}: no heading in the log; the slope's pull says that the run began at {heading:.2f} rad"
@@ -274,6 +275,7 @@ def _held_out(problem: Problem, decision: Decision, seed: int) -> dict:
             refit = replay_run(_left_out(problem, base, rows), data.inputs, step)
             after = replay_run(_left_out(problem, fit, rows), data.inputs, step) if effects else refit
             log = _slice(data.log, first, last)
+            seconds.append(float(log.t[-1] - log.t[0]))
             motion = _regimes(problem, log, after[first:last])
             for name, out in (("before", nominal), ("refit", refit), ("after", after)):
                 found = gaps.errors_at(log, robot, out[first:last])
@@ -290,7 +292,7 @@ def _held_out(problem: Problem, decision: Decision, seed: int) -> dict:
     total = {name: gaps.gap(c) for name, c in channels.items()}
     closed = gaps.closed(total["before"], total["after"])
     effect_closed = gaps.closed(total["refit"], total["after"])
-    interval = _bootstrap(parts, np.random.default_rng(seed)) if closed is not None else None
+    interval = _bootstrap(parts, seconds, np.random.default_rng(seed)) if closed is not None else None
     share = 0.0 if effect_closed is None else 1.0 - effect_closed
     return {
         "gap": {
@@ -324,14 +326,17 @@ def _by_regime(parts: dict[str, dict[str, list[dict[str, np.ndarray]]]]) -> dict
             for regime, named in parts.items() if max(1, min(50, 0.02 * whole)) <= counts[regime] < 0.98 * whole}
 
 
-def _bootstrap(parts: dict[str, list[dict[str, np.ndarray]]], rng: np.random.Generator) -> list[float] | None:
-    """90 % interval of the share closed: blocks of about 1 s of each channel drawn again, with replacement."""
+def _bootstrap(parts: dict[str, list[dict[str, np.ndarray]]], seconds: list[float],
+               rng: np.random.Generator) -> list[float] | None:
+    """90 % interval of the share closed: blocks of about 1 s of each channel drawn again, with replacement.
+
+    `parts`: by model, errors by channel of each stretch; `seconds`: how long each stretch is.
+    """
     blocks: dict[str, dict[str, np.ndarray]] = {}
     for name in ("before", "after"):
-        for part in parts[name]:
+        for part, length in zip(parts[name], seconds):
             for channel, error in part.items():
-                count = len(error) if channel in ("x", "y", "yaw") or channel.startswith("th_") else max(
-                    1, len(error) // 100)
+                count = max(1, min(len(error), round(length)))
                 sums = np.array([[float(np.sum(e**2)), len(e)] for e in np.array_split(error, count)])
                 known = blocks.setdefault(channel, {}).get(name)
                 blocks[channel][name] = sums if known is None else np.vstack([known, sums])
@@ -424,6 +429,3 @@ def _candidates(problem: Problem, choice: Choice, decision: Decision) -> list[Ca
             probability=_round(blamed[fit.hypothesis].probability, 4) if fit.hypothesis in blamed else 0.0,
             verdict=verdict, reason=reason))
     return rows
-
-
-
