@@ -19,7 +19,7 @@ from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.screen import Screen
 
-# Prior odds: no effect, one, two, three; the rest is outside the catalogue.
+# Prior odds: no effect, one, two, three.
 PRIOR_BY_COUNT = {0: 0.25, 1: 0.55, 2: 0.17, 3: 0.03}
 SIDE_PRIOR = {"both": 0.5, "left": 0.25, "right": 0.25}
 NUISANCE_BAND = 0.03
@@ -55,7 +55,7 @@ class Choice:
 def dispersion(problem: Problem, residual: np.ndarray, jacobian: np.ndarray) -> float:
     """Variance of block sums of the residuals over that of white noise, pooled over channels, at least 1.
 
-    The mean of squares and the squared sums over blocks of 0.25 and 1 s (correlated errors add up within a block).
+    The mean of squares and the squared sums over blocks of 1 s (correlated errors add up within a block).
     """
     worst = float(np.mean(residual**2)) * len(residual) / max(len(residual) - jacobian.shape[1], 1)
     key = problem.blocks * len(CHANNELS) + problem.channels_of

@@ -1,7 +1,7 @@
 """Checks on the data before any analysis: what is wrong with a log, said in a sentence, and what makes it useless.
 
-Units and delays are judged against the nominal replay; a gain within the reach of the catalogue (-3 to 3 times) is
-left to the diagnosis, only a factor that is a unit's is suspected.
+Units and delays are judged against the nominal replay; a gain within the reach of the catalogue is left to the
+diagnosis, only a factor that is a unit's is suspected.
 """
 
 from __future__ import annotations

@@ -82,7 +82,6 @@ class RunData:
     pose: tuple | None = None
     block: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     channel: np.ndarray = field(default_factory=lambda: np.empty(0, int))
-    gap_weight: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 CHANNELS = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
@@ -254,7 +253,7 @@ class Problem:
             return max((self._settle(data, model) for data in self.runs), default=0.0) if not self.pieces else 0.0
         for data, whole in zip(self.runs, self.whole, strict=False):
             log = data.log
-            if self.robot.axis is not None or log.has("yaw") or abs(log.meta.slope_rad) < HEADING_SLOPE_RAD:
+            if log.has("yaw") or abs(log.meta.slope_rad) < HEADING_SLOPE_RAD:
                 continue
             start = data.inputs[-1]
             misfit = functools.partial(self._heading_misfit, data, model)

@@ -29,11 +29,9 @@ def _channels(problem: Problem, suffix: str) -> list[str]:
 def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, np.ndarray]:
     """Power over `CYCLES` by side ("left", "right", "both"), in units of white noise's mean."""
     result = {}
-    coherent = 0
     for k, name in enumerate(("left", "right")[:len(problem.robot.sides)]):
         suffix = "lr"[k]
         total = np.zeros(len(CYCLES))
-        wave = np.zeros(len(CYCLES), complex)
         count = 0
         for channel in _channels(problem, suffix):
             angles, values = [], []
@@ -66,11 +64,9 @@ def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, np.ndarray]:
                 line[n] = phase.sum()
                 phase *= turn
             total += np.abs(line) ** 2
-            wave += line
             count += 1
         if count:
             result[name] = total / count
-            coherent = coherent + wave / np.sqrt(count)
     if len(result) == 2:
         result["both"] = 0.5 * (result["left"] + result["right"])
     return result

@@ -56,7 +56,7 @@ def start_values(effect: Effect) -> list[dict[str, float]]:
 
 
 def available(problem: Problem) -> list[Effect]:
-    """Effects that exist on this machine and act on a channel that is there."""
+    """Effects that exist on this machine."""
     robot = problem.robot
     result = []
     for effect in CATALOGUE.values():

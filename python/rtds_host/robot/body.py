@@ -67,11 +67,6 @@ class Body:
         return GRAVITY_M_S2 * np.array([-down * math.cos(self.uphill_yaw_rad), -down * math.sin(self.uphill_yaw_rad),
                                         -math.cos(self.slope_rad)])
 
-    def hill_torque_nm(self, yaw_rad: float) -> float:
-        """Torque at each wheel that holds the robot on the slope at this heading (centre of mass on the axle)."""
-        climb = math.sin(self.slope_rad) * math.cos(yaw_rad - self.uphill_yaw_rad)
-        return 0.25 * sum(self.wheel_radius_m) * self.total_mass_kg * GRAVITY_M_S2 * climb
-
 
 def make_body(robot: Robot, payload_kg: float = 0.0, slope_rad: float = 0.0, uphill_yaw_rad: float = 0.0,
               support: str = "skids") -> Body:

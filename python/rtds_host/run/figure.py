@@ -15,7 +15,6 @@ from rtds_host.run.loop import Record
 from rtds_host.run.plan import Plan
 
 LEFT, RIGHT, PLAIN = "#1f5fa8", "#c8501e", "#444444"
-PANELS = ("path", "speeds", "currents", "pose", "errors", "loads")
 
 
 def draw(plan: Plan, record: Record, folder: Path) -> list[Path]:

@@ -7,7 +7,8 @@ EFFECT = Effect(
     subsystem="drivetrain",
     sided=True,
     parameters=(
-        Parameter("angle_rad", "rad", null=0, low=0, high=0.6, spread=0.04, starts=(0.003, 0.005, 0.007, 0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0.16), difference=0.05,
+        Parameter("angle_rad", "rad", null=0, low=0, high=0.6, spread=0.04, difference=0.05,
+                  starts=(0.003, 0.005, 0.007, 0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0.16),
                   meaning="total free play"),
         Parameter("restitution", "1", null=0.0, low=0.0, high=0.8, spread=0.2, starts=(0.0,), difference=0.25,
                   optional=True, shape=True, meaning="relative speed of the flanks after an impact over that before"),

@@ -159,7 +159,7 @@ def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
 def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.ndarray, ...]:
     """The same for rows first <= k < last, started from the measured state there (single axis).
 
-    Angle and speed come from a straight line through the angles about the start where there are any (it leads no
+    Angle and speed come from a parabola through the angles about the start where there are any (it leads no
     filter and no delay into the state), else from the speed's own samples; commands from before stay known, for
     effects that make them late.
     """
