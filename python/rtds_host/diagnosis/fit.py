@@ -159,6 +159,10 @@ class Fitter:
         def cost(x: np.ndarray, r: np.ndarray) -> float:
             return float(r @ r) / dispersion + float(weight @ (x * x))
 
+        def inside(x: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+            """False where a parameter rests on a bound that the cost still falls towards, (k + p,)."""
+            return ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
+
         now, damping = cost(x, r), 1e-3
         jacobian = jn
         free = np.ones(len(x), bool)
@@ -170,7 +174,7 @@ class Fitter:
             hessian = (jacobian.T @ jacobian).astype(float) / dispersion + np.diag(weight)
             improved = 0.0
             for _ in range(4):
-                free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
+                free = inside(x, gradient)
                 keep = np.flatnonzero(free)
                 damped = hessian[np.ix_(keep, keep)] + damping * np.diag(np.diag(hessian)[keep])
                 step = np.zeros(len(x))
@@ -193,5 +197,5 @@ class Fitter:
                 jn, renewed, damping = self._derivatives(hypothesis, x, r, range(k), high), True, 1e-3
         # Of the point where it ends: the last step may have led onto a bound.
         gradient = (jacobian.T @ r.astype(np.float32)).astype(float) / dispersion + weight * x
-        free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
+        free = inside(x, gradient)
         return Fit(hypothesis, x[:k].copy(), x[k:].copy(), r, jacobian, free, dispersion)

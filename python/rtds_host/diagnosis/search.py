@@ -323,8 +323,8 @@ class Search:
                 self.try_fit(candidate.hypothesis, candidate.start, self.fits[()].z)
 
     def _under(self) -> None:
-        """When in a hurry, look for slow effects on top of the best others where what was found leaves much: a delay or a wrong constant
-        under a swinging gear or a slipping tyre hides it from the first screening."""
+        """When in a hurry, look for slow effects on top of the best others where what was found leaves much: a delay or a
+        wrong constant under a swinging gear or a slipping tyre hides it from the first screening."""
         best = min(self.fits.values(), key=self.cost)
         left = (best.chi2 - self.problem.size) / max(self.fits[()].chi2 - self.problem.size, 1e-9)
         if not self.quick or self._white(best) or (left < MUCH_LEFT and best.chi2 < OPEN * self.problem.size):
