@@ -89,8 +89,7 @@ def log_prior(hypothesis: Hypothesis, effects: int) -> float:
 
 def score(fit: Fit, effects: int, scale: float) -> float:
     """-2 log of evidence and prior (up to a constant of the case), residuals weighted by 1 / scale."""
-    precision = fit.jacobian.T @ fit.jacobian
-    precision = precision.astype(float) / scale
+    precision = fit.gram / scale
     prior = fit.prior_precision()
     # Parameters on a bound are held there.
     keep = np.flatnonzero(fit.free)

@@ -8,6 +8,7 @@ white residuals; it grows with structure no explanation holds, so that priors ke
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -87,6 +88,11 @@ class Fit:
         """The same with other nuisances."""
         return apply(problem.with_nuisances(z), self.hypothesis, self.values)
 
+    @cached_property
+    def gram(self) -> np.ndarray:
+        """jacobian' jacobian, (k + p, k + p), to single precision."""
+        return (self.jacobian.T @ self.jacobian).astype(float)
+
     def precision(self) -> np.ndarray:
         """Hessian of half the objective, (k + p, k + p)."""
         jacobian = self.jacobian.astype(float)
@@ -123,7 +129,8 @@ class Fitter:
         return low, high
 
     def _derivatives(self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: range,
-                     high: np.ndarray) -> np.ndarray:
+                     high: np.ndarray, into: np.ndarray) -> None:
+        """Fill columns of `into` (N, k + p) with the derivatives of the residuals r at x."""
         models, steps = [], []
         differences = [p.difference for _, _, p in parameters(hypothesis)]
         for j in which:
@@ -134,9 +141,9 @@ class Fitter:
             moved[j] += step
             models.append(self._model(hypothesis, moved))
             steps.append(step)
-        moved = self.problem.residuals(models)
-        return np.column_stack([(m - r) / s for m, s in zip(moved, steps)]).astype(np.float32) if models \
-            else np.empty((len(r), 0), np.float32)
+        for j, moved, step in zip(which, self.problem.residuals(models), steps):
+            np.subtract(moved, r, out=moved)
+            np.divide(moved, step, out=into[:, j], casting="same_kind")
 
     def fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, dispersion: float,
             iterations: int = 8) -> Fit:
@@ -151,9 +158,12 @@ class Fitter:
         low, high = self._bounds(hypothesis)
         x = np.clip(np.concatenate([z, start]), low, high)
         r = self.problem.residual(self._model(hypothesis, x))
+        jacobian = np.empty((len(r), len(x)), np.float32, order="F")
         if self.nuisance_jacobian is None:
-            self.nuisance_jacobian = self._derivatives(hypothesis, x, r, range(k), high)
-        jn = self.nuisance_jacobian
+            self._derivatives(hypothesis, x, r, range(k), high, jacobian)
+            self.nuisance_jacobian = jacobian[:, :k].copy(order="F")
+        else:
+            jacobian[:, :k] = self.nuisance_jacobian
         weight = np.concatenate([np.ones(k), np.full(len(start), EFFECT_PRIOR**-2)])
 
         def cost(x: np.ndarray, r: np.ndarray) -> float:
@@ -164,12 +174,10 @@ class Fitter:
             return ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
 
         now, damping = cost(x, r), 1e-3
-        jacobian = jn
         free = np.ones(len(x), bool)
         renewed = False
         for _ in range(iterations):
-            ju = self._derivatives(hypothesis, x, r, range(k, len(x)), high)
-            jacobian = np.hstack([jn, ju])
+            self._derivatives(hypothesis, x, r, range(k, len(x)), high, jacobian)
             gradient = (jacobian.T @ r.astype(np.float32)).astype(float) / dispersion + weight * x
             hessian = (jacobian.T @ jacobian).astype(float) / dispersion + np.diag(weight)
             improved = 0.0
@@ -194,7 +202,8 @@ class Fitter:
                 if renewed or not len(start) or abs(gradient @ step) < STALE_GAIN:
                     break
                 # Far from where they were taken, the nuisances' derivatives point the wrong way.
-                jn, renewed, damping = self._derivatives(hypothesis, x, r, range(k), high), True, 1e-3
+                self._derivatives(hypothesis, x, r, range(k), high, jacobian)
+                renewed, damping = True, 1e-3
         # Of the point where it ends: the last step may have led onto a bound.
         gradient = (jacobian.T @ r.astype(np.float32)).astype(float) / dispersion + weight * x
         free = inside(x, gradient)

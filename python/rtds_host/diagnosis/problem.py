@@ -7,12 +7,11 @@ averaged over their neighbours), since each sample that narrows an explanation i
 from __future__ import annotations
 
 import functools
-import math
+from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis.gap import WINDOW_S
@@ -30,8 +29,6 @@ PRIOR = 0.01
 # A heading at the start is estimated on slopes above this, and changed for a gain of chi2 above that.
 HEADING_SLOPE_RAD = 0.005
 HEADING_GAIN = 20.0
-# Parts at most that a replay of all runs is shared out in.
-PARTS = 8
 # Nuisance of a side -> entries of the model that it scales (contract, section 2).
 NUISANCES = {"resistance": ("resistance",), "constant": ("torque_constant", "back_emf"),
              "inertia": ("rotor_inertia",), "viscous": ("viscous",)}
@@ -72,12 +69,25 @@ def _windows(t: np.ndarray, good: np.ndarray, window_s: float = WINDOW_S,
 
 
 @dataclass
+class _Samples:
+    """Channels compared sample by sample, one after another: entries of a replay, flat, and what was measured there.
+
+    `level` is the part whose mean is no evidence (the bus voltage's), if there is one.
+    """
+
+    entries: np.ndarray
+    measured: np.ndarray
+    noise: np.ndarray
+    level: slice | None
+
+
+@dataclass
 class RunData:
     """One run prepared: inputs of the replay and what its residual compares."""
 
     log: RunLog
     inputs: tuple[np.ndarray, ...]
-    sampled: list[tuple[str, int, np.ndarray, np.ndarray, float]] = field(default_factory=list)
+    sampled: _Samples | None = None
     angles: list[tuple[str, int, _Windows, np.ndarray, float]] = field(default_factory=list)
     pose: tuple | None = None
     block: np.ndarray = field(default_factory=lambda: np.empty(0, int))
@@ -91,7 +101,7 @@ class Problem:
     """Residuals of a case for any model, of whole runs or (of a single axis) of `pieces` of them.
 
     `blocks`: (N,) which block of `BLOCK_S` a residual belongs to, over all runs; `runs_of`: (N,) which run;
-    `channels_of`: (N,) index into `CHANNELS`; `parts`: the runs in groups, in their order, that cores replay at once.
+    `channels_of`: (N,) index into `CHANNELS`; `rows`: each run and the rows of its residuals.
     """
 
     def __init__(self, case: Case, threads: int = 2, pieces: bool = False):
@@ -118,8 +128,8 @@ class Problem:
         self.runs_of = np.concatenate([np.full(len(r.block), k) for k, r in zip(owners, self.runs)])
         self.channels_of = np.concatenate([r.channel for r in self.runs])
         self.size = len(self.blocks)
-        size = math.ceil(len(self.runs) / PARTS)
-        self.parts = [self.runs[k:k + size] for k in range(0, len(self.runs), size)]
+        ends = np.cumsum([len(run.block) for run in self.runs])
+        self.rows = [(run, slice(int(end) - len(run.block), int(end))) for run, end in zip(self.runs, ends)]
 
     def _pieces(self, log: RunLog) -> list[RunData]:
         """A run of a single axis in pieces that each start from the measured state.
@@ -140,7 +150,7 @@ class Problem:
     def _prepare(self, log: RunLog, inputs: tuple[np.ndarray, ...]) -> RunData:
         robot = self.robot
         data = RunData(log, inputs)
-        blocks, channels = [], []
+        blocks, channels, sampled = [], [], []
 
         def note(channel: str, times: np.ndarray) -> None:
             blocks.append(((times - log.t[0]) / BLOCK_S).astype(int))
@@ -153,8 +163,9 @@ class Problem:
             if channel[-2:] == "_r" and len(robot.sides) == 1:
                 continue
             rows = np.flatnonzero(np.isfinite(log.columns[channel]))
-            data.sampled.append((channel, OUTPUT_INDEX[channel], rows, log.columns[channel][rows], noise))
+            sampled.append((channel, rows, log.columns[channel][rows], noise))
             note(channel, log.t[rows])
+        data.sampled = self._sampled(sampled)
         for side in robot.sides:
             channel = f"th_{side}"
             noise = robot.noise(channel)
@@ -188,30 +199,47 @@ class Problem:
         return data
 
     @staticmethod
+    def _sampled(parts: list[tuple[str, np.ndarray, np.ndarray, float]]) -> _Samples | None:
+        """Channels (name, rows, measured, noise) as one."""
+        if not parts:
+            return None
+        counts = [len(rows) for _, rows, _, _ in parts]
+        # The bus is the first channel there is.
+        level = slice(0, counts[0]) if parts[0][0] == "v_bus" else None
+        return _Samples(np.concatenate([rows * len(OUTPUT_INDEX) + OUTPUT_INDEX[channel] for channel, rows, _, _ in parts]),
+                        np.concatenate([measured for _, _, measured, _ in parts]),
+                        np.repeat([noise for *_, noise in parts], counts), level)
+
+    @staticmethod
     def _moves(windows: _Windows, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> tuple[np.ndarray, ...]:
         px, py, heading = windows.mean(x), windows.mean(y), windows.mean(yaw)
         dx, dy = np.diff(px), np.diff(py)
         c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
         return c * dx + s * dy, c * dy - s * dx, np.diff(heading)
 
-    def run_residual(self, data: RunData, out: np.ndarray) -> np.ndarray:
-        """(replayed - measured) / noise of one run, (n,)."""
-        parts = []
-        for channel, column, rows, measured, noise in data.sampled:
-            error = (out[rows, column] - measured) / noise
-            if channel == "v_bus":
+    def run_residual(self, data: RunData, out: np.ndarray, into: np.ndarray | None = None) -> np.ndarray:
+        """(replayed - measured) / noise of one run, (n,); written to `into` if that is given."""
+        result = np.empty(len(data.block)) if into is None else into
+        at = 0
+        if data.sampled is not None:
+            at = len(data.sampled.entries)
+            error = result[:at]
+            np.subtract(out.ravel()[data.sampled.entries], data.sampled.measured, out=error)
+            np.divide(error, data.sampled.noise, out=error)
+            if data.sampled.level is not None:
                 # Its level is the supply's affair; only how it moves is evidence.
-                error = error - error.mean()
-            parts.append(error)
+                error[data.sampled.level] -= error[data.sampled.level].mean()
         for _, column, windows, measured, scale in data.angles:
-            parts.append((np.diff(windows.mean(out[:, column])) - measured) / scale)
+            result[at:at + len(measured)] = (np.diff(windows.mean(out[:, column])) - measured) / scale
+            at += len(measured)
         if data.pose is not None:
             full, windows, measured, spread = data.pose
             replayed = self._moves(windows, out[:, 8], out[:, 9], out[:, 10])
             noise = (self.robot.noise("x"), self.robot.noise("y"), self.robot.noise("yaw"))
             for k in range(3) if full else (2,):
-                parts.append((replayed[k] - measured[k]) / (noise[k] * spread))
-        return np.concatenate(parts) if parts else np.empty(0)
+                result[at:at + len(spread)] = (replayed[k] - measured[k]) / (noise[k] * spread)
+                at += len(spread)
+        return result
 
     def _heading_misfit(self, data: RunData, model: Model, heading: float) -> float:
         start = data.inputs[-1].copy()
@@ -259,6 +287,8 @@ class Problem:
             misfit = functools.partial(self._heading_misfit, data, model)
             grid = np.linspace(-np.pi, np.pi, 24, endpoint=False)
             k = int(np.argmin(list(self.pool.map(misfit, grid))))
+            from scipy.optimize import minimize_scalar  # a third of a second, which few cases have to spend
+
             found = minimize_scalar(misfit, bounds=(grid[k] - 0.3, grid[k] + 0.3), method="bounded",
                                     options={"xatol": 1e-3})
             known = misfit(start[2])
@@ -286,13 +316,20 @@ class Problem:
 
     def residuals(self, models: list[Model]) -> list[np.ndarray]:
         """Residuals of several models, on all cores: shared out by runs, since there are often no more models than cores."""
-        jobs = [(model, part) for model in models for part in self.parts]
-        done = list(self.pool.map(self._part_residual, *zip(*jobs))) if jobs else []
-        count = len(self.parts)
-        return [np.concatenate(done[k:k + count]) for k in range(0, len(done), count)]
+        found = [np.empty(self.size) for _ in models]
+        jobs = deque((model, data, into[rows]) for model, into in zip(models, found) for data, rows in self.rows)
 
-    def _part_residual(self, model: Model, part: list[RunData]) -> np.ndarray:
-        return np.concatenate([self.run_residual(d, replay_run(model, d.inputs)) for d in part])
+        def work(_: int) -> None:
+            # One wait a core: one a job would cost as much as a short replay.
+            while True:
+                try:
+                    model, data, into = jobs.popleft()
+                except IndexError:
+                    return
+                self.run_residual(data, replay_run(model, data.inputs), into)
+
+        list(self.pool.map(work, range(self.threads)))
+        return found
 
     def nuisance_names(self) -> list[tuple[str, int]]:
         """Nuisances that play a part: (name, side)."""

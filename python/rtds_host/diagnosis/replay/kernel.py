@@ -58,6 +58,15 @@ AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = (COMMON_INDEX[n] for n in ("axis", "axis_ine
 _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0, 1, 2, 3, 4
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _turned(c, s, angle):
+    """A direction (c, s) turned by an angle of well below one, rad, to about 1e-12 at 0.1."""
+    q = angle * angle
+    dc = 1.0 - q * (0.5 - q * (1.0 / 24.0 - q * (1.0 / 720.0)))
+    ds = angle * (1.0 - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0))))
+    return c * dc - s * ds, s * dc + c * ds
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
     """Replay one run.
@@ -84,7 +93,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
     supply = com[SUPPLY]
     mass = com[MASS] + run[0]
     slope = run[1] + com[SLOPE_X]
-    uphill = run[2]
+    up_x, up_y = math.cos(run[2]), math.sin(run[2])
     pull = mass * GRAVITY * math.sin(slope)
     half = 0.5 * com[TRACK]
     dc = com[CMD_DELAY]
@@ -153,7 +162,16 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
     was = np.zeros(2, np.int64)  # regime and force as a step begins, to take it again
     held = np.zeros(2)
     apart = np.zeros(2)       # rotor's speed less the wheel's after a step in contact
-    decay_h, decay_r, decay = np.full(2, -1.0), np.full(2, -1.0), np.zeros(2)
+    # Constants of the armature's exact solution, of the step and the resistance they were taken for.
+    usual, h_i, shear_i = 0.0, 0.0, np.zeros(2)
+    of_h, of_r = np.full(2, -1.0), np.full(2, -1.0)
+    decay, rise_v, mean_v, mean_i = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    # Likewise of the mechanics, of a rotor's resistance to a change of speed: its inverse alone, with the load, at a
+    # spring whose other end stands still, and a load's behind a spring with its rotor free or held.
+    of_a, of_s = np.full(2, -1.0), np.full(2, -1.0)
+    free_i, rigid_i, spring_i, behind_i, held_i = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    kap = np.zeros(2)
+    of_0, of_1, of_w, det = 0.0, 0.0, 0.0, 0.0
     p = np.zeros(2)
     load_j = com[JW]
     if axis == 1:
@@ -162,6 +180,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
         load_j = com[AX_J] + (com[AX_M] + run[0]) * com[AX_ARM] ** 2
     elif axis == 3:
         load_j = (com[AX_M] + run[0]) * com[AX_ARM] ** 2
+    load_i = 1.0 / load_j
 
     now = t[0]
     kc = 0                    # next command to act, at t_cmd[kc] + dc
@@ -244,6 +263,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
         done = 0.0
         limit = 0.0
         h = span
+        dir_x, dir_y = math.cos(yaw), math.sin(yaw)
         parts = False             # whether flanks part in this span
         while span - done > 1e-9:
             bound = h_max
@@ -255,9 +275,21 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
             if bound != limit:
                 limit = bound
                 h = (span - done) / math.ceil((span - done) / limit - 1e-9)
+                if abs(h - usual) < 1e-9 * usual:
+                    h = usual     # spans differ in their last digits, and much is kept from step to step
+                if usual != h:
+                    usual, h_i = h, 1.0 / h
+                    for k in range(2):
+                        shear_i[k] = 1.0 / (h + RELAXATION_S_M * side[k, SLIP_LENGTH])
             elapsed = now + done - run[3]
             done += h
-            yaw_mid = yaw + 0.5 * h * rate
+            gx = mass * com[COM_X] * rate * rate
+            gz = -mass * com[COM_X] * v * rate
+            if pull != 0.0:
+                mid_x, mid_y = _turned(dir_x, dir_y, 0.5 * h * rate)
+                along, across = mid_x * up_x + mid_y * up_y, mid_y * up_x - mid_x * up_y
+                gx -= pull * along
+                gz += pull * (com[COM_X] * across + com[COM_Y] * along)
             for k in range(sides):
                 wn[k] = w[k]
                 wmn[k] = wm[k]
@@ -269,24 +301,32 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                 if com[BUS_MEAS] > 0.0:
                     bus = row_bus
                 else:
-                    draw = 0.0
-                    for k in range(sides):
-                        draw += im[k] * va[k] / supply
-                    bus = supply - com[SOURCE_R] * draw - com[DECLINE] * (elapsed + 0.5 * h)
+                    bus = supply - com[DECLINE] * (elapsed + 0.5 * h)
+                    if com[SOURCE_R] != 0.0:
+                        draw = 0.0
+                        for k in range(sides):
+                            draw += im[k] * va[k] / supply
+                        bus -= com[SOURCE_R] * draw
+                level = bus / supply
                 for k in range(sides):
                     if mode == 1:
                         # An ideal current amplifier: the torque is commanded, the current plays no part.
-                        torque = vd[k] * com[TORQUE_V] * (bus / supply)
+                        torque = vd[k] * com[TORQUE_V] * level
                         drive, slope_w = torque * gear, 0.0
                         c0[k], c1[k], m0[k], m1[k] = 0.0, 0.0, 0.0, 0.0
                     else:
                         ke = side[k, KB] * gear
                         res = side[k, R] * (1.0 + rise[k])
-                        if decay_h[k] != h or decay_r[k] != res:
-                            decay_h[k], decay_r[k] = h, res
-                            decay[k] = math.exp(-h * res / side[k, L])
-                        e = decay[k]
-                        volts = vd[k] * (bus / supply)
+                        if of_h[k] != h or of_r[k] != res:
+                            of_h[k], of_r[k] = h, res
+                            e = math.exp(-h * res / side[k, L])
+                            decay[k] = e
+                            rise_v[k] = (1.0 - e) / res
+                            mean_v[k] = 1.0 / res
+                            mean_i[k] = side[k, L] / (h * res)
+                            c1[k] = ke / res * (1.0 - (1.0 - e) * mean_i[k])
+                            m1[k] = 0.5 * ke / res - mean_i[k] * c1[k]
+                        volts = vd[k] * level
                         lim = side[k, LIMIT]
                         volts = min(max(volts, -lim), lim)
                         if side[k, DROP] != 0.0:
@@ -296,11 +336,8 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                                 volts -= min(max(u, -drop), drop)
                             else:
                                 volts -= math.copysign(drop, u) if u != 0.0 else 0.0
-                        q = 1.0 - (1.0 - e) * side[k, L] / (res * h)
-                        c0[k] = e * cur[k] + (1.0 - e) / res * (volts - ke * wmn[k]) + ke * wmn[k] / res * q
-                        c1[k] = ke / res * q
-                        m0[k] = (side[k, L] * (cur[k] - c0[k]) / h + volts - 0.5 * ke * wmn[k]) / res
-                        m1[k] = (0.5 * ke - side[k, L] * c1[k] / h) / res
+                        c0[k] = decay[k] * cur[k] + rise_v[k] * (volts - ke * wmn[k]) + c1[k] * wmn[k]
+                        m0[k] = mean_i[k] * (cur[k] - c0[k]) + mean_v[k] * (volts - 0.5 * ke * wmn[k])
                         drive, slope_w = gear * side[k, KM] * m0[k], gear * side[k, KM] * m1[k]
                     inertia = gear * gear * side[k, J]
                     # The load's inertia and torques join the rotor's while the gear is rigid.
@@ -313,6 +350,16 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                         fluid += side[k, ASYM_V] if wmn[k] > 0.0 else (-side[k, ASYM_V] if wmn[k] < 0.0 else 0.0)
                     am[k] = inertia + 0.5 * h * fluid + h * slope_w
                     bm[k] = inertia * wmn[k] + h * (torque - 0.5 * fluid * wmn[k])
+                    if of_a[k] != am[k] or of_s[k] != h:
+                        of_a[k], of_s[k] = am[k], h
+                        rigid_i[k] = 1.0 / (am[k] + load_j)
+                        if flexible:
+                            # Implicit mid-point for the spring: its mean torque = t0 + kap * (rotor - wheel).
+                            kap[k] = 0.25 * h * side[k, STIFF] + 0.5 * side[k, DAMP]
+                            free_i[k] = 1.0 / am[k]
+                            spring_i[k] = 1.0 / (am[k] + h * kap[k])
+                            held_i[k] = 1.0 / (load_j + h * kap[k])
+                            behind_i[k] = 1.0 / (load_j + h * kap[k] * (1.0 - h * kap[k] * spring_i[k]))
                     if dry:
                         f = side[k, COULOMB]
                         if side[k, STRIBECK] != 0.0:
@@ -352,27 +399,20 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                             if dry and stick[k] == 0:
                                 alpha[k], beta[k] = 0.0, 0.0
                             else:
-                                a = am[k] + load_j
-                                alpha[k] = (bm[k] + bw - p[k]) / a
-                                beta[k] = h * rad / a
+                                alpha[k] = (bm[k] + bw - p[k]) * rigid_i[k]
+                                beta[k] = h * rad * rigid_i[k]
                         elif kind == _SPRING:
-                            # Implicit mid-point for the spring: its mean torque = t0 + kap * (rotor - wheel).
-                            kap = 0.25 * h * side[k, STIFF] + 0.5 * side[k, DAMP]
-                            t0 = side[k, STIFF] * play[k] + kap * (wmn[k] - wn[k])
+                            t0 = side[k, STIFF] * play[k] + kap[k] * (wmn[k] - wn[k])
                             if dry and stick[k] == 0:
-                                a = load_j + h * kap
-                                alpha[k] = (bw + h * t0) / a
-                                beta[k] = h * rad / a
+                                alpha[k] = (bw + h * t0) * held_i[k]
+                                beta[k] = h * rad * held_i[k]
                             else:
-                                a = am[k] + h * kap
-                                rotor0 = (bm[k] - h * t0 - p[k]) / a
-                                rotor1 = h * kap / a
-                                d = load_j + h * kap * (1.0 - rotor1)
-                                alpha[k] = (bw + h * t0 + h * kap * rotor0) / d
-                                beta[k] = h * rad / d
+                                rotor0 = (bm[k] - h * t0 - p[k]) * spring_i[k]
+                                alpha[k] = (bw + h * t0 + h * kap[k] * rotor0) * behind_i[k]
+                                beta[k] = h * rad * behind_i[k]
                         elif kind == _FREE:
-                            alpha[k] = bw / load_j
-                            beta[k] = h * rad / load_j
+                            alpha[k] = bw * load_i
+                            beta[k] = h * rad * load_i
                         else:
                             # What the rotor is faster than the wheel afterwards.
                             gap = (0.5 * side[k, BACKLASH] if kind == _PUSH_F else -0.5 * side[k, BACKLASH]) - play[k]
@@ -382,16 +422,12 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                             if dry and stick[k] == 0:
                                 alpha[k], beta[k] = -apart[k], 0.0
                             else:
-                                a = am[k] + load_j
-                                alpha[k] = (bm[k] + bw - p[k] - am[k] * apart[k]) / a
-                                beta[k] = h * rad / a
+                                alpha[k] = (bm[k] + bw - p[k] - am[k] * apart[k]) * rigid_i[k]
+                                beta[k] = h * rad * rigid_i[k]
                     if axis > 0:
                         force[0] = 0.0
                         w[0] = alpha[0]
                     else:
-                        gx = -pull * math.cos(yaw_mid - uphill) + mass * com[COM_X] * rate * rate
-                        gz = pull * (com[COM_X] * math.sin(yaw_mid - uphill) + com[COM_Y] * math.cos(yaw_mid - uphill))
-                        gz -= mass * com[COM_X] * v * rate
                         w0 = h * (i11 - 2.0 * half * i12 + half * half * i22)
                         w1 = h * (i11 + 2.0 * half * i12 + half * half * i22)
                         wx = h * (i11 - half * half * i22)
@@ -406,11 +442,13 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                                     length = side[k, SLIP_LENGTH]
                                     tau = RELAXATION_S_M * length
                                     path = length + h * abs(side[k, RADIUS] * wn[k])
-                                    give[k] = side[k, SLIP] * path / (h + tau)
-                                    yield_z[k] = (path * tau / (h + tau) - length) * tyre[k] / h
+                                    give[k] = side[k, SLIP] * path * shear_i[k]
+                                    yield_z[k] = (path * tau * shear_i[k] - length) * tyre[k] * h_i
                             a00 += give[0]
                             a11 += give[1]
-                        det = a00 * a11 - wx * wx
+                        if a00 != of_0 or a11 != of_1 or wx != of_w:
+                            of_0, of_1, of_w = a00, a11, wx
+                            det = 1.0 / (a00 * a11 - wx * wx)
                         q = spin * h * scrub
                         for turn in range(2):
                             dv = h * (i11 * gx + i12 * gz) - i12 * q
@@ -420,8 +458,8 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                             if slipping:
                                 b0 -= yield_z[0]
                                 b1 -= yield_z[1]
-                            force[0] = (a11 * b0 - wx * b1) / det
-                            force[1] = (a00 * b1 - wx * b0) / det
+                            force[0] = (a11 * b0 - wx * b1) * det
+                            force[1] = (a00 * b1 - wx * b0) * det
                             if slipping:
                                 for k in range(2):
                                     if side[k, SLIP] > 0.0 and abs(force[k]) > grip:
@@ -437,8 +475,8 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                             # The scrub would reverse the turn: find the impulse that stops it, within its bound.
                             q0 = i12 - half * i22
                             q1 = i12 + half * i22
-                            f0 = (a11 * q0 - wx * q1) / det
-                            f1 = (a00 * q1 - wx * q0) / det
+                            f0 = (a11 * q0 - wx * q1) * det
+                            f1 = (a00 * q1 - wx * q0) * det
                             gain = h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) - i22
                             # Two wheels that stick hold the turn by themselves, and the scrub has nothing to do.
                             q = min(max(q - rate_new / gain, -h * scrub), h * scrub) if gain < -1e-9 * i22 else 0.0
@@ -468,11 +506,10 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                                     stick[k] = 0
                                     again = True
                         elif kind == _SPRING:
-                            kap = 0.25 * h * side[k, STIFF] + 0.5 * side[k, DAMP]
-                            t0 = side[k, STIFF] * play[k] + kap * (wmn[k] - wn[k])
+                            t0 = side[k, STIFF] * play[k] + kap[k] * (wmn[k] - wn[k])
                             if dry and stick[k] == 0:
                                 wm[k] = 0.0
-                                need = bm[k] - h * (t0 - kap * w[k])
+                                need = bm[k] - h * (t0 - kap[k] * w[k])
                                 if need > max(hi[k], 0.0):
                                     stick[k] = 1
                                     again = True
@@ -480,7 +517,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                                     stick[k] = -1
                                     again = True
                             else:
-                                wm[k] = (bm[k] - h * t0 - p[k] + h * kap * w[k]) / (am[k] + h * kap)
+                                wm[k] = (bm[k] - h * t0 - p[k] + h * kap[k] * w[k]) * spring_i[k]
                                 if dry and stick[k] * wm[k] < 0.0:
                                     stick[k] = 0
                                     again = True
@@ -490,7 +527,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                                     wm[k] = 0.0
                                     need = bm[k]
                                 else:
-                                    wm[k] = (bm[k] - p[k]) / am[k]
+                                    wm[k] = (bm[k] - p[k]) * free_i[k]
                                     need = 0.0
                                 moved = play[k] + h * (wm[k] - w[k])
                                 if moved > 0.5 * side[k, BACKLASH]:
@@ -532,7 +569,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                             fluid = gear * gear * side[k, B] + side[k, VISCOUS_W]
                             torque = gear * side[k, KM] * im[k]
                             if mode == 1:
-                                torque = vd[k] * com[TORQUE_V] * (bus / supply) * gear
+                                torque = vd[k] * com[TORQUE_V] * level * gear
                             tin[k] = (torque - 0.5 * fluid * (wmn[k] + wm[k])
                                       - gear * gear * side[k, J] * (wm[k] - wmn[k]) / h)
                             tout[k] = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k]
@@ -578,9 +615,13 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
             if axis == 0:
                 v_mid = 0.5 * (v + v_new)
                 rate_mid = 0.5 * (rate + rate_new)
-                heading = yaw + 0.5 * h * rate_mid
-                x += h * v_mid * math.cos(heading)
-                y += h * v_mid * math.sin(heading)
+                turned = 0.5 * h * rate_mid
+                if turned != 0.0:
+                    dir_x, dir_y = _turned(dir_x, dir_y, turned)
+                x += h * v_mid * dir_x
+                y += h * v_mid * dir_y
+                if turned != 0.0:
+                    dir_x, dir_y = _turned(dir_x, dir_y, turned)
                 yaw += h * rate_mid
                 v = v_new
                 rate = rate_new
@@ -591,7 +632,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                             if abs(force[k]) >= grip:
                                 tyre[k] = force[k] * side[k, SLIP]
                             else:
-                                tyre[k] = (force[k] * side[k, SLIP] + tau * tyre[k] / h) / (1.0 + tau / h)
+                                tyre[k] = (h * force[k] * side[k, SLIP] + tau * tyre[k]) * shear_i[k]
         now = ahead
         bad = False
         for k in range(sides):

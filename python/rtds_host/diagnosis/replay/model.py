@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,8 @@ STEP_S = 1.7e-3
 REPORT_STEP_S = 5.0e-4
 # Springs and slip bring faster modes, and so does free play between its flanks.
 FINE_STEP_S = 4.0e-4
+# A spring's step in its fastest swing: the errors then are those above at any stiffness that swings visibly.
+SPRING_STEP_RAD = 0.1
 # A piece starts from a parabola over this time to either side, and knows so many commands from before.
 START_S = 0.02
 HISTORY_ROWS = 200
@@ -60,7 +63,23 @@ class Model:
     @property
     def step_s(self) -> float:
         """Longest step that resolves what is switched on (free play asks for shorter ones between its flanks only)."""
-        return FINE_STEP_S if self._has("stiffness", "slip") else STEP_S
+        if self._has("slip"):
+            return FINE_STEP_S
+        stiffness = max(self.get("stiffness", 0), self.get("stiffness", 1))
+        if stiffness <= 0.0:
+            return STEP_S
+        rotor = self.get("gear_ratio") ** 2 * self.get("rotor_inertia")
+        fastest = math.sqrt(stiffness * (1.0 / self._load_inertia() + 1.0 / rotor))
+        return min(max(SPRING_STEP_RAD / fastest, FINE_STEP_S), STEP_S)
+
+    def _load_inertia(self) -> float:
+        """Inertia that a wheel feels which alone is accelerated, kg m2 (of an axis: its load's)."""
+        arm = self.get("axis_arm")
+        if self.get("axis") > 0:
+            return self.get("axis_inertia") + self.get("axis_mass") * arm**2
+        half = 0.5 * self.get("track")
+        return self.get("wheel_inertia") + self.get("radius") ** 2 / (
+            1.0 / self.get("mass") + half**2 / self.get("yaw_inertia"))
 
     @property
     def slow(self) -> bool:

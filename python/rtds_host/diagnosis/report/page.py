@@ -30,6 +30,7 @@ from rtds_host.diagnosis.report.words import (
 
 # Points a line keeps: two a bucket, so that peaks survive.
 BUCKETS = 450
+DIGITS = 6
 UNITS = {"v_bus": "V", "i": "A", "w": "rad/s", "th": "rad", "gyro_z": "rad/s", "x": "m", "y": "m", "yaw": "rad"}
 
 
@@ -56,14 +57,19 @@ def _decimated(trace: Trace, unit: str) -> dict[str, Any]:
             keep += [rows[values.argmin()], rows[values.argmax()]]
         good = np.unique(keep)
 
-    def plain(values: np.ndarray, digits: int) -> list[float | None]:
-        return [float(f"{v:.{digits}g}") if math.isfinite(v) else None for v in values[good]]
+    def plain(values: np.ndarray) -> list[float | None]:
+        # To so many digits of the line's largest: what a plot can show, also zoomed in.
+        kept = values[good]
+        finite = np.isfinite(kept)
+        largest = np.abs(kept[finite]).max(initial=1e-300)
+        rounded = np.round(kept, DIGITS - 1 - math.floor(math.log10(largest)) if largest > 1e-300 else 0)
+        return [v if ok else None for v, ok in zip(rounded.tolist(), finite.tolist())]
 
-    result: dict[str, Any] = {"unit": unit, "t": plain(trace.t, 6), "measured": plain(trace.measured, 4)}
+    result: dict[str, Any] = {"unit": unit, "t": plain(trace.t), "measured": plain(trace.measured)}
     for name in ("nominal", "refit", "after"):
         line = getattr(trace, name)
         if line is not None:
-            result[name] = plain(np.asarray(line), 4)
+            result[name] = plain(np.asarray(line))
     return result
 
 
