@@ -29,9 +29,8 @@ from rtds_host.diagnosis.verdict import NO_GAP, Decision, decide
 SCHEMA = "rtds-diagnosis/1"
 Z90 = 1.6448536269514722
 BOOTSTRAPS = 400
-# No formula is nature's: sizes agree with those of other simulators' formulations to about this, one sigma, where the
-# explanation leaves no structure. Where it does, nature's form is another by about so much of the share left open.
-FORM_SHARE, ERRATIC_SHARE, REST_SHARE = 0.008, 0.05, 0.5
+# Where an explanation leaves structure, nature's form is another than its own by about so much of the share left open.
+REST_SHARE = 0.5
 MOVED = 0.01                                      # sigma of the prior
 
 
@@ -160,7 +159,7 @@ def _effects(problem: Problem, decision: Decision) -> list[dict]:
         for p in CATALOGUE[effect].parameters:
             at_bound = not fit.free[len(fit.z) + k]
             pinned = not at_bound and sigma[k] < 2.0
-            form = ERRATIC_SHARE if CATALOGUE[effect].erratic else math.hypot(FORM_SHARE, REST_SHARE * rest)
+            form = math.hypot(CATALOGUE[effect].form, 0.0 if CATALOGUE[effect].erratic else REST_SHARE * rest)
             spread = Z90 * math.hypot(sigma[k] * p.spread, form * abs(values[p.name] - p.null))
             name, _, unit = p.reported(problem.robot.axis)
             entry[name] = {"value": _round(unit * values[p.name]),

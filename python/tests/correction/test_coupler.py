@@ -97,6 +97,15 @@ def test_scrub_holds_the_heading_and_then_gives_way():
     assert 0.1 < turned.yaw_rad < 0.95 * free.yaw_rad
 
 
+@pytest.mark.parametrize("volts", [(0.5, -0.5), (0.5, 0.5), (-0.5, 0.0)])
+def test_wheels_that_stick_hold_the_turn_without_the_scrub(volts):
+    # The impulse of the scrub that stops a turn is 0/0 where two wheels that stick leave none.
+    effects = [("spin_scrub", {"torque_nm": 0.05}), ("coulomb_friction", {"torque_nm": 0.3})]
+    speeds, state = drive(volts, seconds=0.1, effects=effects)
+    assert np.abs(speeds).max() < 1e-9
+    assert abs(state.yaw_rate_rad_s) < 1e-7
+
+
 def test_a_spring_lets_the_wheel_swing_about_the_rotor():
     soft, _ = drive((6.0, 6.0), effects=[("gear_compliance", {"stiffness_nm_per_rad": 2.0, "damping_nm_s_per_rad": 0.0})])
     stiff, _ = drive((6.0, 6.0))

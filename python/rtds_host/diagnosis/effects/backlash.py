@@ -21,4 +21,5 @@ EFFECT = Effect(
     advice="Preload or replace the gear; avoid torque reversals at rest.",
     runs_in="robot",
     erratic=True,
+    form=0.05,
 )

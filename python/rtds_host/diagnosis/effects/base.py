@@ -51,7 +51,9 @@ class Effect:
     of 1 (contract, section 2). `axis`: it exists on a single axis. `contains`: effects it turns into when its further
     parameters rest. `erratic`: the motion it causes hangs on small
     differences, so that no replay follows it for long. `runs_in` says where it acts in the real-time simulator: "rtl",
-    "robot" or "signal". `restarts`: parameters to fit from as well, where the misfit has more than one minimum.
+    "robot" or "signal". `restarts`: parameters to fit from as well, where the misfit has more than one minimum. `form`: what
+    share of its size formulations of it differ by, one sigma: next to nothing where a definition or a law stands behind it,
+    more where a model of friction or contact does.
     """
 
     id: str
@@ -70,6 +72,7 @@ class Effect:
     contains: tuple[str, ...] = ()
     erratic: bool = False
     restarts: tuple[Mapping[str, float], ...] = ()
+    form: float = 0.0025
 
     @property
     def sides(self) -> tuple[str, ...]:

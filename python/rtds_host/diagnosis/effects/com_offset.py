@@ -20,4 +20,5 @@ EFFECT = Effect(
     advice="Weigh each wheel; move the payload over the axle.",
     runs_in="robot",
     axis=False,
+    form=0.03,
 )

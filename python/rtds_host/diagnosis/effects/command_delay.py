@@ -17,4 +17,5 @@ EFFECT = Effect(
     shown_by="steps with the pose measured",
     advice="Shorten the bus cycle to the driver, or predict over the delay in the controller.",
     runs_in="rtl",
+    form=0.005,
 )

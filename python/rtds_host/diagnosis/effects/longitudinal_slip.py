@@ -22,4 +22,5 @@ EFFECT = Effect(
     axis=False,
     # A soft tyre with a long patch and a slippery one with a short one take much the same off a slow turn.
     restarts=({"slip_per_newton": 0.05, "relaxation_m": 0.0005},),
+    form=0.15,
 )

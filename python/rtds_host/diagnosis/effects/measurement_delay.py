@@ -17,4 +17,5 @@ EFFECT = Effect(
     shown_by="steps with the pose measured",
     advice="Stamp the samples at the sensor, or shift them by the delay.",
     runs_in="signal",
+    form=0.005,
 )

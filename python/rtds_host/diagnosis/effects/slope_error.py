@@ -18,4 +18,5 @@ EFFECT = Effect(
     advice="Measure the slope with a level.",
     runs_in="robot",
     axis=False,
+    form=0.03,
 )

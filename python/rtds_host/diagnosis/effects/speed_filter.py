@@ -17,4 +17,5 @@ EFFECT = Effect(
     shown_by="steps and pseudo-random voltage with angle or current",
     advice="Turn the driver's speed filter off, or model it in the controller.",
     runs_in="signal",
+    form=0.005,
 )

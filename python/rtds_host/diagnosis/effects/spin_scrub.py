@@ -18,4 +18,5 @@ EFFECT = Effect(
     advice="Use narrower tyres or a freer caster.",
     runs_in="robot",
     axis=False,
+    form=0.03,
 )

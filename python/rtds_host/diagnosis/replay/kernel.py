@@ -274,8 +274,9 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                     bound = min(h_max, h_play)
             if bound != limit:
                 limit = bound
-                h = (span - done) / math.ceil((span - done) / limit - 1e-9)
-                if abs(h - usual) < 1e-9 * usual:
+                count = math.ceil((span - done) / limit - 1e-9)
+                h = (span - done) / count
+                if abs(h - usual) * count < 1e-10:
                     h = usual     # spans differ in their last digits, and much is kept from step to step
                 if usual != h:
                     usual, h_i = h, 1.0 / h
