@@ -74,6 +74,8 @@ class GearValues:
     restitution: float = 0.0
     slip_per_newton: float = 0.0
     slip_relaxation_m: float = 0.0
+    slip_damping_n_s_per_m: float = 0.0
+    grip: float = 0.9
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ import numpy as np
 from rtds_host.contract import GRAVITY_M_S2, Robot
 from rtds_host.correction import layer
 from rtds_host.correction.correction import Correction
-from rtds_host.diagnosis.replay.kernel import GRIP
 from rtds_host.errors import InputError
 from rtds_host.link import Link
 from rtds_host.motor.effects import MotorParameters, UnitEffects
@@ -85,12 +84,14 @@ class Coupler:
         self.units = units
         self.delay_s = correction.supply.command_delay_s if correction else 0.0
         self.scrub = correction.scrub_nm if correction else 0.0
-        self.side = np.zeros((2, 7))
+        self.side = np.zeros((2, 8))
+        self.grip = np.ones(2)
         for k in range(2):
             if gears[k] is not None:
-                self.side[k, :6] = (gears[k].stiffness_nm_per_rad, gears[k].damping_nm_s_per_rad,
+                self.side[k, :7] = (gears[k].stiffness_nm_per_rad, gears[k].damping_nm_s_per_rad,
                                     gears[k].backlash_rad, gears[k].restitution, gears[k].slip_per_newton,
-                                    gears[k].slip_relaxation_m)
+                                    gears[k].slip_relaxation_m, gears[k].slip_damping_n_s_per_m)
+                self.grip[k] = gears[k].grip * 0.5 * body.total_mass_kg * GRAVITY_M_S2 * body.wheel_radius_m[k]
             self.side[k, layer.RADIUS] = body.wheel_radius_m[k]
         self.wheel_j = body.wheel_inertia_kg_m2
         # The engine's, and the robot's, where the engine could not build it (`BodyValues.on`).
@@ -100,9 +101,8 @@ class Coupler:
             raise InputError(f"com_y_m: {body.com_m[1]:g} m off the axle's mid-point needs more yaw inertia than "
                              f"{wanted:g} kg m2")
         self.ground = np.linalg.inv(wheel_inertia(body, wanted)[0])
-        self.grip = GRIP * body.total_mass_kg * GRAVITY_M_S2 * 0.5 * np.array(body.wheel_radius_m)
         self.rotor = np.array([self._rotor(robot, unit) for unit in units])
-        self.state = np.zeros((2, 5))
+        self.state = np.zeros((2, 6))
         self.contact = layer.start_contact(self.side)
         self.elastic = (self.side[:, layer.STIFFNESS] > 0.0) | (self.side[:, layer.BACKLASH] > 0.0)
         self.current, self.speed = np.zeros(2), np.zeros(2)

@@ -23,14 +23,15 @@ import math
 import numba
 import numpy as np
 
-from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, RELAXATION_S_M
+from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT
 
 # Columns of a side's parameters.
-STIFFNESS, DAMPING, BACKLASH, RESTITUTION, SLIP, SLIP_LENGTH, RADIUS = range(7)
+STIFFNESS, DAMPING, BACKLASH, RESTITUTION, SLIP, SLIP_LENGTH, SLIP_DAMPING, RADIUS = range(8)
 # Columns of a rotor's parameters; LEVEL_F and LEVEL_B hold it at rest against torques forwards and backwards.
 INERTIA, VISCOUS, KM, KB, RESISTANCE, INDUCTANCE, LEVEL_F, LEVEL_B = range(8)
-# Columns of a side's state: rotor's speed, wheel's, ground's, rotor's angle less the wheel's, shear of the tyre.
-ROTOR, WHEEL, GROUND, PLAY, TYRE = range(5)
+# Columns of a side's state: rotor's speed, wheel's, ground's, rotor's angle less the wheel's, shear of the tyre, and the
+# torque it would give with all the grip there could be.
+ROTOR, WHEEL, GROUND, PLAY, TYRE, WHOLE = range(6)
 
 _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0, 1, 2, 3, 4
 # What is known of a rotor: nothing but its motor's equations, its speed, or the impulse that drives it.
@@ -62,10 +63,10 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
     given : (n, 2) for each step, speed rad/s at its end (GIVEN) or impulse N m s over it (DRIVEN).
     rotor : (2, 8) columns above; current (2,) A, volts (n, 2) V and disturbance (2,) N m, which brakes, for rotors
         foretold.
-    state : (2, 5), contact : (2,), both changed in place. side : (2, 7). wheel_j : kg m², a wheel's own.
+    state : (2, 6), contact : (2,), both changed in place. side : (2, 8). wheel_j : kg m², a wheel's own.
     ground : (2, 2) inverse of the body's inertia, wheels left out. lever : (2,) change of the yaw rate with u.
     scrub : N m against the yaw rate. spin : share of it that acts, -1 to 1, where rotors are not foretold (else found).
-    grip : (2,) N m, largest torque of a slipping tyre. external : (2,) N m that load the wheels.
+    grip : (2,) N m, what the torque of a slipping tyre tends to. external : (2,) N m that load the wheels.
 
     Returns
     -------
@@ -78,9 +79,9 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
     w, wr, old_w, old_r = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     am, bm, alpha, beta, f = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     give, shift, amps = np.zeros(2), np.zeros(2), np.zeros(2)
+    late, shear, tangent, taken = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     stick, hi, lo = np.zeros(2, np.int64), np.zeros(2), np.zeros(2)
     bounces, apart = np.zeros(2, np.bool_), np.zeros(2)
-    slipping = side[0, SLIP] > 0.0 or side[1, SLIP] > 0.0
     g00, g01, g11 = ground[0, 0], ground[0, 1], ground[1, 1]
     gl0, gl1 = g00 * lever[0] + g01 * lever[1], g01 * lever[0] + g11 * lever[1]
     turn = lever[0] * gl0 + lever[1] * gl1
@@ -111,11 +112,20 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
                 hi[k], lo[k] = h * rotor[k, LEVEL_F], -h * rotor[k, LEVEL_B]
             give[k] = shift[k] = 0.0
             if side[k, SLIP] > 0.0:
+                # As in the replay's kernel, in torques and wheel speeds.
                 radius = side[k, RADIUS]
-                tau = RELAXATION_S_M * side[k, SLIP_LENGTH]
-                path = side[k, SLIP_LENGTH] + h * abs(radius * old_w[k])
-                give[k] = side[k, SLIP] * path / (h + tau) / (radius * radius)
-                shift[k] = (path * tau / (h + tau) - side[k, SLIP_LENGTH]) * state[k, TYRE] / h / radius
+                slack = side[k, SLIP] / (radius * radius)
+                tau = side[k, SLIP_DAMPING] * side[k, SLIP] * side[k, SLIP_LENGTH]
+                late[k] = max(0.5, 1.0 - tau / h)
+                shear[k] = 1.0 / (late[k] * h + tau)
+                rolled = abs(radius * old_w[k])
+                path = (side[k, SLIP_LENGTH] + late[k] * h * rolled) * shear[k]
+                bent = math.tanh(state[k, WHOLE] / grip[k])
+                tangent[k], taken[k] = max(1.0 - bent * bent, FLAT), grip[k] * bent
+                give[k] = slack * path / tangent[k] / late[k]
+                shift[k] = (slack * path * (state[k, WHOLE] - taken[k] / tangent[k])
+                            + (rolled - path) * state[k, TYRE] / radius
+                            - (1.0 - late[k]) * (old_w[k] - state[k, GROUND])) / late[k]
         u0, u1 = state[0, GROUND], state[1, GROUND]
         rate = lever[0] * u0 + lever[1] * u1
         way = spin
@@ -166,14 +176,6 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
                 b0 = alpha[0] - u0 + h * (g00 * e0 + g01 * e1) + gl0 * q - shift[0]
                 b1 = alpha[1] - u1 + h * (g01 * e0 + g11 * e1) + gl1 * q - shift[1]
                 f[0], f[1] = (a11 * b0 - a01 * b1) / det, (a00 * b1 - a01 * b0) / det
-                if slipping:
-                    for k in range(2):
-                        if side[k, SLIP] > 0.0 and abs(f[k]) > grip[k]:
-                            f[k] = math.copysign(grip[k], f[k])
-                            if k == 0:
-                                f[1] = (b1 - a01 * f[0]) / a11
-                            else:
-                                f[0] = (b0 - a01 * f[1]) / a00
                 n0 = u0 + h * (g00 * (f[0] - e0) + g01 * (f[1] - e1)) - gl0 * q
                 n1 = u1 + h * (g01 * (f[0] - e0) + g11 * (f[1] - e1)) - gl1 * q
                 new_rate = lever[0] * n0 + lever[1] * n1
@@ -245,12 +247,8 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
                 state[k, PLAY] += h * (wr[k] - w[k])
             state[k, ROTOR], state[k, WHEEL] = wr[k], w[k]
             if side[k, SLIP] > 0.0:
-                tau = RELAXATION_S_M * side[k, SLIP_LENGTH]
-                force = f[k] / side[k, RADIUS]
-                if abs(f[k]) >= grip[k]:
-                    state[k, TYRE] = force * side[k, SLIP]
-                else:
-                    state[k, TYRE] = (force * side[k, SLIP] + tau * state[k, TYRE] / h) / (1.0 + tau / h)
+                state[k, WHOLE] += (f[k] - taken[k]) / tangent[k]
+                state[k, TYRE] += h * (state[k, WHOLE] / side[k, RADIUS] * side[k, SLIP] - state[k, TYRE]) * shear[k]
         state[0, GROUND], state[1, GROUND] = n0, n1
         acted += q / (h * scrub) if scrub != 0.0 else 0.0
     return total / n, acted / n

@@ -27,8 +27,8 @@ PLACES = {
                      "stribeck_speed", "viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share", "ripple",
                      "ripple_cycles", "ripple_phase", "gear_ratio", "supply", "source_resistance", "decline",
                      "command_delay", "rolling"), "rtl"),
-    **dict.fromkeys(("radius", "backlash", "restitution", "stiffness", "damping", "slip", "slip_relaxation", "mass",
-                     "yaw_inertia", "wheel_inertia", "track", "scrub", "com_x", "com_y", "slope_extra"), "robot"),
+    **dict.fromkeys(("radius", "backlash", "restitution", "stiffness", "damping", "slip", "slip_relaxation",
+                     "slip_damping", "slip_grip", "mass", "yaw_inertia", "wheel_inertia", "track", "scrub", "com_x", "com_y", "slope_extra"), "robot"),
     **dict.fromkeys(("speed_gain", "current_gain", "current_bias", "speed_tau", "gyro_gain", "gyro_bias",
                      "measurement_delay", "bus_measured"), "signal"),
     **dict.fromkeys(("mode", "torque_per_volt", "servo_kp", "servo_ki", "servo_limit", "servo_period", "axis",
@@ -93,7 +93,8 @@ def translate(model: Model, robot: Robot, payload_kg: float = 0.0, start_angles:
                       com_y_m=get("com_y"), slope_extra_rad=get("slope_extra"))
     gears = tuple(GearValues(stiffness_nm_per_rad=get("stiffness", k), damping_nm_s_per_rad=get("damping", k),
                              backlash_rad=get("backlash", k), restitution=get("restitution", k),
-                             slip_per_newton=get("slip", k), slip_relaxation_m=get("slip_relaxation", k))
+                             slip_per_newton=get("slip", k), slip_relaxation_m=get("slip_relaxation", k),
+                             slip_damping_n_s_per_m=get("slip_damping", k), grip=get("slip_grip", k))
                   for k in (0, 1))
     sensors = SensorValues(speed_gain=get.pair("speed_gain"), current_gain=get.pair("current_gain"),
                            current_bias_a=get.pair("current_bias"), speed_filter_s=get.pair("speed_tau"),

@@ -1,6 +1,17 @@
 """longitudinal_slip: v_wheel = r w (1 - k F), F opposing where the wheel is driven by the ground."""
 
-from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from collections.abc import Mapping
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter
+from rtds_host.diagnosis.replay.model import Model
+
+
+def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
+    model.add("slip", values["slip_per_newton"], sides)
+    model.add("slip_relaxation", values["relaxation_m"], sides)
+    model.add("slip_damping", values["damping_n_s_per_m"], sides)
+    model.put("slip_grip", values["grip"], sides)
+
 
 EFFECT = Effect(
     id="longitudinal_slip",
@@ -11,16 +22,22 @@ EFFECT = Effect(
                   meaning="relative loss of speed a newton of traction"),
         Parameter("relaxation_m", "m", null=0.0, low=0.0, high=0.05, spread=0.003, starts=(0.0, 0.003),
                   optional=True, shape=True, meaning="rolling distance over which traction builds up; 0 = at once"),
+        Parameter("damping_n_s_per_m", "N·s/m", null=0.0, low=0.0, high=1000.0, spread=40.0, starts=(50.0,),
+                  difference=0.05, optional=True, shape=True, meaning="of the tread that builds it up"),
+        Parameter("grip", "1", null=0.9, low=0.2, high=4.0, spread=0.3, starts=(0.9,), difference=0.03,
+                  optional=True, shape=True, meaning="largest traction over the load on the wheel"),
     ),
-    apply=add(slip="slip_per_newton", slip_relaxation="relaxation_m"),
-    equation="v_wheel = r w (1 - k F), F opposing where the wheel is driven by the ground; traction builds up over the contact patch and is limited by grip",
-    source="contract, section 3; H. B. Pacejka, Tire and Vehicle Dynamics, 2012, ch. 1 and 5",
+    apply=_apply,
+    equation="v_wheel = r w (1 - k F0), F0 opposing where the wheel is driven by the ground and built up over a length "
+             "of rolling; F = m tanh(F0 / m), m = grip times load",
+    source="contract, section 3; H. B. Pacejka, Tire and Vehicle Dynamics, 2012, sections 7.2.1 and 8.6",
     confused_with=("wheel_radius_error", "track_width_error"),
     shown_by="hill climbing with payload, pose measured",
     advice="Use tyres of higher stiffness, lower the load, or estimate the pose from outside.",
     runs_in="robot",
     axis=False,
     # A soft tyre with a long patch and a slippery one with a short one take much the same off a slow turn.
-    restarts=({"slip_per_newton": 0.05, "relaxation_m": 0.0005},),
-    form=0.15,
+    restarts=({"slip_per_newton": 0.05, "relaxation_m": 0.0005, "damping_n_s_per_m": 50.0, "grip": 0.9},
+              {"slip_per_newton": 0.005, "relaxation_m": 0.012, "damping_n_s_per_m": 50.0, "grip": 1.5}),
+    form=0.05,
 )

@@ -10,7 +10,9 @@ through the body; slip is a compliance in it. Steps end on every command change 
 delayed ones, so that the result is a smooth function of the delays.
 
 References: contract, section 2 (equations); J. J. Moreau, "Unilateral contact and dry friction in finite
-freedom dynamics", 1988 (time stepping with friction); E. Hairer, G. Wanner, "Solving ODEs II", 1996 (mid-point).
+freedom dynamics", 1988 (time stepping with friction); E. Hairer, G. Wanner, "Solving ODEs II", 1996 (mid-point);
+H. B. Pacejka, "Tire and Vehicle Dynamics", 2012, sections 7.2.1 and 8.6 (transient slip: a relaxation length, damping,
+and a force that saturates).
 """
 
 from __future__ import annotations
@@ -23,11 +25,8 @@ import numpy as np
 from rtds_host.diagnosis.replay.slots import COMMON_INDEX, SIDE_INDEX
 
 GRAVITY = 9.80665
-# A slipping tyre builds its shear up over a relaxation length, damped over the time it takes at about 1 m/s, and grips
-# up to a share of the load on it (H. B. Pacejka, "Tire and Vehicle Dynamics", 2012, ch. 1, 3 and 5; a small rubber tyre
-# on a hard floor).
-RELAXATION_S_M = 0.9
-GRIP = 0.9
+# A tyre that slides counts as if its force still grew with its shear by this share, so that it is found again.
+FLAT = 0.02
 # Flanks that meet more slowly stay together.
 BOUNCE_RAD_S = 0.05
 
@@ -41,7 +40,8 @@ VISCOUS_W, ASYM, ASYM_V, LOAD = (SIDE_INDEX[n] for n in ("viscous_wheel", "asymm
                                                          "load_share"))
 BACKLASH, RESTITUTION, STIFF, DAMP = (SIDE_INDEX[n] for n in ("backlash", "restitution", "stiffness", "damping"))
 RIPPLE, RIPPLE_N, RIPPLE_PHI = (SIDE_INDEX[n] for n in ("ripple", "ripple_cycles", "ripple_phase"))
-SLIP, SLIP_LENGTH = SIDE_INDEX["slip"], SIDE_INDEX["slip_relaxation"]
+SLIP, SLIP_LENGTH, SLIP_DAMPING, SLIP_GRIP = (SIDE_INDEX[n] for n in ("slip", "slip_relaxation", "slip_damping",
+                                                                     "slip_grip"))
 W_GAIN, I_GAIN, I_BIAS, W_TAU = (SIDE_INDEX[n] for n in ("speed_gain", "current_gain", "current_bias", "speed_tau"))
 GEAR, SUPPLY, MASS, IZ, JW, TRACK = (COMMON_INDEX[n] for n in ("gear_ratio", "supply", "mass", "yaw_inertia",
                                                                "wheel_inertia", "track"))
@@ -134,13 +134,20 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
             outer = 3
     slipping = side[0, SLIP] != 0.0 or side[1, SLIP] != 0.0
     tyre = np.zeros(2)        # shear of the tyres over their relaxation length
-    give = np.zeros(2)
+    whole = np.zeros(2)       # force that this shear would give with all the grip there could be
+    shear_tau = np.zeros(2)   # damping over stiffness
+    late = np.ones(2)         # where in a step its equation holds: half way, or at the end where damping is too little
+    give, tangent, taken = np.zeros(2), np.ones(2), np.zeros(2)
     yield_z = np.zeros(2)
+    grip = np.ones(2)         # N, what a tyre's traction tends to
+    if slipping:
+        for k in range(2):
+            shear_tau[k] = side[k, SLIP_DAMPING] * side[k, SLIP] * side[k, SLIP_LENGTH]
+            grip[k] = side[k, SLIP_GRIP] * mass * GRAVITY * 0.5
     # Inverse of the body's inertia for (v, yaw rate): the centre of mass beside the axle couples them.
     i22 = 1.0 / (com[IZ] - mass * com[COM_Y] ** 2) if axis == 0 else 1.0
     i12 = com[COM_Y] * i22
     i11 = 1.0 / mass + com[COM_Y] * i12 if axis == 0 else 1.0
-    grip = GRIP * mass * GRAVITY * 0.5
     if com[SOURCE_R] != 0.0:
         outer = 3
     v = 0.0
@@ -163,7 +170,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
     held = np.zeros(2)
     apart = np.zeros(2)       # rotor's speed less the wheel's after a step in contact
     # Constants of the armature's exact solution, of the step and the resistance they were taken for.
-    usual, h_i, shear_i = 0.0, 0.0, np.zeros(2)
+    usual, shear_i = 0.0, np.zeros(2)
     of_h, of_r = np.full(2, -1.0), np.full(2, -1.0)
     decay, rise_v, mean_v, mean_i = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     # Likewise of the mechanics, of a rotor's resistance to a change of speed: its inverse alone, with the load, at a
@@ -279,9 +286,10 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                 if abs(h - usual) * count < 1e-10:
                     h = usual     # spans differ in their last digits, and much is kept from step to step
                 if usual != h:
-                    usual, h_i = h, 1.0 / h
+                    usual = h
                     for k in range(2):
-                        shear_i[k] = 1.0 / (h + RELAXATION_S_M * side[k, SLIP_LENGTH])
+                        late[k] = max(0.5, 1.0 - shear_tau[k] / h)
+                        shear_i[k] = 1.0 / (late[k] * h + shear_tau[k])
             elapsed = now + done - run[3]
             done += h
             gx = mass * com[COM_X] * rate * rate
@@ -435,16 +443,22 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                         a00 = side[0, RADIUS] * beta[0] + w0
                         a11 = side[1, RADIUS] * beta[1] + w1
                         if slipping:
-                            # F = K (z + tau z'), z' = slip speed - |r w| z / length, K = 1 / (k length): in steady
-                            # rolling F = slip / k. The state is z / length, which stays finite as the length goes.
+                            # Transient slip: z' = slip speed - |r w| z / length, F0 = K (z + tau z'), K = 1 / (k length),
+                            # and the ground takes F = grip tanh(F0 / grip): in slow steady rolling F = slip / k. The
+                            # state is z / length, which stays finite as the length goes; tanh is taken as its tangent
+                            # at the F0 of the step before.
                             for k in range(2):
                                 yield_z[k] = 0.0
                                 if side[k, SLIP] > 0.0:
-                                    length = side[k, SLIP_LENGTH]
-                                    tau = RELAXATION_S_M * length
-                                    path = length + h * abs(side[k, RADIUS] * wn[k])
-                                    give[k] = side[k, SLIP] * path * shear_i[k]
-                                    yield_z[k] = (path * tau * shear_i[k] - length) * tyre[k] * h_i
+                                    rolled = abs(side[k, RADIUS] * wn[k])
+                                    path = (side[k, SLIP_LENGTH] + late[k] * h * rolled) * shear_i[k]
+                                    bent = math.tanh(whole[k] / grip[k])
+                                    tangent[k] = max(1.0 - bent * bent, FLAT)
+                                    taken[k] = grip[k] * bent
+                                    slid = side[k, RADIUS] * wn[k] - v - (2 * k - 1) * half * rate
+                                    give[k] = side[k, SLIP] * path / tangent[k] / late[k]
+                                    yield_z[k] = (side[k, SLIP] * path * (whole[k] - taken[k] / tangent[k])
+                                                  + (rolled - path) * tyre[k] - (1.0 - late[k]) * slid) / late[k]
                             a00 += give[0]
                             a11 += give[1]
                         if a00 != of_0 or a11 != of_1 or wx != of_w:
@@ -461,14 +475,6 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                                 b1 -= yield_z[1]
                             force[0] = (a11 * b0 - wx * b1) * det
                             force[1] = (a00 * b1 - wx * b0) * det
-                            if slipping:
-                                for k in range(2):
-                                    if side[k, SLIP] > 0.0 and abs(force[k]) > grip:
-                                        force[k] = math.copysign(grip, force[k])
-                                        if k == 0:
-                                            force[1] = (b1 - wx * force[0]) / a11
-                                        else:
-                                            force[0] = (b0 - wx * force[1]) / a00
                             rate_new = rate + dr + h * (i12 * (force[0] + force[1])
                                                         + i22 * half * (force[1] - force[0]))
                             if scrub == 0.0 or turn == 1 or spin * rate_new > 0.0:
@@ -629,11 +635,8 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                 if slipping:
                     for k in range(2):
                         if side[k, SLIP] > 0.0:
-                            tau = RELAXATION_S_M * side[k, SLIP_LENGTH]
-                            if abs(force[k]) >= grip:
-                                tyre[k] = force[k] * side[k, SLIP]
-                            else:
-                                tyre[k] = (h * force[k] * side[k, SLIP] + tau * tyre[k]) * shear_i[k]
+                            whole[k] += (force[k] - taken[k]) / tangent[k]
+                            tyre[k] += h * (whole[k] * side[k, SLIP] - tyre[k]) * shear_i[k]
         now = ahead
         bad = False
         for k in range(sides):

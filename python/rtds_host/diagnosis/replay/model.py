@@ -15,7 +15,8 @@ from rtds_host.diagnosis.replay.slots import COMMON, COMMON_INDEX, OUTPUTS, SIDE
 # chi2 by a few units. What is reported is replayed at `REPORT_STEP_S`, at which these are a tenth of that.
 STEP_S = 1.7e-3
 REPORT_STEP_S = 5.0e-4
-# Springs and slip bring faster modes, and so does free play between its flanks.
+# Slip brings faster modes, springs may bring faster ones still, and so does free play between its flanks.
+SLIP_STEP_S = 8.4e-4
 FINE_STEP_S = 4.0e-4
 # A spring's step in its fastest swing: the errors then are those above at any stiffness that swings visibly.
 SPRING_STEP_RAD = 0.1
@@ -63,14 +64,13 @@ class Model:
     @property
     def step_s(self) -> float:
         """Longest step that resolves what is switched on (free play asks for shorter ones between its flanks only)."""
-        if self._has("slip"):
-            return FINE_STEP_S
+        step = SLIP_STEP_S if self._has("slip") else STEP_S
         stiffness = max(self.get("stiffness", 0), self.get("stiffness", 1))
         if stiffness <= 0.0:
-            return STEP_S
+            return step
         rotor = self.get("gear_ratio") ** 2 * self.get("rotor_inertia")
         fastest = math.sqrt(stiffness * (1.0 / self._load_inertia() + 1.0 / rotor))
-        return min(max(SPRING_STEP_RAD / fastest, FINE_STEP_S), STEP_S)
+        return min(max(SPRING_STEP_RAD / fastest, FINE_STEP_S), step)
 
     def _load_inertia(self) -> float:
         """Inertia that a wheel feels which alone is accelerated, kg m2 (of an axis: its load's)."""

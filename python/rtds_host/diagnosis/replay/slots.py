@@ -37,6 +37,8 @@ SIDE = {
     "ripple_phase": (0.0, "rad", ""),
     "slip": (0.0, "1/N", "longitudinal"),
     "slip_relaxation": (0.0, "m", "length over which its traction builds up"),
+    "slip_damping": (0.0, "N·s/m", "of its tread"),
+    "slip_grip": (0.9, "1", "largest traction over the load on the wheel"),
     "speed_gain": (1.0, "1", "sensor"),
     "current_gain": (1.0, "1", "sensor"),
     "current_bias": (0.0, "A", "sensor"),
