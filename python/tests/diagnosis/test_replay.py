@@ -76,6 +76,71 @@ def test_halving_the_step_brings_the_replay_four_times_nearer():
     assert errors[0] / errors[1] > 3.3 and errors[1] / errors[2] > 3.3
 
 
+def scipy_slip(log, slip, length, damping, grip):
+    """Yaw rate (n,) rad/s and way (n,) m of a robot whose tyres slip: Pacejka's transient slip in its differential form."""
+    m, c = ROBOT.motor, ROBOT.chassis
+    n, r, half = m.gear_ratio, c.wheel_radius_m, 0.5 * c.track_width_m
+    mass = c.mass_kg + log.meta.payload_kg
+    pull = mass * GRAVITY_M_S2 * math.sin(log.meta.slope_rad)
+    most = grip * 0.5 * mass * GRAVITY_M_S2
+    spin = n * n * m.rotor_inertia_kg_m2 + c.wheel_inertia_kg_m2
+
+    def rates(_, s, volts):
+        current, w, z, (v, rate, yaw, _way) = s[:2], s[2:4], s[4:6], s[6:]
+        dz = r * w - np.array([v - half * rate, v + half * rate]) - np.abs(r * w) * z / length
+        force = most * np.tanh((z / (slip * length) + damping * dz) / most)
+        di = (volts - m.resistance_ohm * current - m.back_emf_constant_v_s_per_rad * n * w) / m.inductance_h
+        torque = n * m.torque_constant_nm_per_a * current - n * n * m.viscous_friction_nm_s_per_rad * w
+        dv = (force.sum() - pull * math.cos(yaw - log.meta.uphill_yaw_rad)) / mass
+        return [*di, *((torque - r * force) / spin), *dz, dv, half * (force[1] - force[0]) / c.yaw_inertia_kg_m2, rate, v]
+
+    state = np.zeros(10)
+    rows = [state]
+    for k in range(len(log.t) - 1):
+        volts = np.array([log.columns["v_cmd_l"][k], log.columns["v_cmd_r"][k]])
+        state = solve_ivp(rates, log.t[k:k + 2], state, args=(volts,), method="LSODA", rtol=1e-8, atol=1e-10).y[:, -1]
+        rows.append(state)
+    return np.array(rows)[:, 7], np.array(rows)[:, 9]
+
+
+@pytest.mark.parametrize("slip,length,damping,grip", [
+    (0.03, 0.002, 60.0, 0.9),       # reversals at full voltage exceed the grip
+    (0.006, 0.011, 50.0, 4.0),      # a soft tyre that never slides
+])
+def test_slip_is_that_of_its_differential_equation(slip, length, damping, grip):
+    log = run("steps", seconds=2.0, payload=0.0)
+    for side, period in (("l", 0.3), ("r", 0.45)):
+        log.columns[f"v_cmd_{side}"][:] = np.where(log.t // period % 2 == 0, 9.0, -7.0)
+    model = nominal_model(ROBOT)
+    CATALOGUE["longitudinal_slip"].apply(model, (0, 1), {
+        "slip_per_newton": slip, "relaxation_m": length, "damping_n_s_per_m": damping, "grip": grip})
+    rate, way = scipy_slip(log, slip, length, damping, grip)
+    inputs = run_inputs(log, ROBOT)
+    effect = replay_run(nominal_model(ROBOT), inputs)[:, OUTPUT_INDEX["gyro_z"]] - rate
+    assert np.std(effect) > 3 * ROBOT.noise("gyro_z")
+    for step, share in ((model.step_s, 0.05), (REPORT_STEP_S, 0.02)):
+        out = replay_run(model, inputs, step)
+        assert np.std(out[:, OUTPUT_INDEX["gyro_z"]] - rate) < share * np.std(effect)
+        travelled = np.hypot(np.diff(out[:, 8]), np.diff(out[:, 9])).sum()
+        assert travelled == pytest.approx(np.abs(np.diff(way)).sum(), abs=ROBOT.noise("x"))
+
+
+def test_a_wheel_that_climbs_slowly_slips_by_the_share_the_contract_says():
+    slope, payload, slip = 0.1, 1.0, 0.01
+    log = run("steps", seconds=6.0, slope=slope, payload=payload, uphill=0.0)
+    for side in "lr":
+        log.columns[f"v_cmd_{side}"][:] = 6.0
+    model = nominal_model(ROBOT)
+    CATALOGUE["longitudinal_slip"].apply(model, (0, 1), {
+        "slip_per_newton": slip, "relaxation_m": 0.002, "damping_n_s_per_m": 50.0, "grip": 100.0})
+    out = replay_run(model, run_inputs(log, ROBOT))
+    last = np.flatnonzero(log.t > 5.0)
+    speed = np.polyfit(log.t[last], out[last, OUTPUT_INDEX["x"]], 1)[0]
+    force = 0.5 * (ROBOT.chassis.mass_kg + payload) * GRAVITY_M_S2 * math.sin(slope)
+    wheel = ROBOT.chassis.wheel_radius_m * out[last, OUTPUT_INDEX["w_l"]].mean()
+    assert speed / wheel == pytest.approx(1.0 - slip * force, abs=1e-5)
+
+
 def effect_cases():
     return [(e.id, side) for e in CATALOGUE.values() for side in e.sides]
 
