@@ -23,7 +23,7 @@ import math
 import numba
 import numpy as np
 
-from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT
+from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT, SLIDING
 
 # Columns of a side's parameters.
 STIFFNESS, DAMPING, BACKLASH, RESTITUTION, SLIP, SLIP_LENGTH, SLIP_DAMPING, RADIUS = range(8)
@@ -247,7 +247,8 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
                 state[k, PLAY] += h * (wr[k] - w[k])
             state[k, ROTOR], state[k, WHEEL] = wr[k], w[k]
             if side[k, SLIP] > 0.0:
-                state[k, WHOLE] += (f[k] - taken[k]) / tangent[k]
+                most = SLIDING * grip[k]
+                state[k, WHOLE] = min(max(state[k, WHOLE] + (f[k] - taken[k]) / tangent[k], -most), most)
                 state[k, TYRE] += h * (state[k, WHOLE] / side[k, RADIUS] * side[k, SLIP] - state[k, TYRE]) * shear[k]
         state[0, GROUND], state[1, GROUND] = n0, n1
         acted += q / (h * scrub) if scrub != 0.0 else 0.0

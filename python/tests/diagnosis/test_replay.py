@@ -185,6 +185,13 @@ def test_any_two_effects_together_keep_the_replay_finite(side):
         assert np.abs(out[:, [OUTPUT_INDEX["w_l"], OUTPUT_INDEX["w_r"], OUTPUT_INDEX["gyro_z"]]]).max() < 100.0, pair
 
 
+def test_a_body_that_cannot_be_runs_away_within_the_finite_numbers():
+    model = nominal_model(ROBOT)
+    model.put("com_y", 0.22)        # more than its yaw inertia allows
+    out = replay_run(model, run_inputs(run("weave"), ROBOT))
+    assert np.isfinite(out).all() and np.abs(out).max() < 1e9
+
+
 def test_a_motor_below_its_breakaway_torque_stands_still_and_leaves_above_it():
     model = nominal_model(ROBOT)
     model.put("coulomb", 0.06)

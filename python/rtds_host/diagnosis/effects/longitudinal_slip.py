@@ -24,7 +24,7 @@ EFFECT = Effect(
                   optional=True, shape=True, meaning="rolling distance over which traction builds up; 0 = at once"),
         Parameter("damping_n_s_per_m", "N·s/m", null=0.0, low=0.0, high=1000.0, spread=40.0, starts=(50.0,),
                   difference=0.05, optional=True, shape=True, meaning="of the tread that builds it up"),
-        Parameter("grip", "1", null=0.9, low=0.2, high=4.0, spread=0.3, starts=(0.9,), difference=0.03,
+        Parameter("grip", "1", null=0.9, low=0.4, high=4.0, spread=0.3, starts=(0.9,), difference=0.03,
                   optional=True, shape=True, meaning="largest traction over the load on the wheel"),
     ),
     apply=_apply,

@@ -27,6 +27,8 @@ from rtds_host.diagnosis.replay.slots import COMMON_INDEX, SIDE_INDEX
 GRAVITY = 9.80665
 # A tyre that slides counts as if its force still grew with its shear by this share, so that it is found again.
 FLAT = 0.02
+# And its shear is that of so many times the grip at most.
+SLIDING = 20.0
 # Flanks that meet more slowly stay together.
 BOUNCE_RAD_S = 0.05
 
@@ -60,10 +62,13 @@ _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0, 1, 2, 3, 4
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _turned(c, s, angle):
-    """A direction (c, s) turned by an angle of well below one, rad, to about 1e-12 at 0.1."""
-    q = angle * angle
-    dc = 1.0 - q * (0.5 - q * (1.0 / 24.0 - q * (1.0 / 720.0)))
-    ds = angle * (1.0 - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0))))
+    """A direction (c, s) turned by an angle, rad, to 1e-12; quickly where that is small, as in a step."""
+    if abs(angle) < 0.1:
+        q = angle * angle
+        dc = 1.0 - q * (0.5 - q * (1.0 / 24.0 - q * (1.0 / 720.0)))
+        ds = angle * (1.0 - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0))))
+    else:
+        dc, ds = math.cos(angle), math.sin(angle)
     return c * dc - s * ds, s * dc + c * ds
 
 
@@ -635,13 +640,17 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                 if slipping:
                     for k in range(2):
                         if side[k, SLIP] > 0.0:
-                            whole[k] += (force[k] - taken[k]) / tangent[k]
+                            # A wheel at rest whose tyre has no length holds whatever it has to.
+                            most = SLIDING * grip[k]
+                            whole[k] = min(max(whole[k] + (force[k] - taken[k]) / tangent[k], -most), most)
                             tyre[k] += h * (whole[k] * side[k, SLIP] - tyre[k]) * shear_i[k]
         now = ahead
         bad = False
         for k in range(sides):
             if not (abs(w[k]) < 1e6 and abs(cur[k]) < 1e6):
                 bad = True
+        if not (abs(v) < 1e6 and abs(rate) < 1e6):
+            bad = True
         if bad:
             for k in range(min(ka, kp), n):
                 for c in range(11):
