@@ -72,7 +72,7 @@ class Effect:
     contains: tuple[str, ...] = ()
     erratic: bool = False
     restarts: tuple[Mapping[str, float], ...] = ()
-    form: float = 0.0025
+    form: float = 0.001
 
     @property
     def sides(self) -> tuple[str, ...]:

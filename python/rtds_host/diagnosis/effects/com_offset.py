@@ -20,5 +20,5 @@ EFFECT = Effect(
     advice="Weigh each wheel; move the payload over the axle.",
     runs_in="robot",
     axis=False,
-    form=0.03,
+    form=0.02,
 )

@@ -17,5 +17,5 @@ EFFECT = Effect(
     shown_by="crawl with reversals, coasting to rest",
     advice="Grease or change the gear; feed the friction torque forward in the controller.",
     runs_in="rtl",
-    form=0.03,
+    form=0.02,
 )

@@ -19,5 +19,5 @@ EFFECT = Effect(
     shown_by="the same speeds forwards and backwards",
     advice="Look for wear or preload on one flank of the gear; calibrate each direction.",
     runs_in="rtl",
-    form=0.03,
+    form=0.02,
 )

@@ -17,5 +17,5 @@ EFFECT = Effect(
     shown_by="hill climbing and descending with payload",
     advice="Expect gear efficiency to fall with load; choose a gear of higher efficiency.",
     runs_in="rtl",
-    form=0.03,
+    form=0.02,
 )

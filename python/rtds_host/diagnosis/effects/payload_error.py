@@ -32,5 +32,5 @@ EFFECT = Effect(
     shown_by="a slope in both headings, with and without payload",
     advice="Weigh the robot.",
     runs_in="robot",
-    form=0.03,
+    form=0.02,
 )

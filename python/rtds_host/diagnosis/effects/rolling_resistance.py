@@ -18,5 +18,5 @@ EFFECT = Effect(
     advice="Inflate or harden the tyres; expect more of it with payload.",
     runs_in="rtl",
     axis=False,
-    form=0.03,
+    form=0.02,
 )

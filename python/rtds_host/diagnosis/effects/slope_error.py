@@ -18,5 +18,5 @@ EFFECT = Effect(
     advice="Measure the slope with a level.",
     runs_in="robot",
     axis=False,
-    form=0.03,
+    form=0.02,
 )

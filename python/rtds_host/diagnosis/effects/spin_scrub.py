@@ -18,5 +18,5 @@ EFFECT = Effect(
     advice="Use narrower tyres or a freer caster.",
     runs_in="robot",
     axis=False,
-    form=0.03,
+    form=0.02,
 )

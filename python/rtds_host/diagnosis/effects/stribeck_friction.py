@@ -32,5 +32,5 @@ EFFECT = Effect(
     advice="Grease for low speed, dither the command, or avoid very slow motion.",
     runs_in="rtl",
     contains=("coulomb_friction",),
-    form=0.03,
+    form=0.02,
 )
