@@ -79,7 +79,7 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
     w, wr, old_w, old_r = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     am, bm, alpha, beta, f = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     give, shift, amps = np.zeros(2), np.zeros(2), np.zeros(2)
-    late, shear, tangent, taken = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    late, shear, tangent, taken, asked = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     stick, hi, lo = np.zeros(2, np.int64), np.zeros(2), np.zeros(2)
     bounces, apart = np.zeros(2, np.bool_), np.zeros(2)
     g00, g01, g11 = ground[0, 0], ground[0, 1], ground[1, 1]
@@ -176,6 +176,16 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
                 b0 = alpha[0] - u0 + h * (g00 * e0 + g01 * e1) + gl0 * q - shift[0]
                 b1 = alpha[1] - u1 + h * (g01 * e0 + g11 * e1) + gl1 * q - shift[1]
                 f[0], f[1] = (a11 * b0 - a01 * b1) / det, (a00 * b1 - a01 * b0) / det
+                asked[0], asked[1] = f[0], f[1]
+                for k in range(2):
+                    if side[k, SLIP] > 0.0 and abs(f[k]) > grip[k]:
+                        f[k] = math.copysign(grip[k], f[k])
+                        if k == 0:
+                            f[1] = (b1 - a01 * f[0]) / a11
+                        else:
+                            f[0] = (b0 - a01 * f[1]) / a00
+                if side[0, SLIP] > 0.0:
+                    f[0] = min(max(f[0], -grip[0]), grip[0])
                 n0 = u0 + h * (g00 * (f[0] - e0) + g01 * (f[1] - e1)) - gl0 * q
                 n1 = u1 + h * (g01 * (f[0] - e0) + g11 * (f[1] - e1)) - gl1 * q
                 new_rate = lever[0] * n0 + lever[1] * n1
@@ -248,7 +258,7 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
             state[k, ROTOR], state[k, WHEEL] = wr[k], w[k]
             if side[k, SLIP] > 0.0:
                 most = SLIDING * grip[k]
-                state[k, WHOLE] = min(max(state[k, WHOLE] + (f[k] - taken[k]) / tangent[k], -most), most)
+                state[k, WHOLE] = min(max(state[k, WHOLE] + (asked[k] - taken[k]) / tangent[k], -most), most)
                 state[k, TYRE] += h * (state[k, WHOLE] / side[k, RADIUS] * side[k, SLIP] - state[k, TYRE]) * shear[k]
         state[0, GROUND], state[1, GROUND] = n0, n1
         acted += q / (h * scrub) if scrub != 0.0 else 0.0

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from rtds_host.contract import GRAVITY_M_S2, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, SUBSYSTEMS
-from rtds_host.diagnosis.replay.model import REPORT_STEP_S, STEP_S, nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.model import FINE_STEP_S, REPORT_STEP_S, STEP_S, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.screen import start_values
 
@@ -139,6 +139,33 @@ def test_a_wheel_that_climbs_slowly_slips_by_the_share_the_contract_says():
     force = 0.5 * (ROBOT.chassis.mass_kg + payload) * GRAVITY_M_S2 * math.sin(slope)
     wheel = ROBOT.chassis.wheel_radius_m * out[last, OUTPUT_INDEX["w_l"]].mean()
     assert speed / wheel == pytest.approx(1.0 - slip * force, abs=1e-5)
+
+
+@pytest.mark.parametrize("length", [0.0, 0.003])
+@pytest.mark.parametrize("slip,grip", [(0.02, 0.9), (0.1, 0.9), (0.02, 0.4)])
+def test_a_tyre_gives_no_more_than_its_grip_however_short_it_is(length, slip, grip):
+    log = run("steps", seconds=2.0, slope=0.0, payload=1.0)
+    for side in "lr":
+        log.columns[f"v_cmd_{side}"][:] = np.where(log.t // 0.5 % 2 == 0, 12.0, -12.0)
+    model = nominal_model(ROBOT)
+    CATALOGUE["longitudinal_slip"].apply(model, (0, 1), {
+        "slip_per_newton": slip, "relaxation_m": length, "damping_n_s_per_m": 50.0, "grip": grip})
+    inputs = run_inputs(log, ROBOT)
+    for step in (model.step_s, 1e-4):
+        x = replay_run(model, inputs, step)[:, OUTPUT_INDEX["x"]]
+        dt = log.t[2] - log.t[0]
+        acceleration = np.abs(x[4:] - 2 * x[2:-2] + x[:-4]).max() / dt**2
+        assert acceleration < 1.02 * grip * GRAVITY_M_S2
+
+
+@pytest.mark.parametrize("change", [{"mass": 0.0}, {"mass": -0.05}, {"rotor_inertia": 0.0}, {"axis": 1.0}])
+def test_a_spring_on_a_body_without_inertia_takes_the_finest_step(change):
+    model = nominal_model(ROBOT)
+    model.put("stiffness", 3.0)
+    assert model.step_s > FINE_STEP_S
+    for slot, value in change.items():
+        model.put(slot, value)
+    assert model.step_s == FINE_STEP_S
 
 
 def effect_cases():

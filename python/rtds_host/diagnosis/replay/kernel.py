@@ -142,7 +142,7 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
     whole = np.zeros(2)       # force that this shear would give with all the grip there could be
     shear_tau = np.zeros(2)   # damping over stiffness
     late = np.ones(2)         # where in a step its equation holds: half way, or at the end where damping is too little
-    give, tangent, taken = np.zeros(2), np.ones(2), np.zeros(2)
+    give, tangent, taken, asked = np.zeros(2), np.ones(2), np.zeros(2), np.zeros(2)
     yield_z = np.zeros(2)
     grip = np.ones(2)         # N, what a tyre's traction tends to
     if slipping:
@@ -480,6 +480,18 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                                 b1 -= yield_z[1]
                             force[0] = (a11 * b0 - wx * b1) * det
                             force[1] = (a00 * b1 - wx * b0) * det
+                            if slipping:
+                                asked[0], asked[1] = force[0], force[1]
+                                for k in range(2):
+                                    if side[k, SLIP] > 0.0 and abs(force[k]) > grip[k]:
+                                        # A tyre without length has no shear at rest: there the force itself is bounded.
+                                        force[k] = math.copysign(grip[k], force[k])
+                                        if k == 0:
+                                            force[1] = (b1 - wx * force[0]) / a11
+                                        else:
+                                            force[0] = (b0 - wx * force[1]) / a00
+                                if side[0, SLIP] > 0.0:
+                                    force[0] = min(max(force[0], -grip[0]), grip[0])
                             rate_new = rate + dr + h * (i12 * (force[0] + force[1])
                                                         + i22 * half * (force[1] - force[0]))
                             if scrub == 0.0 or turn == 1 or spin * rate_new > 0.0:
@@ -640,9 +652,8 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                 if slipping:
                     for k in range(2):
                         if side[k, SLIP] > 0.0:
-                            # A wheel at rest whose tyre has no length holds whatever it has to.
                             most = SLIDING * grip[k]
-                            whole[k] = min(max(whole[k] + (force[k] - taken[k]) / tangent[k], -most), most)
+                            whole[k] = min(max(whole[k] + (asked[k] - taken[k]) / tangent[k], -most), most)
                             tyre[k] += h * (whole[k] * side[k, SLIP] - tyre[k]) * shear_i[k]
         now = ahead
         bad = False

@@ -69,17 +69,22 @@ class Model:
         if stiffness <= 0.0:
             return step
         rotor = self.get("gear_ratio") ** 2 * self.get("rotor_inertia")
-        fastest = math.sqrt(stiffness * (1.0 / self._load_inertia() + 1.0 / rotor))
+        least = min(self._load_inertia(), rotor)
+        if least <= 0.0:
+            return FINE_STEP_S
+        fastest = math.sqrt(2.0 * stiffness / least)
         return min(max(SPRING_STEP_RAD / fastest, FINE_STEP_S), step)
 
     def _load_inertia(self) -> float:
-        """Inertia that a wheel feels which alone is accelerated, kg m2 (of an axis: its load's)."""
+        """Inertia that a wheel feels which alone is accelerated, kg m2 (of an axis: its load's); 0 where there is none."""
         arm = self.get("axis_arm")
         if self.get("axis") > 0:
             return self.get("axis_inertia") + self.get("axis_mass") * arm**2
-        half = 0.5 * self.get("track")
-        return self.get("wheel_inertia") + self.get("radius") ** 2 / (
-            1.0 / self.get("mass") + half**2 / self.get("yaw_inertia"))
+        # The declared mass: what a run carries beside it only slows the swing.
+        mass, half = self.get("mass"), 0.5 * self.get("track")
+        if mass <= 0.0:
+            return 0.0
+        return self.get("wheel_inertia") + self.get("radius") ** 2 / (1.0 / mass + half**2 / self.get("yaw_inertia"))
 
     @property
     def slow(self) -> bool:
