@@ -70,7 +70,10 @@ def main() -> None:
         status = 2
     except (KeyboardInterrupt, click.Abort, typer.Abort):
         print("rtds: interrupted", file=sys.stderr)
-        status = 130
+        sys.stdout.flush()
+        sys.stderr.flush()
+        # Had the signal struck while some import executed a string, Python would end by the signal, whatever status it is given.
+        os._exit(130)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = 1

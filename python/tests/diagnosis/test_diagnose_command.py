@@ -211,6 +211,15 @@ def test_ctrl_c_leaves_nothing_half_written_and_ends_with_130(case, tmp_path, ma
     assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
 
 
+def test_ctrl_c_while_an_import_executes_a_string_ends_with_130(tmp_path):
+    # Dataclasses and named tuples do so; Python remembers it, and would end by the signal in spite of another status.
+    (tmp_path / "struck.py").write_text("import rtds_host.cli.main as command\n"
+                                        "command.root.main = lambda **_: exec('raise KeyboardInterrupt')\n"
+                                        "command.main()\n")
+    done = subprocess.run([sys.executable, "-m", "struck"], capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert (done.returncode, done.stderr) == (130, "rtds: interrupted\n")
+
+
 def test_ctrl_c_in_the_middle_of_the_search_ends_with_130(case, tmp_path):
     """Early on, while modules load, or in the search: wherever it strikes, one line and no output."""
     process = subprocess.Popen([*COMMAND, str(case), "--out", str(tmp_path / "out")], stdout=subprocess.PIPE,
