@@ -22,6 +22,15 @@ def run(kind="steps", seconds=4.0, seed=3, slope=0.1, payload=1.0, uphill=0.4):
     return RunLog(kind, RunMeta(kind, payload, slope, uphill), t, {"v_cmd_l": v[:, 0], "v_cmd_r": v[:, 1]})
 
 
+def integrated(log, rates, state, **how):
+    """States (n, len(state)) at the rows of a log, integrated by scipy from one command to the next."""
+    rows = [state]
+    for k in range(len(log.t) - 1):
+        volts = np.array([log.columns["v_cmd_l"][k], log.columns["v_cmd_r"][k]])
+        rows.append(solve_ivp(rates, log.t[k:k + 2], rows[-1], args=(volts,), **how).y[:, -1])
+    return np.array(rows)
+
+
 def scipy_reference(log):
     """The equations of the contract's section 2, integrated from one command to the next at 1e-10."""
     m, c = ROBOT.motor, ROBOT.chassis
@@ -43,13 +52,7 @@ def scipy_reference(log):
         speed, rate = r * (wl + wr) / 2, r * (wr - wl) / b
         return [*di, *dw, wl, wr, speed * math.cos(yaw), speed * math.sin(yaw), rate]
 
-    state = np.zeros(9)
-    rows = [state]
-    for k in range(len(log.t) - 1):
-        v = np.array([log.columns["v_cmd_l"][k], log.columns["v_cmd_r"][k]])
-        state = solve_ivp(rates, log.t[k:k + 2], state, args=(v,), method="DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
-        rows.append(state)
-    s = np.array(rows)
+    s = integrated(log, rates, np.zeros(9), method="DOP853", rtol=1e-10, atol=1e-12)
     rate = r * (s[:, 3] - s[:, 2]) / b
     return np.column_stack([np.full(len(s), ROBOT.supply_v), s[:, :6], rate, s[:, 6:]])
 
@@ -94,13 +97,8 @@ def scipy_slip(log, slip, length, damping, grip):
         dv = (force.sum() - pull * math.cos(yaw - log.meta.uphill_yaw_rad)) / mass
         return [*di, *((torque - r * force) / spin), *dz, dv, half * (force[1] - force[0]) / c.yaw_inertia_kg_m2, rate, v]
 
-    state = np.zeros(10)
-    rows = [state]
-    for k in range(len(log.t) - 1):
-        volts = np.array([log.columns["v_cmd_l"][k], log.columns["v_cmd_r"][k]])
-        state = solve_ivp(rates, log.t[k:k + 2], state, args=(volts,), method="LSODA", rtol=1e-8, atol=1e-10).y[:, -1]
-        rows.append(state)
-    return np.array(rows)[:, 7], np.array(rows)[:, 9]
+    s = integrated(log, rates, np.zeros(10), method="LSODA", rtol=1e-8, atol=1e-10)
+    return s[:, 7], s[:, 9]
 
 
 @pytest.mark.parametrize("slip,length,damping,grip", [
