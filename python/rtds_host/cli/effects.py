@@ -18,8 +18,9 @@ def effects(
     from rich.table import Table
     from rich.text import Text
 
+    from rtds_host.contract.robot import builtin_robot
     from rtds_host.correction.translate import PLACE_NAMES
-    from rtds_host.diagnosis.effects import CATALOGUE
+    from rtds_host.diagnosis.effects import CATALOGUE, catalogue
     from rtds_host.errors import InputError
 
     console = Console()
@@ -34,10 +35,10 @@ def effects(
         return
     if name not in CATALOGUE:
         raise InputError(f"effect {name!r}: not in the catalogue (`rtds effects` lists it)")
-    effect = CATALOGUE[name]
+    effect = catalogue(builtin_robot("burger"))[name]
     lines = [f"{effect.id}: {effect.subsystem}, {' or '.join(effect.sides)}", f"  {effect.equation}",
              f"  source: {effect.source}"]
-    lines += [f"  {p.name} [{p.unit}]: {p.meaning or 'see the equation'}; within {p.low:g} to {p.high:g}, absent at {p.null:g}"
+    lines += [f"  {p.name} [{p.unit}]: {p.meaning or 'see the equation'}; within {p.low:.4g} to {p.high:.4g}, absent at {p.null:.4g}"
               for p in effect.parameters]
     lines += [f"  taken for: {', '.join(effect.confused_with)}", f"  shown by: {effect.shown_by}",
               f"  in the simulator: {PLACE_NAMES[effect.runs_in]}", f"  on the robot: {effect.advice}"]

@@ -21,7 +21,7 @@ import typer
 from rtds_host.contract import Case, Robot, RunLog, RunMeta, builtin_robot, write_atomic
 from rtds_host.correction.close import FINE_STEP_S, distance
 from rtds_host.correction.simulate import Setting, simulate
-from rtds_host.diagnosis.effects import CATALOGUE, SIDES
+from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, RtdsError
@@ -103,7 +103,8 @@ def measured(log: RunLog, out: np.ndarray) -> RunLog:
 def values_of(effect: str) -> dict[str, float]:
     """The size at which an effect is compared."""
     given = SIZES.get(effect, {})
-    return {p.name: given.get(p.name, p.starts[len(p.starts) // 2]) for p in CATALOGUE[effect].parameters}
+    return {p.name: given.get(p.name, p.starts[len(p.starts) // 2])
+            for p in catalogue(builtin_robot("burger"))[effect].parameters}
 
 
 def sides_of(effect: str) -> tuple[str, ...]:

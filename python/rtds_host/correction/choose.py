@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rtds_host.contract import Robot
-from rtds_host.diagnosis.effects import CATALOGUE, SIDES
+from rtds_host.diagnosis.effects import SIDES, Effect, catalogue
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.replay.model import Model, nominal_model
 from rtds_host.errors import InputError
@@ -22,8 +22,8 @@ class Chosen:
     names: tuple[str, ...]
 
 
-def parse_effect(text: str) -> tuple[str, str, dict[str, float]]:
-    """`coulomb_friction.torque_nm=0.05,side=left` as effect, side and values.
+def parse_effect(text: str, effects: dict[str, Effect]) -> tuple[str, str, dict[str, float]]:
+    """`coulomb_friction.torque_nm=0.05,side=left` as effect, side and values; `effects`: the catalogue on the robot.
 
     Parameters that are not given keep the value at which the catalogue calls the effect absent.
 
@@ -32,7 +32,7 @@ def parse_effect(text: str) -> tuple[str, str, dict[str, float]]:
     InputError : unknown effect, parameter or side, a value that is no number or out of bounds, nothing given.
     """
     name, dot, rest = text.partition(".")
-    effect = CATALOGUE.get(name.strip())
+    effect = effects.get(name.strip())
     if effect is None:
         raise InputError(f"--effect {text}: {name.strip()!r} is not in the catalogue (`rtds effects` lists it)")
     known = {p.name: p for p in effect.parameters}
@@ -90,8 +90,9 @@ def choose(robot: Robot, diagnosis: Path | None = None, effects: list[str] | Non
             names.append(f"nominal_fit {suffix}: " + ", ".join(f"{key}={value:.6g}" for key, value in values.items()))
         if not names:
             names.append("a diagnosis without effects")
+    there = catalogue(robot)
     for text in effects or []:
-        effect, side, values = parse_effect(text)
-        CATALOGUE[effect].apply(model, SIDES[side], values)
+        effect, side, values = parse_effect(text, there)
+        there[effect].apply(model, SIDES[side], values)
         names.append(effect_text(effect, side, values))
     return Chosen(model, tuple(names))

@@ -266,8 +266,8 @@ def close_folder(folder: Path, out: Path, diagnosis: Path | None = None, figure:
     if diagnosis is not None:
         read_diagnosis(diagnosis, case.robot)
         given = json.loads(diagnosis.read_text(encoding="utf-8"))
-        if given.get("verdict") not in ("none", "known", "unknown"):
-            raise InputError(f"{diagnosis}: verdict: is {given.get('verdict')!r}, it must be none, known or unknown")
+        if given.get("verdict") not in ("none", "known", "partial", "unknown"):
+            raise InputError(f"{diagnosis}: verdict: is {given.get('verdict')!r}, it must be none, known, partial or unknown")
     result = close(case, diagnosis=given, diagnosis_path=diagnosis, **options)
     with staged_folder(out) as scratch:
         (scratch / "close.json").write_text(json.dumps(result.content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

@@ -257,7 +257,7 @@ def estimate(case: Case, model: Model, diagnosis: dict) -> Remainder | None:
     """
     places = [entry["subsystem"] for entry in diagnosis.get("located") or [] if entry["share"] >= 0.2]
     rest = ((diagnosis.get("gap") or {}).get("rest") or {}).get("subsystem")
-    if diagnosis.get("verdict") == "known":
+    if diagnosis.get("effects"):
         places = [rest] if rest else []
     elif rest and rest not in places:
         places.append(rest)

@@ -23,7 +23,7 @@ from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitE
 # the way of the measured values, "refused" where the simulator has no such robot.
 PLACES = {
     **dict.fromkeys(("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia", "viscous",
-                     "voltage_gain", "deadzone", "drop", "limit", "heat_rise", "heat_tau", "coulomb", "stribeck",
+                     "voltage_gain", "pwm_curve", "deadzone", "drop", "limit", "heat_rise", "heat_tau", "coulomb", "stribeck",
                      "stribeck_speed", "viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share", "ripple",
                      "ripple_cycles", "ripple_phase", "gear_ratio", "supply", "source_resistance", "decline",
                      "command_delay", "rolling"), "rtl"),
@@ -43,6 +43,8 @@ PLACE_NAMES = {"rtl": "motor unit", "robot": "robot", "signal": "signal path"}
 NO_LIMIT_V = 1e8
 # Friction against speed: points of a curve, over so many of its widths.
 STRIBECK_POINTS, STRIBECK_WIDTHS = 97, 3.5
+# A bent command against the asked one: points of a curve.
+PWM_POINTS = 129
 RIPPLE_POINTS = 129
 # Beyond any speed of the motors, rad/s at the wheel.
 FAST_RAD_S = 16.0
@@ -150,7 +152,11 @@ def _motor(get: _Slots, k: int, robot: Robot, n: float) -> MotorParameters | Non
 
 
 def _command(get: _Slots, k: int) -> Curve | None:
-    gain, dead, top = get("voltage_gain", k), max(get("deadzone", k), 0.0), get("supply")
+    gain, dead, top, bend = get("voltage_gain", k), max(get("deadzone", k), 0.0), get("supply"), get("pwm_curve", k)
+    if bend:
+        x = np.linspace(-top, top, PWM_POINTS)
+        bent = x * (1.0 + bend * (1.0 - np.abs(x) / top))
+        return Curve(tuple(x), tuple(gain * (bent - np.sign(bent) * np.minimum(np.abs(bent), dead))))
     if gain == 1.0 and dead == 0.0:
         return None
     if dead == 0.0:

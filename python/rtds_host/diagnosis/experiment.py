@@ -9,15 +9,18 @@ Biometrika 62, 1975).
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
 from rtds_host.contract import Case, RunLog, RunMeta
-from rtds_host.diagnosis.fit import Fit, Hypothesis
+from rtds_host.diagnosis.account import Account
+from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
-from rtds_host.diagnosis.verdict import Decision
+from rtds_host.diagnosis.screen import available, clashes, start_values
+from rtds_host.diagnosis.search import Search
 from rtds_host.errors import InputError
 from rtds_host.robot import make_body
 from rtds_host.scenario import scenarios
@@ -25,9 +28,10 @@ from rtds_host.scenario.base import Scenario, VoltageMotion
 from rtds_host.scenario.reach import needed_voltage
 
 SAMPLE_S = 0.01
-# Variants of a manoeuvre worth having: as it is, and with payload.
-PAYLOADS_KG = (0.0, 2.0)
-ENOUGH = 3.0                                      # sigma: below it a manoeuvre is not worth the trouble
+# Variants of a manoeuvre worth having: as it is, and with so many times the robot's own mass as payload.
+PAYLOADS = (0.0, 2.0)
+# How many effects of a subsystem stand for what could be the rest.
+SUPPOSED = 2
 
 
 def _plan(scenario: Scenario, problem: Problem, payload_kg: float) -> RunLog | None:
@@ -35,18 +39,21 @@ def _plan(scenario: Scenario, problem: Problem, payload_kg: float) -> RunLog | N
     robot = problem.robot
     try:
         motion = scenario.build(scenario.values(), robot)
-        body = make_body(robot, payload_kg, scenario.slope_rad, scenario.uphill_yaw_rad)
         if isinstance(motion, VoltageMotion):
             t = np.arange(0.0, motion.duration_s, SAMPLE_S)
             volts = motion.voltages(np.floor(t / motion.period_s + 1e-9) * motion.period_s)
+        elif robot.axis is not None:
+            return None
         else:
+            body = make_body(robot, payload_kg, scenario.slope_rad, scenario.uphill_yaw_rad)
             volts, t = needed_voltage(motion, robot, body)
     except InputError:
         return None
-    if np.abs(volts).max() > robot.supply_v:
-        return None
+    top = np.abs(volts).max()
+    if top > robot.supply_v:
+        volts = volts * (robot.supply_v / top)
     meta = RunMeta(scenario.name, payload_kg, scenario.slope_rad, scenario.uphill_yaw_rad)
-    columns = {"v_cmd_l": volts[:, 0], "v_cmd_r": volts[:, 1]}
+    columns = {f"v_cmd_{side}": volts[:, k] for k, side in enumerate(robot.sides)}
     return RunLog(scenario.name, meta, t, columns)
 
 
@@ -61,48 +68,73 @@ def _with_sensors(plan: RunLog, model: Model, problem: Problem) -> Problem:
     return Problem(Case(plan.name, problem.robot, (log,)), problem.threads)
 
 
-def _separation(plan: RunLog, problem: Problem, a: Fit, b: Fit) -> float:
-    """Expected difference of two rivals on a manoeuvre, in sigma, nuisances refitted."""
+def _separation(plan: RunLog, problem: Problem, a: Fit, b: Fit, known: np.ndarray) -> float:
+    """Expected difference of two rivals on a manoeuvre, in sigma, nuisances refitted as far as they are not `known` (k, k)."""
     there = _with_sensors(plan, a.model(problem), problem)
     difference = there.residual(b.model(problem))
     k = len(b.z)
-    steps = np.eye(k)
-    models = [b.model_at(problem, b.z + step) for step in steps]
-    jacobian = np.column_stack([r - difference for r in there.residuals(models)]) if k else np.empty(
-        (len(difference), 0))
-    known = b.precision()[:k, :k]
+    models = [b.model_at(problem, b.z + step) for step in np.eye(k)]
+    jacobian = np.column_stack([r - difference for r in there.residuals(models)]) if k else np.empty((len(difference), 0))
     cross = jacobian.T @ difference
     left = difference @ difference - cross @ np.linalg.solve(jacobian.T @ jacobian + known, cross)
     return float(np.sqrt(max(left, 0.0)))
 
 
-def next_experiment(problem: Problem, decision: Decision, fits: dict[Hypothesis, Fit]) -> dict | None:
-    """The manoeuvre to run next (contract, section 5).
+def _supposed(problem: Problem, fit: Fit, subsystem: str | None) -> list[Fit]:
+    """The explanation with one effect more that could be the rest: of its subsystem, at a usual size."""
+    found = []
+    for effect in available(problem):
+        side = effect.sides[0]
+        values = start_values(effect)
+        if effect.subsystem != subsystem or effect.nonlinear or not values or clashes((effect.id, side), fit.hypothesis):
+            continue
+        hypothesis, u = joined({**fit.parts, (effect.id, side): scaled(problem.effects, ((effect.id, side),), values[-1:])})
+        found.append(replace(fit, hypothesis=hypothesis, u=u))
+    return found[:SUPPOSED]
+
+
+def next_experiment(problem: Problem, search: Search, weighed: Account, diagnosis: dict) -> dict | None:
+    """The manoeuvre to run next (contract, section 5): the one that parts twins, or that would tell most about the rest.
 
     Returns
     -------
-    None where nothing is left to separate, where no manoeuvre of the menu would, or on a single axis (the menu drives
-    a robot); else {"scenario", "separates", "expected_separation", "why"}, `scenario` with the options of `rtds run`.
+    None where the verdict is `none`, or `known` without twins; else {"scenario", "separates", "expected_separation",
+    "why"}, `scenario` with the options of `rtds run`.
     """
-    if not decision.alike or problem.robot.axis is not None or problem.robot.driver.mode != "voltage":
+    verdict = diagnosis["verdict"]
+    if verdict == "none" or (verdict == "known" and not weighed.alike):
         return None
-    members = decision.alike[0]
-    rest = [h for h in decision.fit.hypothesis if h != members[0]]
-    rivals = [fits[tuple(sorted(rest + [m]))] for m in members]
-    best: tuple[float, str] | None = None
+    place = diagnosis["gap"]["rest"]["subsystem"]
+    if weighed.alike:
+        members = weighed.alike[0]
+        kept = {h for h in weighed.fit.hypothesis if h != members[0]}
+        rivals = [search.fits[h] for m in members if (h := tuple(sorted({*kept, m}))) in search.fits]
+        separates = [{"id": e, "side": problem.effects[e].side_on(problem.robot.axis, s)} for e, s in members]
+        purpose = "parts what these runs cannot tell apart"
+    else:
+        supposed = _supposed(problem, weighed.fit, place)
+        rivals = [weighed.fit, *supposed]
+        new = [h for fit in supposed for h in fit.hypothesis if h not in weighed.fit.hypothesis]
+        separates = [{"id": e, "side": problem.effects[e].side_on(problem.robot.axis, s)} for e, s in new]
+        where = f" in {place.replace('_', ' ')}" if place else ""
+        purpose = f"most of what has no name lies{where}, and this manoeuvre moves it most"
+    count = len(weighed.fit.z)
+    known = weighed.fit.precision[:count, :count]
+    best: tuple[float, str, Scenario] | None = None
     for scenario in scenarios().values():
-        if scenario.family != "diagnosis":
+        if scenario.family != "diagnosis" or len(rivals) < 2 or problem.robot.driver.mode == "speed":
             continue
-        for payload in PAYLOADS_KG:
-            plan = _plan(scenario, problem, payload)
+        for payload in PAYLOADS if problem.robot.axis is None else PAYLOADS[:1]:
+            payload_kg = payload * (problem.robot.chassis.mass_kg if problem.robot.chassis else 0.0)
+            plan = _plan(scenario, problem, payload_kg)
             if plan is None:
                 continue
-            value = min(_separation(plan, problem, a, b) for a, b in itertools.combinations(rivals, 2))
+            value = min(_separation(plan, problem, a, b, known) for a, b in itertools.combinations(rivals, 2))
             if best is None or value > best[0]:
-                best = (value, scenario.name + (f" --payload {payload:g}" if payload else ""))
-    if best is None or best[0] < ENOUGH:
-        return None
-    about = scenarios()[best[1].split()[0]]
-    return {"scenario": best[1], "separates": [{"id": e, "side": s} for e, s in members],
-            "expected_separation": float(f"{best[0]:.3g}"),
-            "why": f"{about.about}: separates {about.separates or 'the rivals'}"}
+                best = (value, scenario.name + (f" --payload {payload_kg:g}" if payload else ""), scenario)
+    if best is None:
+        # Nothing of the menu can be replayed on this machine: the one that holds a bit of everything.
+        best = (0.0, "teleop", scenarios()["teleop"])
+    value, text, scenario = best
+    return {"scenario": text, "separates": separates, "expected_separation": float(f"{value:.3g}"),
+            "why": f"{purpose}: {scenario.about}"}

@@ -1,111 +1,167 @@
-"""Fits of an explanation: nuisances and the parameters of its effects, jointly, by a damped Gauss-Newton method.
+"""Fits of an explanation: nuisances and the parameters of its effects, jointly, at maximum posterior probability.
 
-The objective is chi2 / dispersion + z'z + (u/3)'(u/3): residuals of whole-run replays in units of noise, nuisances
-z in units of their 1 % prior, effect parameters u in units of their spread about "absent". `dispersion` is 1 for
-white residuals; it grows with structure no explanation holds, so that priors keep their weight on real machines.
+The objective is -2 log of the likelihood (`likelihood`: white noise and a discrepancy a channel, estimated with the fit)
+times the prior: nuisances z are normal in units of their tolerance, effect parameters u, in units of their spread, are
+Cauchy about "absent", so that an effect ten times as large as usual is not impossible but ten squared times rarer.
+Gauss-Newton with damping on whitened residuals; the discrepancy is estimated again after each step.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from rtds_host.diagnosis.effects import CATALOGUE, SIDES, Effect, Parameter
+from rtds_host.diagnosis.effects import SIDES, Effect, Parameter
+from rtds_host.diagnosis.likelihood import Discrepancy
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 
 Hypothesis = tuple[tuple[str, str], ...]          # ((effect, side), ...), sorted
-NUISANCE_LIMIT = 3.5                              # sigma of the prior
-EFFECT_PRIOR = 3.0                                # spreads
-STALE_GAIN = 20.0                                 # chi2 that a step promised and did not bring
+Effects = dict[str, Effect]
+
+# Tolerances are said to be 1 % (one sigma): half of them within 0.7 of it, none beyond this many.
+NUISANCE_LIMIT = 3.5
+# Numerical: what a step must still bring (in -2 log probability), and what one that promised more than that must have brought.
+STEP_GAIN, STALE_GAIN = 0.2, 20.0
 
 
-def parameters(hypothesis: Hypothesis) -> list[tuple[Effect, str, Parameter]]:
+def parameters(effects: Effects, hypothesis: Hypothesis) -> list[tuple[Effect, str, Parameter]]:
     """Free parameters of an explanation, in the order of a fit's `u`."""
-    return [(CATALOGUE[e], side, p) for e, side in hypothesis for p in CATALOGUE[e].parameters]
+    return [(effects[e], side, p) for e, side in hypothesis for p in effects[e].parameters]
 
 
-def to_values(hypothesis: Hypothesis, u: np.ndarray) -> list[dict[str, float]]:
-    """Parameters by name, one dictionary an effect, within their bounds."""
+def to_values(effects: Effects, hypothesis: Hypothesis, u: np.ndarray) -> list[dict[str, float]]:
+    """Parameters by name, SI, one dictionary an effect, within their bounds."""
     result, k = [], 0
     for effect, _ in hypothesis:
         values = {}
-        for p in CATALOGUE[effect].parameters:
+        for p in effects[effect].parameters:
             values[p.name] = float(min(max(p.null + p.spread * u[k], p.low), p.high))
             k += 1
         result.append(values)
     return result
 
 
-def scaled(hypothesis: Hypothesis, values: list[dict[str, float]]) -> np.ndarray:
+def scaled(effects: Effects, hypothesis: Hypothesis, values: list[dict[str, float]]) -> np.ndarray:
     """The inverse of `to_values`."""
     return np.array([(v[p.name] - p.null) / p.spread for (e, _), v in zip(hypothesis, values)
-                     for p in CATALOGUE[e].parameters])
+                     for p in effects[e].parameters])
 
 
-def apply(model: Model, hypothesis: Hypothesis, values: list[dict[str, float]]) -> Model:
+def apply(effects: Effects, model: Model, hypothesis: Hypothesis, values: list[dict[str, float]]) -> Model:
     """A copy of the model with the effects in it."""
     model = model.copy()
     for (effect, side), v in zip(hypothesis, values):
-        CATALOGUE[effect].apply(model, SIDES[side], v)
+        effects[effect].apply(model, SIDES[side], v)
     return model
+
+
+def split(effects: Effects, hypothesis: Hypothesis, u: np.ndarray) -> dict[tuple[str, str], np.ndarray]:
+    """The part of `u` that belongs to each effect."""
+    parts, k = {}, 0
+    for member in hypothesis:
+        n = len(effects[member[0]].parameters)
+        parts[member] = u[k:k + n]
+        k += n
+    return parts
+
+
+def joined(parts: dict[tuple[str, str], np.ndarray]) -> tuple[Hypothesis, np.ndarray]:
+    """An explanation and its `u` from the parts of its effects."""
+    hypothesis = tuple(sorted(parts))
+    return hypothesis, np.concatenate([parts[h] for h in hypothesis]) if hypothesis else np.empty(0)
+
+
+def prior_cost(z: np.ndarray, u: np.ndarray) -> float:
+    """-2 log prior density of nuisances and parameters, less constants."""
+    return float(z @ z + 2.0 * np.log1p(u * u).sum())
+
+
+def prior_weight(z: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Curvature of the parabola that touches half the prior's cost from above, (k + p,)."""
+    return np.concatenate([np.ones(len(z)), 2.0 / (1.0 + u * u)])
 
 
 @dataclass
 class Fit:
     """A fitted explanation.
 
-    z (k,) nuisances in sigmas; u (p,) scaled effect parameters; residual (N,); jacobian (N, k + p) float32;
-    `free` (k + p,) False where a parameter rests on its bound.
+    z (k,) nuisances in sigmas; u (p,) scaled effect parameters; residual (N,) in units of noise; by_nuisance (N, k) and
+    by_effect (N, p) its derivatives, float32; `free` (k + p,) False where a parameter rests on its bound; noise: the
+    discrepancy estimated with it.
     """
 
+    effects: Effects = field(repr=False)
     hypothesis: Hypothesis
     z: np.ndarray
     u: np.ndarray
-    residual: np.ndarray
-    jacobian: np.ndarray
-    free: np.ndarray
-    dispersion: float
+    residual: np.ndarray = field(repr=False)
+    by_nuisance: np.ndarray = field(repr=False)
+    by_effect: np.ndarray = field(repr=False)
+    free: np.ndarray = field(repr=False)
+    noise: Discrepancy = field(repr=False)
 
-    def __post_init__(self) -> None:
-        self.chi2 = float(self.residual @ self.residual)
+    @cached_property
+    def cost(self) -> float:
+        """-2 log of likelihood and prior density at the fit."""
+        return self.noise.cost(self.residual) + prior_cost(self.z, self.u)
 
-    @property
-    def prior(self) -> float:
-        return float(self.z @ self.z + (self.u / EFFECT_PRIOR) @ (self.u / EFFECT_PRIOR))
+    @cached_property
+    def score(self) -> float:
+        """-2 log of the evidence (Laplace's approximation: D. J. C. MacKay, Neural Computation 4(3), 1992)."""
+        keep = np.flatnonzero(self.free)
+        occam = float(np.linalg.slogdet(self.precision[np.ix_(keep, keep)])[1])
+        held = np.flatnonzero(~self.free[len(self.z):])
+        return self.cost + occam + (len(self.u) - len(held)) * math.log(math.pi / 2.0)
 
     @property
     def values(self) -> list[dict[str, float]]:
-        return to_values(self.hypothesis, self.u)
+        return to_values(self.effects, self.hypothesis, self.u)
+
+    @property
+    def parts(self) -> dict[tuple[str, str], np.ndarray]:
+        """`u` by effect."""
+        return split(self.effects, self.hypothesis, self.u)
+
+    @property
+    def columns(self) -> dict[tuple[str, str], np.ndarray]:
+        """Derivatives by effect, (N, n) each."""
+        result, k = {}, 0
+        for member in self.hypothesis:
+            n = len(self.effects[member[0]].parameters)
+            result[member] = self.by_effect[:, k:k + n]
+            k += n
+        return result
 
     def model(self, problem: Problem) -> Model:
         """The replay's model with nuisances and effects."""
-        return apply(problem.with_nuisances(self.z), self.hypothesis, self.values)
+        return apply(self.effects, problem.with_nuisances(self.z), self.hypothesis, self.values)
 
     def model_at(self, problem: Problem, z: np.ndarray) -> Model:
         """The same with other nuisances."""
-        return apply(problem.with_nuisances(z), self.hypothesis, self.values)
+        return apply(self.effects, problem.with_nuisances(z), self.hypothesis, self.values)
+
+    def whitened(self) -> tuple[np.ndarray, np.ndarray]:
+        """Whitened residual (N,) and derivatives (N, k + p) float32."""
+        jacobian = np.concatenate([self.by_nuisance, self.by_effect], axis=1)
+        return self.noise.whiten(self.residual), self.noise.whiten(np.asfortranarray(jacobian))
 
     @cached_property
-    def gram(self) -> np.ndarray:
-        """jacobian' jacobian, (k + p, k + p), to single precision."""
-        return (self.jacobian.T @ self.jacobian).astype(float)
-
     def precision(self) -> np.ndarray:
         """Hessian of half the objective, (k + p, k + p)."""
-        jacobian = self.jacobian.astype(float)
-        return jacobian.T @ jacobian / self.dispersion + np.diag(self.prior_precision())
+        _, jacobian = self.whitened()
+        return (jacobian.T @ jacobian).astype(float) + np.diag(prior_weight(self.z, self.u))
 
-    def prior_precision(self) -> np.ndarray:
-        return np.concatenate([np.ones(len(self.z)), np.full(len(self.u), EFFECT_PRIOR**-2)])
-
+    @cached_property
     def covariance(self) -> np.ndarray:
         """Posterior covariance of (z, u), parameters on a bound held."""
         keep = np.flatnonzero(self.free)
         result = np.zeros((len(self.free), len(self.free)))
-        result[np.ix_(keep, keep)] = np.linalg.inv(self.precision()[np.ix_(keep, keep)])
+        result[np.ix_(keep, keep)] = np.linalg.inv(self.precision[np.ix_(keep, keep)])
         return result
 
 
@@ -114,97 +170,119 @@ class Fitter:
 
     def __init__(self, problem: Problem):
         self.problem = problem
-        self.names = problem.nuisance_names()
-        self.count = len(self.names)
-        self.nuisance_jacobian: np.ndarray | None = None
+        self.effects = problem.effects
+        self.count = len(problem.nuisance_names())
+        self.by_nuisance: np.ndarray | None = None
 
-    def _model(self, hypothesis: Hypothesis, x: np.ndarray) -> Model:
+    def model(self, hypothesis: Hypothesis, x: np.ndarray) -> Model:
         k = self.count
-        return apply(self.problem.with_nuisances(x[:k]), hypothesis, to_values(hypothesis, x[k:]))
+        return apply(self.effects, self.problem.with_nuisances(x[:k]), hypothesis,
+                     to_values(self.effects, hypothesis, x[k:]))
 
     def _bounds(self, hypothesis: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
-        ps = [p for _, _, p in parameters(hypothesis)]
+        ps = [p for _, _, p in parameters(self.effects, hypothesis)]
         low = np.array([-NUISANCE_LIMIT] * self.count + [(p.low - p.null) / p.spread for p in ps])
         high = np.array([NUISANCE_LIMIT] * self.count + [(p.high - p.null) / p.spread for p in ps])
         return low, high
 
-    def _derivatives(self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: range,
-                     high: np.ndarray, into: np.ndarray) -> None:
-        """Fill columns of `into` (N, k + p) with the derivatives of the residuals r at x."""
+    def _derivatives(self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: Iterable[int],
+                     high: np.ndarray) -> np.ndarray:
+        """Derivatives of the residuals r at x by some parameters, (N, count) float32."""
         models, steps = [], []
-        differences = [p.difference for _, _, p in parameters(hypothesis)]
+        differences = [p.difference for _, _, p in parameters(self.effects, hypothesis)]
         for j in which:
-            step = 0.3 if j < self.count else differences[j - self.count]
+            # A share of what the parameter is by now: what is ten times as large as usual bends its derivatives later, too.
+            step = 0.3 if j < self.count else differences[j - self.count] * max(1.0, 0.3 * abs(x[j]))
             if x[j] + step > high[j]:
                 step = -step
             moved = x.copy()
             moved[j] += step
-            models.append(self._model(hypothesis, moved))
+            models.append(self.model(hypothesis, moved))
             steps.append(step)
-        for j, moved, step in zip(which, self.problem.residuals(models), steps):
+        into = np.empty((len(r), len(models)), np.float32, order="F")
+        for j, (moved, step) in enumerate(zip(self.problem.residuals(models), steps)):
             np.subtract(moved, r, out=moved)
             np.divide(moved, step, out=into[:, j], casting="same_kind")
+        return into
 
-    def fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, dispersion: float,
-            iterations: int = 8) -> Fit:
+    def _assembled(self, hypothesis: Hypothesis, known: dict[tuple[str, str], np.ndarray], new: np.ndarray) -> np.ndarray:
+        """Derivatives by all effect parameters, (N, p), from those known and new ones."""
+        if not known:
+            return new
+        columns, at = [], 0
+        for member in hypothesis:
+            if member in known:
+                columns.append(known[member])
+            else:
+                count = len(self.effects[member[0]].parameters)
+                columns.append(new[:, at:at + count])
+                at += count
+        return np.concatenate(columns, axis=1) if columns else new
+
+    def fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, noise: Discrepancy, iterations: int = 8,
+            known: dict[tuple[str, str], np.ndarray] | None = None) -> Fit:
         """Fit an explanation from a start.
 
         Parameters
         ----------
-        start : (p,) scaled effect parameters; z : (k,) nuisances to start from.
-        dispersion : residual variance over noise variance, at least 1.
+        start : (p,) scaled effect parameters; z : (k,) nuisances to start from; noise : a discrepancy to begin with.
+        known : derivatives by the parameters of some of its effects, (N, n) each, to do with: a rough fit, good enough to
+            see what another effect brings or what one that is gone leaves.
         """
         k = self.count
+        known = known or {}
+        own, at = [], k
+        for member in hypothesis:
+            count = len(self.effects[member[0]].parameters)
+            own += [] if member in known else list(range(at, at + count))
+            at += count
         low, high = self._bounds(hypothesis)
         x = np.clip(np.concatenate([z, start]), low, high)
-        r = self.problem.residual(self._model(hypothesis, x))
-        jacobian = np.empty((len(r), len(x)), np.float32, order="F")
-        if self.nuisance_jacobian is None:
-            self._derivatives(hypothesis, x, r, range(k), high, jacobian)
-            self.nuisance_jacobian = jacobian[:, :k].copy(order="F")
-        else:
-            jacobian[:, :k] = self.nuisance_jacobian
-        weight = np.concatenate([np.ones(k), np.full(len(start), EFFECT_PRIOR**-2)])
-
-        def cost(x: np.ndarray, r: np.ndarray) -> float:
-            return float(r @ r) / dispersion + float(weight @ (x * x))
-
-        def inside(x: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-            """False where a parameter rests on a bound that the cost still falls towards, (k + p,)."""
-            return ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
-
-        now, damping = cost(x, r), 1e-3
+        r = self.problem.residual(self.model(hypothesis, x))
+        if self.by_nuisance is None:
+            self.by_nuisance = self._derivatives(hypothesis, x, r, range(k), high)
+        by_nuisance = self.by_nuisance
+        noise = noise.estimated(r)
+        now = noise.cost(r) + prior_cost(x[:k], x[k:])
+        damping, renewed = 0.0, False
+        step = gradient = np.zeros(len(x))
+        by_effect = np.empty((len(r), 0), np.float32)
         free = np.ones(len(x), bool)
-        renewed = False
         for _ in range(iterations):
-            self._derivatives(hypothesis, x, r, range(k, len(x)), high, jacobian)
-            gradient = (jacobian.T @ r.astype(np.float32)).astype(float) / dispersion + weight * x
-            hessian = (jacobian.T @ jacobian).astype(float) / dispersion + np.diag(weight)
+            new = self._derivatives(hypothesis, x, r, own, high)
+            by_effect = self._assembled(hypothesis, known, new)
+            jacobian = noise.whiten(np.asfortranarray(np.concatenate([by_nuisance, by_effect], axis=1)))
+            white = noise.whiten(r)
+            weight = prior_weight(x[:k], x[k:])
+            gradient = (jacobian.T @ white.astype(np.float32)).astype(float) + weight * x
+            hessian = (jacobian.T @ jacobian).astype(float) + np.diag(weight)
             improved = 0.0
-            for _ in range(4):
-                free = inside(x, gradient)
+            free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
+            for _ in range(5):
                 keep = np.flatnonzero(free)
                 damped = hessian[np.ix_(keep, keep)] + damping * np.diag(np.diag(hessian)[keep])
                 step = np.zeros(len(x))
                 step[keep] = -np.linalg.solve(damped, gradient[keep])
                 trial = np.clip(x + step, low, high)
-                moved = self.problem.residual(self._model(hypothesis, trial))
-                new = cost(trial, moved)
+                moved = self.problem.residual(self.model(hypothesis, trial))
+                new = noise.cost(moved) + prior_cost(trial[:k], trial[k:])
                 if new < now:
                     improved = now - new
-                    x, r, now = trial, moved, new
-                    damping = max(damping * 0.2, 1e-6)
+                    x, r = trial, moved
+                    # None at all where it is not needed: along a valley that tolerances alone close, any would hold it.
+                    damping = damping * 0.1 if damping > 1e-5 else 0.0
                     break
-                if abs(gradient @ step) < 0.2:
+                if abs(gradient @ step) < STEP_GAIN:
                     break                   # what a step could still bring is below the noise of the choice
-                damping = max(damping * 30, 1e-2)
-            if improved < 0.2 + 1e-6 * now:
-                if renewed or not len(start) or abs(gradient @ step) < STALE_GAIN:
+                damping = max(damping * 30, 1e-4)
+            if improved > 0.0:
+                noise = noise.estimated(r)
+                after = noise.cost(r) + prior_cost(x[:k], x[k:])
+                improved, now = max(improved, now - after), after
+            if improved < STEP_GAIN:
+                if renewed or known or abs(gradient @ step) < STALE_GAIN or not len(start):
                     break
                 # Far from where they were taken, the nuisances' derivatives point the wrong way.
-                self._derivatives(hypothesis, x, r, range(k), high, jacobian)
-                renewed, damping = True, 1e-3
-        # Of the point where it ends: the last step may have led onto a bound.
-        gradient = (jacobian.T @ r.astype(np.float32)).astype(float) / dispersion + weight * x
-        free = inside(x, gradient)
-        return Fit(hypothesis, x[:k].copy(), x[k:].copy(), r, jacobian, free, dispersion)
+                by_nuisance = self._derivatives(hypothesis, x, r, range(k), high)
+                renewed, damping = True, 0.0
+        return Fit(self.effects, hypothesis, x[:k].copy(), x[k:].copy(), r, by_nuisance, by_effect, free, noise)

@@ -9,6 +9,8 @@ from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 SAMPLED = ("i_l", "i_r", "w_l", "w_r", "gyro_z")
 WINDOW_S = 1.0
+# Below this a gap is none (contract, sections 4 and 5).
+LEAST = 1.1
 
 
 def gap_channels(log: RunLog, robot: Robot) -> tuple[str, ...]:
@@ -95,4 +97,4 @@ def gap(channels: dict[str, float]) -> float:
 
 def closed(start: float, after: float) -> float | None:
     """Share of the gap closed, (start - after) / (start - 1); None where the start is below 1.1."""
-    return None if start < 1.1 else (start - after) / (start - 1.0)
+    return None if start < LEAST else (start - after) / (start - 1.0)

@@ -10,13 +10,14 @@ import numpy as np
 
 from rtds_host.contract import Robot, RunLog
 from rtds_host.contract.runlog import read_json
-from rtds_host.diagnosis.effects import CATALOGUE, SIDES
+from rtds_host.diagnosis.effects import SIDES, catalogue
 from rtds_host.diagnosis.problem import NOMINAL_KEYS, NUISANCES
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 
-DIAGNOSIS_SCHEMA = "rtds-diagnosis/1"
+# Diagnoses of the first schema hold all that a prediction needs.
+DIAGNOSIS_SCHEMAS = ("rtds-diagnosis/2", "rtds-diagnosis/1")
 
 
 def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
@@ -28,8 +29,8 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
     """
     path = Path(path)
     data = read_json(path)
-    if not isinstance(data, dict) or data.get("schema") != DIAGNOSIS_SCHEMA:
-        raise InputError(f"{path}: schema: this program reads {DIAGNOSIS_SCHEMA!r}")
+    if not isinstance(data, dict) or data.get("schema") not in DIAGNOSIS_SCHEMAS:
+        raise InputError(f"{path}: schema: this program reads {' and '.join(map(repr, DIAGNOSIS_SCHEMAS))}")
     model = nominal_model(robot)
     entries = {key: slot for name, keys in NOMINAL_KEYS.items() for key, slot in zip(keys, NUISANCES[name])}
     refit = data.get("nominal_fit") or {}
@@ -43,13 +44,14 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
                 raise InputError(f"{path}: nominal_fit.{suffix}.{key}: is no nuisance of [motor]")
             model.put(entries[key], _number(path, f"nominal_fit.{suffix}.{key}", value, positive=True),
                       ("lr".index(suffix),))
+    effects_there = catalogue(robot)
     effects = data.get("effects") or []
     if not isinstance(effects, list):
         raise InputError(f"{path}: effects: is {effects!r}, a list is needed")
     for k, entry in enumerate(effects):
         place = f"effects[{k}]"
         name = entry.get("id") if isinstance(entry, dict) else None
-        effect = CATALOGUE.get(name) if isinstance(name, str) else None
+        effect = effects_there.get(name) if isinstance(name, str) else None
         if effect is None:
             raise InputError(f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in "
                              "the catalogue (see `rtds effects`)")

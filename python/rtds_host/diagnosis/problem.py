@@ -14,13 +14,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
-from rtds_host.diagnosis.gap import WINDOW_S
-from rtds_host.diagnosis.replay.model import Model, nominal_model, piece_inputs, replay_run, run_inputs
+from rtds_host.diagnosis.effects import Effect, catalogue
+from rtds_host.diagnosis.gap import WINDOW_S, errors, gap, pooled
+from rtds_host.diagnosis.likelihood import Discrepancy, Series
+from rtds_host.diagnosis.replay.model import Model, following, nominal_model, piece_inputs, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
-BLOCK_S = 1.0
+# Stretches whose residuals are counted as one draw: a second, as the gap's windows; shorter where all runs together are, so
+# that there are enough of them, of a few rows each.
+BLOCK_S, LEAST_BLOCKS, ROWS_A_BLOCK = 1.0, 30, 5
 # Pieces of a single axis's run: longer than its transients, shorter than it takes to drift away.
 PIECE_S = 0.4
+PIECE_WINDOWS, PIECE_ROWS = 2.0, 10
 # Half the span over which a window's end is averaged: long against a sample, short against the motion.
 AVERAGE_S = 0.05
 # The same for angles where no speed is measured: they then have to show what moves fast, too.
@@ -90,6 +95,7 @@ class RunData:
     sampled: _Samples | None = None
     angles: list[tuple[str, int, _Windows, np.ndarray, float]] = field(default_factory=list)
     pose: tuple | None = None
+    time: np.ndarray = field(default_factory=lambda: np.empty(0))
     block: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     channel: np.ndarray = field(default_factory=lambda: np.empty(0, int))
 
@@ -108,8 +114,12 @@ class Problem:
         self.case = case
         self.robot = case.robot
         self.nominal = nominal_model(case.robot)
+        self.effects: dict[str, Effect] = catalogue(case.robot, case.runs)
         self.threads = max(threads, 1)
         self.headings: dict[str, float] = {}
+        lasted = sum(float(log.t[-1] - log.t[0]) for log in case.runs)
+        coarsest = max(float(np.median(np.diff(log.t))) for log in case.runs)
+        self.block_s = min(BLOCK_S, max(lasted / LEAST_BLOCKS, ROWS_A_BLOCK * coarsest))
         self.pieces = pieces
         self.pool = ThreadPoolExecutor(self.threads)
         self.whole = [RunData(log, run_inputs(log, case.robot)) for log in case.runs]
@@ -118,6 +128,7 @@ class Problem:
             parts = self._pieces(log) if pieces else [self._prepare(log, run_inputs(log, self.robot))]
             self.runs += parts
             owners += [k] * len(parts)
+        self.owners = owners
         offset = 0
         blocks = []
         for run in self.runs:
@@ -129,7 +140,24 @@ class Problem:
         self.channels_of = np.concatenate([r.channel for r in self.runs])
         self.size = len(self.blocks)
         ends = np.cumsum([len(run.block) for run in self.runs])
+        self.series = self._series()
         self.rows = [(run, slice(int(end) - len(run.block), int(end))) for run, end in zip(self.runs, ends)]
+
+    def _series(self) -> list[Series]:
+        """Residuals of one channel of one run, one after another."""
+        found, at = [], 0
+        for run in self.runs:
+            # Where the channel changes, or its times begin anew (windows of another length), another series begins.
+            edges = np.flatnonzero((np.diff(run.channel, prepend=-1) != 0) | (np.diff(run.time, prepend=-np.inf) <= 0))
+            for first, last in zip(edges, np.append(edges[1:], len(run.channel))):
+                found.append(Series(int(run.channel[first]), at + int(first), at + int(last),
+                                    np.ascontiguousarray(run.time[first:last], float)))
+            at += len(run.channel)
+        return found
+
+    def discrepancy(self) -> Discrepancy:
+        """None at all, to estimate one from."""
+        return Discrepancy(self.series, self.size, len(CHANNELS))
 
     def _pieces(self, log: RunLog) -> list[RunData]:
         """A run of a single axis in pieces that each start from the measured state.
@@ -137,10 +165,12 @@ class Problem:
         An axis integrates and sticks: over a whole run the misfit has many local minima, over a piece few. What is
         reported is judged on whole runs all the same.
         """
-        marks = np.searchsorted(log.t, np.arange(log.t[0], log.t[-1], PIECE_S))
+        length = max(PIECE_S if self.robot.axis is not None else PIECE_WINDOWS * WINDOW_S,
+                     PIECE_ROWS * float(np.median(np.diff(log.t))))
+        marks = np.searchsorted(log.t, np.arange(log.t[0], log.t[-1], length))
         parts = []
         for first, last in zip(marks, np.append(marks[1:], len(log.t))):
-            if last - first < 5:
+            if last - first < PIECE_ROWS // 2 and parts:
                 continue
             rows = slice(first, last)
             piece = replace(log, t=log.t[rows], columns={c: v[rows] for c, v in log.columns.items()})
@@ -150,11 +180,12 @@ class Problem:
     def _prepare(self, log: RunLog, inputs: tuple[np.ndarray, ...]) -> RunData:
         robot = self.robot
         data = RunData(log, inputs)
-        blocks, channels, sampled = [], [], []
+        blocks, channels, stamps, sampled = [], [], [], []
 
         def note(channel: str, times: np.ndarray) -> None:
-            blocks.append(((times - log.t[0]) / BLOCK_S).astype(int))
+            blocks.append(((times - log.t[0]) / self.block_s + 1e-9).astype(int))
             channels.append(np.full(len(times), CHANNELS.index(channel)))
+            stamps.append(times)
 
         for channel in ("v_bus", "i_l", "i_r", "w_l", "w_r", "gyro_z"):
             noise = robot.noise(channel)
@@ -196,6 +227,7 @@ class Problem:
                     note(channel, windows.times[:-1])
         data.block = np.concatenate(blocks) if blocks else np.empty(0, int)
         data.channel = np.concatenate(channels) if channels else np.empty(0, int)
+        data.time = np.concatenate(stamps) if stamps else np.empty(0)
         return data
 
     @staticmethod
@@ -330,6 +362,17 @@ class Problem:
 
         list(self.pool.map(work, range(self.threads)))
         return found
+
+    def follow_angles(self, follow: bool) -> None:
+        """Whether a ripple follows the measured angles, as it does in a search, or the replay's own, as the gap is judged."""
+        for k, data in enumerate(self.runs):
+            log = self.whole[self.owners[k]].log
+            data.inputs = following(data.inputs, log) if follow else (*data.inputs[:4], np.empty((0, 2)), *data.inputs[5:])
+
+    def gap(self, model: Model) -> float:
+        """The contract's gap of whole runs, at the search's steps."""
+        outs = self.pool.map(lambda data: replay_run(model, data.inputs), self.whole)
+        return gap(pooled([errors(data.log, self.robot, out) for data, out in zip(self.whole, outs)]))
 
     def nuisance_names(self) -> list[tuple[str, int]]:
         """Nuisances that play a part: (name, side)."""

@@ -15,7 +15,6 @@ from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 CYCLES_STEP = 0.25
 CYCLES = np.arange(1.0, 400.0, CYCLES_STEP)
-AMPLITUDE_NM = 0.02
 SAMPLES = 3000
 
 
@@ -106,6 +105,7 @@ def starts(problem: Problem, outs: list[np.ndarray], peaks: int = 2) -> dict[tup
     if "right" in powers:
         shared = found["left"] | found["right"]
         found = {"left": shared, "right": shared}
-    return {("torque_ripple", side): [{"amplitude_nm": AMPLITUDE_NM, "cycles_per_rev": n, "phase_rad": phase}
+    size = problem.effects["torque_ripple"].parameters[0].starts[0]
+    return {("torque_ripple", side): [{"amplitude_nm": size, "cycles_per_rev": n, "phase_rad": phase}
                                       for n in sorted(cycles) for phase in (0.0, np.pi / 2)]
             for side, cycles in found.items() if side in powers}

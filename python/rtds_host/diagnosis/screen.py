@@ -1,246 +1,204 @@
-"""Screening: which effects could explain what is left, by their signatures projected off the nuisances.
+"""Screening: which effects could explain what is left, by their signatures projected off what is in already.
 
 A signature is the change of all residuals when an effect of typical size enters the replay, a finite change and not
-a derivative, since gaps, friction and delays have no useful derivative at zero.
+a derivative, since gaps, friction and delays have no useful derivative at zero. Signatures are whitened as the residuals
+are (`likelihood`), so that what a candidate promises is a gain of likelihood.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from rtds_host.diagnosis.effects import CATALOGUE, Effect
-from rtds_host.diagnosis.fit import Fitter, Hypothesis, apply, scaled
+from rtds_host.diagnosis.effects import Effect
+from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, prior_weight, scaled
+from rtds_host.diagnosis.likelihood import Discrepancy
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.model import Model
 
-# Effects whose parameters each stand for a part of their own: absent where only one of them is.
-SEPARATE = ("com_offset", "friction_asymmetry")
-# Effects whose signature changes its form with its size, and with what the other side does.
-OSCILLATING = ("backlash", "gear_compliance", "longitudinal_slip", "voltage_limit")
+# How far from the size it was taken at a signature is believed, in that size.
+REACH = 6.0
 
 
-@dataclass
+@dataclass(frozen=True)
 class Signature:
     """One direction of one effect: the change of the residuals when it enters with `values`."""
 
     effect: str
     side: str
-    values: dict[str, float]
-
-    @property
-    def key(self) -> tuple:
-        return self.effect, self.side, tuple(self.values.items())
+    values: tuple[tuple[str, float], ...]
 
 
 @dataclass
 class Candidate:
-    """An explanation worth a fit: expected gain of chi2 and scaled parameters to start from."""
+    """An effect worth a fit: what it promises in -2 log likelihood, and scaled parameters to start from."""
 
-    hypothesis: Hypothesis
+    member: tuple[str, str]
     gain: float
     start: np.ndarray
 
 
-def start_values(effect: Effect) -> list[dict[str, float]]:
-    """Parameter sets to take signatures at."""
-    if effect.id in SEPARATE:
+def start_values(effect: Effect, coarse: bool = False) -> list[dict[str, float]]:
+    """Parameter sets to take signatures at; `coarse`: of an effect whose replays are slow, one of three."""
+    if effect.separate:
         null = {p.name: p.null for p in effect.parameters}
         return [{**null, p.name: p.starts[0]} for p in effect.parameters]
-    if effect.id == "torque_ripple":
-        return []                   # its number of cycles must be looked up in a spectrum, see `ripple`
+    if effect.periodic:
+        return []                   # its period must be looked up in a spectrum, see `ripple`
     names = [p.name for p in effect.parameters]
-    return [dict(zip(names, combination)) for combination in itertools.product(*(p.starts for p in effect.parameters))]
+    starts = [p.starts for p in effect.parameters]
+    if coarse and effect.nonlinear:
+        starts = [starts[0][1::3] or starts[0], *(s[:1] for s in starts[1:])]
+    return [dict(zip(names, combination)) for combination in itertools.product(*starts)]
 
 
 def available(problem: Problem) -> list[Effect]:
-    """Effects that exist on this machine."""
+    """Effects that exist on this machine and that its runs could show."""
     robot = problem.robot
-    result = []
-    for effect in CATALOGUE.values():
-        if robot.axis is not None and not effect.axis:
+    there = {c for log in problem.case.runs for c in log.columns if log.has(c)}
+    return [effect for effect in problem.effects.values()
+            if (robot.axis is None or effect.axis) and (robot.driver.mode != "torque" or effect.without_winding)
+            and (not effect.seen_by or any(c.split("_")[0] in effect.seen_by for c in there))]
+
+
+def moves_of(fitter: Fitter, fit: Fit, extra: dict[tuple[str, str], list[dict]], wanted: set[str],
+             known: dict[Signature, np.ndarray], coarse: bool = False) -> dict[Signature, np.ndarray]:
+    """Changes of the residuals about a fit, (N,) float32, by signature; `known`: those that need no replay."""
+    problem = fitter.problem
+    jobs = []
+    names = ("left", "right")
+    for effect in available(problem):
+        if effect.id not in wanted:
             continue
-        if robot.driver.mode == "torque" and effect.id in ("resistance_error", "torque_constant_error",
-                                                           "winding_heating", "bridge_drop", "supply_sag"):
-            continue
-        result.append(effect)
-    return result
+        sides = list(names[:len(problem.robot.sides)]) if effect.sided else ["both"]
+        if effect.nonlinear and len(sides) == 2:
+            sides.append("both")
+        for side in sides:
+            jobs += [Signature(effect.id, side, tuple(values.items()))
+                     for values in start_values(effect, coarse) + extra.get((effect.id, side), [])]
+    model = fit.model(problem)
+    new = [job for job in jobs if job not in known]
+    models = [apply(problem.effects, model, ((job.effect, job.side),), [dict(job.values)]) for job in new]
+    found = {job: known[job] for job in jobs if job in known}
+    for job, moved in zip(new, problem.residuals(models)):
+        found[job] = (moved - fit.residual).astype(np.float32)
+    return found
 
 
 class Screen:
-    """Signatures of all effects about one explanation (nothing, or effects already found).
+    """What each effect promises on top of a fit, by its signature and one whitening.
 
-    `residual` (N,), `jacobian` (N, p), `penalty` (p,) the prior's precision and `at` (p,) the fit's parameters describe
-    that explanation. `moves`: changes of the residuals, (N,), by `Signature.key`, that need no replay; it is filled with
-    those that had to be replayed.
+    Parameters
+    ----------
+    moves : changes of the residuals by signature, from `moves_of`; noise : the discrepancy to whiten by.
     """
 
-    def __init__(self, fitter: Fitter, base: Model, residual: np.ndarray, jacobian: np.ndarray, penalty: np.ndarray,
-                 at: np.ndarray, dispersion: float, moves: dict[tuple, np.ndarray], taken: Hypothesis = (),
-                 extra: dict[tuple[str, str], list[dict]] | None = None, only: set[str] | None = None):
-        problem = fitter.problem
-        self.dispersion = dispersion
-        jobs: list[Signature] = []
-        names = {0: "left", 1: "right"}
-        for effect in available(problem):
-            if only is not None and effect.id not in only:
-                continue
-            sides = [names[k] for k in range(len(problem.robot.sides))] if effect.sided else ["both"]
-            if effect.id in OSCILLATING and len(sides) == 2:
-                sides.append("both")
-            for side in sides:
-                jobs += [Signature(effect.id, side, values)
-                         for values in start_values(effect) + (extra or {}).get((effect.id, side), [])]
-        new = [job for job in jobs if job.key not in moves]
-        models = [apply(base, ((job.effect, job.side),), [job.values]) for job in new]
-        for job, moved in zip(new, problem.residuals(models)):
-            moves[job.key] = (moved - residual).astype(np.float32)
-        rows = np.array([moves[job.key] for job in jobs])
-        self.signatures = jobs
-        mix = list(np.eye(len(jobs)))
+    def __init__(self, problem: Problem, fit: Fit, moves: dict[Signature, np.ndarray], noise: Discrepancy):
+        self.effects = problem.effects
+        self.taken = fit.hypothesis
+        # A nuisance on its bound makes no more room: what it would imitate if it could is an effect's to explain.
+        keep = np.flatnonzero(fit.free)
+        columns = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep]
+        jacobian = noise.whiten(np.asfortranarray(columns))
+        weight = prior_weight(fit.z, fit.u)[keep]
+        at = np.concatenate([fit.z, fit.u])[keep]
+        white = noise.whiten(fit.residual).astype(np.float32)
+        self.signatures = list(moves)
+        rows = [noise.whiten(move) for move in moves.values()]
         # Effects of both sides: the sum of the sides' signatures.
-        left = {s.key: k for k, s in enumerate(jobs) if s.side == "left"}
+        left = {(s.effect, s.values): k for k, s in enumerate(self.signatures) if s.side == "left"}
         for k, s in enumerate(list(self.signatures)):
-            twin = left.get(Signature(s.effect, "left", s.values).key)
-            if s.side == "right" and twin is not None and s.effect not in OSCILLATING:
+            twin = left.get((s.effect, s.values))
+            if s.side == "right" and twin is not None and not self.effects[s.effect].nonlinear:
                 self.signatures.append(Signature(s.effect, "both", s.values))
-                mix.append(mix[k] + mix[twin])
-        combine = np.array(mix)
-        jac = jacobian.astype(np.float32)
-        inner = np.linalg.inv((jac.T @ jac).astype(float) / dispersion + np.diag(penalty))
-        cross = (rows @ jac).astype(float) @ inner / dispersion
-        gram = (rows @ rows.T).astype(float) / dispersion - cross @ (rows @ jac).astype(float).T / dispersion
-        r32 = residual.astype(np.float32)
-        # Nuisances that an effect sets free give their prior's cost back: the gradient holds the prior's pull too.
-        slope = (rows @ r32).astype(float) / dispersion - cross @ ((jac.T @ r32).astype(float) / dispersion + penalty * at)
-        self.gram = combine @ gram @ combine.T
-        self.slope = combine @ slope
-        self.taken = taken
+                rows.append(rows[k] + rows[twin])
+        self.rows = np.array(rows)
+        self.shared = (self.rows @ jacobian).astype(float)
+        self.inner = np.linalg.inv((jacobian.T @ jacobian).astype(float) + np.diag(weight))
+        cross = self.shared @ self.inner
+        self.size = np.einsum("ij,ij->i", self.rows, self.rows).astype(float) - np.einsum("ij,ij->i", cross, self.shared)
+        self.slope = (self.rows @ white).astype(float) - cross @ ((jacobian.T @ white).astype(float) + weight * at)
+
+    def _gram(self, members: Sequence[int]) -> np.ndarray:
+        """Products of some signatures, projected, a little more than singular."""
+        rows, shared = self.rows[list(members)], self.shared[list(members)]
+        return (rows @ rows.T).astype(float) - shared @ self.inner @ shared.T + 1e-9 * np.eye(len(members))
 
     def _line(self, k: int) -> tuple[float, float]:
-        """Best step along a signature within its bounds, and the gain of chi2 (over dispersion) it brings."""
-        size = self.gram[k, k]
+        """Best step along a signature within its bounds, and the gain it brings."""
+        size = self.size[k]
         if size <= 1e-9:
             return 0.0, 0.0
         step = -self.slope[k] / size
         signature = self.signatures[k]
-        limit = np.inf
-        floor = -np.inf
-        for p in CATALOGUE[signature.effect].parameters:
-            value = signature.values[p.name] - p.null
-            if value == 0:
-                continue
-            ends = sorted(((p.low - p.null) / value, (p.high - p.null) / value))
-            floor, limit = max(floor, ends[0]), min(limit, ends[1])
-        # A signature of finite size says little far from that size.
-        step = min(max(step, max(floor, -6.0)), min(limit, 6.0))
+        floor, limit = -REACH, REACH
+        values = dict(signature.values)
+        for p in self.effects[signature.effect].parameters:
+            value = values[p.name] - p.null
+            if value != 0:
+                ends = sorted(((p.low - p.null) / value, (p.high - p.null) / value))
+                floor, limit = max(floor, ends[0]), min(limit, ends[1])
+        step = min(max(step, floor), limit)
         return step, -(2 * step * self.slope[k] + step * step * size)
 
     def candidates(self) -> list[Candidate]:
-        """Single effects, best first."""
+        """Single effects on single sides, best first."""
         groups: dict[tuple[str, str], list[int]] = {}
         for k, s in enumerate(self.signatures):
             groups.setdefault((s.effect, s.side), []).append(k)
-        result = []
-        for (effect, side), members in groups.items():
-            if (effect, side) in self.taken:
-                continue
-            parameters = CATALOGUE[effect].parameters
-            null = {p.name: p.null for p in parameters}
-            if effect in SEPARATE:
-                gram = self.gram[np.ix_(members, members)] + 1e-9 * np.eye(len(members))
-                steps = np.clip(-np.linalg.solve(gram, self.slope[members]), -20, 20)
-                gain = float(-(2 * steps @ self.slope[members] + steps @ gram @ steps))
-                values = dict(null)
-                for step, k in zip(steps, members):
-                    for name, value in self.signatures[k].values.items():
-                        values[name] += step * (value - null[name])
-                result.append(Candidate(((effect, side),), gain, scaled(((effect, side),), [values])))
-                continue
-            if effect == "torque_ripple":
-                result.append(self._ripple(side, members))
-                continue
-            lines = [(self._line(k), k) for k in members]
-            (step, gain), k = max(lines, key=lambda item: item[0][1])
-            first = parameters[0]
-            values = dict(self.signatures[k].values)
-            # Size is the first parameter's affair; the others give its shape.
-            values[first.name] = float(np.clip(first.null + step * (values[first.name] - first.null), first.low,
-                                               first.high))
-            if effect in OSCILLATING:
-                # Extrapolating a resonance or a limit is worth nothing: the best of the starts, as it stands.
-                gain, k = max((self._direct(k), k) for k in members)
-                values = dict(self.signatures[k].values)
-            result.append(Candidate(((effect, side),), gain, scaled(((effect, side),), [values])))
+        result = [self._best((name, side), members) for (name, side), members in groups.items()
+                  if not clashes((name, side), self.taken)]
         return sorted(result, key=lambda c: -c.gain)
 
-    def _direct(self, k: int) -> float:
-        """Gain of chi2 (over dispersion) at a signature's own size."""
-        return float(-(2 * self.slope[k] + self.gram[k, k]))
+    def _best(self, member: tuple[str, str], members: list[int]) -> Candidate:
+        effect = self.effects[member[0]]
+        if effect.separate:
+            return self._separate(member, members)
+        if effect.periodic:
+            return self._periodic(member, members)
+        if effect.nonlinear:
+            # Extrapolating a resonance or a limit is worth nothing: the best of the starts, as it stands.
+            gain, k = max((float(-(2 * self.slope[k] + self.size[k])), k) for k in members)
+            return Candidate(member, gain, scaled(self.effects, (member,), [dict(self.signatures[k].values)]))
+        (step, gain), k = max(((self._line(k), k) for k in members), key=lambda item: item[0][1])
+        first = effect.parameters[0]
+        values = dict(self.signatures[k].values)
+        # Size is the first parameter's affair; the others give its shape.
+        values[first.name] = float(np.clip(first.null + step * (values[first.name] - first.null), first.low, first.high))
+        return Candidate(member, gain, scaled(self.effects, (member,), [values]))
 
-    def _ripple(self, side: str, members: list[int]) -> Candidate:
+    def _separate(self, member: tuple[str, str], members: list[int]) -> Candidate:
+        parameters = self.effects[member[0]].parameters
+        null = {p.name: p.null for p in parameters}
+        gram = self._gram(members)
+        steps = np.clip(-np.linalg.solve(gram, self.slope[members]), -20, 20)
+        gain = float(-(2 * steps @ self.slope[members] + steps @ gram @ steps))
+        values = dict(null)
+        for step, k in zip(steps, members):
+            for name, value in self.signatures[k].values:
+                values[name] += step * (value - null[name])
+        return Candidate(member, gain, scaled(self.effects, (member,), [values]))
+
+    def _periodic(self, member: tuple[str, str], members: list[int]) -> Candidate:
         """Amplitude and phase by least squares on the quadratures of each number of cycles."""
-        best = Candidate((("torque_ripple", side),), 0.0, np.zeros(3))
-        for a, b in zip(members[::2], members[1::2]):
-            pair = [a, b]
-            gram = self.gram[np.ix_(pair, pair)] + 1e-9 * np.eye(2)
-            steps = -np.linalg.solve(gram, self.slope[pair])
-            gain = float(-(steps @ self.slope[pair]))
+        size, cycles, phase = (p.name for p in self.effects[member[0]].parameters)
+        best = Candidate(member, 0.0, np.zeros(3))
+        for pair in zip(members[::2], members[1::2]):
+            gram = self._gram(pair)
+            steps = -np.linalg.solve(gram, self.slope[list(pair)])
+            gain = float(-(steps @ self.slope[list(pair)]))
             if gain > best.gain:
-                values = self.signatures[a].values
-                values = {"amplitude_nm": float(np.hypot(*steps)) * values["amplitude_nm"],
-                          "cycles_per_rev": values["cycles_per_rev"],
-                          "phase_rad": float(np.arctan2(steps[1], steps[0]))}
-                best = Candidate(best.hypothesis, gain, scaled(best.hypothesis, [values]))
+                values = dict(self.signatures[pair[0]].values)
+                values = {size: float(np.hypot(*steps)) * values[size], cycles: values[cycles],
+                          phase: float(np.arctan2(steps[1], steps[0]))}
+                best = Candidate(member, gain, scaled(self.effects, (member,), [values]))
         return best
 
-    def pairs(self, count: int) -> list[Candidate]:
-        """Pairs of effects by the joint gain of their best signatures, best first."""
-        best: dict[tuple[str, str], int] = {}
-        for k, s in enumerate(self.signatures):
-            key = (s.effect, s.side)
-            if s.effect == "torque_ripple":
-                continue            # found alone or on top of another effect
-            if key not in best or self._line(k)[1] > self._line(best[key])[1]:
-                best[key] = k
-        keys = [key for key in best if self.gram[best[key], best[key]] > 1.0]
-        found = []
-        for a, b in itertools.combinations(keys, 2):
-            if a[0] == b[0] and ("both" in (a[1], b[1])):
-                continue
-            i, j = best[a], best[b]
-            gram = self.gram[np.ix_([i, j], [i, j])]
-            det = gram[0, 0] * gram[1, 1] - gram[0, 1] ** 2
-            if det < 1e-4 * gram[0, 0] * gram[1, 1]:
-                continue
-            steps = -np.linalg.solve(gram, self.slope[[i, j]])
-            if not self._allowed(i, steps[0]) or not self._allowed(j, steps[1]):
-                continue
-            gain = float(-(steps @ self.slope[[i, j]]))
-            found.append((gain, a, b, i, j, steps))
-        found.sort(key=lambda item: -item[0])
-        result = []
-        for gain, a, b, i, j, steps in found[:count]:
-            hypothesis = tuple(sorted((a, b)))
-            starts = {}
-            for key, k, step in ((a, i, steps[0]), (b, j, steps[1])):
-                parameters = CATALOGUE[key[0]].parameters
-                values = dict(self.signatures[k].values)
-                for n, p in enumerate(parameters):
-                    if n == 0 or key[0] in SEPARATE:
-                        values[p.name] = float(np.clip(p.null + step * (values[p.name] - p.null), p.low, p.high))
-                starts[key] = scaled((key,), [values])
-            result.append(Candidate(hypothesis, gain, np.concatenate([starts[h] for h in hypothesis])))
-        return result
 
-    def _allowed(self, k: int, step: float) -> bool:
-        if not -8 < step < 8:
-            return False
-        signature = self.signatures[k]
-        for p in CATALOGUE[signature.effect].parameters[:1]:
-            value = p.null + step * (signature.values[p.name] - p.null)
-            if not p.low <= value <= p.high:
-                return False
-        return True
+def clashes(member: tuple[str, str], hypothesis: Hypothesis) -> bool:
+    """Whether an explanation holds this effect on this side already."""
+    effect, side = member
+    mine = [s for e, s in hypothesis if e == effect]
+    return bool(mine) and ("both" in mine or side == "both" or side in mine)

@@ -17,8 +17,10 @@ from rtds_host.correction.agreement import (
     write_between,
 )
 from rtds_host.correction.simulate import Setting
-from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.effects import catalogue
 from rtds_host.errors import InputError
+
+CATALOGUE = catalogue(builtin_robot("burger"))
 
 # One of each kind of place: own parameters, tables, thermal state, supply, delay; body, gear, tyre, scrub; sensors.
 LIGHT = ("resistance_error", "stribeck_friction", "winding_heating", "bridge_drop", "supply_sag", "command_delay",

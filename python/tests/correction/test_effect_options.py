@@ -8,35 +8,38 @@ import pytest
 from rtds_host.cli.run import _effects
 from rtds_host.contract import builtin_robot, read_run
 from rtds_host.correction.choose import choose, effect_text, parse_effect
-from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.effects import catalogue
 from rtds_host.errors import InputError
 from rtds_host.run import LinkChoice, Options, drive_with, make_plan, perform, write_outcome
 from rtds_host.run.sensors import CorrectedPath
 
 ROBOT = builtin_robot("burger")
+CATALOGUE = catalogue(ROBOT)
 SHORT = {"duration_s": 1.2, "length_m": 0.05, "ramp_s": 0.4, "stop_s": 0.4}
 
 
 def test_several_parameters_and_a_side():
-    name, side, values = parse_effect("stribeck_friction.torque_nm=0.02, extra_torque_nm=0.03,side=left")
+    name, side, values = parse_effect("stribeck_friction.torque_nm=0.02, extra_torque_nm=0.03,side=left", CATALOGUE)
     assert (name, side) == ("stribeck_friction", "left")
-    assert values == {"torque_nm": 0.02, "extra_torque_nm": 0.03, "speed_rad_s": 0.5}
+    absent = CATALOGUE["stribeck_friction"].parameters[2].null
+    assert values == {"torque_nm": 0.02, "extra_torque_nm": 0.03, "speed_rad_s": absent}
 
 
 def test_what_is_not_given_stays_as_if_absent():
-    assert parse_effect("com_offset.y_m=0.01")[2] == {"x_m": 0.0, "y_m": 0.01}
+    assert parse_effect("com_offset.y_m=0.01", CATALOGUE)[2] == {"x_m": 0.0, "y_m": 0.01}
 
 
 @pytest.mark.parametrize("effect", CATALOGUE.values(), ids=list(CATALOGUE))
 def test_names_of_effects_can_be_given_back(effect):
     values = {p.name: p.starts[0] for p in effect.parameters}
-    assert parse_effect(effect_text(effect.id, effect.sides[-1], values)) == (effect.id, effect.sides[-1], values)
+    assert parse_effect(effect_text(effect.id, effect.sides[-1], values), CATALOGUE) == (
+        effect.id, effect.sides[-1], pytest.approx(values, rel=1e-5))
 
 
 @pytest.mark.parametrize(("text", "words"), [
     ("friction.torque_nm=1", "'friction' is not in the catalogue"),
     ("coulomb_friction.torque=1", "'torque' is no parameter of coulomb_friction"),
-    ("coulomb_friction.torque_nm=11", "within 0 to 10"),
+    ("coulomb_friction.torque_nm=11", "within 0 to 4.7"),
     ("coulomb_friction.torque_nm=nan", "not a finite number"),
     ("coulomb_friction.torque_nm=much", "'much' is not a finite number"),
     ("coulomb_friction.torque_nm=1,side=front", "side 'front' must be one of both, left, right"),
@@ -47,7 +50,7 @@ def test_names_of_effects_can_be_given_back(effect):
 ])
 def test_what_cannot_be_meant_is_refused_in_one_line(text, words):
     with pytest.raises(InputError, match="--effect") as error:
-        parse_effect(text)
+        parse_effect(text, CATALOGUE)
     assert words in str(error.value)
     assert "\n" not in str(error.value)
 

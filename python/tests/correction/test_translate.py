@@ -8,12 +8,13 @@ import pytest
 from rtds_host.contract import builtin_robot
 from rtds_host.correction import translate as module
 from rtds_host.correction.translate import PLACES, places_of, translate
-from rtds_host.diagnosis.effects import CATALOGUE, SIDES
+from rtds_host.diagnosis.effects import SIDES, catalogue
 from rtds_host.diagnosis.replay.model import nominal_model
 from rtds_host.diagnosis.replay.slots import COMMON, SIDE
 from rtds_host.errors import InputError
 
 ROBOT = builtin_robot("burger")
+CATALOGUE = catalogue(ROBOT)
 # Values at which a slot matters: beside a slot that gives it a meaning, or away from its nominal value.
 WITH = {"stribeck_speed": {"stribeck": 0.02}, "ripple_cycles": {"ripple": 0.02}, "ripple_phase": {"ripple": 0.02},
         "heat_tau": {"heat_rise": 0.1}}

@@ -72,13 +72,15 @@ def changed(case: Case, edit) -> Case:
 
 
 def example_diagnosis() -> dict:
-    """A `known` diagnosis as section 5 of the contract shows it."""
+    """A `known` diagnosis of the form that section 5 of the contract shows."""
     coulomb = {"id": "coulomb_friction", "side": "both"}
     return {
-        "schema": "rtds-diagnosis/1", "verdict": "known",
+        "schema": "rtds-diagnosis/2", "verdict": "known",
         "located": [{"subsystem": "drivetrain", "share": 0.91}, {"subsystem": "driver", "share": 0.09}],
         "effects": [{**coulomb, "subsystem": "drivetrain", "probability": 0.96,
-                     "parameters": {"torque_nm": {"value": 0.048, "ci90": [0.046, 0.050]}}}],
+                     "parameters": {"torque_nm": {"value": 0.048, "ci90": [0.046, 0.050]}}, "gap_without": 13.9}],
+        "budget": [{"what": "effect", **coulomb, "share": 0.95}, {"what": "tolerance", "share": 0.04},
+                   {"what": "rest", "subsystem": None, "share": 0.01}],
         "nominal_fit": {"l": {"resistance_ohm": 8.66}, "r": {"resistance_ohm": 8.57}},
         "alternatives": [{"effects": [coulomb], "probability": 0.95},
                          {"effects": [{"id": "rolling_resistance", "side": "both"}], "probability": 0.03},

@@ -9,12 +9,13 @@ from diagnosis_cases import commands
 from scipy.integrate import solve_ivp
 
 from rtds_host.contract import GRAVITY_M_S2, RunLog, RunMeta, builtin_robot
-from rtds_host.diagnosis.effects import CATALOGUE, SIDES, SUBSYSTEMS
+from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
 from rtds_host.diagnosis.replay.model import FINE_STEP_S, REPORT_STEP_S, STEP_S, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.screen import start_values
 
 ROBOT = builtin_robot("burger")
+CATALOGUE = catalogue(ROBOT)
 
 
 def run(kind="steps", seconds=4.0, seed=3, slope=0.1, payload=1.0, uphill=0.4):

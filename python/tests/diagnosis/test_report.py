@@ -38,11 +38,17 @@ def _with(**values):
 @pytest.mark.parametrize(("edit", "place"), [
     (_without("gap"), "gap"),
     (_with(verdict="perhaps"), "verdict"),
-    (_with(schema="rtds-diagnosis/2"), "schema"),
+    (_with(schema="rtds-diagnosis/1"), "schema"),
     (_with(extra=1), "extra"),
     (_with(located=[{"subsystem": "drivetrain", "share": 0.7}]), "located"),
     (_with(located=[{"subsystem": "motor", "share": 1.0}]), "located/0/subsystem"),
     (_with(effects=[]), "effects"),
+    (_with(verdict="unknown"), "effects"),
+    (_with(budget=[{"what": "tolerance", "share": 0.5}]), "budget"),
+    (_with(budget=[{"what": "rest", "share": 1.0}]), "budget/0"),
+    (_with(verdict="partial", next_experiment=None), "next_experiment"),
+    (_with(indistinguishable=[[{"id": "spin_scrub", "side": "both"}, {"id": "gyro_gain", "side": "both"}]]),
+     "indistinguishable"),
     (_with(verdict="none"), "verdict"),
     (_with(alternatives=[{"effects": [], "probability": 0.4}]), "alternatives"),
     (_with(alternatives=[{"effects": [], "probability": 0.1}, {"effects": "unknown", "probability": 0.9}]),
@@ -87,13 +93,18 @@ def test_text_from_outside_cannot_become_markup(details):
     assert "&lt;on other runs&gt;" in text and "<on other runs>" not in text
 
 
-@pytest.mark.parametrize("verdict", ["none", "unknown"])
+@pytest.mark.parametrize("verdict", ["none", "partial", "unknown"])
 def test_every_verdict_has_its_page_and_summary(details, verdict):
     diagnosis = example_diagnosis()
-    diagnosis.update(verdict=verdict, effects=[], next_experiment=None)
+    diagnosis["verdict"] = verdict
     if verdict == "none":
-        diagnosis["located"] = []
+        diagnosis.update(effects=[], next_experiment=None, located=[], budget=[])
         diagnosis["gap"].update(closed=None, closed_ci90=None, effect_closed=None)
+    else:
+        diagnosis["gap"]["rest"] = {"share": 0.4, "structured": True, "subsystem": "wheel_ground"}
+    if verdict == "unknown":
+        diagnosis["effects"] = []
+        diagnosis["budget"] = [{"what": "tolerance", "share": 0.1}, {"what": "rest", "subsystem": "drivetrain", "share": 0.9}]
     validate(diagnosis)
     text = write_report(None, diagnosis, details)
     console = Console(file=io.StringIO(), width=100)
@@ -102,8 +113,11 @@ def test_every_verdict_has_its_page_and_summary(details, verdict):
     assert verdict in shown
     if verdict == "none":
         assert "Nothing is missing" in text and "Nothing is missing" in shown
+    elif verdict == "partial":
+        assert "40 % of it has no name, most of that in the wheel and ground" in text and "Coulomb friction" in shown
     else:
-        assert "most of it lies in the drivetrain (91 %)" in text
+        assert "most of it lies in the wheel and ground" in text and "with the blamed effects" not in text.split("<table")[0]
+        assert "no name, drivetrain 90 %" in shown
 
 
 def test_the_summary_names_effect_value_gap_and_next_run(details):

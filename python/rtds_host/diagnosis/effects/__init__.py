@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from collections.abc import Sequence
 
+from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis.effects.base import SIDES, Effect, Parameter
+from rtds_host.diagnosis.machine import machine_of
 
 CATALOGUE: dict[str, Effect] = {}
 for _module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
@@ -17,6 +20,14 @@ for _module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
     _effect = importlib.import_module(f"{__name__}.{_module}").EFFECT
     CATALOGUE[_effect.id] = _effect
 
+
+
+def catalogue(robot: Robot, runs: Sequence[RunLog] = ()) -> dict[str, Effect]:
+    """The effects with their numbers in SI on a machine; `runs`: its logs, see `machine_of`."""
+    machine = machine_of(robot, runs)
+    return {name: effect.on(machine) for name, effect in CATALOGUE.items()}
+
+
 SUBSYSTEMS = ("driver", "winding", "drivetrain", "wheel_ground", "chassis", "sensing", "timing")
 
-__all__ = ["CATALOGUE", "SIDES", "SUBSYSTEMS", "Effect", "Parameter"]
+__all__ = ["CATALOGUE", "SIDES", "SUBSYSTEMS", "Effect", "Parameter", "catalogue"]

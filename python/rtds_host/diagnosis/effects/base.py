@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rtds_host.contract.robot import Axis
+from rtds_host.diagnosis.machine import Machine
 from rtds_host.diagnosis.replay.model import Model
 
 SIDES = {"both": (0, 1), "left": (0,), "right": (1,)}
@@ -15,7 +16,8 @@ SIDES = {"both": (0, 1), "left": (0,), "right": (1,)}
 class Parameter:
     """One number of an effect.
 
-    null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
+    scale : what of a machine (an attribute of `Machine`) null, low, high, spread and starts are shares of; `on` makes them
+    SI. least : the scale below whose negative it cannot fall. null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
     about `null` (sets the price of a free parameter); starts : values to start a fit from; difference : step of a
     derivative, in spreads; optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form,
     not its size; declared : by the kind of a single axis, the value of `[axis]` that it adds to, and its unit: a fit then
@@ -34,6 +36,15 @@ class Parameter:
     optional: bool = False
     shape: bool = False
     declared: Mapping[str, tuple[str, str]] | None = None
+    scale: str = "one"
+    least: str = ""
+
+    def on(self, machine: Machine) -> Parameter:
+        """The same in SI on a machine."""
+        unit = getattr(machine, self.scale)
+        low = max(unit * self.low, -getattr(machine, self.least)) if self.least else unit * self.low
+        return replace(self, scale="one", least="", null=unit * self.null, low=low, high=unit * self.high,
+                       spread=unit * self.spread, starts=tuple(max(unit * start, low) for start in self.starts))
 
     def reported(self, axis: Axis | None) -> tuple[str, str, float]:
         """Name, unit and what one unit of the fit is in it, on this machine."""
@@ -50,7 +61,10 @@ class Effect:
     apply(model, sides, values) puts it into a replay's model. `nuisance` marks a ratio that is no cause within 3 %
     of 1 (contract, section 2). `axis`: it exists on a single axis. `contains`: effects it turns into when its further
     parameters rest. `erratic`: the motion it causes hangs on small
-    differences, so that no replay follows it for long. `runs_in` says where it acts in the real-time simulator: "rtl",
+    differences, so that no replay follows it for long. `separate`: each parameter is a part of its own, absent where only
+    another one is there. `nonlinear`: its signature changes its form with its size, and with what the other side does.
+    `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima. `without_winding`:
+    it exists on a machine whose torque is commanded. `seen_by`: channels (without side) of which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
     "robot" or "signal". `restarts`: parameters to fit from as well, where the misfit has more than one minimum. `form`: what
     share of its size formulations of it differ by, one sigma: next to nothing where a definition or a law stands behind it,
     more where a model of friction or contact does.
@@ -71,6 +85,12 @@ class Effect:
     axis: bool = True
     contains: tuple[str, ...] = ()
     erratic: bool = False
+    separate: bool = False
+    nonlinear: bool = False
+    periodic: bool = False
+    rough: bool = False
+    without_winding: bool = True
+    seen_by: tuple[str, ...] = ()
     restarts: tuple[Mapping[str, float], ...] = ()
     form: float = 0.001
 
@@ -78,6 +98,13 @@ class Effect:
     def sides(self) -> tuple[str, ...]:
         """Sides it can have, in the contract's words."""
         return ("both", "left", "right") if self.sided else ("both",)
+
+    def on(self, machine: Machine) -> Effect:
+        """The same with its numbers in SI on a machine."""
+        units = {p.name: getattr(machine, p.scale) for p in self.parameters}
+        return replace(self, parameters=tuple(p.on(machine) for p in self.parameters),
+                       restarts=tuple({name: units[name] * value for name, value in start.items()}
+                                      for start in self.restarts))
 
     def side_on(self, axis: Axis | None, side: str) -> str:
         """The side as a report names it: a single axis has one (contract, section 7)."""

@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="driver",
     sided=False,
     parameters=(
-        Parameter("rate_v_per_s", "V/s", null=0, low=0, high=1, spread=0.01, starts=(0.01, 0.05),
+        Parameter("rate_v_per_s", "V/s", scale="decline", null=0, low=0, high=1, spread=0.02, starts=(0.02, 0.1),
                   meaning="fall of the bus voltage"),
     ),
     apply=add(decline="rate_v_per_s"),

@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="driver",
     sided=True,
     parameters=(
-        Parameter("volts", "V", null=0, low=0, high=8, spread=0.3, starts=(0.1, 0.5),
+        Parameter("volts", "V", scale="volts", null=0, low=0, high=0.7, spread=0.025, starts=(0.01, 0.04),
                   meaning="brush and bridge drop"),
     ),
     apply=add(drop="volts"),
@@ -16,5 +16,6 @@ EFFECT = Effect(
     confused_with=("driver_deadzone", "coulomb_friction"),
     shown_by="braking and coasting with current logged",
     advice="Use a bridge with lower on-resistance, or add the drop to the command by the sign of the current.",
+    without_winding=False,
     runs_in="rtl",
 )

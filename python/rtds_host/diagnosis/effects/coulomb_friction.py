@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="drivetrain",
     sided=True,
     parameters=(
-        Parameter("torque_nm", "N·m", null=0, low=0, high=10, spread=0.04, starts=(0.01, 0.06),
+        Parameter("torque_nm", "N·m", scale="torque", null=0, low=0, high=2, spread=0.017, starts=(0.004, 0.025),
                   meaning="dry friction, at the wheel"),
     ),
     apply=add(coulomb="torque_nm"),

@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="sensing",
     sided=True,
     parameters=(
-        Parameter("amperes", "A", null=0, low=-3, high=3, spread=0.01, starts=(0.005, -0.005),
+        Parameter("amperes", "A", scale="amps", null=0, low=-2, high=2, spread=0.007, starts=(0.0035, -0.0035),
                   meaning="added to i"),
     ),
     apply=add(current_bias="amperes"),
@@ -16,5 +16,6 @@ EFFECT = Effect(
     confused_with=("friction_asymmetry",),
     shown_by="standstill with current logged",
     advice="Zero the current sensor at standstill before a run.",
+    seen_by=("i",),
     runs_in="signal",
 )

@@ -16,5 +16,6 @@ EFFECT = Effect(
     confused_with=("resistance_error", "torque_constant_error"),
     shown_by="loaded runs with current and speed",
     advice="Calibrate the shunt and its amplifier.",
+    seen_by=("i",),
     runs_in="signal",
 )

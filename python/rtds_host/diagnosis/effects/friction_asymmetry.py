@@ -7,9 +7,9 @@ EFFECT = Effect(
     subsystem="drivetrain",
     sided=True,
     parameters=(
-        Parameter("torque_nm", "N·m", null=0, low=-5, high=5, spread=0.03, starts=(0.01, -0.01),
+        Parameter("torque_nm", "N·m", scale="torque", null=0, low=-2, high=2, spread=0.013, starts=(0.004, -0.004),
                   meaning="half the difference of dry friction"),
-        Parameter("nm_s_per_rad", "N·m·s/rad", null=0, low=-2, high=2, spread=0.01, starts=(0.003, -0.003),
+        Parameter("nm_s_per_rad", "N·m·s/rad", scale="viscous", null=0, low=-6, high=6, spread=0.03, starts=(0.009, -0.009),
                   meaning="half the difference of viscous friction"),
     ),
     apply=add(asymmetry="torque_nm", asymmetry_viscous="nm_s_per_rad"),
@@ -18,6 +18,7 @@ EFFECT = Effect(
     confused_with=("coulomb_friction", "slope_error", "current_bias"),
     shown_by="the same speeds forwards and backwards",
     advice="Look for wear or preload on one flank of the gear; calibrate each direction.",
+    separate=True,
     runs_in="rtl",
     form=0.02,
 )

@@ -7,9 +7,10 @@ EFFECT = Effect(
     subsystem="drivetrain",
     sided=True,
     parameters=(
-        Parameter("stiffness_nm_per_rad", "N·m/rad", null=200, low=0.05, high=5000, spread=30, starts=(0.35, 0.7, 1.5, 3.0, 6.0, 12.0, 25.0, 60.0),
+        Parameter("stiffness_nm_per_rad", "N·m/rad", scale="torque", null=85, low=0.02, high=2000, spread=12.5,
+                  starts=(0.15, 0.3, 0.64, 1.3, 2.5, 5.0, 10.6, 25.0),
                   meaning="spring between gear and wheel"),
-        Parameter("damping_nm_s_per_rad", "N·m·s/rad", null=0.0, low=0, high=5, spread=0.01, starts=(0.01, 0.03),
+        Parameter("damping_nm_s_per_rad", "N·m·s/rad", scale="viscous", null=0.0, low=0, high=15, spread=0.03, starts=(0.03, 0.09),
                   shape=True, meaning="its damping"),
     ),
     apply=put(stiffness="stiffness_nm_per_rad", damping="damping_nm_s_per_rad"),
@@ -18,5 +19,7 @@ EFFECT = Effect(
     confused_with=("backlash", "speed_filter"),
     shown_by="steps and pseudo-random voltage",
     advice="Stiffen the coupling, or filter the command above its resonance.",
+    nonlinear=True,
+    rough=True,
     runs_in="robot",
 )

@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="sensing",
     sided=False,
     parameters=(
-        Parameter("rad_s", "rad/s", null=0, low=-2, high=2, spread=0.004, starts=(0.004, -0.004),
+        Parameter("rad_s", "rad/s", scale="turn", null=0, low=-0.7, high=0.7, spread=0.0014, starts=(0.0014, -0.0014),
                   meaning="added to the gyro"),
     ),
     apply=add(gyro_bias="rad_s"),
@@ -16,6 +16,7 @@ EFFECT = Effect(
     confused_with=("wheel_radius_error",),
     shown_by="standstill with gyro",
     advice="Average the gyro at standstill and subtract it.",
+    seen_by=("gyro",),
     runs_in="signal",
     axis=False,
 )

@@ -16,6 +16,7 @@ EFFECT = Effect(
     confused_with=("track_width_error",),
     shown_by="spinning on the spot with the pose measured",
     advice="Turn ten times on the spot and set the gyro's scale.",
+    seen_by=("gyro",),
     runs_in="signal",
     axis=False,
 )

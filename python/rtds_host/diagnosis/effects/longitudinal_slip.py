@@ -18,11 +18,11 @@ EFFECT = Effect(
     subsystem="wheel_ground",
     sided=True,
     parameters=(
-        Parameter("slip_per_newton", "1/N", null=0, low=0, high=0.5, spread=0.02, starts=(0.005, 0.015, 0.05),
+        Parameter("slip_per_newton", "1/N", scale="give", null=0, low=0, high=2.5, spread=0.1, starts=(0.025, 0.075, 0.25),
                   meaning="relative loss of speed a newton of traction"),
-        Parameter("relaxation_m", "m", null=0.0, low=0.0, high=0.05, spread=0.003, starts=(0.0, 0.003),
+        Parameter("relaxation_m", "m", scale="radius", null=0.0, low=0.0, high=1.5, spread=0.09, starts=(0.0, 0.09),
                   optional=True, shape=True, meaning="rolling distance over which traction builds up; 0 = at once"),
-        Parameter("damping_n_s_per_m", "N·s/m", null=0.0, low=0.0, high=1000.0, spread=40.0, starts=(50.0,),
+        Parameter("damping_n_s_per_m", "N·s/m", scale="tread", null=0.0, low=0.0, high=48.0, spread=1.9, starts=(2.4,),
                   difference=0.05, optional=True, shape=True, meaning="of the tread that builds it up"),
         Parameter("grip", "1", null=0.9, low=0.4, high=4.0, spread=0.3, starts=(0.9,), difference=0.03,
                   optional=True, shape=True, meaning="largest traction over the load on the wheel"),
@@ -34,10 +34,11 @@ EFFECT = Effect(
     confused_with=("wheel_radius_error", "track_width_error"),
     shown_by="hill climbing with payload, pose measured",
     advice="Use tyres of higher stiffness, lower the load, or estimate the pose from outside.",
+    nonlinear=True,
     runs_in="robot",
     axis=False,
     # A soft tyre with a long patch and a slippery one with a short one take much the same off a slow turn.
-    restarts=({"slip_per_newton": 0.05, "relaxation_m": 0.0005, "damping_n_s_per_m": 50.0, "grip": 0.9},
-              {"slip_per_newton": 0.005, "relaxation_m": 0.012, "damping_n_s_per_m": 50.0, "grip": 1.5}),
+    restarts=({"slip_per_newton": 0.25, "relaxation_m": 0.015, "damping_n_s_per_m": 2.4, "grip": 0.9},
+              {"slip_per_newton": 0.025, "relaxation_m": 0.36, "damping_n_s_per_m": 2.4, "grip": 1.5}),
     form=0.05,
 )

@@ -16,6 +16,7 @@ EFFECT = Effect(
     confused_with=("torque_constant_error", "supply_sag", "winding_heating"),
     shown_by="steps and hill climbing with current logged",
     advice="Measure the winding's resistance at the terminals, at several rotor positions.",
+    without_winding=False,
     runs_in="rtl",
     nuisance=True,
 )

@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="sensing",
     sided=True,
     parameters=(
-        Parameter("time_constant_s", "s", null=0, low=0, high=2, spread=0.02, starts=(0.004, 0.03),
+        Parameter("time_constant_s", "s", null=0, low=0, high=2, spread=0.02, starts=(0.004, 0.03, 0.15),
                   meaning="first-order low-pass"),
     ),
     apply=add(speed_tau="time_constant_s"),
@@ -16,6 +16,7 @@ EFFECT = Effect(
     confused_with=("measurement_delay", "rotor_inertia_error"),
     shown_by="steps and pseudo-random voltage with angle or current",
     advice="Turn the driver's speed filter off, or model it in the controller.",
+    seen_by=("w",),
     runs_in="signal",
     form=0.005,
 )

@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="wheel_ground",
     sided=False,
     parameters=(
-        Parameter("torque_nm", "N·m", null=0, low=0, high=5, spread=0.04, starts=(0.01, 0.08),
+        Parameter("torque_nm", "N·m", scale="spin", null=0, low=0, high=1, spread=0.0035, starts=(0.0009, 0.007),
                   meaning="against the yaw rate"),
     ),
     apply=add(scrub="torque_nm"),

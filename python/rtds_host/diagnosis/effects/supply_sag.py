@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="driver",
     sided=False,
     parameters=(
-        Parameter("resistance_ohm", "ohm", null=0, low=0, high=20, spread=0.5, starts=(0.3, 1.0),
+        Parameter("resistance_ohm", "ohm", scale="ohm", null=0, low=0, high=2.5, spread=0.06, starts=(0.035, 0.12),
                   meaning="resistance of supply and wiring"),
     ),
     apply=add(source_resistance="resistance_ohm"),
@@ -16,5 +16,6 @@ EFFECT = Effect(
     confused_with=("resistance_error", "driver_gain", "battery_decline"),
     shown_by="both motors loaded and braking, with v_bus logged",
     advice="Measure the bus at the driver under load; use a stiffer supply, thicker leads or a bulk capacitor.",
+    without_winding=False,
     runs_in="rtl",
 )

@@ -25,6 +25,7 @@ EFFECT = Effect(
     confused_with=("driver_gain", "resistance_error", "speed_gain"),
     shown_by="coasting and hill climbing with current logged",
     advice="Measure the back-EMF of the motor driven from outside.",
+    without_winding=False,
     runs_in="rtl",
     nuisance=True,
 )

@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="drivetrain",
     sided=True,
     parameters=(
-        Parameter("amplitude_nm", "N·m", null=0, low=0, high=5, spread=0.02, starts=(0.02,),
+        Parameter("amplitude_nm", "N·m", scale="torque", null=0, low=0, high=2, spread=0.0085, starts=(0.0085,),
                   meaning="amplitude at the wheel"),
         Parameter("cycles_per_rev", "1", null=1, low=0.2, high=3000, spread=40, starts=(1.0,),
                   shape=True, meaning="periods a turn of the wheel"),
@@ -20,5 +20,6 @@ EFFECT = Effect(
     confused_with=("stribeck_friction",),
     shown_by="slow steady turning over whole turns",
     advice="Feed the ripple forward by angle, or change the gear stage whose tooth count matches.",
+    periodic=True,
     runs_in="rtl",
 )

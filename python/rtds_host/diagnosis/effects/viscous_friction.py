@@ -18,7 +18,8 @@ EFFECT = Effect(
     subsystem="drivetrain",
     sided=True,
     parameters=(
-        Parameter("nm_s_per_rad", "N·m·s/rad", null=0, low=-0.5, high=5, spread=0.015, starts=(0.005, 0.03, -0.008),
+        Parameter("nm_s_per_rad", "N·m·s/rad", scale="viscous", least="loss", null=0, low=-1, high=15, spread=0.045,
+                  starts=(0.015, 0.09, -0.024),
                   meaning="beyond the nominal B, at the wheel"),
     ),
     apply=_apply,

@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="driver",
     sided=True,
     parameters=(
-        Parameter("volts", "V", null=24, low=0.2, high=1000, spread=6, starts=(10.0, 8.0, 6.0, 4.0),
+        Parameter("volts", "V", scale="volts", null=2, low=0.02, high=100, spread=0.5, starts=(0.83, 0.67, 0.5, 0.33),
                   meaning="largest voltage"),
     ),
     apply=put(limit="volts"),
@@ -16,5 +16,6 @@ EFFECT = Effect(
     confused_with=("driver_gain", "supply_sag"),
     shown_by="full speed in both directions",
     advice="Look for a duty or current limit in the driver's settings.",
+    nonlinear=True,
     runs_in="rtl",
 )

@@ -7,9 +7,9 @@ EFFECT = Effect(
     subsystem="winding",
     sided=True,
     parameters=(
-        Parameter("rise_per_watt", "1/W", null=0, low=0, high=5, spread=0.1, starts=(0.05, 0.2),
+        Parameter("rise_per_watt", "1/W", scale="per_watt", null=0, low=0, high=80, spread=1.7, starts=(0.8, 3.3),
                   meaning="relative rise of R a watt, steady"),
-        Parameter("time_constant_s", "s", null=30, low=1, high=2000, spread=60, starts=(15.0, 60.0),
+        Parameter("time_constant_s", "s", scale="run", null=1.5, low=0.05, high=100, spread=3, starts=(0.75, 3.0),
                   shape=True, meaning="thermal time constant"),
     ),
     apply=put(heat_rise="rise_per_watt", heat_tau="time_constant_s"),
@@ -18,5 +18,6 @@ EFFECT = Effect(
     confused_with=("resistance_error", "battery_decline"),
     shown_by="a long loaded run",
     advice="Let the motor cool between runs, or lower its load; model R with temperature.",
+    without_winding=False,
     runs_in="rtl",
 )

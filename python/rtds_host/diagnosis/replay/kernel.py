@@ -34,6 +34,7 @@ BOUNCE_RAD_S = 0.05
 
 R, L, KM, KB, J, B = (SIDE_INDEX[n] for n in ("resistance", "inductance", "torque_constant", "back_emf",
                                               "rotor_inertia", "viscous"))
+CURVE = SIDE_INDEX["pwm_curve"]
 RADIUS, V_GAIN, DEADZONE, DROP, LIMIT = (SIDE_INDEX[n] for n in ("radius", "voltage_gain", "deadzone", "drop",
                                                                  "limit"))
 HEAT_RISE, HEAT_TAU = SIDE_INDEX["heat_rise"], SIDE_INDEX["heat_tau"]
@@ -73,7 +74,7 @@ def _turned(c, s, angle):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
+def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, out):
     """Replay one run.
 
     Parameters
@@ -81,6 +82,8 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
     t : (n,) s, times of the samples wanted; the first is where the replay starts.
     t_cmd : (m,) s, times of the commands, which may begin before t; cmd : (m, 2) V (rad/s in speed mode), held until
         the next; bus_log : (m,) V at the same times, used where `bus_measured` is set.
+    angle : (m, 2) rad, the wheels' measured angles at the same times, which a ripple then follows, or (0, 2): a replay drifts,
+        and what repeats twelve times a turn is soon out of step.
     side : (2, len(SIDE)); com : (len(COMMON),), see `slots`.
     run : (4,) payload kg, slope rad, uphill yaw rad, time s at which the run began.
     start : (11,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at t[0], and the speeds w_l, w_r as reported there.
@@ -253,6 +256,8 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
         if changed:
             for k in range(sides):
                 a = va[k]
+                if side[k, CURVE] != 0.0:
+                    a *= 1.0 + side[k, CURVE] * (1.0 - min(abs(a) / supply, 1.0))
                 dz = side[k, DEADZONE]
                 if dz != 0.0:
                     a -= math.copysign(min(abs(a), dz), a) if dz > 0.0 else (math.copysign(dz, a) if a != 0.0 else 0.0)
@@ -357,8 +362,14 @@ def replay(t, t_cmd, cmd, bus_log, side, com, run, start, h_max, h_play, out):
                     # The load's inertia and torques join the rotor's while the gear is rigid.
                     torque = drive
                     if side[k, RIPPLE] != 0.0:
-                        torque += side[k, RIPPLE] * math.sin(
-                            side[k, RIPPLE_N] * (th[k] + 0.5 * h * wn[k]) + side[k, RIPPLE_PHI])
+                        at = th[k] + 0.5 * h * wn[k]
+                        if angle.shape[0] > 0 and kc > 0:
+                            nearer = min(kc, m - 1)
+                            span_a = t_cmd[nearer] - t_cmd[kc - 1]
+                            share = min(max((now + done - 0.5 * h - dc - t_cmd[kc - 1]) / span_a, 0.0), 1.0) if span_a > 0.0 else 0.0
+                            at = angle[kc - 1, k] + share * (angle[nearer, k] - angle[kc - 1, k])
+                            at = start[3 + k] + (at - start[3 + k]) / side[k, W_GAIN]
+                        torque += side[k, RIPPLE] * math.sin(side[k, RIPPLE_N] * at + side[k, RIPPLE_PHI])
                     fluid = gear * gear * side[k, B] + side[k, VISCOUS_W]
                     if side[k, ASYM_V] != 0.0:
                         fluid += side[k, ASYM_V] if wmn[k] > 0.0 else (-side[k, ASYM_V] if wmn[k] < 0.0 else 0.0)

@@ -20,8 +20,8 @@ SLIP_STEP_S = 8.4e-4
 FINE_STEP_S = 4.0e-4
 # A spring's step in its fastest swing: the errors then are those above at any stiffness that swings visibly.
 SPRING_STEP_RAD = 0.1
-# A piece starts from a parabola over this time to either side, and knows so many commands from before.
-START_S = 0.02
+# A piece starts from a parabola over so many rows to either side, and knows so many commands from before.
+START_ROWS = 2
 HISTORY_ROWS = 200
 
 
@@ -170,42 +170,88 @@ def start_state(log: RunLog, robot: Robot) -> np.ndarray:
 
 
 def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
-    """What the kernel needs of a run: sample times (n,), command times (n,), commands (n, 2), bus (n,), run (4,), start
-    (11,)."""
+    """What the kernel needs of a run: sample times (n,), command times (n,), commands (n, 2), bus (n,), angles to follow (0, 2), run
+    (4,), start (11,)."""
     commands = log.commands(robot.driver.mode)
     if commands.shape[1] == 1:
         commands = np.column_stack([commands[:, 0], np.zeros(len(commands))])
     run = np.array([log.meta.payload_kg, log.meta.slope_rad, log.meta.uphill_yaw_rad, log.t[0]])
     t = np.ascontiguousarray(log.t)
-    return t, t, np.ascontiguousarray(commands), _filled(log, "v_bus", robot.supply_v), run, start_state(log, robot)
+    return (t, t, np.ascontiguousarray(commands), _filled(log, "v_bus", robot.supply_v), np.empty((0, 2)), run,
+            start_state(log, robot))
+
+
+def following(inputs: tuple[np.ndarray, ...], log: RunLog) -> tuple[np.ndarray, ...]:
+    """The inputs of a run, or of a piece of it, with a ripple that follows the measured angles."""
+    t_cmd, start = inputs[1], inputs[6]
+    angle = np.column_stack([np.interp(t_cmd, log.t, _angle(log, side, start[3 + k])) for k, side in enumerate("lr")])
+    return (*inputs[:4], angle, *inputs[5:])
+
+
+def _angle(log: RunLog, side: str, start: float) -> np.ndarray:
+    """A wheel's measured angle at the rows (n,), rad, or what its measured speed adds up to; `start` without either."""
+    th, w = log.columns.get(f"th_{side}"), log.columns.get(f"w_{side}")
+    if th is not None and np.isfinite(th).sum() > 1:
+        good = np.isfinite(th)
+        return np.interp(log.t, log.t[good], th[good])
+    if w is None or not np.isfinite(w).any():
+        return np.full(len(log.t), start)
+    return start + np.concatenate([[0.0], np.cumsum(_filled(log, f"w_{side}", 0.0)[:-1] * np.diff(log.t))])
 
 
 def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.ndarray, ...]:
-    """The same for rows first <= k < last, started from the measured state there (single axis).
+    """The same for rows first <= k < last, started from the measured state there.
 
-    Angle and speed come from a parabola through the angles about the start where there are any (it leads no
-    filter and no delay into the state), else from the speed's own samples; commands from before stay known, for
-    effects that make them late.
+    Angle and speed come from a parabola through the angles about the start where there are enough (it leads no
+    filter and no delay into the state), else from the speed's own samples; the heading, where none is measured, from what
+    the gyro or the wheels have turned since the run began. Commands from before stay known, for effects that make them late.
     """
-    t, _, commands, bus, run, start = run_inputs(log, robot)
+    t, _, commands, bus, angle, run, start = run_inputs(log, robot)
     start = start.copy()
-    about = np.abs(t - t[first]) <= START_S
-    speed = _line(t, log.columns.get("w_l"), about, t[first])
-    angle = _line(t, log.columns.get("th_l"), about, t[first])
-    start[9] = start[5] if speed is None else speed[0]
-    start[5] = start[9] if angle is None else angle[1]
-    if angle is not None:
-        start[3] = angle[0]
-    if robot.driver.mode != "torque":
-        motor = robot.motor
-        # A row holds the state just before its command acts.
-        held = max(first - 1, 0)
-        volts = commands[held, 0] * (bus[held] / robot.supply_v if robot.driver.bus == "measured" else 1.0)
-        # Across the few electrical time constants that a start lasts, the winding is in its steady state.
-        start[7] = (volts - motor.back_emf_constant_v_s_per_rad * motor.gear_ratio * start[5]) / motor.resistance_ohm
+    half = START_ROWS * float(np.median(np.diff(t)))
+    about = np.abs(t - t[first]) <= half * (1.0 + 1e-6)
+    for k, side in enumerate(robot.sides):
+        speed = _line(t, log.columns.get(f"w_{side}"), about, t[first])
+        angle = _line(t, log.columns.get(f"th_{side}"), about, t[first])
+        start[9 + k] = _at(log, f"w_{side}", first, start[9 + k]) if speed is None else speed[0]
+        start[5 + k] = start[9 + k] if angle is None else angle[1]
+        start[3 + k] = _at(log, f"th_{side}", first, start[3 + k]) if angle is None else angle[0]
+        if robot.driver.mode == "voltage":
+            motor = robot.motor
+            # A row holds the state just before its command acts.
+            held = max(first - 1, 0)
+            volts = commands[held, k] * (bus[held] / robot.supply_v if robot.driver.bus == "measured" else 1.0)
+            # Across the few electrical time constants that a start lasts, the winding is in its steady state.
+            start[7 + k] = (volts - motor.back_emf_constant_v_s_per_rad * motor.gear_ratio * start[5 + k]) / motor.resistance_ohm
+    if robot.chassis is not None:
+        start[0], start[1] = _at(log, "x", first, 0.0), _at(log, "y", first, 0.0)
+        start[2] = _at(log, "yaw", first, math.nan)
+        if not math.isfinite(start[2]):
+            start[2] = start_state(log, robot)[2] + _turned(log, robot, first)
     before = max(0, first - HISTORY_ROWS)
     return (np.ascontiguousarray(t[first:last]), np.ascontiguousarray(t[before:last]),
-            np.ascontiguousarray(commands[before:last]), np.ascontiguousarray(bus[before:last]), run, start)
+            np.ascontiguousarray(commands[before:last]), np.ascontiguousarray(bus[before:last]), angle, run, start)
+
+
+def _at(log: RunLog, name: str, row: int, default: float) -> float:
+    """A channel at a row, between its samples; `default` without any."""
+    values = log.columns.get(name)
+    if values is None or not np.isfinite(values).any():
+        return default
+    good = np.isfinite(values)
+    return float(np.interp(log.t[row], log.t[good], values[good]))
+
+
+def _turned(log: RunLog, robot: Robot, row: int) -> float:
+    """Heading gained since a run began, rad, by the gyro or else by the wheels."""
+    rate = log.columns.get("gyro_z")
+    if rate is None or not np.isfinite(rate).any():
+        body = robot.chassis
+        left, right = (_filled(log, f"w_{s}", 0.0) for s in "lr")
+        rate = (right - left) * body.wheel_radius_m / body.track_width_m
+    else:
+        rate = _filled(log, "gyro_z", 0.0)
+    return float(np.sum(rate[:row] * np.diff(log.t[:row + 1]))) if row else 0.0
 
 
 def _line(t: np.ndarray, values: np.ndarray | None, rows: np.ndarray, at: float) -> tuple[float, float] | None:
@@ -230,7 +276,7 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     -------
     (n, 11) what the sensors would report without noise, columns as `OUTPUTS`, SI.
     """
-    t, t_cmd, commands, bus, run, start = inputs
+    t, t_cmd, commands, bus, angle, run, start = inputs
     out = np.empty((len(t), len(OUTPUTS)))
-    kernel.replay(t, t_cmd, commands, bus, model.side, model.common, run, start, step_s or model.step_s, FINE_STEP_S, out)
+    kernel.replay(t, t_cmd, commands, bus, angle, model.side, model.common, run, start, step_s or model.step_s, FINE_STEP_S, out)
     return out

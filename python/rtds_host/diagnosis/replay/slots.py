@@ -15,6 +15,7 @@ SIDE = {
     "rotor_inertia": (None, "kg·m²", "J, at the motor's shaft"),
     "viscous": (None, "N·m·s/rad", "B, at the motor's shaft"),
     "radius": (None, "m", "wheel"),
+    "pwm_curve": (0.0, "1", "relative excess of voltage at the smallest duty"),
     "voltage_gain": (1.0, "1", "driver"),
     "deadzone": (0.0, "V", "driver"),
     "drop": (0.0, "V", "against the current"),

@@ -19,6 +19,7 @@ from rtds_host.diagnosis.report.chain import chain_svg
 from rtds_host.diagnosis.report.details import Details, Trace
 from rtds_host.diagnosis.report.words import (
     SUBSYSTEM_WORDS,
+    budget_words,
     effect_name,
     explanation_name,
     number,
@@ -30,6 +31,8 @@ from rtds_host.diagnosis.report.words import (
 
 # Points a line keeps: two a bucket, so that peaks survive.
 BUCKETS = 450
+# M. Okabe, K. Ito, 2008: told apart by colour-blind readers, too.
+_COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442")
 DIGITS = 6
 UNITS = {"v_bus": "V", "i": "A", "w": "rad/s", "th": "rad", "gyro_z": "rad/s", "x": "m", "y": "m", "yaw": "rad"}
 
@@ -115,7 +118,7 @@ def _head(diagnosis: dict[str, Any], details: Details) -> str:
     held = diagnosis.get("held_out_runs") or []
     figures = [("before", number(gap.get("before")), "gap, nominal robot"),
                ("refit", number(gap.get("refit")), "motor values refitted"),
-               ("after", number(gap.get("after")), "with the blamed effects"),
+               ("after", number(gap.get("after")), "with the blamed effects" if diagnosis["effects"] else "nothing blamed"),
                ("closed", percent(gap.get("closed")), "of the gap closed")]
     interval = gap.get("closed_ci90")
     if interval and None not in interval:
@@ -163,6 +166,29 @@ def _where(diagnosis: dict[str, Any], details: Details) -> str:
     return "".join(parts) + "</section>"
 
 
+def _made_of(diagnosis: dict[str, Any]) -> str:
+    """What the gap is made of, in one bar: effects in colours of their own, what has no name hatched."""
+    rows = budget_words(diagnosis)
+    if not rows:
+        return ""
+    width, at, parts = 1000.0, 0.0, []
+    for k, ((text, share), row) in enumerate(zip(rows, diagnosis["budget"], strict=True)):
+        fill = "url(#nameless)" if row["what"] == "rest" else "#9aa5b1" if row["what"] == "tolerance" else _COLOURS[k % len(_COLOURS)]
+        parts.append(f'<g data-what="{escape(row["what"])}" data-share="{share:.6g}"><title>{escape(text)}: {percent(share)}'
+                     f'</title><rect x="{at:.2f}" y="0" width="{max(width * share, 0.0):.2f}" height="40" fill="{fill}" '
+                     'stroke="#fff"/></g>')
+        at += width * share
+    key = "".join('<li><svg width="14" height="14" aria-hidden="true"><rect width="14" height="14" fill="'
+                  + ("url(#nameless)" if row["what"] == "rest" else "#9aa5b1" if row["what"] == "tolerance"
+                     else _COLOURS[k % len(_COLOURS)]) + f'"/></svg> {escape(text)} <b>{percent(share)}</b></li>'
+                  for k, ((text, share), row) in enumerate(zip(rows, diagnosis["budget"], strict=True)) if share >= 0.0005)
+    return ('<section><h2>What the gap is made of</h2><svg id="budget" viewBox="0 0 1000 40" width="100%" height="40" '
+            'preserveAspectRatio="none" role="img" aria-label="shares of the gap"><defs><pattern id="nameless" width="8" '
+            'height="8" patternUnits="userSpaceOnUse" patternTransform="rotate(45)"><rect width="8" height="8" '
+            'fill="#f4f1ea"/><rect width="3" height="8" fill="#7b8794"/></pattern></defs>' + "".join(parts) + "</svg>"
+            f'<ul class="key">{key}</ul></section>')
+
+
 def _what(diagnosis: dict[str, Any], details: Details) -> str:
     parts = ["<section><h2>What causes it</h2>"]
     if diagnosis["effects"]:
@@ -176,11 +202,11 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
                     f"{number(interval[0], 4)} to {number(interval[1], 4)}")
                 rows.append([escape(effect_name(effect)) if k == 0 else "", percent(effect["probability"]) if k == 0 else "",
                              escape(name), f"{number(p['value'], 4)} {escape(unit)}", pinned,
-                             escape(known.advice) if known and k == 0 else ""])
+                             number(effect["gap_without"]) if k == 0 else "", escape(known.advice) if known and k == 0 else ""])
                 attributes.append(f'class="effect" data-id="{effect["id"]}" data-side="{effect["side"]}" '
                                   f'data-parameter="{escape(name)}"')
         parts.append(_table([("effect", False), ("probability", True), ("parameter", False), ("value", True),
-                             ("90 % interval", True), ("what to do", False)], rows, attributes, "effects"))
+                             ("90 % interval", True), ("gap without it", True), ("what to do", False)], rows, attributes, "effects"))
         for effect in diagnosis["effects"]:
             known = CATALOGUE.get(effect["id"])
             if known:
@@ -307,7 +333,7 @@ def _condition(details: Details) -> str:
 def page(diagnosis: dict[str, Any], details: Details) -> str:
     """The whole report as a string of HTML."""
     title = f"{details.case.name}: {diagnosis['verdict']}"
-    body = "".join([_head(diagnosis, details), _where(diagnosis, details), _what(diagnosis, details),
+    body = "".join([_head(diagnosis, details), _made_of(diagnosis), _where(diagnosis, details), _what(diagnosis, details),
                     _plots(details), _gaps(diagnosis, details), _next(diagnosis, details), _condition(details)])
     return ("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
             "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"

@@ -29,13 +29,22 @@ def validate(diagnosis: dict[str, Any]) -> None:
     if error is not None:
         place = "/".join(map(str, error.absolute_path)) or "top level"
         raise ValueError(f"diagnosis.json: {place}: {error.message}")
-    shares = [entry["share"] for entry in diagnosis["located"]]
-    if shares and abs(sum(shares) - 1.0) > 1e-3:
-        raise ValueError(f"diagnosis.json: located: shares sum to {sum(shares):g}, not to 1")
-    if diagnosis["verdict"] == "none" and (diagnosis["effects"] or diagnosis["located"]):
+    for name in ("located", "budget"):
+        shares = [entry["share"] for entry in diagnosis[name]]
+        if shares and abs(sum(shares) - 1.0) > 1e-3:
+            raise ValueError(f"diagnosis.json: {name}: shares sum to {sum(shares):g}, not to 1")
+    verdict = diagnosis["verdict"]
+    if verdict == "none" and (diagnosis["effects"] or diagnosis["located"] or diagnosis["budget"]):
         raise ValueError("diagnosis.json: verdict: is none, but effects are blamed or a place is given")
-    if diagnosis["verdict"] == "known" and not diagnosis["effects"]:
-        raise ValueError("diagnosis.json: effects: empty although the verdict is known")
+    if (verdict in ("known", "partial")) != bool(diagnosis["effects"]):
+        raise ValueError(f"diagnosis.json: effects: {len(diagnosis['effects'])} of them although the verdict is {verdict}")
+    blamed = {(e["id"], e["side"]) for e in diagnosis["effects"]}
+    for members in diagnosis["indistinguishable"]:
+        if not blamed & {(m["id"], m["side"]) for m in members}:
+            raise ValueError("diagnosis.json: indistinguishable: a set holds no blamed effect")
+    open_end = verdict in ("partial", "unknown") or diagnosis["indistinguishable"]
+    if open_end and diagnosis["next_experiment"] is None:
+        raise ValueError("diagnosis.json: next_experiment: missing although something is open")
     chances = [a["probability"] for a in diagnosis["alternatives"]]
     if chances and not 0.985 <= sum(chances) <= 1.001:
         raise ValueError(f"diagnosis.json: alternatives: probabilities sum to {sum(chances):g}")

@@ -11,6 +11,7 @@ from rich.table import Table
 from rtds_host.diagnosis.report.details import Details
 from rtds_host.diagnosis.report.words import (
     SUBSYSTEM_WORDS,
+    budget_words,
     effect_name,
     explanation_name,
     number,
@@ -19,7 +20,7 @@ from rtds_host.diagnosis.report.words import (
     verdict_sentence,
 )
 
-_STYLE = {"none": "green", "known": "cyan", "unknown": "red"}
+_STYLE = {"none": "green", "known": "cyan", "partial": "yellow", "unknown": "red"}
 
 
 def print_summary(console: Console, diagnosis: dict[str, Any], details: Details) -> None:
@@ -30,6 +31,9 @@ def print_summary(console: Console, diagnosis: dict[str, Any], details: Details)
     if diagnosis["located"]:
         console.print("  located  " + ", ".join(f"{SUBSYSTEM_WORDS[e['subsystem']]} {percent(e['share'])}"
                                                for e in diagnosis["located"] if e["share"] >= 0.005))
+    if diagnosis["budget"]:
+        console.print("  made of  " + escape(", ".join(f"{text} {percent(share)}" for text, share in budget_words(diagnosis)
+                                                    if share >= 0.005)))
     for effect in diagnosis["effects"]:
         values = ", ".join(f"{name} = {value_words(effect['id'], name, p)}" for name, p in effect["parameters"].items())
         console.print(f"  effect   {escape(effect_name(effect))}: {escape(values)}")

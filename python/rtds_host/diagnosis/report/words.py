@@ -68,32 +68,48 @@ def value_words(effect_id: str, parameter: str, entry: Any) -> str:
     return text
 
 
+def budget_words(diagnosis: dict[str, Any]) -> list[tuple[str, float]]:
+    """What the gap is made of: words and shares, effects first, what has no name last."""
+    rows = []
+    for row in diagnosis["budget"]:
+        if row["what"] == "effect":
+            text = effect_name(row)
+        elif row["what"] == "tolerance":
+            text = "tolerances of the motors"
+        else:
+            text = "no name, " + (SUBSYSTEM_WORDS[row["subsystem"]] if row["subsystem"] else "place not known")
+        rows.append((text, row["share"]))
+    return rows
+
+
 def verdict_sentence(diagnosis: dict[str, Any]) -> str:
-    """The verdict in one or two sentences."""
+    """The verdict in a few sentences."""
     gap, effects = diagnosis["gap"], diagnosis["effects"]
     after, refit = gap.get("after"), gap.get("refit")
     if diagnosis["verdict"] == "none":
         return (f"Nothing is missing: with its motor values refitted, the nominal robot explains these runs; the gap is "
                 f"{number(refit)} times the sensors' noise.")
-    located = diagnosis["located"]
-    where = SUBSYSTEM_WORDS[located[0]["subsystem"]] if located else None
-    if diagnosis["verdict"] == "known":
-        names = "; ".join(
-            f"{effect_name(e)} ({', '.join(value_words(e['id'], n, {'value': p['value']}) for n, p in e['parameters'].items())})"
-            for e in effects)
-        closed = gap.get("effect_closed")
-        share = f", {percent(closed)} of it closed" if closed is not None else ""
-        sure = min((e["probability"] for e in effects), default=0.0)
-        text = (f"{names[:1].upper()}{names[1:]}: {percent(sure)} probable. On runs not used for the fit the gap falls "
-                f"from {number(refit)} to {number(after)} times the sensors' noise{share}.")
-        alike = [s for s in diagnosis["indistinguishable"]]
-        if alike:
-            text += " These runs cannot tell it from " + " or ".join(
-                sorted({effect_name(m) for s in alike for m in s if not any(
-                    m["id"] == e["id"] and m["side"] == e["side"] for e in effects)})) + "."
-        return text
-    text = "Something that the catalogue does not hold makes the gap"
-    text += f"; most of it lies in the {where} ({percent(located[0]['share'])})." if where else "."
-    if effects:
-        text += f" In part it is {explanation_name(effects)}."
+    rest = gap.get("rest") or {}
+    place = SUBSYSTEM_WORDS.get(rest.get("subsystem") or "")
+    if not effects:
+        text = "There is a gap, and no effect of the catalogue stands on its own evidence"
+        return text + (f"; most of it lies in the {place}." if place else ".")
+    names = "; ".join(
+        f"{effect_name(e)} ({', '.join(value_words(e['id'], n, {'value': p['value']}) for n, p in e['parameters'].items())})"
+        for e in effects)
+    closed = gap.get("effect_closed")
+    share = f", {percent(closed)} of it closed" if closed is not None else ""
+    sure = min((e["probability"] for e in effects), default=0.0)
+    each = "each at least " if len(effects) > 1 else ""
+    text = (f"{names[:1].upper()}{names[1:]}: {each}{percent(sure)} probable. On runs not used for the fit the gap falls "
+            f"from {number(refit)} to {number(after)} times the sensors' noise{share}.")
+    if diagnosis["verdict"] == "partial":
+        text += f" {percent(rest.get('share'))} of it has no name" + (f", most of that in the {place}." if place else ".")
+    blamed = {(e["id"], e["side"]) for e in effects}
+    for members in diagnosis["indistinguishable"]:
+        mine = [m for m in members if (m["id"], m["side"]) in blamed]
+        others = [m for m in members if (m["id"], m["side"]) not in blamed]
+        if mine and others:
+            text += (f" These runs cannot tell {effect_name(mine[0])} from "
+                     + " or ".join(effect_name(m) for m in others) + ".")
     return text

@@ -1,0 +1,119 @@
+"""From the most probable explanation to an account: which effects stand, how sure, how large, what cannot be told apart.
+
+An effect is taken out, the others are fitted again, and the two explanations are compared by what can be believed of the
+gain of likelihood between them (`evidence`):
+
+    log odds(present) = log prior odds + min(G, t^2 / 2)
+
+It must also be worth naming: what it takes off the squared gap is at least what counts as a gap at all.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from rtds_host.diagnosis.evidence import believed, compared
+from rtds_host.diagnosis.fit import Fit, Hypothesis
+from rtds_host.diagnosis.gap import LEAST
+from rtds_host.diagnosis.search import Search
+
+# An effect is named where it is more likely there than not.
+NAMED = 0.5
+# Of the squared gap: what makes one of 1.1 out of none (contract, section 4).
+WORTH = LEAST**2 - 1.0
+# Two explanations cannot be told apart where neither is this many to one.
+ALIKE = 20.0
+# Members that a set of look-alikes may have (contract, section 5).
+LARGEST_SET = 3
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What speaks for one effect of an explanation.
+
+    without : the explanation fitted without it; worth : of the squared gap that it closes; gain : of log likelihood by it; t : the gain over its scatter between
+    blocks; probability : that it is present.
+    """
+
+    member: tuple[str, str]
+    without: Fit
+    worth: float
+    gain: float
+    t: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class Account:
+    """The effects that stand, in the fit that holds just these, and those that cannot be told from them.
+
+    dropped : (effect, side) -> why it was in the most probable explanation and does not stand; alike : sets, each holding a
+    blamed one first; alternatives : other explanations and how likely each is beside the first, best first.
+    """
+
+    fit: Fit
+    base: Fit
+    standing: tuple[Standing, ...]
+    dropped: dict[tuple[str, str], str]
+    alike: tuple[tuple[tuple[str, str], ...], ...]
+    alternatives: tuple[tuple[Hypothesis, float], ...]
+
+
+def _standing(search: Search, fit: Fit, member: tuple[str, str]) -> Standing:
+    without = search.without(fit, member)
+    without = search.try_fit(without.hypothesis, without.u, without)
+    gain, t = compared(search.problem, fit, without)
+    odds = search.log_prior((member,)) + believed(gain, t)
+    worth = search.problem.gap(without.model(search.problem)) ** 2 - search.problem.gap(fit.model(search.problem)) ** 2
+    return Standing(member, without, worth, gain, t, 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0))))
+
+
+def account(search: Search, fit: Fit) -> Account:
+    """Name the effects of the most probable explanation that stand on their own evidence."""
+    dropped: dict[tuple[str, str], str] = {}
+    while True:
+        standing = [_standing(search, fit, member) for member in fit.hypothesis]
+        weakest = min(standing, key=lambda s: s.probability, default=None)
+        least = min(standing, key=lambda s: s.worth, default=None)
+        if weakest is not None and weakest.probability < NAMED:
+            dropped[weakest.member] = (f"is missed too unevenly to be there (gain {weakest.gain:.0f}, {weakest.t:.1f} times "
+                                       "its scatter over the runs)")
+            fit = weakest.without
+        elif least is not None and least.worth < WORTH:
+            dropped[least.member] = "closes next to nothing of the gap"
+            fit = least.without
+        else:
+            break
+    standing.sort(key=lambda s: -s.gain)
+    alike, rivals = _alike(search, fit, standing)
+    return Account(fit, search.fits[()], tuple(standing), dropped, alike, _alternatives(search, fit, standing, rivals))
+
+
+def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tuple[tuple[str, str], ...], ...], list[Fit]]:
+    """Effects that take a blamed one's place and fit as well, and the fits that show it."""
+    sets, rivals = [], []
+    for one in standing:
+        found = []
+        for candidate in search.rivals(one.without, one.member, LARGEST_SET):
+            swapped = search.swapped(one.without, candidate)
+            gain, t = compared(search.problem, fit, swapped)
+            if believed(gain, t) < math.log(ALIKE) and search.named(swapped):
+                found.append((gain, candidate.member))
+                rivals.append(swapped)
+        if found:
+            found.sort()
+            sets.append((one.member, *(member for _, member in found[:LARGEST_SET - 1])))
+    return tuple(sets), rivals
+
+
+def _alternatives(search: Search, fit: Fit, standing: list[Standing], rivals: list[Fit]) -> tuple[tuple[Hypothesis, float], ...]:
+    others = {f.hypothesis: f for f in [*rivals, *(s.without for s in standing), search.fits[()]] if f is not fit}
+    weights = {fit.hypothesis: 1.0}
+    for hypothesis, other in others.items():
+        gain, t = compared(search.problem, fit, other)
+        odds = search.log_prior(hypothesis) - search.log_prior(fit.hypothesis) - believed(gain, t)
+        weights[hypothesis] = math.exp(min(odds, 0.0))
+    total = sum(weights.values())
+    ranked = sorted(weights.items(), key=lambda item: (-item[1], item[0] != fit.hypothesis))
+    return tuple((hypothesis, weight / total) for hypothesis, weight in ranked)

@@ -1,0 +1,142 @@
+"""The gap on runs that were not used for the fit (contract, section 4): each run is left out in turn, of a single run
+each half. The fit without it is one Newton step from the fit to all, then the run is replayed in short steps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.stats import t as student
+
+from rtds_host.contract import RunLog
+from rtds_host.diagnosis import gap as gaps
+from rtds_host.diagnosis.account import Account
+from rtds_host.diagnosis.fit import Fit, parameters
+from rtds_host.diagnosis.localise.regimes import Motion, regimes
+from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
+from rtds_host.diagnosis.replay.slots import OUTPUTS
+from rtds_host.diagnosis.report.details import Trace
+
+# Numerical: one linear step is trusted for so many of its sigmas.
+TRUSTED = 3.0
+LEVELS = (0.05, 0.95)
+SHOWN = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
+
+
+@dataclass
+class HeldOut:
+    """Gaps on held-out runs: channels by model ("before", "refit", "after"); without : by effect, the gap without it; runs,
+    regimes : by name, gap by model; interval : 90 % of the share closed on another run, None where it cannot be said."""
+
+    channels: dict[str, dict[str, float]]
+    without: dict[tuple[str, str], float]
+    runs: dict[str, dict[str, float]]
+    regimes: dict[str, dict[str, float]]
+    traces: dict[str, dict[str, Trace]]
+    interval: tuple[float, float] | None
+    notes: list[str] = field(default_factory=list)
+
+    def gap(self, model: str) -> float:
+        """The gap of one of the models."""
+        return gaps.gap(self.channels[model])
+
+
+def left_out(problem: Problem, fit: Fit, rows: np.ndarray) -> Model:
+    """The explanation fitted without some residuals."""
+    white, jacobian = fit.whitened()
+    keep = np.flatnonzero(fit.free)
+    j = jacobian[np.ix_(rows, keep)].astype(float)
+    precision = fit.precision[np.ix_(keep, keep)]
+    rest = precision - j.T @ j
+    step = np.zeros(len(fit.free))
+    step[keep] = np.linalg.solve(rest + 1e-9 * np.diag(np.diag(precision)), j.T @ white[rows])
+    sigma = np.sqrt(np.diag(fit.covariance))
+    step = np.clip(step, -TRUSTED * sigma - 1e-6, TRUSTED * sigma + 1e-6)
+    k = len(fit.z)
+    u = fit.u + step[k:]
+    ps = [p for _, _, p in parameters(fit.effects, fit.hypothesis)]
+    if ps:
+        u = np.clip(u, [(p.low - p.null) / p.spread for p in ps], [(p.high - p.null) / p.spread for p in ps])
+    return replace(fit, z=fit.z + step[:k], u=u).model(problem)
+
+
+def held_out(problem: Problem, account: Account) -> HeldOut:
+    """Gaps of the nominal robot, the refitted one, and the one with the effects that stand, on runs left out."""
+    robot = problem.robot
+    models = {"refit": account.base, "after": account.fit}
+    models.update({s.member: s.without for s in account.standing})
+    step = min(REPORT_STEP_S, account.fit.model(problem).step_s)
+    parts: dict[object, list[dict[str, np.ndarray]]] = {name: [] for name in ("before", *models)}
+    by_regime: dict[str, dict[str, list[dict[str, np.ndarray]]]] = {}
+    runs, traces, stretches = {}, {}, []
+    notes = [f"{name}: no heading in the log; the slope's pull says that the run began at {heading:.2f} rad"
+             for name, heading in problem.headings.items()]
+    if len(problem.whole) == 1:
+        notes.append("one run only: each half was held out in turn, which is weaker evidence than another run")
+    for k, data in enumerate(problem.whole):
+        mine = np.flatnonzero(problem.runs_of == k)
+        pieces = [(0, len(data.log.t), mine)]
+        if len(problem.whole) == 1:
+            middle = len(data.log.t) // 2
+            half = np.median(problem.blocks[mine])
+            pieces = [(0, middle, mine[problem.blocks[mine] < half]), (middle, len(data.log.t), mine[problem.blocks[mine] >= half])]
+        nominal = replay_run(problem.nominal, data.inputs, step)
+        own: dict[object, list[dict[str, np.ndarray]]] = {name: [] for name in parts}
+        shown = {"refit": np.empty_like(nominal), "after": np.empty_like(nominal)}
+        for first, last, rows in pieces:
+            log = _slice(data.log, first, last)
+            outs = {"before": nominal}
+            outs.update({name: replay_run(left_out(problem, fit, rows), data.inputs, step) for name, fit in models.items()})
+            motion = _regimes(problem, log, outs["after"][first:last])
+            for name, out in outs.items():
+                found = gaps.errors_at(log, robot, out[first:last])
+                own[name].append({channel: error for channel, (_, error) in found.items()})
+                for regime, inside in motion.items() if isinstance(name, str) else ():
+                    part = {channel: error[inside[rows]] for channel, (rows, error) in found.items()}
+                    by_regime.setdefault(regime, {}).setdefault(name, []).append(part)
+            stretches.append(tuple(gaps.gap(gaps.pooled(own[name][-1:])) for name in ("before", "after")))
+            for name, whole in shown.items():
+                whole[first:last] = outs[name][first:last]
+        for name, found in own.items():
+            parts[name] += found
+        runs[data.log.name] = {name: gaps.gap(gaps.pooled(own[name])) for name in ("before", "refit", "after")}
+        traces[data.log.name] = {
+            c: Trace(data.log.t, data.log.columns[c], nominal[:, n], shown["refit"][:, n], shown["after"][:, n])
+            for n, c in enumerate(SHOWN) if data.log.has(c)}
+    channels = {name: gaps.pooled(parts[name]) for name in ("before", "refit", "after")}
+    without = {s.member: gaps.gap(gaps.pooled(parts[s.member])) for s in account.standing}
+    return HeldOut(channels, without, runs, _by_regime(by_regime), traces, _for_another(stretches), notes)
+
+
+def _for_another(stretches: list[tuple[float, float]]) -> tuple[float, float] | None:
+    """90 % interval of the share closed on another run of the same robot: Student's prediction from the runs there are."""
+    shares = np.array([gaps.closed(before, after) for before, after in stretches if before >= gaps.LEAST], float)
+    if len(shares) < 2:
+        return None
+    mean, spread = float(shares.mean()), float(shares.std(ddof=1)) * math.sqrt(1.0 + 1.0 / len(shares))
+    low, high = (mean + float(student.ppf(level, len(shares) - 1)) * spread for level in LEVELS)
+    return low, min(high, max(1.0, float(shares.max())))
+
+
+def _slice(log: RunLog, first: int, last: int) -> RunLog:
+    return replace(log, t=log.t[first:last], columns={c: v[first:last] for c, v in log.columns.items()})
+
+
+def _regimes(problem: Problem, log: RunLog, out: np.ndarray) -> dict[str, np.ndarray]:
+    """Regime -> rows of a log in it, by how the corrected replay `out` moves, which no sensor has to measure."""
+    column = {name: out[:, k] for k, name in enumerate(OUTPUTS)}
+    speeds = [column[f"w_{s}"] for s in problem.robot.sides]
+    body = problem.robot.chassis is not None
+    motion = Motion(log.t, speeds, column["yaw"] if body else None, column["gyro_z"] if body else None)
+    half = max(1, round(0.015 / float(np.median(np.diff(log.t)))))
+    return regimes(motion, log.meta, log.meta.slope_rad, half)
+
+
+def _by_regime(parts: dict[str, dict[str, list[dict[str, np.ndarray]]]]) -> dict[str, dict[str, float]]:
+    """Gap of each regime, of those that hold some of the samples and not all of them."""
+    counts = {regime: sum(len(e) for part in named["before"] for e in part.values()) for regime, named in parts.items()}
+    whole = counts.get("first half", 0) + counts.get("second half", 0)
+    return {regime: {name: gaps.gap(gaps.pooled(p)) for name, p in named.items()}
+            for regime, named in parts.items() if max(1, min(50, 0.02 * whole)) <= counts[regime] < 0.98 * whole}

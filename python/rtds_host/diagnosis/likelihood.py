@@ -1,0 +1,200 @@
+"""The likelihood: what a sensor reports is the replay, plus white noise, plus what the model lacks.
+
+On each channel c, in units of its noise, r(t) = d(t) + e(t): e is white of variance 1, d the discrepancy, an
+Ornstein-Uhlenbeck process of size s_c and correlation time tau_c that are estimated with every explanation from its
+own residuals. The likelihood is that of the innovations of a Kalman filter, exact at uneven sampling and across holes:
+
+    -2 log p(r) = sum_k (v_k^2 / S_k + log S_k)
+
+The filter is linear in r for given (s, tau), so the same recursion whitens residuals and derivatives: least squares on
+whitened residuals is maximum likelihood. A residual that an explanation leaves is paid for by its size once per
+correlation time, instead of once per sample; what an effect takes off a large rest still counts.
+
+References: M. C. Kennedy, A. O'Hagan, J. R. Stat. Soc. B 63, 2001 (calibration with a discrepancy); N. R. Kristensen,
+H. Madsen, S. B. Jorgensen, Automatica 40, 2004 (innovations of a continuous-discrete filter); F. C. Schweppe, IEEE
+Trans. Inf. Theory 11, 1965 (likelihood by innovations).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+# Numerical: sizes and correlation times that are told apart, and how finely they are looked for (in logarithms).
+LEAST_SIZE = 1e-3
+COARSE_TAUS = 5
+PATTERN_STEPS = (1.0, 0.4)
+
+
+@dataclass(frozen=True)
+class Series:
+    """Residuals of one channel in one run, in order of time: rows `first` to `last` of the residuals, at times t (s)."""
+
+    channel: int
+    first: int
+    last: int
+    t: np.ndarray
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _nll(r, t, s2, tau):
+    """-2 log likelihood of one series, per the module's head, less its constant."""
+    total = 0.0
+    logs = 0.0
+    product = 1.0
+    m = 0.0
+    p = s2
+    last_dt = -1.0
+    a = 1.0
+    s = 1.0
+    g = 0.0
+    inverse = 1.0
+    steady = False
+    for k in range(r.shape[0]):
+        if k > 0:
+            dt = t[k] - t[k - 1]
+            if abs(dt - last_dt) > 1e-7 * last_dt:
+                last_dt = dt
+                a = math.exp(-dt / tau)
+                steady = False
+            m *= a
+            if not steady:
+                p = a * a * p + s2 * (1.0 - a * a)
+        v = r[k] - m
+        if not steady:
+            before = s
+            s = p + 1.0
+            # At even sampling the gain soon stands still.
+            steady = k > 1 and abs(s - before) < 1e-9 * s
+            inverse = 1.0 / s
+            g = p * inverse
+            p = g
+            logs = math.log(s) if steady else 0.0
+            product *= s
+            if product > 1e200:
+                total += math.log(product)
+                product = 1.0
+        else:
+            total += logs
+        total += v * v * inverse
+        m += g * v
+    return total + math.log(product)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _gains(t, s2, tau, a_out, g_out, i_out, log_out):
+    """Filter of one series: decay, gain, 1 / sqrt(S) and log S of each sample."""
+    p = s2
+    last_dt = -1.0
+    a = 1.0
+    for k in range(t.shape[0]):
+        if k > 0:
+            dt = t[k] - t[k - 1]
+            if dt != last_dt:
+                last_dt = dt
+                a = math.exp(-dt / tau)
+            p = a * a * p + s2 * (1.0 - a * a)
+        s = p + 1.0
+        a_out[k] = a if k > 0 else 0.0
+        g_out[k] = p / s
+        i_out[k] = 1.0 / math.sqrt(s)
+        log_out[k] = math.log(s)
+        p = p / s
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _whiten(column, a, g, i, out):
+    """Innovations over their standard deviations; `a` is 0 where a series begins."""
+    m = 0.0
+    for k in range(column.shape[0]):
+        m *= a[k]
+        v = column[k] - m
+        m += g[k] * v
+        out[k] = v * i[k]
+
+
+class Discrepancy:
+    """Size s (C,) in units of noise and correlation time tau (C,) s of each channel's discrepancy, and its filter."""
+
+    def __init__(self, series: list[Series], count: int, channels: int, s: np.ndarray | None = None,
+                 tau: np.ndarray | None = None):
+        self.series, self.count = series, count
+        self.s = np.zeros(channels) if s is None else s
+        self.tau = np.ones(channels) if tau is None else tau
+        self.a, self.g, self.i, self.log = (np.empty(count) for _ in range(4))
+        for one in series:
+            rows = slice(one.first, one.last)
+            _gains(one.t, self.s[one.channel] ** 2, self.tau[one.channel], self.a[rows], self.g[rows], self.i[rows],
+                   self.log[rows])
+
+    def whiten(self, columns: np.ndarray) -> np.ndarray:
+        """Whitened columns, (N,) or (N, p), in the type they come in."""
+        if columns.ndim == 1:
+            out = np.empty_like(columns)
+            _whiten(columns, self.a, self.g, self.i, out)
+            return out
+        out = np.empty_like(columns, order="F")
+        for k in range(columns.shape[1]):
+            _whiten(columns[:, k], self.a, self.g, self.i, out[:, k])
+        return out
+
+    def cost(self, residual: np.ndarray) -> float:
+        """-2 log likelihood of residuals (N,), less its constant."""
+        white = self.whiten(residual)
+        return float(white @ white + self.log.sum())
+
+    def blocks(self, residual: np.ndarray, blocks: np.ndarray, count: int) -> np.ndarray:
+        """-2 log likelihood by block of time, (count,); `blocks` (N,) says which block a residual is in."""
+        white = self.whiten(residual)
+        return np.bincount(blocks, white * white + self.log, minlength=count)
+
+    def estimated(self, residual: np.ndarray, thorough: bool = False) -> Discrepancy:
+        """The discrepancy that makes these residuals most likely, looked for about this one; `thorough`: anywhere."""
+        s, tau = self.s.copy(), self.tau.copy()
+        for channel in np.unique([one.channel for one in self.series]):
+            mine = [one for one in self.series if one.channel == channel]
+            s[channel], tau[channel] = _most_likely(residual, mine, s[channel], tau[channel], thorough)
+        return Discrepancy(self.series, self.count, len(s), s, tau)
+
+
+def _most_likely(residual: np.ndarray, mine: list[Series], s: float, tau: float, thorough: bool) -> tuple[float, float]:
+    spans = [one.t[-1] - one.t[0] for one in mine]
+    steps = np.concatenate([np.diff(one.t) for one in mine])
+    if not len(steps):
+        return 0.0, 1.0
+    shortest, longest = 0.5 * float(np.median(steps)), max(max(spans), float(np.median(steps)))
+    size = math.sqrt(max(np.mean(np.concatenate([residual[one.first:one.last] for one in mine]) ** 2), 1e-12))
+
+    def cost(log_s: float, log_tau: float) -> float:
+        return sum(_nll(residual[one.first:one.last], one.t, math.exp(2.0 * log_s), math.exp(log_tau)) for one in mine)
+
+    white = sum(float(residual[one.first:one.last] @ residual[one.first:one.last]) for one in mine)
+    low, high = math.log(shortest), math.log(longest)
+    starts = []
+    if s > LEAST_SIZE and not thorough:
+        starts = [(math.log(s), min(max(math.log(tau), low), high))]
+    if not starts or thorough:
+        top = math.log(max(size, 10 * LEAST_SIZE))
+        starts += [(top - back, at) for at in np.linspace(low, high, COARSE_TAUS) for back in (0.0, 1.0)]
+    values = [cost(*start) for start in starts]
+    k = int(np.argmin(values))
+    at, best = list(starts[k]), values[k]
+    for step in PATTERN_STEPS if thorough or len(starts) > 1 else PATTERN_STEPS[1:]:
+        for _ in range(4):
+            moved = False
+            for axis, sign in ((0, -1), (0, 1), (1, -1), (1, 1)):
+                trial = list(at)
+                trial[axis] += sign * step
+                trial[1] = min(max(trial[1], low), high)
+                value = cost(*trial)
+                if value < best - 1e-9:
+                    at, best, moved = trial, value, True
+                    break
+            if not moved:
+                break
+    if white <= best or at[0] < math.log(LEAST_SIZE):
+        return 0.0, math.exp(at[1])
+    return math.exp(at[0]), math.exp(at[1])

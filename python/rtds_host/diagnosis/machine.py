@@ -1,0 +1,106 @@
+"""The scales of a machine: what a large torque, speed, voltage or mass is on it, from its file and its runs.
+
+Priors, bounds and starts of effects are shares of these, so that a micromouse and a robot of 50 kg are searched alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtds_host.contract import Robot, RunLog
+
+# A run's length for what is asked of a robot without runs: that of a manoeuvre of the scenarios' menu.
+USUAL_RUN_S = 20.0
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Scales in SI, at the wheel's side of the gear; 1 where a machine has no such thing.
+
+    torque : N·m, at stall (torque mode: at the largest command); speed : rad/s, without load (torque mode: the largest
+    met); viscous : N·m·s/rad, torque over speed; loss : N·m·s/rad, the nominal B; volts : V, supply; decline : V/s, all of
+    the supply over the longest run; ohm : winding; amps : A, at stall; per_watt : 1/W, of the power at stall; force : N,
+    weight on a wheel; give : 1/N, its inverse; tread : N·s/m, force over rim speed; mass : kg (of an axis: in shares of its
+    load); radius, track : m; spin : N·m, torque about the vertical of both wheels at stall; turn : rad/s, on the spot
+    without load; run : s, longest run.
+    """
+
+    torque: float
+    speed: float
+    volts: float
+    ohm: float
+    amps: float
+    loss: float
+    mass: float = 1.0
+    force: float = 1.0
+    radius: float = 1.0
+    track: float = 1.0
+    run: float = USUAL_RUN_S
+
+    one: float = 1.0
+
+    @property
+    def viscous(self) -> float:
+        return self.torque / self.speed
+
+    @property
+    def decline(self) -> float:
+        return self.volts / self.run
+
+    @property
+    def per_watt(self) -> float:
+        return 1.0 / (self.volts * self.amps)
+
+    @property
+    def give(self) -> float:
+        return 1.0 / self.force
+
+    @property
+    def tread(self) -> float:
+        return self.force / (self.radius * self.speed)
+
+    @property
+    def spin(self) -> float:
+        return self.torque / self.radius * self.track
+
+    @property
+    def turn(self) -> float:
+        return 2.0 * self.radius * self.speed / self.track
+
+
+def machine_of(robot: Robot, runs: Sequence[RunLog] = ()) -> Machine:
+    """Scales of a robot or an axis; `runs`: its logs, which say how fast and how long it ran where its file does not."""
+    motor, volts = robot.motor, robot.supply_v
+    longest = max((float(log.t[-1] - log.t[0]) for log in runs), default=USUAL_RUN_S)
+    if robot.driver.mode == "torque":
+        asked = max((float(np.abs(log.commands("voltage")).max()) for log in runs), default=volts)
+        torque = motor.gear_ratio * robot.driver.torque_nm_per_v * (asked if 0.0 < asked < volts else volts)
+        speed, ohm, amps = _met(runs), 1.0, 1.0
+    else:
+        ohm, amps = motor.resistance_ohm, volts / motor.resistance_ohm
+        torque = motor.gear_ratio * motor.torque_constant_nm_per_a * amps
+        speed = volts / (motor.gear_ratio * motor.back_emf_constant_v_s_per_rad)
+    loss = motor.gear_ratio**2 * motor.viscous_friction_nm_s_per_rad
+    body = robot.chassis
+    if body is None:
+        return Machine(abs(torque), speed, volts, ohm, amps, loss, run=max(longest, 1e-3))
+    return Machine(abs(torque), speed, volts, ohm, amps, loss, body.mass_kg, 0.5 * body.mass_kg * 9.80665,
+                   body.wheel_radius_m, body.track_width_m, max(longest, 1e-3))
+
+
+def _met(runs: Sequence[RunLog]) -> float:
+    """Largest speed met, rad/s, by the speed's or the angle's samples; 1 without any."""
+    found = 0.0
+    for log in runs:
+        for side in "lr":
+            w, th = log.columns.get(f"w_{side}"), log.columns.get(f"th_{side}")
+            if w is not None and np.isfinite(w).any():
+                found = max(found, float(np.nanpercentile(np.abs(w), 99)))
+            elif th is not None and np.isfinite(th).sum() > 2:
+                good = np.isfinite(th)
+                found = max(found, float(np.percentile(np.abs(np.diff(th[good]) / np.diff(log.t[good])), 95)))
+    return found if found > 0.0 and math.isfinite(found) else 1.0
