@@ -30,12 +30,16 @@ SIDE_NAMES = (
     # outside of the catalogue
     "hysteresis", "quantum", "rub_torque", "rub_angle", "rub_width", "eccentricity", "eccentric_phase",
     "saturation", "quadratic", "slew", "friction_per_s", "crosstalk", "traction", "tyre", "tyre_damping",
+    "curve",                  # of the catalogue: pwm_curve
+    "dahl", "dahl_rad", "swing", "swing_phase", "grease", "grease_tau", "detent", "detent_cycles", "detent_phase",
+    "current_tau",
 )
 WORLD_NAMES = (
     "voltage", "gear", "mass", "yaw_inertia", "track", "wheel_inertia", "slope", "uphill", "com_x", "com_y",
     "sag", "decline", "scrub", "command_delay", "measurement_delay",
     # outside of the catalogue
     "cable", "patch_x", "patch_force", "lateral_slope", "bus_noise", "bus_tau", "gust", "gust_tau",
+    "turn_drag", "bumps", "bump_length", "clock_drift", "relax_ohm", "relax_tau",
 )
 (
     S_RESISTANCE, S_INDUCTANCE, S_TORQUE_CONSTANT, S_BACK_EMF, S_INERTIA, S_VISCOSITY, S_GAIN, S_DEADZONE, S_DROP,
@@ -43,11 +47,14 @@ WORLD_NAMES = (
     S_ASYM_VISCOUS, S_LOAD_FRICTION, S_BACKLASH, S_STIFFNESS, S_DAMPING, S_RIPPLE, S_RIPPLE_CYCLES, S_RIPPLE_PHASE,
     S_RADIUS, S_SLIP, S_ROLLING, S_FILTER_TAU, S_HYSTERESIS, S_QUANTUM, S_RUB_TORQUE, S_RUB_ANGLE, S_RUB_WIDTH,
     S_ECCENTRICITY, S_ECCENTRIC_PHASE, S_SATURATION, S_QUADRATIC, S_SLEW, S_FRICTION_PER_S, S_CROSSTALK, S_TRACTION, S_TYRE, S_TYRE_DAMPING,
+    S_CURVE, S_DAHL, S_DAHL_RAD, S_SWING, S_SWING_PHASE, S_GREASE, S_GREASE_TAU, S_DETENT, S_DETENT_CYCLES,
+    S_DETENT_PHASE, S_CURRENT_TAU,
 ) = range(len(SIDE_NAMES))
 (
     W_VOLTAGE, W_GEAR, W_MASS, W_YAW_INERTIA, W_TRACK, W_WHEEL_INERTIA, W_SLOPE, W_UPHILL, W_COM_X, W_COM_Y, W_SAG,
     W_DECLINE, W_SCRUB, W_COMMAND_DELAY, W_MEASUREMENT_DELAY, W_CABLE, W_PATCH_X, W_PATCH_FORCE, W_LATERAL_SLOPE,
-    W_BUS_NOISE, W_BUS_TAU, W_GUST, W_GUST_TAU,
+    W_BUS_NOISE, W_BUS_TAU, W_GUST, W_GUST_TAU, W_TURN_DRAG, W_BUMPS, W_BUMP_LENGTH, W_CLOCK_DRIFT, W_RELAX_OHM,
+    W_RELAX_TAU,
 ) = range(len(WORLD_NAMES))
 
 BRISTLE_RAD = 1e-4            # travel after which a bristle yields: far below an encoder count
@@ -95,6 +102,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
     det = m * iz - (m * cy) ** 2
     delay_c = world[W_COMMAND_DELAY]
     delay_m = world[W_MEASUREMENT_DELAY]
+    pace = 1.0 - world[W_CLOCK_DRIFT]      # of the instruments' clock against the one that stamps commands and pose
 
     x, y, yaw = start[0], start[1], start[2]
     x0, y0 = x, y
@@ -120,6 +128,9 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
     asked = np.zeros(2)
     duty = np.zeros(2)
     integral = np.zeros(2)
+    preslid = np.zeros(2)
+    seen = np.zeros(2)
+    relaxed = 0.0
     split = np.zeros(2, np.bool_)
     for s in range(2):
         split[s] = side[S_STIFFNESS, s] > 0 or side[S_BACKLASH, s] > 0
@@ -136,15 +147,15 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             previous[q] = current[q]
         current[0] = bus
         for s in range(2):
-            current[1 + s] = i[s]
+            current[1 + s] = seen[s] if side[S_CURRENT_TAU, s] > 0 else i[s]
             current[3 + s] = filtered[s] if side[S_FILTER_TAU, s] > 0 else wg[s]
             current[5 + s] = thg[s]
         current[7] = yawrate
         if k == 0:
             for q in range(8):
                 previous[q] = current[q]
-        while sample < n and times[sample] - delay_m <= t + 1e-9:
-            part = (times[sample] - delay_m - (t - h)) / h
+        while sample < n and pace * times[sample] - delay_m <= t + 1e-9:
+            part = (pace * times[sample] - delay_m - (t - h)) / h
             part = min(part, 1.0)
             part = max(part, 0.0)
             for q in range(8):
@@ -200,7 +211,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
                 u = slewed[s]
             u = min(max(u, -vn), vn)
             duty[s] = u / vn
-            u *= side[S_GAIN, s]
+            u *= side[S_GAIN, s] * (1.0 + side[S_CURVE, s] * (1.0 - abs(u) / vn))
             if u > 0.0:
                 u -= min(u, side[S_DEADZONE, s])
             else:
@@ -208,6 +219,10 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             volts[s] = u
         if world[W_SAG] > 0.0:
             bus -= world[W_SAG] * (i[0] * duty[0] + i[1] * duty[1])
+        if world[W_RELAX_OHM] > 0.0:
+            drawn = i[0] * duty[0] + i[1] * duty[1]
+            relaxed += h * (world[W_RELAX_OHM] * drawn - relaxed) / world[W_RELAX_TAU]
+            bus -= relaxed
         for s in range(2):
             volts[s] *= bus / vn
             volts[s] = min(max(volts[s], -side[S_LIMIT, s]), side[S_LIMIT, s])
@@ -258,6 +273,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             if side[S_STRIBECK, s] != 0.0:
                 cap += side[S_STRIBECK, s] * math.exp(-(w / side[S_STRIBECK_SPEED, s]) ** 2)
             cap += side[S_FRICTION_PER_S, s] * t
+            cap += side[S_SWING, s] * 0.5 * (1.0 + math.cos(thg[s] - side[S_SWING_PHASE, s]))
             if side[S_RUB_TORQUE, s] > 0.0:
                 away = (thg[s] - side[S_RUB_ANGLE, s] + math.pi) % (2.0 * math.pi) - math.pi
                 if abs(away) < side[S_RUB_WIDTH, s]:
@@ -276,6 +292,16 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             other -= side[S_ASYM_TORQUE, s] * abs(bristle[s]) + side[S_ASYM_VISCOUS, s] * abs(w)
             if side[S_RIPPLE, s] != 0.0:
                 other += side[S_RIPPLE, s] * math.sin(side[S_RIPPLE_CYCLES, s] * thg[s] + side[S_RIPPLE_PHASE, s])
+
+            if side[S_DAHL, s] > 0.0:
+                preslid[s] += w * h / side[S_DAHL_RAD, s] * (1.0 - preslid[s] * math.copysign(1.0, w))
+                preslid[s] = min(max(preslid[s], -1.0), 1.0)
+                other -= side[S_DAHL, s] * preslid[s]
+            if side[S_GREASE, s] > 0.0:
+                other -= side[S_GREASE, s] * math.exp(-t / side[S_GREASE_TAU, s]) * w
+            if side[S_DETENT, s] != 0.0:
+                other += (side[S_DETENT, s] * 0.5 * (1.0 + math.cos(thg[s] - side[S_DETENT_PHASE, s]))
+                          * math.sin(side[S_DETENT_CYCLES, s] * thg[s]))
 
             if split[s]:
                 twist = thg[s] - thw[s]
@@ -324,8 +350,13 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             gust += (-gust * h / world[W_GUST_TAU]
                      + world[W_GUST] * math.sqrt(2.0 * h / world[W_GUST_TAU]) * np.random.normal())
             gx += gust * math.cos(yaw)
+        if world[W_BUMPS] != 0.0:
+            wave = 2.0 * math.pi / world[W_BUMP_LENGTH]
+            tilt = world[W_BUMPS] * m * GRAVITY_M_S2
+            gx -= tilt * (math.cos(wave * x) * math.cos(yaw) + math.cos(wave * y) * math.sin(yaw))
         ax_force = fl_fr + gx + m * cx * yawrate * yawrate
         moment = turn - m * cx * v * yawrate + cx * gy - cy * gx
+        moment -= world[W_TURN_DRAG] * yawrate
         if world[W_SCRUB] > 0.0:
             scrub = min(max(scrub + yawrate * h / BRISTLE_RAD, -1.0), 1.0)
             top = world[W_SCRUB]
@@ -351,6 +382,8 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             if pull > 0.0:
                 new = new - pull if new > pull else (new + pull if new < -pull else 0.0)
             i[s] = new
+            if side[S_CURRENT_TAU, s] > 0.0:
+                seen[s] += (i[s] - seen[s]) * (1.0 - math.exp(-h / side[S_CURRENT_TAU, s]))
             if side[S_HEAT_TAU, s] > 0.0:
                 power = i[s] * i[s] * r
                 rise[s] += h * (side[S_HEAT_PER_WATT, s] * power - rise[s]) / side[S_HEAT_TAU, s]

@@ -25,6 +25,8 @@ STEP_S = 50e-6
 SCENARIOS = ("coast", "crawl", "steps", "prbs", "spin", "circle", "eight", "linear", "teleop")
 CLOSED = ("spin", "circle", "eight", "linear", "teleop")
 TIERS = ("all", "tol", "few", "pair", "none", "unknown", "long")
+ACCOUNTS = ("many", "messy")  # kinds with several causes, drawn only where they are asked for
+KINDS = (*TIERS, *ACCOUNTS)
 WORLDS = ("planar", "mujoco")
 HELD_OUT = 2                  # runs of each sealed case that the diagnoser never sees
 SLOW_EFFECTS = ("winding_heating", "battery_decline")
@@ -47,6 +49,7 @@ class Sensing:
     hold: list = field(default_factory=list)          # (share of the run from, seconds, channel)
     clip_speed: float = math.inf
     encoder_wobble: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    current_bend: np.ndarray = field(default_factory=lambda: np.zeros(2))      # 1 / A^2: i reported as i / (1 + c i^2)
 
 
 @dataclass
@@ -96,7 +99,7 @@ def nominal_machine(robot) -> Machine:
         "voltage": robot.supply_v, "gear": motor.gear_ratio, "mass": chassis.mass_kg,
         "yaw_inertia": chassis.yaw_inertia_kg_m2, "track": chassis.track_width_m,
         "wheel_inertia": chassis.wheel_inertia_kg_m2, "tyre": kernel.TYRE_N_PER_M, "tyre_damping": kernel.TYRE_N_S_PER_M,
-        "bus_tau": 1.0, "gust_tau": 1.0,
+        "bus_tau": 1.0, "gust_tau": 1.0, "dahl_rad": 1.0, "grease_tau": 1.0, "bump_length": 1.0, "relax_tau": 1.0,
     }.items():
         machine.set(name, value)
     return machine
@@ -109,7 +112,7 @@ def apply_effect(machine: Machine, effect: dict) -> None:
     simple = {
         "supply_sag": (("sag", "resistance_ohm"),), "battery_decline": (("decline", "rate_v_per_s"),),
         "driver_deadzone": (("deadzone", "volts"),), "bridge_drop": (("drop", "volts"),),
-        "voltage_limit": (("limit", "volts"),),
+        "voltage_limit": (("limit", "volts"),), "pwm_curve": (("curve", "curvature"),),
         "winding_heating": (("heat_per_watt", "rise_per_watt"), ("heat_tau", "time_constant_s")),
         "coulomb_friction": (("coulomb", "torque_nm"),),
         "stribeck_friction": (("coulomb", "torque_nm"), ("stribeck", "extra_torque_nm"),
@@ -171,6 +174,8 @@ def apply_outside(machine: Machine, outside: dict) -> None:
             machine.sensing.clip_speed = value
         elif key == "encoder_wobble":
             machine.sensing.encoder_wobble[list(sides)] = value
+        elif key == "current_bend":
+            machine.sensing.current_bend[list(sides)] = value
         elif key == "brakes":
             machine.brakes = tuple(value)
         elif key in SIDE_NAMES or key in WORLD_NAMES:
@@ -179,12 +184,12 @@ def apply_outside(machine: Machine, outside: dict) -> None:
             raise ValueError(f"{name}: unknown parameter {key!r}")
 
 
-def add_tolerance(machine: Machine, rng: np.random.Generator, size: float = 0.01) -> None:
-    """Scatter R, K, J and B of each motor by up to `size` (the contract's nuisances)."""
+def add_tolerance(machine: Machine, rng: np.random.Generator, size: float = 0.01, normal: bool = False) -> None:
+    """Scatter R, K, J and B of each motor by up to `size`, or by that standard deviation (the contract's nuisances)."""
     for s, label in enumerate("lr"):
         fit = {}
         for key, targets in TOLERANCE_NAMES.items():
-            ratio = 1.0 + size * float(rng.uniform(-1, 1))
+            ratio = 1.0 + size * float(np.clip(rng.standard_normal(), -2.5, 2.5) if normal else rng.uniform(-1, 1))
             for target in targets:
                 machine.scale(target, ratio, (s,))
                 nice = {"torque_constant": "torque_constant_nm_per_a",
@@ -317,6 +322,18 @@ def _colour(white: np.ndarray, t: np.ndarray, tau: float, share: float) -> np.nd
     return math.sqrt(1 - share) * white + math.sqrt(share) * slow
 
 
+def stem(channel: str) -> str:
+    """What a channel is part of: `i_l` of i, `yaw` of the pose."""
+    if channel.endswith(("_l", "_r")):
+        return channel[:-2]
+    return "pose" if channel in ("x", "y", "yaw") else channel
+
+
+def place_of(run: dict) -> dict:
+    """A planned run's payload and slope as `run_machine` takes them."""
+    return {"payload_kg": run["payload_kg"], "slope_rad": run["slope_rad"], "uphill": run["uphill_yaw_rad"]}
+
+
 CHANNELS = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
 
 
@@ -379,6 +396,7 @@ def apply_sensors(raw: dict[str, np.ndarray], machine: Machine, t: np.ndarray) -
         raw[f"w_{label}"] = np.clip(raw[f"w_{label}"] * sensing.speed_gain[s], -sensing.clip_speed,
                                     sensing.clip_speed)
         raw[f"th_{label}"] = raw[f"th_{label}"] * sensing.speed_gain[s]
+        raw[f"i_{label}"] = raw[f"i_{label}"] / (1.0 + sensing.current_bend[s] * raw[f"i_{label}"] ** 2)
         raw[f"i_{label}"] = raw[f"i_{label}"] * sensing.current_gain[s] + sensing.current_bias[s]
     raw["gyro_z"] = raw["gyro_z"] * sensing.gyro_gain + sensing.gyro_bias
     for share, seconds, channel in sensing.hold:
@@ -423,9 +441,13 @@ def sample_times(duration: float, rate: float, jitter: float, dropped: float, rn
     return t
 
 
-def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar") -> dict:
-    """What happens in a case of a tier: effects, tolerance, channels, rates, runs, and runs held out of the case."""
-    spec = {"tier": tier, "world": world, "effects": [], "outside": None, "tolerance": tier in ("tol", "long"), "colour": (0.0, 0.0),
+def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=None) -> dict:
+    """What happens in a case of a tier: effects, tolerance, channels, rates, runs, and runs held out of the case.
+
+    `robot` (default the burger) gives the sizes of the kinds with several causes their scale.
+    """
+    spec = {"tier": tier, "world": world, "effects": [], "outside": None, "rest": None,
+            "tolerance": tier in ("tol", "long", *ACCOUNTS), "normal_tolerance": tier in ACCOUNTS, "colour": (0.0, 0.0),
             "rate": float(rng.choice([100.0, 200.0])), "jitter": 0.0, "dropped": 0.0, "missing": [], "slow": {},
             "form": "parquet"}
     if tier in ("all", "tol", "few"):
@@ -441,15 +463,15 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar") -> dic
         spec["effects"] = [draw_effect(rng, slow)]
     elif tier == "unknown":
         spec["outside"] = draw_outside(rng, world=world)
-    elif tier != "none":
-        raise ValueError(f"tier {tier!r} is not one of {', '.join(TIERS)}")
+    elif tier not in ("none", *ACCOUNTS):
+        raise ValueError(f"tier {tier!r} is not one of {', '.join(KINDS)}")
     if tier in ("pair", "none", "unknown", "few"):
         spec["tolerance"] = bool(rng.random() < 0.5)
     if rng.random() < 0.35:
         spec["jitter"] = 0.4
     if rng.random() < 0.1:
         spec["dropped"] = float(rng.uniform(0.005, 0.03))
-    if rng.random() < 0.15:
+    if rng.random() < (0.5 if tier in ACCOUNTS else 0.15):
         spec["colour"] = (float(rng.uniform(0.01, 0.05)), float(rng.uniform(0.1, 0.4)))
     if rng.random() < 0.2:
         spec["slow"] = {"x": 50, "y": 50, "yaw": 50} if rng.random() < 0.6 else {"gyro_z": 50, "v_bus": 10}
@@ -492,6 +514,10 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar") -> dic
             "name": str(name), "payload_kg": float(k % 2) * 2.0, "slope_rad": float(rng.integers(2)) * 0.1,
             "uphill_yaw_rad": round(float(rng.uniform(-math.pi, math.pi)), 4),
             "duration": round(float(rng.uniform(40, 60) if tier == "long" else rng.uniform(12, 18)), 1)})
+    if tier in ACCOUNTS:
+        from rtds_host.blind.accounts import draw_causes
+
+        spec["effects"], spec["rest"] = draw_causes(rng, robot or load_robot(builtin_robot_path("burger")), spec)
     return spec
 
 
@@ -499,12 +525,14 @@ def build_machine(robot, spec: dict, rng: np.random.Generator, effects: bool = T
     """The physical robot of a spec; `effects` False leaves only its tolerance."""
     machine = nominal_machine(robot)
     if spec["tolerance"]:
-        add_tolerance(machine, rng)
+        add_tolerance(machine, rng, normal=spec.get("normal_tolerance", False))
     if effects:
         for effect in spec["effects"]:
             apply_effect(machine, effect)
         if spec["outside"]:
             apply_outside(machine, spec["outside"])
+        if spec.get("rest"):
+            apply_outside(machine, spec["rest"])
     return machine
 
 
@@ -539,6 +567,7 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(robot_path, folder / "robot.toml")
     changes, slopes = [], []
+    drives: dict[bool, list] = {False: [], True: []}      # by: held out
     planned = [(run, folder) for run in spec["runs"]]
     if held_out is not None:
         planned += [(run, Path(held_out)) for run in spec["held_out"]]
@@ -557,7 +586,7 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
             start[3:] = 0.0
         own = math.sqrt(max(robot.noise("w_l") ** 2 - QUANTA["w"] ** 2 / 12, 0))
         white_w = own * np.column_stack([_colour(rng.standard_normal(t.size), t, *spec["colour"]) for _ in range(2)])
-        where = {"payload_kg": run["payload_kg"], "slope_rad": run["slope_rad"], "uphill": run["uphill_yaw_rad"]}
+        where = place_of(run)
         raw = run_machine(machine, t, v_cmd, start, closed=closed, w_ref=w_ref, noise_w=white_w, robot=robot,
                           period_rows=max(1, round(0.03 * spec["rate"])), seed=seed_run, **where,
                           world=spec["world"])
@@ -567,8 +596,7 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
                 measured[f"w_ref_{label}"] = np.round(w_ref[:, s], 4)
         columns = {"t": t, "v_cmd_l": v_cmd[:, 0], "v_cmd_r": v_cmd[:, 1]}
         for name, values in measured.items():
-            stem = name[:-2] if name.endswith(("_l", "_r")) else ("pose" if name in ("x", "y", "yaw") else name)
-            if stem in spec["missing"]:
+            if stem(name) in spec["missing"]:
                 continue
             slow = spec["slow"].get(name)
             if slow:
@@ -578,6 +606,7 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
         meta = RunMeta(scenario=run["name"], payload_kg=run["payload_kg"], slope_rad=run["slope_rad"],
                        uphill_yaw_rad=run["uphill_yaw_rad"])
         write_run(place / run["name"], meta, columns, spec["form"])
+        drives[place != folder].append((t, v_cmd, start, where, seed_run))
         if sizes and place == folder and (spec["effects"] or spec["outside"]):
             if spec["world"] != "planar":      # both sides of the difference come from one world
                 raw = run_machine(machine, t, v_cmd, start, seed=seed_run, **where)
@@ -597,8 +626,41 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
         gram = slope.T @ slope + np.eye(slope.shape[1])
         seen = slope.T @ change
         truth["size_sigma"] = round(float(np.sqrt(max(change @ change - seen @ np.linalg.solve(gram, seen), 0))), 3)
+    if spec["tier"] in ACCOUNTS:
+        truth.update(_account(robot, spec, scatter, drives))
     truth["conditions"] = {key: spec[key] for key in ("rate", "jitter", "dropped", "missing", "slow", "colour")}
     return truth
+
+
+def _account(robot, spec: dict, scatter: int, drives: dict[bool, list]) -> dict:
+    """What each cause of a case with several is worth, on its own runs and on those held out (`accounts.worth`).
+
+    Returns
+    -------
+    {"effects" with `gap_without`, "gap": {"before", "refit", "known"}, "held_out_gap": the same, "rest"}: gaps of the
+    nominal robot, of one with the right tolerances, and of one with all named effects. `rest` holds the subsystem, the
+    gap without it, and the share of the gap that is left where everything with a name is known.
+    """
+    from rtds_host.blind.accounts import Drive, worth
+
+    def build(effects, rest, tolerance):
+        return build_machine(robot, {**spec, "effects": effects, "rest": rest, "tolerance": tolerance},
+                             np.random.default_rng(scatter))
+
+    out = {}
+    for held, name in ((False, "gap"), (True, "held_out_gap")):
+        if not drives[held]:
+            continue
+        gaps = worth(robot, build, spec["effects"], spec["rest"], [Drive(*drive) for drive in drives[held]],
+                     set(spec["missing"]))
+        out[name] = {key: round(gaps[key], 4) for key in ("before", "refit", "known")}
+        if not held:
+            out["effects"] = [{**effect, "gap_without": round(gap, 3)} for effect, gap in zip(spec["effects"], gaps["without"])]
+            if spec["rest"]:
+                known, before = gaps["known"], gaps["before"]
+                out["rest"] = {**spec["rest"], "gap_without": round(known, 3),
+                               "share": round(max(known - 1, 0) / max(before - 1, 1e-9), 4)}
+    return out
 
 
 def _signature(machine, plain, robot, t, v_cmd, start, where, columns, seed, raw):
@@ -659,7 +721,7 @@ def main(argv: list[str] | None = None) -> None:
     """Write many cases: ``--n``, ``--tier``, ``--seed``, ``--out``, optionally ``--effect`` and ``--no-sizes``."""
     parser = argparse.ArgumentParser(prog="rtds_host.blind.planar", description=__doc__)
     parser.add_argument("--n", type=int, default=10, help="number of cases")
-    parser.add_argument("--tier", choices=TIERS, default="all")
+    parser.add_argument("--tier", choices=KINDS, default="all")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--effect", choices=sorted(EFFECTS) + sorted(OUTSIDE), help="always this effect")
@@ -668,7 +730,7 @@ def main(argv: list[str] | None = None) -> None:
     args = parser.parse_args(argv)
     (args.out / "truth").mkdir(parents=True, exist_ok=True)
     for k in range(args.n):
-        rng = np.random.default_rng([args.seed, k, TIERS.index(args.tier)])
+        rng = np.random.default_rng([args.seed, k, KINDS.index(args.tier)])
         spec = draw_spec(rng, args.tier, args.world)
         if args.effect in OUTSIDE:
             spec["effects"], spec["outside"] = [], draw_outside(rng, args.effect, args.world)

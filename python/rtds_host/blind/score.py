@@ -19,10 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.blind.gap import channel_gaps, total
-from rtds_host.blind.planar import CHANNELS, TIERS, nominal_machine, replay_gap
-from rtds_host.blind.seal import open_truths, what_was_drawn
+from rtds_host.blind.planar import CHANNELS, KINDS, nominal_machine, replay_gap
+from rtds_host.blind.seal import check_truths, hash_file, open_truths, what_was_drawn
 from rtds_host.blind.vocabulary import EFFECTS
 from rtds_host.contract import load_robot, read_run, write_atomic
+from rtds_host.errors import InputError
 
 VISIBLE_SIGMA = 5.0          # smaller effects are reported apart
 SCHEMA = "rtds-blind-score/1"
@@ -201,7 +202,7 @@ def summarise(records: list[dict]) -> dict:
     parameters = [p for r in records for p in r["parameters"]]
     covered = [{"covered": p["covered"]} for p in parameters if p["covered"] is not None]
     errors = [abs(p["relative_error"]) for p in parameters if math.isfinite(p["relative_error"])]
-    seconds = [r["seconds"] for r in records]
+    seconds = [r["seconds"] for r in records if r["seconds"] is not None]
     return {
         "cases": len(records), "answered": sum(r["answered"] for r in records),
         **{name: share(records, name) for name, _ in FIGURES},
@@ -322,8 +323,46 @@ def _write_table(records: list[dict], path: Path) -> None:
     write_atomic(path, buffer.getvalue())
 
 
-def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closure: bool = True, progress=None) -> dict:
+def open_answers(out: Path, diagnoses: Path) -> tuple[dict[str, dict], dict[str, dict], list[dict]]:
+    """Truths, and the diagnoses of a folder that has one a case: `DIAGNOSES/<case>/diagnosis.json`.
+
+    For whoever made the cases and looks while working: no ledger, nothing says that these answers were blind.
+
+    Returns
+    -------
+    (truths, answers, ledger) as `seal.open_truths`; the ledger's lines hold what a batch of diagnoses wrote down of
+    its times.
+
+    Raises
+    ------
+    InputError : a truth or case was changed, the folder holds no diagnosis of these cases, or one is no JSON.
+    """
+    import pyarrow.parquet as pq
+
+    truths, answers = check_truths(out), {}
+    table = diagnoses / "cases.parquet"
+    seconds = {row["case"]: row.get("seconds") for row in pq.read_table(table).to_pylist()} if table.is_file() else {}
+    ledger = []
+    for case in truths:
+        path = diagnoses / case / "diagnosis.json"
+        if path.is_file():
+            try:
+                answers[case] = json.loads(path.read_text())
+            except ValueError as error:
+                raise InputError(f"{path}: is no JSON ({error})") from error
+        ledger.append({"case": case, "seconds": seconds.get(case), "said": "", "quick": False,
+                       "sha256": hash_file(path) if path.is_file() else None})
+    if not answers:
+        raise InputError(f"{diagnoses}: holds no diagnosis of a case of {out} ({next(iter(truths))}/diagnosis.json, …)")
+    return truths, answers, ledger
+
+
+def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closure: bool = True, progress=None,
+          diagnoses: Path | None = None) -> dict:
     """Open the truth, check every hash, judge every answer, write `OUT/score/`.
+
+    With `diagnoses`, a folder with a diagnosis a case, these are judged in place of the sealed answers, and
+    `DIAGNOSES/score/` is written.
 
     Returns
     -------
@@ -333,9 +372,11 @@ def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closu
     ------
     InputError : anything was tampered with, or not every case has been asked (see `seal.open_truths`).
     """
-    truths, answers, ledger = open_truths(out)
+    truths, answers, ledger = open_answers(out, diagnoses) if diagnoses else open_truths(out)
     by_case = {entry["case"]: entry for entry in ledger}
-    kept = out / "score" / "cases"
+    folder = (diagnoses or out) / "score"
+    said = diagnoses or out / "answers"
+    kept = folder / "cases"
 
     def one(case: str) -> dict:
         record = {"case": case, **judge(truths[case], answers.get(case), by_case[case])}
@@ -349,7 +390,7 @@ def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closu
                     record["closure"] = old["closure"]
             if record["closure"] is None:
                 record["closure"] = closure(out / "public" / case, out / "sealed" / case / "held-out",
-                                            out / "answers" / case / "diagnosis.json", command)
+                                            said / case / "diagnosis.json", command)
                 write_atomic(store, json.dumps({"answer": mark, "closure": record["closure"]}) + "\n")
         return record
 
@@ -363,16 +404,15 @@ def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closu
     seed = what_was_drawn(out)
     result = {
         "schema": SCHEMA, "seed": seed["seed"], "count": seed["count"],
-        "quick": any(entry.get("quick") for entry in ledger),
+        "quick": any(entry.get("quick") for entry in ledger), "blind": diagnoses is None,
         "everything": summarise(records), "visible": summarise(visible),
-        "tiers": {tier: summarise([r for r in visible if r["tier"] == tier]) for tier in TIERS
+        "tiers": {tier: summarise([r for r in visible if r["tier"] == tier]) for tier in KINDS
                   if any(r["tier"] == tier for r in visible)},
         "worlds": {world: summarise([r for r in visible if r["world"] == world])
                    for world in sorted({r["world"] for r in visible})},
         "hardly_visible": summarise([r for r in records if r not in visible]),
         "calibration": calibration(records), "cases": records,
     }
-    folder = out / "score"
     folder.mkdir(parents=True, exist_ok=True)
     write_atomic(folder / "score.json", json.dumps(result, indent=1) + "\n")
     draw(records, folder)
@@ -431,5 +471,5 @@ def page(result: dict) -> str:
         c = r["closure"] or {}
         lines.append(f"| {r['case']} | {r['tier']} | {r['world']} | {there} | {blamed} | {r['verdict'] or 'no answer'} | "
                      f"{r['size_sigma'] if r['size_sigma'] is not None else '–'} | "
-                     f"{'–' if c.get('closed') is None else format(c['closed'], '.2f')} | {r['seconds']:.0f} s |")
+                     f"{'–' if c.get('closed') is None else format(c['closed'], '.2f')} | {'–' if r['seconds'] is None else format(r['seconds'], '.0f')} s |")
     return "\n".join(lines) + "\n"

@@ -30,7 +30,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rtds_host.blind.planar import TIERS, WORLDS, draw_spec, make_case
+from rtds_host.blind.planar import KINDS, TIERS, WORLDS, draw_spec, make_case
 from rtds_host.contract import write_atomic
 from rtds_host.errors import InputError
 from rtds_host.spread import cores, on_cluster, on_threads
@@ -38,8 +38,9 @@ from rtds_host.spread import cores, on_cluster, on_threads
 SEALS_SCHEMA = "rtds-blind-seals/1"
 # Share of the cases a tier gets in a mixed check: one for everyone (60 cases), one for figures (310 cases, so that
 # every tier has 30 and "no effect" 60).
-WEIGHTS = {"all": 16, "tol": 8, "few": 8, "pair": 8, "none": 10, "unknown": 8, "long": 2}
-LONG_WEIGHTS = {"all": 60, "tol": 40, "few": 40, "pair": 40, "none": 60, "unknown": 40, "long": 30}
+WEIGHTS = {"all": 16, "tol": 8, "few": 8, "pair": 8, "none": 10, "unknown": 8, "long": 2, "many": 8, "messy": 8}
+LONG_WEIGHTS = {"all": 60, "tol": 40, "few": 40, "pair": 40, "none": 60, "unknown": 40, "long": 30, "many": 40,
+                "messy": 40}
 LONG_CHECK = 300
 
 
@@ -114,7 +115,7 @@ def make(out: Path, count: int, tiers: list[str] | None = None, worlds: list[str
     Parameters
     ----------
     out : folder of the check; must not hold one already (an unfinished `make` is resumed with the same seed only).
-    tiers, worlds : default all of them. seed : default drawn from the system; kept in `OUT/sealed/seed.json` and
+    tiers, worlds : default the tiers of `planar.TIERS`, and all worlds. seed : default drawn from the system; kept in `OUT/sealed/seed.json` and
         nowhere a diagnoser looks. jobs : processes, default all cores. progress : called with (done, count).
 
     Returns
@@ -126,7 +127,7 @@ def make(out: Path, count: int, tiers: list[str] | None = None, worlds: list[str
     InputError : a check with published seals is there already, or an unknown tier or world.
     """
     tiers, worlds = tiers or list(TIERS), worlds or list(WORLDS)
-    for name, known, what in [(t, TIERS, "tier") for t in tiers] + [(w, WORLDS, "world") for w in worlds]:
+    for name, known, what in [(t, KINDS, "tier") for t in tiers] + [(w, WORLDS, "world") for w in worlds]:
         if name not in known:
             raise InputError(f"{what} {name!r}: unknown (known: {', '.join(known)})")
     if count < 1:
@@ -339,8 +340,18 @@ def open_truths(out: Path) -> tuple[dict[str, dict], dict[str, dict], list[dict]
         if not path.exists() or hash_file(path) != entry["sha256"]:
             raise InputError(f"{path}: is not the answer that was given (SHA-256 differs)")
         answers[entry["case"]] = json.loads(path.read_text())
+    return check_truths(out), answers, ledger
+
+
+def check_truths(out: Path) -> dict[str, dict]:
+    """Truths by case, every hash checked; asks for no answer, so it is for whoever made the cases.
+
+    Raises
+    ------
+    InputError : no check is there, or a truth, a case or a held-out run was changed.
+    """
     truths = {}
-    for case, expected in seals.items():
+    for case, expected in read_seals(out).items():
         path = out / "sealed" / case / "truth.json"
         try:
             data = json.loads(path.read_text())
@@ -354,4 +365,4 @@ def open_truths(out: Path) -> tuple[dict[str, dict], dict[str, dict], list[dict]
             if hash_folder(folder) != hashes:
                 raise InputError(f"{folder}: files were changed after sealing")
         truths[case] = data["truth"]
-    return truths, answers, ledger
+    return truths

@@ -13,6 +13,7 @@ import numpy as np
 EFFECTS = {
     "supply_sag": ("driver", False), "battery_decline": ("driver", False), "driver_deadzone": ("driver", True),
     "bridge_drop": ("driver", True), "driver_gain": ("driver", True), "voltage_limit": ("driver", True),
+    "pwm_curve": ("driver", True),
     "resistance_error": ("winding", True), "winding_heating": ("winding", True),
     "torque_constant_error": ("winding", True),
     "coulomb_friction": ("drivetrain", True), "stribeck_friction": ("drivetrain", True),
@@ -37,6 +38,14 @@ OUTSIDE = {
     "traction_limit": ("wheel_ground", True), "floor_patch": ("wheel_ground", False),
     "cable_drag": ("chassis", False), "lateral_slope": ("chassis", False), "gusts": ("chassis", False),
     "speed_dropouts": ("sensing", False), "speed_clipped": ("sensing", False), "encoder_wobble": ("sensing", True),
+}
+
+# What the catalogue does not hold either, and what only the rest of a case with several causes is made of.
+NAMELESS = {
+    "bus_relaxation": ("driver", False), "dahl_friction": ("drivetrain", True), "position_friction": ("drivetrain", True),
+    "cold_grease": ("drivetrain", True), "detents": ("drivetrain", True), "turn_drag": ("wheel_ground", False),
+    "uneven_floor": ("wheel_ground", False), "current_antialias": ("sensing", True), "current_bend": ("sensing", True),
+    "clock_drift": ("timing", False),
 }
 
 PLANAR_ONLY = ("wheel_eccentricity",)      # a wheel that is out of true would lift the other one off the second world's floor
@@ -68,6 +77,8 @@ def _parameters(rng: np.random.Generator, name: str) -> dict:
         return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.015, 0.2)
     if name == "voltage_limit":
         return {"volts": float(rng.uniform(4.0, 9.0))}
+    if name == "pwm_curve":
+        return {"curvature": _log(rng, 0.02, 0.9) * (1 if rng.random() < 0.8 else -1)}
     if name == "resistance_error":
         return ratio(0.05, 0.4)
     if name == "winding_heating":

@@ -38,12 +38,21 @@ from rtds_host.blind.kernel import (
     S_BACKLASH,
     S_COULOMB,
     S_CROSSTALK,
+    S_CURRENT_TAU,
+    S_CURVE,
+    S_DAHL,
+    S_DAHL_RAD,
     S_DAMPING,
     S_DEADZONE,
+    S_DETENT,
+    S_DETENT_CYCLES,
+    S_DETENT_PHASE,
     S_DROP,
     S_FILTER_TAU,
     S_FRICTION_PER_S,
     S_GAIN,
+    S_GREASE,
+    S_GREASE_TAU,
     S_HEAT_PER_WATT,
     S_HEAT_TAU,
     S_HYSTERESIS,
@@ -68,13 +77,18 @@ from rtds_host.blind.kernel import (
     S_STIFFNESS,
     S_STRIBECK,
     S_STRIBECK_SPEED,
+    S_SWING,
+    S_SWING_PHASE,
     S_TORQUE_CONSTANT,
     S_TRACTION,
     S_VISCOSITY,
     S_VISCOUS,
+    W_BUMP_LENGTH,
+    W_BUMPS,
     W_BUS_NOISE,
     W_BUS_TAU,
     W_CABLE,
+    W_CLOCK_DRIFT,
     W_COM_X,
     W_COM_Y,
     W_COMMAND_DELAY,
@@ -87,10 +101,13 @@ from rtds_host.blind.kernel import (
     W_MEASUREMENT_DELAY,
     W_PATCH_FORCE,
     W_PATCH_X,
+    W_RELAX_OHM,
+    W_RELAX_TAU,
     W_SAG,
     W_SCRUB,
     W_SLOPE,
     W_TRACK,
+    W_TURN_DRAG,
     W_UPHILL,
     W_VOLTAGE,
     W_WHEEL_INERTIA,
@@ -180,7 +197,8 @@ def model_xml(side: np.ndarray, world: np.ndarray) -> str:
         '<geom type="plane" size="0 0 1" contype="1" conaffinity="2" friction="1e-4 1e-6 1e-7"/>'
         '<body name="base"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>'
         '<joint name="z" type="slide" axis="0 0 1"/>'
-        f'<joint name="yaw" type="hinge" axis="0 0 1" frictionloss="{world[W_SCRUB]:.9g}"/>'
+        f'<joint name="yaw" type="hinge" axis="0 0 1" frictionloss="{world[W_SCRUB]:.9g}" '
+        f'damping="{world[W_TURN_DRAG]:.9g}"/>'
         f'<inertial pos="{cx:.9g} {cy:.9g} 0.055" mass="{body_kg:.9g}" diaginertia="{izz:.9g} {izz:.9g} {izz:.9g}"/>'
         + "".join(wheels) + "</body></worldbody><actuator>" + "".join(actuators) + "</actuator></mujoco>")
 
@@ -189,7 +207,8 @@ def model_xml(side: np.ndarray, world: np.ndarray) -> str:
 def _drive(t, h, asked, side, world, events, state, i, w, th, accel, x, y, yaw, volts, torques, pull):
     """Electronics and whatever acts from outside, before one step.
 
-    `state` (12,): bus after its capacitor, bus noise, gust, played l r, slewed l r, start x, start y, last w l r, spare.
+    `state` (12,): bus after its capacitor, bus noise, gust, played l r, slewed l r, start x, start y, presliding l r,
+    the cell's slow voltage drop.
     Fills `volts` (2,) at the motors, `torques` (2,) at the gears' outputs and `pull` (2,) N on the body; returns the bus.
     """
     vn = world[W_VOLTAGE]
@@ -213,11 +232,14 @@ def _drive(t, h, asked, side, world, events, state, i, w, th, accel, x, y, yaw, 
             u = state[5 + s]
         u = min(max(u, -vn), vn)
         drawn += i[s] * u / vn
-        u *= side[S_GAIN, s]
+        u *= side[S_GAIN, s] * (1.0 + side[S_CURVE, s] * (1.0 - abs(u) / vn))
         dead = side[S_DEADZONE, s]
         if dead > 0.0:
             u -= dead * math.tanh((u / dead) ** 3) if abs(u) < 3.0 * dead else math.copysign(dead, u)
         volts[s] = u
+    if world[W_RELAX_OHM] > 0.0:
+        state[11] += (world[W_RELAX_OHM] * drawn - state[11]) * (1.0 - math.exp(-h / world[W_RELAX_TAU]))
+        cell -= state[11]
     if world[W_SAG] > 0.0:
         keep = math.exp(-h / (world[W_SAG] * BUS_FARAD))
         end = cell - world[W_SAG] * drawn
@@ -248,8 +270,18 @@ def _drive(t, h, asked, side, world, events, state, i, w, th, accel, x, y, yaw, 
         for e in range(events.shape[0]):
             if int(events[e, 2]) == s and events[e, 0] <= t < events[e, 1]:
                 dry += events[e, 3]
+        dry += side[S_SWING, s] * 0.5 * (1.0 + math.cos(th[s] - side[S_SWING_PHASE, s]))
         torque = -dry * smooth - side[S_QUADRATIC, s] * w[s] * abs(w[s])
         torque -= side[S_ASYM_TORQUE, s] * abs(smooth) + side[S_ASYM_VISCOUS, s] * abs(w[s])
+        if side[S_DAHL, s] > 0.0:
+            state[9 + s] += w[s] * h / side[S_DAHL_RAD, s] * (1.0 - state[9 + s] * math.copysign(1.0, w[s]))
+            state[9 + s] = min(max(state[9 + s], -1.0), 1.0)
+            torque -= side[S_DAHL, s] * state[9 + s]
+        if side[S_GREASE, s] > 0.0:
+            torque -= side[S_GREASE, s] * math.exp(-t / side[S_GREASE_TAU, s]) * w[s]
+        if side[S_DETENT, s] != 0.0:
+            torque += (side[S_DETENT, s] * 0.5 * (1.0 + math.cos(th[s] - side[S_DETENT_PHASE, s]))
+                       * math.sin(side[S_DETENT_CYCLES, s] * th[s]))
         km = gear * side[S_TORQUE_CONSTANT, s]
         if side[S_SATURATION, s] > 0.0:
             torque -= km * i[s] * (1.0 - 1.0 / (1.0 + (i[s] / side[S_SATURATION, s]) ** 2))
@@ -265,6 +297,11 @@ def _drive(t, h, asked, side, world, events, state, i, w, th, accel, x, y, yaw, 
     if world[W_CABLE] != 0.0:
         pull[0] -= world[W_CABLE] * (x - state[7])
         pull[1] -= world[W_CABLE] * (y - state[8])
+    if world[W_BUMPS] != 0.0:
+        wave = 2.0 * math.pi / world[W_BUMP_LENGTH]
+        tilt = world[W_BUMPS] * world[W_MASS] * GRAVITY_M_S2
+        pull[0] -= tilt * math.cos(wave * x)
+        pull[1] -= tilt * math.cos(wave * y)
     if world[W_GUST] > 0.0:
         state[2] += (-state[2] * h / world[W_GUST_TAU]
                      + world[W_GUST] * math.sqrt(2.0 * h / world[W_GUST_TAU]) * np.random.normal())
@@ -281,8 +318,10 @@ def _seed(seed):
 def _needs_every_step(side: np.ndarray, world: np.ndarray, events: np.ndarray) -> bool:
     """Whether anything outside of MuJoCo acts within a row of the log."""
     names = (S_HYSTERESIS, S_SLEW, S_DROP, S_FRICTION_PER_S, S_RUB_TORQUE, S_QUADRATIC, S_ASYM_TORQUE,
-             S_ASYM_VISCOUS, S_SATURATION, S_LOAD_FRICTION, S_FILTER_TAU, S_SLIP)
-    worldly = (W_SAG, W_DECLINE, W_BUS_NOISE, W_GUST, W_CABLE, W_PATCH_FORCE, W_COMMAND_DELAY, W_MEASUREMENT_DELAY)
+             S_ASYM_VISCOUS, S_SATURATION, S_LOAD_FRICTION, S_FILTER_TAU, S_SLIP, S_DAHL, S_SWING, S_GREASE, S_DETENT,
+             S_CURRENT_TAU)
+    worldly = (W_SAG, W_DECLINE, W_BUS_NOISE, W_GUST, W_CABLE, W_PATCH_FORCE, W_COMMAND_DELAY, W_MEASUREMENT_DELAY,
+               W_BUMPS, W_CLOCK_DRIFT, W_RELAX_OHM)
     both = (side[S_STIFFNESS] > 0) & (side[S_BACKLASH] > 0)
     return bool(np.any(side[list(names)] != 0) or np.any(world[list(worldly)] != 0) or len(events) or both.any()
                 or np.any(side[S_VISCOUS] < -world[W_GEAR] ** 2 * side[S_VISCOSITY]))
@@ -320,17 +359,20 @@ def simulate(times: np.ndarray, v_cmd: np.ndarray, side: np.ndarray, world: np.n
     bothways = [s for s in range(2) if play[s] is not None and side[S_BACKLASH, s] > 0 and side[S_STIFFNESS, s] > 0]
     total_steps = round(times[-1] / STEP_S)
     filter_keep = [math.exp(-STEP_S / side[S_FILTER_TAU, s]) if side[S_FILTER_TAU, s] > 0 else 0.0 for s in range(2)]
-    filtered = np.zeros(2)
+    current_keep = [math.exp(-STEP_S / side[S_CURRENT_TAU, s]) if side[S_CURRENT_TAU, s] > 0 else 0.0 for s in range(2)]
+    filtered, seen = np.zeros(2), np.zeros(2)
     history = np.zeros((total_steps + 2, 8)) if dense else np.zeros((0, 8))
     rows = times.size
     out = np.zeros((rows, 11))
     row_step = np.round(times / STEP_S).astype(int)
     delay_c, delay_m = world[W_COMMAND_DELAY], world[W_MEASUREMENT_DELAY]
+    pace = 1.0 - world[W_CLOCK_DRIFT]
     integral = np.zeros(2)
     bus = world[W_VOLTAGE]
 
     def reading() -> list[float]:
-        return [bus, act[current[0]], act[current[1]], filtered[0] if filter_keep[0] else qvel[gear[0]],
+        return [bus, seen[0] if current_keep[0] else act[current[0]], seen[1] if current_keep[1] else act[current[1]],
+                filtered[0] if filter_keep[0] else qvel[gear[0]],
                 filtered[1] if filter_keep[1] else qvel[gear[1]], qpos[gear[0]], qpos[gear[1]], qvel[pyaw]]
 
     def late(when: float, upto: int) -> np.ndarray:
@@ -344,7 +386,7 @@ def simulate(times: np.ndarray, v_cmd: np.ndarray, side: np.ndarray, world: np.n
         k0 = row_step[row]
         if dense:
             history[k0] = reading()
-            out[row, :8] = late(times[row] - delay_m, k0)
+            out[row, :8] = late(pace * times[row] - delay_m, k0)
         else:
             out[row, :8] = reading()
         out[row, 8:] = qpos[px], qpos[py], qpos[pyaw]
@@ -395,6 +437,8 @@ def simulate(times: np.ndarray, v_cmd: np.ndarray, side: np.ndarray, world: np.n
                 applied[play[s]] = 0.0 if over == 0 else (side[S_STIFFNESS, s] * over + side[S_DAMPING, s] * rate)
             mujoco.mj_step(model, data)
             for s in range(2):
+                if current_keep[s]:
+                    seen[s] = act[current[s]] + (seen[s] - act[current[s]]) * current_keep[s]
                 if filter_keep[s]:
                     filtered[s] = qvel[gear[s]] + (filtered[s] - qvel[gear[s]]) * filter_keep[s]
     return out

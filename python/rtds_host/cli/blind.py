@@ -36,7 +36,9 @@ def make(out: Folder, n: Annotated[int | None, typer.Option("--n", help="Number 
                                                             "draws a data set (default 20).")] = None,
          measured: Annotated[list[Path] | None, typer.Option(metavar="CASE", help="Plant changes in this case of measured "
                                                              "data in place of simulating robots (repeatable).")] = None,
-         tier: Annotated[list[str] | None, typer.Option(help="Only these tiers (repeatable).")] = None,
+         tier: Annotated[list[str] | None, typer.Option(help="Only these kinds of cases (repeatable, or with commas). "
+                                                        "Those with several causes, many and messy, are drawn only where "
+                                                        "they are named.")] = None,
          world: Annotated[list[str] | None, typer.Option(help="Only these worlds: planar, mujoco (repeatable).")] = None,
          seed: Annotated[int | None, typer.Option(help="Default: drawn, and kept with the sealed truth.")] = None,
          jobs: Annotated[int, typer.Option(help="Processes.")] = CORES) -> None:
@@ -46,6 +48,7 @@ def make(out: Folder, n: Annotated[int | None, typer.Option("--n", help="Number 
 
     if measured and (tier or world):
         raise InputError("--measured: has neither tiers nor worlds")
+    tier = [name.strip() for item in tier for name in item.split(",")] if tier else None
     with _bar("making cases") as report:
         seals = (make_measured(out, measured, n, seed, report) if measured
                  else make_cases(out, 60 if n is None else n, tier, world, seed, jobs, report))
@@ -75,7 +78,9 @@ def answer(out: Folder, quick: Annotated[bool, typer.Option("--quick", help="The
 @app.command()
 def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time.")] = CORES,
           page: Annotated[Path | None, typer.Option(help="Also write the page of figures (and its pictures) here.")] = None,
-          closure: Annotated[bool, typer.Option(help="Measure closure on the held-out runs.")] = True) -> None:
+          closure: Annotated[bool, typer.Option(help="Measure closure on the held-out runs.")] = True,
+          diagnoses: Annotated[Path | None, typer.Option(metavar="DIR", help="Judge DIR/<case>/diagnosis.json in place of "
+                                                         "the sealed answers, into DIR/score.")] = None) -> None:
     """Open the truth, check every hash, and judge the answers."""
     from rtds_host.blind.measured import is_measured, score_measured
     from rtds_host.blind.score import FIGURES, _cell
@@ -84,6 +89,8 @@ def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time."
 
     read_seals(out)
     if is_measured(out):
+        if diagnoses:
+            raise InputError("--diagnoses: not for draws on measured data, which are judged by their sealed answers")
         with _bar("scoring") as report:
             score_measured(out, jobs, with_gap=closure, progress=report)
         text = (out / "score" / "page.md").read_text()
@@ -92,7 +99,7 @@ def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time."
             write_atomic(page, text)
         return
     with _bar("scoring") as report:
-        result = score_cases(out, jobs, with_closure=closure, progress=report)
+        result = score_cases(out, jobs, with_closure=closure, progress=report, diagnoses=diagnoses)
     console = Console()
     table = Table(title=f"{result['count']} sealed cases, seed {result['seed']}", title_justify="left")
     groups = {"all tiers": result["visible"], **result["tiers"]}
@@ -104,12 +111,14 @@ def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time."
     table.add_row("closure, median", *("–" if g["closure"]["median"] is None else f"{g['closure']['median']:.2f}"
                                        for g in groups.values()))
     table.add_row("90 % intervals that hold", *(_cell(g["coverage90"]) for g in groups.values()))
-    table.add_row("time a case, median", *(f"{g['seconds_median']:.0f} s" for g in groups.values()))
+    table.add_row("time a case, median", *("–" if g["seconds_median"] is None else f"{g['seconds_median']:.0f} s"
+                                           for g in groups.values()))
     console.print(table)
-    console.print(f"figures and pictures in {out / 'score'}")
+    folder = (diagnoses or out) / "score"
+    console.print(f"figures and pictures in {folder}")
     if page is not None:
-        write_atomic(page, (out / "score" / "page.md").read_text())
+        write_atomic(page, (folder / "page.md").read_text())
         for name in ("confusion.png", "calibration.png"):
-            source = out / "score" / name
+            source = folder / name
             if source.is_file():
                 write_atomic(page.parent / name, source.read_bytes())

@@ -1,0 +1,194 @@
+"""Cases with several causes: what each of them is worth, and the draw of such that each matters.
+
+Kind `many`: three to five effects of the catalogue at once, mostly from different subsystems. Kind `messy`: one or two,
+and a smaller one that no name of the catalogue describes, the rest. Sizes are drawn in the machine's own scales and
+kept where leaving the effect out leaves a gap of at least 1.5.
+
+`gap_without` is the gap (contract, section 4) left by a simulator that has all the truth but this effect: the planar
+world replays the runs' commands with and without it, free of noise, and the sensors' noise is added as the 1 that it
+is in the square of each channel's gap. Motors keep their tolerance and the other effects their sizes: nothing is
+fitted again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtds_host.blind import planar
+from rtds_host.blind.gap import channel_gaps
+from rtds_host.blind.kernel import SIDE_NAMES, WORLD_NAMES
+from rtds_host.blind.scales import draw_nameless, draw_sized, scale_of, strengthened
+from rtds_host.blind.vocabulary import EFFECTS
+
+ASKED_GAP = 1.5               # effects worth less are not asked for in the score
+LARGEST_GAP = 25.0
+COUNTED = ("i_l", "i_r", "w_l", "w_r", "gyro_z", "x", "y", "yaw", "th_l", "th_r")
+TRIAL_RUNS, TRIAL_S = 3, 8.0  # what the draw of sizes looks at
+ROUNDS = 30
+# Two that add to one and the same torque: no size of the one alone is the truth.
+SAME_TERM = ({"coulomb_friction", "stribeck_friction"},)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One run's commands and conditions, as `planar.run_machine` takes them."""
+
+    t: np.ndarray
+    v_cmd: np.ndarray
+    start: np.ndarray
+    where: dict
+    seed: int
+
+    def replay(self, machine, step_s: float) -> dict[str, np.ndarray]:
+        """Error-free channels of a machine under these commands."""
+        return planar.run_machine(machine, self.t, self.v_cmd.copy(), self.start, **self.where, seed=self.seed,
+                                  step_s=step_s)
+
+
+def gap_between(robot, drives: list[Drive], there: list[dict], other: list[dict], missing: set[str]) -> float:
+    """Gap of a noise-free replay against noisy measurements of another machine, in expectation.
+
+    Parameters
+    ----------
+    there, other : channels of each drive, of the machine that is measured and of the one that replays.
+    missing : stems of channels that the log does not have.
+
+    Returns
+    -------
+    sqrt(1 + mean over channels of the squared difference in noise units); infinity where a replay ran away.
+    """
+    noise = {name: robot.noise(name) for name in planar.CHANNELS if robot.noise(name)}
+    squares: dict[str, list[float]] = {}
+    for drive, a, b in zip(drives, there, other):
+        seen = {name: a[name] for name in COUNTED if planar.stem(name) not in missing}
+        if not all(np.isfinite(values).all() for values in (*seen.values(), *b.values())):
+            return math.inf
+        for name, value in channel_gaps(drive.t, seen, b, noise).items():
+            squares.setdefault(name, []).append(value**2)
+    return math.sqrt(1.0 + float(np.mean([np.mean(values) for values in squares.values()]))) if squares else 1.0
+
+
+def worth(robot, build, effects: list[dict], rest: dict | None, drives: list[Drive], missing: set[str]) -> dict:
+    """What each cause of a case is worth.
+
+    Parameters
+    ----------
+    build : (effects, rest, tolerance) -> machine, with the case's own tolerances where `tolerance` is True.
+
+    Returns
+    -------
+    {"before", "refit": gaps of the nominal robot and of one with the right tolerances, "without": gap without each
+    effect, "known": gap with all effects and without the rest, "finite": bool}.
+    """
+    machines = [build(effects, rest, True), build([], None, False), build([], None, True), build(effects, None, True)]
+    machines += [build(effects[:k] + effects[k + 1:], rest, True) for k in range(len(effects))]
+    step_s = min(machine.step_s for machine in machines)
+    replays = [[drive.replay(machine, step_s) for drive in drives] for machine in machines]
+    gaps = [gap_between(robot, drives, replays[0], other, missing) for other in replays[1:]]
+    return {"before": gaps[0], "refit": gaps[1], "known": gaps[2], "without": gaps[3:],
+            "finite": all(map(math.isfinite, gaps))}
+
+
+def _sound(machine, payload_kg: float) -> bool:
+    """Whether the body's mass matrix is safely positive with the largest payload, and masses are."""
+    mass = machine.world[WORLD_NAMES.index("mass")] + machine.mass_extra
+    yaw_inertia, cy = (machine.world[WORLD_NAMES.index(name)] for name in ("yaw_inertia", "com_y"))
+    inertia = machine.side[SIDE_NAMES.index("inertia")]
+    return bool(mass > 0 and yaw_inertia > 2 * (mass + payload_kg) * cy * cy and (inertia > 0).all())
+
+
+def draw_names(rng: np.random.Generator, count: int, taken: tuple[str, ...] = ()) -> list[str]:
+    """Names of `count` different effects, in three of four cases each of a subsystem of its own."""
+    subsystems = sorted({subsystem for subsystem, _ in EFFECTS.values()})
+    names = list(taken)
+    apart = rng.random() < 0.75
+    while len(names) < count + len(taken):
+        used = {EFFECTS[name][0] for name in names}
+        menu = [item for item in subsystems if not apart or item not in used] or subsystems
+        subsystem = str(rng.choice(menu))
+        name = str(rng.choice([item for item, (place, _) in EFFECTS.items() if place == subsystem]))
+        if name not in names and not any(pair <= {*names, name} for pair in SAME_TERM):
+            names.append(name)
+    return names[len(taken):]
+
+
+def _trial(robot, spec: dict, machine, rng: np.random.Generator) -> list[Drive]:
+    """Short noise-free drives of a case's first runs; closed loops are closed around `machine`."""
+    drives = []
+    for run in spec["runs"][:TRIAL_RUNS]:
+        t = np.round(np.arange(0.0, min(run["duration"], TRIAL_S), 1 / spec["rate"]), 4)
+        v_cmd, w_ref = planar.scenario(run["name"], t, rng, robot)
+        start = np.array([0.0, 0.0, run["uphill_yaw_rad"], 0.0, 0.0])
+        drive = Drive(t, v_cmd, start, planar.place_of(run), int(rng.integers(2**31)))
+        if run["name"] in planar.CLOSED:
+            planar.run_machine(machine, t, v_cmd, start, **drive.where, closed=True, w_ref=w_ref, robot=robot,
+                               period_rows=max(1, round(0.03 * spec["rate"])), seed=drive.seed)
+        drives.append(drive)
+    return drives
+
+
+def draw_causes(rng: np.random.Generator, robot, spec: dict) -> tuple[list[dict], dict | None]:
+    """Effects of a case of kind `many` or `messy`, and the nameless one of a messy one.
+
+    Every effect is drawn again (half of the time another one) until leaving it out matters in short drives of the
+    case's runs, and not beyond all measure; so is the nameless one until it is worth 5 to 50 % of the gap.
+
+    Parameters
+    ----------
+    spec : as `planar.draw_spec` fills it but for the causes.
+
+    Returns
+    -------
+    (effects, rest), rest None for `many`.
+    """
+    messy = spec["tier"] == "messy"
+    count = int(rng.integers(1, 3)) if messy else int(rng.integers(3, 6))
+    of = scale_of(robot, 1 / spec["rate"], float(np.mean([run["duration"] for run in spec["runs"]])))
+    heaviest = max(run["payload_kg"] for run in (*spec["runs"], *spec["held_out"]))
+    missing = set(spec["missing"])
+    effects = [draw_sized(rng, name, of) for name in draw_names(rng, count)]
+
+    def build(effects, rest, tolerance):
+        return planar.build_machine(robot, {"tolerance": False, "effects": effects, "outside": rest}, rng)
+
+    def again(effect: dict) -> dict:
+        if rng.random() < 0.5:
+            return draw_sized(rng, effect["id"], of)
+        others = tuple(item["id"] for item in effects if item is not effect)
+        return draw_sized(rng, draw_names(rng, 1, others)[0], of)
+
+    drives: list[Drive] = []
+    for _ in range(ROUNDS):
+        machine = build(effects, None, False)
+        if not _sound(machine, heaviest):
+            effects = [draw_sized(rng, name, of) for name in draw_names(rng, count)]
+            continue
+        drives = _trial(robot, spec, machine, rng)
+        gaps = worth(robot, build, effects, None, drives, missing)
+        poor = [k for k, gap in enumerate(gaps["without"]) if not 1.1 * ASKED_GAP <= gap <= LARGEST_GAP]
+        if not poor:
+            break
+        for k in poor:
+            effects[k] = again(effects[k])
+    if not messy:
+        return effects, None
+    before = worth(robot, build, effects, None, drives, missing)["before"]
+    for _ in range(ROUNDS):
+        rest = draw_nameless(rng, of, spec["world"])
+        wanted = max(1.3, 1.0 + (before - 1.0) * math.exp(rng.uniform(math.log(0.05), math.log(0.5))))
+        factor = 1.0
+        for _ in range(6):
+            gap = worth(robot, build, effects, strengthened(rest, factor), drives, missing)["known"]
+            if not math.isfinite(gap):
+                factor *= 0.3
+                continue
+            if 0.8 < (gap - 1.0) / (wanted - 1.0) < 1.25:
+                return effects, strengthened(rest, factor)
+            step = math.sqrt((wanted**2 - 1.0) / max(gap**2 - 1.0, 1e-6))
+            factor *= min(max(step, 0.1), 10.0)
+            if not 0.01 < factor < 30.0:
+                break
+    return effects, strengthened(rest, factor)

@@ -1,0 +1,210 @@
+"""Sizes of effects in the scales of a machine of any size: stall torque, no-load speed, stall current, weight, track.
+
+The planar world's catalogue (`vocabulary.py`) has ranges in the units of one small robot. Here the same effects, and the
+nameless ones that only a rest is made of, are drawn as shares of what the machine's own motors and mass can do.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtds_host.blind.vocabulary import EFFECTS, NAMELESS, OUTSIDE, PLANAR_ONLY, _log, _side, _signed
+
+GRAVITY_M_S2 = 9.80665
+# Nameless effect -> the parameter that says how much of it there is, and whether more of it means more effect.
+STRENGTH = {
+    "command_hysteresis": ("hysteresis", 1), "command_quantised": ("quantum", 1), "command_crosstalk": ("crosstalk", 1),
+    "slew_limit": ("slew", -1), "magnetic_saturation": ("saturation", -1), "rub_spot": ("rub_torque", 1),
+    "growing_friction": ("friction_per_s", 1), "quadratic_drag": ("quadratic", 1),
+    "wheel_eccentricity": ("eccentricity", 1), "traction_limit": ("traction", -1), "floor_patch": ("patch_force", 1),
+    "cable_drag": ("cable", 1), "lateral_slope": ("lateral_slope", 1), "gusts": ("gust", 1), "bus_noise": ("bus_noise", 1),
+    "encoder_wobble": ("encoder_wobble", 1), "bus_relaxation": ("relax_ohm", 1), "dahl_friction": ("dahl", 1),
+    "position_friction": ("swing", 1), "cold_grease": ("grease", 1), "detents": ("detent", 1),
+    "turn_drag": ("turn_drag", 1), "uneven_floor": ("bumps", 1), "current_antialias": ("current_tau", 1),
+    "current_bend": ("current_bend", 1), "clock_drift": ("clock_drift", 1),
+}
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What a machine can do, at the gear's output: torques N m, speed rad/s, everything SI."""
+
+    volts: float
+    amps: float               # stall current
+    ohm: float
+    torque: float             # stall torque
+    speed: float              # no-load speed
+    viscous: float            # nominal B at the gear's output
+    mass: float
+    track: float
+    radius: float
+    period: float             # between two rows of the log
+    duration: float           # of a run
+
+    @property
+    def weight(self) -> float:
+        """Newton."""
+        return self.mass * GRAVITY_M_S2
+
+
+def scale_of(robot, period: float, duration: float) -> Scale:
+    """The scales of a nominal robot logged every `period` seconds for about `duration` seconds."""
+    motor, chassis = robot.motor, robot.chassis
+    gear = motor.gear_ratio
+    amps = robot.supply_v / motor.resistance_ohm
+    return Scale(robot.supply_v, amps, motor.resistance_ohm, gear * motor.torque_constant_nm_per_a * amps,
+                 robot.supply_v / (gear * motor.back_emf_constant_v_s_per_rad),
+                 gear**2 * motor.viscous_friction_nm_s_per_rad, chassis.mass_kg, chassis.track_width_m,
+                 chassis.wheel_radius_m, period, duration)
+
+
+def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
+    drag = of.torque / of.speed
+
+    def ratio(low: float, high: float) -> dict:
+        return {"ratio": 1.0 + _signed(rng, low, high)}
+
+    def late(low_rows: float, high_s: float) -> dict:
+        low = low_rows * of.period
+        return {"seconds": _log(rng, low, max(high_s, 6 * low))}
+
+    if name == "supply_sag":
+        return {"resistance_ohm": of.ohm * _log(rng, 0.015, 0.25)}
+    if name == "battery_decline":
+        return {"rate_v_per_s": of.volts / of.duration * _log(rng, 0.008, 0.12)}
+    if name in ("driver_deadzone", "bridge_drop"):
+        return {"volts": of.volts * _log(rng, 0.004, 0.07)}
+    if name == "driver_gain":
+        return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.015, 0.3)
+    if name == "voltage_limit":
+        return {"volts": of.volts * float(rng.uniform(0.33, 0.75))}
+    if name == "pwm_curve":
+        return {"curvature": _log(rng, 0.03, 0.95) * (1 if rng.random() < 0.8 else -1)}
+    if name == "resistance_error":
+        return ratio(0.05, 0.4)
+    if name == "winding_heating":
+        power = of.volts * of.amps / 4
+        return {"rise_per_watt": _log(rng, 0.2, 3.0) / power,
+                "time_constant_s": _log(rng, 0.15 * of.duration, 3.0 * of.duration)}
+    if name == "torque_constant_error":
+        return ratio(0.04, 0.25)
+    if name == "coulomb_friction":
+        return {"torque_nm": of.torque * _log(rng, 0.002, 0.06)}
+    if name == "stribeck_friction":
+        return {"torque_nm": of.torque * _log(rng, 0.003, 0.03), "extra_torque_nm": of.torque * _log(rng, 0.005, 0.04),
+                "speed_rad_s": of.speed * _log(rng, 0.02, 0.2)}
+    if name == "viscous_friction":
+        value = drag * _log(rng, 0.004, 0.12)
+        return {"nm_s_per_rad": -min(value, 0.85 * of.viscous) if rng.random() < 0.25 and of.viscous > 0.01 * drag
+                else value}
+    if name == "friction_asymmetry":
+        sign = 1 if rng.random() < 0.5 else -1
+        return {"torque_nm": sign * of.torque * _log(rng, 0.0015, 0.02), "nm_s_per_rad": sign * drag * _log(rng, 0.0015, 0.03)}
+    if name == "load_friction":
+        return {"ratio": _log(rng, 0.05, 0.45)}
+    if name == "backlash":
+        return {"angle_rad": _log(rng, 0.006, 0.15)}
+    if name == "gear_compliance":
+        return {"stiffness_nm_per_rad": of.torque * _log(rng, 0.15, 6.0), "damping_nm_s_per_rad": drag * _log(rng, 0.006, 0.1)}
+    if name == "torque_ripple":
+        return {"amplitude_nm": of.torque * _log(rng, 0.003, 0.08), "phase_rad": float(rng.uniform(-math.pi, math.pi)),
+                "cycles_per_rev": int(rng.choice([1, 2, 3, 4, 5, 6, 8, 10, 12]))}
+    if name == "rotor_inertia_error":
+        return ratio(0.06, 0.6)
+    if name == "wheel_radius_error":
+        return ratio(0.006, 0.1)
+    if name == "longitudinal_slip":
+        return {"slip_per_newton": _log(rng, 0.04, 0.8) / of.weight}
+    if name == "spin_scrub":
+        return {"torque_nm": of.weight * of.track * _log(rng, 0.003, 0.07)}
+    if name == "rolling_resistance":
+        return {"coefficient": _log(rng, 0.004, 0.06)}
+    if name == "track_width_error":
+        return ratio(0.01, 0.15)
+    if name == "payload_error":
+        value = of.mass * _log(rng, 0.1, 2.0)
+        return {"mass_kg": -min(value, 0.4 * of.mass) if rng.random() < 0.2 else value}
+    if name == "com_offset":
+        return {"x_m": of.track * _signed(rng, 0.04, 0.3), "y_m": of.track * _signed(rng, 0.0125, 0.09)}
+    if name == "slope_error":
+        return {"slope_rad": _signed(rng, 0.004, 0.06)}
+    if name == "yaw_inertia_error":
+        return {"ratio": _log(rng, 1.6, 7.0) if rng.random() < 0.8 else _log(rng, 0.35, 0.6)}
+    if name == "speed_gain":
+        return ratio(0.01, 0.15)
+    if name == "current_gain":
+        return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.03, 0.4)
+    if name == "current_bias":
+        return {"amperes": of.amps * _signed(rng, 0.0015, 0.06)}
+    if name == "speed_filter":
+        return {"time_constant_s": _log(rng, max(0.4 * of.period, 0.001), max(0.08, 4 * of.period))}
+    if name == "gyro_bias":
+        return {"rad_s": _signed(rng, 0.002, 0.12)}
+    if name == "gyro_gain":
+        return ratio(0.01, 0.15)
+    if name in ("command_delay", "measurement_delay"):
+        return late(0.3, 0.05)
+    raise ValueError(f"effect {name!r} is not in the contract")
+
+
+def draw_sized(rng: np.random.Generator, name: str, of: Scale) -> dict:
+    """One effect of the catalogue with a size in a machine's own scales: id, side, subsystem, parameters."""
+    subsystem, sided = EFFECTS[name]
+    side = _side(rng, sided)
+    parameters = {key: float(f"{value:.5g}") for key, value in _parameters(rng, name, of).items()}
+    return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}
+
+
+def _nameless(rng: np.random.Generator, name: str, of: Scale) -> dict:
+    """Middle sizes; `strengthened` brings them to what a case asks for."""
+    u, drag = rng.uniform, of.torque / of.speed
+    travel = of.speed * of.radius * of.duration           # what the machine could drive in a run
+    return {
+        "command_hysteresis": lambda: {"hysteresis": 0.06 * of.volts},
+        "command_quantised": lambda: {"quantum": 0.1 * of.volts},
+        "command_crosstalk": lambda: {"crosstalk": _signed(rng, 0.05, 0.1)},
+        "slew_limit": lambda: {"slew": 5.0 * of.volts},
+        "magnetic_saturation": lambda: {"saturation": 0.5 * of.amps},
+        "rub_spot": lambda: {"rub_torque": 0.04 * of.torque, "rub_angle": u(-math.pi, math.pi), "rub_width": u(0.15, 0.6)},
+        "growing_friction": lambda: {"friction_per_s": 0.01 * of.torque / of.duration},
+        "quadratic_drag": lambda: {"quadratic": 0.02 * drag / of.speed},
+        "wheel_eccentricity": lambda: {"eccentricity": 0.03, "eccentric_phase": u(-math.pi, math.pi)},
+        "traction_limit": lambda: {"traction": 0.1 * of.weight},
+        "floor_patch": lambda: {"patch_x": 0.1 * travel * u(-1, 1), "patch_force": 0.1 * of.weight},
+        "cable_drag": lambda: {"cable": 0.3 * of.weight / max(travel, of.track)},
+        "lateral_slope": lambda: {"lateral_slope": _signed(rng, 0.02, 0.05)},
+        "gusts": lambda: {"gust": 0.08 * of.weight, "gust_tau": _log(rng, 0.1, 1.0)},
+        "bus_noise": lambda: {"bus_noise": 0.02 * of.volts, "bus_tau": _log(rng, 0.05, 1.0)},
+        "encoder_wobble": lambda: {"encoder_wobble": 0.03},
+        "bus_relaxation": lambda: {"relax_ohm": 0.1 * of.ohm, "relax_tau": of.duration * _log(rng, 0.05, 0.3)},
+        "dahl_friction": lambda: {"dahl": 0.02 * of.torque, "dahl_rad": _log(rng, 0.1, 1.0)},
+        "position_friction": lambda: {"swing": 0.03 * of.torque, "swing_phase": u(-math.pi, math.pi)},
+        "cold_grease": lambda: {"grease": 0.05 * drag, "grease_tau": of.duration * _log(rng, 0.1, 0.6)},
+        "detents": lambda: {"detent": 0.04 * of.torque, "detent_cycles": int(rng.integers(14, 31)),
+                            "detent_phase": u(-math.pi, math.pi)},
+        "turn_drag": lambda: {"turn_drag": 0.2 * of.weight * of.track * of.track / (2 * of.speed * of.radius)},
+        "uneven_floor": lambda: {"bumps": 0.02, "bump_length": max(of.track, 0.05 * travel) * _log(rng, 0.5, 2.0)},
+        "current_antialias": lambda: {"current_tau": of.period * _log(rng, 1.0, 4.0)},
+        "current_bend": lambda: {"current_bend": 0.5 / of.amps**2},
+        "clock_drift": lambda: {"clock_drift": 0.001},
+    }[name]()
+
+
+def draw_nameless(rng: np.random.Generator, of: Scale, world: str = "planar") -> dict:
+    """One effect that no name of the catalogue describes: id, side, subsystem, the world's parameters."""
+    menu = {**OUTSIDE, **NAMELESS}
+    name = str(rng.choice([item for item in STRENGTH if world == "planar" or item not in PLANAR_ONLY]))
+    subsystem, sided = menu[name]
+    side = _side(rng, sided)
+    parameters = {key: float(f"{value:.5g}") for key, value in _nameless(rng, name, of).items()}
+    return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}
+
+
+def strengthened(nameless: dict, factor: float) -> dict:
+    """The same nameless effect, `factor` times as strong."""
+    key, sense = STRENGTH[nameless["id"]]
+    value = nameless["parameters"][key] * factor**sense
+    return {**nameless, "parameters": {**nameless["parameters"], key: float(f"{value:.5g}")}}
