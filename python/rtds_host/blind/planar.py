@@ -626,14 +626,14 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
         gram = slope.T @ slope + np.eye(slope.shape[1])
         seen = slope.T @ change
         truth["size_sigma"] = round(float(np.sqrt(max(change @ change - seen @ np.linalg.solve(gram, seen), 0))), 3)
-    if spec["tier"] in ACCOUNTS:
+    if sizes and spec["effects"]:
         truth.update(_account(robot, spec, scatter, drives))
     truth["conditions"] = {key: spec[key] for key in ("rate", "jitter", "dropped", "missing", "slow", "colour")}
     return truth
 
 
 def _account(robot, spec: dict, scatter: int, drives: dict[bool, list]) -> dict:
-    """What each cause of a case with several is worth, on its own runs and on those held out (`accounts.worth`).
+    """What each cause of a case is worth, on its own runs and on those held out (`accounts.worth`).
 
     Returns
     -------
@@ -651,12 +651,12 @@ def _account(robot, spec: dict, scatter: int, drives: dict[bool, list]) -> dict:
     for held, name in ((False, "gap"), (True, "held_out_gap")):
         if not drives[held]:
             continue
-        gaps = worth(robot, build, spec["effects"], spec["rest"], [Drive(*drive) for drive in drives[held]],
+        gaps = worth(robot, build, spec["effects"], spec.get("rest"), [Drive(*drive) for drive in drives[held]],
                      set(spec["missing"]))
         out[name] = {key: round(gaps[key], 4) for key in ("before", "refit", "known")}
         if not held:
             out["effects"] = [{**effect, "gap_without": round(gap, 3)} for effect, gap in zip(spec["effects"], gaps["without"])]
-            if spec["rest"]:
+            if spec.get("rest"):
                 known, before = gaps["known"], gaps["before"]
                 out["rest"] = {**spec["rest"], "gap_without": round(known, 3),
                                "share": round(max(known - 1, 0) / max(before - 1, 1e-9), 4)}

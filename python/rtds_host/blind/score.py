@@ -19,13 +19,17 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.blind.gap import channel_gaps, total
-from rtds_host.blind.planar import CHANNELS, KINDS, nominal_machine, replay_gap
+from rtds_host.blind.planar import CHANNELS, KINDS, TIERS, WORLDS, nominal_machine, replay_gap
 from rtds_host.blind.seal import check_truths, hash_file, open_truths, what_was_drawn
 from rtds_host.blind.vocabulary import EFFECTS
 from rtds_host.contract import load_robot, read_run, write_atomic
 from rtds_host.errors import InputError
 
 VISIBLE_SIGMA = 5.0          # smaller effects are reported apart
+ASKED_GAP = 1.5              # an effect whose absence leaves less is not asked for
+REST_GAP = 1.2               # nor is the place of a rest that is hardly there
+LEAST_CLOSABLE = 0.2         # of less, a share of what can be closed says nothing
+LARGEST_SET = 3              # larger declared sets count as no answer (contract, section 5)
 SCHEMA = "rtds-blind-score/1"
 
 
@@ -68,13 +72,18 @@ def predicted(run: Path, robot: Path, diagnosis: Path, command: list[str] | None
         return _read_prediction(target)
 
 
+def share_closed(before: float, after: float) -> float | None:
+    """Share of a gap that is closed (contract, section 4); None where there was hardly one."""
+    return round((before - after) / (before - 1), 4) if before >= 1.1 else None
+
+
 def closure(case: Path, held_out: Path, diagnosis: Path, command: list[str] | None = None) -> dict:
     """Gap before and after on the held-out runs of a case.
 
     Returns
     -------
-    {"before", "after", "closed" (None where before is below 1.1), "channels": {name: [before, after]}} or
-    {"error": last line of the prediction's complaint}.
+    {"before", "after", "closed" (None where before is below 1.1), "channels": {name: [before, after]}, "runs": closed of
+    each run} or {"error": last line of the prediction's complaint}.
     """
     robot = load_robot(case / "robot.toml")
     noise = {name: robot.noise(name) for name in CHANNELS if robot.noise(name)}
@@ -88,8 +97,8 @@ def closure(case: Path, held_out: Path, diagnosis: Path, command: list[str] | No
         after.append(channel_gaps(run.t, run.columns, columns, noise))
     b, a = pooled(before), pooled(after)
     start, end = total(b), total(a)
-    closed = (start - end) / (start - 1) if start >= 1.1 else None
-    return {"before": round(start, 4), "after": round(end, 4), "closed": None if closed is None else round(closed, 4),
+    return {"before": round(start, 4), "after": round(end, 4), "closed": share_closed(start, end),
+            "runs": [share_closed(total(one), total(other)) for one, other in zip(before, after)],
             "channels": {name: [round(b[name], 3), round(a[name], 3)] for name in b if name in a}}
 
 
@@ -118,6 +127,22 @@ def _parameters(truth: dict, blamed: dict) -> list[dict]:
     return out
 
 
+def said_of_rest(answer: dict) -> str | None:
+    """Subsystem in which an answer places what it has no name for.
+
+    Schema 2 says so (`gap.rest`, or else the largest placed rest of the budget); schema 1 only by the place that it
+    blames most without naming an effect there.
+    """
+    rest = (answer.get("gap") or {}).get("rest") or {}
+    if rest.get("subsystem"):
+        return rest["subsystem"]
+    placed = [part for part in answer.get("budget") or [] if part.get("what") == "rest" and part.get("subsystem")]
+    if placed:
+        return max(placed, key=lambda part: part.get("share") or 0)["subsystem"]
+    named = {EFFECTS[e["id"]][0] for e in answer.get("effects") or [] if e["id"] in EFFECTS}
+    return next((part["subsystem"] for part in answer.get("located") or [] if part["subsystem"] not in named), None)
+
+
 def judge(truth: dict, answer: dict | None, entry: dict) -> dict:
     """What one answer is worth.
 
@@ -143,7 +168,8 @@ def judge(truth: dict, answer: dict | None, entry: dict) -> dict:
     sets = [{(e["id"], e["side"]) for e in group} for group in answer.get("indistinguishable") or []]
     located = [part["subsystem"] for part in answer.get("located") or []]
     known = kind == "known"
-    good_sets = [group for group in sets if len(group) <= 3 and group & set(blamed)]
+    good_sets = [group for group in sets if len(group) <= LARGEST_SET and group & set(blamed)]
+    rest = truth.get("rest")
 
     def inside(effect: tuple[str, str]) -> bool:
         return effect in blamed or any(effect in group for group in good_sets)
@@ -154,7 +180,13 @@ def judge(truth: dict, answer: dict | None, entry: dict) -> dict:
     sizes = [min((len(group) for group in good_sets if effect in group), default=1) for effect in reached]
     record.update({
         "verdict": answer.get("verdict"), "blamed": [list(b) for b in blamed], "located": located[:3],
-        "verdict_right": answer.get("verdict") == kind,
+        "verdict_right": answer.get("verdict") in (("known", "partial") if rest else (kind,)),
+        "asked": [[*effect, effect in reached] for effect in
+                  ((e["id"], e["side"]) for e in truth["effects"] if e.get("gap_without", ASKED_GAP) >= ASKED_GAP)],
+        "named": [[*b, b not in false] for b in blamed],
+        "rest": rest and rest["id"], "rest_said": said_of_rest(answer),
+        "rest_right": said_of_rest(answer) == rest["subsystem"] if rest and rest["gap_without"] >= REST_GAP else None,
+        "closable": closable(truth), "closed_ci90": (answer.get("gap") or {}).get("closed_ci90"),
         "cause_right": (set(blamed) == actual) if known else None,
         "first_right": (bool(blamed) and blamed[0] in actual) if known else None,
         "id_right": ({b[0] for b in blamed} == {a[0] for a in actual}) if known else None,
@@ -174,13 +206,26 @@ def judge(truth: dict, answer: dict | None, entry: dict) -> dict:
     return record
 
 
+def closable(truth: dict) -> float | None:
+    """Share of the gap on the held-out runs that all effects with a name close; None where the truth does not say."""
+    gaps = truth.get("held_out_gap")
+    return share_closed(gaps["before"], gaps["known"]) if gaps else None
+
+
 FIGURES = (
     ("verdict_right", "verdict right"), ("cause_right", "cause and side right, nothing else blamed"),
     ("first_right", "strongest blamed effect is true"), ("id_right", "cause right, side aside"),
     ("in_set", "right or in a declared set of at most 3"), ("any_right", "at least one true effect found"),
     ("subsystem_right", "subsystem right"), ("extra_cause", "an effect blamed that is not there"),
     ("false_cause", "false cause on a case without effect"), ("unknown_right", "unknown recognised"),
-    ("wrongly_unknown", "wrongly unknown"),
+    ("wrongly_unknown", "wrongly unknown"), ("rest_right", "place of the rest right"),
+)
+# Shares over effects and runs of all cases of a group.
+POOLED = (
+    ("asked", f"effects worth {ASKED_GAP:g} or more that are named, or in a set of at most {LARGEST_SET}"),
+    ("named", "named effects that are there, or in such a set"),
+    ("coverage90", "90 % intervals of sizes that hold the truth"),
+    ("fresh_held", "90 % intervals of the closure that hold a fresh run's"),
 )
 
 
@@ -200,7 +245,11 @@ def summarise(records: list[dict]) -> dict:
     closed = [r["closure"]["closed"] for r in records
               if r["kind"] == "known" and r.get("closure") and r["closure"].get("closed") is not None]
     parameters = [p for r in records for p in r["parameters"]]
-    covered = [{"covered": p["covered"]} for p in parameters if p["covered"] is not None]
+    pools = {"asked": [e[-1] for r in records for e in r["asked"]], "named": [e[-1] for r in records for e in r["named"]],
+             "coverage90": [p["covered"] for p in parameters if p["covered"] is not None],
+             "fresh_held": [held for r in records for held in fresh_held(r)]}
+    reach = [r["closure"]["closed"] / r["closable"] for r in records if r.get("closure")
+             and r["closure"].get("closed") is not None and (r["closable"] or 0) >= LEAST_CLOSABLE]
     errors = [abs(p["relative_error"]) for p in parameters if math.isfinite(p["relative_error"])]
     seconds = [r["seconds"] for r in records if r["seconds"] is not None]
     return {
@@ -210,10 +259,19 @@ def summarise(records: list[dict]) -> dict:
         "closure": {"count": len(closed), "median": _rounded(np.median(closed)) if closed else None,
                     "quartiles": [_rounded(q) for q in np.percentile(closed, [25, 75])] if closed else None},
         "parameter_error_median": _rounded(np.median(errors)) if errors else None,
-        "coverage90": share(covered, "covered"),
+        **{name: share([{name: hit} for hit in pools[name]], name) for name, _ in POOLED},
+        "of_closable": {"count": len(reach), "median": _rounded(np.median(reach)) if reach else None},
         "seconds_median": _rounded(np.median(seconds)) if seconds else None,
         "seconds_max": _rounded(max(seconds)) if seconds else None,
     }
+
+
+def fresh_held(record: dict) -> list[bool]:
+    """For each held-out run of a case with a gap and an answer with an interval: does it hold the run's closure."""
+    interval, measured = record.get("closed_ci90"), record.get("closure") or {}
+    if not interval or any(not isinstance(x, (int, float)) for x in interval):
+        return []
+    return [interval[0] <= closed <= interval[1] for closed in measured.get("runs", ()) if closed is not None]
 
 
 def _rounded(value: float) -> float:
@@ -386,7 +444,7 @@ def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closu
             mark = by_case[case]["sha256"]
             if store.is_file():
                 old = json.loads(store.read_text())
-                if old.get("answer") == mark and "error" not in old["closure"]:
+                if old.get("answer") == mark and "runs" in old["closure"]:
                     record["closure"] = old["closure"]
             if record["closure"] is None:
                 record["closure"] = closure(out / "public" / case, out / "sealed" / case / "held-out",
@@ -403,7 +461,7 @@ def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closu
     visible = [r for r in records if r["kind"] != "known" or (r["size_sigma"] or 0) >= VISIBLE_SIGMA]
     seed = what_was_drawn(out)
     result = {
-        "schema": SCHEMA, "seed": seed["seed"], "count": seed["count"],
+        "schema": SCHEMA, "seed": seed["seed"], "count": seed["count"], "made_by": made_by(seed),
         "quick": any(entry.get("quick") for entry in ledger), "blind": diagnoses is None,
         "everything": summarise(records), "visible": summarise(visible),
         "tiers": {tier: summarise([r for r in visible if r["tier"] == tier]) for tier in KINDS
@@ -428,6 +486,28 @@ def _cell(value: dict | None) -> str:
     return f"{100 * value['share']:.0f} % ({value['hits']}/{value['count']}; {100 * low:.0f}–{100 * high:.0f})"
 
 
+def made_by(drawn: dict) -> str:
+    """The command that draws the same cases again."""
+    only = "".join(f" --tier {tier}" for tier in drawn["tiers"]) if set(drawn["tiers"]) != set(TIERS) else ""
+    only += "".join(f" --world {world}" for world in drawn["worlds"]) if set(drawn["worlds"]) != set(WORLDS) else ""
+    return f"rtds blind make --n {drawn['count']} --seed {drawn['seed']}{only}"
+
+
+def by_effect(records: list[dict]) -> list[tuple[str, int, int, int, int]]:
+    """(effect, times asked for, times reached, times named, times named rightly), by name."""
+    counts: dict[str, list[int]] = {}
+    for r in records:
+        for name, _, hit in r["asked"]:
+            row = counts.setdefault(name, [0, 0, 0, 0])
+            row[0] += 1
+            row[1] += hit
+        for name, _, hit in r["named"]:
+            row = counts.setdefault(name, [0, 0, 0, 0])
+            row[2] += 1
+            row[3] += hit
+    return [(name, *row) for name, row in sorted(counts.items())]
+
+
 def page(result: dict) -> str:
     """A page in Markdown with the figures of a scored check."""
     groups = [*result["tiers"], "visible", *result["worlds"]]
@@ -435,9 +515,10 @@ def page(result: dict) -> str:
     titles = {"visible": "all tiers", "planar": "planar world", "mujoco": "MuJoCo world"}
     lines = [
         "# Blind check: figures of one run", "",
-        (f"{result['count']} sealed cases, seed {result['seed']}, made by `rtds blind make --n {result['count']} --seed "
-        f"{result['seed']}`, answered by `rtds blind answer{' --quick' if result['quick'] else ''}`, scored by "
-        "`rtds blind score`. Shares with hits, count and the 95 % Wilson interval. Effects below "
+        (f"{result['count']} sealed cases, seed {result['seed']}, made by `{result['made_by']}`, "
+        + (f"answered by `rtds blind answer{' --quick' if result['quick'] else ''}`, scored by `rtds blind score`. "
+           if result["blind"] else "scored with open truths by `rtds blind score --diagnoses`: not a blind check. ")
+        + "Shares with hits, count and the 95 % Wilson interval. Effects below "
         f"{VISIBLE_SIGMA:g} sigma after the motors' tolerance is projected off are left out here and reported below."), "",
         "| | " + " | ".join(titles.get(g, g) for g in groups) + " |", "|---|" + "---|" * len(groups)]
     lines.append("| cases (answered) | " + " | ".join(f"{tables[g]['cases']} ({tables[g]['answered']})"
@@ -453,10 +534,13 @@ def page(result: dict) -> str:
         return "–" if c["median"] is None else f"{c['median']:.2f} ({c['quartiles'][0]:.2f} to {c['quartiles'][1]:.2f})"
 
     lines.append(line("closure on unseen runs, median (quartiles)", closed))
+    lines.append(line("of what the known part can close, median",
+                      lambda t: "–" if t["of_closable"]["median"] is None else f"{t['of_closable']['median']:.2f}"))
     lines.append(line("predictions that failed", lambda t: str(t["predictions_failed"])))
     lines.append(line("parameter error, median", lambda t: "–" if t["parameter_error_median"] is None
                       else f"{100 * t['parameter_error_median']:.1f} %"))
-    lines.append(line("90 % intervals that hold the truth", lambda t: _cell(t["coverage90"])))
+    for name, title in POOLED:
+        lines.append(line(title, lambda t, name=name: _cell(t[name])))
     lines.append(line("time a case, median (longest)", lambda t: "–" if t["seconds_median"] is None
                       else f"{t['seconds_median']:.0f} s ({t['seconds_max']:.0f} s)"))
     small = result["hardly_visible"]
@@ -464,9 +548,15 @@ def page(result: dict) -> str:
               f"in a set {_cell(small['in_set'])}, nothing blamed otherwise or something else."), "",
               "![what was there against what was blamed](confusion.png)", "",
               "![stated probability against truth](calibration.png)", "",
-              "| case | tier | world | there | blamed | verdict | size (sigma) | closed | time |", "|---|---|---|---|---|---|---|---|---|"]
+              "| effect | asked for | named, or in a set | blamed | of these there, or in a set |", "|---|---|---|---|---|",
+              *(f"| {name} | {asked} | {reached} | {named} | {right} |"
+                for name, asked, reached, named, right in by_effect(result["cases"])), "",
+              "In bold what is worth asking for and was not reached.", "",
+              "| case | kind | world | there | blamed | verdict | size (sigma) | closed | time |", "|---|---|---|---|---|---|---|---|---|"]
     for r in result["cases"]:
-        there = ", ".join(f"{i} {s}" for i, s in r["truth"]) or (f"outside: {r['outside']}" if r["outside"] else "nothing")
+        missed = {(name, side) for name, side, hit in r["asked"] if not hit}
+        there = ", ".join(f"**{i} {s}**" if (i, s) in missed else f"{i} {s}" for i, s in r["truth"]) or (f"outside: {r['outside']}" if r["outside"] else "nothing")
+        there += f"; rest: {r['rest']}" if r["rest"] else ""
         blamed = ", ".join(f"{i} {s}" for i, s in r["blamed"]) or "nothing"
         c = r["closure"] or {}
         lines.append(f"| {r['case']} | {r['tier']} | {r['world']} | {there} | {blamed} | {r['verdict'] or 'no answer'} | "

@@ -83,7 +83,7 @@ def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time."
                                                          "the sealed answers, into DIR/score.")] = None) -> None:
     """Open the truth, check every hash, and judge the answers."""
     from rtds_host.blind.measured import is_measured, score_measured
-    from rtds_host.blind.score import FIGURES, _cell
+    from rtds_host.blind.score import FIGURES, POOLED, _cell
     from rtds_host.blind.score import score as score_cases
     from rtds_host.blind.seal import read_seals
 
@@ -110,7 +110,10 @@ def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time."
         table.add_row(title, *(_cell(group[name]) for group in groups.values()))
     table.add_row("closure, median", *("–" if g["closure"]["median"] is None else f"{g['closure']['median']:.2f}"
                                        for g in groups.values()))
-    table.add_row("90 % intervals that hold", *(_cell(g["coverage90"]) for g in groups.values()))
+    table.add_row("of what the known part can close", *("–" if g["of_closable"]["median"] is None else
+                                                        f"{g['of_closable']['median']:.2f}" for g in groups.values()))
+    for name, title in POOLED:
+        table.add_row(title, *(_cell(g[name]) for g in groups.values()))
     table.add_row("time a case, median", *("–" if g["seconds_median"] is None else f"{g['seconds_median']:.0f} s"
                                            for g in groups.values()))
     console.print(table)

@@ -279,3 +279,62 @@ def test_the_command_line_makes_and_reports_in_one_line(tmp_path):
                            "planar", "--jobs", "1", "--seed", "3"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert read_case(tmp_path / "b" / "public" / "case-001").runs
+
+
+MANY = [{**e, "gap_without": gap} for e, gap in (
+    ({"id": "coulomb_friction", "side": "left", "subsystem": "drivetrain", "parameters": {"torque_nm": 0.05}}, 6.0),
+    ({"id": "driver_gain", "side": "both", "subsystem": "driver", "parameters": {"ratio": 1.1}}, 3.0),
+    ({"id": "gyro_bias", "side": "both", "subsystem": "sensing", "parameters": {"rad_s": 0.01}}, 1.3))]
+
+
+def many(rest=None):
+    more = {"rest": rest} if rest else {}
+    return {"tier": "messy" if rest else "many", "verdict": "known", "effects": MANY, "size_sigma": 90.0,
+            "held_out_gap": {"before": 9.0, "refit": 8.5, "known": 5.0 if rest else 1.0}, **more}
+
+
+def test_only_effects_that_matter_are_asked_for_and_each_name_counts():
+    said = answer(("rolling_resistance", "both", {}), ("driver_gain", "both", {}), ("payload_error", "both", {}),
+                  sets=[[("rolling_resistance", "both"), ("coulomb_friction", "left")]])
+    r = score.judge(many(), said, ENTRY)
+    assert r["asked"] == [["coulomb_friction", "left", True], ["driver_gain", "both", True]]
+    assert [hit for *_, hit in r["named"]] == [True, True, False]
+    summary = score.summarise([{**r, "closure": None}])
+    assert summary["asked"]["share"] == 1 and summary["named"]["hits"] == 2 and summary["named"]["count"] == 3
+    assert ("payload_error", 0, 0, 1, 0) in score.by_effect([r])
+
+
+def test_a_small_effect_that_is_named_is_right_but_not_asked_for():
+    r = score.judge(many(), answer(("gyro_bias", "both", {})), ENTRY)
+    assert [hit for *_, hit in r["asked"]] == [False, False] and r["named"] == [["gyro_bias", "both", True]]
+
+
+def test_a_case_with_a_rest_may_be_called_known_or_partial_and_the_rest_has_a_place():
+    rest = {"id": "cable_drag", "subsystem": "chassis", "gap_without": 2.0, "share": 0.2}
+    for verdict, right in (("known", True), ("partial", True), ("unknown", False)):
+        said = {**answer(("driver_gain", "both", {}), verdict=verdict), "gap": {"rest": {"subsystem": "chassis"}}}
+        r = score.judge(many(rest), said, ENTRY)
+        assert r["verdict_right"] is right and r["rest_right"]
+    said["gap"] = {"rest": {"subsystem": None}}
+    said["budget"] = [{"what": "rest", "subsystem": "driver", "share": 0.1}, {"what": "rest", "subsystem": None, "share": 0.3}]
+    assert score.judge(many(rest), said, ENTRY)["rest_said"] == "driver"
+    assert score.judge(many({**rest, "gap_without": 1.05}), said, ENTRY)["rest_right"] is None
+    first = answer(("driver_gain", "both", {}), located=("driver", "chassis"))
+    assert score.judge(many(rest), first, ENTRY)["rest_right"]              # schema 1: the next place
+
+
+def test_closure_is_measured_against_what_names_can_close_and_against_the_stated_interval():
+    rest = {"id": "cable_drag", "subsystem": "chassis", "gap_without": 2.0, "share": 0.2}
+    said = {**answer(("driver_gain", "both", {})), "gap": {"closed_ci90": [0.3, 0.5]}}
+    r = score.judge(many(rest), said, ENTRY)
+    assert r["closable"] == 0.5                                             # from 9 to 5, of 9 to 1
+    r["closure"] = {"before": 9.0, "after": 5.8, "closed": 0.4, "runs": [0.45, 0.6, None]}
+    assert score.fresh_held(r) == [True, False]
+    summary = score.summarise([r])
+    assert summary["of_closable"]["median"] == 0.8 and summary["fresh_held"]["hits"] == 1
+
+
+def test_the_page_says_how_its_cases_were_drawn():
+    drawn = {"seed": 4, "count": 9, "tiers": ["many", "messy"], "worlds": list(planar.WORLDS)}
+    assert score.made_by(drawn) == "rtds blind make --n 9 --seed 4 --tier many --tier messy"
+    assert score.made_by({**drawn, "tiers": list(planar.TIERS)}) == "rtds blind make --n 9 --seed 4"
