@@ -28,6 +28,7 @@ LARGEST_GAP = 25.0
 COUNTED = ("i_l", "i_r", "w_l", "w_r", "gyro_z", "x", "y", "yaw", "th_l", "th_r")
 TRIAL_RUNS, TRIAL_S = 3, 8.0  # what the draw of sizes looks at
 ROUNDS = 30
+REST_SHARE = (0.05, 0.5)      # of the gap that a rest is worth
 # Two that add to one and the same torque: no size of the one alone is the truth.
 SAME_TERM = ({"coulomb_friction", "stribeck_friction"},)
 
@@ -115,11 +116,11 @@ def draw_names(rng: np.random.Generator, count: int, taken: tuple[str, ...] = ()
     return names[len(taken):]
 
 
-def _trial(robot, spec: dict, machine, rng: np.random.Generator) -> list[Drive]:
-    """Short noise-free drives of a case's first runs; closed loops are closed around `machine`."""
+def _trial(robot, spec: dict, machine, rng: np.random.Generator, whole: bool = False) -> list[Drive]:
+    """Noise-free drives of a case's runs, or the beginnings of the first; closed loops are closed around `machine`."""
     drives = []
-    for run in spec["runs"][:TRIAL_RUNS]:
-        t = np.round(np.arange(0.0, min(run["duration"], TRIAL_S), 1 / spec["rate"]), 4)
+    for run in spec["runs"] if whole else spec["runs"][:TRIAL_RUNS]:
+        t = np.round(np.arange(0.0, run["duration"] if whole else min(run["duration"], TRIAL_S), 1 / spec["rate"]), 4)
         v_cmd, w_ref = planar.scenario(run["name"], t, rng, robot)
         start = np.array([0.0, 0.0, run["uphill_yaw_rad"], 0.0, 0.0])
         drive = Drive(t, v_cmd, start, planar.place_of(run), int(rng.integers(2**31)))
@@ -134,7 +135,8 @@ def draw_causes(rng: np.random.Generator, robot, spec: dict) -> tuple[list[dict]
     """Effects of a case of kind `many` or `messy`, and the nameless one of a messy one.
 
     Every effect is drawn again (half of the time another one) until leaving it out matters in short drives of the
-    case's runs, and not beyond all measure; so is the nameless one until it is worth 5 to 50 % of the gap.
+    case's runs, and not beyond all measure; the nameless one is made as strong as
+    a share of the gap between 5 and 50 % asks for.
 
     Parameters
     ----------
@@ -175,20 +177,29 @@ def draw_causes(rng: np.random.Generator, robot, spec: dict) -> tuple[list[dict]
             effects[k] = again(effects[k])
     if not messy:
         return effects, None
-    before = worth(robot, build, effects, None, drives, missing)["before"]
+    rest = _draw_rest(rng, robot, spec, of, build, effects)
+    return (effects, rest) if rest else draw_causes(rng, robot, spec)
+
+
+def _draw_rest(rng: np.random.Generator, robot, spec: dict, of, build, effects: list[dict]) -> dict | None:
+    """A nameless effect that is worth a small part of the gap on the case's whole runs; None where none was found."""
+    missing = set(spec["missing"])
+    machine = build(effects, None, False)
+    step_s = machine.step_s
+    drives = _trial(robot, spec, machine, rng, whole=True)
+    named = [drive.replay(machine, step_s) for drive in drives]
+    nominal = build([], None, False)
+    before = gap_between(robot, drives, named, [drive.replay(nominal, step_s) for drive in drives], missing)
     for _ in range(ROUNDS):
         rest = draw_nameless(rng, of, spec["world"])
-        wanted = max(1.3, 1.0 + (before - 1.0) * math.exp(rng.uniform(math.log(0.05), math.log(0.5))))
-        factor = 1.0
-        for _ in range(6):
-            gap = worth(robot, build, effects, strengthened(rest, factor), drives, missing)["known"]
-            if not math.isfinite(gap):
-                factor *= 0.3
-                continue
-            if 0.8 < (gap - 1.0) / (wanted - 1.0) < 1.25:
-                return effects, strengthened(rest, factor)
-            step = math.sqrt((wanted**2 - 1.0) / max(gap**2 - 1.0, 1e-6))
-            factor *= min(max(step, 0.1), 10.0)
-            if not 0.01 < factor < 30.0:
-                break
-    return effects, strengthened(rest, factor)
+        wanted = max(1.3, 1.0 + (before - 1.0) * math.exp(rng.uniform(*np.log(REST_SHARE))))
+        factor, weak, strong = 1.0, 0.01, 100.0
+        for _ in range(8):
+            there = build(effects, strengthened(rest, factor), False)
+            gap = gap_between(robot, drives, [drive.replay(there, step_s) for drive in drives], named, missing)
+            if 0.75 < (gap - 1.0) / (wanted - 1.0) < 1.33:
+                return strengthened(rest, factor)
+            weak, strong = (factor, strong) if gap < wanted else (weak, factor)
+            step = factor * math.sqrt((wanted**2 - 1.0) / max(gap**2 - 1.0, 1e-9)) if math.isfinite(gap) else math.nan
+            factor = step if weak < step < strong else math.sqrt(weak * strong)
+    return None
