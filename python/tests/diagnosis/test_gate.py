@@ -48,21 +48,60 @@ def test_effects_of_the_catalogue_are_no_fault_of_the_data(change):
 
 @pytest.mark.parametrize(("channels", "factor", "unit"), [
     (("w_l", "w_r"), 57.29578, "degrees per second"), (("w_l", "w_r"), 9.549297, "revolutions per minute"),
-    (("w_l", "w_r"), 0.033, "metres per second"), (("w_l", "w_r"), 258.5, "of the motor"),
+    (("w_l", "w_r"), 0.033, "metres per second at the rim"), (("w_l", "w_r"), 258.5, "radians per second of the motor"),
     (("th_l", "th_r"), 57.29578, "degrees"), (("i_l", "i_r"), 1000.0, "milliamperes"),
     (("gyro_z",), 57.29578, "degrees per second"), (("yaw",), 57.29578, "degrees"),
     (("x", "y"), 1000.0, "millimetres"), (("v_bus",), 1000.0, "millivolts"),
-    (("v_cmd_l", "v_cmd_r"), 1 / 12, "a duty"), (("v_cmd_l", "v_cmd_r"), 1000.0, "millivolts")])
-def test_a_wrong_unit_is_suspected_by_name_in_all_its_channels(case, channels, factor, unit):
-    gate = examine(changed(case, scaled(*channels, factor=factor)))
-    suspected = gate.of("unit")
-    assert {f.channel for f in suspected} == set(channels)
-    assert all(unit in f.text and f.severity == "warning" for f in suspected)
+    (("v_cmd_l", "v_cmd_r"), 1 / 12, r"shares of the supply \(a duty\)"), (("v_cmd_l", "v_cmd_r"), 1000.0, "millivolts")])
+def test_a_wrong_unit_ends_a_diagnosis_and_is_named_with_its_channels(case, channels, factor, unit):
+    with pytest.raises(InputError, match=rf"{' and '.join(channels)}: .*: in {unit}\?$"):
+        examine(changed(case, scaled(*channels, factor=factor)))
 
 
-def test_time_in_milliseconds_is_suspected(case):
-    gate = examine(changed(case, lambda t, _: 1000.0 * t))
-    assert any(f.channel == "t" and "milliseconds" in f.text for f in gate.of("unit"))
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1 / 60, "minutes")])
+def test_time_in_another_unit_ends_a_diagnosis(case, factor, unit):
+    with pytest.raises(InputError, match=rf"t: .*is it in {unit}\?"):
+        examine(changed(case, lambda t, _: factor * t))
+
+
+def test_speeds_alone_give_away_a_clock_in_milliseconds(case):
+    alone = without(case, "th_l", "th_r", "gyro_z", "x", "y", "yaw", "i_l", "i_r", "v_bus")
+    with pytest.raises(InputError, match="is it in milliseconds"):
+        examine(changed(alone, lambda t, _: 1000.0 * t))
+
+
+@pytest.mark.parametrize("change", [
+    lambda m: m.scale("speed_gain", 2.0), lambda m: m.scale("speed_gain", 0.4), lambda m: m.scale("voltage_gain", 2.0),
+    lambda m: m.scale("voltage_gain", 0.4), lambda m: m.scale("speed_gain", -1.0), lambda m: m.scale("gyro_gain", -1.0),
+    lambda m: m.scale("current_gain", 2.0), lambda m: m.scale("torque_constant", 0.4), lambda m: m.scale("radius", 2.0),
+    lambda m: (m.scale("voltage_gain", 2.0), m.scale("speed_gain", 2.0), m.scale("gyro_gain", 2.0)),
+    lambda m: m.add("coulomb", 0.5), lambda m: m.put("command_delay", 0.5)])
+def test_effects_as_large_as_they_come_are_not_refused(change):
+    examine(make_case(change))
+
+
+# ---- sides and signs -----------------------------------------------------------------------------------------------
+
+def test_exchanged_wheels_are_named(case):
+    def sensors(_, columns):
+        columns["w_l"], columns["w_r"] = columns["w_r"], columns["w_l"]
+
+    def commands(_, columns):
+        columns["v_cmd_l"], columns["v_cmd_r"] = columns["v_cmd_r"], columns["v_cmd_l"]
+    for edit, names in ((sensors, "w_l and w_r"), (commands, "v_cmd_l and v_cmd_r")):
+        found = examine(changed(case, edit)).of("swapped")
+        assert len(found) == 1 and names in found[0].text
+
+
+def test_swapped_leads_are_only_noted_for_the_catalogue_knows_them(case):
+    signs = examine(changed(case, scaled("w_l", factor=-1.0))).of("sign")
+    assert {(f.channel, f.severity) for f in signs} == {("w_l", "note")}
+
+
+@pytest.mark.parametrize("channel", ["gyro_z", "yaw", "i_l"])
+def test_a_wrong_sign_is_named(case, channel):
+    signs = examine(changed(case, scaled(channel, factor=-1.0))).of("sign")
+    assert {f.channel for f in signs} == {channel} and all("opposite sign" in f.text for f in signs)
 
 
 # ---- sensors -------------------------------------------------------------------------------------------------------
@@ -100,11 +139,6 @@ def test_a_channel_at_a_lower_rate_is_noted_with_its_rate(case):
         columns["x"][np.arange(len(columns["x"])) % 5 > 0] = np.nan
     slow = examine(changed(case, edit)).of("slow")
     assert {f.channel for f in slow} == {"x"} and "20 Hz" in slow[0].text
-
-
-def test_swapped_leads_are_only_noted_for_the_catalogue_knows_them(case):
-    signs = examine(changed(case, scaled("w_l", factor=-1.0))).of("sign")
-    assert {(f.channel, f.severity) for f in signs} == {("w_l", "note")}
 
 
 # ---- time ----------------------------------------------------------------------------------------------------------
@@ -182,8 +216,8 @@ def test_dead_wheel_sensors_end_it(case):
 
 
 def test_runs_of_a_moment_end_it(case):
-    with pytest.raises(InputError, match="at least 0.5 s"):
-        examine(thinned(case, lambda t: t < 0.1))
+    with pytest.raises(InputError, match="at least 0.1 s"):
+        examine(thinned(case, lambda t: t < 0.095))
 
 
 def test_a_channel_without_declared_noise_is_shown_but_not_used(case):

@@ -1,0 +1,20 @@
+"""In which unit a log's clock counts, as far as the rate of its rows tells."""
+
+from __future__ import annotations
+
+# Rates at which robots are logged (5 Hz to 2 kHz), with room to either side; outside them a clock's unit is asked for.
+FASTEST_HZ, SLOWEST_HZ = 10_000.0, 3.0
+# Units that people write times in, and how many of them a second has.
+PER_SECOND = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9, "minutes": 1.0 / 60.0, "hours": 1.0 / 3600.0}
+
+
+def is_rate(step: float) -> bool:
+    """Whether rows `step` seconds apart are a robot's log."""
+    return 1.0 / FASTEST_HZ <= step <= 1.0 / SLOWEST_HZ
+
+
+def likely_unit(step: float) -> str | None:
+    """The unit in which rows `step` apart would be a robot's log, None where it is seconds or none at all."""
+    if is_rate(step):
+        return None
+    return next((unit for unit, per_second in PER_SECOND.items() if is_rate(step / per_second)), None)

@@ -1,0 +1,170 @@
+"""Checks on the data before any analysis: what is wrong with a log, said in a sentence, and what makes it useless.
+
+`examine` refuses what cannot be a log at all, sets aside what is certainly no measurement, cuts runs at holes, and
+measures what the rest of a diagnosis takes as given: each channel's noise with its rounding, and the clock.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from rtds_host.contract import Case, RunLog
+from rtds_host.diagnosis.gate import cuts, glitches, rounding, sensors, timing, units
+from rtds_host.diagnosis.gate.findings import SEVERITIES, Finding, Gate, Timing, merged, percent
+from rtds_host.diagnosis.gate.limits import Limits, channels, limits
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.errors import InputError
+
+__all__ = ["Finding", "Gate", "Timing", "examine"]
+
+# The shortest run that shows anything, and its fewest rows.
+SHORTEST_S, FEWEST_ROWS = 0.1, 5
+# A rounding is worth a line where it adds so much to a channel's noise.
+ROUNDED = 0.1
+
+
+def examine(case: Case) -> Gate:
+    """Check the data of a case, and set aside what is certainly no measurement.
+
+    Raises
+    ------
+    InputError : no log at all (a clock or a channel in another unit than the contract's, a hole of minutes), or no run
+        holds enough to diagnose anything: too short, nothing commanded and nothing moves, all speeds and angles dead.
+    """
+    timing.check_clock(case)
+    bounds = limits(case)
+    units.check_commands(case, bounds)
+    declared = {c: case.robot.noise(c) for c in channels(case.robot)}
+    noise, steps = rounding.effective_noise(case)
+    found = _notices(case)
+    for log in case.runs:
+        found += timing.clock_findings(log)
+    runs, told = cuts.cut(case)
+    found += told
+    cleaned = replace(case, runs=runs)
+    cleaned, told = _without_glitches(cleaned, bounds, noise)
+    found += told
+    cleaned, told, lags = _compared(cleaned, bounds)
+    found += told
+    _enough(cleaned)
+    found += _rounded(noise, steps, declared)
+    commands = [timing.command_findings(log, cleaned, bounds.time_constant_s) for log in cleaned.runs]
+    found += [f for findings, _, _ in commands for f in findings]
+    if case.robot.chassis is not None:
+        found += sensors.motions(cleaned)
+    found = merged(found, len(cleaned.runs))
+    if len(cleaned.runs) == 1:
+        found.append(Finding(cleaned.runs[0].name, "", "one_run", "warning",
+                             "The case has one run only: what is held out is a part of it, and comes from the same "
+                             "motion."))
+    found.sort(key=lambda f: -SEVERITIES.index(f.severity))
+    apart = [a for _, a, _ in commands if math.isfinite(a)]
+    clock = Timing(step_s=float(np.median([np.median(np.diff(log.t)) for log in cleaned.runs])),
+                   jitter_s=float(np.median([timing.jitter(log.t) for log in cleaned.runs])),
+                   lag_s=timing.lags_of(lags), command_step_s=float(np.median(apart)) if apart else math.nan,
+                   commands_enough=all(enough for _, _, enough in commands))
+    return Gate(tuple(found), cleaned, noise, clock)
+
+
+def _notices(case: Case) -> list[Finding]:
+    """What reading a run ignored or repaired."""
+    return [Finding(log.name, "", "notice", "note", f"{text[0].upper()}{text[1:]}.")
+            for log in case.runs for text in log.notices]
+
+
+def _without_glitches(case: Case, bounds: Limits, noise: dict[str, float]) -> tuple[Case, list[Finding]]:
+    """The case without isolated samples, unless a channel has more than a handful of them."""
+    per_run = [glitches.isolated(log, case, bounds, noise) for log in case.runs]
+    found: list[Finding] = []
+    aside: list[dict[str, np.ndarray]] = [{} for _ in case.runs]
+    for c in channels(case.robot):
+        rows = sum(run[c][1] for run in per_run if c in run)
+        count = sum(len(run[c][0]) for run in per_run if c in run)
+        if not count:
+            continue
+        if count > max(1, glitches.HANDFUL * rows):
+            found.append(Finding("", c, "isolated", "warning",
+                                 f"{c} has {count} samples far off their neighbours ({percent(count / rows)}), too many "
+                                 "for glitches: none is set aside.", count / rows))
+            continue
+        for log, run, out in zip(case.runs, per_run, aside):
+            if c in run and len(run[c][0]):
+                out[c] = run[c][0]
+                n = len(out[c])
+                some = ", ".join(f"{log.t[k]:.6g}" for k in out[c][:3]) + (" …" if n > 3 else "")
+                found.append(Finding(log.name, c, "glitch", "warning",
+                                     f"{n} isolated sample{'s' if n > 1 else ''} of {c} far off their neighbours set "
+                                     f"aside ({percent(n / run[c][1])}), at t = {some} s.", n / run[c][1]))
+    runs = tuple(sensors.without(log, out) for log, out in zip(case.runs, aside))
+    return replace(case, runs=runs), found
+
+
+def _compared(case: Case, bounds: Limits) -> tuple[Case, list[Finding], list[tuple[str, float]]]:
+    """The case without clipped and frozen stretches, what a comparison with the nominal robot tells, and lags."""
+    robot = case.robot
+    model = nominal_model(robot)
+    found: list[Finding] = []
+    lags: list[tuple[str, float]] = []
+    runs, replays = [], []
+    for log in case.runs:
+        replayed = replay_run(model, run_inputs(log, robot))
+        compared = units.compare(log, robot, replayed, bounds)
+        units.refuse(log, compared.wrong)
+        told, aside = sensors.in_samples(log, robot, replayed)
+        found += _commands(log, case) + told + compared.findings + sensors.motion(log, robot)
+        lags += compared.lags
+        runs.append(sensors.without(log, aside))
+        replays.append((runs[-1], replayed))
+    found += units.swapped(case, replays)
+    return replace(case, runs=tuple(runs)), found, lags
+
+
+def _commands(log: RunLog, case: Case) -> list[Finding]:
+    """Commands that the supply cannot give."""
+    robot, found = case.robot, []
+    if robot.driver.mode != "voltage":
+        return found
+    for name in (f"v_cmd_{s}" for s in robot.sides):
+        values = np.abs(log.columns[name])
+        beyond = float(np.mean(values > robot.supply_v * (1 + 1e-6)))
+        if beyond > 0:
+            found.append(Finding(log.name, name, "beyond_supply", "warning" if beyond > 0.05 else "note",
+                                 f"{name} asks for up to {float(values.max()):.3g} V, more than the supply's "
+                                 f"{robot.supply_v:g} V, in {percent(beyond)} of the rows; the replay clips it.", beyond))
+    return found
+
+
+def _rounded(noise: dict[str, float], steps: dict[str, float], declared: dict[str, float | None]) -> list[Finding]:
+    """Channels whose rounding counts beside their noise."""
+    return [Finding("", c, "rounded", "note",
+                    f"{c} is rounded to steps of {steps[c]:.3g}: its noise counts as {noise[c]:.3g} in place of "
+                    f"{declared[c]:.3g}.") for c in noise
+            if declared.get(c) and noise[c] > (1.0 + ROUNDED) * declared[c]]
+
+
+def _enough(case: Case) -> None:
+    """Refuse a case that holds nothing to diagnose."""
+    robot, first = case.robot, case.runs[0]
+    where = first.path or first.name
+    wheels = [c for c in channels(robot) if c.startswith(("w_", "th_"))]
+    alive = moving = excited = False
+    for log in case.runs:
+        for c in (c for c in wheels if log.has(c)):
+            spread = float(np.nanstd(log.columns[c]))
+            alive |= spread > 0
+            moving |= spread > sensors.STILL * (robot.noise(c) or spread / 4.0)
+        excited |= bool(np.abs(log.commands(robot.driver.mode)).max() > 1e-6)
+    longest = max(float(log.t[-1] - log.t[0]) for log in case.runs)
+    rows = max(len(log.t) for log in case.runs)
+    if longest < SHORTEST_S * (1 - 1e-9) or rows < FEWEST_ROWS:
+        raise InputError(f"{where}: the longest run of the case lasts {longest:.3g} s with {rows} rows, at least "
+                         f"{SHORTEST_S:g} s and {FEWEST_ROWS} rows are needed")
+    if not alive:
+        raise InputError(f"{where}: w_*, th_*: constant to the last digit in every run, the sensors are dead or "
+                         "nothing moves")
+    if not moving:
+        raise InputError(f"{where}: w_*, th_*: the wheels move in no run by more than their noise"
+                         + ("" if excited else " and every command is 0") + ", there is nothing to diagnose")

@@ -1,0 +1,140 @@
+"""Isolated samples far off their neighbours: a logger's slips, told from steps, impacts, stalls and fast starts.
+
+A sample is judged by the two samples to either side of it, against the scatter about it, and by one of two further
+marks: the robot cannot do it (a pose or an angle would have to move faster than the motors turn, both ways; a value is
+beyond all bounds), or it stands alone (nothing else on the robot moves out of the ordinary then, and nothing else in
+its own channel comes near it). What moves a robot shows in more than one channel: an impact in both wheels, the current
+and the gyro, a reversal in current and speed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rtds_host.contract import Case, RunLog
+from rtds_host.diagnosis.gate.limits import Limits, channels, spread
+
+# Off by so many times the noise, the local scatter, and the way between its neighbours. Noise of 1e6 samples reaches 5;
+# a sample at the top of a smooth motion stands above its neighbours by a third of the way between them.
+NOISE_TIMES, SCATTER_TIMES, WAY_TIMES = 8.0, 8.0, 3.0
+# Rises above all else in its channel that is not isolated, and above the ordinary in other channels.
+TAIL_TIMES, ORDINARY_TIMES = 3.0, 8.0
+# A handful: more are the channel's nature.
+HANDFUL = 0.01
+# Samples on which the local scatter is taken.
+BLOCK = 32
+FEWEST = 12
+COMMAND = ("v_cmd", "w_cmd")
+# Channels of which one at least must be there, for what really moves a channel to show elsewhere, too.
+WITNESSES = {"v_bus": ("i_l", "i_r", "v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r"), "i_l": ("w_l",), "i_r": ("w_r",),
+             "w_l": ("i_l", "gyro_z"), "w_r": ("i_r", "gyro_z"), "th_l": ("w_l",), "th_r": ("w_r",),
+             "gyro_z": ("w_l", "w_r", "yaw"), "x": ("w_l", "w_r", "yaw"), "y": ("w_l", "w_r", "yaw"),
+             "yaw": ("w_l", "w_r", "gyro_z")}
+
+
+def _local(size: np.ndarray) -> np.ndarray:
+    """(n,) median of `size` in blocks of `BLOCK`, the largest of a sample's own block and the two beside it."""
+    n = len(size)
+    blocks = max(1, n // BLOCK)
+    if blocks == 1:
+        return np.full(n, np.median(size))
+    level = np.median(size[:blocks * BLOCK].reshape(blocks, BLOCK), axis=1)
+    wide = np.maximum(level, np.maximum(np.append(level[1:], level[-1]), np.insert(level[:-1], 0, level[0])))
+    return np.append(np.repeat(wide, BLOCK), np.full(n - blocks * BLOCK, wide[-1]))
+
+
+def exceedance(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far each sample lies outside what its two neighbours to either side span, and that span, (n,) each.
+
+    A first or last sample is judged by the three beside it; the second from an end by the one and the two.
+    """
+    n = len(v)
+    padded = np.concatenate([[v[3], v[2]], v, [v[-3], v[-4]]])
+    around = np.stack([padded[:n], padded[1:n + 1], padded[3:n + 3], padded[4:n + 4]])
+    low, high = around.min(axis=0), around.max(axis=0)
+    return np.maximum(np.maximum(v - high, low - v), 0.0), high - low
+
+
+def _events(log: RunLog, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """For each channel the times of its changes out of the ordinary, (k,) ascending."""
+    result = {}
+    for c in names:
+        good = np.isfinite(log.columns[c])
+        v, t = log.columns[c][good], log.t[good]
+        if len(v) < FEWEST:
+            continue
+        change = np.abs(np.diff(v))
+        # A coarse channel changes rarely, one step at a time: that is ordinary. Of a command every change counts.
+        measured = not c.startswith(COMMAND)
+        floor = np.median(change[change > 0]) if measured and (change > 0).any() else 0.0
+        at = np.flatnonzero(change > ORDINARY_TIMES * np.maximum(_local(change), 0.5 * floor))
+        result[c] = np.unique(np.concatenate([t[at], t[at + 1]]))
+    return result
+
+
+def _candidates(log: RunLog, c: str, noise: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
+    """Rows with a sample, exceedance (k,), whether far off (k,), and the shorter time to a neighbour's (k,)."""
+    rows = np.flatnonzero(np.isfinite(log.columns[c]))
+    if len(rows) < FEWEST:
+        return None
+    v, t = log.columns[c][rows], log.t[rows]
+    off, way = exceedance(v)
+    second = np.zeros(len(v))
+    second[1:-1] = np.abs(v[1:-1] - 0.5 * (v[:-2] + v[2:]))
+    far = (off > NOISE_TIMES * noise) & (off > WAY_TIMES * way) & (off > SCATTER_TIMES * 1.4826 * _local(second))
+    dt = np.diff(t)
+    before, after = np.insert(dt, 0, dt[0]), np.append(dt, dt[-1])
+    return rows, off, far, np.maximum(before, after)
+
+
+def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -> dict[str, tuple[np.ndarray, int]]:
+    """Channel -> rows of a run's isolated samples (k,), and how many samples the channel has."""
+    names = tuple(c for c in channels(case.robot) if log.has(c))
+    events = None
+    result = {}
+    for c in names:
+        judged = _candidates(log, c, noise.get(c, 0.0))
+        if judged is None:
+            continue
+        rows, off, far, span = judged
+        v = log.columns[c][rows]
+        sure = far & (np.abs(v) > bounds.values.get(c, np.inf))
+        if c == "v_bus":
+            # A supply is never negative either.
+            sure |= far & (v < -NOISE_TIMES * noise.get(c, 0.0))
+        rate = bounds.rates.get(c)
+        if rate is not None:
+            sure |= far & (off > rate * span)
+        doubtful = far & ~sure
+        # A first or last sample has neighbours on one side only: a start or an end may be sudden.
+        doubtful[[0, 1, -2, -1]] = False
+        if doubtful.any():
+            if events is None:
+                events = _events(log, names + tuple(k for k in log.columns if k.startswith(COMMAND)))
+            # Without a witness a speed that is back within half a time constant still was no motion.
+            seen = any(w in events for w in WITNESSES[c])
+            alone = np.array([(seen or c[0] == "w" and 2.0 * span[k] < bounds.time_constant_s)
+                              and _alone(log, rows, k, c, events) for k in np.flatnonzero(doubtful)])
+            lone = np.flatnonzero(doubtful)[alone]
+            rest = np.ones(len(rows), bool)
+            # A sample far off makes its neighbours look off by part of its own way.
+            for shift in (-2, -1, 0, 1, 2):
+                rest[np.clip(np.concatenate([lone, np.flatnonzero(sure)]) + shift, 0, len(rows) - 1)] = False
+            # A supply may jump there and back; what counts there is how far it jumps at all.
+            other = off if c != "v_bus" else np.abs(np.diff(v, append=v[-1]))
+            top = float(other[rest].max(initial=0.0))
+            sure[lone[off[lone] > TAIL_TIMES * top]] = True
+        result[c] = rows[sure], len(rows)
+    return result
+
+
+def _alone(log: RunLog, rows: np.ndarray, k: int, c: str, events: dict[str, np.ndarray]) -> bool:
+    """Whether no other channel changes out of the ordinary about sample k of channel c."""
+    first, last = log.t[rows[k - 2]], log.t[rows[k + 2]]
+    return not any(np.searchsorted(times, last, "right") > np.searchsorted(times, first, "left")
+                   for name, times in events.items() if name != c)
+
+
+def scatter(v: np.ndarray) -> float:
+    """Robust standard deviation of what changes from sample to sample, from second differences of (n,) values."""
+    return spread(v[1:-1] - 0.5 * (v[:-2] + v[2:])) / np.sqrt(1.5) if len(v) > 4 else 0.0

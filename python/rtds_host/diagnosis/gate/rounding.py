@@ -1,0 +1,115 @@
+"""The step to which a channel's values are rounded: decimals, significant digits, counts, counts over a time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rtds_host.contract import Case
+
+# Enough samples to see a step by; evenly taken from a run.
+SAMPLES = 20_000
+FEWEST = 8
+# Digits beyond which nobody rounds by hand: single precision holds seven.
+MOST_DIGITS = 6
+# Share of the values that must fit a step (one in a hundred may be a glitch, or written by another hand), and how
+# closely they must, in steps: by chance a fifth would.
+FITTING, CLOSE = 0.97, 0.1
+
+
+def _decimals(values: np.ndarray) -> float:
+    """Largest power of ten of which the values are multiples, 0 if none with `MOST_DIGITS` digits of their spread."""
+    size = float(np.max(np.abs(values)))
+    if size == 0.0:
+        return 0.0
+    top = math.floor(math.log10(size))
+    for exponent in range(top, top - MOST_DIGITS, -1):
+        counts = values * 10.0**-exponent
+        if np.mean(np.abs(counts - np.round(counts)) < 1e-3) >= FITTING:
+            return 10.0**exponent
+    return 0.0
+
+
+def _digits(values: np.ndarray) -> float:
+    """Root mean square step of values with few significant digits, 0 if they have many."""
+    values = values[values != 0.0]
+    if len(values) < FEWEST:
+        return 0.0
+    exponents = np.floor(np.log10(np.abs(values)))
+    for digits in range(1, MOST_DIGITS + 1):
+        steps = 10.0 ** (exponents - digits + 1)
+        counts = values / steps
+        if np.mean(np.abs(counts - np.round(counts)) < 1e-3) >= FITTING:
+            return float(np.sqrt(np.mean(steps**2)))
+    return 0.0
+
+
+def _grid(values: np.ndarray) -> float:
+    """Step of an even grid on which the values lie (an encoder's counts in any unit), 0 if there is none."""
+    levels = np.unique(values)
+    gaps = np.diff(levels)
+    if len(gaps) < FEWEST:
+        return 0.0
+    # Values of one level differ in their last written digit.
+    gaps = gaps[gaps > 1e-3 * float(np.median(gaps))]
+    for quantile in (0.5, 0.25, 0.1, 0.02):
+        step = float(np.quantile(gaps, quantile))
+        for _ in range(3):
+            near = gaps < 20.0 * step
+            counts = np.round(gaps[near] / step)
+            if not counts.any():
+                break
+            step = float(counts @ gaps[near] / (counts @ counts))
+        near = gaps < 20.0 * step
+        if near.sum() >= FEWEST and np.mean(np.abs(gaps[near] / step - np.round(gaps[near] / step)) < CLOSE) >= FITTING:
+            return step
+    return 0.0
+
+
+def step_of(values: np.ndarray, t: np.ndarray | None = None) -> float:
+    """Typical step that values (n,) show, in their unit; 0 where they show none.
+
+    t : (n,) s; with it a speed is also tried as counts over the time since the sample before.
+    """
+    if len(values) < FEWEST or not np.ptp(values):
+        return 0.0
+    if len(values) > SAMPLES:
+        # A stretch from each of some places: a stride would hide counts over a time.
+        length = SAMPLES // 20
+        starts = np.linspace(0, len(values) - length, 20).astype(int)
+        rows = (starts[:, None] + np.arange(length)).ravel()
+        values, t = values[rows], None if t is None else t[rows]
+    step = max(_decimals(values), _digits(values), _grid(values))
+    if step == 0.0 and t is not None:
+        dt = np.diff(t)
+        good = dt > 0
+        typical = float(np.median(dt[good])) if good.any() else 0.0
+        if typical > 0 and np.std(dt[good]) > 1e-3 * typical:
+            step = _grid((values[1:] * dt)[good & (dt < 3 * typical)]) / typical
+    return step
+
+
+def effective_noise(case: Case) -> tuple[dict[str, float], dict[str, float]]:
+    """Noise with rounding, channel -> standard deviation, and the step of each channel, channel -> step (SI).
+
+    Channels whose noise the robot declares; over runs the mean square counts, weighted by samples.
+    """
+    noise, steps = {}, {}
+    for channel in dict.fromkeys(c for log in case.runs for c in log.columns):
+        declared = case.robot.noise(channel)
+        if declared is None:
+            continue
+        squares = samples = 0.0
+        for log in case.runs:
+            if not log.has(channel):
+                continue
+            good = np.isfinite(log.columns[channel])
+            speed = channel[0] == "w" and len(channel) == 3
+            step = step_of(log.columns[channel][good], log.t[good] if speed else None)
+            squares += step**2 * good.sum()
+            samples += good.sum()
+        if samples:
+            steps[channel] = math.sqrt(squares / samples)
+            noise[channel] = math.sqrt(declared**2 + steps[channel] ** 2 / 12.0)
+    return noise, steps

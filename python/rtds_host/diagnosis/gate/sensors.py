@@ -1,0 +1,184 @@
+"""Channels that do not follow the robot: dead, clipped, frozen, wrapped, slow; and what of them is set aside."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rtds_host.contract import Case, Robot, RunLog
+from rtds_host.diagnosis.gate.findings import Finding, percent
+from rtds_host.diagnosis.gate.limits import channels
+from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+
+# A channel moves beyond its noise; the replay moves so much that a live sensor would have shown it;
+# wheels stand still.
+MOVES, SHOWS, STILL = 5.0, 20.0, 3.0
+# Values that repeat exactly: so many in a row, for so long, where a noisy sensor hardly ever repeats one.
+REPEATS, REPEATS_S, SELDOM = 8, 0.05, 0.3
+# Samples on one limit: so many, so many times as many as on the fullest level beside it, and in so long a row.
+ON_LIMIT, ON_LIMIT_SHARE, LEVEL_TIMES, IN_A_ROW = 20, 0.005, 5.0, 3
+
+
+def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Finding], dict[str, np.ndarray]]:
+    """Findings on each channel of a run, and channel -> rows (k,) that are certainly no measurement.
+
+    replayed : (n, 11) the nominal robot's, columns as `OUTPUTS`.
+    """
+    found: list[Finding] = []
+    aside: dict[str, np.ndarray] = {}
+    rows = len(log.t)
+    names = [c for c in channels(robot) if log.has(c)]
+    moves = any(float(np.nanstd(log.columns[c])) > MOVES * (robot.noise(c) or 1e-9)
+                for c in names if c.startswith(("w_", "th_", "x", "y")))
+    for c in names:
+        good = np.flatnonzero(np.isfinite(log.columns[c]))
+        v, t = log.columns[c][good], log.t[good]
+        noise = robot.noise(c)
+        if noise is None:
+            found.append(Finding(log.name, c, "no_noise", "note",
+                                 f"robot.toml declares no noise for {c}: it is shown, not used."))
+            continue
+        if len(v) < 0.9 * rows and len(v) > 1:
+            found += _slow(log, c, t)
+        if len(v) < 10:
+            found.append(Finding(log.name, c, "short", "warning", f"{c} has {len(v)} samples only."))
+            continue
+        if not np.ptp(v):
+            expected = float(np.std(replayed[good, OUTPUT_INDEX[c]]))
+            if c == "v_bus":
+                found.append(Finding(log.name, c, "constant", "note",
+                                     f"v_bus is {v[0]:.4g} V to the last digit: it was not measured, or held."))
+            elif (moves and expected > SHOWS * noise) or (c[0] == "i" and moves):
+                found.append(Finding(log.name, c, "dead", "warning",
+                                     f"{c} stays at {v[0]:.4g} to the last digit while the robot moves: a dead sensor?",
+                                     1.0))
+            continue
+        if np.isfinite(replayed).all() and not c.startswith("th_") and c not in ("x", "y", "yaw"):
+            for judge in (_clipped(log, c, v, replayed[good, OUTPUT_INDEX[c]], noise), _frozen(log, c, v, t, noise, robot)):
+                if judge is not None:
+                    found.append(judge[0])
+                    aside[c] = np.union1d(aside.get(c, np.empty(0, int)), good[judge[1]])
+        if c == "yaw" or c.startswith("th_"):
+            steps = np.diff(v)
+            turns = np.flatnonzero(np.abs(np.abs(steps) - 2 * math.pi) < 0.8)
+            if turns.size and np.median(np.abs(steps)) < 0.5:
+                found.append(Finding(log.name, c, "wrapped", "warning",
+                                     f"{c} jumps by a whole turn {turns.size} time(s), first at "
+                                     f"t = {t[turns[0] + 1]:.4g} s: it is wrapped; unwrap it."))
+    return found, aside
+
+
+def _slow(log: RunLog, c: str, t: np.ndarray) -> list[Finding]:
+    dt = np.diff(t)
+    found = [Finding(log.name, c, "slow", "note", f"{c} has a sample in {len(t)} of {len(log.t)} rows "
+                                                  f"({1 / float(np.median(dt)):.3g} Hz).")]
+    if float(dt.max()) > max(1.0, 10 * float(np.median(dt))):
+        found.append(Finding(log.name, c, "gap", "warning", f"{c} has no sample for {float(dt.max()):.3g} s.",
+                             float(dt.max() / (log.t[-1] - log.t[0]))))
+    return found
+
+
+def _stretches(same: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First index and length of each run of True in (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
+    return edges[::2], edges[1::2] - edges[::2]
+
+
+def _clipped(log: RunLog, c: str, v: np.ndarray, replayed: np.ndarray, noise: float) -> tuple[Finding, np.ndarray] | None:
+    for edge, word in ((v.max(), "above"), (v.min(), "below")):
+        at = v == edge
+        count = int(at.sum())
+        if count < max(ON_LIMIT, ON_LIMIT_SHARE * len(v)) or edge == 0:
+            continue
+        beside = (np.abs(v - edge) < 4.0 * noise) & ~at
+        near = np.unique(v[beside], return_counts=True)[1]
+        levels = 1 if near.size == 0 else int(near.max())
+        quantum = float(np.min(np.diff(np.unique(v))))
+        # A settled reading of a coarse sensor also repeats; there the replay stands still too.
+        moved = float(np.std(replayed[at]))
+        if count > LEVEL_TIMES * levels and moved > 3.0 * max(noise, min(quantum, 10 * noise)):
+            first, long = _stretches(at)
+            rows = [np.arange(a, a + n) for a, n in zip(first, long) if n >= IN_A_ROW]
+            aside = np.concatenate(rows) if rows else np.empty(0, int)
+            share = len(aside) / len(v)
+            return Finding(log.name, c, "clipped", "warning",
+                           f"{c} never goes {word} {edge:.4g} and sits there in {percent(count / len(v))} of its "
+                           f"samples: it is clipped; {percent(share)} are set aside.", share), aside
+    return None
+
+
+def _moves_within(log: RunLog, robot: Robot, c: str, first: float, last: float) -> bool:
+    """Whether a channel beside `c` moves beyond its noise between two times: a sensor at rest may well repeat itself."""
+    rows = slice(*np.searchsorted(log.t, [first, last + 1e-12]))
+    for other in channels(robot):
+        if other == c or other in ("v_bus", "i_l", "i_r") or not log.has(other) or robot.noise(other) is None:
+            continue
+        v = log.columns[other][rows]
+        v = v[np.isfinite(v)]
+        level = abs(float(np.median(v))) if other[0] in "wg" and len(v) else 0.0
+        if len(v) and max(level, float(np.ptp(v)) / 2.0) > MOVES * robot.noise(other):
+            return True
+    return False
+
+
+def _frozen(log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float,
+            robot: Robot) -> tuple[Finding, np.ndarray] | None:
+    """A noisy channel that repeats one value for long while the robot moves."""
+    same = np.diff(v) == 0
+    if len(v) < 50 or np.mean(same) > SELDOM or float(np.min(np.diff(np.unique(v)))) > 0.3 * noise:
+        # A coarse sensor repeats itself.
+        return None
+    first, long = _stretches(same)
+    held = [(a, n) for a, n in zip(first, long) if n + 1 >= REPEATS and t[a + n] - t[a] >= REPEATS_S
+            and _moves_within(log, robot, c, t[a], t[a + n])]
+    if not held:
+        return None
+    at, n = max(held, key=lambda h: h[1])
+    # The first of equal samples was still a measurement.
+    aside = np.concatenate([np.arange(a + 1, a + n + 1) for a, n in held])
+    share = len(aside) / len(v)
+    return Finding(log.name, c, "frozen", "warning",
+                   f"{c} repeats {v[at]:.4g} for {t[at + n] - t[at]:.3g} s from t = {t[at]:.4g} s: samples were held; "
+                   f"{percent(share)} of them are set aside.", share), aside
+
+
+def without(log: RunLog, aside: dict[str, np.ndarray]) -> RunLog:
+    """The run with some samples (channel -> rows) set aside."""
+    columns = dict(log.columns)
+    for c, rows in aside.items():
+        if len(rows):
+            columns[c] = columns[c].copy()
+            columns[c][rows] = np.nan
+    return RunLog(log.name, log.meta, log.t, columns, log.path, log.notices)
+
+
+def motion(log: RunLog, robot: Robot) -> list[Finding]:
+    """A run that shows little: wheels that stand still under a command, a command that never changes."""
+    command = log.commands(robot.driver.mode)
+    wheels = [c for c in channels(robot) if c.startswith(("w_", "th_")) and log.has(c)]
+    moves = any(float(np.nanstd(log.columns[c])) > STILL * (robot.noise(c) or math.inf) for c in wheels)
+    if not command.any():
+        return []
+    if wheels and not moves:
+        return [Finding(log.name, "", "still", "note", "The wheels do not move in this run although a command is given.")]
+    if not np.ptp(command, axis=0).any():
+        return [Finding(log.name, "", "excitation", "note", "The command never changes in this run.")]
+    return []
+
+
+def motions(case: Case) -> list[Finding]:
+    """What the motions of all runs of a robot together leave out."""
+    names = [f"w_{s}" for s in case.robot.sides]
+    if not all(log.has(n) for log in case.runs for n in names):
+        return []
+    left, right = (np.concatenate([log.columns[n][np.isfinite(log.columns[n])] for log in case.runs]) for n in names)
+    found = []
+    for side, w in (("left", left), ("right", right)):
+        top = float(np.max(np.abs(w)))
+        back = float(np.quantile(w, 0.01)) if np.mean(w) > 0 else -float(np.quantile(w, 0.99))
+        if top > 0 and back > -0.05 * top:
+            found.append(Finding("", f"w_{side[0]}", "one_sign", "note",
+                                 f"The {side} wheel turns one way only: friction that depends on the direction cannot "
+                                 "be told from friction that does not."))
+    return found

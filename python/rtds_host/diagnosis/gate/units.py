@@ -1,0 +1,279 @@
+"""Scales and signs: units that cannot be right end a diagnosis, sides and signs that look swapped are named.
+
+Gains of the catalogue reach from -1 over 0.4 to 2; friction takes any part of a motion. So a channel that shows too
+much is refused beyond `ROOM` times the nominal, one that shows too little only where it follows the nominal robot
+closely, at the very factor of a unit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rtds_host.contract import Case, Robot, RunLog
+from rtds_host.diagnosis.gate.findings import Finding
+from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels, kind_of
+from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.errors import InputError
+
+# A command beyond so many times the supply is no voltage in volts, whatever a controller asks for; a bus neither.
+VOLTS_BEYOND = 10.0
+# How near to a unit's factor: speeds are held by the back-EMF, currents and ways depend on friction, too.
+CLOSE, LOOSE = 1.25, 3.0
+# Correlations with the nominal robot from which a ratio, a sign, a lag means something.
+FOLLOWS, FOLLOWS_LOOSELY, FOLLOWS_CLOSELY, SAME = 0.8, 0.3, 0.97, 0.9
+# Lags that are looked for, s: the contract's delays reach half a second, clocks that disagree a tenth.
+EARLIEST_S, LATEST_S, GRID_S, FINE_S = -0.1, 0.6, 0.01, 0.001
+# A lag is a finding from here on.
+DELAY_S, LONG_DELAY_S = 0.01, 0.05
+FEWEST = 50
+
+
+def _factors(robot: Robot) -> dict[str, dict[str, float]]:
+    """Quantity -> unit -> how much larger its numbers are than SI's."""
+    radius = robot.chassis.wheel_radius_m if robot.chassis else math.nan
+    gear = robot.motor.gear_ratio
+    degrees = 180 / math.pi
+    length = {"millimetres": 1000.0, "centimetres": 100.0}
+    known = {
+        "w": {"degrees per second": degrees, "revolutions per minute": 30 / math.pi,
+              "metres per second at the rim": radius, "millimetres per second at the rim": 1e3 * radius,
+              "radians per second of the motor": gear, "revolutions per minute of the motor": gear * 30 / math.pi,
+              "revolutions per second": 0.5 / math.pi, "milliradians per second": 1e3},
+        "th": {"degrees": degrees, "turns": 0.5 / math.pi, "radians of the motor": gear, "milliradians": 1e3},
+        "i": {"milliamperes": 1000.0}, "gyro": {"degrees per second": degrees, "milliradians per second": 1e3},
+        "yaw": {"degrees": degrees, "milliradians": 1e3}, "x": length, "y": length,
+        "v_bus": {"millivolts": 1000.0}, "v_cmd": {"millivolts": 1000.0}}
+    return {q: {u: f for u, f in units.items() if math.isfinite(f) and not 1 / 3 < f < 3} for q, units in known.items()}
+
+
+def _unit(ratio: float, factors: dict[str, float]) -> str:
+    """The unit whose factor is nearest to a ratio."""
+    return min(factors, key=lambda u: abs(math.log(abs(ratio) / factors[u])))
+
+
+def _refusal(log: RunLog, names: list[str], what: str, unit: str) -> InputError:
+    joined = " and ".join(names) if len(names) < 3 else ", ".join(names)
+    return InputError(f"{log.path or log.name}: {joined}: {what}: in {unit}?")
+
+
+def check_commands(case: Case, bounds: Limits) -> None:
+    """Refuse commands and buses that are no volts, and commanded speeds beyond all motors. Needs no replay.
+
+    Raises
+    ------
+    InputError : names the run, the channels, how far beyond, and the likely unit.
+    """
+    robot = case.robot
+    factors = _factors(robot)
+    for log in case.runs:
+        commands = [f"w_cmd_{s}" if robot.driver.mode == "speed" else f"v_cmd_{s}" for s in robot.sides]
+        tops = {c: _scale_of(log.columns[c]) for c in commands}
+        if robot.driver.mode == "speed":
+            free = bounds.values["w_l"] / ROOM
+            if any(top > ROOM * free for top in tops.values()):
+                ratio = max(tops.values()) / free
+                raise _refusal(log, commands, f"reach {ratio:.3g} times the nominal no-load speed", _unit(ratio, factors["w"]))
+        elif robot.driver.mode == "voltage" and any(top > VOLTS_BEYOND * robot.supply_v for top in tops.values()):
+            raise _refusal(log, commands, f"reach {max(tops.values()):.4g} at a supply of {robot.supply_v:g} V", "millivolts")
+        if log.has("v_bus"):
+            level = float(np.nanmedian(np.abs(log.columns["v_bus"])))
+            if level > VOLTS_BEYOND * robot.supply_v:
+                raise _refusal(log, ["v_bus"], f"is {level:.4g} at a supply of {robot.supply_v:g} V", "millivolts")
+
+
+def _scale_of(values: np.ndarray) -> float:
+    """What one in twenty samples exceeds: isolated ones may be anything."""
+    return float(np.nanquantile(np.abs(values), 0.95))
+
+
+@dataclass
+class Compared:
+    """What a comparison of one run with the nominal replay gave."""
+
+    findings: list[Finding] = field(default_factory=list)
+    lags: list[tuple[str, float]] = field(default_factory=list)
+    wrong: dict[str, tuple[float, str]] = field(default_factory=dict)
+
+
+def _match(t: np.ndarray, v: np.ndarray, grid: np.ndarray, replayed: np.ndarray, lag: float) -> float:
+    r = np.interp(t - lag, grid, replayed)
+    r = r - r.mean()
+    v = v - v.mean()
+    norm = float(np.sqrt(np.sum(r * r) * np.sum(v * v)))
+    return float(np.sum(r * v)) / norm if norm > 0 else 0.0
+
+
+def lag_and_ratio(log: RunLog, channel: str, replayed: np.ndarray,
+                  search: bool) -> tuple[float | None, float, float] | None:
+    """Lag (s, positive: the measured comes later), root-mean-square ratio and correlation to the nominal replay.
+
+    The lag is None where it is not certain, or not searched for. None in place of all with too few samples.
+    """
+    good = np.isfinite(log.columns[channel])
+    v, t = log.columns[channel][good], log.t[good]
+    if len(v) < FEWEST:
+        return None
+    thin = max(1, len(v) // 1500)
+    some, at = v[::thin], t[::thin]
+    lag, certain = 0.0, False
+    if search:
+        def by(x: float) -> float:
+            return abs(_match(at, some, log.t, replayed, x))
+
+        lag = max(np.arange(EARLIEST_S, LATEST_S + 1e-3, GRID_S), key=by)
+        lag = float(max(lag + np.arange(FINE_S - GRID_S, GRID_S - 0.5 * FINE_S, FINE_S), key=by))
+        # A lag counts only if it explains much of what the replay misses: distortion shifts a peak a little, too.
+        certain = 1.0 - by(lag) <= 0.5 * (1.0 - by(0.0))
+        if not certain:
+            # Nor is a peak within a step of none at all a lag.
+            certain = abs(lag) <= float(np.median(np.diff(t)))
+            lag = 0.0
+    match = _match(at, some, log.t, replayed, lag)
+    r = np.interp(t - lag, log.t, replayed)
+    scale = float(np.sqrt(np.sum(v**2) / max(np.sum(r**2), 1e-30)))
+    return lag if certain else None, math.copysign(scale, match), abs(match)
+
+
+def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> Compared:
+    """Scales, signs and lags of a run against the nominal replay (n, 11), and magnitudes beyond all bounds."""
+    result = Compared()
+    factors = _factors(robot)
+    ratios = {}
+    for c in (c for c in channels(robot) if log.has(c)):
+        values = log.columns[c]
+        if c == "v_bus":
+            level = float(np.nanmedian(np.abs(values)))
+            if not robot.supply_v / 3 < level < 3 * robot.supply_v:
+                result.findings.append(Finding(log.name, c, "level", "warning", f"v_bus is {level:.3g} V, the nominal "
+                                                                                f"supply {robot.supply_v:g} V."))
+            continue
+        column = replayed[:, OUTPUT_INDEX[c]]
+        beyond = _scale_of(values) / bounds.values.get(c, math.inf)
+        if beyond > 1.0:
+            # At least so many times the nominal; a comparison below may know it better.
+            result.wrong[c] = ROOM * beyond, _unit(ROOM * beyond, factors[kind_of(c)])
+        noise = robot.noise(c)
+        if noise is None or not np.isfinite(column).all() or float(np.std(column)) < 10 * noise:
+            continue
+        way = c.startswith(("th", "x", "y"))
+        found = lag_and_ratio(log, c, column - column[0] if way else column, c[0] == "w" and robot.driver.mode == "voltage")
+        if found is None:
+            continue
+        lag, ratio, match = found
+        if way:
+            first = values[np.isfinite(values)][0]
+            moved = float(np.sqrt(np.nanmean((values - first) ** 2)))
+            ratio = math.copysign(moved / max(float(np.sqrt(np.mean((column - column[0]) ** 2))), 1e-30), ratio)
+        if ratio == 0.0:
+            continue
+        ratios[c] = ratio
+        _scale(result, c, ratio, match, factors[kind_of(c)])
+        _sign(result, log, c, ratio, match)
+        if c[0] == "w" and match > FOLLOWS_CLOSELY and lag is not None:
+            _lag(result, log, c, lag)
+    _duty(result, log, robot, ratios)
+    return result
+
+
+def _scale(result: Compared, c: str, ratio: float, match: float, factors: dict[str, float]) -> None:
+    freely = c[0] in "ixy"
+    unit = _unit(ratio, factors)
+    near = abs(math.log(abs(ratio) / factors[unit])) < math.log(LOOSE if freely else CLOSE)
+    follows = match > FOLLOWS or (freely and match > FOLLOWS_LOOSELY)
+    too_much = abs(ratio) > ROOM and c[0] not in "xy"
+    # Too little may be friction; but friction follows no voltage closely at a thirtieth of the speed.
+    if follows and ((near and (abs(ratio) > 1 or match > SAME)) or (too_much and not freely)):
+        result.wrong[c] = ratio, unit
+
+
+def _sign(result: Compared, log: RunLog, c: str, ratio: float, match: float) -> None:
+    # A pose runs against the replay's wherever the robot turned otherwise.
+    if ratio >= 0 or c in ("x", "y") or match < (SAME if c[0] == "i" else FOLLOWS_CLOSELY):
+        return
+    if c[0] == "w":
+        text = f"{c} runs against its command (correlation {-match:.2f}): leads or sign swapped?"
+    else:
+        text = f"{c} has the opposite sign of the nominal robot's (correlation {-match:.2f}): sign swapped?"
+    result.findings.append(Finding(log.name, c, "sign", "note", text))
+
+
+def _lag(result: Compared, log: RunLog, c: str, lag: float) -> None:
+    result.lags.append((c, lag))
+    step = float(np.median(np.diff(log.t[np.isfinite(log.columns[c])])))
+    if abs(lag) > max(DELAY_S, 1.01 * step):
+        late = lag > 0
+        result.findings.append(Finding(
+            log.name, c, "delay", "warning" if not late or lag > LONG_DELAY_S else "note",
+            f"{c} answers the command {1e3 * abs(lag):.0f} ms {'later' if late else 'earlier'} than the nominal robot"
+            + ("." if late else ": clocks that do not agree?")))
+
+
+def _duty(result: Compared, log: RunLog, robot: Robot, ratios: dict[str, float]) -> None:
+    """A command between -1 and 1 that drives as a voltage of many times that would."""
+    if robot.driver.mode != "voltage" or robot.supply_v <= ROOM:
+        return
+    for s in robot.sides:
+        top = float(np.max(np.abs(log.columns[f"v_cmd_{s}"])))
+        ratio = ratios.get(f"w_{s}", ratios.get(f"th_{s}"))
+        if ratio is not None and top <= 1.05 and abs(ratio) / robot.supply_v > 0.6:
+            for c in (f"w_{s}", f"th_{s}", f"i_{s}", "gyro_z", "x", "y", "yaw"):
+                result.wrong.pop(c, None)
+            result.wrong[f"v_cmd_{s}"] = abs(ratio), "shares of the supply (a duty)"
+
+
+def refuse(log: RunLog, wrong: dict[str, tuple[float, str]]) -> None:
+    """Refuse a run with channels (-> ratio, unit) whose scale is certainly a unit's.
+
+    Raises
+    ------
+    InputError : names the run, the channels of the first unit, and the unit.
+    """
+    if not wrong:
+        return
+    # Commands first: what they drive looks wrong, too.
+    names = sorted(wrong, key=lambda c: not c.startswith("v_cmd"))
+    ratio, unit = wrong[names[0]]
+    alike = [c for c in names if wrong[c][1] == unit]
+    if names[0].startswith("v_cmd"):
+        what = f"the wheels turn {ratio:.3g} times as fast as it drives them in volts"
+    else:
+        what = f"{abs(ratio):.3g} times what the nominal robot would show"
+    raise _refusal(log, alike, what, unit)
+
+
+def swapped(case: Case, replays: list[tuple[RunLog, np.ndarray]]) -> list[Finding]:
+    """Whether left and right look exchanged: the wheels' sum follows the commands, their difference runs against them.
+
+    replays : each run with its nominal replay (n, 11).
+    """
+    if case.robot.chassis is None:
+        return []
+    sums, differences, turns = [], [], []
+    for log, out in replays:
+        if not (log.has("w_l") and log.has("w_r")) or not np.isfinite(out).all():
+            continue
+        left, right = log.columns["w_l"], log.columns["w_r"]
+        good = np.isfinite(left) & np.isfinite(right)
+        n_l, n_r = out[good, OUTPUT_INDEX["w_l"]], out[good, OUTPUT_INDEX["w_r"]]
+        sums.append(np.stack([(left + right)[good], n_l + n_r]))
+        differences.append(np.stack([(right - left)[good], n_r - n_l]))
+        if log.has("gyro_z"):
+            good &= np.isfinite(log.columns["gyro_z"])
+            turns.append(np.stack([(right - left)[good], log.columns["gyro_z"][good]]))
+    if not sums or _together(sums) < SAME or _together(differences) > -SAME:
+        return []
+    turn = _together(turns) if turns else 0.0
+    which = "v_cmd_l and v_cmd_r" if turn > FOLLOWS else "w_l and w_r" if turn < -FOLLOWS else "left and right"
+    return [Finding("", "", "swapped", "warning",
+                    f"The sum of both wheels follows the commands and their difference runs against them: are {which} "
+                    "exchanged?")]
+
+
+def _together(pairs: list[np.ndarray]) -> float:
+    """Correlation, about 0, of pairs (2, n) of several runs."""
+    a, b = np.concatenate(pairs, axis=1)
+    norm = math.sqrt(float(a @ a) * float(b @ b))
+    return float(a @ b) / norm if norm > 0 else 0.0

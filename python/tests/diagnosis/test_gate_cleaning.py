@@ -1,0 +1,255 @@
+"""What the gate sets aside, cuts and measures: isolated samples, held and clipped stretches, holes, roundings, clocks."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from diagnosis_cases import changed, make_case, make_run, without
+
+from rtds_host.contract import Case, RunLog, builtin_robot
+from rtds_host.diagnosis.gap import errors, gap, pooled
+from rtds_host.diagnosis.gate import examine
+from rtds_host.diagnosis.gate.rounding import step_of
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def case():
+    return make_case()
+
+
+def aside(case, gate):
+    """(run, channel) -> rows that the gate set aside."""
+    found = {}
+    for before, after in zip(case.runs, gate.case.runs):
+        for c, values in before.columns.items():
+            rows = np.flatnonzero(np.isfinite(values) & ~np.isfinite(after.columns[c]))
+            if rows.size:
+                found[before.name, c] = list(rows)
+    return found
+
+
+def spoiled(case, channel, size, rows=(300,), run=0):
+    """The case with isolated errors of `size` in rows of one run's channel."""
+    log = case.runs[run]
+    columns = dict(log.columns, **{channel: log.columns[channel].copy()})
+    columns[channel][list(rows)] += size
+    runs = list(case.runs)
+    runs[run] = dataclasses.replace(log, columns=columns)
+    return dataclasses.replace(case, runs=tuple(runs))
+
+
+# ---- isolated samples ----------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(("channel", "size"), [
+    ("x", 0.1), ("y", -0.1), ("yaw", 0.2), ("yaw", 2 * np.pi), ("th_l", 0.5), ("th_r", -30.0), ("w_l", 2.0), ("w_r", -40.0),
+    ("gyro_z", 0.5), ("i_l", 1.0), ("i_r", -20.0), ("v_bus", 100.0), ("v_bus", -9.0)])
+@pytest.mark.parametrize("run", [0, 1, 2])
+def test_one_sample_far_off_is_set_aside_and_nothing_else(case, channel, size, run):
+    bad = spoiled(case, channel, size, run=run)
+    gate = examine(bad)
+    name = case.runs[run].name
+    assert aside(bad, gate) == {(name, channel): [300]}
+    glitch, = gate.of("glitch")
+    assert (glitch.run, glitch.channel) == (name, channel) and f"t = {case.runs[run].t[300]:.6g} s" in glitch.text
+    assert glitch.share == 1 / len(case.runs[run].t) and "(0.12 %)" in glitch.text
+
+
+@pytest.mark.parametrize("row", [0, 1, 800])
+@pytest.mark.parametrize(("channel", "size"), [("x", 0.1), ("yaw", 0.2), ("th_l", 0.5), ("w_l", 100.0), ("v_bus", 100.0)])
+def test_a_start_or_an_end_far_off_is_set_aside_where_the_robot_cannot_do_it(case, channel, size, row):
+    bad = spoiled(case, channel, size, rows=(row,))
+    assert aside(bad, examine(bad)) == {(case.runs[0].name, channel): [row]}
+
+
+def test_more_than_a_handful_are_not_glitches(case):
+    rows = tuple(range(50, 750, 20))
+    bad = spoiled(case, "x", 0.2, rows)
+    few = spoiled(case, "x", 0.2, rows[:20])
+    assert len(aside(few, examine(few))["spin", "x"]) == 20
+    gate = examine(spoiled(bad, "x", 0.2, rows, run=1))
+    assert gate.of("glitch") == () and "none is set aside" in gate.of("isolated")[0].text
+
+
+def rough(kind, seconds=6.0, step=1, name="run"):
+    """A run of the nominal burger with an edited motion: an impact, a stall, a fast start, a step of the pose."""
+    robot = builtin_robot("burger")
+    log = make_run(name, nominal_model(robot), robot, "steps", seconds, 3)
+    columns = {c: v.copy() for c, v in log.columns.items()}
+    k, t = 310, log.t
+    after = np.exp(-np.maximum(t - t[k], 0.0) / 0.02) * (t >= t[k])
+    if kind == "impact":
+        # Both wheels stop at once and the motors speed them up again within their time constant.
+        for c in ("w_l", "w_r", "gyro_z"):
+            columns[c] -= columns[c][k - 1] * after
+        for s in "lr":
+            columns[f"i_{s}"] += 1.69 * log.columns[f"w_{s}"][k - 1] / 8.6 * after
+    elif kind == "stall":
+        for c in ("w_l", "i_l"):
+            columns[c][k:] = (0.0 if c == "w_l" else columns["v_cmd_l"][k:] / 8.6) + 0.004 * np.sin(37.0 * t[k:])
+    elif kind == "jump":
+        columns["x"][k:] += 0.3
+        columns["yaw"][k:] += 0.5
+    elif kind == "inrush":
+        columns["i_l"][k] += 1.2
+        columns["v_cmd_l"][k:] = -columns["v_cmd_l"][k:]
+    rows = slice(None, None, step)
+    return Case("rough", robot, (RunLog(name, log.meta, t[rows], {c: v[rows] for c, v in columns.items()}),))
+
+
+@pytest.mark.parametrize("step", [1, 2, 5, 10])
+@pytest.mark.parametrize("kind", ["", "impact", "stall", "jump", "inrush"])
+def test_what_a_robot_does_is_no_glitch(kind, step):
+    case = rough(kind, step=step)
+    assert aside(case, examine(case)) == {}
+
+
+@pytest.mark.parametrize("change", [
+    lambda m: m.add("backlash", 0.1), lambda m: m.add("coulomb", 0.2), lambda m: m.add("deadzone", 2.0),
+    lambda m: m.put("limit", 4.0), lambda m: m.add("source_resistance", 3.0), lambda m: m.put("measurement_delay", 0.2),
+    lambda m: (m.put("stiffness", 0.5), m.put("damping", 0.001)), lambda m: m.put("ripple", 0.05)])
+def test_effects_are_no_glitches(change):
+    case = make_case(change)
+    assert aside(case, examine(case)) == {}
+
+
+# ---- stretches -----------------------------------------------------------------------------------------------------
+
+def test_held_samples_are_set_aside_but_the_first(case):
+    def edit(_, columns):
+        columns["w_r"][200:240] = columns["w_r"][200]
+    bad = changed(case, edit)
+    assert aside(bad, examine(bad))["spin", "w_r"] == list(range(201, 240))
+
+
+def test_a_robot_at_rest_whose_encoder_repeats_itself_keeps_every_sample(case):
+    def edit(t, columns):
+        for c in columns:
+            if c.startswith(("w_", "th_", "gyro")):
+                columns[c][t < 0.3] = 0.0
+    still = changed(case, edit)
+    assert aside(still, examine(still)) == {}
+
+
+def test_clipped_samples_are_set_aside(case):
+    def edit(_, columns):
+        columns["w_l"] = np.clip(columns["w_l"], -3.0, 3.0)
+    bad = changed(case, edit)
+    found = aside(bad, examine(bad))
+    assert set(found) == {(r.name, "w_l") for r in bad.runs if (r.columns["w_l"] == 3.0).sum() > 20}
+    for (run, c), rows in found.items():
+        values = next(r for r in bad.runs if r.name == run).columns[c][rows]
+        assert set(np.abs(values)) == {3.0}
+
+
+# ---- holes ---------------------------------------------------------------------------------------------------------
+
+def thinned(case, keep):
+    runs = tuple(dataclasses.replace(r, t=r.t[keep(r.t)], columns={c: v[keep(r.t)] for c, v in r.columns.items()})
+                 for r in case.runs)
+    return dataclasses.replace(case, runs=runs)
+
+
+def test_a_run_is_cut_at_a_hole_and_goes_on_from_the_measured_state(case):
+    gate = examine(thinned(case, lambda t: (t < 3.0) | (t > 4.0)))
+    assert [r.name for r in gate.case.runs] == ["spin", "spin (2)", "steps", "steps (2)", "weave", "weave (2)"]
+    assert all(r.t[0] > 4.0 for r in gate.case.runs[1::2]) and all(r.t[-1] < 3.0 for r in gate.case.runs[::2])
+    assert "1.02 s at t = 2.99 s" in gate.of("gap")[0].text and "into 2 run(s)" in gate.of("gap")[0].text
+
+
+def test_a_part_is_replayed_from_its_measured_state(case):
+    part = next(r for r in examine(thinned(case, lambda t: (t < 3.0) | (t > 4.0))).case.runs if r.name == "weave (2)")
+    assert abs(part.columns["w_l"][0]) > 1.0
+    replayed = replay_run(nominal_model(case.robot), run_inputs(part, case.robot))
+    off = pooled([errors(part, case.robot, replayed)])
+    # Four seconds hold three windows of a pose: too few to judge.
+    assert gap({c: off[c] for c in ("w_l", "w_r", "i_l", "i_r", "gyro_z")}) < 1.05
+
+
+def test_the_part_after_a_hole_starts_where_every_speed_is_measured(case):
+    def edit(t, columns):
+        columns["w_r"][(t > 3.5) & (t < 4.25)] = np.nan
+    gate = examine(thinned(changed(case, edit), lambda t: (t < 3.0) | (t > 4.0)))
+    assert all(4.25 <= r.t[0] < 4.27 for r in gate.case.runs[1::2])
+    assert "% of the rows left out" in gate.of("gap")[0].text
+
+
+def test_without_a_measured_speed_the_part_that_can_start_is_kept_and_said(case):
+    gate = examine(thinned(without(case, "w_l", "w_r"), lambda t: (t < 5.0) | (t > 6.0)))
+    assert [r.name for r in gate.case.runs] == ["spin", "steps", "weave"]
+    assert all(r.t[-1] < 5.0 for r in gate.case.runs)
+    assert "cannot start moving" in gate.of("gap")[0].text
+
+
+def test_a_hole_of_minutes_is_refused(case):
+    with pytest.raises(InputError, match=r"spin: t: no row for 180 s after 3.99 s: two recordings"):
+        examine(changed(case, lambda t, _: np.where(t < 4.0, t, t + 180.0)))
+
+
+# ---- noise ---------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(("rounding", "step"), [
+    (lambda v: np.round(v, 2), 0.01), (lambda v: np.round(v, 1), 0.1), (lambda v: np.round(v * 4), 1.0),
+    (lambda v: np.round(v * 651.9) / 651.9, 1 / 651.9), (lambda v: np.round(v / 0.024) * 0.024 + 0.007, 0.024),
+    (lambda v: np.round(np.round(v * 50) / 50, 6), 0.02), (lambda v: v, 0.0), (lambda v: v.astype(np.float32), 0.0)])
+def test_the_step_of_a_rounding_is_found(rounding, step):
+    rng = np.random.default_rng(1)
+    values = 3.0 * np.sin(np.linspace(0, 20, 2000)) + 0.02 * rng.standard_normal(2000)
+    assert step_of(rounding(values)) == pytest.approx(step, rel=0.02, abs=2e-5)
+
+
+def test_of_significant_digits_the_typical_step_counts():
+    rng = np.random.default_rng(1)
+    values = 3.0 * np.sin(np.linspace(0, 20, 2000)) + 0.02 * rng.standard_normal(2000)
+    digits = np.array([float(f"{v:.3g}") for v in values])
+    true = np.sqrt(12) * np.std(digits - values)
+    assert step_of(digits) == pytest.approx(true, rel=0.1)
+
+
+def test_counts_over_uneven_times_show_their_step():
+    rng = np.random.default_rng(2)
+    t = np.cumsum(0.01 + 0.003 * rng.random(1500))
+    counts = np.round(400.0 * np.cumsum(np.diff(t, prepend=0.0) * 3.0 * np.sin(t)))
+    speed = np.diff(counts, prepend=0.0) / 400.0 / np.diff(t, prepend=t[0] - 0.01)
+    assert step_of(speed, t) == pytest.approx(1 / 400.0 / np.median(np.diff(t)), rel=0.05)
+
+
+def test_rounding_adds_to_the_declared_noise(case):
+    gate = examine(changed(case, lambda _, columns: columns.update(gyro_z=np.round(columns["gyro_z"], 1))))
+    assert gate.noise["gyro_z"] == pytest.approx(np.hypot(0.003, 0.1 / np.sqrt(12)), rel=1e-6)
+    assert gate.noise["w_l"] == pytest.approx(0.02, rel=1e-6)
+    assert {f.channel for f in gate.of("rounded")} == {"gyro_z"}
+
+
+# ---- clock ---------------------------------------------------------------------------------------------------------
+
+def test_jitter_of_the_stamps_is_measured(case):
+    rng = np.random.default_rng(5)
+    gate = examine(changed(case, lambda t, _: t + 0.001 * rng.standard_normal(len(t))))
+    assert gate.timing.jitter_s == pytest.approx(0.001, rel=0.1)
+    assert "stamps jitter by 1 ms" in gate.of("jitter")[0].text or "stamps jitter by 0.9" in gate.of("jitter")[0].text
+    assert examine(case).timing.jitter_s < 1e-9
+
+
+def test_a_lag_is_measured_where_it_is_certain():
+    lags = examine(make_case(lambda m: m.put("command_delay", 0.33))).timing.lag_s
+    assert lags == {"w_l": pytest.approx(0.33, abs=0.003), "w_r": pytest.approx(0.33, abs=0.003)}
+    assert examine(make_case()).timing.lag_s == {"w_l": 0.0, "w_r": 0.0}
+
+
+def test_commands_logged_more_seldom_than_the_motor_answers_are_named(case):
+    assert examine(case).timing.commands_enough
+    log = case.runs[2]
+    seldom = dataclasses.replace(case, runs=(dataclasses.replace(
+        log, t=log.t[::5], columns={c: v[::5] for c, v in log.columns.items()}),))
+    gate = examine(seldom)
+    assert not gate.timing.commands_enough and gate.timing.command_step_s == pytest.approx(0.05)
+    assert "between rows is not known" in gate.of("command_rate")[0].text
+
+
+def test_the_origin_of_time_changes_nothing(case):
+    gate, since_1970 = examine(case), examine(changed(case, lambda t, _: t + 1.7e9))
+    assert [f.kind for f in since_1970.findings] == [f.kind for f in gate.findings]
+    assert since_1970.noise == gate.noise
+    assert since_1970.timing.step_s == pytest.approx(0.01, rel=1e-4)
