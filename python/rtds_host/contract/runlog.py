@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from rtds_host.contract.clock import likely_unit
 from rtds_host.contract.output import staged_folder
 from rtds_host.contract.robot import Robot, load_robot
 from rtds_host.errors import InputError
@@ -28,6 +31,12 @@ META_KEYS = ("schema", "scenario", "payload_kg", "slope_rad", "uphill_yaw_rad", 
 # a replay in steps of milliseconds would never end.
 LONGEST_S = 1e5
 ABSURD_COMMAND, ABSURD = 1e4, 1e9
+# Numbers that one run may hold: ten million rows of all columns. A block of text read at a time; cells by which a
+# cut one is known; a clock that counts since 1970 is past this.
+LARGEST_BYTES = 2**31
+BLOCK_BYTES = 2**22
+CELLS_BEFORE = 100
+SINCE_2000_S = 946_684_800.0
 
 
 @dataclass(frozen=True)
@@ -156,57 +165,134 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], list[int]]:
-    """Columns, and the row of the file that each sample stands in."""
+@dataclass
+class _Table:
+    """What stands in a log: the contract's columns, name -> (n,); names it does not have; rows of the file; notices."""
+
+    columns: dict[str, np.ndarray]
+    ignored: list[str]
+    rows: np.ndarray
+    notices: list[str]
+
+
+def _blocks(path: Path) -> Iterator[tuple[list[str], bool]]:
+    """Lines of a text file in blocks, without their ends, and whether the last of them was ended at all.
+
+    A block at a time: a log of a million rows is a tenth of a gigabyte, its lines as texts are half of one.
+    """
+    decoder = codecs.getincrementaldecoder("utf-8-sig")()
+    newlines = io.IncrementalNewlineDecoder(None, translate=True)
+    rest, at = "", 0
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        with open(path, "rb") as stream:
+            while True:
+                data = stream.read(BLOCK_BYTES)
+                waiting = len(decoder.getstate()[0])
+                try:
+                    text = decoder.decode(data, final=not data)
+                except UnicodeDecodeError as error:
+                    raise InputError(f"{path}: is no text (byte {at - waiting + error.start})") from error
+                at += len(data)
+                lines = (rest + newlines.decode(text, final=not data)).split("\n")
+                rest = lines.pop()
+                if len(rest) > BLOCK_BYTES:
+                    raise InputError(f"{path}: a row is longer than {BLOCK_BYTES} characters, this is no log")
+                if not data:
+                    yield (lines + [rest], False) if rest else (lines, True)
+                    return
+                if lines:
+                    yield lines, True
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text (byte {error.start})") from error
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").removesuffix("\n").split("\n")
+
+
+def _read_csv(path: Path) -> _Table:
+    blocks = _blocks(path)
+    lines, ended = next(blocks)
     if not lines or not lines[0].strip():
         raise InputError(f"{path}: is empty, a header line is needed")
-    names = _header(path, lines[0])
+    names = _header(path, lines.pop(0))
     if len(set(names)) != len(names):
         twice = sorted({name for name in names if names.count(name) > 1})
         raise InputError(f"{path}: row 1: column {twice[0]!r} stands twice")
-    if text and not text.endswith(("\n", "\r")) and len(lines) > 1 and lines[-1].count(",") != len(names) - 1:
-        raise InputError(f"{path}: row {len(lines)}: ends in the middle, the file is truncated")
-    full = [number for number, line in enumerate(lines[1:], start=2) if line]
-    body = "\n".join(lines[1:])
-    try:
-        # Fast path: a full table of plain numbers. Digits of other scripts pass for numbers in `loadtxt`, too.
-        table = np.loadtxt(io.StringIO(body), delimiter=",", ndmin=2, comments=None) \
-            if full and body.isascii() and "_" not in body else np.empty((0, len(names)))
-        if table.shape == (len(full), len(names)) and np.isfinite(table).all():
-            return {name: table[:, k] for k, name in enumerate(names)}, full
-    except ValueError:
-        pass
-    wanted = [k for k, name in enumerate(names) if name in COLUMNS]
-    columns: dict[int, list[float]] = {k: [] for k in wanted}
-    for number in full:
-        row = _cells(path, number, lines[number - 1])
+    wanted = [name for name in names if name in COLUMNS]
+    parts: list[np.ndarray] = []
+    rows: list[np.ndarray] = []
+    notices: list[str] = []
+    number, count = 2, 0
+    # Last cells of the rows before, by which a cut one is known.
+    last: deque[str] = deque(maxlen=CELLS_BEFORE)
+    while True:
+        cut = None
+        if not ended and lines:
+            final = number + len(lines) - 1
+            if lines[-1].count(",") != len(names) - 1:
+                raise InputError(f"{path}: row {final}: ends in the middle, the file is truncated")
+            before = [*last, *(line.rsplit(",", 1)[-1] for line in lines[-CELLS_BEFORE - 1:-1] if line)]
+            if before and len(lines[-1].rsplit(",", 1)[-1]) < max(map(len, before)):
+                cut = final
+                lines.pop()
+                notices.append(f"{path.name}: row {final} ends inside its last cell, it is set aside")
+        full = np.flatnonzero([bool(line) for line in lines])
+        if full.size:
+            parts.append(_block(path, names, wanted, [lines[k] for k in full], full + number))
+            rows.append(full + number)
+            count += full.size
+            if count * max(len(wanted), 1) * 8 > LARGEST_BYTES:
+                raise InputError(f"{path}: row {number}: too long, more than {LARGEST_BYTES / 2**30:.2g} GiB of numbers "
+                                 "in one run; make several runs of it")
+        last.extend(line.rsplit(",", 1)[-1] for line in lines[-CELLS_BEFORE:] if line)
+        number += len(lines)
+        more = None if cut else next(blocks, None)
+        if more is None:
+            break
+        lines, ended = more
+    columns = {name: np.concatenate([part[:, k] for part in parts]) if parts else np.empty(0)
+               for k, name in enumerate(wanted)}
+    return _Table(columns, [name for name in names if name not in COLUMNS],
+                  np.concatenate(rows) if rows else np.empty(0, int), notices)
+
+
+def _block(path: Path, names: list[str], wanted: list[str], lines: list[str], numbers: np.ndarray) -> np.ndarray:
+    """Numbers (rows, wanted) of some rows, NaN where a cell is empty; `numbers`: the rows of the file they stand in."""
+    import pyarrow as pa
+    from pyarrow import csv as arrow
+
+    body = "\n".join(lines)
+    if wanted and body.isascii() and "_" not in body:
+        try:
+            table = arrow.read_csv(
+                io.BytesIO(body.encode()),
+                read_options=arrow.ReadOptions(column_names=names, use_threads=False, block_size=len(body) + 1),
+                convert_options=arrow.ConvertOptions(include_columns=wanted, null_values=[""],
+                                                     column_types={name: pa.float64() for name in wanted}))
+            result = np.column_stack([table.column(name).to_numpy() for name in wanted])
+            empty = sum(table.column(name).null_count for name in wanted)
+            if table.num_rows == len(lines) and np.isfinite(result).sum() == result.size - empty:
+                return result
+        except pa.ArrowException:
+            pass
+    # What is not plain is read cell by cell, which knows what to complain of.
+    result = np.full((len(lines), len(wanted)), math.nan)
+    at = [names.index(name) for name in wanted]
+    for k, line in enumerate(lines):
+        row = _cells(path, int(numbers[k]), line)
         if len(row) != len(names):
-            raise InputError(f"{path}: row {number}: has {len(row)} cells, the header names {len(names)}"
-                             + (", the file is truncated" if number == len(lines) else ""))
-        for k in wanted:
-            cell = row[k].strip()
+            raise InputError(f"{path}: row {numbers[k]}: has {len(row)} cells, the header names {len(names)}"
+                             + (", the file is truncated" if k == len(lines) - 1 else ""))
+        for j, column in enumerate(at):
+            cell = row[column].strip()
             if not cell:
-                columns[k].append(math.nan)
                 continue
             try:
                 value = _value(cell)
             except ValueError as error:
-                raise InputError(f"{path}: row {number}: {names[k]} is {cell!r}, no number") from error
+                raise InputError(f"{path}: row {numbers[k]}: {wanted[j]} is {cell!r}, no number") from error
             if not math.isfinite(value):
-                raise InputError(f"{path}: row {number}: {names[k]} is {cell}, leave a cell empty where there is "
+                raise InputError(f"{path}: row {numbers[k]}: {wanted[j]} is {cell}, leave a cell empty where there is "
                                  "no sample")
-            columns[k].append(value)
-    result = {names[k]: np.asarray(values) for k, values in columns.items()}
-    rows = len(next(iter(result.values()))) if result else 0
-    result.update({name: np.full(rows, math.nan) for name in names if name not in result})
-    return result, full
+            result[k, j] = value
+    return result
 
 
 def _cells(path: Path, number: int, line: str) -> list[str]:
@@ -226,26 +312,36 @@ def _header(path: Path, line: str) -> list[str]:
     return names
 
 
-def _read_parquet(path: Path) -> dict[str, np.ndarray]:
+def _read_parquet(path: Path) -> _Table:
     """Columns; sample k stands in row k + 1, a Parquet file has no header line."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        table = pq.read_table(path)
+        with pq.ParquetFile(path) as file:
+            names = file.schema_arrow.names
+            wanted = [name for name in names if name in COLUMNS]
+            for name in wanted:
+                kind = file.schema_arrow.field(names.index(name)).type
+                if names.count(name) > 1:
+                    raise InputError(f"{path}: column {name!r} stands twice")
+                if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind)):
+                    raise InputError(f"{path}: column {name}: holds {kind}, numbers are needed")
+            # A few bytes may unpack to anything: what the file says of itself is looked at before it is unpacked.
+            groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
+            unpacked = max(sum(g.column(k).total_uncompressed_size for g in groups for k in range(g.num_columns)
+                               if g.column(k).path_in_schema in wanted),
+                           8 * file.metadata.num_rows * max(len(wanted), 1))
+            if unpacked > LARGEST_BYTES:
+                raise InputError(f"{path}: would unpack to {unpacked / 2**30:.3g} GiB ({file.metadata.num_rows} rows), at "
+                                 f"most {LARGEST_BYTES / 2**30:.2g} GiB are read; make several runs of it")
+            table = file.read(columns=wanted, use_threads=False)
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from error
-    columns = {}
-    for name in table.column_names:
-        column = table.column(name)
-        if name not in COLUMNS:
-            columns[name] = np.full(len(column), math.nan)
-            continue
-        if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type) or pa.types.is_null(column.type)):
-            raise InputError(f"{path}: column {name}: holds {column.type}, numbers are needed")
-        # Integers of nanoseconds are no doubles to the last digit.
-        columns[name] = np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=float).copy()
-    return columns
+    # Integers of nanoseconds are no doubles to the last digit.
+    columns = {name: np.asarray(table.column(name).cast(pa.float64(), safe=False).to_numpy(), dtype=float).copy()
+               for name in wanted}
+    return _Table(columns, [name for name in names if name not in COLUMNS], np.arange(1, table.num_rows + 1), [])
 
 
 def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measured: bool = False) -> RunLog:
@@ -267,14 +363,11 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
     about = _meta_content(folder / "run.json")
     meta = _meta(folder / "run.json", about)
     path = _log_path(folder)
-    if path.suffix == ".csv":
-        raw, rows = _read_csv(path)
-    else:
-        raw = _read_parquet(path)
-        rows = range(1, 1 + max(map(len, raw.values()), default=0))
+    table = _read_csv(path) if path.suffix == ".csv" else _read_parquet(path)
+    columns, rows = table.columns, table.rows
     notices = [f"run.json: key {key!r} is not in the contract, ignored" for key in about if key not in META_KEYS]
-    notices += [f"{path.name}: column {name!r} is not in the contract, ignored" for name in raw if name not in COLUMNS]
-    columns = {name: values for name, values in raw.items() if name in COLUMNS}
+    notices += [f"{path.name}: column {name!r} is not in the contract, ignored" for name in table.ignored]
+    notices += table.notices
 
     mode = robot.driver.mode if robot else "voltage"
     sides = robot.sides if robot else ("l", "r")
@@ -296,17 +389,22 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
     back = np.flatnonzero(t[1:] <= t[:-1])
     if back.size:
         k = back[0]
+        # Unix times in single precision stand still for two minutes, with six digits for a quarter of an hour.
+        few = ": too few digits for times since 1970?" if t[k] > SINCE_2000_S else ""
         raise InputError(f"{path}: row {rows[k + 1]}: time goes back or stands still ({t[k]:.12g} s, then "
-                         f"{t[k + 1]:.12g} s)")
+                         f"{t[k + 1]:.12g} s){few}")
     late = np.flatnonzero(t / 2 - t[0] / 2 > LONGEST_S / 2)
     if late.size:
+        unit = likely_unit(2.0 * float(np.median(np.diff(t / 2))))
         raise InputError(f"{path}: row {rows[late[0]]}: t is {t[late[0]]:.12g}, more than {LONGEST_S:g} s after the "
-                         "first row (a jump of the clock, or not in seconds?)")
+                         f"first row ({f'is it in {unit}?' if unit else 'a jump of the clock, or not in seconds?'})")
     for name, values in columns.items():
         limit = ABSURD_COMMAND if name in required else ABSURD
         wrong = np.flatnonzero(np.abs(values) > limit)
         if wrong.size:
-            raise InputError(f"{path}: row {rows[wrong[0]]}: {name} is {values[wrong[0]]:g}, beyond anything possible")
+            volts = ", in millivolts?" if name.startswith("v_") and abs(values[wrong[0]]) < 1e3 * limit else ""
+            raise InputError(f"{path}: row {rows[wrong[0]]}: {name} is {values[wrong[0]]:g}, beyond anything "
+                             f"possible{volts}")
     for name in required:
         values = columns[name]
         if not np.isfinite(values[0]):

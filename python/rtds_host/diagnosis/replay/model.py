@@ -170,13 +170,16 @@ def start_state(log: RunLog, robot: Robot) -> np.ndarray:
 
 
 def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
-    """What the kernel needs of a run: sample times (n,), command times (n,), commands (n, 2), bus (n,), angles to follow (0, 2), run
-    (4,), start (11,)."""
+    """What the kernel needs of a run: sample times (n,), command times (n,), commands (n, 2), bus (n,), angles to follow (0, 2),
+    run (4,), start (11,).
+
+    Times count from the run's first row: since 1970 a double has a quarter of a microsecond, and steps add up.
+    """
     commands = log.commands(robot.driver.mode)
     if commands.shape[1] == 1:
         commands = np.column_stack([commands[:, 0], np.zeros(len(commands))])
-    run = np.array([log.meta.payload_kg, log.meta.slope_rad, log.meta.uphill_yaw_rad, log.t[0]])
-    t = np.ascontiguousarray(log.t)
+    run = np.array([log.meta.payload_kg, log.meta.slope_rad, log.meta.uphill_yaw_rad, 0.0])
+    t = log.t - log.t[0]
     return (t, t, np.ascontiguousarray(commands), _filled(log, "v_bus", robot.supply_v), np.empty((0, 2)), run,
             start_state(log, robot))
 
@@ -184,7 +187,7 @@ def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
 def following(inputs: tuple[np.ndarray, ...], log: RunLog) -> tuple[np.ndarray, ...]:
     """The inputs of a run, or of a piece of it, with a ripple that follows the measured angles."""
     t_cmd, start = inputs[1], inputs[6]
-    angle = np.column_stack([np.interp(t_cmd, log.t, _angle(log, side, start[3 + k])) for k, side in enumerate("lr")])
+    angle = np.column_stack([np.interp(t_cmd, log.t - log.t[0], _angle(log, side, start[3 + k])) for k, side in enumerate("lr")])
     return (*inputs[:4], angle, *inputs[5:])
 
 
