@@ -9,15 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.contract import Robot
+from rtds_host.contract.clock import is_rate
 from rtds_host.errors import InputError
 from rtds_host.importers.bag import Bag, is_bag
 from rtds_host.importers.mapping import Mapping, Source, Twist
-from rtds_host.importers.plausible import complaints
+from rtds_host.importers.plausible import complaints, faint
 from rtds_host.importers.series import NS, Series
 from rtds_host.importers.table import Table
 from rtds_host.importers.units import FIXED, QUANTITY, factor
 
 AT_REST_RAD_S, AT_REST_RAD = 0.2, 0.05
+# A counter that starts anew jumps by nearly all its range, where it otherwise goes by small steps.
+JUMP, SMALL = 0.8, 0.05
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,7 @@ def assemble(path: Path, mapping: Mapping, robot: Robot, start_s: float = 0.0, e
         requests.append(mapping.twist)
     file.read([r for r in requests if file.available(r)])
     notices = list(file.notices)
+    doubts = _clock(file, mapping)
     signals = _signals(file, mapping, robot, notices)
     mode = _commands(file, mapping, robot, signals, notices)
     sides = robot.sides
@@ -75,11 +79,12 @@ def assemble(path: Path, mapping: Mapping, robot: Robot, start_s: float = 0.0, e
                 signals[name] = signals[name].keep(np.arange(len(signals[name])) == 0)
             else:
                 del signals[name]
-    found = complaints({k: v for k, v in signals.items() if k not in ("x", "y", "yaw") or len(v) > 1}, robot, mode)
+    found = doubts + complaints({k: v for k, v in signals.items() if k not in ("x", "y", "yaw") or len(v) > 1}, robot, mode)
     if found:
         if not trust_units:
             raise InputError(f"{path}: {'; '.join(found)} (mapping {mapping.path.name}; --trust-units if it is right)")
         notices += [f"{path.name}: {text}" for text in found]
+    notices += [f"{path.name}: {text}" for text in faint(signals, robot)]
 
     signals, start_ns = _span(path, signals, commands, mapping, start_s, end_s, notices)
     t_ns = np.unique(np.concatenate([series.t_ns for series in signals.values()]))
@@ -97,6 +102,19 @@ def assemble(path: Path, mapping: Mapping, robot: Robot, start_s: float = 0.0, e
         columns[name] = column
     return Imported(path, mode, columns, start_ns, {n: int(np.isfinite(c).sum()) for n, c in columns.items()},
                     tuple(notices))
+
+
+def _clock(file: Bag | Table, mapping: Mapping) -> list[str]:
+    """What speaks against the declared unit of a table's time (a bag's times have none to declare)."""
+    if isinstance(file, Bag):
+        return []
+    step = float(np.median(np.diff(np.unique(file.t_ns)))) / NS
+    if is_rate(step):
+        return []
+    raw = step / FIXED["time"][mapping.time_unit]
+    fitting = [unit for unit, seconds in FIXED["time"].items() if is_rate(raw * seconds)]
+    return [f"{mapping.time_column} in {mapping.time_unit} is a row every {step:.3g} s: "
+            + (f"is it in {fitting[0]}?" if fitting else "no robot's log has such a rate")]
 
 
 def _signals(file: Bag | Table, mapping: Mapping, robot: Robot, notices: list[str]) -> dict[str, Series]:
@@ -122,12 +140,41 @@ def _signals(file: Bag | Table, mapping: Mapping, robot: Robot, notices: list[st
                                + (f", {channel} is taken from {rest[0].topic or rest[0].column}" if rest
                                   else f", {channel} is left out"))
                 continue
-            signals[channel] = _convert(raw, source, robot)
+            signals[channel] = _convert(raw, source, robot, notices)
             break
+    for a, b in (("v_cmd_l", "v_cmd_r"), ("w_cmd_l", "w_cmd_r")):
+        if a in signals and b in signals:
+            same = {s.where for s in mapping.signals[a]} & {s.where for s in mapping.signals[b]} - {None}
+            if same:
+                source = next(s for s in mapping.signals[a] if s.where in same)
+                notices.append(f"{file.path.name}: {a} and {b} are the same {source.named}: both wheels are commanded alike")
     return signals
 
 
-def _convert(raw: Series, source: Source, robot: Robot) -> Series:
+def _unwrapped(raw: Series, source: Source, notices: list[str]) -> np.ndarray:
+    """Raw numbers without the jumps where they start anew.
+
+    Raises
+    ------
+    InputError : numbers that wrap at `wraps_at` lie within one round of it; these do not.
+    """
+    values = raw.values
+    span = float(np.ptp(values))
+    if source.wraps_at is not None:
+        # A counter that wraps at 4096 shows 0 to 4095; a rounded heading may show 360 beside 0.
+        if span > source.wraps_at * (1.0 + 1e-3):
+            raise InputError(f"{source.place}: wraps_at is {source.wraps_at:g}, but {raw.origin} spans {span:.6g}, from "
+                             f"{float(values.min()):.6g} to {float(values.max()):.6g}: it starts anew elsewhere")
+        return np.unwrap(values, period=source.wraps_at)
+    steps = np.abs(np.diff(values))
+    jumps = np.flatnonzero(steps > JUMP * span)
+    if QUANTITY[source.channel] in ("angle", "heading") and jumps.size and float(np.median(steps)) < SMALL * span:
+        notices.append(f"{raw.origin}: jumps {jumps.size} time(s) by nearly its whole range ({span:.6g}): if it starts anew "
+                       f"there, say so in {source.place} (wraps_at)")
+    return values
+
+
+def _convert(raw: Series, source: Source, robot: Robot, notices: list[str]) -> Series:
     quantity = QUANTITY[source.channel]
     place = source.place
     values = raw.values
@@ -137,10 +184,8 @@ def _convert(raw: Series, source: Source, robot: Robot) -> Series:
         values = (values[:, 0] + sign * values[:, 1] * track) / radius
         gain = 1.0
     else:
-        if source.wraps_at is not None:
-            values = np.unwrap(values, period=source.wraps_at)
-        elif source.channel == "yaw" and source.unit is None:
-            values = np.unwrap(values)          # a quaternion's heading
+        quaternion = source.channel == "yaw" and source.unit is None and source.wraps_at is None
+        values = np.unwrap(values) if quaternion else _unwrapped(raw, source, notices)
         gain = factor(place, quantity, source.unit or next(iter(FIXED[quantity])), robot, source.full_scale,
                       source.counts_per_rev, source.wheel_radius_m, source.shaft)
     values = (values * source.scale + source.offset) * gain

@@ -14,6 +14,8 @@ from rtds_host.errors import InputError
 from rtds_host.importers.units import FIXED, QUANTITY
 
 SCHEMA = "rtds-mapping/1"
+# A value is read a few samples before its stamp, never minutes.
+LATEST_SAMPLES, LATEST_S = 1000, 60.0
 META_KEYS = ("scenario", "payload_kg", "slope_rad", "uphill_yaw_rad", "notes")
 
 
@@ -45,6 +47,18 @@ class Source:
     late_s: float = 0.0
     wraps_at: float | None = None
     use: str = "all"
+
+    @property
+    def where(self) -> tuple | None:
+        """What number of a log this is; None for a pair, from which each side makes its own."""
+        return (self.topic, self.field, self.joint, self.column) if self.pair is None else None
+
+    @property
+    def named(self) -> str:
+        """That number in words."""
+        if self.column is not None:
+            return f"column {self.column!r}"
+        return f"field {self.field!r} of {self.topic}" + (f", joint {self.joint!r}" if self.joint else "")
 
 
 @dataclass(frozen=True)
@@ -145,7 +159,7 @@ class _Parser:
                 raise self.fail(place, f"key {key!r} is unknown, known are {', '.join(allowed)}")
 
     def number(self, place: str, table: dict, key: str, default: float | None, positive: bool = False,
-               low: float = -math.inf) -> float | None:
+               low: float = -math.inf, high: float = math.inf) -> float | None:
         if key not in table:
             return default
         value = table[key]
@@ -153,6 +167,8 @@ class _Parser:
             raise self.fail(place, f"{key} is {str(value)[:20]}, a finite number is needed")
         if positive and value <= 0 or value < low:
             raise self.fail(place, f"{key} is {value:g}, it must be " + ("above 0" if positive else f"at least {low:g}"))
+        if value > high:
+            raise self.fail(place, f"{key} is {value:g}, it must be at most {high:g}")
         return float(value)
 
     def text(self, place: str, table: dict, key: str, default: str | None,
@@ -204,6 +220,7 @@ class _Parser:
         for name, values in (("[servo]", servo), ("[sensors]", sensors)):
             for key in values:
                 self.number(name, values, key, None, low=0.0)
+        self.apart(signals)
         definitions = {**below.definitions, **self.table(data, "definitions")}
         for name in definitions:
             self.text("[definitions]", definitions, name, None)
@@ -225,6 +242,19 @@ class _Parser:
             timeout_s=self.number("[commands]", commands, "timeout_s", below.timeout_s, positive=True),
             driver=driver, servo=servo, sensors=sensors, definitions=definitions, runs=runs)
 
+    def apart(self, signals: dict[str, tuple[Source, ...]]) -> None:
+        """One number of a log cannot be two measurements, nor a command and what came of it."""
+        owner: dict[tuple, str] = {}
+        for channel, sources in signals.items():
+            for source in sources:
+                # References are information only; two commands that are one are said when they are used.
+                if source.where is None or channel.startswith("w_ref"):
+                    continue
+                other = owner.setdefault(source.where, channel)
+                if other != channel and not {other[:5], channel[:5]} <= {"v_cmd", "w_cmd"}:
+                    raise self.fail(f"[signal.{channel}]", f"is the same {source.named} as [signal.{other}], one of the two "
+                                                           "is something else")
+
     def source(self, place: str, channel: str, table: dict) -> Source:
         allowed = tuple(f.name for f in fields(Source) if f.name not in ("place", "channel"))
         self.only(place, table, allowed)
@@ -241,7 +271,7 @@ class _Parser:
             pair = tuple(pair)
         if not isinstance(table.get("reverse", False), bool):
             raise self.fail(place, f"reverse is {table['reverse']!r}, true or false is needed")
-        late = self.number(place, table, "late_samples", 0.0, low=0.0)
+        late = self.number(place, table, "late_samples", 0.0, low=0.0, high=LATEST_SAMPLES)
         if late != int(late):
             raise self.fail(place, f"late_samples is {late:g}, a whole number is needed")
         number = self.number
@@ -255,7 +285,7 @@ class _Parser:
             **{key: number(place, table, key, None, positive=True)
                for key in ("full_scale", "counts_per_rev", "wheel_radius_m", "track_width_m", "wraps_at")},
             shaft=self.text(place, table, "shaft", "wheel", ("wheel", "motor")), late_samples=int(late),
-            late_s=number(place, table, "late_s", 0.0), use=self.text(place, table, "use", "all", ("all", "start")))
+            late_s=number(place, table, "late_s", 0.0, low=-LATEST_S, high=LATEST_S), use=self.text(place, table, "use", "all", ("all", "start")))
 
     def twist(self, table: dict) -> Twist:
         place = "[twist]"

@@ -16,6 +16,8 @@ from rtds_host.importers.units import DEGREE, RPM, TURN
 
 WINDOW_S = 0.5
 TOLERATED = 3.0
+# A live sensor's readings spread by several times its noise; a hundredth of it is another unit.
+STILLER = 100.0
 
 
 def _top(series: Series) -> float:
@@ -57,6 +59,16 @@ def _guess(ratio: float, factors: dict[str, float]) -> str:
         if abs(abs(ratio) / factor - 1.0) < 0.25:
             return f": is it in {unit}?"
     return ""
+
+
+def faint(signals: dict[str, Series], robot: Robot) -> list[str]:
+    """Channels that change, but by next to nothing: one clause each. A simulator without noise has such channels, too."""
+    found = []
+    for name, series in signals.items():
+        noise, moved = robot.noise(name), float(np.ptp(series.values)) if len(series) > 1 else 0.0
+        if noise is not None and 0.0 < moved < noise / STILLER:
+            found.append(f"{name} changes by {moved:.3g} in all, its sensor's noise is {noise:.3g}: unit or scale?")
+    return found
 
 
 def complaints(signals: dict[str, Series], robot: Robot, mode: str) -> list[str]:

@@ -14,6 +14,9 @@ from rtds_host.importers.mapping import Mapping, Source, Twist
 from rtds_host.importers.series import NS, Series
 from rtds_host.importers.units import FIXED
 
+# Rows and cells as texts take several times the file's size.
+LARGEST_BYTES = 2**29
+COMPRESSED = {b"\x1f\x8b": "gzip", b"PK\x03\x04": "zip", b"\x28\xb5\x2f\xfd": "zstd", b"BZh": "bzip2", b"\xfd7zX": "xz"}
 NO_SAMPLE = ("", "nan", "na", "null", "none", "-")
 
 
@@ -32,6 +35,14 @@ class Table:
         if not path.is_file():
             raise InputError(f"{path}: does not exist")
         try:
+            if path.stat().st_size > LARGEST_BYTES:
+                raise InputError(f"{path}: is {path.stat().st_size / 2**30:.3g} GiB long, at most {LARGEST_BYTES / 2**30:.2g} "
+                                 "GiB are read; import parts of it (runs of one case)")
+            with open(path, "rb") as stream:
+                start = stream.read(4)
+            for magic, kind in COMPRESSED.items():
+                if start.startswith(magic):
+                    raise InputError(f"{path}: is compressed ({kind}), unpack it first")
             text = path.read_bytes().decode("utf-8-sig")
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror})") from error
