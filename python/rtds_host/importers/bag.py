@@ -18,6 +18,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
 from rtds_host.errors import InputError
+from rtds_host.importers.bounds import check_bag
 from rtds_host.importers.mapping import Mapping, Source, Twist
 from rtds_host.importers.series import NS, Series
 
@@ -74,6 +75,7 @@ class Bag:
         self._read: dict[str, _Topic] = {}
         self._use_record_time = mapping.time_source == "record"
         try:
+            check_bag(self.file)
             with Reader(self.file) as reader:
                 self.connections = list(reader.connections)
                 if reader.message_count == 0:
