@@ -41,7 +41,7 @@ def examine(case: Case) -> Gate:
     noise, steps = rounding.effective_noise(case)
     found = _notices(case)
     for log in case.runs:
-        found += timing.clock_findings(log)
+        found += timing.clock_findings(log, case)
     runs, told = cuts.cut(case)
     found += told
     cleaned = replace(case, runs=runs)
@@ -62,8 +62,9 @@ def examine(case: Case) -> Gate:
                              "motion."))
     found.sort(key=lambda f: -SEVERITIES.index(f.severity))
     apart = [a for _, a, _ in commands if math.isfinite(a)]
-    clock = Timing(step_s=float(np.median([np.median(np.diff(log.t)) for log in cleaned.runs])),
-                   jitter_s=float(np.median([timing.jitter(log.t) for log in cleaned.runs])),
+    times = [timing.sampled(log, cleaned) for log in cleaned.runs]
+    clock = Timing(step_s=float(np.median([np.median(np.diff(t)) for t in times])),
+                   jitter_s=float(np.median([timing.jitter(t) for t in times])),
                    lag_s=timing.lags_of(lags), command_step_s=float(np.median(apart)) if apart else math.nan,
                    commands_enough=all(enough for _, _, enough in commands))
     return Gate(tuple(found), cleaned, noise, clock)

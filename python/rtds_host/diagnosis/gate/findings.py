@@ -28,7 +28,7 @@ class Finding:
 class Timing:
     """What was measured of a case's clock.
 
-    step_s : median time between rows, s.
+    step_s : median time between samples of the wheels, s.
     jitter_s : one standard deviation of the stamps about an even clock, s; 0 where rows are uneven but not back and
         forth, as those of an event-driven logger.
     lag_s : channel -> how much later than the nominal robot it answers the command, s (negative: earlier); only

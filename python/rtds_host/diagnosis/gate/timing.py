@@ -123,9 +123,19 @@ def hole_s(t: np.ndarray) -> float:
     return max(HOLE_STEPS * float(np.median(np.diff(t))), HOLE_S)
 
 
-def clock_findings(log: RunLog) -> list[Finding]:
+def sampled(log: RunLog, case: Case) -> np.ndarray:
+    """Times at which the wheels are measured, (n,) s: rows that hold a command only are no sampling."""
+    good = np.zeros(len(log.t), bool)
+    for c in (f"{kind}_{s}" for kind in ("w", "th") for s in case.robot.sides):
+        if c in log.columns:
+            good |= np.isfinite(log.columns[c])
+    return log.t[good] if good.sum() >= FEWEST else log.t
+
+
+def clock_findings(log: RunLog, case: Case) -> list[Finding]:
     """Rate, jitter, missing rows, length."""
-    dt = np.diff(log.t)
+    t = sampled(log, case)
+    dt = np.diff(t)
     step = float(np.median(dt))
     rate = 1.0 / step
     found = []
@@ -133,10 +143,10 @@ def clock_findings(log: RunLog) -> list[Finding]:
         found.append(Finding(log.name, "t", "rate", "warning",
                              f"{rate:.3g} rows a second are few: below {SLOW_HZ:.0f} Hz parameters of fast parts "
                              "are biased."))
-    regular = dt[dt <= hole_s(log.t)]
+    regular = dt[dt <= hole_s(t)]
     uneven = float(np.std(regular[regular < 1.7 * step])) / step if len(regular) > 2 else 0.0
     if uneven > 0.02:
-        stamps = jitter(log.t)
+        stamps = jitter(t)
         told = f", stamps jitter by {1e3 * stamps:.2g} ms" if stamps > 0.3 * uneven * step else ""
         found.append(Finding(log.name, "t", "jitter", "note",
                              f"rows are unevenly spaced: {1e3 * step:.3g} ms ± {100 * uneven:.0f} %{told}."))
