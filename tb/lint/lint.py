@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from common.runner import ROOT, read_file_list
+from common.runner import ROOT, VERILATOR, read_file_list
 
 HERE = Path(__file__).resolve().parent
 BOARD = "rtl/top/board.f"
@@ -30,7 +30,7 @@ def verilator() -> int:
     vendor = quiet / "vendor.vlt"
     vendor.write_text('`verilator_config\nlint_off -file "*/megafunction_bb.v"\n')
     command = [
-        "verilator", "--lint-only", "-Wall", "-DSYNTHESIS", "-DALTERA_RESERVED_QIS", f"-I{ROOT / 'rtl/io'}", "--top-module",
+        VERILATOR, "--lint-only", "-Wall", "-DSYNTHESIS", "-DALTERA_RESERVED_QIS", f"-I{ROOT / 'rtl/io'}", "--top-module",
         "rtds_top", str(vendor), str(HERE / "waivers.vlt"), str(primitives()), *map(str, read_file_list(BOARD)),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=False)

