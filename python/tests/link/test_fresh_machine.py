@@ -14,9 +14,9 @@ import rtds_host
 from rtds_host.errors import LinkError
 from rtds_host.link import compiling
 
-# All that a build may start: the two that the error messages name, and what the compiler starts itself. No `python`, no
-# `make`, though the test's own environment has them.
-PROGRAMS = ("g++", "perl", "as", "ld")
+# All that a build may start: the compiler, and what it starts itself. No `python`, no `make`, though the test's own
+# environment has them.
+PROGRAMS = ("g++", "as", "ld")
 
 BUILD_AND_STEP = """
 import dataclasses, sys
@@ -87,7 +87,7 @@ def write_plan(folder, source):
     plan.write_text(json.dumps({
         "system": {"verilator_root": str(folder)},
         "options": dict.fromkeys(kinds, False),
-        "sources": {**dict.fromkeys(lists, []), "classes_fast": [str(folder / "model.cpp")]},
+        "sources": {**{key: [] for key in lists}, "classes_fast": [str(folder / "model.cpp")]},
     }))  # fmt: skip
     return plan
 

@@ -195,7 +195,6 @@ def test_a_core_that_never_gets_ready_is_noticed_by_the_top(tmp_path, monkeypatc
         ("icarus", "iverilog", "apt-get install iverilog"),
         ("icarus", "vvp", "apt-get install iverilog"),
         ("verilator", "g++", "apt-get install g++"),
-        ("verilator", "perl", "apt-get install perl"),
     ],
 )
 def test_a_missing_program_is_named_with_its_package(monkeypatch, simulator, missing, package):
