@@ -24,7 +24,8 @@ system:
 	  command -v chromedriver >/dev/null 2>&1 || echo "note: chromium is not installed (apt-get install chromium chromium-driver); the tests of the report in a browser are left out"; }
 
 $(VENV)/.ready: pyproject.toml
-	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v == (3, 11) else "Python 3.11 is needed, this is %d.%d; set PYTHON=" % v)'
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 10) <= v <= (3, 14) else "Python 3.10 to 3.14 is needed, this is %d.%d; set PYTHON=" % v)'
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; v > (3, 11) and print("note: PyBullet has no wheel for Python %d.%d; MuJoCo is the robot\x27s engine" % v)'
 	@command -v g++ >/dev/null 2>&1 || { echo "g++ is missing: apt-get install g++" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[dev]'

@@ -12,8 +12,9 @@ import shutil
 import subprocess
 import sys
 import time
-import tomllib
 from pathlib import Path
+
+from rtds_host.compat import tomllib
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]

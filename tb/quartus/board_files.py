@@ -7,11 +7,12 @@ import re
 import shutil
 import subprocess
 import sys
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from common.runner import ROOT, read_file_list
+
+from rtds_host.compat import tomllib
 
 QSF = ROOT / "quartus" / "rtds.qsf"
 SDC = ROOT / "quartus" / "rtds.sdc"

@@ -18,10 +18,11 @@ import re
 import shutil
 import subprocess
 import sys
-import tomllib
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 from pathlib import Path
+
+from rtds_host.compat import tomllib
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]

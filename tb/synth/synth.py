@@ -10,11 +10,12 @@ import json
 import shutil
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from common.runner import ROOT, read_file_list
+
+from rtds_host.compat import tomllib
 
 HERE = Path(__file__).resolve().parent
 WORK = ROOT / "build" / "synth"

@@ -15,7 +15,6 @@ import math
 import secrets
 import shutil
 import tempfile
-import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -26,6 +25,7 @@ from rtds_host.blind.plants import Plant, kinds
 from rtds_host.blind.score import pooled, predicted, share
 from rtds_host.blind.seal import lock, open_truths, publish, refuse_again, what_was_drawn
 from rtds_host.blind.vocabulary import EFFECTS
+from rtds_host.compat import tomllib
 from rtds_host.contract import Case, Robot, RunLog, load_robot, read_case, read_run, write_atomic, write_run
 from rtds_host.errors import InputError
 

@@ -25,7 +25,8 @@ def close(
                                                             "Default: the last; with --diagnosis, all.")] = None,
     link: Annotated[str, typer.Option(help="What computes the motors: model (bit for bit the RTL) or rtl.")] = "model",
     sim: Annotated[str, typer.Option(help="rtl: verilator or icarus.")] = "verilator",
-    engine: Annotated[str, typer.Option(help="Physics engine: pybullet or mujoco.")] = "pybullet",
+    engine: Annotated[str | None, typer.Option(help="Physics engine: pybullet or mujoco. Default: pybullet, or mujoco "
+                                               "where PyBullet has no wheel.")] = None,
     full: Annotated[bool, typer.Option("--full", help="Diagnose by the wide search, several times slower.")] = False,
     table: Annotated[bool, typer.Option("--table", help="Load what the diagnosis leaves as a table, where one fits.")] = False,
     causes: Annotated[bool, typer.Option(help="Vary the simulator one thing at a time, to say where it differs from the "
@@ -41,14 +42,14 @@ def close(
     from rtds_host.correction.close import close_folder
     from rtds_host.correction.simulate import Setting
     from rtds_host.errors import InputError
-    from rtds_host.robot import ENGINES
+    from rtds_host.robot import check_engine, default_engine
     from rtds_host.run import check_writable
     from rtds_host.spread import cores
 
     if link not in LINKS:
         raise InputError(f"--link {link}: unknown (known: {', '.join(LINKS)})")
-    if engine not in ENGINES:
-        raise InputError(f"--engine {engine}: unknown (known: {', '.join(ENGINES)})")
+    engine = engine or default_engine(lambda line: print(line, file=sys.stderr))
+    check_engine(engine, "--engine")
     check_writable(out)
     setting = Setting(link=link, link_options={"sim": sim, "step_clocks": "min"} if link == "rtl" else {}, engine=engine)
     with Progress(TextColumn("{task.description:<24}"), BarColumn(), TimeElapsedColumn(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +16,7 @@ from rich.table import Table
 from rtds_host.cli.calibrate import link_options
 from rtds_host.contract import load_robot, read_run, staged_folder
 from rtds_host.errors import InputError
-from rtds_host.robot import ENGINES
+from rtds_host.robot import check_engine, default_engine
 from rtds_host.run import Effects, LinkChoice, Options, Plan, check_writable, make_plan, perform, write_outcome
 from rtds_host.run.summary import Summary, lines
 from rtds_host.scenario import find_scenario, scenarios
@@ -104,7 +105,8 @@ def run(
     controller: Annotated[str, typer.Option(help="exact or paper.")] = "exact",
     coupling: Annotated[str, typer.Option(help="closed: the robot's wheels follow the motor units; paper: they "
                                                "follow the reference.")] = "closed",
-    engine: Annotated[str, typer.Option(help="Physics engine: pybullet or mujoco.")] = "pybullet",
+    engine: Annotated[str | None, typer.Option(help="Physics engine: pybullet or mujoco. Default: pybullet, or mujoco "
+                                               "where PyBullet has no wheel.")] = None,
     against: Annotated[str | None, typer.Option(help="Drive once more in this engine too and print how far apart "
                                                     "both end.")] = None,
     support: Annotated[str, typer.Option(help="What the robot stands on beside its wheels: skids or caster.")] = "skids",
@@ -148,11 +150,12 @@ def run(
     for name, value in (("duration", duration), ("radius", radius), ("length", length)):
         if value is not None:
             given[SHORT_CUTS[name]] = value
+    engine = engine or default_engine(lambda line: print(line, file=sys.stderr))
     options = Options(robot=robot, controller=controller, coupling=coupling, engine=engine, support=support,
                       payload_kg=payload, slope_rad=slope, uphill_yaw_rad=uphill_yaw, exchange_s=exchange,
                       log_s=log_interval, simulator_step_s=step, method=method)
-    if against is not None and against not in ENGINES:
-        raise InputError(f"--against {against}: unknown engine (known: {', '.join(ENGINES)})")
+    if against is not None:
+        check_engine(against, "--against")
     plans = [make_plan(name, values, options) for name, values in _wanted(scenario, given)]
     changes = [_effects(plan, effects, effect) for plan in plans]
     choice = _link(link, sim, step_clocks, link_options(link, calibration, wires, ad2, serial))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
 
+from rtds_host.compat import tomllib
 from rtds_host.errors import InputError
 
 SCHEMA = "rtds-robot/1"

@@ -25,6 +25,7 @@ from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, RtdsError
+from rtds_host.robot import default_engine
 
 # Bound on the difference, in units of noise: a tenth of what a sensor hides.
 BOUND = 0.1
@@ -173,7 +174,7 @@ app = typer.Typer(add_completion=False)
 def main(
     effect: Annotated[list[str] | None, typer.Option(help="Only this effect; may be repeated.")] = None,
     link: Annotated[str, typer.Option(help="model or rtl.")] = "model",
-    engine: Annotated[str, typer.Option(help="pybullet or mujoco.")] = "pybullet",
+    engine: Annotated[str, typer.Option(help="pybullet or mujoco.")] = default_engine(),
     into: Annotated[Path | None, typer.Option(help="Page to put the table into, between its marks.")] = None,
 ) -> None:
     """Compare the simulator with the replay for every effect; status 1 where a bound is missed."""

@@ -20,7 +20,7 @@ from rtds_host.contract import Robot
 from rtds_host.correction.choose import Chosen, choose
 from rtds_host.correction.translate import translate
 from rtds_host.errors import RtdsError
-from rtds_host.robot import ENGINES
+from rtds_host.robot import ENGINES, default_engine
 from rtds_host.run import Effects, LinkChoice, Options, Outcome, check_writable, make_plan, perform
 from rtds_host.run.plan import robot_path
 
@@ -119,7 +119,7 @@ def main(
     diagnosis: Annotated[Path | None, typer.Argument(help="A diagnosis.json.")] = None,
     effect: Annotated[list[str] | None, typer.Option(help="An effect, as of `rtds run --effect`; may be repeated.")] = None,
     robot: Annotated[str, typer.Option(help="burger, paper, or the path of a robot.toml.")] = "burger",
-    engine: Annotated[str, typer.Option(help="pybullet or mujoco; the other one is compared.")] = "pybullet",
+    engine: Annotated[str, typer.Option(help="pybullet or mujoco; the other one is compared.")] = default_engine(),
     controller: Annotated[str, typer.Option(help="exact or paper.")] = "exact",
     link: Annotated[str, typer.Option(help="model or rtl.")] = "model",
     figure: Annotated[Path | None, typer.Option(help="PNG to draw.")] = None,

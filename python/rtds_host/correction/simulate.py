@@ -18,7 +18,7 @@ from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 from rtds_host.link import Link, open_link
 from rtds_host.link.quantisation import QuantisedLink
-from rtds_host.robot import STEP_S, Body, make_body, open_engine
+from rtds_host.robot import STEP_S, Body, default_engine, make_body, open_engine
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Setting:
 
     link: str = "model"
     link_options: dict = field(default_factory=dict)
-    engine: str = "pybullet"
+    engine: str = field(default_factory=default_engine)
     exchange_steps: int = 1
     foretell: bool = True
     step_s: float = 1e-5

@@ -22,6 +22,7 @@ from rtds_host.contract import Case, load_robot, read_run
 from rtds_host.correction.close import close
 from rtds_host.correction.simulate import Setting
 from rtds_host.errors import InputError, RtdsError
+from rtds_host.robot import default_engine
 
 WANTED_SHARE = 0.9
 # A replay that closes less than this tells nothing of the simulator.
@@ -116,7 +117,7 @@ def main(
     n: Annotated[int | None, typer.Option("--n", help="So many cases, evenly over all.")] = None,
     runs: Annotated[int | None, typer.Option(help="At most so many held-out runs of each.")] = None,
     link: Annotated[str, typer.Option(help="model or rtl.")] = "model",
-    engine: Annotated[str, typer.Option(help="pybullet or mujoco.")] = "pybullet",
+    engine: Annotated[str, typer.Option(help="pybullet or mujoco.")] = default_engine(),
     into: Annotated[Path | None, typer.Option(help="Page to put the table into, between its marks.")] = None,
 ) -> None:
     """Replay held-out runs of sealed cases in the simulator; status 1 where the median share is below 0.9."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import os
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 
+from rtds_host.compat import UTC, tomllib
 from rtds_host.contract import Robot, RunMeta, builtin_robot_path, load_robot, read_run, staged_folder, write_run
 from rtds_host.errors import InputError
 from rtds_host.importers.assemble import Imported, assemble

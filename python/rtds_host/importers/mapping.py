@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import os
 import sys
-import tomllib
 from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
 
+from rtds_host.compat import tomllib
 from rtds_host.errors import InputError
 from rtds_host.importers.units import FIXED, QUANTITY
 

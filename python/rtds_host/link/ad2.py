@@ -16,10 +16,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Protocol, Self
+from typing import Protocol
 
 import numpy as np
 
+from rtds_host.compat import Self
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link.analog import ADC_HIGH_V, ADC_LOW_V, Front, Paths, clamp_to_adc
 from rtds_host.link.base import CLOSED, NO_PARAMETERS, Exchange, exchange_of, input_words, sample_times, whole_steps

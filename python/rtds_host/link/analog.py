@@ -12,13 +12,13 @@ measured, and the ideal ones. One file format holds any of them.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from rtds_host.compat import tomllib
 from rtds_host.contract import write_atomic
 from rtds_host.errors import InputError
 from rtds_host.link.scaling import ADC_CHANNELS, ADC_VOLTS_PER_STEP, DAC_OUTPUTS, FULL_SCALE, Scaling, default_scaling

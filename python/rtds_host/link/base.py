@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Protocol
 
 import numpy as np
 
+from rtds_host.compat import Self
 from rtds_host.errors import InputError, LinkError
 from rtds_host.motor.effects import SupplyEffects, UnitEffects
 

@@ -9,11 +9,12 @@ every point the four wires carry different voltages: swapped wires cannot pass.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Protocol
 
 import numpy as np
 
+from rtds_host.compat import UTC
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link.analog import (
     ADC_VOLTS_PER_STEP,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Self
 
+from rtds_host.compat import Self
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link.base import (
     CLOSED,

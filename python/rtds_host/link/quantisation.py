@@ -15,11 +15,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Self
+from typing import Annotated
 
 import numpy as np
 import typer
 
+from rtds_host.compat import Self
 from rtds_host.errors import RtdsError
 from rtds_host.link import open_link
 from rtds_host.link.base import Exchange, Link

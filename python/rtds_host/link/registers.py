@@ -9,12 +9,12 @@ answer, each closed by a CRC-16/CCITT-FALSE. The client knows bytes only; what c
 from __future__ import annotations
 
 import struct
-import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import resources
-from typing import Protocol, Self
+from typing import Protocol
 
+from rtds_host.compat import Self, tomllib
 from rtds_host.errors import InputError, LinkError
 
 BAUD = 1_000_000

@@ -17,11 +17,11 @@ import sys
 import tempfile
 import weakref
 from collections.abc import Callable, Sequence
-from typing import Self
 
 import find_libpython
 import numpy as np
 
+from rtds_host.compat import Self
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link import protocol
 from rtds_host.link.base import (

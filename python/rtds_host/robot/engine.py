@@ -2,16 +2,43 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Protocol
 
 import numpy as np
 
+from rtds_host.compat import Self
 from rtds_host.errors import InputError
 from rtds_host.robot.body import Body
 
 ENGINES = ("pybullet", "mujoco")
 STEP_S = 1e-3
+_NO_PYBULLET = f"PyBullet is not installed (it has no wheel for Python {sys.version_info[0]}.{sys.version_info[1]})"
+
+
+def default_engine(say: Callable[[str], None] | None = None) -> str:
+    """The engine where none is asked for: PyBullet, or MuJoCo where PyBullet has no wheel; then `say` gets a line."""
+    if importlib.util.find_spec("pybullet") is not None:
+        return "pybullet"
+    if say is not None:
+        say(f"rtds: {_NO_PYBULLET}; the robot is in MuJoCo")
+    return "mujoco"
+
+
+def check_engine(name: str, option: str = "engine") -> None:
+    """Whether there is such an engine here; `option` is what a message calls it.
+
+    Raises
+    ------
+    InputError : unknown engine, or one that is not installed.
+    """
+    if name not in ENGINES:
+        raise InputError(f"{option} {name!r}: unknown (known: {', '.join(ENGINES)})")
+    if name == "pybullet" and importlib.util.find_spec("pybullet") is None:
+        raise InputError(f"{option} {name!r}: {_NO_PYBULLET}; choose mujoco")
 
 
 @dataclass(frozen=True)
@@ -67,14 +94,13 @@ def open_engine(name: str, body: Body, pose: tuple[float, float, float] = (0.0, 
 
     Raises
     ------
-    InputError : unknown engine.
+    InputError : unknown engine, or one that is not installed.
     """
+    check_engine(name)
     if name == "pybullet":
         from rtds_host.robot.pybullet_engine import PyBulletEngine
 
         return PyBulletEngine(body, pose, step_s)
-    if name == "mujoco":
-        from rtds_host.robot.mujoco_engine import MujocoEngine
+    from rtds_host.robot.mujoco_engine import MujocoEngine
 
-        return MujocoEngine(body, pose, step_s)
-    raise InputError(f"engine {name!r}: unknown (known: {', '.join(ENGINES)})")
+    return MujocoEngine(body, pose, step_s)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import copy
 import math
-from typing import Self
 
 import mujoco
 import numpy as np
 
+from rtds_host.compat import Self
 from rtds_host.robot.body import SKID_RADIUS_M, Body
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import base_inertia, supports

@@ -7,10 +7,10 @@ import math
 import os
 import sys
 import tempfile
-from typing import Self
 
 import numpy as np
 
+from rtds_host.compat import Self
 from rtds_host.robot.body import Body, inertia_at_wheel_kg_m2
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import WHEEL_JOINTS, make_urdf, supports

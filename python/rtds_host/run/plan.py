@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rtds_host.contract import Robot, builtin_robot_path, load_robot
 from rtds_host.control import CONTROLLERS
 from rtds_host.errors import InputError
-from rtds_host.robot import ENGINES, STEP_S, Body, check_split, make_body
+from rtds_host.robot import STEP_S, Body, check_engine, check_split, default_engine, make_body
 from rtds_host.scenario import Motion, Scenario, VoltageMotion, check_reach, find_scenario
 
 COUPLINGS = ("closed", "paper")
@@ -57,7 +57,7 @@ class Options:
     robot: str = "burger"
     controller: str = "exact"
     coupling: str = "closed"
-    engine: str = "pybullet"
+    engine: str = field(default_factory=default_engine)
     support: str = "skids"
     payload_kg: float | None = None
     slope_rad: float | None = None
@@ -106,9 +106,10 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None,
     if isinstance(scenario, str):
         scenario = find_scenario(scenario)
     for name, value, known in (("controller", options.controller, tuple(CONTROLLERS)),
-                               ("coupling", options.coupling, COUPLINGS), ("engine", options.engine, ENGINES)):
+                               ("coupling", options.coupling, COUPLINGS)):
         if value not in known:
             raise InputError(f"{name} {value!r}: unknown (known: {', '.join(known)})")
+    check_engine(options.engine)
     path = robot_path(options.robot)
     robot = load_robot(path)
     if robot.driver.mode != "voltage":

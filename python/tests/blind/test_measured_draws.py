@@ -158,7 +158,7 @@ def test_sizes_are_random_and_within_their_range(sources):
 
 
 def test_a_robot_without_comments_reads_as_the_same_robot(sources, tmp_path):
-    import tomllib
+    from rtds_host.compat import tomllib
 
     text = (sources[0] / "robot.toml").read_text()
     (tmp_path / "robot.toml").write_text(measured.dump_toml(tomllib.loads(text)))

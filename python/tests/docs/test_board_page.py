@@ -1,8 +1,9 @@
 """The wiring on the board's page is that of the project that is compiled."""
 
 import re
-import tomllib
 from pathlib import Path
+
+from rtds_host.compat import tomllib
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "docs" / "board.md").read_text()

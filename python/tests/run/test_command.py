@@ -70,7 +70,7 @@ def test_list_names_every_scenario_with_its_parameters():
     (["all", "--set", "colour=3"], "none of linear, circle, eight has a parameter 'colour'"),
     (["linear", "--link", "telepathy"], "'telepathy' is unknown"),
     (["linear", "--step-clocks", "few"], "--step-clocks few"),
-    (["linear", "--against", "chaos"], "--against chaos: unknown engine"),
+    (["linear", "--against", "chaos"], "--against 'chaos': unknown (known: pybullet, mujoco)"),
     (["linear", "--format", "xls"], "--format xls: unknown"),
     (["linear", "--method", "magic", "--link", "model"], "method: 'magic'"),
     (["linear", "--set", "length_m=nan"], "length_m is nan, a finite number is needed"),
