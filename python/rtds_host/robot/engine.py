@@ -19,13 +19,17 @@ STEP_S = 1e-3
 _NO_PYBULLET = f"PyBullet is not installed (it has no wheel for Python {sys.version_info[0]}.{sys.version_info[1]})"
 
 
+def available_engines() -> tuple[str, ...]:
+    """The engines that are installed, the default one first."""
+    return tuple(name for name in ENGINES if name != "pybullet" or importlib.util.find_spec("pybullet") is not None)
+
+
 def default_engine(say: Callable[[str], None] | None = None) -> str:
     """The engine where none is asked for: PyBullet, or MuJoCo where PyBullet has no wheel; then `say` gets a line."""
-    if importlib.util.find_spec("pybullet") is not None:
-        return "pybullet"
-    if say is not None:
+    name = available_engines()[0]
+    if name != ENGINES[0] and say is not None:
         say(f"rtds: {_NO_PYBULLET}; the robot is in MuJoCo")
-    return "mujoco"
+    return name
 
 
 def check_engine(name: str, option: str = "engine") -> None:
@@ -37,7 +41,7 @@ def check_engine(name: str, option: str = "engine") -> None:
     """
     if name not in ENGINES:
         raise InputError(f"{option} {name!r}: unknown (known: {', '.join(ENGINES)})")
-    if name == "pybullet" and importlib.util.find_spec("pybullet") is None:
+    if name not in available_engines():
         raise InputError(f"{option} {name!r}: {_NO_PYBULLET}; choose mujoco")
 
 

@@ -19,6 +19,7 @@ from rtds_host.correction.agreement import (
 from rtds_host.correction.simulate import Setting
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.errors import InputError
+from rtds_host.robot import available_engines
 
 CATALOGUE = catalogue(builtin_robot("burger"))
 
@@ -45,7 +46,7 @@ APART = [pytest.param("mujoco", "com_offset", marks=pytest.mark.xfail(strict=Tru
 
 @pytest.mark.long
 @pytest.mark.parametrize(("engine", "effect"), APART + [
-    (engine, effect) for engine in ("pybullet", "mujoco") for effect in CATALOGUE if (engine, effect) != APART[0].values])
+    (engine, effect) for engine in available_engines() for effect in CATALOGUE if (engine, effect) != APART[0].values])
 def test_every_effect_agrees_on_the_whole_run(engine, effect):
     for row in rows([effect], Setting(engine=engine)):
         assert row.within, f"{row.side}: {row.apart} above {row.bound}, most in {row.worst}"

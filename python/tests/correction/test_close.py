@@ -13,6 +13,7 @@ from rtds_host.correction.close import VARIATIONS, close, close_folder, held_out
 from rtds_host.correction.simulate import Setting, simulate
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError
+from rtds_host.robot import available_engines
 
 FRICTION = ("coulomb_friction", "both", {"torque_nm": 0.04})
 
@@ -90,7 +91,7 @@ def test_bad_input_is_one_line_and_nothing_is_written(case, tmp_path, options, w
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
+@pytest.mark.parametrize("engine", available_engines())
 def test_uneven_times_delays_and_slow_channels_are_taken_as_they_are(engine):
     model = model_with(("command_delay", "both", {"seconds": 0.0137}), ("measurement_delay", "both", {"seconds": 0.0061}))
     log = commands(1.5, 5)

@@ -11,10 +11,11 @@ from rtds_host.diagnosis.effects import CATALOGUE, SIDES
 from rtds_host.diagnosis.replay.model import nominal_model
 from rtds_host.errors import InputError
 from rtds_host.link import open_link
-from rtds_host.robot import ENGINES, make_body, open_engine
+from rtds_host.robot import available_engines, default_engine, make_body, open_engine
 from rtds_host.robot.urdf import base_inertia, yaw_inertia_kg_m2
 
 ROBOT = builtin_robot("burger")
+ENGINE = default_engine()
 M = ROBOT.motor
 
 
@@ -26,7 +27,7 @@ def body_values(**changes):
     return BodyValues(**values)
 
 
-def drive(volts, seconds=0.4, payload=0.0, exchange_steps=1, foretell=True, engine="pybullet", slope=0.0, effects=()):
+def drive(volts, seconds=0.4, payload=0.0, exchange_steps=1, foretell=True, engine=ENGINE, slope=0.0, effects=()):
     """Speeds (n, 2) rad/s at the wheel each millisecond, with voltages (2,) from rest."""
     body = make_body(ROBOT, payload, slope)
     model = nominal_model(ROBOT)
@@ -58,7 +59,7 @@ def exact(volts, seconds, inertia):
     return (still[1] + free.sum(axis=1).real) / n
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", available_engines())
 def test_a_voltage_step_accelerates_rotor_body_and_wheels_together(engine):
     speeds, _ = drive((6.0, 6.0), payload=2.0, engine=engine)
     body = make_body(ROBOT, 2.0)
@@ -118,7 +119,7 @@ def test_a_spring_lets_the_wheel_swing_about_the_rotor():
 def test_the_engine_has_the_inertia_the_layer_counts_with(com, payload):
     body = body_values(com_x_m=com[0], com_y_m=com[1]).on(make_body(ROBOT, payload))
     inertia, _ = wheel_inertia(body, yaw_inertia_kg_m2(body))
-    with open_engine("pybullet", body) as engine:
+    with open_engine(ENGINE, body) as engine:
         rise = np.array([0.03, -0.02])
         # From rest and within a millisecond nothing but inertia acts.
         torque = engine.advance(rise[None, :]) - engine.hold()

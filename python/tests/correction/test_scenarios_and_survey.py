@@ -12,6 +12,7 @@ from rtds_host.correction import scenarios
 from rtds_host.correction.choose import choose
 from rtds_host.correction.survey import Line, cases_of, markdown, survey
 from rtds_host.errors import InputError
+from rtds_host.robot import available_engines
 from rtds_host.run import LinkChoice
 
 SHORT = {"duration_s": 1.2, "length_m": 0.05, "ramp_s": 0.4, "stop_s": 0.4}
@@ -61,6 +62,7 @@ def test_a_sample_is_spread_evenly(scored):
     assert cases_of(scored, 1) == ["case-001"]
 
 
+@pytest.mark.skipif(len(available_engines()) < 2, reason="PyBullet has no wheel for this Python")
 def test_scenarios_with_and_without_effects_in_both_engines(tmp_path):
     chosen = choose(builtin_robot("burger"), None, ["coulomb_friction.torque_nm=0.08,side=left"])
     (pair,) = scenarios.drive(chosen, "burger", LinkChoice("model"), "mujoco", names=("linear",), values=SHORT)

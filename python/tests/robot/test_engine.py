@@ -1,6 +1,7 @@
 """What every physics engine must give: exact torques, wheels on target, no slip to speak of, nothing lost."""
 
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +9,9 @@ import pytest
 
 from rtds_host.contract import GRAVITY_M_S2
 from rtds_host.errors import InputError
-from rtds_host.robot import ENGINES, STEP_S, make_body, open_engine
+from rtds_host.robot import STEP_S, available_engines, check_engine, default_engine, make_body, open_engine
 
-engines = pytest.mark.parametrize("engine", ENGINES)
+engines = pytest.mark.parametrize("engine", available_engines())
 
 
 def ramp(seconds, level, rise=0.5):
@@ -178,3 +179,13 @@ def test_run_starts_where_it_is_told(burger, engine):
 def test_unknown_engine_is_named(burger):
     with pytest.raises(InputError, match="engine 'chaos': unknown .known: pybullet, mujoco"):
         open_engine("chaos", make_body(burger))
+
+
+def test_without_pybullet_the_robot_is_in_mujoco_and_that_is_said(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    said = []
+    assert default_engine(said.append) == "mujoco"
+    version = f"{sys.version_info[0]}.{sys.version_info[1]}"
+    assert said == [f"rtds: PyBullet is not installed (it has no wheel for Python {version}); the robot is in MuJoCo"]
+    with pytest.raises(InputError, match=r"--engine 'pybullet': PyBullet is not installed .*; choose mujoco"):
+        check_engine("pybullet", "--engine")

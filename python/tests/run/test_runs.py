@@ -9,7 +9,7 @@ import pytest
 from rtds_host.contract import RunMeta, read_run
 from rtds_host.errors import InputError
 from rtds_host.link import open_link
-from rtds_host.robot import make_body
+from rtds_host.robot import available_engines, make_body
 from rtds_host.run import LinkChoice, Options, SignalPath, drive_with, make_plan, perform, write_outcome
 from rtds_host.run.energy import audit
 from rtds_host.run.log import log_columns
@@ -163,7 +163,7 @@ def test_icarus_gives_the_same_log_too(tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("engine", ["pybullet", "mujoco"])
+@pytest.mark.parametrize("engine", available_engines())
 @pytest.mark.parametrize("name", BOUNDS)
 def test_default_robot_keeps_the_bounds_in_both_engines(name, engine):
     outcome = perform(make_plan(name, options=Options(engine=engine)), MODEL)
@@ -175,6 +175,7 @@ def test_default_robot_keeps_the_bounds_in_both_engines(name, engine):
     assert summary.energy_imbalance < 1e-5 and abs(summary.robot_energy_gap) < 5e-3
 
 
+@pytest.mark.skipif(len(available_engines()) < 2, reason="PyBullet has no wheel for this Python")
 def test_engines_agree_on_a_run():
     gap = perform(short(), MODEL, compare=False, against="mujoco").summary.engine_gap
     assert gap.engine == "mujoco"
