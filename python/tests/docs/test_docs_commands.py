@@ -4,6 +4,10 @@ Commands stand in blocks that begin with ```sh (a command a line) or ```console 
 run in their order, in one folder that holds a copy of examples/ and the environment as `.venv`. A comment before a block,
 <!-- test: REASON -->, keeps it from being run; <!-- test: long --> leaves it to the long tests, where the page runs
 whole. Commands inside of sentences are not run, but options, targets, modules and paths in them must exist.
+
+What a page shows as a command's output is compared with what the command prints (see examples/page_answers.py for how
+exactly): the lines below a command in a console block, a ```text block that follows a block of commands (it belongs to the
+last of them), and figures in sentences that carry a mark. A block marked "run in docs/PAGE" must show what that page shows.
 """
 
 from __future__ import annotations
@@ -17,12 +21,13 @@ import shlex
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import typer.main
+from page_answers import compare_output, compare_prose, read_answers
 
 from rtds_host.cli.main import COMMANDS, MODULES
 from rtds_host.contract import builtin_robot
@@ -43,6 +48,7 @@ class Block:
     line: int
     commands: tuple[str, ...]
     mark: str
+    said: tuple[str, ...]  # what the page shows of each command's output, "" where it shows none
 
 
 def command_word(line: str) -> bool:
@@ -62,10 +68,21 @@ def joined(lines: list[str]) -> list[str]:
     return commands
 
 
+def outputs(body: list[str]) -> tuple[str, ...]:
+    """What stands below each "$ " line of a console block."""
+    found: list[list[str]] = []
+    for line in body:
+        if line.startswith("$ "):
+            found.append([])
+        elif found:
+            found[-1].append(line)
+    return tuple("\n".join(lines) for lines in found)
+
+
 def blocks(page: Path) -> list[Block]:
     """Blocks of commands of a page; fails on a command that stands in a block without a language or is indented."""
     found: list[Block] = []
-    mark, language, body, start = "", None, [], 0
+    mark, language, body, start, follows = "", None, [], 0, False
     for number, line in enumerate(page.read_text().splitlines(), 1):
         fence = re.match(r"\s*```(\S*)", line)
         if language is None and fence:
@@ -73,8 +90,16 @@ def blocks(page: Path) -> list[Block]:
             indent = len(line) - len(line.lstrip())
         elif language is not None and fence:
             if language in ("sh", "console"):
-                said = [x.removeprefix("$ ") for x in body if x.startswith("$ ")] if language == "console" else body
-                found.append(Block(start, tuple(joined(said)), mark))
+                typed = [x.removeprefix("$ ") for x in body if x.startswith("$ ")] if language == "console" else body
+                commands = tuple(joined(typed))
+                said = outputs(body) if language == "console" else ("",) * len(commands)
+                assert len(said) == len(commands), f"{page.name}:{start}: a command of a console block spans lines"
+                found.append(Block(start, commands, mark, said))
+                follows = True
+            elif language == "text" and follows and found[-1].commands and not found[-1].mark:
+                found[-1] = replace(found[-1], said=(*found[-1].said[:-1], "\n".join(body)))
+            elif language == "text":
+                assert mark or not read_answers("\n".join(body)), f"{page.name}:{start}: an answer that no command gives"
             elif not language:
                 stray = [x for x in body if command_word(x)]
                 assert not stray, f"{page.name}:{start}: a block of commands needs sh or console: {stray[0]}"
@@ -84,7 +109,7 @@ def blocks(page: Path) -> list[Block]:
         elif MARK.fullmatch(line):
             mark = MARK.fullmatch(line)[1]
         elif line.strip():
-            mark = ""
+            mark, follows = "", False
             assert not (line.startswith("    ") and command_word(line)), f"{page.name}:{number}: commands need a fence"
     return found
 
@@ -150,14 +175,20 @@ def run_page(page: Path, scratch: Path, long: bool) -> None:
         (scratch / name).symlink_to(ROOT / name)
     (scratch / ".venv").symlink_to(sys.prefix)
     environment = {**os.environ, "PATH": f"{sys.prefix}/bin:{os.environ['PATH']}", "NO_COLOR": "1", "COLUMNS": "110"}
+    wrong: list[str] = []
     for block in blocks(page):
         if block.mark and not (long and block.mark.startswith("long")):
             continue
-        for command in block.commands:
+        for command, said in zip(block.commands, block.said, strict=True):
             done = subprocess.run(["bash", "-c", command], cwd=scratch, env=environment, text=True, check=False,
                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
             assert done.returncode == 0, (f"{page.name}:{block.line}: {command}\n[exit status {done.returncode}]\n"
                                           + done.stdout[-2000:])
+            if said.strip():
+                wrong += [f"{page.name}:{block.line}: {command[:60]}: {w}" for w in
+                          compare_output(command, said, done.stdout, scratch)]
+    wrong += [f"{page.name}: {w}" for w in compare_prose(page.read_text(), scratch)]
+    assert not wrong, "the page says what is not so (examples/run_tutorial.py PAGE brings it up to date):\n" + "\n".join(wrong)
 
 
 def marks(page: Path) -> set[str]:
@@ -200,11 +231,24 @@ def test_nothing_escapes_the_collector(tmp_path):
         with pytest.raises(AssertionError, match=complaint):
             blocks(page)
     page.write_text("<!-- test: needs the board -->\n```sh\nrtds run a \\\n  b\n```\n```console\n$ ls\nout\n```\n")
-    assert [(b.commands, b.mark) for b in blocks(page)] == [(("rtds run a    b",), "needs the board"), (("ls",), "")]
+    assert [(b.commands, b.mark, b.said) for b in blocks(page)] == [
+        (("rtds run a    b",), "needs the board", ("",)), (("ls",), "", ("out",))]
     for wrong in ("rtds runn linear", "rtds run linear --lnk model", "make tset", "pytest python/tests/nowhere",
                   "python -m rtds_host.nothing"):
         with pytest.raises(AssertionError):
             check_words(wrong)
+
+
+def test_a_block_that_is_run_on_another_page_shows_what_that_page_shows():
+    for page in PAGES:
+        for block in blocks(page):
+            if m := re.fullmatch(r"run in (docs/\S+\.md)", block.mark):
+                there = [answer for other in blocks(ROOT / m[1]) for said in other.said for answer in read_answers(said)]
+                for said in block.said:
+                    for answer in read_answers(said):
+                        same = [o for o in there if (o.case, o.verdict, o.effects.keys()) ==
+                                (answer.case, answer.verdict, answer.effects.keys())]
+                        assert any(answer.gap.items() <= o.gap.items() for o in same), f"{page.name}:{block.line}: {answer}"
 
 
 def test_the_start_page_of_the_repository_begins_with_the_two_commands():
