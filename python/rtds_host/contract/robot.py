@@ -97,6 +97,7 @@ class Robot:
     servo: Servo | None
     sensors: dict[str, float] = field(default_factory=dict)
     notices: tuple[str, ...] = field(default=(), compare=False)
+    measured_noise: dict[str, float] = field(default_factory=dict, compare=False)
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -104,8 +105,11 @@ class Robot:
         return ("l",) if self.axis is not None else ("l", "r")
 
     def noise(self, channel: str) -> float | None:
-        """One standard deviation of white noise on a sample of `channel`, or None where it is not declared."""
-        return self.sensors.get(NOISE_KEYS.get(channel, ""))
+        """One standard deviation of white noise on a sample of `channel`, or None where it is not declared.
+
+        With what rounding adds to it, where a log was looked at for that (`measured_noise`, by channel).
+        """
+        return self.measured_noise.get(channel, self.sensors.get(NOISE_KEYS.get(channel, "")))
 
 
 class _Section:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -58,11 +58,17 @@ def diagnose(case: Case, quick: bool = False, threads: int = 2, seed: int = 1,
     gate = examine(case)
     # A replay has a thread a core; further ones of linear algebra would only wait for them, busily.
     with threadpool_limits(1, "blas"):
-        found = investigate(case, quick, threads, say, without)
+        found = investigate(taken(case, gate), quick, threads, say, without)
         diagnosis, details = conclude(found, gate, say)
     details.seconds = time.perf_counter() - began
     say("done", 1.0)
     return diagnosis, details
+
+
+def taken(case: Case, gate: Gate) -> Case:
+    """The case as the gate leaves it: without what is certainly no measurement, and with its noise as it is measured."""
+    noise = {channel: sigma for channel, sigma in gate.noise.items() if case.robot.noise(channel) is not None}
+    return replace(gate.case or case, robot=replace(case.robot, measured_noise=noise))
 
 
 @dataclass
