@@ -5,7 +5,7 @@ gain of likelihood between them (`evidence`):
 
     log odds(present) = log prior odds + min(G, t^2 / 2)
 
-It must also be worth naming: what it takes off the squared gap is at least what counts as a gap at all.
+It must also be worth naming.
 """
 
 from __future__ import annotations
@@ -13,17 +13,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from rtds_host.diagnosis.evidence import believed, compared
+from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
-from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.search import Search
 
 # An effect is named where it is more likely there than not.
 NAMED = 0.5
-# Of the squared gap: what makes one of 1.1 out of none (contract, section 4).
-WORTH = LEAST**2 - 1.0
-# Two explanations cannot be told apart where neither is this many to one.
-ALIKE = 20.0
 # Members that a set of look-alikes may have (contract, section 5).
 LARGEST_SET = 3
 
@@ -32,13 +27,13 @@ LARGEST_SET = 3
 class Standing:
     """What speaks for one effect of an explanation.
 
-    without : the explanation fitted without it; worth : of the squared gap that it closes; gain : of log likelihood by it; t : the gain over its scatter between
+    without : the explanation fitted without it; gaps : without and with it; gain : of log likelihood by it; t : the gain over its scatter between
     blocks; probability : that it is present.
     """
 
     member: tuple[str, str]
     without: Fit
-    worth: float
+    gaps: tuple[float, float]
     gain: float
     t: float
     probability: float
@@ -65,8 +60,8 @@ def _standing(search: Search, fit: Fit, member: tuple[str, str]) -> Standing:
     without = search.try_fit(without.hypothesis, without.u, without)
     gain, t = compared(search.problem, fit, without)
     odds = search.log_prior((member,)) + believed(gain, t)
-    worth = search.problem.gap(without.model(search.problem)) ** 2 - search.problem.gap(fit.model(search.problem)) ** 2
-    return Standing(member, without, worth, gain, t, 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0))))
+    gaps = [search.problem.gap(f.model(search.problem)) for f in (without, fit)]
+    return Standing(member, without, (gaps[0], gaps[1]), gain, t, 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0))))
 
 
 def account(search: Search, fit: Fit) -> Account:
@@ -75,12 +70,12 @@ def account(search: Search, fit: Fit) -> Account:
     while True:
         standing = [_standing(search, fit, member) for member in fit.hypothesis]
         weakest = min(standing, key=lambda s: s.probability, default=None)
-        least = min(standing, key=lambda s: s.worth, default=None)
+        least = min(standing, key=lambda s: s.gaps[0], default=None)
         if weakest is not None and weakest.probability < NAMED:
             dropped[weakest.member] = (f"is missed too unevenly to be there (gain {weakest.gain:.0f}, {weakest.t:.1f} times "
                                        "its scatter over the runs)")
             fit = weakest.without
-        elif least is not None and least.worth < WORTH:
+        elif least is not None and not worth_naming(*least.gaps):
             dropped[least.member] = "closes next to nothing of the gap"
             fit = least.without
         else:
@@ -98,12 +93,14 @@ def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tu
         for candidate in search.rivals(one.without, one.member, LARGEST_SET):
             swapped = search.swapped(one.without, candidate)
             gain, t = compared(search.problem, fit, swapped)
-            if believed(gain, t) < math.log(ALIKE) and search.named(swapped):
-                found.append((gain, candidate.member))
+            if believed(gain, t) < math.log(CONVINCING) and search.named(swapped):
+                # Look-alikes in principle first: a set has room for few.
+                known = candidate.member[0] in search.effects[one.member[0]].confused_with
+                found.append((not known, gain, candidate.member))
                 rivals.append(swapped)
         if found:
             found.sort()
-            sets.append((one.member, *(member for _, member in found[:LARGEST_SET - 1])))
+            sets.append((one.member, *(member for *_, member in found[:LARGEST_SET - 1])))
     return tuple(sets), rivals
 
 

@@ -1,9 +1,13 @@
 """What a gain of likelihood is worth where no explanation is exact.
 
-Two explanations are compared block by block of time. The gain of log likelihood G, the sum of g_b over B blocks, is judged
-against its own scatter (Q. H. Vuong, Econometrica 57, 1989): with t = G / (sqrt(B) sd(g)), no more than exp(t^2 / 2) to one
-can be believed of it, however large it is. What is missed steadily, nearly wherever it acts, is there; what is missed in a
-few stretches stands in for something else.
+Two explanations are compared block by block of time. No block convinces by more than `CONVINCING` to one: beyond that it is the
+models' error that speaks. The gain of log likelihood G, the sum of these g_b over B blocks, is judged against its own
+scatter (Q. H. Vuong, Econometrica 57, 1989): with t = G / (sqrt(B) sd(g)), no more than exp(t^2 / 2) to one can be believed
+of it, however large it is. What is missed steadily, nearly wherever it acts, is there; what is missed in a few stretches
+stands in for something else.
+
+And an effect must be worth naming: what it takes off the squared gap is at least what counts as a gap at all, and no small
+part of what stays without a name, since of a large rest any form takes a little.
 """
 
 from __future__ import annotations
@@ -13,17 +17,30 @@ import math
 import numpy as np
 
 from rtds_host.diagnosis.fit import Fit
+from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.problem import Problem
+
+# Odds at which one block of time, and a comparison of two explanations, convinces.
+CONVINCING = 20.0
+# Of the squared gap: what makes one of 1.1 out of none (contract, section 4), or this share of the rest.
+WORTH, WORTH_OF_REST = LEAST**2 - 1.0, 0.1
+
+
+def worth_naming(without: float, gap: float) -> bool:
+    """Whether an effect that lowers the gap from `without` to `gap` is worth naming."""
+    return without**2 - gap**2 >= max(WORTH, WORTH_OF_REST * (gap**2 - 1.0))
 
 
 def compared(problem: Problem, fit: Fit, other: Fit) -> tuple[float, float]:
     """Gain of log likelihood of `fit` over `other`, and that gain over its scatter between blocks of time."""
     blocks = [f.noise.blocks(f.residual, problem.blocks, problem.block_count) for f in (other, fit)]
     used = np.bincount(problem.blocks, minlength=problem.block_count) > 0
-    gains = 0.5 * (blocks[0] - blocks[1])[used]
-    scatter = math.sqrt(len(gains)) * float(gains.std())
+    most = math.log(CONVINCING)
+    gains = np.clip(0.5 * (blocks[0] - blocks[1])[used], -most, most)
+    # The scatter of one block that says nothing: where all convince alike there would be none at all.
+    scatter = math.sqrt(float(((gains - gains.mean()) ** 2).sum()) + 1.0)
     gain = float(gains.sum())
-    return gain, gain / scatter if scatter > 0 else 0.0
+    return gain, gain / scatter
 
 
 def believed(gain: float, t: float) -> float:

@@ -23,6 +23,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+# A discrepancy comes and goes; what lasts longer than this is a scale, a bias or a load, which the catalogue has names for.
+LONGEST_S = 0.3
 # Numerical: sizes and correlation times that are told apart, and how finely they are looked for (in logarithms).
 LEAST_SIZE = 1e-3
 COARSE_TAUS = 5
@@ -165,7 +167,8 @@ def _most_likely(residual: np.ndarray, mine: list[Series], s: float, tau: float,
     steps = np.concatenate([np.diff(one.t) for one in mine])
     if not len(steps):
         return 0.0, 1.0
-    shortest, longest = 0.5 * float(np.median(steps)), max(max(spans), float(np.median(steps)))
+    shortest = 0.5 * float(np.median(steps))
+    longest = max(min(max(spans), LONGEST_S), 2.0 * shortest)
     size = math.sqrt(max(np.mean(np.concatenate([residual[one.first:one.last] for one in mine]) ** 2), 1e-12))
 
     def cost(log_s: float, log_tau: float) -> float:

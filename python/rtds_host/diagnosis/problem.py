@@ -22,7 +22,7 @@ from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 # Stretches whose residuals are counted as one draw: a second, as the gap's windows; shorter where all runs together are, so
 # that there are enough of them, of a few rows each.
-BLOCK_S, LEAST_BLOCKS, ROWS_A_BLOCK = 1.0, 30, 5
+BLOCK_S, LEAST_BLOCKS, ROWS_A_BLOCK = 1.0, 100, 5
 # Pieces of a single axis's run: longer than its transients, shorter than it takes to drift away.
 PIECE_S = 0.4
 PIECE_WINDOWS, PIECE_ROWS = 2.0, 10

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.evidence import believed, compared
+from rtds_host.diagnosis.evidence import believed, compared, worth_naming
 from rtds_host.diagnosis.fit import STALE_GAIN, Fit, Fitter, Hypothesis, apply, joined, scaled, to_values
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.problem import HEADING_GAIN, Problem
@@ -321,9 +321,11 @@ class Search:
         return self.problem.gap(fit.model(self.problem)) < LEAST
 
     def _believed(self, grown: Fit, fit: Fit) -> bool:
-        """Whether an explanation is more likely than a part of it, as far as its gain can be believed."""
+        """Whether an explanation is more likely than a part of it, as far as its gain can be believed, and is worth it."""
         prior = self.log_prior(grown.hypothesis) - self.log_prior(fit.hypothesis)
-        return prior + believed(*compared(self.problem, grown, fit)) > 0.0
+        if prior + believed(*compared(self.problem, grown, fit)) < 0.0:
+            return False
+        return worth_naming(*(self.problem.gap(f.model(self.problem)) for f in (fit, grown)))
 
     def _climb(self, fit: Fit) -> Fit:
         doubtful = 0
