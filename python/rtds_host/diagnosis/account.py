@@ -11,7 +11,7 @@ It must also be worth naming.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
@@ -43,7 +43,7 @@ class Standing:
 class Account:
     """The effects that stand, in the fit that holds just these, and those that cannot be told from them.
 
-    dropped : (effect, side) -> why it was in the most probable explanation and does not stand; alike : sets, each holding a
+    base : nuisances refitted, no effect; dropped : (effect, side) -> why it was in the most probable explanation and does not stand; alike : sets, each holding a
     blamed one first; alternatives : other explanations and how likely each is beside the first, best first.
     """
 
@@ -60,8 +60,19 @@ def _standing(search: Search, fit: Fit, member: tuple[str, str]) -> Standing:
     without = search.try_fit(without.hypothesis, without.u, without)
     gain, t = compared(search.problem, fit, without)
     odds = search.log_prior((member,)) + believed(gain, t)
-    gaps = [search.problem.gap(f.model(search.problem)) for f in (without, fit)]
-    return Standing(member, without, (gaps[0], gaps[1]), gain, t, 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0))))
+    without, gap = _closest(search, fit, without)
+    return Standing(member, without, (gap, search.problem.gap(fit.model(search.problem))), gain, t, 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0))))
+
+
+def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
+    """The explanation without an effect, with the nuisances that bring its replay closest, and its gap: those that the
+    likelihood prefers beside so large a discrepancy may open the gap, which would flatter the effect."""
+    problem = search.problem
+    kept = replace(without, z=fit.z, residual=problem.residual(without.model_at(problem, fit.z)))
+    tried = [without, kept, *([search.refitted()] if not without.hypothesis else [])]
+    gaps = [problem.gap(f.model(problem)) for f in tried]
+    k = min(range(len(tried)), key=gaps.__getitem__)
+    return tried[k], gaps[k]
 
 
 def account(search: Search, fit: Fit) -> Account:
@@ -82,7 +93,7 @@ def account(search: Search, fit: Fit) -> Account:
             break
     standing.sort(key=lambda s: -s.gain)
     alike, rivals = _alike(search, fit, standing)
-    return Account(fit, search.fits[()], tuple(standing), dropped, alike, _alternatives(search, fit, standing, rivals))
+    return Account(fit, search.refitted(), tuple(standing), dropped, alike, _alternatives(search, fit, standing, rivals))
 
 
 def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tuple[tuple[str, str], ...], ...], list[Fit]]:

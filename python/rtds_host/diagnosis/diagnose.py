@@ -163,7 +163,7 @@ def _verdict(total: dict[str, float], named: bool, structured: bool, rest: float
 
 def _coloured(fit: Fit) -> bool:
     """Whether what a fit leaves is more likely a discrepancy than white noise alone."""
-    return fit.noise.cost(fit.residual) < float(fit.residual @ fit.residual)
+    return fit.noise.estimated(fit.residual, thorough=True).cost(fit.residual) < float(fit.residual @ fit.residual)
 
 
 def _round(value: float, digits: int = 5) -> float:

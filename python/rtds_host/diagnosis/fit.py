@@ -220,14 +220,14 @@ class Fitter:
         return np.concatenate(columns, axis=1) if columns else new
 
     def fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, noise: Discrepancy, iterations: int = 8,
-            known: dict[tuple[str, str], np.ndarray] | None = None) -> Fit:
+            known: dict[tuple[str, str], np.ndarray] | None = None, fixed: bool = False) -> Fit:
         """Fit an explanation from a start.
 
         Parameters
         ----------
         start : (p,) scaled effect parameters; z : (k,) nuisances to start from; noise : a discrepancy to begin with.
         known : derivatives by the parameters of some of its effects, (N, n) each, to do with: a rough fit, good enough to
-            see what another effect brings or what one that is gone leaves.
+            see what another effect brings or what one that is gone leaves. fixed : keep the discrepancy.
         """
         k = self.count
         known = known or {}
@@ -242,7 +242,7 @@ class Fitter:
         if self.by_nuisance is None:
             self.by_nuisance = self._derivatives(hypothesis, x, r, range(k), high)
         by_nuisance = self.by_nuisance
-        noise = noise.estimated(r)
+        noise = noise if fixed else noise.estimated(r)
         now = noise.cost(r) + prior_cost(x[:k], x[k:])
         damping, renewed = 0.0, False
         step = gradient = np.zeros(len(x))
@@ -276,7 +276,7 @@ class Fitter:
                     break                   # what a step could still bring is below the noise of the choice
                 damping = max(damping * 30, 1e-4)
             if improved > 0.0:
-                noise = noise.estimated(r)
+                noise = noise if fixed else noise.estimated(r)
                 after = noise.cost(r) + prior_cost(x[:k], x[k:])
                 improved, now = max(improved, now - after), after
             if improved < STEP_GAIN:

@@ -51,6 +51,7 @@ class Search:
         self.slow_moves: dict[Signature, np.ndarray] = {}
         self.moves: dict[Signature, np.ndarray] = {}
         self.looked: set[Hypothesis] = set()     # explanations on top of which slow effects were looked for
+        self._refitted: Fit | None = None
         self.trace: list[str] = []
 
     # ---- scores
@@ -91,6 +92,14 @@ class Search:
         if best is None or fit.cost < best.cost:
             self.fits[hypothesis] = fit
         return self.fits[hypothesis]
+
+    def refitted(self) -> Fit:
+        """The nominal robot with nuisances that bring its replay as close as their tolerance allows, whatever is missing: no
+        discrepancy, so that what they could explain is not taken for one."""
+        if self._refitted is None:
+            flat = self.problem.discrepancy()
+            self._refitted = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), flat, fixed=True)
+        return self._refitted
 
     def _screens(self, fit: Fit, moves: dict[Signature, np.ndarray]) -> list[Screen]:
         """What effects promise on top of a fit, by the discrepancy it leaves and by none.
