@@ -91,7 +91,7 @@ def simulate(log: RunLog, robot: Robot, model: Model | None = None, setting: Set
     InputError : a robot the simulator does not have, effects the link cannot hold. LinkError : no answer.
     """
     setting = setting or Setting()
-    t, _, commands, bus, run, known = run_inputs(log, robot)
+    t, _, commands, bus, _, run, known = run_inputs(log, robot)
     start = known if start is None else start
     if robot.driver.mode != "voltage":
         raise InputError(f"robot {robot.name!r}: [driver] mode is {robot.driver.mode!r}, the real-time simulator drives by "

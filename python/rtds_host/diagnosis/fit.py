@@ -25,8 +25,8 @@ Effects = dict[str, Effect]
 
 # Tolerances are said to be 1 % (one sigma): half of them within 0.7 of it, none beyond this many.
 NUISANCE_LIMIT = 3.5
-# Numerical: what a step must still bring (in -2 log probability), and what one that promised more than that must have brought.
-STEP_GAIN, STALE_GAIN = 0.2, 20.0
+# Numerical: what a step must still bring, in -2 log probability.
+STEP_GAIN = 0.2
 
 
 def parameters(effects: Effects, hypothesis: Hypothesis) -> list[tuple[Effect, str, Parameter]]:
@@ -40,7 +40,7 @@ def to_values(effects: Effects, hypothesis: Hypothesis, u: np.ndarray) -> list[d
     for effect, _ in hypothesis:
         values = {}
         for p in effects[effect].parameters:
-            values[p.name] = float(min(max(p.null + p.spread * u[k], p.low), p.high))
+            values[p.name] = p.value(float(u[k]))
             k += 1
         result.append(values)
     return result
@@ -48,7 +48,7 @@ def to_values(effects: Effects, hypothesis: Hypothesis, u: np.ndarray) -> list[d
 
 def scaled(effects: Effects, hypothesis: Hypothesis, values: list[dict[str, float]]) -> np.ndarray:
     """The inverse of `to_values`."""
-    return np.array([(v[p.name] - p.null) / p.spread for (e, _), v in zip(hypothesis, values)
+    return np.array([p.scaled(v[p.name]) for (e, _), v in zip(hypothesis, values)
                      for p in effects[e].parameters])
 
 
@@ -181,8 +181,8 @@ class Fitter:
 
     def _bounds(self, hypothesis: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
         ps = [p for _, _, p in parameters(self.effects, hypothesis)]
-        low = np.array([-NUISANCE_LIMIT] * self.count + [(p.low - p.null) / p.spread for p in ps])
-        high = np.array([NUISANCE_LIMIT] * self.count + [(p.high - p.null) / p.spread for p in ps])
+        low = np.array([-NUISANCE_LIMIT] * self.count + [p.scaled(p.low) for p in ps])
+        high = np.array([NUISANCE_LIMIT] * self.count + [p.scaled(p.high) for p in ps])
         return low, high
 
     def _derivatives(self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: Iterable[int],
@@ -218,6 +218,11 @@ class Fitter:
                 columns.append(new[:, at:at + count])
                 at += count
         return np.concatenate(columns, axis=1) if columns else new
+
+    def _tried(self, hypothesis: Hypothesis, x: np.ndarray, noise: Discrepancy) -> tuple[np.ndarray, np.ndarray, float]:
+        """Parameters, their residuals and what they cost."""
+        moved = self.problem.residual(self.model(hypothesis, x))
+        return x, moved, noise.cost(moved) + prior_cost(x[:self.count], x[self.count:])
 
     def fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, noise: Discrepancy, iterations: int = 8,
             known: dict[tuple[str, str], np.ndarray] | None = None, fixed: bool = False) -> Fit:
@@ -263,9 +268,10 @@ class Fitter:
                 damped = hessian[np.ix_(keep, keep)] + damping * np.diag(np.diag(hessian)[keep])
                 step = np.zeros(len(x))
                 step[keep] = -np.linalg.solve(damped, gradient[keep])
-                trial = np.clip(x + step, low, high)
-                moved = self.problem.residual(self.model(hypothesis, trial))
-                new = noise.cost(moved) + prior_cost(trial[:k], trial[k:])
+                trial, moved, new = self._tried(hypothesis, np.clip(x + step, low, high), noise)
+                if new >= now and abs(gradient @ step) >= STEP_GAIN:
+                    # Along a bent valley a part of the step leads on where damping would hold it.
+                    trial, moved, new = self._tried(hypothesis, np.clip(x + 0.25 * step, low, high), noise)
                 if new < now:
                     improved = now - new
                     x, r = trial, moved
@@ -280,9 +286,10 @@ class Fitter:
                 after = noise.cost(r) + prior_cost(x[:k], x[k:])
                 improved, now = max(improved, now - after), after
             if improved < STEP_GAIN:
-                if renewed or known or abs(gradient @ step) < STALE_GAIN or not len(start):
+                if renewed or known or not len(start):
                     break
-                # Far from where they were taken, the nuisances' derivatives point the wrong way.
+                # Far from where they were taken, the nuisances' derivatives point the wrong way, and hide the valley in which
+                # an effect and a tolerance of the same parameter lie.
                 by_nuisance = self._derivatives(hypothesis, x, r, range(k), high)
                 renewed, damping = True, 0.0
         return Fit(self.effects, hypothesis, x[:k].copy(), x[k:].copy(), r, by_nuisance, by_effect, free, noise)

@@ -58,7 +58,7 @@ def left_out(problem: Problem, fit: Fit, rows: np.ndarray) -> Model:
     u = fit.u + step[k:]
     ps = [p for _, _, p in parameters(fit.effects, fit.hypothesis)]
     if ps:
-        u = np.clip(u, [(p.low - p.null) / p.spread for p in ps], [(p.high - p.null) / p.spread for p in ps])
+        u = np.clip(u, [p.scaled(p.low) for p in ps], [p.scaled(p.high) for p in ps])
     return replace(fit, z=fit.z + step[:k], u=u).model(problem)
 
 

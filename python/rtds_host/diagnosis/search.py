@@ -12,7 +12,7 @@ import numpy as np
 
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.evidence import believed, compared, worth_naming
-from rtds_host.diagnosis.fit import STALE_GAIN, Fit, Fitter, Hypothesis, apply, joined, scaled, to_values
+from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, joined, scaled, to_values
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.problem import HEADING_GAIN, Problem
 from rtds_host.diagnosis.screen import Candidate, Screen, Signature, clashes, moves_of
@@ -32,6 +32,8 @@ NEARLY = 0.8
 DOUBTFUL, SURE = 1, 12.0
 # Rounds of exchanging effects and looking for more.
 EXCHANGES = 3
+# Numerical: how far in score a rough fit may be from one in earnest.
+ROUGHLY = 20.0
 # Numerical: steps of a fit in earnest, and of a rough one.
 ITERATIONS, ROUGH_ITERATIONS = 8, 4
 # Sizes to look at about one whose misfit is rough (impacts, resonances), as factors.
@@ -190,7 +192,7 @@ class Search:
             if not simpler:
                 break
             best = min(simpler, key=self.score)
-            if self.score(best) < self.score(fit) + STALE_GAIN:
+            if self.score(best) < self.score(fit) + ROUGHLY:
                 best = self.try_fit(best.hypothesis, best.u, best)
             if self.score(best) >= self.score(fit):
                 break
@@ -232,7 +234,7 @@ class Search:
                     hypothesis, start = joined({**alone.parts, candidate.member: candidate.start})
                     swapped = self.try_fit(hypothesis, start, alone, rough=True)
                     found += [swapped, *self._mixed(fit, alone, swapped, member, candidate.member)]
-            tried += [f for f in found if self.score(f) < self.score(fit) + STALE_GAIN]
+            tried += [f for f in found if self.score(f) < self.score(fit) + ROUGHLY]
         tried = sorted(tried, key=self.score)[:3]
         better = min([fit, *(self.try_fit(f.hypothesis, f.u, f) for f in tried if f is not fit)], key=self.score)
         if better is not fit:

@@ -36,7 +36,11 @@ def test_what_is_wrong_with_an_axis_is_named(tmp_path, kind, mode):
     found, _ = diagnose(read_case(write_axis_case(tmp_path / "case", kind, mode, **truth)), quick=True)
     assert found["verdict"] == "known"
     (blamed,) = found["effects"]
-    assert blamed["id"] == effect
+    # Turned by torque and measured by its encoder alone, a machine's drive and its encoder are one scale.
+    alike = {"speed_gain"} if (kind, mode) == ("linear", "torque") else set()
+    assert blamed["id"] in {effect} | alike
+    if blamed["id"] != effect:
+        assert {effect, blamed["id"]} in [{m["id"] for m in members} for members in found["indistinguishable"]]
     (value,) = blamed["parameters"].values()
     assert value["value"] == pytest.approx(size, rel=0.03)
     assert found["gap"]["before"] > 20

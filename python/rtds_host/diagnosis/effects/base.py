@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -45,6 +46,24 @@ class Parameter:
         low = max(unit * self.low, -getattr(machine, self.least)) if self.least else unit * self.low
         return replace(self, scale="one", least="", null=unit * self.null, low=low, high=unit * self.high,
                        spread=unit * self.spread, starts=tuple(max(unit * start, low) for start in self.starts))
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether it is searched by its logarithm: a factor that cannot change its sign, as the nuisances' are."""
+        return self.null == 1.0 and self.low > 0.0
+
+    def value(self, u: float) -> float:
+        """The value at `u` spreads from absent, within its bounds."""
+        plain = self.null * math.exp(self.spread * u) if self.logarithmic else self.null + self.spread * u
+        return min(max(plain, self.low), self.high)
+
+    def scaled(self, value: float) -> float:
+        """The inverse of `value`."""
+        return math.log(value) / self.spread if self.logarithmic else (value - self.null) / self.spread
+
+    def slope(self, value: float) -> float:
+        """Change of the value by one spread, about a value."""
+        return self.spread * value if self.logarithmic else self.spread
 
     def reported(self, axis: Axis | None) -> tuple[str, str, float]:
         """Name, unit and what one unit of the fit is in it, on this machine."""
