@@ -99,12 +99,10 @@ def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, ro
         runs.append(ImportedRun(name, imported, replace(said, scenario=said.scenario or name,
                                                         notes=said.notes or _origin(path, mapped, imported))))
 
-    if mapped.driver.get("bus") == "measured" and not all("v_bus" in run.imported.columns for run in runs):
-        # A bus that is not in every run is the nominal one in all: they belong to one robot.
-        lacking = next(run for run in runs if "v_bus" not in run.imported.columns)
-        mapped = replace(mapped, driver={**mapped.driver, "bus": "nominal"})
-        told = f"{lacking.imported.path.name}: v_bus is not there, the bus is taken to hold its nominal voltage"
-        runs[0] = replace(runs[0], imported=replace(runs[0].imported, notices=(*runs[0].imported.notices, told)))
+    for k, run in enumerate(runs):
+        if mapped.driver.get("bus") == "measured" and "v_bus" not in run.imported.columns:
+            told = f"{run.imported.path.name}: v_bus is not there, the bus is taken to hold its nominal voltage"
+            runs[k] = replace(run, imported=replace(run.imported, notices=(*run.imported.notices, told)))
     text = case_robot(nominal_path, nominal, mapped, runs[0].imported.mode)
     with staged_folder(out) as scratch, _named(scratch, out):
         (scratch / "robot.toml").write_text(text, encoding="utf-8")

@@ -66,12 +66,13 @@ def test_a_cause_that_is_planted_shows_in_the_bag(nominal, tmp_path):
     assert gap(plain) < 4.0
 
 
-def test_a_bag_without_a_battery_keeps_the_nominal_bus_and_says_so(tmp_path):
+def test_a_bag_without_a_battery_takes_the_nominal_bus_and_says_so(tmp_path):
     from import_recordings import turtlebot
     recording = turtlebot().drop("/battery_state", "/sensor_state")
     recording.mcap(tmp_path / "bare.mcap")
     run, = import_case([tmp_path / "bare.mcap"], tmp_path / "case")
-    assert read_case(tmp_path / "case").robot.driver.bus == "nominal"
+    case = read_case(tmp_path / "case")
+    assert (run_inputs(case.runs[0], case.robot)[3] == 12.0).all()
     assert any("v_bus is not there" in notice for notice in run.imported.notices)
 
 

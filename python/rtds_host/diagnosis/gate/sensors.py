@@ -16,6 +16,8 @@ from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 MOVES, SHOWS, STILL = 5.0, 20.0, 3.0
 # Values that repeat exactly: so many in a row, for so long, where a noisy sensor hardly ever repeats one.
 REPEATS, REPEATS_S, SELDOM = 8, 0.05, 0.3
+# Steps of this many noises hide the noise; looked for within so many noises of a value.
+COARSE, NEAR = 0.3, 20.0
 # Samples on one limit: so many, so many times as many as on the fullest level beside it, and in so long a row.
 ON_LIMIT, ON_LIMIT_SHARE, LEVEL_TIMES, IN_A_ROW = 20, 0.005, 5.0, 3
 
@@ -108,6 +110,12 @@ def _clipped(log: RunLog, c: str, v: np.ndarray, replayed: np.ndarray, noise: fl
     return None
 
 
+def _fine_about(v: np.ndarray, value: float, noise: float) -> bool:
+    """Whether a channel shows its noise about a value: one of few significant digits is coarse where it is large."""
+    near = np.unique(v[np.abs(v - value) < NEAR * noise])
+    return len(near) > 1 and float(np.min(np.diff(near))) < COARSE * noise
+
+
 def _moves_within(log: RunLog, robot: Robot, c: str, first: float, last: float) -> bool:
     """Whether a channel beside `c` moves beyond its noise between two times: a sensor at rest may well repeat itself."""
     rows = slice(*np.searchsorted(log.t, [first, last + 1e-12]))
@@ -126,12 +134,12 @@ def _frozen(log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float,
             robot: Robot) -> tuple[Finding, np.ndarray] | None:
     """A noisy channel that repeats one value for long while the robot moves."""
     same = np.diff(v) == 0
-    if len(v) < 50 or np.mean(same) > SELDOM or float(np.min(np.diff(np.unique(v)))) > 0.3 * noise:
+    if len(v) < 50 or np.mean(same) > SELDOM or float(np.min(np.diff(np.unique(v)))) > COARSE * noise:
         # A coarse sensor repeats itself.
         return None
     first, long = _stretches(same)
     held = [(a, n) for a, n in zip(first, long) if n + 1 >= REPEATS and t[a + n] - t[a] >= REPEATS_S
-            and _moves_within(log, robot, c, t[a], t[a + n])]
+            and _fine_about(v, v[a], noise) and _moves_within(log, robot, c, t[a], t[a + n])]
     if not held:
         return None
     at, n = max(held, key=lambda h: h[1])

@@ -1,0 +1,40 @@
+"""What must stay of a diagnosis when a case is transformed, and what may change."""
+
+from __future__ import annotations
+
+from invariance.transform import MIRROR, Transformation
+
+
+def _named(effects: list[dict], mirrored: bool) -> dict[tuple[str, str], dict]:
+    return {(e["id"], MIRROR[e["side"]] if mirrored else e["side"]): e for e in effects}
+
+
+def differences(base: dict, other: dict, change: Transformation) -> list[str]:
+    """What of the answer `other` is not as it should be beside `base`, one clause each; [] is a good cell.
+
+    Where the answer must stay: the verdict, the effects with their sides, and each size within the base's 90 % interval
+    (a null interval bounds nothing; of what changes its sign in a mirror the magnitude counts). Where information is
+    lost: no effect may be named that the base does not name or hold for a twin of what it names.
+    """
+    told, known = _named(other["effects"], change.mirrored), _named(base["effects"], False)
+    if not change.same:
+        twins = {(e["id"], e["side"]) for members in (*base["indistinguishable"], *other["indistinguishable"])
+                 if any((m["id"], m["side"]) in known for m in members) for e in members}
+        return [f"{effect} {side} is named" for effect, side in told if (effect, side) not in {*known, *twins}]
+    found = []
+    if other["verdict"] != base["verdict"]:
+        found.append(f"{base['verdict']} became {other['verdict']}")
+    found += [f"{effect} {side} is lost" for effect, side in known if (effect, side) not in told]
+    found += [f"{effect} {side} is named" for effect, side in told if (effect, side) not in known]
+    for key in known.keys() & told.keys():
+        for name, was in known[key]["parameters"].items():
+            now = told[key]["parameters"].get(name)
+            if was["ci90"] is None or now is None:
+                continue
+            low, high = was["ci90"]
+            value = now["value"]
+            if change.mirrored and name == "y_m":
+                value = -value
+            if not low <= value <= high:
+                found.append(f"{key[0]} {key[1]}: {name} {value:.3g} outside of {low:.3g} to {high:.3g}")
+    return found
