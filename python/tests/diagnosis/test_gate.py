@@ -75,7 +75,8 @@ def test_speeds_alone_give_away_a_clock_in_milliseconds(case):
     lambda m: m.scale("voltage_gain", 0.4), lambda m: m.scale("speed_gain", -1.0), lambda m: m.scale("gyro_gain", -1.0),
     lambda m: m.scale("current_gain", 2.0), lambda m: m.scale("torque_constant", 0.4), lambda m: m.scale("radius", 2.0),
     lambda m: (m.scale("voltage_gain", 2.0), m.scale("speed_gain", 2.0), m.scale("gyro_gain", 2.0)),
-    lambda m: m.add("coulomb", 0.5), lambda m: m.put("command_delay", 0.5)])
+    lambda m: m.add("coulomb", 0.5), lambda m: m.put("command_delay", 0.5),
+    lambda m: (m.add("coulomb", 0.1), m.add("viscous_wheel", 0.3), m.scale("speed_gain", 0.4))])
 def test_effects_as_large_as_they_come_are_not_refused(change):
     examine(make_case(change))
 

@@ -92,8 +92,9 @@ def rough(kind, seconds=6.0, step=1, name="run"):
         columns["x"][k:] += 0.3
         columns["yaw"][k:] += 0.5
     elif kind == "inrush":
-        columns["i_l"][k] += 1.2
-        columns["v_cmd_l"][k:] = -columns["v_cmd_l"][k:]
+        columns["v_cmd_l"][k - 20:k] = 6.0
+        columns["v_cmd_l"][k:] = -6.0
+        columns["i_l"][k] -= 12.0 / 8.6
     rows = slice(None, None, step)
     return Case("rough", robot, (RunLog(name, log.meta, t[rows], {c: v[rows] for c, v in columns.items()}),))
 

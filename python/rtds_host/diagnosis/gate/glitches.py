@@ -2,8 +2,8 @@
 
 A sample is judged by the two samples to either side of it, against the scatter about it, and by one of two further
 marks: the robot cannot do it (a pose or an angle would have to move faster than the motors turn, both ways; a value is
-beyond all bounds), or it stands alone (nothing else on the robot moves out of the ordinary then, and nothing else in
-its own channel comes near it). What moves a robot shows in more than one channel: an impact in both wheels, the current
+beyond all bounds), or it stands alone (nothing else on the robot moves out of the ordinary then, commands do not
+change by enough, and nothing else in its own channel comes near it). What moves a robot shows in more than one channel: an impact in both wheels, the current
 and the gyro, a reversal in current and speed.
 """
 
@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
-from rtds_host.diagnosis.gate.limits import Limits, channels, spread
+from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels
 
 # Off by so many times the noise, the local scatter, and the way between its neighbours. Noise of 1e6 samples reaches 5;
 # a sample at the top of a smooth motion stands above its neighbours by a third of the way between them.
@@ -24,7 +24,8 @@ HANDFUL = 0.01
 # Samples on which the local scatter is taken.
 BLOCK = 32
 FEWEST = 12
-COMMAND = ("v_cmd", "w_cmd")
+# Ordinary changes of a channel: all but so few.
+USUAL = 0.999
 # Channels of which one at least must be there, for what really moves a channel to show elsewhere, too.
 WITNESSES = {"v_bus": ("i_l", "i_r", "v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r"), "i_l": ("w_l",), "i_r": ("w_r",),
              "w_l": ("i_l", "gyro_z"), "w_r": ("i_r", "gyro_z"), "th_l": ("w_l",), "th_r": ("w_r",),
@@ -56,7 +57,7 @@ def exceedance(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _events(log: RunLog, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """For each channel the times of its changes out of the ordinary, (k,) ascending."""
+    """For each measured channel the times of its changes out of the ordinary, (k,) ascending."""
     result = {}
     for c in names:
         good = np.isfinite(log.columns[c])
@@ -64,9 +65,8 @@ def _events(log: RunLog, names: tuple[str, ...]) -> dict[str, np.ndarray]:
         if len(v) < FEWEST:
             continue
         change = np.abs(np.diff(v))
-        # A coarse channel changes rarely, one step at a time: that is ordinary. Of a command every change counts.
-        measured = not c.startswith(COMMAND)
-        floor = np.median(change[change > 0]) if measured and (change > 0).any() else 0.0
+        # A coarse channel changes rarely, one step at a time: that is ordinary.
+        floor = np.median(change[change > 0]) if (change > 0).any() else 0.0
         at = np.flatnonzero(change > ORDINARY_TIMES * np.maximum(_local(change), 0.5 * floor))
         result[c] = np.unique(np.concatenate([t[at], t[at + 1]]))
     return result
@@ -110,11 +110,15 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
         doubtful[[0, 1, -2, -1]] = False
         if doubtful.any():
             if events is None:
-                events = _events(log, names + tuple(k for k in log.columns if k.startswith(COMMAND)))
+                events = _events(log, names)
             # Without a witness a speed that is back within half a time constant still was no motion.
             seen = any(w in events for w in WITNESSES[c])
-            alone = np.array([(seen or c[0] == "w" and 2.0 * span[k] < bounds.time_constant_s)
-                              and _alone(log, rows, k, c, events) for k in np.flatnonzero(doubtful)])
+            usual = float(np.quantile(np.abs(np.diff(v)), USUAL))
+            alone = np.array([(seen or c[0] == "w" and (2.0 * span[k] < bounds.time_constant_s or
+                                                        not bounds.time_constant_s > 0 and off[k] > ORDINARY_TIMES * usual))
+                              and _alone(log, rows, k, c, events)
+                              and off[k] > _commanded(log, case, bounds, c, rows, k, span[k])
+                              for k in np.flatnonzero(doubtful)])
             lone = np.flatnonzero(doubtful)[alone]
             rest = np.ones(len(rows), bool)
             # A sample far off makes its neighbours look off by part of its own way.
@@ -128,13 +132,28 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
     return result
 
 
+def _commanded(log: RunLog, case: Case, bounds: Limits, c: str, rows: np.ndarray, k: int, span: float) -> float:
+    """How far a change of the commands about sample k may move channel c there and back, in the channel's unit."""
+    commands = log.commands(case.robot.driver.mode)
+    first, last = max(int(rows[k - 2]) - 1, 0), int(rows[k + 2]) + 1
+    about = commands[first:last]
+    swing = np.ptp(about, axis=0)
+    if c[0] != "i":
+        # A speed there and back asks for a command there and back; a current follows a step alone.
+        swing = swing - np.abs(about[-1] - about[0])
+    swing = float(np.max(swing))
+    free = bounds.values.get("w_l", np.inf) / ROOM
+    full = {"voltage": case.robot.supply_v, "speed": free}.get(case.robot.driver.mode, np.inf)
+    if not np.isfinite(full):
+        full = float(np.max(np.abs(commands))) or 1.0
+    reach = bounds.rates[c] * span if c in bounds.rates else bounds.values.get(c, np.inf)
+    if not np.isfinite(reach):
+        reach = float(np.ptp(np.quantile(log.columns[c][rows], (0.01, 0.99))))
+    return min(1.0, swing / full) * reach
+
+
 def _alone(log: RunLog, rows: np.ndarray, k: int, c: str, events: dict[str, np.ndarray]) -> bool:
     """Whether no other channel changes out of the ordinary about sample k of channel c."""
     first, last = log.t[rows[k - 2]], log.t[rows[k + 2]]
     return not any(np.searchsorted(times, last, "right") > np.searchsorted(times, first, "left")
                    for name, times in events.items() if name != c)
-
-
-def scatter(v: np.ndarray) -> float:
-    """Robust standard deviation of what changes from sample to sample, from second differences of (n,) values."""
-    return spread(v[1:-1] - 0.5 * (v[:-2] + v[2:])) / np.sqrt(1.5) if len(v) > 4 else 0.0

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from rtds_host.contract import Case, Robot
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 
@@ -73,8 +71,3 @@ def limits(case: Case) -> Limits:
 def kind_of(channel: str) -> str:
     """A channel's quantity: "w" of "w_l", "v_bus" of itself."""
     return channel if channel in ("v_bus", "x", "y", "yaw") else channel.split("_")[0]
-
-
-def spread(values: np.ndarray) -> float:
-    """Robust standard deviation of values about 0."""
-    return 1.4826 * float(np.median(np.abs(values))) if len(values) else 0.0

@@ -63,7 +63,9 @@ def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Fi
                     aside[c] = np.union1d(aside.get(c, np.empty(0, int)), good[judge[1]])
         if c == "yaw" or c.startswith("th_"):
             steps = np.diff(v)
-            turns = np.flatnonzero(np.abs(np.abs(steps) - 2 * math.pi) < 0.8)
+            # Against the steps beside it: a fast wheel may turn by a whole turn from sample to sample.
+            turns = np.flatnonzero((np.abs(np.abs(steps) - 2 * math.pi) < 0.8)
+                                   & (np.abs(steps - np.append(steps[1:], steps[-2])) > math.pi))
             if turns.size and np.median(np.abs(steps)) < 0.5:
                 found.append(Finding(log.name, c, "wrapped", "warning",
                                      f"{c} jumps by a whole turn {turns.size} time(s), first at "

@@ -34,7 +34,7 @@ def _rolled_over_turned(log: RunLog, case: Case) -> float | None:
     pairs = [(f"w_{s}", f"th_{s}") for s in case.robot.sides] + [("gyro_z", "yaw")]
     for speed, angle in pairs:
         if log.has(speed) and log.has(angle):
-            ratios.append(_clock(log, log.columns[speed], log.columns[angle], case.robot.noise(angle) or 0.0))
+            ratios.append(clock_ratio(log, log.columns[speed], log.columns[angle], case.robot.noise(angle) or 0.0))
     if case.robot.chassis is not None and all(log.has(c) for c in ("w_l", "w_r", "x", "y")):
         both = np.isfinite(log.columns["x"]) & np.isfinite(log.columns["y"])
         way = np.full(len(log.t), np.nan)
@@ -44,12 +44,12 @@ def _rolled_over_turned(log: RunLog, case: Case) -> float | None:
             way[rows] = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(log.columns["x"][rows]),
                                                                   np.diff(log.columns["y"][rows])))])
             rim = 0.5 * case.robot.chassis.wheel_radius_m * np.abs(log.columns["w_l"] + log.columns["w_r"])
-            ratios.append(_clock(log, rim, way, 3.0 * (case.robot.noise("x") or 0.0)))
+            ratios.append(clock_ratio(log, rim, way, 3.0 * (case.robot.noise("x") or 0.0)))
     ratios = [r for r in ratios if r is not None]
     return float(np.median(ratios)) if ratios else None
 
 
-def _clock(log: RunLog, speed: np.ndarray, angle: np.ndarray, noise: float) -> float | None:
+def clock_ratio(log: RunLog, speed: np.ndarray, angle: np.ndarray, noise: float) -> float | None:
     """Magnitude of the integral of a speed over that of the angle's change, in stretches; None where neither moves."""
     good = np.isfinite(speed)
     if good.sum() < FEWEST or np.isfinite(angle).sum() < FEWEST:
@@ -98,8 +98,10 @@ def _nearest(ratio: float) -> str | None:
     """Unit that a ratio of clocks means, None where it means none."""
     if 1.0 / CLOCK_OFF < ratio < CLOCK_OFF:
         return None
-    name = min(PER_SECOND, key=lambda u: abs(math.log(ratio / PER_SECOND[u])))
-    return name if abs(math.log(ratio / PER_SECOND[name])) < math.log(CLOCK_SPREAD) else None
+    # Angles in degrees look nearly like minutes; the median of the pairs is known better than the twentieth between them.
+    sizes = {**PER_SECOND, "degrees": math.pi / 180.0}
+    name = min(sizes, key=lambda u: abs(math.log(ratio / sizes[u])))
+    return name if name != "degrees" and abs(math.log(ratio / sizes[name])) < math.log(CLOCK_SPREAD) else None
 
 
 def jitter(t: np.ndarray) -> float:

@@ -15,13 +15,14 @@ import numpy as np
 from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.diagnosis.gate.findings import Finding
 from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels, kind_of
+from rtds_host.diagnosis.gate.timing import clock_ratio
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.errors import InputError
 
 # A command beyond so many times the supply is no voltage in volts, whatever a controller asks for; a bus neither.
 VOLTS_BEYOND = 10.0
 # How near to a unit's factor: speeds are held by the back-EMF, currents and ways depend on friction, too.
-CLOSE, LOOSE = 1.25, 3.0
+CLOSE, LOOSE, TOO_LITTLE = 1.25, 3.0, 0.1
 # Correlations with the nominal robot from which a ratio, a sign, a lag means something.
 FOLLOWS, FOLLOWS_LOOSELY, FOLLOWS_CLOSELY, SAME = 0.8, 0.3, 0.97, 0.9
 # Lags that are looked for, s: the contract's delays reach half a second, clocks that disagree a tenth.
@@ -174,8 +175,27 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
         _sign(result, log, c, ratio, match)
         if c[0] == "w" and match > FOLLOWS_CLOSELY and lag is not None:
             _lag(result, log, c, lag)
+    _side_by_side(result, log, robot, factors)
     _duty(result, log, robot, ratios)
     return result
+
+
+def _side_by_side(result: Compared, log: RunLog, robot: Robot, factors: dict[str, dict[str, float]]) -> None:
+    """Name the unit of a speed by its angle, which friction and gains leave alone."""
+    for s in robot.sides:
+        w, th = f"w_{s}", f"th_{s}"
+        if w not in result.wrong or not log.has(th):
+            continue
+        if th in result.wrong:
+            # Both in a unit of one kind, which is the angle's.
+            unit = _unit(result.wrong[th][0], factors["th"])
+            result.wrong[w] = result.wrong[w][0], {"degrees": "degrees per second", "milliradians": "milliradians per second",
+                                                   "radians of the motor": "radians per second of the motor"}.get(
+                                                       unit, result.wrong[w][1])
+            continue
+        ratio = clock_ratio(log, log.columns[w], log.columns[th], robot.noise(th) or 0.0)
+        if ratio is not None and abs(ratio) > LOOSE:
+            result.wrong[w] = ratio, _unit(ratio, factors["w"])
 
 
 def _scale(result: Compared, c: str, ratio: float, match: float, factors: dict[str, float]) -> None:
@@ -184,8 +204,8 @@ def _scale(result: Compared, c: str, ratio: float, match: float, factors: dict[s
     near = abs(math.log(abs(ratio) / factors[unit])) < math.log(LOOSE if freely else CLOSE)
     follows = match > FOLLOWS or (freely and match > FOLLOWS_LOOSELY)
     too_much = abs(ratio) > ROOM and c[0] not in "xy"
-    # Too little may be friction; but friction follows no voltage closely at a thirtieth of the speed.
-    if follows and ((near and (abs(ratio) > 1 or match > SAME)) or (too_much and not freely)):
+    # Too little may be friction and a gain; but friction follows no voltage closely at less than a tenth of the speed.
+    if follows and ((near and (abs(ratio) > ROOM or factors[unit] < TOO_LITTLE and match > SAME)) or (too_much and not freely)):
         result.wrong[c] = ratio, unit
 
 
@@ -218,7 +238,7 @@ def _duty(result: Compared, log: RunLog, robot: Robot, ratios: dict[str, float])
     for s in robot.sides:
         top = float(np.max(np.abs(log.columns[f"v_cmd_{s}"])))
         ratio = ratios.get(f"w_{s}", ratios.get(f"th_{s}"))
-        if ratio is not None and top <= 1.05 and abs(ratio) / robot.supply_v > 0.6:
+        if ratio is not None and top <= 1.05 and ROOM < abs(ratio) < 2.0 * robot.supply_v:
             for c in (f"w_{s}", f"th_{s}", f"i_{s}", "gyro_z", "x", "y", "yaw"):
                 result.wrong.pop(c, None)
             result.wrong[f"v_cmd_{s}"] = abs(ratio), "shares of the supply (a duty)"
