@@ -1,6 +1,6 @@
 """Builds the simulators of the RTL, once for each state of sources and tools.
 
-A build stands in ``build/sim/<top>-<simulator>-<key>``; the key is a hash of everything that goes into it. It is
+A build stands in ``build/sim/<top>-<simulator>-<key>`` (of an installed package: in ``~/.cache/rtds/sim``); the key is a hash of everything that goes into it. It is
 made in a scratch folder and renamed when complete; a lock file lets a second process wait for the first. What the tools
 said of a build that failed is kept beside it, in ``<folder>.log``.
 """
@@ -26,8 +26,20 @@ from rtds_host.errors import InputError, LinkError
 from rtds_host.link import compiling
 
 SIMULATORS = ("verilator", "icarus")
-ROOT = Path(__file__).resolve().parents[3]
-BUILDS = ROOT / "build" / "sim"
+_PACKAGE = Path(__file__).resolve().parents[1]
+_CHECKOUT = _PACKAGE.parents[1]
+
+
+def _places() -> tuple[Path, Path]:
+    """(folder with `rtl` and `sim`, folder of the builds): those of the checkout, or of an installed package its own
+    copy and the user's cache."""
+    if (_CHECKOUT / "rtl" / "core" / "core.f").is_file():
+        return _CHECKOUT, _CHECKOUT / "build" / "sim"
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return _PACKAGE / "hardware", Path(cache) / "rtds" / "sim"
+
+
+ROOT, BUILDS = _places()
 BUILD_TIMEOUT_S = 600.0
 _POLL_S = 0.1
 

@@ -17,10 +17,12 @@ import sys
 import tempfile
 import weakref
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import find_libpython
 import numpy as np
 
+import rtds_host
 from rtds_host.compat import Self
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link import protocol
@@ -299,7 +301,7 @@ def _environment(top: Top, descriptor: int) -> dict[str, str]:
     python = find_libpython.find_libpython()
     if python is None:
         raise LinkError("no shared libpython was found, cocotb needs one: apt-get install libpython3-dev")
-    search = [str(ROOT / "sim"), str(ROOT / "python"), *(path for path in sys.path if path)]
+    search = [str(ROOT / "sim"), str(Path(rtds_host.__file__).parents[1]), *(path for path in sys.path if path)]
     return {
         "GPI_USERS": f"{python};{cocotb_tools.config.pygpi_entry_point()}",
         "PYGPI_PYTHON_BIN": sys.executable,
