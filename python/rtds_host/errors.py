@@ -1,5 +1,10 @@
 """Errors a user can cause or meet; the command line turns each into one line and an exit status."""
 
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
 
 class RtdsError(Exception):
     """Base class. ``str(error)`` is one line that names the place and what is wrong."""
@@ -15,3 +20,9 @@ class LinkError(RtdsError):
 
 class OutputError(RtdsError):
     """The result cannot be written (exit status 2); nothing is left half-written."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """"; did you mean 'circle'?" where one of the known names is close, "" where none is."""
+    close = difflib.get_close_matches(name.lower(), list(known), 1)
+    return f"; did you mean {close[0]!r}?" if close else ""

@@ -26,7 +26,9 @@ def diagnose(
     Several cases go on where an interrupted call stopped; status 1 if some failed, the others are complete.
     """
     from rtds_host.diagnosis.batch import run_many, run_one
+    from rtds_host.run.session import check_writable
 
+    check_writable(out)
     if len(cases) == 1 and scheduler is None:
         run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs)
         return

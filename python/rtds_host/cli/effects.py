@@ -21,7 +21,7 @@ def effects(
     from rtds_host.contract.robot import builtin_robot
     from rtds_host.correction.translate import PLACE_NAMES
     from rtds_host.diagnosis.effects import CATALOGUE, catalogue
-    from rtds_host.errors import InputError
+    from rtds_host.errors import InputError, did_you_mean
 
     console = Console()
     if name is None:
@@ -34,7 +34,7 @@ def effects(
         console.print(table)
         return
     if name not in CATALOGUE:
-        raise InputError(f"effect {name!r}: not in the catalogue (`rtds effects` lists it)")
+        raise InputError(f"effect {name!r}: not in the catalogue (`rtds effects` lists it){did_you_mean(name, CATALOGUE)}")
     effect = catalogue(builtin_robot("burger"))[name]
     lines = [f"{effect.id}: {effect.subsystem}, {' or '.join(effect.sides)}", f"  {effect.equation}",
              f"  source: {effect.source}"]

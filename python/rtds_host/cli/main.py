@@ -12,7 +12,7 @@ import typer.main
 from typer.exceptions import TyperException
 
 from rtds_host import __version__
-from rtds_host.errors import RtdsError
+from rtds_host.errors import RtdsError, did_you_mean
 
 # Sub-command -> what it does. Each stands in the module rtds_host.cli.<name> as the Typer app `app`.
 COMMANDS = {
@@ -34,7 +34,7 @@ class _Commands(click.Group):
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
-            return None
+            raise click.UsageError(f"no such command: {name!r} (known: {', '.join(COMMANDS)}){did_you_mean(name, COMMANDS)}")
         module = importlib.import_module(f"rtds_host.cli.{MODULES.get(name, name)}")
         command = typer.main.get_command(module.app)
         command.name = name

@@ -11,7 +11,7 @@ from rtds_host.contract import Robot
 from rtds_host.diagnosis.effects import SIDES, Effect, catalogue
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.replay.model import Model, nominal_model
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,8 @@ def parse_effect(text: str, effects: dict[str, Effect]) -> tuple[str, str, dict[
     name, dot, rest = text.partition(".")
     effect = effects.get(name.strip())
     if effect is None:
-        raise InputError(f"--effect {text}: {name.strip()!r} is not in the catalogue (`rtds effects` lists it)")
+        raise InputError(f"--effect {text}: {name.strip()!r} is not in the catalogue (`rtds effects` lists it)"
+                         f"{did_you_mean(name.strip(), CATALOGUE)}")
     known = {p.name: p for p in effect.parameters}
     values, side, given = {p.name: p.null for p in effect.parameters}, "both", False
     for part in rest.split(",") if dot else ():

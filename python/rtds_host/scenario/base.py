@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rtds_host.contract import Robot
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, did_you_mean
 
 Pose = tuple[float, float, float]
 
@@ -123,7 +123,7 @@ def find_scenario(name: str) -> Scenario:
     """
     known = scenarios()
     if name not in known:
-        raise InputError(f"scenario {name!r}: unknown (known: {', '.join(known)})")
+        raise InputError(f"scenario {name!r}: unknown (known: {', '.join(known)}){did_you_mean(name, known)}")
     return known[name]
 
 
