@@ -28,6 +28,7 @@ LARGEST_GAP = 25.0
 COUNTED = ("i_l", "i_r", "w_l", "w_r", "gyro_z", "x", "y", "yaw", "th_l", "th_r")
 TRIAL_RUNS, TRIAL_S = 3, 8.0  # what the draw of sizes looks at
 ROUNDS = 30
+COUNTS = {"many": (3, 4, 5), "messy": (1, 2), "sizes": (0, 1, 1, 1, 1, 2, 2, 2), "loggers": (0, 1, 1, 1, 1, 2, 2, 2)}
 REST_SHARE = (0.05, 0.5)      # of the gap that a rest is worth
 # Two that add to one and the same torque: no size of the one alone is the truth.
 SAME_TERM = ({"coulomb_friction", "stribeck_friction"},)
@@ -49,11 +50,12 @@ class Drive:
                                   step_s=step_s)
 
 
-def gap_between(robot, drives: list[Drive], there: list[dict], other: list[dict], missing: set[str]) -> float:
+def gap_between(noise: dict[str, float], drives: list[Drive], there: list[dict], other: list[dict], missing: set[str]) -> float:
     """Gap of a noise-free replay against noisy measurements of another machine, in expectation.
 
     Parameters
     ----------
+    noise : one standard deviation of each channel that counts.
     there, other : channels of each drive, of the machine that is measured and of the one that replays.
     missing : stems of channels that the log does not have.
 
@@ -61,10 +63,9 @@ def gap_between(robot, drives: list[Drive], there: list[dict], other: list[dict]
     -------
     sqrt(1 + mean over channels of the squared difference in noise units); infinity where a replay ran away.
     """
-    noise = {name: robot.noise(name) for name in planar.CHANNELS if robot.noise(name)}
     squares: dict[str, list[float]] = {}
     for drive, a, b in zip(drives, there, other):
-        seen = {name: a[name] for name in COUNTED if planar.stem(name) not in missing}
+        seen = {name: a[name] for name in COUNTED if name in noise and planar.stem(name) not in missing}
         if not all(np.isfinite(values).all() for values in (*seen.values(), *b.values())):
             return math.inf
         for name, value in channel_gaps(drive.t, seen, b, noise).items():
@@ -72,7 +73,7 @@ def gap_between(robot, drives: list[Drive], there: list[dict], other: list[dict]
     return math.sqrt(1.0 + float(np.mean([np.mean(values) for values in squares.values()]))) if squares else 1.0
 
 
-def worth(robot, build, effects: list[dict], rest: dict | None, drives: list[Drive], missing: set[str]) -> dict:
+def worth(noise: dict[str, float], build, effects: list[dict], rest: dict | None, drives: list[Drive], missing: set[str]) -> dict:
     """What each cause of a case is worth.
 
     Parameters
@@ -88,7 +89,7 @@ def worth(robot, build, effects: list[dict], rest: dict | None, drives: list[Dri
     machines += [build(effects[:k] + effects[k + 1:], rest, True) for k in range(len(effects))]
     step_s = min(machine.step_s for machine in machines)
     replays = [[drive.replay(machine, step_s) for drive in drives] for machine in machines]
-    gaps = [gap_between(robot, drives, replays[0], other, missing) for other in replays[1:]]
+    gaps = [gap_between(noise, drives, replays[0], other, missing) for other in replays[1:]]
     return {"before": gaps[0], "refit": gaps[1], "known": gaps[2], "without": gaps[3:],
             "finite": all(map(math.isfinite, gaps))}
 
@@ -101,16 +102,25 @@ def _sound(machine, payload_kg: float) -> bool:
     return bool(mass > 0 and yaw_inertia > 2 * (mass + payload_kg) * cy * cy and (inertia > 0).all())
 
 
-def draw_names(rng: np.random.Generator, count: int, taken: tuple[str, ...] = ()) -> list[str]:
-    """Names of `count` different effects, in three of four cases each of a subsystem of its own."""
-    subsystems = sorted({subsystem for subsystem, _ in EFFECTS.values()})
+def possible(robot, missing: list[str]) -> list[str]:
+    """Effects that a machine can have and its log's channels can show."""
+    from rtds_host.blind.machines import menu
+
+    gone = [prefix for stem, prefix in (("i", "current_"), ("gyro_z", "gyro_"), ("w", "speed_filter")) if stem in missing]
+    return [name for name in menu(robot) if not name.startswith(tuple(gone))]
+
+
+def draw_names(rng: np.random.Generator, count: int, taken: tuple[str, ...] = (), menu: list[str] | None = None
+               ) -> list[str]:
+    """Names of `count` different effects of `menu` (all), in three of four cases each of a subsystem of its own."""
+    allowed = menu or list(EFFECTS)
+    subsystems = sorted({EFFECTS[name][0] for name in allowed})
     names = list(taken)
     apart = rng.random() < 0.75
     while len(names) < count + len(taken):
         used = {EFFECTS[name][0] for name in names}
-        menu = [item for item in subsystems if not apart or item not in used] or subsystems
-        subsystem = str(rng.choice(menu))
-        name = str(rng.choice([item for item, (place, _) in EFFECTS.items() if place == subsystem]))
+        subsystem = str(rng.choice([item for item in subsystems if not apart or item not in used] or subsystems))
+        name = str(rng.choice([item for item in allowed if EFFECTS[item][0] == subsystem]))
         if name not in names and not any(pair <= {*names, name} for pair in SAME_TERM):
             names.append(name)
     return names[len(taken):]
@@ -121,12 +131,13 @@ def _trial(robot, spec: dict, machine, rng: np.random.Generator, whole: bool = F
     drives = []
     for run in spec["runs"] if whole else spec["runs"][:TRIAL_RUNS]:
         t = np.round(np.arange(0.0, run["duration"] if whole else min(run["duration"], TRIAL_S), 1 / spec["rate"]), 4)
-        v_cmd, w_ref = planar.scenario(run["name"], t, rng, robot)
-        start = np.array([0.0, 0.0, run["uphill_yaw_rad"], 0.0, 0.0])
+        v_cmd, w_ref = planar.commands_of(spec, run, t, rng, robot)
+        rest = robot.axis.zero_rad if robot.axis else 0.0
+        start = np.array([0.0, 0.0, run["uphill_yaw_rad"], rest, rest])
         drive = Drive(t, v_cmd, start, planar.place_of(run), int(rng.integers(2**31)))
         if run["name"] in planar.CLOSED:
             planar.run_machine(machine, t, v_cmd, start, **drive.where, closed=True, w_ref=w_ref, robot=robot,
-                               period_rows=max(1, round(0.03 * spec["rate"])), seed=drive.seed)
+                               period_rows=planar.control_rows(spec, run), seed=drive.seed)
         drives.append(drive)
     return drives
 
@@ -147,29 +158,36 @@ def draw_causes(rng: np.random.Generator, robot, spec: dict) -> tuple[list[dict]
     (effects, rest), rest None for `many`.
     """
     messy = spec["tier"] == "messy"
-    count = int(rng.integers(1, 3)) if messy else int(rng.integers(3, 6))
+    count = int(rng.choice(COUNTS[spec["tier"]]))
+    noise = planar.noises(robot, {})
+    axis = robot.axis.kind if robot.axis else None
+    menu = possible(robot, spec["missing"])
     of = scale_of(robot, 1 / spec["rate"], float(np.mean([run["duration"] for run in spec["runs"]])))
     heaviest = max(run["payload_kg"] for run in (*spec["runs"], *spec["held_out"]))
     missing = set(spec["missing"])
-    effects = [draw_sized(rng, name, of) for name in draw_names(rng, count)]
+
+    def several() -> list[dict]:
+        return [draw_sized(rng, name, of, axis) for name in draw_names(rng, count, menu=menu)]
+
+    effects = several()
 
     def build(effects, rest, tolerance):
         return planar.build_machine(robot, {"tolerance": False, "effects": effects, "outside": rest}, rng)
 
     def again(effect: dict) -> dict:
         if rng.random() < 0.5:
-            return draw_sized(rng, effect["id"], of)
+            return draw_sized(rng, effect["id"], of, axis)
         others = tuple(item["id"] for item in effects if item is not effect)
-        return draw_sized(rng, draw_names(rng, 1, others)[0], of)
+        return draw_sized(rng, draw_names(rng, 1, others, menu)[0], of, axis)
 
     drives: list[Drive] = []
     for _ in range(ROUNDS):
         machine = build(effects, None, False)
         if not _sound(machine, heaviest):
-            effects = [draw_sized(rng, name, of) for name in draw_names(rng, count)]
+            effects = several()
             continue
         drives = _trial(robot, spec, machine, rng)
-        gaps = worth(robot, build, effects, None, drives, missing)
+        gaps = worth(noise, build, effects, None, drives, missing)
         poor = [k for k, gap in enumerate(gaps["without"]) if not 1.1 * ASKED_GAP <= gap <= LARGEST_GAP]
         if not poor:
             break
@@ -189,14 +207,15 @@ def _draw_rest(rng: np.random.Generator, robot, spec: dict, of, build, effects: 
     drives = _trial(robot, spec, machine, rng, whole=True)
     named = [drive.replay(machine, step_s) for drive in drives]
     nominal = build([], None, False)
-    before = gap_between(robot, drives, named, [drive.replay(nominal, step_s) for drive in drives], missing)
+    noise = planar.noises(robot, {})
+    before = gap_between(noise, drives, named, [drive.replay(nominal, step_s) for drive in drives], missing)
     for _ in range(ROUNDS):
         rest = draw_nameless(rng, of, spec["world"])
         wanted = max(1.3, 1.0 + (before - 1.0) * math.exp(rng.uniform(*np.log(REST_SHARE))))
         factor, weak, strong = 1.0, 0.01, 100.0
         for _ in range(8):
             there = build(effects, strengthened(rest, factor), False)
-            gap = gap_between(robot, drives, [drive.replay(there, step_s) for drive in drives], named, missing)
+            gap = gap_between(noise, drives, [drive.replay(there, step_s) for drive in drives], named, missing)
             if 0.75 < (gap - 1.0) / (wanted - 1.0) < 1.33:
                 return strengthened(rest, factor)
             weak, strong = (factor, strong) if gap < wanted else (weak, factor)

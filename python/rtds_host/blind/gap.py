@@ -70,9 +70,10 @@ def channel_gaps(t: np.ndarray, measured: Mapping[str, np.ndarray], replayed: Ma
     wanted += [f"th_{s}" for s in "lr" if counts(f"th_{s}") and not counts(f"w_{s}")]
     if not wanted:
         return gaps
-    own = measured["yaw"] if "yaw" in measured and np.isfinite(measured["yaw"]).any() else replayed["yaw"]
+    # A single axis has no heading, and nothing that one would turn.
+    own = measured["yaw"] if "yaw" in measured and np.isfinite(measured["yaw"]).any() else replayed.get("yaw")
     seen = moves(t, measured, tuple(wanted), own)
-    made = moves(t, replayed, tuple(wanted), replayed["yaw"])
+    made = moves(t, replayed, tuple(wanted), replayed.get("yaw"))
     for name in wanted:
         error = seen[name] - made[name]
         error = error[np.isfinite(error)]

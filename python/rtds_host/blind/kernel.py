@@ -40,6 +40,8 @@ WORLD_NAMES = (
     # outside of the catalogue
     "cable", "patch_x", "patch_force", "lateral_slope", "bus_noise", "bus_tau", "gust", "gust_tau",
     "turn_drag", "bumps", "bump_length", "clock_drift", "relax_ohm", "relax_tau",
+    # other machines than the burger: stiffness of teeth; an axis' gravity torque and its zero; torque mode
+    "stop", "stop_damping", "pendulum", "pendulum_zero", "torque_per_volt",
 )
 (
     S_RESISTANCE, S_INDUCTANCE, S_TORQUE_CONSTANT, S_BACK_EMF, S_INERTIA, S_VISCOSITY, S_GAIN, S_DEADZONE, S_DROP,
@@ -54,7 +56,7 @@ WORLD_NAMES = (
     W_VOLTAGE, W_GEAR, W_MASS, W_YAW_INERTIA, W_TRACK, W_WHEEL_INERTIA, W_SLOPE, W_UPHILL, W_COM_X, W_COM_Y, W_SAG,
     W_DECLINE, W_SCRUB, W_COMMAND_DELAY, W_MEASUREMENT_DELAY, W_CABLE, W_PATCH_X, W_PATCH_FORCE, W_LATERAL_SLOPE,
     W_BUS_NOISE, W_BUS_TAU, W_GUST, W_GUST_TAU, W_TURN_DRAG, W_BUMPS, W_BUMP_LENGTH, W_CLOCK_DRIFT, W_RELAX_OHM,
-    W_RELAX_TAU,
+    W_RELAX_TAU, W_STOP, W_STOP_DAMPING, W_PENDULUM, W_PENDULUM_ZERO, W_TORQUE_PER_VOLT,
 ) = range(len(WORLD_NAMES))
 
 BRISTLE_RAD = 1e-4            # travel after which a bristle yields: far below an encoder count
@@ -64,6 +66,8 @@ SOFT_TYRE_N_PER_M = 1.5e4
 SOFT_TYRE_N_S_PER_M = 50.0
 STOP_NM_PER_RAD = 600.0       # gear teeth in contact, where nothing softer is asked for; they hardly bounce
 STOP_NM_S_PER_RAD = 0.8
+# Reduced inertia of rotor and wheel that they are meant for, the burger's; heavier ones meet stiffer teeth.
+STOP_REDUCED_KG_M2 = 2.07e-5 * (258.5**2 * 1.0e-7) / (2.07e-5 + 258.5**2 * 1.0e-7)
 
 
 @njit(cache=True)
@@ -232,7 +236,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             r = side[S_RESISTANCE, s] * (1.0 + rise[s])
             z = 0.5 * h * r / side[S_INDUCTANCE, s]
             decay = (1.0 - z / 2.0 + z * z / 12.0) / (1.0 + z / 2.0 + z * z / 12.0)
-            end = (volts[s] - side[S_BACK_EMF, s] * gear * wg[s]) / r
+            end = (volts[s] - side[S_BACK_EMF, s] * gear * wg[s]) / r if world[W_TORQUE_PER_VOLT] == 0.0 else 0.0
             new = end + (i[s] - end) * decay
             pull = side[S_DROP, s] / r * (1.0 - decay)
             if pull > 0.0:
@@ -266,7 +270,8 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             km = side[S_TORQUE_CONSTANT, s]
             if side[S_SATURATION, s] > 0.0:
                 km /= 1.0 + (i[s] / side[S_SATURATION, s]) ** 2
-            drive = gear * km * i[s] - gear * gear * side[S_VISCOSITY, s] * w
+            motor = km * i[s] if world[W_TORQUE_PER_VOLT] == 0.0 else world[W_TORQUE_PER_VOLT] * volts[s]
+            drive = gear * motor - gear * gear * side[S_VISCOSITY, s] * w
             rotor = gear * gear * side[S_INERTIA, s]
 
             cap = side[S_COULOMB, s] + radius * side[S_ROLLING, s] * m * GRAVITY_M_S2 * 0.5
@@ -309,8 +314,8 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
                 stiff = side[S_STIFFNESS, s]
                 damp = side[S_DAMPING, s]
                 if stiff <= 0.0:
-                    stiff = STOP_NM_PER_RAD
-                    damp = STOP_NM_S_PER_RAD
+                    stiff = world[W_STOP]
+                    damp = world[W_STOP_DAMPING]
                 spring = 0.0
                 if twist > half:
                     spring = stiff * (twist - half) + damp * (w - ww[s])
@@ -324,11 +329,11 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
                 if side[S_LOAD_FRICTION, s] > 0.0:
                     keep = 1.0 - side[S_LOAD_FRICTION, s] * abs(bristle[s])
                     load = spring / keep if spring * bristle[s] > 0.0 else spring * keep
-                ww[s] += h * (spring - radius * f) / jw
+                ww[s] += h * (spring - radius * f - world[W_PENDULUM] * math.sin(thw[s] - world[W_PENDULUM_ZERO])) / jw
                 thw[s] += h * ww[s]
                 wg[s] = w + h * (drive + other - load) / rotor
             else:
-                rest = other - radius * f
+                rest = other - radius * f - world[W_PENDULUM] * math.sin(thg[s] - world[W_PENDULUM_ZERO])
                 if side[S_LOAD_FRICTION, s] > 0.0:
                     # Share of the torque that goes through the gear and is not lost, driving or driven.
                     keep = 1.0 - side[S_LOAD_FRICTION, s] * abs(bristle[s])
@@ -376,7 +381,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             r = side[S_RESISTANCE, s] * (1.0 + rise[s])
             z = 0.5 * h * r / side[S_INDUCTANCE, s]
             decay = (1.0 - z / 2.0 + z * z / 12.0) / (1.0 + z / 2.0 + z * z / 12.0)
-            end = (volts[s] - side[S_BACK_EMF, s] * gear * wg[s]) / r
+            end = (volts[s] - side[S_BACK_EMF, s] * gear * wg[s]) / r if world[W_TORQUE_PER_VOLT] == 0.0 else 0.0
             new = end + (i[s] - end) * decay
             pull = side[S_DROP, s] / r * (1.0 - decay)
             if pull > 0.0:

@@ -10,7 +10,7 @@ import argparse
 import json
 import math
 import shutil
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +22,19 @@ from rtds_host.blind.vocabulary import EFFECTS, OUTSIDE, draw_effect, draw_outsi
 from rtds_host.contract import RunMeta, builtin_robot_path, load_robot, write_run
 
 STEP_S = 50e-6
+STEPS_S = (STEP_S, 25e-6, 20e-6, 10e-6)      # divisors of the log's grid of times
+GRAVITY_M_S2 = kernel.GRAVITY_M_S2
+# Time constants and lengths of what is not there: nothing may be divided by 0.
+NEUTRAL = {"bus_tau": 1.0, "gust_tau": 1.0, "dahl_rad": 1.0, "grease_tau": 1.0, "bump_length": 1.0, "relax_tau": 1.0}
 SCENARIOS = ("coast", "crawl", "steps", "prbs", "spin", "circle", "eight", "linear", "teleop")
 CLOSED = ("spin", "circle", "eight", "linear", "teleop")
 TIERS = ("all", "tol", "few", "pair", "none", "unknown", "long")
-ACCOUNTS = ("many", "messy")  # kinds with several causes, drawn only where they are asked for
+# Drawn only where they are asked for: several causes at once; other machines than the burger, and real loggers.
+OTHERS = ("sizes", "loggers")
+ACCOUNTS = ("many", "messy", *OTHERS)
 KINDS = (*TIERS, *ACCOUNTS)
 WORLDS = ("planar", "mujoco")
+CONTROLLED_V_S = 258.5 * 6.538e-3      # back-EMF at the gear's output that the controller's gains are meant for
 HELD_OUT = 2                  # runs of each sealed case that the diagnoser never sees
 SLOW_EFFECTS = ("winding_heating", "battery_decline")
 TOLERANCE_NAMES = {"resistance_ohm": ("resistance",), "torque_constant_nm_per_a": ("torque_constant", "back_emf"),
@@ -63,6 +70,8 @@ class Machine:
     mass_extra: float = 0.0
     brakes: tuple | None = None                        # (events a run, seconds, torque)
     tolerance: dict = field(default_factory=dict)
+    base_step_s: float = STEP_S
+    lever: tuple[float, float] = (0.0, 0.0)            # of an axis: inertia and gravity torque a unit of payload
 
     def set(self, name: str, value, sides=(0, 1)) -> None:
         """Set a kernel parameter by name."""
@@ -76,7 +85,7 @@ class Machine:
     def step_s(self) -> float:
         """Integration step: a wheel loose of its rotor is light and needs a finer one."""
         loose = self.side[SIDE_NAMES.index("backlash")].any() or self.side[SIDE_NAMES.index("stiffness")].any()
-        return STEP_S / 2 if loose else STEP_S
+        return self.base_step_s / 2 if loose else self.base_step_s
 
     def scale(self, name: str, ratio: float, sides=(0, 1)) -> None:
         """Multiply a kernel parameter."""
@@ -87,9 +96,57 @@ class Machine:
                 self.side[SIDE_NAMES.index(name), s] *= ratio
 
 
+def step_for(motor) -> float:
+    """Longest step of `STEPS_S` that is a hundredth of the rotor's own mechanical time constant or less."""
+    lag = (motor.rotor_inertia_kg_m2 * motor.resistance_ohm
+           / (motor.torque_constant_nm_per_a * motor.back_emf_constant_v_s_per_rad))
+    return next((step for step in STEPS_S if step <= 0.01 * lag), STEPS_S[-1]) if math.isfinite(lag) else STEP_S
+
+
+def nominal_axis(robot) -> Machine:
+    """A nominal single axis as a machine of this world: a left side whose wheel is the load and has no rim.
+
+    The right side is there as well and stands still.
+    """
+    motor, axis, torque = robot.motor, robot.axis, robot.driver.mode == "torque"
+    machine = Machine(np.zeros((len(SIDE_NAMES), 2)), np.zeros(len(WORLD_NAMES)), Sensing(),
+                      base_step_s=step_for(motor))
+    lever = {"inertia": (1.0, 0.0), "linear": (axis.metres_per_rad**2, 0.0),
+             "pendulum": (axis.length_m**2, GRAVITY_M_S2 * axis.length_m)}[axis.kind]
+    load = axis.inertia_kg_m2 + (0.0 if axis.kind == "inertia" else axis.mass_kg * lever[0])
+    rotor = motor.gear_ratio**2 * motor.rotor_inertia_kg_m2
+    teeth = load * rotor / (load + rotor) / kernel.STOP_REDUCED_KG_M2
+    for name, value in {
+        "resistance": 1.0 if torque else motor.resistance_ohm, "inductance": 1e-3 if torque else motor.inductance_h,
+        "torque_constant": 0.0 if torque else motor.torque_constant_nm_per_a,
+        "back_emf": 0.0 if torque else motor.back_emf_constant_v_s_per_rad,
+        "torque_per_volt": robot.driver.torque_nm_per_v if torque else 0.0,
+        "inertia": motor.rotor_inertia_kg_m2, "viscosity": motor.viscous_friction_nm_s_per_rad,
+        "gain": 1.0, "limit": math.inf, "stribeck_speed": 1.0, "voltage": robot.supply_v, "gear": motor.gear_ratio,
+        "mass": 1.0, "yaw_inertia": 1.0, "track": 1.0, "wheel_inertia": load, "tyre": 1.0,
+        "pendulum": axis.mass_kg * lever[1], "pendulum_zero": axis.zero_rad, **NEUTRAL,
+        "stop": kernel.STOP_NM_PER_RAD * teeth, "stop_damping": kernel.STOP_NM_S_PER_RAD * teeth,
+    }.items():
+        machine.set(name, value)
+    machine.lever = lever
+    return machine
+
+
 def nominal_machine(robot) -> Machine:
-    """The nominal robot as a machine of this world."""
+    """The nominal robot, or axis, as a machine of this world."""
+    if robot.axis is not None:
+        return nominal_axis(robot)
     motor, chassis = robot.motor, robot.chassis
+    step = step_for(motor)
+    # Tyres are as stiff as the lightest thing that they push lets an explicit step be.
+    rotor = motor.gear_ratio**2 * motor.rotor_inertia_kg_m2
+    lightest = min(chassis.wheel_inertia_kg_m2 / chassis.wheel_radius_m**2, chassis.mass_kg / 2,
+                   chassis.yaw_inertia_kg_m2 / (chassis.track_width_m / 2) ** 2)
+    heavy = max(1.0, chassis.mass_kg)
+    tyre = min(kernel.TYRE_N_PER_M * heavy, 0.1 * lightest / (step / 2) ** 2)
+    tyre_damping = min(kernel.TYRE_N_S_PER_M * heavy, 0.8 * lightest / (step / 2))
+    wheel = chassis.wheel_inertia_kg_m2
+    teeth = wheel * rotor / (wheel + rotor) / kernel.STOP_REDUCED_KG_M2
     machine = Machine(np.zeros((len(SIDE_NAMES), 2)), np.zeros(len(WORLD_NAMES)), Sensing())
     for name, value in {
         "resistance": motor.resistance_ohm, "inductance": motor.inductance_h,
@@ -98,10 +155,11 @@ def nominal_machine(robot) -> Machine:
         "gain": 1.0, "limit": math.inf, "radius": chassis.wheel_radius_m, "stribeck_speed": 1.0,
         "voltage": robot.supply_v, "gear": motor.gear_ratio, "mass": chassis.mass_kg,
         "yaw_inertia": chassis.yaw_inertia_kg_m2, "track": chassis.track_width_m,
-        "wheel_inertia": chassis.wheel_inertia_kg_m2, "tyre": kernel.TYRE_N_PER_M, "tyre_damping": kernel.TYRE_N_S_PER_M,
-        "bus_tau": 1.0, "gust_tau": 1.0, "dahl_rad": 1.0, "grease_tau": 1.0, "bump_length": 1.0, "relax_tau": 1.0,
+        "wheel_inertia": chassis.wheel_inertia_kg_m2, "tyre": tyre, "tyre_damping": tyre_damping, **NEUTRAL,
+        "stop": kernel.STOP_NM_PER_RAD * teeth, "stop_damping": kernel.STOP_NM_S_PER_RAD * teeth,
     }.items():
         machine.set(name, value)
+    machine.base_step_s = step
     return machine
 
 
@@ -138,15 +196,16 @@ def apply_effect(machine: Machine, effect: dict) -> None:
             machine.scale(target, p["ratio"], sides)
     elif name in simple:
         if name == "longitudinal_slip":       # a tyre that creeps is soft, too
-            machine.set("tyre", kernel.SOFT_TYRE_N_PER_M, sides)
-            machine.set("tyre_damping", kernel.SOFT_TYRE_N_S_PER_M, sides)
+            mass = machine.world[WORLD_NAMES.index("mass")]
+            machine.set("tyre", kernel.SOFT_TYRE_N_PER_M * mass, sides)
+            machine.set("tyre_damping", kernel.SOFT_TYRE_N_S_PER_M * mass, sides)
         for target, key in simple[name]:
             if target == "coulomb":       # two effects may both bring dry friction
                 machine.side[SIDE_NAMES.index(target), list(sides)] += p[key]
             else:
                 machine.set(target, p[key], sides)
     elif name == "payload_error":
-        machine.mass_extra += p["mass_kg"]
+        machine.mass_extra += next(iter(p.values()))       # kg, or of an inertia kg m2
     elif name == "slope_error":
         machine.slope_extra += p["slope_rad"]
     elif name == "speed_gain":
@@ -220,7 +279,8 @@ def scenario(name: str, t: np.ndarray, rng: np.random.Generator, robot) -> tuple
     (v_cmd, w_ref), one of them zero.
     """
     v, w = np.zeros((t.size, 2)), np.zeros((t.size, 2))
-    r, b, end = robot.chassis.wheel_radius_m, robot.chassis.track_width_m, t[-1]
+    r, b = (robot.chassis.wheel_radius_m, robot.chassis.track_width_m) if robot.chassis else (1.0, 1.0)
+    end = t[-1]
     top = 5.6
     if name == "steps":
         levels = np.array([3.0, 4.5, 6.0, 8.0, 10.0, 12.0])
@@ -354,6 +414,8 @@ def run_machine(machine: Machine, t: np.ndarray, v_cmd: np.ndarray, start: np.nd
     """
     place = machine.world.copy()
     place[WORLD_NAMES.index("mass")] += payload_kg + machine.mass_extra
+    for name, arm in zip(("wheel_inertia", "pendulum"), machine.lever):
+        place[WORLD_NAMES.index(name)] += arm * (payload_kg + machine.mass_extra)
     place[WORLD_NAMES.index("slope")] = slope_rad + machine.slope_extra
     place[WORLD_NAMES.index("uphill")] = uphill
     rng = np.random.default_rng(seed)
@@ -373,7 +435,9 @@ def run_machine(machine: Machine, t: np.ndarray, v_cmd: np.ndarray, start: np.nd
         ke = motor.gear_ratio * motor.back_emf_constant_v_s_per_rad
         kt = motor.gear_ratio * motor.torque_constant_nm_per_a
         drag = motor.gear_ratio**2 * motor.viscous_friction_nm_s_per_rad
-        gains[:4] = ke + motor.resistance_ohm * drag / kt, 0.35, 1.2, robot.supply_v
+        # The burger's controller, in the machine's own volts a speed.
+        gains[:4] = (ke + motor.resistance_ohm * drag / kt, 0.35 * ke / CONTROLLED_V_S, 1.2 * ke / CONTROLLED_V_S,
+                     robot.supply_v)
     rest = (closed, w_ref, noise_w, period_rows, gains, events, seed % (2**31))
     if world == "mujoco":
         from rtds_host.blind import world as second
@@ -407,8 +471,14 @@ def apply_sensors(raw: dict[str, np.ndarray], machine: Machine, t: np.ndarray) -
     return raw
 
 
+def quantum_of(name: str, robot, counts: dict | None = None) -> float:
+    """Count of a channel's instrument: the burger's, or `counts` (by stem, in units of the channel's noise)."""
+    short = name if name in QUANTA else name.split("_")[0]
+    return QUANTA[short] if counts is None else counts[short] * robot.noise(name)
+
+
 def add_noise(raw: dict[str, np.ndarray], t: np.ndarray, robot, rng: np.random.Generator, white_w: np.ndarray,
-              colour: tuple[float, float] = (0.0, 0.0)) -> dict[str, np.ndarray]:
+              colour: tuple[float, float] = (0.0, 0.0), counts: dict | None = None) -> dict[str, np.ndarray]:
     """What instruments report: noise of the declared size (white, or partly coloured) and counts.
 
     The count's own rounding noise is part of the declared standard deviation.
@@ -416,7 +486,9 @@ def add_noise(raw: dict[str, np.ndarray], t: np.ndarray, robot, rng: np.random.G
     out = {}
     for name in CHANNELS:
         sigma = robot.noise(name)
-        quantum = QUANTA.get(name.split("_")[0] if name not in QUANTA else name, 0.0)
+        if sigma is None or (name[-2:] == "_r" and robot.axis is not None):
+            continue
+        quantum = quantum_of(name, robot, counts)
         own = math.sqrt(max(sigma**2 - quantum**2 / 12, 0.0))
         if name in ("w_l", "w_r"):
             noise = white_w[:, "lr".index(name[-1])]
@@ -491,6 +563,12 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
             spec["effects"] = [draw_effect(rng)]
     if rng.random() < 0.1:
         spec["form"] = "csv"
+    if tier in OTHERS:
+        from rtds_host.blind import accounts, machines
+
+        machines.draw_conditions(rng, spec, tier == "loggers")
+        spec["effects"], _ = accounts.draw_causes(rng, machines.robot_of(spec["robot"]), spec)
+        return spec
     count = int(rng.choice([3, 4, 5, 5, 6, 6, 7]))
     names = list(rng.permutation(SCENARIOS))[:count]
     if not set(names) & {"steps", "prbs", "coast"}:
@@ -559,13 +637,18 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
     if isinstance(spec, str):
         spec = draw_spec(rng, spec)
     robot_path = Path(robot_path or builtin_robot_path("burger"))
-    robot = load_robot(robot_path)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    if "robot" in spec:
+        (folder / "robot.toml").write_text(spec["robot"])
+    else:
+        shutil.copyfile(robot_path, folder / "robot.toml")
+    robot = load_robot(folder / "robot.toml")
+    logger, counts = spec.get("logger"), spec.get("counts")
+    rounding: dict[str, list[float]] = {}
     scatter = int(rng.integers(2**31))
     machine = build_machine(robot, spec, np.random.default_rng(scatter))
     plain = build_machine(robot, spec, np.random.default_rng(scatter), effects=False)
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(robot_path, folder / "robot.toml")
     changes, slopes = [], []
     drives: dict[bool, list] = {False: [], True: []}      # by: held out
     planned = [(run, folder) for run in spec["runs"]]
@@ -575,7 +658,7 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
         seed_run = int(rng.integers(2**31))
         t = sample_times(run["duration"], spec["rate"], spec["jitter"], spec["dropped"], rng,
                          2e-4 if spec["world"] == "mujoco" else 1e-4)
-        v_cmd, w_ref = scenario(run["name"], t, rng, robot)
+        v_cmd, w_ref = commands_of(spec, run, t, rng, robot)
         closed = run["name"] in CLOSED
         heading = float(rng.choice([0.0, run["uphill_yaw_rad"], rng.uniform(-math.pi, math.pi)]))
         start = np.array([*rng.uniform(-1, 1, 2), heading, *rng.uniform(-20, 20, 2)])
@@ -584,17 +667,18 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
             start[:3] = 0.0
         if "th" in spec["missing"]:
             start[3:] = 0.0
-        own = math.sqrt(max(robot.noise("w_l") ** 2 - QUANTA["w"] ** 2 / 12, 0))
+        if robot.axis is not None and "th" not in spec["missing"]:
+            start = np.array([0.0, 0.0, 0.0, robot.axis.zero_rad + rng.uniform(-0.5, 0.5), robot.axis.zero_rad])
+        own = math.sqrt(max(robot.noise("w_l") ** 2 - quantum_of("w_l", robot, counts) ** 2 / 12, 0))
         white_w = own * np.column_stack([_colour(rng.standard_normal(t.size), t, *spec["colour"]) for _ in range(2)])
         where = place_of(run)
         raw = run_machine(machine, t, v_cmd, start, closed=closed, w_ref=w_ref, noise_w=white_w, robot=robot,
-                          period_rows=max(1, round(0.03 * spec["rate"])), seed=seed_run, **where,
-                          world=spec["world"])
-        measured = add_noise(raw, t, robot, rng, white_w, spec["colour"])
+                          period_rows=control_rows(spec, run), seed=seed_run, **where, world=spec["world"])
+        measured = add_noise(raw, t, robot, rng, white_w, spec["colour"], counts)
         if closed:
             for s, label in enumerate("lr"):
                 measured[f"w_ref_{label}"] = np.round(w_ref[:, s], 4)
-        columns = {"t": t, "v_cmd_l": v_cmd[:, 0], "v_cmd_r": v_cmd[:, 1]}
+        columns = {"t": t} | {f"v_cmd_{label}": v_cmd[:, s] for s, label in enumerate(robot.sides)}
         for name, values in measured.items():
             if stem(name) in spec["missing"]:
                 continue
@@ -602,7 +686,9 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
             if slow:
                 every = max(1, round(spec["rate"] / slow))
                 values = np.where(np.arange(t.size) % every == 0, values, np.nan)
-            columns[name] = np.round(values, 6)
+            columns[name] = np.round(values, 6 if counts is None else 9)
+        if logger is not None:
+            columns = _logged(columns, logger, robot, rng, place == folder, rounding)
         meta = RunMeta(scenario=run["name"], payload_kg=run["payload_kg"], slope_rad=run["slope_rad"],
                        uphill_yaw_rad=run["uphill_yaw_rad"])
         write_run(place / run["name"], meta, columns, spec["form"])
@@ -617,7 +703,10 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
              "verdict": "unknown" if spec["outside"] else ("known" if spec["effects"] else "none"),
              "effects": spec["effects"]}
     if machine.tolerance:
-        truth["nominal_fit"] = machine.tolerance
+        absent = () if robot.driver.mode != "torque" else ("resistance_ohm", "torque_constant_nm_per_a",
+                                                           "back_emf_constant_v_s_per_rad")
+        truth["nominal_fit"] = {label: {key: value for key, value in machine.tolerance[label].items() if key not in absent}
+                                for label in robot.sides}
     if spec["outside"]:
         truth["outside"] = spec["outside"]
     if changes:
@@ -626,13 +715,70 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
         gram = slope.T @ slope + np.eye(slope.shape[1])
         seen = slope.T @ change
         truth["size_sigma"] = round(float(np.sqrt(max(change @ change - seen @ np.linalg.solve(gram, seen), 0))), 3)
+    if rounding:
+        truth["noise"] = {name: float(f"{math.hypot(robot.noise(name), math.sqrt(np.mean(squares))):.6g}")
+                          for name, squares in rounding.items()}
     if sizes and spec["effects"]:
-        truth.update(_account(robot, spec, scatter, drives))
+        truth.update(_account(robot, spec, scatter, drives, truth.get("noise")))
+    if "machine" in spec:
+        truth["machine"] = spec["machine"]
+        truth["logger"] = None if logger is None else asdict(logger)
     truth["conditions"] = {key: spec[key] for key in ("rate", "jitter", "dropped", "missing", "slow", "colour")}
     return truth
 
 
-def _account(robot, spec: dict, scatter: int, drives: dict[bool, list]) -> dict:
+def control_rows(spec: dict, run: dict) -> int:
+    """Rows between two updates of the speed controller: 30 ms, and as much of a run on other machines."""
+    return max(1, round(0.03 * spec["rate"] * (run["duration"] / 16.0 if "machine" in spec else 1.0)))
+
+
+def commands_of(spec: dict, run: dict, t: np.ndarray, rng: np.random.Generator, robot) -> tuple[np.ndarray, np.ndarray]:
+    """Commands and references of a planned run, see `scenario`, in the machine's own scales."""
+    if "machine" not in spec:
+        return scenario(run["name"], t, rng, robot)
+    from rtds_host.blind import machines
+
+    return machines.commands(run["name"], t, rng, robot, spec, scenario)
+
+
+def _logged(columns: dict[str, np.ndarray], logger, robot, rng: np.random.Generator, shown: bool,
+            rounding: dict[str, list[float]]) -> dict[str, np.ndarray]:
+    """What a logger writes of exact columns; adds each channel's mean squared rounding error to `rounding`.
+
+    Glitches are in the runs that are shown only: what cannot be counted says nothing about a prediction.
+    """
+    t = columns["t"]
+    out = {"t": t + logger.epoch_s}
+    if logger.stamp_s:
+        late = np.round(rng.normal(0.0, logger.stamp_s, t.size), 4)
+        late[0] = 0.0
+        out["t"] = np.maximum.accumulate(out["t"] + late)
+        out["t"] += 1e-4 * np.arange(t.size) * np.concatenate([[False], np.diff(out["t"]) <= 0])
+    for name, values in columns.items():
+        if name == "t":
+            continue
+        out[name] = logger.rounded(name, values)
+        if robot.noise(name):
+            rounding.setdefault(name, []).append(float(np.nanmean((out[name] - values) ** 2)))
+    keep = np.ones(t.size, bool)
+    if logger.hole_rows and t.size > 10 * logger.hole_rows:
+        at = int(rng.integers(t.size // 4, 3 * t.size // 4))
+        keep[at:at + logger.hole_rows] = False
+    if shown:
+        names = [name for name in out if name[0] in "iw" or name.startswith(("gyro", "th"))]
+        for _ in range(logger.glitches):
+            name, row = str(rng.choice(names)), int(rng.integers(t.size // 8, t.size - 2))
+            out[name] = out[name].copy()
+            out[name][row] += float(rng.choice([-1, 1]) * rng.uniform(2, 10)) * (np.nanmax(np.abs(out[name])) + 1e-9)
+    if not keep.all():        # the command of the lost rows acts all the same: a log that loses none of its changes
+        changed = np.any([np.diff(values, prepend=values[0]) != 0 for name, values in out.items()
+                          if name.startswith("v_cmd")], axis=0)
+        keep |= changed
+    out = {name: values[keep] for name, values in out.items()}
+    return out
+
+
+def _account(robot, spec: dict, scatter: int, drives: dict[bool, list], noise: dict | None = None) -> dict:
     """What each cause of a case is worth, on its own runs and on those held out (`accounts.worth`).
 
     Returns
@@ -651,8 +797,8 @@ def _account(robot, spec: dict, scatter: int, drives: dict[bool, list]) -> dict:
     for held, name in ((False, "gap"), (True, "held_out_gap")):
         if not drives[held]:
             continue
-        gaps = worth(robot, build, spec["effects"], spec.get("rest"), [Drive(*drive) for drive in drives[held]],
-                     set(spec["missing"]))
+        gaps = worth(noises(robot, noise), build, spec["effects"], spec.get("rest"),
+                     [Drive(*drive) for drive in drives[held]], set(spec["missing"]))
         out[name] = {key: round(gaps[key], 4) for key in ("before", "refit", "known")}
         if not held:
             out["effects"] = [{**effect, "gap_without": round(gap, 3)} for effect, gap in zip(spec["effects"], gaps["without"])]
@@ -670,7 +816,8 @@ def _signature(machine, plain, robot, t, v_cmd, start, where, columns, seed, raw
     -------
     (m,), (m, 8); every tenth row, weighted so that sums stand for all rows.
     """
-    coarse = {"seed": seed, "step_s": 200e-6}
+    coarse = {"seed": seed, "step_s": 200e-6 if machine.base_step_s == STEP_S and robot.axis is None
+              and robot.chassis.mass_kg < 3.0 else machine.base_step_s}
     exact = run_machine(plain, t, v_cmd, start, **where, seed=seed, step_s=machine.step_s)
     base = run_machine(plain, t, v_cmd, start, **where, **coarse)
     rows = slice(0, None, 10)
@@ -700,21 +847,32 @@ def _signature(machine, plain, robot, t, v_cmd, start, where, columns, seed, raw
             side = plain.side.copy()
             for target in targets:
                 side[SIDE_NAMES.index(target), s] *= 1.01
-            moved = Machine(side, plain.world, plain.sensing)
+            moved = Machine(side, plain.world, plain.sensing, base_step_s=plain.base_step_s, lever=plain.lever)
             columns_out.append(vector(run_machine(moved, t, v_cmd, start, **where, **coarse), base))
     return change, np.column_stack(columns_out)
 
 
-def replay_gap(machine: Machine, robot, run) -> dict[str, float]:
-    """Gaps by channel of a recorded run (a `RunLog`) replayed by a machine from its commands and first pose."""
+def noises(robot, rounded: dict | None = None) -> dict[str, float]:
+    """Noise of each channel that has one; `rounded` holds those that a logger's rounding makes larger."""
+    there = [name for name in CHANNELS if name[-2:] not in ("_l", "_r") or name[-1] in robot.sides]
+    return {name: robot.noise(name) for name in there if robot.noise(name)} | (rounded or {})
+
+
+def replay_gap(machine: Machine, robot, run, rounded: dict | None = None) -> dict[str, float]:
+    """Gaps by channel of a recorded run (a `RunLog`) replayed by a machine from its commands and first pose.
+
+    `rounded` : see `noises`.
+    """
     columns = run.columns
     start = np.array([columns[name][0] if name in columns and np.isfinite(columns[name][0]) else 0.0
                       for name in ("x", "y", "yaw", "th_l", "th_r")])
     start[3:] /= machine.sensing.speed_gain
-    raw = run_machine(machine, run.t, run.commands().copy(), start, run.meta.payload_kg, run.meta.slope_rad,
+    commands = run.commands()
+    both = np.column_stack([commands[:, 0], np.zeros(run.t.size)]) if robot.axis is not None else commands.copy()
+    # A clock that counts since 1970 resolves a quarter of a microsecond.
+    raw = run_machine(machine, np.round(run.t - run.t[0], 5), both, start, run.meta.payload_kg, run.meta.slope_rad,
                       run.meta.uphill_yaw_rad)
-    noise = {name: robot.noise(name) for name in CHANNELS if robot.noise(name)}
-    return channel_gaps(run.t, columns, raw, noise)
+    return channel_gaps(run.t, columns, raw, noises(robot, rounded))
 
 
 def main(argv: list[str] | None = None) -> None:

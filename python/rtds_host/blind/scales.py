@@ -51,9 +51,22 @@ class Scale:
 
 
 def scale_of(robot, period: float, duration: float) -> Scale:
-    """The scales of a nominal robot logged every `period` seconds for about `duration` seconds."""
+    """The scales of a nominal robot or axis logged every `period` seconds for about `duration` seconds.
+
+    Without a motor's electrics (torque mode) the speed is a third of what the full torque reaches against B. An axis has
+    its mass, or its inertia where it has no mass, in the mass's place.
+    """
     motor, chassis = robot.motor, robot.chassis
     gear = motor.gear_ratio
+    if robot.axis is not None:
+        mass = robot.axis.mass_kg or robot.axis.inertia_kg_m2
+        drag = gear**2 * motor.viscous_friction_nm_s_per_rad
+        if robot.driver.mode == "torque":
+            torque = gear * robot.driver.torque_nm_per_v * robot.supply_v
+            return Scale(robot.supply_v, math.nan, math.nan, torque, torque / (3 * drag), drag, mass, 1.0, 1.0, period, duration)
+        amps = robot.supply_v / motor.resistance_ohm
+        return Scale(robot.supply_v, amps, motor.resistance_ohm, gear * motor.torque_constant_nm_per_a * amps,
+                     robot.supply_v / (gear * motor.back_emf_constant_v_s_per_rad), drag, mass, 1.0, 1.0, period, duration)
     amps = robot.supply_v / motor.resistance_ohm
     return Scale(robot.supply_v, amps, motor.resistance_ohm, gear * motor.torque_constant_nm_per_a * amps,
                  robot.supply_v / (gear * motor.back_emf_constant_v_s_per_rad),
@@ -69,7 +82,7 @@ def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
 
     def late(low_rows: float, high_s: float) -> dict:
         low = low_rows * of.period
-        return {"seconds": _log(rng, low, max(high_s, 6 * low))}
+        return {"seconds": _log(rng, low, max(min(high_s, 0.15 * of.duration), 6 * low))}
 
     if name == "supply_sag":
         return {"resistance_ohm": of.ohm * _log(rng, 0.015, 0.25)}
@@ -140,7 +153,8 @@ def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
     if name == "current_bias":
         return {"amperes": of.amps * _signed(rng, 0.0015, 0.06)}
     if name == "speed_filter":
-        return {"time_constant_s": _log(rng, max(0.4 * of.period, 0.001), max(0.08, 4 * of.period))}
+        return {"time_constant_s": _log(rng, max(0.4 * of.period, 0.001),
+                                             max(min(0.08, 0.2 * of.duration), 4 * of.period))}
     if name == "gyro_bias":
         return {"rad_s": _signed(rng, 0.002, 0.12)}
     if name == "gyro_gain":
@@ -150,11 +164,16 @@ def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
     raise ValueError(f"effect {name!r} is not in the contract")
 
 
-def draw_sized(rng: np.random.Generator, name: str, of: Scale) -> dict:
-    """One effect of the catalogue with a size in a machine's own scales: id, side, subsystem, parameters."""
+def draw_sized(rng: np.random.Generator, name: str, of: Scale, axis: str | None = None) -> dict:
+    """One effect of the catalogue with a size in a machine's own scales: id, side, subsystem, parameters.
+
+    `axis` is the kind of a single axis: it has but a left side, and an inertia's payload is an inertia.
+    """
     subsystem, sided = EFFECTS[name]
-    side = _side(rng, sided)
+    side = _side(rng, sided) if axis is None else "left"
     parameters = {key: float(f"{value:.5g}") for key, value in _parameters(rng, name, of).items()}
+    if axis == "inertia" and name == "payload_error":
+        parameters = {"inertia_kg_m2": parameters["mass_kg"]}
     return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}
 
 

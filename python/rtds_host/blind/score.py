@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.blind.gap import channel_gaps, total
-from rtds_host.blind.planar import CHANNELS, KINDS, TIERS, WORLDS, nominal_machine, replay_gap
+from rtds_host.blind.planar import KINDS, TIERS, WORLDS, noises, nominal_machine, replay_gap
 from rtds_host.blind.seal import check_truths, hash_file, open_truths, what_was_drawn
 from rtds_host.blind.vocabulary import EFFECTS
 from rtds_host.contract import load_robot, read_run, write_atomic
@@ -77,8 +77,9 @@ def share_closed(before: float, after: float) -> float | None:
     return round((before - after) / (before - 1), 4) if before >= 1.1 else None
 
 
-def closure(case: Path, held_out: Path, diagnosis: Path, command: list[str] | None = None) -> dict:
-    """Gap before and after on the held-out runs of a case.
+def closure(case: Path, held_out: Path, diagnosis: Path, command: list[str] | None = None,
+            rounded: dict | None = None) -> dict:
+    """Gap before and after on the held-out runs of a case; `rounded`: noise of channels that a logger rounds.
 
     Returns
     -------
@@ -86,11 +87,11 @@ def closure(case: Path, held_out: Path, diagnosis: Path, command: list[str] | No
     each run} or {"error": last line of the prediction's complaint}.
     """
     robot = load_robot(case / "robot.toml")
-    noise = {name: robot.noise(name) for name in CHANNELS if robot.noise(name)}
+    noise = noises(robot, rounded)
     before, after = [], []
     for folder in sorted(p for p in held_out.iterdir() if p.is_dir()):
         run = read_run(folder, robot)
-        before.append(replay_gap(nominal_machine(robot), robot, run))
+        before.append(replay_gap(nominal_machine(robot), robot, run, rounded))
         columns = predicted(folder, case / "robot.toml", diagnosis, command)
         if isinstance(columns, str):
             return {"error": columns}
@@ -448,7 +449,7 @@ def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closu
                     record["closure"] = old["closure"]
             if record["closure"] is None:
                 record["closure"] = closure(out / "public" / case, out / "sealed" / case / "held-out",
-                                            said / case / "diagnosis.json", command)
+                                            said / case / "diagnosis.json", command, truths[case].get("noise"))
                 write_atomic(store, json.dumps({"answer": mark, "closure": record["closure"]}) + "\n")
         return record
 

@@ -38,9 +38,10 @@ from rtds_host.spread import cores, on_cluster, on_threads
 SEALS_SCHEMA = "rtds-blind-seals/1"
 # Share of the cases a tier gets in a mixed check: one for everyone (60 cases), one for figures (310 cases, so that
 # every tier has 30 and "no effect" 60).
-WEIGHTS = {"all": 16, "tol": 8, "few": 8, "pair": 8, "none": 10, "unknown": 8, "long": 2, "many": 8, "messy": 8}
+WEIGHTS = {"all": 16, "tol": 8, "few": 8, "pair": 8, "none": 10, "unknown": 8, "long": 2, "many": 8, "messy": 8,
+           "sizes": 8, "loggers": 8}
 LONG_WEIGHTS = {"all": 60, "tol": 40, "few": 40, "pair": 40, "none": 60, "unknown": 40, "long": 30, "many": 40,
-                "messy": 40}
+                "messy": 40, "sizes": 40, "loggers": 40}
 LONG_CHECK = 300
 
 

@@ -37,8 +37,8 @@ def make(out: Folder, n: Annotated[int | None, typer.Option("--n", help="Number 
          measured: Annotated[list[Path] | None, typer.Option(metavar="CASE", help="Plant changes in this case of measured "
                                                              "data in place of simulating robots (repeatable).")] = None,
          tier: Annotated[list[str] | None, typer.Option(help="Only these kinds of cases (repeatable, or with commas). "
-                                                        "Those with several causes, many and messy, are drawn only where "
-                                                        "they are named.")] = None,
+                                                        "many, messy, sizes and loggers are drawn only where they are "
+                                                        "named.")] = None,
          world: Annotated[list[str] | None, typer.Option(help="Only these worlds: planar, mujoco (repeatable).")] = None,
          seed: Annotated[int | None, typer.Option(help="Default: drawn, and kept with the sealed truth.")] = None,
          jobs: Annotated[int, typer.Option(help="Processes.")] = CORES) -> None:

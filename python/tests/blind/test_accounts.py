@@ -13,6 +13,7 @@ from rtds_host.contract import builtin_robot, read_case
 from rtds_host.errors import InputError
 
 ROBOT = builtin_robot("burger")
+NOISE = planar.noises(ROBOT)
 OF = scales.scale_of(ROBOT, 0.01, 15.0)
 
 
@@ -35,7 +36,7 @@ def effect(name, side="both", **parameters):
 def test_an_effect_is_worth_the_gap_that_it_alone_leaves():
     """Two effects on channels apart: without the one, nothing but its own channel is wrong."""
     bias, gain = effect("gyro_bias", rad_s=0.03), effect("current_gain", "left", ratio=1.3)
-    gaps = accounts.worth(ROBOT, build, [bias, gain], None, [drive()], set())
+    gaps = accounts.worth(NOISE, build, [bias, gain], None, [drive()], set())
     channels = 8
     assert gaps["without"][0] == pytest.approx(math.sqrt(1 + (0.03 / ROBOT.noise("gyro_z")) ** 2 / channels), rel=1e-6)
     assert gaps["known"] == 1.0 and min(gaps["before"], gaps["refit"]) > max(gaps["without"])
@@ -44,7 +45,7 @@ def test_an_effect_is_worth_the_gap_that_it_alone_leaves():
 def test_the_gap_in_expectation_is_that_of_a_noisy_log():
     run, machine = drive(10.0), build([effect("driver_gain", ratio=1.05)], None, False)
     raw, plain = run.replay(machine, planar.STEP_S), run.replay(build([], None, False), planar.STEP_S)
-    expected = accounts.gap_between(ROBOT, [run], [raw], [plain], set())
+    expected = accounts.gap_between(NOISE, [run], [raw], [plain], set())
     rng = np.random.default_rng(1)
     noisy = {name: values + ROBOT.noise(name) * rng.standard_normal(run.t.size) for name, values in raw.items()}
     noise = {name: ROBOT.noise(name) for name in planar.CHANNELS}
@@ -52,7 +53,7 @@ def test_the_gap_in_expectation_is_that_of_a_noisy_log():
 
 
 def test_tolerances_are_not_a_cause():
-    gaps = accounts.worth(ROBOT, lambda e, r, t: planar.build_machine(
+    gaps = accounts.worth(NOISE, lambda e, r, t: planar.build_machine(
         ROBOT, {"tolerance": t, "normal_tolerance": True, "effects": e, "outside": None, "rest": r},
         np.random.default_rng(4)), [], None, [drive()], set())
     assert gaps["refit"] == 1.0 and gaps["before"] > 1.02
@@ -75,7 +76,7 @@ def test_every_nameless_effect_acts_more_the_stronger_it_is(world, name):
     plain, sizes = raw(build([], None, False)), []
     for factor in (1.0, 3.0):
         machine = build([], scales.strengthened(nameless, factor), False)
-        sizes.append(accounts.gap_between(ROBOT, [run], [raw(machine)], [plain], set()))
+        sizes.append(accounts.gap_between(NOISE, [run], [raw(machine)], [plain], set()))
     assert 1.005 < sizes[0] < sizes[1] < 1e3, sizes
 
 
