@@ -102,6 +102,8 @@ def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tu
     for one in standing:
         found = []
         for candidate in search.rivals(one.without, one.member, LARGEST_SET):
+            if one.member[0] in search.effects[candidate.member[0]].contains:
+                continue                    # the same with a further parameter, for no better fit
             swapped = search.swapped(one.without, candidate)
             gain, t = compared(search.problem, fit, swapped)
             if believed(gain, t) < math.log(CONVINCING) and search.named(swapped):
