@@ -143,7 +143,7 @@ class Search:
         found = sorted((f for f in found if self.score(f) < self.score(fit)), key=self.score)
         # The first two are fitted in earnest: what is rough about a fit may be more than what parts them.
         found = [self.polished(self.try_fit(f.hypothesis, f.u, f)) for f in found[:2]]
-        return min(found, key=self.score) if found else None
+        return min((f for f in found if self.named(f)), key=self.score, default=None)
 
     def polished(self, fit: Fit) -> Fit:
         """Look about an optimum of effects whose misfit has many minima, and fit again from what is found there."""

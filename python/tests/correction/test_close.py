@@ -79,7 +79,7 @@ def test_files_are_written_whole(case, tmp_path):
 
 @pytest.mark.parametrize(("options", "words"), [
     (["--link", "chip"], "--link chip: unknown"),
-    (["--engine", "dart"], "--engine dart: unknown"),
+    (["--engine", "dart"], "--engine 'dart': unknown"),
     (["--diagnosis", "missing.json"], "missing.json: cannot be read"),
     (["--hold-out", "nobody"], "--hold-out nobody"),
 ])
