@@ -23,9 +23,8 @@ from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 # Stretches whose residuals are counted as one draw: a second, as the gap's windows; shorter where all runs together are, so
 # that there are enough of them, of a few rows each.
 BLOCK_S, LEAST_BLOCKS, ROWS_A_BLOCK = 1.0, 100, 5
-# Pieces of a single axis's run: longer than its transients, shorter than it takes to drift away.
-PIECE_S = 0.4
-PIECE_WINDOWS, PIECE_ROWS = 2.0, 10
+# Pieces of a single axis's run: longer than its transients, shorter than it takes to drift away; of so many rows at least.
+PIECE_S, PIECE_ROWS = 0.4, 10
 # Half the span over which a window's end is averaged: long against a sample, short against the motion.
 AVERAGE_S = 0.05
 # The same for angles where no speed is measured: they then have to show what moves fast, too.
@@ -165,8 +164,7 @@ class Problem:
         An axis integrates and sticks: over a whole run the misfit has many local minima, over a piece few. What is
         reported is judged on whole runs all the same.
         """
-        length = max(PIECE_S if self.robot.axis is not None else PIECE_WINDOWS * WINDOW_S,
-                     PIECE_ROWS * float(np.median(np.diff(log.t))))
+        length = max(PIECE_S, PIECE_ROWS * float(np.median(np.diff(log.t))))
         marks = np.searchsorted(log.t, np.arange(log.t[0], log.t[-1], length))
         parts = []
         for first, last in zip(marks, np.append(marks[1:], len(log.t))):

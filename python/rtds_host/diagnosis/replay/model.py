@@ -203,11 +203,11 @@ def _angle(log: RunLog, side: str, start: float) -> np.ndarray:
 
 
 def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.ndarray, ...]:
-    """The same for rows first <= k < last, started from the measured state there.
+    """The same for rows first <= k < last of a single axis, started from the measured state there.
 
     Angle and speed come from a parabola through the angles about the start where there are enough (it leads no
-    filter and no delay into the state), else from the speed's own samples; the heading, where none is measured, from what
-    the gyro or the wheels have turned since the run began. Commands from before stay known, for effects that make them late.
+    filter and no delay into the state), else from the speed's own samples. Commands from before stay known, for effects
+    that make them late.
     """
     t, _, commands, bus, angle, run, start = run_inputs(log, robot)
     start = start.copy()
@@ -226,11 +226,6 @@ def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.n
             volts = commands[held, k] * (bus[held] / robot.supply_v if robot.driver.bus == "measured" else 1.0)
             # Across the few electrical time constants that a start lasts, the winding is in its steady state.
             start[7 + k] = (volts - motor.back_emf_constant_v_s_per_rad * motor.gear_ratio * start[5 + k]) / motor.resistance_ohm
-    if robot.chassis is not None:
-        start[0], start[1] = _at(log, "x", first, 0.0), _at(log, "y", first, 0.0)
-        start[2] = _at(log, "yaw", first, math.nan)
-        if not math.isfinite(start[2]):
-            start[2] = start_state(log, robot)[2] + _turned(log, robot, first)
     before = max(0, first - HISTORY_ROWS)
     return (np.ascontiguousarray(t[first:last]), np.ascontiguousarray(t[before:last]),
             np.ascontiguousarray(commands[before:last]), np.ascontiguousarray(bus[before:last]), angle, run, start)
@@ -243,18 +238,6 @@ def _at(log: RunLog, name: str, row: int, default: float) -> float:
         return default
     good = np.isfinite(values)
     return float(np.interp(log.t[row], log.t[good], values[good]))
-
-
-def _turned(log: RunLog, robot: Robot, row: int) -> float:
-    """Heading gained since a run began, rad, by the gyro or else by the wheels."""
-    rate = log.columns.get("gyro_z")
-    if rate is None or not np.isfinite(rate).any():
-        body = robot.chassis
-        left, right = (_filled(log, f"w_{s}", 0.0) for s in "lr")
-        rate = (right - left) * body.wheel_radius_m / body.track_width_m
-    else:
-        rate = _filled(log, "gyro_z", 0.0)
-    return float(np.sum(rate[:row] * np.diff(log.t[:row + 1]))) if row else 0.0
 
 
 def _line(t: np.ndarray, values: np.ndarray | None, rows: np.ndarray, at: float) -> tuple[float, float] | None:
