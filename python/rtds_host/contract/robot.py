@@ -73,12 +73,16 @@ class Driver:
 
 @dataclass(frozen=True)
 class Servo:
-    """Inner speed loop of `mode = "speed"`: a saturated PI controller on the wheel's speed."""
+    """Inner speed loop of `mode = "speed"`: a saturated PI controller on the wheel's speed.
+
+    `declared` is False where the file leaves its gains out: they are then a guess to estimate them from.
+    """
 
     kp_v_s_per_rad: float
     ki_v_per_rad: float
     limit_v: float
     period_s: float
+    declared: bool = True
 
 
 @dataclass(frozen=True)
@@ -272,12 +276,16 @@ def _parse(path: Path, data: dict) -> Robot:
     servo = None
     if driver.mode == "speed":
         table = section("servo")
+        declared = {"kp_v_s_per_rad", "ki_v_per_rad"} <= table.table.keys()
+        # A loop that asks for the whole supply at an error of the no-load speed, and takes a fifth of a second to settle.
+        guess = motor.back_emf_constant_v_s_per_rad * motor.gear_ratio
         servo = Servo(
-            kp_v_s_per_rad=table.number("kp_v_s_per_rad", low=0.0, high=1e9),
-            ki_v_per_rad=table.number("ki_v_per_rad", low=0.0, high=1e9),
+            kp_v_s_per_rad=table.number("kp_v_s_per_rad", guess, low=0.0, high=1e9),
+            ki_v_per_rad=table.number("ki_v_per_rad", 5.0 * guess, low=0.0, high=1e9),
             limit_v=table.number("limit_v", positive=True, high=1e4),
             # The replay takes each of the loop's steps: a period in other units than seconds would keep it busy for ever.
             period_s=table.number("period_s", positive=True, low=1e-5, high=10.0),
+            declared=declared,
         )
 
     table = section("sensors")

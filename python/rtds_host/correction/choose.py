@@ -35,7 +35,7 @@ def parse_effect(text: str, effects: dict[str, Effect]) -> tuple[str, str, dict[
     effect = effects.get(name.strip())
     if effect is None:
         raise InputError(f"--effect {text}: {name.strip()!r} is not in the catalogue (`rtds effects` lists it)"
-                         f"{did_you_mean(name.strip(), CATALOGUE)}")
+                         f"{did_you_mean(name.strip(), effects)}")
     known = {p.name: p for p in effect.parameters}
     values, side, given = {p.name: p.null for p in effect.parameters}, "both", False
     for part in rest.split(",") if dot else ():

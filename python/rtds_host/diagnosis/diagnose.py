@@ -19,7 +19,7 @@ from rtds_host.diagnosis.fit import Fit, parameters
 from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.heldout import HeldOut, held_out
 from rtds_host.diagnosis.localise import localise
-from rtds_host.diagnosis.problem import NOMINAL_KEYS, PRIOR, Problem
+from rtds_host.diagnosis.problem import NOMINAL_KEYS, Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.search import Search
 
@@ -223,9 +223,11 @@ def _nominal_fit(problem: Problem, fit: Fit) -> dict:
     for z, (name, side) in zip(fit.z, problem.nuisance_names()):
         if abs(z) < MOVED:
             continue
+        servo = name.startswith("servo")
         for key in NOMINAL_KEYS[name]:
-            value = getattr(problem.robot.motor, key) * math.exp(PRIOR * z)
-            result.setdefault("lr"[side], {})[key] = _round(value, 8)
+            value = getattr(problem.robot.servo if servo else problem.robot.motor, key) * math.exp(problem.tolerance(name) * z)
+            for suffix in problem.robot.sides if servo else ("lr"[side],):
+                result.setdefault(suffix, {})[key] = _round(value, 8)
     return result
 
 

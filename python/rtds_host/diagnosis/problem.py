@@ -35,10 +35,13 @@ HEADING_SLOPE_RAD = 0.005
 HEADING_GAIN = 20.0
 # Nuisance of a side -> entries of the model that it scales (contract, section 2).
 NUISANCES = {"resistance": ("resistance",), "constant": ("torque_constant", "back_emf"),
-             "inertia": ("rotor_inertia",), "viscous": ("viscous",)}
+             "inertia": ("rotor_inertia",), "viscous": ("viscous",), "servo_kp": ("servo_kp",), "servo_ki": ("servo_ki",)}
 NOMINAL_KEYS = {"resistance": ("resistance_ohm",),
                 "constant": ("torque_constant_nm_per_a", "back_emf_constant_v_s_per_rad"),
-                "inertia": ("rotor_inertia_kg_m2",), "viscous": ("viscous_friction_nm_s_per_rad",)}
+                "inertia": ("rotor_inertia_kg_m2",), "viscous": ("viscous_friction_nm_s_per_rad",),
+                "servo_kp": ("kp_v_s_per_rad",), "servo_ki": ("ki_v_per_rad",)}
+# A servo's declared gains are known to a factor of two (contract, section 7), gains that nobody declared to one of ten.
+SERVO_PRIOR, SERVO_PRIOR_UNDECLARED = float(np.log(2.0)), float(np.log(10.0))
 
 
 @dataclass
@@ -377,15 +380,23 @@ class Problem:
         names = []
         for side in range(len(self.robot.sides)):
             for name, slots in NUISANCES.items():
-                if self.nominal.get(slots[0], side) > 0 and not (
+                if not name.startswith("servo") and self.nominal.get(slots[0], side) > 0 and not (
                         self.robot.driver.mode == "torque" and name in ("resistance", "constant")):
                     names.append((name, side))
+        if self.robot.driver.mode == "speed":
+            names += [(name, 0) for name in ("servo_kp", "servo_ki") if self.nominal.get(name) > 0]
         return names
+
+    def tolerance(self, name: str) -> float:
+        """One sigma of a nuisance's logarithm."""
+        if not name.startswith("servo"):
+            return PRIOR
+        return SERVO_PRIOR if self.robot.servo.declared else SERVO_PRIOR_UNDECLARED
 
     def with_nuisances(self, z: np.ndarray) -> Model:
         """The nominal model with nuisances z (in units of their prior's sigma)."""
         model = self.nominal.copy()
         for value, (name, side) in zip(z, self.nuisance_names()):
             for slot in NUISANCES[name]:
-                model.scale(slot, float(np.exp(PRIOR * value)), (side,))
+                model.scale(slot, float(np.exp(self.tolerance(name) * value)), (side,))
         return model
