@@ -62,8 +62,8 @@ WORLD_NAMES = (
 BRISTLE_RAD = 1e-4            # travel after which a bristle yields: far below an encoder count
 TYRE_N_PER_M = 3e6            # a third of a micrometre at 1 N: far below the pose's noise
 TYRE_N_S_PER_M = 600.0
-SOFT_TYRE_N_PER_M = 1.5e4
-SOFT_TYRE_N_S_PER_M = 50.0
+SOFT_TYRE = 200.0             # a tyre that creeps is softer by this
+SOFT_TYRE_DAMPING = 12.0      # and less damped by this
 STOP_NM_PER_RAD = 600.0       # gear teeth in contact, where nothing softer is asked for; they hardly bounce
 STOP_NM_S_PER_RAD = 0.8
 # Reduced inertia of rotor and wheel that they are meant for, the burger's; heavier ones meet stiffer teeth.

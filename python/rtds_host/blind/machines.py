@@ -160,7 +160,9 @@ def menu(robot) -> list[str]:
         names = [n for n in names if EFFECTS[n][0] not in NO_AXIS and not n.startswith("gyro") or n == "payload_error"]
     if robot.driver.mode == "torque":
         names = [n for n in names if n not in NO_TORQUE]
-    return names
+    # Slip in proportion to force is a law for tyres that hold: not for what asks more than its weight of them.
+    of = scale_of(robot, 0.01, 1.0)
+    return [n for n in names if n != "longitudinal_slip" or of.force < 0.75 * of.weight]
 
 
 def draw_conditions(rng: np.random.Generator, spec: dict, dirty: bool) -> None:

@@ -19,7 +19,7 @@ from rtds_host.blind import kernel
 from rtds_host.blind.gap import channel_gaps
 from rtds_host.blind.kernel import SIDE_NAMES, WORLD_NAMES
 from rtds_host.blind.vocabulary import EFFECTS, OUTSIDE, draw_effect, draw_outside
-from rtds_host.contract import RunMeta, builtin_robot_path, load_robot, write_run
+from rtds_host.contract import RunMeta, builtin_robot_path, load_robot, read_run, write_run
 
 STEP_S = 50e-6
 STEPS_S = (STEP_S, 25e-6, 20e-6, 10e-6)      # divisors of the log's grid of times
@@ -196,9 +196,8 @@ def apply_effect(machine: Machine, effect: dict) -> None:
             machine.scale(target, p["ratio"], sides)
     elif name in simple:
         if name == "longitudinal_slip":       # a tyre that creeps is soft, too
-            mass = machine.world[WORLD_NAMES.index("mass")]
-            machine.set("tyre", kernel.SOFT_TYRE_N_PER_M * mass, sides)
-            machine.set("tyre_damping", kernel.SOFT_TYRE_N_S_PER_M * mass, sides)
+            for target, softer in (("tyre", kernel.SOFT_TYRE), ("tyre_damping", kernel.SOFT_TYRE_DAMPING)):
+                machine.side[SIDE_NAMES.index(target), list(sides)] /= softer
         for target, key in simple[name]:
             if target == "coulomb":       # two effects may both bring dry friction
                 machine.side[SIDE_NAMES.index(target), list(sides)] += p[key]
@@ -720,11 +719,23 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
                           for name, squares in rounding.items()}
     if sizes and spec["effects"]:
         truth.update(_account(robot, spec, scatter, drives, truth.get("noise")))
+        if logger is not None and held_out is not None:       # late stamps are no effect: the truth itself leaves a gap
+            truth["held_out_gap"] |= {"known": _left(machine, robot, held_out, truth["noise"]),
+                                      "before": _left(nominal_machine(robot), robot, held_out, truth["noise"])}
     if "machine" in spec:
         truth["machine"] = spec["machine"]
         truth["logger"] = None if logger is None else asdict(logger)
     truth["conditions"] = {key: spec[key] for key in ("rate", "jitter", "dropped", "missing", "slow", "colour")}
     return truth
+
+
+def _left(machine: Machine, robot, held_out: Path, rounded: dict) -> float:
+    """Gap that a machine leaves on the held-out runs as they were logged, pooled over channels and runs."""
+    gaps: dict[str, list[float]] = {}
+    for folder in sorted(p for p in Path(held_out).iterdir() if p.is_dir()):
+        for name, value in replay_gap(machine, robot, read_run(folder, robot), rounded).items():
+            gaps.setdefault(name, []).append(value**2)
+    return round(math.sqrt(np.mean([np.mean(values) for values in gaps.values()])), 4)
 
 
 def control_rows(spec: dict, run: dict) -> int:
@@ -752,8 +763,9 @@ def _logged(columns: dict[str, np.ndarray], logger, robot, rng: np.random.Genera
     if logger.stamp_s:
         late = np.round(rng.normal(0.0, logger.stamp_s, t.size), 4)
         late[0] = 0.0
-        out["t"] = np.maximum.accumulate(out["t"] + late)
-        out["t"] += 1e-4 * np.arange(t.size) * np.concatenate([[False], np.diff(out["t"]) <= 0])
+        # Rows stay in order, 0.1 ms apart at least.
+        steps = 1e-4 * np.arange(t.size)
+        out["t"] = np.round(np.maximum.accumulate(out["t"] + late - steps) + steps, 4)
     for name, values in columns.items():
         if name == "t":
             continue

@@ -41,6 +41,7 @@ class Scale:
     mass: float
     track: float
     radius: float
+    force: float              # on the body by one wheel at stall, what the rotor's inertia keeps to itself left out
     period: float             # between two rows of the log
     duration: float           # of a run
 
@@ -63,15 +64,18 @@ def scale_of(robot, period: float, duration: float) -> Scale:
         drag = gear**2 * motor.viscous_friction_nm_s_per_rad
         if robot.driver.mode == "torque":
             torque = gear * robot.driver.torque_nm_per_v * robot.supply_v
-            return Scale(robot.supply_v, math.nan, math.nan, torque, torque / (3 * drag), drag, mass, 1.0, 1.0, period, duration)
+            return Scale(robot.supply_v, math.nan, math.nan, torque, torque / (3 * drag), drag, mass, 1.0, 1.0, 0.0, period, duration)
         amps = robot.supply_v / motor.resistance_ohm
         return Scale(robot.supply_v, amps, motor.resistance_ohm, gear * motor.torque_constant_nm_per_a * amps,
-                     robot.supply_v / (gear * motor.back_emf_constant_v_s_per_rad), drag, mass, 1.0, 1.0, period, duration)
+                     robot.supply_v / (gear * motor.back_emf_constant_v_s_per_rad), drag, mass, 1.0, 1.0, 0.0, period,
+                     duration)
     amps = robot.supply_v / motor.resistance_ohm
-    return Scale(robot.supply_v, amps, motor.resistance_ohm, gear * motor.torque_constant_nm_per_a * amps,
+    torque, radius, half = gear * motor.torque_constant_nm_per_a * amps, chassis.wheel_radius_m, chassis.mass_kg / 2
+    force = torque / radius * half / (half + gear**2 * motor.rotor_inertia_kg_m2 / radius**2)
+    return Scale(robot.supply_v, amps, motor.resistance_ohm, torque,
                  robot.supply_v / (gear * motor.back_emf_constant_v_s_per_rad),
-                 gear**2 * motor.viscous_friction_nm_s_per_rad, chassis.mass_kg, chassis.track_width_m,
-                 chassis.wheel_radius_m, period, duration)
+                 gear**2 * motor.viscous_friction_nm_s_per_rad, chassis.mass_kg, chassis.track_width_m, radius, force,
+                 period, duration)
 
 
 def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
@@ -130,7 +134,7 @@ def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
     if name == "wheel_radius_error":
         return ratio(0.006, 0.1)
     if name == "longitudinal_slip":
-        return {"slip_per_newton": _log(rng, 0.04, 0.8) / of.weight}
+        return {"slip_per_newton": _log(rng, 0.02, 0.4) / of.force}
     if name == "spin_scrub":
         return {"torque_nm": of.weight * of.track * _log(rng, 0.003, 0.07)}
     if name == "rolling_resistance":

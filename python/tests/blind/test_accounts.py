@@ -83,7 +83,8 @@ def test_every_nameless_effect_acts_more_the_stronger_it_is(world, name):
 @pytest.mark.parametrize("name", sorted(EFFECTS))
 def test_sizes_follow_the_machines_own_scales(name):
     """A machine with twice the torque and mass gets twice the friction, at the same voltage and current."""
-    large = scales.Scale(**{**OF.__dict__, "torque": 2 * OF.torque, "viscous": 2 * OF.viscous, "mass": 2 * OF.mass})
+    large = scales.Scale(**{**OF.__dict__, "torque": 2 * OF.torque, "viscous": 2 * OF.viscous, "mass": 2 * OF.mass,
+                             "force": 2 * OF.force})
     one = scales.draw_sized(np.random.default_rng(8), name, OF)
     two = scales.draw_sized(np.random.default_rng(8), name, large)
     assert one["subsystem"] == EFFECTS[name][0] and one["side"] == two["side"]

@@ -110,6 +110,7 @@ def test_a_machine_has_only_effects_that_it_can_have_and_its_log_can_show():
     assert "payload_error" in menu and "coulomb_friction" in menu
     assert not {"resistance_error", "current_gain", "gyro_bias", "speed_filter", "track_width_error"} & set(menu)
     assert set(accounts.possible(builtin_robot("burger"), [])) == set(EFFECTS)
+    assert "longitudinal_slip" not in accounts.possible(drawn("competition"), [])      # its tyres would slide
     effect = scales.draw_sized(np.random.default_rng(1), "payload_error", scales.scale_of(drawn("inertia"), 0.01, 2.0), "inertia")
     assert set(effect["parameters"]) == {"inertia_kg_m2"}
 
@@ -173,3 +174,11 @@ def test_a_lost_row_takes_no_command_with_it():
     assert t.size - 7 <= out["t"].size < t.size
     held = out["v_cmd_l"][np.searchsorted(out["t"], t, side="right") - 1]
     assert np.array_equal(held, columns["v_cmd_l"])
+
+
+def test_what_late_stamps_leave_is_not_asked_for_in_the_closure(tmp_path):
+    spec = spec_of("loggers", "micromouse")
+    spec.update(tolerance=False, dropped=0.0, colour=(0.0, 0.0), logger=machines.Logger(stamp_s=0.0005))
+    truth = planar.make_case(7, spec, tmp_path / "case", held_out=tmp_path / "held")
+    gaps = truth["held_out_gap"]
+    assert truth["gap"]["known"] == 1.0 and 1.1 < gaps["known"] < gaps["before"]
