@@ -206,7 +206,9 @@ def _effect(problem: Problem, weighed: Account, one: Standing, held: HeldOut) ->
     for p in effect.parameters:
         key = (one.member, p.name)
         pinned = free[key] and sigma[key] < PINNED
-        spread = Z90 * math.hypot(sigma[key] * p.slope(values[p.name]), effect.form * abs(values[p.name] - p.null))
+        # Of what is absent far off, a stiff spring, a high limit, the size is the value itself.
+        size = abs(values[p.name] - p.null) if p.null in (0.0, 1.0) else abs(values[p.name])
+        spread = Z90 * math.hypot(sigma[key] * p.slope(values[p.name]), effect.form * size)
         name, _, unit = p.reported(problem.robot.axis)
         low, high = max(values[p.name] - spread, p.low), min(values[p.name] + spread, p.high)
         entry[name] = {"value": _round(unit * values[p.name]), "ci90": [_round(unit * low), _round(unit * high)] if pinned else None}

@@ -10,7 +10,7 @@ import numpy as np
 
 from rtds_host.contract import Robot, RunLog
 from rtds_host.contract.runlog import read_json
-from rtds_host.diagnosis.effects import SIDES, catalogue
+from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
 from rtds_host.diagnosis.problem import NOMINAL_KEYS, NUISANCES
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
@@ -60,6 +60,7 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
             known = dict.fromkeys(effect.side_on(robot.axis, s) for s in effect.sides)
             raise InputError(f"{path}: {place}.side: {entry.get('side')!r} must be one of {', '.join(known)}")
         values = {}
+        relative = {p.name: p for p in CATALOGUE[effect.id].parameters}
         given = entry.get("parameters") or {}
         if not isinstance(given, dict):
             raise InputError(f"{path}: {place}.parameters: is {given!r}, an object is needed")
@@ -77,9 +78,12 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
                 raise InputError(f"{path}: {place}.parameters.{name}: missing")
             value = given[name].get("value") if isinstance(given[name], dict) else given[name]
             value = _number(path, f"{place}.parameters.{name}", value)
-            if not one * p.low <= value <= one * p.high:
-                raise InputError(f"{path}: {place}.parameters.{name}: is {value:g}, it must lie within {one * p.low:g} to "
-                                 f"{one * p.high:g} {unit}")
+            # What is a share of a run's length has no bound where no run is known.
+            high = math.inf if relative[p.name].scale in ("run", "decline") else one * p.high
+            low = 0.0 if math.isinf(high) else one * p.low
+            if not low <= value <= high:
+                raise InputError(f"{path}: {place}.parameters.{name}: is {value:g}, it must lie within {low:g} to "
+                                 f"{high:g} {unit}")
             values[p.name] = value / one if one else p.null
         effect.apply(model, SIDES[sides[0]], values)
     return model
