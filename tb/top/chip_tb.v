@@ -57,8 +57,9 @@ module chip_tb #(
   reg         ldac_n_at_part;
   reg         reset_n_at_part;
 
-  // Jitter moves an edge, not those after it. A change of `phase` acts once, as a delay.
+  // Jitter moves an edge, not those after it. A change of `phase` acts once, as a delay of the half clock that begins next.
   reg  [31:0] phase_now;
+  reg  [31:0] phase_next;
   integer     seed;
   integer     moved_now;
   integer     moved_before;
@@ -70,6 +71,7 @@ module chip_tb #(
     sys_stopped     = 1'b0;
     phase           = 0;
     phase_now       = 0;
+    phase_next      = 0;
     jitter          = 0;
     adc_codes       = {8{12'h800}};
     t_conv          = 1600000;
@@ -102,8 +104,9 @@ module chip_tb #(
   end
 
   always begin
-    #(12500 + (25000 + phase - phase_now) % 25000);
-    phase_now = phase;
+    phase_next = phase;
+    #(12500 + (25000 + phase_next - phase_now) % 25000);
+    phase_now = phase_next;
     if (!adc_stopped) clk_adc = !clk_adc;
   end
 
