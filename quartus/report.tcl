@@ -1,10 +1,11 @@
-# quartus_sta -t report.tcl: Fmax of each clock and the worst slacks, over all corners.
+# quartus_sta -t report.tcl: Fmax of each clock and the worst slacks, over all corners. Status 1 when a slack is negative.
 package require ::quartus::project
 package require ::quartus::sta
 
 project_open rtds -revision rtds
 create_timing_netlist
 read_sdc
+set missed 0
 foreach_in_collection corner [get_available_operating_conditions] {
     set_operating_conditions $corner
     update_timing_netlist
@@ -13,10 +14,17 @@ foreach_in_collection corner [get_available_operating_conditions] {
         puts [format "  Fmax %-10s %8.2f MHz (restricted %8.2f MHz)" [lindex $row 0] [lindex $row 1] [lindex $row 2]]
     }
     foreach kind {setup hold recovery removal} {
-        set worst [lindex [get_timing_paths -$kind -npaths 1] 0]
-        if {$worst ne ""} {
-            puts [format "  worst %-8s slack %7.3f ns" $kind [get_path_info $worst -slack]]
+        foreach_in_collection path [get_timing_paths -$kind -npaths 1] {
+            set slack [get_path_info $path -slack]
+            puts [format "  worst %-8s slack %7.3f ns" $kind $slack]
+            if {$slack < 0} {
+                set missed 1
+            }
         }
     }
 }
 project_close
+if {$missed} {
+    puts stderr "timing is not met: a slack is negative"
+    exit 1
+}

@@ -12,7 +12,8 @@
 //
 // Silence    A sequence in which all five codes are 000 or all are FFF is what a dead line gives: the record
 //            and the toggle then stay as they were (no step is made from it) and silent_o is 1 from that end
-//            of sequence until the next good one.
+//            of sequence until the next good one, or until enable_i is 0: what the line was before a rest says
+//            nothing of the line after it.
 //
 // Latency    The toggle changes 78 clocks after the start of the fifth cycle: V_right was sampled 1.94 us before,
 //            the parameter 9.94 us. First toggle after reset with enable_i = 1: after 558 clocks (80 of
@@ -162,6 +163,7 @@ module adc_sequencer (
     end else begin
       valid_q <= at_end && !zeros && !ones;
       if (at_end) silent_q <= zeros || ones;
+      else if (!enable_i) silent_q <= 1'b0;
       if (at_end && !zeros && !ones) begin
         code_v_l_q <= part_v_l_q;
         code_v_r_q <= spi_code;

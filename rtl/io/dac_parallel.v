@@ -11,8 +11,9 @@
 //              25      LDAC high (60 ns; 50 wanted), ready_o; the next CS is 80 ns or more after 22 (70 wanted)
 //            The four outputs move with that one edge of LDAC: never torn.
 //
-// Safe value SAFE_CODE (mid-scale: 0 A, 0 rad/s). While rst_ni is 0 (reset, lock lost) /RESET is low, at once and
-//            without a clock: a DAC7624 then shows mid-scale by itself, a DAC7625 zero-scale. After release
+// Safe value SAFE_CODE (mid-scale: 0 A, 0 rad/s). While rst_pin_ni is 0 (reset, lock lost) /RESET is low, at once and
+//            without a clock: a DAC7624 then shows mid-scale by itself, a DAC7625 zero-scale. rst_ni may follow a few
+//            clocks later and has to last longer than that; it is released no earlier. After release
 //            /RESET stays low for 5 clocks more, then the safe codes are written, then ready_o rises. fault_i
 //            (level, or a pulse of one clock): a running transfer is finished, its values being whole; then the
 //            safe codes are written once, and ready_o stays 0 until fault_i falls. From fault_i to the LDAC of
@@ -25,7 +26,8 @@ module dac_parallel #(
     parameter [11:0] SAFE_CODE = 12'h800
 ) (
     input  wire        clk_i,        // 50 MHz
-    input  wire        rst_ni,       // asserted asynchronously, also on lost lock
+    input  wire        rst_ni,       // everything but the pin's register
+    input  wire        rst_pin_ni,   // asserted asynchronously, also on lost lock
     input  wire        write_i,
     input  wire [47:0] code_i,
     input  wire        fault_i,      // in the clk_i domain
@@ -48,6 +50,7 @@ module dac_parallel #(
   // The part's reset outlasts ours by a few clocks: 100 ns where 50 are wanted, however short ours was.
   reg  [2:0] boot_q;
   reg        reset_off_q;
+  reg        pin_q;        // the same, for the pin alone
   wire       booted = (boot_q == RESET_CLOCKS);
 
   always @(posedge clk_i or negedge rst_ni) begin
@@ -58,6 +61,11 @@ module dac_parallel #(
       if (!booted) boot_q <= boot_q + 3'd1;
       reset_off_q <= booted;
     end
+  end
+
+  always @(posedge clk_i or negedge rst_pin_ni) begin
+    if (!rst_pin_ni) pin_q <= 1'b0;
+    else             pin_q <= booted;
   end
 
   // What to write next. calm_q: no safe write is owed (0 after reset, and after a fault has begun).
@@ -159,7 +167,7 @@ module dac_parallel #(
   assign dac_cs_no    = !cs_q;
   assign dac_rw_o     = 1'b0;
   assign dac_ldac_no  = !ldac_q;
-  assign dac_reset_no = reset_off_q;
+  assign dac_reset_no = pin_q;
 
 `ifdef FORMAL
   // Invariants for tb/formal: the counters stay within a transfer, the strobes follow them.

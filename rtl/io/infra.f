@@ -1,6 +1,7 @@
 cdc_sync.v
 cdc_handshake.v
 reset_sync.v
+reset_gate.v
 reset_ctrl.v
 crc16.v
 uart_rx.v

@@ -1,15 +1,21 @@
-// reset_ctrl: the chip's three resets out of the button and the PLL's lock.
+// reset_ctrl: the chip's four resets out of the button and the PLL's lock.
 //
 // Purpose     rst_sys_no  board clock, follows the button alone: registers and serial port stay alive while
 //                         the PLL is out of lock, so that they can tell of it.
 //             rst_run_no  board clock, held until the PLL has been locked for LOCK_CLOCKS: core, scaling, DAC.
+//             rst_pin_no  board clock, the same condition: the register of the DAC's /RESET pin alone.
 //             rst_adc_no  40 MHz clock, the same condition: SPI master and sequencer.
 // Handshake   lock_lost_o pulses for one clk_sys_i cycle a loss of a lock that had been accepted.
 //             locked_o is the accepted lock.
-// Latency     assertion without any clock; release LOCK_CLOCKS + 1 board clocks after lock, then 3 clocks of
-//             the domain. A lock glitch of any width restarts the count, so the resets last at least that long.
-// Crossing    lock_n_i and ext_rst_ni are asynchronous; they enter clear inputs only (see reset_sync), and
-//             the level of `lock_ok_q` leaves this domain only as the clear of the other domain's reset_sync.
+//             open_o: what comes from the part behind rst_run_no may be listened to (see reset_gate): it falls a clock
+//             before a lost lock brings that reset. held_o: that part stands in reset, for a clock or more.
+// Latency     assertion: the button without any clock, everywhere; a lost lock without any clock for rst_pin_no and
+//             rst_adc_no, with the 3rd or 4th board clock for rst_run_no. Release: LOCK_CLOCKS + 1 board clocks after
+//             lock, then 3 clocks of the domain (rst_run_no: 3 board clocks more). A lock glitch of any width restarts
+//             the count, so the resets last at least that long.
+// Crossing    pll_locked_i and ext_rst_ni are asynchronous; they enter clear inputs only (see reset_sync), and
+//             the level of `lock_ok_q` leaves this domain only as the clear of the other domains' reset_sync and through
+//             u_ok.
 `default_nettype none
 
 module reset_ctrl #(
@@ -21,7 +27,10 @@ module reset_ctrl #(
     input  wire pll_locked_i, // asynchronous
     output wire rst_sys_no,
     output wire rst_run_no,
+    output wire rst_pin_no,
     output wire rst_adc_no,
+    output wire open_o,
+    output wire held_o,
     output wire locked_o,
     output wire lock_lost_o
 );
@@ -56,17 +65,17 @@ module reset_ctrl #(
     end
   end
 
-  wire run_allowed = lock_ok_q && ext_rst_ni;
+  wire lock_allowed = lock_ok_q && ext_rst_ni;
 
-  reset_sync u_run (
+  reset_sync u_pin (
       .clk_i       (clk_sys_i),
-      .async_rst_ni(run_allowed),
-      .rst_no      (rst_run_no)
+      .async_rst_ni(lock_allowed),
+      .rst_no      (rst_pin_no)
   );
 
   reset_sync u_adc (
       .clk_i       (clk_adc_i),
-      .async_rst_ni(run_allowed),
+      .async_rst_ni(lock_allowed),
       .rst_no      (rst_adc_no)
   );
 
@@ -74,6 +83,7 @@ module reset_ctrl #(
   // LOCK_CLOCKS, so the fall cannot be missed.
   wire ok_sync;
   reg  ok_prev_q;
+  reg  held_q;
 
   cdc_sync u_ok (
       .clk_i (clk_sys_i),
@@ -83,10 +93,26 @@ module reset_ctrl #(
   );
 
   always @(posedge clk_sys_i or negedge rst_sys_no) begin
-    if (!rst_sys_no) ok_prev_q <= 1'b0;
-    else             ok_prev_q <= ok_sync;
+    if (!rst_sys_no) begin
+      ok_prev_q <= 1'b0;
+      held_q    <= 1'b0;
+    end else begin
+      ok_prev_q <= ok_sync;
+      held_q    <= !ok_prev_q;
+    end
   end
 
+  // The registers listen to what this reset clears, and are not cleared with it: they are told first.
+  wire run_allowed = ok_prev_q && ext_rst_ni;
+
+  reset_sync u_run (
+      .clk_i       (clk_sys_i),
+      .async_rst_ni(run_allowed),
+      .rst_no      (rst_run_no)
+  );
+
+  assign open_o      = ok_sync;
+  assign held_o      = held_q;
   assign locked_o    = ok_sync;
   assign lock_lost_o = ok_prev_q && !ok_sync;
 

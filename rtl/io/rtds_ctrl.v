@@ -5,8 +5,10 @@
 // Handshake   record_valid_i one clock a record. The stages start each other (adc_scale's valid starts the core,
 //             the core's valid starts dac_scale, and so on); each has a fixed latency, so the whole has one:
 //             measured here from record_valid_i to the falling edge of LDAC (latency_o).
-//             idle_o: no step is in hand, a new configuration may be taken over. It is low for BUSY_CLOCKS
-//             from a record's admission, longer than the pipeline, so no lost answer can block it for ever.
+//             idle_o: no step is in hand, a new configuration may be taken over, the next record is admitted. It is low
+//             for BUSY_CLOCKS from a record's admission, longer than the way to the DAC, and as long as the core is not
+//             ready for another step (with effects longer than that). Both end by themselves: no lost answer can block
+//             it for ever. So the core is never strobed while it is busy.
 // Latency     scale_start_o: combinational from record_valid_i; core_strobe_o: combinational from scale_valid_i.
 // Faults      silent ADC: a record whose codes are all 0 or all 4095, silent_i, or none for SILENT_CLOCKS while
 //             run_i: no step is made, the DAC shows the safe value until a good record comes.
@@ -15,7 +17,7 @@
 `default_nettype none
 
 module rtds_ctrl #(
-    parameter SILENT_CLOCKS = 1000,  // 20 us
+    parameter SILENT_CLOCKS = 1023,  // 20.46 us: the time of two records and some, so that one lost is not late as well
     parameter BUSY_CLOCKS = 127
 ) (
     input  wire         clk_i,
@@ -41,6 +43,7 @@ module rtds_ctrl #(
     output wire         core_strobe_o,
     output wire [127:0] core_inputs_o,  // V_L V_R T_L T_R
     output wire [127:0] core_params_o,  // B J KM KB
+    input  wire         core_ready_i,
     input  wire         core_nonfinite_i,
 
     input  wire         codes_valid_i,  // dac_scale is done
@@ -64,13 +67,14 @@ module rtds_ctrl #(
   reg       halted_q;
   reg       alive_q;
 
-  wire busy = (busy_q != 7'd0);
+  wire counting = (busy_q != 7'd0);
+  wire busy = counting || !core_ready_i;
   wire admit = record_valid_i && plausible && run_i && !halted_q && !busy;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) busy_q <= 7'd0;
     else if (admit) busy_q <= BUSY_CLOCKS;
-    else if (busy) busy_q <= busy_q - 7'd1;
+    else if (counting) busy_q <= busy_q - 7'd1;
   end
 
   assign idle_o          = !busy;

@@ -12,7 +12,9 @@
 // Latency     read 1 clock, write 1 clock, sticky bits 1 clock after their event. An event at the clock in
 //             which its bit is cleared wins.
 // Format      floats are opaque words here.
-// Reset       rst_ni is the board's reset, not the PLL's: registers survive a lost lock.
+// Reset       rst_ni is the board's reset, not the PLL's: registers survive a lost lock. latency_i, now_i and codes_i come
+//             from registers that do not: they read as zero while open_i is 0 (reset_gate). idle_i, fx_ready_i, event_i,
+//             live_i and step_i have passed such a gate before they come here.
 `default_nettype none
 
 module rtds_regs #(
@@ -42,6 +44,7 @@ module rtds_regs #(
     input  wire          idle_i,          // no step is in hand
 
     // from the chip
+    input  wire          open_i,          // latency_i, now_i and codes_i may be looked at
     input  wire [  10:0] event_i,         // set the sticky bit of the same number
     input  wire [   5:0] live_i,          // bits 5:0 of LIVE
     input  wire          step_i,          // one step done
@@ -196,6 +199,16 @@ module rtds_regs #(
   reg         readdatavalid_q;
   reg         writeresponsevalid_q;
 
+  wire [31:0] observed;
+
+  reset_gate #(
+      .WIDTH(32)
+  ) u_observed (
+      .open_i(open_i),
+      .d_i   (in_now ? now_i[32*now_index+:32] : in_codes ? codes_i[32*code_index+:32] : latency_i),
+      .q_o   (observed)
+  );
+
   wire [ 6:0] live = {commit_pending_q || clear_pending_q, live_i};
 
   always @* begin
@@ -204,10 +217,10 @@ module rtds_regs #(
     if (in_config) begin
       readdata_d = shadow;
     end else if (in_now) begin
-      readdata_d = now_i[32*now_index+:32];
+      readdata_d = observed;
       if (write) response_d = RESP_REFUSED;
     end else if (in_codes) begin
-      readdata_d = codes_i[32*code_index+:32];
+      readdata_d = observed;
       if (write) response_d = RESP_REFUSED;
     end else begin
       case (address)
@@ -228,7 +241,7 @@ module rtds_regs #(
             ADDR_STEPS_LO:      readdata_d = steps_seen_q[31:0];
             ADDR_STEPS_HI:      readdata_d = steps_seen_q[63:32];
             ADDR_SERIAL_ERRORS: readdata_d = {16'd0, serial_errors_q};
-            ADDR_LATENCY:       readdata_d = latency_i;
+            ADDR_LATENCY:       readdata_d = observed;
             default:            response_d = RESP_NONE;
           endcase
         end

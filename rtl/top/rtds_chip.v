@@ -5,7 +5,8 @@
 //             takes them from pll_adc, a simulation from its harness.
 // Clocks      clk_sys_i  50 MHz, the board's own: registers, core, scaling, DAC
 //             clk_adc_i  40 MHz: SPI master and sequencer; clk_cnv_i the same 7.5 ns later: CONVST alone
-// Resets      see reset_ctrl. A lost lock clears the state and holds the DAC in reset; registers survive.
+// Resets      see reset_ctrl. A lost lock clears the state and holds the DAC in reset; registers survive, and hear of
+//             what it clears through reset_gates only.
 // Latency     from the record's arrival in the 50 MHz domain to the falling edge of LDAC: constant, see
 //             docs/chip.md and register LATENCY; the crossing adds 2 clocks of 40 MHz and 3 to 4 of 50 MHz.
 // Crossings   u_record (record, cdc_handshake), u_silent, u_lost, u_enable (levels, cdc_sync), resets.
@@ -45,7 +46,10 @@ module rtds_chip #(
   // --- resets --------------------------------------------------------------------------------------------
   wire rst_sys_n;
   wire rst_run_n;
+  wire rst_pin_n;
   wire rst_adc_n;
+  wire open;
+  wire held;
   wire locked;
   wire lock_lost;
 
@@ -58,7 +62,10 @@ module rtds_chip #(
       .pll_locked_i(pll_locked_i),
       .rst_sys_no  (rst_sys_n),
       .rst_run_no  (rst_run_n),
+      .rst_pin_no  (rst_pin_n),
       .rst_adc_no  (rst_adc_n),
+      .open_o      (open),
+      .held_o      (held),
       .locked_o    (locked),
       .lock_lost_o (lock_lost)
   );
@@ -161,6 +168,7 @@ module rtds_chip #(
       .fx_data_o               (fx_data),
       .fx_ready_i              (fx_ready),
       .idle_i                  (idle),
+      .open_i                  (open),
       .event_i                 (events),
       .live_i                  (live),
       .step_i                  (step_done),
@@ -282,6 +290,8 @@ module rtds_chip #(
   wire         dac_ready;
   wire         dac_dropped;
   wire         dac_safe;
+  wire         run_idle;
+  wire         run_fx_ready;
   wire         alive;
   wire         halted;
   wire         silent_event;
@@ -295,7 +305,7 @@ module rtds_chip #(
       .clear_i         (clear),
       .values_i        ({cfg[32*CFG_V_L+:128], cfg[32*CFG_KM+:128]}),
       .from_adc_i      (cfg[32*CFG_CONFIG+BIT_CONFIG_B_FROM_ADC+:6]),
-      .idle_o          (idle),
+      .idle_o          (run_idle),
       .record_valid_i  (record_valid),
       .record_codes_i  (record[59:0]),
       .silent_i        (silent),
@@ -307,6 +317,7 @@ module rtds_chip #(
       .core_strobe_o   (core_strobe),
       .core_inputs_o   (core_inputs),
       .core_params_o   (core_params),
+      .core_ready_i    (core_ready),
       .core_nonfinite_i(core_nonfinite),
       .codes_valid_i   (codes_valid),
       .dac_write_o     (dac_write),
@@ -373,7 +384,7 @@ module rtds_chip #(
       .fx_wr_valid_i(fx_valid),
       .fx_wr_addr_i (fx_address),
       .fx_wr_data_i (fx_data),
-      .fx_wr_ready_o(fx_ready),
+      .fx_wr_ready_o(run_fx_ready),
       .valid_o      (core_valid),
       .i_l_o        (i_l),
       .w_l_o        (w_l),
@@ -409,6 +420,7 @@ module rtds_chip #(
   dac_parallel u_dac (
       .clk_i       (clk_sys_i),
       .rst_ni      (rst_run_n),
+      .rst_pin_ni  (rst_pin_n),
       .write_i     (dac_write),
       .code_i      (dac_codes),
       .fault_i     (dac_fault),
@@ -424,34 +436,25 @@ module rtds_chip #(
   );
 
   // --- reports -----------------------------------------------------------------------------------------------------
-  // The computing part can be reset at any time by a lost lock while the registers live on: its reports pass
-  // two flops of the same clock, which costs two clocks and no pulse.
+  // The computing part is reset by a lost lock while the registers live on.
   wire [9:0] report = {
     dropped_event, core_param_fault, dac_sat & {4{codes_valid}}, silent_event, core_nonfinite, core_overrun, core_valid
   };
   wire [9:0] reported;
   wire [4:0] level = {dac_safe || !dac_ready && dac_fault, halted, core_param_fault, core_ready, alive};
   wire [4:0] levels;
+  wire       gated_idle;
 
-  genvar k;
-  generate
-    for (k = 0; k < 10; k = k + 1) begin : gen_report
-      cdc_sync u_report (
-          .clk_i (clk_sys_i),
-          .rst_ni(rst_sys_n),
-          .d_i   (report[k]),
-          .q_o   (reported[k])
-      );
-    end
-    for (k = 0; k < 5; k = k + 1) begin : gen_level
-      cdc_sync u_level (
-          .clk_i (clk_sys_i),
-          .rst_ni(rst_sys_n),
-          .d_i   (level[k]),
-          .q_o   (levels[k])
-      );
-    end
-  endgenerate
+  reset_gate #(
+      .WIDTH(17)
+  ) u_gate (
+      .open_i(open),
+      .d_i   ({run_idle, run_fx_ready, level, report}),
+      .q_o   ({gated_idle, fx_ready, levels, reported})
+  );
+
+  // While it stands in reset no step is in hand: a configuration may be taken over.
+  assign idle = gated_idle || held;
 
   assign step_done                         = reported[0];
   assign events[BIT_STATUS_OVERRUN]        = reported[1];

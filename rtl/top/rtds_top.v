@@ -1,9 +1,11 @@
 // rtds_top: the chip on a DE10-Nano (Cyclone V 5CSEBA6U23I7), names of ports as on the board.
 //
 // Purpose     pins, PLL and nothing else; everything else is rtds_chip. KEY[0] is the reset. The DAC board sits on
-//             GPIO_0, the serial port on GPIO_1 (quartus/rtds.qsf has the pins, docs/chip.md the wiring).
+//             GPIO_0, the serial port on GPIO_1 (quartus/rtds.qsf has the pins, docs/chip.md the wiring). A PLL that loses its
+//             lock is reset.
 // Clocks      FPGA_CLK1_50 drives registers, core and DAC; the PLL makes the ADC's two 40 MHz clocks of it.
-// Crossing    KEY[0] and the PLL's lock enter reset_ctrl only, UART_RX enters cdc_sync only.
+// Crossing    KEY[0] enters reset synchronisers and the PLL's reset, the PLL's lock reset_ctrl and pll_restart, UART_RX a
+//             cdc_sync.
 `default_nettype none
 
 module rtds_top #(
@@ -32,10 +34,25 @@ module rtds_top #(
   wire clk_adc;
   wire clk_cnv;
   wire locked;
+  wire restart_rst_n;
+  wire restart;
+
+  reset_sync u_restart_reset (
+      .clk_i       (FPGA_CLK1_50),
+      .async_rst_ni(KEY[0]),
+      .rst_no      (restart_rst_n)
+  );
+
+  pll_restart u_pll_restart (
+      .clk_i   (FPGA_CLK1_50),
+      .rst_ni  (restart_rst_n),
+      .locked_i(locked),
+      .rst_o   (restart)
+  );
 
   pll_adc u_pll_adc (
       .refclk_i    (FPGA_CLK1_50),
-      .rst_i       (!KEY[0]),
+      .rst_i       (!KEY[0] || restart),
       .outclk_adc_o(clk_adc),
       .outclk_cnv_o(clk_cnv),
       .locked_o    (locked)

@@ -25,6 +25,11 @@ def test_resets(simulator):
     run_cocotb("reset_ctrl", [INFRA], "tb_reset", "tb/cdc", simulator)
 
 
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_pll_restart(simulator):
+    run_cocotb("pll_restart", [INFRA, "rtl/io/pll_restart.v"], "tb_pll_restart", "tb/cdc", simulator, parameters={"WAIT": 200})
+
+
 # With its clock in Verilog the PLL takes Verilator a minute to build: one simulator is enough unless asked.
 @pytest.mark.parametrize(
     "simulator",

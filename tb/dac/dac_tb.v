@@ -66,6 +66,7 @@ module dac_tb #(
   dac_parallel dut (
       .clk_i       (clk),
       .rst_ni      (rst_n),
+      .rst_pin_ni  (rst_n),
       .write_i     (write),
       .code_i      (code),
       .fault_i     (fault),

@@ -16,7 +16,7 @@ module dac_f (
   wire [1:0] a;
 
   dac_parallel dut (
-      .clk_i(clk), .rst_ni(rst_n), .write_i(write), .code_i(code), .fault_i(fault), .ready_o(ready), .dropped_o(dropped),
+      .clk_i(clk), .rst_ni(rst_n), .rst_pin_ni(rst_n), .write_i(write), .code_i(code), .fault_i(fault), .ready_o(ready), .dropped_o(dropped),
       .safe_o(safe), .dac_db_o(db), .dac_a_o(a), .dac_cs_no(cs_n), .dac_rw_o(rw), .dac_ldac_no(ldac_n), .dac_reset_no(reset_n)
   );
 

@@ -22,7 +22,7 @@ TASKS = {
     "cdc_handshake_f": (
         "crossing: no loss, no duplicate, not torn", ("io/cdc_sync.v", "io/cdc_handshake.v"), True, 6, 50, ""),
     "reset_f": (
-        "resets: asserted at once, released with the clock, held until locked",
+        "resets: with their cause, listeners told first, held until locked",
         ("io/cdc_sync.v", "io/reset_sync.v", "io/reset_ctrl.v"), True, 4, 40, ""),
     "sequencer_f": (
         "step: valid 16 clocks after the strobe, ready after 23; with effects 9 more",

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -96,22 +97,33 @@ def yosys(script: str, folder: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def elaborate(folder: Path) -> tuple[Design, dict]:
-    """Elaborate the top twice below `folder`: by hierarchy (Design) and flat (Yosys's netlist of the top)."""
+def elaborate(folder: Path, faults: Mapping[str, tuple[str, str]] | None = None) -> tuple[Design, dict, dict]:
+    """Elaborate the top below `folder`: by hierarchy (Design), flat, and flat but for the reset_gates (Yosys's netlists).
+
+    faults : file name -> (text that stands there, text instead), to see whether a check notices.
+    """
     names = []
     for path in read_file_list(FILE_LIST):
         shutil.copy(path, folder)
         names.append(path.name)
+        if old_new := (faults or {}).get(path.name):
+            text = path.read_text()
+            assert old_new[0] in text, f"{path.name}: no {old_new[0]!r}"
+            (folder / path.name).write_text(text.replace(*old_new))
         for header in path.parent.glob("*.vh"):
             shutil.copy(header, folder)
     read = (
         f"read_verilog -DALTERA_RESERVED_QIS {' '.join(names)}; read_verilog -lib +/intel_alm/common/megafunction_bb.v; "
         f"hierarchy -check -top {TOP}; proc; opt_expr; opt_clean"
     )
-    yosys(f"{read}; write_json tree.json; flatten; opt_clean; write_json flat.json", folder)
+    yosys(
+        f"{read}; write_json tree.json; design -save read; flatten; opt_clean; write_json flat.json; design -load read; "
+        "setattr -mod -set keep_hierarchy 1 *reset_gate*; flatten; opt_clean; write_json gated.json",
+        folder,
+    )
     tree = json.loads((folder / "tree.json").read_text())["modules"]
-    flat = json.loads((folder / "flat.json").read_text())["modules"][TOP]
-    return _design(tree), flat
+    flat, gated = (json.loads((folder / f"{name}.json").read_text())["modules"][TOP] for name in ("flat", "gated"))
+    return _design(tree), flat, gated
 
 
 def _base(module: str) -> str:
@@ -158,11 +170,7 @@ def crossings(flat: dict) -> set[tuple[str, str, str, str]]:
 
     Paths are followed through logic to the data and enable inputs of flops, not to their asynchronous clears.
     """
-    names: dict = {}
-    # The register's own name (_q) before those of the wires that follow it.
-    for name, net in sorted(flat["netnames"].items(), key=lambda item: (item[1]["hide_name"], not item[0].endswith("_q"))):
-        for bit in net["bits"]:
-            names.setdefault(bit, name)
+    names = _register_names(flat)
     driver, flop_of = {}, {}
     for name, cell in flat["cells"].items():
         for port, direction in cell["port_directions"].items():
@@ -209,6 +217,116 @@ def crossings(flat: dict) -> set[tuple[str, str, str, str]]:
                     q = cell["connections"]["Q"][0]
                     result.add((names[source], names[other], names[q], names[clock]))
     sys.setrecursionlimit(limit)
+    return result
+
+
+def _register_names(netlist: dict) -> dict:
+    """Name of each bit: the register's own (_q) before those of the wires that follow it."""
+    names: dict = {}
+    for name, net in sorted(
+        netlist["netnames"].items(), key=lambda item: (item[1]["hide_name"], not item[0].endswith("_q"))
+    ):
+        for bit in net["bits"]:
+            names.setdefault(bit, name)
+    return names
+
+
+def reset_crossings(gated: dict) -> set[tuple[str, str, str, str]]:
+    """(source register, its reset, destination register, its reset) of all paths between two resets.
+
+    A path leads through logic, memories and registers without a reset to the data or enable of a register with one. It ends in
+    a reset_gate. Of the sources of a path one for each reset is named.
+    """
+    names = _register_names(gated)
+    cells = {n: c for n, c in gated["cells"].items() if c["type"].startswith("$") and not c["type"].startswith("$paramod")}
+    reset_of = {}  # output bit of a register with an asynchronous reset -> (its name, its reset's)
+    for cell in cells.values():
+        if cell["type"] in FLOPS and "ARST" in cell["connections"]:
+            for bit in cell["connections"]["Q"]:
+                reset_of[bit] = (names[bit], names[cell["connections"]["ARST"][0]])
+    # What passes something on: logic, registers without a reset, and memories, whose writes reach all their reads.
+    passing: list[tuple[set, set]] = []
+    written: dict[str, set] = {}
+    for cell in cells.values():
+        if cell["type"] in FLOPS and "ARST" in cell["connections"]:
+            continue
+        into = {b for p, d in cell["port_directions"].items() if d == "input" for b in cell["connections"][p]}
+        out = {b for p, d in cell["port_directions"].items() if d == "output" for b in cell["connections"][p]}
+        if cell["type"].startswith("$memwr"):
+            written.setdefault(cell["parameters"]["MEMID"], set()).update(into)
+        else:
+            passing.append((into, out))
+    for cell in cells.values():
+        if cell["type"].startswith("$memrd"):
+            passing.append((written.get(cell["parameters"]["MEMID"], set()), set(cell["connections"]["DATA"])))
+    readers: dict = {}
+    for index, (into, _) in enumerate(passing):
+        for bit in into:
+            readers.setdefault(bit, []).append(index)
+    heard: dict = {}  # bit -> reset -> a register
+    todo = []
+
+    def tell(bit: object, what: dict) -> None:
+        known = heard.setdefault(bit, {})
+        if new := {reset: register for reset, register in what.items() if reset not in known}:
+            known.update(new)
+            todo.append(bit)
+
+    for bit, (register, reset) in reset_of.items():
+        tell(bit, {reset: register})
+    while todo:
+        bit = todo.pop()
+        for index in readers.get(bit, ()):
+            for out in passing[index][1]:
+                if out not in reset_of:
+                    tell(out, heard[bit])
+    result = set()
+    for cell in cells.values():
+        if cell["type"] not in FLOPS or "ARST" not in cell["connections"]:
+            continue
+        for index, q in enumerate(cell["connections"]["Q"]):
+            register, own = reset_of[q]
+            into = [cell["connections"]["D"][index], *cell["connections"].get("EN", [])]
+            for bit in into:
+                for reset, source in heard.get(bit, {}).items():
+                    if reset != own:
+                        result.add((source, reset, register, own))
+    return result
+
+
+def clears(flat: dict) -> set[tuple[str, str, str, str]]:
+    """(register that clears, its clock, register that is cleared, its clock): every asynchronous clear, through logic.
+
+    A clear from a port or a primitive's output has its name and no clock ("").
+    """
+    names = _register_names(flat)
+    driver, flop_of = {}, {}
+    for cell in flat["cells"].values():
+        for port, direction in cell["port_directions"].items():
+            if direction == "output":
+                for bit in cell["connections"][port]:
+                    driver[bit] = cell
+                    if cell["type"] in FLOPS:
+                        flop_of[bit] = cell
+
+    def sources(bit: object) -> set:
+        if isinstance(bit, str):
+            return set()
+        if bit in flop_of or bit not in driver or not driver[bit]["type"].startswith("$"):
+            return {bit}
+        cell = driver[bit]
+        return {
+            s for p, d in cell["port_directions"].items() if d == "input" for b in cell["connections"][p] for s in sources(b)
+        }
+
+    result = set()
+    for cell in flat["cells"].values():
+        if cell["type"] in FLOPS and "ARST" in cell["connections"]:
+            clock = names[cell["connections"]["CLK"][0]]
+            for source in sources(cell["connections"]["ARST"][0]):
+                from_clock = names[flop_of[source]["connections"]["CLK"][0]] if source in flop_of else ""
+                for q in cell["connections"]["Q"]:
+                    result.add((names[source], from_clock, names[q], clock))
     return result
 
 

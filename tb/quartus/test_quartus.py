@@ -1,10 +1,11 @@
-"""quartus/ against the design: every port has its pin, every constraint matches something, no crossing is forgotten.
+"""quartus/ against the design: every port has its pin, every constraint matches something, nothing is without one.
 
 Quartus itself is not run: these tests compare its input files with the top as Yosys elaborates it.
 """
 
 import os
 import re
+import shutil
 import subprocess
 
 import pytest
@@ -26,6 +27,11 @@ def design(elaborated):
 @pytest.fixture(scope="module")
 def flat(elaborated):
     return elaborated[1]
+
+
+@pytest.fixture(scope="module")
+def gated(elaborated):
+    return elaborated[2]
 
 
 @pytest.fixture(scope="module")
@@ -90,8 +96,23 @@ def test_project_lists_exactly_the_design(qsf):
     assert "PROJECT_REVISION" in (ROOT / "quartus" / "rtds.qpf").read_text()
 
 
+# What Quartus may make of the name of a register: with the modules' names or the instances' alone, its copy (the fitter's), or
+# the one in an output cell.
+NAMINGS = {
+    "modules and instances": lambda name: name,
+    "instances": lambda name: re.sub(r"\w+:", "", name),
+    "a copy": lambda name: f"{name}~DUPLICATE",
+    "an output's register": lambda name: re.sub(r"\w+:", "", re.sub(r"(\[\d+\])?$", r"~reg0\1", name)),
+}
+
+
+def own_name(register):
+    """Of u_chip|u_record|cdc_hold_q[3]: cdc_hold_q."""
+    return re.sub(r"\[\d+\]$", "", register.rpartition("|")[2])
+
+
 def unmatched(commands, design):
-    """Patterns of constraints that match nothing."""
+    """Patterns of constraints that match nothing, or registers of several names."""
     clocks = {m[1] for c in commands if (m := re.search(r"create\w*_clock -name (\w+)", c))}
     problems = []
     for command in commands:
@@ -99,16 +120,14 @@ def unmatched(commands, design):
             if kind == "get_ports":
                 ok = any(files.matches(pattern, port) for port in design.ports)
             elif kind == "get_registers":
-                ok = any(files.matches(pattern, register) for register in design.registers)
+                found = [{r for r in design.registers if files.matches(pattern, name(r))} for name in NAMINGS.values()]
+                ok = len({own_name(r) for r in found[0]}) == 1 and all(f == found[0] for f in found)
             elif kind == "get_clocks":
                 ok = pattern in clocks
-            elif "PLL_OUTPUT_COUNTER" in pattern:  # made by the fitter inside the primitive
+            else:  # made by the fitter inside the PLL
                 head = re.fullmatch(r"\*(\w+)\|(\w+)\|\*general\[(\d)\]\.gpll~PLL_OUTPUT_COUNTER\|divclk", pattern)
                 paths = [p for p, module in design.instances.items() if module == "altera_pll"]
                 ok = bool(head) and any(p.endswith(f":{head[1]}|altera_pll:{head[2]}") for p in paths)
-            else:
-                register, _, pin = pattern.rpartition("|")
-                ok = pin == "clrn" and any(files.matches(register, r) for r in design.registers)
             if not ok:
                 problems.append(f"{kind} {pattern}")
         for clock in re.findall(r"-clock (\w+)", command):
@@ -125,8 +144,10 @@ def test_every_constraint_matches_something(design, sdc):
     "fault, finds",
     [
         (("{ADC_SDI}", "{ADC_SDA}"), "get_ports ADC_SDA"),
-        (("cdc_meta_q", "cdc_meta_r"), "get_registers *cdc_sync:*|cdc_meta_r"),
-        (("rst_out_q|clrn", "rst_end_q|clrn"), "get_pins *reset_sync:*|rst_end_q|clrn"),
+        (("*cdc_meta_q*", "*cdc_meta_r*"), "get_registers *cdc_meta_r*"),
+        (("*cdc_meta_q*", "*cdc_sync:*|cdc_meta_q"), "get_registers *cdc_sync:*|cdc_meta_q"),  # Quartus may leave `cdc_sync:` out
+        (("*cdc_hold_q*", "*cdc_*_q*"), "get_registers *cdc_*_q*"),
+        (("*rst_out_q*", "*rst_out_q|clrn"), "get_registers *rst_out_q|clrn"),
         (("-clock adc_sck", "-clock adc_clk"), "clock adc_clk"),
         (("*u_pll_adc|u_pll|", "*u_pll_adc|u_pll2|"), "get_pins *u_pll_adc|u_pll2|*general[0].gpll~PLL_OUTPUT_COUNTER|divclk"),
     ],
@@ -137,11 +158,49 @@ def test_a_constraint_that_matches_nothing_is_found(design, fault, finds):
     assert finds in unmatched(files.sdc_commands(text.replace(*fault)), design)
 
 
+def unbounded(commands, design):
+    """Ports without a constraint: each is a clock, has the longest and the shortest delay, or is cut on purpose."""
+    problems = []
+    for port, direction in design.ports.items():
+        mine = [c for c in commands if any(k == "get_ports" and files.matches(p, port) for k, p in files.sdc_patterns(c))]
+        delays = {d for c in mine for d in ("-max", "-min") if c.startswith(f"set_{direction}_delay") and d in c}
+        if not (delays == {"-max", "-min"} or any(re.match("create|set_false_path", c) for c in mine)):
+            problems.append(port)
+    return problems
+
+
 def test_every_pin_is_constrained(design, sdc):
-    """Each port is a clock, has an input or output delay or a bound, or is cut on purpose."""
-    patterns = [pattern for command in sdc for kind, pattern in files.sdc_patterns(command) if kind == "get_ports"]
-    missing = [port for port in design.ports if not any(files.matches(pattern, port) for pattern in patterns)]
-    assert missing == []
+    assert unbounded(sdc, design) == []
+
+
+@pytest.mark.parametrize("port", ["ADC_CONVST", "ADC_SDO", "DAC_LDAC_N", "UART_RX", "ADC_SCK"])
+def test_a_pin_without_a_bound_is_found(design, sdc, port):
+    """Either bound taken away, or the only constraint."""
+    for number, command in enumerate(sdc):
+        if re.search(rf"[{{ ]{port}\b", command):
+            assert port in unbounded([*sdc[:number], command.replace(port, "LED[0]"), *sdc[number + 1 :]], design)
+
+
+def test_convst_stays_in_its_window(sdc):
+    """Whatever the pads' delays within the bounds: SCK rises 1600 to 1610 ns after CONVST, 0.5 ns of board either way.
+
+    The bounds are those of ADC_CONVST against the clock at ADC_SCK's pad. With equal delays CONVST stands at the pad 7.5 ns
+    after clk_adc's edge, SCK rises 12.5 ns after it and then every 25 ns; the first pulse of a cycle is that of edge 64.
+    """
+    period, cnv, sck = 25.0, 7.5, 12.5
+    largest, smallest = (
+        float(re.search(rf"-{bound} (\S+)", c)[1])
+        for bound in ("max", "min")
+        for c in sdc
+        if "{ADC_CONVST}" in c and f"-{bound}" in c
+    )
+    assert all("-clock adc_sck" in c for c in sdc if "{ADC_CONVST}" in c)
+    most_late = (sck - cnv) - largest  # of CONVST's delay over SCK's: the edge that follows is caught `largest` early
+    most_early = -((sck - period - cnv) - smallest)  # and CONVST stays away `-smallest` after the edge before
+    board = 0.5
+    nominal = 64 * period + sck - cnv
+    assert nominal - (most_late + board) == pytest.approx(1600.0)
+    assert nominal + (most_early + board) == pytest.approx(1610.0)
 
 
 def test_clocks_are_those_of_the_pll(sdc):
@@ -162,18 +221,97 @@ def test_clocks_are_those_of_the_pll(sdc):
         assert f"general[{number}]" in command
 
 
-def test_every_crossing_goes_through_a_synchroniser(flat):
-    """No register of one clock is read by another one but through cdc_sync or the held word of cdc_handshake."""
+def covers(command, source, destination):
+    """Does a cut or a bound between registers apply to the path? Names as Yosys gives them, of instances."""
+    if not re.match("set_false_path|set_max_delay", command):
+        return False
+    ends = {"-from": source, "-to": destination}
+    sides = re.findall(r"(-from|-to) \[get_registers \{([^}]*)\}\]", command)
+    names = {side: name.replace(".", "|") for side, name in ends.items()}
+    return bool(sides) and all(
+        any(files.matches(p, names[side]) for p in patterns.split()) for side, patterns in sides
+    )
+
+
+def test_every_crossing_goes_through_a_synchroniser(flat, sdc):
+    """No register of one clock is read by another one but through cdc_sync or the held word of cdc_handshake, and each of
+    these paths has its constraint."""
     found = files.crossings(flat)
     assert found, "there are crossings in this design"
     for source, from_clock, destination, to_clock in found:
         if destination.endswith("convst_q"):
             assert source.endswith("cnv_q"), source  # clk_adc -> clk_cnv: synchronous, 7.5 ns, timed as it is
-        elif re.search(r"cdc_data_q", destination):
+            continue
+        if re.search(r"cdc_data_q", destination):
             # The word, or its destination's own request (which decides when it is taken).
             assert source.endswith("cdc_hold_q"), f"{source} -> {destination}"
         else:
             assert re.search(r"cdc_meta_q$", destination), f"{source} ({from_clock}) -> {destination} ({to_clock})"
+        assert any(covers(c, source, destination) for c in sdc), f"{source} -> {destination}: no constraint"
+
+
+def clear_problems(flat, sdc):
+    """Asynchronous clears that nothing synchronises, or that are cut nowhere."""
+    problems = []
+    for source, from_clock, destination, to_clock in files.clears(flat):
+        entry = re.search(r"\brst_(meta|sync|out)_q$", destination)  # a reset synchroniser is there to be cleared at any time
+        if source.endswith("rst_out_q"):
+            # clk_adc's reset clears CONVST's register, too: the same PLL, timed.
+            if from_clock != to_clock and not destination.endswith("convst_q"):
+                problems.append(f"{source} ({from_clock}) clears {destination} ({to_clock})")
+        elif not entry:
+            problems.append(f"{source} clears {destination}")
+        elif source.endswith("ok_prev_q"):
+            assert from_clock == to_clock  # falls with the clock: timed
+        elif from_clock and not any(covers(c, source, destination) for c in sdc):
+            problems.append(f"{source} clears {destination}: no constraint")
+        elif not from_clock and source not in ("KEY", "locked"):  # the button's port is cut, the PLL's lock has no clock
+            problems.append(f"{source} clears {destination}: unknown")
+    return problems
+
+
+def test_every_reset_is_released_with_its_clock(flat, sdc):
+    assert clear_problems(flat, sdc) == []
+    assert any("-from [get_ports {KEY[*]" in c for c in sdc)
+
+
+def test_a_reset_without_a_constraint_is_found(flat, sdc):
+    kept = [c for c in sdc if "lock_ok_q" not in c]
+    assert any("lock_ok_q clears" in p and "u_adc" in p for p in clear_problems(flat, kept))
+
+
+def reset_problems(gated):
+    """Paths on which a register hears of another one's reset while it lives on itself."""
+    problems = []
+    for source, reset, destination, other in files.reset_crossings(gated):
+        if reset.endswith("u_sys.rst_out_q"):
+            continue  # the button: whatever it resets, all else is reset at the same time
+        if destination.endswith("cdc_meta_q"):
+            continue
+        if destination.endswith("u_record.cdc_data_q") and source.endswith("cdc_hold_q"):
+            continue  # taken only when a request has passed two flops; the word is older than that
+        if destination.endswith("u_dac.pin_q") and reset.endswith("u_run.rst_out_q"):
+            continue  # whenever that reset comes, this one has come before and lasts
+        problems.append(f"{source} ({reset}) -> {destination} ({other})")
+    return problems
+
+
+def test_no_register_hears_of_anothers_reset(gated):
+    """Between two resets of one clock stands a reset_gate or a synchroniser: nothing is torn when one of them comes."""
+    assert files.reset_crossings(gated), "there are several resets in this design"
+    assert reset_problems(gated) == []
+
+
+@pytest.mark.parametrize(
+    "file, fault, finds",
+    [
+        ("rtds_chip.v", ("assign idle = gated_idle || held;", "assign idle = run_idle || held;"), "u_regs.active_q"),
+        ("rtds_regs.v", ("readdata_d = observed;", "readdata_d = codes_i[31:0];"), "u_regs.readdata_q"),
+    ],
+)
+def test_a_path_between_resets_is_found(tmp_path, file, fault, finds):
+    _, _, gated = files.elaborate(tmp_path, {file: fault})
+    assert any(finds in problem for problem in reset_problems(gated))
 
 
 def test_compile_script_says_what_is_missing(tmp_path):
@@ -185,3 +323,72 @@ def test_compile_script_says_what_is_missing(tmp_path):
     )
     assert done.returncode == 2
     assert done.stderr.strip() == "quartus_sh is not on PATH: install Quartus Prime Lite with Cyclone V support"
+
+
+TOOLS = {
+    "quartus_sh": "#!/bin/sh\nmkdir -p ../build/quartus\necho 'Logic utilization : 1' >../build/quartus/rtds.fit.summary\n",
+    "quartus_sta": "#!/bin/sh\necho 'worst setup slack 1.0 ns'\n",
+}
+
+
+@pytest.mark.parametrize(
+    "says, status, finds",
+    [
+        ("", 0, ""),
+        ("exit 1\n", 1, "timing is not met"),
+        ("echo 'Warning (332174): Ignored filter at rtds.sdc(44): *cdc_meta_q*'\n", 1, "a constraint matched nothing"),
+        ("echo 'Warning (332049): Ignored set_max_delay at rtds.sdc(46)'\n", 1, "a constraint matched nothing"),
+        ("echo 'Warning (332060): Node: x was determined to be a clock but was found without one'\n", 1, "a clock has none"),
+    ],
+)
+def test_compile_ends_with_an_error_on_missed_timing_and_unmatched_constraints(tmp_path, says, status, finds):
+    """With stand-ins for Quartus: what its timing analyser says and returns decides."""
+    (tmp_path / "bin").mkdir()
+    for name, text in TOOLS.items():
+        (tmp_path / "bin" / name).write_text(text + (says if name == "quartus_sta" else ""))
+        (tmp_path / "bin" / name).chmod(0o755)
+    shutil.copytree(ROOT / "quartus", tmp_path / "quartus")
+    done = subprocess.run(
+        [tmp_path / "quartus" / "compile.sh"],
+        env={"PATH": f"{tmp_path / 'bin'}:/usr/bin:/bin"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == status, done.stderr
+    assert finds in done.stderr and "worst setup slack" in done.stdout and "Logic utilization" in done.stdout
+
+
+# The part of quartus_sta's Tcl that report.tcl uses, with the documented collections: opaque, and only foreach_in_collection
+# looks into one.
+STAND_IN = """
+package provide ::quartus::project 1.0
+package provide ::quartus::sta 1.0
+foreach name {project_open create_timing_netlist read_sdc set_operating_conditions update_timing_netlist project_close} {
+    proc $name args {}
+}
+proc get_available_operating_conditions {} { return _col1 }
+proc get_operating_conditions_info args { return slow }
+proc get_clock_fmax_info {} { return {{clk_sys 61.5 61.5 x}} }
+proc get_timing_paths args { return [lindex $args 0] }
+proc get_path_info {path what} { if {$path eq "-recovery"} { return $::worst }; return 1.5 }
+proc foreach_in_collection {name collection body} {
+    upvar 1 $name item
+    if {$collection eq "-removal"} return
+    set item $collection
+    uplevel 1 $body
+}
+"""
+
+
+@pytest.mark.skipif(shutil.which("tclsh") is None, reason="report.tcl needs tclsh to be run without Quartus")
+@pytest.mark.parametrize("worst, status", [("0.25", 0), ("-0.001", 1)])
+def test_report_fails_on_a_negative_slack(tmp_path, worst, status):
+    """Of any kind; a kind without a path is passed over."""
+    script = tmp_path / "run.tcl"
+    script.write_text(f"set worst {worst}\n{STAND_IN}\nsource {ROOT / 'quartus/report.tcl'}\n")
+    done = subprocess.run(["tclsh", script], capture_output=True, text=True, check=False)
+    assert done.returncode == status, done.stderr
+    assert "Fmax clk_sys       61.50 MHz" in done.stdout and f"worst recovery slack {float(worst):7.3f} ns" in done.stdout
+    assert "removal" not in done.stdout
+    assert ("a slack is negative" in done.stderr) == (status == 1)

@@ -42,6 +42,7 @@ class Bench:
         for name in ("idle_i", "event_i", "live_i", "step_i", "serial_error_i", "latency_i", "now_i", "codes_i"):
             getattr(dut, name).value = 0
         dut.idle_i.value = 1
+        dut.open_i.value = 1
         dut.fx_ready_i.value = 0
         dut.rst_ni.value = 0
         dut.clk_i.value = 0
@@ -290,6 +291,10 @@ async def observation(dut):
     assert [await b.read(r.name) for r in CODES] == codes
     assert await b.read("LATENCY") == 0x00450044
     assert await b.read("LIVE") == 0x2A
+    dut.open_i.value = 0
+    assert {await b.read(r.name) for r in (*NOW, *CODES, MAP.named("LATENCY"))} == {0}, "what a reset may cut is not read"
+    assert await b.read("LIVE") == 0x2A
+    dut.open_i.value = 1
     dut.serial_error_i.value = 1
     for _ in range(3):
         await RisingEdge(dut.clk_i)

@@ -8,7 +8,8 @@ import os
 
 import cocotb
 from chip import SAFE, STEP_CLOCKS, Chip, running
-from cocotb.triggers import RisingEdge, Timer
+from cocotb.handle import Force, Release
+from cocotb.triggers import ReadOnly, RisingEdge, Timer, ValueChange
 from cocotb.utils import get_sim_time
 
 from rtds_host.link.registers import float_word, load_map
@@ -117,6 +118,93 @@ async def lock_lost_at_every_phase(dut):
     chip.check()
 
 
+async def moves_with_the_clock(dut, signal):
+    """Ends the test when the signal changes between two edges of the 50 MHz."""
+    edge = -1
+
+    async def edges():
+        nonlocal edge
+        while True:
+            await RisingEdge(dut.clk_sys)
+            edge = get_sim_time("ps")
+
+    cocotb.start_soon(edges())
+    while True:
+        await ValueChange(signal)
+        await ReadOnly()
+        assert get_sim_time("ps") == edge, f"{signal._name} moves {get_sim_time('ps') - edge} ps after the clock"
+
+
+@cocotb.test()
+async def lock_lost_at_every_clock_of_a_commit(dut):
+    """A lock lost while a commit and a clear wait: what takes them over moves with the clock alone, and takes all of it."""
+    chip = await running(dut)
+    regs = dut.chip.u_regs
+    for signal in (regs.commit_now, regs.clear_now, regs.fx_ready_i, regs.step_i):
+        cocotb.start_soon(moves_with_the_clock(dut, signal))
+    # The commands are written 6 clocks after the record and carried out when the step is done, 127 clocks after it.
+    clocks = range(132) if LONG else (0, 3, 60, 117, 118, 119, 120, 121, 122, 123, 124, 130)
+    for number, clock in enumerate(clocks):
+        await RisingEdge(dut.chip.record_valid)
+        values = {"R": 8.6 * (1 + number % 5), "DAC_W_R_OFFSET": 50.0 * (-1) ** number}
+        words = {name: MAP.named(name).to_word(value) for name, value in values.items()}
+        for name, word in words.items():
+            await write_inside(dut, name, word)
+        old, new = int(regs.active_q.value), int(regs.shadow_q.value)
+        await write_inside(dut, "COMMAND", 3)
+        for _ in range(clock):
+            await RisingEdge(dut.clk_sys)
+        await Timer(chip.rng.randint(1, 19999), "ps")  # off the clock
+        dut.locked.value = 0
+        dut.agent_clear.value = 1
+        for _ in range(12):
+            assert int(regs.active_q.value) in (old, new), "half of a configuration"
+            await RisingEdge(dut.clk_sys)
+        assert {name: chip.config()[name] for name in words} == words, "taken over while the core stands in reset"
+        assert not int(regs.commit_pending_q.value) and not int(regs.clear_pending_q.value)
+        chip.forget()
+        dut.locked.value = 1
+        dut.forgive.value = 1  # the cut cycle
+        await Timer(200, "ns")
+        dut.forgive.value = 0
+        dut.agent_clear.value = 0
+    await chip.until_steps(2)
+    assert chip.now == chip.predicted != SAFE
+
+
+@cocotb.test()
+async def one_lost_record_is_told_once(dut):
+    """A dead line for one sequence: one event, none after the line has been repaired. The clocks stand so that the crossing
+    takes now a clock more, now one less: then the next good record comes 20 us after the last one, or a clock later."""
+    chip = await running(dut)
+    await RisingEdge(dut.chip.valid_adc)
+    request = round(get_sim_time("ps")) + 25_000
+    dut.phase.value = (10_000 - request) % 20_000  # onto a rising edge of the 50 MHz
+    dut.jitter.value = 100
+    dut.forgive.value = 1
+    await Timer(100, "ns")  # the moved edge
+    dut.forgive.value = 0
+    events = []
+
+    async def watch():
+        while True:
+            await RisingEdge(dut.clk_sys)
+            if int(dut.chip.silent_event.value):
+                events.append(get_sim_time("ns"))
+
+    cocotb.start_soon(watch())
+    for trial in range(60 if LONG else 16):
+        await chip.until_steps(1)
+        events.clear()
+        dut.sdo_stuck.value = 1
+        await RisingEdge(dut.chip.silent_adc)
+        dut.sdo_stuck.value = 0
+        await RisingEdge(dut.chip.record_valid)
+        await Timer(1, "us")
+        assert len(events) == 1, f"trial {trial}: events at {events} ns"
+        assert int(dut.chip.alive.value)
+
+
 @cocotb.test()
 async def dead_sdo(dut):
     """SDO at 0, at 1, undefined, floating: no step, the safe value, the flag; afterwards the motor goes on."""
@@ -138,6 +226,17 @@ async def dead_sdo(dut):
         await chip.until_steps(2)
         assert chip.now == chip.predicted != SAFE, "the state was kept"
         assert int(dut.chip.alive.value)
+    # Stopped, repaired, started again: nothing is left of the dead line.
+    dut.sdo_stuck.value = 1
+    await Timer(45, "us")
+    await write_inside(dut, "CONTROL", 0)
+    dut.sdo_stuck.value = 0
+    await Timer(25, "us")
+    await clear_status(dut)
+    await write_inside(dut, "CONTROL", 1)
+    await chip.until_steps(2)
+    assert chip.now == chip.predicted != SAFE
+    assert "adc_silent" not in status(dut)
     chip.check()
 
 
@@ -182,6 +281,31 @@ async def system_clock_falters(dut):
         await clear_status(dut)
         await chip.until_steps(2)
         assert not status(dut) & {"dropped", "overrun"}, "once"
+    chip.check()
+
+
+@cocotb.test()
+async def nothing_is_begun_while_the_core_is_busy(dut):
+    """A core that is not ready for longer than any step: its records are not taken and told, a commit waits, then it goes on."""
+    chip = await running(dut, steps=3)
+    regs = dut.chip.u_regs
+    await clear_status(dut)
+    await at_phase(dut, 300)
+    before = chip.steps
+    dut.chip.core_ready.value = Force(0)
+    await write_inside(dut, "COMMAND", 1)
+    for _ in range(2):
+        await at_phase(dut, 200)
+    assert chip.steps == before and status(dut) == {"dropped"}
+    assert int(regs.commit_pending_q.value), "a configuration waits for the core"
+    dut.chip.core_ready.value = Release()
+    await RisingEdge(dut.clk_sys)
+    await RisingEdge(dut.clk_sys)
+    await RisingEdge(dut.clk_sys)
+    assert not int(regs.commit_pending_q.value)
+    await chip.until_steps(2)
+    assert chip.now == chip.predicted != SAFE
+    assert "overrun" not in status(dut)
     chip.check()
 
 

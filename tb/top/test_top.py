@@ -31,9 +31,12 @@ def test_chip(simulator):
 FAULTS = (
     "reset_at_every_phase",
     "lock_lost_at_every_phase",
+    "lock_lost_at_every_clock_of_a_commit",
+    "one_lost_record_is_told_once",
     "dead_sdo",
     "silent_clock",
     "system_clock_falters",
+    "nothing_is_begun_while_the_core_is_busy",
     "every_phase_between_the_clocks",
     "configuration_at_the_worst_moment",
     "unusable_parameters",

@@ -91,6 +91,7 @@ module serial_tb #(
       .config_o                (config_o),
       .clear_o                 (),
       .idle_i                  (idle_i),
+      .open_i                  (1'b1),
       .event_i                 ({1'b0, error_o, 9'd0}),
       .live_i                  (6'd0),
       .step_i                  (1'b0),
