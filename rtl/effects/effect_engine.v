@@ -285,6 +285,7 @@ module effect_engine (
 
   // ---- tables ------------------------------------------------------------------------------------------------------
   wire  [7:0] cell3_q;
+  reg         side3_q;   // of the operation that looks up
 
   effect_index u_index (
     .clk_i   (clk_i),
@@ -313,7 +314,6 @@ module effect_engine (
   reg   [3:0] op3_q;
   reg   [3:0] op4_q;
   reg   [3:0] op5_q;
-  reg         side3_q;
   reg         side4_q;
   reg         side5_q;
   reg   [6:0] target3_q;
