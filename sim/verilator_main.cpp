@@ -19,9 +19,19 @@
 //   RTDS_POSEDGE  set to the clock's port if there is one clock only, nothing depends on its falling edge or level, and
 //                 nothing in the design makes an event of its own: then falling edges are not evaluated, the model is
 //                 told that the clock was low instead
+//   RTDS_IDLE, RTDS_IDLE_COUNT, RTDS_IDLE_LIMIT
+//                 with RTDS_POSEDGE only: while RTDS_IDLE (a port) is 1 nothing in the design moves but RTDS_IDLE_COUNT, which
+//                 counts up by one a clock, and nothing else happens before it has reached RTDS_IDLE_LIMIT. Such clocks are
+//                 jumped: count and time are set on to the last of them. The environment's RTDS_EVERY_CLOCK=1 has them
+//                 evaluated one by one, with the same result; with =check each of them is held against the one before,
+//                 byte by byte of the model, and the program ends with status 3 when anything but the count has moved
 #include <algorithm>
 #include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <memory>
+#include <vector>
 
 #include "Vtop.h"
 #include "Vtop___024root.h"
@@ -94,6 +104,54 @@ CData* clock_before(Root&, long) {
     return nullptr;
 }
 
+#ifndef RTDS_IDLE
+#define RTDS_IDLE rtds_no_such_member
+#define RTDS_IDLE_COUNT rtds_no_such_member
+#define RTDS_IDLE_LIMIT rtds_no_such_member
+#endif
+
+enum class Idle { jump, evaluate, check };
+Idle idle_clocks = Idle::jump;
+
+// The model as it is after an idle clock against the one before, if that followed it at once. Words that hold the count (also a
+// copy of it that the generated code keeps) go on by one.
+template <typename Root>
+void check_idle(Root& root) {
+    static std::vector<unsigned char> before;
+    static std::uint64_t count_before = 0;
+    const auto* const now = reinterpret_cast<const unsigned char*>(&root);
+    const std::uint64_t count = root.RTDS_IDLE_COUNT;
+    if (!before.empty() && count == count_before + 1 && count < root.RTDS_IDLE_LIMIT) {
+        for (std::size_t at = 0; at + 1 < before.size(); at += 2) {
+            std::uint16_t was, is;
+            std::memcpy(&was, before.data() + at, 2);
+            std::memcpy(&is, now + at, 2);
+            if (was == is || (was == count_before && is == count)) continue;
+            std::fprintf(stderr, "an idle clock moved the model's bytes at %zu: %04x, then %04x\n", at, was, is);
+            std::exit(3);
+        }
+    }
+    before.assign(now, now + sizeof root);
+    count_before = count;
+}
+
+// After the evaluation of a clock: on to the last of the idle clocks that follow, or of those before `due_ps`.
+template <typename Root>
+auto jump_idle(Root& root, std::uint64_t period_ps, std::uint64_t due_ps, int)
+    -> decltype(root.RTDS_IDLE, root.RTDS_IDLE_COUNT, root.RTDS_IDLE_LIMIT, void()) {
+    if (!root.RTDS_IDLE) return;  // it may still be 1 in the clock in which the count reaches the limit
+    if (idle_clocks == Idle::check) check_idle(root);
+    if (idle_clocks != Idle::jump) return;
+    const std::uint64_t count = root.RTDS_IDLE_COUNT, limit = root.RTDS_IDLE_LIMIT;
+    if (count + 1 >= limit || now_ps + period_ps >= due_ps) return;
+    const std::uint64_t clocks = std::min(limit - 1 - count, (due_ps - now_ps - 1) / period_ps);
+    root.RTDS_IDLE_COUNT += clocks;
+    now_ps += clocks * period_ps;
+}
+// The same for a top that has no such clocks.
+template <typename Root>
+void jump_idle(Root&, std::uint64_t, std::uint64_t, long) {}
+
 // Rising edges of the only clock, one a period, until `sync` is no longer what it was or the time reaches `due_ps`.
 template <typename Root>
 auto run_edges(Root& root, CData& before, const CData& sync, std::uint64_t period_ps, std::uint64_t due_ps, int)
@@ -106,6 +164,7 @@ auto run_edges(Root& root, CData& before, const CData& sync, std::uint64_t perio
     do {
         now_ps += period_ps;
         Vtop___024root___eval_nba(&root);
+        jump_idle(root, period_ps, due_ps, 0);
     } while (sync == sync_before && now_ps < due_ps);
     root.__VnbaTriggered[0] = 0;
     return true;
@@ -139,6 +198,9 @@ double sc_time_stamp() { return static_cast<double>(now_ps); }
 
 int main(int argc, char** argv) {
     Verilated::commandArgs(argc, argv);
+    const char* const wanted = std::getenv("RTDS_EVERY_CLOCK");
+    if (wanted != nullptr && *wanted == '1') idle_clocks = Idle::evaluate;
+    if (wanted != nullptr && *wanted == 'c') idle_clocks = Idle::check;
     Verilated::fatalOnVpiError(false);  // cocotb asks for objects that may not exist
     const std::unique_ptr<Vtop> owner(new Vtop(""));
     Vtop& top = *owner;
@@ -173,6 +235,7 @@ int main(int argc, char** argv) {
                     now_ps += period_ps;
                     *before = 0;
                     Vtop___024root___eval(root);
+                    jump_idle(*root, period_ps, due_ps, 0);
                 }
             }
             if (*clocks[0].port) clocks[0].next_ps = now_ps + clocks[0].half_ps;

@@ -11,12 +11,16 @@ from rtds_host.bench.measure import measure_latency, measure_model, measure_rtl
 from rtds_host.errors import RtdsError
 from rtds_host.link import open_link
 
-# simulator, clocks a step, steps an exchange (Icarus: short ones), aim as multiple of real time
+# simulator, clocks a step, steps an exchange (Icarus: short ones), effects, every clock evaluated, aim as multiple of real time
 LOOPS = (
-    ("verilator", "min", 3200, 5.0),
-    ("verilator", 500, 3200, 0.3),
-    ("icarus", "min", 100, None),
-    ("icarus", 500, 10, None),
+    ("verilator", "min", 3200, False, False, 5.0),
+    ("verilator", 500, 3200, False, True, None),
+    ("verilator", 500, 3200, False, False, 2.0),
+    ("verilator", "min", 800, True, False, None),
+    ("verilator", 500, 800, True, True, None),
+    ("verilator", 500, 800, True, False, None),
+    ("icarus", "min", 100, False, False, None),
+    ("icarus", 500, 10, False, False, None),
 )
 MODEL_AIM = 1000.0
 
@@ -30,22 +34,22 @@ def run(seconds: float) -> None:
     load = os.getloadavg()[0]
     print(f"{os.cpu_count()} processors, load {load:.1f} before the start; {seconds:g} s a line")
     print("simulated over wall time, and over processor time: what a core of one's own would give\n")
-    print(f"{'loop':<34}{'clocks/s':>10}{'steps/s':>10}{'x wall':>9}{'x cpu':>9}{'aim':>9} {'wall/aim':>8}")
-    for sim, step_clocks, exchange_steps, aim in LOOPS:
+    print(f"{'loop':<58}{'clocks/s':>10}{'steps/s':>10}{'x wall':>9}{'x cpu':>9}{'aim':>9} {'wall/aim':>8}")
+    for sim, step_clocks, exchange_steps, effects, every_clock, aim in LOOPS:
         if sim == "icarus" and shutil.which("iverilog") is None:
-            print(f"{'RTL, icarus':<34}not installed: apt-get install iverilog")
+            print(f"{'RTL, icarus':<58}not installed: apt-get install iverilog")
             continue
-        figure = measure_rtl(sim, step_clocks, exchange_steps, seconds)
+        figure = measure_rtl(sim, step_clocks, exchange_steps, seconds, every_clock, effects)
         used = figure.clocks / figure.steps
-        name = f"RTL, {sim}, {used:.1f} clocks a step"
+        name = f"RTL, {sim}, {used:.1f} clocks a step{', effects' * effects}{', idle ones evaluated' * every_clock}"
         print(
-            f"{name:<34}{figure.clocks_per_s:>10.3g}{figure.steps_per_s:>10.3g}{figure.times_real_time:>9.3g}"
+            f"{name:<58}{figure.clocks_per_s:>10.3g}{figure.steps_per_s:>10.3g}{figure.times_real_time:>9.3g}"
             f"{figure.times_real_time_of_a_free_core:>9.3g} {_against(figure.times_real_time, aim)}",
             flush=True,
         )
     figure = measure_model(seconds)
     print(
-        f"{'bit-exact model, both motors':<34}{'':>10}{figure.steps_per_s:>10.3g}{figure.times_real_time:>9.4g}"
+        f"{'bit-exact model, both motors':<58}{'':>10}{figure.steps_per_s:>10.3g}{figure.times_real_time:>9.4g}"
         f"{figure.times_real_time_of_a_free_core:>9.4g} {_against(figure.times_real_time, MODEL_AIM)}"
     )
     print(f"\n{'exchange of one step':<34}{'median':>10}{'99 %':>10}")

@@ -15,8 +15,11 @@ from rtds_host.contract import builtin_robot
 from rtds_host.link import Link
 from rtds_host.link.rtl import RtlLink
 from rtds_host.motor import MotorPair
+from rtds_host.motor.effects import Curve, UnitEffects
 
 STEP_S = 1e-5
+_LEVEL = Curve((0.0, 0.0), (1e-4, 1e-4))  # N·m at the motor's shaft, at any speed
+DRY = UnitEffects(friction_forward=_LEVEL, friction_backward=_LEVEL)
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")  # unit of the times in /proc/<pid>/stat
 
 
@@ -83,15 +86,26 @@ def _processor_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / TICKS_PER_S
 
 
-def measure_rtl(sim: str, step_clocks: int | str, exchange_steps: int, seconds: float) -> LoopFigure:
+def measure_rtl(
+    sim: str,
+    step_clocks: int | str,
+    exchange_steps: int,
+    seconds: float,
+    every_clock: bool = False,
+    effects: bool = False,
+) -> LoopFigure:
     """Run the RTL loop for about so many seconds.
 
     Parameters
     ----------
     exchange_steps : steps of one exchange; sampled every 100 steps.
+    every_clock : evaluate the idle clocks, too (`RtlLink`).
+    effects : with dry friction on both sides: the effect unit works in full, whatever the effects are.
     """
     rng = np.random.default_rng(0)
-    with RtlLink(sim=sim, step_clocks=step_clocks) as link:
+    with RtlLink(sim=sim, step_clocks=step_clocks, every_clock=every_clock) as link:
+        if effects:
+            link.set_effects(DRY, DRY, None)
         set_burger(link)
         link.exchange([0.0, 0.0], [0.0, 0.0], 10 * STEP_S)
         clocks, cpu, start = link.clocks, _processor_s(link.pid), time.perf_counter()

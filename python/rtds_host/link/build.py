@@ -74,6 +74,8 @@ class Top:
         without cocotb (Verilator only, and then without `sync` and `control`).
     main : C++ main of the Verilator build, below the source tree.
     includes : folders of Verilog headers, relative to `root`.
+    idle : (port, register, register) of a `posedge_only` top, or (): while the port is 1 nothing moves but the first register,
+        which counts the clocks up to the second. The C++ main jumps such clocks.
     root : folder to which the names are relative: the source tree.
     """
 
@@ -87,6 +89,7 @@ class Top:
     bridge: str
     main: str = "sim/verilator_main.cpp"
     includes: tuple[str, ...] = ()
+    idle: tuple[str, str, str] | tuple[()] = ()
     root: Path = ROOT
 
     def files(self) -> list[Path]:
@@ -135,6 +138,7 @@ TOPS: Mapping[str, Top] = {
         sync="sync_o",
         control="sim/rtds_sim_top.vlt",
         bridge="bridge_core",
+        idle=("idle_o", "period_q", "step_clocks_q"),
     ),
     "chip": Top(
         module="rtds_chip",
@@ -198,7 +202,7 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
         files += [ROOT / top.main]
     for folder in top.includes:
         files += sorted((top.root / folder).glob("*.vh"))
-    for text in (top.module, repr(top.clocks), repr(top.posedge_only), top.sync, *tools):
+    for text in (top.module, repr(top.clocks), repr(top.posedge_only), top.sync, repr(top.idle), *tools):
         digest.update(text.encode() + b"\0")
     for path in files:
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
@@ -234,6 +238,11 @@ def _build_verilator(
         defines = [f"-DRTDS_CLOCKS={clocks}", f"-DRTDS_SYNC={top.sync}"]
         if top.posedge_only:
             defines.append(f"-DRTDS_POSEDGE={top.clocks[0][0]}")
+        if top.idle:
+            port, count, limit = top.idle
+            defines += [f"-DRTDS_IDLE={port}", *(
+                f"-DRTDS_IDLE_{what}={top.module}__DOT__{name}" for what, name in (("COUNT", count), ("LIMIT", limit))
+            )]
         cocotb = ["--vpi"]
         linked = [f"-Wl,-rpath,{libraries}", f"-L{libraries}", "-lcocotbvpi_verilator"]
         control = [str(top.root / top.control)]

@@ -79,6 +79,7 @@ class RtlLink(ConfiguredLink):
     start_timeout_s : longest wait for its first sign of life, s.
     top : the simulation top, an entry of `rtds_host.link.build.TOPS` or a `Top`.
     progress : called with a line when the simulator has to be built first (default: to stderr).
+    every_clock : evaluate the idle clocks, too. Otherwise Verilator's main jumps them: states, clocks and results are the same.
 
     Attributes
     ----------
@@ -101,6 +102,7 @@ class RtlLink(ConfiguredLink):
         start_timeout_s: float = 60.0,
         top: str | Top = "core",
         progress: Callable[[str], None] | None = None,
+        every_clock: bool = False,
     ) -> None:
         self.clocks = 0
         self._sim = sim
@@ -120,7 +122,10 @@ class RtlLink(ConfiguredLink):
                 stdin=subprocess.DEVNULL,
                 stdout=self._stderr,
                 stderr=self._stderr,
-                env={**os.environ, **built.environment, **_environment(top, theirs.fileno())},
+                env={
+                    **os.environ, **built.environment, **_environment(top, theirs.fileno()),
+                    **({"RTDS_EVERY_CLOCK": "1"} if every_clock else {}),
+                },
                 pass_fds=(theirs.fileno(),),
                 start_new_session=True,  # Ctrl-C reaches the host alone, which ends the simulator
             )

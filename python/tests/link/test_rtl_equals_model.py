@@ -5,6 +5,7 @@ import pytest
 from link_cases import BURGER, STEP_S
 
 from rtds_host.link import open_link
+from rtds_host.motor.effects import Curve, SupplyEffects, UnitEffects
 
 
 def assert_same(got, want):
@@ -71,6 +72,47 @@ def test_the_step_period_is_what_was_asked_for():
         link.exchange([1.0, 1.0], [0.0, 0.0], 100 * STEP_S)
         link.exchange([2.0, 1.0], [0.0, 0.0], 100 * STEP_S)
         assert link.clocks - before == 200 * 500
+
+
+def steps_of(link, session):
+    """Bytes of every exchange's samples, and the clocks after it."""
+    results = []
+    for kind, *call in session:
+        if kind == "parameters":
+            link.set_parameters(**call[0], method=call[1])
+        else:
+            voltages, torques, steps, every = call
+            got = link.exchange(voltages, torques, steps * link.step_s, (every or 1) * link.step_s)
+            results.append((got.speeds.tobytes(), got.currents.tobytes(), link.clocks))
+    return results
+
+
+@pytest.mark.parametrize("effects", [False, True])
+@pytest.mark.parametrize("step_clocks", [25, 27, 28, 29, 177, 500, 3001])
+def test_jumped_clocks_change_neither_states_nor_counts(step_clocks, effects):
+    """Idle clocks jumped and evaluated one by one: every sampled state and the count of clocks after each exchange."""
+    level = Curve((0.0, 0.0), (1e-4, 1e-4))
+    dry = UnitEffects(friction_forward=level, friction_backward=level)
+    results = []
+    for every_clock in (True, False):
+        with open_link("rtl", step_clocks=step_clocks, every_clock=every_clock) as link:
+            if effects:
+                link.set_effects(dry, None, SupplyEffects(voltage_v=12.0, command_delay_s=3e-4))
+            results.append(steps_of(link, random_session(13, 8)))
+    assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("effects", [False, True])
+def test_an_idle_clock_moves_nothing_but_the_period(monkeypatch, effects):
+    """The simulator compares its whole model after each clock that would be jumped with the one before; it ends when a byte
+    has moved that is not the count of clocks."""
+    monkeypatch.setenv("RTDS_EVERY_CLOCK", "check")
+    level = Curve((0.0, 0.0), (1e-4, 1e-4))
+    with open_link("rtl", step_clocks=500) as checked, open_link("model") as model:
+        if effects:
+            for link in (checked, model):
+                link.set_effects(UnitEffects(friction_forward=level, friction_backward=level), None, None)
+        play(random_session(17, 6), checked, model)
 
 
 def test_at_the_least_a_step_takes_at_most_24_clocks():
