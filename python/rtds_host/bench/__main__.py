@@ -34,22 +34,22 @@ def run(seconds: float) -> None:
     load = os.getloadavg()[0]
     print(f"{os.cpu_count()} processors, load {load:.1f} before the start; {seconds:g} s a line")
     print("simulated over wall time, and over processor time: what a core of one's own would give\n")
-    print(f"{'loop':<58}{'clocks/s':>10}{'steps/s':>10}{'x wall':>9}{'x cpu':>9}{'aim':>9} {'wall/aim':>8}")
+    print(f"{'loop':<68}{'clocks/s':>10}{'steps/s':>10}{'x wall':>9}{'x cpu':>9}{'aim':>9} {'wall/aim':>8}")
     for sim, step_clocks, exchange_steps, effects, every_clock, aim in LOOPS:
         if sim == "icarus" and shutil.which("iverilog") is None:
-            print(f"{'RTL, icarus':<58}not installed: apt-get install iverilog")
+            print(f"{'RTL, icarus':<68}not installed: apt-get install iverilog")
             continue
         figure = measure_rtl(sim, step_clocks, exchange_steps, seconds, every_clock, effects)
         used = figure.clocks / figure.steps
         name = f"RTL, {sim}, {used:.1f} clocks a step{', effects' * effects}{', idle ones evaluated' * every_clock}"
         print(
-            f"{name:<58}{figure.clocks_per_s:>10.3g}{figure.steps_per_s:>10.3g}{figure.times_real_time:>9.3g}"
+            f"{name:<68}{figure.clocks_per_s:>10.3g}{figure.steps_per_s:>10.3g}{figure.times_real_time:>9.3g}"
             f"{figure.times_real_time_of_a_free_core:>9.3g} {_against(figure.times_real_time, aim)}",
             flush=True,
         )
     figure = measure_model(seconds)
     print(
-        f"{'bit-exact model, both motors':<58}{'':>10}{figure.steps_per_s:>10.3g}{figure.times_real_time:>9.4g}"
+        f"{'bit-exact model, both motors':<68}{'':>10}{figure.steps_per_s:>10.3g}{figure.times_real_time:>9.4g}"
         f"{figure.times_real_time_of_a_free_core:>9.4g} {_against(figure.times_real_time, MODEL_AIM)}"
     )
     print(f"\n{'exchange of one step':<34}{'median':>10}{'99 %':>10}")
