@@ -30,7 +30,8 @@
 //
 // SDC        ADC_SCK is a generated clock: clk_i inverted, through the output cell of ltc2308_spi_sck.
 //            ADC_SDI: output delay against it (set-up 0, hold 2.5). ADC_SDO: input delay against its
-//            falling edge (max 12.5, min 4). clk_i -> clk_cnv_i is a synchronous path of 7.5 ns.
+//            falling edge (max 12.5, min 4). ADC_CONVST: output delay against it, 5 ns earlier or later than with equal
+//            pads. clk_i -> clk_cnv_i is a synchronous path of 7.5 ns.
 `default_nettype none
 
 module ltc2308_spi (

@@ -3,8 +3,8 @@
 // Purpose     rst_no falls at once with async_rst_ni (no clock needed) and rises with clk_i.
 // Handshake   none.
 // Latency     release: 3 clk_i edges after async_rst_ni has risen (4 if the first flop resolves late).
-// Crossing    `rst_meta_q` may go metastable at release; quartus/rtds.sdc cuts the asynchronous clear paths
-//             into rst_meta_q, rst_sync_q and rst_out_q, and nothing behind rst_out_q.
+// Crossing    `rst_meta_q` may go metastable at release; quartus/rtds.sdc cuts what comes from the button or the accepted
+//             lock (lock_ok_q) into the clears of rst_meta_q, rst_sync_q and rst_out_q, and nothing behind rst_out_q.
 `default_nettype none
 
 module reset_sync (
