@@ -224,6 +224,25 @@ async def words_written_at_any_clock_act_after_the_run_in_hand(dut):
 
 
 @cocotb.test()
+async def addresses_beyond_the_constants_reach_no_register_of_the_engine(dut):
+    """Behind the sixteen constants of a side stand temporaries and the state of its effects: no word gets there."""
+    tb = await bench(dut, RICH, RICH, SUPPLY)
+    for _ in range(3):
+        await tb.step([8.0, -8.0], [1e-4, 0.0])
+    for side in range(2):
+        for register in range(16, 128):
+            await RisingEdge(dut.clk_i)
+            dut.fx_wr_valid_i.value = 1
+            dut.fx_wr_addr_i.value = 8192 + 128 * side + register
+            dut.fx_wr_data_i.value = int(words(1000.0 + register))
+            await RisingEdge(dut.clk_i)
+            dut.fx_wr_valid_i.value = 0
+            await RisingEdge(dut.clk_i)
+    for _ in range(3):
+        await tb.step([8.0, -8.0], [1e-4, 0.0])
+
+
+@cocotb.test()
 async def a_nan_spreads_as_in_the_model_and_clear_ends_it(dut):
     tb = await bench(dut, RICH, UnitEffects(), SUPPLY)
     await tb.step([6.0, 6.0], [0.0, 0.0])

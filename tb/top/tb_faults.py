@@ -230,8 +230,8 @@ async def dead_sdo(dut):
     dut.sdo_stuck.value = 1
     await Timer(45, "us")
     await write_inside(dut, "CONTROL", 0)
+    await Timer(25, "us")  # the sequence in hand ends, still dead
     dut.sdo_stuck.value = 0
-    await Timer(25, "us")
     await clear_status(dut)
     await write_inside(dut, "CONTROL", 1)
     await chip.until_steps(2)

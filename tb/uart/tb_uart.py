@@ -159,6 +159,40 @@ async def cut_requests_and_noise(dut):
 
 
 @cocotb.test()
+async def a_spike_in_every_bit_is_outvoted(dut):
+    """Each bit of a byte is wrong for one clock, at the same clock of every bit: two of the three samples decide."""
+    line = await start(dut)
+    address = MAP.named("SCRATCH").address
+    clock_ps = BIT_PS // 16
+    for clock in range(1, 15):
+        for pattern in (0x5AA5C33C, 0x00FF0FF0):
+            for byte in encode_request(3, OP_WRITE, address, pattern ^ clock):
+                dut.rx_i.value = 0
+                await Timer(BIT_PS, "ps")
+                for level in [*(byte >> k & 1 for k in range(8)), 1]:
+                    for part, clocks in ((level, clock), (1 - level, 1), (level, 15 - clock)):
+                        dut.rx_i.value = part
+                        await Timer(clocks * clock_ps, "ps")
+            answer = decode(await line.receive(9, QUIET_PS), SOF_ANSWER)
+            assert answer == (3, 0, address, pattern ^ clock), f"a spike in clock {clock} of every bit"
+            line.received.clear()
+
+
+@cocotb.test()
+async def a_broken_byte_ends_its_request(dut):
+    """A framing error inside of a request: the next request, at once, is a request and not the rest of the broken one."""
+    line = await start(dut)
+    good = encode_request(4, OP_READ, 0)
+    for length in range(2, 9):
+        await line.send(encode_request(1, OP_WRITE, MAP.named("SCRATCH").address, 0x5A5A5A5A)[:length], stop=0)
+        await Timer(3 * BIT_PS, "ps")
+        await line.send(good)
+        answer = decode(await line.receive(9, QUIET_PS), SOF_ANSWER)
+        assert answer == (4, 0, 0, MAP.identity), f"after a request that broke off in byte {length}"
+        line.received.clear()
+
+
+@cocotb.test()
 async def pauses_and_clocks_that_are_off(dut):
     """Gaps between bytes below the time-out, and a transmitter 3 % fast or slow."""
     line = await start(dut)
