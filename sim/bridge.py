@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import socket
+import struct
 from collections.abc import Awaitable, Callable
 from typing import ClassVar
 
@@ -80,6 +81,8 @@ class Bridge:
                     answer = await self.handlers[kind](self, payload)
                 except Refused as refusal:
                     answer = protocol.FAILED, str(refusal).encode()
+                except struct.error as error:
+                    answer = protocol.FAILED, f"request of kind {kind} of the wrong length ({error})".encode()
                 protocol.send_frame(self.socket, *answer)
         except (protocol.Closed, BrokenPipeError, ConnectionResetError):
             return  # the host is gone: so are we

@@ -60,7 +60,7 @@ class CoreBridge(bridge.Bridge):
 
     async def exchange(self, payload: bytes) -> tuple[int, bytes]:
         *words, steps, sample_steps = protocol.EXCHANGE_PAYLOAD.unpack(payload)
-        rows = -(-steps // sample_steps)
+        rows = -(-steps // sample_steps) if sample_steps else 0
         if not 1 <= rows <= protocol.MAX_SAMPLES:
             raise bridge.Refused(f"{rows} samples asked for in one request, 1 to {protocol.MAX_SAMPLES} are kept")
         dut = self.dut

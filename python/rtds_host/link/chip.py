@@ -205,12 +205,17 @@ class ChipLink(RtlLink):
         began = time.perf_counter()
         payload = self._ask(protocol.CHIP_RUN, head + send, protocol.CHIP_RAN)
         self._wall_s += time.perf_counter() - began
-        flags, _, _, self.clocks, count, rows = protocol.CHIP_RAN_HEAD.unpack_from(payload)
         at = protocol.CHIP_RAN_HEAD.size
+        self._check_length(payload, at, least=True)
+        flags, _, _, self.clocks, count, rows = protocol.CHIP_RAN_HEAD.unpack_from(payload)
+        self._check_length(payload, at + count + 8 * rows, f"for {count} bytes of the serial line and {rows} rows of codes")
         self._received += payload[at : at + count]
         codes = np.frombuffer(payload, np.dtype("<u2"), offset=at + count).reshape(rows, 4)
         if steps and flags & protocol.CHIP_FLAG_TIMEOUT:
             raise self._failure(f"fewer than {steps} LDAC edges in {1e-6 * limit_ns:g} ms of simulated time")
+        due = -(-steps // every) if every else 1
+        if rows != due:
+            raise self._failure(f"its answer has {rows} rows of codes, {due} are due")
         self._chip_steps += steps
         return codes
 

@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import socket
 import struct
+import time
 
 VERSION = 2
 FD_VARIABLE = "RTDS_LINK_FD"
@@ -58,30 +59,37 @@ def send_frame(sock: socket.socket, kind: int, payload: bytes = b"") -> None:
     sock.sendall(HEADER.pack(kind, len(payload)) + payload)
 
 
-def _receive_exactly(sock: socket.socket, count: int) -> bytes:
-    data = sock.recv(count)
-    if len(data) == count:
-        return data
-    while data and len(data) < count:
-        more = sock.recv(count - len(data))
-        if not more:
-            break
-        data += more
-    if len(data) < count:
-        raise Closed
-    return data
+def _receive_exactly(sock: socket.socket, count: int, until: float | None) -> bytes:
+    parts, left = [], count
+    while left:
+        if until is not None:
+            rest_s = until - time.monotonic()
+            if rest_s <= 0.0:
+                raise TimeoutError
+            sock.settimeout(rest_s)
+        part = sock.recv(left)
+        if not part:
+            raise Closed
+        parts.append(part)
+        left -= len(part)
+    return parts[0] if len(parts) == 1 else b"".join(parts)
 
 
-def receive_frame(sock: socket.socket) -> tuple[int, bytes]:
+def receive_frame(sock: socket.socket, timeout_s: float | None = None) -> tuple[int, bytes]:
     """Receive one frame as (kind, payload).
+
+    Parameters
+    ----------
+    timeout_s : for the whole frame, however its bytes come; without it as the socket says for each piece.
 
     Raises
     ------
     Closed : the other side is gone.
     ValueError : the frame is longer than any of ours.
-    OSError : as `socket.recv`; TimeoutError after the socket's timeout.
+    OSError : as `socket.recv`; TimeoutError after the time.
     """
-    kind, length = HEADER.unpack(_receive_exactly(sock, HEADER.size))
+    until = None if timeout_s is None else time.monotonic() + timeout_s
+    kind, length = HEADER.unpack(_receive_exactly(sock, HEADER.size, until))
     if length > MAX_PAYLOAD:
         raise ValueError(f"frame of {length} bytes announced")
-    return kind, _receive_exactly(sock, length) if length else b""
+    return kind, _receive_exactly(sock, length, until) if length else b""

@@ -9,6 +9,7 @@ answer, each closed by a CRC-16/CCITT-FALSE. The client knows bytes only; what c
 from __future__ import annotations
 
 import struct
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import resources
@@ -27,6 +28,9 @@ STATUS_TEXT = {1: "operation unknown to the chip", 2: "the register is read-only
 EFFECT_RUN = 128  # words of the effect unit between two looks at the address
 EFFECT_ADDRESS_MASK = 0x3FFF
 NO_ANSWER = "bus does not answer"
+# Bytes passed over on the way to one answer: more is no noise before it but a line that does not stop talking.
+NOISE_BYTES = 1024
+_SLICE_S = 0.02  # of waiting on a serial port, after which the time is looked at
 
 
 # --- map ----------------------------------------------------------------------------------------------------------
@@ -187,7 +191,11 @@ def decode(frame: bytes, start: int) -> tuple[int, int, int, int] | None:
 
 
 class Transport(Protocol):
-    """Carries bytes. `receive` may return fewer bytes than asked for: then the time is over."""
+    """Carries bytes.
+
+    The time for an answer begins with `send`. `receive` returns fewer bytes than asked for when it is over, however many
+    came before: a line on which bytes trickle in has no more time than a silent one.
+    """
 
     def send(self, data: bytes) -> None: ...
 
@@ -202,34 +210,47 @@ class Transport(Protocol):
 class SerialTransport:
     """A serial device, 8N1.
 
+    Parameters
+    ----------
+    timeout_s : for the whole of an answer, from the end of `send` on; `write_timeout_s` for the sending of one request.
+
     Raises
     ------
     LinkError : the device cannot be opened, or is gone.
     """
 
-    def __init__(self, device: str, baud: int = BAUD, timeout_s: float = 0.25) -> None:
+    def __init__(self, device: str, baud: int = BAUD, timeout_s: float = 0.25, write_timeout_s: float = 2.0) -> None:
         import serial  # only a board needs it
 
-        self._error = serial.SerialException
+        self._error, self._busy = serial.SerialException, serial.SerialTimeoutException
         self.device = device
+        self._timeout_s = timeout_s
+        self._until = 0.0
         try:
-            self._port = serial.Serial(device, baudrate=baud, timeout=timeout_s, write_timeout=2.0)
-        except (serial.SerialException, ValueError) as error:
+            self._port = serial.Serial(device, baudrate=baud, timeout=min(_SLICE_S, timeout_s),
+                                       write_timeout=write_timeout_s)
+        except (serial.SerialException, OSError, ValueError) as error:
             raise LinkError(f"{device}: cannot open the serial port ({error})") from error
 
     def send(self, data: bytes) -> None:
-        """Write all bytes. Raises LinkError when the device is gone."""
+        """Write all bytes; the time for the answer begins. Raises LinkError when the device takes none, or is gone."""
         try:
             self._port.write(data)
+        except self._busy as error:
+            raise LinkError(f"{self.device}: the serial port takes no bytes") from error
         except (self._error, OSError) as error:
             raise LinkError(f"{self.device}: the serial port is gone ({error})") from error
+        self._until = time.monotonic() + self._timeout_s
 
     def receive(self, count: int) -> bytes:
-        """Up to `count` bytes, fewer after the time-out. Raises LinkError when the device is gone."""
+        """Up to `count` bytes, fewer when the answer's time is over. Raises LinkError when the device is gone."""
+        got = b""
         try:
-            return self._port.read(count)
+            while len(got) < count and time.monotonic() < self._until:
+                got += self._port.read(count - len(got))
         except (self._error, OSError) as error:
             raise LinkError(f"{self.device}: the serial port is gone ({error})") from error
+        return got
 
     def flush_input(self) -> None:
         """Forget what came in so far. Raises LinkError when the device is gone."""
@@ -265,34 +286,54 @@ class RegisterClient:
     def transfer(self, op: int, address: int, data: int = 0) -> int:
         """One request, repeated when its answer is missing or damaged; returns the answer's data word.
 
+        It ends within `attempts` times what the transport grants an answer, whatever comes on the line.
+
         Raises
         ------
         LinkError : no answer after all attempts, or the chip refuses.
         """
+        noise = 0
         for _ in range(self._attempts):
             self._tag = (self._tag + 1) & 15
             self._transport.flush_input()
             self._transport.send(encode_request(self._tag, op, address, data))
-            answer = decode(self._receive_frame(), SOF_ANSWER)
-            if answer is None or answer[0] != self._tag or answer[2] != address:
+            answer, passed = self._receive_answer(self._tag, address)
+            if answer is None:
+                noise += passed
                 continue
             if answer[1] != 0:
                 text = STATUS_TEXT.get(answer[1], f"status {answer[1]}")
                 raise LinkError(f"{self.where}: register address 0x{address:02X}: {text}")
             return answer[3]
-        raise LinkError(f"{self.where}: {NO_ANSWER}")
+        raise LinkError(f"{self.where}: {NO_ANSWER}"
+                        + (f" to what was asked; {noise} other bytes came on its line" if noise else ""))
 
-    def _receive_frame(self) -> bytes:
-        """Nine bytes from the first start byte on; noise before it is passed over."""
-        frame = self._transport.receive(FRAME_BYTES)
-        while frame and frame[0] != SOF_ANSWER:
-            start = frame.find(SOF_ANSWER)
-            frame = frame[start:] if start >= 0 else b""
-            more = self._transport.receive(FRAME_BYTES - len(frame))
-            if not more:
+    def _receive_answer(self, tag: int, address: int) -> tuple[tuple[int, int, int, int] | None, int]:
+        """(answer with this tag and address or None, bytes that were none of it).
+
+        Noise and answers to earlier requests are passed over. After a damaged answer nothing is waited for: it was this one.
+        """
+        got, passed = b"", 0
+        while passed <= NOISE_BYTES:
+            start = got.find(SOF_ANSWER)
+            passed += start if start >= 0 else len(got)
+            got = got[start:] if start >= 0 else b""
+            if len(got) < FRAME_BYTES:
+                asked = FRAME_BYTES - len(got)
+                more = self._transport.receive(asked)
+                got += more
+                if len(more) < asked:
+                    break
+                continue
+            answer = decode(got, SOF_ANSWER)
+            if answer is not None and answer[0] == tag and answer[2] == address:
+                return answer, passed
+            if answer is None and SOF_ANSWER not in got[1:]:
                 break
-            frame += more
-        return frame
+            # What looks like a start byte may be noise, so a damaged frame is searched on from its second byte.
+            done = len(got) if answer is not None else 1
+            passed, got = passed + done, got[done:]
+        return None, passed + len(got)
 
     def read_word(self, name: str) -> int:
         """A register as its 32-bit word. Raises InputError (name), LinkError (bus)."""

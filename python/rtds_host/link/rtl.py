@@ -46,6 +46,7 @@ REQUEST_CLOCKS = {"verilator": 2_000_000, "icarus": 50_000}
 LEAST_CLOCKS = 24  # of a step, when it is started as soon as the core is ready
 LEAST_CLOCKS_WITH_EFFECTS = 177
 MAX_STEP_CLOCKS = 0xFFFF
+SAMPLE_BYTES = 16  # of a row: two currents, two speeds
 _STDERR_LINES = 3
 _STDERR_CHARACTERS = 300
 _EXIT_GRACE_S = 2.0
@@ -139,24 +140,33 @@ class RtlLink(ConfiguredLink):
         self._finalizer = weakref.finalize(self, _end, self._process, ours)
 
         try:
-            hello = json.loads(self._answer(protocol.HELLO, start_timeout_s))
-            if hello["version"] != protocol.VERSION:
-                raise LinkError(f"the simulator speaks version {hello['version']} of the link, not {protocol.VERSION}")
+            self.simulator = self._greeting(self._answer(protocol.HELLO, start_timeout_s))
         except BaseException:
             self.close()
             raise
-        self.simulator = hello["simulator"]
+
+    def _greeting(self, payload: bytes) -> str:
+        """The simulator's name, from what it says first."""
+        try:
+            hello = json.loads(payload)
+        except (ValueError, RecursionError):
+            hello = None
+        if not isinstance(hello, dict) or "version" not in hello:
+            raise self._failure("what it said first is no greeting of the link")
+        if hello["version"] != protocol.VERSION:
+            raise self._failure(f"it speaks version {str(hello['version'])[:20]} of the link, not {protocol.VERSION}")
+        return str(hello.get("simulator", "nameless"))
 
     def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
         if words.on:
             table = b"".join(protocol.EFFECT_WORD.pack(*pair) for pair in words.writes())
-            self._ask(protocol.EFFECTS, table, protocol.DONE)
+            self._check_length(self._ask(protocol.EFFECTS, table, protocol.DONE), 0)
         (left, method_index), (right, _) = (parameter_words(side, method) for side in words.side_values(values))
         payload = protocol.PARAMETERS_PAYLOAD.pack(
             *left.view(np.uint32).tolist(), *right[:6].view(np.uint32).tolist(), method_index, self._step_clocks, words.on,
             words.own, words.delay, words.stride,
         )  # fmt: skip
-        self._ask(protocol.PARAMETERS, payload, protocol.DONE)
+        self._check_length(self._ask(protocol.PARAMETERS, payload, protocol.DONE), 0)
         self._effects = words.on
 
     def exchange(
@@ -232,6 +242,7 @@ class RtlLink(ConfiguredLink):
         payload = self._ask(
             protocol.EXCHANGE, protocol.EXCHANGE_PAYLOAD.pack(*inputs, steps, every), protocol.SAMPLES
         )
+        self._check_length(payload, protocol.SAMPLES_HEAD.size, least=True)
         flags, step_count, clocks = protocol.SAMPLES_HEAD.unpack_from(payload)
         self._steps = (self._steps + steps) & 0xFFFFFFFF
         self.clocks = clocks
@@ -243,7 +254,14 @@ class RtlLink(ConfiguredLink):
             raise self._failure("the parameter unit refuses parameters that the host found usable")
         if flags & protocol.FLAG_OVERRUN or step_count != self._steps:
             raise self._failure(f"the core counted {step_count} steps where {self._steps} were asked for")
+        rows = -(-steps // every)
+        self._check_length(payload, protocol.SAMPLES_HEAD.size + SAMPLE_BYTES * rows, f"for {rows} rows of samples")
         return np.frombuffer(payload, np.dtype("<f4"), offset=protocol.SAMPLES_HEAD.size).reshape(-1, 4)
+
+    def _check_length(self, payload: bytes, count: int, why: str = "", least: bool = False) -> None:
+        if len(payload) < count or (len(payload) > count and not least):
+            raise self._failure(f"its answer has {len(payload)} bytes, {'at least ' if least else ''}{count} are due"
+                                + (f" {why}" if why else ""))
 
     def _ask(self, kind: int, payload: bytes, expected: int) -> bytes:
         try:
@@ -257,8 +275,7 @@ class RtlLink(ConfiguredLink):
 
     def _answer(self, expected: int, timeout_s: float) -> bytes:
         try:
-            self._socket.settimeout(timeout_s)
-            kind, payload = protocol.receive_frame(self._socket)
+            kind, payload = protocol.receive_frame(self._socket, timeout_s)
         except TimeoutError as error:
             raise self._no_answer(timeout_s) from error
         except (OSError, protocol.Closed) as error:
@@ -266,7 +283,7 @@ class RtlLink(ConfiguredLink):
         except (ValueError, struct.error) as error:
             raise self._failure(f"cannot make sense of the simulator's answer ({error})") from error
         if kind == protocol.FAILED:
-            raise self._failure(payload.decode(errors="replace"))
+            raise self._failure(" ".join(payload.decode(errors="replace").split())[:_STDERR_CHARACTERS])
         if kind != expected:
             raise self._failure(f"the simulator answered with a frame of kind {kind} instead of {expected}")
         return payload

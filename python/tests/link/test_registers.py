@@ -1,7 +1,10 @@
 """The register client: its protocol, a real serial device (a pseudo-terminal), and everything that can go wrong."""
 
+import itertools
 import os
+import random
 import threading
+import time
 import tty
 
 import pytest
@@ -28,6 +31,8 @@ MAP = load_map()
 class Board:
     """A chip at the far end of a pseudo-terminal, in a thread; `answers` is the number of requests it answers."""
 
+    stuck = False  # takes no more bytes
+
     def __init__(self, answers=10**6, noise=b"", identity=MAP.identity, damage=0):
         self.master, slave = os.openpty()
         tty.setraw(self.master)
@@ -44,6 +49,8 @@ class Board:
     def _serve(self):
         while True:
             try:
+                while self.stuck:
+                    time.sleep(0.01)
                 request = b""
                 while len(request) < 9:
                     request += os.read(self.master, 9 - len(request))
@@ -129,6 +136,111 @@ def test_a_chip_that_falls_silent_is_one_clear_line(board):
 def test_another_device_is_named(board):
     with pytest.raises(LinkError, match="not this chip"):
         open_serial(board(identity=0x12345678).device)
+
+
+# What a line may do instead of answering: bytes of one piece, and the seconds before each piece.
+def _wrong_sequence():
+    return (encode_answer(tag, 0, 0, MAP.identity) for tag in itertools.cycle((9, 10, 11)))
+
+
+def _random_bytes():
+    return (random.Random(k).randbytes(9) for k in itertools.count())
+
+
+CHATTER = {
+    "zeros": (lambda: itertools.repeat(bytes(9)), 0.0),
+    "ones": (lambda: itertools.repeat(b"\xff" * 9), 0.0),
+    "start bytes": (lambda: itertools.repeat(b"\x5a" * 9), 0.0),
+    "random": (_random_bytes, 0.0),
+    "answers to something else": (_wrong_sequence, 0.0),
+    "the request itself": (lambda: itertools.repeat(encode_request(1, OP_READ, 0)), 0.0),
+    "a byte now and then": (lambda: itertools.repeat(b"\x5a"), 0.2),
+    "a byte of noise now and then": (lambda: itertools.repeat(b"\x00"), 0.2),
+    "a right answer, too slowly": (lambda: (encode_answer(1, 0, 0, MAP.identity)[k % 9:][:1] for k in itertools.count()), 0.1),
+}
+
+
+class Clock:
+    """Time that only a line's silence lets pass."""
+
+    t = 0.0
+
+    def monotonic(self):
+        return self.t
+
+
+class Chatter:
+    """In place of the serial module's port: pieces of bytes, each so long after the last, on a clock of its own."""
+
+    def __init__(self, clock, pieces, every_s, timeout_s):
+        self.clock, self.pieces, self.every_s, self.timeout_s = clock, pieces, every_s, timeout_s
+        self.due, self.rest, self.reads = every_s, b"", 0
+
+    def write(self, data):
+        pass
+
+    def reset_input_buffer(self):
+        self.rest = b""
+
+    def read(self, count):
+        self.reads += 1
+        assert self.reads < 10_000, "it reads on for ever"
+        until = self.clock.t + self.timeout_s
+        while len(self.rest) < count and self.due <= until:
+            self.clock.t = max(self.clock.t, self.due)
+            self.due = self.clock.t + self.every_s
+            self.rest += next(self.pieces)
+        if len(self.rest) < count:
+            self.clock.t = until
+        got, self.rest = self.rest[:count], self.rest[count:]
+        return got
+
+
+@pytest.mark.parametrize("kind", CHATTER)
+def test_a_line_that_does_not_stop_talking_ends_in_one_line_within_the_stated_time(board, monkeypatch, kind):
+    pieces, every_s = CHATTER[kind]
+    transport = SerialTransport(board().device, timeout_s=0.25)
+    clock = Clock()
+    monkeypatch.setattr(registers, "time", clock)
+    transport._port.close()
+    transport._port = Chatter(clock, pieces(), every_s, registers._SLICE_S)
+    client = RegisterClient(transport, where="line")
+    with pytest.raises(LinkError, match=r"^line: bus does not answer to what was asked; \d+ other bytes came on its line$"):
+        client.read("ID")
+    assert clock.t <= 3 * (0.25 + registers._SLICE_S)
+
+
+def test_a_real_port_on_which_noise_comes_without_end_is_given_up(board):
+    one = board(answers=0)
+    stop = threading.Event()
+
+    def talk():
+        while not stop.wait(0.0005):
+            try:
+                os.write(one.master, bytes(64))
+            except OSError:
+                return
+
+    talker = threading.Thread(target=talk, daemon=True)
+    talker.start()
+    with pytest.raises(LinkError, match="bus does not answer to what was asked"):
+        open_serial(one.device, timeout_s=0.1)
+    stop.set()
+    talker.join()
+
+
+def test_answers_to_earlier_requests_before_the_right_one_are_passed_over(board):
+    late = encode_answer(9, 0, 0, 1) + encode_answer(10, 0, 0, 2) + b"\x5a\x00"
+    with open_serial(board(noise=late).device) as chip:
+        assert chip.read("ID") == MAP.identity
+
+
+def test_a_port_that_takes_no_bytes_is_one_clear_line(board):
+    one = board()
+    one.stuck = True
+    transport = SerialTransport(one.device, write_timeout_s=0.05)
+    with pytest.raises(LinkError, match=f"{one.device}: the serial port takes no bytes"):
+        transport.send(bytes(1 << 20))
 
 
 def test_a_missing_device_is_named():

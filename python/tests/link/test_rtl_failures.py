@@ -119,6 +119,17 @@ def top_with_bridge(folder, body):
 
 
 SILENT = "time.sleep(60)"
+# A reply in time but for its end: a byte every so often, which a limit for each piece would wait for.
+TRICKLE = "sock.sendall(protocol.HEADER.pack(1, 200)); [(sock.sendall(bytes(1)), time.sleep(0.2)) for _ in range(200)]"
+NEXT = "protocol.receive_frame(sock); "
+DONE = "protocol.send_frame(sock, protocol.DONE); "
+
+
+def samples(rows, steps=1):
+    """An answer to an exchange, of so many rows."""
+    return f"protocol.send_frame(sock, protocol.SAMPLES, protocol.SAMPLES_HEAD.pack(0, {steps}, 0) + bytes(16 * {rows})); "
+
+
 HELLO = f"""protocol.send_frame(sock, protocol.HELLO, b'{{"version": {protocol.VERSION}, "simulator": "fake"}}'); """
 
 
@@ -134,8 +145,21 @@ HELLO = f"""protocol.send_frame(sock, protocol.HELLO, b'{{"version": {protocol.V
         ("sys.stderr.write('first\\nlast words\\n'); sys.stderr.flush(); os._exit(3)", "exit status 3; it said:"),
         (
             "protocol.send_frame(sock, protocol.HELLO, b'{\"version\": 99, \"simulator\": \"x\"}'); time.sleep(60)",
-            f"speaks version 99 of the link, not {protocol.VERSION}",
+            f"it speaks version 99 of the link, not {protocol.VERSION}",
         ),
+        ("protocol.send_frame(sock, protocol.HELLO, b'{\"version\"'); time.sleep(60)", "no greeting of the link"),
+        ("protocol.send_frame(sock, protocol.HELLO, b'\\xff'); time.sleep(60)", "no greeting of the link"),
+        ("protocol.send_frame(sock, protocol.HELLO, b'[2]'); time.sleep(60)", "no greeting of the link"),
+        (TRICKLE, "no answer for 1.5 s; it has been ended"),
+        (HELLO + NEXT + TRICKLE, "no answer for 1.5 s; it has been ended"),
+        (HELLO + NEXT + "protocol.send_frame(sock, protocol.DONE, bytes(3)); time.sleep(60)",
+         "its answer has 3 bytes, 0 are due"),
+        (HELLO + NEXT + DONE + NEXT + samples(0) + "time.sleep(60)", "has 16 bytes, 32 are due for 1 rows of samples"),
+        (HELLO + NEXT + DONE + NEXT + samples(2) + "time.sleep(60)", "has 48 bytes, 32 are due for 1 rows of samples"),
+        (HELLO + NEXT + DONE + NEXT + "protocol.send_frame(sock, protocol.SAMPLES, bytes(5)); time.sleep(60)",
+         "has 5 bytes, at least 16 are due"),
+        (HELLO + NEXT + DONE + NEXT + samples(1, steps=2) + "time.sleep(60)", "counted 2 steps where 1 were asked for"),
+        (HELLO + NEXT + "protocol.send_frame(sock, protocol.FAILED, b'two\\nlines'); time.sleep(60)", "two lines"),
     ],
 )
 def test_a_simulator_that_misbehaves_gives_one_line(tmp_path, monkeypatch, body, says):
@@ -143,7 +167,8 @@ def test_a_simulator_that_misbehaves_gives_one_line(tmp_path, monkeypatch, body,
     top = top_with_bridge(tmp_path, body)
 
     def use():
-        with RtlLink(top=top, start_timeout_s=TIMEOUT_S if body == SILENT else 30.0) as link:
+        with RtlLink(top=top, start_timeout_s=TIMEOUT_S if body in (SILENT, TRICKLE) else 30.0) as link:
+            link.timeout_s = TIMEOUT_S
             link.set_parameters(**BURGER)
             one_step(link)
 
