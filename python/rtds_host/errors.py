@@ -3,7 +3,17 @@
 from __future__ import annotations
 
 import difflib
+import unicodedata
 from collections.abc import Iterable
+
+# Control and format characters, surrogates (bytes of a file name that are no text), characters without a meaning, line ends.
+_UNSEEN = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
+
+
+def visible(text: object) -> str:
+    """A text as one line that may go to a terminal: what would steer it, or cannot be written, is spelled out as `\\x1b`."""
+    return "".join(c if c.isprintable() or unicodedata.category(c) not in _UNSEEN
+                   else c.encode("unicode_escape").decode("ascii") for c in str(text))
 
 
 class RtdsError(Exception):

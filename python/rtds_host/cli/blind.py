@@ -10,11 +10,12 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from rtds_host.contract import write_atomic
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, visible
 
 app = typer.Typer(add_completion=False, no_args_is_help=True,
                   help="Check the diagnosis on cases whose cause is sealed until the answers are in.")
@@ -52,7 +53,7 @@ def make(out: Folder, n: Annotated[int | None, typer.Option("--n", help="Number 
     with _bar("making cases") as report:
         seals = (make_measured(out, measured, n, seed, report) if measured
                  else make_cases(out, 60 if n is None else n, tier, world, seed, jobs, report))
-    Console().print(f"{len(seals)} cases in {out / 'public'}, sealed in {out / 'public' / 'SEALS.json'}")
+    Console().print(escape(visible(f"{len(seals)} cases in {out / 'public'}, sealed in {out / 'public' / 'SEALS.json'}")))
 
 
 @app.command()
@@ -67,10 +68,10 @@ def answer(out: Folder, quick: Annotated[bool, typer.Option("--quick", help="The
     with _bar("diagnosing") as report:
         ledger = answer_cases(out, quick, jobs, timeout_s=timeout, progress=report, scheduler=scheduler)
     failed = [entry for entry in ledger if entry["sha256"] is None]
-    Console().print(f"{len(ledger) - len(failed)} of {len(ledger)} cases answered, hashes in "
-                    f"{out / 'answers' / 'LEDGER.jsonl'}")
+    Console().print(escape(visible(f"{len(ledger) - len(failed)} of {len(ledger)} cases answered, hashes in "
+                                   f"{out / 'answers' / 'LEDGER.jsonl'}")))
     for entry in failed:
-        typer.echo(f"{entry['case']}: exit status {entry['status']}: {entry['said']}", err=True)
+        typer.echo(visible(f"{entry['case']}: exit status {entry['status']}: {entry['said']}"), err=True)
     if failed:
         raise typer.Exit(1)
 
@@ -118,7 +119,7 @@ def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time."
                                            for g in groups.values()))
     console.print(table)
     folder = (diagnoses or out) / "score"
-    console.print(f"figures and pictures in {folder}")
+    console.print(escape(visible(f"figures and pictures in {folder}")))
     if page is not None:
         write_atomic(page, (folder / "page.md").read_text())
         for name in ("confusion.png", "calibration.png"):

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from rtds_host.contract import builtin_robot
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, visible
 from rtds_host.link import open_link
 from rtds_host.link.analog import FROM_CHIP, TO_CHIP, load_paths, save_paths
 from rtds_host.link.calibrate import POINTS, READS, ideal_errors, measure
@@ -51,7 +52,7 @@ def calibrate(
         )
         measured = measure(rig, link, points, reads)
     save_paths(out, measured.paths)
-    table = Table(title=f"calibration  ->  {out}", title_justify="left", box=None)
+    table = Table(title=escape(visible(f"calibration  ->  {out}")), title_justify="left", box=None)
     for column in ("wire", "gain", "offset, mV", "error without it, mV", "left over, mV"):
         table.add_column(column, justify="left" if column == "wire" else "right")
     lines = (*measured.paths.to_chip, *measured.paths.from_chip)

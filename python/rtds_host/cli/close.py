@@ -69,8 +69,9 @@ def _number(value: float | None, form: str = ".3g") -> str:
 
 
 def _show(console: Console, content: dict, out: Path) -> None:
-    from rich.markup import escape
     from rich.table import Table
+
+    from rtds_host.diagnosis.report.summary import escape
 
     gap, simulator = content["gap"], content["simulator"]
     effects = "; ".join(
@@ -78,7 +79,7 @@ def _show(console: Console, content: dict, out: Path) -> None:
         for e in content["effects"]) or "no effect"
     console.print(f"[bold]{escape(content['case'])}[/]  {content['verdict']}: {escape(effects)}")
     console.print(f"  held out {escape(', '.join(content['runs']))}; motors in {simulator['link']}, robot in "
-                  f"{simulator['engine']}  ->  {escape(str(out))}")
+                  f"{simulator['engine']}  ->  {escape(out)}")
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_edge=False)
     for title in ("  gap", "nominal", "corrected", "closed"):
         table.add_column(title, justify="left" if title == "  gap" else "right")
@@ -95,10 +96,10 @@ def _show(console: Console, content: dict, out: Path) -> None:
                       f"{100 * entry['explained']:.0f} % of what is left in its block")
     if difference.get("causes"):
         causes = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_edge=False)
-        for title in (f"  varied, on {difference['causes_on']}", "moves", "from replay"):
+        for title in (f"  varied, on {escape(difference['causes_on'])}", "moves", "from replay"):
             causes.add_column(title, justify="left" if title.startswith("  ") else "right")
         for row in difference["causes"]:
-            causes.add_row(f"  {row['varied']}", _number(row["moves"], ".2g"), _number(row["from_replay"], ".2g"))
+            causes.add_row(f"  {escape(row['varied'])}", _number(row["moves"], ".2g"), _number(row["from_replay"], ".2g"))
         console.print(causes)
     for note in content["notes"]:
         console.print(f"  [yellow]note[/]  {escape(note)}")

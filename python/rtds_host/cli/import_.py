@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from rtds_host.contract import RunMeta
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, visible
 
 app = typer.Typer(add_completion=False)
 
@@ -46,7 +46,7 @@ def import_(
 
         for source in sources:
             for topic, kind, count in topics_of(source):
-                print(f"{source.name}  {topic}  {kind}  {count} messages")
+                print(visible(f"{source.name}  {topic}  {kind}  {count} messages"))
         return
     if out is None:
         raise InputError("--out CASE: missing, the folder to write to")
@@ -58,6 +58,6 @@ def import_(
     for run in runs:
         t = run.imported.columns["t"]
         counts = ", ".join(f"{channel} {count}" for channel, count in run.imported.counts.items() if channel != "t")
-        print(f"{out / run.name}: {run.imported.mode} mode, {t[-1]:.3f} s, {len(t)} rows; samples: {counts}")
+        print(f"{visible(out / run.name)}: {run.imported.mode} mode, {t[-1]:.3f} s, {len(t)} rows; samples: {counts}")
         for notice in run.imported.notices:
-            print(f"  note: {notice}")
+            print(f"  note: {visible(notice)}")

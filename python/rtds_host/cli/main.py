@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
 
@@ -12,7 +13,7 @@ import typer.main
 from typer.exceptions import TyperException
 
 from rtds_host import __version__
-from rtds_host.errors import RtdsError, did_you_mean
+from rtds_host.errors import RtdsError, did_you_mean, visible
 
 # Sub-command -> what it does. Each stands in the module rtds_host.cli.<name> as the Typer app `app`.
 COMMANDS = {
@@ -53,10 +54,14 @@ def root() -> None:
 
 def main() -> None:
     """Entry point: exit status 0 done, 1 some of several cases failed, 2 unusable input, 130 interrupted."""
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal that cannot show a character gets its code, not the end of the program.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     try:
         status = root.main(standalone_mode=False)
     except RtdsError as error:
-        print("rtds: " + " ".join(str(error).split()), file=sys.stderr)
+        print("rtds: " + visible(" ".join(str(error).split())), file=sys.stderr)
         status = 2
     # The group is Click's, the sub-commands are Typer's, which carries a Click of its own with its own errors.
     except (click.exceptions.Exit, typer.Exit) as error:
@@ -66,7 +71,7 @@ def main() -> None:
             # Asked nothing, the help is the answer; Typer has printed its own.
             print(error.format_message())
         else:
-            print("rtds: " + " ".join(error.format_message().split()), file=sys.stderr)
+            print("rtds: " + visible(" ".join(error.format_message().split())), file=sys.stderr)
         status = 2
     except (KeyboardInterrupt, click.Abort, typer.Abort):
         print("rtds: interrupted", file=sys.stderr)
@@ -83,7 +88,7 @@ def main() -> None:
             raise
         from rtds_host.spread import one_line
 
-        print(f"rtds: {one_line(error)} (RTDS_TRACEBACK=1 shows more)", file=sys.stderr)
+        print(f"rtds: {visible(one_line(error))} (RTDS_TRACEBACK=1 shows more)", file=sys.stderr)
         status = 2
     sys.exit(status if isinstance(status, int) else 0)
 

@@ -26,7 +26,7 @@ def predict(
     from rtds_host.contract import load_robot, read_run, write_atomic
     from rtds_host.contract.runlog import COMMANDS
     from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
-    from rtds_host.errors import OutputError
+    from rtds_host.errors import OutputError, visible
 
     nominal = load_robot(robot)
     log = read_run(run, nominal)
@@ -47,4 +47,4 @@ def predict(
         notices.append(f"{run}: from t = {log.t[lost.argmax()]:g} s on the replay runs away beyond all bounds, its columns "
                        f"hold {LOST:g}")
     for notice in notices:
-        print(f"note: {notice}", file=sys.stderr)
+        print(f"note: {visible(notice)}", file=sys.stderr)

@@ -10,12 +10,13 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from rtds_host.cli.calibrate import link_options
 from rtds_host.contract import load_robot, read_run, staged_folder
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, visible
 from rtds_host.robot import check_engine, default_engine
 from rtds_host.run import Effects, LinkChoice, Options, Plan, check_writable, make_plan, perform, write_outcome
 from rtds_host.run.summary import Summary, lines
@@ -76,11 +77,11 @@ def _bars(plans: list[Plan]) -> Iterator[Callable[[str, float], None]]:
 
 
 def _show(console: Console, summary: Summary, place: Path) -> None:
-    table = Table(title=f"{summary.scenario}  ->  {place}", title_justify="left", show_header=False, box=None)
+    table = Table(title=escape(visible(f"{summary.scenario}  ->  {place}")), title_justify="left", show_header=False, box=None)
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
     for label, text in lines(summary):
-        table.add_row(label, text)
+        table.add_row(label, escape(visible(text)))
     console.print(table)
     console.print()
 

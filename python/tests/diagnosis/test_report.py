@@ -4,11 +4,14 @@ import io
 import json
 import re
 import shutil
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from diagnosis_cases import example_details, example_diagnosis
 from rich.console import Console
 
+from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.report import print_summary, validate, write_report
 
 
@@ -93,6 +96,47 @@ def test_text_from_outside_cannot_become_markup(details):
     assert "&lt;on other runs&gt;" in text and "<on other runs>" not in text
 
 
+# Names as a recording of somebody else may carry them: runs, robot, case, channels.
+HOSTILE = ("</script><script>window.owned=1</script>", "<!--<script>", "]]><svg/onload=window.owned=1>",
+           "\"><img src=x onerror=window.owned=1>", "' onclick='window.owned=1", "__proto__", "${window.owned=1}", "a&lt;b")
+
+
+def hostile(details):
+    """The details with hostile names wherever names come from outside, and a diagnosis to them."""
+    names = dict(zip((run.name for run in details.case.runs), HOSTILE))
+    runs = tuple(replace(run, name=names[run.name]) for run in details.case.runs)
+    case = replace(details.case, name=HOSTILE[3], robot=replace(details.case.robot, name=HOSTILE[4]), runs=runs)
+    first = next(iter(details.traces))
+    traces = {names[run]: dict(channels) for run, channels in details.traces.items()}
+    traces[names[first]].update({name: details.traces[first]["w_l"] for name in HOSTILE})
+    diagnosis = example_diagnosis()
+    diagnosis["held_out_runs"] = list(HOSTILE)
+    gap = {"before": 14.2, "refit": 13.9, "after": 1.08}
+    diagnosis["gap"]["channels"] = {name: gap for name in HOSTILE}
+    return diagnosis, replace(details, case=case, traces=traces, gate=examine(case), notes=list(HOSTILE),
+                              run_gaps={name: gap for name in HOSTILE}, regimes={name: gap for name in HOSTILE})
+
+
+def test_no_name_can_end_a_script_or_open_a_comment_in_it(details):
+    text = write_report(None, *hostile(details))
+    embedded = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', text, re.DOTALL)
+    assert len(embedded) == 2 and not any("<" in data for data in embedded)
+    assert HOSTILE[0] in json.loads(embedded[0]) and json.loads(embedded[1])["held_out_runs"] == list(HOSTILE)
+
+
+def test_escape_codes_in_names_do_not_reach_a_terminal(details):
+    codes = "\x1b[2J\x1b]0;owned\x07\u202e\x9b31m\udcff"
+    run = replace(details.case.runs[0], name=f"run{codes}", columns={**details.case.runs[0].columns,
+                                                                   "w_l": np.zeros(len(details.case.runs[0].t))})
+    case = replace(details.case, name=f"case{codes}", runs=(run, *details.case.runs[1:]))
+    console = Console(file=io.StringIO(), width=400, force_terminal=False)
+    print_summary(console, example_diagnosis(), replace(details, case=case, gate=examine(case)))
+    shown = console.file.getvalue()
+    assert shown.isascii() or not any(ord(c) in range(0x7F, 0xA0) or c in "\u202e\udcff" for c in shown)
+    assert "\x1b" not in shown and r"case\x1b[2J\x1b]0;owned\x07\u202e\x9b31m\udcff" in shown
+    assert r"run\x1b[2J" in shown
+
+
 @pytest.mark.parametrize("verdict", ["none", "partial", "unknown"])
 def test_every_verdict_has_its_page_and_summary(details, verdict):
     diagnosis = example_diagnosis()
@@ -154,6 +198,25 @@ def opened(browser, details, tmp_path_factory):
     browser.get_log("performance")
     browser.get(path.as_uri())
     return browser
+
+
+@pytest.mark.browser
+def test_hostile_names_are_shown_and_do_nothing(browser, details, tmp_path):
+    diagnosis, marked = hostile(details)
+    write_report(tmp_path / "report.html", diagnosis, marked)
+    browser.get_log("browser")
+    browser.get((tmp_path / "report.html").as_uri())
+    assert [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
+    assert browser.execute_script("return typeof window.owned") == "undefined"
+    assert len(browser.find_elements("css selector", "script")) == 3
+    assert browser.find_elements("css selector", "img, [onclick], [onload], [onerror]") == []
+    held = json.loads(browser.execute_script("return document.getElementById('diagnosis').textContent"))
+    assert held == diagnosis
+    assert HOSTILE[3] in browser.find_element("css selector", "h1").text
+    runs = [option.get_attribute("value") for option in browser.find_elements("css selector", "#run option")]
+    assert runs == list(HOSTILE[:3])
+    drawn = browser.find_elements("css selector", "#plots canvas")
+    assert {c.get_attribute("data-channel") for c in drawn} >= {"w_l", *HOSTILE}
 
 
 PIXELS = """

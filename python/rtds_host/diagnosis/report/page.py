@@ -42,8 +42,8 @@ def _asset(name: str) -> str:
 
 
 def _json(data: Any) -> str:
-    """JSON that may stand inside a script element."""
-    return json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    """JSON that may stand inside a script element: no `<` in it, so that nothing ends the element or opens a comment."""
+    return json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 def _decimated(trace: Trace, unit: str) -> dict[str, Any]:

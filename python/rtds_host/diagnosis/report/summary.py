@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
+from rich.markup import escape as plain_markup
 from rich.table import Table
 
 from rtds_host.diagnosis.report.details import Details
@@ -19,8 +19,14 @@ from rtds_host.diagnosis.report.words import (
     value_words,
     verdict_sentence,
 )
+from rtds_host.errors import visible
 
 _STYLE = {"none": "green", "known": "cyan", "partial": "yellow", "unknown": "red"}
+
+
+def escape(text: object) -> str:
+    """A text from outside, neither markup nor codes for the terminal in it."""
+    return plain_markup(visible(text))
 
 
 def print_summary(console: Console, diagnosis: dict[str, Any], details: Details) -> None:
