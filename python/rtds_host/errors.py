@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import unicodedata
 from collections.abc import Iterable
 
@@ -14,6 +15,12 @@ def visible(text: object) -> str:
     """A text as one line that may go to a terminal: what would steer it, or cannot be written, is spelled out as `\\x1b`."""
     return "".join(c if c.isprintable() or unicodedata.category(c) not in _UNSEEN
                    else c.encode("unicode_escape").decode("ascii") for c in str(text))
+
+
+def said_of_file(error: OSError) -> str:
+    """What the system refused, with the place if it names one."""
+    what = " ".join(str(error.strerror or error).split())
+    return f"{os.fsdecode(error.filename)}: {what}" if isinstance(error.filename, str | bytes) else what
 
 
 class RtdsError(Exception):

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rtds_host import __version__
-from rtds_host.errors import LinkError, RtdsError
+from rtds_host.errors import LinkError, RtdsError, said_of_file
 
 CONNECT_S = 20.0
 WORKERLESS_S = 60.0
@@ -49,6 +49,10 @@ def _said(error: BaseException, trace: str) -> str:
     text = " ".join(str(error).split())
     if isinstance(error, RtdsError):
         return text
+    if isinstance(error, MemoryError):
+        return "out of memory"
+    if isinstance(error, OSError) and error.filename is not None:
+        return said_of_file(error)
     places = re.findall(r'File "([^"]+)", line (\d+)', trace)
     place = f" at {os.path.basename(places[-1][0])}:{places[-1][1]}" if places else ""
     return f"internal error{place}: {type(error).__name__}: {text}".rstrip(": ")

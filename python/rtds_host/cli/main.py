@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import io
+import itertools
 import os
 import sys
 
@@ -13,7 +14,7 @@ import typer.main
 from typer.exceptions import TyperException
 
 from rtds_host import __version__
-from rtds_host.errors import RtdsError, did_you_mean, visible
+from rtds_host.errors import InputError, RtdsError, did_you_mean, said_of_file, visible
 
 # Sub-command -> what it does. Each stands in the module rtds_host.cli.<name> as the Typer app `app`.
 COMMANDS = {
@@ -27,6 +28,18 @@ COMMANDS = {
     "blind": "Check the diagnosis on sealed cases: make, answer, score.",
 }
 MODULES = {"import": "import_"}
+# Options whose value may be empty.
+FREE_TEXT = ("--notes", "--scenario")
+
+
+def _refuse_empty(arguments: list[str]) -> None:
+    """An empty path would stand for the folder one happens to be in; only free text may be empty."""
+    for before, word in itertools.pairwise(["", *arguments]):
+        option, sign, value = word.partition("=")
+        if sign and not value and option.startswith("--") and option not in FREE_TEXT:
+            raise InputError(f"{option}: is empty")
+        if not word and before not in FREE_TEXT:
+            raise InputError(f"{before}: is empty" if before.startswith("-") else "an argument is empty")
 
 
 class _Commands(click.Group):
@@ -59,7 +72,9 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
+        _refuse_empty(sys.argv[1:])
         status = root.main(standalone_mode=False)
+        sys.stdout.flush()
     except RtdsError as error:
         print("rtds: " + visible(" ".join(str(error).split())), file=sys.stderr)
         status = 2
@@ -82,6 +97,15 @@ def main() -> None:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = 1
+    except OSError as error:
+        # A file or folder somewhere in the way; who writes what the command prints gives no name.
+        print("rtds: " + visible(said_of_file(error)), file=sys.stderr)
+        if error.filename is None:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 2
+    except MemoryError:
+        print("rtds: out of memory", file=sys.stderr)
+        status = 2
     except Exception as error:
         # Nobody foresaw it. Python's own status 1 would say that other cases are complete.
         if os.environ.get("RTDS_TRACEBACK"):

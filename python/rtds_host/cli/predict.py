@@ -21,6 +21,7 @@ def predict(
 ) -> None:
     """Replay a run from its commands, with or without a diagnosis."""
     import io
+    import os
     import sys
 
     from rtds_host.contract import load_robot, read_run, write_atomic
@@ -30,7 +31,9 @@ def predict(
 
     nominal = load_robot(robot)
     log = read_run(run, nominal)
-    if out.resolve() in {place.resolve() for place in (log.path, run / "run.json", robot, diagnosis) if place}:
+    # Not `resolve`: a link that leads to itself is an error of its own there.
+    inputs = {os.path.realpath(place) for place in (log.path, run / "run.json", robot, diagnosis) if place}
+    if os.path.realpath(out) in inputs:
         raise OutputError(f"{out}: is an input of this very command; choose another file")
     columns = predicted_columns(log, nominal, read_diagnosis(diagnosis, nominal) if diagnosis else None)
     text = io.StringIO()

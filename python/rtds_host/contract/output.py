@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import tempfile
@@ -44,6 +45,8 @@ def staged_folder(target: str | os.PathLike, replace: bool = False, owned: Colle
     target = Path(target).absolute()
     scratch = None
     try:
+        if target.is_symlink() and not target.exists():
+            raise OutputError(f"{target}: is a link that leads nowhere")
         if target.exists() and not target.is_dir():
             raise OutputError(f"{target}: is a file, a folder is needed for the output")
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -92,6 +95,9 @@ def write_atomic(path: str | os.PathLike, data: str | bytes) -> None:
         if path.exists() and not path.is_file():
             path.write_bytes(content)
             return
+        if path.is_symlink():
+            with contextlib.suppress(FileNotFoundError):
+                os.stat(path)  # a link that leads to itself
         path = Path(os.path.realpath(path))
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, scratch = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)

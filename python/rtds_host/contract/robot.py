@@ -9,6 +9,7 @@ from importlib import resources
 from pathlib import Path
 
 from rtds_host.compat import tomllib
+from rtds_host.contract.inputs import regular_bytes
 from rtds_host.errors import InputError
 
 SCHEMA = "rtds-robot/1"
@@ -165,7 +166,7 @@ def load_robot(path: str | os.PathLike) -> Robot:
     """
     path = Path(path)
     try:
-        data = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+        data = tomllib.loads(regular_bytes(path).decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     # An integer beyond what Python turns into a number is a plain ValueError.

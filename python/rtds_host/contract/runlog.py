@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.contract.clock import likely_unit
+from rtds_host.contract.inputs import open_regular, regular_bytes
 from rtds_host.contract.output import staged_folder
 from rtds_host.contract.robot import Robot, load_robot
 from rtds_host.errors import InputError
@@ -103,7 +104,7 @@ def _log_path(folder: Path) -> Path:
 def read_json(path: Path) -> object:
     """Content of a JSON file, with or without a byte order mark. InputError where it cannot be read or is none."""
     try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
+        return json.loads(regular_bytes(path).decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:
@@ -184,7 +185,7 @@ def _blocks(path: Path) -> Iterator[tuple[list[str], bool]]:
     newlines = io.IncrementalNewlineDecoder(None, translate=True)
     rest, at = "", 0
     try:
-        with open(path, "rb") as stream:
+        with open_regular(path) as stream:
             while True:
                 data = stream.read(BLOCK_BYTES)
                 waiting = len(decoder.getstate()[0])

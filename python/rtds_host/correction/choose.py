@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
 
 from rtds_host.contract import Robot
+from rtds_host.contract.runlog import read_json
 from rtds_host.diagnosis.effects import SIDES, Effect, catalogue
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.replay.model import Model, nominal_model
@@ -82,7 +82,7 @@ def choose(robot: Robot, diagnosis: Path | None = None, effects: list[str] | Non
     model, names = nominal_model(robot), []
     if diagnosis is not None:
         model = read_diagnosis(diagnosis, robot)
-        data = json.loads(Path(diagnosis).read_text(encoding="utf-8"))
+        data = read_json(Path(diagnosis))
         for entry in data.get("effects") or []:
             values = {key: value["value"] if isinstance(value, dict) else value
                       for key, value in (entry.get("parameters") or {}).items()}

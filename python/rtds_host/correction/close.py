@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.contract import Case, RunLog, read_case, staged_folder
+from rtds_host.contract.runlog import read_json
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.remainder import Remainder, estimate
 from rtds_host.correction.simulate import Setting, simulate
@@ -265,7 +266,7 @@ def close_folder(folder: Path, out: Path, diagnosis: Path | None = None, figure:
     given = None
     if diagnosis is not None:
         read_diagnosis(diagnosis, case.robot)
-        given = json.loads(diagnosis.read_text(encoding="utf-8"))
+        given = read_json(diagnosis)
         if given.get("verdict") not in ("none", "known", "partial", "unknown"):
             raise InputError(f"{diagnosis}: verdict: is {given.get('verdict')!r}, it must be none, known, partial or unknown")
     result = close(case, diagnosis=given, diagnosis_path=diagnosis, **options)

@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from rtds_host import __version__
 from rtds_host.contract import Case, read_case, staged_folder, write_atomic
+from rtds_host.contract.inputs import regular_bytes
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.overview import overview_page, row_of, table_bytes
 from rtds_host.diagnosis.report import print_summary, validate, write_report
@@ -74,19 +75,25 @@ def explain(case: Case, quick: bool, seed: int, threads: int) -> tuple[dict, str
     return result, write_report(None, result, details), details.seconds
 
 
+def name_of(folder: Path) -> str:
+    """Name of a case's folder, "" for the root of the file system."""
+    # Not `resolve`: a link that leads to itself is an error of its own there.
+    return os.path.basename(os.path.realpath(folder))
+
+
 def _explain_folder(work: Explain, folder: str, quick: bool, seed: int, threads: int) -> tuple[dict, str, float]:
     return work(read_case(folder), quick, seed, threads)
 
 
 def fingerprint(folder: Path, quick: bool, seed: int) -> str:
     """SHA-256 over everything a result depends on: the case's name and files, the options, the program's version."""
-    digest = hashlib.sha256(json.dumps([__version__, folder.resolve().name, quick, seed]).encode())
+    digest = hashlib.sha256(json.dumps([__version__, name_of(folder), quick, seed]).encode())
     found = [folder / "robot.toml"]
     for name in ("robot.toml", "run.json", "log.csv", "log.parquet"):
         found += folder.glob(f"*/{name}")
     for path in sorted(found):
         try:
-            content = hashlib.sha256(path.read_bytes()).hexdigest()
+            content = hashlib.sha256(regular_bytes(path)).hexdigest()
         except OSError as error:
             content = type(error).__name__
         digest.update(json.dumps([str(path.relative_to(folder)), content]).encode())
@@ -173,12 +180,14 @@ class _Results:
 def _checked(cases: list[Path], out: Path) -> dict[str, Path]:
     by_name: dict[str, Path] = {}
     for case in cases:
-        name = case.resolve().name
+        name = name_of(case)
         if name in by_name:
             raise InputError(f"{name}: two cases have this name; their results would fall into one folder")
         if name in (STATE, ""):
             raise InputError(f"{case}: no name for a case")
-        if (out / name).resolve() == case.resolve():
+        if os.path.realpath(out) == os.path.realpath(case):
+            raise InputError(f"{out}: is one of the cases; choose another folder for the results")
+        if os.path.realpath(out / name) == os.path.realpath(case):
             raise InputError(f"{out}: the results of {case} would fall into the case itself; choose another folder")
         by_name[name] = case
     return by_name

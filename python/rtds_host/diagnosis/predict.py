@@ -44,10 +44,12 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
                 raise InputError(f"{path}: nominal_fit.{suffix}.{key}: is no nuisance of [motor]")
             model.put(entries[key], _number(path, f"nominal_fit.{suffix}.{key}", value, positive=True),
                       ("lr".index(suffix),))
-    effects_there = catalogue(robot)
-    effects = data.get("effects") or []
+    if "effects" not in data:
+        raise InputError(f"{path}: effects: missing, it is [] where nothing is blamed")
+    effects_there, effects = catalogue(robot), data["effects"]
     if not isinstance(effects, list):
         raise InputError(f"{path}: effects: is {effects!r}, a list is needed")
+    taken: dict[tuple[str, int], str] = {}
     for k, entry in enumerate(effects):
         place = f"effects[{k}]"
         name = entry.get("id") if isinstance(entry, dict) else None
@@ -59,6 +61,10 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         if not sides:
             known = dict.fromkeys(effect.side_on(robot.axis, s) for s in effect.sides)
             raise InputError(f"{path}: {place}.side: {entry.get('side')!r} must be one of {', '.join(known)}")
+        for side in SIDES[sides[0]]:
+            before = taken.setdefault((effect.id, side), place)
+            if before != place:
+                raise InputError(f"{path}: {place}: {effect.id} on this side stands in {before} already")
         values = {}
         relative = {p.name: p for p in CATALOGUE[effect.id].parameters}
         given = entry.get("parameters") or {}
@@ -101,6 +107,23 @@ def _number(path: Path, place: str, value: object, positive: bool = False) -> fl
     return float(value)
 
 
+def check_body(model: Model, log: RunLog) -> None:
+    """Whether the body has mass, and its equations of motion a positive inertia, with what a run carries.
+
+    Raises
+    ------
+    InputError : it has not; a replay would accelerate it against its force.
+    """
+    if model.get("axis") > 0:
+        return
+    mass = model.get("mass") + log.meta.payload_kg
+    if mass <= 0.0:
+        raise InputError(f"{log.path or log.name}: with what the diagnosis adds to it the body has {mass:g} kg, no mass is left")
+    if model.get("yaw_inertia") <= mass * model.get("com_y") ** 2:
+        raise InputError(f"{log.path or log.name}: a yaw inertia of {model.get('yaw_inertia'):g} kg·m² cannot be that of {mass:g} "
+                         f"kg at y = {model.get('com_y'):g} m beside the axle's mid-point")
+
+
 def predicted_columns(log: RunLog, robot: Robot, model: Model | None = None) -> dict[str, np.ndarray]:
     """Replay a run from its commands.
 
@@ -108,8 +131,13 @@ def predicted_columns(log: RunLog, robot: Robot, model: Model | None = None) -> 
     -------
     Column -> (n,): `t`, the commands, and every channel of the contract's section 1 except `w_ref_*`, without noise,
     at the run's times; a single axis has the left side's alone.
+
+    Raises
+    ------
+    InputError : the model's body cannot exist (`check_body`).
     """
     model = model or nominal_model(robot)
+    check_body(model, log)
     out = replay_run(model, run_inputs(log, robot), min(REPORT_STEP_S, model.step_s))
     columns = {"t": log.t}
     commands = ("w_cmd_l", "w_cmd_r") if robot.driver.mode == "speed" else ("v_cmd_l", "v_cmd_r")

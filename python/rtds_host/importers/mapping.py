@@ -10,6 +10,7 @@ from importlib import resources
 from pathlib import Path
 
 from rtds_host.compat import tomllib
+from rtds_host.contract.inputs import regular_bytes
 from rtds_host.errors import InputError
 from rtds_host.importers.units import FIXED, QUANTITY
 
@@ -132,7 +133,7 @@ def load_mapping(path_or_name: str | os.PathLike) -> Mapping:
                              "the path of a .toml file)")
         path = _folder() / f"{path.name}.toml"
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        data = tomllib.loads(regular_bytes(path).decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:
@@ -230,13 +231,16 @@ class _Parser:
                 raise self.fail(f"[runs.{name}]", f"is {runs[name]!r}, a table is needed")
             self.only(f"[runs.{name}]", runs[name], META_KEYS)
         decimal = self.text("[table]", table, "decimal", below.decimal, (".", ","))
+        delimiter = self.text("[table]", table, "delimiter", ";" if decimal == "," else below.delimiter)
+        if len(delimiter) != 1 or delimiter in '"\r\n ' or delimiter == decimal:
+            raise self.fail("[table]", f"delimiter is {delimiter!r}, one character is needed that stands in no number")
         return Mapping(
             path=self.path, name=self.text("name", data, "name", self.path.stem),
             robot=self.text("robot", data, "robot", below.robot), signals=signals, twist=twist,
             time_source=self.text("[time]", time, "source", below.time_source, ("header", "record")),
             time_column=self.text("[time]", time, "column", below.time_column),
             time_unit=self.text("[time]", time, "unit", below.time_unit, tuple(FIXED["time"])),
-            delimiter=self.text("[table]", table, "delimiter", ";" if decimal == "," else below.delimiter),
+            delimiter=delimiter,
             decimal=decimal, skip_rows=int(self.number("[table]", table, "skip_rows", below.skip_rows, low=0)),
             before_first=self.number("[commands]", commands, "before_first", below.before_first),
             timeout_s=self.number("[commands]", commands, "timeout_s", below.timeout_s, positive=True),

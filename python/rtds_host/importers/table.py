@@ -52,7 +52,10 @@ class Table:
         if not lines or not lines[0].strip():
             raise InputError(f"{path}: row {mapping.skip_rows + 1}: a header line with the names of the columns is "
                              "needed")
-        rows = list(csv.reader(lines, delimiter=mapping.delimiter))
+        try:
+            rows = list(csv.reader(lines, delimiter=mapping.delimiter))
+        except csv.Error as error:
+            raise InputError(f"{path}: is no csv file ({error})") from error
         self.names = [name.strip() for name in rows[0]]
         for name in self.names:
             if self.names.count(name) > 1:

@@ -20,6 +20,7 @@ import numpy as np
 
 from rtds_host.compat import tomllib
 from rtds_host.contract import write_atomic
+from rtds_host.contract.inputs import regular_bytes
 from rtds_host.errors import InputError
 from rtds_host.link.scaling import ADC_CHANNELS, ADC_VOLTS_PER_STEP, DAC_OUTPUTS, FULL_SCALE, Scaling, default_scaling
 
@@ -85,10 +86,10 @@ def load_paths(path: str | Path) -> Paths:
     """
     path = Path(path)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(regular_bytes(path).decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a TOML file ({error})") from error
     if data.get("format") != FORMAT:
         raise InputError(f"{path}: format: {FORMAT} is needed, found {data.get('format')!r}")

@@ -103,6 +103,8 @@ def check_writable(folder: Path) -> None:
     OutputError : it cannot.
     """
     place = folder.absolute()
+    if place.is_symlink() and not place.exists():
+        raise OutputError(f"{place}: is a link that leads nowhere")
     while not place.exists():
         place = place.parent
     if not place.is_dir():

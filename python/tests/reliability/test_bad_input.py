@@ -1,10 +1,33 @@
 """What a person can cause ends in one line and status 2: names, values, files and options that are none."""
 
+import json
+import os
+import re
+import shutil
+import subprocess
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rtds_host.cli.main import main
+from rtds_host.compat import tomllib
+from rtds_host.contract import RunLog, RunMeta, builtin_robot, builtin_robot_path, write_run
+from rtds_host.diagnosis.predict import DIAGNOSIS_SCHEMAS, predicted_columns
+
+
+@pytest.fixture
+def case(tmp_path):
+    """A small case, right in every respect: a second of a spin, all channels."""
+    folder = tmp_path / "case"
+    folder.mkdir()
+    shutil.copy(builtin_robot_path("burger"), folder / "robot.toml")
+    t = np.arange(100) * 0.01
+    commands = {"v_cmd_l": -5.0 * np.sin(6.0 * t), "v_cmd_r": 5.0 * np.sin(6.0 * t)}
+    columns = predicted_columns(RunLog("spin", RunMeta("spin"), t, commands), builtin_robot("burger"))
+    write_run(folder / "spin", RunMeta("spin"), columns)
+    return folder
 
 
 @pytest.fixture
@@ -25,3 +48,142 @@ def test_escape_codes_of_a_name_are_spelled_out(rtds, tmp_path):
     status, _, said = rtds("diagnose", tmp_path / "\x1b[31mred\nand more\udcff", "--out", tmp_path / "out")
     assert status == 2
     assert said == [rf"rtds: {tmp_path}/\x1b[31mred and more\udcff: is no case folder"]
+
+
+# ---- names that are none -------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("arguments", [
+    ("diagnose", "{case}", "--out", ""), ("diagnose", "{case}", "--out="), ("predict", "{run}", "--robot", "", "--out", "p.csv"),
+    ("predict", "{run}", "--robot", "{robot}", "--out", ""), ("run", "linear", "--link", "model", "--out", ""),
+    ("import", "x.csv", "--mapping", "", "--out", "o"), ("close", "{case}", "--out", ""), ("blind", "make", "--out", ""),
+    ("blind", "answer", "--out="), ("diagnose", "", "--out", "o")])
+def test_an_empty_name_is_not_the_folder_one_is_in(rtds, case, tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    status, _, said = rtds(*(a.format(case=case, run=case / "spin", robot=case / "robot.toml") for a in arguments))
+    assert status == 2 and len(said) == 1 and said[0].endswith("is empty")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("arguments", [
+    ("predict", "{bad}", "--robot", "{robot}", "--out", "{out}"), ("predict", "{run}", "--robot", "{bad}", "--out", "{out}"),
+    ("predict", "{run}", "--robot", "{robot}", "--diagnosis", "{bad}", "--out", "{out}"),
+    ("predict", "{run}", "--robot", "{robot}", "--out", "{bad}"),
+    ("diagnose", "{bad}", "--out", "{out}"), ("diagnose", "{case}", "--out", "{bad}"),
+    ("diagnose", "{case}", "{run}", "--out", "{bad}"), ("close", "{bad}", "--out", "{out}"), ("close", "{case}", "--out", "{bad}"),
+    ("run", "standstill", "--link", "model", "--out", "{bad}"),
+    ("run", "standstill", "--link", "model", "--robot", "{bad}", "--out", "{out}"),
+    ("import", "{bad}", "--out", "{out}"), ("import", "{bad}", "--mapping", "rtds", "--out", "{out}"),
+    ("import", "{case}/spin/log.csv", "--mapping", "{bad}", "--out", "{out}"),
+    ("blind", "answer", "--out", "{bad}"), ("blind", "score", "--out", "{bad}"), ("blind", "make", "--n", "1", "--out", "{bad}")])
+@pytest.mark.parametrize("kind", ["a link to itself", "a pipe", "a device"])
+def test_what_is_no_file_and_no_folder_is_refused_at_once(rtds, case, tmp_path, kind, arguments):
+    bad = tmp_path / "bad"
+    if kind == "a link to itself":
+        bad.symlink_to(bad)
+    elif kind == "a pipe":
+        os.mkfifo(bad)
+    else:
+        bad = Path("/dev/zero")
+    if kind != "a link to itself" and arguments[0] == "predict" and arguments[-1] == "{bad}":
+        pytest.skip("a pipe or a device may be written to")
+    before = sorted(tmp_path.rglob("*"))
+    names = {"bad": bad, "case": case, "run": case / "spin", "robot": case / "robot.toml", "out": tmp_path / "out"}
+    status, _, said = rtds(*(a.format(**names) for a in arguments))
+    assert status == 2 and len(said) == 1
+    assert "internal error" not in said[0] and "bad" in said[0] or "/dev/zero" in said[0]
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("place", ["spin/run.json", "spin/log.csv", "robot.toml"])
+def test_a_pipe_within_a_case_is_named_and_not_waited_for(rtds, case, tmp_path, place):
+    (case / place).unlink()
+    os.mkfifo(case / place)
+    for arguments in (("diagnose", case), ("predict", case / "spin", "--robot", case / "robot.toml")):
+        status, _, said = rtds(*arguments, "--out", tmp_path / "out")
+        assert status == 2 and len(said) == 1 and "internal error" not in said[0] and str(case / place.split("/")[0]) in said[0]
+    assert not (tmp_path / "out").exists()
+
+
+def test_results_of_many_do_not_fall_into_one_of_them(rtds, case, tmp_path):
+    shutil.copytree(case, tmp_path / "other")
+    status, _, said = rtds("diagnose", case, tmp_path / "other", "--out", case)
+    assert status == 2 and said == [f"rtds: {case}: is one of the cases; choose another folder for the results"]
+
+
+def test_a_full_place_for_what_is_printed_is_one_line():
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([sys.executable, "-m", "rtds_host.cli.main", "effects"], check=False, stdout=full,
+                              stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2 and done.stderr == "rtds: No space left on device\n"
+
+
+# ---- values --------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("column", range(14))
+def test_a_value_of_1e308_in_a_log_is_named(rtds, case, tmp_path, column):
+    """Refused with its row (a time: with the row after it), or set aside with a notice."""
+    path = case / "spin" / "log.csv"
+    lines = path.read_text().splitlines()
+    cells = lines[7].split(",")
+    cells[column] = "1e308"
+    lines[7] = ",".join(cells)
+    path.write_text("\n".join(lines) + "\n")
+    status, _, said = rtds("predict", case / "spin", "--robot", case / "robot.toml", "--out", tmp_path / "p.csv")
+    assert status in (0, 2) and len(said) == 1
+    assert lines[0].split(",")[column] in said[0] and "internal error" not in said[0]
+    assert (tmp_path / "p.csv").exists() == (status == 0)
+
+
+def numbers_of_a_robot():
+    for section, values in tomllib.loads(builtin_robot_path("burger").read_text()).items():
+        if isinstance(values, dict):
+            yield from ((section, key) for key in values)
+
+
+@pytest.mark.parametrize(("section", "key"), [*numbers_of_a_robot()])
+@pytest.mark.parametrize("value", ["1e308", "-1e308", "nan", "inf", "9" * 400])
+def test_an_impossible_value_in_a_robot_is_named_by_its_key(rtds, case, tmp_path, section, key, value):
+    path = case / "robot.toml"
+    text = re.sub(rf"^{key}\s*=.*$", f"{key} = {value}", path.read_text(), flags=re.MULTILINE)
+    path.write_text(text)
+    status, _, said = rtds("predict", case / "spin", "--robot", path, "--out", tmp_path / "p.csv")
+    assert status == 2 and len(said) == 1 and f"robot.toml: [{section}] {key}: is " in said[0]
+    assert not (tmp_path / "p.csv").exists()
+
+
+@pytest.mark.parametrize("delimiter", ["", ",,", '"', "\\n", "."])
+def test_a_delimiter_that_is_none_is_named(rtds, tmp_path, delimiter):
+    (tmp_path / "log.csv").write_text("t,a\n0,1\n1,2\n")
+    (tmp_path / "m.toml").write_text(f"""schema = "rtds-mapping/1"\nname = "m"\n[table]\ndelimiter = '{delimiter}'\n"""
+                                     if delimiter != "\\n" else
+                                     'schema = "rtds-mapping/1"\nname = "m"\n[table]\ndelimiter = "\\n"\n')
+    status, _, said = rtds("import", tmp_path / "log.csv", "--mapping", tmp_path / "m.toml", "--out", tmp_path / "out")
+    assert status == 2 and len(said) == 1 and "m.toml: [table]: delimiter is" in said[0]
+
+
+# ---- a diagnosis to apply ------------------------------------------------------------------------------------------
+
+COULOMB = {"id": "coulomb_friction", "side": "left", "parameters": {"torque_nm": 0.05}}
+
+
+@pytest.mark.parametrize(("diagnosis", "words"), [
+    ({}, "d.json: effects: missing"), ({"effects": None}, "d.json: effects: is None, a list is needed"),
+    ({"effects": [COULOMB, COULOMB]}, r"d.json: effects[1]: coulomb_friction on this side stands in effects[0] already"),
+    ({"effects": [{**COULOMB, "side": "both"}, COULOMB]}, "d.json: effects[1]: coulomb_friction on this side"),
+    ({"effects": [{"id": "payload_error", "side": "both", "parameters": {"mass_kg": -1.0}}]}, "parameters.mass_kg: is -1, it must lie"),
+    ({"effects": [{"id": "com_offset", "side": "both", "parameters": {"x_m": 0.0, "y_m": 0.15}}]}, "log.csv: a yaw inertia of")])
+def test_a_diagnosis_that_cannot_be_applied_is_refused(rtds, case, tmp_path, diagnosis, words):
+    (tmp_path / "d.json").write_text(json.dumps({"schema": DIAGNOSIS_SCHEMAS[0], **diagnosis}))
+    status, _, said = rtds("predict", case / "spin", "--robot", case / "robot.toml", "--diagnosis", tmp_path / "d.json",
+                           "--out", tmp_path / "p.csv")
+    assert status == 2 and len(said) == 1 and words in said[0]
+    assert not (tmp_path / "p.csv").exists()
+
+
+def test_one_effect_on_either_side_is_applied(rtds, case, tmp_path):
+    both = {"effects": [COULOMB, {**COULOMB, "side": "right"}]}
+    (tmp_path / "d.json").write_text(json.dumps({"schema": DIAGNOSIS_SCHEMAS[0], **both}))
+    status, _, said = rtds("predict", case / "spin", "--robot", case / "robot.toml", "--diagnosis", tmp_path / "d.json",
+                           "--out", tmp_path / "p.csv")
+    assert (status, said) == (0, []) and (tmp_path / "p.csv").is_file()
