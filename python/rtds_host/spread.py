@@ -28,6 +28,7 @@ from rtds_host.errors import LinkError, RtdsError, said_of_file
 
 CONNECT_S = 20.0
 WORKERLESS_S = 60.0
+LOST = "its process died (killed, out of memory, or crashed)"
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def _said(error: BaseException, trace: str) -> str:
         return text
     if isinstance(error, MemoryError):
         return "out of memory"
-    if isinstance(error, OSError) and error.filename is not None:
+    if isinstance(error, OSError) and error.errno is not None:
         return said_of_file(error)
     places = re.findall(r'File "([^"]+)", line (\d+)', trace)
     place = f" at {os.path.basename(places[-1][0])}:{places[-1][1]}" if places else ""
@@ -126,6 +127,7 @@ def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> I
         width = 1 if alone else max(1, min(processes, len(waiting)))
         running: dict[concurrent.futures.Future, tuple[str, tuple]] = {}
         lost: list[tuple[str, tuple]] = []
+        why = LOST
         with _pool(width) as pool:
             while (queue or running) and not lost:
                 while queue and len(running) < width and not lost:
@@ -133,7 +135,9 @@ def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> I
                     try:
                         with _interrupts_held():
                             running[pool.submit(function, *job[1])] = job
-                    except BrokenProcessPool:
+                    except (BrokenProcessPool, OSError, MemoryError) as error:
+                        # Also where no process can be started: no memory, no more processes allowed.
+                        why = LOST if isinstance(error, BrokenProcessPool) else one_line(error)
                         lost.append(job)
                 done = concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED).done \
                     if running else ()
@@ -148,7 +152,7 @@ def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> I
                         yield Outcome(job[0], future.result())
         lost += running.values()
         if lost and alone:
-            yield Outcome(lost[0][0], error="its process died (killed, out of memory, or crashed)")
+            yield Outcome(lost[0][0], error=why)
         else:
             suspects.extend(lost)
 

@@ -253,7 +253,7 @@ def _ask(command: list[str] | None, quick: bool, threads: int, case: str, files:
         begin = time.monotonic()
         try:
             done = subprocess.run([*command, str(place), "--out", str(target)], cwd=scratch, capture_output=True,
-                                  text=True, timeout=timeout_s, check=False)
+                                  text=True, errors="replace", timeout=timeout_s, check=False)
             status, said = done.returncode, (done.stderr.strip().splitlines() or [""])[-1]
         except subprocess.TimeoutExpired:
             status, said = -1, f"no answer within {timeout_s:g} s"

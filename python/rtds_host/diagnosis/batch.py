@@ -23,12 +23,15 @@ from rtds_host.contract.inputs import regular_bytes
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.overview import overview_page, row_of, table_bytes
 from rtds_host.diagnosis.report import print_summary, validate, write_report
-from rtds_host.errors import InputError, OutputError
+from rtds_host.errors import InputError, OutputError, visible
 from rtds_host.spread import cores, on_cluster, on_cores
 
 FILES = ("diagnosis.json", "report.html")
 # Beside the results of many cases: what is done, and the lock.
 STATE = ".rtds"
+SHARED = ("cases.parquet", "index.html")
+# Bytes of a case's name: with what stands before and behind it while a file is written, 255 are possible.
+LONGEST_NAME = 235
 
 # (case, quick, seed, threads) -> (content of diagnosis.json, report.html, seconds)
 Explain = Callable[[Case, bool, int, int], tuple[dict, str, float]]
@@ -48,7 +51,7 @@ def _write(out: Path, files: dict[str, str]) -> None:
 
 def write_diagnosis(folder: Path, out: Path, quick: bool, seed: int, threads: int, progress=None) -> tuple:
     """Diagnose one case folder and write both files, together or not at all. Returns (diagnosis, details)."""
-    case = read_case(folder)
+    case = _readable(folder)
     result, details = diagnose(case, quick=quick, threads=threads, seed=seed, progress=progress)
     validate(result)
     _write(out, {"diagnosis.json": _json(result), "report.html": write_report(None, result, details)})
@@ -82,7 +85,7 @@ def name_of(folder: Path) -> str:
 
 
 def _explain_folder(work: Explain, folder: str, quick: bool, seed: int, threads: int) -> tuple[dict, str, float]:
-    return work(read_case(folder), quick, seed, threads)
+    return work(_readable(Path(folder)), quick, seed, threads)
 
 
 def fingerprint(folder: Path, quick: bool, seed: int) -> str:
@@ -149,7 +152,7 @@ class _Results:
 
     def sweep(self, names: list[str]) -> None:
         """Remove scratch folders and files that a killed run left."""
-        known = re.compile(r"\.(" + "|".join(map(re.escape, [*names, "cases.parquet", "index.html"])) + r")-[a-z0-9_]{8}")
+        known = re.compile(r"\.(" + "|".join(map(re.escape, [*names, *SHARED])) + r")-[a-z0-9_]{8}")
         for path in self.out.iterdir():
             if known.fullmatch(path.name):
                 shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
@@ -177,20 +180,47 @@ class _Results:
             os.close(handle)
 
 
+def _unwritable(name: str) -> str | None:
+    """Why no results can be kept under a case's name, None where they can."""
+    try:
+        length = len(name.encode("utf-8"))
+    except UnicodeEncodeError:
+        return "its name is no text in UTF-8, no result can be kept under it; rename the folder"
+    if length > LONGEST_NAME:
+        return f"its name has {length} bytes, at most {LONGEST_NAME} are possible; rename the folder"
+    if name in (STATE, *SHARED, ""):
+        return f"{name or '/'} is no name for a case, results are kept by names; rename the folder"
+    return None
+
+
 def _checked(cases: list[Path], out: Path) -> dict[str, Path]:
     by_name: dict[str, Path] = {}
     for case in cases:
         name = name_of(case)
         if name in by_name:
             raise InputError(f"{name}: two cases have this name; their results would fall into one folder")
-        if name in (STATE, ""):
-            raise InputError(f"{case}: no name for a case")
         if os.path.realpath(out) == os.path.realpath(case):
             raise InputError(f"{out}: is one of the cases; choose another folder for the results")
         if os.path.realpath(out / name) == os.path.realpath(case):
             raise InputError(f"{out}: the results of {case} would fall into the case itself; choose another folder")
         by_name[name] = case
     return by_name
+
+
+def _readable(folder: Path) -> Case:
+    """`read_case`, where every name in it can be written into a result.
+
+    Raises
+    ------
+    InputError : it cannot, or as `read_case`.
+    """
+    case = read_case(folder)
+    for name in (case.name, *(run.name for run in case.runs)):
+        try:
+            name.encode("utf-8")
+        except UnicodeEncodeError as error:
+            raise InputError(f"{folder}: {visible(name)} is no name in UTF-8; rename the folder") from error
+    return case
 
 
 def run_many(cases: list[Path], out: Path, quick: bool = False, seed: int = 1, jobs: int = 0,
@@ -212,20 +242,25 @@ def run_many(cases: list[Path], out: Path, quick: bool = False, seed: int = 1, j
     Raises
     ------
     InputError : two cases of the same name, or results that would fall into a case. OutputError : `out` cannot be
-    written (what is done stays). LinkError : the cluster cannot be used, or is lost (what is done stays).
+    written at the start or at the end (what is done stays; a single result that cannot be written is that case's failure). LinkError : the cluster cannot be used, or is lost (what is done stays).
     """
     by_name = _checked(cases, out)
     results = _Results(out)
     with results.locked():
         results.sweep(list(by_name))
-        keys = {name: fingerprint(case, quick, seed) for name, case in by_name.items()}
-        rows = {name: row for name in by_name if (row := results.row(name, keys[name])) is not None}
+        rows = {name: row_of(visible(name), None, None, f"{visible(case)}: {why}")
+                for name, case in by_name.items() if (why := _unwritable(name)) is not None}
+        for row in rows.values():
+            print(f"rtds: {row['error']}", file=sys.stderr, flush=True)
+        keys = {name: fingerprint(case, quick, seed) for name, case in by_name.items() if name not in rows}
+        done = {name: row for name, key in keys.items() if (row := results.row(name, key)) is not None}
+        rows |= done
         todo = {name: case for name, case in by_name.items() if name not in rows}
-        if rows:
-            print(f"{len(rows)} of {len(by_name)} cases are done already", flush=True)
+        if done:
+            print(f"{len(done)} of {len(by_name)} cases are done already", flush=True)
         if scheduler is not None:
             def loaded(case: Path) -> tuple:
-                return read_case(case), quick, seed, 1
+                return _readable(case), quick, seed, 1
 
             outcomes = on_cluster(work, {name: partial(loaded, case) for name, case in todo.items()}, scheduler)
         else:
@@ -234,26 +269,31 @@ def run_many(cases: list[Path], out: Path, quick: bool = False, seed: int = 1, j
             outcomes = on_cores(_explain_folder, {name: (work, str(case), quick, seed, threads)
                                                   for name, case in todo.items()}, processes)
         columns = (TextColumn("diagnosing"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-                   TextColumn("{task.description}"))
+                   TextColumn("{task.description}", markup=False))
         with closing(outcomes), Progress(*columns, console=Console(stderr=True), transient=True,
                                          disable=not sys.stderr.isatty()) as bar:
             task = bar.add_task("", total=len(by_name), completed=len(rows))
             for outcome in outcomes if todo else ():
-                name = outcome.name
-                if outcome.error is None:
-                    rows[name] = results.write(name, keys[name], *outcome.value)
+                name, error = outcome.name, outcome.error
+                if error is None:
+                    try:
+                        rows[name] = results.write(name, keys[name], *outcome.value)
+                    except OutputError as refused:
+                        # The place may take the next one: a full disk is emptied, a folder in the way is one case's.
+                        error = str(refused)
+                if error is None:
                     blamed = ", ".join(f"{e} ({s})" for e, s in zip(rows[name]["effects"], rows[name]["sides"]))
-                    print(f"{name}: {rows[name]['verdict']}" + (f": {blamed}" if blamed else ""), flush=True)
+                    print(visible(f"{name}: {rows[name]['verdict']}" + (f": {blamed}" if blamed else "")), flush=True)
                 else:
                     results.drop(name)
-                    rows[name] = row_of(name, None, None, outcome.error)
-                    place = "" if name in outcome.error else f"{name}: "
-                    print(f"rtds: {place}{outcome.error}", file=sys.stderr, flush=True)
-                bar.update(task, advance=1, description=name)
+                    rows[name] = row_of(name, None, None, visible(error))
+                    place = "" if name in error else f"{name}: "
+                    print(visible(f"rtds: {place}{error}"), file=sys.stderr, flush=True)
+                bar.update(task, advance=1, description=visible(name))
         table = [rows[name] for name in by_name]
         write_atomic(out / "cases.parquet", table_bytes(table))
         write_atomic(out / "index.html", overview_page(table))
     failed = sorted(row["case"] for row in table if row["error"] is not None)
     if failed:
-        print(f"rtds: {len(failed)} of {len(table)} cases failed: {', '.join(failed)}", file=sys.stderr)
+        print(visible(f"rtds: {len(failed)} of {len(table)} cases failed: {', '.join(failed)}"), file=sys.stderr)
     return failed

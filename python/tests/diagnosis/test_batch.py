@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from batch_work import by_number, fake
+from batch_work import by_number, fake, in_trouble
 from diagnosis_cases import example_diagnosis, make_case
 from distributed import LocalCluster
 
@@ -23,6 +23,7 @@ from rtds_host.contract import builtin_robot_path, write_run
 from rtds_host.diagnosis import batch
 from rtds_host.diagnosis.overview import SCHEMA, overview_page, row_of, table_bytes
 from rtds_host.errors import InputError, LinkError, OutputError
+from rtds_host.errors import visible as said_name
 from rtds_host.spread import on_cores
 
 NAMES = ("one", "two", "three")
@@ -183,24 +184,88 @@ def test_a_second_run_into_the_same_folder_is_refused(cases, tmp_path):
         batch.run_many(cases, tmp_path / "out", work=fake)
 
 
-def test_a_full_disk_ends_it_with_nothing_half_written(cases, tmp_path, monkeypatch):
-    out = tmp_path / "out"
+def fill_the_disk(monkeypatch, when):
+    """Writing of files that `when` names ends half way as on a full disk."""
     write = Path.write_text
 
     def full(path, text, **options):
-        if path.name == "report.html" and "two" in str(path):
+        if when(path):
             write(path, text[:5], **options)
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
         return write(path, text, **options)
 
     monkeypatch.setattr(Path, "write_text", full)
-    with pytest.raises(OutputError, match="No space left on device"):
-        batch.run_many(cases, out, jobs=1, work=fake)
-    assert visible(out) == {"one/diagnosis.json", "one/report.html"}
+
+
+def test_a_disk_that_is_full_for_a_while_costs_that_case_alone(cases, tmp_path, monkeypatch, capsys):
+    out = tmp_path / "out"
+    fill_the_disk(monkeypatch, lambda path: path.name == "report.html" and "two" in str(path))
+    assert batch.run_many(cases, out, jobs=1, work=fake) == ["two"]
+    assert visible(out) == complete("one", "three")
     assert not list(out.glob(".two*"))
+    said = capsys.readouterr().err.splitlines()
+    assert said[0].startswith("rtds: ") and said[0].endswith("(No space left on device)") and "two" in said[0]
     monkeypatch.undo()
     assert batch.run_many(cases, out, jobs=1, work=fake) == []
     assert visible(out) == complete(*NAMES)
+
+
+def test_a_disk_that_stays_full_ends_it_with_nothing_half_written(cases, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    assert batch.run_many(cases[:1], out, jobs=1, work=fake) == []
+
+    def full(path, data):
+        raise OutputError(f"{path}: cannot write (No space left on device)")
+
+    monkeypatch.setattr(batch, "write_atomic", full)
+    with pytest.raises(OutputError, match="cases.parquet: cannot write"):
+        batch.run_many(cases, out, jobs=1, work=fake)
+    assert "one/diagnosis.json" in visible(out) and not list(out.glob(".*-*"))
+    monkeypatch.undo()
+    assert batch.run_many(cases, out, jobs=1, work=fake) == []
+    assert visible(out) == complete(*NAMES)
+
+
+# ---- names and memory ------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("name", ["latin-\udce9", "n" * 250, "index.html", batch.STATE], ids=["no text", "long", "page", "state"])
+def test_a_name_that_cannot_be_written_is_refused_first_and_costs_that_case_alone(cases, tmp_path, tiny, capsys, name):
+    bad = write_case(tmp_path / "in" / name, tiny)
+    out = tmp_path / "out"
+    shown = said_name(name)
+    assert batch.run_many([*cases, bad], out, jobs=1, work=fake) == [shown]
+    assert visible(out) == complete(*NAMES)
+    told = capsys.readouterr()
+    assert shown in told.err.splitlines()[0] and told.err.splitlines()[0].endswith("rename the folder")
+    rows = {row["case"]: row["error"] for row in pq.read_table(out / "cases.parquet").to_pylist()}
+    assert rows[shown].endswith("rename the folder") and [rows[n] for n in NAMES] == [None] * 3
+
+
+def test_a_run_whose_name_is_no_text_costs_its_case_alone(cases, tmp_path, capsys):
+    (cases[1] / "spin").rename(cases[1] / "spin\udce9")
+    out = tmp_path / "out"
+    assert batch.run_many(cases, out, jobs=1, work=fake) == ["two"]
+    assert visible(out) == complete("one", "three")
+    assert r"spin\udce9 is no name in UTF-8" in capsys.readouterr().err
+    with pytest.raises(InputError, match="is no name in UTF-8"):
+        batch.run_one(cases[1], tmp_path / "single")
+    assert not (tmp_path / "single").exists()
+
+
+def test_names_that_would_steer_a_terminal_are_spelled_out(tmp_path, tiny, capsys):
+    cases = [write_case(tmp_path / "in" / name, tiny) for name in ("a\x1b[31m", "b\nc")]
+    tell(cases[1], do="raise")
+    assert batch.run_many(cases, tmp_path / "out", jobs=1, work=fake) == ["b\nc"]
+    said = capsys.readouterr()
+    assert r"a\x1b[31m: known" in said.out and r"b\nc: internal error" in said.err
+    assert "\x1b" not in said.out + said.err
+
+
+@pytest.mark.parametrize(("job", "why"), [("memory", "out of memory"), ("die", "its process died"), ("no file", "No such file")])
+def test_a_job_without_memory_and_a_lost_worker_cost_themselves_alone(job, why):
+    found = {o.name: o for o in on_cores(in_trouble, {"a": ("fine",), "b": (job,), "c": ("fine",), "d": ("fine",)}, 2)}
+    assert {name: o.value for name, o in found.items()} == {"a": "fine", "b": None, "c": "fine", "d": "fine"}
+    assert why in found["b"].error and "internal error" not in found["b"].error
 
 
 # ---- table and page ------------------------------------------------------------------------------------------------
