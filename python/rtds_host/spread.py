@@ -25,6 +25,7 @@ from typing import Any
 
 from rtds_host import __version__
 from rtds_host.errors import LinkError, RtdsError, said_of_file
+from rtds_host.remains import end_running
 
 CONNECT_S = 20.0
 WORKERLESS_S = 60.0
@@ -80,7 +81,8 @@ def _start_worker() -> None:
 
 
 @contextmanager
-def _pool(processes: int) -> Iterator[concurrent.futures.ProcessPoolExecutor]:
+def process_pool(processes: int) -> Iterator[concurrent.futures.ProcessPoolExecutor]:
+    """Processes that end with this one, however it ends, and leave Ctrl-C to it; ended where the block does not end well."""
     others = set(multiprocessing.active_children())
     pool = concurrent.futures.ProcessPoolExecutor(
         processes, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker)
@@ -128,7 +130,7 @@ def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> I
         running: dict[concurrent.futures.Future, tuple[str, tuple]] = {}
         lost: list[tuple[str, tuple]] = []
         why = LOST
-        with _pool(width) as pool:
+        with process_pool(width) as pool:
             while (queue or running) and not lost:
                 while queue and len(running) < width and not lost:
                     job = queue.popleft()
@@ -158,11 +160,12 @@ def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> I
 
 
 def on_threads(function: Callable, jobs: Mapping[str, Callable[[], tuple]], width: int) -> Iterator[Outcome]:
-    """Like `on_cores` for jobs that start processes themselves: a thread waits for each. Arguments as `on_cluster`'s.
+    """Like `on_cores` for jobs that start processes (`run_guarded`): a thread waits for each. Arguments as `on_cluster`'s.
 
-    When it is closed early, jobs that have not begun are dropped and those that have are waited for.
+    When it is closed early, jobs that have not begun are dropped and the programs of those that have are ended.
     """
     pool = concurrent.futures.ThreadPoolExecutor(max(1, width))
+    finished = False
     try:
         running = {pool.submit(lambda make: function(*make()), make): name for name, make in jobs.items()}
         for future in concurrent.futures.as_completed(running):
@@ -171,8 +174,12 @@ def on_threads(function: Callable, jobs: Mapping[str, Callable[[], tuple]], widt
                 yield Outcome(running[future], error=one_line(error))
             else:
                 yield Outcome(running[future], future.result())
+        finished = True
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        pool.shutdown(wait=False, cancel_futures=True)
+        if not finished:
+            end_running()
+        pool.shutdown(wait=True)
 
 
 # ---- a Dask cluster --------------------------------------------------------------------------------------------------

@@ -8,15 +8,14 @@ of the TurtleBot's class, competition robot, and single axes (inertia, pendulum,
 from __future__ import annotations
 
 import math
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from rtds_host.blind.scales import GRAVITY_M_S2, Scale, scale_of
 from rtds_host.blind.vocabulary import EFFECTS, _log
 from rtds_host.contract import load_robot
+from rtds_host.remains import temporary_folder
 
 # Ranges of robots: kg, wheel radius m, track m, gear, supply V, top speed m/s, acceleration at stall m/s2, rotors' share
 # of the inertia that the motors move (as mass at the rim over half of the robot's), rate of the log Hz, run s.
@@ -147,8 +146,8 @@ def _draw_axis(rng: np.random.Generator, name: str) -> str:
 
 def robot_of(text: str):
     """The `Robot` of a `robot.toml` as text."""
-    with tempfile.TemporaryDirectory(prefix="rtds-blind-") as scratch:
-        path = Path(scratch) / "robot.toml"
+    with temporary_folder() as scratch:
+        path = scratch / "robot.toml"
         path.write_text(text)
         return load_robot(path)
 

@@ -14,7 +14,6 @@ import json
 import math
 import secrets
 import shutil
-import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from rtds_host.blind.vocabulary import EFFECTS
 from rtds_host.compat import tomllib
 from rtds_host.contract import Case, Robot, RunLog, load_robot, read_case, read_run, write_atomic, write_run
 from rtds_host.errors import InputError
+from rtds_host.remains import temporary_folder
 
 KIND = "measured"
 SCHEMA = "rtds-blind-measured/1"
@@ -291,8 +291,8 @@ def score_measured(out: Path, jobs: int = 1, command: list[str] | None = None, w
         held = out / "sealed" / case / "held-out"
         if case == answer_of:
             return _gap(robots[1], held, path, command)
-        with tempfile.TemporaryDirectory(prefix="rtds-blind-") as scratch:
-            carried = Path(scratch) / "diagnosis.json"
+        with temporary_folder() as scratch:
+            carried = scratch / "diagnosis.json"
             carried.write_text(json.dumps(carried_over(answers[answer_of], *map(load_robot, robots))))
             return _gap(robots[1], held, carried, command)
 

@@ -10,9 +10,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-import subprocess
 import sys
-import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -24,6 +22,7 @@ from rtds_host.blind.seal import check_truths, hash_file, open_truths, what_was_
 from rtds_host.blind.vocabulary import EFFECTS
 from rtds_host.contract import load_robot, read_run, write_atomic
 from rtds_host.errors import InputError
+from rtds_host.remains import run_guarded, temporary_folder
 
 VISIBLE_SIGMA = 5.0          # smaller effects are reported apart
 ASKED_GAP = 1.5              # an effect whose absence leaves less is not asked for
@@ -63,10 +62,10 @@ def pooled(gaps: list[dict[str, float]]) -> dict[str, float]:
 
 def predicted(run: Path, robot: Path, diagnosis: Path, command: list[str] | None = None) -> dict[str, np.ndarray] | str:
     """A run replayed with a diagnosis by the program's own `rtds predict`: column -> (n,), or its last complaint."""
-    with tempfile.TemporaryDirectory(prefix="rtds-blind-") as scratch:
-        target = Path(scratch) / "pred.csv"
-        done = subprocess.run([*(command or predict_command()), str(run), "--robot", str(robot), "--diagnosis",
-                               str(diagnosis), "--out", str(target)], capture_output=True, text=True, check=False)
+    with temporary_folder() as scratch:
+        target = scratch / "pred.csv"
+        done = run_guarded([*(command or predict_command()), str(run), "--robot", str(robot), "--diagnosis",
+                            str(diagnosis), "--out", str(target)])
         if done.returncode or not target.is_file():
             return (done.stderr.strip().splitlines() or ["no prediction"])[-1][:300]
         return _read_prediction(target)

@@ -21,9 +21,7 @@ import secrets
 import shutil
 import subprocess
 import sys
-import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -33,7 +31,8 @@ import numpy as np
 from rtds_host.blind.planar import KINDS, TIERS, WORLDS, draw_spec, make_case
 from rtds_host.contract import write_atomic
 from rtds_host.errors import InputError
-from rtds_host.spread import cores, on_cluster, on_threads
+from rtds_host.remains import run_guarded, temporary_folder
+from rtds_host.spread import cores, on_cluster, on_threads, process_pool
 
 SEALS_SCHEMA = "rtds-blind-seals/1"
 # Share of the cases a tier gets in a mixed check: one for everyone (60 cases), one for figures (310 cases, so that
@@ -155,7 +154,7 @@ def make(out: Path, count: int, tiers: list[str] | None = None, worlds: list[str
             if progress:
                 progress(done, count)
     else:
-        with ProcessPoolExecutor(jobs) as pool:
+        with process_pool(jobs) as pool:
             for done, (name, value) in enumerate(zip(names, pool.map(_make_one, work)), 1):
                 seals[name] = value
                 if progress:
@@ -244,16 +243,15 @@ def _ask(command: list[str] | None, quick: bool, threads: int, case: str, files:
     Needs nothing but its arguments, so that it may run on another machine; returns the ledger's entry and the answer.
     """
     command = command or diagnoser_command(quick, threads)
-    with tempfile.TemporaryDirectory(prefix="rtds-blind-") as scratch:
-        place = Path(scratch) / "case"
+    with temporary_folder() as scratch:
+        place = scratch / "case"
         for name, content in files.items():
             (place / name).parent.mkdir(parents=True, exist_ok=True)
             (place / name).write_bytes(content)
-        target = Path(scratch) / "answer"
+        target = scratch / "answer"
         begin = time.monotonic()
         try:
-            done = subprocess.run([*command, str(place), "--out", str(target)], cwd=scratch, capture_output=True,
-                                  text=True, errors="replace", timeout=timeout_s, check=False)
+            done = run_guarded([*command, str(place), "--out", str(target)], timeout_s, scratch)
             status, said = done.returncode, (done.stderr.strip().splitlines() or [""])[-1]
         except subprocess.TimeoutExpired:
             status, said = -1, f"no answer within {timeout_s:g} s"

@@ -5,12 +5,12 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from rtds_host.errors import OutputError
+from rtds_host.remains import new_file, new_folder
 
 
 def _reason(error: OSError) -> str:
@@ -31,6 +31,8 @@ def _scratch_place(target: Path) -> Path:
 def staged_folder(target: str | os.PathLike, replace: bool = False, owned: Collection[str] = ()) -> Iterator[Path]:
     """Yield a scratch folder; its files move into `target` only if the block succeeds.
 
+    Should the process be killed, the next call for the same target takes the scratch folder away.
+
     Parameters
     ----------
     target : folder to fill; made if missing. Files already there that the block did not write are kept,
@@ -43,14 +45,14 @@ def staged_folder(target: str | os.PathLike, replace: bool = False, owned: Colle
     OutputError : the place cannot be written (no right, disk full); the scratch folder is removed.
     """
     target = Path(target).absolute()
-    scratch = None
+    scratch = lock = None
     try:
         if target.is_symlink() and not target.exists():
             raise OutputError(f"{target}: is a link that leads nowhere")
         if target.exists() and not target.is_dir():
             raise OutputError(f"{target}: is a file, a folder is needed for the output")
         target.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=_scratch_place(target)))
+        scratch, lock = new_folder(_scratch_place(target), target.name)
         yield scratch
         if replace or not target.exists():
             if target.exists():
@@ -75,6 +77,8 @@ def staged_folder(target: str | os.PathLike, replace: bool = False, owned: Colle
     finally:
         if scratch is not None:
             shutil.rmtree(scratch, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
 
 
 def write_atomic(path: str | os.PathLike, data: str | bytes) -> None:
@@ -88,7 +92,7 @@ def write_atomic(path: str | os.PathLike, data: str | bytes) -> None:
     """
     path = Path(path)
     content = data.encode() if isinstance(data, str) else data
-    scratch = None
+    scratch = stream = None
     try:
         if path.is_dir():
             raise OutputError(f"{path}: is a folder, a file is needed for the output")
@@ -100,11 +104,13 @@ def write_atomic(path: str | os.PathLike, data: str | bytes) -> None:
                 os.stat(path)  # a link that leads to itself
         path = Path(os.path.realpath(path))
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, scratch = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
+        scratch, handle = new_file(path.parent, path.name)
+        # Open until it has its name: with the lock goes what keeps it from a sweep.
+        stream = os.fdopen(handle, "wb", buffering=0)
+        view = memoryview(content)
+        while view:
+            view = view[stream.write(view):]
+        os.fsync(handle)
         os.chmod(scratch, 0o644)
         os.replace(scratch, path)
         scratch = None
@@ -114,3 +120,5 @@ def write_atomic(path: str | os.PathLike, data: str | bytes) -> None:
     finally:
         if scratch is not None and os.path.exists(scratch):
             os.unlink(scratch)
+        if stream is not None:
+            stream.close()

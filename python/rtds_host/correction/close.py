@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
+from rtds_host.remains import temporary_folder
 
 SCHEMA = "rtds-close/1"
 # A replay so fine that its own step does not count.
@@ -189,8 +189,8 @@ def model_of(diagnosis: dict, robot, path: Path | None = None) -> Model:
     """
     if path is not None:
         return read_diagnosis(path, robot)
-    with tempfile.TemporaryDirectory(prefix="rtds-") as folder:
-        place = Path(folder) / "diagnosis.json"
+    with temporary_folder() as folder:
+        place = folder / "diagnosis.json"
         place.write_text(json.dumps(diagnosis), encoding="utf-8")
         return read_diagnosis(place, robot)
 

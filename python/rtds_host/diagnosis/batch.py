@@ -6,8 +6,6 @@ import fcntl
 import hashlib
 import json
 import os
-import re
-import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -24,6 +22,7 @@ from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.overview import overview_page, row_of, table_bytes
 from rtds_host.diagnosis.report import print_summary, validate, write_report
 from rtds_host.errors import InputError, OutputError, visible
+from rtds_host.remains import scratch_name, sweep
 from rtds_host.spread import cores, on_cluster, on_cores
 
 FILES = ("diagnosis.json", "report.html")
@@ -152,10 +151,8 @@ class _Results:
 
     def sweep(self, names: list[str]) -> None:
         """Remove scratch folders and files that a killed run left."""
-        known = re.compile(r"\.(" + "|".join(map(re.escape, [*names, *SHARED])) + r")-[a-z0-9_]{8}")
-        for path in self.out.iterdir():
-            if known.fullmatch(path.name):
-                shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink(missing_ok=True)
+        sweep(self.out, *map(scratch_name, (*names, *SHARED)))
+        sweep(self.state, *(scratch_name(f"{name}.json") for name in names))
 
     @contextmanager
     def locked(self) -> Iterator[None]:

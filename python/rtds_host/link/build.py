@@ -15,7 +15,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -24,6 +23,7 @@ from pathlib import Path
 
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link import compiling
+from rtds_host.remains import new_folder
 
 SIMULATORS = ("verilator", "icarus")
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -312,7 +312,7 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
             with _locked(BUILDS / f"{folder.name}.lock", lambda: say(waiting)):
                 if not folder.is_dir():
                     say(f"rtds: building the {simulator} simulator of {top.module} (once for this state of the RTL)")
-                    scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=BUILDS))
+                    scratch, lock = new_folder(BUILDS, folder.name)
                     log = BUILDS / f"{folder.name}.log"  # outlives a build that fails
                     log.unlink(missing_ok=True)
                     try:
@@ -326,6 +326,7 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
                         raise LinkError(f"{error}; all of it: {log}") from error
                     finally:
                         shutil.rmtree(scratch, ignore_errors=True)
+                        os.close(lock)
         except OSError as error:
             raise LinkError(f"{error.filename or BUILDS}: cannot build there ({error.strerror})") from error
 

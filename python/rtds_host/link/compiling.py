@@ -18,12 +18,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rtds_host.errors import LinkError
+from rtds_host.remains import guard
 
 COMPILER = "g++"
 _POLL_S = 0.02
 
 # What a line holds that says why a compiler or a linker gave up, best first.
-_REASONS = ("error:", "%error", "undefined reference", "cannot find", "multiple definition", "not found", "error")
+_REASONS = ("error:", "%error", "undefined reference", "cannot find", "multiple definition", "not found", "cannot be started", "error")
 
 
 def first_error(log: str) -> str:
@@ -48,6 +49,7 @@ def run(
         the compiler's own line.
     """
     deadline = time.monotonic() + timeout_s
+    before, descriptor = guard()  # should this process be killed, no compiler works on
     waiting, running, failed = list(commands), [], None
     with open(log, "ab") as stream:
         try:
@@ -55,8 +57,8 @@ def run(
                 while waiting and failed is None and len(running) < (os.cpu_count() or 1):
                     try:
                         running.append(subprocess.Popen(
-                            waiting.pop(0), stdin=subprocess.DEVNULL, stdout=stream, stderr=stream,
-                            env={**os.environ, **(environment or {})}, start_new_session=True,
+                            [*before, *waiting.pop(0)], stdin=subprocess.DEVNULL, stdout=stream, stderr=stream,
+                            env={**os.environ, **(environment or {})}, pass_fds=(descriptor,), start_new_session=True,
                         ))  # fmt: skip
                     except OSError as error:
                         raise LinkError(f"{what} failed: {error.filename}: {error.strerror}") from error

@@ -6,11 +6,11 @@ import contextlib
 import math
 import os
 import sys
-import tempfile
 
 import numpy as np
 
 from rtds_host.compat import Self
+from rtds_host.remains import temporary_folder
 from rtds_host.robot.body import Body, inertia_at_wheel_kg_m2
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import WHEEL_JOINTS, make_urdf, supports
@@ -73,7 +73,7 @@ class PyBulletEngine:
                                    physicsClientId=client)
         p.changeDynamics(ground, -1, lateralFriction=1.0, rollingFriction=0.0, spinningFriction=0.0, restitution=0.0,
                          physicsClientId=client)
-        with tempfile.TemporaryDirectory(prefix="rtds-") as folder:
+        with temporary_folder() as folder:
             path = os.path.join(folder, "robot.urdf")
             with open(path, "w", encoding="ascii") as stream:
                 stream.write(make_urdf(self._body))

@@ -169,8 +169,8 @@ def test_a_killed_run_leaves_nothing_half_written_and_the_next_goes_on(cases, tm
     while Path(f"/proc/{worker}/stat").exists() and Path(f"/proc/{worker}/stat").read_text().split()[2] != "Z":
         time.sleep(0.02)
     # What a kill in the middle of writing leaves.
-    (out / ".two-abcd1234").mkdir()
-    (out / ".two-abcd1234" / "diagnosis.json").write_text("{")
+    (out / ".two-abcd1234.rtds").mkdir()
+    (out / ".two-abcd1234.rtds" / "diagnosis.json").write_text("{")
     tell(cases[1], log=str(log))
     log.unlink()
     assert batch.run_many(cases, out, jobs=1, work=fake) == []
