@@ -41,6 +41,7 @@ def _places() -> tuple[Path, Path]:
 
 ROOT, BUILDS = _places()
 BUILD_TIMEOUT_S = 600.0
+HASH = "sha256"  # beside a simulator: what it was when it was built
 _POLL_S = 0.1
 
 # Debian and Ubuntu package of each program a build or run needs.
@@ -209,6 +210,19 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
     return digest.hexdigest()[:16]
 
 
+def _hash(folder: Path) -> str:
+    """SHA-256 of the simulator in a build's folder."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(folder.glob("sim*")) if path.is_file())).hexdigest()
+
+
+def _is_whole(folder: Path) -> bool:
+    """Whether a build is there and still what it was: a disk or a hand may have damaged it since."""
+    try:
+        return (folder / HASH).read_text() == _hash(folder)
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
 @contextmanager
 def _locked(path: Path, wait_message: Callable[[], None]) -> Iterator[None]:
     """Hold the lock file; the kernel frees it when its holder dies, whatever the way."""
@@ -305,11 +319,14 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
         tools += [_run_for_text([_program("iverilog"), "-V"]).splitlines()[0]]
 
     folder = BUILDS / f"{top.module}-{simulator}-{_key(top, simulator, tools)}"
-    if not folder.is_dir():
+    if not _is_whole(folder):
         try:
             BUILDS.mkdir(parents=True, exist_ok=True)
             waiting = f"rtds: waiting for another process that builds the {simulator} simulator"
             with _locked(BUILDS / f"{folder.name}.lock", lambda: say(waiting)):
+                if folder.is_dir() and not _is_whole(folder):
+                    say(f"rtds: {folder}: the simulator there is not the one that was built, it is built anew")
+                    shutil.rmtree(folder)
                 if not folder.is_dir():
                     say(f"rtds: building the {simulator} simulator of {top.module} (once for this state of the RTL)")
                     scratch, lock = new_folder(BUILDS, folder.name)
@@ -320,6 +337,7 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
                             _build_verilator(top, scratch, program, environment, libraries, log)
                         else:
                             _build_icarus(top, scratch, log)
+                        (scratch / HASH).write_text(_hash(scratch))
                         os.rename(scratch, folder)
                         log.unlink(missing_ok=True)
                     except LinkError as error:

@@ -255,6 +255,33 @@ def test_two_processes_that_build_at_once_build_once(tmp_path):
     assert len(folders) == 1 and not folders[0].name.startswith(".")
 
 
+@pytest.mark.parametrize("damage", ["a byte", "cut", "gone", "no hash"])
+def test_a_damaged_simulator_is_noticed_and_built_anew(tmp_path, monkeypatch, damage):
+    monkeypatch.setattr(build, "BUILDS", tmp_path / "builds")
+    said = []
+    build.build(build.TOPS["core"], QUICK_BUILD, say=said.append)
+    folder = next(path for path in build.BUILDS.iterdir() if path.is_dir())
+    program = next(folder.glob("sim*"))
+    whole = program.read_bytes()
+    if damage == "a byte":
+        program.write_bytes(whole[:1000] + bytes([whole[1000] ^ 1]) + whole[1001:])
+    elif damage == "cut":
+        program.write_bytes(whole[:1000])
+    elif damage == "gone":
+        program.unlink()
+    else:
+        (folder / build.HASH).unlink()
+    said.clear()
+    build.build(build.TOPS["core"], QUICK_BUILD, say=said.append)
+    assert len(said) == 2 and "the simulator there is not the one that was built, it is built anew" in said[0]
+    with RtlLink(sim=QUICK_BUILD) as link:
+        link.set_parameters(**BURGER)
+        one_step(link)
+    said.clear()
+    build.build(build.TOPS["core"], QUICK_BUILD, say=said.append)
+    assert said == []
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [
