@@ -7,28 +7,37 @@ elsewhere, leaves nothing behind, and each outcome arrives once.
 from __future__ import annotations
 
 import concurrent.futures
+import logging
 import multiprocessing
 import multiprocessing.connection
 import os
+import queue
 import re
 import signal
+import socket
+import sys
 import threading
+import time
 import traceback
 import uuid
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rtds_host import __version__
-from rtds_host.errors import LinkError, RtdsError, said_of_file
+from rtds_host.errors import InputError, LinkError, RtdsError, said_of_file
 from rtds_host.remains import end_running
 
-CONNECT_S = 20.0
+CONNECT_S = 4.0
+WORKERS_S = 20.0
 WORKERLESS_S = 60.0
+GONE_S = 2.0
+_LOOK_S = 0.5
 LOST = "its process died (killed, out of memory, or crashed)"
 
 
@@ -189,34 +198,124 @@ def _version() -> str:
     return __version__
 
 
+def _reachable(scheduler: str) -> None:
+    """Whether the address is one, and somebody listens there: in words and at once, not after Dask's own patience.
+
+    Raises
+    ------
+    InputError : no address. LinkError : no such host, or nobody listens.
+    """
+    found = re.fullmatch(r"(tcp|tls)://(\[[0-9A-Fa-f:.%]+\]|[^\s:/\[\]@]+):(\d{1,5})/?", scheduler)
+    if found is None or not 0 < int(found[3]) < 65536:
+        raise InputError(f"--scheduler {scheduler}: is no address of a scheduler, tcp://host:8786 or tls://host:8786 is needed")
+    answer: queue.SimpleQueue = queue.SimpleQueue()
+
+    def ask() -> None:
+        try:
+            socket.create_connection((found[2].strip("[]"), int(found[3])), timeout=CONNECT_S).close()
+            answer.put(None)
+        except (OSError, UnicodeError) as error:
+            answer.put(error)
+
+    # In a thread: looking a name up knows no time limit.
+    threading.Thread(target=ask, daemon=True).start()
+    try:
+        error = answer.get(timeout=CONNECT_S)
+    except queue.Empty:
+        raise LinkError(f"scheduler {scheduler}: does not answer within {CONNECT_S:g} s") from None
+    if error is not None:
+        raise LinkError(f"scheduler {scheduler}: does not answer ({' '.join(str(error).split())})") from error
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Dask tells of a lost scheduler in tracebacks; the caller gets a line."""
+    loggers = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio")]
+    before = [(logger, logger.level, logger.propagate) for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+        logger.propagate = False
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        for logger, level, propagate in before:
+            logger.setLevel(level)
+            logger.propagate = propagate
+
+
+def _started(start: Callable[[], Any], scheduler: str) -> Any:
+    """A client that is connected. Somebody who takes the connection and says nothing would be waited for without end."""
+    answer: queue.SimpleQueue = queue.SimpleQueue()
+
+    def run() -> None:
+        try:
+            answer.put((start(), None))
+        except Exception as error:  # noqa: BLE001 - whatever Dask makes of what it meets there
+            answer.put((None, error))
+
+    threading.Thread(target=run, daemon=True).start()
+    try:
+        client, error = answer.get(timeout=CONNECT_S + 0.5)
+    except queue.Empty:
+        raise LinkError(f"scheduler {scheduler}: does not answer within {CONNECT_S:g} s, it may be no Dask scheduler") from None
+    if error is not None:
+        raise LinkError(f"scheduler {scheduler}: does not answer ({' '.join(str(error).split())})") from error
+    return client
+
+
 @contextmanager
 def _client(scheduler: str) -> Iterator[Any]:
+    _reachable(scheduler)
     import dask
     import distributed
 
     # A case travels inside its task, on purpose: scattered data would be lost with the worker that holds it.
-    with dask.config.set({"distributed.admin.large-graph-warning-threshold": "10GB"}):
-        try:
-            client = distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
-        except (OSError, ValueError, ImportError) as error:
-            raise LinkError(f"scheduler {scheduler}: does not answer ({' '.join(str(error).split())})") from error
+    settings = {"distributed.admin.large-graph-warning-threshold": "10GB", "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
+                "distributed.comm.retry.count": 0}
+    with dask.config.set(settings), _quiet():
+        client = _started(partial(distributed.Client, scheduler, timeout=CONNECT_S, set_as_default=False), scheduler)
         try:
             try:
-                client.wait_for_workers(1, timeout=CONNECT_S)
+                client.wait_for_workers(1, timeout=WORKERS_S)
                 found = set(client.run(_version).values())
             except TimeoutError as error:
                 raise LinkError(f"scheduler {scheduler}: has no worker") from error
             except ImportError as error:
                 raise LinkError(f"scheduler {scheduler}: a worker lacks this program ({error})") from error
+            except (OSError, concurrent.futures.CancelledError) as error:
+                raise LinkError(f"scheduler {scheduler}: is gone ({' '.join(str(error).split())[:200]})") from error
             if found - {__version__}:
                 raise LinkError(f"scheduler {scheduler}: a worker has version {min(found - {__version__})} of this "
                                 f"program, here is {__version__}")
             yield client
         finally:
-            # A scheduler that is gone is no news by now.
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                client.close(timeout=5)
+            with suppress(concurrent.futures.CancelledError, OSError, TimeoutError, RuntimeError):
+                client.close(timeout=2)
+
+
+def _portable(function: Callable) -> None:
+    """Only a name goes to the workers, never code: what a name stands for is what is installed there."""
+    module = sys.modules.get(function.__module__)
+    if function.__module__ == "__main__" or getattr(module, function.__qualname__, None) is not function:
+        raise ValueError(f"{function.__module__}.{function.__qualname__}: is not to be found by its name on a worker")
+
+
+class _Watch:
+    """Notices that the scheduler is gone: Dask itself goes on trying to reach it."""
+
+    def __init__(self, client: Any, scheduler: str):
+        self._client, self._scheduler = client, scheduler
+        self._seen = time.monotonic()
+
+    def look(self) -> None:
+        """Raises LinkError when it has been gone for a while."""
+        now = time.monotonic()
+        if self._client.status == "running":
+            self._seen = now
+        elif now - self._seen > GONE_S:
+            raise LinkError(f"scheduler {self._scheduler}: is gone; call again to go on")
 
 
 def on_cluster(function: Callable, jobs: Mapping[str, Callable[[], tuple]], scheduler: str) -> Iterator[Outcome]:
@@ -233,11 +332,14 @@ def on_cluster(function: Callable, jobs: Mapping[str, Callable[[], tuple]], sche
 
     Raises
     ------
-    LinkError : nobody answers at the address, no worker is there or none is left, a worker has another version.
+    InputError : no address. LinkError : nobody answers there, no worker is there or none is left, a worker has another
+    version, the scheduler is lost on the way. ValueError : `function` is not importable.
     """
-    import distributed
-
+    _portable(function)
     with _client(scheduler) as client:
+        import distributed
+
+        watch, idle_since = _Watch(client, scheduler), None
         waiting, suspects = deque(jobs.items()), deque()
         running: dict[Any, tuple[str, Callable]] = {}
         blamed: set[str] = set()
@@ -248,8 +350,8 @@ def on_cluster(function: Callable, jobs: Mapping[str, Callable[[], tuple]], sche
                     name, make = waiting.popleft()
                     try:
                         arguments = make()
-                    except RtdsError as error:
-                        yield Outcome(name, error=str(error))
+                    except (RtdsError, OSError, MemoryError) as error:
+                        yield Outcome(name, error=one_line(error))
                         continue
                     future = client.submit(function, *arguments, key=f"rtds-{name}-{uuid.uuid4().hex}", pure=False)
                     running[future] = (name, make)
@@ -262,10 +364,14 @@ def on_cluster(function: Callable, jobs: Mapping[str, Callable[[], tuple]], sche
                     continue
                 try:
                     with client.as_current():
-                        done = distributed.wait(list(running), timeout=WORKERLESS_S,
-                                                return_when="FIRST_COMPLETED").done
+                        done = distributed.wait(list(running), timeout=_LOOK_S, return_when="FIRST_COMPLETED").done
                 except TimeoutError:
-                    if not client.nthreads():
+                    watch.look()
+                    if client.status != "running" or client.nthreads():
+                        idle_since = None
+                    elif idle_since is None:
+                        idle_since = time.monotonic()
+                    elif time.monotonic() - idle_since > WORKERLESS_S:
                         raise LinkError(f"scheduler {scheduler}: no worker is left; call again to go on") from None
                     continue
                 for future in done:
@@ -286,4 +392,6 @@ def on_cluster(function: Callable, jobs: Mapping[str, Callable[[], tuple]], sche
             raise LinkError(f"scheduler {scheduler}: is gone ({' '.join(str(error).split())[:200]}); call again to go "
                             "on") from error
         finally:
-            client.cancel(list(running), force=True)
+            if client.status == "running":
+                with suppress(concurrent.futures.CancelledError, OSError, TimeoutError):
+                    client.cancel(list(running), force=True)

@@ -6,10 +6,12 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -24,7 +26,7 @@ from rtds_host.diagnosis import batch
 from rtds_host.diagnosis.overview import SCHEMA, overview_page, row_of, table_bytes
 from rtds_host.errors import InputError, LinkError, OutputError
 from rtds_host.errors import visible as said_name
-from rtds_host.spread import on_cores
+from rtds_host.spread import on_cluster, on_cores
 
 NAMES = ("one", "two", "three")
 
@@ -388,7 +390,82 @@ def test_a_blind_check_is_answered_on_a_cluster(cluster, tmp_path):
     seal.open_truths(out)
 
 
-def test_an_address_where_nobody_answers_is_said_in_one_line(cases, tmp_path, monkeypatch):
-    monkeypatch.setattr("rtds_host.spread.CONNECT_S", 0.5)
-    with pytest.raises(LinkError, match="tcp://127.0.0.1:1: does not answer"):
-        batch.run_many(cases, tmp_path / "out", scheduler="tcp://127.0.0.1:1", work=fake)
+@pytest.mark.parametrize("address", ["", "host", "host:8786", "tcp://host", "tcp://:8786", "tcp://host:0", "tcp://host:99999",
+                                     "udp://host:1", "inproc://1/2/3", "http://host:80", "tcp://a b:1", "tcp://h:1/x", "\x1b[31m"])
+def test_what_is_no_address_is_refused_before_anything_is_asked(cases, tmp_path, monkeypatch, address):
+    monkeypatch.setattr("socket.create_connection", lambda *a, **k: pytest.fail("asked"))
+    with pytest.raises(InputError, match=r"is no address of a scheduler, tcp://host:8786 or tls://host:8786 is needed"):
+        batch.run_many(cases, tmp_path / "out", scheduler=address, work=fake)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "tls://127.0.0.1:1", "tcp://no-such-host.invalid:8786"])
+def test_an_address_where_nobody_answers_is_said_in_one_line(cases, tmp_path, capfd, address):
+    with pytest.raises(LinkError, match=f"^scheduler {address}: does not answer") as caught:
+        batch.run_many(cases, tmp_path / "out", scheduler=address, work=fake)
+    assert "\n" not in str(caught.value) and capfd.readouterr().err == ""
+
+
+def test_somebody_who_says_nothing_at_the_address_is_given_up(cases, tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr("rtds_host.spread.CONNECT_S", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with pytest.raises(LinkError, match=f"^scheduler {address}: does not answer"):
+            batch.run_many(cases, tmp_path / "out", scheduler=address, work=fake)
+    assert "Traceback" not in capfd.readouterr().err
+
+
+SCHEDULER = """
+import sys
+from distributed import LocalCluster
+if __name__ == "__main__":
+    sys.path.insert(0, {tests!r})
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        print(cluster.scheduler_address, flush=True)
+        sys.stdin.read()
+"""
+
+
+def test_a_scheduler_that_is_killed_ends_it_in_one_line_and_the_next_call_goes_on(cases, tmp_path, capfd):
+    """By the clock of the watch: two seconds without it, whatever Dask would still try."""
+    script, log, out = tmp_path / "scheduler.py", tmp_path / "log", tmp_path / "out"
+    tests = str(Path(__file__).parent)
+    script.write_text(SCHEDULER.format(tests=tests))
+    scheduler = subprocess.Popen([sys.executable, str(script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                 stderr=subprocess.DEVNULL, text=True, start_new_session=True,
+                                 env={**os.environ, "PYTHONPATH": os.pathsep.join([tests, *sys.path])})
+    try:
+        address = scheduler.stdout.readline().strip()
+        tell(cases[0], log=str(log), wait=0.0)
+        for case in cases[1:]:
+            tell(case, log=str(log), wait=60)
+
+        def kill():
+            while not {"two", "three"} <= set(started(log)) or not (out / "one" / "report.html").exists():
+                time.sleep(0.01)
+            os.killpg(scheduler.pid, signal.SIGKILL)
+
+        thread = threading.Thread(target=kill)
+        thread.start()
+        with pytest.raises(LinkError, match=f"^scheduler {address}: is gone") as caught:
+            batch.run_many(cases, out, scheduler=address, work=fake)
+        thread.join()
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(scheduler.pid, signal.SIGKILL)
+        scheduler.wait()
+    assert "\n" not in str(caught.value)
+    assert "Traceback" not in capfd.readouterr().err
+    assert visible(out) == {"one/diagnosis.json", "one/report.html"}
+    for case in cases[1:]:
+        tell(case, log=str(log))
+    assert batch.run_many(cases, out, jobs=1, work=fake) == []
+    assert visible(out) == complete(*NAMES)
+
+
+def test_only_names_of_installed_functions_are_sent():
+    def local():
+        return 1
+
+    for function in (local, lambda: 1):
+        with pytest.raises(ValueError, match="is not to be found by its name on a worker"):
+            next(on_cluster(function, {"a": tuple}, "tcp://127.0.0.1:1"))
