@@ -8,7 +8,7 @@ BROWSER = $(shell command -v chromium >/dev/null 2>&1 && command -v chromedriver
 OUT    ?= out
 export SIM
 
-.PHONY: setup system run test test-long sim lint formal synth pnr mutate coverage registers bench blind blind-long docs clean
+.PHONY: setup system run test test-long sim lint formal synth pnr mutate coverage registers bench blind blind-long fuzz docs clean
 
 setup: $(VENV)/.ready
 
@@ -80,6 +80,10 @@ blind-long: setup
 	@test -f build/blind-long/public/SEALS.json || $(BIN)/rtds blind make --out build/blind-long --n 310
 	$(BIN)/rtds blind answer --out build/blind-long --quick
 	$(BIN)/rtds blind score --out build/blind-long --page docs/blind-results.md
+
+# Inputs that are almost right: logs, robots, diagnoses, mappings, tables, bags, frames. About ten minutes on an idle core.
+fuzz: setup
+	nice -n 19 $(BIN)/python python/tests/fuzz/fuzz.py
 
 # The documentation as a site in build/site; a broken link ends it.
 docs: setup

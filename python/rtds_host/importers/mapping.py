@@ -119,8 +119,8 @@ def _folder() -> Path:
     return Path(str(resources.files("rtds_host.importers"))) / "mappings"
 
 
-def load_mapping(path_or_name: str | os.PathLike) -> Mapping:
-    """Read and check a mapping file, or one that comes with the package.
+def load_mapping(path_or_name: str | os.PathLike, above: tuple[str, ...] = ()) -> Mapping:
+    """Read and check a mapping file, or one that comes with the package; `above`: files whose base this one is.
 
     Raises
     ------
@@ -138,12 +138,15 @@ def load_mapping(path_or_name: str | os.PathLike) -> Mapping:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not valid TOML ({error})") from error
-    return _Parser(path).mapping(data)
+    place = os.path.realpath(path)
+    if place in above:
+        raise InputError(f"{path}: base: leads back to this very file")
+    return _Parser(path, (*above, place)).mapping(data)
 
 
 class _Parser:
-    def __init__(self, path: Path):
-        self.path = path
+    def __init__(self, path: Path, above: tuple[str, ...] = ()):
+        self.path, self.above = path, above
 
     def fail(self, place: str, what: str) -> InputError:
         return InputError(f"{self.path}: {place}: {what}")
@@ -189,7 +192,7 @@ class _Parser:
         self.only("top level", data, ("schema", "name", "robot", "base", "time", "table", "signal", "twist", "commands",
                                       "driver", "servo", "sensors", "definitions", "runs"))
         base = self.text("base", data, "base", None)
-        below = load_mapping(base) if base else Mapping(self.path, self.path.stem)
+        below = load_mapping(base, self.above) if base else Mapping(self.path, self.path.stem)
 
         time = self.table(data, "time")
         self.only("[time]", time, ("source", "column", "unit"))

@@ -81,8 +81,8 @@ def make_inputs(place: Path) -> None:
 RUN_FILES = ("run.json", "log.csv", "summary.json", "robot.toml")
 DIAGNOSIS = ("diagnosis.json", "report.html")
 COMMANDS = {
-    "run": Command(("run", "steps", "--link", "rtl", "--duration", "3", "--out", "out/run"), {"out/run": RUN_FILES}),
-    "run all": Command(("run", "all", "--link", "rtl", "--no-compare", "--duration", "8", "--no-figure", "--out", "out/all"),
+    "run": Command(("run", "steps", "--link", "rtl", "--no-compare", "--set", "stretch=0.3", "--out", "out/run"), {"out/run": RUN_FILES}),
+    "run all": Command(("run", "all", "--link", "rtl", "--robot", "paper", "--no-compare", "--no-figure", "--out", "out/all"),
                        {"out/all": ("robot.toml", "linear/log.csv", "circle/log.csv", "eight/log.csv")}),
     "diagnose one": Command(("diagnose", "one", "--quick", "--out", "out/one"), {"out/one": DIAGNOSIS}),
     "diagnose many": Command(("diagnose", "one", "two", "--quick", "--out", "out/many"),
@@ -169,6 +169,7 @@ class Bench:
         """Start a command, end it after a time, and look; what it had written by then, in a word."""
         self.clear(name)
         tag = uuid.uuid4().hex
+        before = set(self.left())
         memory = set(os.listdir(SHARED_MEMORY)) if SHARED_MEMORY.is_dir() else set()
         process = self.start(COMMANDS[name], tag)
         try:
@@ -188,7 +189,7 @@ class Bench:
         self.complaints += [f"{name}: killed after {after_s:.2f} s leaves shared memory {m}" for m in more]
         self.complaints += [f"{name}: killed after {after_s:.2f} s leaves {what}" for what in COMMANDS[name].torn(self.place)]
         if how == signal.SIGINT:
-            self.complaints += [f"{name}: Ctrl-C after {after_s:.2f} s leaves {what}" for what in self.left()]
+            self.complaints += [f"{name}: Ctrl-C after {after_s:.2f} s leaves {what}" for what in set(self.left()) - before]
         return "done" if status == 0 else "ended"
 
     def left(self) -> list[str]:
