@@ -78,6 +78,7 @@ class Bag:
             check_bag(self.file)
             with Reader(self.file) as reader:
                 self.connections = list(reader.connections)
+                self.topics = {c.topic: c.msgtype for c in self.connections if c.msgcount > 0}
                 if reader.message_count == 0:
                     raise InputError(f"{path}: holds no message")
                 if reader.end_time - reader.start_time <= 1:
@@ -88,7 +89,6 @@ class Bag:
             raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
         except DAMAGE as error:
             raise self._damaged(error) from error
-        self.topics = {c.topic: c.msgtype for c in self.connections if c.msgcount > 0}
 
     def _damaged(self, error: BaseException) -> InputError:
         reason = _one_line(error)

@@ -282,3 +282,13 @@ def test_late_samples_of_a_short_series():
     assert series.earlier(1, 0.0).t_ns.tolist() == [0, NS]
     assert series.earlier(2, 0.25).t_ns.tolist() == [-NS // 4]
     assert len(series.earlier(3, 0.0)) == 0
+
+
+@pytest.mark.parametrize("count", ["'3'", "[1]"])
+def test_a_count_of_messages_that_is_no_number_is_one_clear_line(whole, tmp_path, count):
+    shutil.copytree(whole / "humble", tmp_path / "humble")
+    file = tmp_path / "humble" / "metadata.yaml"
+    text = file.read_text()
+    start = text.index("message_count:", text.index("topics_with_message_count"))
+    file.write_text(text[:start] + f"message_count: {count}" + text[text.index("\n", start):])
+    assert "humble: is truncated or damaged" in refused(tmp_path / "humble", tmp_path)
