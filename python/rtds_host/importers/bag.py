@@ -19,6 +19,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_
 
 from rtds_host.errors import InputError
 from rtds_host.importers.bounds import check_bag
+from rtds_host.importers.checksums import check_mcap
 from rtds_host.importers.mapping import Mapping, Source, Twist
 from rtds_host.importers.series import NS, Series
 
@@ -76,6 +77,9 @@ class Bag:
         self._use_record_time = mapping.time_source == "record"
         try:
             check_bag(self.file)
+            for file in sorted(self.file.glob("*.mcap")) if self.file.is_dir() else [self.file]:
+                if file.suffix == ".mcap":
+                    check_mcap(file)
             with Reader(self.file) as reader:
                 self.connections = list(reader.connections)
                 self.topics = {c.topic: c.msgtype for c in self.connections if c.msgcount > 0}
@@ -168,11 +172,13 @@ class Bag:
         logs: dict[str, list[int]] = {topic: [] for topic in wanted}
         stamps: dict[str, list[int]] = {topic: [] for topic in wanted}
         getters: dict[str, list[tuple[object, Callable]]] = {}
+        counts: dict[int, int] = {}
         try:
             with Reader(self.file) as reader:
                 connections = [c for c in reader.connections if c.topic in wanted and c.topic not in self.broken]
                 for connection, log_ns, raw in reader.messages(connections=connections) if connections else ():
                     topic = connection.topic
+                    counts[connection.id] = counts.get(connection.id, 0) + 1
                     if topic in self.broken:
                         continue
                     try:
@@ -193,6 +199,11 @@ class Bag:
                         stamps[topic].append(header.stamp.sec * NS + header.stamp.nanosec)
                     for request, get in getters[topic]:
                         self._read[topic].values[request].append(get(message, len(logs[topic])))
+                # An MCAP file's own count is exact. A folder's metadata.yaml counts what the recorder dropped, too.
+                for connection in connections if self.file.suffix == ".mcap" else ():
+                    if counts.get(connection.id, 0) != connection.msgcount:
+                        raise ReaderError(f"topic {connection.topic}: {counts.get(connection.id, 0)} messages are there, its "
+                                          f"summary counts {connection.msgcount}")
         except InputError:
             raise
         except OSError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import binascii
 import math
 import shutil
 import sqlite3
@@ -80,6 +81,69 @@ def test_damaged_databases_end_in_one_line_or_do_no_harm(whole, tmp_path, seed):
     except InputError as error:
         assert "\n" not in str(error) and "humble" in str(error)
         assert not (tmp_path / "case").exists()
+
+
+def summary(data: bytes) -> int:
+    """Where the summary of an MCAP file begins."""
+    return int.from_bytes(data[-28:-20], "little")
+
+
+def without_checksum(data: bytes) -> bytearray:
+    """An MCAP file that says of its summary that no checksum was computed."""
+    return bytearray(data[:-12] + bytes(4) + data[-8:])
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_flipped_bit_of_the_summary_is_refused(whole, tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    data = bytearray((whole / "drive.mcap").read_bytes())
+    data[rng.integers(summary(data), len(data))] ^= 1 << int(rng.integers(8))
+    (tmp_path / "drive.mcap").write_bytes(data)
+    assert "drive.mcap: is truncated or damaged" in refused(tmp_path / "drive.mcap", tmp_path)
+
+
+def channels(data: bytes) -> list[int]:
+    """Where the numbers of the channels stand in the summary of an MCAP file."""
+    found, at = [], summary(data)
+    while data[at] != 0x02:
+        if data[at] == 0x04:
+            found.append(at + 9)
+        at += 9 + int.from_bytes(data[at + 1:at + 9], "little")
+    return found
+
+
+def test_a_topic_that_a_flipped_bit_takes_away_is_missed_without_a_checksum_too(whole, tmp_path):
+    whole_data = (whole / "drive.mcap").read_bytes()
+    places = channels(whole_data)
+    assert len(places) == 6
+    for at in places:
+        data = without_checksum(whole_data)
+        data[at + 1] ^= 8
+        (tmp_path / "drive.mcap").write_bytes(data)
+        assert "its summary counts messages of channel" in refused(tmp_path / "drive.mcap", tmp_path)
+
+
+def test_fewer_messages_than_the_summary_counts_are_refused(whole, tmp_path):
+    data = without_checksum((whole / "drive.mcap").read_bytes())
+    at = summary(data)
+    while data[at] != 0x0B:
+        at += 9 + int.from_bytes(data[at + 1:at + 9], "little")
+    number = int.from_bytes(data[at + 57:at + 65], "little")  # of the first channel: after 46 bytes and the channel's number
+    data[at + 57] ^= 1
+    (tmp_path / "drive.mcap").write_bytes(data)
+    assert f"{number} messages are there, its summary counts {number ^ 1}" in refused(tmp_path / "drive.mcap", tmp_path)
+
+
+def test_a_checksum_of_all_data_is_checked(whole, tmp_path):
+    data = bytearray((whole / "drive.mcap").read_bytes())
+    end = summary(data) - 13
+    assert data[end] == 0x0F
+    data[end + 9:end + 13] = binascii.crc32(data[:end]).to_bytes(4, "little")
+    (tmp_path / "drive.mcap").write_bytes(data)
+    import_case([tmp_path / "drive.mcap"], tmp_path / "whole")
+    data[30] ^= 1  # in the name of the library that wrote it
+    (tmp_path / "drive.mcap").write_bytes(data)
+    assert "the checksum of its data is another" in refused(tmp_path / "drive.mcap", tmp_path)
 
 
 def test_files_that_are_no_bags(tmp_path):
