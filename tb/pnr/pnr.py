@@ -16,8 +16,9 @@ import shutil
 import statistics
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
+
+import tomllib
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from common.runner import ROOT, read_file_list
