@@ -56,7 +56,7 @@ def test_a_build_needs_no_make_no_program_named_python_and_no_path_without_space
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "True"
     (built,) = [path for path in (folder / "builds").iterdir() if path.is_dir()]
-    assert sorted(path.name for path in built.iterdir()) == ["sim", "sim.command"]
+    assert sorted(path.name for path in built.iterdir()) == ["sha256", "sim", "sim.command"]
 
 
 @pytest.mark.parametrize(
