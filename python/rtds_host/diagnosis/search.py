@@ -148,6 +148,9 @@ class Search:
     def polished(self, fit: Fit) -> Fit:
         """Look about an optimum of effects whose misfit has many minima, and fit again from what is found there."""
         for member in fit.hypothesis:
+            for values in self.effects[member[0]].restarts if not self.closed(fit) else ():
+                start = scaled(self.effects, (member,), [dict(values)])
+                fit = self.try_fit(*joined({**fit.parts, member: start}), fit)
             for _ in range(3):
                 trials = [joined({**fit.parts, member: part})[1] for part in self._about(fit, member)]
                 if not trials:
