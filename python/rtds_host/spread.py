@@ -227,22 +227,14 @@ def _reachable(scheduler: str) -> None:
         raise LinkError(f"scheduler {scheduler}: does not answer ({' '.join(str(error).split())})") from error
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Dask tells of a lost scheduler in tracebacks; the caller gets a line."""
-    loggers = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio")]
-    before = [(logger, logger.level, logger.propagate) for logger in loggers]
-    for logger in loggers:
+def _quiet() -> None:
+    """Dask tells of a lost scheduler in tracebacks, also when its client is closed already; the caller gets a line."""
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in ("distributed", "tornado", "asyncio")]
+    # Dask gives loggers of its own levels and handlers, which what is said of their parents does not reach.
+    for name in ("distributed", "tornado", "asyncio", *names):
+        logger = logging.getLogger(name)
         logger.setLevel(logging.CRITICAL + 1)
         logger.propagate = False
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        for logger, level, propagate in before:
-            logger.setLevel(level)
-            logger.propagate = propagate
 
 
 def _started(start: Callable[[], Any], scheduler: str) -> Any:
@@ -274,7 +266,9 @@ def _client(scheduler: str) -> Iterator[Any]:
     # A case travels inside its task, on purpose: scattered data would be lost with the worker that holds it.
     settings = {"distributed.admin.large-graph-warning-threshold": "10GB", "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
                 "distributed.comm.retry.count": 0}
-    with dask.config.set(settings), _quiet():
+    _quiet()
+    with dask.config.set(settings), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
         client = _started(partial(distributed.Client, scheduler, timeout=CONNECT_S, set_as_default=False), scheduler)
         try:
             try:
