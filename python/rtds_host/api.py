@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from rtds_host.contract import Case, Robot, RunLog
-    from rtds_host.correction.close import Result
+    from rtds_host.correction.result import Result
     from rtds_host.run import Outcome
 
 __all__ = ["close", "diagnose", "predict", "read_case", "run"]

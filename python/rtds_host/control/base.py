@@ -7,9 +7,6 @@ from typing import Protocol
 
 import numpy as np
 
-from rtds_host.contract import Motor
-from rtds_host.errors import InputError
-
 # Name -> the exchange interval it was made for, s.
 CONTROLLERS = {"exact": 0.032, "paper": 0.128}
 
@@ -38,21 +35,3 @@ class Controller(Protocol):
 
         `now_rad_s` (2,) is the reference at its start, `wanted_rad_s` (2,) the one at its end.
         """
-
-
-def make_controller(name: str, motor: Motor, limit_v: float) -> Controller:
-    """A controller that knows the nominal motor and keeps within +-`limit_v`.
-
-    Raises
-    ------
-    InputError : unknown name.
-    """
-    if name == "exact":
-        from rtds_host.control.exact import ExactController
-
-        return ExactController(motor, limit_v)
-    if name == "paper":
-        from rtds_host.control.paper import PaperController
-
-        return PaperController(motor, limit_v)
-    raise InputError(f"controller {name!r}: unknown (known: {', '.join(CONTROLLERS)})")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from rtds_host.contract import Case, RunLog, read_case, staged_folder
 from rtds_host.contract.runlog import read_json
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.remainder import Remainder, estimate
+from rtds_host.correction.result import Result, Run
 from rtds_host.correction.simulate import Setting, simulate
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.diagnose import diagnose
@@ -37,26 +38,6 @@ VARIATIONS: tuple[tuple[str, str, dict], ...] = (
 )
 
 Progress = Callable[[str, float], None]
-
-
-@dataclass(frozen=True)
-class Run:
-    """One held-out run: its log, where it starts, and four (n, 11) answers to its commands."""
-
-    log: RunLog
-    start: np.ndarray
-    replayed: dict[str, np.ndarray]
-    simulated: dict[str, np.ndarray]
-
-
-@dataclass
-class Result:
-    """What `close` found: `content` of close.json, the runs, the diagnosis."""
-
-    content: dict
-    runs: list[Run]
-    diagnosis: dict
-    notes: list[str] = field(default_factory=list)
 
 
 def held_out(case: Case, names: list[str] | None, single_ok: bool = True) -> tuple[str, ...]:

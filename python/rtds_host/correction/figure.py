@@ -17,7 +17,7 @@ from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 if TYPE_CHECKING:
-    from rtds_host.correction.close import Result, Run
+    from rtds_host.correction.result import Result, Run
 
 MEASURED, NOMINAL, CORRECTED = "#222222", "#c8501e", "#1f5fa8"
 STYLE = {"font.size": 8, "axes.grid": True, "grid.alpha": 0.3, "lines.linewidth": 0.9, "legend.fontsize": 7,

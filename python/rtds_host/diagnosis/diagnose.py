@@ -277,7 +277,7 @@ def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
             effects=[_named(problem, member) for member in fit.hypothesis],
             parameters=[_reported(problem, member, values) for member, values in zip(fit.hypothesis, fit.values)],
             improvement=_round((float(base.residual @ base.residual) - float(fit.residual @ fit.residual)) / problem.size, 4),
-            held_out_t=None, probability=_round(likely.get(fit.hypothesis, 0.0), 4), verdict=verdict, reason=reason))
+            probability=_round(likely.get(fit.hypothesis, 0.0), 4), verdict=verdict, reason=reason))
     return rows
 
 

@@ -9,8 +9,8 @@ from rtds_host.robot.engine import (
            available_engines,
            check_engine,
            default_engine,
-           open_engine,
 )
+from rtds_host.robot.open import open_engine
 from rtds_host.robot.urdf import make_urdf
 
 __all__ = ["ENGINES", "STEP_S", "Body", "Engine", "RobotState", "available_engines", "check_engine", "check_split", "default_engine",

@@ -12,7 +12,6 @@ import numpy as np
 
 from rtds_host.compat import Self
 from rtds_host.errors import InputError
-from rtds_host.robot.body import Body
 
 ENGINES = ("pybullet", "mujoco")
 STEP_S = 1e-3
@@ -90,21 +89,3 @@ class Engine(Protocol):
     def __enter__(self) -> Self: ...
 
     def __exit__(self, *exc) -> None: ...
-
-
-def open_engine(name: str, body: Body, pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
-                step_s: float = STEP_S) -> Engine:
-    """A physics engine with the robot standing at `pose` (x m, y m, yaw rad), settled, at rest.
-
-    Raises
-    ------
-    InputError : unknown engine, or one that is not installed.
-    """
-    check_engine(name)
-    if name == "pybullet":
-        from rtds_host.robot.pybullet_engine import PyBulletEngine
-
-        return PyBulletEngine(body, pose, step_s)
-    from rtds_host.robot.mujoco_engine import MujocoEngine
-
-    return MujocoEngine(body, pose, step_s)

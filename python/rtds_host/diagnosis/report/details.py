@@ -36,9 +36,8 @@ class Candidate:
     effects : list of {"id", "side"}, [] for "no effect".
     parameters : the effects' fitted values, a dict an effect (same order), name -> value or
         {"value", "ci90"}.
-    improvement : what it explains on runs it was not fitted to, in units of noise per sample (mean fall of the
-        squared error), None where it was not fitted.
-    held_out_t : that fall over its block standard error.
+    improvement : what it explains, in units of noise squared per sample (mean fall of the squared error), None where it was
+        not fitted.
     verdict : "blamed", "alike" (cannot be told from what is blamed) or "rejected".
     reason : one clause, why it was rejected or why it stands.
     """
@@ -46,7 +45,6 @@ class Candidate:
     effects: list[dict[str, str]]
     parameters: list[dict[str, Any]] = field(default_factory=list)
     improvement: float | None = None
-    held_out_t: float | None = None
     probability: float | None = None
     verdict: str = "rejected"
     reason: str = ""

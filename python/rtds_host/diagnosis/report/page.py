@@ -225,7 +225,7 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
         rows.append(_explanation(alternative["effects"], alternative["probability"], c))
         attributes.append(f'data-probability="{alternative["probability"]:.6g}"'
                           + (' class="blamed"' if key == blamed and diagnosis["verdict"] != "unknown" else ""))
-    head = [("explanation", False), ("probability", True), ("explains, noise²", True), ("t, held out", True),
+    head = [("explanation", False), ("probability", True), ("explains, noise²", True),
             ("why", False)]
     parts.append(_table(head, rows, attributes, "alternatives"))
     others = [c for c in details.candidates if _key(c.effects) not in seen]
@@ -255,7 +255,7 @@ def _explanation(effects: list[dict[str, Any]] | str, probability: float | None,
             for name, entry in values.items())) + "</span>"
     share = percent(probability) if probability is not None else "–"
     return [escape(explanation_name(effects)) + fitted, _bar(probability, 1.0, "", 60) + share,
-            number(candidate.improvement) if candidate else "–", number(candidate.held_out_t) if candidate else "–",
+            number(candidate.improvement) if candidate else "–",
             escape(candidate.reason) if candidate else ""]
 
 
