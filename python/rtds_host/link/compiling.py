@@ -123,6 +123,7 @@ def compilation(
     common = [
         f"-I{folder}", f"-I{root / 'include'}", f"-I{root / 'include' / 'vltstd'}", "-DVERILATOR=1",
         *(f"-DVM_{name}={int(options[key])}" for name, key in kinds.items()), *defines,
+        *(["-fcoroutines"] if options["use_timing"] else []),
     ]  # fmt: skip
     files = [(str(whole), optimise), *((name, optimise) for name in users), *((name, "-Os") for name in library)]
     objects = [folder / f"{number}-{Path(name).stem}.o" for number, (name, _) in enumerate(files)]
