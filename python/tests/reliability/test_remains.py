@@ -43,8 +43,12 @@ def lives(pid: int) -> bool:
 
 
 def until(condition) -> None:
-    while not condition():
+    """Wait for something that must come; a test that waits in vain fails instead of hanging."""
+    for _ in range(3000):
+        if condition():
+            return
         time.sleep(0.02)
+    raise AssertionError("what must come did not")
 
 
 @pytest.fixture
