@@ -15,7 +15,9 @@ from dataclasses import dataclass, replace
 
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
+from rtds_host.diagnosis.screen import available, clashes
 from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.twins import twins
 
 # An effect is named where it is more likely there than not.
 NAMED = 0.5
@@ -55,9 +57,11 @@ class Account:
     alternatives: tuple[tuple[Hypothesis, float], ...]
 
 
-def _standing(search: Search, fit: Fit, member: tuple[str, str]) -> Standing:
+def _standing(search: Search, fit: Fit, member: tuple[str, str], rough: bool) -> Standing:
+    """What speaks for an effect; `rough`: by a rough fit without it, which makes it look stronger than it is."""
     without = search.without(fit, member)
-    without = search.try_fit(without.hypothesis, without.u, without)
+    if not rough:
+        without = search.try_fit(without.hypothesis, without.u, without)
     gain, t = compared(search.problem, fit, without)
     odds = search.log_prior((member,)) + believed(gain, t)
     without, gap = _closest(search, fit, without)
@@ -78,17 +82,20 @@ def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
 def account(search: Search, fit: Fit) -> Account:
     """Name the effects of the most probable explanation that stand on their own evidence."""
     dropped: dict[tuple[str, str], str] = {}
+    rough = True
     while True:
-        standing = [_standing(search, fit, member) for member in fit.hypothesis]
+        standing = [_standing(search, fit, member, rough) for member in fit.hypothesis]
         weakest = min(standing, key=lambda s: s.probability, default=None)
         least = min(standing, key=lambda s: s.gaps[0], default=None)
         if weakest is not None and weakest.probability < NAMED:
             dropped[weakest.member] = (f"is missed too unevenly to be there (gain {weakest.gain:.0f}, {weakest.t:.1f} times "
                                        "its scatter over the runs)")
-            fit = weakest.without
+            fit = search.try_fit(weakest.without.hypothesis, weakest.without.u, weakest.without)
         elif least is not None and not worth_naming(*least.gaps):
             dropped[least.member] = "closes next to nothing of the gap"
-            fit = least.without
+            fit = search.try_fit(least.without.hypothesis, least.without.u, least.without)
+        elif rough:
+            rough = False
         else:
             break
     standing.sort(key=lambda s: -s.gain)
@@ -97,23 +104,29 @@ def account(search: Search, fit: Fit) -> Account:
 
 
 def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tuple[tuple[str, str], ...], ...], list[Fit]]:
-    """Effects that take a blamed one's place and fit as well, and the fits that show it."""
+    """Effects that take a blamed one's place and fit as well, and the fits that show it.
+
+    Those that are alike in principle come first, since a set has room for few, and need no fit to be in it.
+    """
     sets, rivals = [], []
+    there = {effect.id for effect in available(search.problem)} & search.wanted
     for one in standing:
+        inherent = [member for member in twins(search.problem.case, one.member)
+                    if member[0] in there and not clashes(member, fit.hypothesis)]
         found = []
         for candidate in search.rivals(one.without, one.member, LARGEST_SET):
             if one.member[0] in search.effects[candidate.member[0]].contains:
                 continue                    # the same with a further parameter, for no better fit
-            swapped = search.swapped(one.without, candidate)
+            swapped = search.swapped(fit, one.without, candidate)
             gain, t = compared(search.problem, fit, swapped)
             if believed(gain, t) < math.log(CONVINCING) and search.named(swapped):
-                # Look-alikes in principle first: a set has room for few.
                 known = candidate.member[0] in search.effects[one.member[0]].confused_with
                 found.append((not known, gain, candidate.member))
                 rivals.append(swapped)
-        if found:
-            found.sort()
-            sets.append((one.member, *(member for *_, member in found[:LARGEST_SET - 1])))
+        found.sort()
+        others = inherent + [member for *_, member in found if member not in inherent]
+        if others:
+            sets.append((one.member, *others[:LARGEST_SET - 1]))
     return tuple(sets), rivals
 
 

@@ -148,7 +148,7 @@ class Fit:
     def whitened(self) -> tuple[np.ndarray, np.ndarray]:
         """Whitened residual (N,) and derivatives (N, k + p) float32."""
         jacobian = np.concatenate([self.by_nuisance, self.by_effect], axis=1)
-        return self.noise.whiten(self.residual), self.noise.whiten(np.asfortranarray(jacobian))
+        return self.noise.whiten(self.residual), self.noise.whiten(jacobian)
 
     @cached_property
     def precision(self) -> np.ndarray:
@@ -256,7 +256,7 @@ class Fitter:
         for _ in range(iterations):
             new = self._derivatives(hypothesis, x, r, own, high)
             by_effect = self._assembled(hypothesis, known, new)
-            jacobian = noise.whiten(np.asfortranarray(np.concatenate([by_nuisance, by_effect], axis=1)))
+            jacobian = noise.whiten(np.concatenate([by_nuisance, by_effect], axis=1))
             white = noise.whiten(r)
             weight = prior_weight(x[:k], x[k:])
             gradient = (jacobian.T @ white.astype(np.float32)).astype(float) + weight * x

@@ -118,6 +118,32 @@ def _whiten(column, a, g, i, out):
         out[k] = v * i[k]
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _whiten_four(columns, first, a, g, i, out):
+    """The same of four columns at once, (N, p) from `first` on: each step waits for the one before it, four do not."""
+    m0 = m1 = m2 = m3 = 0.0
+    c0, c1, c2, c3 = columns[:, first], columns[:, first + 1], columns[:, first + 2], columns[:, first + 3]
+    o0, o1, o2, o3 = out[:, first], out[:, first + 1], out[:, first + 2], out[:, first + 3]
+    for k in range(c0.shape[0]):
+        decay, gain, scale = a[k], g[k], i[k]
+        m0 *= decay
+        m1 *= decay
+        m2 *= decay
+        m3 *= decay
+        v0 = c0[k] - m0
+        v1 = c1[k] - m1
+        v2 = c2[k] - m2
+        v3 = c3[k] - m3
+        m0 += gain * v0
+        m1 += gain * v1
+        m2 += gain * v2
+        m3 += gain * v3
+        o0[k] = v0 * scale
+        o1[k] = v1 * scale
+        o2[k] = v2 * scale
+        o3[k] = v3 * scale
+
+
 class Discrepancy:
     """Size s (C,) in units of noise and correlation time tau (C,) s of each channel's discrepancy, and its filter."""
 
@@ -133,13 +159,19 @@ class Discrepancy:
                    self.log[rows])
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
-        """Whitened columns, (N,) or (N, p), in the type they come in."""
+        """Whitened columns, (N,) or (N, p), in the type they come in; themselves where there is no discrepancy."""
+        if not self.s.any():
+            return columns
         if columns.ndim == 1:
             out = np.empty_like(columns)
             _whiten(columns, self.a, self.g, self.i, out)
             return out
+        columns = np.asfortranarray(columns)
         out = np.empty_like(columns, order="F")
-        for k in range(columns.shape[1]):
+        whole = columns.shape[1] // 4 * 4
+        for k in range(0, whole, 4):
+            _whiten_four(columns, k, self.a, self.g, self.i, out)
+        for k in range(whole, columns.shape[1]):
             _whiten(columns[:, k], self.a, self.g, self.i, out[:, k])
         return out
 

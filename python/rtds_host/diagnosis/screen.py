@@ -65,7 +65,7 @@ def available(problem: Problem) -> list[Effect]:
 
 def moves_of(fitter: Fitter, fit: Fit, extra: dict[tuple[str, str], list[dict]], wanted: set[str],
              known: dict[Signature, np.ndarray], coarse: bool = False) -> dict[Signature, np.ndarray]:
-    """Changes of the residuals about a fit, (N,) float32, by signature; `known`: those that need no replay."""
+    """Changes of the residuals about a fit, (N,) float32, by signature; `known`: those that are not replayed again."""
     problem = fitter.problem
     jobs = []
     names = ("left", "right")
@@ -92,29 +92,39 @@ class Screen:
 
     Parameters
     ----------
-    moves : changes of the residuals by signature, from `moves_of`; noise : the discrepancy to whiten by.
+    moves : changes of the residuals by signature, from `moves_of`; noise : the discrepancy to whiten by; before : a screening
+    with the same discrepancy, of whose moves some may be among these.
     """
 
-    def __init__(self, problem: Problem, fit: Fit, moves: dict[Signature, np.ndarray], noise: Discrepancy):
+    def __init__(self, problem: Problem, fit: Fit, moves: dict[Signature, np.ndarray], noise: Discrepancy,
+                 before: Screen | None = None):
+        self.moves = moves
         self.effects = problem.effects
         self.taken = fit.hypothesis
         # A nuisance on its bound makes no more room: what it would imitate if it could is an effect's to explain.
         keep = np.flatnonzero(fit.free)
         columns = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep]
-        jacobian = noise.whiten(np.asfortranarray(columns))
+        jacobian = noise.whiten(columns)
         weight = prior_weight(fit.z, fit.u)[keep]
         at = np.concatenate([fit.z, fit.u])[keep]
         white = noise.whiten(fit.residual).astype(np.float32)
         self.signatures = list(moves)
-        rows = [noise.whiten(move) for move in moves.values()]
         # Effects of both sides: the sum of the sides' signatures.
         left = {(s.effect, s.values): k for k, s in enumerate(self.signatures) if s.side == "left"}
-        for k, s in enumerate(list(self.signatures)):
-            twin = left.get((s.effect, s.values))
-            if s.side == "right" and twin is not None and not self.effects[s.effect].nonlinear:
-                self.signatures.append(Signature(s.effect, "both", s.values))
-                rows.append(rows[k] + rows[twin])
-        self.rows = np.array(rows)
+        pairs = [(k, left[s.effect, s.values]) for k, s in enumerate(self.signatures)
+                 if s.side == "right" and (s.effect, s.values) in left and not self.effects[s.effect].nonlinear]
+        self.signatures += [Signature(self.signatures[k].effect, "both", self.signatures[k].values) for k, _ in pairs]
+        self.rows = np.empty((len(self.signatures), len(white)), np.float32)
+        known = {} if before is None else {s: row for s, row in zip(before.moves, before.rows) if moves.get(s) is before.moves[s]}
+        new = []
+        for k, (signature, move) in enumerate(moves.items()):
+            if signature not in known:
+                new.append(k)
+            self.rows[k] = known.get(signature, move)
+        if new:
+            self.rows[new] = noise.whiten(self.rows[new].T).T
+        for row, (k, twin) in zip(self.rows[len(moves):], pairs):
+            np.add(self.rows[k], self.rows[twin], out=row)
         self.shared = (self.rows @ jacobian).astype(float)
         self.inner = np.linalg.inv((jacobian.T @ jacobian).astype(float) + np.diag(weight))
         cross = self.shared @ self.inner

@@ -7,6 +7,7 @@ Explanations are sets of (effect, side). Their score is -2 log of evidence and p
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -30,10 +31,12 @@ MOST_EFFECTS = 7
 NEARLY = 0.8
 # How many effects in a row may be added that are not believed yet, and log odds from which an effect is hardly exchanged.
 DOUBTFUL, SURE = 1, 12.0
+# Numerical: effects of each screening whose signatures are taken again for the next.
+RETAKEN = 8
 # Rounds of exchanging effects and looking for more.
 EXCHANGES = 3
-# Numerical: how far in score a rough fit may be from one in earnest.
-ROUGHLY = 20.0
+# Numerical: how far in score a rough fit may be from one in earnest, and how far behind it is certainly the worse one.
+ROUGHLY, FAR = 20.0, 200.0
 # Numerical: steps of a fit in earnest, and of a rough one.
 ITERATIONS, ROUGH_ITERATIONS = 8, 4
 # Sizes to look at about one whose misfit is rough (impacts, resonances), as factors.
@@ -50,6 +53,7 @@ class Search:
         self.quick = quick
         self.wanted = {e for e in problem.effects if e not in without}
         self.fits: dict[Hypothesis, Fit] = {}
+        self.afresh = True                       # whether the next screening takes every signature anew
         self.slow_moves: dict[Signature, np.ndarray] = {}
         self.moves: dict[Signature, np.ndarray] = {}
         self.looked: set[Hypothesis] = set()     # explanations on top of which slow effects were looked for
@@ -103,27 +107,38 @@ class Search:
             self._refitted = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), flat, fixed=True)
         return self._refitted
 
-    def _screens(self, fit: Fit, moves: dict[Signature, np.ndarray]) -> list[Screen]:
-        """What effects promise on top of a fit, by the discrepancy it leaves and by none.
+    def _screens(self, fit: Fit, moves: dict[Signature, np.ndarray], before: Sequence[Screen] = (None, None)) -> list[Screen]:
+        """What effects promise on top of a fit, by the discrepancy it leaves and by none; `before`: the same of other moves.
 
         The first hardly feels what is slow, since it may be the discrepancy; the second hardly what is small.
         """
-        return [Screen(self.problem, fit, moves, noise) for noise in (fit.noise, self.problem.discrepancy())]
+        return [Screen(self.problem, fit, moves, noise, known)
+                for noise, known in zip((fit.noise, self.problem.discrepancy()), before)]
 
-    def _moves(self, fit: Fit) -> dict[Signature, np.ndarray]:
-        """Signatures about a fit; those of slow effects from the first screening."""
+    def _screened(self, fit: Fit) -> list[Screen]:
+        """Screenings of a fit. What promised little by the signatures of the screening before, and slow effects, keep these.
+
+        What an effect promises hangs on the residuals much more than on the robot that it is added to. Before the search gives
+        up all signatures are taken anew (`afresh`).
+        """
         problem = self.problem
         extra = ripple.starts(problem, problem.replay(fit.model(problem))) if "torque_ripple" in self.wanted else {}
-        moves = moves_of(self.fitter, fit, extra, self.wanted, self.slow_moves, self.quick and not fit.hypothesis)
+        before, kept = (None, None), {}
+        if not self.afresh:
+            before = self._screens(fit, self.moves)
+            ranked = [dict.fromkeys(c.member[0] for c in screen.candidates()) for screen in before]
+            retaken = {effect for effects in ranked for effect in list(effects)[:RETAKEN]} | {"torque_ripple"}
+            kept = {s: m for s, m in self.moves.items() if s.effect not in retaken}
+        moves = moves_of(self.fitter, fit, extra, self.wanted, {**kept, **self.slow_moves}, self.quick and not fit.hypothesis)
         if not self.slow_moves:
             self.slow_moves = {s: m for s, m in moves.items() if self.effects[s.effect].nonlinear}
-        self.moves = moves
-        return moves
+        self.moves, self.afresh = moves, False
+        return self._screens(fit, moves, before)
 
-    def promising(self, fit: Fit, moves: dict[Signature, np.ndarray], count: int) -> list[Candidate]:
+    def promising(self, screens: list[Screen], count: int) -> list[Candidate]:
         """The first effects of each screening, so many of each: the best side, and another that promises nearly as much."""
         picked: dict[tuple[str, str], Candidate] = {}
-        for screen in self._screens(fit, moves):
+        for screen in screens:
             sides: dict[str, list[Candidate]] = {}
             for c in screen.candidates():
                 if c.gain > 0.0:
@@ -137,17 +152,17 @@ class Search:
     def grow(self, fit: Fit, count: int) -> Fit | None:
         """Add the effect that the evidence asks for most; None if there is none."""
         found = []
-        for candidate in self.promising(fit, self._moves(fit), count):
+        for candidate in self.promising(self._screened(fit), count):
             hypothesis, start = joined({**fit.parts, candidate.member: candidate.start})
             found.append(self.try_fit(hypothesis, start, fit, rough=True))
         found = sorted((f for f in found if self.score(f) < self.score(fit)), key=self.score)
         # The first two are fitted in earnest: what is rough about a fit may be more than what parts them.
-        found = [self.polished(self.try_fit(f.hypothesis, f.u, f)) for f in found[:2]]
+        found = [self.polished(self.try_fit(f.hypothesis, f.u, f), set(f.hypothesis) - set(fit.hypothesis)) for f in found[:2]]
         return min((f for f in found if self.named(f)), key=self.score, default=None)
 
-    def polished(self, fit: Fit) -> Fit:
-        """Look about an optimum of effects whose misfit has many minima, and fit again from what is found there."""
-        for member in fit.hypothesis:
+    def polished(self, fit: Fit, members: Iterable[tuple[str, str]]) -> Fit:
+        """Look about an optimum of some effects whose misfit has many minima, and fit again from what is found there."""
+        for member in members:
             for values in self.effects[member[0]].restarts if not self.closed(fit) else ():
                 start = scaled(self.effects, (member,), [dict(values)])
                 fit = self.try_fit(*joined({**fit.parts, member: start}), fit)
@@ -232,7 +247,7 @@ class Search:
             alone = self.without(fit, member)
             found = self._sides(fit, member)
             sure = believed(*compared(self.problem, fit, alone)) > SURE
-            for candidate in self.promising(alone, self.moves, 1 if sure else count):
+            for candidate in self.promising(self._screens(alone, self.moves), 1 if sure else count):
                 if candidate.member != member and not clashes(candidate.member, alone.hypothesis):
                     hypothesis, start = joined({**alone.parts, candidate.member: candidate.start})
                     swapped = self.try_fit(hypothesis, start, alone, rough=True)
@@ -247,13 +262,15 @@ class Search:
 
     def rivals(self, without: Fit, member: tuple[str, str], count: int) -> list[Candidate]:
         """What else would take the place of an effect that was taken out, most promising first."""
-        return [c for c in self.promising(without, self.moves, count)
+        return [c for c in self.promising(self._screens(without, self.moves), count)
                 if c.member != member and not clashes(c.member, without.hypothesis)]
 
-    def swapped(self, without: Fit, candidate: Candidate) -> Fit:
-        """The fit with such a rival in the effect's place."""
+    def swapped(self, fit: Fit, without: Fit, candidate: Candidate) -> Fit:
+        """The fit with such a rival in the effect's place; a rough one where that is far behind already."""
         hypothesis, start = joined({**without.parts, candidate.member: candidate.start})
         rough = self.try_fit(hypothesis, start, without, rough=True)
+        if believed(*compared(self.problem, fit, rough)) > SURE and self.score(rough) > self.score(fit) + FAR:
+            return rough
         return self.try_fit(hypothesis, rough.u, rough)
 
     def _mixed(self, fit: Fit, alone: Fit, swapped: Fit, member: tuple[str, str], other: tuple[str, str]) -> list[Fit]:
@@ -310,12 +327,13 @@ class Search:
     def _search(self) -> Fit:
         problem = self.problem
         noise = problem.discrepancy().estimated(problem.residual(problem.nominal), thorough=True)
-        self.slow_moves, self.looked = {}, {()}
+        self.slow_moves, self.afresh, self.looked = {}, True, {()}
         fit = self.fits[()] = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, 4)
         for _ in range(EXCHANGES):
             fit = self._climb(fit)
             if self.closed(fit):
                 break
+            fit = self.polished(fit, fit.hypothesis)
             better = self.exchange(fit, 2 if self.quick else 4)
             if better is fit:
                 break
@@ -328,7 +346,7 @@ class Search:
             return fit
         for hypothesis in [h for h in self.fits if any(self.effects[e].periodic for e, _ in h)]:
             del self.fits[hypothesis]
-        return self.polished(self.try_fit(fit.hypothesis, fit.u, fit))
+        return self.polished(self.try_fit(fit.hypothesis, fit.u, fit), fit.hypothesis)
 
     def closed(self, fit: Fit) -> bool:
         """Whether an explanation leaves no gap to speak of."""
@@ -352,7 +370,7 @@ class Search:
                     break
                 # What a delay or a wrong constant hid from the first screening: a swinging gear, a slipping tyre.
                 self.looked.add(fit.hypothesis)
-                self.slow_moves, doubtful = {}, 0
+                self.slow_moves, self.afresh, doubtful = {}, True, 0
                 continue
             self.trace.append(f"add {set(grown.hypothesis) - set(fit.hypothesis)} {self.score(fit):.0f} -> {self.score(grown):.0f}")
             fit = self.prune(grown)
