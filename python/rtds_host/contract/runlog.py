@@ -10,7 +10,7 @@ import math
 import os
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +75,11 @@ class RunLog:
         """Whether at least one sample of the channel exists."""
         column = self.columns.get(channel)
         return column is not None and bool(np.isfinite(column).any())
+
+    def rows(self, first: int, last: int) -> RunLog:
+        """Rows first <= k < last as a run of the same name, with the times they have."""
+        part = slice(first, last)
+        return replace(self, t=self.t[part], columns={c: v[part] for c, v in self.columns.items()})
 
     def commands(self, mode: str = "voltage") -> np.ndarray:
         """Commands (n, sides): `v_cmd_*` in V, or `w_cmd_*` in rad/s in speed mode."""

@@ -166,7 +166,7 @@ class Fit:
 
 
 class Fitter:
-    """Fits explanations of one problem; keeps the nuisances' derivatives, which hardly change between them."""
+    """Fits explanations of one problem; keeps the nuisances' derivatives about the nominal robot."""
 
     def __init__(self, problem: Problem):
         self.problem = problem
@@ -225,14 +225,16 @@ class Fitter:
         return x, moved, noise.cost(moved) + prior_cost(x[:self.count], x[self.count:])
 
     def fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, noise: Discrepancy, iterations: int = 8,
-            known: dict[tuple[str, str], np.ndarray] | None = None, fixed: bool = False) -> Fit:
+            known: dict[tuple[str, str], np.ndarray] | None = None, fixed: bool = False,
+            by_nuisance: np.ndarray | None = None) -> Fit:
         """Fit an explanation from a start.
 
         Parameters
         ----------
         start : (p,) scaled effect parameters; z : (k,) nuisances to start from; noise : a discrepancy to begin with.
         known : derivatives by the parameters of some of its effects, (N, n) each, to do with: a rough fit, good enough to
-            see what another effect brings or what one that is gone leaves. fixed : keep the discrepancy.
+            see what another effect brings or what one that is gone leaves. fixed : keep the discrepancy. by_nuisance : (N, k)
+            derivatives by the nuisances to begin with, else those about the nominal robot.
         """
         k = self.count
         known = known or {}
@@ -244,9 +246,10 @@ class Fitter:
         low, high = self._bounds(hypothesis)
         x = np.clip(np.concatenate([z, start]), low, high)
         r = self.problem.residual(self.model(hypothesis, x))
-        if self.by_nuisance is None:
-            self.by_nuisance = self._derivatives(hypothesis, x, r, range(k), high)
-        by_nuisance = self.by_nuisance
+        if by_nuisance is None:
+            if self.by_nuisance is None:
+                self.by_nuisance = self._derivatives(hypothesis, x, r, range(k), high)
+            by_nuisance = self.by_nuisance
         noise = noise if fixed else noise.estimated(r)
         now = noise.cost(r) + prior_cost(x[:k], x[k:])
         damping, renewed = 0.0, False

@@ -14,7 +14,7 @@ from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import Account
 from rtds_host.diagnosis.fit import Fit, parameters
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
-from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.problem import STRETCH_S, Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.diagnosis.report.details import Trace
@@ -73,6 +73,9 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
     runs, traces, stretches = {}, {}, []
     notes = [f"{name}: no heading in the log; the slope's pull says that the run began at {heading:.2f} rad"
              for name, heading in problem.headings.items()]
+    if problem.searched < 1.0:
+        notes.append(f"these runs are long: effects were looked for in {100 * problem.searched:.2g} % of them, in stretches of "
+                     f"up to {STRETCH_S:g} s from all over; every gap shown is of all rows")
     if len(problem.whole) == 1:
         notes.append("one run only: each half was held out in turn, which is weaker evidence than another run")
     for k, data in enumerate(problem.whole):
@@ -86,7 +89,7 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
         own: dict[object, list[dict[str, np.ndarray]]] = {name: [] for name in parts}
         shown = {"refit": np.empty_like(nominal), "after": np.empty_like(nominal)}
         for first, last, rows in pieces:
-            log = _slice(data.log, first, last)
+            log = data.log.rows(first, last)
             outs = {"before": nominal}
             outs.update({name: replay_run(left_out(problem, fit, rows), data.inputs, step) for name, fit in models.items()})
             motion = _regimes(problem, log, outs["after"][first:last])
@@ -118,10 +121,6 @@ def _for_another(stretches: list[tuple[float, float]]) -> tuple[float, float] | 
     mean, spread = float(shares.mean()), float(shares.std(ddof=1)) * math.sqrt(1.0 + 1.0 / len(shares))
     low, high = (mean + float(student.ppf(level, len(shares) - 1)) * spread for level in LEVELS)
     return low, min(high, max(1.0, float(shares.max())))
-
-
-def _slice(log: RunLog, first: int, last: int) -> RunLog:
-    return replace(log, t=log.t[first:last], columns={c: v[first:last] for c, v in log.columns.items()})
 
 
 def _regimes(problem: Problem, log: RunLog, out: np.ndarray) -> dict[str, np.ndarray]:

@@ -7,17 +7,27 @@ averaged over their neighbours), since each sample that narrows an explanation i
 from __future__ import annotations
 
 import functools
+import math
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis.effects import Effect, catalogue
 from rtds_host.diagnosis.gap import WINDOW_S, errors, gap, pooled
+from rtds_host.diagnosis.gate.cuts import start_row
 from rtds_host.diagnosis.likelihood import Discrepancy, Series
-from rtds_host.diagnosis.replay.model import Model, following, nominal_model, piece_inputs, replay_run, run_inputs
+from rtds_host.diagnosis.replay.model import (
+    Model,
+    following,
+    nominal_model,
+    piece_inputs,
+    replay_run,
+    run_inputs,
+    stretch_inputs,
+)
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 # Stretches whose residuals are counted as one draw: a second, as the gap's windows; shorter where all runs together are, so
@@ -29,6 +39,8 @@ PIECE_S, PIECE_ROWS = 0.4, 10
 AVERAGE_S = 0.05
 # The same for angles where no speed is measured: they then have to show what moves fast, too.
 FINE_WINDOW_S, FINE_AVERAGE_S = 0.1, 0.01
+# Longer cases are searched in stretches: by then the models' errors, and not the samples, bound what can be learnt.
+SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 150_000, 20.0
 PRIOR = 0.01
 # A heading at the start is estimated on slopes above this, and changed for a gain of chi2 above that.
 HEADING_SLOPE_RAD = 0.005
@@ -125,9 +137,15 @@ class Problem:
         self.pieces = pieces
         self.pool = ThreadPoolExecutor(self.threads)
         self.whole = [RunData(log, run_inputs(log, case.robot)) for log in case.runs]
+        self.searched = min(1.0, SEARCHED_S / lasted, SEARCHED_ROWS / sum(len(log.t) for log in case.runs))
         self.runs, owners = [], []
         for k, log in enumerate(case.runs):
-            parts = self._pieces(log) if pieces else [self._prepare(log, run_inputs(log, self.robot))]
+            if pieces:
+                parts = self._pieces(log)
+            elif self.searched < 1.0:
+                parts = self._stretches(log)
+            else:
+                parts = [self._prepare(log, run_inputs(log, self.robot))]
             self.runs += parts
             owners += [k] * len(parts)
         self.owners = owners
@@ -173,9 +191,21 @@ class Problem:
         for first, last in zip(marks, np.append(marks[1:], len(log.t))):
             if last - first < PIECE_ROWS // 2 and parts:
                 continue
-            rows = slice(first, last)
-            piece = replace(log, t=log.t[rows], columns={c: v[rows] for c, v in log.columns.items()})
-            parts.append(self._prepare(piece, piece_inputs(log, self.robot, int(first), int(last))))
+            parts.append(self._prepare(log.rows(first, last), piece_inputs(log, self.robot, int(first), int(last))))
+        return parts
+
+    def _stretches(self, log: RunLog) -> list[RunData]:
+        """Stretches from all over a long run, the run's beginning among them, so that a search takes no longer than of short ones."""
+        lasted = float(log.t[-1] - log.t[0])
+        count = max(1, math.ceil(lasted * self.searched / STRETCH_S))
+        length, parts = lasted * self.searched / count, []
+        for k in range(count):
+            begin = log.t[0] + k * lasted / count
+            first, last = np.searchsorted(log.t, (begin, begin + length))
+            if k > 0:
+                first = start_row(log, self.case, np.arange(first, last))
+            if first is not None and last - first >= ROWS_A_BLOCK:
+                parts.append(self._prepare(log.rows(int(first), int(last)), stretch_inputs(log, self.robot, int(first), int(last))))
         return parts
 
     def _prepare(self, log: RunLog, inputs: tuple[np.ndarray, ...]) -> RunData:
@@ -312,7 +342,9 @@ class Problem:
         largest = 0.0
         if self.robot.axis is not None:
             return max((self._settle(data, model) for data in self.runs), default=0.0) if not self.pieces else 0.0
-        for data, whole in zip(self.runs, self.whole, strict=False):
+        if self.searched < 1.0:
+            return 0.0
+        for data, whole in zip(self.runs, self.whole, strict=True):
             log = data.log
             if log.has("yaw") or abs(log.meta.slope_rad) < HEADING_SLOPE_RAD:
                 continue
@@ -335,6 +367,7 @@ class Problem:
     def begin(self, headings: dict[str, float]) -> None:
         """Set the headings at which runs began (those of `headings`), zero for runs that are not named."""
         for data, whole in zip(self.runs, self.whole, strict=False):
+            # Only where runs are searched whole are there any, see `align`.
             if data.log.name in self.headings or data.log.name in headings:
                 data.inputs[-1][2] = whole.inputs[-1][2] = headings.get(data.log.name, 0.0)
         self.headings = dict(headings)
@@ -371,9 +404,10 @@ class Problem:
             data.inputs = following(data.inputs, log) if follow else (*data.inputs[:4], np.empty((0, 2)), *data.inputs[5:])
 
     def gap(self, model: Model) -> float:
-        """The contract's gap of whole runs, at the search's steps."""
-        outs = self.pool.map(lambda data: replay_run(model, data.inputs), self.whole)
-        return gap(pooled([errors(data.log, self.robot, out) for data, out in zip(self.whole, outs)]))
+        """The contract's gap at the search's steps: of whole runs, of long ones of the stretches that are searched."""
+        judged = self.runs if self.searched < 1.0 and not self.pieces else self.whole
+        outs = self.pool.map(lambda data: replay_run(model, data.inputs), judged)
+        return gap(pooled([errors(data.log, self.robot, out) for data, out in zip(judged, outs)]))
 
     def nuisance_names(self) -> list[tuple[str, int]]:
         """Nuisances that play a part: (name, side)."""

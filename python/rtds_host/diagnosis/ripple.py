@@ -1,21 +1,34 @@
 """Where a torque ripple would be: periodograms of the residuals over the wheel's angle.
 
-The number of cycles a turn has no useful derivative until it is nearly right, so it is read off a spectrum first:
-least-squares power over the measured (or replayed) angle, which needs no even sampling and knows no Nyquist limit.
+The number of cycles a turn has no useful derivative until it is nearly right, so it is read off a spectrum first: power over
+the measured (or replayed) angle, sorted into bins of it, which needs no even sampling. Runs of many turns have narrow peaks; the
+transform is as fine as they are.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
-CYCLES_STEP = 0.25
-CYCLES = np.arange(1.0, 400.0, CYCLES_STEP)
-SAMPLES = 3000
+# Cycles a turn that are looked for, from a wheel out of round to the cogging of a geared motor.
+LEAST_CYCLES, MOST_CYCLES = 1.0, 400.0
+# Numerical: bins a cycle at the most cycles, lines a peak's width, longest transform.
+BINS, LINES, LONGEST = 6, 4, 2**21
+# Numerical: cycles about a peak that belong to it, and the power that a peak has at least, in that of white noise.
+PEAK_CYCLES, LEAST_POWER = 1.0, 8.0
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Power (n,), in units of white noise's mean, over cycles a turn (n,)."""
+
+    cycles: np.ndarray
+    power: np.ndarray
 
 
 def _channels(problem: Problem, suffix: str) -> list[str]:
@@ -25,50 +38,60 @@ def _channels(problem: Problem, suffix: str) -> list[str]:
     return [c for c in there if c != "gyro_z"] or there
 
 
-def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, np.ndarray]:
-    """Power over `CYCLES` by side ("left", "right", "both"), in units of white noise's mean."""
-    result = {}
-    for k, name in enumerate(("left", "right")[:len(problem.robot.sides)]):
-        suffix = "lr"[k]
-        total = np.zeros(len(CYCLES))
-        count = 0
-        for channel in _channels(problem, suffix):
-            angles, values = [], []
-            for data, out in zip(problem.runs, outs):
-                log = data.log
-                if not log.has(channel):
-                    continue
-                good = np.isfinite(log.columns[channel])
-                th = log.columns.get(f"th_{suffix}")
-                angle = out[:, OUTPUT_INDEX[f"th_{suffix}"]]
-                if th is not None and np.isfinite(th).sum() > 0.5 * good.sum():
-                    known = np.isfinite(th)
-                    angle = np.interp(log.t, log.t[known], th[known])
-                error = (out[:, OUTPUT_INDEX[channel]] - log.columns[channel]) / problem.robot.noise(channel)
-                moving = good & (np.abs(out[:, OUTPUT_INDEX[f"w_{suffix}"]]) > 0.1)
-                if moving.sum() > 20:
-                    angles.append(angle[moving])
-                    values.append(error[moving] - error[moving].mean())
-            if not angles:
+def _series(problem: Problem, outs: list[np.ndarray], suffix: str) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Of each channel that shows a side's ripple: the wheel's angles (n,), rad, of all runs, and the residuals there (n,)."""
+    result = []
+    for channel in _channels(problem, suffix):
+        angles, values = [], []
+        for data, out in zip(problem.runs, outs):
+            log = data.log
+            if not log.has(channel):
                 continue
-            angle, value = np.concatenate(angles), np.concatenate(values)
-            stride = max(1, len(angle) // SAMPLES)
-            angle, value = angle[::stride], value[::stride]
-            scale = np.sqrt(np.mean(value**2)) or 1.0
-            # e^{i n angle} for evenly spaced n by repeated rotation.
-            turn = np.exp(-1j * CYCLES_STEP * angle)
-            phase = np.exp(-1j * CYCLES[0] * angle) * (value / scale) / np.sqrt(len(value))
-            line = np.empty(len(CYCLES), complex)
-            for n in range(len(CYCLES)):
-                line[n] = phase.sum()
-                phase *= turn
-            total += np.abs(line) ** 2
-            count += 1
-        if count:
-            result[name] = total / count
-    if len(result) == 2:
-        result["both"] = 0.5 * (result["left"] + result["right"])
+            good = np.isfinite(log.columns[channel])
+            th = log.columns.get(f"th_{suffix}")
+            angle = out[:, OUTPUT_INDEX[f"th_{suffix}"]]
+            if th is not None and np.isfinite(th).sum() > 0.5 * good.sum():
+                known = np.isfinite(th)
+                angle = np.interp(log.t, log.t[known], th[known])
+            error = (out[:, OUTPUT_INDEX[channel]] - log.columns[channel]) / problem.robot.noise(channel)
+            moving = good & (np.abs(out[:, OUTPUT_INDEX[f"w_{suffix}"]]) > 0.1)
+            if moving.sum() > 20:
+                angles.append(angle[moving])
+                values.append(error[moving] - error[moving].mean())
+        if angles:
+            result.append((np.concatenate(angles), np.concatenate(values)))
     return result
+
+
+def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, Spectrum]:
+    """Spectra of the residuals by side ("left", "right", "both")."""
+    sides = {name: _series(problem, outs, "lr"[k]) for k, name in enumerate(("left", "right")[:len(problem.robot.sides)])}
+    angles = [angle for series in sides.values() for angle, _ in series]
+    if not angles:
+        return {}
+    low = min(float(angle.min()) for angle in angles)
+    span = max(float(angle.max()) for angle in angles) - low
+    # A turn at least: of less, the number of cycles means nothing.
+    span = max(span, 2.0 * math.pi)
+    count = min(2 ** math.ceil(math.log2(LINES * span / (2.0 * math.pi) * BINS * MOST_CYCLES)), LONGEST)
+    width = LINES * span / count
+    cycles = 2.0 * math.pi / (count * width) * np.arange(count // 2 + 1)
+    shown = (cycles >= LEAST_CYCLES) & (cycles <= MOST_CYCLES)
+    result = {}
+    for name, series in sides.items():
+        powers = [_power(angle - low, value, width, count)[shown] for angle, value in series]
+        if powers:
+            result[name] = Spectrum(cycles[shown], np.mean(powers, axis=0))
+    if len(result) == 2:
+        result["both"] = Spectrum(cycles[shown], 0.5 * (result["left"].power + result["right"].power))
+    return result
+
+
+def _power(angle: np.ndarray, value: np.ndarray, width: float, count: int) -> np.ndarray:
+    """Power of values (n,) at angles (n,) from 0, rad, in bins of a width, over the lines of a transform of `count` bins."""
+    scale = float(np.sqrt(np.mean(value**2))) or 1.0
+    binned = np.bincount((angle / width).astype(int), value / scale, minlength=count)[:count]
+    return np.abs(np.fft.rfft(binned)) ** 2 / len(value)
 
 
 def turned(outs: list[np.ndarray], side: str) -> float:
@@ -91,21 +114,21 @@ def neighbours(values: dict[str, float], angle: float) -> list[dict[str, float]]
 
 def starts(problem: Problem, outs: list[np.ndarray], peaks: int = 2) -> dict[tuple[str, str], list[dict]]:
     """Parameter sets for the screening, by (effect, side): each peak with two phases."""
-    powers = spectra(problem, outs)
     found: dict[str, set[float]] = {"left": set(), "right": set()}
-    for name, power in powers.items():
-        power = power.copy()
+    lines = spectra(problem, outs)
+    for name, spectrum in lines.items():
+        power = spectrum.power.copy()
         for _ in range(peaks):
             k = int(np.argmax(power))
-            if power[k] < 8.0:
+            if power[k] < LEAST_POWER:
                 break
             for side in ("left", "right") if name == "both" else (name,):
-                found[side].add(float(CYCLES[k]))
-            power[max(0, k - 4):k + 5] = 0.0
-    if "right" in powers:
+                found[side].add(float(spectrum.cycles[k]))
+            power[np.abs(spectrum.cycles - spectrum.cycles[k]) <= PEAK_CYCLES] = 0.0
+    if "right" in lines:
         shared = found["left"] | found["right"]
         found = {"left": shared, "right": shared}
     size = problem.effects["torque_ripple"].parameters[0].starts[0]
     return {("torque_ripple", side): [{"amplitude_nm": size, "cycles_per_rev": n, "phase_rad": phase}
                                       for n in sorted(cycles) for phase in (0.0, np.pi / 2)]
-            for side, cycles in found.items() if side in powers}
+            for side, cycles in found.items() if side in lines}

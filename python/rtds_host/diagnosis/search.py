@@ -93,7 +93,8 @@ class Search:
             models = [apply(self.effects, self.problem.with_nuisances(s), hypothesis, values) for s in starts]
             z = starts[int(np.argmin([float(r @ r) for r in self.problem.residuals(models)]))]
         known = {m: c for m, c in beside.columns.items() if m in hypothesis} if rough else None
-        fit = self.fitter.fit(hypothesis, start, z, noise, ROUGH_ITERATIONS if rough else ITERATIONS, known)
+        fit = self.fitter.fit(hypothesis, start, z, noise, ROUGH_ITERATIONS if rough else ITERATIONS, known,
+                              by_nuisance=beside.by_nuisance)
         best = self.fits.get(hypothesis)
         if best is None or fit.cost < best.cost:
             self.fits[hypothesis] = fit

@@ -18,7 +18,7 @@ HOLES_A_ROW = 1.0 / 100.0
 STILL_TIMES = 5.0
 
 
-def _start_row(log: RunLog, case: Case, rows: np.ndarray) -> int | None:
+def start_row(log: RunLog, case: Case, rows: np.ndarray) -> int | None:
     """First of `rows` at which a replay can start: every wheel's speed measured, or the robot at rest; else None.
 
     Without a measured speed a replay starts at rest (contract, section 2).
@@ -36,11 +36,6 @@ def _start_row(log: RunLog, case: Case, rows: np.ndarray) -> int | None:
         if len(v) < 4 or np.ptp(v) > STILL_TIMES * (case.robot.noise(c) or 0.0):
             return None
     return int(rows[0]) if angles else None
-
-
-def _part(log: RunLog, first: int, last: int, name: str) -> RunLog:
-    rows = slice(first, last)
-    return replace(log, name=name, t=log.t[rows], columns={c: v[rows] for c, v in log.columns.items()})
 
 
 def _long_enough(log: RunLog, first: int, last: int) -> bool:
@@ -74,7 +69,7 @@ def _cut(log: RunLog, case: Case) -> tuple[list[RunLog], list[Finding]]:
     bounds = np.concatenate([[0], holes + 1, [len(log.t)]])
     starts = []
     for k, (a, b) in enumerate(itertools.pairwise(bounds)):
-        first = int(a) if k == 0 else _start_row(log, case, np.arange(a, b))
+        first = int(a) if k == 0 else start_row(log, case, np.arange(a, b))
         if first is None or not _long_enough(log, first, int(b)):
             starts.append(None)
         else:
@@ -90,5 +85,5 @@ def _cut(log: RunLog, case: Case) -> tuple[list[RunLog], list[Finding]]:
         text += f"; without a measured speed a run cannot start moving{ends}"
     lost = len(log.t) - sum(b - a for a, b in kept)
     text += f": cut there into {len(kept)} run(s)" + (f", {percent(lost / len(log.t))} of the rows left out" if lost else "")
-    parts = [_part(log, a, b, log.name if k == 0 else f"{log.name} ({k + 1})") for k, (a, b) in enumerate(kept)]
+    parts = [replace(log.rows(a, b), name=log.name if k == 0 else f"{log.name} ({k + 1})") for k, (a, b) in enumerate(kept)]
     return parts, [Finding(log.name, "t", "gap", "warning", f"{text}.", lost / len(log.t))]

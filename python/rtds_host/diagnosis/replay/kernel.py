@@ -124,10 +124,11 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     dry = False
     outer = 1
     for k in range(2):
-        th[k] = start[3 + k]
-        w[k] = start[5 + k]
+        # The start is as sensors report it: an encoder's scale acts on the angle from its zero (contract, section 3).
+        th[k] = start[3 + k] / side[k, W_GAIN]
+        w[k] = start[5 + k] / side[k, W_GAIN]
         wm[k] = w[k]
-        wf[k] = start[9 + k]
+        wf[k] = start[9 + k] / side[k, W_GAIN]
         cur[k] = start[7 + k]
         if side[k, STIFF] > 0.0:
             contact[k] = _SPRING
@@ -227,7 +228,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                 out[ka, 1 + k] = cur[k] * side[k, I_GAIN] + side[k, I_BIAS]
                 # The encoder sits at the gear's output, before any play or spring (contract, section 7).
                 out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else wm[k]) * side[k, W_GAIN]
-                out[ka, 5 + k] = start[3 + k] + (th[k] + play[k] - start[3 + k]) * side[k, W_GAIN]
+                out[ka, 5 + k] = (th[k] + play[k]) * side[k, W_GAIN]
             out[ka, 7] = rate * com[GYRO_GAIN] + com[GYRO_BIAS]
             ka += 1
         if kp >= n and ka >= n:
@@ -368,7 +369,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                             span_a = t_cmd[nearer] - t_cmd[kc - 1]
                             share = min(max((now + done - 0.5 * h - dc - t_cmd[kc - 1]) / span_a, 0.0), 1.0) if span_a > 0.0 else 0.0
                             at = angle[kc - 1, k] + share * (angle[nearer, k] - angle[kc - 1, k])
-                            at = start[3 + k] + (at - start[3 + k]) / side[k, W_GAIN]
+                            at /= side[k, W_GAIN]
                         torque += side[k, RIPPLE] * math.sin(side[k, RIPPLE_N] * at + side[k, RIPPLE_PHI])
                     fluid = gear * gear * side[k, B] + side[k, VISCOUS_W]
                     if side[k, ASYM_V] != 0.0:

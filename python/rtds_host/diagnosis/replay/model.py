@@ -202,6 +202,14 @@ def _angle(log: RunLog, side: str, start: float) -> np.ndarray:
     return start + np.concatenate([[0.0], np.cumsum(_filled(log, f"w_{side}", 0.0)[:-1] * np.diff(log.t))])
 
 
+def stretch_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.ndarray, ...]:
+    """The same for rows first <= k < last of a robot's run, started from what is measured at the first of them."""
+    t, _, commands, bus, angle, run, _ = run_inputs(log, robot)
+    before = max(0, first - HISTORY_ROWS)
+    return (np.ascontiguousarray(t[first:last]), np.ascontiguousarray(t[before:last]), np.ascontiguousarray(commands[before:last]),
+            np.ascontiguousarray(bus[before:last]), angle, run, start_state(log.rows(first, last), robot))
+
+
 def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.ndarray, ...]:
     """The same for rows first <= k < last of a single axis, started from the measured state there.
 
