@@ -82,7 +82,7 @@ def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
 def account(search: Search, fit: Fit) -> Account:
     """Name the effects of the most probable explanation that stand on their own evidence."""
     dropped: dict[tuple[str, str], str] = {}
-    rough = True
+    rough, fewest = True, len(fit.hypothesis)
     while True:
         standing = [_standing(search, fit, member, rough) for member in fit.hypothesis]
         weakest = min(standing, key=lambda s: s.probability, default=None)
@@ -94,6 +94,10 @@ def account(search: Search, fit: Fit) -> Account:
         elif least is not None and not worth_naming(*least.gaps):
             dropped[least.member] = "closes next to nothing of the gap"
             fit = search.try_fit(least.without.hypothesis, least.without.u, least.without)
+        elif len(fit.hypothesis) < fewest:
+            # Those that are left may have leant on one that is gone; another of as many may explain more.
+            fewest = len(fit.hypothesis)
+            fit = search.exchange(fit, LARGEST_SET)
         elif rough:
             rough = False
         else:

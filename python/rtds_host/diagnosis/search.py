@@ -17,6 +17,7 @@ from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, joined, scal
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.problem import HEADING_GAIN, Problem
 from rtds_host.diagnosis.screen import Candidate, Screen, Signature, clashes, moves_of
+from rtds_host.diagnosis.twins import twins
 
 # Effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's guess.
 EXPECTED_EFFECTS = 2.0
@@ -72,9 +73,14 @@ class Search:
         return fit.score - 2.0 * self.log_prior(fit.hypothesis)
 
     def named(self, fit: Fit) -> bool:
-        """Whether each effect is big enough to be named: a `ratio` within 3 % of 1 on R, K, J or B is a nuisance."""
-        return all(not self.effects[e].nuisance or abs(values["ratio"] - 1.0) > NUISANCE_BAND
-                   for (e, _), values in zip(fit.hypothesis, fit.values))
+        """Whether each effect is big enough to be named, and no larger than can be: a `ratio` within 3 % of 1 on R, K, J or B
+        is a nuisance, and a size that rests on its bound stands in for something else."""
+        return all(not (self.effects[e].nuisance and abs(values["ratio"] - 1.0) <= NUISANCE_BAND)
+                   and not self._at_its_bound(e, values) for (e, _), values in zip(fit.hypothesis, fit.values))
+
+    def _at_its_bound(self, effect: str, values: dict[str, float]) -> bool:
+        p = self.effects[effect].parameters[0]
+        return values[p.name] >= p.high or (p.logarithmic and values[p.name] <= p.low)
 
     def best(self) -> Fit:
         """The most probable explanation so far."""
@@ -142,13 +148,17 @@ class Search:
         for screen in screens:
             sides: dict[str, list[Candidate]] = {}
             for c in screen.candidates():
-                if c.gain > 0.0:
+                if c.gain > 0.0 and not self._doubles(c.member, screen.taken):
                     sides.setdefault(c.member[0], []).append(c)
             for mine in list(sides.values())[:count]:
                 for c in mine[:2]:
                     if c.gain >= NEARLY * mine[0].gain:
                         picked.setdefault(c.member, c)
         return list(picked.values())
+
+    def _doubles(self, member: tuple[str, str], hypothesis: Hypothesis) -> bool:
+        """Whether an explanation holds this effect already, or one that these runs could as well be blamed on."""
+        return clashes(member, hypothesis) or any(twin in hypothesis for twin in twins(self.problem.case, member))
 
     def grow(self, fit: Fit, count: int) -> Fit | None:
         """Add the effect that the evidence asks for most; None if there is none."""
@@ -279,7 +289,7 @@ class Search:
 
         No small step leads there from either alone where the misfit is kinked, as it is at a delay of whole samples.
         """
-        if swapped.cost - fit.cost > (1.0 - NEARLY) * (alone.cost - fit.cost) or clashes(other, fit.hypothesis):
+        if swapped.cost - fit.cost > (1.0 - NEARLY) * (alone.cost - fit.cost) or self._doubles(other, fit.hypothesis):
             return []
         parts = {**swapped.parts, member: 0.5 * fit.parts[member], other: 0.5 * swapped.parts[other]}
         return [self.try_fit(*joined(parts), swapped)]

@@ -21,7 +21,7 @@ EFFECT = Effect(
     subsystem="chassis",
     sided=False,
     parameters=(
-        Parameter("mass_kg", "kg", scale="mass", null=0, low=-0.95, high=50, spread=0.5, starts=(0.3, -0.2, 1.0),
+        Parameter("mass_kg", "kg", scale="mass", null=0, low=-0.95, high=5, spread=0.5, starts=(0.3, -0.2, 1.0),
                   meaning="mass (of an axis: load) beyond what is declared",
                   declared={"inertia": ("inertia_kg_m2", "kg·m²"), "pendulum": ("mass_kg", "kg"), "linear": ("mass_kg", "kg")}),
     ),

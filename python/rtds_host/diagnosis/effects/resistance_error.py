@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="winding",
     sided=True,
     parameters=(
-        Parameter("ratio", "1", null=1, low=0.1, high=10, spread=0.15, starts=(0.9, 1.15),
+        Parameter("ratio", "1", null=1, low=0.5, high=2.5, spread=0.15, starts=(0.9, 1.15),
                   meaning="R over its nominal value"),
     ),
     apply=scale("resistance"),

@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="drivetrain",
     sided=True,
     parameters=(
-        Parameter("ratio", "1", null=1, low=0.05, high=20, spread=0.2, starts=(0.85, 1.2),
+        Parameter("ratio", "1", null=1, low=0.05, high=10, spread=0.2, starts=(0.85, 1.2),
                   meaning="J over its nominal value"),
     ),
     apply=scale("rotor_inertia"),

@@ -16,7 +16,7 @@ EFFECT = Effect(
     subsystem="winding",
     sided=True,
     parameters=(
-        Parameter("ratio", "1", null=1, low=0.1, high=10, spread=0.12, starts=(0.92, 1.1),
+        Parameter("ratio", "1", null=1, low=0.6, high=1.7, spread=0.12, starts=(0.92, 1.1),
                   meaning="Km and Kb over their nominal values"),
     ),
     apply=_apply,
