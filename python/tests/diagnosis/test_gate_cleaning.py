@@ -11,6 +11,7 @@ from rtds_host.diagnosis.gap import errors, gap, pooled
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.gate.rounding import step_of
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 
 
@@ -131,6 +132,81 @@ def test_a_robot_at_rest_whose_encoder_repeats_itself_keeps_every_sample(case):
                 columns[c][t < 0.3] = 0.0
     still = changed(case, edit)
     assert aside(still, examine(still)) == {}
+
+
+def at_rest_until(seconds, channels, **offsets):
+    """An edit that makes channels repeat 0 exactly, and shifts others, for the first seconds: encoders at a standstill."""
+    def edit(t, columns):
+        for c in channels:
+            columns[c][t < seconds] = 0.0
+        for c, offset in offsets.items():
+            columns[c] += offset
+    return edit
+
+
+def standing(robot=None, **commands):
+    """A run of 8 s that stands for 2 s in the middle; `commands` scale the sides."""
+    robot = robot or builtin_robot("burger")
+    t = np.arange(801) * 0.01
+    v = 5.0 * np.sin(2 * np.pi * t / 2.7)[:, None] * np.array([commands.get("left", 1.0), commands.get("right", 1.0)])
+    v[(t >= 3.0) & (t < 5.0)] = 0.0
+    run = RunLog("stand", make_run("stand", nominal_model(robot), robot, "steps").meta, t,
+                 {"v_cmd_l": v[:, 0], "v_cmd_r": v[:, 1]})
+    out = replay_run(nominal_model(robot), run_inputs(run, robot))
+    return Case("stand", robot, (dataclasses.replace(run, columns={**run.columns, **dict(zip(OUTPUTS, out.T))}),)), robot
+
+
+def noisy(case, robot, seed=3):
+    """The case with the sensors' noise."""
+    rng = np.random.default_rng(seed)
+    return changed(case, lambda t, columns: columns.update(
+        {c: columns[c] + robot.noise(c) * rng.standard_normal(len(t)) for c in OUTPUTS}))
+
+
+def test_a_gyro_with_an_offset_does_not_make_a_standing_robot_move(case):
+    still = changed(case, at_rest_until(0.3, ("w_l", "w_r", "th_l", "th_r"), gyro_z=0.05))
+    assert aside(still, examine(still)) == {}
+
+
+@pytest.mark.parametrize("missing", [(), ("th_l", "th_r"), ("th_l", "th_r", "gyro_z")])
+def test_a_wheel_that_stands_while_the_other_turns_was_not_held(missing):
+    clean, robot = standing(left=0.0)
+    pivot = changed(noisy(clean, robot), at_rest_until(1.0, ("w_l",)))
+    pivot = without(pivot, *missing)
+    assert aside(pivot, examine(pivot)) == {}
+
+
+@pytest.mark.parametrize("missing", [(), ("th_l", "th_r")])
+def test_a_wheel_that_turns_while_its_speed_repeats_0_was_held(missing):
+    clean, robot = standing()
+    held = without(changed(noisy(clean, robot), at_rest_until(1.0, ("w_l",))), *missing)
+    assert aside(held, examine(held)) == {("stand", "w_l"): list(range(1, 100))}
+
+
+def test_a_body_that_goes_straight_may_repeat_its_yaw_rate():
+    clean, robot = standing()
+    straight = changed(noisy(clean, robot), at_rest_until(1.0, ("gyro_z",)))
+    assert aside(straight, examine(straight)) == {}
+
+
+def test_a_driver_that_is_off_shows_no_current_while_the_other_wheel_turns():
+    clean, robot = standing(left=0.0)
+    off = changed(noisy(clean, robot), at_rest_until(1.0, ("i_l",)))
+    assert aside(off, examine(off)) == {}
+
+
+def test_a_log_without_noise_that_settles_was_not_held():
+    """A simulator's log: a steady speed repeats itself to the last digit that is written."""
+    robot = builtin_robot("burger")
+    t = np.arange(3001) * 0.004
+    v = 5.0 + np.where((t > 5.0) & (t < 7.0), 0.0, 2.0 * np.sin(1.7 * (t - 5.0)))
+    run = RunLog("steady", make_run("steady", nominal_model(robot), robot, "steps").meta, t,
+                 {"v_cmd_l": v, "v_cmd_r": 0.9 * v})
+    out = replay_run(nominal_model(robot), run_inputs(run, robot)).astype(np.float32).astype(float)
+    steady = Case("steady", robot, (dataclasses.replace(run, columns={**run.columns, **dict(zip(OUTPUTS, out.T))}),))
+    same = np.diff(steady.runs[0].columns["w_l"]) == 0
+    assert 0.05 < np.mean(same) < 0.2
+    assert aside(steady, examine(steady)) == {}
 
 
 def test_clipped_samples_are_set_aside(case):

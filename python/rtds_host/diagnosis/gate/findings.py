@@ -87,4 +87,4 @@ def merged(found: list[Finding], runs: int) -> list[Finding]:
 
 def percent(share: float) -> str:
     """A share as text, with two digits and never 0 for what is there."""
-    return f"{100 * share:.2g} %"
+    return f"{100 * share:.0f} %" if share >= 0.0995 else f"{100 * share:.2g} %"

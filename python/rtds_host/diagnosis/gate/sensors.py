@@ -18,6 +18,9 @@ MOVES, SHOWS, STILL = 5.0, 20.0, 3.0
 REPEATS, REPEATS_S, SELDOM = 8, 0.05, 0.3
 # Steps of this many noises hide the noise; looked for within so many noises of a value.
 COARSE, NEAR = 0.3, 20.0
+# A channel is noisy where it bends by more than this many noises from sample to sample (white noise: 1.65 in the median);
+# a stretch is looked at in so many parts.
+SCATTERS, PARTS = 0.5, 8
 # Samples on one limit: so many, so many times as many as on the fullest level beside it, and in so long a row.
 ON_LIMIT, ON_LIMIT_SHARE, LEVEL_TIMES, IN_A_ROW = 20, 0.005, 5.0, 3
 
@@ -57,7 +60,7 @@ def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Fi
                                      1.0))
             continue
         if np.isfinite(replayed).all() and not c.startswith("th_") and c not in ("x", "y", "yaw"):
-            for judge in (_clipped(log, c, v, replayed[good, OUTPUT_INDEX[c]], noise), _frozen(log, c, v, t, noise, robot)):
+            for judge in (_clipped(log, c, v, replayed[good, OUTPUT_INDEX[c]], noise), _frozen(log, c, v, t, noise, robot, replayed)):
                 if judge is not None:
                     found.append(judge[0])
                     aside[c] = np.union1d(aside.get(c, np.empty(0, int)), good[judge[1]])
@@ -118,30 +121,89 @@ def _fine_about(v: np.ndarray, value: float, noise: float) -> bool:
     return len(near) > 1 and float(np.min(np.diff(near))) < COARSE * noise
 
 
-def _moves_within(log: RunLog, robot: Robot, c: str, first: float, last: float) -> bool:
-    """Whether a channel beside `c` moves beyond its noise between two times: a sensor at rest may well repeat itself."""
-    rows = slice(*np.searchsorted(log.t, [first, last + 1e-12]))
+def _noisy_about(v: np.ndarray, value: float, noise: float) -> bool:
+    """Whether a channel scatters from sample to sample about a value: a simulator's log, or a filtered one, settles and
+    then repeats itself without being held."""
+    near = np.abs(v - value) < NEAR * noise
+    bend = np.abs(v[2:] - 2.0 * v[1:-1] + v[:-2])[near[2:] & near[1:-1] & near[:-2]]
+    bend = bend[bend > 0]
+    return len(bend) > 0 and float(np.median(bend)) > SCATTERS * noise
+
+
+def _moves_within(log: RunLog, robot: Robot, c: str, rows: slice) -> bool:
+    """Whether a channel beside `c` moves beyond its noise in these rows: a robot at rest may well repeat itself."""
     for other in channels(robot):
         if other == c or other in ("v_bus", "i_l", "i_r") or not log.has(other) or robot.noise(other) is None:
             continue
         v = log.columns[other][rows]
         v = v[np.isfinite(v)]
-        level = abs(float(np.median(v))) if other[0] in "wg" and len(v) else 0.0
-        if len(v) and max(level, float(np.ptp(v)) / 2.0) > MOVES * robot.noise(other):
+        if not len(v):
+            continue
+        # Medians of parts: in many samples the noise alone spans more than a few of its sigmas.
+        parts = np.array([np.median(part) for part in np.array_split(v, min(len(v), PARTS))])
+        # A gyro has an offset: its level alone says little.
+        level = abs(float(np.median(v))) / {"w": MOVES, "g": SHOWS}.get(other[0], math.inf)
+        if max(level, float(np.ptp(parts)) / 2.0 / MOVES) > robot.noise(other):
             return True
     return False
 
 
-def _frozen(log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float,
-            robot: Robot) -> tuple[Finding, np.ndarray] | None:
+def _change(log: RunLog, c: str, rows: slice) -> float:
+    """What a channel changes by within rows, NaN where it has no two samples."""
+    v = log.columns[c][rows] if log.has(c) else np.empty(0)
+    v = v[np.isfinite(v)]
+    return float(v[-1] - v[0]) if len(v) > 1 else math.nan
+
+
+def _level(log: RunLog, c: str, rows: slice) -> float:
+    v = log.columns[c][rows] if log.has(c) else np.empty(0)
+    v = v[np.isfinite(v)]
+    return float(np.median(v)) if len(v) else math.nan
+
+
+def _at_rest(log: RunLog, robot: Robot, c: str, value: float, rows: slice, replayed: np.ndarray) -> bool:
+    """Whether a channel that repeats about 0 may mean it: a wheel that stands, a body that does not turn, no current.
+
+    Only what sees the same thing contradicts it: the wheel's angle, or gyro and other wheel; the yaw, or both wheels;
+    of a current the nominal robot's. What nothing contradicts is believed.
+    """
+    noise = robot.noise(c)
+    if abs(value) > MOVES * noise:
+        return False
+    seconds = float(np.ptp(log.t[rows]))
+    if c[0] == "i":
+        return not float(np.median(np.abs(replayed[rows, OUTPUT_INDEX[c]]))) > SHOWS * noise
+    own, other = (f"th_{c[-1]}", "w_r" if c[-1] == "l" else "w_l") if c[0] == "w" else ("yaw", "")
+    if np.isfinite(turned := _change(log, own, rows)) and (sigma := robot.noise(own)):
+        return abs(turned - value * seconds) <= MOVES * math.hypot(sigma, noise * seconds)
+    body = robot.chassis
+    if body is None:
+        return True
+    if c == "gyro_z":
+        expected = body.wheel_radius_m / body.track_width_m * (_level(log, "w_r", rows) - _level(log, "w_l", rows))
+        return not abs(expected - value) > SHOWS * noise
+    turn = _level(log, "gyro_z", rows) * body.track_width_m / body.wheel_radius_m
+    beside = _level(log, other, rows)
+    expected = beside + (turn if other == "w_l" else -turn)
+    return not abs(expected - value) > max(SHOWS * noise, 0.5 * abs(beside))
+
+
+def _frozen(log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float, robot: Robot,
+            replayed: np.ndarray) -> tuple[Finding, np.ndarray] | None:
     """A noisy channel that repeats one value for long while the robot moves."""
     same = np.diff(v) == 0
     if len(v) < 50 or np.mean(same) > SELDOM or float(np.min(np.diff(np.unique(v)))) > COARSE * noise:
         # A coarse sensor repeats itself.
         return None
     first, long = _stretches(same)
-    held = [(a, n) for a, n in zip(first, long) if n + 1 >= REPEATS and t[a + n] - t[a] >= REPEATS_S
-            and _fine_about(v, v[a], noise) and _moves_within(log, robot, c, t[a], t[a + n])]
+    held = []
+    for a, n in zip(first, long):
+        if n + 1 < REPEATS or t[a + n] - t[a] < REPEATS_S:
+            continue
+        rows = slice(*np.searchsorted(log.t, [t[a], t[a + n] + 1e-12]))
+        if (_fine_about(v, v[a], noise) and _noisy_about(v, v[a], noise) and _moves_within(log, robot, c, rows)
+                and not _at_rest(log, robot, c, v[a], rows, replayed)):
+            held.append((a, n))
     if not held:
         return None
     at, n = max(held, key=lambda h: h[1])
@@ -149,8 +211,8 @@ def _frozen(log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float,
     aside = np.concatenate([np.arange(a + 1, a + n + 1) for a, n in held])
     share = len(aside) / len(v)
     return Finding(log.name, c, "frozen", "warning",
-                   f"{c} repeats {v[at]:.4g} for {t[at + n] - t[at]:.3g} s from t = {t[at]:.4g} s: samples were held; "
-                   f"{percent(share)} of them are set aside.", share), aside
+                   f"{c} repeats {v[at]:.4g} for {t[at + n] - t[at]:.3g} s from t = {t[at]:.4g} s while the robot moves: "
+                   f"samples were held; {percent(share)} of them are set aside.", share), aside
 
 
 def without(log: RunLog, aside: dict[str, np.ndarray]) -> RunLog:
