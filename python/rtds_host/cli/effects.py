@@ -41,5 +41,6 @@ def effects(
     lines += [f"  {p.name} [{p.unit}]: {p.meaning or 'see the equation'}; within {p.low:.4g} to {p.high:.4g}, absent at {p.null:.4g}"
               for p in effect.parameters]
     lines += [f"  taken for: {', '.join(effect.confused_with)}", f"  shown by: {effect.shown_by}",
-              f"  in the simulator: {PLACE_NAMES[effect.runs_in]}", f"  on the robot: {effect.advice}"]
+              f"  in the simulator: {PLACE_NAMES[effect.runs_in]}", f"  to check: {effect.check}",
+              f"  on the robot: {effect.advice}"]
     console.print("\n".join(lines), highlight=False, markup=False)

@@ -149,6 +149,7 @@ def conclude(found: Investigation, gate: Gate | None,
         case=problem.case, gate=gate, localisation=localisation, localisation_after=after if weighed.standing else None,
         candidates=_candidates(found, weighed), traces=held.traces,
         regimes={k: {n: _round(v) for n, v in e.items()} for k, e in held.regimes.items()}, run_gaps=held.runs,
+        decided={tuple(_named(problem, member).values()): found for member, found in held.decided.items()},
         notes=list(problem.case.notices) + held.notes)
     return diagnosis, details
 
@@ -266,7 +267,8 @@ def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
     rows = []
     for fit in fits:
         if fit.hypothesis == chosen.hypothesis:
-            verdict, reason = "blamed", "explains the runs best, each of its effects on its own evidence"
+            verdict, reason = "blamed", ("explains the runs best, each of its effects on its own evidence" if fit.hypothesis
+                                           else "no effect stands beside it on its own evidence")
         elif any(h in equals for h in fit.hypothesis) and fit.hypothesis in likely:
             verdict, reason = "alike", "fits these runs as well as what is blamed"
         elif out := [weighed.dropped[h] for h in fit.hypothesis if h in weighed.dropped]:

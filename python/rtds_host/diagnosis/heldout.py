@@ -27,11 +27,13 @@ SHOWN = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y"
 
 @dataclass
 class HeldOut:
-    """Gaps on held-out runs: channels by model ("before", "refit", "after"); without : by effect, the gap without it; runs,
+    """Gaps on held-out runs: channels by model ("before", "refit", "after"); without : by effect, the gap without it; decided :
+    by effect, the channel that misses it most, and that channel's gap without and with it; runs,
     regimes : by name, gap by model; interval : 90 % of the share closed on another run, None where it cannot be said."""
 
     channels: dict[str, dict[str, float]]
     without: dict[tuple[str, str], float]
+    decided: dict[tuple[str, str], tuple[str, float, float]]
     runs: dict[str, dict[str, float]]
     regimes: dict[str, dict[str, float]]
     traces: dict[str, dict[str, Trace]]
@@ -109,8 +111,11 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
             c: Trace(data.log.t, data.log.columns[c], nominal[:, n], shown["refit"][:, n], shown["after"][:, n])
             for n, c in enumerate(SHOWN) if data.log.has(c)}
     channels = {name: gaps.pooled(parts[name]) for name in ("before", "refit", "after")}
-    without = {s.member: gaps.gap(gaps.pooled(parts[s.member])) for s in account.standing}
-    return HeldOut(channels, without, runs, _by_regime(by_regime), traces, _for_another(stretches), notes)
+    lacking = {s.member: gaps.pooled(parts[s.member]) for s in account.standing}
+    without = {member: gaps.gap(found) for member, found in lacking.items()}
+    decided = {member: max(((c, value, channels["after"][c]) for c, value in found.items()), key=lambda d: d[1]**2 - d[2]**2)
+               for member, found in lacking.items()}
+    return HeldOut(channels, without, decided, runs, _by_regime(by_regime), traces, _for_another(stretches), notes)
 
 
 def _for_another(stretches: list[tuple[float, float]]) -> tuple[float, float] | None:

@@ -117,22 +117,22 @@ def _cells(row: dict) -> list[tuple[str, str]]:
             (f'<span class="badge {verdict}">{verdict}</span>', verdict),
             ("<br>".join(blamed), escape(" ".join(row["effects"]))),
             figure(row["probability"], percent), figure(row["gap_before"], number), figure(row["gap_refit"], number),
-            figure(row["gap_after"], number), figure(row["closed"], percent),
+            *(figure(row[name], show) if blamed else ("", "") for name, show in (("gap_after", number), ("closed", percent))),
             figure(row["seconds"], lambda s: f"{s:.1f}"), ("", "")]
 
 
 def overview_page(rows: list[dict]) -> str:
     """`index.html`: all cases in one self-contained page; a click on a column's head sorts by it."""
     style = resources.files("rtds_host.diagnosis.report").joinpath("style.css").read_text(encoding="utf-8")
-    verdicts = {v: sum(r["verdict"] == v for r in rows) for v in ("known", "none", "unknown")}
+    verdicts = {v: sum(r["verdict"] == v for r in rows) for v in ("known", "partial", "unknown", "none")}
     failed = sum(r["error"] is not None for r in rows)
     figures = [(len(rows), "cases"), *[(n, v) for v, n in verdicts.items()], (failed, "failed")]
     head = "".join(f'<th{" class=n" if n else ""}>{escape(title)}</th>' for title, n in _COLUMNS)
     body = "\n".join("<tr>" + "".join(
-        f'<td{" class=n" if n else ""} data-v="{key}">{shown}</td>'
-        for (shown, key), (_, n) in zip(_cells(row), _COLUMNS, strict=True)) + "</tr>" for row in rows)
+        f'<td{" class=n" if n else ""} data-h="{escape(title)}" data-v="{key}">{shown}</td>'
+        for (shown, key), (title, n) in zip(_cells(row), _COLUMNS, strict=True)) + "</tr>" for row in rows)
     return ('<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" '
-            'content="width=device-width"><title>Diagnoses</title><link rel="icon" href="data:,">\n'
+            'content="width=device-width, initial-scale=1"><title>Diagnoses</title><link rel="icon" href="data:,">\n'
             f"<style>{style}{_STYLE}</style></head><body><main><section><h1>Diagnoses</h1>"
             '<div class="figures">'
             + "".join(f"<div><b>{n}</b><span>{escape(word)}</span></div>" for n, word in figures)

@@ -96,6 +96,28 @@ def example_diagnosis() -> dict:
     }
 
 
+def example_of(verdict: str) -> dict:
+    """The same with another verdict: `partial` and `unknown` with a rest of 40 % and 90 %, `none` without a gap."""
+    diagnosis = example_diagnosis()
+    diagnosis["verdict"] = verdict
+    if verdict == "none":
+        diagnosis.update(effects=[], next_experiment=None, located=[], budget=[],
+                         alternatives=[{"effects": [], "probability": 0.99}, {"effects": "unknown", "probability": 0.01}])
+        diagnosis["gap"].update(before=1.2, refit=1.02, after=1.02, closed=None, closed_ci90=None, effect_closed=None,
+                                channels={"w_l": {"before": 1.3, "refit": 1.02, "after": 1.02}})
+    elif verdict == "partial":
+        diagnosis["budget"] = [{"what": "effect", "id": "coulomb_friction", "side": "both", "share": 0.55},
+                               {"what": "tolerance", "share": 0.05}, {"what": "rest", "subsystem": "wheel_ground", "share": 0.4}]
+        diagnosis["gap"]["rest"] = {"share": 0.4, "structured": True, "subsystem": "wheel_ground"}
+    elif verdict == "unknown":
+        diagnosis.update(effects=[], budget=[{"what": "tolerance", "share": 0.1},
+                                             {"what": "rest", "subsystem": "drivetrain", "share": 0.9}])
+        diagnosis["gap"].update(after=13.9, effect_closed=0.0, closed=0.02,
+                                channels={"w_l": {"before": 20.1, "refit": 19.8, "after": 19.8}},
+                                rest={"share": 0.9, "structured": True, "subsystem": "drivetrain"})
+    return diagnosis
+
+
 def example_details() -> Details:
     """Details of a case with friction: replays before and after as traces."""
     truth = nominal_model(builtin_robot("burger"))
@@ -119,4 +141,5 @@ def example_details() -> Details:
     return Details(case=case, gate=examine(case), localisation=localise(case, nominal),
                    localisation_after=localise(case, truth), candidates=candidates, traces=traces,
                    regimes={"slow": {"before": 20.0, "refit": 19.0, "after": 1.1}},
-                   run_gaps={"steps": {"before": 14.2, "refit": 13.9, "after": 1.08}}, seconds=1.0)
+                   run_gaps={"steps": {"before": 14.2, "refit": 13.9, "after": 1.08}},
+                   decided={("coulomb_friction", "both"): ("w_l", 19.8, 1.05)}, seconds=1.0)

@@ -46,8 +46,12 @@ def test_no_effect_is_none_even_with_motors_that_scatter():
     ("current_bias", 0.012, (1,), "current_bias", "right", "amperes"),
 ])
 def test_one_effect_is_named_with_its_side_and_size(slot, amount, sides, effect, side, parameter):
-    diagnosis, _ = run(make_case(lambda m: m.add(slot, amount, sides), seed=22))
+    diagnosis, details = run(make_case(lambda m: m.add(slot, amount, sides), seed=22))
     assert diagnosis["verdict"] == "known" and blamed(diagnosis) == [(effect, side)]
+    (who, (channel, lacking, explained)), = details.decided.items()
+    assert who == (effect, side) and lacking > 2.0 and explained == pytest.approx(1.0, abs=0.1)
+    assert channel == "i_r" or slot != "current_bias"
+    assert lacking == pytest.approx(diagnosis["gap"]["channels"][channel]["refit"], rel=0.02)
     entry = diagnosis["effects"][0]["parameters"][parameter]
     assert entry["value"] == pytest.approx(amount, rel=0.1)
     assert entry["ci90"][0] <= amount * 1.05 and entry["ci90"][1] >= amount * 0.95

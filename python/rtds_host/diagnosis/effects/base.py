@@ -21,7 +21,7 @@ class Parameter:
     SI. least : the scale below whose negative it cannot fall. null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
     about `null` (sets the price of a free parameter); starts : values to start a fit from; difference : step of a
     derivative, in spreads; optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form,
-    not its size; declared : by the kind of a single axis, the value of `[axis]` that it adds to, and its unit: a fit then
+    not its size; of : the value of robot.toml that it is a factor of, as "table.key"; declared : by the kind of a single axis, the value of `[axis]` that it adds to, and its unit: a fit then
     works in shares of that value, since loads of axes span many orders of magnitude.
     """
 
@@ -36,6 +36,7 @@ class Parameter:
     difference: float = 0.01
     optional: bool = False
     shape: bool = False
+    of: str = ""
     declared: Mapping[str, tuple[str, str]] | None = None
     scale: str = "one"
     least: str = ""
@@ -83,7 +84,8 @@ class Effect:
     differences, so that no replay follows it for long. `separate`: each parameter is a part of its own, absent where only
     another one is there. `nonlinear`: its signature changes its form with its size, and with what the other side does.
     `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima. `without_winding`:
-    it exists on a machine whose torque is commanded. `seen_by`: channels (without side) of which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
+    it exists on a machine whose torque is commanded. `check`: a measurement by hand that shows this effect and none of
+    `confused_with`; `advice`: what to do once it is shown. `seen_by`: channels (without side) of which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
     "robot" or "signal". `restarts`: parameters to fit from as well, where the misfit has more than one minimum. `form`: what
     share of its size formulations of it differ by, one sigma: next to nothing where a definition or a law stands behind it,
     more where a model of friction or contact does.
@@ -98,6 +100,7 @@ class Effect:
     source: str
     confused_with: tuple[str, ...]
     shown_by: str
+    check: str
     advice: str
     runs_in: str
     nuisance: bool = False

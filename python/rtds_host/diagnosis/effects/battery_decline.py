@@ -15,6 +15,7 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("winding_heating", "supply_sag"),
     shown_by="a long run with steady load",
+    check="Log the voltage at the battery over a whole run: it falls steadily, under load and without.",
     advice="Charge or replace the battery, or scale the duty by the measured bus.",
     runs_in="rtl",
 )

@@ -15,6 +15,8 @@ EFFECT = Effect(
     source="contract, section 3; brush drop: A. E. Fitzgerald et al., Electric Machinery, ch. 7",
     confused_with=("driver_deadzone", "coulomb_friction"),
     shown_by="braking and coasting with current logged",
+    check="Measure the voltage at the motor's terminals at several commands, under load: the same voltage is missing "
+          "at each.",
     advice="Use a bridge with lower on-resistance, or add the drop to the command by the sign of the current.",
     without_winding=False,
     runs_in="rtl",

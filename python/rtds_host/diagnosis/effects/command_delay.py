@@ -15,6 +15,7 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("measurement_delay", "rotor_inertia_error", "backlash"),
     shown_by="steps with the pose measured",
+    check="Put an oscilloscope on the command's line and on the motor's terminals: the voltage comes late.",
     advice="Shorten the bus cycle to the driver, or predict over the delay in the controller.",
     runs_in="rtl",
     form=0.005,

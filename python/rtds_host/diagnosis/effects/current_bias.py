@@ -15,6 +15,7 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("friction_asymmetry",),
     shown_by="standstill with current logged",
+    check="Read the current with the motor's leads off: it should be 0.",
     advice="Zero the current sensor at standstill before a run.",
     seen_by=("i",),
     runs_in="signal",

@@ -15,6 +15,7 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("resistance_error", "torque_constant_error"),
     shown_by="loaded runs with current and speed",
+    check="Put an ammeter in series with the motor and compare both readings at two loads.",
     advice="Calibrate the shunt and its amplifier.",
     seen_by=("i",),
     runs_in="signal",

@@ -15,6 +15,8 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("speed_gain", "torque_constant_error", "supply_sag"),
     shown_by="steps with current and speed logged",
+    check="Measure the voltage at the motor's terminals at several commands, wheel in the air: the ratio is off by "
+          "the same factor at each.",
     advice="Measure the motor's voltage against the command; correct the supply's nominal value or the leads.",
     runs_in="rtl",
 )

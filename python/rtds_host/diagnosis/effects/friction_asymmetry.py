@@ -17,6 +17,7 @@ EFFECT = Effect(
     source="contract, section 3; A. Janot et al., Mech. Syst. Signal Process., 2017",
     confused_with=("coulomb_friction", "slope_error", "current_bias"),
     shown_by="the same speeds forwards and backwards",
+    check="Turn the wheel in the air at the same slow speed both ways: the currents differ.",
     advice="Look for wear or preload on one flank of the gear; calibrate each direction.",
     separate=True,
     runs_in="rtl",

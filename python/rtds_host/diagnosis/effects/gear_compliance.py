@@ -18,6 +18,8 @@ EFFECT = Effect(
     source="contract, section 3; M. W. Spong, J. Dyn. Syst. 109(4), 1987",
     confused_with=("backlash", "speed_filter"),
     shown_by="steps and pseudo-random voltage",
+    check="Hold the motor's shaft still and pull at the wheel's rim: a soft gear gives in proportion to the force "
+          "and springs back, free play does not.",
     advice="Stiffen the coupling, or filter the command above its resonance.",
     nonlinear=True,
     rough=True,

@@ -15,7 +15,9 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("track_width_error",),
     shown_by="spinning on the spot with the pose measured",
-    advice="Turn ten times on the spot and set the gyro's scale.",
+    check="Turn the robot by hand through ten whole turns and add up the gyro: anything but 62.83 rad is the gyro's "
+          "scale, whatever the wheels do.",
+    advice="Set the gyro's scale from the ten turns.",
     seen_by=("gyro",),
     runs_in="signal",
     axis=False,

@@ -15,6 +15,8 @@ EFFECT = Effect(
     source="contract, section 3; M. Duclusaud et al., ICRA 2025, arXiv 2410.08650",
     confused_with=("coulomb_friction", "torque_constant_error", "payload_error"),
     shown_by="hill climbing and descending with payload",
+    check="Let the wheel lift a weight and lower it again, then twice the weight: the currents of lifting and "
+          "lowering part more with more weight.",
     advice="Expect gear efficiency to fall with load; choose a gear of higher efficiency.",
     runs_in="rtl",
     form=0.02,

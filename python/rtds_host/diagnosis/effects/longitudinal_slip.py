@@ -33,6 +33,8 @@ EFFECT = Effect(
     source="contract, section 3; H. B. Pacejka, Tire and Vehicle Dynamics, 2012, sections 7.2.1 and 8.6",
     confused_with=("wheel_radius_error", "track_width_error"),
     shown_by="hill climbing with payload, pose measured",
+    check="Mark tyre and floor and drive ten wheel turns up a slope with payload, then on the level: under slip only "
+          "the first way is short.",
     advice="Use tyres of higher stiffness, lower the load, or estimate the pose from outside.",
     nonlinear=True,
     runs_in="robot",

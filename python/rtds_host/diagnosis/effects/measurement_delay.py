@@ -15,6 +15,8 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("command_delay", "speed_filter"),
     shown_by="steps with the pose measured",
+    check="Stop the wheel against a hard stop in view of a camera, or a light barrier, that shares the log's clock: "
+          "the log shows the stop late.",
     advice="Stamp the samples at the sensor, or shift them by the delay.",
     runs_in="signal",
     form=0.005,

@@ -30,7 +30,8 @@ EFFECT = Effect(
     source="contract, sections 3 and 7",
     confused_with=("slope_error", "load_friction", "rotor_inertia_error"),
     shown_by="a slope in both headings, with and without payload",
-    advice="Weigh the robot.",
+    check="Weigh the robot (of an axis: its load) as it was driven.",
+    advice="Set the measured mass in robot.toml, or the payload in run.json.",
     runs_in="robot",
     form=0.02,
 )

@@ -16,6 +16,8 @@ EFFECT = Effect(
            "Electronics, 2001, chapter 5 (discontinuous conduction)",
     confused_with=("driver_gain", "driver_deadzone", "bridge_drop", "coulomb_friction"),
     shown_by="steady speeds at several voltages, small and large",
+    check="Measure the voltage at the motor's terminals at 10, 30, 60 and 100 % of the command: its ratio to the "
+          "command changes.",
     advice="Measure the motor's voltage against the duty and invert the curve; or drive the bridge in slow decay.",
     runs_in="rtl",
 )

@@ -15,6 +15,8 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("coulomb_friction", "spin_scrub"),
     shown_by="the same run with two payloads",
+    check="Pull the robot over the level with a spring balance, motors disconnected, with payload and without: this "
+          "drag grows with the weight, a gear's does not.",
     advice="Inflate or harden the tyres; expect more of it with payload.",
     runs_in="rtl",
     axis=False,

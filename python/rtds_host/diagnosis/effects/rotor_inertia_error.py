@@ -8,14 +8,16 @@ EFFECT = Effect(
     sided=True,
     parameters=(
         Parameter("ratio", "1", null=1, low=0.05, high=10, spread=0.2, starts=(0.85, 1.2),
-                  meaning="J over its nominal value"),
+                  meaning="J over its nominal value", of="motor.rotor_inertia_kg_m2"),
     ),
     apply=scale("rotor_inertia"),
     equation="J = ratio J_nominal",
     source="contract, section 3",
     confused_with=("command_delay", "measurement_delay", "payload_error"),
     shown_by="steps and pseudo-random voltage",
-    advice="Identify J from a step response at no load.",
+    check="Step the voltage with the wheel in the air: with more inertia the speed starts at once and rises slowly, "
+          "with a delay it starts late.",
+    advice="Set J from the step response in the air.",
     runs_in="rtl",
     nuisance=True,
 )

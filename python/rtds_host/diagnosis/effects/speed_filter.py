@@ -15,6 +15,8 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("measurement_delay", "rotor_inertia_error"),
     shown_by="steps and pseudo-random voltage with angle or current",
+    check="Compare the logged speed with the slope of the logged angle after a step: a filter rounds the speed and "
+          "leaves the angle.",
     advice="Turn the driver's speed filter off, or model it in the controller.",
     seen_by=("w",),
     runs_in="signal",

@@ -15,6 +15,8 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("wheel_radius_error", "driver_gain", "torque_constant_error"),
     shown_by="straight runs with the pose measured",
-    advice="Check the counts a turn and the gear ratio in the driver.",
+    check="Turn the wheel by hand through ten whole turns and read its logged angle: anything but 62.83 rad is the "
+          "encoder's scale, whatever the tyre.",
+    advice="Set the counts a turn and the gear ratio in the driver.",
     runs_in="signal",
 )

@@ -15,6 +15,8 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("coulomb_friction", "rolling_resistance"),
     shown_by="spinning on the spot against straight runs",
+    check="Turn the robot on the spot with its caster lifted or on a slippery plate: what scrubs is gone, what the "
+          "gears lose stays.",
     advice="Use narrower tyres or a freer caster.",
     runs_in="robot",
     axis=False,

@@ -29,6 +29,7 @@ EFFECT = Effect(
     source="contract, section 3; R. Stribeck, VDI-Zeitschrift 46, 1902; Armstrong-Helouvry et al. 1994",
     confused_with=("coulomb_friction", "driver_deadzone"),
     shown_by="slow crawl with reversals",
+    check="Turn the wheel in the air ever more slowly: the current rises again towards standstill.",
     advice="Grease for low speed, dither the command, or avoid very slow motion.",
     runs_in="rtl",
     contains=("coulomb_friction",),

@@ -19,6 +19,7 @@ EFFECT = Effect(
     source="contract, section 3; cogging and gear mesh: Z. Q. Zhu, D. Howe, IEEE Trans. Energy Convers. 15(4), 2000",
     confused_with=("stribeck_friction",),
     shown_by="slow steady turning over whole turns",
+    check="Turn the wheel in the air slowly at a constant voltage: the current waves alike in every turn.",
     advice="Feed the ripple forward by angle, or change the gear stage whose tooth count matches.",
     periodic=True,
     runs_in="rtl",

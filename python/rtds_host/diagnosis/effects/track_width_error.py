@@ -8,14 +8,16 @@ EFFECT = Effect(
     sided=False,
     parameters=(
         Parameter("ratio", "1", null=1, low=0.3, high=3, spread=0.05, starts=(0.95, 1.05),
-                  meaning="b over its nominal value"),
+                  meaning="b over its nominal value", of="chassis.track_width_m"),
     ),
     apply=scale("track"),
     equation="yaw rate = r (w_r - w_l) / (ratio b)",
     source="contract, section 3; Borenstein, Feng 1996",
     confused_with=("wheel_radius_error", "gyro_gain"),
     shown_by="spinning on the spot with gyro and pose",
-    advice="Turn ten times on the spot and set the track width from the measured angle.",
+    check="Turn ten times on the spot against a mark on the floor: the way of each wheel (angle times radius) is 31.4 times "
+          "the track width, whatever the gyro says.",
+    advice="Set the measured track width.",
     runs_in="robot",
     axis=False,
 )

@@ -27,6 +27,7 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("torque_constant_error", "load_friction"),
     shown_by="steady speeds with current logged",
+    check="Turn the wheel in the air at two steady speeds: the current grows with the speed.",
     advice="Check the grease and its temperature; refit B.",
     runs_in="rtl",
 )

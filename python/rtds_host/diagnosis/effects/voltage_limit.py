@@ -15,6 +15,7 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("driver_gain", "supply_sag"),
     shown_by="full speed in both directions",
+    check="Measure the voltage at the motor's terminals at full command: it stops at the limit.",
     advice="Look for a duty or current limit in the driver's settings.",
     nonlinear=True,
     runs_in="rtl",

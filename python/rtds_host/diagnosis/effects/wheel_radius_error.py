@@ -8,14 +8,16 @@ EFFECT = Effect(
     sided=True,
     parameters=(
         Parameter("ratio", "1", null=1, low=0.3, high=3, spread=0.05, starts=(0.96, 1.04),
-                  meaning="r over its nominal value"),
+                  meaning="r over its nominal value", of="chassis.wheel_radius_m"),
     ),
     apply=scale("radius"),
     equation="v = ratio r w",
     source="contract, section 3; J. Borenstein, L. Feng, IEEE Trans. Robot. Autom. 12(6), 1996",
     confused_with=("speed_gain", "track_width_error"),
     shown_by="straight and turning runs with the pose measured",
-    advice="Measure the distance of ten wheel turns under load and set the radius.",
+    check="Mark tyre and floor, push the robot straight through ten whole turns of the wheel under its own weight, "
+          "and measure the way: it is 62.83 times the radius, whatever the encoder says.",
+    advice="Set the measured radius.",
     runs_in="robot",
     axis=False,
 )

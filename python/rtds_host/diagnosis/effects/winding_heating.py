@@ -17,6 +17,7 @@ EFFECT = Effect(
     source="contract, section 3; first-order thermal model: IEC 60034-11",
     confused_with=("resistance_error", "battery_decline"),
     shown_by="a long loaded run",
+    check="Measure the winding's resistance cold and again right after a loaded run.",
     advice="Let the motor cool between runs, or lower its load; model R with temperature.",
     without_winding=False,
     runs_in="rtl",

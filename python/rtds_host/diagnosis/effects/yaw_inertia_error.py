@@ -8,14 +8,15 @@ EFFECT = Effect(
     sided=False,
     parameters=(
         Parameter("ratio", "1", null=1, low=0.05, high=50, spread=1.0, starts=(0.5, 2.0, 5.0),
-                  meaning="I_z over its nominal value"),
+                  meaning="I_z over its nominal value", of="chassis.yaw_inertia_kg_m2"),
     ),
     apply=scale("yaw_inertia"),
     equation="I_z = ratio I_z nominal",
     source="contract, section 3",
     confused_with=("spin_scrub", "rotor_inertia_error"),
     shown_by="pseudo-random spinning with gyro",
-    advice="Identify the yaw inertia from a bifilar swing.",
+    check="Hang the robot on two threads and time its swing about the vertical.",
+    advice="Set the yaw inertia from the swing.",
     runs_in="robot",
     axis=False,
 )

@@ -60,6 +60,7 @@ class Details:
     traces : run -> channel -> Trace; any number, the report decimates them.
     regimes : regime -> {"before", "refit", "after"}, gap in units of noise, on held-out runs.
     run_gaps : run -> {"before", "refit", "after"}.
+    decided : (id, side) of a blamed effect -> the channel that misses it most, and that channel's gap without and with it.
     seconds : time the diagnosis took; printed on the terminal only, so that the report stays the same to the byte.
     """
 
@@ -71,5 +72,6 @@ class Details:
     traces: dict[str, dict[str, Trace]] = field(default_factory=dict)
     regimes: dict[str, dict[str, float | None]] = field(default_factory=dict)
     run_gaps: dict[str, dict[str, float | None]] = field(default_factory=dict)
+    decided: dict[tuple[str, str], tuple[str, float, float]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     seconds: float | None = None

@@ -15,24 +15,29 @@ import numpy as np
 
 from rtds_host.contract import write_atomic
 from rtds_host.diagnosis.effects import CATALOGUE
-from rtds_host.diagnosis.report.chain import chain_svg
+from rtds_host.diagnosis.report.advice import next_steps
+from rtds_host.diagnosis.report.budget_bar import budget_bar
+from rtds_host.diagnosis.report.chain import chain
 from rtds_host.diagnosis.report.details import Details, Trace
 from rtds_host.diagnosis.report.words import (
     SUBSYSTEM_WORDS,
-    budget_words,
+    by_share,
+    channel_name,
     effect_name,
     explanation_name,
+    headline,
+    key_unit,
+    listed_name,
     number,
     percent,
+    sureness,
     unit_of,
     value_words,
-    verdict_sentence,
 )
 
 # Points a line keeps: two a bucket, so that peaks survive.
 BUCKETS = 450
-# M. Okabe, K. Ito, 2008: told apart by colour-blind readers, too.
-_COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442")
+MODELS = (("before", "nominal"), ("refit", "refitted"), ("after", "with effects"))
 DIGITS = 6
 UNITS = {"v_bus": "V", "i": "A", "w": "rad/s", "th": "rad", "gyro_z": "rad/s", "x": "m", "y": "m", "yaw": "rad"}
 
@@ -46,7 +51,7 @@ def _json(data: Any) -> str:
     return json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
-def _decimated(trace: Trace, unit: str) -> dict[str, Any]:
+def _decimated(trace: Trace, unit: str, noise: float | None, blamed: bool) -> dict[str, Any]:
     """A trace with at most two samples a bucket: where the measured signal is smallest and largest."""
     good = np.flatnonzero(np.isfinite(trace.measured))
     if len(good) == 0:
@@ -68,8 +73,8 @@ def _decimated(trace: Trace, unit: str) -> dict[str, Any]:
         rounded = np.round(kept, DIGITS - 1 - math.floor(math.log10(largest)) if largest > 1e-300 else 0)
         return [v if ok else None for v, ok in zip(rounded.tolist(), finite.tolist())]
 
-    result: dict[str, Any] = {"unit": unit, "t": plain(trace.t), "measured": plain(trace.measured)}
-    for name in ("nominal", "refit", "after"):
+    result: dict[str, Any] = {"unit": unit, "noise": noise, "t": plain(trace.t), "measured": plain(trace.measured)}
+    for name in ("nominal", "refit", "after") if blamed else ("nominal", "refit"):
         line = getattr(trace, name)
         if line is not None:
             result[name] = plain(np.asarray(line))
@@ -78,13 +83,15 @@ def _decimated(trace: Trace, unit: str) -> dict[str, Any]:
 
 def _table(head: Iterable[tuple[str, bool]], rows: Iterable[Iterable[str]], attributes: list[str] | None = None,
            name: str = "") -> str:
+    """A table; each cell carries its column's title, which a narrow page shows in place of the head."""
     head = list(head)
     lines = [f'<table{f" id={chr(34)}{name}{chr(34)}" if name else ""}><thead><tr>'
              + "".join(f'<th{" class=n" if n else ""}>{escape(h)}</th>' for h, n in head) + "</tr></thead><tbody>"]
     for k, row in enumerate(rows):
         extra = " " + attributes[k] if attributes and attributes[k] else ""
         lines.append(f"<tr{extra}>" + "".join(
-            f'<td{" class=n" if n else ""}>{cell}</td>' for cell, (_, n) in zip(row, head, strict=True)) + "</tr>")
+            f'<td{" class=n" if n else ""} data-h="{escape(h)}">{cell}</td>'
+            for cell, (h, n) in zip(row, head, strict=True)) + "</tr>")
     return "\n".join(lines) + "</tbody></table>"
 
 
@@ -94,99 +101,115 @@ def _bar(value: float | None, top: float, kind: str = "", width: int = 120) -> s
     return f'<span class="bar {kind}" style="width:{max(1, round(width * min(value / top, 1.0)))}px"></span>'
 
 
-def _gap_bars(entry: dict[str, float | None], top: float) -> str:
+def _gap_bars(entry: dict[str, float | None], top: float, models: Iterable[tuple[str, str]]) -> str:
     scale = math.log10(max(top, 1.1)) + 0.3
 
     def size(v: float | None) -> float | None:
         return None if v is None else max(math.log10(max(v, 0.5)) + 0.3, 0.02)
 
-    return "<br>".join(_bar(size(entry.get(k)), scale, k, 160) for k in ("before", "refit", "after"))
+    return "<br>".join(_bar(size(entry.get(k)), scale, k, 160) for k, _ in models)
 
 
-def _gap_table(first: str, gaps: dict[str, dict[str, float | None]], name: str) -> str:
+def _gap_table(first: str, gaps: dict[str, dict[str, float | None]], name: str, blamed: bool) -> str:
     if not gaps:
         return ""
-    top = max((v for e in gaps.values() for v in e.values() if v is not None and math.isfinite(v)), default=1.0)
-    rows = [[escape(label), number(e.get("before")), number(e.get("refit")), number(e.get("after")), _gap_bars(e, top)]
-            for label, e in gaps.items()]
-    return _table([(first, False), ("nominal", True), ("refitted", True), ("with effects", True),
-                   ("(logarithmic)", False)], rows, [f'data-name="{escape(k)}"' for k in gaps], name)
+    models = MODELS if blamed else MODELS[:2]
+    values = [entry.get(k) for entry in gaps.values() for k, _ in models]
+    top = max((v for v in values if v is not None and math.isfinite(v)), default=1.0)
+    rows = [[escape(label), *(number(e.get(k)) for k, _ in models), _gap_bars(e, top, models)] for label, e in gaps.items()]
+    return _table([(first, False), *((title, True) for _, title in models), ("(logarithmic)", False)], rows,
+                  [f'data-name="{escape(k)}"' for k in gaps], name)
 
 
 def _head(diagnosis: dict[str, Any], details: Details) -> str:
-    gap = diagnosis["gap"]
+    """The first screen: the verdict, what the gap is made of, and how large it is, in words that need no statistics."""
+    gap, case, effects = diagnosis["gap"], details.case, diagnosis["effects"]
     held = diagnosis.get("held_out_runs") or []
-    figures = [("before", number(gap.get("before")), "gap, nominal robot"),
-               ("refit", number(gap.get("refit")), "motor values refitted"),
-               ("after", number(gap.get("after")), "with the blamed effects" if diagnosis["effects"] else "nothing blamed"),
-               ("closed", percent(gap.get("closed")), "of the gap closed")]
-    interval = gap.get("closed_ci90")
-    if interval and None not in interval:
-        figures[-1] = ("closed", figures[-1][1], f"closed (90 %: {percent(interval[0])} to {percent(interval[1])})")
-    case = details.case
+    figures = [("before", number(gap.get("before")), "simulator as it is"),
+               ("refit", number(gap.get("refit")), "motor values moved within 1 %")]
+    if effects:
+        figures += [("after", number(gap.get("after")), "with the named effects")]
+        if gap.get("closed") is not None:
+            # A replay without the sensors' noise comes closer than 1: no more than all is explained.
+            figures += [("closed", percent(min(gap["closed"], 1.0)), "of the difference explained")]
+    named = "".join(f"<li><b>{escape(listed_name(e))}</b>: {escape('; '.join(_sizes(e, details)))}. "
+                    f"{escape(sureness(e['probability']).capitalize())}.</li>" for e in by_share(diagnosis))
     return (f"<section><h1>{escape(case.name)} · {escape(case.robot.name)} · {len(case.runs)} run"
             f"{'s' if len(case.runs) != 1 else ''}</h1>"
             f'<p id="verdict"><span class="badge {diagnosis["verdict"]}">{diagnosis["verdict"]}</span>'
-            f"{escape(verdict_sentence(diagnosis))}</p>"
-            '<div class="figures" id="gap">' + "".join(
+            f"{escape(headline(diagnosis))}</p>" + budget_bar(diagnosis)
+            + (f'<ul id="named">{named}</ul>' if named else "")
+            + '<h3>How far simulator and robot are apart</h3><div class="figures" id="gap">' + "".join(
                 f'<div data-name="{k}"><b>{v}</b><span>{escape(t)}</span></div>' for k, v, t in figures) + "</div>"
-            '<p class="soft small">The gap is the root mean square of replay minus measured in units of each sensor\'s '
-            "noise; 1 is a perfect model. Judged on " + (escape(", ".join(held)) if held else "held-out parts of the runs")
-            + ", each time without using it for the fit.</p></section>")
+            '<p class="soft small">In units of each sensor\'s own noise: 1 is as close as the sensors can tell. Judged on '
+            + (escape(", ".join(held)) if held else "parts of the runs") + ", each set aside while its causes were looked for.</p>"
+            "</section>")
+
+
+def _sizes(effect: dict[str, Any], details: Details) -> list[str]:
+    """Each parameter of an effect in a phrase: "8.1 Ω in place of 8.6 Ω (resistance_ohm)"."""
+    found = []
+    for name, p in effect["parameters"].items():
+        shown, nominal, fitted, unit = _parameter(effect, name, p["value"], details, 3)
+        text = f"{fitted} {unit}".strip() + (f" in place of {nominal} {unit}".rstrip() if shown != name else "")
+        found.append(text + (f" ({shown})" if shown != name or len(effect["parameters"]) > 1 else ""))
+    return found
+
+
+def _do(diagnosis: dict[str, Any], details: Details) -> str:
+    steps = "".join(
+        f"<li>{escape(title)}" + ("<ul>" + "".join(f"<li>{escape(line)}</li>" for line in below) + "</ul>" if below else "") + "</li>"
+        for title, below in next_steps(diagnosis, details))
+    return f'<section><h2>What to do next</h2><ol id="do">{steps}</ol></section>'
+
+
+def _parameter(effect: dict[str, Any], name: str, value: float | None, details: Details,
+               digits: int = 4) -> tuple[str, str, str, str]:
+    """Name, nominal value, fitted value and unit of an effect's parameter: in the robot's own terms where it is a factor of
+    one of its values."""
+    known = CATALOGUE.get(effect["id"])
+    for p in known.parameters if known else ():
+        if p.of and p.name == name and value is not None:
+            table, key = p.of.split(".")
+            nominal = getattr(getattr(details.case.robot, table), key)
+            return key, number(nominal, digits), number(nominal * value, digits), key_unit(key)
+        if name in (p.name, *(n for n, _ in (p.declared or {}).values())):
+            nominal = "–" if p.shape or p.null not in (0.0, 1.0) else number(p.null)
+            return name, nominal, number(value, digits), unit_of(effect["id"], name) or ("times" if p.null == 1.0 else "")
+    return name, "–", number(value, digits), unit_of(effect["id"], name)
 
 
 def _where(diagnosis: dict[str, Any], details: Details) -> str:
     located = diagnosis["located"]
-    parts = ["<section><h2>Where the gap lies</h2>", chain_svg(located)]
+    parts = ["<section><h2>Where the gap lies</h2>", chain(located)]
     local = details.localisation
     if not located:
         parts.append('<p class="soft">No part of the chain stands out.</p>')
     if local is not None and local.blocks:
-        after = {b.name: b.score for b in details.localisation_after.blocks} if details.localisation_after else {}
+        corrected = details.localisation_after if diagnosis["effects"] else None
+        after = {b.name: b.score for b in corrected.blocks} if corrected else {}
         top = max(b.score for b in local.blocks)
         rows = []
         for b in local.blocks:
             regimes = sorted(b.regimes.items(), key=lambda p: -p[1])
             worst = ", ".join(f"{escape(r)} {number(v)}" for r, v in regimes[:3]) if b.score > 1.3 else ""
-            rows.append([escape(b.title), escape(SUBSYSTEM_WORDS[b.subsystem]),
-                         _bar(b.score, top) + number(b.score), number(after.get(b.name)), worst])
+            rows.append([escape(b.title), escape(SUBSYSTEM_WORDS[b.subsystem]), _bar(b.score, top) + number(b.score),
+                         *([number(after.get(b.name))] if after else []), worst])
         parts.append("<h3>Each block on its own, driven by measured signals (units of noise; a perfect robot scores 1)"
                      "</h3>")
-        parts.append(_table([("block", False), ("speaks of", False), ("score", True), ("with effects", True),
-                             ("worst where", False)], rows, [f'data-block="{b.name}"' for b in local.blocks], "blocks"))
+        parts.append(_table([("block", False), ("speaks of", False), ("score", True),
+                             *([("with effects", True)] if after else []), ("worst where", False)], rows, [f'data-block="{b.name}"' for b in local.blocks], "blocks"))
         if local.lost:
             parts.append('<p class="small soft" id="lost">' + escape("; ".join(local.lost)).capitalize() + ".</p>")
     rest = diagnosis["gap"].get("rest") or {}
     if rest.get("share") is not None and diagnosis["verdict"] != "none":
-        text = f"The blamed effects leave {percent(rest['share'])} of the gap"
-        text += ", with structure" if rest.get("structured") else ", without structure"
+        text = f"The blamed effects leave {percent(rest['share'])} of the gap" if diagnosis["effects"] else "The gap is"
+        text += (", with structure" if rest.get("structured") else ", without structure") if diagnosis["effects"] else (
+            " structured" if rest.get("structured") else " without structure")
         if rest.get("structured") and rest.get("subsystem"):
             text += f", mostly in the {SUBSYSTEM_WORDS.get(rest['subsystem'], rest['subsystem'])}"
         parts.append(f'<p id="rest">{escape(text)}.</p>')
     return "".join(parts) + "</section>"
-
-
-def _made_of(diagnosis: dict[str, Any]) -> str:
-    """What the gap is made of, in one bar: effects in colours of their own, what has no name hatched."""
-    rows = budget_words(diagnosis)
-    if not rows:
-        return ""
-    width, at, parts = 1000.0, 0.0, []
-    for k, ((text, share), row) in enumerate(zip(rows, diagnosis["budget"], strict=True)):
-        fill = "url(#nameless)" if row["what"] == "rest" else "#9aa5b1" if row["what"] == "tolerance" else _COLOURS[k % len(_COLOURS)]
-        parts.append(f'<g data-what="{escape(row["what"])}" data-share="{share:.6g}"><title>{escape(text)}: {percent(share)}'
-                     f'</title><rect x="{at:.2f}" y="0" width="{max(width * share, 0.0):.2f}" height="40" fill="{fill}" '
-                     'stroke="#fff"/></g>')
-        at += width * share
-    key = "".join('<li><svg width="14" height="14" aria-hidden="true"><rect width="14" height="14" fill="'
-                  + ("url(#nameless)" if row["what"] == "rest" else "#9aa5b1" if row["what"] == "tolerance"
-                     else _COLOURS[k % len(_COLOURS)]) + f'"/></svg> {escape(text)} <b>{percent(share)}</b></li>'
-                  for k, ((text, share), row) in enumerate(zip(rows, diagnosis["budget"], strict=True)) if share >= 0.0005)
-    return ('<section><h2>What the gap is made of</h2><svg id="budget" viewBox="0 0 1000 40" width="100%" height="40" '
-            'preserveAspectRatio="none" role="img" aria-label="shares of the gap"><defs><pattern id="nameless" width="8" '
-            'height="8" patternUnits="userSpaceOnUse" patternTransform="rotate(45)"><rect width="8" height="8" '
-            'fill="#f4f1ea"/><rect width="3" height="8" fill="#7b8794"/></pattern></defs>' + "".join(parts) + "</svg>"
-            f'<ul class="key">{key}</ul></section>')
 
 
 def _what(diagnosis: dict[str, Any], details: Details) -> str:
@@ -194,19 +217,22 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
     if diagnosis["effects"]:
         rows, attributes = [], []
         for effect in diagnosis["effects"]:
-            known = CATALOGUE.get(effect["id"])
+            decided = details.decided.get((effect["id"], effect["side"]))
             for k, (name, p) in enumerate(effect["parameters"].items()):
+                shown, nominal, fitted, unit = _parameter(effect, name, p["value"], details)
                 interval = p.get("ci90")
-                unit = unit_of(effect["id"], name)
-                pinned = "not pinned by these runs" if interval is None else (
-                    f"{number(interval[0], 4)} to {number(interval[1], 4)}")
+                pinned = "not pinned by these runs" if interval is None else " to ".join(
+                    _parameter(effect, name, v, details)[2] for v in interval)
                 rows.append([escape(effect_name(effect)) if k == 0 else "", percent(effect["probability"]) if k == 0 else "",
-                             escape(name), f"{number(p['value'], 4)} {escape(unit)}", pinned,
-                             number(effect["gap_without"]) if k == 0 else "", escape(known.advice) if known and k == 0 else ""])
+                             escape(shown) + _meaning(effect, name), nominal, fitted, escape(unit), pinned,
+                             number(effect["gap_without"]) if k == 0 else "",
+                             escape(f"{channel_name(decided[0])}: {number(decided[1])} without it, {number(decided[2])} with it")
+                             if decided and k == 0 else ""])
                 attributes.append(f'class="effect" data-id="{effect["id"]}" data-side="{effect["side"]}" '
                                   f'data-parameter="{escape(name)}"')
-        parts.append(_table([("effect", False), ("probability", True), ("parameter", False), ("value", True),
-                             ("90 % interval", True), ("gap without it", True), ("what to do", False)], rows, attributes, "effects"))
+        parts.append(_table([("effect", False), ("probability", True), ("parameter", False), ("nominal", True), ("fitted", True),
+                             ("unit", False), ("90 % interval", True), ("gap without it", True), ("channel that decided", False)],
+                            rows, attributes, "effects"))
         for effect in diagnosis["effects"]:
             known = CATALOGUE.get(effect["id"])
             if known:
@@ -236,10 +262,22 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
     moved = {s: v for s, v in (diagnosis.get("nominal_fit") or {}).items() if v}
     if moved:
         parts.append("<h3>Motor values refitted within their 1 % (no cause)</h3>")
-        rows = [[{"l": "left", "r": "right"}.get(s, s), escape(name), number(value, 5)]
-                for s, values in sorted(moved.items()) for name, value in values.items()]
-        parts.append(_table([("side", False), ("value", False), ("refitted", True)], rows, None, "nominal_fit"))
+        rows = [[{"l": "left", "r": "right"}.get(s, s), escape(name), number(_nominal(details, name), 5), number(value, 5),
+                 escape(key_unit(name))] for s, values in sorted(moved.items()) for name, value in values.items()]
+        parts.append(_table([("side", False), ("value", False), ("nominal", True), ("refitted", True), ("unit", False)], rows, None,
+                            "nominal_fit"))
     return "".join(parts) + "</section>"
+
+
+def _meaning(effect: dict[str, Any], name: str) -> str:
+    known = CATALOGUE.get(effect["id"])
+    text = next((p.meaning for p in known.parameters if p.name == name), "") if known else ""
+    return f'<br><span class="small soft">{escape(text)}</span>' if text else ""
+
+
+def _nominal(details: Details, key: str) -> float | None:
+    robot = details.case.robot
+    return next((getattr(table, key) for table in (robot.motor, robot.servo) if hasattr(table, key)), None)
 
 
 def _key(effects: list[dict[str, Any]] | str) -> Any:
@@ -259,26 +297,34 @@ def _explanation(effects: list[dict[str, Any]] | str, probability: float | None,
             escape(candidate.reason) if candidate else ""]
 
 
-def _plots(details: Details) -> str:
-    data = {run: {channel: _decimated(trace, UNITS.get(channel, UNITS.get(channel[:-2], "")))
+def _plots(diagnosis: dict[str, Any], details: Details) -> str:
+    blamed, noise = bool(diagnosis["effects"]), details.case.robot.noise
+    data = {run: {channel: _decimated(trace, UNITS.get(channel, UNITS.get(channel[:-2], "")), noise(channel), blamed)
                   for channel, trace in channels.items()} for run, channels in details.traces.items() if channels}
     if not data:
         return ""
     return ('<section><h2>Measured against replay</h2><div class="controls"><label>run <select id="run"></select></label>'
             '<span id="keys"></span><button id="reset" type="button">whole run</button>'
             '<span class="soft small">wheel zooms, dragging moves, double click shows all</span></div>'
+            '<p class="soft small">Beside each channel what the replay misses of it, measured minus replay; the band is what the '
+            "sensor's noise alone hardly ever leaves (3 sigma).</p>"
             '<div id="plots"></div>'
             f'<script type="application/json" id="traces">{_json(data)}</script></section>')
 
 
 def _gaps(diagnosis: dict[str, Any], details: Details) -> str:
+    gap, blamed = diagnosis["gap"], bool(diagnosis["effects"])
     parts = ["<section><h2>The gap by channel, regime and run</h2>",
-             '<p class="small soft">Units of noise, on runs that were not used for the fit.</p>',
-             _gap_table("channel", diagnosis["gap"].get("channels") or {}, "channels")]
+             '<p class="small soft">Root mean square of replay minus measured in units of noise, on runs not used for the fit.</p>',
+             _gap_table("channel", gap.get("channels") or {}, "channels", blamed)]
+    interval = gap.get("closed_ci90")
+    if blamed and interval and None not in interval:
+        parts.append(f'<p id="closed_ci90">{percent(gap["closed"])} of the gap is closed; of another run of this robot '
+                     f"{percent(interval[0])} to {percent(interval[1])} (90 % interval).</p>")
     if details.regimes:
-        parts += ["<h3>By regime</h3>", _gap_table("regime", details.regimes, "regimes")]
+        parts += ["<h3>By regime</h3>", _gap_table("regime", details.regimes, "regimes", blamed)]
     if details.run_gaps:
-        parts += ["<h3>By run</h3>", _gap_table("run", details.run_gaps, "runs")]
+        parts += ["<h3>By run</h3>", _gap_table("run", details.run_gaps, "runs", blamed)]
     return "".join(parts) + "</section>"
 
 
@@ -286,7 +332,7 @@ def _next(diagnosis: dict[str, Any], details: Details) -> str:
     parts = ["<section><h2>What these runs cannot tell, and the next experiment</h2>"]
     sets = diagnosis["indistinguishable"]
     if sets:
-        parts.append("<p>Alike in these runs:</p><ul id=indistinguishable>" + "".join(
+        parts.append("<p>Alike in these runs:</p><ul id=\"indistinguishable\">" + "".join(
             "<li>" + escape(" · ".join(effect_name(m) for m in s)) + "</li>" for s in sets) + "</ul>")
     else:
         parts.append('<p id="indistinguishable" class="soft">No rival fits as well as what is blamed.</p>')
@@ -333,10 +379,10 @@ def _condition(details: Details) -> str:
 def page(diagnosis: dict[str, Any], details: Details) -> str:
     """The whole report as a string of HTML."""
     title = f"{details.case.name}: {diagnosis['verdict']}"
-    body = "".join([_head(diagnosis, details), _made_of(diagnosis), _where(diagnosis, details), _what(diagnosis, details),
-                    _plots(details), _gaps(diagnosis, details), _next(diagnosis, details), _condition(details)])
+    body = "".join([_head(diagnosis, details), _do(diagnosis, details), _where(diagnosis, details), _what(diagnosis, details),
+                    _plots(diagnosis, details), _gaps(diagnosis, details), _next(diagnosis, details), _condition(details)])
     return ("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-            "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"
+            "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><meta name=\"color-scheme\" content=\"light dark\">"
             # The page may load nothing: what it shows is all inside it.
             "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
             "script-src 'unsafe-inline'; img-src data:\">"

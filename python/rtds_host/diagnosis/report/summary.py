@@ -50,10 +50,12 @@ def print_summary(console: Console, diagnosis: dict[str, Any], details: Details)
     gap = diagnosis["gap"]
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_edge=False)
     table.add_column("  gap", style="bold")
-    for name in ("nominal", "refitted", "with effects", "closed"):
+    figures = [("nominal", number(gap.get("before"))), ("refitted", number(gap.get("refit")))]
+    if diagnosis["effects"]:
+        figures += [("with effects", number(gap.get("after"))), ("closed", percent(gap.get("closed")))]
+    for name, _ in figures:
         table.add_column(name, justify="right")
-    table.add_row("  held out", number(gap.get("before")), number(gap.get("refit")), number(gap.get("after")),
-                  percent(gap.get("closed")))
+    table.add_row("  held out", *(value for _, value in figures))
     console.print(table)
     warnings = details.gate.warnings if details.gate is not None else ()
     for finding in warnings[:5]:

@@ -10,6 +10,13 @@ from rtds_host.diagnosis.effects import CATALOGUE
 SUBSYSTEM_WORDS = {"driver": "driver and supply", "winding": "winding", "drivetrain": "drivetrain",
                    "wheel_ground": "wheel and ground", "chassis": "chassis", "sensing": "sensing", "timing": "timing"}
 SIDE_WORDS = {"both": "both sides", "left": "left side", "right": "right side"}
+CHANNEL_WORDS = {"v_bus": "bus voltage", "i": "current", "w": "wheel speed", "th": "wheel angle", "gyro_z": "yaw rate", "x": "position x",
+                 "y": "position y", "yaw": "heading"}
+# How sure one may be, from this probability on.
+SURENESS = ((0.99, "as good as certain"), (0.9, "very likely"), (0.7, "likely"), (0.0, "more likely than not"))
+# Endings of the keys of robot.toml -> their unit.
+KEY_UNITS = {"_nm_s_per_rad": "N·m·s/rad", "_v_s_per_rad": "V·s/rad", "_nm_per_a": "N·m/A", "_nm_per_v": "N·m/V", "_v_per_rad": "V/rad",
+             "_kg_m2": "kg·m²", "_ohm": "Ω", "_kg": "kg", "_rad": "rad", "_h": "H", "_m": "m", "_v": "V", "_s": "s"}
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -30,15 +37,27 @@ def percent(value: float | None) -> str:
     return f"{shown:.1f} %" if 0 < abs(shown) < 1 or 99 < shown < 100 else f"{shown:.0f} %"
 
 
+def plain_name(effect_id: str) -> str:
+    """`coulomb_friction` -> "Coulomb friction"."""
+    name = effect_id.replace("_", " ")
+    return {"coulomb friction": "Coulomb friction", "stribeck friction": "Stribeck friction",
+            "com offset": "centre of mass off the axle"}.get(name, name)
+
+
+def _side(effect: dict[str, Any]) -> str:
+    known = CATALOGUE.get(effect["id"])
+    return "" if known is not None and not known.sided else SIDE_WORDS[effect["side"]]
+
+
 def effect_name(effect: dict[str, Any]) -> str:
     """`coulomb_friction`, both -> "Coulomb friction, both sides"; no side where an effect has none."""
-    name = effect["id"].replace("_", " ")
-    name = {"coulomb friction": "Coulomb friction", "stribeck friction": "Stribeck friction",
-            "com offset": "centre of mass off the axle"}.get(name, name)
-    known = CATALOGUE.get(effect["id"])
-    if known is not None and not known.sided:
-        return name
-    return f"{name}, {SIDE_WORDS[effect['side']]}"
+    return ", ".join(filter(None, (plain_name(effect["id"]), _side(effect))))
+
+
+def listed_name(effect: dict[str, Any]) -> str:
+    """The same for a list in a sentence, where a comma would part it: "Coulomb friction (both sides)"."""
+    side = _side(effect)
+    return plain_name(effect["id"]) + (f" ({side})" if side else "")
 
 
 def explanation_name(effects: list[dict[str, Any]] | str) -> str:
@@ -46,6 +65,24 @@ def explanation_name(effects: list[dict[str, Any]] | str) -> str:
     if effects == "unknown":
         return "none of the catalogue"
     return " and ".join(effect_name(e) for e in effects) if effects else "no effect"
+
+
+def channel_name(channel: str) -> str:
+    """`w_l` -> "left wheel speed (w_l)"; a channel that the contract does not name stays as it is."""
+    stem, _, side = channel.rpartition("_")
+    if side in ("l", "r") and stem in CHANNEL_WORDS:
+        return f"{'left' if side == 'l' else 'right'} {CHANNEL_WORDS[stem]} ({channel})"
+    return f"{CHANNEL_WORDS[channel]} ({channel})" if channel in CHANNEL_WORDS else channel
+
+
+def sureness(probability: float) -> str:
+    """A probability in a phrase."""
+    return next(words for least, words in SURENESS if probability >= least)
+
+
+def key_unit(key: str) -> str:
+    """Unit of a key of robot.toml, which its name ends in; "" for a plain number."""
+    return next((unit for ending, unit in KEY_UNITS.items() if key.endswith(ending)), "")
 
 
 def unit_of(effect_id: str, parameter: str) -> str:
@@ -82,8 +119,39 @@ def budget_words(diagnosis: dict[str, Any]) -> list[tuple[str, float]]:
     return rows
 
 
+def by_share(diagnosis: dict[str, Any]) -> list[dict[str, Any]]:
+    """The blamed effects, the one that makes most of the gap first."""
+    shares = {(row["id"], row["side"]): row["share"] for row in diagnosis["budget"] if row["what"] == "effect"}
+    return sorted(diagnosis["effects"], key=lambda e: -shares.get((e["id"], e["side"]), 0.0))
+
+
+def headline(diagnosis: dict[str, Any]) -> str:
+    """The verdict for whoever opens the report: a sentence without figures."""
+    verdict = diagnosis["verdict"]
+    place = SUBSYSTEM_WORDS.get((diagnosis["gap"].get("rest") or {}).get("subsystem") or "")
+    if verdict == "none":
+        return "Nothing is missing: the simulator follows this robot as closely as its sensors can tell."
+    if verdict == "unknown":
+        return ("The simulator differs from this robot, and no effect of the catalogue explains it"
+                + (f". Most of the difference shows in the {place}." if place else "."))
+    names = [listed_name(e) for e in by_share(diagnosis)]
+    listed = names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
+    listed = listed[0].upper() + listed[1:]
+    if verdict == "partial":
+        return (f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator and robot. "
+                "The rest has no name" + (f"; most of it shows in the {place}." if place else "."))
+    return f"{listed} {'makes' if len(names) == 1 else 'make'} this robot differ from its simulator."
+
+
+def twins_of(diagnosis: dict[str, Any], effect: dict[str, Any]) -> list[dict[str, str]]:
+    """What these runs cannot tell from a blamed effect."""
+    me = (effect["id"], effect["side"])
+    return [m for members in diagnosis["indistinguishable"] if me in {(m["id"], m["side"]) for m in members}
+            for m in members if (m["id"], m["side"]) != me]
+
+
 def verdict_sentence(diagnosis: dict[str, Any]) -> str:
-    """The verdict in a few sentences."""
+    """The verdict with its figures, in a few sentences for the terminal."""
     gap, effects = diagnosis["gap"], diagnosis["effects"]
     after, refit = gap.get("after"), gap.get("refit")
     if diagnosis["verdict"] == "none":

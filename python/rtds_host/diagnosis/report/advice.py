@@ -1,0 +1,100 @@
+"""What to do next, for every verdict: which check on the robot, which run, what in the simulator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.report.details import Details
+from rtds_host.diagnosis.report.words import (
+    SUBSYSTEM_WORDS,
+    by_share,
+    channel_name,
+    listed_name,
+    percent,
+    plain_name,
+    twins_of,
+)
+
+# Where to look by hand, by the place of what has no name.
+LOOK = {
+    "driver": "measure the voltage at the motor's terminals against the command: small and full, under load and with the wheel "
+              "in the air",
+    "winding": "measure the winding's resistance cold and warm, and the voltage of the motor turned from outside",
+    "drivetrain": "turn each wheel in the air, by hand and by a slow command, both ways: free play, tight spots and springs can "
+                  "be felt, friction shows in the current",
+    "wheel_ground": "look at tyres, caster and floor, and measure the way of ten wheel turns: straight and on the spot, with "
+                    "payload and without",
+    "chassis": "weigh the robot as it was driven, put a level on the floor, and look for what drags or swings",
+    "sensing": "hold each sensor against a measurement by hand: ten turns of a wheel, ten turns of the robot, current and gyro "
+               "at standstill",
+    "timing": "stop a wheel against a hard stop and compare the times in each channel: a bus or a logger may deliver late or "
+              "unevenly",
+}
+UNLIKE = ("Does the robot still behave unlike its simulator? Record a run in which it does, with that load, speed and floor, and "
+          "diagnose it together with these.")
+SIMULATOR = ("rtds run SCENARIO --effects diagnosis.json drives with it; rtds close CASE --diagnosis diagnosis.json says how near the "
+             "simulator comes.")
+NOWHERE = "The runs do not show where: record current, gyro and pose besides, as far as the robot has them."
+
+
+def _check(effect: dict[str, str]) -> str:
+    return CATALOGUE[effect["id"]].check
+
+
+def _of_effect(diagnosis: dict[str, Any], effect: dict[str, Any]) -> tuple[str, list[str]]:
+    """One blamed effect: a check first; a remedy only where nothing else would show the same."""
+    known = CATALOGUE[effect["id"]]
+    name = listed_name(effect)
+    if twins := twins_of(diagnosis, effect):
+        names = " or ".join(listed_name(one) for one in (effect, *twins))
+        title = f"Find out which it is before you change anything: {names} would look the same in these runs."
+        return title, [f"{listed_name(one)}: {_check(one)}" for one in (effect, *twins)]
+    others = " or ".join(map(plain_name, known.confused_with))
+    return (f"{name[0].upper()}{name[1:]}: check it on the robot.",
+            [f"{known.check} This also tells it from what it is easily taken for: {others}.", f"If this shows it: {known.advice[0].lower()}{known.advice[1:]}"])
+
+
+def _of_place(place: str | None) -> str:
+    return f"Look there by hand: {LOOK[place]}." if place in LOOK else NOWHERE
+
+
+def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, list[str]]]:
+    """What to do next, in order: a sentence and what belongs below it.
+
+    No step rests on a cause that these runs cannot tell from another, and every remedy stands behind a check that would
+    show the cause itself.
+    """
+    verdict, gap = diagnosis["verdict"], diagnosis["gap"]
+    rest = gap.get("rest") or {}
+    steps: list[tuple[str, list[str]]] = []
+    if verdict == "none":
+        lost = details.localisation.lost if details.localisation is not None else ()
+        return [("Use the simulator as it is for driving of this kind.", []),
+                (UNLIKE, [f"These runs cannot show everything: {text}." for text in lost])]
+    if verdict == "unknown":
+        steps.append(("Change nothing on the robot yet: no cause is established.", []))
+        warned = details.gate.warnings if details.gate is not None else ()
+        if warned:
+            steps.append(("See first to what was found in the recordings; it may be all there is.", [f.text for f in warned[:3]]))
+    steps += [_of_effect(diagnosis, effect) for effect in by_share(diagnosis)]
+    if verdict in ("partial", "unknown"):
+        place = rest.get("subsystem")
+        words = f"the {SUBSYSTEM_WORDS[place]}" if place else "a place that is not known"
+        title = (f"{percent(rest.get('share'))} of the difference has no name; most of it shows in {words}."
+                 if verdict == "partial" else f"The difference shows most in {words}.")
+        below = [_of_place(place)]
+        key = "after" if verdict == "partial" else "refit"
+        worst = max(gap.get("channels") or {}, key=lambda c: gap["channels"][c].get(key) or 0.0, default=None)
+        if worst is not None:
+            below.append(f"The channel that is missed most: {channel_name(worst)}.")
+        steps.append((title, below))
+    plan = diagnosis.get("next_experiment")
+    if plan:
+        why = str(plan.get("why", ""))
+        steps.append((f"Record the manoeuvre {plan['scenario']} next, and diagnose again with it.", [f"{why[:1].upper()}{why[1:]}"]))
+    if diagnosis["effects"]:
+        title = "Or leave the robot as it is and give the simulator what was found" if verdict == "known" else (
+            "Meanwhile the simulator can have what was found")
+        steps.append((f"{title}:", [SIMULATOR]))
+    return steps
