@@ -108,7 +108,9 @@ def example_of(verdict: str) -> dict:
     elif verdict == "partial":
         diagnosis["budget"] = [{"what": "effect", "id": "coulomb_friction", "side": "both", "share": 0.55},
                                {"what": "tolerance", "share": 0.05}, {"what": "rest", "subsystem": "wheel_ground", "share": 0.4}]
-        diagnosis["gap"]["rest"] = {"share": 0.4, "structured": True, "subsystem": "wheel_ground"}
+        diagnosis["gap"].update(after=9.0, closed=0.6, closed_ci90=[0.5, 0.7], effect_closed=0.6,
+                                channels={"w_l": {"before": 20.1, "refit": 19.8, "after": 12.4}},
+                                rest={"share": 0.4, "structured": True, "subsystem": "wheel_ground"})
     elif verdict == "unknown":
         diagnosis.update(effects=[], budget=[{"what": "tolerance", "share": 0.1},
                                              {"what": "rest", "subsystem": "drivetrain", "share": 0.9}])

@@ -10,6 +10,7 @@ from rtds_host.diagnosis.report.words import (
     SUBSYSTEM_WORDS,
     by_share,
     channel_name,
+    enumerated,
     listed_name,
     percent,
     plain_name,
@@ -38,19 +39,15 @@ SIMULATOR = ("rtds run SCENARIO --effects diagnosis.json drives with it; rtds cl
 NOWHERE = "The runs do not show where: record current, gyro and pose besides, as far as the robot has them."
 
 
-def _check(effect: dict[str, str]) -> str:
-    return CATALOGUE[effect["id"]].check
-
-
 def _of_effect(diagnosis: dict[str, Any], effect: dict[str, Any]) -> tuple[str, list[str]]:
     """One blamed effect: a check first; a remedy only where nothing else would show the same."""
     known = CATALOGUE[effect["id"]]
     name = listed_name(effect)
     if twins := twins_of(diagnosis, effect):
-        names = " or ".join(listed_name(one) for one in (effect, *twins))
+        names = enumerated([listed_name(one) for one in (effect, *twins)], "or")
         title = f"Find out which it is before you change anything: {names} would look the same in these runs."
-        return title, [f"{listed_name(one)}: {_check(one)}" for one in (effect, *twins)]
-    others = " or ".join(map(plain_name, known.confused_with))
+        return title, [f"{listed_name(one)}: {CATALOGUE[one['id']].check}" for one in (effect, *twins)]
+    others = enumerated([plain_name(other) for other in known.confused_with], "or")
     return (f"{name[0].upper()}{name[1:]}: check it on the robot.",
             [f"{known.check} This also tells it from what it is easily taken for: {others}.", f"If this shows it: {known.advice[0].lower()}{known.advice[1:]}"])
 
@@ -92,7 +89,9 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
     plan = diagnosis.get("next_experiment")
     if plan:
         why = str(plan.get("why", ""))
-        steps.append((f"Record the manoeuvre {plan['scenario']} next, and diagnose again with it.", [f"{why[:1].upper()}{why[1:]}"]))
+        scenario, _, payload = str(plan["scenario"]).partition(" --payload ")
+        with_load = f" with a payload of {payload} kg" if payload else ""
+        steps.append((f"Record the manoeuvre {scenario}{with_load} next, and diagnose again with it.", [f"{why[:1].upper()}{why[1:].rstrip('.')}."]))
     if diagnosis["effects"]:
         title = "Or leave the robot as it is and give the simulator what was found" if verdict == "known" else (
             "Meanwhile the simulator can have what was found")

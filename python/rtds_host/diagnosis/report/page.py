@@ -126,7 +126,7 @@ def _head(diagnosis: dict[str, Any], details: Details) -> str:
     gap, case, effects = diagnosis["gap"], details.case, diagnosis["effects"]
     held = diagnosis.get("held_out_runs") or []
     figures = [("before", number(gap.get("before")), "simulator as it is"),
-               ("refit", number(gap.get("refit")), "motor values moved within 1 %")]
+               ("refit", number(gap.get("refit")), "motor values adjusted within their tolerance")]
     if effects:
         figures += [("after", number(gap.get("after")), "with the named effects")]
         if gap.get("closed") is not None:
@@ -142,7 +142,7 @@ def _head(diagnosis: dict[str, Any], details: Details) -> str:
             + '<h3>How far simulator and robot are apart</h3><div class="figures" id="gap">' + "".join(
                 f'<div data-name="{k}"><b>{v}</b><span>{escape(t)}</span></div>' for k, v, t in figures) + "</div>"
             '<p class="soft small">In units of each sensor\'s own noise: 1 is as close as the sensors can tell. Judged on '
-            + (escape(", ".join(held)) if held else "parts of the runs") + ", each set aside while its causes were looked for.</p>"
+            + (escape(", ".join(held)) if held else "parts of the runs") + ", set aside while causes were looked for.</p>"
             "</section>")
 
 
@@ -261,7 +261,7 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
         parts.append("</details>")
     moved = {s: v for s, v in (diagnosis.get("nominal_fit") or {}).items() if v}
     if moved:
-        parts.append("<h3>Motor values refitted within their 1 % (no cause)</h3>")
+        parts.append("<h3>Motor values refitted within their tolerance (no cause)</h3>")
         rows = [[{"l": "left", "r": "right"}.get(s, s), escape(name), number(_nominal(details, name), 5), number(value, 5),
                  escape(key_unit(name))] for s, values in sorted(moved.items()) for name, value in values.items()]
         parts.append(_table([("side", False), ("value", False), ("nominal", True), ("refitted", True), ("unit", False)], rows, None,

@@ -60,6 +60,11 @@ def listed_name(effect: dict[str, Any]) -> str:
     return plain_name(effect["id"]) + (f" ({side})" if side else "")
 
 
+def enumerated(names: list[str], last: str) -> str:
+    """`a, b and c` with "and" as `last`."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}"
+
+
 def explanation_name(effects: list[dict[str, Any]] | str) -> str:
     """An alternative of the contract as words."""
     if effects == "unknown":
@@ -135,7 +140,7 @@ def headline(diagnosis: dict[str, Any]) -> str:
         return ("The simulator differs from this robot, and no effect of the catalogue explains it"
                 + (f". Most of the difference shows in the {place}." if place else "."))
     names = [listed_name(e) for e in by_share(diagnosis)]
-    listed = names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
+    listed = enumerated(names, "and")
     listed = listed[0].upper() + listed[1:]
     if verdict == "partial":
         return (f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator and robot. "
