@@ -78,7 +78,8 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
     if verdict in ("partial", "unknown"):
         place = rest.get("subsystem")
         words = f"the {SUBSYSTEM_WORDS[place]}" if place else "a place that is not known"
-        title = (f"{percent(rest.get('share'))} of the difference has no name; most of it shows in {words}."
+        nameless = sum(row["share"] for row in diagnosis["budget"] if row["what"] == "rest")
+        title = (f"{percent(nameless)} of the difference has no name; most of it shows in {words}."
                  if verdict == "partial" else f"The difference shows most in {words}.")
         below = [_of_place(place)]
         key = "after" if verdict == "partial" else "refit"

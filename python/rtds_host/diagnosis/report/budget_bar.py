@@ -55,4 +55,5 @@ def budget_bar(diagnosis: dict[str, Any]) -> str:
         at += width
     return ('<h2>What the difference is made of</h2>'
             f'<svg id="budget" width="100%" height="{HEIGHT}" role="img" aria-label="shares of the difference"><defs>'
-            + "".join(patterns) + "</defs>" + "".join(parts) + f'</svg><ul class="legend">{"".join(key)}</ul>')
+            + "".join(patterns) + "</defs>" + "".join(parts) + f'</svg><ul class="legend">{"".join(key)}</ul>'
+            '<p class="soft small">Shares of the square of the difference, in which causes add up.</p>')

@@ -129,9 +129,6 @@ def _head(diagnosis: dict[str, Any], details: Details) -> str:
                ("refit", number(gap.get("refit")), "motor values adjusted within their tolerance")]
     if effects:
         figures += [("after", number(gap.get("after")), "with the named effects")]
-        if gap.get("closed") is not None:
-            # A replay without the sensors' noise comes closer than 1: no more than all is explained.
-            figures += [("closed", percent(min(gap["closed"], 1.0)), "of the difference explained")]
     named = "".join(f"<li><b>{escape(listed_name(e))}</b>: {escape('; '.join(_sizes(e, details)))}. "
                     f"{escape(sureness(e['probability']).capitalize())}.</li>" for e in by_share(diagnosis))
     return (f"<section><h1>{escape(case.name)} · {escape(case.robot.name)} · {len(case.runs)} run"
@@ -203,7 +200,7 @@ def _where(diagnosis: dict[str, Any], details: Details) -> str:
             parts.append('<p class="small soft" id="lost">' + escape("; ".join(local.lost)).capitalize() + ".</p>")
     rest = diagnosis["gap"].get("rest") or {}
     if rest.get("share") is not None and diagnosis["verdict"] != "none":
-        text = f"The blamed effects leave {percent(rest['share'])} of the gap" if diagnosis["effects"] else "The gap is"
+        text = f"The blamed effects leave {percent(rest['share'])} of the refitted robot's gap beyond 1" if diagnosis["effects"] else "The gap is"
         text += (", with structure" if rest.get("structured") else ", without structure") if diagnosis["effects"] else (
             " structured" if rest.get("structured") else " without structure")
         if rest.get("structured") and rest.get("subsystem"):
@@ -317,10 +314,11 @@ def _gaps(diagnosis: dict[str, Any], details: Details) -> str:
     parts = ["<section><h2>The gap by channel, regime and run</h2>",
              '<p class="small soft">Root mean square of replay minus measured in units of noise, on runs not used for the fit.</p>',
              _gap_table("channel", gap.get("channels") or {}, "channels", blamed)]
-    interval = gap.get("closed_ci90")
-    if blamed and interval and None not in interval:
-        parts.append(f'<p id="closed_ci90">{percent(gap["closed"])} of the gap is closed; of another run of this robot '
-                     f"{percent(interval[0])} to {percent(interval[1])} (90 % interval).</p>")
+    if blamed and gap.get("closed") is not None:
+        interval = gap.get("closed_ci90")
+        another = f"; of another run of this robot {percent(interval[0])} to {percent(interval[1])} (90 % interval)" if (
+            interval and None not in interval) else ""
+        parts.append(f'<p id="closed">{percent(gap["closed"])} of the way from the nominal robot\'s gap to 1 is closed{another}.</p>')
     if details.regimes:
         parts += ["<h3>By regime</h3>", _gap_table("regime", details.regimes, "regimes", blamed)]
     if details.run_gaps:
