@@ -168,13 +168,18 @@ def check_words(command: str) -> None:
                 assert word.split("=")[0].rstrip(",;…") in options, f"{command}: no option {word}"
 
 
-def run_page(page: Path, scratch: Path, long: bool) -> None:
-    """Run a page's blocks in their order; a failure shows the command and its last words."""
+def run_page(page: Path, scratch: Path, long: bool, installed=None) -> None:
+    """Run a page's blocks in their order; a failure shows the command and its last words.
+
+    installed : an environment to run them in, with the examples and nothing else of the checkout.
+    """
     shutil.copytree(ROOT / "examples", scratch / "examples", ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("python", "tb", "sim", "rtl", "quartus", "docs", "Makefile", "pyproject.toml", "mkdocs.yml"):
-        (scratch / name).symlink_to(ROOT / name)
-    (scratch / ".venv").symlink_to(sys.prefix)
-    environment = {**os.environ, "PATH": f"{sys.prefix}/bin:{os.environ['PATH']}", "NO_COLOR": "1", "COLUMNS": "110"}
+    if installed is None:
+        for name in ("python", "tb", "sim", "rtl", "quartus", "docs", "Makefile", "pyproject.toml", "mkdocs.yml"):
+            (scratch / name).symlink_to(ROOT / name)
+    (scratch / ".venv").symlink_to(installed.prefix if installed else sys.prefix)
+    environment = {**(installed.environment if installed else os.environ | {"PATH": f"{sys.prefix}/bin:{os.environ['PATH']}"}),
+                   "NO_COLOR": "1", "COLUMNS": "110"}
     wrong: list[str] = []
     for block in blocks(page):
         if block.mark and not (long and block.mark.startswith("long")):
@@ -208,6 +213,12 @@ def test_the_commands_of_a_page_work_one_after_the_other(page, tmp_path):
 @pytest.mark.parametrize("page", LONG, ids=lambda p: p.name)
 def test_the_long_commands_of_a_page_work_too(page, tmp_path):
     run_page(page, tmp_path, long=True)
+
+
+@pytest.mark.long  # dependencies are fetched, and all of numba is compiled anew
+@pytest.mark.parametrize("name", ["tutorial.md", "tutorial-bag.md"])
+def test_a_tutorial_works_from_an_installed_wheel(name, fresh, tmp_path):
+    run_page(ROOT / "docs" / name, tmp_path, long=True, installed=fresh)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)

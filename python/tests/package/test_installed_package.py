@@ -1,7 +1,6 @@
 """The wheel, away from the checkout: what it holds, and that import, diagnosis, prediction, driving and the notebook work."""
 
 import ast
-import importlib.metadata
 import inspect
 import json
 import os
@@ -19,25 +18,6 @@ import rtds_host.api
 ROOT = Path(__file__).resolve().parents[3]
 NOTEBOOK = ROOT / "examples" / "from_a_log_to_a_simulator.ipynb"
 FUNCTIONS = ("close", "diagnose", "predict", "read_case", "run")
-
-
-@pytest.fixture(scope="session")
-def wheel(tmp_path_factory):
-    """The wheel of this checkout, built from what git would hand on."""
-    if int(importlib.metadata.version("setuptools").split(".")[0]) < 77:
-        pytest.fail("the wheel needs setuptools 77, which `make setup` installs")
-    folder = tmp_path_factory.mktemp("wheel")
-    tree = folder / "tree"
-    files = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\0")
-    for name in filter(None, files):
-        if (ROOT / name).is_file():
-            (tree / name).parent.mkdir(parents=True, exist_ok=True)
-            (tree / name).write_bytes((ROOT / name).read_bytes())
-    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", folder, tree]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    (path,) = folder.glob("*.whl")
-    return path
 
 
 @pytest.fixture(scope="session")
@@ -108,9 +88,12 @@ def test_the_notebook_runs(tmp_path):
     assert done.stdout.rstrip().endswith("as it should be")
 
 
-@pytest.mark.long  # all of numba is compiled anew for an installation
-def test_the_notebook_runs_from_an_installed_package(installed):
-    assert installed(notebook_script(installed.folder)).rstrip().endswith("as it should be")
+@pytest.mark.long  # dependencies are fetched, and all of numba is compiled anew
+def test_the_notebook_runs_from_an_installed_wheel(fresh, tmp_path):
+    for name in ("rover.csv", "rover.toml", "truth.json"):
+        (tmp_path / name).write_bytes((ROOT / "examples" / name).read_bytes())
+    out = fresh.run("python", notebook_script(tmp_path), cwd=tmp_path)
+    assert out.rstrip().endswith("as it should be")
 
 
 def test_the_notebook_holds_no_output_and_only_plain_python():
