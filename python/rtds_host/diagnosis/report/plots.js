@@ -67,7 +67,7 @@
     g.font = "12px system-ui, sans-serif";
     g.fillStyle = colour("soft"); g.strokeStyle = colour("faint"); g.lineWidth = 1;
     g.textAlign = "right"; g.textBaseline = "middle";
-    for (const v of ticks(low, high, h < 140 ? 2 : 4)) {
+    for (const v of ticks(low, high, h < 140 ? 3 : 5)) {
       g.beginPath(); g.moveTo(left, py(v)); g.lineTo(w - right, py(v)); g.stroke();
       g.fillText(String(v), left - 6, py(v));
     }
