@@ -224,6 +224,8 @@ def test_causes_that_look_alike_are_checked_and_none_of_them_is_mended(details):
     twins = sections("known", details, effects=[effect], budget=budget, indistinguishable=[[resistance, gain]])
     do, everything = words_of(twins[1]), words_of(" ".join(twins))
     assert "rolling resistance or speed gain (both sides) would look the same in these runs" in do
+    assert "Rolling resistance or speed gain (both sides) makes this robot differ" in everything
+    assert "These runs cannot tell which." in everything and "certain" not in everything and "ikely" not in words_of(twins[0])
     for one in (resistance, gain):
         assert CATALOGUE[one["id"]].check in do and CATALOGUE[one["id"]].advice not in everything
     assert "nflate" not in everything

@@ -49,7 +49,8 @@ def _of_effect(diagnosis: dict[str, Any], effect: dict[str, Any]) -> tuple[str, 
         return title, [f"{listed_name(one)}: {CATALOGUE[one['id']].check}" for one in (effect, *twins)]
     others = enumerated([plain_name(other) for other in known.confused_with], "or")
     return (f"{name[0].upper()}{name[1:]}: check it on the robot.",
-            [f"{known.check} This also tells it from what it is easily taken for: {others}.", f"If this shows it: {known.advice[0].lower()}{known.advice[1:]}"])
+            [f"{known.check} This also tells it from what it is easily taken for: {others}.",
+             f"If this shows it: {known.advice[0].lower()}{known.advice[1:]}"])
 
 
 def _of_place(place: str | None) -> str:
@@ -92,7 +93,8 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
         why = str(plan.get("why", ""))
         scenario, _, payload = str(plan["scenario"]).partition(" --payload ")
         with_load = f" with a payload of {payload} kg" if payload else ""
-        steps.append((f"Record the manoeuvre {scenario}{with_load} next, and diagnose again with it.", [f"{why[:1].upper()}{why[1:].rstrip('.')}."]))
+        steps.append((f"Record the manoeuvre {scenario}{with_load} next, and diagnose again with it.",
+                      [f"{why[:1].upper()}{why[1:].rstrip('.')}."]))
     if diagnosis["effects"]:
         title = "Or leave the robot as it is and give the simulator what was found" if verdict == "known" else (
             "Meanwhile the simulator can have what was found")

@@ -24,6 +24,7 @@ from rtds_host.diagnosis.report.words import (
     by_share,
     channel_name,
     effect_name,
+    enumerated,
     explanation_name,
     headline,
     key_unit,
@@ -31,6 +32,7 @@ from rtds_host.diagnosis.report.words import (
     number,
     percent,
     sureness,
+    twins_of,
     unit_of,
     value_words,
 )
@@ -130,7 +132,7 @@ def _head(diagnosis: dict[str, Any], details: Details) -> str:
     if effects:
         figures += [("after", number(gap.get("after")), "with the named effects")]
     named = "".join(f"<li><b>{escape(listed_name(e))}</b>: {escape('; '.join(_sizes(e, details)))}. "
-                    f"{escape(sureness(e['probability']).capitalize())}.</li>" for e in by_share(diagnosis))
+                    f"{escape(_sure(diagnosis, e))}.</li>" for e in by_share(diagnosis))
     return (f"<section><h1>{escape(case.name)} · {escape(case.robot.name)} · {len(case.runs)} run"
             f"{'s' if len(case.runs) != 1 else ''}</h1>"
             f'<p id="verdict"><span class="badge {diagnosis["verdict"]}">{diagnosis["verdict"]}</span>'
@@ -151,6 +153,13 @@ def _sizes(effect: dict[str, Any], details: Details) -> list[str]:
         text = f"{fitted} {unit}".strip() + (f" in place of {nominal} {unit}".rstrip() if shown != name else "")
         found.append(text + (f" ({shown})" if shown != name or len(effect["parameters"]) > 1 else ""))
     return found
+
+
+def _sure(diagnosis: dict[str, Any], effect: dict[str, Any]) -> str:
+    """How sure one may be of an effect; of one with twins, what else it may be."""
+    if twins := twins_of(diagnosis, effect):
+        return f"Or {enumerated([listed_name(twin) for twin in twins], 'or')}"
+    return sureness(effect["probability"]).capitalize()
 
 
 def _do(diagnosis: dict[str, Any], details: Details) -> str:
@@ -195,12 +204,14 @@ def _where(diagnosis: dict[str, Any], details: Details) -> str:
         parts.append("<h3>Each block on its own, driven by measured signals (units of noise; a perfect robot scores 1)"
                      "</h3>")
         parts.append(_table([("block", False), ("speaks of", False), ("score", True),
-                             *([("with effects", True)] if after else []), ("worst where", False)], rows, [f'data-block="{b.name}"' for b in local.blocks], "blocks"))
+                             *([("with effects", True)] if after else []), ("worst where", False)], rows,
+                            [f'data-block="{b.name}"' for b in local.blocks], "blocks"))
         if local.lost:
             parts.append('<p class="small soft" id="lost">' + escape("; ".join(local.lost)).capitalize() + ".</p>")
     rest = diagnosis["gap"].get("rest") or {}
     if rest.get("share") is not None and diagnosis["verdict"] != "none":
-        text = f"The blamed effects leave {percent(rest['share'])} of the refitted robot's gap beyond 1" if diagnosis["effects"] else "The gap is"
+        text = "The gap is" if not diagnosis["effects"] else (
+            f"The blamed effects leave {percent(rest['share'])} of the refitted robot's gap beyond 1")
         text += (", with structure" if rest.get("structured") else ", without structure") if diagnosis["effects"] else (
             " structured" if rest.get("structured") else " without structure")
         if rest.get("structured") and rest.get("subsystem"):

@@ -34,7 +34,7 @@ def percent(value: float | None) -> str:
     if value is None or not math.isfinite(value):
         return "–"
     shown = 100.0 * value
-    return f"{shown:.1f} %" if 0 < abs(shown) < 1 or 99 < shown < 100 else f"{shown:.0f} %"
+    return f"{shown:.1f} %" if 0 < abs(shown) < 1 or 99 < shown < 99.95 else f"{shown:.0f} %"
 
 
 def plain_name(effect_id: str) -> str:
@@ -139,13 +139,14 @@ def headline(diagnosis: dict[str, Any]) -> str:
     if verdict == "unknown":
         return ("The simulator differs from this robot, and no effect of the catalogue explains it"
                 + (f". Most of the difference shows in the {place}." if place else "."))
-    names = [listed_name(e) for e in by_share(diagnosis)]
+    names = [enumerated([listed_name(one) for one in (e, *twins_of(diagnosis, e))], "or") for e in by_share(diagnosis)]
     listed = enumerated(names, "and")
     listed = listed[0].upper() + listed[1:]
+    open_end = " These runs cannot tell which." if diagnosis["indistinguishable"] else ""
     if verdict == "partial":
         return (f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator and robot. "
-                "The rest has no name" + (f"; most of it shows in the {place}." if place else "."))
-    return f"{listed} {'makes' if len(names) == 1 else 'make'} this robot differ from its simulator."
+                "The rest has no name" + (f"; most of it shows in the {place}." if place else ".") + open_end)
+    return f"{listed} {'makes' if len(names) == 1 else 'make'} this robot differ from its simulator.{open_end}"
 
 
 def twins_of(diagnosis: dict[str, Any], effect: dict[str, Any]) -> list[dict[str, str]]:
