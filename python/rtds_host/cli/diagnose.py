@@ -20,17 +20,34 @@ def diagnose(
     jobs: Annotated[int, typer.Option(help="Cores to use; 0 = all.", min=0)] = 0,
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask scheduler "
                                                                           "(tcp://host:8786).")] = None,
+    mcap: Annotated[Path | None, typer.Option(metavar="FILE", help="One case: write measured, nominal and corrected channels side by "
+                                                                   "side, for Foxglove or PlotJuggler.")] = None,
 ) -> None:
     """Say where the gap between simulator and reality lies, and which effect causes it.
 
     Several cases go on where an interrupted call stopped; status 1 if some failed, the others are complete.
     """
     from rtds_host.diagnosis.batch import run_many, run_one
-    from rtds_host.run.session import check_writable
+    from rtds_host.errors import InputError
+    from rtds_host.run.session import check_writable, check_writable_file
 
     check_writable(out)
+    if mcap is not None:
+        if len(cases) > 1 or scheduler is not None:
+            raise InputError(f"--mcap {mcap}: one case, diagnosed here, goes into it; `rtds predict --mcap` writes any run's")
+        check_writable_file(mcap)
     if len(cases) == 1 and scheduler is None:
-        run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs)
+        result, details = run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs)
+        if mcap is not None:
+            from rtds_host.correction.close import model_of
+            from rtds_host.diagnosis.predict import predicted_columns
+            from rtds_host.importers.mcap_compare import Compared, write_comparison
+
+            case = details.case
+            corrected = model_of(result, case.robot)
+            write_comparison(mcap, [Compared(log, {"nominal": predicted_columns(log, case.robot),
+                                                   "corrected": predicted_columns(log, case.robot, corrected)})
+                                    for log in case.runs])
         return
     failed = run_many(cases, out, quick=quick, seed=seed, jobs=jobs, scheduler=scheduler)
     if failed:

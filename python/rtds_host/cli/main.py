@@ -23,6 +23,7 @@ COMMANDS = {
     "diagnose": "Say where the gap between simulator and reality lies, and which effect causes it.",
     "close": "Put a diagnosis into the real-time simulator and see the gap close there.",
     "predict": "Replay a run from its commands, with or without a diagnosis.",
+    "export": "Write the robot with a diagnosis in it for MuJoCo, Gazebo, Isaac Sim, URDF or Python.",
     "effects": "List the effects that a diagnosis can blame, or tell all of one.",
     "import": "Turn ROS 2 bags or csv files of a real robot into a case.",
     "blind": "Check the diagnosis on sealed cases: make, answer, score.",

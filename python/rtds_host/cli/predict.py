@@ -18,6 +18,8 @@ def predict(
     robot: Annotated[Path, typer.Option(help="The nominal robot.toml.")],
     out: Annotated[Path, typer.Option(help="The csv to write: t and every channel of the contract.")],
     diagnosis: Annotated[Path | None, typer.Option(help="A diagnosis.json to apply.")] = None,
+    mcap: Annotated[Path | None, typer.Option(metavar="FILE", help="Write measured, nominal and, with --diagnosis, corrected channels "
+                                                                   "side by side too, for Foxglove or PlotJuggler.")] = None,
 ) -> None:
     """Replay a run from its commands, with or without a diagnosis."""
     import io
@@ -28,13 +30,20 @@ def predict(
     from rtds_host.contract.runlog import COMMANDS
     from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
     from rtds_host.errors import OutputError, visible
+    from rtds_host.run.session import check_writable_file
 
+    check_writable_file(out)
+    if mcap is not None:
+        check_writable_file(mcap)
     nominal = load_robot(robot)
     log = read_run(run, nominal)
     # Not `resolve`: a link that leads to itself is an error of its own there.
     inputs = {os.path.realpath(place) for place in (log.path, run / "run.json", robot, diagnosis) if place}
-    if os.path.realpath(out) in inputs:
-        raise OutputError(f"{out}: is an input of this very command; choose another file")
+    for place in (out, mcap):
+        if place is not None and os.path.realpath(place) in inputs:
+            raise OutputError(f"{place}: is an input of this very command; choose another file")
+    if mcap is not None and os.path.realpath(mcap) == os.path.realpath(out):
+        raise OutputError(f"{mcap}: --out and --mcap name one file; choose another")
     columns = predicted_columns(log, nominal, read_diagnosis(diagnosis, nominal) if diagnosis else None)
     text = io.StringIO()
     names = list(columns)
@@ -44,6 +53,11 @@ def predict(
     for row in zip(*columns.values()):
         text.write(",".join(repr(float(value)) if exact else f"{value:.9g}" for exact, value in zip(given, row)) + "\n")
     write_atomic(out, text.getvalue())
+    if mcap is not None:
+        from rtds_host.importers.mcap_compare import Compared, write_comparison
+
+        replayed = {"corrected": columns, "nominal": predicted_columns(log, nominal)} if diagnosis else {"nominal": columns}
+        write_comparison(mcap, [Compared(log, replayed)])
     notices = [*nominal.notices, *log.notices]
     lost = (columns["w_l"] == LOST) & (columns["i_l"] == LOST)
     if lost.any():

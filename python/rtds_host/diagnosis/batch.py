@@ -57,8 +57,8 @@ def write_diagnosis(folder: Path, out: Path, quick: bool, seed: int, threads: in
     return result, details
 
 
-def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: int = 0) -> None:
-    """`rtds diagnose` of one case: progress and a summary on the terminal."""
+def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: int = 0) -> tuple:
+    """`rtds diagnose` of one case: progress and a summary on the terminal. Returns (diagnosis, details)."""
     errors = Console(stderr=True)
     with Progress(TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn(), console=errors,
                   transient=True, disable=not sys.stderr.isatty()) as bar:
@@ -66,6 +66,7 @@ def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: i
         result, details = write_diagnosis(folder, out, quick, seed, jobs if jobs > 0 else cores(),
                                           lambda stage, share: bar.update(task, description=stage, completed=share))
     print_summary(Console(), result, details)
+    return result, details
 
 
 # ---- many cases ------------------------------------------------------------------------------------------------------

@@ -111,3 +111,19 @@ def check_writable(folder: Path) -> None:
         raise OutputError(f"{place}: is a file, a folder is needed for the output")
     if not os.access(place, os.W_OK | os.X_OK):
         raise OutputError(f"{place}: cannot write (no permission)")
+
+
+def check_writable_file(path: Path) -> None:
+    """The same for a file.
+
+    Raises
+    ------
+    OutputError : it cannot be written, or is a folder.
+    """
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder, a file is needed for the output")
+    if path.exists():
+        if not os.access(path, os.W_OK):
+            raise OutputError(f"{path}: cannot write (no permission)")
+        return
+    check_writable(path.absolute().parent)

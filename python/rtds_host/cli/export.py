@@ -1,0 +1,97 @@
+"""`rtds export`: a diagnosis in another simulator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def export(
+    diagnosis: Annotated[Path, typer.Argument(help="The diagnosis.json to put into the robot.")],
+    to: Annotated[str, typer.Option(help="mjcf (MuJoCo), urdf, sdf (Gazebo), usd-json (Isaac Sim) or python.")],
+    out: Annotated[Path, typer.Option(help="File to write; with --samples a folder.")],
+    robot: Annotated[Path | None, typer.Option(help="The nominal robot.toml. Default: the one beside the diagnosis, or in the "
+                                               "folder above.")] = None,
+    check: Annotated[list[Path] | None, typer.Option(metavar="RUN", help="mjcf: replay this run in MuJoCo from the file alone, and "
+                                                     "print the gap before and after; may be repeated.")] = None,
+    samples: Annotated[int, typer.Option(help="Write so many robots, their sizes drawn from the diagnosis' intervals.",
+                                         min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of --samples.", min=0)] = 1,
+) -> None:
+    """Write the robot with what is diagnosed in it for another simulator."""
+    from rtds_host.contract import load_robot, read_run, staged_folder, write_atomic
+    from rtds_host.errors import InputError, visible
+    from rtds_host.export.export import check_target, default_robot, read_source
+    from rtds_host.export.export import export as write
+    from rtds_host.export.table import LOST
+    from rtds_host.run.session import check_writable, check_writable_file
+
+    check_target(to)
+    if check and to != "mjcf":
+        raise InputError(f"--check {check[0]}: only what is exported --to mjcf can be replayed here")
+    if check and samples:
+        raise InputError("--check: not with --samples; export the diagnosis itself")
+    inputs = [diagnosis, robot or default_robot(diagnosis), *(check or [])]
+    (check_writable if samples else check_writable_file)(out)
+    nominal = load_robot(inputs[1])
+    source = read_source(diagnosis, nominal)
+    runs = [read_run(folder, nominal, need_measured=True) for folder in inputs[2:]]
+    text, parts = write(source, to)
+    if samples:
+        _samples(source, to, out, samples, seed, staged_folder)
+    else:
+        if out.exists() and any(out.samefile(place) for place in inputs[:2] if place.exists()):
+            raise InputError(f"{out}: is an input of this very command; choose another file")
+        write_atomic(out, text)
+        print(visible(f"{out}: {nominal.name} for {to}"))
+    for part in parts:
+        word = "left out" if part.kind == LOST else part.kind
+        print(visible(f"  {word:<9} {part.text}"))
+        print(visible(f"            {part.where}"))
+    if not parts:
+        print("  the diagnosis blames no effect: this is the nominal robot, refitted")
+    if runs:
+        _check(out, nominal, source.model, runs)
+
+
+def _samples(source, to: str, out: Path, count: int, seed: int, staged_folder) -> None:
+    import json
+
+    from rtds_host.correction.close import model_of
+    from rtds_host.errors import visible
+    from rtds_host.export.export import ENDINGS, Source
+    from rtds_host.export.export import export as write
+    from rtds_host.export.samples import draw
+
+    drawn, fixed = draw(source.content, source.robot, count, seed)
+    digits = len(str(count - 1))
+    with staged_folder(out) as scratch:
+        values = []
+        for k, content in enumerate(drawn):
+            name = f"sample-{k:0{digits}d}"
+            text, parts = write(Source(content, model_of(content, source.robot), source.robot, f"{source.name}, {name} of seed {seed}"), to)
+            (scratch / (name + ENDINGS[to])).write_text(text, encoding="utf-8")
+            values.append({"name": name + ENDINGS[to], "effects": [
+                {"id": part.effect, "side": part.side, "parameters": part.values} for part in parts]})
+        content = {"schema": "rtds-samples/1", "seed": seed, "to": to, "not_drawn": fixed, "samples": values}
+        (scratch / "samples.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    print(visible(f"{out}: {count} robots for {to}, seed {seed}"))
+    for label in fixed:
+        print(visible(f"  not drawn {label}: the diagnosis gives no interval"))
+
+
+def _check(out: Path, nominal, model, runs) -> None:
+    from rtds_host.export.check import check as check_runs
+
+    checked = check_runs(out, nominal, model, runs)
+    print(f"{'gap':<28}{'nominal':>10}{'corrected':>11}{'closed':>9}")
+    for name, closing in (("in MuJoCo, from the files", checked.mujoco), ("in the diagnosis' replay", checked.replay)):
+        closed = "-" if closing.closed is None else f"{closing.closed:.3f}"
+        print(f"{name:<28}{closing.before:>10.3g}{closing.after:>11.3g}{closed:>9}")
+    if checked.share is not None:
+        print(f"MuJoCo closes {checked.share:.2f} of what the replay closes")

@@ -1,0 +1,76 @@
+"""Whether an exported MuJoCo robot closes the gap: runs replayed from the files alone, before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rtds_host.contract import Case, Robot, RunLog
+from rtds_host.diagnosis import gap as gaps
+from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run
+from rtds_host.export.export import WRITERS
+from rtds_host.export.figures import figures_of
+from rtds_host.export.mujoco_replay import ExportedRobot
+from rtds_host.remains import temporary_folder
+
+
+@dataclass(frozen=True)
+class Closing:
+    """A gap before and after, in units of the sensors' noise; `closed` is None where `before` is none."""
+
+    before: float
+    after: float
+
+    @property
+    def closed(self) -> float | None:
+        return gaps.closed(self.before, self.after)
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The gap in MuJoCo and in the diagnosis' own replay, over the same runs."""
+
+    mujoco: Closing
+    replay: Closing
+
+    @property
+    def share(self) -> float | None:
+        """What MuJoCo closes of what the replay closes."""
+        ours, theirs = self.mujoco.closed, self.replay.closed
+        return None if ours is None or theirs is None or theirs <= 0.0 else ours / theirs
+
+
+def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog]) -> Checked:
+    """Replay runs by the nominal robot's export and by a corrected one.
+
+    Parameters
+    ----------
+    corrected : MJCF file of `rtds export`; the nominal one is written beside, by the same writer. model : what `corrected`
+        holds, for the diagnosis' own replay.
+
+    Raises
+    ------
+    InputError : a file that MuJoCo does not take, a robot that cannot be exported.
+    """
+    case = Case("export", robot, tuple(runs))
+    problem = Problem(case, 1)
+    # A heading that a log does not hold is found from the slope's pull, as in a diagnosis.
+    problem.align(model)
+    plain = nominal_model(robot)
+    parts: dict[str, list[dict[str, np.ndarray]]] = {name: [] for name in ("before", "after", "replay before", "replay after")}
+    with temporary_folder() as folder:
+        nominal = folder / "nominal.xml"
+        nominal.write_text(WRITERS["mjcf"](figures_of(plain, robot), ""), encoding="utf-8")
+        for data in problem.whole:
+            log, start = data.log, data.inputs[-1]
+            outs = {"before": ExportedRobot(nominal).replay(log, start), "after": ExportedRobot(corrected).replay(log, start),
+                    "replay before": replay_run(plain, data.inputs, REPORT_STEP_S),
+                    "replay after": replay_run(model, data.inputs, min(REPORT_STEP_S, model.step_s))}
+            for name, out in outs.items():
+                parts[name].append(gaps.errors(log, robot, out))
+    total = {name: gaps.gap(gaps.pooled(errors)) for name, errors in parts.items()}
+    return Checked(Closing(total["before"], total["after"]), Closing(total["replay before"], total["replay after"]))

@@ -1,0 +1,134 @@
+"""A diagnosis written for another simulator, and the list of what that simulator cannot express."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from rtds_host import __version__
+from rtds_host.contract import Robot
+from rtds_host.contract.runlog import read_json
+from rtds_host.diagnosis.predict import read_diagnosis
+from rtds_host.diagnosis.replay.model import Model
+from rtds_host.errors import InputError, did_you_mean, visible
+from rtds_host.export import mjcf, python, sdf, urdf, usd
+from rtds_host.export.figures import Figures, figures_of
+from rtds_host.export.table import CARRIED, LOST, OWN, TABLE, TARGETS
+
+WRITERS: dict[str, Callable[[Figures, str], str]] = {
+    "mjcf": mjcf.write, "urdf": urdf.write, "sdf": sdf.write, "usd-json": usd.write, "python": python.write}
+ENDINGS = {"mjcf": ".xml", "urdf": ".urdf", "sdf": ".sdf", "usd-json": ".json", "python": ".py"}
+# Nothing of Python's or Verilog's: MuJoCo's passive motors, for friction by speed and torque by angle.
+NEEDS = {"mjcf": {"stribeck_friction": "MuJoCo 4.0 or later", "torque_ripple": "MuJoCo 4.0 or later"}}
+
+
+@dataclass(frozen=True)
+class Part:
+    """One effect of a diagnosis in a target: `effect` and `side` as the diagnosis names them, `values` by parameter,
+    `kind` and `where` as of `rtds_host.export.table.How`."""
+
+    effect: str
+    side: str
+    values: dict[str, float]
+    kind: str
+    where: str
+
+    @property
+    def text(self) -> str:
+        """The effect with its values, as a line."""
+        return f"{self.effect} ({self.side}) " + ", ".join(f"{name} = {value:.5g}" for name, value in self.values.items())
+
+
+def check_target(target: str) -> None:
+    """Whether there is such a target.
+
+    Raises
+    ------
+    InputError : there is none.
+    """
+    if target not in TARGETS:
+        raise InputError(f"--to {target}: unknown (known: {', '.join(TARGETS)}){did_you_mean(target, TARGETS)}")
+
+
+def parts_of(diagnosis: dict, figures: Figures, target: str) -> list[Part]:
+    """How a target has each effect of a diagnosis."""
+    short = mjcf.left_out(figures) if target == "mjcf" else {}
+    found = []
+    for entry in diagnosis.get("effects") or []:
+        values = {name: float(p["value"] if isinstance(p, dict) else p) for name, p in (entry.get("parameters") or {}).items()}
+        how = TABLE[entry["id"]][target]
+        kind, where = how.kind, how.where
+        if entry["id"] in short:
+            kind, where = LOST, short[entry["id"]]
+        elif need := NEEDS.get(target, {}).get(entry["id"]):
+            where = f"{where} ({need})"
+        found.append(Part(entry["id"], entry["side"], values, kind, where))
+    return found
+
+
+TITLES = {OWN: "in the file, and it acts there", CARRIED: "in the file as numbers, for whoever feeds commands and reads sensors",
+          LOST: "not expressible, left out"}
+
+
+def comment_of(parts: list[Part], source: str, robot: Robot, more: str = "") -> str:
+    """The head of a file: where it comes from, and what is and is not in it. No double hyphen, which ends an XML comment."""
+    lines = [f"{robot.name}, by rtds {__version__} export of {source}{more}. SI units; the x axis points forward."]
+    for kind, title in TITLES.items():
+        mine = [part for part in parts if part.kind == kind]
+        if mine:
+            lines.append(f"{title[0].upper()}{title[1:]}:")
+            lines += [f"  {part.text}: {part.where}" for part in mine]
+    if not parts:
+        lines.append("No effect is in it.")
+    text = "\n".join(visible(line) for line in lines)
+    while "--" in text:
+        text = text.replace("--", "- -")
+    return text + "\n"
+
+
+@dataclass(frozen=True)
+class Source:
+    """A diagnosis that was read: `content`, the `model` it makes of a nominal robot, and the `name` of its file."""
+
+    content: dict
+    model: Model
+    robot: Robot
+    name: str
+
+
+def read_source(path: Path, robot: Robot) -> Source:
+    """A diagnosis for a robot.
+
+    Raises
+    ------
+    InputError : see `read_diagnosis`.
+    """
+    model = read_diagnosis(path, robot)
+    return Source(dict(read_json(path)), model, robot, path.name)  # type: ignore[call-overload]
+
+
+def export(source: Source, target: str) -> tuple[str, list[Part]]:
+    """The file's text, and how each effect is in it.
+
+    Raises
+    ------
+    InputError : unknown target, or a robot that cannot be exported.
+    """
+    check_target(target)
+    figures = figures_of(source.model, source.robot)
+    parts = parts_of(source.content, figures, target)
+    return WRITERS[target](figures, comment_of(parts, source.name, source.robot)), parts
+
+
+def default_robot(diagnosis: Path) -> Path:
+    """The `robot.toml` beside a diagnosis or in the folder above.
+
+    Raises
+    ------
+    InputError : there is none.
+    """
+    for folder in (diagnosis.parent, diagnosis.parent.parent):
+        if (folder / "robot.toml").is_file():
+            return folder / "robot.toml"
+    raise InputError(f"{diagnosis}: no robot.toml lies beside it, name the nominal robot by --robot")

@@ -1,0 +1,189 @@
+"""A differential-drive robot in plain Python: motors, friction, body and sensors, without any other package.
+
+    robot = Robot()
+    robot.step(6.0, 6.0, 0.01)          # volts left and right, for so many seconds
+    print(robot.sensors())
+
+Model: wheels that roll without slip carry a body on a plane; each motor is a resistance with a back EMF (its inductance left
+out). Dry friction holds or slips: impulses within their bounds, found by projected Gauss-Seidel (J. J. Moreau, 1988).
+`PARAMETERS` holds the robot; units are SI, pairs are [left, right].
+"""
+
+import math
+from collections import deque
+
+PARAMETERS = {}
+GRAVITY_M_S2 = 9.80665
+STEP_S = 2.5e-4
+SWEEPS = 30
+
+
+class Robot:
+    """The robot of `PARAMETERS`, at rest at the start.
+
+    `pose` is (x, y, yaw, left angle, right angle); the plane climbs by `slope_rad` towards the heading `uphill_yaw_rad`.
+    """
+
+    def __init__(self, parameters=None, pose=(0.0, 0.0, 0.0, 0.0, 0.0), payload_kg=0.0, slope_rad=0.0, uphill_yaw_rad=0.0):
+        p = self.p = PARAMETERS if parameters is None else parameters
+        self.t = 0.0
+        self.x, self.y, self.yaw = pose[:3]
+        self.th = list(pose[3:5])
+        self.start = tuple(pose[3:5])
+        self.w = [0.0, 0.0]
+        self.i = [0.0, 0.0]
+        self.rise = [0.0, 0.0]
+        self.load = [0.0, 0.0]
+        self.filtered = [0.0, 0.0]
+        self.bus = p["supply_v"]
+        self.mass = p["mass_kg"] + payload_kg
+        self.slope = slope_rad + p["slope_extra_rad"]
+        self.uphill = uphill_yaw_rad
+        r, b = p["radius_m"], p["track_m"]
+        self.forward = (0.5 * r[0], 0.5 * r[1])
+        self.turn = (-r[0] / b, r[1] / b)
+        m, my, iz = self.mass, -self.mass * p["com_y_m"], p["yaw_inertia_kg_m2"]
+        f, g = self.forward, self.turn
+        self.inertia = [[m * f[j] * f[k] + my * (f[j] * g[k] + g[j] * f[k]) + iz * g[j] * g[k]
+                         + (p["rotor_kg_m2"][k] + p["wheel_inertia_kg_m2"] if j == k else 0.0) for k in (0, 1)] for j in (0, 1)]
+        self.asked = deque([(0.0, (0.0, 0.0))])
+        self.seen = deque([(0.0, self._report())])
+
+    def step(self, v_left, v_right, dt):
+        """Go on by `dt` seconds with these voltages commanded."""
+        self.asked.append((self.t, (v_left, v_right)))
+        count = max(1, math.ceil(dt / STEP_S - 1e-9))
+        for _ in range(count):
+            self._advance(dt / count)
+        while len(self.seen) > 2 and self.seen[1][0] <= self.t - self.p["measurement_delay_s"]:
+            self.seen.popleft()
+
+    def sensors(self):
+        """What is reported now, without noise: a dictionary by channel."""
+        at = self.t - self.p["measurement_delay_s"]
+        (t0, a), (t1, b) = self.seen[-1], self.seen[-1]
+        for before, after in zip(self.seen, list(self.seen)[1:]):
+            if after[0] >= at:
+                (t0, a), (t1, b) = before, after
+                break
+        share = 1.0 if t1 <= t0 else min(max((at - t0) / (t1 - t0), 0.0), 1.0)
+        found = {name: (1.0 - share) * a[name] + share * b[name] for name in a}
+        return {**found, "x": self.x, "y": self.y, "yaw": self.yaw}
+
+    def _report(self):
+        p = self.p
+        found = {"v_bus": self.bus, "gyro_z": self._rate() * p["gyro_gain"] + p["gyro_bias_rad_s"]}
+        for k, side in enumerate("lr"):
+            found["i_" + side] = self.i[k] * p["current_gain"][k] + p["current_bias_a"][k]
+            speed = self.filtered[k] if p["speed_filter_s"][k] > 0.0 else self.w[k]
+            found["w_" + side] = speed * p["speed_gain"][k]
+            found["th_" + side] = self.start[k] + (self.th[k] - self.start[k]) * p["speed_gain"][k]
+        return found
+
+    def _rate(self):
+        return self.turn[0] * self.w[0] + self.turn[1] * self.w[1]
+
+    def _command(self):
+        """The voltages that act now: late ones."""
+        at = self.t - self.p["command_delay_s"] + 1e-9
+        while len(self.asked) > 1 and self.asked[1][0] <= at:
+            self.asked.popleft()
+        return self.asked[0][1]
+
+    def _volts(self, asked, k):
+        """What the driver makes of a command, before the bus and its limit."""
+        p, top = self.p, self.p["supply_v"]
+        v = min(max(asked, -top), top)
+        v *= 1.0 + p["pwm_curve"][k] * (1.0 - abs(v) / top)
+        return p["voltage_gain"][k] * (v - math.copysign(min(abs(v), p["deadzone_v"][k]), v))
+
+    def _friction(self, k):
+        """Bounds of dry friction against turning forwards and backwards, N·m."""
+        p = self.p
+        level = p["dry_nm"][k] + p["rolling"] * self.mass * GRAVITY_M_S2 * 0.5 * p["radius_m"][k]
+        if p["stribeck_nm"][k]:
+            level += p["stribeck_nm"][k] * math.exp(-((self.w[k] / p["stribeck_rad_s"][k]) ** 2))
+        level += p["load_share"][k] * self.load[k]
+        return level + p["asymmetry_nm"][k], level - p["asymmetry_nm"][k]
+
+    def _advance(self, h):
+        p, w = self.p, self.w
+        asked = self._command()
+        top = p["supply_v"]
+        draw = sum(self.i[k] * min(max(asked[k], -top), top) for k in (0, 1)) / top
+        self.bus = top - p["decline_v_per_s"] * self.t - p["source_resistance_ohm"] * draw
+        a = [[self.inertia[j][k] for k in (0, 1)] for j in (0, 1)]
+        b = [sum(a[j][k] * w[k] for k in (0, 1)) for j in (0, 1)]
+        volts, ohm, ke, fluid = [0.0, 0.0], [0.0, 0.0], p["back_emf_v_s_per_rad"], [0.0, 0.0]
+        for k in (0, 1):
+            limit = p["limit_v"][k]
+            u = min(max(self._volts(asked[k], k) * self.bus / top, -limit), limit)
+            free = u - ke[k] * w[k]
+            volts[k] = u - min(max(free, -p["drop_v"][k]), p["drop_v"][k])
+            ohm[k] = p["resistance_ohm"][k] * (1.0 + self.rise[k])
+            fluid[k] = p["viscous_nm_s_per_rad"][k] + math.copysign(p["asymmetry_nm_s_per_rad"][k], w[k])
+            # Half implicit: the middle of the step, of second order.
+            damping = p["gear_nm_per_a"][k] * ke[k] / ohm[k] + fluid[k]
+            ripple = p["ripple_nm"][k] * math.sin(p["ripple_cycles"][k] * (self.th[k] + 0.5 * h * w[k]) + p["ripple_phase_rad"][k])
+            a[k][k] += 0.5 * h * damping
+            b[k] += h * (p["gear_nm_per_a"][k] * volts[k] / ohm[k] + ripple - 0.5 * damping * w[k])
+        speed, rate = self.forward[0] * w[0] + self.forward[1] * w[1], self._rate()
+        heading = self.yaw + 0.5 * h * rate - self.uphill
+        pull = self.mass * GRAVITY_M_S2 * math.sin(self.slope)
+        mx = self.mass * p["com_x_m"]
+        push = mx * rate * rate - pull * math.cos(heading)
+        twist = -mx * speed * rate + pull * (p["com_x_m"] * math.sin(heading) + p["com_y_m"] * math.cos(heading))
+        for k in (0, 1):
+            b[k] += h * (self.forward[k] * push + self.turn[k] * twist)
+        new, impulses = self._slip(a, b, h)
+        for k in (0, 1):
+            mean = 0.5 * (w[k] + new[k])
+            current = (volts[k] - ke[k] * mean) / ohm[k]
+            self.i[k] = (volts[k] - ke[k] * new[k]) / ohm[k]
+            if p["heat_rise_per_w"][k]:
+                self.rise[k] += h * (p["heat_rise_per_w"][k] * current * current * ohm[k] - self.rise[k]) / p["heat_tau_s"][k]
+            torque = p["gear_nm_per_a"][k] * current - fluid[k] * mean - p["rotor_kg_m2"][k] * (new[k] - w[k]) / h
+            self.load[k] = max(abs(torque), abs(torque + impulses[k] / h))
+            tau = p["speed_filter_s"][k]
+            if tau > 0.0:
+                ramp = (new[k] - w[k]) / h
+                self.filtered[k] = new[k] - ramp * tau + (self.filtered[k] - w[k] + ramp * tau) * math.exp(-h / tau)
+            self.th[k] += h * mean
+        after = self.turn[0] * new[0] + self.turn[1] * new[1]
+        middle = self.yaw + 0.25 * h * (rate + after)
+        way = 0.5 * h * (speed + self.forward[0] * new[0] + self.forward[1] * new[1])
+        self.x += way * math.cos(middle)
+        self.y += way * math.sin(middle)
+        self.yaw += 0.5 * h * (rate + after)
+        self.w = new
+        self.t += h
+        self.seen.append((self.t, self._report()))
+
+    def _slip(self, a, b, h):
+        """Speeds at the end of a step, and the impulses of dry friction at both wheels: a new = b + impulses."""
+        determinant = a[0][0] * a[1][1] - a[0][1] * a[1][0]
+        inverse = ((a[1][1] / determinant, -a[0][1] / determinant), (-a[1][0] / determinant, a[0][0] / determinant))
+        ways = [((1.0, 0.0), *self._friction(0)), ((0.0, 1.0), *self._friction(1))]
+        if self.p["scrub_nm"]:
+            ways.append((self.turn, self.p["scrub_nm"], self.p["scrub_nm"]))
+        ways = [(way, -h * f, h * g) for way, f, g in ways if f or g]
+        new = [inverse[j][0] * b[0] + inverse[j][1] * b[1] for j in (0, 1)]
+        impulses = [0.0] * len(ways)
+        moves = [tuple(inverse[j][0] * way[0] + inverse[j][1] * way[1] for j in (0, 1)) for way, _, _ in ways]
+        for _ in range(SWEEPS if ways else 0):
+            changed = 0.0
+            for n, (way, low, high) in enumerate(ways):
+                give = way[0] * moves[n][0] + way[1] * moves[n][1]
+                slides = way[0] * new[0] + way[1] * new[1]
+                wanted = min(max(impulses[n] - slides / give, min(low, high)), max(low, high))
+                change = wanted - impulses[n]
+                impulses[n] = wanted
+                new = [new[j] + moves[n][j] * change for j in (0, 1)]
+                changed = max(changed, abs(change) * give)
+            if changed < 1e-12:
+                break
+        at_wheels = [0.0, 0.0]
+        for n, (way, _, _) in enumerate(ways):
+            if way in ((1.0, 0.0), (0.0, 1.0)):
+                at_wheels[0 if way[0] else 1] = impulses[n]
+        return new, at_wheels

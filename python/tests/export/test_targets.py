@@ -1,0 +1,176 @@
+"""Each effect is mapped for each target or listed as not expressible, and what is mapped is what the replay does."""
+
+import json
+import math
+import runpy
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+from export_cases import ROBOT, apart, diagnosis_of, model_of_one, model_with
+
+from rtds_host.contract.robot import Robot
+from rtds_host.correction.agreement import designed_run
+from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.replay.model import nominal_model, run_inputs
+from rtds_host.diagnosis.replay.slots import OUTPUTS
+from rtds_host.errors import InputError
+from rtds_host.export import mjcf, python, sdf, urdf, usd
+from rtds_host.export.export import NEEDS, WRITERS, Source, export
+from rtds_host.export.figures import figures_of
+from rtds_host.export.mujoco_replay import ExportedRobot
+from rtds_host.export.table import CARRIED, LOST, OWN, TABLE, TARGETS, markdown
+
+LOG = designed_run(3.3)
+# Units of noise. MuJoCo steps 0.5 ms by a rule of first order and has no inductance: 0.4 without any effect.
+MUJOCO_BOUND, PYTHON_BOUND = 0.6, 0.4
+WIDER = {
+    "backlash": (4.0, "a sample that falls on an impact shows the speed before it in the one and after it in the other"),
+    "gear_compliance": (1.0, "the spring's swing, in steps of first order"),
+}  # fmt: skip
+NEW_MUJOCO = tuple(map(int, mujoco.__version__.split(".")[:2])) >= (4, 0)
+
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "export.md"
+
+
+def of_kind(target, *kinds):
+    return sorted(name for name, row in TABLE.items() if row[target].kind in kinds)
+
+
+def test_every_effect_has_a_place_or_a_reason_for_each_target():
+    assert TABLE.keys() == CATALOGUE.keys()
+    for effect, row in TABLE.items():
+        assert tuple(row) == TARGETS == tuple(WRITERS), effect
+        for target, how in row.items():
+            assert how.kind in (OWN, CARRIED, LOST) and len(how.where) > 3, (effect, target)
+
+
+def test_the_page_shows_the_table():
+    assert markdown() in PAGE.read_text()
+
+
+@pytest.mark.parametrize("effect", ["nominal", *of_kind("mjcf", OWN, CARRIED)])
+def test_the_mujoco_robot_does_what_the_replay_does(effect, tmp_path):
+    if effect in NEEDS["mjcf"] and not NEW_MUJOCO:
+        pytest.skip(f"{effect}: {NEEDS['mjcf'][effect]}")
+    model = nominal_model(ROBOT) if effect == "nominal" else model_of_one(effect)
+    file = tmp_path / "robot.xml"
+    file.write_text(mjcf.write(figures_of(model, ROBOT), ""))
+    out = ExportedRobot(file).replay(LOG, run_inputs(LOG, ROBOT)[-1])
+    far, size = apart(LOG, model, out)
+    assert far <= WIDER.get(effect, (MUJOCO_BOUND,))[0]
+    # What no bound shows: that the effect is there at all.
+    assert effect == "nominal" or far < 0.7 * size
+
+
+@pytest.mark.parametrize("effect", ["nominal", *of_kind("python", OWN, CARRIED)])
+def test_the_python_robot_does_what_the_replay_does(effect, tmp_path):
+    model = nominal_model(ROBOT) if effect == "nominal" else model_of_one(effect)
+    file = tmp_path / "robot.py"
+    file.write_text(python.write(figures_of(model, ROBOT), "a robot"))
+    robot_class = runpy.run_path(str(file))["Robot"]
+    log = designed_run(1.65)
+    start = run_inputs(log, ROBOT)[-1]
+    robot = robot_class(pose=tuple(start[:5]), payload_kg=log.meta.payload_kg, slope_rad=log.meta.slope_rad,
+                        uphill_yaw_rad=log.meta.uphill_yaw_rad)
+    rows = []
+    for k, volts in enumerate(log.commands("voltage")):
+        rows.append([robot.sensors()[name] for name in OUTPUTS])
+        if k + 1 < len(log.t):
+            robot.step(*volts, log.t[k + 1] - log.t[k])
+    far, size = apart(log, model, np.array(rows))
+    assert far <= PYTHON_BOUND
+    assert effect == "nominal" or far < 0.7 * size
+
+
+@pytest.mark.parametrize(("target", "writer"), [("urdf", urdf.write), ("sdf", sdf.write), ("usd-json", usd.write), ("mjcf", mjcf.write),
+                                                ("python", python.write)])
+def test_what_is_in_a_file_changes_it_and_what_is_left_out_does_not(target, writer):
+    plain = writer(figures_of(nominal_model(ROBOT), ROBOT), "")
+    for effect, row in TABLE.items():
+        text = writer(figures_of(model_of_one(effect) if effect != "friction_asymmetry" else model_with(
+            (effect, "both", {"torque_nm": 0.02, "nm_s_per_rad": 0.004})), ROBOT), "")
+        if row[target].kind != LOST:
+            # An asymmetry needs dry friction beside it in MuJoCo; `test_the_mujoco_robot…` has both.
+            assert text != plain or (effect, target) == ("friction_asymmetry", "mjcf"), effect
+        elif target in ("urdf", "sdf"):
+            assert text == plain, effect
+
+
+def test_urdf_and_sdf_say_what_drives_a_wheel():
+    model = model_with(("coulomb_friction", "left", {"torque_nm": 0.05}), ("wheel_radius_error", "both", {"ratio": 1.1}))
+    figures, motor = figures_of(model, ROBOT), ROBOT.motor
+    constant = motor.gear_ratio * motor.torque_constant_nm_per_a
+    braking = constant * motor.gear_ratio * motor.back_emf_constant_v_s_per_rad / motor.resistance_ohm
+    viscous = motor.gear_ratio**2 * motor.viscous_friction_nm_s_per_rad
+    root = ElementTree.fromstring(urdf.write(figures, "by a test\n"))
+    left, right = root.findall("joint")
+    assert float(left.find("dynamics").get("friction")) == pytest.approx(0.05) and float(right.find("dynamics").get("friction")) == 0
+    assert float(right.find("dynamics").get("damping")) == pytest.approx(braking + viscous)
+    assert float(right.find("limit").get("effort")) == pytest.approx(constant * 12.0 / motor.resistance_ohm)
+    assert float(root.find("link[@name='wheel_left']/collision/geometry/sphere").get("radius")) == pytest.approx(0.0363)
+    masses = [float(mass.get("value")) for mass in root.iter("mass")]
+    assert sum(masses) == pytest.approx(ROBOT.chassis.mass_kg)
+    model = ElementTree.fromstring(sdf.write(figures, "by a test\n")).find("model")
+    axis = model.find("joint[@name='wheel_left']/axis")
+    assert float(axis.find("dynamics/friction").text) == pytest.approx(0.05)
+    assert float(axis.find("dynamics/damping").text) == pytest.approx(braking + viscous)
+    assert sum(float(mass.text) for mass in model.iter("mass")) == pytest.approx(ROBOT.chassis.mass_kg)
+
+
+def test_mujoco_reads_the_urdf_with_the_same_masses(tmp_path):
+    model = mujoco.MjModel.from_xml_string(urdf.write(figures_of(nominal_model(ROBOT), ROBOT), ""))
+    friction = [model.joint(f"wheel_{side}").frictionloss[0] for side in ("left", "right")]
+    # MuJoCo makes the root link part of the world: the wheels are left.
+    assert model.njnt == 2 and friction == [0.0, 0.0]
+
+
+def test_usd_attributes_are_in_degrees_where_the_schema_says_so():
+    model = model_with(("viscous_friction", "both", {"nm_s_per_rad": 0.01}))
+    content = json.loads(usd.write(figures_of(model, ROBOT), "one\ntwo\n"))
+    joint = content["prims"]["/robot/joints/wheel_left"]
+    viscous = ROBOT.motor.gear_ratio**2 * ROBOT.motor.viscous_friction_nm_s_per_rad + 0.01
+    assert joint["physxJointAxis:angular:viscousFrictionCoefficient"] == pytest.approx(viscous * math.pi / 180)
+    assert joint["physxJointAxis:angular:armature"] == pytest.approx(ROBOT.motor.gear_ratio**2 * ROBOT.motor.rotor_inertia_kg_m2)
+    assert content["notes"] == ["one", "two"]
+
+
+def source_of(*effects, robot: Robot = ROBOT):
+    return Source(diagnosis_of(effects), model_with(*effects), robot, "diagnosis.json")
+
+
+def test_what_a_target_cannot_have_stands_in_its_file_and_in_the_list():
+    source = source_of(("load_friction", "left", {"ratio": 0.2}), ("coulomb_friction", "both", {"torque_nm": 0.05}),
+                       ("speed_gain", "right", {"ratio": 1.02}))
+    text, parts = export(source, "mjcf")
+    assert {part.effect: part.kind for part in parts} == {"load_friction": LOST, "coulomb_friction": OWN, "speed_gain": CARRIED}
+    head = text.partition("-->")[0]
+    assert "Not expressible, left out:\n  load_friction (left) ratio = 0.2: friction there" in head
+    text, parts = export(source, "urdf")
+    assert [part.effect for part in parts if part.kind == LOST] == ["load_friction", "speed_gain"]
+    ElementTree.fromstring(text)
+
+
+@pytest.mark.parametrize(("effects", "reason"), [
+    ([("friction_asymmetry", "both", {"torque_nm": 0.02, "nm_s_per_rad": 0.0})], "larger than the dry friction"),
+    ([("friction_asymmetry", "both", {"torque_nm": 0.02, "nm_s_per_rad": 0.001}),
+      ("coulomb_friction", "both", {"torque_nm": 0.03})], "its part by speed is left out"),
+    ([("winding_heating", "left", {"rise_per_watt": 0.1, "time_constant_s": 9.0}),
+      ("driver_gain", "left", {"ratio": 0.9})], "a driver without a gain"),
+])  # fmt: skip
+def test_numbers_that_mujoco_cannot_have_are_left_out_with_their_reason(effects, reason):
+    text, parts = export(source_of(*effects), "mjcf")
+    assert parts[0].kind == LOST and reason in parts[0].where and reason in text
+
+
+def test_a_comment_never_ends_an_xml_comment():
+    text, _ = export(Source(diagnosis_of([]), nominal_model(ROBOT), ROBOT, "a--b-->.json"), "sdf")
+    ElementTree.fromstring(text)
+
+
+def test_a_target_or_robot_that_cannot_be_exported_is_refused():
+    with pytest.raises(InputError, match=r"--to mjfc: unknown .*; did you mean 'mjcf'\?"):
+        export(source_of(), "mjfc")
