@@ -46,7 +46,9 @@ def make(out: Folder, n: Annotated[int | None, typer.Option("--n", help="Number 
     """Draw cases, seal their truths and publish the seals."""
     from rtds_host.blind.measured import make_measured
     from rtds_host.blind.seal import make as make_cases
+    from rtds_host.run.session import check_writable
 
+    check_writable(out)
     if measured and (tier or world):
         raise InputError("--measured: has neither tiers nor worlds")
     tier = [name.strip() for item in tier for name in item.split(",")] if tier else None
@@ -64,7 +66,9 @@ def answer(out: Folder, quick: Annotated[bool, typer.Option("--quick", help="The
                                                                                  "scheduler (tcp://host:8786).")] = None) -> None:
     """Let the diagnoser, as another process, answer every case that has no answer yet."""
     from rtds_host.blind.seal import answer as answer_cases
+    from rtds_host.run.session import check_writable
 
+    check_writable(out)
     with _bar("diagnosing") as report:
         ledger = answer_cases(out, quick, jobs, timeout_s=timeout, progress=report, scheduler=scheduler)
     failed = [entry for entry in ledger if entry["sha256"] is None]
@@ -87,7 +91,11 @@ def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time."
     from rtds_host.blind.score import FIGURES, POOLED, _cell
     from rtds_host.blind.score import score as score_cases
     from rtds_host.blind.seal import read_seals
+    from rtds_host.run.session import check_writable, check_writable_file
 
+    check_writable(out)
+    if page is not None:
+        check_writable_file(page)
     read_seals(out)
     if is_measured(out):
         if diagnoses:

@@ -15,6 +15,7 @@ from rtds_host.errors import InputError, visible
 from rtds_host.link import open_link
 from rtds_host.link.analog import FROM_CHIP, TO_CHIP, load_paths, save_paths
 from rtds_host.link.calibrate import POINTS, READS, ideal_errors, measure
+from rtds_host.run.session import check_writable_file
 
 app = typer.Typer(add_completion=False)
 
@@ -38,6 +39,7 @@ def calibrate(
     """Measure gain and offset of every analog path between PC and chip and store them."""
     if link not in ("chip", "ad2"):
         raise InputError(f"--link {link}: there are no wires to calibrate (known: chip, ad2)")
+    check_writable_file(out)
     options = link_options(link, wires=wires, ad2=ad2, serial=serial)
     motor = builtin_robot("burger").motor
     with open_link(link, **options) as rig:

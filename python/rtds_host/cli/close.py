@@ -41,13 +41,13 @@ def close(
 
     from rtds_host.correction.close import close_folder
     from rtds_host.correction.simulate import Setting
-    from rtds_host.errors import InputError
+    from rtds_host.errors import InputError, did_you_mean
     from rtds_host.robot import check_engine, default_engine
     from rtds_host.run import check_writable
     from rtds_host.spread import cores
 
     if link not in LINKS:
-        raise InputError(f"--link {link}: unknown (known: {', '.join(LINKS)})")
+        raise InputError(f"--link {link}: unknown (known: {', '.join(LINKS)}){did_you_mean(link, LINKS)}")
     engine = engine or default_engine(lambda line: print(line, file=sys.stderr))
     check_engine(engine, "--engine")
     check_writable(out)

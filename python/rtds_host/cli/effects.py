@@ -25,13 +25,18 @@ def effects(
 
     console = Console()
     if name is None:
-        table = Table(box=None)
-        for title in ("subsystem", "effect", "sides", "runs in", "parameters"):
-            table.add_column(title, no_wrap=title in ("subsystem", "effect", "runs in"))
+        table = Table(box=None, pad_edge=False)
+        for title in ("effect", "sides", "runs in", "parameters"):
+            table.add_column(title, no_wrap=title != "parameters", overflow="fold")
+        subsystem = ""
         for effect in sorted(CATALOGUE.values(), key=lambda e: (e.subsystem, e.id)):
-            table.add_row(effect.subsystem, effect.id, ", ".join(effect.sides), PLACE_NAMES[effect.runs_in],
-                          Text(", ".join(f"{p.name} [{p.unit}]" for p in effect.parameters)))
+            if effect.subsystem != subsystem:
+                subsystem = effect.subsystem
+                table.add_row(Text(subsystem, style="bold"))
+            table.add_row(f"  {effect.id}", "each" if effect.sided else "both", PLACE_NAMES[effect.runs_in],
+                          Text("\n".join(f"{p.name} [{p.unit}]" for p in effect.parameters)))
         console.print(table)
+        console.print("each: on both sides, or on left or right alone")
         return
     if name not in CATALOGUE:
         raise InputError(f"effect {name!r}: not in the catalogue (`rtds effects` lists it){did_you_mean(name, CATALOGUE)}")

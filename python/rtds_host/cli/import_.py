@@ -51,7 +51,9 @@ def import_(
     if out is None:
         raise InputError("--out CASE: missing, the folder to write to")
     from rtds_host.importers.case import import_case
+    from rtds_host.run.session import check_writable
 
+    check_writable(out)
     runs = import_case(sources, out, robot=robot, mapping=mapping, append=append, names=name or [],
                        meta=RunMeta(scenario, payload_kg, slope_rad, uphill_yaw_rad, notes),
                        start_s=start_s, end_s=end_s, trust_units=trust_units, form="parquet" if parquet else "csv")

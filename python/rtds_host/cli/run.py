@@ -16,7 +16,7 @@ from rich.table import Table
 
 from rtds_host.cli.calibrate import link_options
 from rtds_host.contract import load_robot, read_run, staged_folder
-from rtds_host.errors import InputError, visible
+from rtds_host.errors import InputError, did_you_mean, visible
 from rtds_host.robot import check_engine, default_engine
 from rtds_host.run import Effects, LinkChoice, Options, Plan, check_writable, make_plan, perform, write_outcome
 from rtds_host.run.summary import Summary, lines
@@ -54,7 +54,7 @@ def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[str, dict[str,
     for name in given:
         if name not in known:
             raise InputError(f"scenario 'all': none of {', '.join(one.name for one in chosen)} has a parameter "
-                             f"{name!r} (known: {', '.join(sorted(known))})")
+                             f"{name!r} (known: {', '.join(sorted(known))}){did_you_mean(name, known)}")
     return [(one.name, {name: value for name, value in given.items() if name in one.parameters}) for one in chosen]
 
 
@@ -125,8 +125,8 @@ def run(
     log_interval: Annotated[float | None, typer.Option(help="Time between two rows of the log, s.")] = None,
     effects: Annotated[Path | None, typer.Option(help="A diagnosis.json: drive the robot it describes.")] = None,
     effect: Annotated[list[str] | None, typer.Option(
-        help="An effect of the catalogue, as coulomb_friction.torque_nm=0.05,side=left (side both without it; "
-             "`rtds effects` lists them); may be repeated.")] = None,
+        help="An effect of the catalogue, as driver_gain.ratio=0.9 or, of one side, with ,side=left behind it (`rtds effects` "
+             "lists them); may be repeated.")] = None,
     step: Annotated[float, typer.Option(help="Step of the motor units, s.")] = 1e-5,
     method: Annotated[str, typer.Option(help="backward_euler or trapezoidal.")] = "backward_euler",
     compare: Annotated[bool, typer.Option(help="Drive once more with the other controller and print both errors.")]
@@ -146,7 +146,7 @@ def run(
     if not scenario:
         raise InputError(f"no scenario given (known: {', '.join(scenarios())}, all)")
     if form not in ("csv", "parquet"):
-        raise InputError(f"--format {form}: unknown (known: csv, parquet)")
+        raise InputError(f"--format {form}: unknown (known: csv, parquet){did_you_mean(form, ('csv', 'parquet'))}")
     given = _settings(setting or [])
     for name, value in (("duration", duration), ("radius", radius), ("length", length)):
         if value is not None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rtds_host.compat import tomllib
 from rtds_host.contract.inputs import regular_bytes
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, did_you_mean
 
 SCHEMA = "rtds-robot/1"
 GRAVITY_M_S2 = 9.80665
@@ -191,7 +191,8 @@ def builtin_robot_path(name: str) -> Path:
     path = folder / f"{name}.toml"
     if not path.is_file():
         known = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
-        raise InputError(f"robot {name!r}: unknown (known: {known}; or give the path of a robot.toml)")
+        raise InputError(f"robot {name!r}: unknown (known: {known}; or give the path of a robot.toml)"
+                         f"{did_you_mean(name, known.split(', '))}")
     return path
 
 

@@ -19,7 +19,7 @@ from rtds_host.contract.clock import likely_unit
 from rtds_host.contract.inputs import open_regular, regular_bytes
 from rtds_host.contract.output import staged_folder
 from rtds_host.contract.robot import Robot, load_robot
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, did_you_mean
 
 SCHEMA = "rtds-run/1"
 COMMANDS = {"voltage": ("v_cmd_l", "v_cmd_r"), "torque": ("v_cmd_l", "v_cmd_r"), "speed": ("w_cmd_l", "w_cmd_r")}
@@ -372,7 +372,7 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
     table = _read_csv(path) if path.suffix == ".csv" else _read_parquet(path)
     columns, rows = table.columns, table.rows
     notices = [f"run.json: key {key!r} is not in the contract, ignored" for key in about if key not in META_KEYS]
-    notices += [f"{path.name}: column {name!r} is not in the contract, ignored" for name in table.ignored]
+    notices += [f"{path.name}: column {name!r} is not in the contract, ignored{did_you_mean(name, COLUMNS)}" for name in table.ignored]
     notices += table.notices
 
     mode = robot.driver.mode if robot else "voltage"

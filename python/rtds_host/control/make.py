@@ -6,7 +6,7 @@ from rtds_host.contract import Motor
 from rtds_host.control.base import CONTROLLERS, Controller
 from rtds_host.control.exact import ExactController
 from rtds_host.control.paper import PaperController
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, did_you_mean
 
 
 def make_controller(name: str, motor: Motor, limit_v: float) -> Controller:
@@ -20,4 +20,4 @@ def make_controller(name: str, motor: Motor, limit_v: float) -> Controller:
         return ExactController(motor, limit_v)
     if name == "paper":
         return PaperController(motor, limit_v)
-    raise InputError(f"controller {name!r}: unknown (known: {', '.join(CONTROLLERS)})")
+    raise InputError(f"controller {name!r}: unknown (known: {', '.join(CONTROLLERS)}){did_you_mean(name, CONTROLLERS)}")

@@ -24,7 +24,7 @@ from rtds_host.correction.simulate import Setting, simulate
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
-from rtds_host.errors import InputError, RtdsError
+from rtds_host.errors import InputError, RtdsError, did_you_mean
 from rtds_host.robot import default_engine
 
 # Bound on the difference, in units of noise: a tenth of what a sensor hides.
@@ -148,7 +148,8 @@ def rows(effects: Iterable[str] | None = None, setting: Setting | None = None, s
     names = list(effects or sorted(CATALOGUE, key=lambda e: (CATALOGUE[e].subsystem, e)))
     for name in names:
         if name not in CATALOGUE:
-            raise InputError(f"effect {name!r}: not in the catalogue (`rtds effects` lists it)")
+            raise InputError(f"effect {name!r}: not in the catalogue (`rtds effects` lists it)"
+                             f"{did_you_mean(name, CATALOGUE)}")
     robot, log = builtin_robot("burger"), designed_run(seconds)
     for name in names:
         for side in sides_of(name):

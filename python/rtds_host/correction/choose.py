@@ -48,7 +48,8 @@ def parse_effect(text: str, effects: dict[str, Effect]) -> tuple[str, str, dict[
             side = number
             continue
         if key not in known:
-            raise InputError(f"--effect {text}: {key!r} is no parameter of {effect.id} (it has {', '.join(known)})")
+            raise InputError(f"--effect {text}: {key!r} is no parameter of {effect.id} (it has {', '.join(known)})"
+                             f"{did_you_mean(key, known)}")
         try:
             value = float(number)
         except ValueError:

@@ -21,7 +21,7 @@ from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run
 from rtds_host.diagnosis.replay.slots import OUTPUTS
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, did_you_mean
 from rtds_host.remains import temporary_folder
 
 SCHEMA = "rtds-close/1"
@@ -50,7 +50,7 @@ def held_out(case: Case, names: list[str] | None, single_ok: bool = True) -> tup
     known = [run.name for run in case.runs]
     for name in names or []:
         if name not in known:
-            raise InputError(f"--hold-out {name}: the case has no such run (it has {', '.join(known)})")
+            raise InputError(f"--hold-out {name}: the case has no such run (it has {', '.join(known)}){did_you_mean(name, known)}")
     chosen = tuple(dict.fromkeys(names or known[-1:]))
     if len(known) == 1 and single_ok:
         return chosen

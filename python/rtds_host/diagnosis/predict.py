@@ -14,7 +14,7 @@ from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
 from rtds_host.diagnosis.problem import NOMINAL_KEYS, NUISANCES
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, did_you_mean
 
 # Diagnoses of the first schema hold all that a prediction needs.
 DIAGNOSIS_SCHEMAS = ("rtds-diagnosis/2", "rtds-diagnosis/1")
@@ -56,7 +56,7 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         effect = effects_there.get(name) if isinstance(name, str) else None
         if effect is None:
             raise InputError(f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in "
-                             "the catalogue (see `rtds effects`)")
+                             f"the catalogue (see `rtds effects`){did_you_mean(name, effects_there) if isinstance(name, str) else ''}")
         sides = [s for s in effect.sides if effect.side_on(robot.axis, s) == entry.get("side")]
         if not sides:
             known = dict.fromkeys(effect.side_on(robot.axis, s) for s in effect.sides)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rtds_host.compat import tomllib
 from rtds_host.contract.inputs import regular_bytes
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, did_you_mean
 from rtds_host.importers.units import FIXED, QUANTITY
 
 SCHEMA = "rtds-mapping/1"
@@ -130,7 +130,7 @@ def load_mapping(path_or_name: str | os.PathLike, above: tuple[str, ...] = ()) -
     if not path.exists() and path.name == str(path_or_name) and path.suffix != ".toml":
         if path.name not in builtin_mappings():
             raise InputError(f"mapping {str(path_or_name)!r}: unknown (known: {', '.join(builtin_mappings())}; or give "
-                             "the path of a .toml file)")
+                             f"the path of a .toml file){did_you_mean(path.name, builtin_mappings())}")
         path = _folder() / f"{path.name}.toml"
     try:
         data = tomllib.loads(regular_bytes(path).decode("utf-8-sig"))
@@ -160,7 +160,7 @@ class _Parser:
     def only(self, place: str, table: dict, allowed: tuple[str, ...]) -> None:
         for key in table:
             if key not in allowed:
-                raise self.fail(place, f"key {key!r} is unknown, known are {', '.join(allowed)}")
+                raise self.fail(place, f"key {key!r} is unknown, known are {', '.join(allowed)}{did_you_mean(key, allowed)}")
 
     def number(self, place: str, table: dict, key: str, default: float | None, positive: bool = False,
                low: float = -math.inf, high: float = math.inf) -> float | None:
@@ -205,7 +205,8 @@ class _Parser:
         for channel, entry in self.table(data, "signal").items():
             place = f"[signal.{channel}]"
             if channel not in QUANTITY:
-                raise self.fail(place, f"is no channel of the contract, channels are {', '.join(QUANTITY)}")
+                raise self.fail(place, f"is no channel of the contract, channels are {', '.join(QUANTITY)}"
+                                       f"{did_you_mean(channel, QUANTITY)}")
             entries = entry if isinstance(entry, list) else [entry]
             if not all(isinstance(item, dict) for item in entries):
                 raise self.fail(place, "must be a table or a list of tables")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, did_you_mean
 from rtds_host.importers.mapping import Mapping, Source, Twist
 from rtds_host.importers.series import NS, Series
 from rtds_host.importers.units import FIXED
@@ -90,7 +90,8 @@ class Table:
 
     def _numbers(self, name: str, place: str) -> np.ndarray:
         if name not in self.names:
-            raise InputError(f"{self.path}: column {name!r} ({place}): missing, columns are {', '.join(self.names)}")
+            raise InputError(f"{self.path}: column {name!r} ({place}): missing, columns are {', '.join(self.names)}"
+                             f"{did_you_mean(name, self.names)}")
         k = self.names.index(name)
         values = np.empty(len(self.rows))
         for n, (number, row) in enumerate(self.rows):

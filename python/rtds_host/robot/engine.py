@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from rtds_host.compat import Self
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, did_you_mean
 
 ENGINES = ("pybullet", "mujoco")
 STEP_S = 1e-3
@@ -39,7 +39,7 @@ def check_engine(name: str, option: str = "engine") -> None:
     InputError : unknown engine, or one that is not installed.
     """
     if name not in ENGINES:
-        raise InputError(f"{option} {name!r}: unknown (known: {', '.join(ENGINES)})")
+        raise InputError(f"{option} {name!r}: unknown (known: {', '.join(ENGINES)}){did_you_mean(name, ENGINES)}")
     if name not in available_engines():
         raise InputError(f"{option} {name!r}: {_NO_PYBULLET}; choose mujoco")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rtds_host.contract import Robot, builtin_robot_path, load_robot
 from rtds_host.control import CONTROLLERS
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, did_you_mean
 from rtds_host.robot import STEP_S, Body, check_engine, check_split, default_engine, make_body
 from rtds_host.scenario import Motion, Scenario, VoltageMotion, check_reach, find_scenario
 
@@ -108,7 +108,7 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None,
     for name, value, known in (("controller", options.controller, tuple(CONTROLLERS)),
                                ("coupling", options.coupling, COUPLINGS)):
         if value not in known:
-            raise InputError(f"{name} {value!r}: unknown (known: {', '.join(known)})")
+            raise InputError(f"{name} {value!r}: unknown (known: {', '.join(known)}){did_you_mean(value, known)}")
     check_engine(options.engine)
     path = robot_path(options.robot)
     robot = load_robot(path)

@@ -89,7 +89,8 @@ class Scenario:
         for name, value in (given or {}).items():
             if name not in self.parameters:
                 known = ", ".join(self.parameters) or "none"
-                raise InputError(f"scenario {self.name!r}: has no parameter {name!r} (known: {known})")
+                raise InputError(f"scenario {self.name!r}: has no parameter {name!r} (known: {known})"
+                                 f"{did_you_mean(name, self.parameters)}")
             parameter = self.parameters[name]
             if not math.isfinite(value):
                 raise InputError(f"scenario {self.name!r}: {name} is {value:g}, a finite number is needed")
