@@ -36,17 +36,17 @@ def export(
         raise InputError(f"--check {check[0]}: only what is exported --to mjcf can be replayed here")
     if check and samples:
         raise InputError("--check: not with --samples; export the diagnosis itself")
-    inputs = [diagnosis, robot or default_robot(diagnosis), *(check or [])]
     (check_writable if samples else check_writable_file)(out)
-    nominal = load_robot(inputs[1])
+    robot = robot or default_robot(diagnosis)
+    if any(out.exists() and place.exists() and out.samefile(place) for place in (diagnosis, robot)):
+        raise InputError(f"{out}: is an input of this very command; choose another file")
+    nominal = load_robot(robot)
     source = read_source(diagnosis, nominal)
-    runs = [read_run(folder, nominal, need_measured=True) for folder in inputs[2:]]
+    runs = [read_run(folder, nominal, need_measured=True) for folder in check or []]
     text, parts = write(source, to)
     if samples:
         _samples(source, to, out, samples, seed, staged_folder)
     else:
-        if out.exists() and any(out.samefile(place) for place in inputs[:2] if place.exists()):
-            raise InputError(f"{out}: is an input of this very command; choose another file")
         write_atomic(out, text)
         print(visible(f"{out}: {nominal.name} for {to}"))
     for part in parts:

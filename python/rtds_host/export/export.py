@@ -19,7 +19,7 @@ from rtds_host.export.table import CARRIED, LOST, OWN, TABLE, TARGETS
 WRITERS: dict[str, Callable[[Figures, str], str]] = {
     "mjcf": mjcf.write, "urdf": urdf.write, "sdf": sdf.write, "usd-json": usd.write, "python": python.write}
 ENDINGS = {"mjcf": ".xml", "urdf": ".urdf", "sdf": ".sdf", "usd-json": ".json", "python": ".py"}
-# Nothing of Python's or Verilog's: MuJoCo's passive motors, for friction by speed and torque by angle.
+# Passive motors, for friction by speed and torque by angle.
 NEEDS = {"mjcf": {"stribeck_friction": "MuJoCo 4.0 or later", "torque_ripple": "MuJoCo 4.0 or later"}}
 
 
@@ -53,17 +53,14 @@ def check_target(target: str) -> None:
 
 def parts_of(diagnosis: dict, figures: Figures, target: str) -> list[Part]:
     """How a target has each effect of a diagnosis."""
-    short = mjcf.left_out(figures) if target == "mjcf" else {}
+    special = mjcf.exceptions(figures) if target == "mjcf" else {}
     found = []
     for entry in diagnosis.get("effects") or []:
         values = {name: float(p["value"] if isinstance(p, dict) else p) for name, p in (entry.get("parameters") or {}).items()}
-        how = TABLE[entry["id"]][target]
-        kind, where = how.kind, how.where
-        if entry["id"] in short:
-            kind, where = LOST, short[entry["id"]]
-        elif need := NEEDS.get(target, {}).get(entry["id"]):
-            where = f"{where} ({need})"
-        found.append(Part(entry["id"], entry["side"], values, kind, where))
+        how = special.get(entry["id"], TABLE[entry["id"]][target])
+        need = NEEDS.get(target, {}).get(entry["id"])
+        where = f"{how.where} ({need})" if need and how.kind != LOST else how.where
+        found.append(Part(entry["id"], entry["side"], values, how.kind, where))
     return found
 
 

@@ -11,6 +11,7 @@ import math
 from xml.sax.saxutils import quoteattr
 
 from rtds_host.export.figures import SIDES, Figures, Side
+from rtds_host.export.table import LOST, OWN, How
 from rtds_host.robot.body import SKID_RADIUS_M
 from rtds_host.robot.urdf import base_inertia, supports
 
@@ -20,8 +21,9 @@ NO_MASS_KG = 1e-6
 # Friction and limits of joints as hard as the step allows.
 FIRM = 'solreffriction="0.001 1" solimpfriction="0.9999 0.9999 0.001"'
 CONTACT = 'solref="0.002 1" solimp="0.9999 0.9999 0.001"'
-# LuGre's bristle: it bends by so much before it slips. Without damping of its own: that would lag behind the speed.
-BRISTLE_RAD = 1e-4
+# LuGre's bristle: it bends by so much before it slips, or by more where its swing with the rotor would be too fast for the
+# step. Without damping of its own: that would lag behind the speed.
+BRISTLE_RAD, BRISTLE_SWING = 1e-4, 0.3
 
 
 def vector(*values: float) -> str:
@@ -47,18 +49,18 @@ def holds_asymmetry(side: Side) -> bool:
     return abs(side.asymmetry_nm) <= side.dry_nm
 
 
-def left_out(figures: Figures) -> dict[str, str]:
-    """Effects that MJCF has in general and cannot have for these numbers, with the reason."""
+def exceptions(figures: Figures) -> dict[str, How]:
+    """Effects that MJCF has in general and has not, or not wholly, for these numbers."""
     found = {}
     for name, side in zip(SIDES, figures.sides, strict=True):
         if side.heat_rise_per_w > 0.0 and not heats(side):
-            found["winding_heating"] = f"{name}: MuJoCo's motor needs Km = Kb and a driver without a gain"
+            found["winding_heating"] = How(LOST, f"{name}: MuJoCo's motor needs Km = Kb and a driver without a gain")
         if side.asymmetry_nm and not holds_asymmetry(side):
-            found["friction_asymmetry"] = f"{name}: larger than the dry friction beside it"
+            found["friction_asymmetry"] = How(LOST, f"{name}: larger than the dry friction beside it")
         elif side.asymmetry_nm_s_per_rad:
-            found["friction_asymmetry"] = f"{name}: its part by speed is left out"
-        if side.stribeck_nm and (side.stiffness_nm_per_rad or side.backlash_rad):
-            found["stribeck_friction"] = f"{name}: not beside a gear that yields"
+            found["friction_asymmetry"] = How(OWN, f"actuator/general biasprm; {name}: its part by speed is left out")
+        if side.backlash_rad and side.stiffness_nm_per_rad:
+            found["backlash"] = How(LOST, f"{name}: the hinge that would have it is the gear's spring")
     return found
 
 
@@ -115,8 +117,9 @@ def _passive(figures: Figures, k: int) -> str:
                  f'cogging="{vector(side.ripple_nm, side.ripple_cycles, side.ripple_phase_rad)}"/>\n')
     if side.stribeck_nm:
         level = side.dry_nm + side.stribeck_nm
+        stiffest = (BRISTLE_SWING / TIMESTEP_S) ** 2 * (side.rotor_kg_m2 + figures.body.wheel_inertia_kg_m2)
         text += (f'    <dcmotor name="friction_{name}" {passive} '
-                 f'lugre="{vector(level / BRISTLE_RAD, 0.0, side.dry_nm, level, side.stribeck_rad_s)}"/>\n')
+                 f'lugre="{vector(min(level / BRISTLE_RAD, stiffest), 0.0, side.dry_nm, level, side.stribeck_rad_s)}"/>\n')
     return text
 
 

@@ -154,16 +154,18 @@ def test_what_a_target_cannot_have_stands_in_its_file_and_in_the_list():
     ElementTree.fromstring(text)
 
 
-@pytest.mark.parametrize(("effects", "reason"), [
-    ([("friction_asymmetry", "both", {"torque_nm": 0.02, "nm_s_per_rad": 0.0})], "larger than the dry friction"),
+@pytest.mark.parametrize(("effects", "kind", "reason"), [
+    ([("friction_asymmetry", "both", {"torque_nm": 0.02, "nm_s_per_rad": 0.0})], LOST, "larger than the dry friction"),
     ([("friction_asymmetry", "both", {"torque_nm": 0.02, "nm_s_per_rad": 0.001}),
-      ("coulomb_friction", "both", {"torque_nm": 0.03})], "its part by speed is left out"),
+      ("coulomb_friction", "both", {"torque_nm": 0.03})], OWN, "its part by speed is left out"),
     ([("winding_heating", "left", {"rise_per_watt": 0.1, "time_constant_s": 9.0}),
-      ("driver_gain", "left", {"ratio": 0.9})], "a driver without a gain"),
+      ("driver_gain", "left", {"ratio": 0.9})], LOST, "a driver without a gain"),
+    ([("backlash", "left", {"angle_rad": 0.01, "restitution": 0.0}),
+      ("gear_compliance", "left", {"stiffness_nm_per_rad": 6.0, "damping_nm_s_per_rad": 0.03})], LOST, "the gear's spring"),
 ])  # fmt: skip
-def test_numbers_that_mujoco_cannot_have_are_left_out_with_their_reason(effects, reason):
+def test_numbers_that_mujoco_cannot_have_are_named_with_their_reason(effects, kind, reason):
     text, parts = export(source_of(*effects), "mjcf")
-    assert parts[0].kind == LOST and reason in parts[0].where and reason in text
+    assert parts[0].kind == kind and reason in parts[0].where and reason in text
 
 
 def test_a_comment_never_ends_an_xml_comment():
