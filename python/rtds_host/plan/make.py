@@ -236,6 +236,9 @@ def alike_pairs(plan: Plan, robot: Robot) -> tuple[int, int, int]:
     plain = nominal_model(robot)
     out = replay_run(plain, inputs)
     seen = RunLog(log.name, log.meta, t, {**log.columns, **{name: out[:, k] for k, name in enumerate(OUTPUTS)}})
+    if not gaps.gap_channels(seen, robot):
+        # A robot whose file names no noise: nothing has a unit to be counted in.
+        return 0, 0, 0
     signatures = []
     for effect in catalogue(robot).values():
         model = nominal_model(robot)

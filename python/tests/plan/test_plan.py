@@ -96,6 +96,12 @@ def test_of_the_menu_the_one_is_taken_that_parts_most():
         assert pairs - alike >= of - more
 
 
+def test_a_robot_that_names_no_noise_still_gets_a_plan():
+    bare = replace(ROBOT, sensors={})
+    made = choose(bare, "voltage", Floor(3, 3, 0.25), [nominal_model(bare)], math.inf)
+    assert alike_pairs(made, bare) == (0, 0, 0) and made.commands.duration_s > 1.0
+
+
 def test_knots_keep_steps_and_curves():
     t = np.arange(0, 2, 0.01)
     square = np.column_stack([np.where(t < 1.0, 2.0, -2.0), np.zeros(len(t))])
