@@ -3,16 +3,16 @@
 // Purpose    Each strobe makes one simulation step of both motors. An input acts in the step of the strobe that
 //            reads it; a parameter set acts one step later. The coefficients change all at once, between two steps.
 // Handshake  strobe_i while ready_o: inputs and parameters are taken at that edge, the inputs straight into the
-//            adders (give them from registers of this clock). A strobe while not ready, or together with clear_i, is
+//            multipliers (give them from registers of this clock). A strobe while not ready, or together with clear_i, is
 //            not taken and gives overrun_o for one clock.
 //            clear_i: state and step count to zero, a step under way is dropped (no valid_o); the coefficients and
 //            a parameter set under way stay.
 // Latency    Counted in edges after the one that takes the strobe, always the same:
-//              15  high words and valid_o (one clock); the words hold until the next
-//              21  low words (scratch from the 12th on)
-//              23  earliest next strobe; ready_o is seen after the 22nd
-//              89  the same if the strobe brought changed parameters, 82 if those were unusable
-//            With effects (fx_on_i at the strobe): 24, 30 and 176; 184 if the strobe brought changed parameters, 235 if
+//              11  high words and valid_o (one clock); the words hold until the next
+//              18  low words (scratch from the 9th on)
+//              26  earliest next strobe; ready_o is seen after the 25th
+//             107  the same if the strobe brought changed parameters, 93 if those were unusable
+//            With effects (fx_on_i at the strobe): 21, 28 and 173; 188 if the strobe brought changed parameters, 264 if
 //            each side has its own besides (fx_own_i).
 // Effects    fx_on_i: V and T act one step later, through effect_unit, and dry friction takes its part at the end of the
 //            step (docs/effect-unit.md). fx_own_i: p2_*_i are the right motor's parameters, p_*_i the left one's.
@@ -180,8 +180,9 @@ module rtds_core (
     .rho_o   (rho)
   );
 
+  wire        new_state;  // valid_o in the next clock
+
   // ---- effects ---------------------------------------------------------------------------------------------------
-  wire        save_hi;
   wire [63:0] u_v;
   wire [63:0] u_t;
   wire [63:0] level_f;
@@ -197,7 +198,7 @@ module rtds_core (
     .t_i       ({t_r_i, t_l_i}),
     .delay_i   (fx_delay_i),
     .stride_i  (fx_stride_i),
-    .step_i    (save_hi & fx_q),
+    .step_i    (new_state & fx_q),
     .r_l_i     (coef_l_q[0+:32]),
     .r_r_i     (coef_r_q[0+:32]),
     .kb_l_i    (coef_l_q[32+:32]),
@@ -219,11 +220,11 @@ module rtds_core (
 
   // ---- motors ----------------------------------------------------------------------------------------------------
   wire [2:0] add_en;
-  wire [1:0] mul_en;
-  wire [2:0] op;
-  wire [2:0] mul_sel;
+  wire [2:0] mul_en;
+  wire [6:0] add;
+  wire [3:0] mul;
   wire       save_p;
-  wire       save_s;
+  wire       save_c;
   wire       save_lo;
   wire       save_last;
   wire       save_f;
@@ -238,14 +239,14 @@ module rtds_core (
     .refresh_i(refresh),
     .effects_i(fx_q),
     .idle_o   (sequencer_idle),
+    .next_o   (new_state),
     .valid_o  (valid_o),
     .add_en_o (add_en),
     .mul_en_o (mul_en),
-    .op_o     (op),
-    .mul_sel_o(mul_sel),
+    .add_o    (add),
+    .mul_o    (mul),
     .save_p_o (save_p),
-    .save_s_o (save_s),
-    .save_hi_o(save_hi),
+    .save_c_o (save_c),
     .save_lo_o(save_lo),
     .save_last_o (save_last),
     .save_f_o    (save_f),
@@ -257,13 +258,14 @@ module rtds_core (
     .clk_i    (clk_i),
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
+    .start_i  (accept),
     .add_en_i (add_en),
     .mul_en_i (mul_en),
-    .op_i     (op),
-    .mul_sel_i(mul_sel),
+    .add_i    (add),
+    .mul_i    (mul),
     .save_p_i (save_p),
-    .save_s_i (save_s),
-    .save_hi_i(save_hi),
+    .save_c_i (save_c),
+    .save_hi_i(valid_o),
     .save_lo_i(save_lo),
     .save_last_i (save_last),
     .save_f_i    (save_f),
@@ -286,13 +288,14 @@ module rtds_core (
     .clk_i    (clk_i),
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
+    .start_i  (accept),
     .add_en_i (add_en),
     .mul_en_i (mul_en),
-    .op_i     (op),
-    .mul_sel_i(mul_sel),
+    .add_i    (add),
+    .mul_i    (mul),
     .save_p_i (save_p),
-    .save_s_i (save_s),
-    .save_hi_i(save_hi),
+    .save_c_i (save_c),
+    .save_hi_i(valid_o),
     .save_lo_i(save_lo),
     .save_last_i (save_last),
     .save_f_i    (save_f),
@@ -317,7 +320,7 @@ module rtds_core (
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) step_count_o <= 32'd0;
     else if (clear_i) step_count_o <= 32'd0;
-    else if (save_hi) step_count_o <= step_count_o + 32'd1;
+    else if (new_state) step_count_o <= step_count_o + 32'd1;
   end
 endmodule
 

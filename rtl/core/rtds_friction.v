@@ -30,14 +30,14 @@ module rtds_friction (
     input [31:0] most_b;
     reg          zero;
     reg          backward;
-    reg          held;
+    reg          stuck;
     reg   [31:0] most;
     begin
       zero     = ~(|free[30:0]);
-      backward = free[31] & ~zero;
+      backward = free[31];  // of zero, which is held, it does not matter
       most     = backward ? most_b : most_f;
-      held     = zero | (~most[31] & ~((&most[30:23]) & (|most[22:0])) & (free[30:0] <= most[30:0]));
-      take     = {held, held ? free : {most[31] ^ backward, most[30:0]}};
+      stuck    = zero | (~most[31] & ~((&most[30:23]) & (|most[22:0])) & (free[30:0] <= most[30:0]));
+      take     = {stuck, stuck ? free : {most[31] ^ backward, most[30:0]}};
     end
   endfunction
 

@@ -1,11 +1,11 @@
 // rtds_motor: one motor unit, the two rows of the update side by side.
 //
 // Purpose    x+ = x + G (u - S x) for x = (i, w), u = (V, T): armature current and shaft speed after one step with
-//            the inputs held. Derivation and signs: docs/motor-unit.md.
+//            the inputs held. Derivation and signs: docs/theory-motor-unit.md.
 // Handshake  none of its own: control comes from rtds_sequencer, the same for both motors.
 //            With effects, friction takes its part of the speed before the state is saved (rtds_friction).
-// Latency    i_hi_o, w_hi_o change 15 clocks after the strobe; i_lo_o, w_lo_o belong to them 21 clocks after it, and are
-//            scratch from the 12th clock on. With effects 9 clocks more, from the 12th on.
+// Latency    i_hi_o, w_hi_o change 11 clocks after the strobe; i_lo_o, w_lo_o belong to them 18 clocks after it, and are
+//            scratch from the 9th clock on. With effects 10 clocks more, from the 11th on.
 // Format     binary32, SI at the motor shaft: V, N.m (opposing load positive), A, rad/s. A state is hi + lo.
 // Crossing   none.
 `default_nettype none
@@ -15,12 +15,13 @@ module rtds_motor (
   input  wire         rst_ni,
   input  wire         clear_i,
   // from rtds_sequencer
+  input  wire         start_i,
   input  wire   [2:0] add_en_i,
-  input  wire   [1:0] mul_en_i,
-  input  wire   [2:0] op_i,
-  input  wire   [2:0] mul_sel_i,
+  input  wire   [2:0] mul_en_i,
+  input  wire   [6:0] add_i,
+  input  wire   [3:0] mul_i,
   input  wire         save_p_i,
-  input  wire         save_s_i,
+  input  wire         save_c_i,
   input  wire         save_hi_i,
   input  wire         save_lo_i,
   input  wire         save_last_i,
@@ -42,12 +43,19 @@ module rtds_motor (
   output wire  [31:0] i_lo_o,
   output wire  [31:0] w_lo_o
 );
-  wire [31:0] e1;
-  wire [31:0] e2;
+  wire [31:0] y_electrical;
+  wire [31:0] y_mechanical;
   wire [31:0] m_electrical;
   wire [31:0] m_mechanical;
   wire [31:0] taken;
   wire        held;
+
+  // The multipliers take T a clock after V.
+  reg  [31:0] t_q;
+
+  always @(posedge clk_i) begin
+    if (start_i) t_q <= t_i;
+  end
 
   rtds_friction u_friction (
     .clk_i       (clk_i),
@@ -56,7 +64,7 @@ module rtds_motor (
     .save_b_i    (save_b_i),
     .save_taken_i(save_taken_i),
     .product_i   (m_mechanical),
-    .free_i      (e2),
+    .free_i      (y_mechanical),
     .taken_o     (taken),
     .held_o      (held)
   );
@@ -69,10 +77,10 @@ module rtds_motor (
     .clear_i  (clear_i),
     .add_en_i (add_en_i),
     .mul_en_i (mul_en_i),
-    .op_i     (op_i),
-    .mul_sel_i(mul_sel_i),
+    .add_i    (add_i),
+    .mul_i    (mul_i),
     .save_p_i (save_p_i),
-    .save_s_i (save_s_i),
+    .save_c_i (save_c_i),
     .save_hi_i(save_hi_i),
     .save_lo_i(save_lo_i),
     .zero_i   (1'b0),
@@ -85,12 +93,13 @@ module rtds_motor (
     .a2_i     (coef_i[32+:32]),
     .g1_i     (coef_i[128+:32]),
     .g2_i     (coef_i[160+:32]),
-    .u_i      (v_i),
+    .v_i      (v_i),
+    .t_i      (t_q),
     .i_hi_i   (i_hi_o),
     .w_hi_i   (w_hi_o),
-    .e1_i     (e1),
-    .e2_i     (e2),
-    .e_o      (e1),
+    .s1_i     (y_electrical),
+    .s2_i     (y_mechanical),
+    .y_o      (y_electrical),
     .hi_o     (i_hi_o),
     .lo_o     (i_lo_o)
   );
@@ -103,10 +112,10 @@ module rtds_motor (
     .clear_i  (clear_i),
     .add_en_i (add_en_i),
     .mul_en_i (mul_en_i),
-    .op_i     (op_i),
-    .mul_sel_i(mul_sel_i),
+    .add_i    (add_i),
+    .mul_i    (mul_i),
     .save_p_i (save_p_i),
-    .save_s_i (save_s_i),
+    .save_c_i (save_c_i),
     .save_hi_i(save_hi_i),
     .save_lo_i(save_lo_i),
     .zero_i   (effects_i & held & save_last_i),
@@ -119,12 +128,13 @@ module rtds_motor (
     .a2_i     (coef_i[96+:32]),
     .g1_i     (coef_i[192+:32]),
     .g2_i     (coef_i[224+:32]),
-    .u_i      (t_i),
+    .v_i      (v_i),
+    .t_i      (t_q),
     .i_hi_i   (i_hi_o),
     .w_hi_i   (w_hi_o),
-    .e1_i     (e1),
-    .e2_i     (e2),
-    .e_o      (e2),
+    .s1_i     (y_electrical),
+    .s2_i     (y_mechanical),
+    .y_o      (y_mechanical),
     .hi_o     (w_hi_o),
     .lo_o     (w_lo_o)
   );

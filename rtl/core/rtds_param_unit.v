@@ -8,7 +8,7 @@
 //            subnormal).
 // Handshake  start_i for one clock; the parameters stay until done_o. done_o for one clock, when the coefficients
 //            and fault_o stand; they hold until the next start_i. A start_i while busy is not allowed.
-// Latency    start_i in clock n (before edge n + 1) gives done_o after edge n + 79, with rho_i n + 112, always.
+// Latency    start_i in clock n (before edge n + 1) gives done_o after edge n + 90, with rho_i n + 123, always.
 // Format     binary32, SI. coef_o = {G22, G21, G12, G11, B, Km, Kb, R}, R in bits 31..0.
 // Crossing   none.
 `default_nettype none
@@ -53,9 +53,8 @@ module rtds_param_unit (
   localparam [3:0] OP_G22   = 4'd14;  // lp = x * lp
   localparam [3:0] OP_RHO   = 4'd15;  // rho = c / lp, between d and c d
 
-  localparam [5:0] LAST_MUL = 6'd2;   // clocks of an operation, less one: latency of the operator
-  localparam [5:0] LAST_ADD = 6'd3;
-  localparam [5:0] LAST_DIV = 6'd32;
+  localparam [5:0] LAST_OTHER = 6'd3;  // clocks of an operation, less one: latency of the operator
+  localparam [5:0] LAST_DIV   = 6'd32;
 
   reg  [31:0] x_q;
   reg  [31:0] y_q;
@@ -74,7 +73,7 @@ module rtds_param_unit (
   wire       is_add = (op_q == OP_LP) | (op_q == OP_JP) | (op_q == OP_DET);
   wire       is_rho = op_q == OP_RHO;
   wire       is_div = (op_q == OP_SCALE) | is_rho;
-  wire [5:0] last   = is_div ? LAST_DIV : is_add ? LAST_ADD : LAST_MUL;
+  wire [5:0] last   = is_div ? LAST_DIV : LAST_OTHER;
 
   // ---- operators -------------------------------------------------------------------------------------------------
   reg  [31:0] mul_a;
@@ -110,7 +109,7 @@ module rtds_param_unit (
 
   fp_mul u_mul (
     .clk_i(clk_i),
-    .en_i ({2{busy_q}}),
+    .en_i ({3{busy_q}}),
     .a_i  (mul_a),
     .b_i  (mul_b),
     .y_o  (mul_y)

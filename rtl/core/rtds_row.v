@@ -1,18 +1,17 @@
 // rtds_row: one row of the motor's update, that is, one state variable in two words.
 //
 // Purpose    Computes, in binary32 and in this order, with (i, w) the high words of both rows:
-//              e = u - s                  s = (R i) + (Kb w)         ELECTRICAL = 1, u = V, state x = i
-//              e = s - u                  s = (Km i) - (B w)         ELECTRICAL = 0, u = T, state x = w
-//              d = (g1 e1) -/+ (g2 e2)    minus for the electrical row
-//              t = d + lo;  hi' = hi + t;  lo' = t - (hi' - hi)
-//            s of the next step is computed when hi' stands, before the next input is known.
-//            With effects, between t and the last sums, after rtds_friction has taken its part of the free speed:
+//              t = (c + g1 V) +/- (g2 T);  hi' = hi + t;  lo' = t - (hi' - hi)
+//            and of the new state, before the next input is known,
+//              s1 = (R i) + (Kb w);  s2 = (Km i) - (B w);  c = (lo - g1 s1) -/+ (g2 s2)
+//            ELECTRICAL = 1: state x = i, s = s1, the upper signs; 0: x = w, s = s2, the lower ones.
+//            With effects, between hi' and the rest, after rtds_friction has taken its part of the free speed:
 //              t' = t + k y4   ELECTRICAL = 1: k = rho, y4 = the speed taken
 //              t' = t - taken  ELECTRICAL = 0; and k y4, k y5 before it: k = g2, y4, y5 = levels of friction
 //            One adder and one multiplier; the sequencer says what they work on (it has the table).
-// Handshake  none of its own: op_i, mul_sel_i, the enables and the save_*_i of rtds_sequencer. u_i is used in the clock
-//            of the strobe only.
-// Latency    fp_add 3, fp_mul 2 clocks; of the step: see rtds_sequencer.
+// Handshake  none of its own: add_i, mul_i, the enables and the save_*_i of rtds_sequencer. v_i is used in the clock of the
+//            strobe only, t_i in the clock after it.
+// Latency    fp_add and fp_mul 3 clocks; of the step: see rtds_sequencer.
 // Crossing   none.
 `default_nettype none
 
@@ -23,12 +22,12 @@ module rtds_row #(
   input  wire        rst_ni,
   input  wire        clear_i,     // state to zero
   // from rtds_sequencer
-  input  wire  [2:0] add_en_i,    // a bit for each stage of the adder, the first in bit 0
-  input  wire  [1:0] mul_en_i,
-  input  wire  [2:0] op_i,        // what enters the adder in this clock
-  input  wire  [2:0] mul_sel_i,   // into the multiplier: {friction, G e rather than S x, second rather than first}
-  input  wire        save_p_i,    // first product, or s
-  input  wire        save_s_i,    // it is s
+  input  wire  [2:0] add_en_i,    // a bit for each stage, the first in bit 0
+  input  wire  [2:0] mul_en_i,
+  input  wire  [6:0] add_i,       // what enters the adder in this clock: {minus (2), second (3), first (2)}
+  input  wire  [3:0] mul_i,       // into the multiplier: {friction, input, G rather than S, second rather than first}
+  input  wire        save_p_i,    // first product of two
+  input  wire        save_c_i,
   input  wire        save_hi_i,
   input  wire        save_lo_i,   // t, later lo'
   input  wire        zero_i,      // what is saved is zero: the shaft is held
@@ -43,54 +42,47 @@ module rtds_row #(
   input  wire [31:0] y5_i,
   input  wire [31:0] taken_i,
   output wire [31:0] m_o,         // the multiplier's result
-  // input, state of both rows, e of both rows
-  input  wire [31:0] u_i,
+  // inputs, state of both rows, s of both rows
+  input  wire [31:0] v_i,
+  input  wire [31:0] t_i,
   input  wire [31:0] i_hi_i,
   input  wire [31:0] w_hi_i,
-  input  wire [31:0] e1_i,
-  input  wire [31:0] e2_i,
-  output wire [31:0] e_o,         // the adder's result; e while mul_sel_i[1] is 1
-  output reg  [31:0] hi_o,
+  input  wire [31:0] s1_i,
+  input  wire [31:0] s2_i,
+  output wire [31:0] y_o,         // the adder's result
+  output wire [31:0] hi_o,        // the new one in the clock in which it is saved
   output reg  [31:0] lo_o         // t while a step is between its two sums
 );
   // The same codes as in rtds_sequencer.
-  localparam [2:0] OP_E  = 3'd0;
-  localparam [2:0] OP_D  = 3'd1;
-  localparam [2:0] OP_T  = 3'd2;
-  localparam [2:0] OP_HI = 3'd3;
-  localparam [2:0] OP_Z  = 3'd4;
-  localparam [2:0] OP_LO = 3'd5;
-  localparam [2:0] OP_S  = 3'd6;
-  localparam [2:0] OP_P  = 3'd7;
+  localparam [1:0] A_C  = 2'd0;
+  localparam [1:0] A_Y  = 2'd1;
+  localparam [1:0] A_P  = 2'd2;
+  localparam [2:0] B_M     = 3'd0;
+  localparam [2:0] B_P     = 3'd1;
+  localparam [2:0] B_HI    = 3'd2;
+  localparam [2:0] B_Y     = 3'd3;
 
   wire [31:0] m;
   wire [31:0] y;
-  reg  [31:0] p_q;   // s between the steps; then the first product, until it is added to the second
+  reg  [31:0] p_q;   // first product, until it is added to the second
+  reg  [31:0] c_q;
+  reg  [31:0] hi_q;
+
+  // ---- multiplier --------------------------------------------------------------------------------------------------
   reg  [31:0] mul_a;
   reg  [31:0] mul_b;
 
   always @* begin
-    case (mul_sel_i)
-      3'b000: begin
-        mul_a = a1_i;
-        mul_b = i_hi_i;
-      end
-      3'b001: begin
-        mul_a = a2_i;
-        mul_b = w_hi_i;
-      end
-      3'b010: begin
-        mul_a = g1_i;
-        mul_b = e1_i;
-      end
-      3'b011: begin
-        mul_a = g2_i;
-        mul_b = e2_i;
-      end
-      default: begin
-        mul_a = k_i;
-        mul_b = mul_sel_i[0] ? y5_i : y4_i;
-      end
+    mul_a = mul_i[0] ? a2_i : a1_i;
+    if (mul_i[1]) mul_a = mul_i[0] ? g2_i : g1_i;
+    if (mul_i[3]) mul_a = k_i;
+    case ({mul_i[3] | mul_i[2], mul_i[3] | mul_i[1], mul_i[0]})
+      3'b000:  mul_b = i_hi_i;
+      3'b001:  mul_b = w_hi_i;
+      3'b010:  mul_b = s1_i;
+      3'b011:  mul_b = s2_i;
+      3'b110:  mul_b = mul_i[3] ? y4_i : v_i;
+      default: mul_b = mul_i[3] ? y5_i : t_i;
     endcase
   end
 
@@ -102,75 +94,60 @@ module rtds_row #(
     .y_o  (m)
   );
 
-  // The adder takes p or its own result, negated or not, and one of four others.
+  // ---- adder -------------------------------------------------------------------------------------------------------
   reg [31:0] add_a;
   reg [31:0] add_b;
-  reg        sub;
 
   always @* begin
-    add_a = p_q;
-    add_b = m;
-    sub   = 1'b0;
-    case (op_i)
-      OP_E: begin
-        add_a[31] = p_q[31] ^ (ELECTRICAL != 0);
-        add_b     = u_i;
-        sub       = (ELECTRICAL == 0);
-      end
-      OP_D: sub = (ELECTRICAL != 0);
-      OP_T: begin
-        add_a = y;
-        add_b = lo_o;
-      end
-      OP_HI: begin
-        add_a = y;
-        add_b = hi_o;
-      end
-      OP_Z: begin
-        add_a = y;
-        add_b = hi_o;
-        sub   = 1'b1;
-      end
-      OP_LO: begin  // lo_o holds t
-        add_a = {~y[31], y[30:0]};
-        add_b = lo_o;
-      end
-      OP_S: sub = (ELECTRICAL == 0);
-      OP_P: begin  // lo_o holds t
-        add_a = lo_o;
-        add_b = (ELECTRICAL != 0) ? m : taken_i;
-        sub   = (ELECTRICAL == 0);
-      end
-      default: ;
+    case (add_i[1:0])
+      A_C:     add_a = c_q;
+      A_Y:     add_a = y;
+      A_P:     add_a = p_q;
+      default: add_a = lo_o;
+    endcase
+    case (add_i[4:2])
+      B_M:     add_b = m;
+      B_P:     add_b = p_q;
+      B_HI:    add_b = hi_q;
+      B_Y:     add_b = y;
+      default: add_b = (ELECTRICAL != 0) ? m : taken_i;
     endcase
   end
 
   fp_add u_add (
     .clk_i(clk_i),
     .en_i (add_en_i),
-    .sub_i(sub),
+    .sub_i((ELECTRICAL != 0) ? add_i[5] : add_i[6]),
     .a_i  (add_a),
     .b_i  (add_b),
     .y_o  (y)
   );
-  assign e_o = y;
-  assign m_o = m;
+
+  // ---- state -------------------------------------------------------------------------------------------------------
+  wire [31:0] new_word = zero_i ? 32'd0 : y;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      hi_o <= 32'd0;
+      hi_q <= 32'd0;
       lo_o <= 32'd0;
       p_q  <= 32'd0;
+      c_q  <= 32'd0;
     end else if (clear_i) begin
-      hi_o <= 32'd0;
+      hi_q <= 32'd0;
       lo_o <= 32'd0;
-      p_q  <= 32'd0;  // s of a zero state, whatever the coefficients
+      p_q  <= 32'd0;
+      c_q  <= 32'd0;  // of a zero state, whatever the coefficients
     end else begin
-      if (save_hi_i) hi_o <= zero_i ? 32'd0 : y;
-      if (save_lo_i) lo_o <= zero_i ? 32'd0 : y;
-      if (save_p_i) p_q <= save_s_i ? y : m;
+      if (save_hi_i) hi_q <= new_word;
+      if (save_lo_i) lo_o <= new_word;
+      if (save_p_i) p_q <= m;
+      if (save_c_i) c_q <= y;
     end
   end
+
+  assign hi_o = save_hi_i ? new_word : hi_q;
+  assign y_o  = y;
+  assign m_o  = m;
 endmodule
 
 `default_nettype wire

@@ -22,6 +22,7 @@ module effect_delay (
   reg [63:0] memory [0:4095];
   reg [63:0] read_q;
   reg [11:0] at_q;
+  reg [11:0] from_q;    // the entry wanted
   reg [11:0] filled_q;  // entries before the one in hand, at most as many as the delay needs
   reg [15:0] phase_q;
   reg        read1_q;   // an entry was written in the last clock
@@ -32,8 +33,11 @@ module effect_delay (
   wire there = filled_q >= delay_i;
 
   always @(posedge clk_i) begin
-    if (entry) memory[at_q] <= v_i;
-    if (read1_q) read_q <= memory[at_q - 12'd1 - delay_i];
+    if (entry) begin
+      memory[at_q] <= v_i;
+      from_q       <= at_q - delay_i;
+    end
+    if (read1_q) read_q <= memory[from_q];
   end
 
   always @(posedge clk_i or negedge rst_ni) begin

@@ -252,17 +252,17 @@ module effect_engine (
   end
 
   // ---- operators: a stage works where there is something for it ------------------------------------------------------
-  reg   [1:0] mul_q;  // stages at work, the first in bit 0
+  reg   [2:0] mul_q;  // stages at work, the first in bit 0
   reg   [2:0] add_q;
   wire [31:0] mul_y;
   wire [31:0] add_y;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      mul_q <= 2'd0;
+      mul_q <= 3'd0;
       add_q <= 3'd0;
     end else if (busy_o) begin
-      mul_q <= {mul_q[0], valid1_q & (op1_q == OP_MUL)};
+      mul_q <= {mul_q[1:0], valid1_q & (op1_q == OP_MUL)};
       add_q <= {add_q[1:0], valid1_q & (op1_q != OP_MUL) & (op1_q != OP_LOOK)};
     end
   end
@@ -310,7 +310,7 @@ module effect_engine (
     if (look3_q) look4_q <= tables[{side3_q, look3_code_q[3:1], cell3_q, look3_code_q[0]}];
   end
 
-  // ---- results: what came out of the multiplier or the tables waits a clock for the adder ------------------------------
+  // ---- results: what came out of the tables waits a clock for the operators ---------------------------------------------
   reg   [3:0] op3_q;
   reg   [3:0] op4_q;
   reg   [3:0] op5_q;
@@ -322,7 +322,7 @@ module effect_engine (
   reg   [2:0] output3_q;
   reg   [2:0] output4_q;
   reg   [2:0] output5_q;
-  reg  [31:0] other5_q;
+  reg  [31:0] look5_q;
 
   always @(posedge clk_i) begin
     if (valid2_q) begin
@@ -342,11 +342,11 @@ module effect_engine (
       side5_q   <= side4_q;
       target5_q <= target4_q;
       output5_q <= output4_q;
-      other5_q  <= (op4_q == OP_LOOK) ? look4_q : mul_y;
+      look5_q   <= look4_q;
     end
   end
 
-  wire [31:0] result   = (op5_q == OP_MUL || op5_q == OP_LOOK) ? other5_q : add_y;
+  wire [31:0] result   = (op5_q == OP_LOOK) ? look5_q : (op5_q == OP_MUL) ? mul_y : add_y;
   wire        constant = wr_valid_i & wr_addr_i[13] & (wr_addr_i[6:4] == 3'd0);
 
   assign write      = valid5_q | constant;

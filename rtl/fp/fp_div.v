@@ -55,8 +55,6 @@ module fp_div (
   wire        a_zero = ~(|a_q[30:0]);
   wire        b_zero = ~(|b_q[30:0]);
 
-  wire [30:0] operand = (step_q == STEP_SHIFT_A) ? a_q[30:0] : b_q[30:0];
-
   /* verilator lint_off UNUSEDSIGNAL */  // of a function's arguments not every bit is used
   // Leading zeros of a word (31 for zero): the tree of fp_lzc, all nodes of a level in one word.
   function automatic [4:0] leading_zeros;
@@ -90,15 +88,18 @@ module fp_div (
 
   function automatic [23:0] mantissa;  // brought to a leading one
     input [30:0] x;
-    mantissa = {|x[30:23], x[22:0]} << places(x);
+    input  [4:0] zeros;
+    mantissa = {|x[30:23], x[22:0]} << zeros;
   endfunction
 
   function automatic [9:0] exponent;  // of that, signed; subnormals count from exponent 1
     input [30:0] x;
-    exponent = {2'd0, x[30:24], x[23] | ~(|x[30:23])} - {5'd0, places(x)};
+    input  [4:0] zeros;
+    exponent = {2'd0, x[30:24], x[23] | ~(|x[30:23])} - {5'd0, zeros};
   endfunction
 
   // ---- quotient, placing, rounding -------------------------------------------------------------------------------
+  reg         [4:0] zeros_q;  // of the operand that is shifted next
   reg        [24:0] rest_q;   // remainder, below twice the divisor
   reg        [23:0] divisor_q;
   reg        [25:0] quot_q;   // bit 25: the place of 1
@@ -141,16 +142,18 @@ module fp_div (
   always @(posedge clk_i) begin
     if (en_i) begin
       if (start_i) begin
-        a_q <= a_i;
-        b_q <= b_i;
+        a_q     <= a_i;
+        b_q     <= b_i;
+        zeros_q <= places(a_i[30:0]);
       end
       if (step_q == STEP_SHIFT_A) begin
-        rest_q <= {1'b0, mantissa(operand)};
-        exp_q  <= exponent(operand) + 10'd127;
+        rest_q  <= {1'b0, mantissa(a_q[30:0], zeros_q)};
+        exp_q   <= exponent(a_q[30:0], zeros_q) + 10'd127;
+        zeros_q <= places(b_q[30:0]);
       end
       if (step_q == STEP_SHIFT_B) begin
-        divisor_q <= mantissa(operand);
-        exp_q     <= exp_q - exponent(operand);
+        divisor_q <= mantissa(b_q[30:0], zeros_q);
+        exp_q     <= exp_q - exponent(b_q[30:0], zeros_q);
         quot_q    <= 26'd0;
       end
       if (step_q >= STEP_FIRST && step_q <= STEP_LAST) begin

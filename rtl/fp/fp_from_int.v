@@ -4,7 +4,7 @@
 //            Zero gives +0. Narrower numbers: sign-extend; unsigned ones of up to 31 bits: put a zero on top.
 // Handshake  none: a result for every enabled clock. en_i = 0 freezes the whole pipeline.
 // Latency    2 clocks: x in clock n (before edge n + 1) gives the result after edge n + 2.
-// Stages     1 magnitude | 2 normalise, round, pack.
+// Stages     1 magnitude, its leading zeros | 2 normalise, round, pack.
 // Crossing   none. Registers have no reset: nothing in them counts until an operand has passed through.
 `default_nettype none
 
@@ -26,27 +26,33 @@ module fp_from_int #(
 
   reg        sign_q;
   reg [31:0] size_q;
+  reg  [4:0] zeros_q;
+  reg        zero_q;
 
-  always @(posedge clk_i) begin
-    if (en_i) begin
-      sign_q <= x_i[31];
-      size_q <= x_i[31] ? ~x_i + 32'd1 : x_i;
-    end
-  end
-
+  wire [31:0] size = x_i[31] ? ~x_i + 32'd1 : x_i;
   wire  [4:0] zeros;
   wire        zero;
   fp_lzc u_lzc (
-    .x_i    (size_q),
+    .x_i    (size),
     .count_o(zeros),
     .zero_o (zero)
   );
-  wire [31:0] left   = size_q << zeros;
-  wire        up     = left[7] & ((|left[6:0]) | left[8]);
-  wire [30:0] word = {EXP_TOP - {3'd0, zeros}, left[30:8]} + {30'd0, up};
 
   always @(posedge clk_i) begin
-    if (en_i) y_o <= zero ? 32'd0 : {sign_q, word};
+    if (en_i) begin
+      sign_q  <= x_i[31];
+      size_q  <= size;
+      zeros_q <= zeros;
+      zero_q  <= zero;
+    end
+  end
+
+  wire [31:0] left   = size_q << zeros_q;
+  wire        up     = left[7] & ((|left[6:0]) | left[8]);
+  wire [30:0] word = {EXP_TOP - {3'd0, zeros_q}, left[30:8]} + {30'd0, up};
+
+  always @(posedge clk_i) begin
+    if (en_i) y_o <= zero_q ? 32'd0 : {sign_q, word};
   end
 
   wire unused = &{1'b0, left[31]};

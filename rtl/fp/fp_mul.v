@@ -3,23 +3,73 @@
 // Purpose    IEEE-754 multiplication, round to nearest even, subnormals in and out. Any NaN result is the canonical
 //            NaN 7FC00000. One 24 x 24 product: a 27 x 27 DSP block of Cyclone V.
 // Handshake  none: a result for every enabled clock. en_i has a bit for each stage, stage 1 in bit 0: a stage whose bit is
-//            0 keeps what it has. Both bits alike: 0 freezes the whole pipeline. A one that moves up by a place each
+//            0 keeps what it has. All bits alike: 0 freezes the whole pipeline. A one that moves up by a place each
 //            clock takes one pair of factors through, and the product then holds.
-// Latency    2 clocks: operands in clock n (before edge n + 1) give the result after edge n + 2.
-// Stages     1 product, exponent, place of the result | 2 shift, round, pack.
+// Latency    3 clocks: operands in clock n (before edge n + 1) give the result after edge n + 3.
+// Stages     1 take the factors (a choice may stand before it), exponent | 2 product, place of the result |
+//            3 shift, round, pack.
 // Style      What a stage computes stands in functions called under its enable: see fp_add.
 // Crossing   none. Registers have no reset: nothing in them counts until an operand has passed through.
 `default_nettype none
 
 module fp_mul (
   input  wire        clk_i,
-  input  wire  [1:0] en_i,
+  input  wire  [2:0] en_i,
   input  wire [31:0] a_i,
   input  wire [31:0] b_i,
   output reg  [31:0] y_o
 );
   /* verilator lint_off UNUSEDSIGNAL */  // of a function's arguments not every bit is used
   // ---- stage 1 ---------------------------------------------------------------------------------------------------
+  // Fraction of the subnormal factor, its upper end a one if there is none. Of two subnormals the product is far below the
+  // smallest one: the leading zeros of one are enough.
+  function automatic [23:0] subnormal;
+    input [30:0] a;
+    input [30:0] b;
+    reg          a_normal;
+    begin
+      a_normal  = |a[30:23];
+      subnormal = {a_normal & (|b[30:23]), a_normal ? b[22:0] : a[22:0]};
+    end
+  endfunction
+
+  // One less than the biased exponent of the product's bit 46, signed, -126 to 380: also the left shift that would
+  // bring it to exponent 1.
+  function automatic [9:0] exponent;
+    input [7:0] a;
+    input [7:0] b;
+    exponent = {2'd0, a[7:1], a[0] | ~(|a)} + {2'd0, b[7:1], b[0] | ~(|b)} - 10'd128;
+  endfunction
+
+  function automatic is_nan;  // one factor is, or infinity times zero
+    input [30:0] a;
+    input [30:0] b;
+    is_nan = ((&a[30:23]) & ((|a[22:0]) | ~(|b))) | ((&b[30:23]) & ((|b[22:0]) | ~(|a)));
+  endfunction
+
+  reg        sign1_q;
+  reg [23:0] a1_q;
+  reg [23:0] b1_q;
+  reg [23:0] subnormal1_q;
+  reg  [9:0] exp1_q;
+  reg        zero1_q;
+  reg        nan1_q;
+  reg        inf1_q;
+
+  always @(posedge clk_i) begin
+    if (en_i[0]) begin
+      sign1_q      <= a_i[31] ^ b_i[31];
+      a1_q         <= {|a_i[30:23], a_i[22:0]};
+      b1_q         <= {|b_i[30:23], b_i[22:0]};
+      subnormal1_q <= subnormal(a_i[30:0], b_i[30:0]);
+      exp1_q       <= exponent(a_i[30:23], b_i[30:23]);
+      zero1_q      <= ~(|a_i[30:0]) | ~(|b_i[30:0]);
+      nan1_q       <= is_nan(a_i[30:0], b_i[30:0]);
+      inf1_q       <= (&a_i[30:23]) | (&b_i[30:23]);
+    end
+  end
+
+  // ---- stage 2 ---------------------------------------------------------------------------------------------------
   // Leading zeros of a word (31 for zero): the tree of fp_lzc, all nodes of a level in one word.
   function automatic [4:0] leading_zeros;
     input [31:0] x;
@@ -48,39 +98,22 @@ module fp_mul (
   // {right shift of {product, 24 zeros}: 24 less the left shift, 1 to 56;
   //  one less than the exponent of bit 46 after the shift, 0 to 380}
   function automatic [14:0] place;
-    input [30:0] a;
-    input [30:0] b;
-    reg       a_normal;
-    reg       b_normal;
+    input [23:0] fraction;
+    input  [9:0] exp_above;
+    input        zero;
     reg [4:0] zeros;
-    reg [8:0] exp_sum;
-    reg [9:0] exp_above;
     reg [9:0] exp_left;
     reg       limited;
     reg       deep;
-    reg [5:0] shift;
     begin
-      a_normal  = |a[30:23];
-      b_normal  = |b[30:23];
-      // Of two subnormals the product is far below the smallest one: the leading zeros of one operand are enough.
-      zeros     = 5'd0;
-      if (!(a_normal & b_normal)) zeros = leading_zeros({1'b0, a_normal ? b[22:0] : a[22:0], 8'd0});
-      // One less than the biased exponent of the product's bit 46, signed, -126 to 380: also the left shift that would
-      // bring it to exponent 1. A left shift stops there; a negative one is a right shift, of which 31 is enough.
-      exp_sum   = {1'b0, a[30:24], a[23] | ~a_normal} + {1'b0, b[30:24], b[23] | ~b_normal};
-      exp_above = {1'b0, exp_sum} - 10'd128;
-      exp_left  = exp_above - {5'd0, zeros};
-      limited   = exp_left[9];
-      deep      = exp_above[9] & ~(&exp_above[8:5]);
-      shift     = limited ? (deep ? 6'h21 : exp_above[5:0]) : {1'b0, zeros};
-      place     = {6'd24 - shift, (limited | ~(|a) | ~(|b)) ? 9'd0 : exp_left[8:0]};
+      zeros    = leading_zeros({fraction, 8'd0});
+      exp_left = exp_above - {5'd0, zeros};
+      // A left shift stops at exponent 1; a negative one is a right shift, of which 31 is enough.
+      limited  = exp_left[9];
+      deep     = exp_above[9] & ~(&exp_above[8:5]);
+      place    = {limited ? (deep ? 6'd55 : 6'd24 - exp_above[5:0]) : 6'd24 - {1'b0, zeros},
+                  (limited | zero) ? 9'd0 : exp_left[8:0]};
     end
-  endfunction
-
-  function automatic is_nan;  // one factor is, or infinity times zero
-    input [30:0] a;
-    input [30:0] b;
-    is_nan = ((&a[30:23]) & ((|a[22:0]) | ~(|b))) | ((&b[30:23]) & ((|b[22:0]) | ~(|a)));
   endfunction
 
   reg        sign_q;
@@ -91,16 +124,16 @@ module fp_mul (
   reg        inf_q;
 
   always @(posedge clk_i) begin
-    if (en_i[0]) begin
-      sign_q           <= a_i[31] ^ b_i[31];
-      product_q        <= {|a_i[30:23], a_i[22:0]} * {|b_i[30:23], b_i[22:0]};
-      {right_q, exp_q} <= place(a_i[30:0], b_i[30:0]);
-      nan_q            <= is_nan(a_i[30:0], b_i[30:0]);
-      inf_q            <= (&a_i[30:23]) | (&b_i[30:23]);
+    if (en_i[1]) begin
+      sign_q           <= sign1_q;
+      product_q        <= a1_q * b1_q;
+      {right_q, exp_q} <= place(subnormal1_q, exp1_q, zero1_q);
+      nan_q            <= nan1_q;
+      inf_q            <= inf1_q;
     end
   end
 
-  // ---- stage 2 ---------------------------------------------------------------------------------------------------
+  // ---- stage 3 ---------------------------------------------------------------------------------------------------
   function automatic [31:0] rounded;  // magnitude; above 7F7FFFFF it has overflowed
     input [47:0] product;
     input  [5:0] right;
@@ -194,7 +227,7 @@ module fp_mul (
   /* verilator lint_on UNUSEDSIGNAL */
 
   always @(posedge clk_i) begin
-    if (en_i[1]) y_o <= pack(sign_q, nan_q, inf_q, rounded(product_q, right_q, exp_q));
+    if (en_i[2]) y_o <= pack(sign_q, nan_q, inf_q, rounded(product_q, right_q, exp_q));
   end
 endmodule
 

@@ -54,8 +54,10 @@ module fp_to_int #(
   end
 
   wire        up    = half_q & (rest_q | whole_q[0]);
-  wire [32:0] size  = {1'b0, whole_q} + {32'd0, up};
-  wire        beyond = max_q | size[32] | (size[31] & ~(sign_q & ~(|size[30:0])));
+  // Rounding up needs places below the point, and then the magnitude is below 2^24: it cannot carry out of the range.
+  wire        beyond = max_q | (whole_q[31] & ~(sign_q & ~(|whole_q[30:0])));
+  // -(n + 1) is ~n, -n is ~n + 1: rounding and negation in one sum.
+  wire [31:0] rounded = (whole_q ^ {32{sign_q}}) + {31'd0, sign_q ^ up};
 
   always @(posedge clk_i) begin
     if (en_i) begin
@@ -63,7 +65,7 @@ module fp_to_int #(
       sat_o <= beyond & ~nan_q;
       if (nan_q)      y_o <= 32'd0;
       else if (beyond) y_o <= sign_q ? 32'h8000_0000 : 32'h7FFF_FFFF;
-      else            y_o <= sign_q ? ~size[31:0] + 32'd1 : size[31:0];
+      else            y_o <= rounded;
     end
   end
 endmodule

@@ -11,10 +11,10 @@
 //            A valid_i while busy is ignored (records come 500 clocks apart). The parameters that were not in
 //            the record keep their value; params_valid_o is 1 once each of the four was read since reset.
 //
-// Latency    12 clocks: valid_i before edge n + 1, outputs after edge n + 12. One chain for all: from int (2),
-//            times gain (2), plus offset (3); five operands enter it one after the other; one output register.
+// Latency    13 clocks: valid_i before edge n + 1, outputs after edge n + 13. One chain for all: from int (2),
+//            times gain (3), plus offset (3); five operands enter it one after the other; one output register.
 //
-// Crossing   none; gain_i and offset_i are of this clock. Each quantity reads its pair 1 and 3 clocks after it
+// Crossing   none; gain_i and offset_i are of this clock. Each quantity reads its pair 1 and 4 clocks after it
 //            enters, so a pair rewritten in that moment may act in two steps, as two writes do anyway.
 `default_nettype none
 
@@ -42,7 +42,7 @@ module adc_scale (
     output wire         params_valid_o
 );
 
-  localparam [3:0] LAST_CLOCK = 4'd11;  // of a record, counted from the clock of valid_i = 0
+  localparam [3:0] LAST_CLOCK = 4'd12;  // of a record, counted from the clock of valid_i = 0
 
   reg  [ 3:0] count_q;  // 0: idle
   wire        start = valid_i && (count_q == 4'd0);
@@ -76,7 +76,7 @@ module adc_scale (
   wire [31:0] signed_int = {{21{!wait_q[47]}}, wait_q[46:36]};
   wire [31:0] entering = start ? parameter_int : signed_int;
 
-  // Channel whose gain (one clock after it entered) and offset (three clocks after) is looked up.
+  // Channel whose gain (one clock after it entered) and offset (four clocks after) is looked up.
   function [2:0] channel;
     input [2:0] place;
     input [1:0] index;
@@ -92,7 +92,7 @@ module adc_scale (
   endfunction
 
   wire [ 3:0] gain_place = count_q - 4'd1;
-  wire [ 3:0] offset_place = count_q - 4'd3;
+  wire [ 3:0] offset_place = count_q - 4'd4;
   wire [ 2:0] gain_channel = channel(gain_place[2:0], index_q);
   wire [ 2:0] offset_channel = channel(offset_place[2:0], index_q);
   reg  [31:0] gain_q;
@@ -124,7 +124,7 @@ module adc_scale (
 
   fp_mul u_mul (
       .clk_i(clk_i),
-      .en_i ({2{run}}),
+      .en_i ({3{run}}),
       .a_i  (number),
       .b_i  (gain_q),
       .y_o  (product)
@@ -139,7 +139,7 @@ module adc_scale (
       .y_o  (value)
   );
 
-  // Results come in clocks 7 to 11; the last one completes the record.
+  // Results come in clocks 8 to 12; the last one completes the record.
   reg [31:0] part_p_q;
   reg [31:0] part_t_l_q;
   reg [31:0] part_t_r_q;
@@ -152,10 +152,10 @@ module adc_scale (
       part_t_r_q <= 32'd0;
       part_v_l_q <= 32'd0;
     end else begin
-      if (count_q == 4'd7) part_p_q <= value;
-      if (count_q == 4'd8) part_t_l_q <= value;
-      if (count_q == 4'd9) part_t_r_q <= value;
-      if (count_q == 4'd10) part_v_l_q <= value;
+      if (count_q == 4'd8) part_p_q <= value;
+      if (count_q == 4'd9) part_t_l_q <= value;
+      if (count_q == 4'd10) part_t_r_q <= value;
+      if (count_q == 4'd11) part_v_l_q <= value;
     end
   end
 

@@ -10,7 +10,7 @@
 // Handshake  valid_i for one clock with the four values (taken at that edge; a valid_i while busy is ignored),
 //            valid_o for one clock with the codes; codes and flags change together and hold.
 //
-// Latency    11 clocks: valid_i before edge n + 1, outputs after edge n + 11. One chain for all: times gain (2), plus
+// Latency    12 clocks: valid_i before edge n + 1, outputs after edge n + 12. One chain for all: times gain (3), plus
 //            offset (3), to int (2); four operands enter it one after the other; one output register.
 //
 // Crossing   none; gain_i and offset_i are of this clock.
@@ -32,7 +32,7 @@ module dac_scale (
     output wire [  3:0] nan_o
 );
 
-  localparam [3:0] LAST_CLOCK = 4'd10;  // of a set of values, counted from the clock of valid_i = 0
+  localparam [3:0] LAST_CLOCK = 4'd11;  // of a set of values, counted from the clock of valid_i = 0
 
   reg  [3:0] count_q;  // 0: idle
   wire       start = valid_i && (count_q == 4'd0);
@@ -55,9 +55,9 @@ module dac_scale (
     else            wait_q <= {wait_q[63:0], 32'd0};
   end
 
-  // The gain is wanted in the clock in which the value enters, the offset two clocks later.
+  // The gain is wanted in the clock in which the value enters, the offset three clocks later.
   wire [ 1:0] gain_place = count_q[1:0];
-  wire [ 3:0] offset_place = count_q - 4'd1;
+  wire [ 3:0] offset_place = count_q - 4'd2;
   reg  [31:0] offset_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
@@ -74,7 +74,7 @@ module dac_scale (
 
   fp_mul u_mul (
       .clk_i(clk_i),
-      .en_i ({2{run}}),
+      .en_i ({3{run}}),
       .a_i  (entering),
       .b_i  (gain_i[32*gain_place+:32]),
       .y_o  (product)
@@ -107,7 +107,7 @@ module dac_scale (
   wire        flagged = low || high || no_number;
   wire [11:0] code = low ? 12'h000 : high ? 12'hFFF : {!whole[11], whole[10:0]};
 
-  // Results come in clocks 7 to 10; the last one completes the set.
+  // Results come in clocks 8 to 11; the last one completes the set.
   reg  [35:0] part_code_q;
   reg  [ 2:0] part_sat_q;
   reg  [ 2:0] part_nan_q;

@@ -22,8 +22,8 @@
 
 namespace {
 
-constexpr int VALID_CLOCKS = 15;
-constexpr int READY_CLOCKS = 23;
+constexpr int VALID_CLOCKS = 11;
+constexpr int READY_CLOCKS = 26;
 constexpr int READY_LIMIT = 400;
 
 void drive(Vrtds_core& top, const std::uint32_t* record) {

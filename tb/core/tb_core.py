@@ -15,11 +15,11 @@ from cocotb.triggers import ReadOnly, RisingEdge
 
 from rtds_host.motor import CoreModel
 
-VALID_CLOCKS = 15
-LOW_CLOCKS = 21
-READY_CLOCKS = 23
-PARAMETER_CLOCKS = 89
-FAULT_CLOCKS = 82
+VALID_CLOCKS = 11
+LOW_CLOCKS = 18
+READY_CLOCKS = 26
+PARAMETER_CLOCKS = 107
+FAULT_CLOCKS = 93
 
 NOMINAL = (8.6, 1e-3, 6.538e-3, 6.538e-3, 1e-7, 4.372e-7, 1e-5)
 PARAMETER_PORTS = ("p_r_i", "p_l_i", "p_km_i", "p_kb_i", "p_j_i", "p_b_i", "p_h_i")
@@ -179,6 +179,7 @@ async def low_words_settle_when_documented(dut):
         for _ in range(LOW_CLOCKS):
             await tb.clock()
         assert tb.read(LOW_PORTS) == [*want[0][2:], *want[1][2:]]
+        await tb.wait_ready()
 
 
 @cocotb.test()
@@ -233,7 +234,7 @@ async def strobe_while_not_ready_is_refused_and_reported(dut):
     await tb.step(words([12, 6]), words([0, 0]))
     await RisingEdge(dut.clk_i)
     tb.drive(words([12, 6]), words([0, 0]))
-    dut.strobe_i.value = 1  # and stays on: taken every 23rd clock, refused at all others
+    dut.strobe_i.value = 1  # and stays on: taken every 26th clock, refused at all others
     await RisingEdge(dut.clk_i)
     valids = 0
     for clock in range(1, 3 * READY_CLOCKS):
@@ -251,7 +252,7 @@ async def strobe_while_not_ready_is_refused_and_reported(dut):
 async def clear_zeroes_the_state_and_keeps_the_parameters(dut):
     tb = TB(dut)
     await tb.reset()
-    for clocks in range(1, 24):
+    for clocks in range(1, READY_CLOCKS + 1):
         for _ in range(3):
             await tb.step(words([12, 6]), words([0, 0]))
         await RisingEdge(dut.clk_i)
@@ -268,7 +269,7 @@ async def clear_zeroes_the_state_and_keeps_the_parameters(dut):
         tb.model.clear()
         assert tb.read(HIGH_PORTS) == tb.read(LOW_PORTS) == [0] * 4, f"cleared {clocks} clocks after the strobe"
         assert int(dut.step_count_o.value) == 0 and int(dut.ready_o.value) == 1 and int(dut.valid_o.value) == 0
-        for _ in range(25):
+        for _ in range(READY_CLOCKS + 2):
             await tb.clock()
             assert not int(dut.valid_o.value), "the step under way was dropped"
     await tb.step(words([12, 6]), words([0, 0]))

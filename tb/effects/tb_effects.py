@@ -18,9 +18,9 @@ from rtds_host.motor.effect_model import EffectCore
 from rtds_host.motor.effect_tables import constant_address, tables_of
 from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
 
-VALID_CLOCKS, LOW_CLOCKS, READY_CLOCKS = 24, 30, 176
-CHANGED_CLOCKS = 184  # ready after changed parameters
-OWN_CLOCKS = 235  # and where each side has its own
+VALID_CLOCKS, LOW_CLOCKS, READY_CLOCKS = 21, 28, 173
+CHANGED_CLOCKS = 188  # ready after changed parameters
+OWN_CLOCKS = 264  # and where each side has its own
 PARAMETER_PORTS = ("p_r_i", "p_l_i", "p_km_i", "p_kb_i", "p_j_i", "p_b_i", "p_h_i")
 SECOND_PORTS = ("p2_r_i", "p2_l_i", "p2_km_i", "p2_kb_i", "p2_j_i", "p2_b_i")
 HIGH_PORTS = ("i_l_o", "w_l_o", "i_r_o", "w_r_o")
@@ -129,7 +129,7 @@ class TB:
                 assert self.read(HIGH_PORTS) == high
             if int(dut.ready_o.value):
                 self.ready = clocks + 1
-            if clocks == (LOW_CLOCKS if self.on else 21):
+            if clocks == (LOW_CLOCKS if self.on else 18):
                 assert self.read(LOW_PORTS) == low
         assert self.read(HIGH_PORTS) == high, "high words must hold"
         assert self.read(LOW_PORTS) == low, "low words must hold"
@@ -160,9 +160,9 @@ async def latencies_are_the_documented_ones(dut):
     assert (tb.valid, tb.ready) == (VALID_CLOCKS, READY_CLOCKS)
     tb.on = False
     await tb.step([6.0, -3.0], [0.0, 1e-4])
-    assert tb.valid == 15
+    assert tb.valid == 11
     await tb.step([6.0, -3.0], [0.0, 1e-4])
-    assert (tb.valid, tb.ready) == (15, 23)
+    assert (tb.valid, tb.ready) == (11, 26)
 
 
 @cocotb.test()
@@ -212,9 +212,9 @@ async def words_written_at_any_clock_act_after_the_run_in_hand(dut):
     tb = await bench(dut, UnitEffects(limit_v=6.0), UnitEffects(limit_v=6.0))
     limit = constant_address(1, 9)
     await tb.step([9.0, 9.0], [0.0, 0.0])
-    for k, clock in enumerate((1, 5, 20, 21, 22, 23, 24, 25, 60, 100, 150, 170)):
+    for k, clock in enumerate((1, 5, 17, 18, 19, 20, 21, 22, 60, 100, 150, 170)):
         word = int(words(1.0 + 0.5 * k))
-        if clock <= 21:  # written by the edge before the one that starts the run
+        if clock <= 18:  # written by the edge before the one that starts the run
             tb.model.write(limit, word)
         await tb.step([9.0, 9.0], [0.0, 0.0], write=(clock, limit, word))
         tb.model.write(limit, word)

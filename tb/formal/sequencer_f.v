@@ -1,5 +1,6 @@
 // Proof of the core's step: a step that is not cleared gives its valid exactly LATENCY clocks after its start, MORE later
-// with effects, no valid comes otherwise, and the rows are idle again SPACING clocks (and MORE) after the start at the latest.
+// with effects, no valid comes otherwise, the rows are idle again SPACING clocks (and MORE) after the start at the latest,
+// and what a step prepares for the next is saved before that one needs it.
 `default_nettype none
 
 module sequencer_f (
@@ -10,9 +11,9 @@ module sequencer_f (
     input wire refresh,
     input wire effects
 );
-  localparam LATENCY = 16;
-  localparam SPACING = 23;
-  localparam MORE = 9;
+  localparam LATENCY = 12;
+  localparam SPACING = 26;
+  localparam MORE = 10;
 
   wire idle, valid;
   reg effects_q = 1'b0;  // from the clock after a start to the next
@@ -25,6 +26,8 @@ module sequencer_f (
 
   // Signals inside of dut, joined by Yosys when it flattens.
   (* hierconn *) wire \dut.refresh_q ;
+  (* hierconn *) wire [5:0] \dut.slot_q ;
+  (* hierconn *) wire [2:0] \dut.c_later_q ;
 
   reg started = 1'b0;
   reg [LATENCY+MORE-1:0] due = 0;  // a step on its way, one place a clock
@@ -50,6 +53,9 @@ module sequencer_f (
   always @* if (started && rst_n) begin
     assert (valid == due[LATENCY+MORE-1]);
     if (since >= spacing && since != 6'd63) assert (idle || dut.refresh_q);
+    // What a step adds first, in slot 3, was saved by then, however soon after the last step it comes.
+    if (dut.slot_q == 6'd3) assert (dut.c_later_q == 3'd0);
+    cover (dut.slot_q == 6'd2 && dut.c_later_q[2]);
     cover (valid && idle == 1'b0);
     cover (valid && since == LATENCY && !effects_q);
     cover (valid && since == LATENCY + MORE && effects_q);

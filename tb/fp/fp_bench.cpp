@@ -21,7 +21,7 @@
 namespace {
 
 constexpr int ADD_LATENCY = 3;
-constexpr int MUL_LATENCY = 2;
+constexpr int MUL_LATENCY = 3;
 constexpr int INT_LATENCY = 2;
 constexpr int DIV_LATENCY = 32;
 constexpr int RESULTS = 11;

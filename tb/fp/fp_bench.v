@@ -23,7 +23,7 @@ module fp_bench (
 );
   fp_add u_add (.clk_i(clk_i), .en_i({3{en_i}}), .sub_i(1'b0), .a_i(a_i), .b_i(b_i), .y_o(add_o));
   fp_add u_sub (.clk_i(clk_i), .en_i({3{en_i}}), .sub_i(1'b1), .a_i(a_i), .b_i(b_i), .y_o(sub_o));
-  fp_mul u_mul (.clk_i(clk_i), .en_i({2{en_i}}), .a_i(a_i), .b_i(b_i), .y_o(mul_o));
+  fp_mul u_mul (.clk_i(clk_i), .en_i({3{en_i}}), .a_i(a_i), .b_i(b_i), .y_o(mul_o));
   fp_div u_div (
     .clk_i  (clk_i),
     .rst_ni (rst_ni),

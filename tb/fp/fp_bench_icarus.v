@@ -50,7 +50,6 @@ module fp_bench_icarus;
   integer clocks;
 
   // Results of latency 2 wait one clock for those of latency 3.
-  reg [31:0] mul_d;
   reg [197:0] converted_d;
 
   task edge_of_clock;
@@ -76,11 +75,10 @@ module fp_bench_icarus;
     rst_n = 1'b1;
     for (k = 0; k < count + 2; k = k + 1) begin
       if (k < count) {a, b} = pairs[k];
-      mul_d = mul;
       converted_d = converted;
       edge_of_clock;
       if (k >= 2) begin
-        $fwrite(out, "%h %h %h %h %h %h ", add, sub, mul_d, converted_d[197:166], converted_d[165:134],
+        $fwrite(out, "%h %h %h %h %h %h ", add, sub, mul, converted_d[197:166], converted_d[165:134],
                 converted_d[133:102]);
         $fdisplay(out, "%h %h %h %h", converted_d[101:70], converted_d[69:38], converted_d[37:6], converted_d[5:0]);
       end

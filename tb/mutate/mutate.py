@@ -23,6 +23,7 @@ COPIED = ("rtl", "tb", "python", "quartus", "sim", "pyproject.toml")
 
 # Short name -> arguments of pytest. Icarus builds at once, so it is the simulator here wherever it can be.
 TESTS = {
+    "core": ["tb/core/test_core.py", "-k", "contract and icarus"],
     "fp": ["tb/fp/test_fp.py", "-k", "test_every_directed_pair"],
     "chip": ["tb/top/test_top.py", "-k", "test_chip and icarus"],
     "parameters": ["tb/top/test_top.py", "-k", "test_one_fault and unusable_parameters"],

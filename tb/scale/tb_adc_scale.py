@@ -1,4 +1,4 @@
-"""adc_scale owes the bits of rtds_host.link.scaling after 12 clocks, all outputs at one edge."""
+"""adc_scale owes the bits of rtds_host.link.scaling after 13 clocks, all outputs at one edge."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cocotb.triggers import FallingEdge
 from rtds_host.link.scaling import ADC_CHANNELS, AdcScale, default_scaling
 from rtds_host.motor.model import canonical_words
 
-LATENCY = 12
+LATENCY = 13
 OUTPUTS = ("v_l", "v_r", "t_l", "t_r", "p_b", "p_j", "p_km", "p_kb")
 SPECIAL = (0x00000000, 0x80000000, 0x3F800000, 0x00000001, 0x807FFFFF, 0x7F7FFFFF, 0x7F800000, 0xFF800000, 0x7FC00000)
 

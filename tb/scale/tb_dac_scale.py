@@ -1,4 +1,4 @@
-"""dac_scale owes the codes and flags of rtds_host.link.scaling after 11 clocks, all at one edge."""
+"""dac_scale owes the codes and flags of rtds_host.link.scaling after 12 clocks, all at one edge."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cocotb.triggers import FallingEdge
 
 from rtds_host.link.scaling import DAC_OUTPUTS, DacScale, default_scaling
 
-LATENCY = 11
+LATENCY = 12
 SPECIAL = (0x00000000, 0x80000000, 0x3F800000, 0x00000001, 0x807FFFFF, 0x7F7FFFFF, 0x7F800000, 0xFF800000, 0x7FC00000,
            0xFFFFFFFF, 0x7F800001)  # fmt: skip
 

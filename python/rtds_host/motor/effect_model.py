@@ -16,7 +16,7 @@ import numpy as np
 from rtds_host.errors import InputError
 from rtds_host.motor.effect_program import CONSTANTS, OUTPUTS, STATES, TABLE_ORIGIN, TABLES
 from rtds_host.motor.effect_tables import DELAY_ENTRIES, TABLE_WORDS, EffectWords
-from rtds_host.motor.model import SAMPLE_COLUMNS, STATE_COLUMNS, _step, canonical_words
+from rtds_host.motor.model import SAMPLE_COLUMNS, STATE_COLUMNS, _increments, _step, canonical_words
 from rtds_host.motor.parameters import coefficients, parameter_words
 
 _ZERO = np.float32(0.0)
@@ -108,10 +108,7 @@ def _prepare(m, i, w, draws, vc, t, c, constants, tables, inner, ahead):
 @numba.njit(inline="always")
 def _step_with_friction(i, w, i_lo, w_lo, c, ahead):
     """One step of one motor, projected on what dry friction allows (rtl/core with effects on)."""
-    e1 = ahead[0] - (c[0] * i + c[1] * w)
-    e2 = (c[2] * i - c[3] * w) - ahead[1]
-    ti = (c[4] * e1 - c[5] * e2) + i_lo
-    tw = (c[6] * e1 + c[7] * e2) + w_lo
+    ti, tw = _increments(i, w, i_lo, w_lo, c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], ahead[0], ahead[1])
     free = w + tw
     most_f = c[7] * ahead[2]
     most_b = c[7] * ahead[3]

@@ -25,12 +25,22 @@ _TERMS = 8
 
 
 @numba.njit(inline="always")
+def _increments(i, w, i_lo, w_lo, r, kb, km, b, g11, g12, g21, g22, v, t):
+    """What a step adds to (i, w), the low words in it: the order of operations is that of rtl/core/rtds_row.v.
+
+    All but the inputs' products is known before the strobe: so V and T come last.
+    """
+    s1 = r * i + kb * w  # V
+    s2 = km * i - b * w  # N m
+    ti = (((i_lo - g11 * s1) - g12 * s2) + g11 * v) + g12 * t
+    tw = (((w_lo - g21 * s1) + g22 * s2) + g21 * v) - g22 * t
+    return ti, tw
+
+
+@numba.njit(inline="always")
 def _step(i, w, i_lo, w_lo, r, kb, km, b, g11, g12, g21, g22, v, t):
-    """One step of one motor, all float32: the order of operations is that of rtl/core/rtds_motor.v."""
-    e1 = v - (r * i + kb * w)  # V across the inductance
-    e2 = (km * i - b * w) - t  # N m that accelerates the rotor
-    ti = (g11 * e1 - g12 * e2) + i_lo
-    tw = (g21 * e1 + g22 * e2) + w_lo
+    """One step of one motor, all float32: (i, w, i_lo, w_lo) after it."""
+    ti, tw = _increments(i, w, i_lo, w_lo, r, kb, km, b, g11, g12, g21, g22, v, t)
     i_new = i + ti
     w_new = w + tw
     return i_new, w_new, ti - (i_new - i), tw - (w_new - w)
