@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from rtds_host.errors import InputError
-from rtds_host.motor.effects import SupplyEffects, UnitEffects
+from rtds_host.motor.effects import MotorParameters, SupplyEffects, UnitEffects
 from rtds_host.robot import Body
+from rtds_host.robot.split import inertia_of
 from rtds_host.robot.urdf import base_inertia, yaw_inertia_kg_m2
 
 # A base with less yaw inertia than this share of what robot.toml says cannot be built from its mass and centre.
@@ -54,6 +57,11 @@ class BodyValues:
         offset = yaw_inertia_kg_m2(changed) - self.yaw_inertia_kg_m2
         return replace(changed, yaw_inertia_kg_m2=max(self.yaw_inertia_kg_m2 - offset, self._least(changed)))
 
+    def at_wheels(self, payload_kg: float) -> np.ndarray:
+        """Inertia (2, 2) kg m² at the wheels, their own spin included."""
+        return (inertia_of(self.mass_kg + payload_kg, self.com_y_m, self.yaw_inertia_kg_m2, self.wheel_radius_m,
+                           self.track_width_m)[0] + self.wheel_inertia_kg_m2 * np.eye(2))
+
     @staticmethod
     def _least(body: Body) -> float:
         """The smallest `yaw_inertia_kg_m2` of a Body that leaves its base a share of the yaw inertia."""
@@ -96,7 +104,8 @@ class Correction:
     """All that makes the simulator another robot than the nominal one.
 
     `units` and `supply` go to the link, `body` into the physics engine, `gears` and `scrub_nm` into the layer between
-    them, `sensors` into the signal path. `bus_measured`: the bus follows the log's `v_bus` (a replay only).
+    them, `sensors` into the signal path. `bus_measured`: the bus follows the log's `v_bus` (a replay only). `carrying`:
+    the motors of units that carry a part of the body's inertia (`rtds_host.robot.split`), None where they carry none.
     """
 
     units: tuple[UnitEffects, UnitEffects]
@@ -106,6 +115,7 @@ class Correction:
     scrub_nm: float = 0.0
     sensors: SensorValues = field(default_factory=SensorValues)
     bus_measured: bool = False
+    carrying: tuple[MotorParameters | None, MotorParameters | None] = (None, None)
 
     def body_on(self, body: Body) -> Body:
         """The body of a run with this correction, see `BodyValues.on`.
@@ -124,5 +134,6 @@ class Correction:
 
     def links_effects(self) -> dict:
         """Arguments of `Link.set_effects`."""
-        left, right = (None if unit.absent else unit for unit in self.units)
+        loaded = (unit if motor is None else replace(unit, motor=motor) for unit, motor in zip(self.units, self.carrying))
+        left, right = (None if unit.absent else unit for unit in loaded)
         return {"left": left, "right": right, "supply": None if self.supply.absent and left is right is None else self.supply}

@@ -14,11 +14,14 @@ from rtds_host.errors import InputError
 from rtds_host.link import Link
 from rtds_host.motor.effects import MotorParameters, UnitEffects
 from rtds_host.robot import STEP_S, Body, Engine
+from rtds_host.robot.split import wheel_inertia
 from rtds_host.robot.urdf import yaw_inertia_kg_m2
 
 # Step of the layer between motor and engine, and between two looks at the motors.
 LAYER_S = 1e-4
 _FORETOLD = np.full(2, layer.FORETOLD)
+# Of the no-load speed: no wheel on the ground gets there.
+RUNAWAY = 10.0
 # A voltage held over part of an exchange.
 Piece = tuple[np.ndarray, float]
 
@@ -31,16 +34,6 @@ class Motion:
     t_s: np.ndarray
     speeds: np.ndarray
     currents: np.ndarray
-
-
-def wheel_inertia(body: Body, yaw_inertia: float) -> tuple[np.ndarray, np.ndarray]:
-    """The inertia (2, 2) kg m² at the wheels, their own spin left out, of a body with so much yaw inertia about the
-    axle's mid-point, and the change (2,) of the yaw rate with the wheels' speeds."""
-    r_l, r_r = body.wheel_radius_m
-    track = body.track_width_m
-    ways = np.array([[0.5 * r_l, 0.5 * r_r], [-r_l / track, r_r / track]])
-    mass, side = body.total_mass_kg, body.total_mass_kg * body.com_m[1]
-    return ways.T @ np.array([[mass, -side], [-side, yaw_inertia]]) @ ways, ways[1]
 
 
 def set_effects(link: Link, correction: Correction) -> None:
@@ -68,13 +61,16 @@ class Coupler:
     correction : what differs from the nominal robot; None: nothing.
     exchange_steps : engine steps between two exchanges of torques.
     foretell : give the motors the torque of the coming exchange, foretold; without it, that of the one before.
+    carried_kg_m2 : without a correction, the inertia at each wheel that the link's motors carry for the body beside their
+        rotor (`rtds_host.robot.split`); a correction says so itself.
 
+    `carried` (2,) kg m²: what they carry. `gained` (2,) rad/s²: mean change of the rotors' speeds over the last exchange.
     `sent` (2,) float32 N m at the shaft: torques of the last exchange; `load` (2,) N m: what the wheels took.
     `in_force` (2,) V: commands that act at its end, `now` s. `after_step` is called after each engine step.
     """
 
     def __init__(self, robot: Robot, body: Body, link: Link, engine: Engine, correction: Correction | None = None,
-                 exchange_steps: int = 1, foretell: bool = True):
+                 exchange_steps: int = 1, foretell: bool = True, carried_kg_m2: float = 0.0):
         self.link, self.engine = link, engine
         self.exchange_steps, self.foretell = exchange_steps, foretell
         self.gear = robot.motor.gear_ratio
@@ -102,6 +98,12 @@ class Coupler:
                              f"{wanted:g} kg m2")
         self.ground = np.linalg.inv(wheel_inertia(body, wanted)[0])
         self.rotor = np.array([self._rotor(robot, unit) for unit in units])
+        self.carried = np.full(2, carried_kg_m2)
+        if correction:
+            self.carried = np.array([0.0 if m is None else self.gear**2 * m.rotor_inertia_kg_m2 - self.rotor[k, layer.INERTIA]
+                                     for k, m in enumerate(correction.carrying)])
+        self.gained = np.zeros(2)
+        self.runaway = RUNAWAY * robot.supply_v / (self.gear * robot.motor.back_emf_constant_v_s_per_rad)
         self.state = np.zeros((2, 6))
         self.contact = layer.start_contact(self.side)
         self.elastic = (self.side[:, layer.STIFFNESS] > 0.0) | (self.side[:, layer.BACKLASH] > 0.0)
@@ -161,6 +163,10 @@ class Coupler:
         ----------
         pieces : voltages (2,) V asked for, clipped at the supply, and how long each is held, s (whole simulator
             steps); together `exchange_steps` engine steps, or fewer at the end of a run.
+
+        Raises
+        ------
+        InputError : wheels whose motors carry the body have lost the ground, and run away. LinkError : no answer.
         """
         total_s = sum(seconds for _, seconds in pieces)
         steps = round(total_s / STEP_S)
@@ -169,24 +175,44 @@ class Coupler:
             known = np.clip(volts + self.offset_v, -1e4, 1e4)
             # A driven rotor is where it ought to be; a given one will be what the owed torque makes of it.
             brake = self.disturbance + np.where(self.known == layer.DRIVEN, 0.0, self.owed)
+            state = self.state.copy()
+            # A given rotor's speed is found to rounding; one that friction holds must be seen to stand, or what is owed to it
+            # is counted as moving a rotor that is light beside the body.
+            state[(self.carried > 0.0) & (self.speed == 0.0), layer.ROTOR] = 0.0
             torque, spin = layer.roll(LAYER_S, _FORETOLD, known, self.rotor, self.current, known, brake,
-                                      self.state.copy(), self.contact.copy(), self.side, self.wheel_j, self.ground,
+                                      state, self.contact.copy(), self.side, self.wheel_j, self.ground,
                                       self.lever, self.scrub, 0.0, self.grip, self.external)
             load = torque + self.owed
+            gain = (state[:, layer.ROTOR] - self.speed) / total_s
         else:
-            torque, load = self.load, self.load
+            torque, load, gain = self.load, self.load, self.gained
             rate = float(self.lever @ self.state[:, layer.GROUND])
             spin = max(-1.0, min(1.0, rate / 0.02))
+        if self.carried.any():
+            load = load - self.carried * gain
         sent = (load / self.gear).astype(np.float32)
         self.sent = sent
+        before = self.speed
         motion = self._exchange(pieces, sent)
-        self._observe(motion, volts, sent.astype(float) * self.gear, total_s)
-        happened = self._follow(motion, steps, spin, sent.astype(float) * self.gear)
+        acted = sent.astype(float) * self.gear
+        self.gained = (motion.speeds[-1] - before) / total_s
+        if self.carried.any():
+            if np.abs(motion.speeds[-1]).max() > self.runaway:
+                raise InputError(f"the wheels have lost the ground at {self.now:.3f} s: so hard a start, or stop, lifts the robot off "
+                                 "its wheels; ask for less voltage at once")
+            acted = acted + self.carried * self.gained
+        self._observe(motion, volts, acted, total_s)
+        happened = self._follow(motion, steps, spin, acted)
         if self.foretell:
             behind = self.rotor[:, layer.INERTIA] * (self.speed - self.state[:, layer.ROTOR]) / total_s
-            self.owed = np.where(self.known == layer.DRIVEN, behind, happened - torque)
+            foretold = torque + self.carried * (self.gained - gain) if self.carried.any() else torque
+            self.owed = np.where(self.known == layer.DRIVEN, behind, happened - foretold)
         self.load = happened
         return motion
+
+    def load_of(self, rise: np.ndarray) -> np.ndarray:
+        """Torques (2,) N m that the wheels take while their speeds change by `rise` (2,) rad/s², nothing giving between."""
+        return self.external + self.inertia @ rise + self.wheel_j * rise
 
     def _exchange(self, pieces: list[Piece], sent: np.ndarray) -> Motion:
         times, speeds, currents = [], [], []

@@ -8,6 +8,7 @@ simulator. Whoever adds a slot has to add it here: a translation that leaves a s
 from __future__ import annotations
 
 import math
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from rtds_host.diagnosis.replay.model import Model, nominal_model
 from rtds_host.diagnosis.replay.slots import COMMON, SIDE
 from rtds_host.errors import InputError
 from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
+from rtds_host.robot.split import share
 
 # Where each slot acts: "rtl" in the motor unit, "robot" in the physics engine or in the layer before it, "signal" on
 # the way of the measured values, "refused" where the simulator has no such robot.
@@ -103,10 +105,35 @@ def translate(model: Model, robot: Robot, payload_kg: float = 0.0, start_angles:
                            gyro_gain=get("gyro_gain"), gyro_bias_rad_s=get("gyro_bias"),
                            delay_s=get("measurement_delay"))
     correction = Correction(units=units, supply=supply, body=body, gears=gears, scrub_nm=get("scrub"),
-                            sensors=sensors, bus_measured=get("bus_measured") > 0)
+                            sensors=sensors, bus_measured=get("bus_measured") > 0,
+                            carrying=_carrying(units, gears, body, payload_kg, robot))
     if get.unread:
         raise LookupError(f"slots of the replay's model that nothing translates: {', '.join(sorted(get.unread))}")
     return correction
+
+
+def _carrying(units: tuple[UnitEffects, ...], gears: tuple[GearValues, ...], body: BodyValues, payload_kg: float,
+              robot: Robot) -> tuple[MotorParameters | None, ...]:
+    """Motors of the units that carry a part of the body's inertia: where the body is heavy beside the rotor, and nothing
+    gives between them.
+
+    Raises
+    ------
+    InputError : friction that grows with the load, where the unit would see a part of the load only.
+    """
+    n = robot.motor.gear_ratio
+    found: list[MotorParameters | None] = []
+    for unit, gear in zip(units, gears, strict=True):
+        own = unit.motor or MotorParameters(**{f.name: getattr(robot.motor, f.name) for f in fields(MotorParameters)})
+        carried = share(body.at_wheels(payload_kg), n * n * own.rotor_inertia_kg_m2).carried_kg_m2
+        if carried == 0.0 or gear.stiffness_nm_per_rad or gear.backlash_rad:
+            found.append(None)
+            continue
+        if unit.load_share:
+            raise InputError(f"robot {robot.name!r}: gear friction that grows with the load cannot be simulated where the body "
+                             "is heavy beside the rotor: the motor unit carries a part of the body and sees the rest of its load")
+        found.append(replace(own, rotor_inertia_kg_m2=own.rotor_inertia_kg_m2 + carried / n**2))
+    return tuple(found)
 
 
 def _refuse(get: _Slots, robot: Robot) -> None:

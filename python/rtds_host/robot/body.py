@@ -1,4 +1,4 @@
-"""What a physics engine has to know of the robot, taken from `robot.toml`, and the stability of the coupling.
+"""What a physics engine has to know of the robot, taken from `robot.toml`.
 
 The motor unit owns the rotor (N^2 J seen at the wheel, and the viscous friction); the physics engine owns body and
 wheels. Nothing is counted twice: no rotor inertia, no friction and no gear stand in the engine's model.
@@ -19,10 +19,10 @@ SUPPORTS = ("skids", "caster")
 CASTER_X_M = -0.081
 SKID_RADIUS_M = 0.005
 # The nominal model rolls without slip and does not pitch. A step of 20 V asks for 17 m/s^2: with the centre of mass 55 mm
-# up, skids nearer than 0.18 m would take the load off the wheels, and tyres below 3 would slide.
+# up, skids nearer than 0.18 m would take the load off the wheels, and tyres below 3 would slide. Higher robots stand wider.
 SKID_ARM_M = 0.25
+SKID_ARM_OF_HEIGHT = 4.5
 TYRE_FRICTION = 10.0
-MAX_INERTIA_RATIO = 0.8
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,8 @@ def make_body(robot: Robot, payload_kg: float = 0.0, slope_rad: float = 0.0, uph
                 wheel_radius_m=(chassis.wheel_radius_m, chassis.wheel_radius_m),
                 wheel_inertia_kg_m2=chassis.wheel_inertia_kg_m2, track_width_m=chassis.track_width_m,
                 com_m=(chassis.com_x_m, chassis.com_y_m, chassis.com_z_m), slope_rad=slope_rad,
-                uphill_yaw_rad=uphill_yaw_rad, support=support)
+                uphill_yaw_rad=uphill_yaw_rad, support=support,
+                skid_arm_m=max(SKID_ARM_M, SKID_ARM_OF_HEIGHT * chassis.com_z_m))
 
 
 def inertia_at_wheel_kg_m2(body: Body) -> float:
@@ -102,25 +103,3 @@ def inertia_at_wheel_kg_m2(body: Body) -> float:
     straight = 0.5 * body.total_mass_kg * radius**2
     turning = 2.0 * body.yaw_inertia_kg_m2 * radius**2 / body.track_width_m**2
     return max(straight, turning) + body.wheel_inertia_kg_m2
-
-
-def check_split(robot: Robot, body: Body) -> float:
-    """Ratio of the body's inertia at the wheel to the rotor's; the explicit split is stable below 1.
-
-    The motor unit gets the torque of the interval before, so an error in speed comes back as -ratio times itself
-    each exchange when the exchange is short: it dies out only while the ratio is below 1 (docs/robot.md).
-
-    Raises
-    ------
-    InputError : above 0.8, with the figures.
-    """
-    rotor = robot.motor.gear_ratio**2 * robot.motor.rotor_inertia_kg_m2
-    seen = inertia_at_wheel_kg_m2(body)
-    ratio = seen / rotor
-    if ratio > MAX_INERTIA_RATIO:
-        raise InputError(
-            f"robot {robot.name!r} with {body.payload_kg:g} kg payload: the body's inertia at the wheel "
-            f"({seen:.3g} kg m2) is {ratio:.2f} times the rotor's N^2 J ({rotor:.3g} kg m2); the coupling of motor "
-            f"unit and physics engine is stable below 1 and refused above {MAX_INERTIA_RATIO:g}: take a smaller "
-            "payload or a larger rotor_inertia_kg_m2")
-    return ratio

@@ -9,16 +9,23 @@ import mujoco
 import numpy as np
 
 from rtds_host.compat import Self
-from rtds_host.robot.body import SKID_RADIUS_M, Body
+from rtds_host.robot.body import SKID_RADIUS_M, Body, inertia_at_wheel_kg_m2
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import base_inertia, supports
 
-# A wheel's speed is given, not found: an armature far above anything on the ground (which would see 0.005 kg m2) lets a
-# wheel turn as it is told whatever its contact does, and the contact's torque is read off the solver.
+# A wheel's speed is given, not found: an armature far above anything on the ground lets a wheel turn as it is told whatever
+# its contact does, and the contact's torque is read off the solver. 10 kg m2 is enough for what would see 0.005 kg m2; heavier
+# robots get more.
 ARMATURE_KG_M2 = 10.0
+ARMATURE_OF_BODY = 2000.0
 SETTLE_S = 0.5
 # MuJoCo's contacts yield: with these a wheel under 3 kg uphill creeps by less than a millionth of its speed.
 CONTACT = 'solref="0.004 1" solimp="0.9999 0.9999 0.001"'
+
+
+def armature_kg_m2(body: Body) -> float:
+    """Armature of a wheel, beside which the body's inertia at the wheel is nothing."""
+    return max(ARMATURE_KG_M2, ARMATURE_OF_BODY * inertia_at_wheel_kg_m2(body))
 
 
 def make_mjcf(body: Body, step_s: float) -> str:
@@ -36,7 +43,7 @@ def make_mjcf(body: Body, step_s: float) -> str:
     wheels = "".join(
         f'<body name="wheel_{name}" pos="{vector((0.0, side * body.track_width_m, radius))}">\n'
         f'<inertial pos="0 0 0" mass="{body.wheel_mass_kg:.12g}" diaginertia="{vector((spin / 2, spin, spin / 2))}"/>\n'
-        f'<joint name="wheel_{name}" type="hinge" axis="0 1 0" armature="{ARMATURE_KG_M2:g}" damping="0" '
+        f'<joint name="wheel_{name}" type="hinge" axis="0 1 0" armature="{armature_kg_m2(body):g}" damping="0" '
         'frictionloss="0"/>\n'
         f'<geom name="wheel_{name}" type="sphere" size="{radius:.12g}" condim="3" friction="{body.tyre_friction:g} 0 0" '
         f'contype="2" conaffinity="1" {CONTACT}/>\n</body>\n'
@@ -81,7 +88,7 @@ class MujocoEngine:
         speeds = np.asarray(speeds_rad_s, dtype=float)
         contact = np.zeros(2)
         before = data.qvel[wheels].copy()
-        inertia = ARMATURE_KG_M2 / self.step_s
+        inertia = armature_kg_m2(self._body) / self.step_s
         for target in speeds:
             data.qfrc_applied[wheels] = inertia * (target - data.qvel[wheels])
             mujoco.mj_step(model, data)

@@ -6,7 +6,7 @@ summed (the terms are those of ideal motor units).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def _same(plan: Plan, record: Record, last) -> bool:
 def ends_alike(plan: Plan, record: Record, correction: Correction) -> bool:
     """Whether the bit-exact model, with a correction's effects, ends at the same 32-bit currents and speeds."""
     with ModelLink() as link:
-        set_motors(link, plan)
+        set_motors(link, plan, carry=False)
         set_effects(link, correction)
         for start, end, volts, load in zip(record.starts, record.ends, record.applied, record.shaft_torques,
                                            strict=True):
@@ -57,17 +57,24 @@ def ends_alike(plan: Plan, record: Record, correction: Correction) -> bool:
 
 
 def audit(plan: Plan, record: Record) -> Audit:
-    """Replay the applied voltages and torques of a record and sum the energies."""
+    """Replay the applied voltages and torques of a record and sum the energies.
+
+    What the motor units carry of the body is the robot's: its energy counts as work at the shafts, not as stored.
+    """
     with ModelLink(energy=True) as link:
         set_motors(link, plan)
         throughput, before = 0.0, np.zeros(2)
+        carried = 0.5 * record.carried_kg_m2 / plan.robot.motor.gear_ratio**2
         for start, end, volts, load in zip(record.starts, record.ends, record.applied, record.shaft_torques,
                                            strict=True):
             last = link.exchange(volts, load, (end - start) * STEP_S)
-            work = link.pair.energy.shaft_j
+            moving = carried * last.speeds[-1].astype(np.float64) ** 2
+            work = link.pair.energy.shaft_j + moving
             throughput += float(np.abs(work - before).sum())
             before = work
         terms = link.pair.energy
+    imbalance = float(terms.imbalance.max())
+    terms = replace(terms, shaft_j=terms.shaft_j + moving, stored_j=terms.stored_j - moving)
     gap = float(terms.shaft_j.sum()) - record.engine_energy_j
-    return Audit(terms=terms, imbalance=float(terms.imbalance.max()), throughput_j=throughput,
+    return Audit(terms=terms, imbalance=imbalance, throughput_j=throughput,
                  robot_gap=gap / throughput if throughput > 0 else 0.0, same=_same(plan, record, last))

@@ -32,7 +32,9 @@ class Record:
     reference_poses : (n + 1, 3) m, m, rad, or None.
     starts, ends : (m,) engine steps at which each exchange began and ended.
     commanded, applied : (m, 2) V, asked for and at the motors; `applied` is float32.
-    shaft_torques : (m, 2) float32, N m at the motor shaft, held over the exchange.
+    shaft_torques : (m, 2) float32, N m at the motor shaft, held over the exchange; without the torque of what the motor
+        units carry of the body.
+    carried_kg_m2 : (2,) inertia at each wheel that the motor units carried for the body (`rtds_host.robot.split`).
     rows : (k,) engine steps of the log's rows; `samples` their measured values, `truth` the true ones.
     engine_energy_j : energy of the robot gained over the run. wall_s : time the loop took.
     link_report : what the link has to say about itself (pacing, clocks, ranges that cut), or None.
@@ -52,18 +54,19 @@ class Record:
     samples: list[Sample]
     truth: list[Sample]
     engine_energy_j: float
+    carried_kg_m2: np.ndarray
     wall_s: float
     link_report: dict | None = None
 
 
-def set_motors(link: Link, plan: Plan) -> None:
-    """Give the link the plan's motor parameters.
+def set_motors(link: Link, plan: Plan, carry: bool = True) -> None:
+    """Give the link the plan's motor parameters; `carry`: with the inertia that the units carry for the body.
 
     Raises
     ------
     InputError : parameters the core refuses. LinkError : no answer.
     """
-    motor = plan.robot.motor
+    motor = plan.unit_motor if carry else plan.robot.motor
     link.set_parameters(resistance_ohm=motor.resistance_ohm, inductance_h=motor.inductance_h,
                         torque_constant_nm_per_a=motor.torque_constant_nm_per_a,
                         back_emf_constant_v_s_per_rad=motor.back_emf_constant_v_s_per_rad,
@@ -80,14 +83,14 @@ def drive(plan: Plan, link: Link, path: SignalPath | None = None, progress: Call
     ----------
     path : what stands between controller, motors, robot and log; the nominal one by default.
     progress : is called with the simulated time, s, once an exchange.
-    correction : makes it another robot than the nominal one; motors and robot then exchange torques each engine step,
-        whatever the controller's interval.
+    correction : makes it another robot than the nominal one. With it, and where the body outweighs the rotors, motors and
+        robot exchange torques each engine step without lag, whatever the controller's interval.
 
     Raises
     ------
     InputError : parameters or times the link cannot take. LinkError : the link does not answer.
     """
-    set_motors(link, plan)
+    set_motors(link, plan, carry=correction is None)
     body = plan.body
     if correction is not None:
         if plan.coupling != "closed":
@@ -98,7 +101,9 @@ def drive(plan: Plan, link: Link, path: SignalPath | None = None, progress: Call
     path = path or SignalPath(plan.robot.supply_v)
     with open_engine(plan.engine, body, plan.motion.start) as engine:
         began = time.perf_counter()
-        coupler = None if correction is None else Coupler(plan.robot, body, link, engine, correction)
+        coupler = None
+        if correction is not None or plan.carried_kg_m2:
+            coupler = Coupler(plan.robot, body, link, engine, correction, carried_kg_m2=plan.carried_kg_m2)
         record = _Loop(plan, link, engine, path, coupler, correction).run(progress)
         report = getattr(link, "report", None)
         return Record(**record, wall_s=time.perf_counter() - began, link_report=report() if report else None)
@@ -126,7 +131,7 @@ class _Loop:
         if isinstance(motion, SpeedMotion):
             self.references = wheel_references(motion, plan.robot, self.t)
             self.poses = reference_poses(motion, STEP_S)
-            self.controller = make_controller(plan.controller, plan.robot.motor, plan.robot.supply_v)
+            self.controller = make_controller(plan.controller, plan.unit_motor, plan.robot.supply_v)
         else:
             period = round(motion.period_s / STEP_S)
             self.voltages = motion.voltages((np.arange(count) // period * period) * STEP_S)
@@ -180,11 +185,16 @@ class _Loop:
         return {"t_s": self.t, "speeds": self.speeds, "currents": self.currents, "references": self.references,
                 "reference_poses": self.poses, "starts": starts, "ends": ends, "commanded": commanded,
                 "applied": applied, "shaft_torques": loads, "rows": np.array(rows), "samples": samples,
-                "truth": truth, "engine_energy_j": engine.energy_j() - energy}
+                "truth": truth, "engine_energy_j": engine.energy_j() - energy,
+                "carried_kg_m2": np.zeros(2) if self.coupler is None else self.coupler.carried}
 
     def _command(self, start: int, end: int, measured: Sample, load: np.ndarray) -> np.ndarray:
         if self.controller is None:
             return self.voltages[start].astype(np.float32).astype(np.float64)
+        if self.plan.carried_kg_m2:
+            # The controller's motors carry a part of the body; the rest loads them as they speed up, both wheels together.
+            rise = (self.references[end] - measured.speeds_rad_s) / ((end - start) * STEP_S)
+            load = (self.coupler.load_of(rise) - self.plan.carried_kg_m2 * rise) / self.ratio
         seen = Observation(speeds_rad_s=measured.speeds_rad_s * self.ratio, currents_a=measured.currents_a,
                            torques_nm=load.astype(np.float64))
         volts = self.controller.command(seen, self.references[start] * self.ratio, self.references[end] * self.ratio,
@@ -207,7 +217,7 @@ class _Loop:
         return total / (end - start)
 
     def _move_together(self, start: int, end: int, volts: np.ndarray, look: Callable) -> list[np.ndarray]:
-        """Motors and robot with effects, engine step by engine step; the torques (2,) that were sent to the shafts."""
+        """Motors and robot without lag, engine step by engine step; the torques (2,) that were sent to the shafts."""
         sent = []
         for step in range(start + 1, end + 1):
             motion = self.coupler.advance([(volts, STEP_S)])

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from rtds_host.contract import Robot, builtin_robot_path, load_robot
+from rtds_host.contract import Motor, Robot, builtin_robot_path, load_robot
 from rtds_host.control import CONTROLLERS
 from rtds_host.errors import InputError, did_you_mean
-from rtds_host.robot import STEP_S, Body, check_engine, check_split, default_engine, make_body
+from rtds_host.robot import STEP_S, Body, Split, check_engine, default_engine, make_body, make_split
 from rtds_host.scenario import Motion, Scenario, VoltageMotion, check_reach, find_scenario
 
 COUPLINGS = ("closed", "paper")
@@ -21,7 +21,10 @@ FINEST_STEP_S = 1e-7
 
 @dataclass(frozen=True)
 class Plan:
-    """One run, complete. Times in steps are steps of the physics engine (`STEP_S`)."""
+    """One run, complete. Times in steps are steps of the physics engine (`STEP_S`).
+
+    `split`: who carries the body's inertia; None with coupling 'paper', where nothing comes back to the motors.
+    """
 
     scenario: Scenario
     values: dict[str, float]
@@ -37,7 +40,7 @@ class Plan:
     total_steps: int
     simulator_step_s: float
     method: str
-    inertia_ratio: float | None
+    split: Split | None
 
     @property
     def exchange_s(self) -> float:
@@ -48,6 +51,16 @@ class Plan:
     def duration_s(self) -> float:
         """Length of the run, s."""
         return self.total_steps * STEP_S
+
+    @property
+    def carried_kg_m2(self) -> float:
+        """Inertia at each wheel that the motor units carry for the body."""
+        return self.split.carried_kg_m2 if self.split else 0.0
+
+    @property
+    def unit_motor(self) -> Motor:
+        """The motor as its unit has it, with what it carries."""
+        return self.split.motor(self.robot.motor) if self.split else self.robot.motor
 
 
 @dataclass(frozen=True)
@@ -100,7 +113,7 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None,
     Raises
     ------
     InputError : unknown scenario, robot, controller, engine, coupling; a figure out of range; a motion the motors
-        cannot follow; a coupling that would not be stable. One line that names it, with the limit.
+        cannot follow. One line that names it, with the limit.
     """
     options = options or Options()
     if isinstance(scenario, str):
@@ -120,7 +133,7 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None,
 
     body = make_body(robot, pick(options.payload_kg, scenario.payload_kg), pick(options.slope_rad, scenario.slope_rad),
                      pick(options.uphill_yaw_rad, scenario.uphill_yaw_rad), options.support)
-    ratio = check_split(robot, body) if options.coupling == "closed" else None
+    split = make_split(robot, body) if options.coupling == "closed" else None
     chosen = scenario.values(values)
     motion = check_reach(scenario, chosen, robot, body)
     voltage = isinstance(motion, VoltageMotion)
@@ -145,7 +158,7 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None,
     return Plan(scenario=scenario, values=chosen, motion=motion, robot=robot, robot_path=path, body=body,
                 controller=None if voltage else options.controller, coupling=options.coupling, engine=options.engine,
                 exchange_steps=exchange, log_steps=log, total_steps=total,
-                simulator_step_s=options.simulator_step_s, method=options.method, inertia_ratio=ratio)
+                simulator_step_s=options.simulator_step_s, method=options.method, split=split)
 
 
 def other_controller(plan: Plan) -> Plan:

@@ -53,6 +53,7 @@ class Summary:
     wall_s: float
     step_ratio: float
     inertia_ratio: float | None
+    carried_inertia_kg_m2: list[float]
     end_position_error_m: float | None
     end_yaw_error_rad: float | None
     path_error_max_m: float | None
@@ -125,7 +126,9 @@ def summarise(plan: Plan, record: Record, link: str, compared: tuple[Plan, Recor
     return Summary(
         scenario=plan.scenario.name, robot=plan.robot.name, link=link, engine=plan.engine, coupling=plan.coupling,
         controller=plan.controller, exchange_s=plan.exchange_s, simulated_s=plan.duration_s, wall_s=record.wall_s,
-        step_ratio=int(record.ends[0] - record.starts[0]) * STEP_S / plan.simulator_step_s, inertia_ratio=plan.inertia_ratio,
+        step_ratio=int(record.ends[0] - record.starts[0]) * STEP_S / plan.simulator_step_s,
+        inertia_ratio=plan.split.ratio if plan.split else None,
+        carried_inertia_kg_m2=record.carried_kg_m2.tolist(),
         end_position_error_m=errors[0], end_yaw_error_rad=errors[1], path_error_max_m=errors[2],
         speed_error_rms_rad_s=speed_error_rms(record),
         compared_controller=compared[0].controller if compared else None,
@@ -151,6 +154,9 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
 
     rows = [("robot, link", f"{s.robot}, motors in {s.link}, {s.engine}, coupling {s.coupling}")]
     rows += [("effects" if k == 0 else "", name) for k, name in enumerate(s.effects)]
+    if any(s.carried_inertia_kg_m2):
+        rows.append(("inertia", (f"the body's at the wheel is {s.inertia_ratio:.3g} times the rotor's; the motor units carry "
+                                 + pair(s.carried_inertia_kg_m2, ".3g", "kg m2 of it"))))
     if s.controller is not None:
         text = (f"{1e3 * s.end_position_error_m:.2f} mm and {math.degrees(s.end_yaw_error_rad):.3f} deg off; "
                 f"largest distance on the way {1e3 * s.path_error_max_m:.2f} mm")

@@ -1,17 +1,20 @@
 """Motors and robot exchange torques without lag, whatever stands between them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rtds_host.contract import builtin_robot
 from rtds_host.correction.correction import BodyValues
-from rtds_host.correction.coupler import Coupler, set_effects, wheel_inertia
+from rtds_host.correction.coupler import Coupler, set_effects
 from rtds_host.correction.translate import translate
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES
 from rtds_host.diagnosis.replay.model import nominal_model
 from rtds_host.errors import InputError
 from rtds_host.link import open_link
 from rtds_host.robot import available_engines, default_engine, make_body, open_engine
+from rtds_host.robot.split import wheel_inertia
 from rtds_host.robot.urdf import base_inertia, yaw_inertia_kg_m2
 
 ROBOT = builtin_robot("burger")
@@ -27,29 +30,30 @@ def body_values(**changes):
     return BodyValues(**values)
 
 
-def drive(volts, seconds=0.4, payload=0.0, exchange_steps=1, foretell=True, engine=ENGINE, slope=0.0, effects=()):
+def drive(volts, seconds=0.4, payload=0.0, exchange_steps=1, foretell=True, engine=ENGINE, slope=0.0, effects=(), robot=ROBOT):
     """Speeds (n, 2) rad/s at the wheel each millisecond, with voltages (2,) from rest."""
-    body = make_body(ROBOT, payload, slope)
-    model = nominal_model(ROBOT)
+    body = make_body(robot, payload, slope)
+    model = nominal_model(robot)
+    rotor = robot.motor.rotor_inertia_kg_m2
     for effect, values in effects:
         CATALOGUE[effect].apply(model, SIDES["both"], values)
-    correction = translate(model, ROBOT, payload)
+    correction = translate(model, robot, payload)
     body = correction.body_on(body)
     with open_link("model") as link:
         link.set_parameters(M.resistance_ohm, M.inductance_h, M.torque_constant_nm_per_a,
-                            M.back_emf_constant_v_s_per_rad, M.rotor_inertia_kg_m2, M.viscous_friction_nm_s_per_rad, 1e-5)
+                            M.back_emf_constant_v_s_per_rad, rotor, M.viscous_friction_nm_s_per_rad, 1e-5)
         set_effects(link, correction)
-        with open_engine(engine, body) as robot:
-            coupler = Coupler(ROBOT, body, link, robot, correction, exchange_steps, foretell)
+        with open_engine(engine, body) as world:
+            coupler = Coupler(robot, body, link, world, correction, exchange_steps, foretell)
             rows = [coupler.advance([(np.array(volts, float), 1e-3 * exchange_steps)]).speeds[-1]
                     for _ in range(round(seconds / 1e-3 / exchange_steps))]
-            return np.array(rows), robot.state()
+            return np.array(rows), world.state()
 
 
-def exact(volts, seconds, inertia):
+def exact(volts, seconds, inertia, rotor=M.rotor_inertia_kg_m2):
     """Speed at the wheel of a motor with so much inertia at the wheel beside its rotor, after a voltage step."""
     n = M.gear_ratio
-    total = M.rotor_inertia_kg_m2 + inertia / n**2
+    total = rotor + inertia / n**2
     km, r, inductance, b = M.torque_constant_nm_per_a, M.resistance_ohm, M.inductance_h, M.viscous_friction_nm_s_per_rad
     a = np.array([[-r / inductance, -km / inductance], [km / total, -b / total]])
     values, vectors = np.linalg.eig(a)
@@ -79,6 +83,37 @@ def test_a_body_heavier_than_the_plain_split_allows_stays_quiet():
     speeds, _ = drive((6.0, 6.0), payload=14.0)
     rise = np.diff(speeds[:, 0])
     assert (rise > -1e-6).all()
+
+
+LIGHT = replace(ROBOT, motor=replace(M, rotor_inertia_kg_m2=M.rotor_inertia_kg_m2 / 200.0))
+
+
+@pytest.mark.parametrize("engine", available_engines())
+def test_rotors_far_lighter_than_the_body_go_with_it(engine):
+    speeds, _ = drive((2.0, 2.0), payload=2.0, engine=engine, robot=LIGHT)
+    inertia = 0.5 * 3.0 * 0.033**2 + ROBOT.chassis.wheel_inertia_kg_m2
+    # The motors take the voltage up two of their steps late, in which the body would gain this much.
+    late = 2e-5 * 2.0 / (M.gear_ratio * M.back_emf_constant_v_s_per_rad) / 5e-3
+    assert np.abs(speeds[:, 0] - exact(2.0, 0.4, inertia, M.rotor_inertia_kg_m2 / 200.0)).max() < 2e-3 + late
+
+
+def test_light_rotors_that_friction_holds_keep_still_and_turn_free_again():
+    effects = [("coulomb_friction", {"torque_nm": 0.05})]
+    held, _ = drive((0.2, 0.2), effects=effects, robot=LIGHT)
+    assert np.all(held == 0.0)
+    moving, _ = drive((1.0, 1.0), effects=effects, robot=LIGHT, seconds=0.2)
+    assert np.all(np.diff(moving[:, 0]) > -1e-6)
+    # Coulomb friction takes its share of the voltage, R T / (N Km), and none of the body's inertia stays behind.
+    n = M.gear_ratio
+    left = 1.0 - M.resistance_ohm * 0.05 / (n * M.torque_constant_nm_per_a)
+    slope = n * (M.back_emf_constant_v_s_per_rad
+                 + M.resistance_ohm * M.viscous_friction_nm_s_per_rad / M.torque_constant_nm_per_a)
+    assert moving[-1] == pytest.approx([left / slope] * 2, rel=1e-3)
+
+
+def test_friction_that_grows_with_the_load_is_refused_where_the_unit_would_see_a_part_of_it():
+    with pytest.raises(InputError, match="gear friction that grows with the load"):
+        drive((1.0, 1.0), effects=[("load_friction", {"ratio": 0.2})], robot=LIGHT)
 
 
 def test_what_was_foretold_wrongly_is_made_good():

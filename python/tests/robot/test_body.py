@@ -9,7 +9,7 @@ import pytest
 
 from rtds_host.contract import load_robot
 from rtds_host.errors import InputError
-from rtds_host.robot import check_split, inertia_at_wheel_kg_m2, make_body, make_urdf
+from rtds_host.robot import inertia_at_wheel_kg_m2, make_body, make_urdf
 
 
 def links_of(body):
@@ -74,19 +74,6 @@ def test_two_skids_by_default_and_the_true_caster_by_choice(burger):
 def test_inertia_seen_at_the_wheel(burger):
     body = make_body(burger, payload_kg=2.0)
     assert inertia_at_wheel_kg_m2(body) == pytest.approx(3.0 * 0.033**2 / 2 + 2.07e-5, rel=1e-12)
-
-
-def test_split_is_refused_above_0_8_with_the_figures(burger):
-    assert check_split(burger, make_body(burger, payload_kg=2.0)) == pytest.approx(0.2476, abs=1e-4)
-    assert check_split(burger, make_body(burger, payload_kg=8.7)) < 0.8
-    with pytest.raises(InputError, match=r"14 kg payload.*\(0\.00819 kg m2\) is 1\.23 times.*0\.00668.*above 0\.8"):
-        check_split(burger, make_body(burger, payload_kg=14.0))
-
-
-def test_rotor_inertia_counts_in_the_check(burger):
-    light = replace(burger, motor=replace(burger.motor, rotor_inertia_kg_m2=burger.motor.rotor_inertia_kg_m2 / 4))
-    with pytest.raises(InputError, match="larger rotor_inertia_kg_m2"):
-        check_split(light, make_body(light, payload_kg=2.0))
 
 
 @pytest.mark.parametrize("given, words", [
