@@ -119,7 +119,7 @@ def run(scenario: str, *, robot: Path_ = "burger", link: str = "rtl", sim: str =
     Parameters
     ----------
     scenario : "linear", "circle", "eight" or another name of `rtds run --list`.
-    robot : "burger", "paper" or the path of a `robot.toml`.
+    robot : a robot that comes along ("burger", "jackal", ...: docs/ready-robots.md) or the path of a `robot.toml`.
     link : what computes the motors: "rtl" (the Verilog in `sim`, "verilator" or "icarus"; built when first used) or
         "model", which gives the same bits without a compiler.
     engine : "pybullet" or "mujoco"; None takes PyBullet, or MuJoCo where PyBullet has no wheel.

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 
 from rtds_host.cli.calibrate import link_options
-from rtds_host.contract import load_robot, read_run, staged_folder
+from rtds_host.contract import builtin_robots, load_robot, read_run, staged_folder
 from rtds_host.errors import InputError, did_you_mean, visible
 from rtds_host.robot import check_engine, default_engine
 from rtds_host.run import Effects, LinkChoice, Options, Plan, check_writable, make_plan, perform, write_outcome
@@ -102,7 +102,9 @@ def run(
     serial: Annotated[str, typer.Option(help="ad2: serial port of the chip's registers.")] = "",
     step_clocks: Annotated[str, typer.Option(help="Clocks of the RTL from step to step: a number (500 as on the "
                                                   "board), or min.")] = "min",
-    robot: Annotated[str, typer.Option(help="burger, paper, or the path of a robot.toml.")] = "burger",
+    robot: Annotated[str, typer.Option(help=f"{', '.join(builtin_robots())}, or the path of a robot.toml.")] = "burger",
+    scaled: Annotated[bool, typer.Option("--scaled", help="Take lengths, payload and, where the motors are slow, the duration "
+                                                          "for a robot of this one's size.")] = False,
     controller: Annotated[str, typer.Option(help="exact or paper.")] = "exact",
     coupling: Annotated[str, typer.Option(help="closed: the robot's wheels follow the motor units; paper: they "
                                                "follow the reference.")] = "closed",
@@ -154,7 +156,7 @@ def run(
     engine = engine or default_engine(lambda line: print(line, file=sys.stderr))
     options = Options(robot=robot, controller=controller, coupling=coupling, engine=engine, support=support,
                       payload_kg=payload, slope_rad=slope, uphill_yaw_rad=uphill_yaw, exchange_s=exchange,
-                      log_s=log_interval, simulator_step_s=step, method=method)
+                      log_s=log_interval, simulator_step_s=step, method=method, scaled=scaled)
     if against is not None:
         check_engine(against, "--against")
     plans = [make_plan(name, values, options) for name, values in _wanted(scenario, given)]

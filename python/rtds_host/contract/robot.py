@@ -176,7 +176,7 @@ def load_robot(path: str | os.PathLike) -> Robot:
 
 
 def builtin_robot(name: str) -> Robot:
-    """A robot that comes with the package: ``burger`` (the contract's) or ``paper``.
+    """A robot that comes with the package: ``burger`` (the contract's), ``jackal``, ... (`builtin_robots`).
 
     Raises
     ------
@@ -190,10 +190,16 @@ def builtin_robot_path(name: str) -> Path:
     folder = Path(str(resources.files("rtds_host.contract"))) / "robots"
     path = folder / f"{name}.toml"
     if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
-        raise InputError(f"robot {name!r}: unknown (known: {known}; or give the path of a robot.toml)"
-                         f"{did_you_mean(name, known.split(', '))}")
+        known = builtin_robots()
+        raise InputError(f"robot {name!r}: unknown (known: {', '.join(known)}; or give the path of a robot.toml)"
+                         f"{did_you_mean(name, known)}")
     return path
+
+
+def builtin_robots() -> tuple[str, ...]:
+    """Names of the robots that come with the package: the contract's two, then the others by name."""
+    found = {path.stem for path in (Path(str(resources.files("rtds_host.contract"))) / "robots").glob("*.toml")}
+    return tuple(sorted(found, key=lambda name: (("burger", "paper").index(name) if name in ("burger", "paper") else 2, name)))
 
 
 def _parse(path: Path, data: dict) -> Robot:

@@ -10,7 +10,7 @@ from rtds_host.contract import Motor, Robot, builtin_robot_path, load_robot
 from rtds_host.control import CONTROLLERS
 from rtds_host.errors import InputError, did_you_mean
 from rtds_host.robot import STEP_S, Body, Split, check_engine, default_engine, make_body, make_split
-from rtds_host.scenario import Motion, Scenario, VoltageMotion, check_reach, find_scenario
+from rtds_host.scenario import Motion, Scenario, VoltageMotion, check_reach, find_scenario, scaled_values
 
 COUPLINGS = ("closed", "paper")
 LOG_LIMIT_STEPS = 8
@@ -65,7 +65,10 @@ class Plan:
 
 @dataclass(frozen=True)
 class Options:
-    """What the caller may change; None keeps the scenario's or the program's default. SI."""
+    """What the caller may change; None keeps the scenario's or the program's default. SI.
+
+    `scaled`: the defaults of the scenario's lengths, payload and duration are those for a robot of this one's size.
+    """
 
     robot: str = "burger"
     controller: str = "exact"
@@ -79,6 +82,7 @@ class Options:
     log_s: float | None = None
     simulator_step_s: float = 1e-5
     method: str = "backward_euler"
+    scaled: bool = False
 
 
 def robot_path(name: str) -> Path:
@@ -131,7 +135,11 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None,
     def pick(value, default):
         return default if value is None else value
 
-    body = make_body(robot, pick(options.payload_kg, scenario.payload_kg), pick(options.slope_rad, scenario.slope_rad),
+    payload = scenario.payload_kg
+    if options.scaled:
+        fitting, payload = scaled_values(scenario, robot)
+        values = {**fitting, **(values or {})}
+    body = make_body(robot, pick(options.payload_kg, payload), pick(options.slope_rad, scenario.slope_rad),
                      pick(options.uphill_yaw_rad, scenario.uphill_yaw_rad), options.support)
     split = make_split(robot, body) if options.coupling == "closed" else None
     chosen = scenario.values(values)

@@ -12,6 +12,7 @@ from rtds_host.scenario.base import (
                                      wheel_references,
 )
 from rtds_host.scenario.reach import check_reach
+from rtds_host.scenario.scaled import scaled_values
 
 __all__ = ["Motion", "Parameter", "Scenario", "SpeedMotion", "VoltageMotion", "check_reach", "find_scenario",
-           "reference_poses", "scenarios", "wheel_references"]
+           "reference_poses", "scaled_values", "scenarios", "wheel_references"]

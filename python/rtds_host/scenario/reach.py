@@ -56,7 +56,7 @@ def check_reach(scenario: Scenario, values: Values, robot: Robot, body: Body) ->
     if abs(volts[worst, side]) <= robot.supply_v:
         return motion
     wheel = wheel_references(motion, robot, t)[worst, side]
-    free = _no_load_speed(robot)
+    free = no_load_speed(robot)
     message = (f"scenario {scenario.name!r}: beyond the motors' reach: the {('left', 'right')[side]} wheel's "
                f"{wheel:.3g} rad/s at t = {t[worst]:.2f} s needs {abs(volts[worst, side]):.1f} V, the supply has "
                f"{robot.supply_v:g} V (no-load limit {free:.3g} rad/s = {free * robot.chassis.wheel_radius_m:.3g} m/s)")
@@ -64,7 +64,8 @@ def check_reach(scenario: Scenario, values: Values, robot: Robot, body: Body) ->
     raise InputError(message + (f"; a duration from {shortest:.1f} s on would do" if shortest else ""))
 
 
-def _no_load_speed(robot: Robot) -> float:
+def no_load_speed(robot: Robot) -> float:
+    """Speed at the wheel, rad/s, of the nominal motor at full supply without a load."""
     motor = robot.motor
     drop = motor.resistance_ohm * motor.viscous_friction_nm_s_per_rad / motor.torque_constant_nm_per_a
     return robot.supply_v / (motor.gear_ratio * (motor.back_emf_constant_v_s_per_rad + drop))

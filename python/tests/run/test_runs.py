@@ -300,7 +300,8 @@ def test_signal_path_stands_between_controller_motors_robot_and_log():
 
 
 @pytest.mark.parametrize("options, words", [
-    (Options(robot="r2d2"), "robot 'r2d2': unknown .known: burger, paper"),
+    (Options(robot="r2d2"), "robot 'r2d2': unknown .known: burger, paper, 3pi, create3, "),
+    (Options(robot="jakal"), "robot 'jakal': unknown .*; did you mean 'jackal'"),
     (Options(robot="no/such.toml"), "no/such.toml: cannot be read"),
     (Options(controller="pid"), "controller 'pid': unknown"),
     (Options(coupling="loose"), "coupling 'loose': unknown .known: closed, paper"),

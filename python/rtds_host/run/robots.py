@@ -1,0 +1,91 @@
+"""Every ready robot on the paper's three scenarios, scaled to it, in every engine: the table of docs/ready-robots.md."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rtds_host.contract import builtin_robots
+from rtds_host.errors import InputError
+from rtds_host.robot import available_engines
+from rtds_host.run.loop import drive_with
+from rtds_host.run.plan import Options, Plan, make_plan
+from rtds_host.run.summary import Summary, summarise
+
+SCENARIOS = ("linear", "circle", "eight")
+START, END = "<!-- ready robots: begin -->", "<!-- ready robots: end -->"
+
+
+@dataclass(frozen=True)
+class Drive:
+    """One robot on one scenario in one engine; `refused` says which limit forbids it, and there is no summary then."""
+
+    robot: str
+    scenario: str
+    engine: str
+    plan: Plan | None = None
+    summary: Summary | None = None
+    refused: str = ""
+
+
+def drive_one(robot: str, scenario: str, engine: str, link: str = "model") -> Drive:
+    """Drive a ready robot on a scenario scaled to it."""
+    try:
+        plan = make_plan(scenario, options=Options(robot=robot, engine=engine, scaled=True))
+    except InputError as error:
+        return Drive(robot, scenario, engine, refused=str(error))
+    return Drive(robot, scenario, engine, plan, summarise(plan, drive_with(plan, link), link))
+
+
+def survey(robots: Sequence[str] = (), engines: Sequence[str] = ()) -> Iterator[Drive]:
+    """All of them, robot by robot."""
+    for robot in robots or builtin_robots():
+        for scenario in SCENARIOS:
+            for engine in engines or available_engines():
+                yield drive_one(robot, scenario, engine)
+
+
+def table(drives: Sequence[Drive]) -> str:
+    """The drives as Markdown, a row a robot and scenario, the worse of both engines."""
+    rows = ["| robot | scenario | payload, way, time | body / rotor | end of the path | speed error (rms) | energy: balance, robot |",
+            "|---|---|---|---|---|---|---|"]
+    for key in dict.fromkeys((one.robot, one.scenario) for one in drives):
+        same = [one for one in drives if (one.robot, one.scenario) == key]
+        if same[0].refused:
+            rows.append(f"| `{key[0]}` | {key[1]} | {same[0].refused} | | | | |")
+            continue
+        plan, found = same[0].plan, [one.summary for one in same]
+        way = ", ".join(f"{name.removesuffix('_m')} {plan.values[name]:.3g}{' m' if name.endswith('_m') else ''}"
+                        for name in ("length_m", "radius_m", "scale") if name in plan.values)
+        rows.append(
+            f"| `{key[0]}` | {key[1]} | {plan.body.payload_kg:.3g} kg, {way}, {plan.duration_s:g} s | {found[0].inertia_ratio:.2f} | "
+            f"{1e3 * max(s.end_position_error_m for s in found):.2f} mm, "
+            f"{max(abs(math.degrees(s.end_yaw_error_rad)) for s in found):.3f}° | "
+            f"{1e3 * max(s.speed_error_rms_rad_s for s in found):.2f} mrad/s | "
+            f"{max(s.energy_imbalance for s in found):.0e}, {max(abs(s.robot_energy_gap) for s in found):.0e} |")
+    return "\n".join(rows) + "\n"
+
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def main(robot: Annotated[list[str] | None, typer.Argument(help="Ready robots; all of them without.")] = None,
+         into: Annotated[Path | None, typer.Option(help="Page to put the table into, between its marks.")] = None) -> None:
+    """Drive every ready robot on linear, circle and eight, scaled to it, in every engine."""
+    from rtds_host.correction.agreement import write_between
+
+    text = table(list(survey(robot or ())))
+    if into is None:
+        print(text, end="")
+    else:
+        write_between(into, text, START, END)
+
+
+if __name__ == "__main__":
+    app()
