@@ -13,8 +13,10 @@ from rtds_host.contract.clock import is_rate
 from rtds_host.errors import InputError
 from rtds_host.importers.bag import Bag, is_bag
 from rtds_host.importers.mapping import Mapping, Source, Twist
+from rtds_host.importers.namespaces import find_namespace, within
 from rtds_host.importers.plausible import complaints, faint
 from rtds_host.importers.series import NS, Series
+from rtds_host.importers.sysid import SysIdTable, angle_is_told, check_units
 from rtds_host.importers.table import Table
 from rtds_host.importers.units import FIXED, QUANTITY, factor
 
@@ -41,7 +43,8 @@ class Imported:
 
 
 def assemble(path: Path, mapping: Mapping, robot: Robot, start_s: float = 0.0, end_s: float = math.inf,
-             trust_units: bool = False, sloped: bool = False, form: str = "csv") -> Imported:
+             trust_units: bool = False, sloped: bool = False, form: str = "csv", namespace: str | None = None,
+            part: str = "") -> Imported:
     """Read a bag or a table and bring it into the contract's columns.
 
     Parameters
@@ -50,18 +53,27 @@ def assemble(path: Path, mapping: Mapping, robot: Robot, start_s: float = 0.0, e
     trust_units : a suspicious unit becomes a notice instead of an error.
     sloped : the run was on a declared slope, so a pose that only says where the robot started is of use.
     form : "csv" rounds times so that nine digits keep them apart; "parquet" keeps nanoseconds.
+    namespace : of the robot's topics in a bag; the only one there is, if None. part : the test of a SysId file.
 
     Raises
     ------
     InputError : one line that names the file, the topic or column, and what is wrong.
     """
-    file = Bag(path, mapping) if is_bag(path) else Table(path, mapping)
+    file = SysIdTable(path, mapping, part) if part else Bag(path, mapping) if is_bag(path) else Table(path, mapping)
+    space = find_namespace(path, file.topics, mapping, namespace) if isinstance(file, Bag) else ""
+    if space:
+        mapping = within(mapping, space)
+        file.notices.append(f"{path.name}: topics are those in {space}")
     requests: list[Source | Twist] = [s for sources in mapping.signals.values() for s in sources]
     if mapping.twist is not None:
         requests.append(mapping.twist)
     file.read([r for r in requests if file.available(r)])
     notices = list(file.notices)
-    doubts = _clock(file, mapping)
+    doubts = _clock(file, mapping) + (check_units(path, robot) if part and mapping.name.startswith("wpilib_sysid") else [])
+    if part and mapping.name == "wpilib_sysid" and not angle_is_told(path, robot):
+        mapping = replace(mapping, signals={k: v for k, v in mapping.signals.items() if k != "gyro_z"})
+        notices.append(f"{path.name}: angle and angular rate are left out: the robot does not turn, and nothing else says whether "
+                       "they are in rad or degrees (a mapping of your own can)")
     signals = _signals(file, mapping, robot, notices)
     mode = _commands(file, mapping, robot, signals, notices)
     sides = robot.sides

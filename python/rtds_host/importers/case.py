@@ -16,36 +16,41 @@ from rtds_host.contract import Robot, RunMeta, builtin_robot_path, load_robot, r
 from rtds_host.errors import InputError
 from rtds_host.importers.assemble import Imported, assemble
 from rtds_host.importers.bag import is_bag
+from rtds_host.importers.detect import likely_mapping
 from rtds_host.importers.mapping import Mapping, load_mapping
 from rtds_host.importers.series import NS
+from rtds_host.importers.sysid import is_sysid, read_sysid, tests_in
 
 SERVO_KEYS = ("kp_v_s_per_rad", "ki_v_per_rad", "limit_v", "period_s")
 
 
 @dataclass(frozen=True)
 class ImportedRun:
-    """What became of one recording: the run's name, its columns, the start on the recording's clock, notices."""
+    """What became of one recording: the run's name, its columns, the start on the recording's clock, notices; `assumed`: which
+    mapping and which nominal robot it was read with, and who said so."""
 
     name: str
     imported: Imported
     meta: RunMeta
+    assumed: str = ""
 
 
 def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, robot: str | None = None,
                 mapping: str | os.PathLike | None = None, append: bool = False, names: Sequence[str] = (),
                 meta: RunMeta | None = None, start_s: float = 0.0, end_s: float = math.inf,
-                trust_units: bool = False, form: str = "csv") -> list[ImportedRun]:
+                trust_units: bool = False, form: str = "csv", namespace: str | None = None) -> list[ImportedRun]:
     """Import bags or tables as the runs of one case; the folder is complete afterwards, or untouched.
 
     Parameters
     ----------
-    sources : bags (folders, .mcap, .db3) or csv files; one run each.
+    sources : bags (folders, .mcap, .db3) or csv files, one run each; SysId's .json files, a run a test.
     out : the case's folder; new, unless `append`.
     robot : name of a built-in robot or path of a robot.toml; the mapping's, and with `append` the case's, if None.
-    mapping : path or name of a mapping; "turtlebot3" for bags if None.
+    mapping : path or name of a mapping; one that fits the first recording if None.
     append : add runs to a case that exists; its robot and its mode must be the same.
     names : names of the runs, one a source; the sources' own if empty.
     meta : what run.json shall say of every run; the mapping's [runs.NAME] overrides it.
+    namespace : of the robot's topics in the bags, such as "/tb3_0"; the only one there is, if None.
 
     Raises
     ------
@@ -65,12 +70,17 @@ def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, ro
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: does not exist")
+    told = "given"
     if mapping is None:
-        tables = [path for path in paths if not is_bag(path)]
-        if tables:
-            raise InputError(f"{tables[0]}: a table needs --mapping, which says what its columns are")
-        mapping = "turtlebot3"
+        for path in paths:
+            if not is_bag(path) and not is_sysid(path):
+                likely_mapping(path)
+        mapping, told = likely_mapping(paths[0]), "taken for this recording; --mapping NAME for another"
     mapped = load_mapping(mapping)
+    parts = [(path, part) for path in paths for part in (tests_in(read_sysid(path)) if is_sysid(path) else [""])]
+    # One file of several tests: the tests name the runs.
+    stems = [Path(part) if part and len(paths) == 1 else path.with_name(f"{path.stem}-{part}") if part else path
+             for path, part in parts]
     exists = out.is_dir() and any(out.iterdir())
     if exists and not append:
         raise InputError(f"{out}: exists already; --append adds runs to it")
@@ -87,17 +97,19 @@ def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, ro
         else:                       # a mapping's path is relative to the mapping
             nominal_path = Path(name) if robot is not None else mapped.path.parent / name
     nominal = load_robot(nominal_path)
+    whose = "given" if robot is not None else "the case's" if append else "the mapping's; --robot NAME for another"
+    assumed = f"mapping {mapped.name} ({told}); nominal robot {nominal.name} ({whose})"
 
     runs: list[ImportedRun] = []
-    for path, name in zip(paths, _names(paths, names, out if append else None)):
+    for (path, part), name in zip(parts, _names(stems, names, out if append else None), strict=True):
         said = replace(meta, **mapped.runs.get(name, {}))
         _check_meta(mapped.path, name, said)
-        imported = assemble(path, mapped, nominal, start_s, end_s, trust_units, said.slope_rad != 0.0, form)
+        imported = assemble(path, mapped, nominal, start_s, end_s, trust_units, said.slope_rad != 0.0, form, namespace, part)
         if runs and imported.mode != runs[0].imported.mode:
             raise InputError(f"{path}: holds {imported.mode} commands, {runs[0].imported.path} holds "
                              f"{runs[0].imported.mode} commands; all runs of a case need the same")
         runs.append(ImportedRun(name, imported, replace(said, scenario=said.scenario or name,
-                                                        notes=said.notes or _origin(path, mapped, imported))))
+                                                        notes=said.notes or _origin(path, mapped, imported)), assumed))
 
     for k, run in enumerate(runs):
         if mapped.driver.get("bus") == "measured" and "v_bus" not in run.imported.columns:

@@ -71,6 +71,11 @@ class Table:
             self.rows.append((number, row))
         if len(self.rows) < 2:
             raise InputError(f"{path}: has {len(self.rows)} rows of numbers, at least 2 are needed")
+        self._set_clock()
+
+    def _set_clock(self) -> None:
+        """Times of the rows, `t_ns`, from the mapping's column."""
+        path, mapping = self.path, self.mapping
         if mapping.time_column is None:
             raise InputError(f"{mapping.path}: [time] column: missing, a table needs the name of its time column")
         t = self._numbers(mapping.time_column, f"{mapping.path}: [time]")

@@ -61,7 +61,7 @@ def test_a_case_is_never_overwritten_by_accident(bags, monkeypatch, capsys):
             (("import", bags / "two.mcap", "--out", bags / "new", "--robot", "crane"), "known: burger, paper"),
             (("import", bags / "two.mcap"), "--out CASE: missing"),
             (("import", bags / "four.mcap", "--out", case, "--append"), "four.mcap: does not exist"),
-            (("import", bags / "two.mcap", "--out", case, "--append", "--mapping", "lunar"), "known: rtds, turtlebot3"),
+            (("import", bags / "two.mcap", "--out", case, "--append", "--mapping", "lunar"), "known: create3, jackal, rtds, turtlebot3"),
     ):
         code, _, err = rtds(monkeypatch, capsys, *arguments)
         assert code == 2
