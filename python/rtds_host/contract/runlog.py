@@ -173,12 +173,14 @@ def _is_number(text: str) -> bool:
 
 @dataclass
 class _Table:
-    """What stands in a log: the contract's columns, name -> (n,); names it does not have; rows of the file; notices."""
+    """What stands in a log: the contract's columns, name -> (n,); names it does not have; rows of the file; notices;
+    whether the last row was cut, so that it is to be checked as far as it goes and then set aside."""
 
     columns: dict[str, np.ndarray]
     ignored: list[str]
     rows: np.ndarray
     notices: list[str]
+    cut: bool = False
 
 
 def _blocks(path: Path) -> Iterator[tuple[list[str], bool]]:
@@ -237,7 +239,7 @@ def _read_csv(path: Path) -> _Table:
             before = [*last, *(line.rsplit(",", 1)[-1] for line in lines[-CELLS_BEFORE - 1:-1] if line)]
             if before and len(lines[-1].rsplit(",", 1)[-1]) < max(map(len, before)):
                 cut = final
-                lines.pop()
+                lines[-1] = "" if names[-1] == "t" else lines[-1][:lines[-1].rfind(",") + 1]
                 notices.append(f"{path.name}: row {final} ends inside its last cell, it is set aside")
         full = np.flatnonzero([bool(line) for line in lines])
         if full.size:
@@ -255,8 +257,9 @@ def _read_csv(path: Path) -> _Table:
         lines, ended = more
     columns = {name: np.concatenate([part[:, k] for part in parts]) if parts else np.empty(0)
                for k, name in enumerate(wanted)}
-    return _Table(columns, [name for name in names if name not in COLUMNS],
-                  np.concatenate(rows) if rows else np.empty(0, int), notices)
+    found = np.concatenate(rows) if rows else np.empty(0, int)
+    return _Table(columns, [name for name in names if name not in COLUMNS], found, notices,
+                  cut is not None and cut in found[-1:])
 
 
 def _block(path: Path, names: list[str], wanted: list[str], lines: list[str], numbers: np.ndarray) -> np.ndarray:
@@ -387,8 +390,9 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
         raise InputError(f"{path}: neither w_* nor th_* is there, a diagnosis needs at least one of them")
 
     t = columns.pop("t")
-    if len(t) < 2:
-        raise InputError(f"{path}: has {len(t)} rows, at least 2 are needed")
+    whole = len(t) - table.cut
+    if whole < 2:
+        raise InputError(f"{path}: has {whole} rows, at least 2 are needed")
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
         raise InputError(f"{path}: row {rows[bad[0]]}: t is missing or no finite number")
@@ -411,6 +415,7 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
             volts = ", in millivolts?" if name.startswith("v_") and abs(values[wrong[0]]) < 1e3 * limit else ""
             raise InputError(f"{path}: row {rows[wrong[0]]}: {name} is {values[wrong[0]]:g}, beyond anything "
                              f"possible{volts}")
+    t, columns = t[:whole], {name: values[:whole] for name, values in columns.items()}
     for name in required:
         values = columns[name]
         if not np.isfinite(values[0]):

@@ -105,9 +105,10 @@ class Table:
                 values[n] = math.nan
                 continue
             try:
-                # Python would take 1_0 for 10.
-                values[n] = float(cell.replace("_", "?").replace(",", ".") if self.mapping.decimal == "," else
-                                  cell.replace("_", "?"))
+                # Python would take 1_0 for 10, and digits of any script.
+                if "_" in cell or not cell.isascii():
+                    raise ValueError(cell)
+                values[n] = float(cell.replace(",", ".") if self.mapping.decimal == "," else cell)
             except ValueError as error:
                 raise InputError(f"{self.path}: row {number}: {name} is {cell!r}, no number") from error
             if math.isinf(values[n]):

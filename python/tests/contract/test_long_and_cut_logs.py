@@ -1,6 +1,7 @@
 """Logs as loggers leave them: cut in a cell, counted since 1970, a million rows long; files that unpack to anything."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -38,6 +39,25 @@ def test_a_row_cut_inside_its_last_cell_is_set_aside_with_a_notice(run, left):
     log = read_run(run)
     assert len(log.t) == 19 and log.notices == ("log.csv: row 21 ends inside its last cell, it is set aside",)
     assert log.columns["w_r"][-1] == 0.018
+
+
+@pytest.mark.parametrize(("row", "words"), [("0.1,1,1,0.001,0", "time goes back"), (",1,1,0.001,0", "t is missing"),
+                                            ("0.2,x,1,0.001,0", "v_cmd_l is 'x'"), ("0.2,1,1,1e308,0", "w_l is 1e+308")])
+def test_a_cut_row_hides_nothing_that_is_wrong_with_it(run, row, words):
+    (run / "log.csv").write_text(HEADER + "\n".join(rows(20)) + "\n" + row)
+    with pytest.raises(InputError, match=re.escape(words)):
+        read_run(run)
+
+
+def test_rows_are_counted_without_the_cut_one(run):
+    (run / "log.csv").write_text(HEADER + "\n".join(rows(2))[:-1])
+    with pytest.raises(InputError, match="has 1 rows"):
+        read_run(run)
+
+
+def test_a_time_in_the_last_column_may_be_the_cut_cell(run):
+    (run / "log.csv").write_text("v_cmd_l,v_cmd_r,w_l,t\n" + "\n".join(f"1,1,0.1,{0.01 * k:.2f}" for k in range(20))[:-2])
+    assert len(read_run(run).t) == 19
 
 
 def test_a_whole_row_without_an_end_is_kept(run):

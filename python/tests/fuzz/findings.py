@@ -27,6 +27,8 @@ FINDINGS: dict[str, dict[str, bytes]] = {
         "null byte": _HEAD + b"0,1,1,0\n0.01,1,1,\x00\n",
         "quote that does not end": _HEAD + b'0,1,1,0\n0.01,1,1,"1\n0.02,1,1,1\n',
         "time that stands still": _HEAD + b"0,1,1,0\n0.01,1,1,0\n0.01,1,1,0\n",
+        "time that goes back in a cut row": _HEAD + b"0,1,1,0.25\n0.01,1,1,0.25\n0.02,1,1,0.25\n0.01,1,1,0.2",
+        "cut in the last cell": _HEAD + b"0,1,1,0.25\n0.01,1,1,0.25\n0.02,1,1,0.25\n0.03,1,1,0.2",
         "nothing": b"",
     },
     "robot": {
@@ -54,6 +56,8 @@ FINDINGS: dict[str, dict[str, bytes]] = {
         "a list for an id": _diagnosis(effects=[{**_COULOMB, "id": ["coulomb_friction"]}]),
     },
     "table": {"nothing": b"", "only a head": b"time_ms,u_l,u_r,n_l,n_r,c_l\n", "null bytes": b"\x00" * 100,
+              "digits of another script": b"time_ms,u_l,u_r,n_l,n_r,c_l\n" + "".join(
+                  f"{10 * k},1000,1000,\u0663,0,0\n" for k in range(50)).encode(),
               "a field without end": b"time_ms,u_l,u_r,n_l,n_r,c_l\n" + b"1" * 200_000},
     "mapping": {
         "no delimiter": b'schema = "rtds-mapping/1"\nname = "m"\nrobot = "burger"\n[table]\ndelimiter = ""\n',

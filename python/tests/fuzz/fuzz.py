@@ -231,7 +231,10 @@ def imported(place: Path, mapping: bytes, table: bytes) -> Result:
         raw = reference.foreign_csv(table, content["table"].get("delimiter", ","),
                                     tuple(dict.fromkeys((time_column, *(e["column"] for e in signals.values())))))
         got = read_run(place / "case/log", load_robot(place / "case/robot.toml"))
-        start = raw[time_column][0] * 1e-3
+        # A run begins where both commands are known.
+        known = [next((k for k, v in enumerate(raw[signals[name]["column"]]) if not math.isnan(v)), 0)
+                 for name in ("v_cmd_l", "v_cmd_r") if name in signals]
+        start = raw[time_column][max(known, default=0)] * 1e-3
         # Rows: the last sample of each microsecond, to which the importer rounds.
         at = {round((v * 1e-3 - start) * 1e6): k for k, v in enumerate(raw[time_column])}
         offset = round(got.t[0] * 1e6)
@@ -254,7 +257,7 @@ def imported(place: Path, mapping: bytes, table: bytes) -> Result:
 
 def table(place: Path, rng: random.Random, given: bytes | None = None) -> Result:
     """A table of another logger."""
-    delimiter = rng.choice(",;\t")
+    delimiter = rng.choice(",;\t") if given is None else ","
     return imported(place, (inputs.MAPPING % delimiter.replace("\t", "\\t")).encode(),
                     inputs.spoiled_text(inputs.foreign_csv(delimiter), rng) if given is None else given)
 

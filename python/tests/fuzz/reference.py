@@ -44,13 +44,23 @@ def number(cell: str) -> float:
 
 
 def log_csv(data: bytes) -> dict[str, list[float]]:
-    """Columns of a log.csv that the contract names, NaN where a cell is empty; commands hold their last value."""
+    """Columns of a log.csv that the contract names, NaN where a cell is empty; commands hold their last value.
+
+    A last row without an end, whose last cell is shorter than one of the hundred before, was cut: it is no row, but what is
+    left of it must be right.
+    """
     text = text_of(data)
     lines = [line for line in text.replace("\r\n", "\n").replace("\r", "\n").split("\n")]
     names = [name.strip().strip('"') for name in lines[0].split(",")]
     if len(set(names)) != len(names):
         raise Refused("a column twice")
     columns: dict[str, list[float]] = {name: [] for name in names if name in KNOWN}
+    ends = [len(line[line.rfind(",") + 1:]) for line in lines[1:] if line]
+    cut = bool(lines[-1]) and len(ends) > 1 and ends[-1] < max(ends[-101:-1])
+    if cut:
+        lines[-1] = lines[-1][:len(lines[-1]) - ends[-1]]
+        if names[-1] == "t":
+            lines.pop()
     for line in lines[1:]:
         if not line:
             continue
@@ -66,6 +76,10 @@ def log_csv(data: bytes) -> dict[str, list[float]]:
     t = columns["t"]
     if len(t) < 2 or any(math.isnan(v) for v in t) or any(b <= a for a, b in itertools.pairwise(t)):
         raise Refused("time does not go on")
+    if cut and names[-1] != "t":
+        columns = {name: values[:-1] for name, values in columns.items()}
+        if len(columns["t"]) < 2:
+            raise Refused("no rows")
     for name in ("v_cmd_l", "v_cmd_r"):
         if math.isnan(columns[name][0]):
             raise Refused("no first command")

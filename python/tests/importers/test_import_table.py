@@ -111,6 +111,7 @@ def test_an_epoch_in_nanoseconds_keeps_its_digits(tmp_path):
     (lambda r: r[7].__setitem__(0, ""), "row 9: ms is empty"),
     (lambda r: r[7].__setitem__(3, "six"), "row 9: rpm_l is 'six', no number"),
     (lambda r: r[7].__setitem__(3, "1_0"), "row 9: rpm_l is '1_0', no number"),
+    (lambda r: r[7].__setitem__(3, "\u0663"), "row 9: rpm_l is '\u0663', no number"),
     (lambda r: r[7].__setitem__(3, "inf"), "row 9: rpm_l is infinite"),
     (lambda r: r[7].pop(), "row 9: has 7 cells, the header names 8"),
     (lambda r: r[-1].__delitem__(slice(3, None)), "row 61: has 3 cells, the header names 8, the file is truncated"),
