@@ -257,19 +257,45 @@ def _started(start: Callable[[], Any], scheduler: str) -> Any:
     return client
 
 
+def _certified(scheduler: str) -> None:
+    """Whether this machine has what `tls://` needs of it; Dask reads the same configuration and says it in its own terms.
+
+    Raises
+    ------
+    InputError : no certificate is configured, or it cannot be read.
+    """
+    from distributed.security import Security
+
+    if not scheduler.startswith("tls:"):
+        return
+    try:
+        known = Security().get_connection_args("client").get("ssl_context") is not None
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError(f"--scheduler {scheduler}: the certificate of this machine cannot be used "
+                         f"({' '.join(str(error).split())})") from error
+    if not known:
+        raise InputError(f"--scheduler {scheduler}: no certificate of this machine is configured, DASK_DISTRIBUTED__COMM__TLS__"
+                         "CA_FILE, CLIENT__CERT and CLIENT__KEY name its files")
+
+
 @contextmanager
 def _client(scheduler: str) -> Iterator[Any]:
     _reachable(scheduler)
     import dask
     import distributed
 
+    class Client(distributed.Client):
+        def __del__(self) -> None:
+            """One that never started is left as it is: Dask would wait for its end for seconds, and tell of it in a traceback."""
+
+    _certified(scheduler)
     # A case travels inside its task, on purpose: scattered data would be lost with the worker that holds it.
     settings = {"distributed.admin.large-graph-warning-threshold": "10GB", "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
                 "distributed.comm.retry.count": 0}
     _quiet()
     with dask.config.set(settings), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        client = _started(partial(distributed.Client, scheduler, timeout=CONNECT_S, set_as_default=False), scheduler)
+        client = _started(partial(Client, scheduler, timeout=CONNECT_S, set_as_default=False), scheduler)
         try:
             try:
                 client.wait_for_workers(1, timeout=WORKERS_S)

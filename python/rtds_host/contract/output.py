@@ -27,6 +27,17 @@ def _scratch_place(target: Path) -> Path:
     return target.parent
 
 
+def _keep(folder: Path) -> None:
+    """Have all that is below a folder on the disk: else a machine that goes down may leave a name without its content."""
+    for top, _, files in os.walk(folder):
+        for path in (top, *(os.path.join(top, name) for name in files)):
+            handle = os.open(path, os.O_RDONLY)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)
+
+
 @contextmanager
 def staged_folder(target: str | os.PathLike, replace: bool = False, owned: Collection[str] = ()) -> Iterator[Path]:
     """Yield a scratch folder; its files move into `target` only if the block succeeds.
@@ -54,6 +65,7 @@ def staged_folder(target: str | os.PathLike, replace: bool = False, owned: Colle
         target.parent.mkdir(parents=True, exist_ok=True)
         scratch, lock = new_folder(_scratch_place(target), target.name)
         yield scratch
+        _keep(scratch)
         if replace or not target.exists():
             if target.exists():
                 shutil.rmtree(target)
@@ -72,8 +84,10 @@ def staged_folder(target: str | os.PathLike, replace: bool = False, owned: Colle
                 if item.is_dir() and destination.is_dir():
                     shutil.rmtree(destination)
                 os.replace(item, destination)
-    except OSError as error:
-        raise OutputError(f"{error.filename or target}: {_reason(error)}") from error
+    except (OSError, OutputError) as error:
+        said = str(error) if isinstance(error, OutputError) else f"{error.filename or target}: {_reason(error)}"
+        # The scratch folder is gone when this is read.
+        raise OutputError(said.replace(str(scratch), str(target)) if scratch is not None else said) from error
     finally:
         if scratch is not None:
             shutil.rmtree(scratch, ignore_errors=True)

@@ -33,7 +33,7 @@ class Table:
         self.mapping = mapping
         self.notices: list[str] = []
         if not path.is_file():
-            raise InputError(f"{path}: does not exist")
+            raise InputError(f"{path}: {'is no file' if path.exists() else 'does not exist'}")
         try:
             if path.stat().st_size > LARGEST_BYTES:
                 raise InputError(f"{path}: is {path.stat().st_size / 2**30:.3g} GiB long, at most {LARGEST_BYTES / 2**30:.2g} "

@@ -1,5 +1,6 @@
 """Writing whole or not at all: what is in the way, and what must not be replaced."""
 
+import errno
 import os
 import threading
 
@@ -45,6 +46,30 @@ def test_a_file_on_the_way_is_named(tmp_path):
         write_atomic(tmp_path / "file" / "pred.csv", "")
     with pytest.raises(OutputError, match="is a folder, a file is needed"):
         write_atomic(tmp_path, "")
+
+
+def test_what_cannot_be_written_is_named_by_its_place_and_not_by_the_scratch_folder(tmp_path):
+    def full(path):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    with pytest.raises(OutputError) as outer, staged_folder(tmp_path / "out") as scratch:
+        full(scratch / "run" / "log.csv")
+    with pytest.raises(OutputError) as inner, staged_folder(tmp_path / "out") as scratch, staged_folder(scratch / "run") as deeper:
+        full(deeper / "log.csv")
+    wanted = f"{tmp_path / 'out' / 'run' / 'log.csv'}: cannot write (No space left on device)"
+    assert [str(e.value) for e in (outer, inner)] == [wanted, wanted]
+
+
+def test_files_are_on_the_disk_before_they_have_their_names(tmp_path, monkeypatch):
+    done = []
+    sync, move = os.fsync, os.replace
+    monkeypatch.setattr(output.os, "fsync", lambda handle: (sync(handle), done.append(os.readlink(f"/proc/self/fd/{handle}"))))
+    monkeypatch.setattr(output.os, "replace", lambda a, b: (move(a, b), done.append("named")))
+    with staged_folder(tmp_path / "out") as scratch:
+        (scratch / "run").mkdir()
+        (scratch / "run" / "log.csv").write_text("t")
+        written = {str(scratch), str(scratch / "run"), str(scratch / "run" / "log.csv")}
+    assert set(done[:-1]) == written and done[-1] == "named"
 
 
 def test_a_mounted_folder_is_filled_from_a_scratch_folder_inside(tmp_path, monkeypatch):

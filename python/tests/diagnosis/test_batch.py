@@ -1,6 +1,7 @@
 """Many cases: one bad case costs no other, an interrupted run goes on, a cluster's worker may die, nothing is half-written."""
 
 import errno
+import gc
 import io
 import json
 import os
@@ -14,11 +15,13 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+import dask
 import pyarrow.parquet as pq
 import pytest
 from batch_work import by_number, fake, in_trouble
 from diagnosis_cases import example_diagnosis, make_case
 from distributed import LocalCluster
+from distributed.security import Security
 
 from rtds_host.blind import seal
 from rtds_host.contract import builtin_robot_path, write_run
@@ -412,6 +415,41 @@ def test_somebody_who_says_nothing_at_the_address_is_given_up(cases, tmp_path, m
         with pytest.raises(LinkError, match=f"^scheduler {address}: does not answer"):
             batch.run_many(cases, tmp_path / "out", scheduler=address, work=fake)
     assert "Traceback" not in capfd.readouterr().err
+
+
+def certificates(place: Path) -> dict[str, str]:
+    """Dask's configuration with a CA and a certificate of its own."""
+    key = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes"
+    for command in (f"req -x509 {key} -days 2 -subj /CN=ca -keyout ca.key -out ca.pem",
+                    f"req {key} -subj /CN=localhost -keyout host.key -out host.csr",
+                    "x509 -req -in host.csr -CA ca.pem -CAkey ca.key -CAcreateserial -days 2 -out host.pem"):
+        subprocess.run(["openssl", *command.split()], cwd=place, check=True, capture_output=True)
+    files = {"cert": str(place / "host.pem"), "key": str(place / "host.key")}
+    return {"distributed.comm.require-encryption": True, "distributed.comm.tls.ca-file": str(place / "ca.pem"),
+            **{f"distributed.comm.tls.{role}.{kind}": path for role in ("scheduler", "worker", "client")
+               for kind, path in files.items()}}
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="makes certificates with openssl")
+def test_over_tls_with_certificates_and_not_without(cases, tmp_path, capfd):
+    configuration = certificates(tmp_path)
+    with dask.config.set(configuration), LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None, protocol="tls://",
+                                                      security=Security()) as cluster:
+        address = cluster.scheduler_address
+        assert address.startswith("tls://")
+        assert batch.run_many(cases, tmp_path / "out", scheduler=address, work=fake) == []
+        capfd.readouterr()
+        with dask.config.set({"distributed.comm.tls.client.cert": None, "distributed.comm.tls.client.key": None}), \
+                pytest.raises(InputError, match=f"^--scheduler {address}: no certificate of this machine is configured"):
+            batch.run_many(cases, tmp_path / "no", scheduler=address, work=fake)
+        with dask.config.set({"distributed.comm.tls.client.key": str(tmp_path / "gone")}), \
+                pytest.raises(InputError, match=f"^--scheduler {address}: the certificate of this machine cannot be used"):
+            batch.run_many(cases, tmp_path / "no", scheduler=address, work=fake)
+        with pytest.raises(LinkError, match="^scheduler tcp://.*: does not answer"):
+            batch.run_many(cases, tmp_path / "no", scheduler=address.replace("tls", "tcp"), work=fake)
+    gc.collect()
+    assert capfd.readouterr().err == ""
+    assert visible(tmp_path / "out") == complete(*NAMES) and not visible(tmp_path / "no")
 
 
 SCHEDULER = """
