@@ -238,12 +238,18 @@ def imported(place: Path, mapping: bytes, table: bytes) -> Result:
         # Rows: the last sample of each microsecond, to which the importer rounds.
         at = {round((v * 1e-3 - start) * 1e6): k for k, v in enumerate(raw[time_column])}
         offset = round(got.t[0] * 1e6)
+        # Up to 999 s a row's time is told to the microsecond, then to ten and more.
+        times = {round(t * 1e6) - offset for t in got.t}
+        for time_us, k in at.items():
+            if 0 <= time_us < 999e6 and max(at) < 999e6 and time_us not in times and any(
+                    not math.isnan(raw[entry["column"]][k]) for name, entry in signals.items() if name in got.columns):
+                return MISREAD, f"row {k} of the file, at {1e-6 * time_us:g} s, is not there"
         for name, entry in signals.items():
             factor = units[entry["unit"]] * entry.get("scale", 1.0) * (-1 if entry.get("reverse") else 1)
             if name not in got.columns or name.startswith("v_cmd"):
                 continue
             for t, value in zip(got.t, got.columns[name]):
-                k = at.get(round(t * 1e6) - offset + 0)
+                k = at.get(round(t * 1e6) - offset)
                 if k is None or math.isnan(value):
                     continue
                 wanted = raw[entry["column"]][k] * factor
