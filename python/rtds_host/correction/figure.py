@@ -15,6 +15,7 @@ import numpy as np
 from rtds_host.contract import Case
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.figures import caption, save
 
 if TYPE_CHECKING:
     from rtds_host.correction.result import Result, Run
@@ -61,9 +62,8 @@ def draw(case: Case, result: Result, path: Path) -> None:
         _bars(axes[-1, 1], result)
         effects = ", ".join(f"{e['id']} ({e['side']})" for e in result.content["effects"]) or "no effect"
         sim = result.content["simulator"]
-        figure.suptitle(f"{case.name}, run {run.log.name}: {effects}; motors in {sim['link']}, robot in {sim['engine']}",
-                        fontsize=9)
-        figure.savefig(path, dpi=130, metadata={"Software": None})
+        caption(figure, f"{case.name}, run {run.log.name}: {effects}; motors in {sim['link']}, robot in {sim['engine']}")
+        save(figure, path, dpi=130, metadata={"Software": None})
         plt.close(figure)
 
 

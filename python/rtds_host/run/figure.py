@@ -11,6 +11,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+from rtds_host.figures import caption, save
 from rtds_host.run.loop import Record
 from rtds_host.run.plan import Plan
 
@@ -34,11 +35,11 @@ def draw(plan: Plan, record: Record, folder: Path) -> list[Path]:
         _pose(axes[1, 0], record)
         _errors(axes[1, 1], record)
         _loads(axes[1, 2], plan, record)
-        figure.suptitle(f"{plan.scenario.name}: {plan.robot.name}, payload {plan.body.payload_kg:g} kg, slope "
-                        f"{plan.body.slope_rad:g} rad, {plan.controller or 'voltages given'}", fontsize=9)
+        caption(figure, f"{plan.scenario.name}: {plan.robot.name}, payload {plan.body.payload_kg:g} kg, slope "
+                        f"{plan.body.slope_rad:g} rad, {plan.controller or 'voltages given'}")
         paths = [folder / "figure.png", folder / "figure.pdf"]
-        figure.savefig(paths[0], dpi=130, metadata={"Software": None})
-        figure.savefig(paths[1], metadata={"CreationDate": None})
+        save(figure, paths[0], dpi=130, metadata={"Software": None})
+        save(figure, paths[1], metadata={"CreationDate": None})
         plt.close(figure)
     return paths
 
