@@ -14,8 +14,19 @@ from rtds_host.contract.robot import (
                                       builtin_robots,
                                       load_robot,
 )
-from rtds_host.contract.runlog import Case, RunLog, RunMeta, read_case, read_meta, read_run, write_csv, write_run
+from rtds_host.contract.runlog import (
+                                      Case,
+                                      RunLog,
+                                      RunMeta,
+                                      read_case,
+                                      read_meta,
+                                      read_run,
+                                      read_writable_case,
+                                      write_csv,
+                                      write_run,
+)
 
 __all__ = ["GRAVITY_M_S2", "Axis", "Case", "Chassis", "Driver", "Motor", "Robot", "RunLog", "RunMeta", "Servo",
-           "builtin_robot", "builtin_robot_path", "builtin_robots", "load_robot", "read_case", "read_meta", "read_run", "staged_folder",
+           "builtin_robot", "builtin_robot_path", "builtin_robots", "load_robot", "read_case", "read_meta", "read_run",
+           "read_writable_case", "staged_folder",
            "write_atomic", "write_csv", "write_run"]

@@ -19,7 +19,7 @@ from rtds_host.contract.clock import likely_unit
 from rtds_host.contract.inputs import open_regular, regular_bytes
 from rtds_host.contract.output import staged_folder
 from rtds_host.contract.robot import Robot, load_robot
-from rtds_host.errors import InputError, did_you_mean
+from rtds_host.errors import InputError, did_you_mean, visible
 
 SCHEMA = "rtds-run/1"
 COMMANDS = {"voltage": ("v_cmd_l", "v_cmd_r"), "torque": ("v_cmd_l", "v_cmd_r"), "speed": ("w_cmd_l", "w_cmd_r")}
@@ -459,6 +459,22 @@ def read_case(folder: str | os.PathLike, need_measured: bool = True) -> Case:
         raise InputError(f"{folder / 'robot.toml'}: [sensors] names the noise of no w_* or th_* that the runs hold, a "
                          "diagnosis has no unit to count in")
     return Case(name=folder.resolve().name, robot=robot, runs=tuple(runs), path=folder, notices=tuple(notices))
+
+
+def read_writable_case(folder: str | os.PathLike) -> Case:
+    """`read_case`, where every name in it can be written into a result.
+
+    Raises
+    ------
+    InputError : it cannot, or as `read_case`.
+    """
+    case = read_case(folder)
+    for name in (case.name, *(run.name for run in case.runs)):
+        try:
+            name.encode("utf-8")
+        except UnicodeEncodeError as error:
+            raise InputError(f"{folder}: {visible(name)} is no name in UTF-8; rename the folder") from error
+    return case
 
 
 def write_csv(path: Path, columns: Mapping[str, np.ndarray], digits: int = 9) -> None:

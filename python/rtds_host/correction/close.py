@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rtds_host.contract import Case, RunLog, read_case, staged_folder
+from rtds_host.contract import Case, RunLog, read_writable_case, staged_folder
 from rtds_host.contract.runlog import read_json
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.remainder import Remainder, estimate
@@ -243,7 +243,7 @@ def close_folder(folder: Path, out: Path, diagnosis: Path | None = None, figure:
     ------
     InputError : see `close`. OutputError : the place cannot be written; nothing is left half-written.
     """
-    case = read_case(folder)
+    case = read_writable_case(folder)
     given = None
     if diagnosis is not None:
         read_diagnosis(diagnosis, case.robot)

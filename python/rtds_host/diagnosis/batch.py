@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from rtds_host import __version__
-from rtds_host.contract import Case, read_case, staged_folder, write_atomic
+from rtds_host.contract import Case, read_writable_case, staged_folder, write_atomic
 from rtds_host.contract.inputs import regular_bytes
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.overview import overview_page, row_of, table_bytes
@@ -50,7 +50,7 @@ def _write(out: Path, files: dict[str, str]) -> None:
 
 def write_diagnosis(folder: Path, out: Path, quick: bool, seed: int, threads: int, progress=None) -> tuple:
     """Diagnose one case folder and write both files, together or not at all. Returns (diagnosis, details)."""
-    case = _readable(folder)
+    case = read_writable_case(folder)
     result, details = diagnose(case, quick=quick, threads=threads, seed=seed, progress=progress)
     validate(result)
     _write(out, {"diagnosis.json": _json(result), "report.html": write_report(None, result, details)})
@@ -85,7 +85,7 @@ def name_of(folder: Path) -> str:
 
 
 def _explain_folder(work: Explain, folder: str, quick: bool, seed: int, threads: int) -> tuple[dict, str, float]:
-    return work(_readable(Path(folder)), quick, seed, threads)
+    return work(read_writable_case(Path(folder)), quick, seed, threads)
 
 
 def fingerprint(folder: Path, quick: bool, seed: int) -> str:
@@ -205,22 +205,6 @@ def _checked(cases: list[Path], out: Path) -> dict[str, Path]:
     return by_name
 
 
-def _readable(folder: Path) -> Case:
-    """`read_case`, where every name in it can be written into a result.
-
-    Raises
-    ------
-    InputError : it cannot, or as `read_case`.
-    """
-    case = read_case(folder)
-    for name in (case.name, *(run.name for run in case.runs)):
-        try:
-            name.encode("utf-8")
-        except UnicodeEncodeError as error:
-            raise InputError(f"{folder}: {visible(name)} is no name in UTF-8; rename the folder") from error
-    return case
-
-
 def run_many(cases: list[Path], out: Path, quick: bool = False, seed: int = 1, jobs: int = 0,
              scheduler: str | None = None, work: Explain = explain) -> list[str]:
     """`rtds diagnose` of several cases: a process a core, or the workers of a Dask cluster.
@@ -258,7 +242,7 @@ def run_many(cases: list[Path], out: Path, quick: bool = False, seed: int = 1, j
             print(f"{len(done)} of {len(by_name)} cases are done already", flush=True)
         if scheduler is not None:
             def loaded(case: Path) -> tuple:
-                return _readable(case), quick, seed, 1
+                return read_writable_case(case), quick, seed, 1
 
             outcomes = on_cluster(work, {name: partial(loaded, case) for name, case in todo.items()}, scheduler)
         else:

@@ -29,6 +29,7 @@ from __future__ import annotations
 import socket
 import struct
 import time
+from collections.abc import Callable
 
 VERSION = 2
 FD_VARIABLE = "RTDS_LINK_FD"
@@ -59,15 +60,36 @@ def send_frame(sock: socket.socket, kind: int, payload: bytes = b"") -> None:
     sock.sendall(HEADER.pack(kind, len(payload)) + payload)
 
 
-def _receive_exactly(sock: socket.socket, count: int, until: float | None) -> bytes:
+class Deadline:
+    """A time limit in which only that time counts in which the other side could have worked.
+
+    Parameters
+    ----------
+    starved_s : how long it has waited for a processor so far, s.
+    """
+
+    def __init__(self, timeout_s: float, starved_s: Callable[[], float] = lambda: 0.0):
+        self._starved_s = starved_s
+        self._until = time.monotonic() + timeout_s - starved_s()
+
+    def rest_s(self) -> float:
+        """What is left of the time, s."""
+        return self._until + self._starved_s() - time.monotonic()
+
+
+def _receive_exactly(sock: socket.socket, count: int, deadline: Deadline | None) -> bytes:
     parts, left = [], count
     while left:
-        if until is not None:
-            rest_s = until - time.monotonic()
-            if rest_s <= 0.0:
-                raise TimeoutError
-            sock.settimeout(rest_s)
-        part = sock.recv(left)
+        rest_s = None if deadline is None else deadline.rest_s()
+        if rest_s is not None:
+            # What has come by the end of the time is still taken: it may be this side that got no processor.
+            sock.settimeout(max(rest_s, 0.0))
+        try:
+            part = sock.recv(left)
+        except (TimeoutError, BlockingIOError) as error:
+            if rest_s is None or rest_s <= 0.0:
+                raise TimeoutError from error
+            continue
         if not part:
             raise Closed
         parts.append(part)
@@ -75,12 +97,12 @@ def _receive_exactly(sock: socket.socket, count: int, until: float | None) -> by
     return parts[0] if len(parts) == 1 else b"".join(parts)
 
 
-def receive_frame(sock: socket.socket, timeout_s: float | None = None) -> tuple[int, bytes]:
+def receive_frame(sock: socket.socket, deadline: Deadline | None = None) -> tuple[int, bytes]:
     """Receive one frame as (kind, payload).
 
     Parameters
     ----------
-    timeout_s : for the whole frame, however its bytes come; without it as the socket says for each piece.
+    deadline : for the whole frame, however its bytes come; without it as the socket says for each piece.
 
     Raises
     ------
@@ -88,8 +110,7 @@ def receive_frame(sock: socket.socket, timeout_s: float | None = None) -> tuple[
     ValueError : the frame is longer than any of ours.
     OSError : as `socket.recv`; TimeoutError after the time.
     """
-    until = None if timeout_s is None else time.monotonic() + timeout_s
-    kind, length = HEADER.unpack(_receive_exactly(sock, HEADER.size, until))
+    kind, length = HEADER.unpack(_receive_exactly(sock, HEADER.size, deadline))
     if length > MAX_PAYLOAD:
         raise ValueError(f"frame of {length} bytes announced")
-    return kind, _receive_exactly(sock, length, until) if length else b""
+    return kind, _receive_exactly(sock, length, deadline) if length else b""

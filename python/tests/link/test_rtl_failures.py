@@ -4,6 +4,7 @@ import dataclasses
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -295,3 +296,34 @@ def test_options_out_of_range_are_refused_before_anything_is_built(options, says
     with pytest.raises(InputError) as caught:
         RtlLink(**options)
     assert says in str(caught.value)
+
+
+# ---- the time limit of an answer -------------------------------------------------------------------------------------
+
+class Starving:
+    """What a simulator has waited for a processor: so much at each look, up to a limit."""
+
+    def __init__(self, each_s, limit_s):
+        self.each_s, self.limit_s, self.now = each_s, limit_s, 0.0
+
+    def __call__(self):
+        self.now = min(self.now + self.each_s, self.limit_s)
+        return self.now
+
+
+def test_time_without_a_processor_does_not_count_and_comes_to_an_end():
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        starving = Starving(0.01, 0.05)
+        with pytest.raises(TimeoutError):
+            protocol.receive_frame(ours, protocol.Deadline(0.02, starving))
+        assert starving.now == starving.limit_s
+
+
+def test_what_came_in_time_is_taken_though_the_host_looks_late():
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        protocol.send_frame(theirs, protocol.DONE, b"late")
+        assert protocol.receive_frame(ours, protocol.Deadline(-1.0)) == (protocol.DONE, b"late")
+        with pytest.raises(TimeoutError):
+            protocol.receive_frame(ours, protocol.Deadline(-1.0))

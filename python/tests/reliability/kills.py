@@ -137,12 +137,18 @@ class Bench:
         self.temporary.mkdir()
         make_inputs(place)
         self.complaints: list[str] = []
+        self.said = place / "said"
 
     def start(self, command: Command, tag: str) -> subprocess.Popen:
         environment = {**os.environ, TAG: tag, "TMPDIR": str(self.temporary)}
-        return subprocess.Popen([sys.executable, "-m", "rtds_host.cli.main", *command.arguments], cwd=self.place,
-                                env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-                                stderr=subprocess.DEVNULL, start_new_session=True)
+        with open(self.said, "w") as said:
+            return subprocess.Popen([sys.executable, "-m", "rtds_host.cli.main", *command.arguments], cwd=self.place,
+                                    env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                                    stderr=said, start_new_session=True)
+
+    def last_words(self) -> str:
+        """Last line that the last command said on standard error."""
+        return ([""] + self.said.read_text(errors="replace").splitlines())[-1]
 
     def finish(self, name: str) -> float:
         """Run a command to its end; seconds it took."""
@@ -150,7 +156,7 @@ class Bench:
         began = time.monotonic()
         status = self.start(COMMANDS[name], "end").wait()
         if status != 0:
-            self.complaints.append(f"{name}: does not go on after a kill, status {status}")
+            self.complaints.append(f"{name}: does not go on after a kill, status {status}: {self.last_words()}")
         torn = COMMANDS[name].torn(self.place)
         missing = [f for folder, files in COMMANDS[name].outputs.items() for f in files
                    if not (self.place / folder / f).exists()]
@@ -178,7 +184,7 @@ class Bench:
             process.send_signal(how)
         status = process.wait()
         if how == signal.SIGINT and status not in (0, 130):
-            self.complaints.append(f"{name}: Ctrl-C after {after_s:.2f} s gives status {status}")
+            self.complaints.append(f"{name}: Ctrl-C after {after_s:.2f} s gives status {status}: {self.last_words()}")
         began, starved = time.monotonic(), starved_s(tagged(tag))
         # On a busy machine the time in which nobody lets them run does not count.
         while (left := tagged(tag)) and time.monotonic() - began - max(0.0, starved_s(left) - starved) < GONE_S:
@@ -223,7 +229,9 @@ def main() -> int:
                 shutil.copytree(bench.place / "fresh", bench.place / "check")
             # Every third by Ctrl-C.
             how = signal.SIGINT if k % 3 == 2 else signal.SIGKILL
-            counts[name][bench.kill(name, rng.uniform(0.0, lengths[name]), how)] += 1
+            after_s = rng.uniform(0.0, lengths[name])
+            counts[name][bench.kill(name, after_s, how)] += 1
+            print(f"{k + 1:3} {name}: {how.name} after {after_s:.1f} s, {len(bench.complaints)} complaints", flush=True)
         for name in names:
             bench.finish(name)
         bench.complaints += [f"at the end: {what}" for what in bench.left()]

@@ -65,6 +65,16 @@ def test_an_empty_name_is_not_the_folder_one_is_in(rtds, case, tmp_path, monkeyp
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.parametrize("command", ["diagnose", "close"])
+@pytest.mark.parametrize("place", [".", "spin"])
+def test_a_name_that_is_no_text_is_refused_before_any_work(rtds, case, tmp_path, command, place):
+    (case / place).resolve().rename((case / place).resolve().with_name("n\udce9"))
+    folder = tmp_path / "n\udce9" if place == "." else case
+    status, _, said = rtds(command, folder, "--out", tmp_path / "out")
+    assert status == 2 and len(said) == 1 and said[0].endswith(r"n\udce9 is no name in UTF-8; rename the folder")
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("arguments", [
     ("predict", "{bad}", "--robot", "{robot}", "--out", "{out}"), ("predict", "{run}", "--robot", "{bad}", "--out", "{out}"),
     ("predict", "{run}", "--robot", "{robot}", "--diagnosis", "{bad}", "--out", "{out}"),
