@@ -49,6 +49,7 @@ CHIP_FLAG_TIMEOUT, CHIP_FLAG_RESET = 1, 2
 
 MAX_SAMPLES = 32  # rows the simulation top keeps for one request
 MAX_PAYLOAD = 1 << 20
+LOOK_S = 0.25  # of waiting, after which the time limit is looked at
 
 
 class Closed(Exception):
@@ -83,7 +84,7 @@ def _receive_exactly(sock: socket.socket, count: int, deadline: Deadline | None)
         rest_s = None if deadline is None else deadline.rest_s()
         if rest_s is not None:
             # What has come by the end of the time is still taken: it may be this side that got no processor.
-            sock.settimeout(max(rest_s, 0.0))
+            sock.settimeout(min(max(rest_s, 0.0), LOOK_S))
         try:
             part = sock.recv(left)
         except (TimeoutError, BlockingIOError) as error:

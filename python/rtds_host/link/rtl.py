@@ -15,6 +15,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import time
 import weakref
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -275,7 +276,7 @@ class RtlLink(ConfiguredLink):
 
     def _answer(self, expected: int, timeout_s: float) -> bytes:
         try:
-            kind, payload = protocol.receive_frame(self._socket, protocol.Deadline(timeout_s, self._starved_s))
+            kind, payload = protocol.receive_frame(self._socket, protocol.Deadline(timeout_s, _Starved(self.pid)))
         except TimeoutError as error:
             raise self._no_answer(timeout_s) from error
         except (OSError, protocol.Closed) as error:
@@ -287,13 +288,6 @@ class RtlLink(ConfiguredLink):
         if kind != expected:
             raise self._failure(f"the simulator answered with a frame of kind {kind} instead of {expected}")
         return payload
-
-    def _starved_s(self) -> float:
-        """How long the simulator has waited for a processor so far, s: on a busy machine it is slow and not hung."""
-        try:
-            return 1e-9 * int(Path(f"/proc/{self.pid}/schedstat").read_text().split()[1])
-        except (OSError, ValueError, IndexError):
-            return 0.0  # no such figure on this system
 
     def _no_answer(self, timeout_s: float) -> LinkError:
         return self._failure(f"no answer for {timeout_s:g} s; it has been ended")
@@ -320,6 +314,28 @@ class RtlLink(ConfiguredLink):
     def _check_open(self) -> None:
         if self._closed:
             raise LinkError(CLOSED)
+
+
+class _Starved:
+    """How long a process has waited for a processor, s: on a busy machine a simulator is slow and not hung.
+
+    The kernel adds a wait to its figure when it ends, so one that lasts is told by what did not change since the last look.
+    """
+
+    def __init__(self, pid: int):
+        self._place = Path(f"/proc/{pid}")
+        self._seen, self._since = (0, 0, 0), time.monotonic()
+
+    def __call__(self) -> float:
+        now = time.monotonic()
+        try:
+            ran, waited, slices = map(int, (self._place / "schedstat").read_text().split())
+            waiting = (self._place / "stat").read_text().rsplit(")", 1)[1].split()[0] == "R"
+        except (OSError, ValueError, IndexError):
+            return 0.0  # no such figures on this system
+        if not waiting or self._seen != (ran, waited, slices):
+            self._seen, self._since = (ran, waited, slices), now
+        return 1e-9 * waited + now - self._since
 
 
 def _environment(top: Top, descriptor: int) -> dict[str, str]:
