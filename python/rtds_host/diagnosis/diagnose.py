@@ -116,8 +116,8 @@ def conclude(found: Investigation, gate: Gate | None,
     rest = min(max(1.0 - effect_closed, 0.0), 1.0) if effect_closed is not None else 0.0
     structured = total["after"] >= gaps.LEAST and _coloured(weighed.fit)
     verdict = _verdict(total, bool(weighed.standing), structured, rest)
-    localisation = localise(problem.case, weighed.base.model(problem))
-    after = localise(problem.case, weighed.fit.model(problem)) if weighed.standing else localisation
+    localisation = localise(problem.looked_at, weighed.base.model(problem))
+    after = localise(problem.looked_at, weighed.fit.model(problem)) if weighed.standing else localisation
     rows = [] if verdict == "none" else budget.shares(problem, weighed.fit, total["after"], after)
     located = budget.located(problem, rows)
     placed = after.shares()

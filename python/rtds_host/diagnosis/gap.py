@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from rtds_host.contract import Robot, RunLog
@@ -80,14 +84,28 @@ def errors_at(log: RunLog, robot: Robot, out: np.ndarray) -> dict[str, tuple[np.
     return result
 
 
-def pooled(parts: list[dict[str, np.ndarray]]) -> dict[str, float]:
-    """Root mean square of each channel over several runs."""
-    total: dict[str, list[np.ndarray]] = {}
+@dataclass(frozen=True)
+class Squares:
+    """What the gap needs of errors: their sum of squares and their number."""
+
+    total: float
+    count: int
+
+
+def squares(errors: np.ndarray) -> Squares:
+    """Sum of squares of errors (n,), in units of noise."""
+    return Squares(float(errors @ errors), len(errors))
+
+
+def pooled(parts: Sequence[Mapping[str, np.ndarray | Squares]]) -> dict[str, float]:
+    """Root mean square of each channel over several runs, from errors or their squares."""
+    total: dict[str, list[Squares]] = {}
     for part in parts:
         for channel, error in part.items():
-            total.setdefault(channel, []).append(error)
-    joined = {channel: np.concatenate(e) for channel, e in total.items()}
-    return {channel: float(np.sqrt(np.mean(e**2))) for channel, e in joined.items() if len(e)}
+            total.setdefault(channel, []).append(error if isinstance(error, Squares) else squares(error))
+    counts = {channel: sum(one.count for one in found) for channel, found in total.items()}
+    return {channel: math.sqrt(sum(one.total for one in found) / counts[channel])
+            for channel, found in total.items() if counts[channel]}
 
 
 def gap(channels: dict[str, float]) -> float:

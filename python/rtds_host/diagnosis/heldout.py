@@ -70,8 +70,8 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
     models = {"refit": account.base, "after": account.fit}
     models.update({s.member: s.without for s in account.standing})
     step = min(REPORT_STEP_S, account.fit.model(problem).step_s)
-    parts: dict[object, list[dict[str, np.ndarray]]] = {name: [] for name in ("before", *models)}
-    by_regime: dict[str, dict[str, list[dict[str, np.ndarray]]]] = {}
+    parts: dict[object, list[dict[str, gaps.Squares]]] = {name: [] for name in ("before", *models)}
+    by_regime: dict[str, dict[str, list[dict[str, gaps.Squares]]]] = {}
     runs, traces, stretches = {}, {}, []
     notes = [f"{name}: no heading in the log; the slope's pull says that the run began at {heading:.2f} rad"
              for name, heading in problem.headings.items()]
@@ -88,22 +88,23 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
             half = np.median(problem.blocks[mine])
             pieces = [(0, middle, mine[problem.blocks[mine] < half]), (middle, len(data.log.t), mine[problem.blocks[mine] >= half])]
         nominal = replay_run(problem.nominal, data.inputs, step)
-        own: dict[object, list[dict[str, np.ndarray]]] = {name: [] for name in parts}
+        own: dict[object, list[dict[str, gaps.Squares]]] = {name: [] for name in parts}
         shown = {"refit": np.empty_like(nominal), "after": np.empty_like(nominal)}
         for first, last, rows in pieces:
             log = data.log.rows(first, last)
-            outs = {"before": nominal}
-            outs.update({name: replay_run(left_out(problem, fit, rows), data.inputs, step) for name, fit in models.items()})
-            motion = _regimes(problem, log, outs["after"][first:last])
-            for name, out in outs.items():
+            motion: dict[str, np.ndarray] = {}
+            # One replay at a time, and of its errors the squares: a run may have a million rows.
+            for name in ("after", "before", *(n for n in models if n != "after")):
+                out = nominal if name == "before" else replay_run(left_out(problem, models[name], rows), data.inputs, step)
+                motion = motion or _regimes(problem, log, out[first:last])
                 found = gaps.errors_at(log, robot, out[first:last])
-                own[name].append({channel: error for channel, (_, error) in found.items()})
+                own[name].append({channel: gaps.squares(error) for channel, (_, error) in found.items()})
                 for regime, inside in motion.items() if isinstance(name, str) else ():
-                    part = {channel: error[inside[rows]] for channel, (rows, error) in found.items()}
+                    part = {channel: gaps.squares(error[inside[rows]]) for channel, (rows, error) in found.items()}
                     by_regime.setdefault(regime, {}).setdefault(name, []).append(part)
+                if name in shown:
+                    shown[name][first:last] = out[first:last]
             stretches.append(tuple(gaps.gap(gaps.pooled(own[name][-1:])) for name in ("before", "after")))
-            for name, whole in shown.items():
-                whole[first:last] = outs[name][first:last]
         for name, found in own.items():
             parts[name] += found
         runs[data.log.name] = {name: gaps.gap(gaps.pooled(own[name])) for name in ("before", "refit", "after")}
@@ -138,9 +139,9 @@ def _regimes(problem: Problem, log: RunLog, out: np.ndarray) -> dict[str, np.nda
     return regimes(motion, log.meta, log.meta.slope_rad, half)
 
 
-def _by_regime(parts: dict[str, dict[str, list[dict[str, np.ndarray]]]]) -> dict[str, dict[str, float]]:
+def _by_regime(parts: dict[str, dict[str, list[dict[str, gaps.Squares]]]]) -> dict[str, dict[str, float]]:
     """Gap of each regime, of those that hold some of the samples and not all of them."""
-    counts = {regime: sum(len(e) for part in named["before"] for e in part.values()) for regime, named in parts.items()}
+    counts = {regime: sum(e.count for part in named["before"] for e in part.values()) for regime, named in parts.items()}
     whole = counts.get("first half", 0) + counts.get("second half", 0)
     return {regime: {name: gaps.gap(gaps.pooled(p)) for name, p in named.items()}
             for regime, named in parts.items() if max(1, min(50, 0.02 * whole)) <= counts[regime] < 0.98 * whole}

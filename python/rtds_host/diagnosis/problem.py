@@ -10,7 +10,7 @@ import functools
 import math
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -40,7 +40,7 @@ AVERAGE_S = 0.05
 # The same for angles where no speed is measured: they then have to show what moves fast, too.
 FINE_WINDOW_S, FINE_AVERAGE_S = 0.1, 0.01
 # Longer cases are searched in stretches: by then the models' errors, and not the samples, bound what can be learnt.
-SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 150_000, 20.0
+SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 80_000, 20.0
 PRIOR = 0.01
 # A heading at the start is estimated on slopes above this, and changed for a gain of chi2 above that.
 HEADING_SLOPE_RAD = 0.005
@@ -174,6 +174,14 @@ class Problem:
                                     np.ascontiguousarray(run.time[first:last], float)))
             at += len(run.channel)
         return found
+
+    @property
+    def looked_at(self) -> Case:
+        """The case as it is searched: its runs, of long ones the stretches."""
+        if self.searched == 1.0 or self.pieces:
+            return self.case
+        return replace(self.case, runs=tuple(replace(data.log, name=f"{data.log.name}, {data.log.t[0] - self.whole[k].log.t[0]:.3f} s")
+                                             for k, data in zip(self.owners, self.runs)))
 
     def discrepancy(self) -> Discrepancy:
         """None at all, to estimate one from."""
