@@ -29,8 +29,8 @@ LARGEST_SET = 3
 class Standing:
     """What speaks for one effect of an explanation.
 
-    without : the explanation fitted without it; gaps : without and with it; gain : of log likelihood by it; t : the gain over its scatter between
-    blocks; probability : that it is present.
+    without : the explanation fitted without it; gaps : without and with it; gain : of log likelihood by it; t : the gain over its
+    scatter between blocks; probability : that it is present.
     """
 
     member: tuple[str, str]
@@ -45,8 +45,9 @@ class Standing:
 class Account:
     """The effects that stand, in the fit that holds just these, and those that cannot be told from them.
 
-    base : nuisances refitted, no effect; dropped : (effect, side) -> why it was in the most probable explanation and does not stand; alike : sets, each holding a
-    blamed one first; alternatives : other explanations and how likely each is beside the first, best first.
+    base : nuisances refitted, no effect; dropped : (effect, side) -> why it was in the most probable explanation and does not
+    stand; alike : sets, each holding a blamed one first; alternatives : other explanations and how likely each is beside the
+    first, best first.
     """
 
     fit: Fit
@@ -65,7 +66,8 @@ def _standing(search: Search, fit: Fit, member: tuple[str, str], rough: bool) ->
     gain, t = compared(search.problem, fit, without)
     odds = search.log_prior((member,)) + believed(gain, t)
     without, gap = _closest(search, fit, without)
-    return Standing(member, without, (gap, search.problem.gap(fit.model(search.problem))), gain, t, 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0))))
+    probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
+    return Standing(member, without, (gap, search.problem.gap(fit.model(search.problem))), gain, t, probability)
 
 
 def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
