@@ -183,8 +183,7 @@ class Bench:
         except subprocess.TimeoutExpired:
             process.send_signal(how)
         status = process.wait()
-        # To die of the signal itself, as Python does while it leaves, is 130 to a shell, too.
-        if how == signal.SIGINT and status not in (0, 130, -signal.SIGINT):
+        if how == signal.SIGINT and status not in (0, 130):
             self.complaints.append(f"{name}: Ctrl-C after {after_s:.2f} s gives status {status}: {self.last_words()}")
         began, starved = time.monotonic(), starved_s(tagged(tag))
         # On a busy machine the time in which nobody lets them run does not count.
