@@ -61,7 +61,8 @@ class RunLog:
     """One recorded run.
 
     `t` (n,) s, strictly increasing; `columns`: name -> (n,) float64 with NaN where a row has no sample
-    (commands never have NaN: an empty cell keeps the last); `notices`: what was ignored or repaired.
+    (commands never have NaN: an empty cell keeps the last); `notices`: what was ignored or repaired; `unsure`: what a sample has
+    beyond its channel's noise, name -> (n,) one standard deviation in the channel's unit, where it has any.
     """
 
     name: str
@@ -70,6 +71,7 @@ class RunLog:
     columns: dict[str, np.ndarray]
     path: Path | None = None
     notices: tuple[str, ...] = ()
+    unsure: dict[str, np.ndarray] = field(default_factory=dict)
 
     def has(self, channel: str) -> bool:
         """Whether at least one sample of the channel exists."""
@@ -79,7 +81,13 @@ class RunLog:
     def rows(self, first: int, last: int) -> RunLog:
         """Rows first <= k < last as a run of the same name, with the times they have."""
         part = slice(first, last)
-        return replace(self, t=self.t[part], columns={c: v[part] for c, v in self.columns.items()})
+        return replace(self, t=self.t[part], columns={c: v[part] for c, v in self.columns.items()},
+                       unsure={c: v[part] for c, v in self.unsure.items()})
+
+    def noise(self, channel: str, sigma: float, rows: np.ndarray) -> np.ndarray:
+        """One standard deviation of a channel's samples in some rows, of one that is `sigma` everywhere else."""
+        beyond = self.unsure.get(channel)
+        return np.full(len(rows), sigma) if beyond is None else np.hypot(sigma, beyond[rows])
 
     def commands(self, mode: str = "voltage") -> np.ndarray:
         """Commands (n, sides): `v_cmd_*` in V, or `w_cmd_*` in rad/s in speed mode."""

@@ -19,7 +19,7 @@ from rtds_host.diagnosis.fit import Fit, parameters
 from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.heldout import HeldOut, held_out
 from rtds_host.diagnosis.localise import localise
-from rtds_host.diagnosis.problem import NOMINAL_KEYS, Problem
+from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.search import Search
 
@@ -223,13 +223,11 @@ def _keys(fit: Fit) -> list[tuple[tuple[str, str], str]]:
 
 def _nominal_fit(problem: Problem, fit: Fit) -> dict:
     result: dict[str, dict[str, float]] = {}
-    for z, (name, side) in zip(fit.z, problem.nuisance_names()):
+    for z, nuisance in zip(fit.z, problem.nuisances):
         if abs(z) < MOVED:
             continue
-        servo = name.startswith("servo")
-        for key in NOMINAL_KEYS[name]:
-            value = getattr(problem.robot.servo if servo else problem.robot.motor, key) * math.exp(problem.tolerance(name) * z)
-            for suffix in problem.robot.sides if servo else ("lr"[side],):
+        for key, value in nuisance.values(z).items():
+            for suffix in problem.robot.sides if nuisance.side is None else ("lr"[nuisance.side],):
                 result.setdefault(suffix, {})[key] = _round(value, 8)
     return result
 

@@ -17,14 +17,13 @@ import numpy as np
 
 from rtds_host.diagnosis.effects import SIDES, Effect, Parameter
 from rtds_host.diagnosis.likelihood import Discrepancy
+from rtds_host.diagnosis.nuisances import LIMIT
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 
 Hypothesis = tuple[tuple[str, str], ...]          # ((effect, side), ...), sorted
 Effects = dict[str, Effect]
 
-# Tolerances are said to be 1 % (one sigma): half of them within 0.7 of it, none beyond this many.
-NUISANCE_LIMIT = 3.5
 # Numerical: what a step must still bring, in -2 log probability.
 STEP_GAIN = 0.2
 
@@ -171,7 +170,7 @@ class Fitter:
     def __init__(self, problem: Problem):
         self.problem = problem
         self.effects = problem.effects
-        self.count = len(problem.nuisance_names())
+        self.count = len(problem.nuisances)
         self.by_nuisance: np.ndarray | None = None
 
     def model(self, hypothesis: Hypothesis, x: np.ndarray) -> Model:
@@ -181,8 +180,8 @@ class Fitter:
 
     def _bounds(self, hypothesis: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
         ps = [p for _, _, p in parameters(self.effects, hypothesis)]
-        low = np.array([-NUISANCE_LIMIT] * self.count + [p.scaled(p.low) for p in ps])
-        high = np.array([NUISANCE_LIMIT] * self.count + [p.scaled(p.high) for p in ps])
+        low = np.array([n.low for n in self.problem.nuisances] + [p.scaled(p.low) for p in ps])
+        high = np.array([LIMIT] * self.count + [p.scaled(p.high) for p in ps])
         return low, high
 
     def _derivatives(self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: Iterable[int],

@@ -66,13 +66,12 @@ def errors_at(log: RunLog, robot: Robot, out: np.ndarray) -> dict[str, tuple[np.
     for c in channels:
         noise = robot.noise(c)
         if c in SAMPLED:
-            error = (out[:, OUTPUT_INDEX[c]] - log.columns[c]) / noise
-            rows = np.flatnonzero(np.isfinite(error))
-            result[c] = rows, error[rows]
+            rows = np.flatnonzero(np.isfinite(log.columns[c]))
+            result[c] = rows, (out[rows, OUTPUT_INDEX[c]] - log.columns[c][rows]) / log.noise(c, noise, rows)
         elif c.startswith("th_") or (c == "yaw" and "x" not in channels):
             rows = window_rows(log.t, np.flatnonzero(np.isfinite(log.columns[c])))
             moved = np.diff(out[rows, OUTPUT_INDEX[c]]) - np.diff(log.columns[c][rows])
-            result[c] = rows[:-1], moved / (noise * np.sqrt(2))
+            result[c] = rows[:-1], moved / _of_moves(log, c, noise, rows)
     if "x" in channels:
         pose = [log.columns[c] for c in ("x", "y", "yaw")]
         rows = window_rows(log.t, np.flatnonzero(np.isfinite(pose).all(axis=0)))
@@ -80,8 +79,14 @@ def errors_at(log: RunLog, robot: Robot, out: np.ndarray) -> dict[str, tuple[np.
         replayed = moves(*(out[:, OUTPUT_INDEX[c]] for c in ("x", "y", "yaw")), rows)
         for c, a, b in zip(("x", "y", "yaw"), measured, replayed):
             if c in channels:
-                result[c] = rows[:-1], (b - a) / (robot.noise(c) * np.sqrt(2))
+                result[c] = rows[:-1], (b - a) / _of_moves(log, c, robot.noise(c), rows)
     return result
+
+
+def _of_moves(log: RunLog, channel: str, noise: float, rows: np.ndarray) -> np.ndarray:
+    """Noise of a channel's change from each of some rows to the next, (rows - 1,)."""
+    ends = log.noise(channel, noise, rows)
+    return np.hypot(ends[1:], ends[:-1])
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from rtds_host.contract import Robot, RunLog
 from rtds_host.contract.runlog import read_json
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
-from rtds_host.diagnosis.problem import NOMINAL_KEYS, NUISANCES
+from rtds_host.diagnosis.nuisances import ENTRIES
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, did_you_mean
@@ -32,7 +32,6 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
     if not isinstance(data, dict) or data.get("schema") not in DIAGNOSIS_SCHEMAS:
         raise InputError(f"{path}: schema: this program reads {' and '.join(map(repr, DIAGNOSIS_SCHEMAS))}")
     model = nominal_model(robot)
-    entries = {key: slot for name, keys in NOMINAL_KEYS.items() for key, slot in zip(keys, NUISANCES[name])}
     refit = data.get("nominal_fit") or {}
     if not isinstance(refit, dict):
         raise InputError(f"{path}: nominal_fit: is {refit!r}, an object with l and r is needed")
@@ -40,9 +39,9 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         if suffix not in ("l", "r") or not isinstance(values, dict):
             raise InputError(f"{path}: nominal_fit: {suffix!r} is no side, it must be l or r")
         for key, value in values.items():
-            if key not in entries:
+            if key not in ENTRIES:
                 raise InputError(f"{path}: nominal_fit.{suffix}.{key}: is no nuisance of [motor]")
-            model.put(entries[key], _number(path, f"nominal_fit.{suffix}.{key}", value, positive=True),
+            model.put(ENTRIES[key], _number(path, f"nominal_fit.{suffix}.{key}", value, positive=True),
                       ("lr".index(suffix),))
     if "effects" not in data:
         raise InputError(f"{path}: effects: missing, it is [] where nothing is blamed")

@@ -19,6 +19,7 @@ from rtds_host.diagnosis.effects import Effect, catalogue
 from rtds_host.diagnosis.gap import WINDOW_S, errors, gap, pooled
 from rtds_host.diagnosis.gate.cuts import start_row
 from rtds_host.diagnosis.likelihood import Discrepancy, Series
+from rtds_host.diagnosis.nuisances import nuisances_of
 from rtds_host.diagnosis.replay.model import (
     Model,
     following,
@@ -41,19 +42,9 @@ AVERAGE_S = 0.05
 FINE_WINDOW_S, FINE_AVERAGE_S = 0.1, 0.01
 # Longer cases are searched in stretches: by then the models' errors, and not the samples, bound what can be learnt.
 SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 80_000, 20.0
-PRIOR = 0.01
 # A heading at the start is estimated on slopes above this, and changed for a gain of chi2 above that.
 HEADING_SLOPE_RAD = 0.005
 HEADING_GAIN = 20.0
-# Nuisance of a side -> entries of the model that it scales (contract, section 2).
-NUISANCES = {"resistance": ("resistance",), "constant": ("torque_constant", "back_emf"),
-             "inertia": ("rotor_inertia",), "viscous": ("viscous",), "servo_kp": ("servo_kp",), "servo_ki": ("servo_ki",)}
-NOMINAL_KEYS = {"resistance": ("resistance_ohm",),
-                "constant": ("torque_constant_nm_per_a", "back_emf_constant_v_s_per_rad"),
-                "inertia": ("rotor_inertia_kg_m2",), "viscous": ("viscous_friction_nm_s_per_rad",),
-                "servo_kp": ("kp_v_s_per_rad",), "servo_ki": ("ki_v_per_rad",)}
-# A servo's declared gains are known to a factor of two (contract, section 7), gains that nobody declared to one of ten.
-SERVO_PRIOR, SERVO_PRIOR_UNDECLARED = float(np.log(2.0)), float(np.log(10.0))
 
 
 @dataclass
@@ -67,6 +58,14 @@ class _Windows:
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         return np.add.reduceat(values[self.rows], self.starts) / self.counts
+
+    def unsure(self, log: RunLog, channel: str) -> np.ndarray | float:
+        """What a channel's moves from end to end have beyond its noise, one standard deviation, (ends - 1,)."""
+        beyond = log.unsure.get(channel)
+        if beyond is None:
+            return 0.0
+        ends = np.sqrt(self.mean(np.square(beyond)) / self.counts)
+        return np.hypot(ends[1:], ends[:-1])
 
 
 def _windows(t: np.ndarray, good: np.ndarray, window_s: float = WINDOW_S,
@@ -128,6 +127,7 @@ class Problem:
         self.case = case
         self.robot = case.robot
         self.nominal = nominal_model(case.robot)
+        self.nuisances = nuisances_of(case.robot, self.nominal)
         self.effects: dict[str, Effect] = catalogue(case.robot, case.runs)
         self.threads = max(threads, 1)
         self.headings: dict[str, float] = {}
@@ -233,7 +233,7 @@ class Problem:
             if channel[-2:] == "_r" and len(robot.sides) == 1:
                 continue
             rows = np.flatnonzero(np.isfinite(log.columns[channel]))
-            sampled.append((channel, rows, log.columns[channel][rows], noise))
+            sampled.append((channel, rows, log.columns[channel][rows], log.noise(channel, noise, rows)))
             note(channel, log.t[rows])
         data.sampled = self._sampled(sampled)
         for side in robot.sides:
@@ -248,7 +248,7 @@ class Problem:
                     continue
                 scale = noise * np.sqrt(1.0 / windows.counts[1:] + 1.0 / windows.counts[:-1])
                 # Averaging does not help against a count that stands still: an encoder's step limits the noise.
-                scale = np.maximum(scale, noise)
+                scale = np.hypot(np.maximum(scale, noise), windows.unsure(log, channel))
                 measured = np.diff(windows.mean(log.columns[channel]))
                 data.angles.append((channel, OUTPUT_INDEX[channel], windows, measured, scale))
                 note(channel, windows.times[:-1])
@@ -261,7 +261,8 @@ class Problem:
             if windows is not None:
                 spread = np.sqrt(1.0 / windows.counts[1:] + 1.0 / windows.counts[:-1])
                 columns = [log.columns[c] if full or c == "yaw" else np.zeros(len(log.t)) for c in ("x", "y", "yaw")]
-                data.pose = (full, windows, self._moves(windows, *columns), spread)
+                noise = [np.hypot(robot.noise(c) * spread, windows.unsure(log, c)) if robot.noise(c) else spread for c in ("x", "y", "yaw")]
+                data.pose = (full, windows, self._moves(windows, *columns), noise)
                 for channel in ("x", "y", "yaw") if full else ("yaw",):
                     note(channel, windows.times[:-1])
         data.block = np.concatenate(blocks) if blocks else np.empty(0, int)
@@ -270,7 +271,7 @@ class Problem:
         return data
 
     @staticmethod
-    def _sampled(parts: list[tuple[str, np.ndarray, np.ndarray, float]]) -> _Samples | None:
+    def _sampled(parts: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]) -> _Samples | None:
         """Channels (name, rows, measured, noise) as one."""
         if not parts:
             return None
@@ -279,7 +280,7 @@ class Problem:
         level = slice(0, counts[0]) if parts[0][0] == "v_bus" else None
         return _Samples(np.concatenate([rows * len(OUTPUT_INDEX) + OUTPUT_INDEX[channel] for channel, rows, _, _ in parts]),
                         np.concatenate([measured for _, _, measured, _ in parts]),
-                        np.repeat([noise for *_, noise in parts], counts), level)
+                        np.concatenate([noise for *_, noise in parts]), level)
 
     @staticmethod
     def _moves(windows: _Windows, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -304,12 +305,11 @@ class Problem:
             result[at:at + len(measured)] = (np.diff(windows.mean(out[:, column])) - measured) / scale
             at += len(measured)
         if data.pose is not None:
-            full, windows, measured, spread = data.pose
+            full, windows, measured, noise = data.pose
             replayed = self._moves(windows, out[:, 8], out[:, 9], out[:, 10])
-            noise = (self.robot.noise("x"), self.robot.noise("y"), self.robot.noise("yaw"))
             for k in range(3) if full else (2,):
-                result[at:at + len(spread)] = (replayed[k] - measured[k]) / (noise[k] * spread)
-                at += len(spread)
+                result[at:at + len(noise[k])] = (replayed[k] - measured[k]) / noise[k]
+                at += len(noise[k])
         return result
 
     def _heading_misfit(self, data: RunData, model: Model, heading: float) -> float:
@@ -417,28 +417,9 @@ class Problem:
         outs = self.pool.map(lambda data: replay_run(model, data.inputs), judged)
         return gap(pooled([errors(data.log, self.robot, out) for data, out in zip(judged, outs)]))
 
-    def nuisance_names(self) -> list[tuple[str, int]]:
-        """Nuisances that play a part: (name, side)."""
-        names = []
-        for side in range(len(self.robot.sides)):
-            for name, slots in NUISANCES.items():
-                if not name.startswith("servo") and self.nominal.get(slots[0], side) > 0 and not (
-                        self.robot.driver.mode == "torque" and name in ("resistance", "constant")):
-                    names.append((name, side))
-        if self.robot.driver.mode == "speed":
-            names += [(name, 0) for name in ("servo_kp", "servo_ki") if self.nominal.get(name) > 0]
-        return names
-
-    def tolerance(self, name: str) -> float:
-        """One sigma of a nuisance's logarithm."""
-        if not name.startswith("servo"):
-            return PRIOR
-        return SERVO_PRIOR if self.robot.servo.declared else SERVO_PRIOR_UNDECLARED
-
     def with_nuisances(self, z: np.ndarray) -> Model:
         """The nominal model with nuisances z (in units of their prior's sigma)."""
         model = self.nominal.copy()
-        for value, (name, side) in zip(z, self.nuisance_names()):
-            for slot in NUISANCES[name]:
-                model.scale(slot, float(np.exp(self.tolerance(name) * value)), (side,))
+        for value, nuisance in zip(z, self.nuisances):
+            nuisance.apply(model, float(value))
         return model

@@ -330,3 +330,42 @@ def test_the_origin_of_time_changes_nothing(case):
     assert [f.kind for f in since_1970.findings] == [f.kind for f in gate.findings]
     assert since_1970.noise == gate.noise
     assert since_1970.timing.step_s == pytest.approx(0.01, rel=1e-4)
+
+
+def stamped(case, seconds, seed=5):
+    """The case with stamps that are off by so much, one standard deviation, of rows that were taken when they should be."""
+    rng = np.random.default_rng(seed)
+    return changed(case, lambda t, _: np.maximum.accumulate(t + seconds * rng.standard_normal(len(t))) + 1e-9 * np.arange(len(t)))
+
+
+def test_stamps_that_are_off_are_measured_by_the_angles(case):
+    gate = examine(stamped(case, 0.002))
+    assert gate.timing.stamps_s == pytest.approx(0.002, rel=0.15)
+    assert gate.of("stamps")
+
+
+def test_rows_that_were_taken_unevenly_have_right_stamps():
+    """A logger that reads when it can, and stamps when it read: nothing is wrong with its clock."""
+    robot = builtin_robot("burger")
+    run = make_run("weave", nominal_model(robot), robot, "weave")
+    rng = np.random.default_rng(2)
+    t = run.t + 0.002 * rng.random(len(run.t))
+    columns = {c: v for c, v in run.columns.items() if c.startswith("v_cmd")}
+    out = replay_run(nominal_model(robot), run_inputs(RunLog("weave", run.meta, t, columns), robot))
+    columns |= {c: out[:, k] + robot.noise(c) * rng.standard_normal(len(t)) for k, c in enumerate(OUTPUTS)}
+    gate = examine(Case("uneven", robot, (RunLog("weave", run.meta, t, columns),)))
+    assert gate.timing.jitter_s > 5e-4
+    assert gate.timing.stamps_s == 0.0 and not gate.case.runs[0].unsure
+
+
+def test_what_a_stamp_is_off_counts_as_noise_where_a_channel_changes(case):
+    """The nominal robot leaves a gap of one, though its samples are off by far more than their sensors' noise."""
+    late = stamped(case, 0.002)
+    cleaned = examine(late).case
+    model = nominal_model(case.robot)
+
+    def left(runs):
+        return gap(pooled([errors(log, case.robot, replay_run(model, run_inputs(log, case.robot))) for log in runs]))
+
+    assert left(late.runs) > 1.1
+    assert left(cleaned.runs) == pytest.approx(1.0, abs=0.1)

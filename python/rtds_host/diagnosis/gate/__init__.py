@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
-from rtds_host.diagnosis.gate import cuts, glitches, rounding, sensors, timing, units
+from rtds_host.diagnosis.gate import cuts, glitches, rounding, sensors, stamps, timing, units
 from rtds_host.diagnosis.gate.findings import SEVERITIES, Finding, Gate, Timing, merged, percent
 from rtds_host.diagnosis.gate.limits import Limits, channels, limits
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
@@ -50,6 +50,8 @@ def examine(case: Case) -> Gate:
     cleaned, told, lags = _compared(cleaned, bounds)
     found += told
     _enough(cleaned)
+    cleaned, stamps_s, told = stamps.settled(cleaned, noise)
+    found += told
     found += _rounded(noise, steps, declared)
     commands = [timing.command_findings(log, cleaned, bounds.time_constant_s) for log in cleaned.runs]
     found += [f for findings, _, _ in commands for f in findings]
@@ -64,7 +66,7 @@ def examine(case: Case) -> Gate:
     apart = [a for _, a, _ in commands if math.isfinite(a)]
     times = [timing.sampled(log, cleaned) for log in cleaned.runs]
     clock = Timing(step_s=float(np.median([np.median(np.diff(t)) for t in times])),
-                   jitter_s=float(np.median([timing.jitter(t) for t in times])),
+                   jitter_s=float(np.median([timing.jitter(t) for t in times])), stamps_s=stamps_s,
                    lag_s=timing.lags_of(lags), command_step_s=float(np.median(apart)) if apart else math.nan,
                    commands_enough=all(enough for _, _, enough in commands))
     return Gate(tuple(found), cleaned, noise, clock)

@@ -31,6 +31,7 @@ class Timing:
     step_s : median time between samples of the wheels, s.
     jitter_s : one standard deviation of the stamps about an even clock, s; 0 where rows are uneven but not back and
         forth, as those of an event-driven logger.
+    stamps_s : one standard deviation of how far the stamps are off by what the angles say, s.
     lag_s : channel -> how much later than the nominal robot it answers the command, s (negative: earlier); only
         channels for which it is certain. Effects, sensors and clocks together; a lag of 0 stands as 0.
     command_step_s : median time between changes of a command, s; NaN where none changes twice.
@@ -39,6 +40,7 @@ class Timing:
 
     step_s: float
     jitter_s: float
+    stamps_s: float
     lag_s: dict[str, float]
     command_step_s: float
     commands_enough: bool

@@ -1,0 +1,81 @@
+"""What every robot differs in from its file, within known tolerances, and what is no effect therefore (contract, sections 2, 7)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from rtds_host.contract import Robot
+from rtds_host.diagnosis.replay.model import Model
+
+# One sigma of the logarithm of R, K, J and B.
+PRIOR = 0.01
+# Tolerances are said to be 1 % (one sigma): half of them within 0.7 of it, none beyond this many.
+LIMIT = 3.5
+# A servo's declared gains are known to a factor of two, gains that nobody declared to one of ten.
+SERVO_PRIOR, SERVO_PRIOR_UNDECLARED = math.log(2.0), math.log(10.0)
+# A speed command passes a bus and waits for the cycle of the board behind it, and what comes back is stamped when it is read:
+# boards and servo buses are asked 50 to 200 times a second.
+LATENCY_S = 0.01
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """One nuisance of a side, or (`side` None) of the whole robot.
+
+    keys : its name in the file -> the model's entry; nominal : by key, SI; sigma : one sigma of its logarithm, or, where the file
+    knows no such thing (`added`), of its value, which cannot be negative.
+    """
+
+    name: str
+    side: int | None
+    keys: dict[str, str]
+    nominal: dict[str, float]
+    sigma: float
+    added: bool = False
+
+    @property
+    def low(self) -> float:
+        """Least value, in sigmas."""
+        return 0.0 if self.added else -LIMIT
+
+    def values(self, z: float) -> dict[str, float]:
+        """What the file would have to say, SI, at z sigmas."""
+        return {key: self.sigma * max(z, 0.0) if self.added else self.nominal[key] * math.exp(self.sigma * z) for key in self.keys}
+
+    def apply(self, model: Model, z: float) -> None:
+        """Put it into a model at z sigmas."""
+        sides = (0, 1) if self.side is None else (self.side,)
+        values = self.values(z)
+        for key, slot in self.keys.items():
+            if self.added:
+                model.put(slot, values[key], sides)
+            else:
+                model.scale(slot, math.exp(self.sigma * z), sides)
+
+
+# Names in [motor] and [servo] -> entries of the model; those of a nuisance vary together.
+MOTOR = {"resistance": {"resistance_ohm": "resistance"},
+         "constant": {"torque_constant_nm_per_a": "torque_constant", "back_emf_constant_v_s_per_rad": "back_emf"},
+         "inertia": {"rotor_inertia_kg_m2": "rotor_inertia"},
+         "viscous": {"viscous_friction_nm_s_per_rad": "viscous"}}
+SERVO = {"servo_kp": {"kp_v_s_per_rad": "servo_kp"}, "servo_ki": {"ki_v_per_rad": "servo_ki"}}
+LATENCY = {"latency_s": "command_delay"}
+# Name in a diagnosis' `nominal_fit` -> entry of the model.
+ENTRIES = {key: slot for keys in (*MOTOR.values(), *SERVO.values(), LATENCY) for key, slot in keys.items()}
+
+
+def nuisances_of(robot: Robot, nominal: Model) -> list[Nuisance]:
+    """Those that play a part on a robot or an axis, whose nominal model is given."""
+    found = []
+    winding = ("resistance", "constant") if robot.driver.mode == "torque" else ()
+    for side in range(len(robot.sides)):
+        for name, keys in MOTOR.items():
+            if name not in winding and nominal.get(next(iter(keys.values())), side) > 0:
+                found.append(Nuisance(name, side, keys, {key: getattr(robot.motor, key) for key in keys}, PRIOR))
+    if robot.driver.mode == "speed":
+        sigma = SERVO_PRIOR if robot.servo.declared else SERVO_PRIOR_UNDECLARED
+        found += [Nuisance(name, None, keys, {key: getattr(robot.servo, key) for key in keys}, sigma)
+                  for name, keys in SERVO.items() if nominal.get(name) > 0]
+        found.append(Nuisance("latency", None, LATENCY, {"latency_s": 0.0}, LATENCY_S, added=True))
+    return found
