@@ -22,7 +22,7 @@ from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitE
 from rtds_host.robot.split import share
 
 # Where each slot acts: "rtl" in the motor unit, "robot" in the physics engine or in the layer before it, "signal" on
-# the way of the measured values, "refused" where the simulator has no such robot.
+# the way of the measured values, "log" outside of it, "refused" where the simulator has no such robot.
 PLACES = {
     **dict.fromkeys(("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia", "viscous",
                      "voltage_gain", "pwm_curve", "deadzone", "drop", "limit", "heat_rise", "heat_tau", "coulomb", "stribeck",
@@ -32,9 +32,11 @@ PLACES = {
     **dict.fromkeys(("radius", "backlash", "restitution", "stiffness", "damping", "slip", "slip_relaxation",
                      "slip_damping", "slip_grip", "mass", "yaw_inertia", "wheel_inertia", "track", "scrub", "com_x", "com_y", "slope_extra"), "robot"),
     **dict.fromkeys(("speed_gain", "current_gain", "current_bias", "speed_tau", "gyro_gain", "gyro_bias",
-                     "measurement_delay", "bus_measured"), "signal"),
+                     "measurement_delay", "latency", "bus_measured"), "signal"),
     **dict.fromkeys(("mode", "torque_per_volt", "servo_kp", "servo_ki", "servo_limit", "servo_period", "axis",
                      "axis_inertia", "axis_mass", "axis_arm", "axis_zero"), "refused"),
+    # Clocks of a log that disagree: the simulator has one.
+    **dict.fromkeys(("gyro_late", "pose_late"), "log"),
 }
 _UNPLACED = sorted((SIDE.keys() | COMMON.keys()) ^ PLACES.keys())
 if _UNPLACED:
@@ -57,7 +59,7 @@ class _Slots:
 
     def __init__(self, model: Model):
         self._model = model
-        self.unread = SIDE.keys() | COMMON.keys()
+        self.unread = {name for name in SIDE.keys() | COMMON.keys() if PLACES[name] != "log"}
 
     def __call__(self, name: str, side: int = 0) -> float:
         self.unread = self.unread - {name}
@@ -103,7 +105,7 @@ def translate(model: Model, robot: Robot, payload_kg: float = 0.0, start_angles:
     sensors = SensorValues(speed_gain=get.pair("speed_gain"), current_gain=get.pair("current_gain"),
                            current_bias_a=get.pair("current_bias"), speed_filter_s=get.pair("speed_tau"),
                            gyro_gain=get("gyro_gain"), gyro_bias_rad_s=get("gyro_bias"),
-                           delay_s=get("measurement_delay"))
+                           delay_s=get("measurement_delay") + get("latency"))
     correction = Correction(units=units, supply=supply, body=body, gears=gears, scrub_nm=get("scrub"),
                             sensors=sensors, bus_measured=get("bus_measured") > 0,
                             carrying=_carrying(units, gears, body, payload_kg, robot))

@@ -19,6 +19,7 @@ from rtds_host.diagnosis.fit import Fit, parameters
 from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.heldout import HeldOut, held_out
 from rtds_host.diagnosis.localise import localise
+from rtds_host.diagnosis.nuisances import CLOCKS
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.search import Search
@@ -29,6 +30,8 @@ Z90 = 1.6448536269514722
 REST_OF_KNOWN = 0.3
 # Numerical: a nuisance that moved by less than so many of its sigmas did not move.
 MOVED = 0.01
+# The same of a clock, in sigmas of some milliseconds: less is a rounding of the stamps.
+MOVED_CLOCK = 0.1
 # A parameter whose sigma is larger than this many of its spreads is not pinned by the runs.
 PINNED = 2.0
 
@@ -127,9 +130,10 @@ def conclude(found: Investigation, gate: Gate | None,
         "schema": SCHEMA,
         "verdict": verdict,
         "located": [{**row, "share": _round(row["share"])} for row in located],
-        "effects": [_effect(problem, weighed, one, held) for one in weighed.standing],
+        "effects": [_effect(problem, weighed, one, held, gate.timing.stamps_s) for one in weighed.standing],
         "budget": [{**row, "share": _round(row["share"])} for row in rows],
         "nominal_fit": _nominal_fit(problem, weighed.fit),
+        **_clocks(problem, weighed.fit),
         "alternatives": _alternatives(problem, weighed, verdict),
         "indistinguishable": [[_named(problem, member) for member in members] for members in weighed.alike],
         "gap": {
@@ -197,7 +201,7 @@ def _sigmas(problem: Problem, fit: Fit) -> np.ndarray:
     return np.sqrt(np.max(variances, axis=0))[len(fit.z):]
 
 
-def _effect(problem: Problem, weighed: Account, one: Standing, held: HeldOut) -> dict:
+def _effect(problem: Problem, weighed: Account, one: Standing, held: HeldOut, stamps_s: float) -> dict:
     fit = weighed.fit
     sigma = dict(zip(_keys(fit), _sigmas(problem, fit)))
     free = dict(zip(_keys(fit), fit.free[len(fit.z):]))
@@ -209,7 +213,9 @@ def _effect(problem: Problem, weighed: Account, one: Standing, held: HeldOut) ->
         pinned = free[key] and sigma[key] < PINNED
         # Of what is absent far off, a stiff spring, a high limit, the size is the value itself.
         size = abs(values[p.name] - p.null) if p.null in (0.0, 1.0) else abs(values[p.name])
-        spread = Z90 * math.hypot(sigma[key] * p.slope(values[p.name]), effect.form * size)
+        # Commands have the same stamps as samples: a delay is known no better than these are.
+        stamps = stamps_s if effect.subsystem == "timing" else 0.0
+        spread = Z90 * math.hypot(sigma[key] * p.slope(values[p.name]), effect.form * size, stamps)
         name, _, unit = p.reported(problem.robot.axis)
         low, high = max(values[p.name] - spread, p.low), min(values[p.name] + spread, p.high)
         entry[name] = {"value": _round(unit * values[p.name]), "ci90": [_round(unit * low), _round(unit * high)] if pinned else None}
@@ -224,12 +230,19 @@ def _keys(fit: Fit) -> list[tuple[tuple[str, str], str]]:
 def _nominal_fit(problem: Problem, fit: Fit) -> dict:
     result: dict[str, dict[str, float]] = {}
     for z, nuisance in zip(fit.z, problem.nuisances):
-        if abs(z) < MOVED:
+        if abs(z) < MOVED or CLOCKS.keys() & nuisance.keys.keys():
             continue
         for key, value in nuisance.values(z).items():
             for suffix in problem.robot.sides if nuisance.side is None else ("lr"[nuisance.side],):
                 result.setdefault(suffix, {})[key] = _round(value, 8)
     return result
+
+
+def _clocks(problem: Problem, fit: Fit) -> dict:
+    """What the clocks are off, s, as the diagnosis' `clocks`; nothing where they agree."""
+    late = {key: _round(value, 4) for z, nuisance in zip(fit.z, problem.nuisances) if abs(z) >= MOVED_CLOCK
+            for key, value in nuisance.values(z).items() if key in CLOCKS}
+    return {"clocks": late} if late else {}
 
 
 def _named(problem: Problem, member: tuple[str, str]) -> dict[str, str]:

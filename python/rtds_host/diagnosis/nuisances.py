@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from rtds_host.contract import Robot
+from rtds_host.contract import Case
 from rtds_host.diagnosis.replay.model import Model
 
 # One sigma of the logarithm of R, K, J and B.
@@ -17,6 +17,8 @@ SERVO_PRIOR, SERVO_PRIOR_UNDECLARED = math.log(2.0), math.log(10.0)
 # A speed command passes a bus and waits for the cycle of the board behind it, and what comes back is stamped when it is read:
 # boards and servo buses are asked 50 to 200 times a second.
 LATENCY_S = 0.01
+# Gyro and pose come from devices of their own, whose clocks are some milliseconds off the wheels' (contract, section 1).
+SKEW_S = 0.003
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class Nuisance:
     """One nuisance of a side, or (`side` None) of the whole robot.
 
     keys : its name in the file -> the model's entry; nominal : by key, SI; sigma : one sigma of its logarithm, or, where the file
-    knows no such thing (`added`), of its value, which cannot be negative.
+    knows no such thing (`nominal` empty), of its value; low : its least value, in sigmas.
     """
 
     name: str
@@ -32,26 +34,21 @@ class Nuisance:
     keys: dict[str, str]
     nominal: dict[str, float]
     sigma: float
-    added: bool = False
-
-    @property
-    def low(self) -> float:
-        """Least value, in sigmas."""
-        return 0.0 if self.added else -LIMIT
+    low: float = -LIMIT
 
     def values(self, z: float) -> dict[str, float]:
         """What the file would have to say, SI, at z sigmas."""
-        return {key: self.sigma * max(z, 0.0) if self.added else self.nominal[key] * math.exp(self.sigma * z) for key in self.keys}
+        return {key: self.nominal[key] * math.exp(self.sigma * z) if self.nominal else self.sigma * z for key in self.keys}
 
     def apply(self, model: Model, z: float) -> None:
         """Put it into a model at z sigmas."""
         sides = (0, 1) if self.side is None else (self.side,)
         values = self.values(z)
         for key, slot in self.keys.items():
-            if self.added:
-                model.put(slot, values[key], sides)
-            else:
+            if self.nominal:
                 model.scale(slot, math.exp(self.sigma * z), sides)
+            else:
+                model.put(slot, values[key], sides)
 
 
 # Names in [motor] and [servo] -> entries of the model; those of a nuisance vary together.
@@ -60,13 +57,16 @@ MOTOR = {"resistance": {"resistance_ohm": "resistance"},
          "inertia": {"rotor_inertia_kg_m2": "rotor_inertia"},
          "viscous": {"viscous_friction_nm_s_per_rad": "viscous"}}
 SERVO = {"servo_kp": {"kp_v_s_per_rad": "servo_kp"}, "servo_ki": {"ki_v_per_rad": "servo_ki"}}
-LATENCY = {"latency_s": "command_delay"}
-# Name in a diagnosis' `nominal_fit` -> entry of the model.
-ENTRIES = {key: slot for keys in (*MOTOR.values(), *SERVO.values(), LATENCY) for key, slot in keys.items()}
+LATENCY = {"latency_s": "latency"}
+SKEWS = {"gyro_z": {"gyro_late_s": "gyro_late"}, "yaw": {"pose_late_s": "pose_late"}}
+# Name in a diagnosis' `nominal_fit`, and in its `clocks` -> entry of the model.
+ENTRIES = {key: slot for keys in (*MOTOR.values(), *SERVO.values()) for key, slot in keys.items()}
+CLOCKS = {key: slot for keys in (LATENCY, *SKEWS.values()) for key, slot in keys.items()}
 
 
-def nuisances_of(robot: Robot, nominal: Model) -> list[Nuisance]:
-    """Those that play a part on a robot or an axis, whose nominal model is given."""
+def nuisances_of(case: Case, nominal: Model) -> list[Nuisance]:
+    """Those that play a part on the robot or the axis of a case, whose nominal model is given."""
+    robot = case.robot
     found = []
     winding = ("resistance", "constant") if robot.driver.mode == "torque" else ()
     for side in range(len(robot.sides)):
@@ -77,5 +77,8 @@ def nuisances_of(robot: Robot, nominal: Model) -> list[Nuisance]:
         sigma = SERVO_PRIOR if robot.servo.declared else SERVO_PRIOR_UNDECLARED
         found += [Nuisance(name, None, keys, {key: getattr(robot.servo, key) for key in keys}, sigma)
                   for name, keys in SERVO.items() if nominal.get(name) > 0]
-        found.append(Nuisance("latency", None, LATENCY, {"latency_s": 0.0}, LATENCY_S, added=True))
+        found.append(Nuisance("latency", None, LATENCY, {}, LATENCY_S, low=0.0))
+    if robot.chassis is not None:
+        found += [Nuisance(f"{channel} clock", None, keys, {}, SKEW_S) for channel, keys in SKEWS.items()
+                  if robot.noise(channel) is not None and any(log.has(channel) for log in case.runs)]
     return found

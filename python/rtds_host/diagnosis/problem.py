@@ -127,7 +127,7 @@ class Problem:
         self.case = case
         self.robot = case.robot
         self.nominal = nominal_model(case.robot)
-        self.nuisances = nuisances_of(case.robot, self.nominal)
+        self.nuisances = nuisances_of(case, self.nominal)
         self.effects: dict[str, Effect] = catalogue(case.robot, case.runs)
         self.threads = max(threads, 1)
         self.headings: dict[str, float] = {}

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from rtds_host.diagnosis import ripple
+from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.evidence import believed, compared, worth_naming
 from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, joined, scaled, to_values
 from rtds_host.diagnosis.gap import LEAST
@@ -40,7 +41,8 @@ EXCHANGES = 3
 ROUGHLY, FAR = 20.0, 200.0
 # Numerical: steps of a fit in earnest, and of a rough one.
 ITERATIONS, ROUGH_ITERATIONS = 8, 4
-# Sizes to look at about one whose misfit is rough (impacts, resonances), as factors.
+# Numerical: sizes to look at about one whose misfit is rough (impacts, resonances, steps that come late), as factors.
+COARSE = (0.6, 0.88, 1.35, 1.6, 2.0)
 ROUGH_FACTORS = (0.6, 0.75, 0.83, 0.88, 0.92, 0.96, 1.04, 1.08, 1.13, 1.2, 1.35, 1.6)
 
 
@@ -92,7 +94,7 @@ class Search:
         """Fit an explanation, starting from the nuisances and the discrepancy of another; remember the better of this and
         an earlier fit. `rough`: with the other's derivatives by the effects that both hold."""
         z, noise = beside.z, beside.noise
-        if len(z) and not rough:
+        if len(z):
             # Nuisances that bent to stand in for an effect are a poor place to start from.
             starts = [z, np.zeros_like(z)]
             values = to_values(self.effects, hypothesis, start)
@@ -164,12 +166,28 @@ class Search:
         """Add the effect that the evidence asks for most; None if there is none."""
         found = []
         for candidate in self.promising(self._screened(fit), count):
-            hypothesis, start = joined({**fit.parts, candidate.member: candidate.start})
+            hypothesis, start = joined({**fit.parts, candidate.member: self._entered(fit, candidate)})
             found.append(self.try_fit(hypothesis, start, fit, rough=True))
         found = sorted((f for f in found if self.score(f) < self.score(fit)), key=self.score)
         # The first two are fitted in earnest: what is rough about a fit may be more than what parts them.
         found = [self.polished(self.try_fit(f.hypothesis, f.u, f), set(f.hypothesis) - set(fit.hypothesis)) for f in found[:2]]
         return min((f for f in found if self.named(f)), key=self.score, default=None)
+
+    def _entered(self, fit: Fit, candidate: Candidate) -> np.ndarray:
+        """Scaled parameters from which to fit a candidate: its own, or a size about them from which less is left to fit."""
+        effect = self.effects[candidate.member[0]]
+        if not (effect.rough or effect.steep):
+            return candidate.start
+        values, = to_values(self.effects, (candidate.member,), candidate.start)
+        starts = [candidate.start, *(scaled(self.effects, (candidate.member,), [trial]) for trial in _sizes(effect, values, COARSE))]
+        models = [apply(self.effects, self.problem.with_nuisances(z), *self._named_values(fit, candidate.member, start))
+                  for start in starts for z in (fit.z, np.zeros_like(fit.z))]
+        costs = [fit.noise.cost(r) for r in self.problem.residuals(models)]
+        return starts[int(np.argmin(costs)) // 2]
+
+    def _named_values(self, fit: Fit, member: tuple[str, str], start: np.ndarray) -> tuple[Hypothesis, list[dict[str, float]]]:
+        hypothesis, u = joined({**fit.parts, member: start})
+        return hypothesis, to_values(self.effects, hypothesis, u)
 
     def polished(self, fit: Fit, members: Iterable[tuple[str, str]]) -> Fit:
         """Look about an optimum of some effects whose misfit has many minima, and fit again from what is found there."""
@@ -198,8 +216,7 @@ class Search:
         effect, values = self.effects[member[0]], fit.values[fit.hypothesis.index(member)]
         found = []
         if effect.rough:
-            p = effect.parameters[0]
-            found = [{**values, p.name: min(max(factor * values[p.name], p.low), p.high)} for factor in ROUGH_FACTORS]
+            found = _sizes(effect, values, ROUGH_FACTORS)
         if effect.periodic:
             outs = self.problem.replay(fit.model(self.problem))
             found = ripple.neighbours(values, ripple.turned(outs, member[1]))
@@ -392,3 +409,9 @@ class Search:
                 self.fits = {h: self.fitter.fit(h, f.u, f.z, f.noise, ITERATIONS) for h, f in kept.items()}
                 fit = self.fits[fit.hypothesis]
         return fit
+
+
+def _sizes(effect: Effect, values: dict[str, float], factors: Iterable[float]) -> list[dict[str, float]]:
+    """Parameters with the effect's size multiplied by each factor, within its bounds."""
+    p = effect.parameters[0]
+    return [{**values, p.name: min(max(factor * values[p.name], p.low), p.high)} for factor in factors]

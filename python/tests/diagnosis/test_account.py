@@ -40,6 +40,17 @@ def test_no_effect_is_none_even_with_motors_that_scatter():
     assert diagnosis["gap"]["refit"] < 1.05
 
 
+def test_clocks_of_gyro_and_pose_that_are_some_milliseconds_off_are_no_cause():
+    """At a fifth of a metre a second a millimetre of noise is five milliseconds of a sample's, half of one of a run's."""
+    def skewed(model):
+        model.put("gyro_late", 0.004)
+        model.put("pose_late", -0.003)
+
+    diagnosis, _ = run(make_case(skewed, seed=21))
+    assert diagnosis["verdict"] == "none" and diagnosis["gap"]["before"] > 1.2 > 1.05 > diagnosis["gap"]["refit"]
+    assert diagnosis["clocks"] == {"gyro_late_s": pytest.approx(0.004, abs=2e-4), "pose_late_s": pytest.approx(-0.003, abs=1e-3)}
+
+
 @pytest.mark.parametrize("slot,amount,sides,effect,side,parameter", [
     ("coulomb", 0.03, (0, 1), "coulomb_friction", "both", "torque_nm"),
     ("command_delay", 0.006, (0, 1), "command_delay", "both", "seconds"),
@@ -200,7 +211,7 @@ def test_a_blemish_without_a_gap_is_none(slot, gain):
 def test_a_fair_effect_is_no_blemish_for_a_small_one_beside_it_that_explains_more():
     def change(model):
         model.add("command_delay", 0.0029)
-        model.scale("resistance", 1.12, (0,))
+        model.scale("resistance", 1.15, (0,))
 
     diagnosis, _ = run(make_case(change, seed=34))
     assert set(blamed(diagnosis)) == {("command_delay", "both"), ("resistance_error", "left")}

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 from invariance.transform import MIRROR, Transformation
+
+
+# Parameters with a sign that a mirror turns round.
+TURNED = ("y_m", "rad_s")
 
 
 def _named(effects: list[dict], mirrored: bool) -> dict[tuple[str, str], dict]:
@@ -13,7 +19,8 @@ def differences(base: dict, other: dict, change: Transformation) -> list[str]:
     """What of the answer `other` is not as it should be beside `base`, one clause each; [] is a good cell.
 
     Where the answer must stay: the verdict, the effects with their sides, and each size within the base's 90 % interval
-    (a null interval bounds nothing; of what changes its sign in a mirror the magnitude counts). Where information is
+    (a null interval bounds nothing; of what changes its sign in a mirror the magnitude counts; where samples get other noise,
+    within both intervals together). Where information is
     lost: no effect may be named that the base does not name or hold for a twin of what it names.
     """
     told, known = _named(other["effects"], change.mirrored), _named(base["effects"], False)
@@ -33,8 +40,12 @@ def differences(base: dict, other: dict, change: Transformation) -> list[str]:
                 continue
             low, high = was["ci90"]
             value = now["value"]
-            if change.mirrored and name == "y_m":
+            if change.mirrored and name in TURNED:
                 value = -value
+            if change.noisier and now["ci90"] is not None:
+                # Other noise in the samples: what two draws of a size may differ by.
+                wide = math.hypot(high - low, now["ci90"][1] - now["ci90"][0]) / 2.0
+                low, high = (low + high) / 2.0 - wide, (low + high) / 2.0 + wide
             if not low <= value <= high:
                 found.append(f"{key[0]} {key[1]}: {name} {value:.3g} outside of {low:.3g} to {high:.3g}")
     return found

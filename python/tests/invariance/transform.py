@@ -25,7 +25,8 @@ MIRROR = {"left": "right", "right": "left", "both": "both"}
 
 @dataclass(frozen=True)
 class Transformation:
-    """A change of a case; `same`: the answer must stay (else only less may be said, nothing else); `mirrored`: sides change.
+    """A change of a case; `same`: the answer must stay (else only less may be said, nothing else); `mirrored`: sides change;
+    `noisier`: samples get other noise than they had.
 
     `apply` gives None where a case has nothing to change (no such channel).
     """
@@ -34,6 +35,7 @@ class Transformation:
     apply: Callable[[Case], Case | None]
     same: bool = True
     mirrored: bool = False
+    noisier: bool = False
 
 
 def _each(case: Case, change: Callable[[RunLog], RunLog]) -> Case:
@@ -213,10 +215,10 @@ TABLE = (
     Transformation("other names and order", renamed),
     Transformation("parquet", lambda c: stored(c, "parquet")),
     Transformation("csv", lambda c: stored(c, "csv")),
-    Transformation("two decimals", lambda c: decimals(c, 2)),
-    Transformation("three digits", lambda c: digits(c, 3)),
+    Transformation("two decimals", lambda c: decimals(c, 2), noisier=True),
+    Transformation("three digits", lambda c: digits(c, 3), noisier=True),
     *(Transformation(f"glitch in {channel}", lambda c, channel=channel: glitch(c, channel)) for channel in CHANNELS),
-    Transformation("1 ms of jitter", jittered),
+    Transformation("1 ms of jitter", jittered, noisier=True),
     Transformation("5 ms of skew", skewed, same=False),
     Transformation("every second sample", every_second, same=False),
     Transformation("start missing", lambda c: cut_short(c, True), same=False),

@@ -83,7 +83,8 @@ class Effect:
     parameters rest. `erratic`: the motion it causes hangs on small
     differences, so that no replay follows it for long. `separate`: each parameter is a part of its own, absent where only
     another one is there. `nonlinear`: its signature changes its form with its size, and with what the other side does.
-    `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima. `without_winding`:
+    `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima. `steep`: its
+    misfit falls only near the right size (steps of a signal that come late). `without_winding`:
     it exists on a machine whose torque is commanded. `check`: a measurement by hand that shows this effect and none of
     `confused_with`; `advice`: what to do once it is shown. `seen_by`: channels (without side) of which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
     "robot" or "signal". `restarts`: parameters to fit from as well, where the misfit has more than one minimum. `form`: what
@@ -111,6 +112,7 @@ class Effect:
     nonlinear: bool = False
     periodic: bool = False
     rough: bool = False
+    steep: bool = False
     without_winding: bool = True
     seen_by: tuple[str, ...] = ()
     restarts: tuple[Mapping[str, float], ...] = ()

@@ -17,6 +17,7 @@ EFFECT = Effect(
     shown_by="steps with the pose measured",
     check="Put an oscilloscope on the command's line and on the motor's terminals: the voltage comes late.",
     advice="Shorten the bus cycle to the driver, or predict over the delay in the controller.",
+    steep=True,
     runs_in="rtl",
     form=0.005,
 )

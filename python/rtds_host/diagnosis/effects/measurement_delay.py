@@ -18,6 +18,7 @@ EFFECT = Effect(
     check="Stop the wheel against a hard stop in view of a camera, or a light barrier, that shares the log's clock: "
           "the log shows the stop late.",
     advice="Stamp the samples at the sensor, or shift them by the delay.",
+    steep=True,
     runs_in="signal",
     form=0.005,
 )

@@ -19,6 +19,8 @@ from rtds_host.diagnosis.gate.findings import Finding
 STEADY = 0.1
 # Fewest pairs of steps, and how many standard errors from none a variance is that is believed.
 FEWEST, CERTAIN = 20, 4.0
+# Mean magnitude of a normal variable of unit variance.
+MEAN_OF_NORMAL = math.sqrt(2.0 / math.pi)
 
 
 def stamp_error(case: Case, noise: dict[str, float]) -> float:
@@ -50,7 +52,11 @@ def _variances(log: RunLog, speed: str, angle: str, noise: dict[str, float]) -> 
 
 
 def unsure(log: RunLog, stamps_s: float, noise: dict[str, float]) -> RunLog:
-    """The run with what stamps that are off by `stamps_s` add to each sample's noise: as much as the channel changes in it."""
+    """The run with what stamps that are off by `stamps_s` add to each sample's noise: as much as the channel changes in it.
+
+    A current changes by jumps, at some instant between two samples: by all of one, as often as that instant lies between
+    the sample and its stamp.
+    """
     found = {}
     for channel, sigma in noise.items():
         if not log.has(channel):
@@ -60,9 +66,12 @@ def unsure(log: RunLog, stamps_s: float, noise: dict[str, float]) -> RunLog:
             continue
         dt = np.diff(log.t[rows])
         dt = np.maximum(dt, 0.5 * float(np.median(dt)))
-        squares = np.maximum((np.diff(log.columns[channel][rows]) ** 2 - 2.0 * sigma**2) / dt**2, 0.0)
+        share = stamps_s / dt
+        if channel.startswith("i_"):
+            share = np.sqrt(np.minimum(share * MEAN_OF_NORMAL, 1.0))
+        squares = share**2 * np.maximum(np.diff(log.columns[channel][rows]) ** 2 - 2.0 * sigma**2, 0.0)
         added = np.zeros(len(log.t))
-        added[rows] = stamps_s * np.sqrt(0.5 * (np.append(squares, squares[-1]) + np.append(squares[0], squares)))
+        added[rows] = np.sqrt(0.5 * (np.append(squares, squares[-1]) + np.append(squares[0], squares)))
         found[channel] = added
     return replace(log, unsure=found)
 

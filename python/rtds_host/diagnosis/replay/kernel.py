@@ -54,6 +54,7 @@ SLOPE_X, GYRO_GAIN, GYRO_BIAS, CMD_DELAY, MEAS_DELAY = (COMMON_INDEX[n] for n in
     "slope_extra", "gyro_gain", "gyro_bias", "command_delay", "measurement_delay"))
 MODE, TORQUE_V, BUS_MEAS = (COMMON_INDEX[n] for n in ("mode", "torque_per_volt", "bus_measured"))
 KP, KI, SERVO_LIMIT, SERVO_T = (COMMON_INDEX[n] for n in ("servo_kp", "servo_ki", "servo_limit", "servo_period"))
+LATENCY = COMMON_INDEX["latency"]
 AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = (COMMON_INDEX[n] for n in ("axis", "axis_inertia", "axis_mass", "axis_arm",
                                                                "axis_zero"))
 
@@ -105,7 +106,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     pull = mass * GRAVITY * math.sin(slope)
     half = 0.5 * com[TRACK]
     dc = com[CMD_DELAY]
-    dm = com[MEAS_DELAY]
+    dp = com[LATENCY]
+    dm = com[MEAS_DELAY] + dp
     scrub = com[SCRUB]
 
     x, y, yaw = start[0], start[1], start[2]
@@ -201,7 +203,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     now = t[0]
     kc = 0                    # next command to act, at t_cmd[kc] + dc
     ka = 0                    # next delayed sample, the state at t[ka] - dm
-    kp = 0                    # next pose sample, at t[kp]
+    kp = 0                    # next pose sample, at t[kp] - dp
     servo_next = t[0]
     bus = supply
     row_bus = bus_log[0]
@@ -210,7 +212,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     end = t[n - 1]
     while kp < n or ka < n:
         # ---- events at this instant: samples first, then commands (contract, section 1)
-        while kp < n and t[kp] <= now + 1e-9:
+        while kp < n and t[kp] - dp <= now + 1e-9:
             out[kp, 8] = x
             out[kp, 9] = y
             out[kp, 10] = yaw
@@ -267,7 +269,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
         # ---- next event
         ahead = end + 1.0
         if kp < n:
-            ahead = min(ahead, t[kp])
+            ahead = min(ahead, t[kp] - dp)
         if ka < n:
             ahead = min(ahead, t[ka] - dm)
         if kc < m:

@@ -9,7 +9,7 @@ import numpy as np
 
 from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis.replay import kernel
-from rtds_host.diagnosis.replay.slots import COMMON, COMMON_INDEX, OUTPUTS, SIDE, SIDE_INDEX
+from rtds_host.diagnosis.replay.slots import COMMON, COMMON_INDEX, OUTPUT_INDEX, OUTPUTS, SIDE, SIDE_INDEX
 
 # Longest step of the search: its error moves no sample by more than about a quarter of its noise (steps of 20 V), and
 # chi2 by a few units. What is reported is replayed at `REPORT_STEP_S`, at which these are a tenth of that.
@@ -23,6 +23,10 @@ SPRING_STEP_RAD = 0.1
 # A piece starts from a parabola over so many rows to either side, and knows so many commands from before.
 START_ROWS = 2
 HISTORY_ROWS = 200
+# How long before a run that begins in motion its first command is taken to have been in force: longer than any delay.
+BEFORE_S = 1.0
+# Outputs of devices with a clock of their own.
+CLOCKS = {"gyro_late": (OUTPUT_INDEX["gyro_z"],), "pose_late": tuple(OUTPUT_INDEX[c] for c in ("x", "y", "yaw"))}
 
 
 @dataclass
@@ -170,11 +174,20 @@ def start_state(log: RunLog, robot: Robot) -> np.ndarray:
 
 
 def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
-    """What the kernel needs of a run: sample times (n,), command times (n,), commands (n, 2), bus (n,), angles to follow (0, 2),
+    """What the kernel needs of a run: sample times (n,), command times (m,), commands (m, 2), bus (m,), angles to follow (0, 2),
     run (4,), start (11,).
 
-    Times count from the run's first row: since 1970 a double has a quarter of a microsecond, and steps add up.
+    Times count from the run's first row: since 1970 a double has a quarter of a microsecond, and steps add up. A robot that
+    moves in the first row was under command before: under that row's, as far as anyone knows.
     """
+    t, t_cmd, commands, bus, angle, run, start = _inputs(log, robot)
+    if robot.chassis is not None and start[5:7].any():
+        t_cmd, commands, bus = np.append(-BEFORE_S, t_cmd), np.vstack([commands[:1], commands]), np.append(bus[0], bus)
+    return t, t_cmd, commands, bus, angle, run, start
+
+
+def _inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
+    """The same with a command a row, none from before."""
     commands = log.commands(robot.driver.mode)
     if commands.shape[1] == 1:
         commands = np.column_stack([commands[:, 0], np.zeros(len(commands))])
@@ -204,7 +217,7 @@ def _angle(log: RunLog, side: str, start: float) -> np.ndarray:
 
 def stretch_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.ndarray, ...]:
     """The same for rows first <= k < last of a robot's run, started from what is measured at the first of them."""
-    t, _, commands, bus, angle, run, _ = run_inputs(log, robot)
+    t, _, commands, bus, angle, run, _ = _inputs(log, robot)
     before = max(0, first - HISTORY_ROWS)
     return (np.ascontiguousarray(t[first:last]), np.ascontiguousarray(t[before:last]), np.ascontiguousarray(commands[before:last]),
             np.ascontiguousarray(bus[before:last]), angle, run, start_state(log.rows(first, last), robot))
@@ -217,8 +230,7 @@ def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.n
     filter and no delay into the state), else from the speed's own samples. Commands from before stay known, for effects
     that make them late.
     """
-    t, _, commands, bus, angle, run, start = run_inputs(log, robot)
-    start = start.copy()
+    t, _, commands, bus, angle, run, start = _inputs(log, robot)
     half = START_ROWS * float(np.median(np.diff(t)))
     about = np.abs(t - t[first]) <= half * (1.0 + 1e-6)
     for k, side in enumerate(robot.sides):
@@ -273,4 +285,8 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     t, t_cmd, commands, bus, angle, run, start = inputs
     out = np.empty((len(t), len(OUTPUTS)))
     kernel.replay(t, t_cmd, commands, bus, angle, model.side, model.common, run, start, step_s or model.step_s, FINE_STEP_S, out)
+    for slot, columns in CLOCKS.items():
+        if late := model.get(slot):
+            for k in columns:
+                out[:, k] = np.interp(t - late, t, out[:, k])
     return out

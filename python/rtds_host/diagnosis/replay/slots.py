@@ -45,6 +45,7 @@ SIDE = {
     "current_bias": (0.0, "A", "sensor"),
     "speed_tau": (0.0, "s", "sensor's low-pass filter"),
 }
+# New entries go last, here and above: a compiled kernel is kept by the date of kernel.py, and holds indices.
 COMMON = {
     "gear_ratio": (None, "1", ""),
     "supply": (None, "V", "nominal"),
@@ -75,6 +76,9 @@ COMMON = {
     "axis_mass": (0.0, "kg", "pendulum or carriage"),
     "axis_arm": (0.0, "m", "length, or travel a radian"),
     "axis_zero": (0.0, "rad", "pendulum hanging down"),
+    "gyro_late": (0.0, "s", "its clock behind the wheels'"),
+    "pose_late": (0.0, "s", "its clock behind the wheels'"),
+    "latency": (0.0, "s", "of all samples"),
 }
 SIDE_INDEX = {name: k for k, name in enumerate(SIDE)}
 COMMON_INDEX = {name: k for k, name in enumerate(COMMON)}

@@ -43,6 +43,9 @@ MODELS = (("before", "nominal"), ("refit", "refitted"), ("after", "with effects"
 DIGITS = 6
 UNITS = {"v_bus": "V", "i": "A", "w": "rad/s", "th": "rad", "gyro_z": "rad/s", "x": "m", "y": "m", "yaw": "rad"}
 
+CLOCK_WORDS = {"latency_s": "from a speed command to what is read of it", "gyro_late_s": "gyro, beside the wheels",
+               "pose_late_s": "pose, beside the wheels"}
+
 
 def _asset(name: str) -> str:
     return resources.files("rtds_host.diagnosis.report").joinpath(name).read_text(encoding="utf-8")
@@ -274,6 +277,10 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
                  escape(key_unit(name))] for s, values in sorted(moved.items()) for name, value in values.items()]
         parts.append(_table([("side", False), ("value", False), ("nominal", True), ("refitted", True), ("unit", False)], rows, None,
                             "nominal_fit"))
+    if late := diagnosis.get("clocks"):
+        parts.append("<h3>Clocks of the log (no cause)</h3>")
+        rows = [[CLOCK_WORDS[name], number(1e3 * value, 3), "ms"] for name, value in late.items()]
+        parts.append(_table([("", False), ("late by", True), ("unit", False)], rows, None, "clocks"))
     return "".join(parts) + "</section>"
 
 
