@@ -6,7 +6,6 @@ import math
 
 from invariance.transform import MIRROR, Transformation
 
-
 # Parameters with a sign that a mirror turns round.
 TURNED = ("y_m", "rad_s")
 
