@@ -123,12 +123,14 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
 
 def _for_another(stretches: list[tuple[float, float]]) -> tuple[float, float] | None:
     """90 % interval of the share closed on another run of the same robot: Student's prediction from the runs there are."""
-    shares = np.array([gaps.closed(before, after) for before, after in stretches if before >= gaps.LEAST], float)
-    if len(shares) < 2:
+    counted = [(before, after) for before, after in stretches if before >= gaps.LEAST]
+    if len(counted) < 2:
         return None
+    shares = np.array([gaps.closed(before, after) for before, after in counted])
     mean, spread = float(shares.mean()), float(shares.std(ddof=1)) * math.sqrt(1.0 + 1.0 / len(shares))
     low, high = (mean + float(student.ppf(level, len(shares) - 1)) * spread for level in LEVELS)
-    return low, min(high, max(1.0, float(shares.max())))
+    # By chance a gap comes out below that of the noise, hardly by more than what counts as one.
+    return low, min(high, max(1.0 + (1.0 - 1.0 / gaps.LEAST) / (min(before for before, _ in counted) - 1.0), float(shares.max())))
 
 
 def _regimes(problem: Problem, log: RunLog, out: np.ndarray) -> dict[str, np.ndarray]:
