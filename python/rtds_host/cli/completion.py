@@ -49,7 +49,7 @@ def known_commands() -> dict[str, Known]:
 
     import typer.main
 
-    from rtds_host.cli.main import COMMANDS, MODULES
+    from rtds_host.cli.commands import COMMANDS, MODULES
 
     after, alone = _choices()
 

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
+from rtds_host.cli.commands import COMMANDS, main
 from rtds_host.cli.completion import known_commands, script
-from rtds_host.cli.main import COMMANDS, main
 from rtds_host.contract import read_run
 from rtds_host.export.table import TARGETS
 

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from rtds_host.cli.main import main
+from rtds_host.cli.commands import main
 from rtds_host.contract import RunMeta, output, read_run, staged_folder, write_atomic, write_run
 from rtds_host.errors import OutputError
 

@@ -29,7 +29,7 @@ import pytest
 import typer.main
 from page_answers import compare_output, compare_prose, read_answers
 
-from rtds_host.cli.main import COMMANDS, MODULES
+from rtds_host.cli.commands import COMMANDS, MODULES
 from rtds_host.contract import builtin_robot
 from rtds_host.robot import make_body
 from rtds_host.scenario import check_reach

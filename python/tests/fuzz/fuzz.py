@@ -38,7 +38,7 @@ import inputs
 import reference
 from reference import Refused
 
-from rtds_host.cli.main import main as rtds
+from rtds_host.cli.commands import main as rtds
 from rtds_host.compat import tomllib
 from rtds_host.contract import load_robot, read_case, read_meta, read_run
 from rtds_host.diagnosis.effects import CATALOGUE

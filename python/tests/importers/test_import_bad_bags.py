@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from import_recordings import RADIUS, Recording, stamp, turned, turtlebot, twist, wheel
 
-from rtds_host.cli.main import main
+from rtds_host.cli.commands import main
 from rtds_host.errors import InputError
 from rtds_host.importers import import_case
 from rtds_host.importers.series import NS, Series

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from import_recordings import turtlebot
 
-from rtds_host.cli.main import main
+from rtds_host.cli.commands import main
 from rtds_host.contract import RunMeta, builtin_robot_path, read_case
 from rtds_host.errors import InputError
 from rtds_host.importers import import_case

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from import_recordings import RADIUS, TRACK, Recording, stamp, turtlebot, twist, wheel
 
-from rtds_host.cli.main import main
+from rtds_host.cli.commands import main
 from rtds_host.contract import builtin_robot, read_case
 from rtds_host.diagnosis.predict import predicted_columns
 from rtds_host.errors import InputError

@@ -9,7 +9,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from rtds_host.cli.main import main
+from rtds_host.cli.commands import main
 from rtds_host.contract import RunLog, RunMeta, builtin_robot, builtin_robot_path, write_run
 from rtds_host.importers.mcap_compare import Compared, topic_name, write_comparison
 

@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from rtds_host.cli.main import main
+from rtds_host.cli.commands import main
 from rtds_host.contract import RunLog, RunMeta, builtin_robot, read_case, read_run
 from rtds_host.errors import OutputError
 from rtds_host.importers import import_case, write_mcap

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rtds_host.cli.main import main
+from rtds_host.cli.commands import main
 from rtds_host.compat import tomllib
 from rtds_host.contract import RunLog, RunMeta, builtin_robot, builtin_robot_path, write_run
 from rtds_host.diagnosis.predict import DIAGNOSIS_SCHEMAS, predicted_columns

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from rtds_host.cli.main import main
+from rtds_host.cli.commands import main
 from rtds_host.link.analog import load_paths
 
 WIRES = """format = 1

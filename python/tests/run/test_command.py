@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from rtds_host.cli.main import main
+from rtds_host.cli.commands import main
 from rtds_host.contract import builtin_robot_path, read_case
 
 SHORT = ["--duration", "1.6", "--length", "0.15", "--set", "ramp_s=0.5", "--set", "stop_s=0.5"]
