@@ -18,6 +18,9 @@ from rtds_host.robot import STEP_S
 from rtds_host.run.loop import Record, set_motors
 from rtds_host.run.plan import Plan
 
+# J. Of less that went between motors and robot, only the rounding of both energies would be compared.
+STILL_J = 1e-9
+
 
 @dataclass(frozen=True)
 class Audit:
@@ -27,14 +30,15 @@ class Audit:
     ----------
     terms : energy of both motors, summed at every simulator step.
     imbalance : drawn minus accounted over the largest term, the worse of the two motors.
-    robot_gap : (work at the shafts minus energy gained by the robot) over the work exchanged in both directions.
+    robot_gap : (work at the shafts minus energy gained by the robot) over the work exchanged in both directions; None of a
+        robot that stood still (below `STILL_J`).
     throughput_j : work exchanged between motors and robot, in both directions.
     same : the model ends at the same 32-bit currents and speeds as the link did.
     """
 
     terms: EnergyTerms
     imbalance: float
-    robot_gap: float
+    robot_gap: float | None
     throughput_j: float
     same: bool
 
@@ -77,4 +81,4 @@ def audit(plan: Plan, record: Record) -> Audit:
     terms = replace(terms, shaft_j=terms.shaft_j + moving, stored_j=terms.stored_j - moving)
     gap = float(terms.shaft_j.sum()) - record.engine_energy_j
     return Audit(terms=terms, imbalance=imbalance, throughput_j=throughput,
-                 robot_gap=gap / throughput if throughput > 0 else 0.0, same=_same(plan, record, last))
+                 robot_gap=gap / throughput if throughput > STILL_J else None, same=_same(plan, record, last))

@@ -40,7 +40,7 @@ class Effects:
 @dataclass(frozen=True)
 class Summary:
     """Figures of one run, SI; two-vectors are [left, right]. None where a run has no reference, or no comparison;
-    energies are those of ideal motor units, None with `effects`."""
+    energies are those of ideal motor units, None with `effects`; `robot_energy_gap` is None of a robot that stood still."""
 
     scenario: str
     robot: str
@@ -185,8 +185,9 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
             ("  shafts, stored", pair(s.shaft_j, ".3f", "J") + ",  " + pair(s.stored_j, ".4f", "J")),
             ("  balance", f"off by {s.energy_imbalance:.1e} of the largest term, every step summed"
              + ("" if s.model_agrees else f"; {differs}")),
-            ("  robot", (f"gained {s.robot_energy_j:.3f} J, the shafts gave {sum(s.shaft_j):.3f} J "
-                         f"(off by {100 * s.robot_energy_gap:.3f} % of what went to and fro)")),
+            ("  robot", "stood still, nothing went to and fro" if s.robot_energy_gap is None else (
+                f"gained {s.robot_energy_j:.3f} J, the shafts gave {sum(s.shaft_j):.3f} J "
+                f"(off by {100 * s.robot_energy_gap:.3f} % of what went to and fro)")),
         ]
     elif not s.model_agrees:
         rows.append(("model", differs))

@@ -52,6 +52,13 @@ def test_a_manoeuvre_is_driven_by_voltage_and_has_no_reference(tmp_path):
     assert "w_ref" not in (tmp_path / "run" / "log.csv").read_text().splitlines()[0]
 
 
+def test_a_robot_that_stands_still_has_no_share_of_nothing(tmp_path):
+    done = rtds("standstill", "--link", "model", "--duration", 1, "--no-figure", "--out", tmp_path / "run")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "stood still" in done.stdout and "%" not in done.stdout
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["robot_energy_gap"] is None
+
+
 def test_list_names_every_scenario_with_its_parameters():
     done = rtds("--list")
     assert done.returncode == 0
