@@ -63,14 +63,17 @@ def diagnose(case: Case | Path_, *, quick: bool = False, threads: int = 0, seed:
     """
     import json
 
-    from rtds_host.contract import staged_folder
+    from rtds_host.contract import Case, check_writable, staged_folder
+    from rtds_host.diagnosis.batch import refuse_case
     from rtds_host.diagnosis.diagnose import diagnose as diagnose_case
     from rtds_host.diagnosis.report import validate, write_report
-    from rtds_host.run.session import check_writable
     from rtds_host.spread import cores
 
     if out is not None:
         check_writable(Path(out))
+        place = case.path if isinstance(case, Case) else Path(case)
+        if place is not None:
+            refuse_case(place, Path(out))
     result, details = diagnose_case(_case(case), quick=quick, threads=threads or cores(), seed=seed)
     validate(result)
     if out is not None:
@@ -139,7 +142,8 @@ def run(scenario: str, *, robot: Path_ = "burger", link: str = "rtl", sim: str =
     InputError : unknown name, a figure out of range, a motion the motors cannot follow. LinkError : no simulator.
     OutputError : `out` cannot be written.
     """
-    from rtds_host.run import Effects, LinkChoice, Options, check_writable, make_plan, perform, write_outcome
+    from rtds_host.contract import check_writable
+    from rtds_host.run import Effects, LinkChoice, Options, make_plan, perform, write_outcome
 
     options = Options(robot=str(robot), **({} if engine is None else {"engine": engine}))
     plan = make_plan(scenario, dict(values or {}), options)

@@ -8,14 +8,21 @@ from typing import TYPE_CHECKING
 from rtds_host.errors import visible
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 
 def caption(figure: Figure, text: str) -> None:
     """The figure's title: no formula between two `$`, no control character."""
     figure.suptitle(visible(text), fontsize=9, parse_math=False)
+
+
+def name_ticks(axis: Axis, names: Sequence[str], **options) -> None:
+    """Ticks at 0, 1, 2, ... of an x or y axis with these names, as plain text as a caption; options are those of a text."""
+    axis.set_ticks(range(len(names)), [visible(name) for name in names], parse_math=False, **options)
 
 
 def save(figure: Figure, path: Path, **options) -> None:

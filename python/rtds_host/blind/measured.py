@@ -25,7 +25,18 @@ from rtds_host.blind.score import pooled, predicted, share
 from rtds_host.blind.seal import lock, open_truths, publish, refuse_again, what_was_drawn
 from rtds_host.blind.vocabulary import EFFECTS
 from rtds_host.compat import tomllib
-from rtds_host.contract import Case, Robot, RunLog, load_robot, read_case, read_run, write_atomic, write_run
+from rtds_host.contract import (
+    Case,
+    Robot,
+    RunLog,
+    load_robot,
+    places_of_case,
+    read_case,
+    read_run,
+    refuse_inputs,
+    write_atomic,
+    write_run,
+)
 from rtds_host.errors import InputError
 from rtds_host.remains import temporary_folder
 
@@ -90,12 +101,15 @@ def make_measured(out: Path, cases: list[Path], draws: int | None = None, seed: 
 
     Raises
     ------
-    InputError : a check is there already, a case cannot be read, or two have one name.
+    InputError : a check is there already, a case cannot be read, or two have one name. OutputError : the check would take
+        the place of a case.
     """
     draws = DRAWS if draws is None else draws
     if draws < 1:
         raise InputError(f"{draws} draws: at least 1 is needed")
     refuse_again(out)
+    places = [folder / f"case-{number:03d}" for folder in (out / "public", out / "sealed") for number in range(1, len(cases) * (draws + 1) + 1)]
+    refuse_inputs([out, out / "public", out / "sealed", *places], [place for case in cases for place in places_of_case(Path(case))])
     sets = {}
     for folder in cases:
         case = read_case(folder)

@@ -22,6 +22,7 @@ from rtds_host.blind.seal import check_truths, hash_file, open_truths, what_was_
 from rtds_host.blind.vocabulary import EFFECTS
 from rtds_host.contract import load_robot, read_run, write_atomic
 from rtds_host.errors import InputError
+from rtds_host.figures import name_ticks, save
 from rtds_host.remains import run_guarded, temporary_folder
 
 VISIBLE_SIGMA = 5.0          # smaller effects are reported apart
@@ -212,6 +213,8 @@ def closable(truth: dict) -> float | None:
     return share_closed(gaps["before"], gaps["known"]) if gaps else None
 
 
+# Beside the page of figures.
+PICTURES = ("confusion.png", "calibration.png")
 FIGURES = (
     ("verdict_right", "verdict right"), ("cause_right", "cause and side right, nothing else blamed"),
     ("first_right", "strongest blamed effect is true"), ("id_right", "cause right, side aside"),
@@ -322,7 +325,7 @@ def confusion(records: list[dict]) -> tuple[list[str], list[str], np.ndarray]:
 
 
 def draw(records: list[dict], folder: Path) -> None:
-    """Write `confusion.png` and `calibration.png`."""
+    """Write `PICTURES`."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -337,12 +340,13 @@ def draw(records: list[dict], folder: Path) -> None:
             if count:
                 axes.text(j, k, str(count), ha="center", va="center", fontsize=7,
                           color="white" if shown[k, j] > 0.6 else "black")
-        axes.set_xticks(range(len(columns)), columns, rotation=90, fontsize=7)
-        axes.set_yticks(range(len(rows)), rows, fontsize=7)
+        # The columns are what a diagnoser, of whatever make, has named.
+        name_ticks(axes.xaxis, columns, rotation=90, fontsize=7)
+        name_ticks(axes.yaxis, rows, fontsize=7)
         axes.set_xlabel("blamed first")
         axes.set_ylabel("what was there (single effects)")
         figure.tight_layout()
-        figure.savefig(folder / "confusion.png", dpi=130, metadata={"Software": None})
+        save(figure, folder / "confusion.png", dpi=130, metadata={"Software": None})
         plt.close(figure)
     points = calibration(records)
     figure, axes = plt.subplots(figsize=(4.2, 4.0))
@@ -356,7 +360,7 @@ def draw(records: list[dict], folder: Path) -> None:
                           fontsize=7)
     axes.set(xlabel="stated probability", ylabel="share that is true (95 % Wilson)", xlim=(0, 1.02), ylim=(0, 1.02))
     figure.tight_layout()
-    figure.savefig(folder / "calibration.png", dpi=130, metadata={"Software": None})
+    save(figure, folder / "calibration.png", dpi=130, metadata={"Software": None})
     plt.close(figure)
 
 

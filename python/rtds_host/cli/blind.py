@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from rtds_host.contract import write_atomic
+from rtds_host.contract import check_writable, check_writable_file, refuse_inputs, write_atomic
 from rtds_host.errors import InputError, visible
 
 app = typer.Typer(add_completion=False, no_args_is_help=True,
@@ -46,7 +46,6 @@ def make(out: Folder, n: Annotated[int | None, typer.Option("--n", help="Number 
     """Draw cases, seal their truths and publish the seals."""
     from rtds_host.blind.measured import make_measured
     from rtds_host.blind.seal import make as make_cases
-    from rtds_host.run.session import check_writable
 
     check_writable(out)
     if measured and (tier or world):
@@ -66,7 +65,6 @@ def answer(out: Folder, quick: Annotated[bool, typer.Option("--quick", help="The
                                                                                  "scheduler (tcp://host:8786).")] = None) -> None:
     """Let the diagnoser, as another process, answer every case that has no answer yet."""
     from rtds_host.blind.seal import answer as answer_cases
-    from rtds_host.run.session import check_writable
 
     check_writable(out)
     with _bar("diagnosing") as report:
@@ -88,14 +86,16 @@ def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time."
                                                          "the sealed answers, into DIR/score.")] = None) -> None:
     """Open the truth, check every hash, and judge the answers."""
     from rtds_host.blind.measured import is_measured, score_measured
-    from rtds_host.blind.score import FIGURES, POOLED, _cell
+    from rtds_host.blind.score import FIGURES, PICTURES, POOLED, _cell
     from rtds_host.blind.score import score as score_cases
     from rtds_host.blind.seal import read_seals
-    from rtds_host.run.session import check_writable, check_writable_file
 
     check_writable(out)
     if page is not None:
         check_writable_file(page)
+        read = [*(out / "public").rglob("*"), *(out / "sealed").rglob("*"), *(out / "answers").rglob("*")]
+        read += [] if diagnoses is None else [diagnoses / "cases.parquet", *diagnoses.glob("*/diagnosis.json")]
+        refuse_inputs([page, *(page.parent / name for name in PICTURES)], read)
     read_seals(out)
     if is_measured(out):
         if diagnoses:
@@ -130,7 +130,7 @@ def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time."
     console.print(escape(visible(f"figures and pictures in {folder}")))
     if page is not None:
         write_atomic(page, (folder / "page.md").read_text())
-        for name in ("confusion.png", "calibration.png"):
+        for name in PICTURES:
             source = folder / name
             if source.is_file():
                 write_atomic(page.parent / name, source.read_bytes())

@@ -10,12 +10,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from rtds_host.contract import builtin_robot
+from rtds_host.contract import builtin_robot, check_writable_file, refuse_inputs
 from rtds_host.errors import InputError, visible
 from rtds_host.link import open_link
 from rtds_host.link.analog import FROM_CHIP, TO_CHIP, load_paths, save_paths
 from rtds_host.link.calibrate import POINTS, READS, ideal_errors, measure
-from rtds_host.run.session import check_writable_file
 
 app = typer.Typer(add_completion=False)
 
@@ -40,6 +39,7 @@ def calibrate(
     if link not in ("chip", "ad2"):
         raise InputError(f"--link {link}: there are no wires to calibrate (known: chip, ad2)")
     check_writable_file(out)
+    refuse_inputs([out], [wires])
     options = link_options(link, wires=wires, ad2=ad2, serial=serial)
     motor = builtin_robot("burger").motor
     with open_link(link, **options) as rig:

@@ -39,11 +39,11 @@ def close(
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from rtds_host.contract import check_writable
     from rtds_host.correction.close import close_folder
     from rtds_host.correction.simulate import Setting
     from rtds_host.errors import InputError, did_you_mean
     from rtds_host.robot import check_engine, default_engine
-    from rtds_host.run import check_writable
     from rtds_host.spread import cores
 
     if link not in LINKS:

@@ -27,15 +27,16 @@ def diagnose(
 
     Several cases go on where an interrupted call stopped; status 1 if some failed, the others are complete.
     """
-    from rtds_host.diagnosis.batch import run_many, run_one
+    from rtds_host.contract import check_writable, check_writable_file, places_of_case, refuse_inputs
+    from rtds_host.diagnosis.batch import FILES, run_many, run_one
     from rtds_host.errors import InputError
-    from rtds_host.run.session import check_writable, check_writable_file
 
     check_writable(out)
     if mcap is not None:
         if len(cases) > 1 or scheduler is not None:
             raise InputError(f"--mcap {mcap}: one case, diagnosed here, goes into it; `rtds predict --mcap` writes any run's")
         check_writable_file(mcap)
+        refuse_inputs([mcap], [*places_of_case(cases[0]), *(out / name for name in FILES)])
     if len(cases) == 1 and scheduler is None:
         result, details = run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs)
         if mcap is not None:

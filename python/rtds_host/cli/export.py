@@ -24,12 +24,20 @@ def export(
     seed: Annotated[int, typer.Option(help="Seed of --samples.", min=0)] = 1,
 ) -> None:
     """Write the robot with what is diagnosed in it for another simulator."""
-    from rtds_host.contract import load_robot, read_run, staged_folder, write_atomic
+    from rtds_host.contract import (
+        check_writable,
+        check_writable_file,
+        load_robot,
+        places_of_run,
+        read_run,
+        refuse_inputs,
+        staged_folder,
+        write_atomic,
+    )
     from rtds_host.errors import InputError, visible
     from rtds_host.export.export import check_target, default_robot, read_source
     from rtds_host.export.export import export as write
     from rtds_host.export.table import LOST
-    from rtds_host.run.session import check_writable, check_writable_file
 
     check_target(to)
     if check and to != "mjcf":
@@ -38,8 +46,7 @@ def export(
         raise InputError("--check: not with --samples; export the diagnosis itself")
     (check_writable if samples else check_writable_file)(out)
     robot = robot or default_robot(diagnosis)
-    if any(out.exists() and place.exists() and out.samefile(place) for place in (diagnosis, robot)):
-        raise InputError(f"{out}: is an input of this very command; choose another file")
+    refuse_inputs([out], [diagnosis, robot, *(place for run in check or () for place in places_of_run(run))])
     nominal = load_robot(robot)
     source = read_source(diagnosis, nominal)
     runs = [read_run(folder, nominal, need_measured=True) for folder in check or []]

@@ -53,8 +53,8 @@ def import_(
         return
     if out is None:
         raise InputError("--out CASE: missing, the folder to write to")
+    from rtds_host.contract import check_writable
     from rtds_host.importers.case import import_case
-    from rtds_host.run.session import check_writable
 
     check_writable(out)
     runs = import_case(sources, out, robot=robot, mapping=mapping, append=append, names=name or [],

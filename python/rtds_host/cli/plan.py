@@ -29,17 +29,17 @@ def plan(
     payload: Annotated[float | None, typer.Option(help="Payload, kg. Default: the manoeuvre's.", min=0.0)] = None,
 ) -> None:
     """Plan the manoeuvre that would tell most: commands as a table, csv and a ROS 2 script, fitted to a floor."""
-    from rtds_host.contract import load_robot, staged_folder
+    from rtds_host.contract import check_writable, load_robot, refuse_inputs, staged_folder
     from rtds_host.diagnosis.predict import read_diagnosis
     from rtds_host.diagnosis.replay.model import nominal_model
     from rtds_host.errors import InputError, did_you_mean
     from rtds_host.export.export import default_robot
     from rtds_host.plan.make import KINDS, Floor, check_robot, choose, driven_by_voltage, fit
-    from rtds_host.plan.write import write
-    from rtds_host.run.session import check_writable
+    from rtds_host.plan.write import FILES, write
     from rtds_host.scenario import find_scenario
 
     check_writable(out)
+    refuse_inputs([out / name for name in FILES], [source, robot])
     if kind is not None and kind not in KINDS:
         raise InputError(f"--as {kind}: unknown (known: {', '.join(KINDS)}){did_you_mean(kind, KINDS)}")
     room = Floor(*_floor(floor), margin)

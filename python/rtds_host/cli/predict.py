@@ -26,22 +26,17 @@ def predict(
     import os
     import sys
 
-    from rtds_host.contract import load_robot, read_run, write_atomic
+    from rtds_host.contract import check_writable_file, load_robot, places_of_run, read_run, refuse_inputs, write_atomic
     from rtds_host.contract.runlog import COMMANDS
     from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
     from rtds_host.errors import OutputError, visible
-    from rtds_host.run.session import check_writable_file
 
     check_writable_file(out)
     if mcap is not None:
         check_writable_file(mcap)
+    refuse_inputs([place for place in (out, mcap) if place is not None], [*places_of_run(run), robot, diagnosis])
     nominal = load_robot(robot)
     log = read_run(run, nominal)
-    # Not `resolve`: a link that leads to itself is an error of its own there.
-    inputs = {os.path.realpath(place) for place in (log.path, run / "run.json", robot, diagnosis) if place}
-    for place in (out, mcap):
-        if place is not None and os.path.realpath(place) in inputs:
-            raise OutputError(f"{place}: is an input of this very command; choose another file")
     if mcap is not None and os.path.realpath(mcap) == os.path.realpath(out):
         raise OutputError(f"{mcap}: --out and --mcap name one file; choose another")
     columns = predicted_columns(log, nominal, read_diagnosis(diagnosis, nominal) if diagnosis else None)

@@ -15,10 +15,10 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 
 from rtds_host.cli.calibrate import link_options
-from rtds_host.contract import builtin_robots, load_robot, read_run, staged_folder
+from rtds_host.contract import builtin_robots, check_writable, load_robot, read_run, staged_folder
 from rtds_host.errors import InputError, did_you_mean, visible
 from rtds_host.robot import check_engine, default_engine
-from rtds_host.run import Effects, LinkChoice, Options, Plan, check_writable, make_plan, perform, write_outcome
+from rtds_host.run import Effects, LinkChoice, Options, Plan, make_plan, perform, write_outcome
 from rtds_host.run.summary import Summary, lines
 from rtds_host.scenario import find_scenario, scenarios
 

@@ -1,6 +1,6 @@
 """The contract: formats of robots, runs and cases that others' logs and scripts depend on."""
 
-from rtds_host.contract.output import staged_folder, write_atomic
+from rtds_host.contract.output import check_writable, check_writable_file, refuse_inputs, staged_folder, write_atomic
 from rtds_host.contract.robot import (
                                       GRAVITY_M_S2,
                                       Axis,
@@ -18,6 +18,8 @@ from rtds_host.contract.runlog import (
                                       Case,
                                       RunLog,
                                       RunMeta,
+                                      places_of_case,
+                                      places_of_run,
                                       read_case,
                                       read_meta,
                                       read_run,
@@ -27,6 +29,5 @@ from rtds_host.contract.runlog import (
 )
 
 __all__ = ["GRAVITY_M_S2", "Axis", "Case", "Chassis", "Driver", "Motor", "Robot", "RunLog", "RunMeta", "Servo",
-           "builtin_robot", "builtin_robot_path", "builtin_robots", "load_robot", "read_case", "read_meta", "read_run",
-           "read_writable_case", "staged_folder",
-           "write_atomic", "write_csv", "write_run"]
+           "builtin_robot", "builtin_robot_path", "builtin_robots", "check_writable", "check_writable_file", "load_robot", "places_of_case",
+           "places_of_run", "read_case", "read_meta", "read_run", "read_writable_case", "refuse_inputs", "staged_folder", "write_atomic", "write_csv", "write_run"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -36,6 +36,68 @@ def _keep(folder: Path) -> None:
                 os.fsync(handle)
             finally:
                 os.close(handle)
+
+
+def check_writable(folder: Path) -> None:
+    """Find out before a long run whether its result can be written.
+
+    Raises
+    ------
+    OutputError : it cannot.
+    """
+    place = folder.absolute()
+    if place.is_symlink() and not place.exists():
+        raise OutputError(f"{place}: is a link that leads nowhere")
+    while not place.exists():
+        place = place.parent
+    if not place.is_dir():
+        raise OutputError(f"{place}: is a file, a folder is needed for the output")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise OutputError(f"{place}: cannot write (no permission)")
+
+
+def check_writable_file(path: Path) -> None:
+    """The same for a file.
+
+    Raises
+    ------
+    OutputError : it cannot be written, or is a folder.
+    """
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder, a file is needed for the output")
+    if path.exists():
+        if not os.access(path, os.W_OK):
+            raise OutputError(f"{path}: cannot write (no permission)")
+        return
+    check_writable(path.absolute().parent)
+
+
+def refuse_inputs(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> None:
+    """Find out before the work whether the result would take the place of what it is made from.
+
+    Parameters
+    ----------
+    outputs : files to be written, and folders to be filled. inputs : files and folders to be read; None is passed over. None
+        of all need exist.
+
+    Raises
+    ------
+    OutputError : one of the outputs is one of the inputs, whatever names or links lead there.
+    """
+
+    def marks(place: Path) -> set:
+        # Not `resolve`: a link that leads to itself is an error of its own there.
+        found: set = {os.path.realpath(place)}
+        with contextlib.suppress(OSError):
+            status = os.stat(place)
+            found.add((status.st_dev, status.st_ino))
+        return found
+
+    read = set().union(*(marks(Path(place)) for place in inputs if place is not None))
+    for place in outputs:
+        if marks(place) & read:
+            kind = "folder" if place.is_dir() else "file"
+            raise OutputError(f"{place}: is an input of this very command; choose another {kind}")
 
 
 @contextmanager

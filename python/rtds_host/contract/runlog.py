@@ -469,6 +469,21 @@ def read_case(folder: str | os.PathLike, need_measured: bool = True) -> Case:
     return Case(name=folder.resolve().name, robot=robot, runs=tuple(runs), path=folder, notices=tuple(notices))
 
 
+def places_of_run(folder: Path) -> list[Path]:
+    """A run folder and the files in it that reading it looks for, there or not."""
+    return [folder, *(folder / name for name in ("run.json", "robot.toml", *LOG_NAMES))]
+
+
+def places_of_case(folder: Path) -> list[Path]:
+    """A case folder, its robot, its runs and their files: what a result must not take the place of."""
+    try:
+        runs = [sub for sub in folder.iterdir() if (sub / "run.json").is_file()]
+    except OSError:
+        # Not there: reading it says so.
+        runs = []
+    return [folder, folder / "robot.toml", *(place for run in runs for place in places_of_run(run))]
+
+
 def read_writable_case(folder: str | os.PathLike) -> Case:
     """`read_case`, where every name in it can be written into a result.
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rtds_host.contract import Case, RunLog, read_writable_case, staged_folder
+from rtds_host.contract import Case, RunLog, places_of_case, read_writable_case, refuse_inputs, staged_folder
 from rtds_host.contract.runlog import read_json
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.remainder import Remainder, estimate
@@ -236,13 +236,18 @@ def _causes(case: Case, model: Model, run: Run, inputs: tuple[np.ndarray, ...], 
     return rows
 
 
+# What `close_folder` writes.
+FILES = ("close.json", "diagnosis.json", "close.png")
+
+
 def close_folder(folder: Path, out: Path, diagnosis: Path | None = None, figure: bool = True, **options) -> Result:
     """`close` of a case folder, its result written to `out`: close.json, diagnosis.json, close.png.
 
     Raises
     ------
-    InputError : see `close`. OutputError : the place cannot be written; nothing is left half-written.
+    InputError : see `close`. OutputError : the place cannot be written, or is an input; nothing is left half-written.
     """
+    refuse_inputs([out, *(out / name for name in FILES)], [*places_of_case(folder), diagnosis])
     case = read_writable_case(folder)
     given = None
     if diagnosis is not None:

@@ -16,12 +16,13 @@ from typing import Annotated
 
 import typer
 
-from rtds_host.contract import Robot
+from rtds_host.contract import Robot, check_writable
 from rtds_host.correction.choose import Chosen, choose
 from rtds_host.correction.translate import translate
 from rtds_host.errors import RtdsError
+from rtds_host.figures import caption, save
 from rtds_host.robot import ENGINES, default_engine
-from rtds_host.run import Effects, LinkChoice, Options, Outcome, check_writable, make_plan, perform
+from rtds_host.run import Effects, LinkChoice, Options, Outcome, make_plan, perform
 from rtds_host.run.plan import robot_path
 
 SCENARIOS = ("linear", "circle", "eight")
@@ -106,8 +107,8 @@ def draw(pairs: list[Pair], path: Path) -> None:
             error.set(title="speed error, left", xlabel="t (s)", ylabel="mrad/s")
             for axis in (way, current, error):
                 axis.legend(loc="best")
-        figure.suptitle("; ".join(pairs[0].changed.summary.effects[:1]) or "no effect", fontsize=9)
-        figure.savefig(path, dpi=110, metadata={"Software": None})
+        caption(figure, "; ".join(pairs[0].changed.summary.effects[:1]) or "no effect")
+        save(figure, path, dpi=110, metadata={"Software": None})
         plt.close(figure)
 
 

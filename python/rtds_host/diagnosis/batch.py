@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from rtds_host import __version__
-from rtds_host.contract import Case, read_writable_case, staged_folder, write_atomic
+from rtds_host.contract import Case, places_of_case, read_writable_case, refuse_inputs, staged_folder, write_atomic
 from rtds_host.contract.inputs import regular_bytes
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.overview import overview_page, row_of, table_bytes
@@ -40,6 +40,11 @@ def _json(result: dict) -> str:
     return json.dumps(result, indent=1, ensure_ascii=False) + "\n"
 
 
+def refuse_case(case: Path, out: Path) -> None:
+    """OutputError where the results of a case would fall into the case itself, or into one of its runs."""
+    refuse_inputs([out, *(out / file for file in FILES)], places_of_case(case))
+
+
 def _write(out: Path, files: dict[str, str]) -> None:
     with staged_folder(out) as scratch:
         for name, text in files.items():
@@ -50,6 +55,7 @@ def _write(out: Path, files: dict[str, str]) -> None:
 
 def write_diagnosis(folder: Path, out: Path, quick: bool, seed: int, threads: int, progress=None) -> tuple:
     """Diagnose one case folder and write both files, together or not at all. Returns (diagnosis, details)."""
+    refuse_case(folder, out)
     case = read_writable_case(folder)
     result, details = diagnose(case, quick=quick, threads=threads, seed=seed, progress=progress)
     validate(result)
@@ -197,11 +203,9 @@ def _checked(cases: list[Path], out: Path) -> dict[str, Path]:
         name = name_of(case)
         if name in by_name:
             raise InputError(f"{name}: two cases have this name; their results would fall into one folder")
-        if os.path.realpath(out) == os.path.realpath(case):
-            raise InputError(f"{out}: is one of the cases; choose another folder for the results")
-        if os.path.realpath(out / name) == os.path.realpath(case):
-            raise InputError(f"{out}: the results of {case} would fall into the case itself; choose another folder")
         by_name[name] = case
+    places = [place for case in cases for place in places_of_case(case)]
+    refuse_inputs([out, *(out / name for name in (STATE, *SHARED, *by_name))], places)
     return by_name
 
 

@@ -13,6 +13,8 @@ from rtds_host.contract.runlog import write_csv
 from rtds_host.plan import ros_script
 from rtds_host.plan.make import Plan
 
+# What `write` makes.
+FILES = ("plan.json", "commands.csv", "drive.py")
 SCHEMA = "rtds-plan/1"
 CSV_STEP_S = 0.02
 PLACES = ('KIND = "cmd_vel"\n', "KNOTS = []\n")

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rtds_host.contract import staged_folder, write_run
-from rtds_host.errors import OutputError
 from rtds_host.run.log import log_columns, run_meta
 from rtds_host.run.loop import Record, drive_with
 from rtds_host.run.path import SignalPath
@@ -93,37 +91,3 @@ def write_outcome(outcome: Outcome, folder: Path, figure: bool = True, form: str
             from rtds_host.run.figure import draw
 
             draw(plan, outcome.record, scratch)
-
-
-def check_writable(folder: Path) -> None:
-    """Find out before a long run whether its result can be written.
-
-    Raises
-    ------
-    OutputError : it cannot.
-    """
-    place = folder.absolute()
-    if place.is_symlink() and not place.exists():
-        raise OutputError(f"{place}: is a link that leads nowhere")
-    while not place.exists():
-        place = place.parent
-    if not place.is_dir():
-        raise OutputError(f"{place}: is a file, a folder is needed for the output")
-    if not os.access(place, os.W_OK | os.X_OK):
-        raise OutputError(f"{place}: cannot write (no permission)")
-
-
-def check_writable_file(path: Path) -> None:
-    """The same for a file.
-
-    Raises
-    ------
-    OutputError : it cannot be written, or is a folder.
-    """
-    if path.is_dir():
-        raise OutputError(f"{path}: is a folder, a file is needed for the output")
-    if path.exists():
-        if not os.access(path, os.W_OK):
-            raise OutputError(f"{path}: cannot write (no permission)")
-        return
-    check_writable(path.absolute().parent)

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -118,7 +119,44 @@ def test_a_pipe_within_a_case_is_named_and_not_waited_for(rtds, case, tmp_path, 
 def test_results_of_many_do_not_fall_into_one_of_them(rtds, case, tmp_path):
     shutil.copytree(case, tmp_path / "other")
     status, _, said = rtds("diagnose", case, tmp_path / "other", "--out", case)
-    assert status == 2 and said == [f"rtds: {case}: is one of the cases; choose another folder for the results"]
+    assert status == 2 and said == [f"rtds: {case}: is an input of this very command; choose another folder"]
+
+
+@pytest.mark.parametrize("arguments", [
+    ("diagnose", "{case}", "--out", "{case}"), ("diagnose", "{case}", "--out", "{case}/spin"), ("diagnose", "{case}", "--out", "{link}"),
+    ("diagnose", "{case}", "--out", "{out}", "--mcap", "{case}/robot.toml"),
+    ("diagnose", "{case}", "--out", "{out}", "--mcap", "{link}/spin/log.csv"),
+    ("diagnose", "{case}", "--out", "{out}", "--mcap", "{out}/diagnosis.json"),
+    ("diagnose", "{case}", "{case}/../other", "--out", "{case}"), ("diagnose", "{case}", "{case}/../other", "--out", "{case}/.."),
+    ("diagnose", "{case}", "{case}/../other", "--out", "{case}/spin"),
+    ("close", "{case}", "--out", "{case}"), ("close", "{case}", "--out", "{case}/spin"),
+    ("close", "{case}", "--diagnosis", "{said}/diagnosis.json", "--out", "{said}"),
+    ("predict", "{case}/spin", "--robot", "{case}/robot.toml", "--out", "{link}/spin/log.csv"),
+    ("predict", "{case}/spin", "--robot", "{case}/robot.toml", "--out", "{case}/spin/log.parquet"),
+    ("predict", "{case}/spin", "--robot", "{case}/robot.toml", "--out", "{hard}"),
+    ("export", "{said}/diagnosis.json", "--robot", "{case}/robot.toml", "--to", "mjcf", "--out", "{hard}"),
+    ("export", "{said}/diagnosis.json", "--robot", "{case}/robot.toml", "--to", "mjcf", "--out", "{case}/spin/log.csv",
+     "--check", "{case}/spin"),
+    ("plan", "{said}/plan.json", "--robot", "{case}/robot.toml", "--out", "{said}"),
+    ("calibrate", "--link", "chip", "--wires", "{said}/diagnosis.json", "--out", "{said}/diagnosis.json"),
+    ("import", "{case}/spin/log.csv", "--mapping", "rtds", "--out", "{case}"),
+    ("blind", "make", "--measured", "{case}", "--out", "{case}"), ("blind", "make", "--measured", "{case}", "--out", "{case}/spin")])
+def test_no_output_takes_the_place_of_what_it_is_made_from(rtds, case, tmp_path, arguments):
+    """In one line before the work, by whatever name or link, and nothing is written."""
+    shutil.copytree(case, tmp_path / "other")
+    (tmp_path / "link").symlink_to(case)
+    os.link(case / "robot.toml", tmp_path / "hard")
+    (tmp_path / "said").mkdir()
+    for name in ("diagnosis.json", "plan.json"):
+        (tmp_path / "said" / name).write_text(json.dumps({"schema": DIAGNOSIS_SCHEMAS[0], "verdict": "none", "effects": []}))
+    before = {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")}
+    names = {"case": case, "out": tmp_path / "out", **{name: tmp_path / name for name in ("link", "hard", "said")}}
+    began = time.process_time()
+    status, _, said = rtds(*(a.format(**names) for a in arguments))
+    assert status == 2 and len(said) == 1
+    assert ("exists already" if arguments[0] == "import" else "is an input of this very command; choose another f") in said[0]
+    assert time.process_time() - began < 5.0  # modules load; a diagnosis takes longer
+    assert {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")} == before
 
 
 def test_a_full_place_for_what_is_printed_is_one_line():
