@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from rtds_host.contract import Case, Robot, RunLog
     from rtds_host.correction.result import Result
-    from rtds_host.run import Outcome
+    from rtds_host.run.session import Outcome
 
 __all__ = ["close", "diagnose", "predict", "read_case", "run"]
 
@@ -143,7 +143,11 @@ def run(scenario: str, *, robot: Path_ = "burger", link: str = "rtl", sim: str =
     OutputError : `out` cannot be written.
     """
     from rtds_host.contract import check_writable
-    from rtds_host.run import Effects, LinkChoice, Options, make_plan, perform, write_outcome
+
+    # Not from the package, whose face `rtds_host.run` calls this function.
+    from rtds_host.run.plan import Options, make_plan
+    from rtds_host.run.session import LinkChoice, perform, write_outcome
+    from rtds_host.run.summary import Effects
 
     options = Options(robot=str(robot), **({} if engine is None else {"engine": engine}))
     plan = make_plan(scenario, dict(values or {}), options)

@@ -151,7 +151,7 @@ def draw_causes(rng: np.random.Generator, robot, spec: dict) -> tuple[list[dict]
 
     Parameters
     ----------
-    spec : as `planar.draw_spec` fills it but for the causes.
+    spec : as `cases.draw_spec` fills it but for the causes.
 
     Returns
     -------

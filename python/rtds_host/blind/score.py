@@ -16,8 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rtds_host.blind.cases import KINDS, TIERS, WORLDS
 from rtds_host.blind.gap import channel_gaps, total
-from rtds_host.blind.planar import KINDS, TIERS, WORLDS, noises, nominal_machine, replay_gap
+from rtds_host.blind.planar import noises, nominal_machine, replay_gap
 from rtds_host.blind.seal import check_truths, hash_file, open_truths, what_was_drawn
 from rtds_host.blind.vocabulary import EFFECTS
 from rtds_host.contract import load_robot, read_run, write_atomic

@@ -28,7 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rtds_host.blind.planar import KINDS, TIERS, WORLDS, draw_spec, make_case
+from rtds_host.blind.cases import KINDS, TIERS, WORLDS, draw_spec, make_case
 from rtds_host.contract import write_atomic
 from rtds_host.errors import InputError
 from rtds_host.remains import run_guarded, temporary_folder
@@ -115,7 +115,7 @@ def make(out: Path, count: int, tiers: list[str] | None = None, worlds: list[str
     Parameters
     ----------
     out : folder of the check; must not hold one already (an unfinished `make` is resumed with the same seed only).
-    tiers, worlds : default the tiers of `planar.TIERS`, and all worlds. seed : default drawn from the system; kept in `OUT/sealed/seed.json` and
+    tiers, worlds : default the tiers of `cases.TIERS`, and all worlds. seed : default drawn from the system; kept in `OUT/sealed/seed.json` and
         nowhere a diagnoser looks. jobs : processes, default all cores. progress : called with (done, count).
 
     Returns

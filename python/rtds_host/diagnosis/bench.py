@@ -1,6 +1,6 @@
 """How often the diagnosis is right: `python -m rtds_host.diagnosis.bench`, against what one would do today.
 
-Cases come from the independent planar world (`rtds_host.blind.planar`, as another process); the same searches are
+Cases come from the independent planar world (`rtds_host.blind.cases`, as another process); the same searches are
 judged by two common methods: BIC over the candidates, and the largest improvement of fit. Prints a page in Markdown and writes it where `--page` says. What was examined is kept below
 `--out`: an interrupted run goes on where it stopped, a changed diagnosis begins anew.
 """
@@ -222,7 +222,7 @@ def main() -> None:
     for k, (tier, count) in enumerate(TIERS.items()):
         folder = options.out / f"{tier}-{options.seed}-{count}"
         if not (folder / "complete").exists():
-            subprocess.run([sys.executable, "-m", "rtds_host.blind.planar", "--n", str(count), "--tier", tier, "--seed",
+            subprocess.run([sys.executable, "-m", "rtds_host.blind.cases", "--n", str(count), "--tier", tier, "--seed",
                             str(1000 * options.seed + k), "--out", str(folder)], check=True, stdout=subprocess.DEVNULL)
             (folder / "complete").touch()
         cases = sorted(c for c in (folder / "public").iterdir() if c.is_dir())

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rtds_host.blind import accounts, machines, planar, scales
+from rtds_host.blind import accounts, cases, machines, planar, scales
 from rtds_host.blind.gap import channel_gaps, total
 from rtds_host.blind.vocabulary import EFFECTS
 from rtds_host.contract import RunLog, RunMeta, builtin_robot, read_case, read_run
@@ -125,7 +125,7 @@ def test_loggers_round_as_they_say():
 def spec_of(tier, kind, seed=0):
     """A spec of a tier on one class of machine, with one effect."""
     rng = np.random.default_rng(seed)
-    spec = planar.draw_spec(rng, "none")
+    spec = cases.draw_spec(rng, "none")
     old, machines.CLASSES = machines.CLASSES, (kind,)
     try:
         machines.draw_conditions(rng, spec, tier == "loggers")
@@ -142,7 +142,7 @@ def test_a_case_of_any_machine_is_readable_and_closes_on_its_own_truth(tmp_path,
     spec = spec_of(tier, kind)
     spec["logger"] = machines.Logger(decimals=2, epoch_s=1.65e9, glitches=6) if tier == "loggers" else None
     spec.update(tolerance=False, colour=(0.0, 0.0), missing=[m for m in spec["missing"] if m not in ("i", "w", "th")])
-    truth = planar.make_case(7, spec, tmp_path / "case", held_out=tmp_path / "held")
+    truth = cases.make_case(7, spec, tmp_path / "case", held_out=tmp_path / "held")
     case = read_case(tmp_path / "case")
     assert truth["machine"] == kind and truth["effects"][0]["gap_without"] > 1
     assert (case.runs[0].t[0] > 1e9) == (tier == "loggers")
@@ -170,7 +170,7 @@ def test_a_lost_row_takes_no_command_with_it():
     t = np.arange(0, 4.0, 0.02)
     columns = {"t": t, "v_cmd_l": np.where(t < 2, 3.0, -3.0), "w_l": t}
     robot = drawn("inertia")
-    out = planar._logged(columns, machines.Logger(hole_rows=7), robot, np.random.default_rng(6), True, {})
+    out = cases._logged(columns, machines.Logger(hole_rows=7), robot, np.random.default_rng(6), True, {})
     assert t.size - 7 <= out["t"].size < t.size
     held = out["v_cmd_l"][np.searchsorted(out["t"], t, side="right") - 1]
     assert np.array_equal(held, columns["v_cmd_l"])
@@ -179,6 +179,6 @@ def test_a_lost_row_takes_no_command_with_it():
 def test_what_late_stamps_leave_is_not_asked_for_in_the_closure(tmp_path):
     spec = spec_of("loggers", "micromouse")
     spec.update(tolerance=False, dropped=0.0, colour=(0.0, 0.0), logger=machines.Logger(stamp_s=0.0005))
-    truth = planar.make_case(7, spec, tmp_path / "case", held_out=tmp_path / "held")
+    truth = cases.make_case(7, spec, tmp_path / "case", held_out=tmp_path / "held")
     gaps = truth["held_out_gap"]
     assert truth["gap"]["known"] == 1.0 and 1.1 < gaps["known"] < gaps["before"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rtds_host.blind
-from rtds_host.blind import planar, vocabulary
+from rtds_host.blind import cases, planar, vocabulary
 from rtds_host.blind.gap import channel_gaps, moves, total
 from rtds_host.contract import builtin_robot, read_case
 
@@ -138,7 +138,7 @@ def test_every_effect_outside_of_the_catalogue_changes_what_is_measured(name):
 
 
 def test_a_case_is_readable_repeatable_and_silent_about_its_truth(tmp_path):
-    truths = [planar.make_case(11, "few", tmp_path / name) for name in ("a", "b")]
+    truths = [cases.make_case(11, "few", tmp_path / name) for name in ("a", "b")]
     assert truths[0] == truths[1]
     files = sorted(p.relative_to(tmp_path / "a") for p in (tmp_path / "a").rglob("*") if p.is_file())
     assert {p.name for p in files} <= {"robot.toml", "run.json", "log.csv", "log.parquet"}
@@ -152,9 +152,9 @@ def test_a_case_is_readable_repeatable_and_silent_about_its_truth(tmp_path):
 
 
 def test_without_an_effect_only_noise_is_left(tmp_path):
-    spec = planar.draw_spec(np.random.default_rng(2), "none")
+    spec = cases.draw_spec(np.random.default_rng(2), "none")
     spec.update(tolerance=False, colour=(0.0, 0.0), slow={})
-    truth = planar.make_case(4, spec, tmp_path / "case")
+    truth = cases.make_case(4, spec, tmp_path / "case")
     assert truth["verdict"] == "none" and truth["effects"] == []
     case = read_case(tmp_path / "case")
     for run in case.runs:
@@ -164,12 +164,12 @@ def test_without_an_effect_only_noise_is_left(tmp_path):
 
 
 def test_a_robot_without_a_measured_pose_starts_where_a_replay_of_its_log_starts(tmp_path):
-    spec = planar.draw_spec(np.random.default_rng(2), "few")
+    spec = cases.draw_spec(np.random.default_rng(2), "few")
     effect = {"id": "driver_gain", "side": "both", "subsystem": "driver", "parameters": {"ratio": 1.1}}
     spec.update(tolerance=False, colour=(0.0, 0.0), slow={}, dropped=0.0, missing=["pose", "th"], effects=[effect])
     for run in spec["runs"]:
         run.update(slope_rad=0.1, uphill_yaw_rad=0.5)
-    planar.make_case(4, spec, tmp_path / "case", sizes=False)
+    cases.make_case(4, spec, tmp_path / "case", sizes=False)
     case = read_case(tmp_path / "case")
     machine = planar.nominal_machine(case.robot)
     planar.apply_effect(machine, effect)

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from rtds_host.blind import planar, score, seal
+from rtds_host.blind import cases, score, seal
 from rtds_host.contract import read_case
 from rtds_host.errors import InputError
 
@@ -57,7 +57,7 @@ def test_the_diagnoser_sees_the_public_case_and_nothing_else(checked):
         assert not any("truth" in name or "held" in name or "seed" in name for name in told["seen"])
         assert told["beside"] in (["answer", "case"], ["case"])
         held = {p.name for p in (checked / "sealed" / case / "held-out").iterdir()}
-        assert len(held) == planar.HELD_OUT
+        assert len(held) == cases.HELD_OUT
 
 
 def test_untouched_truths_open(checked):
@@ -133,10 +133,10 @@ def test_an_interrupted_answering_goes_on_where_it_stopped(copied, tmp_path):
 
 
 def test_a_long_check_has_enough_cases_of_every_tier():
-    plan = seal.shares(310, list(planar.TIERS))
+    plan = seal.shares(310, list(cases.TIERS))
     assert len(plan) == 310 and plan.count("none") >= 60
-    assert all(plan.count(tier) >= 30 for tier in planar.TIERS)
-    assert set(seal.shares(60, list(planar.TIERS))) == set(planar.TIERS)
+    assert all(plan.count(tier) >= 30 for tier in cases.TIERS)
+    assert set(seal.shares(60, list(cases.TIERS))) == set(cases.TIERS)
 
 
 def test_a_check_is_not_made_twice_and_bad_requests_are_refused(copied, tmp_path):
@@ -246,10 +246,10 @@ def test_calibration_bins_stated_probability_against_truth():
 
 def test_closure_is_measured_on_unseen_runs_through_a_prediction(tmp_path):
     """A prediction by the true machine closes the gap; one by the nominal robot closes nothing."""
-    spec = planar.draw_spec(np.random.default_rng(1), "all")
+    spec = cases.draw_spec(np.random.default_rng(1), "all")
     effect = {"id": "driver_gain", "side": "both", "subsystem": "driver", "parameters": {"ratio": 1.2}}
     spec.update(effects=[effect], missing=[], slow={}, dropped=0.0)
-    planar.make_case(3, spec, tmp_path / "case", held_out=tmp_path / "held")
+    cases.make_case(3, spec, tmp_path / "case", held_out=tmp_path / "held")
     (tmp_path / "d.json").write_text("{}")
     script = tmp_path / "predict.py"
     script.write_text(
@@ -335,6 +335,6 @@ def test_closure_is_measured_against_what_names_can_close_and_against_the_stated
 
 
 def test_the_page_says_how_its_cases_were_drawn():
-    drawn = {"seed": 4, "count": 9, "tiers": ["many", "messy"], "worlds": list(planar.WORLDS)}
+    drawn = {"seed": 4, "count": 9, "tiers": ["many", "messy"], "worlds": list(cases.WORLDS)}
     assert score.made_by(drawn) == "rtds blind make --n 9 --seed 4 --tier many --tier messy"
-    assert score.made_by({**drawn, "tiers": list(planar.TIERS)}) == "rtds blind make --n 9 --seed 4"
+    assert score.made_by({**drawn, "tiers": list(cases.TIERS)}) == "rtds blind make --n 9 --seed 4"

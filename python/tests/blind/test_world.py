@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from rtds_host.blind import planar, vocabulary, world
+from rtds_host.blind import cases, planar, vocabulary, world
 from rtds_host.blind.gap import channel_gaps, total
 from rtds_host.contract import builtin_robot, read_case
 
@@ -69,9 +69,9 @@ def test_motors_are_dcmotors_with_their_own_states():
 
 def test_a_case_of_the_second_world_is_readable_and_repeatable(tmp_path):
     for name in ("a", "b"):
-        spec = planar.draw_spec(np.random.default_rng(9), "pair", "mujoco")
+        spec = cases.draw_spec(np.random.default_rng(9), "pair", "mujoco")
         spec["runs"] = [dict(run, duration=4.0) for run in spec["runs"][:2]]
-        truth = planar.make_case(5, spec, tmp_path / name)
+        truth = cases.make_case(5, spec, tmp_path / name)
     assert truth["world"] == "mujoco" and len(truth["effects"]) == 2
     assert len(read_case(tmp_path / "a").runs) == 2
     for path in sorted((tmp_path / "a").rglob("log.*")):
