@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from rtds_host.contract import RunLog
 from rtds_host.diagnosis import gap as gaps
@@ -128,7 +128,7 @@ def _for_another(stretches: list[tuple[float, float]]) -> tuple[float, float] | 
         return None
     shares = np.array([gaps.closed(before, after) for before, after in counted])
     mean, spread = float(shares.mean()), float(shares.std(ddof=1)) * math.sqrt(1.0 + 1.0 / len(shares))
-    low, high = (mean + float(student.ppf(level, len(shares) - 1)) * spread for level in LEVELS)
+    low, high = (mean + float(stdtrit(len(shares) - 1, level)) * spread for level in LEVELS)
     # By chance a gap comes out below that of the noise, hardly by more than what counts as one.
     return low, min(high, max(1.0 + (1.0 - 1.0 / gaps.LEAST) / (min(before for before, _ in counted) - 1.0), float(shares.max())))
 
