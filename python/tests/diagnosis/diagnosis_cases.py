@@ -12,9 +12,9 @@ from rtds_host.diagnosis.report import Candidate, Details, Trace
 STEP_S = 0.01
 
 
-def commands(kind: str, seconds: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def commands(kind: str, seconds: float, seed: int = 0, step_s: float = STEP_S) -> tuple[np.ndarray, np.ndarray]:
     """t (n,) and v_cmd (n, 2): reversing steps, a spin, or a weave with braking."""
-    t = np.arange(int(seconds / STEP_S) + 1) * STEP_S
+    t = np.arange(int(seconds / step_s) + 1) * step_s
     rng = np.random.default_rng(seed)
     if kind == "steps":
         levels = rng.uniform(-9, 9, (int(seconds / 0.8) + 1, 2))
@@ -30,9 +30,9 @@ def commands(kind: str, seconds: float, seed: int = 0) -> tuple[np.ndarray, np.n
 
 
 def make_run(name: str, model, robot, kind: str, seconds: float = 8.0, seed: int = 0, slope: float = 0.0,
-             payload: float = 0.0) -> RunLog:
+             payload: float = 0.0, step_s: float = STEP_S) -> RunLog:
     """A run of `model`, with the white noise that the robot's sensors declare."""
-    t, v = commands(kind, seconds, seed)
+    t, v = commands(kind, seconds, seed, step_s)
     meta = RunMeta(scenario=kind, slope_rad=slope, payload_kg=payload)
     columns = {"v_cmd_l": v[:, 0], "v_cmd_r": v[:, 1]}
     out = replay_run(model, run_inputs(RunLog(name, meta, t, columns), robot))
@@ -42,15 +42,15 @@ def make_run(name: str, model, robot, kind: str, seconds: float = 8.0, seed: int
     return RunLog(name, meta, t, columns)
 
 
-def make_case(change=None, seed: int = 0, seconds: float = 8.0) -> Case:
+def make_case(change=None, seed: int = 0, seconds: float = 8.0, step_s: float = STEP_S) -> Case:
     """Three runs of the burger robot, flat and on a slope, with `change(model)` applied to the truth."""
     robot = builtin_robot("burger")
     model = nominal_model(robot)
     if change is not None:
         change(model)
-    runs = (make_run("spin", model, robot, "spin", seconds, seed),
-            make_run("steps", model, robot, "steps", seconds, seed + 1, slope=0.1),
-            make_run("weave", model, robot, "weave", seconds, seed + 2, payload=1.0))
+    runs = (make_run("spin", model, robot, "spin", seconds, seed, step_s=step_s),
+            make_run("steps", model, robot, "steps", seconds, seed + 1, slope=0.1, step_s=step_s),
+            make_run("weave", model, robot, "weave", seconds, seed + 2, payload=1.0, step_s=step_s))
     return Case("example", robot, runs)
 
 

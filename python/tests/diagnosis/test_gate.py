@@ -70,6 +70,22 @@ def test_speeds_alone_give_away_a_clock_in_milliseconds(case):
         examine(changed(alone, lambda t, _: 1000.0 * t))
 
 
+@pytest.mark.parametrize("kind", ["w", "th"])
+def test_wheels_alone_give_away_a_clock_in_minutes(case, kind):
+    alone = without(case, *({"w_l", "w_r", "th_l", "th_r"} - {f"{kind}_l", f"{kind}_r"}), "gyro_z", "x", "y", "yaw", "i_l", "i_r", "v_bus")
+    with pytest.raises(InputError, match="t: is it in minutes"):
+        examine(changed(alone, lambda t, _: t / 60.0))
+
+
+@pytest.mark.parametrize("change", [
+    lambda m: None, lambda m: m.scale("speed_gain", -1.0), lambda m: m.scale("voltage_gain", 0.4), lambda m: m.add("coulomb", 0.1),
+    lambda m: m.scale("rotor_inertia", 0.1), lambda m: m.put("command_delay", 0.3), lambda m: m.put("speed_tau", 0.1)])
+def test_a_fast_log_of_wheels_alone_is_left_as_it_is(change):
+    """At 1 kHz, where minutes could be meant."""
+    case = make_case(change, seconds=3.0, step_s=0.001)
+    examine(without(case, "th_l", "th_r", "gyro_z", "x", "y", "yaw", "i_l", "i_r", "v_bus"))
+
+
 @pytest.mark.parametrize("change", [
     lambda m: m.scale("speed_gain", 2.0), lambda m: m.scale("speed_gain", 0.4), lambda m: m.scale("voltage_gain", 2.0),
     lambda m: m.scale("voltage_gain", 0.4), lambda m: m.scale("speed_gain", -1.0), lambda m: m.scale("gyro_gain", -1.0),
@@ -83,15 +99,15 @@ def test_effects_as_large_as_they_come_are_not_refused(change):
 
 # ---- sides and signs -----------------------------------------------------------------------------------------------
 
-def test_exchanged_wheels_are_named(case):
+def test_exchanged_wheels_end_a_diagnosis_and_are_named(case):
     def sensors(_, columns):
         columns["w_l"], columns["w_r"] = columns["w_r"], columns["w_l"]
 
     def commands(_, columns):
         columns["v_cmd_l"], columns["v_cmd_r"] = columns["v_cmd_r"], columns["v_cmd_l"]
     for edit, names in ((sensors, "w_l and w_r"), (commands, "v_cmd_l and v_cmd_r")):
-        found = examine(changed(case, edit)).of("swapped")
-        assert len(found) == 1 and names in found[0].text
+        with pytest.raises(InputError, match=f"are {names} exchanged"):
+            examine(changed(case, edit))
 
 
 def test_swapped_leads_are_only_noted_for_the_catalogue_knows_them(case):
@@ -99,7 +115,13 @@ def test_swapped_leads_are_only_noted_for_the_catalogue_knows_them(case):
     assert {(f.channel, f.severity) for f in signs} == {("w_l", "note")}
 
 
-@pytest.mark.parametrize("channel", ["gyro_z", "yaw", "i_l"])
+@pytest.mark.parametrize("missing", [(), ("gyro_z",), ("w_l", "w_r")])
+def test_a_yaw_that_counts_to_the_right_ends_a_diagnosis(case, missing):
+    with pytest.raises(InputError, match=r"yaw: runs against what the wheels.* counted to the right\?"):
+        examine(changed(without(case, *missing), scaled("yaw", factor=-1.0)))
+
+
+@pytest.mark.parametrize("channel", ["gyro_z", "i_l"])
 def test_a_wrong_sign_is_named(case, channel):
     signs = examine(changed(case, scaled(channel, factor=-1.0))).of("sign")
     assert {f.channel for f in signs} == {channel} and all("opposite sign" in f.text for f in signs)

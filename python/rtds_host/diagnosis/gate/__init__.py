@@ -115,13 +115,14 @@ def _compared(case: Case, bounds: Limits) -> tuple[Case, list[Finding], list[tup
     for log in case.runs:
         replayed = replay_run(model, run_inputs(log, robot))
         compared = units.compare(log, robot, replayed, bounds)
+        units.check_minutes(log, case)
         units.refuse(log, compared.wrong)
         told, aside = sensors.in_samples(log, robot, replayed)
         found += _commands(log, case) + told + compared.findings + sensors.motion(log, robot)
         lags += compared.lags
         runs.append(sensors.without(log, aside))
         replays.append((runs[-1], replayed))
-    found += units.swapped(case, replays)
+    units.refuse_exchanged(case, replays)
     return replace(case, runs=tuple(runs)), found, lags
 
 

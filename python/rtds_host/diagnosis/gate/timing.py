@@ -25,7 +25,7 @@ CLOCK_SPREAD = 1.5
 FEWEST = 8
 
 
-def _rolled_over_turned(log: RunLog, case: Case) -> float | None:
+def rolled_over_turned(log: RunLog, case: Case) -> float | None:
     """Way by the integral of a speed over the clock, over the way measured: seconds a unit of `t`, about 1.
 
     From each pair of channels that shows both, (speed, angle): w and th, gyro and yaw, wheels and pose; the median.
@@ -79,7 +79,7 @@ def check_clock(case: Case) -> None:
         dt = np.diff(log.t)
         step = float(np.median(dt))
         hole = int(np.argmax(dt))
-        clock = _rolled_over_turned(log, case)
+        clock = rolled_over_turned(log, case)
         unit = None if clock is None else _nearest(clock)
         # A speed and its angle may also disagree by a unit of their own: then the rows' rate is a robot's as it stands.
         if unit is not None and (is_rate(step / PER_SECOND[unit]) or not is_rate(step)):

@@ -1,4 +1,4 @@
-"""Scales and signs: units that cannot be right end a diagnosis, sides and signs that look swapped are named.
+"""Scales and signs: units and sides that cannot be right end a diagnosis, signs that look swapped are named.
 
 Gains of the catalogue reach from -1 over 0.4 to 2; friction takes any part of a motion. So a channel that shows too
 much is refused beyond `ROOM` times the nominal, one that shows too little only where it follows the nominal robot
@@ -8,14 +8,16 @@ closely, at the very factor of a unit.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
+from rtds_host.contract.clock import PER_SECOND, is_rate
 from rtds_host.diagnosis.gate.findings import Finding
 from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels, kind_of
-from rtds_host.diagnosis.gate.timing import clock_ratio
+from rtds_host.diagnosis.gate.timing import clock_ratio, rolled_over_turned
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.errors import InputError
 
@@ -30,6 +32,8 @@ EARLIEST_S, LATEST_S, GRID_S, FINE_S = -0.1, 0.6, 0.01, 0.001
 # A lag is a finding from here on.
 DELAY_S, LONG_DELAY_S = 0.01, 0.05
 FEWEST = 50
+# A run begins to move at this share of its largest command; so many seconds from there tell a clock in minutes.
+MOVES, MINUTES_LOOK_S = 0.05, 60.0
 
 
 def _factors(robot: Robot) -> dict[str, dict[str, float]]:
@@ -178,6 +182,7 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
         _sign(result, log, c, ratio, match)
         if c[0] == "w" and match > FOLLOWS_CLOSELY and lag is not None:
             _lag(result, log, c, lag)
+    _turn(result, log, robot, ratios)
     _side_by_side(result, log, robot, factors)
     _duty(result, log, robot, ratios)
     return result
@@ -238,6 +243,20 @@ def _sign(result: Compared, log: RunLog, c: str, ratio: float, match: float) -> 
     result.findings.append(Finding(log.name, c, "sign", "note", text))
 
 
+def _turn(result: Compared, log: RunLog, robot: Robot, ratios: dict[str, float]) -> None:
+    """Refuse a yaw that runs against wheels which follow their commands, and against the gyro: no effect does so.
+
+    Raises
+    ------
+    InputError : names the run.
+    """
+    signs = {f.channel for f in result.findings if f.kind == "sign"}
+    sound = all(ratios.get(f"w_{s}", ratios.get(f"th_{s}", 0.0)) > 0.0 for s in robot.sides)
+    if "yaw" in signs and sound and ratios.get("gyro_z", 1.0) > 0.0:
+        seen = "the wheels and the gyro" if "gyro_z" in ratios else "the wheels"
+        raise InputError(f"{log.path or log.name}: yaw: runs against what {seen} turn: counted to the right? Left is positive")
+
+
 def _lag(result: Compared, log: RunLog, c: str, lag: float) -> None:
     result.lags.append((c, lag))
     step = float(np.median(np.diff(log.t[np.isfinite(log.columns[c])])))
@@ -282,13 +301,51 @@ def refuse(log: RunLog, wrong: dict[str, tuple[float, str]]) -> None:
     raise _refusal(log, alike, what, unit)
 
 
-def swapped(case: Case, replays: list[tuple[RunLog, np.ndarray]]) -> list[Finding]:
-    """Whether left and right look exchanged: the wheels' sum follows the commands, their difference runs against them.
+def check_minutes(log: RunLog, case: Case) -> None:
+    """Refuse a run whose `t` counts minutes where neither its rate nor two channels of one motion show it.
+
+    Taken for seconds, its wheels answer commands of that pace as no motor of this robot does; taken for minutes, the nominal
+    robot follows them closely.
+
+    Raises
+    ------
+    InputError : names the run and the unit.
+    """
+    robot, minute = case.robot, 1.0 / PER_SECOND["minutes"]
+    if not is_rate(minute * float(np.median(np.diff(log.t)))) or rolled_over_turned(log, case) is not None:
+        return
+    commands = np.abs(log.commands(robot.driver.mode)).max(axis=1)
+    first = max(0, int(np.argmax(commands > MOVES * commands.max())) - 1)
+    part = log.rows(first, int(np.searchsorted(log.t, log.t[first] + MINUTES_LOOK_S / minute)))
+    names = [c for c in (f"{kind}_{s}" for kind in ("w", "th") for s in robot.sides)
+             if c in part.columns and np.isfinite(part.columns[c]).sum() >= FEWEST and robot.noise(c)]
+    if not names:
+        return
+    model, pace = nominal_model(robot), []
+    for factor in (1.0, minute):
+        taken = replace(part, t=factor * (part.t - part.t[0]))
+        out = replay_run(model, run_inputs(taken, robot))
+        columns = {c: out[:, OUTPUT_INDEX[c]] for c in names}
+        if not np.isfinite(out).all() or factor == minute and any(np.std(v) < 10.0 * robot.noise(c) for c, v in columns.items()):
+            return
+        pace.append([abs(_match(taken.t[good], part.columns[c][good], taken.t, v, 0.0)) for c, v in columns.items()
+                     for good in (np.isfinite(part.columns[c]),)])
+    if max(pace[0]) < FOLLOWS and min(pace[1]) > FOLLOWS_CLOSELY:
+        raise InputError(f"{log.path or log.name}: t: is it in minutes? With seconds, the wheels answer commands as no motor of "
+                         "this robot does")
+
+
+def refuse_exchanged(case: Case, replays: list[tuple[RunLog, np.ndarray]]) -> None:
+    """Refuse a case whose wheels' sum follows the commands while their difference runs against them: no robot does so.
 
     replays : each run with its nominal replay (n, 11).
+
+    Raises
+    ------
+    InputError : names the first run, and which of the channels are exchanged, as far as the gyro tells.
     """
     if case.robot.chassis is None:
-        return []
+        return
     sums, differences, turns = [], [], []
     for log, out in replays:
         if not (log.has("w_l") and log.has("w_r")) or not np.isfinite(out).all():
@@ -302,12 +359,12 @@ def swapped(case: Case, replays: list[tuple[RunLog, np.ndarray]]) -> list[Findin
             good &= np.isfinite(log.columns["gyro_z"])
             turns.append(np.stack([(right - left)[good], log.columns["gyro_z"][good]]))
     if not sums or _together(sums) < SAME or _together(differences) > -SAME:
-        return []
+        return
     turn = _together(turns) if turns else 0.0
     which = "v_cmd_l and v_cmd_r" if turn > FOLLOWS else "w_l and w_r" if turn < -FOLLOWS else "left and right"
-    return [Finding("", "", "swapped", "warning",
-                    f"The sum of both wheels follows the commands and their difference runs against them: are {which} "
-                    "exchanged?")]
+    log = replays[0][0]
+    raise InputError(f"{log.path or log.name}: the sum of both wheels follows the commands and their difference runs against them: "
+                     f"are {which} exchanged?")
 
 
 def _together(pairs: list[np.ndarray]) -> float:
