@@ -35,7 +35,7 @@ def export(
         write_atomic,
     )
     from rtds_host.errors import InputError, visible
-    from rtds_host.export.export import check_target, default_robot, read_source
+    from rtds_host.export.export import check_target, default_robot, read_source, said_of_driver
     from rtds_host.export.export import export as write
     from rtds_host.export.table import LOST
 
@@ -56,6 +56,8 @@ def export(
     else:
         write_atomic(out, text)
         print(visible(f"{out}: {nominal.name} for {to}"))
+    for line in said_of_driver(nominal, to):
+        print(visible(f"  {line[0].lower()}{line[1:]}"))
     for part in parts:
         word = "left out" if part.kind == LOST else part.kind
         print(visible(f"  {word:<9} {part.text}"))

@@ -67,7 +67,8 @@ def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog]) -
         nominal.write_text(WRITERS["mjcf"](figures_of(plain, robot), ""), encoding="utf-8")
         for data in problem.whole:
             log, start = data.log, data.inputs[-1]
-            outs = {"before": ExportedRobot(nominal).replay(log, start), "after": ExportedRobot(corrected).replay(log, start),
+            bus = data.inputs[3] if robot.driver.bus == "measured" else None
+            outs = {"before": ExportedRobot(nominal).replay(log, start, bus), "after": ExportedRobot(corrected).replay(log, start, bus),
                     "replay before": replay_run(plain, data.inputs, REPORT_STEP_S),
                     "replay after": replay_run(model, data.inputs, min(REPORT_STEP_S, model.step_s))}
             for name, out in outs.items():

@@ -14,7 +14,7 @@ from rtds_host.diagnosis.replay.model import Model
 from rtds_host.errors import InputError, did_you_mean, visible
 from rtds_host.export import mjcf, python, sdf, urdf, usd
 from rtds_host.export.figures import Figures, figures_of
-from rtds_host.export.table import CARRIED, LOST, OWN, TABLE, TARGETS
+from rtds_host.export.table import BEHIND_SERVO, CARRIED, LOST, OWN, SERVO, TABLE, TARGETS, How
 
 WRITERS: dict[str, Callable[[Figures, str], str]] = {
     "mjcf": mjcf.write, "urdf": urdf.write, "sdf": sdf.write, "usd-json": usd.write, "python": python.write}
@@ -53,7 +53,9 @@ def check_target(target: str) -> None:
 
 def parts_of(diagnosis: dict, figures: Figures, target: str) -> list[Part]:
     """How a target has each effect of a diagnosis."""
-    special = mjcf.exceptions(figures) if target == "mjcf" else {}
+    special: dict[str, How] = dict(BEHIND_SERVO[target]) if figures.loop is not None else {}
+    if target == "mjcf":
+        special |= mjcf.exceptions(figures)
     found = []
     for entry in diagnosis.get("effects") or []:
         values = {name: float(p["value"] if isinstance(p, dict) else p) for name, p in (entry.get("parameters") or {}).items()}
@@ -68,9 +70,24 @@ TITLES = {OWN: "in the file, and it acts there", CARRIED: "in the file as number
           LOST: "not expressible, left out"}
 
 
-def comment_of(parts: list[Part], source: str, robot: Robot, more: str = "") -> str:
+def said_of_driver(robot: Robot, target: str) -> list[str]:
+    """What a target's robot is driven by, where that is not plain volts of a steady supply: lines."""
+    lines = []
+    if robot.driver.mode == "speed":
+        how, body = SERVO[target], robot.chassis
+        there = "acts there" if how.kind == OWN else "stands in the file for whoever drives it"
+        lines.append(f"Driven by wheel speeds, rad/s, through the servo's loop, which {there}: {how.where}.")
+        lines.append(f"The robot's firmware makes them of a twist v, u by its nominal sizes: (v - u b/2)/r left, (v + u b/2)/r "
+                     f"right, r = {body.wheel_radius_m:g} m, b = {body.track_width_m:g} m.")
+    if robot.driver.bus == "measured":
+        lines.append(f"The runs' measured bus is not in it: the supply holds {robot.supply_v:g} V.")
+    return lines
+
+
+def comment_of(parts: list[Part], source: str, robot: Robot, target: str) -> str:
     """The head of a file: where it comes from, and what is and is not in it. No double hyphen, which ends an XML comment."""
-    lines = [f"{robot.name}, by rtds {__version__} export of {source}{more}. SI units; the x axis points forward."]
+    lines = [f"{robot.name}, by rtds {__version__} export of {source}. SI units; the x axis points forward.",
+             *said_of_driver(robot, target)]
     for kind, title in TITLES.items():
         mine = [part for part in parts if part.kind == kind]
         if mine:
@@ -115,7 +132,7 @@ def export(source: Source, target: str) -> tuple[str, list[Part]]:
     check_target(target)
     figures = figures_of(source.model, source.robot)
     parts = parts_of(source.content, figures, target)
-    return WRITERS[target](figures, comment_of(parts, source.name, source.robot)), parts
+    return WRITERS[target](figures, comment_of(parts, source.name, source.robot, target)), parts
 
 
 def default_robot(diagnosis: Path) -> Path:

@@ -63,8 +63,20 @@ class Side:
 
 
 @dataclass(frozen=True)
+class Loop:
+    """The servo's speed loop of a robot that is driven by wheel speeds: a PI controller that reads the reported speed each
+    `period_s`; its integrator and its voltage stay within `limit_v` (contract, section 7)."""
+
+    kp_v_s_per_rad: float
+    ki_v_per_rad: float
+    limit_v: float
+    period_s: float
+
+
+@dataclass(frozen=True)
 class Figures:
-    """A robot: `body` as an engine builds it, without payload on level ground, and two sides."""
+    """A robot: `body` as an engine builds it, without payload on level ground, and two sides. `loop` is None where it is
+    driven by volts."""
 
     name: str
     body: Body
@@ -80,6 +92,7 @@ class Figures:
     command_delay_s: float
     measurement_delay_s: float
     noise: dict[str, float]
+    loop: Loop | None = None
 
     def limit_v(self, side: Side) -> float:
         """Largest command, V, that still has an effect: the supply, or the driver's own limit before its gain."""
@@ -92,17 +105,20 @@ def figures_of(model: Model, robot: Robot) -> Figures:
 
     Raises
     ------
-    InputError : no robot on two wheels driven by voltage, or a body that cannot be built.
+    InputError : no robot on two wheels driven by voltage or wheel speed, or a body that cannot be built.
     """
     if robot.chassis is None:
         raise InputError(f"robot {robot.name!r}: is a single axis, a robot on two wheels can be exported")
-    if robot.driver.mode != "voltage":
-        raise InputError(f"robot {robot.name!r}: [driver] mode is {robot.driver.mode!r}, a robot driven by voltage can be exported")
+    if robot.driver.mode == "torque":
+        raise InputError(f"robot {robot.name!r}: [driver] mode is 'torque', the motors of an exported robot take volts or wheel speeds")
     get = model.get
     n = get("gear_ratio")
     body = BodyValues(mass_kg=get("mass"), yaw_inertia_kg_m2=get("yaw_inertia"),
                       wheel_radius_m=(get("radius", 0), get("radius", 1)), wheel_inertia_kg_m2=get("wheel_inertia"),
                       track_width_m=get("track"), com_x_m=get("com_x"), com_y_m=get("com_y")).on(make_body(robot))
+    loop = None
+    if robot.driver.mode == "speed":
+        loop = Loop(get("servo_kp"), get("servo_ki"), min(get("servo_limit"), get("supply")), get("servo_period"))
     sides = []
     for k in (0, 1):
         rolling = get("rolling") * get("mass") * GRAVITY_M_S2 * 0.5 * get("radius", k)
@@ -124,4 +140,4 @@ def figures_of(model: Model, robot: Robot) -> Figures:
                    source_resistance_ohm=get("source_resistance"), decline_v_per_s=get("decline"), rolling=get("rolling"),
                    scrub_nm=get("scrub"), slope_extra_rad=get("slope_extra"), gyro_gain=get("gyro_gain"),
                    gyro_bias_rad_s=get("gyro_bias"), command_delay_s=get("command_delay"),
-                   measurement_delay_s=get("measurement_delay"), noise=dict(robot.sensors))
+                   measurement_delay_s=get("measurement_delay"), noise=dict(robot.sensors), loop=loop)

@@ -1,6 +1,6 @@
 """MJCF: a free robot on a plane whose wheels are driven by volts.
 
-`ctrl` is the commanded voltage of a motor. The actuator's force is its current: with gear N·Km the joint feels N·Km·i and the
+`ctrl` is the commanded voltage of a motor, also behind a servo, whose loop stands in the file as numbers. The actuator's force is its current: with gear N·Km the joint feels N·Km·i and the
 actuator sees the speed N·Km·w, so that gain 1/R and bias -Kb/(R·Km) make it i = (V - N·Kb·w)/R (the inductance left out: its
 time constant is a fraction of the step). Elements and their meaning: MuJoCo, XML Reference (mujoco.readthedocs.io).
 """
@@ -94,8 +94,10 @@ def _wheel(figures: Figures, k: int) -> str:
 def _motor(figures: Figures, k: int) -> str:
     side, name = figures.sides[k], SIDES[k]
     top = figures.limit_v(side)
+    # Behind a servo the speeds asked for are late, its voltages are not.
+    late = 0.0 if figures.loop is not None else figures.command_delay_s
     common = (f'name="motor_{name}" joint="wheel_{name}" gear="{side.gear_nm_per_a:.9g}" ctrllimited="true" '
-              f'ctrlrange="{vector(-top, top)}"{_late(figures.command_delay_s)}')
+              f'ctrlrange="{vector(-top, top)}"{_late(late)}')
     if heats(side):
         # Resistance by temperature, R (1 + a (T - T0)): with a = 1/K the temperature's rise is that of the resistance.
         return (f'    <dcmotor {common} motorconst="1 1" resistance="{side.resistance_ohm:.9g}" '
@@ -155,6 +157,11 @@ def _numbers(figures: Figures) -> dict[str, tuple[float, ...]]:
              "speed_filter_s": (both("speed_filter_s"), 0.0), "current_gain": (both("current_gain"), 1.0),
              "current_bias_a": (both("current_bias_a"), 0.0), "gyro_gain": ((figures.gyro_gain,), 1.0),
              "gyro_bias_rad_s": ((figures.gyro_bias_rad_s,), 0.0)}
+    if figures.loop is not None:
+        loop = figures.loop
+        there |= {"servo_kp_v_s_per_rad": ((loop.kp_v_s_per_rad,), None), "servo_ki_v_per_rad": ((loop.ki_v_per_rad,), None),
+                  "servo_limit_v": ((loop.limit_v,), None), "servo_period_s": ((loop.period_s,), None),
+                  "command_delay_s": ((figures.command_delay_s,), 0.0)}
     kept = {name: values for name, (values, nothing) in there.items() if any(value != nothing for value in values)}
     return {"supply_v": (figures.supply_v,), **kept}
 

@@ -1,7 +1,8 @@
 """A recorded run once more in MuJoCo, from an exported MJCF file alone.
 
-Nothing of the project's own models acts here: the file is loaded, the log's voltages are its controls, the log's channels are
-its sensors. What the file carries as numbers (`custom/numeric`) is applied to commands before they are fed and to readings.
+Nothing of the project's own models acts here: the file is loaded, the log's voltages are its controls, or its wheel speeds those
+of the servo's loop, the log's channels are its sensors. What the file carries as numbers (`custom/numeric`) is applied to commands
+before they are fed and to readings.
 """
 
 from __future__ import annotations
@@ -19,6 +20,30 @@ from rtds_host.errors import InputError, said_of_file
 
 MOTORS = ("motor_left", "motor_right")
 WHEELS = ("wheel_left", "wheel_right")
+
+
+class Servo:
+    """The loop of a file that is driven by wheel speeds: a PI controller with limits on its integral and its voltage."""
+
+    def __init__(self, kp: float, ki: float, limit_v: float, period_s: float, delay_s: float):
+        self.kp, self.ki, self.limit_v, self.period_s, self.delay_s = kp, ki, limit_v, period_s, delay_s
+        self.integral, self.volts, self.next_s = np.zeros(2), np.zeros(2), 0.0
+
+    def at(self, now_s: float, times: np.ndarray, asked: np.ndarray, reported: np.ndarray) -> np.ndarray:
+        """Volts (2,) at a time, s.
+
+        Parameters
+        ----------
+        times, asked : (n,) s and (n, 2) rad/s, the speeds asked for. reported : (2,) rad/s, the speeds that the encoders report.
+        """
+        if self.next_s <= now_s + 1e-9:
+            row = int(np.searchsorted(times, now_s - self.delay_s + 1e-9, side="right")) - 1
+            miss = (asked[row] if row >= 0 else 0.0) - reported
+            self.integral = np.clip(self.integral + self.ki * self.period_s * miss, -self.limit_v, self.limit_v)
+            self.volts = np.clip(self.kp * miss + self.integral, -self.limit_v, self.limit_v)
+            while self.next_s <= now_s + 1e-9:
+                self.next_s += self.period_s
+        return self.volts
 
 
 class ExportedRobot:
@@ -57,6 +82,13 @@ class ExportedRobot:
             return np.full(2, nothing)
         data = self.model.numeric(ids[name]).data
         return np.asarray(data if len(data) == 2 else [data[0], data[0]], dtype=float)
+
+    def servo(self) -> Servo | None:
+        """The loop that the file carries, at its start; None in a file that is driven by volts."""
+        if not self.number("servo_period_s", 0.0)[0]:
+            return None
+        return Servo(*(float(self.number(name, 0.0)[0]) for name in (
+            "servo_kp_v_s_per_rad", "servo_ki_v_per_rad", "servo_limit_v", "servo_period_s", "command_delay_s")))
 
     def _place(self, payload_kg: float, slope_rad: float, uphill_yaw_rad: float) -> None:
         """What a run says of load and ground."""
@@ -104,12 +136,13 @@ class ExportedRobot:
             return np.array([data.qpos[self.still[side]]])
         return np.array([0.0, 0.0, data.qvel[5]]) if name == "gyro" else np.zeros(1)
 
-    def replay(self, log: RunLog, start: np.ndarray) -> np.ndarray:
+    def replay(self, log: RunLog, start: np.ndarray, measured_bus: np.ndarray | None = None) -> np.ndarray:
         """Drive the robot with a run's commands.
 
         Parameters
         ----------
         log : commands and `run.json`. start : (11,) as of `rtds_host.diagnosis.replay.model.run_inputs`.
+        measured_bus : (n,) V at the log's times; the file's own supply without.
 
         Returns
         -------
@@ -119,7 +152,9 @@ class ExportedRobot:
         model, data = self.model, self._start(start)
         usual = model.opt.timestep
         t = log.t - log.t[0]
-        commands = np.clip(log.commands("voltage"), -self.supply_v, self.supply_v)
+        servo = self.servo()
+        commands = log.commands("speed") if servo else np.clip(log.commands("voltage"), -self.supply_v, self.supply_v)
+        scale = self.number("speed_gain", 1.0)
         dead, curve = self.number("deadzone_v", 0.0), self.number("pwm_curve", 0.0)
         source, decline = self.number("source_resistance_ohm", 0.0)[0], self.number("decline_v_per_s", 0.0)[0]
         tau = self.number("speed_filter_s", 0.0)
@@ -129,7 +164,7 @@ class ExportedRobot:
         speed = [self.sensors["w_l"], self.sensors["w_r"]]
         out = np.empty((len(t), len(OUTPUTS)))
         filtered = start[5:7].copy()
-        bus, yaw = self.supply_v, float(start[2])
+        bus, yaw = self.supply_v if measured_bus is None else float(measured_bus[0]), float(start[2])
         read, seen = data.sensordata, data.sensordata[speed].copy()
 
         def late_filter() -> None:
@@ -153,12 +188,17 @@ class ExportedRobot:
             if row + 1 == len(t):
                 break
             asked = commands[row]
-            bent = asked * (1.0 + curve * (1.0 - np.abs(asked) / self.supply_v))
-            driven = bent - np.sign(bent) * np.minimum(np.abs(bent), dead)
             steps = max(1, math.ceil((t[row + 1] - t[row]) / usual - 1e-6))
             model.opt.timestep = (t[row + 1] - t[row]) / steps
             for step in range(steps):
-                bus = self.supply_v - decline * (data.time - delay) - source * float(read[current] @ asked) / self.supply_v
+                if servo:
+                    asked = servo.at(data.time, t, commands, data.qvel[self.moving] * scale)
+                bent = asked * (1.0 + curve * (1.0 - np.abs(asked) / self.supply_v))
+                driven = bent - np.sign(bent) * np.minimum(np.abs(bent), dead)
+                if measured_bus is not None:
+                    bus = float(measured_bus[row])
+                else:
+                    bus = self.supply_v - decline * (data.time - delay) - source * float(read[current] @ asked) / self.supply_v
                 data.ctrl[self.motors] = self._less_drop(driven * bus / self.supply_v, data.qvel[self.moving])
                 # MuJoCo reads its sensors before it steps: this is the end of the step before.
                 mujoco.mj_step(model, data)

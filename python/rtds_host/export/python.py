@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import pprint
+from dataclasses import asdict
 
 from rtds_host.export import standalone
 from rtds_host.export.figures import Figures
@@ -36,6 +37,7 @@ def parameters(figures: Figures) -> dict[str, float | list[float]]:
             "deadzone_v", "drop_v", "pwm_curve", "heat_rise_per_w", "heat_tau_s", "stribeck_nm", "stribeck_rad_s",
             "asymmetry_nm", "asymmetry_nm_s_per_rad", "load_share", "ripple_nm", "ripple_cycles", "ripple_phase_rad",
             "radius_m", "speed_gain", "current_gain", "current_bias_a", "speed_filter_s")},
+        "servo": asdict(figures.loop) if figures.loop else None,
         "noise": dict(figures.noise),
     }
 

@@ -1,11 +1,15 @@
-"""SDF for Gazebo: a model whose wheels take a force a topic (sdformat.org/spec, version 1.9)."""
+"""SDF for Gazebo: a model whose wheels take a force a topic, or, behind a servo, a speed (sdformat.org/spec, version 1.9).
+
+JointController with force commands is the servo's loop: a PI on the joint's speed, integral and command within limits (gz-sim,
+systems/joint_controller; gz-math, PID). It goes by the world's step, which is 1 ms where a world says nothing.
+"""
 
 from __future__ import annotations
 
 from xml.sax.saxutils import quoteattr
 
 from rtds_host.export.figures import SIDES, Figures
-from rtds_host.export.joints import drive
+from rtds_host.export.joints import drive, torque_loop
 from rtds_host.export.mjcf import vector
 from rtds_host.export.urdf import driven
 from rtds_host.robot.body import SKID_RADIUS_M
@@ -32,6 +36,19 @@ def _imu(figures: Figures) -> str:
             '<bias_stddev>0</bias_stddev>\n        </noise></z></angular_velocity></imu>\n      </sensor>\n')
 
 
+def _plugin(figures: Figures, k: int) -> str:
+    name = SIDES[k]
+    if figures.loop is None:
+        return ('    <plugin filename="gz-sim-apply-joint-force-system" name="gz::sim::systems::ApplyJointForce">\n'
+                f'      <joint_name>wheel_{name}</joint_name>\n    </plugin>\n')
+    loop = torque_loop(figures, figures.sides[k])
+    return ('    <plugin filename="gz-sim-joint-controller-system" name="gz::sim::systems::JointController">\n'
+            f'      <joint_name>wheel_{name}</joint_name>\n      <use_force_commands>true</use_force_commands>\n'
+            f'      <p_gain>{loop.p:.9g}</p_gain>\n      <i_gain>{loop.i:.9g}</i_gain>\n'
+            f'      <i_max>{loop.integral:.9g}</i_max>\n      <i_min>{-loop.integral:.9g}</i_min>\n'
+            f'      <cmd_max>{loop.effort:.9g}</cmd_max>\n      <cmd_min>{-loop.effort:.9g}</cmd_min>\n    </plugin>\n')
+
+
 def write(figures: Figures, comment: str) -> str:
     """The robot as an SDF model; `comment` stands at its head."""
     body = figures.body
@@ -56,6 +73,5 @@ def write(figures: Figures, comment: str) -> str:
                  f'<friction>{joint.friction:.9g}</friction></dynamics>\n'
                  f'        <limit><lower>-1e16</lower><upper>1e16</upper><effort>{joint.effort:.9g}</effort>'
                  f'<velocity>{joint.speed:.9g}</velocity></limit>\n      </axis>\n    </joint>\n'
-                 '    <plugin filename="gz-sim-apply-joint-force-system" name="gz::sim::systems::ApplyJointForce">\n'
-                 f'      <joint_name>wheel_{name}</joint_name>\n    </plugin>\n')
+                 f'{_plugin(figures, SIDES.index(name))}')
     return text + "  </model>\n</sdf>\n"

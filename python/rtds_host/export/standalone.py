@@ -1,12 +1,13 @@
 """A differential-drive robot in plain Python: motors, friction, body and sensors, without any other package.
 
     robot = Robot()
-    robot.step(6.0, 6.0, 0.01)          # volts left and right, for so many seconds
+    robot.step(6.0, 6.0, 0.01)          # left and right for so many seconds: volts, or rad/s where there is a servo
     print(robot.sensors())
 
 Model: wheels that roll without slip carry a body on a plane; each motor is a resistance with a back EMF (its inductance left
 out). Dry friction holds or slips: impulses within their bounds, found by projected Gauss-Seidel (J. J. Moreau, 1988).
-`PARAMETERS` holds the robot; units are SI, pairs are [left, right].
+A servo is a saturated PI controller on the reported wheel speed. `PARAMETERS` holds the robot; units are SI, pairs are [left,
+right].
 """
 
 import math
@@ -47,11 +48,14 @@ class Robot:
         self.inertia = [[m * f[j] * f[k] + my * (f[j] * g[k] + g[j] * f[k]) + iz * g[j] * g[k]
                          + (p["rotor_kg_m2"][k] + p["wheel_inertia_kg_m2"] if j == k else 0.0) for k in (0, 1)] for j in (0, 1)]
         self.asked = deque([(0.0, (0.0, 0.0))])
+        self.integral = [0.0, 0.0]
+        self.loop_at = 0.0
+        self.loop_volts = (0.0, 0.0)
         self.seen = deque([(0.0, self._report())])
 
-    def step(self, v_left, v_right, dt):
-        """Go on by `dt` seconds with these voltages commanded."""
-        self.asked.append((self.t, (v_left, v_right)))
+    def step(self, left, right, dt):
+        """Go on by `dt` seconds with these voltages commanded; wheel speeds, rad/s, where there is a servo."""
+        self.asked.append((self.t, (left, right)))
         count = max(1, math.ceil(dt / STEP_S - 1e-9))
         for _ in range(count):
             self._advance(dt / count)
@@ -84,11 +88,24 @@ class Robot:
         return self.turn[0] * self.w[0] + self.turn[1] * self.w[1]
 
     def _command(self):
-        """The voltages that act now: late ones."""
+        """The voltages that act now: late ones, or those by which the servo follows late speeds."""
         at = self.t - self.p["command_delay_s"] + 1e-9
         while len(self.asked) > 1 and self.asked[1][0] <= at:
             self.asked.popleft()
-        return self.asked[0][1]
+        servo = self.p["servo"]
+        if servo is None:
+            return self.asked[0][1]
+        if self.loop_at <= self.t + 1e-9:
+            top, volts = servo["limit_v"], []
+            for k in (0, 1):
+                miss = self.asked[0][1][k] - self.w[k] * self.p["speed_gain"][k]
+                integral = self.integral[k] + servo["ki_v_per_rad"] * miss * servo["period_s"]
+                self.integral[k] = min(max(integral, -top), top)
+                volts.append(min(max(servo["kp_v_s_per_rad"] * miss + self.integral[k], -top), top))
+            self.loop_volts = tuple(volts)
+            while self.loop_at <= self.t + 1e-9:
+                self.loop_at += servo["period_s"]
+        return self.loop_volts
 
     def _volts(self, asked, k):
         """What the driver makes of a command, before the bus and its limit."""

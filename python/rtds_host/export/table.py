@@ -132,13 +132,24 @@ TABLE: dict[str, dict[str, How]] = {
     "measurement_delay": _row(_own("sensor delay"), _NO_SENSOR, _lost("sensors there are not late"), _carried(_USD_READ)),
 }
 
+# The loop of a robot that is driven by wheel speeds (`mode = "speed"`), and the effects that such a robot has otherwise.
+SERVO = _row(_carried("custom/numeric servo_kp_v_s_per_rad, servo_ki_v_per_rad, servo_limit_v, servo_period_s"),
+             _carried("comment: the loop's gains and limits as torques"), _own("plugin JointController"), _carried(f"{_USD_FED} servo"))
+_SCALED = "the loop's gains have it, and the speeds asked for take the scale in the comment"
+BEHIND_SERVO: dict[str, dict[str, How]] = {
+    "mjcf": {"command_delay": _carried("custom/numeric command_delay_s: the speeds asked for are late, not `ctrl`")},
+    "urdf": {"speed_gain": _carried(_SCALED)},
+    "sdf": {"speed_gain": _carried(_SCALED), "command_delay": _lost("JointController acts at once")},
+    "usd-json": {}, "python": {},
+}
+
 START, END = "<!-- export: begin -->", "<!-- export: end -->"
 
 
 def markdown() -> str:
     """The table as it stands in the documentation."""
     lines = ["| effect | " + " | ".join(f"`{target}`" for target in TARGETS) + " |", "|---" * (len(TARGETS) + 1) + "|"]
-    for effect, row in sorted(TABLE.items()):
+    for effect, row in (("[servo]", SERVO), *sorted(TABLE.items())):
         cells = [f"*{how.kind}*: {how.where}" if how.kind != LOST else f"left out: {how.where}" for how in row.values()]
         lines.append(f"| `{effect}` | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"

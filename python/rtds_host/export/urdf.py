@@ -5,7 +5,7 @@ from __future__ import annotations
 from xml.sax.saxutils import quoteattr
 
 from rtds_host.export.figures import SIDES, Figures
-from rtds_host.export.joints import drive
+from rtds_host.export.joints import drive, torque_loop
 from rtds_host.export.mjcf import vector
 from rtds_host.robot.body import SKID_RADIUS_M
 from rtds_host.robot.urdf import base_inertia, supports
@@ -17,7 +17,14 @@ HOW_DRIVEN = ("A commanded volt is a torque at the wheel: effort = {left:.9g} V 
 def driven(figures: Figures) -> str:
     """How the joints' efforts follow from voltages, as a line of a comment."""
     left, right = (side.torque_per_volt for side in figures.sides)
-    return HOW_DRIVEN.format(left=left, right=right) + "\n"
+    text = HOW_DRIVEN.format(left=left, right=right) + "\n"
+    if figures.loop is not None:
+        text += "The servo's loop: effort = p (c - w) + integral of i (c - w), c the speed asked for times a scale, w the wheel's, rad/s:\n"
+        for name, side in zip(SIDES, figures.sides, strict=True):
+            loop = torque_loop(figures, side)
+            text += (f"  {name}: p = {loop.p:.9g} N·m·s/rad, i = {loop.i:.9g} N·m/rad, integral within {loop.integral:.9g} N·m, "
+                     f"effort within {loop.effort:.9g} N·m, scale {loop.scale:.9g}\n")
+    return text
 
 
 def _inertial(mass: float, at: tuple[float, ...], moments: tuple[float, ...]) -> str:

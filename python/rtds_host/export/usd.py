@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 
 from rtds_host.export.figures import SIDES, Figures
 from rtds_host.export.joints import drive
@@ -50,7 +51,8 @@ def write(figures: Figures, comment: str) -> str:
         sensors[f"wheel_{name}"] = {"speed_gain": side.speed_gain, "speed_filter_s": side.speed_filter_s,
                                     "current_gain": side.current_gain, "current_bias_a": side.current_bias_a}
     fed = {"supply_v": figures.supply_v, "source_resistance_ohm": figures.source_resistance_ohm,
-           "decline_v_per_s": figures.decline_v_per_s, "command_delay_s": figures.command_delay_s, **actuators}
+           "decline_v_per_s": figures.decline_v_per_s, "command_delay_s": figures.command_delay_s,
+           **({"servo": asdict(figures.loop)} if figures.loop else {}), **actuators}
     read = {"delay_s": figures.measurement_delay_s, "gyro_gain": figures.gyro_gain,
             "gyro_bias_rad_s": figures.gyro_bias_rad_s, "noise": figures.noise, **sensors}
     content = {"schema": SCHEMA, "name": figures.name, "notes": comment.splitlines(), "prims": prims,

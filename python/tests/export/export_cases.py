@@ -1,18 +1,21 @@
 """Robots and runs for the tests of the export: effects in the replay's model, and small labelled runs of the independent planar world."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 
 from rtds_host.blind import planar
-from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot, builtin_robot_path, write_run
-from rtds_host.correction.agreement import values_of
+from rtds_host.contract import Case, Driver, RunLog, RunMeta, Servo, builtin_robot, builtin_robot_path, write_run
+from rtds_host.correction.agreement import designed_run, values_of
 from rtds_host.correction.close import FINE_STEP_S, distance
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 
 ROBOT = builtin_robot("burger")
+# The same behind a servo, with a loop as a TurtleBot3's.
+SERVO = replace(ROBOT, driver=Driver(mode="speed"), servo=Servo(0.44, 8.6, 12.0, 0.001))
 # Where the size at which effects are compared elsewhere cannot be had by a target.
 SIZES = {"torque_ripple": {"amplitude_nm": 0.03, "cycles_per_rev": 4.0, "phase_rad": 0.7},
          "com_offset": {"x_m": 0.0, "y_m": 0.03}}
@@ -26,9 +29,9 @@ LABELLED = {
 }  # fmt: skip
 
 
-def model_with(*effects):
+def model_with(*effects, robot=ROBOT):
     """The nominal model with (id, side, values) in it."""
-    model = nominal_model(ROBOT)
+    model = nominal_model(robot)
     for effect, side, values in effects:
         CATALOGUE[effect].apply(model, SIDES[side], values)
     return model
@@ -43,14 +46,22 @@ def model_of_one(effect):
     return model_with((effect, CATALOGUE[effect].sides[0], values))
 
 
-def apart(log, model, out):
+def apart(log, model, out, robot=ROBOT):
     """How far an answer lies from the diagnosis' replay of a model, and how far the model from the nominal one; in units of noise."""
-    inputs = run_inputs(log, ROBOT)
+    inputs = run_inputs(log, robot)
     truth = replay_run(model, inputs, FINE_STEP_S)
-    plain = replay_run(nominal_model(ROBOT), inputs, FINE_STEP_S)
+    plain = replay_run(nominal_model(robot), inputs, FINE_STEP_S)
     seen = RunLog(log.name, log.meta, log.t, {**log.columns, **{name: truth[:, k] for k, name in enumerate(OUTPUTS)}})
-    case = Case("one", ROBOT, (seen,))
+    case = Case("one", robot, (seen,))
     return distance(case, [(seen, truth, out)])[0], distance(case, [(seen, truth, plain)])[0]
+
+
+def speed_run(seconds=3.3):
+    """The designed run with wheel speeds in the place of its volts: half a rad/s a volt."""
+    log = designed_run(seconds)
+    columns = {name: values for name, values in log.columns.items() if not name.startswith("v_cmd")}
+    columns |= {f"w_cmd_{side}": 0.5 * log.columns[f"v_cmd_{side}"] for side in "lr"}
+    return RunLog("speeds", log.meta, log.t, columns)
 
 
 def diagnosis_of(effects, intervals=0.05):
