@@ -12,6 +12,7 @@ import pytest
 from diagnosis_cases import example_details, example_diagnosis, example_of
 from rich.console import Console
 
+from rtds_host.contract import Axis, Servo
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.report import print_summary, validate, write_report
@@ -174,6 +175,29 @@ def test_every_verdict_has_its_page_and_summary(details, verdict):
     assert ("Record the manoeuvre crawl next" in do) == (verdict != "none")
 
 
+@pytest.mark.parametrize(("verdict", "export", "close"), [("known", True, True), ("partial", True, True), ("unknown", False, False),
+                                                          ("none", True, False)])
+def test_the_advice_names_the_commands_of_the_next_step(details, verdict, export, close):
+    do = words_of(sections(verdict, details)[1])
+    assert ("rtds export diagnosis.json" in do, "rtds close CASE" in do) == (export, close)
+    assert "rtds plan diagnosis.json --robot robot.toml" in do
+    assert ("--samples N" in do) == (verdict in ("known", "partial"))
+
+
+def test_no_command_is_advised_that_would_refuse_the_robot(details):
+    def on(robot):
+        return " ".join(map(words_of, sections("known", replace(details, case=replace(details.case, robot=robot)))))
+
+    robot = details.case.robot
+    by_speed = on(replace(robot, driver=replace(robot.driver, mode="speed"), servo=Servo(0.44, 8.6, 12.0, 0.001)))
+    assert "rtds export" in by_speed and "rtds plan" in by_speed and "rtds close" not in by_speed and "--effects" not in by_speed
+    for other in (replace(robot, driver=replace(robot.driver, mode="torque", torque_nm_per_v=0.1)),
+                  replace(robot, chassis=None, axis=Axis("inertia", 1e-5))):
+        text = on(other)
+        assert "rtds predict RUN" in text
+        assert not any(name in text for name in ("rtds export", "rtds plan", "rtds close", "rtds run"))
+
+
 # What a reader would have to have heard a lecture on statistics for.
 STATISTICS = re.compile(
     r"probab|likelihood|posterior|prior\b|\bodds\b|sigma|standard (deviation|error)|varian|confiden|interval|percentile|quantile|"
@@ -259,7 +283,7 @@ def test_the_summary_names_effect_value_gap_and_next_run(details):
     console = Console(file=io.StringIO(), width=120)
     print_summary(console, example_diagnosis(), details)
     shown = console.file.getvalue()
-    for piece in ("Coulomb friction, both sides", "0.048 N·m (0.046 to 0.05)", "14.2", "1.08", "rtds run crawl"):
+    for piece in ("Coulomb friction, both sides", "0.048 N·m (0.046 to 0.05)", "14.2", "1.08", "record crawl (rtds plan"):
         assert piece in shown
     assert len(shown.splitlines()) < 20
 

@@ -21,7 +21,7 @@ WHOLE = HEADLINE + """  located  drivetrain 100 %
   odds     Coulomb friction, left side 98 %; driver deadzone, left side 1 %; none of the catalogue 1 %
   gap       nominal  refitted  with effects  closed
   held out     13.8      11.5          1.03  99.7 %
-  next     rtds run spin: it would tell Coulomb friction, left side from spin scrub
+  next     record spin (rtds plan gives its commands): it would tell Coulomb friction, left side from spin scrub
   6.1 s
 """
 # Two effects and a rest without a name, in the second schema: what was added there must not disturb.

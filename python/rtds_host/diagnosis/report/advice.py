@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from rtds_host.contract import Robot
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.report.details import Details
 from rtds_host.diagnosis.report.words import (
@@ -12,6 +13,7 @@ from rtds_host.diagnosis.report.words import (
     channel_name,
     enumerated,
     listed_name,
+    manoeuvre,
     percent,
     plain_name,
     twins_of,
@@ -34,8 +36,16 @@ LOOK = {
 }
 UNLIKE = ("Does the robot still behave unlike its simulator? Record a run in which it does, with that load, speed and floor, and "
           "diagnose it together with these.")
-SIMULATOR = ("rtds run SCENARIO --effects diagnosis.json drives with it; rtds close CASE --diagnosis diagnosis.json says how near the "
-             "simulator comes.")
+# Commands for what comes next; files by the names that rtds writes.
+EXPORT = ("Gazebo, MuJoCo, Isaac Sim: rtds export diagnosis.json --robot robot.toml --to sdf --out robot.sdf (or mjcf, usd-json, urdf, "
+          "python) writes the robot {}.")
+SAMPLES = "For domain randomisation --samples N draws N robots from the range of each size."
+CLOSE = ("The simulator of rtds: rtds run SCENARIO --effects diagnosis.json drives with it; rtds close CASE --diagnosis diagnosis.json says "
+         "how near it comes.")
+PREDICT = ("rtds predict RUN --robot robot.toml --diagnosis diagnosis.json --out predicted.csv replays a run with it; such a machine is "
+           "not exported.")
+PLAN = ("rtds plan diagnosis.json --robot robot.toml --floor 3x3 --out plan makes {} for this robot and your floor: "
+        "commands as a table, as csv and as a ROS 2 script.")
 NOWHERE = "The runs do not show where: record current, gyro and pose besides, as far as the robot has them."
 
 
@@ -57,6 +67,19 @@ def _of_place(place: str | None) -> str:
     return f"Look there by hand: {LOOK[place]}." if place in LOOK else NOWHERE
 
 
+def exportable(robot: Robot) -> bool:
+    """Whether `rtds export` and `rtds plan` take a robot: on two wheels, driven by voltage or wheel speeds."""
+    return robot.chassis is not None and robot.driver.mode != "torque"
+
+
+def _into_simulators(robot: Robot) -> list[str]:
+    """The commands that put what was found into a simulator."""
+    if not exportable(robot):
+        return [PREDICT]
+    return [f"{EXPORT.format('with it, and lists what that simulator cannot express')} {SAMPLES}",
+            *([CLOSE] if robot.driver.mode == "voltage" else [])]
+
+
 def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, list[str]]]:
     """What to do next, in order: a sentence and what belongs below it.
 
@@ -68,8 +91,11 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
     steps: list[tuple[str, list[str]]] = []
     if verdict == "none":
         lost = details.localisation.lost if details.localisation is not None else ()
-        return [("Use the simulator as it is for driving of this kind.", []),
-                (UNLIKE, [f"These runs cannot show everything: {text}." for text in lost])]
+        possible = exportable(details.case.robot)
+        return [("Use the simulator as it is for driving of this kind.",
+                 [EXPORT.format("as it is, its motor values adjusted")] if possible else []),
+                (UNLIKE, [f"These runs cannot show everything: {text}." for text in lost]
+                 + ([PLAN.format("a run to judge the simulator on")] if possible else []))]
     if verdict == "unknown":
         steps.append(("Change nothing on the robot yet: no cause is established.", []))
         warned = details.gate.warnings if details.gate is not None else ()
@@ -91,12 +117,11 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
     plan = diagnosis.get("next_experiment")
     if plan:
         why = str(plan.get("why", ""))
-        scenario, _, payload = str(plan["scenario"]).partition(" --payload ")
-        with_load = f" with a payload of {payload} kg" if payload else ""
-        steps.append((f"Record the manoeuvre {scenario}{with_load} next, and diagnose again with it.",
-                      [f"{why[:1].upper()}{why[1:].rstrip('.')}."]))
+        steps.append((f"Record the manoeuvre {manoeuvre(plan)} next, and diagnose again with it.",
+                      [f"{why[:1].upper()}{why[1:].rstrip('.')}.",
+                       *([PLAN.format("this manoeuvre")] if exportable(details.case.robot) else [])]))
     if diagnosis["effects"]:
         title = "Or leave the robot as it is and give the simulator what was found" if verdict == "known" else (
             "Meanwhile the simulator can have what was found")
-        steps.append((f"{title}:", [SIMULATOR]))
+        steps.append((f"{title}:", _into_simulators(details.case.robot)))
     return steps

@@ -15,7 +15,7 @@ import numpy as np
 
 from rtds_host.contract import write_atomic
 from rtds_host.diagnosis.effects import CATALOGUE
-from rtds_host.diagnosis.report.advice import next_steps
+from rtds_host.diagnosis.report.advice import exportable, next_steps
 from rtds_host.diagnosis.report.budget_bar import budget_bar
 from rtds_host.diagnosis.report.chain import chain
 from rtds_host.diagnosis.report.details import Details, Trace
@@ -29,6 +29,7 @@ from rtds_host.diagnosis.report.words import (
     headline,
     key_unit,
     listed_name,
+    manoeuvre,
     number,
     percent,
     sureness,
@@ -355,10 +356,11 @@ def _next(diagnosis: dict[str, Any], details: Details) -> str:
     plan = diagnosis.get("next_experiment")
     if plan:
         separation = plan.get("expected_separation")
-        parts.append(f'<p id="next">Record <b>{escape(str(plan["scenario"]))}</b> next: {escape(str(plan.get("why", "")))}'
+        parts.append(f'<p id="next">Record <b>{escape(manoeuvre(plan))}</b> next: {escape(str(plan.get("why", "")))}'
                      + (f" Expected separation: {number(separation)} standard errors." if separation is not None else "")
-                     + "</p>"
-                     f'<pre>rtds run {escape(str(plan["scenario"]))} --robot robot.toml --out next-run</pre>')
+                     + "</p>")
+        if exportable(details.case.robot):
+            parts.append("<pre>rtds plan diagnosis.json --robot robot.toml --floor 3x3 --out plan</pre>")
         if plan.get("separates"):
             parts.append('<p class="small">It separates ' + escape(" from ".join(
                 effect_name(e) for e in plan["separates"])) + ".</p>")

@@ -8,12 +8,14 @@ from rich.console import Console
 from rich.markup import escape as plain_markup
 from rich.table import Table
 
+from rtds_host.diagnosis.report.advice import exportable
 from rtds_host.diagnosis.report.details import Details
 from rtds_host.diagnosis.report.words import (
     SUBSYSTEM_WORDS,
     budget_words,
     effect_name,
     explanation_name,
+    manoeuvre,
     number,
     percent,
     value_words,
@@ -64,6 +66,7 @@ def print_summary(console: Console, diagnosis: dict[str, Any], details: Details)
         console.print(f"  [yellow]and {len(warnings) - 5} more warnings, see the report[/]")
     plan = diagnosis.get("next_experiment")
     if plan:
-        console.print(f"  next     rtds run {escape(str(plan['scenario']))}: {escape(str(plan.get('why', '')))}")
+        how = " (rtds plan gives its commands)" if exportable(details.case.robot) else ""
+        console.print(f"  next     record {escape(manoeuvre(plan))}{how}: {escape(str(plan.get('why', '')))}")
     if details.seconds is not None:
         console.print(f"  [dim]{details.seconds:.1f} s[/]")

@@ -149,6 +149,12 @@ def headline(diagnosis: dict[str, Any]) -> str:
     return f"{listed} {'makes' if len(names) == 1 else 'make'} this robot differ from its simulator.{open_end}"
 
 
+def manoeuvre(plan: dict[str, Any]) -> str:
+    """A next experiment's manoeuvre: "teleop", "uphill with a payload of 2 kg"."""
+    scenario, _, payload = str(plan["scenario"]).partition(" --payload ")
+    return scenario + (f" with a payload of {payload} kg" if payload else "")
+
+
 def twins_of(diagnosis: dict[str, Any], effect: dict[str, Any]) -> list[dict[str, str]]:
     """What these runs cannot tell from a blamed effect."""
     me = (effect["id"], effect["side"])
