@@ -253,6 +253,14 @@ def test_causes_that_look_alike_are_checked_and_none_of_them_is_mended(details):
     for one in (resistance, gain):
         assert CATALOGUE[one["id"]].check in do and CATALOGUE[one["id"]].advice not in everything
     assert "nflate" not in everything
+    assert "trust it for driving like these runs" in do and "trust it" not in alone
+    assert "97 % with its twins" in everything
+
+
+def test_a_block_as_good_as_a_perfect_one_has_hardly_a_bar(details):
+    blocks = re.search(r'<table id="blocks">.*?</table>', sections("known", details)[2], re.DOTALL)[0]
+    width = {float(score): int(wide) for wide, score in re.findall(r'width:(\d+)px"></span><span class="value">([\d.]+)', blocks)}
+    assert max(width.values()) == 120 == width[max(width)] and all(wide <= 2 for score, wide in width.items() if score < 1.05)
 
 
 def test_each_effect_has_a_check_of_its_own():

@@ -37,14 +37,14 @@ LOOK = {
 UNLIKE = ("Does the robot still behave unlike its simulator? Record a run in which it does, with that load, speed and floor, and "
           "diagnose it together with these.")
 # Commands for what comes next; files by the names that rtds writes.
-EXPORT = ("Gazebo, MuJoCo, Isaac Sim: rtds export diagnosis.json --robot robot.toml --to sdf --out robot.sdf (or mjcf, usd-json, urdf, "
-          "python) writes the robot {}.")
-SAMPLES = "For domain randomisation --samples N draws N robots from the range of each size."
-CLOSE = ("The simulator of rtds: rtds run SCENARIO --effects diagnosis.json drives with it; rtds close CASE --diagnosis diagnosis.json says "
-         "how near it comes.")
-PREDICT = ("rtds predict RUN --robot robot.toml --diagnosis diagnosis.json --out predicted.csv replays a run with it; such a machine is "
+EXPORT = ("Gazebo, MuJoCo, Isaac Sim: `rtds export diagnosis.json --robot robot.toml --to sdf --out robot.sdf` (or `mjcf`, `usd-json`, "
+          "`urdf`, `python`) writes the robot {}.")
+SAMPLES = "For domain randomisation `--samples N` draws N robots from the range of each size."
+CLOSE = ("The simulator of rtds: `rtds run SCENARIO --effects diagnosis.json` drives with it; "
+         "`rtds close CASE --diagnosis diagnosis.json` says how near it comes.")
+PREDICT = ("`rtds predict RUN --robot robot.toml --diagnosis diagnosis.json --out predicted.csv` replays a run with it; such a machine is "
            "not exported.")
-PLAN = ("rtds plan diagnosis.json --robot robot.toml --floor 3x3 --out plan makes {} for this robot and your floor: "
+PLAN = ("`rtds plan diagnosis.json --robot robot.toml --floor 3x3 --out plan` makes {} for this robot and your floor: "
         "commands as a table, as csv and as a ROS 2 script.")
 NOWHERE = "The runs do not show where: record current, gyro and pose besides, as far as the robot has them."
 
@@ -81,7 +81,7 @@ def _into_simulators(robot: Robot) -> list[str]:
 
 
 def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, list[str]]]:
-    """What to do next, in order: a sentence and what belongs below it.
+    """What to do next, in order: a sentence and what belongs below it, in which commands stand between backquotes.
 
     No step rests on a cause that these runs cannot tell from another, and every remedy stands behind a check that would
     show the cause itself.
@@ -123,5 +123,8 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
     if diagnosis["effects"]:
         title = "Or leave the robot as it is and give the simulator what was found" if verdict == "known" else (
             "Meanwhile the simulator can have what was found")
-        steps.append((f"{title}:", _into_simulators(details.case.robot)))
+        below = _into_simulators(details.case.robot)
+        if any(twins_of(diagnosis, effect) for effect in diagnosis["effects"]):
+            below.append("Causes that look the same here may differ in other driving: trust it for driving like these runs.")
+        steps.append((f"{title}:", below))
     return steps

@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 import os
+import re
 from collections.abc import Iterable
 from html import escape
 from importlib import resources
@@ -131,6 +132,7 @@ def _head(diagnosis: dict[str, Any], details: Details) -> str:
     """The first screen: the verdict, what the gap is made of, and how large it is, in words that need no statistics."""
     gap, case, effects = diagnosis["gap"], details.case, diagnosis["effects"]
     held = diagnosis.get("held_out_runs") or []
+    judged = f"the run{'s' if len(held) > 1 else ''} {enumerated(held, 'and')}" if held else "parts of the runs"
     figures = [("before", number(gap.get("before")), "simulator as it is"),
                ("refit", number(gap.get("refit")), "motor values adjusted within their tolerance")]
     if effects:
@@ -145,7 +147,7 @@ def _head(diagnosis: dict[str, Any], details: Details) -> str:
             + '<h3>How far simulator and robot are apart</h3><div class="figures" id="gap">' + "".join(
                 f'<div data-name="{k}"><b>{v}</b><span>{escape(t)}</span></div>' for k, v, t in figures) + "</div>"
             '<p class="soft small">In units of each sensor\'s own noise: 1 is as close as the sensors can tell. Judged on '
-            + (escape(", ".join(held)) if held else "parts of the runs") + ", set aside while causes were looked for.</p>"
+            + escape(judged) + ", set aside while causes were looked for.</p>"
             "</section>")
 
 
@@ -166,9 +168,14 @@ def _sure(diagnosis: dict[str, Any], effect: dict[str, Any]) -> str:
     return sureness(effect["probability"]).capitalize()
 
 
+def _with_code(text: str) -> str:
+    """A text whose commands stand between backquotes, as HTML."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
+
+
 def _do(diagnosis: dict[str, Any], details: Details) -> str:
     steps = "".join(
-        f"<li>{escape(title)}" + ("<ul>" + "".join(f"<li>{escape(line)}</li>" for line in below) + "</ul>" if below else "") + "</li>"
+        f"<li>{escape(title)}" + ("<ul>" + "".join(f"<li>{_with_code(line)}</li>" for line in below) + "</ul>" if below else "") + "</li>"
         for title, below in next_steps(diagnosis, details))
     return f'<section><h2>What to do next</h2><ol id="do">{steps}</ol></section>'
 
@@ -198,12 +205,13 @@ def _where(diagnosis: dict[str, Any], details: Details) -> str:
     if local is not None and local.blocks:
         corrected = details.localisation_after if diagnosis["effects"] else None
         after = {b.name: b.score for b in corrected.blocks} if corrected else {}
-        top = max(b.score for b in local.blocks)
+        # What is beyond a perfect robot's score, on a scale on which a good one has hardly a bar.
+        top = max(2.0, *(b.score - 1.0 for b in local.blocks))
         rows = []
         for b in local.blocks:
             regimes = sorted(b.regimes.items(), key=lambda p: -p[1])
             worst = ", ".join(f"{escape(r)} {number(v)}" for r, v in regimes[:3]) if b.score > 1.3 else ""
-            rows.append([escape(b.title), escape(SUBSYSTEM_WORDS[b.subsystem]), _bar(b.score, top) + number(b.score),
+            rows.append([escape(b.title), escape(SUBSYSTEM_WORDS[b.subsystem]), _bar(max(b.score - 1.0, 0.0), top) + f'<span class="value">{number(b.score)}</span>',
                          *([number(after.get(b.name))] if after else []), worst])
         parts.append("<h3>Each block on its own, driven by measured signals (units of noise; a perfect robot scores 1)"
                      "</h3>")
@@ -235,7 +243,8 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
                 interval = p.get("ci90")
                 pinned = "not pinned by these runs" if interval is None else " to ".join(
                     _parameter(effect, name, v, details)[2] for v in interval)
-                rows.append([escape(effect_name(effect)) if k == 0 else "", percent(effect["probability"]) if k == 0 else "",
+                sure = percent(effect["probability"]) + (" with its twins" if twins_of(diagnosis, effect) else "")
+                rows.append([escape(effect_name(effect)) if k == 0 else "", sure if k == 0 else "",
                              escape(shown) + _meaning(effect, name), nominal, fitted, escape(unit), pinned,
                              number(effect["gap_without"]) if k == 0 else "",
                              escape(f"{channel_name(decided[0])}: {number(decided[1])} without it, {number(decided[2])} with it")
@@ -308,7 +317,7 @@ def _explanation(effects: list[dict[str, Any]] | str, probability: float | None,
             for e, values in zip(candidate.effects, candidate.parameters, strict=False)
             for name, entry in values.items())) + "</span>"
     share = percent(probability) if probability is not None else "–"
-    return [escape(explanation_name(effects)) + fitted, _bar(probability, 1.0, "", 60) + share,
+    return [escape(explanation_name(effects)) + fitted, _bar(probability, 1.0, "", 60) + f'<span class="value">{share}</span>',
             number(candidate.improvement) if candidate else "–",
             escape(candidate.reason) if candidate else ""]
 
