@@ -28,6 +28,8 @@ $(VENV)/.ready: pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; v > (3, 11) and print("note: PyBullet has no wheel for Python %d.%d; MuJoCo is the robot\x27s engine" % v)'
 	@command -v g++ >/dev/null 2>&1 || { echo "g++ is missing: apt-get install g++" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
+	@# The pip that comes with Python 3.10 looked for versions for 40 minutes without an end; pip 26 finds them.
+	$(BIN)/python -m pip install -q --disable-pip-version-check -U 'pip>=25'
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e '.[dev]'
 	@touch $@
 
