@@ -46,6 +46,8 @@ RULES: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...] = (
     (("command_delay", "measurement_delay"), _no_pose),
     (("driver_gain", "speed_gain"), _speed_alone),
     (("wheel_radius_error", "track_width_error"), _no_place),
+    # Beside section 3: how far the robot turns is seen by the gyro alone.
+    (("gyro_gain", "track_width_error", "wheel_radius_error"), _no_pose),
     (("coulomb_friction", "driver_deadzone", "bridge_drop"), _no_current_no_reversal),
     (("coulomb_friction", "friction_asymmetry"), _one_way),
 )

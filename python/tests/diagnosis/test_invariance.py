@@ -98,9 +98,16 @@ def answer(verdict="known", side="left", value=0.1, effect="coulomb_friction", a
                 {"id": effect, "side": side, "parameters": {"torque_nm": {"value": value, "ci90": [0.09, 0.11]}}}]}
 
 
+TWINS = ({"id": "driver_deadzone", "side": "left"}, {"id": "coulomb_friction", "side": "left"})
 SAME, LESS = Transformation("same", lambda c: c), Transformation("less", lambda c: c, same=False)
 FLIPPED = Transformation("flipped", lambda c: c, mirrored=True)
 NOISIER = Transformation("noisier", lambda c: c, noisier=True)
+
+
+def test_of_declared_twins_either_may_stand_for_both():
+    base = answer(alike=TWINS)
+    assert differences(base, answer(effect="driver_deadzone", alike=TWINS), SAME) == []
+    assert len(differences(base, answer(effect="driver_deadzone"), SAME)) == 2
 
 
 @pytest.mark.parametrize(("other", "change", "words"), [
@@ -108,9 +115,9 @@ NOISIER = Transformation("noisier", lambda c: c, noisier=True)
     (answer(value=0.113), NOISIER, []), (answer(value=0.12), NOISIER, ["outside of 0.0859 to 0.114"]),
     (answer("partial"), SAME, ["known became partial"]), (answer(side="right"), SAME, ["left is lost", "right is named"]),
     (answer(side="right"), FLIPPED, []), (answer(), FLIPPED, ["left is lost", "right is named"]),
+    (answer(effect="driver_deadzone", alike=TWINS), SAME, ["coulomb_friction left is lost", "driver_deadzone left is named"]),
     (answer("unknown", effect=None), LESS, []), (answer(effect="driver_deadzone"), LESS, ["driver_deadzone left is named"]),
-    (answer(effect="driver_deadzone", alike=({"id": "driver_deadzone", "side": "left"},
-                                             {"id": "coulomb_friction", "side": "left"})), LESS, [])])
+    (answer(effect="driver_deadzone", alike=TWINS), LESS, [])])
 def test_a_cell_is_good_where_the_answer_stays_or_only_says_less(other, change, words):
     found = differences(answer(), other, change)
     assert len(found) == len(words) and all(word in text for word, text in zip(words, found))

@@ -31,6 +31,7 @@ def forwards(case: Case) -> Case:
     (without(make_case(), *POSE, "gyro_z"), ("speed_gain", "left"), []),
     (without(make_case(), "x", "y"), ("wheel_radius_error", "both"), [("track_width_error", "both")]),
     (without(make_case(), "x", "y"), ("wheel_radius_error", "left"), []),
+    (without(make_case(), *POSE), ("gyro_gain", "both"), [("track_width_error", "both"), ("wheel_radius_error", "both")]),
     (without(make_case(), "i_l", "i_r"), ("driver_deadzone", "right"), []),
     (without(forwards(make_case()), "i_l", "i_r"), ("driver_deadzone", "right"),
      [("coulomb_friction", "right"), ("bridge_drop", "right")]),
