@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,12 +35,12 @@ class Drive:
 
 
 def drive_one(robot: str, scenario: str, engine: str, link: str = "model") -> Drive:
-    """Drive a ready robot on a scenario scaled to it."""
+    """Drive a ready robot on a scenario scaled to it; what forbids it, before the run or in it, is in `refused`."""
     try:
         plan = make_plan(scenario, options=Options(robot=robot, engine=engine, scaled=True))
+        return Drive(robot, scenario, engine, plan, summarise(plan, drive_with(plan, link), link))
     except InputError as error:
         return Drive(robot, scenario, engine, refused=str(error))
-    return Drive(robot, scenario, engine, plan, summarise(plan, drive_with(plan, link), link))
 
 
 def survey(robots: Sequence[str] = (), engines: Sequence[str] = ()) -> Iterator[Drive]:
@@ -51,13 +52,15 @@ def survey(robots: Sequence[str] = (), engines: Sequence[str] = ()) -> Iterator[
 
 
 def table(drives: Sequence[Drive]) -> str:
-    """The drives as Markdown, a row a robot and scenario, the worse of both engines."""
+    """The drives as Markdown, a row a robot and scenario: the worse of both engines, or which of them forbids it and why."""
     rows = ["| robot | scenario | payload, way, time | body / rotor | end of the path | speed error (rms) | energy: balance, robot |",
             "|---|---|---|---|---|---|---|"]
     for key in dict.fromkeys((one.robot, one.scenario) for one in drives):
         same = [one for one in drives if (one.robot, one.scenario) == key]
-        if same[0].refused:
-            rows.append(f"| `{key[0]}` | {key[1]} | {same[0].refused} | | | | |")
+        refused = {one.engine: one.refused for one in same if one.refused}
+        if refused:
+            why = "; ".join(f"{engine}: {text}" for engine, text in refused.items())
+            rows.append(f"| `{key[0]}` | {key[1]} | {why} | | | | |")
             continue
         plan, found = same[0].plan, [one.summary for one in same]
         way = ", ".join(f"{name.removesuffix('_m')} {plan.values[name]:.3g}{' m' if name.endswith('_m') else ''}"
@@ -80,7 +83,11 @@ def main(robot: Annotated[list[str] | None, typer.Argument(help="Ready robots; a
     """Drive every ready robot on linear, circle and eight, scaled to it, in every engine."""
     from rtds_host.correction.agreement import write_between
 
-    text = table(list(survey(robot or ())))
+    drives = []
+    for drive in survey(robot or ()):
+        drives.append(drive)
+        print(f"{drive.robot} {drive.scenario} {drive.engine}: {drive.refused or 'driven'}", file=sys.stderr, flush=True)
+    text = table(drives)
     if into is None:
         print(text, end="")
     else:

@@ -3,9 +3,10 @@
 import pytest
 
 from rtds_host.contract import builtin_robot, builtin_robot_path, builtin_robots
+from rtds_host.errors import InputError
 from rtds_host.robot import available_engines, make_body, make_split
-from rtds_host.run import Options, make_plan
-from rtds_host.run.robots import SCENARIOS, drive_one, table
+from rtds_host.run import Options, make_plan, robots
+from rtds_host.run.robots import SCENARIOS, Drive, drive_one, table
 from rtds_host.scenario import find_scenario, scaled_values
 
 LOW_GEARED = ("3pi", "jackal", "frc_cim", "frc_neo")
@@ -64,6 +65,21 @@ def test_the_3pi_drives_down_the_slope(engine):
     drive = drive_one("3pi", "linear", engine)
     check(drive)
     assert "| `3pi` | linear | 0.32 kg, length 2.12 m, 24 s | 4.63 |" in table([drive])
+
+
+def test_a_robot_that_one_engine_refuses_has_the_reason_in_its_row():
+    driven = Drive("3pi", "linear", "pybullet", make_plan("linear", options=Options(robot="3pi", scaled=True)))
+    refused = Drive("3pi", "linear", "mujoco", refused="the wheels have lost the ground at 0.100 s")
+    assert table([driven, refused]).splitlines()[2:] == [
+        "| `3pi` | linear | mujoco: the wheels have lost the ground at 0.100 s | | | | |"]
+
+
+def test_what_forbids_a_drive_is_kept_wherever_it_shows(monkeypatch):
+    def thrown(*_):
+        raise InputError("the wheels have lost the ground at 0.100 s")
+
+    monkeypatch.setattr(robots, "drive_with", thrown)
+    assert drive_one("3pi", "linear", available_engines()[0]).refused == "the wheels have lost the ground at 0.100 s"
 
 
 @pytest.mark.long
