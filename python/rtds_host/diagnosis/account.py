@@ -11,7 +11,7 @@ It must also be worth naming.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
@@ -47,7 +47,7 @@ class Account:
 
     base : nuisances refitted, no effect; dropped : (effect, side) -> why it was in the most probable explanation and does not
     stand; alike : sets, each holding a blamed one first; alternatives : other explanations and how likely each is beside the
-    first, best first.
+    first, best first; shares : of each blamed effect that has look-alikes, its share of their common probability, by prior.
     """
 
     fit: Fit
@@ -56,6 +56,11 @@ class Account:
     dropped: dict[tuple[str, str], str]
     alike: tuple[tuple[tuple[str, str], ...], ...]
     alternatives: tuple[tuple[Hypothesis, float], ...]
+    shares: dict[tuple[str, str], float] = field(default_factory=dict)
+
+    def share(self, member: tuple[str, str]) -> float:
+        """What of its probability is an effect's own; the rest is that of its look-alikes (contract, section 5)."""
+        return self.shares.get(member, 1.0)
 
 
 def _standing(search: Search, fit: Fit, member: tuple[str, str], rough: bool) -> Standing:
@@ -106,7 +111,14 @@ def account(search: Search, fit: Fit) -> Account:
             break
     standing.sort(key=lambda s: -s.gain)
     alike, rivals = _alike(search, fit, standing)
-    return Account(fit, search.refitted(), tuple(standing), dropped, alike, _alternatives(search, fit, standing, rivals))
+    return Account(fit, search.refitted(), tuple(standing), dropped, alike, _alternatives(search, fit, standing, rivals),
+                   {members[0]: _share(search, members) for members in alike})
+
+
+def _share(search: Search, members: tuple[tuple[str, str], ...]) -> float:
+    """Of a set of look-alikes, the first one's share by prior."""
+    priors = [math.exp(search.log_prior((member,))) for member in members]
+    return priors[0] / sum(priors)
 
 
 def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tuple[tuple[str, str], ...], ...], list[Fit]]:

@@ -219,8 +219,9 @@ def _effect(problem: Problem, weighed: Account, one: Standing, held: HeldOut, st
         name, _, unit = p.reported(problem.robot.axis)
         low, high = max(values[p.name] - spread, p.low), min(values[p.name] + spread, p.high)
         entry[name] = {"value": _round(unit * values[p.name]), "ci90": [_round(unit * low), _round(unit * high)] if pinned else None}
-    return {**_named(problem, one.member), "subsystem": effect.subsystem, "probability": _round(one.probability, 4),
-            "parameters": entry, "gap_without": _round(held.without[one.member])}
+    probability = one.probability * weighed.share(one.member)
+    return {**_named(problem, one.member), "subsystem": effect.subsystem, "probability": _round(probability, 4), "parameters": entry,
+            "gap_without": _round(held.without[one.member])}
 
 
 def _keys(fit: Fit) -> list[tuple[tuple[str, str], str]]:

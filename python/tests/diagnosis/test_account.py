@@ -142,6 +142,8 @@ def test_what_the_channels_cannot_separate_is_declared_with_a_run_that_would():
     assert len(diagnosis["indistinguishable"]) == 1
     members = {m["id"] for m in diagnosis["indistinguishable"][0]}
     assert {"command_delay", "measurement_delay"} <= members and len(members) <= 3
+    # They share the probability that one of them is there.
+    assert diagnosis["effects"][0]["probability"] == pytest.approx(1.0 / len(members), abs=0.02)
 
 
 def test_one_run_works_with_halves_held_out_and_says_so():

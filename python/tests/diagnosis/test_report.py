@@ -254,7 +254,7 @@ def test_causes_that_look_alike_are_checked_and_none_of_them_is_mended(details):
         assert CATALOGUE[one["id"]].check in do and CATALOGUE[one["id"]].advice not in everything
     assert "nflate" not in everything
     assert "trust it for driving like these runs" in do and "trust it" not in alone
-    assert "97 % with its twins" in everything
+    assert "97 %, beside its twins" in everything
 
 
 def test_a_block_as_good_as_a_perfect_one_has_hardly_a_bar(details):

@@ -243,7 +243,7 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
                 interval = p.get("ci90")
                 pinned = "not pinned by these runs" if interval is None else " to ".join(
                     _parameter(effect, name, v, details)[2] for v in interval)
-                sure = percent(effect["probability"]) + (" with its twins" if twins_of(diagnosis, effect) else "")
+                sure = percent(effect["probability"]) + (", beside its twins" if twins_of(diagnosis, effect) else "")
                 rows.append([escape(effect_name(effect)) if k == 0 else "", sure if k == 0 else "",
                              escape(shown) + _meaning(effect, name), nominal, fitted, escape(unit), pinned,
                              number(effect["gap_without"]) if k == 0 else "",
