@@ -179,17 +179,19 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
         for e in effects)
     closed = gap.get("effect_closed")
     share = f", {percent(closed)} of it closed" if closed is not None else ""
-    sure = min((e["probability"] for e in effects), default=0.0)
     each = "each at least " if len(effects) > 1 else ""
-    text = (f"{names[:1].upper()}{names[1:]}: {each}{percent(sure)} probable. On runs not used for the fit the gap falls "
+    sure = f": {each}{percent(min(e['probability'] for e in effects))} probable"
+    probable = "" if any(twins_of(diagnosis, e) for e in effects) else sure
+    text = (f"{names[:1].upper()}{names[1:]}{probable}. On runs not used for the fit the gap falls "
             f"from {number(refit)} to {number(after)} times the sensors' noise{share}.")
     if diagnosis["verdict"] == "partial":
         text += f" {percent(rest.get('share'))} of it has no name" + (f", most of that in the {place}." if place else ".")
-    blamed = {(e["id"], e["side"]) for e in effects}
+    blamed = {(e["id"], e["side"]): e["probability"] for e in effects}
     for members in diagnosis["indistinguishable"]:
         mine = [m for m in members if (m["id"], m["side"]) in blamed]
         others = [m for m in members if (m["id"], m["side"]) not in blamed]
         if mine and others:
             text += (f" These runs cannot tell {effect_name(mine[0])} from "
-                     + " or ".join(effect_name(m) for m in others) + ".")
+                     + " or ".join(effect_name(m) for m in others)
+                     + f", which leaves it {percent(blamed[mine[0]['id'], mine[0]['side']])} probable.")
     return text
