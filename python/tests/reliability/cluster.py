@@ -101,15 +101,23 @@ class Bench:
         return subprocess.Popen(["ip", "netns", "exec", host, *command], env={**plain, **extra}, cwd=self.place,
                                 start_new_session=True, stdin=subprocess.DEVNULL, text=True, **pipes)
 
-    def dask(self, host: str, *arguments: str) -> subprocess.Popen:
-        with open(self.place / f"{host}.log", "a") as log:
-            return self.start(host, sys.executable, "-m", "dask", *arguments, stdout=log, stderr=log)
+    def dask(self, host: str, ready: str, *arguments: str) -> subprocess.Popen:
+        """A scheduler or worker, once it has logged that it is ready: on a busy machine that takes its time."""
+        path = self.place / f"{host}.log"
+        with open(path, "a") as log:
+            before = path.stat().st_size
+            process = self.start(host, sys.executable, "-m", "dask", *arguments, stdout=log, stderr=log)
+        while ready not in path.read_text()[before:]:
+            if process.poll() is not None:
+                raise SystemExit(f"{host}: dask {arguments[0]} has ended: {path.read_text()[-500:]}")
+            time.sleep(0.1)
+        return process
 
     def scheduler(self) -> subprocess.Popen:
-        return self.dask("head", "scheduler", "--protocol", "tls", "--host", f"head.{DOMAIN}", "--no-dashboard")
+        return self.dask("head", "Scheduler at:", "scheduler", "--protocol", "tls", "--host", f"head.{DOMAIN}", "--no-dashboard")
 
     def worker(self, node: str) -> subprocess.Popen:
-        return self.dask(node, "worker", ADDRESS, "--protocol", "tls", "--host", f"{node}.{DOMAIN}", "--nworkers", "1",
+        return self.dask(node, "Registered to:", "worker", ADDRESS, "--protocol", "tls", "--host", f"{node}.{DOMAIN}", "--nworkers", "1",
                          "--nthreads", "1", "--no-dashboard")
 
     def rtds(self, out: str, *more: str, environment: dict[str, str] | None = None,
@@ -122,7 +130,8 @@ class Bench:
         process = self.start("desk", sys.executable, "-m", "rtds_host.cli.main", "diagnose", *map(str, self.cases), "--quick",
                              "--out", out, *more, environment=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         meanwhile(process)
-        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        if process.returncode is None:  # else `meanwhile` has met its end
+            os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
         seconds = time.monotonic() - began - starved_s([str(process.pid)])
         said, errors = process.communicate()
         return process.returncode, said, errors, seconds
@@ -154,7 +163,11 @@ def listening(process: subprocess.Popen) -> set[str]:
     """Ports at which somebody listens in a process's network."""
     found = set()
     for table in ("tcp", "tcp6"):
-        for line in Path(f"/proc/{process.pid}/net/{table}").read_text().splitlines()[1:]:
+        try:
+            lines = Path(f"/proc/{process.pid}/net/{table}").read_text().splitlines()[1:]
+        except OSError:
+            continue  # it has just ended
+        for line in lines:
             _, local, _, state = line.split()[:4]
             if state == LISTENS:
                 found.add(local)

@@ -12,10 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import rtds_host
 from rtds_host.cli.commands import main
 from rtds_host.compat import tomllib
 from rtds_host.contract import RunLog, RunMeta, builtin_robot, builtin_robot_path, write_run
 from rtds_host.diagnosis.predict import DIAGNOSIS_SCHEMAS, predicted_columns
+from rtds_host.errors import OutputError
 
 
 @pytest.fixture
@@ -157,6 +159,15 @@ def test_no_output_takes_the_place_of_what_it_is_made_from(rtds, case, tmp_path,
     assert ("exists already" if arguments[0] == "import" else "is an input of this very command; choose another f") in said[0]
     assert time.process_time() - began < 5.0  # modules load; a diagnosis takes longer
     assert {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")} == before
+
+
+@pytest.mark.parametrize("place", [".", "spin"])
+@pytest.mark.parametrize("read", [False, True], ids=["its folder", "as read"])
+def test_the_function_diagnose_does_not_write_into_its_case_either(case, place, read):
+    before = sorted(case.rglob("*"))
+    with pytest.raises(OutputError, match="is an input of this very command"):
+        rtds_host.diagnose(rtds_host.read_case(case) if read else case, out=case / place)
+    assert sorted(case.rglob("*")) == before
 
 
 def test_a_full_place_for_what_is_printed_is_one_line():
