@@ -12,8 +12,8 @@
 //              18  low words (scratch from the 9th on)
 //              26  earliest next strobe; ready_o is seen after the 25th
 //             107  the same if the strobe brought changed parameters, 93 if those were unusable
-//            With effects (fx_on_i at the strobe): 21, 28 and 173; 188 if the strobe brought changed parameters, 264 if
-//            each side has its own besides (fx_own_i).
+//            With effects (fx_on_i at the strobe): 15, 22 (scratch from the 3rd on) and 50; 147 if the strobe brought
+//            changed parameters, 271 if each side has its own besides (fx_own_i).
 // Effects    fx_on_i: V and T act one step later, through effect_unit, and dry friction takes its part at the end of the
 //            step (docs/effect-unit.md). fx_own_i: p2_*_i are the right motor's parameters, p_*_i the left one's.
 //            fx_* and p2_* are taken at the strobe like the parameters. fx_wr_*: see effect_unit.
@@ -74,13 +74,12 @@ module rtds_core (
 );
   // ---- strobe ----------------------------------------------------------------------------------------------------
   wire sequencer_idle;
-  wire fx_busy;
-  wire idle = sequencer_idle & ~fx_busy;
+  wire sequencer_ready;
   wire param_pending;
   reg  fx_q;  // effects act in the step in hand
   wire accept = strobe_i & ready_o & ~clear_i;
 
-  assign ready_o = idle & ~param_pending;
+  assign ready_o = sequencer_ready & ~param_pending;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) overrun_o <= 1'b0;
@@ -116,7 +115,7 @@ module rtds_core (
   wire         own     = param_q[226];
   wire [191:0] motor   = second_q ? param2_q : param_q[191:0];
   wire         fault   = fault_one | (own & fault_q);
-  wire         commit  = waiting_q & idle;
+  wire         commit  = waiting_q & sequencer_idle;
   wire         refresh = commit & ~fault;
 
   assign param_pending = start_q | again_q | param_busy | param_done | waiting_q;
@@ -189,16 +188,17 @@ module rtds_core (
   wire [63:0] level_b;
 
   // Without effects the unit rests since the first strobe without them.
+  wire fx_rest = accept & fx_q & ~fx_on_i;
+
   effect_unit u_effects (
     .clk_i     (clk_i),
     .rst_ni    (rst_ni),
-    .rest_i    (clear_i | (accept & fx_q & ~fx_on_i)),
+    .rest_i    (clear_i | fx_rest),
     .strobe_i  (accept & fx_on_i),
     .v_i       ({v_r_i, v_l_i}),
     .t_i       ({t_r_i, t_l_i}),
     .delay_i   (fx_delay_i),
     .stride_i  (fx_stride_i),
-    .step_i    (new_state & fx_q),
     .r_l_i     (coef_l_q[0+:32]),
     .r_r_i     (coef_r_q[0+:32]),
     .kb_l_i    (coef_l_q[32+:32]),
@@ -207,7 +207,6 @@ module rtds_core (
     .i_r_i     (i_r_o),
     .w_l_i     (w_l_o),
     .w_r_i     (w_r_o),
-    .busy_o    (fx_busy),
     .u_v_o     (u_v),
     .u_t_o     (u_t),
     .level_f_o (level_f),
@@ -230,6 +229,7 @@ module rtds_core (
   wire       save_f;
   wire       save_b;
   wire       save_taken;
+  wire       ahead;
 
   rtds_sequencer u_sequencer (
     .clk_i    (clk_i),
@@ -237,8 +237,11 @@ module rtds_core (
     .clear_i  (clear_i),
     .start_i  (accept),
     .refresh_i(refresh),
+    .fx_on_i  (fx_on_i),
     .effects_i(fx_q),
+    .hold_i   (param_pending),
     .idle_o   (sequencer_idle),
+    .ready_o  (sequencer_ready),
     .next_o   (new_state),
     .valid_o  (valid_o),
     .add_en_o (add_en),
@@ -251,7 +254,8 @@ module rtds_core (
     .save_last_o (save_last),
     .save_f_o    (save_f),
     .save_b_o    (save_b),
-    .save_taken_o(save_taken)
+    .save_taken_o(save_taken),
+    .ahead_o     (ahead)
   );
 
   rtds_motor u_left (
@@ -271,13 +275,17 @@ module rtds_core (
     .save_f_i    (save_f),
     .save_b_i    (save_b),
     .save_taken_i(save_taken),
+    .ahead_i  (ahead),
     .effects_i(fx_q),
+    .rest_i   (fx_rest),
     .rho_i    (coef_l_q[256+:32]),
+    .u_v_i    (u_v[0+:32]),
+    .u_t_i    (u_t[0+:32]),
     .level_f_i(level_f[0+:32]),
     .level_b_i(level_b[0+:32]),
     .coef_i   (coef_l_q[255:0]),
-    .v_i      (fx_on_i ? u_v[0+:32] : v_l_i),
-    .t_i      (fx_on_i ? u_t[0+:32] : t_l_i),
+    .v_i      (v_l_i),
+    .t_i      (t_l_i),
     .i_hi_o   (i_l_o),
     .w_hi_o   (w_l_o),
     .i_lo_o   (i_l_lo_o),
@@ -301,13 +309,17 @@ module rtds_core (
     .save_f_i    (save_f),
     .save_b_i    (save_b),
     .save_taken_i(save_taken),
+    .ahead_i  (ahead),
     .effects_i(fx_q),
+    .rest_i   (fx_rest),
     .rho_i    (coef_r_q[256+:32]),
+    .u_v_i    (u_v[32+:32]),
+    .u_t_i    (u_t[32+:32]),
     .level_f_i(level_f[32+:32]),
     .level_b_i(level_b[32+:32]),
     .coef_i   (coef_r_q[255:0]),
-    .v_i      (fx_on_i ? u_v[32+:32] : v_r_i),
-    .t_i      (fx_on_i ? u_t[32+:32] : t_r_i),
+    .v_i      (v_r_i),
+    .t_i      (t_r_i),
     .i_hi_o   (i_r_o),
     .w_hi_o   (w_r_o),
     .i_lo_o   (i_r_lo_o),

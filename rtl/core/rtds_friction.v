@@ -1,9 +1,9 @@
 // rtds_friction: what dry friction takes of the speed that a step without it would give.
 //
-// Purpose    most_f, most_b = G22 level: the most speed that friction can take of a motion forward or backward. It takes
-//            all of the free speed if that is no more (the shaft is held), else the most. A negative level holds
-//            nothing and adds to the motion. A NaN is not held, so that it stays one.
-// Handshake  none of its own: the saves of rtds_sequencer.
+// Purpose    most_f, most_b = G22 level: the most speed that friction can take of a motion forward or backward, with the sign of
+//            that motion. It takes all of the free speed if that is no more (the shaft is held), else the most. A level of
+//            the other sign holds nothing and adds to the motion. A NaN is not held, so that it stays one.
+// Handshake  none of its own: the saves of rtds_sequencer. clear_i: no friction until the next saves.
 // Latency    taken_o and held_o from the clock after save_taken_i to the next.
 // Format     binary32, rad/s.
 // Crossing   none.
@@ -12,6 +12,7 @@
 module rtds_friction (
   input  wire        clk_i,
   input  wire        rst_ni,
+  input  wire        clear_i,
   input  wire        save_f_i,      // product_i is most_f
   input  wire        save_b_i,      // product_i is most_b
   input  wire        save_taken_i,  // free_i is the free speed
@@ -36,8 +37,8 @@ module rtds_friction (
       zero     = ~(|free[30:0]);
       backward = free[31];  // of zero, which is held, it does not matter
       most     = backward ? most_b : most_f;
-      stuck    = zero | (~most[31] & ~((&most[30:23]) & (|most[22:0])) & (free[30:0] <= most[30:0]));
-      take     = {stuck, stuck ? free : {most[31] ^ backward, most[30:0]}};
+      stuck    = zero | ((most[31] == backward) & ~((&most[30:23]) & (|most[22:0])) & (free[30:0] <= most[30:0]));
+      take     = {stuck, stuck ? free : most};
     end
   endfunction
 
@@ -48,8 +49,10 @@ module rtds_friction (
       taken_o  <= 32'd0;
       held_o   <= 1'b0;
     end else begin
-      if (save_f_i) most_f_q <= product_i;
-      if (save_b_i) most_b_q <= product_i;
+      if (clear_i) most_f_q <= 32'd0;
+      else if (save_f_i) most_f_q <= product_i;
+      if (clear_i) most_b_q <= 32'd0;
+      else if (save_b_i) most_b_q <= product_i;
       if (save_taken_i) {held_o, taken_o} <= take(free_i, most_f_q, most_b_q);
     end
   end

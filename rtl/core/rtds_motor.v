@@ -3,9 +3,10 @@
 // Purpose    x+ = x + G (u - S x) for x = (i, w), u = (V, T): armature current and shaft speed after one step with
 //            the inputs held. Derivation and signs: docs/theory-motor-unit.md.
 // Handshake  none of its own: control comes from rtds_sequencer, the same for both motors.
-//            With effects, friction takes its part of the speed before the state is saved (rtds_friction).
+//            With effects, u_v and u_t stand in the places of V and T, and friction takes its part of the speed before the
+//            state is saved (rtds_friction).
 // Latency    i_hi_o, w_hi_o change 11 clocks after the strobe; i_lo_o, w_lo_o belong to them 18 clocks after it, and are
-//            scratch from the 9th clock on. With effects 10 clocks more, from the 11th on.
+//            scratch from the 9th clock on. With effects 15, 22 and from the 3rd on.
 // Format     binary32, SI at the motor shaft: V, N.m (opposing load positive), A, rad/s. A state is hi + lo.
 // Crossing   none.
 `default_nettype none
@@ -28,9 +29,13 @@ module rtds_motor (
   input  wire         save_f_i,
   input  wire         save_b_i,
   input  wire         save_taken_i,
-  // effects: rho = G12 / G22, levels of dry friction, N.m
+  input  wire         ahead_i,      // the multiplier's factor is of the effect unit
+  // effects: rho = G12 / G22, what stands for V and T, levels of dry friction, N.m, the one backward with a minus
   input  wire         effects_i,
+  input  wire         rest_i,       // no friction until the next levels
   input  wire  [31:0] rho_i,
+  input  wire  [31:0] u_v_i,
+  input  wire  [31:0] u_t_i,
   input  wire  [31:0] level_f_i,
   input  wire  [31:0] level_b_i,
   // coefficients {G22, G21, G12, G11, B, Km, Kb, R}, R in bits 31..0
@@ -57,9 +62,13 @@ module rtds_motor (
     if (start_i) t_q <= t_i;
   end
 
+  wire [31:0] v = ahead_i ? u_v_i : v_i;
+  wire [31:0] t = ahead_i ? u_t_i : t_q;
+
   rtds_friction u_friction (
     .clk_i       (clk_i),
     .rst_ni      (rst_ni),
+    .clear_i     (clear_i | rest_i),
     .save_f_i    (save_f_i),
     .save_b_i    (save_b_i),
     .save_taken_i(save_taken_i),
@@ -93,8 +102,8 @@ module rtds_motor (
     .a2_i     (coef_i[32+:32]),
     .g1_i     (coef_i[128+:32]),
     .g2_i     (coef_i[160+:32]),
-    .v_i      (v_i),
-    .t_i      (t_q),
+    .v_i      (v),
+    .t_i      (t),
     .i_hi_i   (i_hi_o),
     .w_hi_i   (w_hi_o),
     .s1_i     (y_electrical),
@@ -128,8 +137,8 @@ module rtds_motor (
     .a2_i     (coef_i[96+:32]),
     .g1_i     (coef_i[192+:32]),
     .g2_i     (coef_i[224+:32]),
-    .v_i      (v_i),
-    .t_i      (t_q),
+    .v_i      (v),
+    .t_i      (t),
     .i_hi_i   (i_hi_o),
     .w_hi_i   (w_hi_o),
     .s1_i     (y_electrical),

@@ -17,17 +17,28 @@
 //              slot 22   add C1: lo' - g1 s1 (slot 25)
 //              slot 25   add C2: and g2 s2 -> c of the next step (slot 28, saved at its end, which may be slot 2 of that step)
 //            refresh_i runs slots 12 to 25 alone, without outputs and LO: c anew after the coefficients have changed.
-//            With effects_i slots 32 to 41 stand between 11 and 12, so that all after them is 10 clocks later:
-//              slot  2   mul   : level of friction forward (slot 5, saved at its end)
-//              slot  3   mul   : level of friction backward (slot 6, saved at its end)
-//              slot 32   (what HI gave in slot 9 is the free speed: rtds_friction takes its part, saved at its end)
-//              slot 33   mul   : rho taken (slot 36)
-//              slot 36   add P : t corrected -> t' (slot 39, saved at its end)
-//              slot 39   add HI: hi + t' -> hi' (slot 12)
-// Handshake  start_i (in the clock of the strobe) or refresh_i only while idle_o. clear_i ends what is under way.
-//            effects_i holds from the clock after start_i to the next.
+//            With effects a step has 50 slots, E0 to E49. What stands for its inputs is known before its strobe
+//            (effect_unit), so all up to the sum that HI adds is done in the step before; V and T of the strobe go to the
+//            effect unit. Slots E16 to E29 are 12 to 25.
+//              slot E3   add HI: hi + t -> free speed (E6; t is saved at the end of E3)
+//              slot E6   (rtds_friction takes its part, saved at its end)
+//              slot E7   mul   : rho taken (E10)
+//              slot E10  add P : t corrected -> t' (E13, saved at its end)
+//              slot E13  add HI: hi + t' -> hi' (12)
+//            and for the next step
+//              slot E43  mul   : g2 u_t (E46)
+//              slot E44  mul   : level of friction forward (E47, saved at its end)
+//              slot E45  mul   : level of friction backward (E48, saved at its end)
+//              slot E46  mul   : g1 u_v (E49)
+//              slot E46  add UT: c and g2 u_t (E49)
+//              slot E49  add UV: and g1 u_v -> t (E52 = E3 of the next step at the earliest, where it stays)
+//            These wait for hold_i to end, and come after the refresh if there is one.
+//            The first step after clear_i, or after one without effects, finds t there, too: zero (Z0, in the slot after
+//            clear_i), or c, which is t without inputs.
+// Handshake  start_i (in the clock of the strobe, with fx_on_i: a step with effects) only while ready_o, refresh_i only while
+//            idle_o. clear_i ends what is under way. effects_i holds from the clock after start_i to the next: fx_on_i.
 // Latency    valid_o in slot 12, after the 11th edge that follows the strobe's; the next strobe may follow 26 clocks
-//            after the last. With effects 10 more.
+//            after the last. With effects in slot E16, after the 15th edge, and 50.
 // Style      What a slot does is looked up in the slot before and stands in registers, so that nothing but the strobe itself
 //            is decoded in the clock in which operands are chosen.
 // Crossing   none.
@@ -39,8 +50,11 @@ module rtds_sequencer (
   input  wire       clear_i,
   input  wire       start_i,
   input  wire       refresh_i,
+  input  wire       fx_on_i,
   input  wire       effects_i,
+  input  wire       hold_i,      // coefficients are about to change
   output wire       idle_o,
+  output wire       ready_o,     // idle, and nothing to be done before the next strobe
   output wire       next_o,      // valid_o in the next clock
   output reg        valid_o,     // the adders' results are the new high words, which are saved
   output wire [2:0] add_en_o,    // a bit for each stage, the first in bit 0
@@ -53,7 +67,8 @@ module rtds_sequencer (
   output wire       save_last_o,  // what is saved is the new state
   output wire       save_f_o,     // products of rtds_friction
   output wire       save_b_o,
-  output wire       save_taken_o
+  output wire       save_taken_o,
+  output wire       ahead_o      // the multiplier's factor is of the effect unit
 );
   // The same codes as in rtds_row: {minus in the mechanical row, in the electrical row, second operand, first operand}.
   localparam [1:0] A_C  = 2'd0;
@@ -75,6 +90,9 @@ module rtds_sequencer (
   localparam [6:0] ADD_C1 = {2'b11, B_M, A_LO};
   localparam [6:0] ADD_C2 = {2'b01, B_M, A_Y};
   localparam [6:0] ADD_P  = {2'b10, B_TAKEN, A_LO};
+  localparam [6:0] ADD_UT = {2'b10, B_M, A_C};
+  localparam [6:0] ADD_UV = {2'b00, B_M, A_Y};
+  localparam [6:0] ADD_Z0 = {2'b00, B_P, A_C};  // both zero
 
   // {friction, input, G rather than S, second rather than first}
   localparam [3:0] MUL_V     = 4'b0110;
@@ -86,67 +104,71 @@ module rtds_sequencer (
   localparam [3:0] MUL_FIRST = 4'b1000;
   localparam [3:0] MUL_OTHER = 4'b1001;
 
-  localparam [5:0] SLOT_IDLE  = 6'd0;
-  localparam [5:0] SLOT_FIRST = 6'd1;
-  localparam [5:0] SLOT_SPLIT = 6'd11;
-  localparam [5:0] SLOT_NEW   = 6'd12;
-  localparam [5:0] SLOT_LAST  = 6'd25;
-  localparam [5:0] SLOT_FREE  = 6'd32;  // with effects: after 11
-  localparam [5:0] SLOT_BACK  = 6'd41;  // before 12
+  localparam [6:0] SLOT_IDLE  = 7'd0;
+  localparam [6:0] SLOT_FIRST = 7'd1;
+  localparam [6:0] SLOT_SPLIT = 7'd11;
+  localparam [6:0] SLOT_NEW   = 7'd12;
+  localparam [6:0] SLOT_LAST  = 7'd25;
+  localparam [6:0] E          = 7'd64;       // slot E0
+  localparam [6:0] E_BACK     = E + 7'd15;   // before 12
+  localparam [6:0] E_GO_ON    = E + 7'd30;   // after 25
+  localparam [6:0] E_HOLD     = E + 7'd42;
+  localparam [6:0] E_AHEAD    = E + 7'd43;
+  localparam [6:0] E_LAST     = E + 7'd49;
 
-  reg [5:0] slot_q;
-  reg [5:0] slot_n;
+  reg [6:0] slot_q;
+  reg [6:0] slot_n;
   reg       refresh_q;
+  reg       due_q;      // E43 to E49 have waited for the coefficients
 
   always @* begin
-    slot_n = slot_q + 6'd1;
-    if (slot_q == SLOT_SPLIT && effects_i) slot_n = SLOT_FREE;
-    if (slot_q == SLOT_BACK) slot_n = SLOT_NEW;
-    if (slot_q == SLOT_IDLE || slot_q == SLOT_LAST) slot_n = SLOT_IDLE;
-    if (start_i) slot_n = SLOT_FIRST;
+    slot_n = slot_q + 7'd1;
+    if (slot_q == E_BACK) slot_n = SLOT_NEW;
+    if (slot_q == SLOT_LAST) slot_n = (effects_i & ~refresh_q) ? E_GO_ON : due_q ? E_AHEAD : SLOT_IDLE;
+    if (slot_q == E_HOLD && hold_i) slot_n = SLOT_IDLE;
+    if (slot_q == E_LAST) slot_n = SLOT_IDLE;
+    if (slot_q == SLOT_IDLE) slot_n = (due_q & ~hold_i) ? E_AHEAD : SLOT_IDLE;
+    if (start_i) slot_n = fx_on_i ? E + 7'd1 : SLOT_FIRST;
     if (refresh_i) slot_n = SLOT_NEW;
     if (clear_i) slot_n = SLOT_IDLE;
   end
 
   // What a slot does besides.
-  localparam [8:0] ADD   = 9'h100;  // operands enter the adder,
-  localparam [8:0] MUL   = 9'h080;  // factors the multiplier
-  localparam [8:0] P     = 9'h040;  // save the first product of two
-  localparam [8:0] C     = 9'h020;  // what enters the adder gives c
-  localparam [8:0] LO    = 9'h010;
-  localparam [8:0] LAST  = 9'h008;
-  localparam [8:0] F     = 9'h004;
-  localparam [8:0] B     = 9'h002;
-  localparam [8:0] TAKEN = 9'h001;
+  localparam [9:0] AHEAD = 10'h200;  // one of them of the effect unit
+  localparam [9:0] ADD   = 10'h100;  // operands enter the adder,
+  localparam [9:0] MUL   = 10'h080;  // factors the multiplier
+  localparam [9:0] P     = 10'h040;  // save the first product of two
+  localparam [9:0] C     = 10'h020;  // what enters the adder gives c
+  localparam [9:0] LO    = 10'h010;
+  localparam [9:0] LAST  = 10'h008;
+  localparam [9:0] F     = 10'h004;
+  localparam [9:0] B     = 10'h002;
+  localparam [9:0] TAKEN = 10'h001;
 
   reg [6:0] add_n;
   reg [3:0] mul_n;
-  reg [8:0] does_n;
+  reg [9:0] does_n;
 
   always @* begin
     add_n  = ADD_V;
     mul_n  = MUL_V;
-    does_n = 9'd0;
+    does_n = 10'd0;
     case (slot_n)
+      SLOT_IDLE: begin
+        add_n  = ADD_Z0;
+        does_n = clear_i ? ADD : 10'd0;
+      end
       SLOT_FIRST: begin
         mul_n  = MUL_T;
         does_n = MUL;
       end
-      6'd2: begin
-        mul_n  = MUL_FIRST;
-        does_n = effects_i ? MUL : 9'd0;
-      end
-      6'd3: begin
-        mul_n  = MUL_OTHER;
-        does_n = effects_i ? ADD | MUL : ADD;
-      end
-      6'd4: does_n = P;
-      6'd5: does_n = F;
-      6'd6: begin
+      7'd3: does_n = ADD;
+      7'd4: does_n = P;
+      7'd6: begin
         add_n  = ADD_T;
-        does_n = ADD | B;
+        does_n = ADD;
       end
-      6'd9: begin
+      7'd9, E + 7'd3, E + 7'd13: begin
         add_n  = ADD_HI;
         does_n = ADD | LO;
       end
@@ -155,28 +177,28 @@ module rtds_sequencer (
         mul_n  = MUL_I;
         does_n = ADD | MUL | LAST;
       end
-      6'd13: begin
+      7'd13: begin
         mul_n  = MUL_W;
         does_n = MUL;
       end
-      6'd15: begin
+      7'd15: begin
         add_n  = ADD_LO;
         does_n = ADD | P;
       end
-      6'd16: begin
+      7'd16: begin
         add_n  = ADD_S;
         does_n = ADD;
       end
-      6'd18: does_n = refresh_q ? 9'd0 : LO | LAST;
-      6'd19: begin
+      7'd18: does_n = refresh_q ? 10'd0 : LO | LAST;
+      7'd19: begin
         mul_n  = MUL_S1;
         does_n = MUL;
       end
-      6'd20: begin
+      7'd20: begin
         mul_n  = MUL_S2;
         does_n = MUL;
       end
-      6'd22: begin
+      7'd22: begin
         add_n  = ADD_C1;
         does_n = ADD;
       end
@@ -184,18 +206,33 @@ module rtds_sequencer (
         add_n  = ADD_C2;
         does_n = ADD | C;
       end
-      SLOT_FREE: does_n = TAKEN;
-      6'd33: begin
+      E + 7'd6: does_n = TAKEN;
+      E + 7'd7, E + 7'd44: begin
         mul_n  = MUL_FIRST;
         does_n = MUL;
       end
-      6'd36: begin
+      E + 7'd10: begin
         add_n  = ADD_P;
         does_n = ADD;
       end
-      6'd39: begin
-        add_n  = ADD_HI;
-        does_n = ADD | LO;
+      E_AHEAD: begin
+        mul_n  = MUL_T;
+        does_n = MUL | AHEAD;
+      end
+      E + 7'd45: begin
+        mul_n  = MUL_OTHER;
+        does_n = MUL;
+      end
+      E + 7'd46: begin
+        add_n  = ADD_UT;
+        mul_n  = MUL_V;
+        does_n = ADD | MUL | AHEAD;
+      end
+      E + 7'd47: does_n = F;
+      E + 7'd48: does_n = B;
+      E_LAST: begin
+        add_n  = ADD_UV;
+        does_n = ADD;
       end
       default: ;
     endcase
@@ -203,16 +240,17 @@ module rtds_sequencer (
 
   reg [6:0] add_q;
   reg [3:0] mul_q;
-  reg [8:0] does_q;
+  reg [9:0] does_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       slot_q    <= SLOT_IDLE;
       refresh_q <= 1'b0;
       valid_o   <= 1'b0;
-      add_q     <= ADD_V;
+      due_q     <= 1'b0;
+      add_q     <= ADD_Z0;
       mul_q     <= MUL_V;
-      does_q    <= 9'd0;
+      does_q    <= ADD;
     end else begin
       slot_q  <= slot_n;
       valid_o <= next_o;
@@ -220,6 +258,8 @@ module rtds_sequencer (
       mul_q   <= mul_n;
       does_q  <= does_n;
       if (start_i | refresh_i) refresh_q <= refresh_i;
+      if (clear_i | slot_n == E_AHEAD) due_q <= 1'b0;
+      else if (slot_q == E_HOLD) due_q <= 1'b1;
     end
   end
 
@@ -243,7 +283,8 @@ module rtds_sequencer (
   end
 
   assign idle_o       = slot_q == SLOT_IDLE;
-  assign next_o       = ((slot_q == SLOT_SPLIT & ~effects_i) | slot_q == SLOT_BACK) & ~clear_i;
+  assign ready_o      = idle_o & ~due_q;
+  assign next_o       = (slot_q == SLOT_SPLIT | slot_q == E_BACK) & ~clear_i;
   assign add_en_o     = {add_later_q, add_first};
   assign mul_en_o     = {mul_later_q, mul_first};
   assign add_o        = add_q;
@@ -255,6 +296,7 @@ module rtds_sequencer (
   assign save_f_o     = does_q[2];
   assign save_b_o     = does_q[1];
   assign save_taken_o = does_q[0];
+  assign ahead_o      = does_q[9];
 endmodule
 
 `default_nettype wire

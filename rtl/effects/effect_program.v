@@ -1,101 +1,111 @@
-// effect_program: what the effect unit does in each pair of clocks. Made by
+// effect_program: what both sides of the effect unit do in each clock of a step. Made by
 //   python -m rtds_host.motor.effect_program rtl/effects/effect_program.v
-// from the list of operations there; a test fails when the two differ.
+// from the list of operations there, which also says what the fields mean; a test fails when the two differ.
 //
-// Purpose    a read-only memory: pair of clocks in, one operation out, for effect_engine.
-// Handshake  none. Latency 0 (logic).
-// Format     {output, which (2), op (4), across, a outside, a (7), b outside, b (7), target (7)}; valid_o is 0
-//            in a pair in which nothing is issued; last_o marks the last pair.
+// Purpose    a read-only memory: a clock in, counted from the strobe's, out in the next one what is to be done then.
+// Handshake  rest_i: nothing is done in the next clock. Latency 1.
+// Format     each field is an output; nothing is done where it is 0. Codes of what an operand is:
+//            mul_a register, slope, sum; mul_b register, direct, sum, product;
+//            add_a register, sum, limited, other; add_b register, product, intercept, wrap;
+//            direct i, w, vc; source product, sum, T, R, Kb, vc; which u_v, u_t, level_f, level_b;
+//            table command, drop, torque, ripple, forward, backward.
 // Crossing   none.
 `default_nettype none
 
 module effect_program (
-  input  wire  [6:0] pair_i,
-  output reg         valid_o,
-  output reg  [30:0] word_o,
-  output wire        last_o
+  input  wire        clk_i,
+  input  wire        rst_ni,
+  input  wire        rest_i,
+  input  wire  [5:0] clock_i,
+  output wire        last_o,       // clock_i is the last clock with something to do
+  output wire        mul_o,
+  output wire  [1:0] mul_a_o,
+  output wire  [1:0] mul_b_o,
+  output wire        add_o,
+  output wire  [1:0] add_a_o,
+  output wire  [1:0] add_b_o,
+  output wire        minus_a_o,
+  output wire        minus_b_o,
+  output wire  [1:0] direct_o,
+  output wire        look_o,
+  output wire  [2:0] table_o,
+  output wire        limit_o,
+  output wire        put_o,
+  output wire  [1:0] which_o,
+  output wire        write_o,
+  output wire  [2:0] source_o,
+  output wire  [6:0] target_o,
+  output wire  [6:0] read_mul_a_o,
+  output wire        by_sign_o,
+  output wire  [6:0] read_mul_b_o,
+  output wire  [6:0] read_add_a_o,
+  output wire  [6:0] read_add_b_o
 );
-  assign last_o = pair_i == 7'd72;
+  reg [61:0] word;
+  reg [61:0] word_q;
+
+  assign last_o = clock_i == 6'd50;
+  assign {mul_o, mul_a_o, mul_b_o, add_o, add_a_o, add_b_o, minus_a_o, minus_b_o,
+          direct_o, look_o, table_o, limit_o, put_o, which_o, write_o,
+          source_o, target_o, read_mul_a_o, by_sign_o, read_mul_b_o, read_add_a_o, read_add_b_o} = word_q;
 
   always @* begin
-    valid_o = 1'b1;
-    word_o  = 31'd0;
-    case (pair_i)
-      7'd0:   word_o = 31'h00414010;  // draw = mul vc, i
-      7'd1:   word_o = 31'h0103B993;  // fall.t = add decline, fall_lo
-      7'd2:   word_o = 31'h00410018;  // bridge.u = mul vc, command_k
-      7'd3:   word_o = 31'h00404027;  // copper = mul R, i
-      7'd4:   word_o = 31'h01880811;  // draws = add left.draw, right.draw
-      7'd5:   word_o = 31'h01390994;  // fall.new = add fall, fall.t
-      7'd6:   word_o = 31'h080C0099;  // bridge.slope = look bridge.u, command.slope
-      7'd7:   word_o = 31'h00030892;  // sagged = mul sag, draws
-      7'd8:   word_o = 31'h02040A16;  // full = sub nominal, fall.new
-      7'd9:   word_o = 31'h080C001A;  // bridge.intercept = look bridge.u, command.intercept
-      7'd10:  word_o = 31'h00410C9B;  // bridge.product = mul vc, bridge.slope
-      7'd11:  word_o = 31'h020B0917;  // bus = sub full, sagged
-      7'd12:  word_o = 31'h003813A8;  // hot = mul rise, copper
-      7'd13:  word_o = 31'h010D8D1C;  // bridge = add bridge.product, bridge.intercept
-      7'd14:  word_o = 31'h000640B7;  // turned = mul phase, w
-      7'd15:  word_o = 31'h0040C09F;  // emf = mul Kb, w
-      7'd16:  word_o = 31'h000E0B9D;  // scaled = mul bridge, bus
-      7'd17:  word_o = 31'h0113942A;  // all_copper = add copper, hot
-      7'd18:  word_o = 31'h011BBAB8;  // angle.t = add turned, angle_lo
-      7'd19:  word_o = 31'h060E849E;  // limited = clamp scaled, limit
-      7'd20:  word_o = 31'h0015402B;  // power = mul all_copper, i
-      7'd21:  word_o = 31'h013A1C39;  // angle.new = add angle, angle.t
-      7'd22:  word_o = 31'h020F0FA0;  // driving = sub limited, emf
-      7'd23:  word_o = 31'h000515AC;  // heated = mul heat_in, power
-      7'd24:  word_o = 31'h0005B82D;  // cooled = mul heat_out, rise
-      7'd25:  word_o = 31'h00009021;  // dropped.u = mul drop_k, driving
-      7'd26:  word_o = 31'h000140B2;  // resisting.u = mul torque_k, w
-      7'd27:  word_o = 31'h071C803B;  // angle.wrapped = wrap angle.new
-      7'd28:  word_o = 31'h081081A2;  // dropped.slope = look dropped.u, drop.slope
-      7'd29:  word_o = 31'h021616AE;  // warmed = sub heated, cooled
-      7'd30:  word_o = 31'h081902B3;  // resisting.slope = look resisting.u, torque.slope
-      7'd31:  word_o = 31'h00019DBC;  // driven.u = mul ripple_k, angle.wrapped
-      7'd32:  word_o = 31'h000240C3;  // forward.u = mul forward_k, w
-      7'd33:  word_o = 31'h0002C0C8;  // backward.u = mul backward_k, w
-      7'd34:  word_o = 31'h08108123;  // dropped.intercept = look dropped.u, drop.intercept
-      7'd35:  word_o = 31'h00111024;  // dropped.product = mul dropped.slope, driving
-      7'd36:  word_o = 31'h011738AF;  // rise.t = add warmed, rise_lo
-      7'd37:  word_o = 31'h08190234;  // resisting.intercept = look resisting.u, torque.intercept
-      7'd38:  word_o = 31'h0019C0B5;  // resisting.product = mul resisting.slope, w
-      7'd39:  word_o = 31'h081E03BD;  // driven.slope = look driven.u, ripple.slope
-      7'd40:  word_o = 31'h082184C4;  // forward.slope = look forward.u, forward.slope
-      7'd41:  word_o = 31'h082405C9;  // backward.slope = look backward.u, backward.slope
-      7'd42:  word_o = 31'h011211A5;  // dropped = add dropped.product, dropped.intercept
-      7'd43:  word_o = 31'h013817B0;  // rise.new = add rise, rise.t
-      7'd44:  word_o = 31'h011A9A36;  // resisting = add resisting.product, resisting.intercept
-      7'd45:  word_o = 31'h081E033E;  // driven.intercept = look driven.u, ripple.intercept
-      7'd46:  word_o = 31'h001E9DBF;  // driven.product = mul driven.slope, angle.wrapped
-      7'd47:  word_o = 31'h08218445;  // forward.intercept = look forward.u, forward.intercept
-      7'd48:  word_o = 31'h002240C6;  // forward.product = mul forward.slope, w
-      7'd49:  word_o = 31'h0824054A;  // backward.intercept = look backward.u, backward.intercept
-      7'd50:  word_o = 31'h0024C0CB;  // backward.product = mul backward.slope, w
-      7'd51:  word_o = 31'h004186CD;  // driving_loss = mul T, load_driving
-      7'd52:  word_o = 31'h0041874E;  // driven_loss = mul T, load_driven
-      7'd53:  word_o = 31'h020A3915;  // fall.z = sub fall.new, fall
-      7'd54:  word_o = 31'h020F12A6;  // left_over = sub limited, dropped
-      7'd55:  word_o = 31'h02183831;  // rise.z = sub rise.new, rise
-      7'd56:  word_o = 31'h021CBA3A;  // angle.z = sub angle.new, angle
-      7'd57:  word_o = 31'h011F9F40;  // driven = add driven.product, driven.intercept
-      7'd58:  word_o = 31'h01419B41;  // load = add T, resisting
-      7'd59:  word_o = 31'h012322C7;  // forward = add forward.product, forward.intercept
-      7'd60:  word_o = 31'h0125A54C;  // backward = add backward.product, backward.intercept
-      7'd61:  word_o = 31'h0426A74F;  // more_f = pos driving_loss, driven_loss
-      7'd62:  word_o = 31'h0526A750;  // more_b = neg driving_loss, driven_loss
-      7'd63:  word_o = 31'h02098AF3;  // fall_lo = sub fall.t, fall.z
-      7'd64:  word_o = 31'h030A0072;  // fall = mov fall.new
-      7'd65:  word_o = 31'h42131429;  // u_v = sub left_over, hot
-      7'd66:  word_o = 31'h021798F1;  // rise_lo = sub rise.t, rise.z
-      7'd67:  word_o = 31'h03180070;  // rise = mov rise.new
-      7'd68:  word_o = 31'h021C1D75;  // angle_lo = sub angle.t, angle.z
-      7'd69:  word_o = 31'h031D8074;  // angle = mov angle.wrapped
-      7'd70:  word_o = 31'h5220A042;  // u_t = sub load, driven
-      7'd71:  word_o = 31'h6123A7D1;  // level_f = add forward, more_f
-      7'd72:  word_o = 31'h72262852;  // level_b = sub backward, more_b
-      default: valid_o = 1'b0;
+    case (clock_i)
+      6'd1:  word = 62'h000000A2000003F6;
+      6'd2:  word = 62'h000200D263A40000;
+      6'd3:  word = 62'h230000B223640000;  // command.u = mul command_k, vc; fall.t = add decline, fall_lo
+      6'd4:  word = 62'h200000C242DC0074;  // more_b = by_sign load_driven, T
+      6'd5:  word = 62'h2000000000000000;  // more_f = by_sign load_driving, T
+      6'd6:  word = 62'h2140809280003F80;  // fall.sum = add fall.t, fall; cooled = mul heat_out, rise
+      6'd7:  word = 62'h0002008480000008;
+      6'd8:  word = 62'h2B20008420000074;  // command.product = mul command.slope, vc; command.offset = add zero, command.intercept
+      6'd9:  word = 62'h01480083A0000000;  // full = sub nominal, fall.sum
+      6'd10: word = 62'h0144009EA0000000;  // fall.z = sub fall.sum, fall
+      6'd11: word = 62'h0150000000000014;  // bridge = add command.offset, command.product
+      6'd12: word = 62'h00000092A1800000;
+      6'd13: word = 62'h0148000005400000;  // fall_lo.new = sub fall.t, fall.z
+      6'd14: word = 62'h2400000004C00000;  // per_draw = mul sag, bridge
+      6'd15: word = 62'h2400000003000000;  // unsagged = mul full, bridge
+      6'd16: word = 62'h2201009EE4400000;  // draw = mul vc, i
+      6'd17: word = 62'h22000082C1000000;  // turned = mul phase, w
+      6'd18: word = 62'h22010082E4803D00;  // copper = mul R, i
+      6'd19: word = 62'h23D100001C000000;  // draws = add other.draw, draw; forward.u = mul forward_k, w
+      6'd20: word = 62'h2310000005800000;  // emf = mul Kb, w; angle.t = add turned, angle_lo
+      6'd21: word = 62'h2600008380800078;  // hot = mul rise, copper
+      6'd22: word = 62'h2401C00001400E00;  // sagged = mul per_draw, draws
+      6'd23: word = 62'h2341008300000B80;  // torque.u = mul torque_k, w; angle.sum = add angle.t, angle
+      6'd24: word = 62'h2311008340000000;  // all_copper = add copper, hot; backward.u = mul backward_k, w
+      6'd25: word = 62'h2B14009400001080;  // scaled = sub unsagged, sagged; forward.product = mul forward.slope, w
+      6'd26: word = 62'h0170A093E0000809;  // angle.new = wrap angle.sum
+      6'd27: word = 62'h3321D00000C00018;  // power = mul all_copper, i; forward.offset = add more_f, forward.intercept
+      6'd28: word = 62'h2B20088462801200;  // limited = limit scaled, limit; torque.product = mul torque.slope, w; load = add T, torque.intercept
+      6'd29: word = 62'h2584009F20000000;  // driving = sub limited, emf; ripple.u = mul ripple_k, angle.new
+      6'd30: word = 62'h272500944040001A;  // heated = mul heat_in, power; backward.offset = sub more_b, backward.intercept
+      6'd31: word = 62'h2B50000000000E80;  // loaded = add load, torque.product; backward.product = mul backward.slope, w
+      6'd32: word = 62'h2584B093201E4000;  // drop.u = mul drop_k, driving; cooler = sub limited, hot
+      6'd33: word = 62'h01180094A0001123;  // warmed = sub heated, cooled
+      6'd34: word = 62'h29640084C0000072;  // ripple.product = mul ripple.slope, angle.new; loaded.less = sub loaded, ripple.intercept
+      6'd35: word = 62'h0100909360064000;  // level_f = add forward.offset, forward.product
+      6'd36: word = 62'h0140000000000D80;  // rise.t = add warmed, rise_lo
+      6'd37: word = 62'h2954000000000070;  // drop.product = mul drop.slope, driving; u_t = sub loaded.less, ripple.product
+      6'd38: word = 62'h01240600000012A6;  // cooler.less = sub cooler, drop.intercept
+      6'd39: word = 62'h01400093C0000000;  // rise.sum = add rise.t, rise
+      6'd40: word = 62'h0104050000000070;  // level_b = sub backward.offset, backward.product
+      6'd41: word = 62'h0154000000000FF8;  // u_v = sub cooler.less, drop.product
+      6'd42: word = 62'h0144009E20000000;  // rise.z = sub rise.sum, rise
+      6'd43: word = 62'h010407000000001E;  // angle.z = sub angle.sum, angle
+      6'd44: word = 62'h0000040000000020;
+      6'd45: word = 62'h0148000000000000;  // rise_lo.new = sub rise.t, rise.z
+      6'd46: word = 62'h0148000000000000;  // angle_lo.new = sub angle.t, angle.z
+      6'd48: word = 62'h0000009E60000000;
+      6'd49: word = 62'h0000009F60000000;
+      default: word = 62'h0;
     endcase
+  end
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) word_q <= 62'h0;
+    else word_q <= rest_i ? 62'h0 : word;
   end
 endmodule
 

@@ -1,12 +1,12 @@
 // effect_unit: what makes both motor units differ from ideal ones; the delay, the engine, and the way to load them.
 //
-// Purpose    Keeps the inputs of a strobe, and after the step prepares from them, from the new state and from the tables
-//            what the next step works with (see effect_engine). So inputs act one step later than without it.
-// Handshake  strobe_i with the inputs, at the edge that starts a step; step_i when the new state stands, one clock or more
-//            later than the delay's three; no strobe while busy_o. rest_i: effects off, or state cleared.
+// Purpose    Keeps the inputs of a strobe, and prepares from them, from the new state and from the tables what the next step
+//            works with (see effect_engine). So inputs act one step later than without it.
+// Handshake  strobe_i with the inputs, at the edge that starts a step; i_*, w_* are the new state from the 16th clock after it.
+//            rest_i: effects off, or state cleared.
 //            wr_valid_i for one clock while wr_ready_o: a word for a table or a constant; it is written as soon as no
 //            run is in hand, so a run sees it either before or after.
-// Latency    outputs hold from 151 clocks after step_i to the next run; those after rest_i are zero.
+// Latency    outputs: see effect_engine.
 // Format     binary32; pairs have left in the lower half. Addresses: see effect_engine.
 // Crossing   none.
 `default_nettype none
@@ -20,7 +20,6 @@ module effect_unit (
   input  wire [63:0] t_i,
   input  wire [11:0] delay_i,
   input  wire [15:0] stride_i,
-  input  wire        step_i,
   input  wire [31:0] r_l_i,
   input  wire [31:0] r_r_i,
   input  wire [31:0] kb_l_i,
@@ -29,7 +28,6 @@ module effect_unit (
   input  wire [31:0] i_r_i,
   input  wire [31:0] w_l_i,
   input  wire [31:0] w_r_i,
-  output wire        busy_o,
   output wire [63:0] u_v_o,
   output wire [63:0] u_t_o,
   output wire [63:0] level_f_o,
@@ -63,7 +61,8 @@ module effect_unit (
   reg         pending_q;
   reg  [13:0] addr_q;
   reg  [31:0] data_q;
-  wire        write = pending_q & ~busy_o & ~step_i;
+  wire        busy;
+  wire        write = pending_q & ~busy;
 
   assign wr_ready_o = ~pending_q;
 
@@ -85,8 +84,8 @@ module effect_unit (
     .clk_i     (clk_i),
     .rst_ni    (rst_ni),
     .rest_i    (rest_i),
-    .start_i   (step_i),
-    .busy_o    (busy_o),
+    .start_i   (strobe_i),
+    .busy_o    (busy),
     .r_l_i     (r_l_i),
     .r_r_i     (r_r_i),
     .kb_l_i    (kb_l_i),

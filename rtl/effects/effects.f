@@ -2,5 +2,6 @@
 effect_program.v
 effect_index.v
 effect_delay.v
+effect_side.v
 effect_engine.v
 effect_unit.v

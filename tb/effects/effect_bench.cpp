@@ -26,8 +26,8 @@
 namespace {
 
 constexpr int FIELDS = 24;
-constexpr int VALID_CLOCKS[2] = {11, 21};
-constexpr int READY_CLOCKS[2] = {26, 173};
+constexpr int VALID_CLOCKS[2] = {11, 15};
+constexpr int READY_CLOCKS[2] = {26, 50};
 constexpr int READY_LIMIT = 400;
 
 void drive(Vrtds_core& top, const std::uint32_t* record) {

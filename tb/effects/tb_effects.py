@@ -11,16 +11,16 @@ import random
 import cocotb
 import numpy as np
 from cocotb.clock import Clock
-from cocotb.triggers import ReadOnly, RisingEdge
+from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge
 
 from effects.effect_script import NOMINAL, random_unit, words
 from rtds_host.motor.effect_model import EffectCore
 from rtds_host.motor.effect_tables import constant_address, tables_of
 from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
 
-VALID_CLOCKS, LOW_CLOCKS, READY_CLOCKS = 21, 28, 173
-CHANGED_CLOCKS = 188  # ready after changed parameters
-OWN_CLOCKS = 264  # and where each side has its own
+VALID_CLOCKS, LOW_CLOCKS, READY_CLOCKS = 15, 22, 50
+CHANGED_CLOCKS = 147  # ready after changed parameters
+OWN_CLOCKS = 271  # and where each side has its own
 PARAMETER_PORTS = ("p_r_i", "p_l_i", "p_km_i", "p_kb_i", "p_j_i", "p_b_i", "p_h_i")
 SECOND_PORTS = ("p2_r_i", "p2_l_i", "p2_km_i", "p2_kb_i", "p2_j_i", "p2_b_i")
 HIGH_PORTS = ("i_l_o", "w_l_o", "i_r_o", "w_r_o")
@@ -43,6 +43,7 @@ class TB:
         self.model = EffectCore()
         self.parameters, self.own, self.method = words(NOMINAL), None, 0
         self.on, self.delay, self.stride = True, 0, 1
+        self.now = False  # the next strobe without a clock between
         Clock(dut.clk_i, 20, unit="ns", impl="gpi").start()
 
     async def reset(self) -> None:
@@ -93,7 +94,11 @@ class TB:
     async def strobe(self, v, t) -> None:
         """The edge that starts a step; afterwards inputs and switches carry random words."""
         dut = self.dut
-        await RisingEdge(dut.clk_i)
+        if self.now:
+            await FallingEdge(dut.clk_i)
+        else:
+            await RisingEdge(dut.clk_i)
+        self.now = False
         self.drive(v, t)
         dut.strobe_i.value = 1
         await RisingEdge(dut.clk_i)
@@ -181,7 +186,7 @@ async def a_motor_below_breakaway_stands_still_and_leaves_above_it(dut):
 async def clear_at_any_clock_of_a_step_leaves_rest_and_nothing_else(dut):
     """The step under way is dropped, motors and effects are at rest, tables and coefficients stay."""
     tb = await bench(dut, RICH, RICH, SUPPLY)
-    for clocks in (*range(0, 45, 3), 60, 100, 150, 169, 170, 171, 172, 173, 174, 175):
+    for clocks in range(56):
         for _ in range(2):
             await tb.step([8.0, -8.0], [1e-4, 0.0])
         await tb.strobe(words([8.0, -8.0]), words([0.0, 0.0]))
@@ -201,6 +206,41 @@ async def clear_at_any_clock_of_a_step_leaves_rest_and_nothing_else(dut):
     await tb.step([8.0, -8.0], [1e-4, 0.0])
 
 
+@cocotb.test()
+async def a_strobe_in_the_clock_after_a_clear_starts_from_rest(dut):
+    """Whatever was under way: what the step before had prepared is gone, too, and no friction is left."""
+    tb = await bench(dut, RICH, RICH, SUPPLY)
+    for clocks in range(56):
+        for _ in range(2):
+            await tb.step([8.0, -8.0], [1e-4, 0.0])
+        await tb.strobe(words([8.0, -8.0]), words([0.0, 0.0]))
+        for _ in range(clocks + 1):
+            await RisingEdge(dut.clk_i)
+        dut.clear_i.value = 1
+        await RisingEdge(dut.clk_i)
+        dut.clear_i.value = 0
+        tb.model.clear()
+        tb.now = True
+        state = await tb.step([8.0, -8.0], [1e-4, 0.0])
+        assert (state == 0.0).all(), "inputs act a step later"
+        assert (tb.valid, tb.ready) == (VALID_CLOCKS, READY_CLOCKS)
+
+
+@cocotb.test()
+async def strobes_as_soon_as_they_may_come_with_effects_and_without(dut):
+    """Every change between the two at the shortest distance: the first step with effects starts from what the plain one left."""
+    tb = await bench(dut, RICH, UnitEffects(limit_v=5.0), SUPPLY)
+    await tb.step([6.0, -3.0], [0.0, 1e-4])
+    for k, on in enumerate((1, 1, 0, 0, 1, 0, 1, 1, 1, 0, 1, 1, 0, 0, 0, 1)):
+        if tb.on != bool(on):
+            tb.on, tb.now = bool(on), True
+            await tb.step([6.0, -3.0], [1e-4 * k, 1e-4])  # ready later: the parameter unit finds rho, too
+        for _ in range(3):
+            tb.now = True
+            await tb.step([6.0 - k, -3.0], [0.0, 1e-4 * (k % 3)])
+            assert (tb.valid, tb.ready) == ((VALID_CLOCKS, READY_CLOCKS) if on else (11, 26))
+
+
 def self_ready(dut) -> bool:
     """ready_o, read as a number."""
     return bool(int(dut.ready_o.value))
@@ -208,14 +248,12 @@ def self_ready(dut) -> bool:
 
 @cocotb.test()
 async def words_written_at_any_clock_act_after_the_run_in_hand(dut):
-    """A limit that changes under way: the run of this step has the old one or the new one, whole, and the next the new."""
+    """A limit that changes under way: the run of this step has the old one, and the next the new."""
     tb = await bench(dut, UnitEffects(limit_v=6.0), UnitEffects(limit_v=6.0))
     limit = constant_address(1, 9)
     await tb.step([9.0, 9.0], [0.0, 0.0])
-    for k, clock in enumerate((1, 5, 17, 18, 19, 20, 21, 22, 60, 100, 150, 170)):
+    for k, clock in enumerate((1, 5, 17, *range(25, 31), 42, 46, 47, 48)):
         word = int(words(1.0 + 0.5 * k))
-        if clock <= 18:  # written by the edge before the one that starts the run
-            tb.model.write(limit, word)
         await tb.step([9.0, 9.0], [0.0, 0.0], write=(clock, limit, word))
         tb.model.write(limit, word)
         await RisingEdge(dut.clk_i)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import subprocess
 from pathlib import Path
 
@@ -34,20 +35,139 @@ def test_thousands_of_random_steps_with_effects_on_icarus(simulator):
                testcase="random_effects_switched_and_changed_while_the_motors_turn", extra_env={"EFFECT_STEPS": "4000"})  # fmt: skip
 
 
-def test_no_operation_reads_what_is_not_written_yet_and_none_overwrites_what_is_still_needed():
-    """In the program as issued, carried out with the engine's latencies: reads see what the list of operations means."""
-    instructions = effect_program.schedule()
-    written = {instruction.target: instruction.pair for instruction in instructions}
-    for instruction in instructions:
-        operands = [] if instruction.a_outside else [instruction.a]
-        if not instruction.b_outside and instruction.op in ("mul", "add", "sub", "pos", "neg", "clamp"):
-            operands.append(instruction.b)
-        for address in operands:
-            if address >= effect_program.STATE_FIRST:  # the old value: read before the new one is written
-                assert instruction.pair <= written[address] + 1
-            elif address >= effect_program.TEMPORARY_FIRST:
-                assert instruction.pair >= written[address] + effect_program.LATENCY_PAIRS + instruction.across
-    assert len({instruction.pair for instruction in instructions}) == len(instructions)
+def term(operation: str, *operands: tuple[object, int]) -> tuple:
+    """An operation whose two operands, with their signs, may change places; a digest keeps deep terms short."""
+    text = repr((operation, sorted(operands, key=repr)))
+    return (operation, hashlib.sha256(text.encode()).hexdigest())
+
+
+class Machine:
+    """One side of the engine on terms instead of numbers: what the words of the ROM compute, clock by clock.
+
+    A term is a tuple (operation, operands); operands that stand nowhere any more, or not yet, are None and fail the test.
+    """
+
+    def __init__(self) -> None:
+        self.registers = {address: ("constant", name) for address, name in enumerate(effect_program.CONSTANTS)}
+        for k, name in enumerate(effect_program.STATES):
+            self.registers[effect_program.STATE_FIRST + 2 * k] = ("state", name)
+        self.newer = 0
+
+    def place(self, address: int) -> int:
+        return address ^ self.newer if address >= effect_program.STATE_FIRST else address
+
+    def run(self, inputs: dict[str, tuple]) -> dict[str, tuple]:
+        """The outputs of a step, and the state after it under the states' names."""
+        rom, inputs = effect_program.words(), dict(inputs)
+        pipes = {"product": [None] * 3, "sum": [None] * 3}
+        stands = dict.fromkeys(("product", "sum", "direct", "slope", "intercept", "limited"))
+        read, ready, line, put = {}, {}, [None, None], {}
+
+        def take(codes: tuple[str, ...], code: int, port: str, kind: str) -> tuple:
+            source = codes[code]
+            if source == "register":
+                return ready[port]
+            if source == "other":
+                return ("other", stands["product"])
+            if source == "wrap":
+                return ("wrap", stands["sum"])
+            return stands[source]
+
+        for clock, fields in enumerate(rom):
+            f = {name: fields.get(name, 0) for name in effect_program.FIELDS}
+            # results that leave their operators in this clock
+            for unit in ("product", "sum"):
+                done = pipes[unit].pop(0)
+                stands[unit] = done or stands[unit]
+            entering = dict.fromkeys(("product", "sum"))
+            if f["mul"]:
+                factors = [take(effect_program.MUL_A, f["mul_a"], "mul_a", "mul"), take(effect_program.MUL_B, f["mul_b"], "mul_b", "mul")]
+                assert None not in factors, f"clock {clock}: a factor stands nowhere"
+                entering["product"] = term("mul", (factors[0], 0), (factors[1], 0))
+            if f["add"]:
+                terms = [take(effect_program.ADD_A, f["add_a"], "add_a", "add"), take(effect_program.ADD_B, f["add_b"], "add_b", "add")]
+                assert None not in terms, f"clock {clock}: a term stands nowhere"
+                entering["sum"] = term("sum", (terms[0], f["minus_a"]), (terms[1], f["minus_b"]))
+            pipes["product"].append(entering["product"])
+            pipes["sum"].append(entering["sum"])
+            # what the end of this clock leaves for the next one
+            if f["limit"]:
+                stands["limited"] = ("limit", repr(stands["sum"]), repr(ready["add_b"]))
+            if f["put"]:
+                put[effect_program.OUTPUTS[f["which"]]] = stands["sum"]
+            stands["slope"], stands["intercept"] = line[0] or (stands["slope"], stands["intercept"])
+            table = effect_program.TABLES[f["table"]] if f["look"] else ""
+            line = [tuple((f"{table}.{word}", repr(stands["product"])) for word in ("slope", "intercept")) if f["look"] else None, None]
+            stands["direct"] = inputs[effect_program.DIRECT[min(f["direct"], 2)]] if clock >= 3 else None
+            if clock < effect_program.DIRECT_FROM["i"] - 1 and f["direct"] < 2:
+                stands["direct"] = None
+            ready = {port: read.get(port) for port in ("mul_a", "mul_b", "add_a", "add_b")}
+            for port in ready:
+                address = f[f"read_{port}"]
+                value = ("zero",) if address == effect_program.ZERO else self.registers.get(self.place(address))
+                read[port] = ("by_sign", value) if port == "mul_a" and f["by_sign"] else value
+            if f["write"]:
+                source = effect_program.WRITE[f["source"]]
+                if source in effect_program.INPUT_FROM:
+                    assert clock >= effect_program.INPUT_FROM[source]
+                    self.registers[f["target"]] = inputs[source]
+                else:
+                    self.registers[self.place(f["target"])] = stands[source]
+        self.newer ^= 1
+        for address in range(effect_program.TEMPORARY_FIRST, effect_program.STATE_FIRST):
+            self.registers.pop(address, None)  # a temporary of one step is not read in the next
+        for k, name in enumerate(effect_program.STATES):
+            put[name] = self.registers[effect_program.STATE_FIRST + 2 * k + self.newer]
+        return put
+
+
+def meant(inputs: dict[str, tuple], states: dict[str, tuple]) -> dict[str, tuple]:
+    """The same terms straight from the list of operations."""
+    values = {name: ("constant", name) for name in effect_program.CONSTANTS} | inputs | states | {"zero": ("zero",)}
+    after = {}
+    for result, op, a, b in effect_program.OPERATIONS:
+        for operand in (a, b):
+            table, _, word = operand.rpartition(".")
+            if word in ("slope", "intercept"):
+                values[operand] = (operand, repr(values[f"{table}.u"]))
+        first = ("other", values[a.removeprefix("other.")]) if a.startswith("other.") else values[a]
+        second = values.get(b)
+        if op in ("mul", "by_sign"):
+            first = ("by_sign", first) if op == "by_sign" else first
+            values[result] = term("mul", (first, 0), (second, 0))
+        elif op == "limit":
+            values[result] = ("limit", repr(first), repr(second))
+        elif op == "wrap":
+            values[result] = term("sum", (first, 0), (("wrap", first), 0))
+        else:
+            values[result] = term("sum", (first, 0), (second, int(op == "sub")))
+        if result in effect_program.NEW_STATES:
+            after[effect_program.NEW_STATES[result]] = values[result]
+    return after | {name: values[name] for name in effect_program.OUTPUTS}
+
+
+def test_the_words_of_the_program_compute_what_the_list_of_operations_means():
+    """Two steps, 50 clocks apart, carried out on terms with the engine's latencies: every operand stands where it is taken."""
+    machine = Machine()
+    states = {name: ("state", name) for name in effect_program.STATES}
+    for step in range(2):
+        inputs = {name: (name, step) for name in ("vc", "T", "R", "Kb", "i", "w")}
+        want = meant(inputs, states)
+        assert machine.run(inputs) == want
+        states = {name: want[name] for name in effect_program.STATES}
+
+
+def test_an_operation_a_clock_earlier_than_its_operands_is_refused(monkeypatch):
+    """The schedule's own check is of some use: most operations of the critical path cannot come a clock sooner."""
+    refused = 0
+    for name in ("draws", "sagged", "scaled", "limited", "driving", "drop.product", "u_v", "angle.new", "rise_lo.new"):
+        slots = dict(effect_program.SLOTS)
+        slots[name] -= 1
+        monkeypatch.setattr(effect_program, "SLOTS", slots)
+        with pytest.raises(effect_program.ScheduleError):
+            effect_program.schedule()
+        refused += 1
+    assert refused == 9
 
 
 def assert_every_word_equal(script: Script, folder: Path, extra: int) -> None:

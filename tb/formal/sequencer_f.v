@@ -1,6 +1,6 @@
-// Proof of the core's step: a step that is not cleared gives its valid exactly LATENCY clocks after its start, MORE later
-// with effects, no valid comes otherwise, the rows are idle again SPACING clocks (and MORE) after the start at the latest,
-// and what a step prepares for the next is saved before that one needs it.
+// Proof of the core's step: a step that is not cleared gives its valid exactly LATENCY clocks after its start, FX_LATENCY
+// with effects, no valid comes otherwise, the rows take the next one SPACING (FX_SPACING) clocks after the start unless
+// coefficients change, and what a step prepares for the next stands when that one needs it.
 `default_nettype none
 
 module sequencer_f (
@@ -9,56 +9,111 @@ module sequencer_f (
     input wire clear,
     input wire start,
     input wire refresh,
-    input wire effects
+    input wire fx_on,
+    input wire hold
 );
   localparam LATENCY = 12;
   localparam SPACING = 26;
-  localparam MORE = 10;
+  localparam FX_LATENCY = 16;
+  localparam FX_SPACING = 50;
+  localparam MORE = FX_LATENCY - LATENCY;
 
-  wire idle, valid;
+  wire idle, ready, valid;
+  wire [2:0] add_en;
+  wire [6:0] add;
   reg effects_q = 1'b0;  // from the clock after a start to the next
 
-  always @(posedge clk) if (start) effects_q <= effects;
+  always @(posedge clk) if (!rst_n) effects_q <= 1'b0; else if (start) effects_q <= fx_on;
 
   rtds_sequencer dut (
-      .clk_i(clk), .rst_ni(rst_n), .clear_i(clear), .start_i(start), .refresh_i(refresh), .effects_i(effects_q), .idle_o(idle), .valid_o(valid)
+      .clk_i(clk), .rst_ni(rst_n), .clear_i(clear), .start_i(start), .refresh_i(refresh), .fx_on_i(fx_on), .effects_i(effects_q),
+      .hold_i(hold), .idle_o(idle), .ready_o(ready), .valid_o(valid), .add_en_o(add_en), .add_o(add)
   );
 
   // Signals inside of dut, joined by Yosys when it flattens.
   (* hierconn *) wire \dut.refresh_q ;
-  (* hierconn *) wire [5:0] \dut.slot_q ;
+  (* hierconn *) wire \dut.due_q ;
+  (* hierconn *) wire [6:0] \dut.slot_q ;
   (* hierconn *) wire [2:0] \dut.c_later_q ;
 
   reg started = 1'b0;
-  reg [LATENCY+MORE-1:0] due = 0;  // a step on its way, one place a clock
-  reg [5:0] since = 6'd63;         // clocks since the last start
-  wire [5:0] spacing = effects_q ? SPACING + MORE : SPACING;
+  reg [FX_LATENCY-1:0] due = 0;  // a step on its way, one place a clock
+  reg [5:0] since = NONE;        // clocks since the last start, at most MANY; NONE since the last clear
+  reg held = 1'b0;               // coefficients changed since
+  localparam [5:0] MANY = 6'd62;
+  localparam [5:0] NONE = 6'd63;
+
+  reg hold_q = 1'b0;
 
   always @(posedge clk) begin
     started <= 1'b1;
+    hold_q <= hold && rst_n;
     if (!rst_n || clear) due <= 0;
-    else due <= {due[LATENCY+MORE-2:0], start && effects} | (start && !effects) << MORE;
-    if (!rst_n || clear) since <= 6'd63;
+    else due <= {due[FX_LATENCY-2:0], start && fx_on} | (start && !fx_on) << MORE;
+    if (!rst_n || clear) since <= NONE;
     else if (start) since <= 6'd1;
-    else if (since != 6'd63) since <= since + 6'd1;
+    else if (since < MANY) since <= since + 6'd1;
+    held <= rst_n && !clear && !start && (held || hold || refresh);
   end
+
+  // What entered the adder last, and whether it has left it: a first step with effects takes what stands there.
+  localparam [6:0] ADD_C2 = 7'b0100001;  // as in rtds_sequencer
+  localparam [6:0] ADD_UV = 7'b0000001;
+  localparam [6:0] ADD_Z0 = 7'b0000100;
+  reg [6:0] last_add = ADD_Z0;
+  always @(posedge clk) if (add_en[0]) last_add <= add;
 
   always @* begin
     if (!started) assume (!rst_n);
-    // The contract of the handshake.
-    if (!idle) assume (!start && !refresh);
-    assume (!(start && refresh) && !(clear && start));
+    // The contract of the handshake: hold_i begins with a step, if at all, and a refresh ends it.
+    if (hold) assume (hold_q || since == 6'd1);
+    if (!ready) assume (!start);
+    if (!idle) assume (!refresh);
+    if (hold) assume (!start);
+    if (refresh) assume (hold);
+    assume (!(clear && start));
   end
 
   always @* if (started && rst_n) begin
-    assert (valid == due[LATENCY+MORE-1]);
-    if (since >= spacing && since != 6'd63) assert (idle || dut.refresh_q);
+    assert (valid == due[FX_LATENCY-1]);
+    if (since >= SPACING && since != NONE && !effects_q) assert (idle || dut.refresh_q);
+    if (since >= FX_SPACING && since != NONE && !held) assert (ready);
     // What a step adds first, in slot 3, was saved by then, however soon after the last step it comes.
-    if (dut.slot_q == 6'd3) assert (dut.c_later_q == 3'd0);
-    cover (dut.slot_q == 6'd2 && dut.c_later_q[2]);
-    cover (valid && idle == 1'b0);
+    if (dut.slot_q == 7'd3) assert (dut.c_later_q == 3'd0);
+    // With effects it stands in the adder: c, or that with the effect unit's inputs, or zero.
+    if (dut.slot_q == 7'd67) assert (add_en[2:1] == 2'd0 && (last_add == ADD_C2 || last_add == ADD_UV || last_add == ADD_Z0));
+    // A step with effects that was prepared leaves the sum with its inputs.
+    if (since >= FX_SPACING && since != NONE && effects_q && ready && !dut.refresh_q) assert (last_add == ADD_UV);
+    // What ties all that to the slots, so that induction need not look back over a whole step.
+    if (since != NONE) begin
+      if (effects_q && since < FX_LATENCY) assert (dut.slot_q == 7'd64 + since && due == 1 << (since - 1));
+      if (effects_q && since >= FX_LATENCY && since < 6'd30) assert (dut.slot_q == since - 7'd4);
+      if (effects_q && since >= 6'd30 && since < 6'd43) assert (dut.slot_q == 7'd64 + since);
+      if (effects_q && since >= 6'd43 && since < FX_SPACING && !held) assert (dut.slot_q == 7'd64 + since);
+      if (!effects_q && since < SPACING) assert (dut.slot_q == since);
+      if (!effects_q && since < LATENCY) assert (due == 1 << (since - 1 + MORE));
+      if (since < (effects_q ? 6'd43 : SPACING) || !held) assert (!dut.refresh_q);
+      if (!held) assert (!dut.due_q);
+      if (!held && since >= (effects_q ? FX_SPACING : SPACING)) assert (dut.slot_q == 7'd0);
+    end
+    if (since == NONE) assert (!dut.due_q);
+    if (since == NONE || since >= (effects_q ? 6'd43 : SPACING))
+      assert (dut.slot_q == 7'd0 || (dut.refresh_q && dut.slot_q >= 7'd12 && dut.slot_q < 7'd26)
+              || (effects_q && since != NONE && dut.slot_q >= 7'd107 && dut.slot_q <= 7'd113));
+    if (since == NONE || since > (effects_q ? FX_LATENCY : LATENCY)) assert (due == 0);
+    // A refresh in a step with effects is one that the preparation of the next waits for.
+    if (effects_q && since != NONE && since >= 6'd43 && hold_q && dut.slot_q == 7'd0) assert (dut.due_q || !hold);
+    if (effects_q && since != NONE && dut.refresh_q && dut.slot_q >= 7'd12 && dut.slot_q < 7'd26) assert (dut.due_q);
+    if (dut.due_q) assert (effects_q && dut.slot_q < 7'd26);
+    if ((dut.slot_q == 7'd0 && !dut.due_q) || dut.slot_q == 7'd65 || dut.slot_q == 7'd66)
+      assert (last_add == ADD_C2 || last_add == ADD_UV || last_add == ADD_Z0 || (add_en[0] && add == ADD_Z0));
+    if (since != NONE && since >= FX_SPACING && effects_q && dut.slot_q == 7'd0 && !dut.due_q)
+      assert (last_add == ADD_UV && !add_en[0]);
+    cover (dut.slot_q == 7'd2 && dut.c_later_q[2]);
     cover (valid && since == LATENCY && !effects_q);
-    cover (valid && since == LATENCY + MORE && effects_q);
-    cover (since == spacing && idle && start && effects_q);
+    cover (valid && since == FX_LATENCY && effects_q);
+    cover (since == FX_SPACING && ready && start && effects_q);
+    cover (dut.slot_q == 7'd67 && last_add == ADD_Z0);
+    cover (dut.due_q && refresh);
   end
 endmodule

@@ -45,7 +45,7 @@ from rtds_host.motor.parameters import parameter_words
 # requests, so that the time limit of one answer says something about the simulator and not about the exchange.
 REQUEST_CLOCKS = {"verilator": 2_000_000, "icarus": 50_000}
 LEAST_CLOCKS = 27  # of a step, when it is started as soon as the core is ready
-LEAST_CLOCKS_WITH_EFFECTS = 174
+LEAST_CLOCKS_WITH_EFFECTS = 51
 MAX_STEP_CLOCKS = 0xFFFF
 SAMPLE_BYTES = 16  # of a row: two currents, two speeds
 _STDERR_LINES = 3

@@ -16,7 +16,7 @@ import numpy as np
 from rtds_host.errors import InputError
 from rtds_host.motor.effect_program import CONSTANTS, OUTPUTS, STATES, TABLE_ORIGIN, TABLES
 from rtds_host.motor.effect_tables import DELAY_ENTRIES, TABLE_WORDS, EffectWords
-from rtds_host.motor.model import SAMPLE_COLUMNS, STATE_COLUMNS, _increments, _step, canonical_words
+from rtds_host.motor.model import SAMPLE_COLUMNS, STATE_COLUMNS, _step, canonical_words
 from rtds_host.motor.parameters import coefficients, parameter_words
 
 _ZERO = np.float32(0.0)
@@ -27,14 +27,15 @@ _LAST_CELL = 255
 _COMMAND, _DROP, _TORQUE, _RIPPLE, _FORWARD, _BACKWARD = range(len(TABLES))
 _SIGNED_ORIGIN = TABLE_ORIGIN["command"]
 _SIZE_ORIGIN = TABLE_ORIGIN["ripple"]
-# Registers of the delay: where the next entry goes, entries so far (at most the delay), step within an entry.
-_DELAY_AT, _DELAY_FILLED, _DELAY_PHASE = range(3)
+# Registers of the delay: where the next entry goes, entries so far (at most the delay), step within an entry. And whether a
+# step has prepared the next one.
+_DELAY_AT, _DELAY_FILLED, _DELAY_PHASE, _PREPARED = range(4)
 _COEFFICIENTS = 9  # R, Kb, Km, B, G11, G12, G21, G22, rho
 
 
 @numba.njit(inline="always")
 def _look(tables, m, table, x, k, origin):
-    """The table's line at x: slope * x + intercept of the cell floor(x k) + origin, held in 0..255."""
+    """(slope, intercept) of the table's line at x: that of the cell floor(x k) + origin, held in 0..255."""
     u = x * k
     if math.isnan(u):
         cell = origin
@@ -44,7 +45,7 @@ def _look(tables, m, table, x, k, origin):
         cell = 0
     else:
         cell = min(max(math.floor(u) + origin, 0), _LAST_CELL)
-    return tables[m, table, cell, 1] * x + tables[m, table, cell, 0]
+    return tables[m, table, cell, 1], tables[m, table, cell, 0]
 
 
 @numba.njit(inline="always")
@@ -57,64 +58,73 @@ def _two_words(hi, lo, increment):
 
 @numba.njit(cache=True)
 def _prepare(m, i, w, draws, vc, t, c, constants, tables, inner, ahead):
-    """What side m's next step works with, into ahead (2, 4): u_v, u_t, level_f, level_b; inner (2, 6) goes on."""
+    """What side m's next step works with, into ahead (2, 4): u_v, u_t, level_f, -level_b; inner (2, 6) goes on.
+
+    The order of operations is that of `rtds_host.motor.effect_program.OPERATIONS`.
+    """
     k = constants[m]
     rise, rise_lo, fall, fall_lo, angle, angle_lo = inner[m]
     # supply
-    sagged = k[_SAG] * draws
-    fall_new, fall_lo = _two_words(fall, fall_lo, k[_DECLINE])
-    bus = (k[_NOMINAL] - fall_new) - sagged
+    fall, fall_lo = _two_words(fall, fall_lo, k[_DECLINE])
+    slope, intercept = _look(tables, m, _COMMAND, vc, k[_COMMAND_K], _SIGNED_ORIGIN)
+    bridge = (_ZERO + intercept) + slope * vc
+    scaled = (k[_NOMINAL] - fall) * bridge - (k[_SAG] * bridge) * draws
     # voltage
-    scaled = _look(tables, m, _COMMAND, vc, k[_COMMAND_K], _SIGNED_ORIGIN) * bus
     limited = scaled
     if abs(scaled) > abs(k[_LIMIT]):
         limited = np.float32(math.copysign(k[_LIMIT], scaled))
-    limited = limited + _ZERO
     driving = limited - c[1] * w
-    left_over = limited - _look(tables, m, _DROP, driving, k[_DROP_K], _SIGNED_ORIGIN)
+    slope, intercept = _look(tables, m, _DROP, driving, k[_DROP_K], _SIGNED_ORIGIN)
     copper = c[0] * i
     hot = rise * copper
-    ahead[m, 0] = left_over - hot
+    ahead[m, 0] = ((limited - hot) - intercept) - slope * driving
     # heat
     power = (copper + hot) * i
     warmed = k[_HEAT_IN] * power - k[_HEAT_OUT] * rise
     rise, rise_lo = _two_words(rise, rise_lo, warmed)
     # torque
-    resisting = _look(tables, m, _TORQUE, w, k[_TORQUE_K], _SIGNED_ORIGIN)
+    slope, intercept = _look(tables, m, _TORQUE, w, k[_TORQUE_K], _SIGNED_ORIGIN)
+    loaded = (t + intercept) + slope * w
     angle, angle_lo = _two_words(angle, angle_lo, k[_PHASE] * w)
     if angle < _ZERO:
         angle = angle + _ONE
     elif angle >= _ONE:
         angle = angle - _ONE
-    else:
-        angle = angle + _ZERO
-    driven = _look(tables, m, _RIPPLE, angle, k[_RIPPLE_K], _SIZE_ORIGIN)
-    ahead[m, 1] = (t + resisting) - driven
+    slope, intercept = _look(tables, m, _RIPPLE, angle, k[_RIPPLE_K], _SIZE_ORIGIN)
+    ahead[m, 1] = (loaded - intercept) - slope * angle
     # friction
-    forward = _look(tables, m, _FORWARD, w, k[_FORWARD_K], _SIZE_ORIGIN)
-    backward = _look(tables, m, _BACKWARD, w, k[_BACKWARD_K], _SIZE_ORIGIN)
-    driving_loss = t * k[_DRIVING]
-    driven_loss = t * k[_DRIVEN]
-    more_f, more_b = driving_loss, driven_loss
-    if driving_loss < _ZERO:
-        more_f, more_b = driven_loss, driving_loss
-    ahead[m, 2] = forward + (more_f + _ZERO)
-    ahead[m, 3] = backward - (more_b + _ZERO)
-    inner[m, 0], inner[m, 1] = rise + _ZERO, rise_lo
-    inner[m, 2], inner[m, 3] = fall_new + _ZERO, fall_lo
-    inner[m, 4], inner[m, 5] = angle + _ZERO, angle_lo
+    more_f, more_b = t * k[_DRIVING], t * k[_DRIVEN]
+    if math.copysign(_ONE, t) < _ZERO:
+        more_f, more_b = t * k[_DRIVEN], t * k[_DRIVING]
+    slope, intercept = _look(tables, m, _FORWARD, w, k[_FORWARD_K], _SIZE_ORIGIN)
+    ahead[m, 2] = (more_f + intercept) + slope * w
+    slope, intercept = _look(tables, m, _BACKWARD, w, k[_BACKWARD_K], _SIZE_ORIGIN)
+    ahead[m, 3] = (more_b - intercept) - slope * w
+    inner[m, 0], inner[m, 1] = rise, rise_lo
+    inner[m, 2], inner[m, 3] = fall, fall_lo
+    inner[m, 4], inner[m, 5] = angle, angle_lo
 
 
 @numba.njit(inline="always")
-def _step_with_friction(i, w, i_lo, w_lo, c, ahead):
-    """One step of one motor, projected on what dry friction allows (rtl/core with effects on)."""
-    ti, tw = _increments(i, w, i_lo, w_lo, c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], ahead[0], ahead[1])
+def _step_with_friction(i, w, i_lo, w_lo, c, ahead, prepared):
+    """One step of one motor, projected on what dry friction allows (rtl/core with effects on).
+
+    prepared : a step before this one has given `ahead`; without, there are no inputs and no friction yet.
+    """
+    s1 = c[0] * i + c[1] * w
+    s2 = c[2] * i - c[3] * w
+    ti = (i_lo - c[4] * s1) - c[5] * s2
+    tw = (w_lo - c[6] * s1) + c[7] * s2
+    most_f = most_b = _ZERO
+    if prepared:
+        ti = (ti + c[5] * ahead[1]) + c[4] * ahead[0]
+        tw = (tw - c[7] * ahead[1]) + c[6] * ahead[0]
+        most_f = c[7] * ahead[2]
+        most_b = c[7] * ahead[3]
     free = w + tw
-    most_f = c[7] * ahead[2]
-    most_b = c[7] * ahead[3]
     if free < _ZERO:
-        stuck = -free <= most_b
-        taken = free if stuck else -most_b
+        stuck = free >= most_b
+        taken = free if stuck else most_b
     else:
         stuck = free == _ZERO or free <= most_f
         taken = free if stuck else most_f
@@ -134,7 +144,7 @@ def _run_effects(on, state, ahead, inner, c, constants, tables, memory, late, de
     """`n_steps` of both motors, samples as in `rtds_host.motor.model`; out (m, 2, 4) takes the whole state.
 
     on : the effect unit runs; without it only the sides' own coefficients c (2, 9) differ from the ideal unit.
-    ahead (2, 4), inner (2, 6), memory (DELAY_ENTRIES, 2), late (3,), held (2,): the unit's state.
+    ahead (2, 4), inner (2, 6), memory (DELAY_ENTRIES, 2), late (4,), held (2,): the unit's state.
     """
     end = done + n_steps
     while done < end:
@@ -142,7 +152,7 @@ def _run_effects(on, state, ahead, inner, c, constants, tables, memory, late, de
             i, w, i_lo, w_lo = state[m, 0], state[m, 1], state[m, 2], state[m, 3]
             k = c[m]
             if on:
-                i, w, i_lo, w_lo = _step_with_friction(i, w, i_lo, w_lo, k, ahead[m])
+                i, w, i_lo, w_lo = _step_with_friction(i, w, i_lo, w_lo, k, ahead[m], late[_PREPARED] != 0)
             else:
                 i, w, i_lo, w_lo = _step(i, w, i_lo, w_lo, k[0], k[1], k[2], k[3], k[4], k[5], k[6], k[7], v[m], t[m])
             state[m, 0], state[m, 1], state[m, 2], state[m, 3] = i, w, i_lo, w_lo
@@ -161,6 +171,7 @@ def _run_effects(on, state, ahead, inner, c, constants, tables, memory, late, de
             draws = held[0] * state[0, 0] + held[1] * state[1, 0]
             for m in range(2):
                 _prepare(m, state[m, 0], state[m, 1], draws, held[m], t[m], c[m], constants, tables, inner, ahead)
+            late[_PREPARED] = 1
         done += 1
         if done % every == 0 or done == total:
             out[row] = state
@@ -281,7 +292,7 @@ class EffectPair:
         self._ahead = np.zeros((2, len(OUTPUTS)), np.float32)
         self._inner = np.zeros((2, len(STATES)), np.float32)
         self._memory = np.zeros((DELAY_ENTRIES, 2), np.float32)
-        self._late = np.zeros(3, np.int64)
+        self._late = np.zeros(4, np.int64)
         self._held = np.zeros(2, np.float32)
 
     def _advance(self, v, t, n_steps, every, done, total, out, row) -> int:

@@ -1,9 +1,11 @@
 """The program of the effect unit, and the Verilog ROM that is made from it.
 
-The effect unit (rtl/effects/effect_engine.v) carries out one list of operations after every step, for the left side and
-one clock later for the right: one multiplier, one adder, one memory of tables. `OPERATIONS` says what is computed, in
-the names of docs/effect-unit.md; `schedule` says when, so that no operation reads what is not written yet. The
-bit-exact model (`effect_model`) does the same arithmetic, written out; the RTL's tests hold the two together.
+The effect unit (rtl/effects/effect_engine.v) carries out one list of operations in every step, on both sides at once: a
+side has one multiplier, one adder, one memory of registers and its tables, and hands a result straight on to the operation
+that waits for it. `OPERATIONS` says what is computed, in the names of docs/effect-unit.md; `SLOTS` says in which clock
+after the strobe each operation is issued. `schedule` finds out where each operand comes from at that clock and when a result
+is written for later, and refuses a list in which one cannot be had; `word` is what the ROM says in one clock.
+The bit-exact model (`effect_model`) does the same arithmetic, written out; the RTL's tests hold the two together.
 
     python -m rtds_host.motor.effect_program rtl/effects/effect_program.v
 """
@@ -22,9 +24,6 @@ CONSTANTS = (
 )  # fmt: skip
 # State of the unit between the steps: read as zero in the first run after a clear.
 STATES = ("rise", "rise_lo", "fall", "fall_lo", "angle", "angle_lo")
-# What comes from outside the memory, with the operand that can take it.
-OUTSIDE_A = ("R", "Kb", "vc", "T")
-OUTSIDE_B = ("i", "w")
 OUTPUTS = ("u_v", "u_t", "level_f", "level_b")
 TABLES = ("command", "drop", "torque", "ripple", "forward", "backward")
 # Cell of an argument of zero: tables of both signs have their middle there, the others one cell for what is below.
@@ -32,60 +31,67 @@ TABLE_ORIGIN = {"command": 128, "drop": 128, "torque": 128, "ripple": 1, "forwar
 CELLS = 256
 SIDES = 2
 REGISTERS = 128
-STATE_FIRST = 112
-TEMPORARY_FIRST = 16
+TEMPORARY_FIRST = 20
+STATE_FIRST = 112  # two places for each: the value before the run and the one it makes change places with every run
+ZERO = 127  # reads as zero
 
-# mov: a + 0. pos: a if it is not less than zero, else b, + 0. neg: a if it is less than zero, else b, + 0.
-# clamp: a, of size b at most, + 0. wrap: a - 1 if |a| >= 1 and a > 0, a + 1 if a < 0, else a + 0. look: the word of the cell at a.
-OPS = ("mul", "add", "sub", "mov", "pos", "neg", "clamp", "wrap", "look")
-LATENCY_PAIRS = 3  # an operation may read what one issued so many pairs of clocks earlier has written
+# What comes from outside, and the clock after the strobe from which it can be written into the registers.
+INPUTS = {"T": 16, "R": 17, "Kb": 18, "vc": 19}
+INPUT_FROM = {"T": 2, "R": 2, "Kb": 2, "vc": 3}
+# What the multiplier can take without the registers, a clock after it stands: i, w are the new state's.
+DIRECT = ("i", "w", "vc")
+DIRECT_FROM = {"i": 17, "w": 17, "vc": 4}
+
+LATENCY = 3  # clocks of the multiplier and the adder
+LOOK = 2  # from the argument of a table to the line of its cell
+READ = 3  # from the clock of a write to the first operation that can read it
+FIRST_READ = 4  # the first clock with operands from the registers: the ROM's first word counts in clock 2
+STEP_CLOCKS = 50  # from a strobe to the next one, in whose clock the last result may still be written
+# The clock in which the motor units take an output: it stands in its register by then.
+NEEDED = {"u_t": STEP_CLOCKS - 7, "level_f": STEP_CLOCKS - 6, "level_b": STEP_CLOCKS - 5, "u_v": STEP_CLOCKS - 4}
 
 
-def _lookup(table: str, argument: str, result: str) -> list[tuple[str, ...]]:
-    u, slope, intercept, product = (f"{result}.{part}" for part in ("u", "slope", "intercept", "product"))
-    a, b = (argument, f"{table}_k") if argument in OUTSIDE_A else (f"{table}_k", argument)
-    c, d = (argument, slope) if argument in OUTSIDE_A else (slope, argument)
-    return [
-        (u, "mul", a, b),
-        (slope, "look", u, f"{table}.slope"),
-        (intercept, "look", u, f"{table}.intercept"),
-        (product, "mul", c, d),
-        (result, "add", product, intercept),
-    ]
+def _lookup(table: str, argument: str) -> list[tuple[str, ...]]:
+    return [(f"{table}.u", "mul", f"{table}_k", argument), (f"{table}.product", "mul", f"{table}.slope", argument)]
 
 
 def _sum_in_two_words(state: str, increment: str) -> list[tuple[str, ...]]:
-    t, hi, z = f"{state}.t", f"{state}.new", f"{state}.z"
+    t, hi, z = f"{state}.t", f"{state}.sum", f"{state}.z"
     return [
         (t, "add", increment, f"{state}_lo"),
-        (hi, "add", state, t),
+        (hi, "add", t, state),
         (z, "sub", hi, state),
-        (f"{state}_lo", "sub", t, z),
+        (f"{state}_lo.new", "sub", t, z),
     ]
 
 
-# (result, operation, a, b). A result named like a state is its new value, written when no operation needs the old one
-# any more. "left.x", "right.x": the value of that side, on either side.
+# (result, operation, a, b). `x.new` is what the state x will be, `table.slope` and `table.intercept` are the line that `table.u`
+# looked up; `other.draw` is the other side's. `limit`: a, of size b at most. `wrap`: a + 1 if a < 0, a - 1 if a >= 1, else a.
+# `by_sign`: which of two constants is decided by the sign of T.
 OPERATIONS: tuple[tuple[str, ...], ...] = (
-    # supply: 1 - decline t / V - Rs (i_l v_l + i_r v_r) / V^2
-    ("draw", "mul", "vc", "i"),
-    ("draws", "add", "left.draw", "right.draw"),
-    ("sagged", "mul", "sag", "draws"),
+    # what the supply would give without current: command * (1 - decline t / V)
+    *_lookup("command", "vc"),
+    ("command.offset", "add", "zero", "command.intercept"),
+    ("bridge", "add", "command.offset", "command.product"),
     *_sum_in_two_words("fall", "decline"),
-    ("fall", "mov", "fall.new", ""),
-    ("full", "sub", "nominal", "fall.new"),
-    ("bus", "sub", "full", "sagged"),
-    # voltage: command, bus, limit, drop against the driving voltage, hot winding
-    *_lookup("command", "vc", "bridge"),
-    ("scaled", "mul", "bridge", "bus"),
-    ("limited", "clamp", "scaled", "limit"),
+    ("full", "sub", "nominal", "fall.sum"),
+    ("unsagged", "mul", "full", "bridge"),
+    # less command * Rs (i_l v_l + i_r v_r) / V^2
+    ("per_draw", "mul", "sag", "bridge"),
+    ("draw", "mul", "vc", "i"),
+    ("draws", "add", "other.draw", "draw"),
+    ("sagged", "mul", "per_draw", "draws"),
+    ("scaled", "sub", "unsagged", "sagged"),
+    ("limited", "limit", "scaled", "limit"),
+    # drop against the driving voltage, hot winding
     ("emf", "mul", "Kb", "w"),
     ("driving", "sub", "limited", "emf"),
-    *_lookup("drop", "driving", "dropped"),
-    ("left_over", "sub", "limited", "dropped"),
+    *_lookup("drop", "driving"),
     ("copper", "mul", "R", "i"),
     ("hot", "mul", "rise", "copper"),
-    ("u_v", "sub", "left_over", "hot"),
+    ("cooler", "sub", "limited", "hot"),
+    ("cooler.less", "sub", "cooler", "drop.intercept"),
+    ("u_v", "sub", "cooler.less", "drop.product"),
     # heat: rise' = heat_in (1 + rise) R i^2 - heat_out rise
     ("all_copper", "add", "copper", "hot"),
     ("power", "mul", "all_copper", "i"),
@@ -93,54 +99,107 @@ OPERATIONS: tuple[tuple[str, ...], ...] = (
     ("cooled", "mul", "heat_out", "rise"),
     ("warmed", "sub", "heated", "cooled"),
     *_sum_in_two_words("rise", "warmed"),
-    ("rise", "mov", "rise.new", ""),
     # torque against speed and angle
-    *_lookup("torque", "w", "resisting"),
+    *_lookup("torque", "w"),
+    ("load", "add", "T", "torque.intercept"),
+    ("loaded", "add", "load", "torque.product"),
     ("turned", "mul", "phase", "w"),
     *_sum_in_two_words("angle", "turned"),
-    ("angle.wrapped", "wrap", "angle.new", ""),
-    ("angle", "mov", "angle.wrapped", ""),
-    *_lookup("ripple", "angle.wrapped", "driven"),
-    ("load", "add", "T", "resisting"),
-    ("u_t", "sub", "load", "driven"),
-    # levels of dry friction
-    *_lookup("forward", "w", "forward"),
-    *_lookup("backward", "w", "backward"),
-    ("driving_loss", "mul", "T", "load_driving"),
-    ("driven_loss", "mul", "T", "load_driven"),
-    ("more_f", "pos", "driving_loss", "driven_loss"),
-    ("more_b", "neg", "driving_loss", "driven_loss"),
-    ("level_f", "add", "forward", "more_f"),
-    ("level_b", "sub", "backward", "more_b"),
+    ("angle.new", "wrap", "angle.sum", ""),
+    *_lookup("ripple", "angle.new"),
+    ("loaded.less", "sub", "loaded", "ripple.intercept"),
+    ("u_t", "sub", "loaded.less", "ripple.product"),
+    # levels of dry friction; the one backward with a minus
+    *_lookup("forward", "w"),
+    ("more_f", "by_sign", "load_driving", "T"),
+    ("forward.offset", "add", "more_f", "forward.intercept"),
+    ("level_f", "add", "forward.offset", "forward.product"),
+    *_lookup("backward", "w"),
+    ("more_b", "by_sign", "load_driven", "T"),
+    ("backward.offset", "sub", "more_b", "backward.intercept"),
+    ("level_b", "sub", "backward.offset", "backward.product"),
 )
+# A sum in two words leaves its high word as the new state but where that is wrapped first.
+NEW_STATES = {"fall.sum": "fall", "rise.sum": "rise", "angle.new": "angle"} | {f"{s}_lo.new": f"{s}_lo" for s in ("fall", "rise", "angle")}
+
+# The clock in which each operation is issued (for `limit`: is done). Found by a search over list schedules for the shortest
+# step; that it is one the engine can carry out is checked by `schedule`, that it means OPERATIONS by the tests.
+SLOTS: dict[str, int] = {
+    "command.u": 4, "fall.t": 4, "more_b": 5, "more_f": 6, "cooled": 7, "fall.sum": 7, "command.product": 9,
+    "command.offset": 9, "full": 10, "fall.z": 11, "bridge": 12, "fall_lo.new": 14, "per_draw": 15, "unsagged": 16,
+    "draw": 17, "turned": 18, "copper": 19, "draws": 20, "forward.u": 20, "angle.t": 21, "emf": 21, "hot": 22,
+    "sagged": 23, "angle.sum": 24, "torque.u": 24, "backward.u": 25, "all_copper": 25, "scaled": 26,
+    "forward.product": 26, "angle.new": 27, "forward.offset": 28, "power": 28, "limited": 29, "torque.product": 29,
+    "load": 29, "driving": 30, "ripple.u": 30, "heated": 31, "backward.offset": 31, "loaded": 32,
+    "backward.product": 32, "cooler": 33, "drop.u": 33, "warmed": 34, "ripple.product": 35, "loaded.less": 35,
+    "level_f": 36, "rise.t": 37, "u_t": 38, "drop.product": 38, "cooler.less": 39, "rise.sum": 40, "level_b": 41,
+    "u_v": 42, "rise.z": 43, "angle.z": 44, "rise_lo.new": 46, "angle_lo.new": 47,
+}  # fmt: skip
+
+# Fields of the ROM's word and their bits, the first one uppermost. What stands in the word of clock k:
+FIELDS = {
+    "mul": 1,        # factors enter the multiplier
+    "mul_a": 2,      # the first one, a code of MUL_A
+    "mul_b": 2,
+    "add": 1,        # operands enter the adder
+    "add_a": 2,
+    "add_b": 2,
+    "minus_a": 1,
+    "minus_b": 1,
+    "direct": 2,     # what the multiplier can take directly in clock k + 1, a code of DIRECT
+    "look": 1,       # the product that stands is the argument of a table
+    "table": 3,
+    "limit": 1,      # the sum that stands is limited by what add_b would read
+    "put": 1,        # the sum that stands is an output
+    "which": 2,
+    "write": 1,      # into the registers
+    "source": 3,     # a code of WRITE
+    "target": 7,
+    "read_mul_a": 7,  # addresses, for operands in clock k + 2
+    "by_sign": 1,     # of the two load constants read_mul_a's or the other, by the sign of T
+    "read_mul_b": 7,
+    "read_add_a": 7,
+    "read_add_b": 7,
+}  # fmt: skip
+WORD_BITS = sum(FIELDS.values())
+MUL_A = ("register", "slope", "sum")
+MUL_B = ("register", "direct", "sum", "product")
+ADD_A = ("register", "sum", "limited", "other")
+ADD_B = ("register", "product", "intercept", "wrap")
+WRITE = ("product", "sum", *INPUTS)
+READ_AHEAD = 2
+
+
+class ScheduleError(ValueError):
+    """`SLOTS` cannot be carried out: the message names the operation, the operand and the clock."""
 
 
 @dataclass(frozen=True)
-class Instruction:
-    """One operation as the engine takes it; `pair` is the pair of clocks in which both sides issue it."""
+class Issue:
+    """One operation as the engine carries it out.
 
-    pair: int
-    op: str
-    a: int  # address, or index into OUTSIDE_A
-    a_outside: bool
-    b: int  # address, index into OUTSIDE_B, or {table, word} of a look-up
-    b_outside: bool
-    across: bool  # a from the left side, b from the right, on both sides
-    target: int
-    output: int | None
+    Attributes
+    ----------
+    clock : after the strobe. unit : "mul", "add" or "limit".
+    a, b : (source, which) of the operands, source a code of MUL_A .. ADD_B, which the address of a register or a code of DIRECT.
+    minus_a, minus_b : signs of a sum's operands.
+    """
 
-    @property
-    def word(self) -> int:
-        """As the ROM holds it, 31 bits: {output valid, output (2), op (4), across, a outside, a (7), b outside, b (7),
-        target (7)}."""
-        output = 0 if self.output is None else 4 | self.output
-        fields = ((output, 3), (OPS.index(self.op), 4), (self.across, 1), (self.a_outside, 1), (self.a, 7),
-                  (self.b_outside, 1), (self.b, 7), (self.target, 7))  # fmt: skip
-        word = 0
-        for value, bits in fields:
-            assert 0 <= int(value) < 1 << bits
-            word = word << bits | int(value)
-        return word
+    name: str
+    clock: int
+    unit: str
+    a: tuple[str, int | None]
+    b: tuple[str, int | None]
+    minus_a: bool = False
+    minus_b: bool = False
+
+
+@dataclass(frozen=True)
+class Program:
+    """`issues`, and `writes` into the registers: (clock, source, address)."""
+
+    issues: tuple[Issue, ...]
+    writes: tuple[tuple[int, str, int], ...]
 
 
 def constant_address(name: str) -> int:
@@ -148,134 +207,233 @@ def constant_address(name: str) -> int:
     return CONSTANTS.index(name)
 
 
-def _source(name: str) -> str:
-    return name.removeprefix("left.").removeprefix("right.")
+def _unit(op: str) -> str:
+    return {"mul": "mul", "by_sign": "mul", "limit": "limit"}.get(op, "add")
 
 
-def schedule() -> list[Instruction]:
-    """The operations in the order and at the pairs of clocks at which the engine issues them (one a pair)."""
-    addresses = {name: k for k, name in enumerate(CONSTANTS)}
-    addresses |= {name: STATE_FIRST + k for k, name in enumerate(STATES)}
-    for result, *_ in OPERATIONS:
-        if result not in STATES:
-            addresses[result] = TEMPORARY_FIRST + len([name for name in addresses if name not in CONSTANTS + STATES])
-    assert max(addresses.values()) < REGISTERS
-    temporaries = [a for name, a in addresses.items() if name not in STATES]
-    assert max(temporaries) < STATE_FIRST
-    assert len(set(addresses.values())) == len(addresses)
+class _Scheduler:
+    def __init__(self, slots: dict[str, int]) -> None:
+        self.slots = slots
+        self.kind = {result: op for result, op, *_ in OPERATIONS}
+        if set(slots) != set(self.kind):
+            raise ScheduleError(f"SLOTS: {sorted(set(slots) ^ set(self.kind))}: not the operations")
+        self.addresses = {name: k for k, name in enumerate(CONSTANTS)} | INPUTS | {"zero": ZERO}
+        for k, name in enumerate(STATES):
+            self.addresses[name] = STATE_FIRST + 2 * k
+        for result, name in NEW_STATES.items():
+            self.addresses.setdefault(result, self.addresses[name] + 1)
+        self.results = {
+            unit: sorted((slots[name] + LATENCY, name) for name, op in self.kind.items() if _unit(op) == unit)
+            for unit in ("mul", "add")
+        }
+        for unit, results in self.results.items():
+            clocks = [clock for clock, _ in results]
+            if len(set(clocks)) != len(clocks):
+                raise ScheduleError(f"{unit}: two operations in one clock")
+        self.lines = sorted((slots[f"{table}.u"] + LATENCY + LOOK, table) for table in TABLES)
+        self.latest_read: dict[str, int] = {}  # of each result or input, the first clock with it as an operand
 
-    def after(k: int) -> list[tuple[int, int]]:
-        """(operation, pairs) that operation k has to follow, and by how much."""
-        result, op, *operands = OPERATIONS[k]
-        if op == "look":
-            operands = operands[:1]  # the other names a table
-        found = []
-        # What the right side issued a clock later, the left side may not read as soon.
-        later = any(name.startswith("right.") for name in operands)
-        for j, (other, _, *others) in enumerate(OPERATIONS):
-            if other in map(_source, operands) and other not in STATES:
-                found.append((j, LATENCY_PAIRS + later))
-            if result in STATES and result in others:
-                found.append((j, 0))  # the old value has been read
-        return found
+    def standing(self, events: list[tuple[int, str]], clock: int) -> str | None:
+        """What the last of the events up to this clock left."""
+        return max((event for event in events if event[0] <= clock), default=(0, None))[1]
 
-    order = {k: after(k) for k in range(len(OPERATIONS))}
-    longest: dict[int, int] = {}
+    def source(self, port: str, name: str, clock: int) -> str | None:
+        """How an operand can be had at a port in a clock, None if it cannot."""
+        if name == "":
+            return "wrap" if port == "add_b" else None
+        if name in DIRECT and port == "mul_b":
+            return "direct" if clock >= DIRECT_FROM[name] else None
+        if name.startswith("other."):
+            there = self.standing(self.results["mul"], clock) == name.removeprefix("other.")
+            return "other" if there and port == "add_a" else None
+        table, _, word = name.rpartition(".")
+        if table in TABLES and word in ("slope", "intercept"):
+            there = self.standing(self.lines, clock) == table
+            return word if there and port == {"slope": "mul_a", "intercept": "add_b"}[word] else None
+        if name == "limited":
+            return "limited" if port == "add_a" and clock > self.slots[name] else None
+        if name in self.kind:
+            unit = _unit(self.kind[name])
+            if self.standing(self.results[unit], clock) == name:
+                if unit == "mul" and port in ("mul_b", "add_b"):
+                    return "product"
+                if unit == "add" and port != "add_b":
+                    return "sum"
+            return "register" if clock >= self.slots[name] + LATENCY + READ else None
+        if name in INPUTS:
+            return "register" if clock >= INPUT_FROM[name] + READ else None
+        return "register" if clock >= FIRST_READ else None
 
-    def remaining(k: int) -> int:
-        """Pairs from issuing k to the end of what hangs on it."""
-        if k not in longest:
-            longest[k] = max((wait + remaining(j) for j in order for i, wait in order[j] if i == k), default=0)
-        return longest[k]
+    def issue(self, operation: tuple[str, ...]) -> Issue:
+        name, op, first, second = operation
+        clock = self.slots[name]
+        if op == "limit":
+            if self.standing(self.results["add"], clock) != first:
+                raise ScheduleError(f"{name}: {first} does not stand in clock {clock}")
+            return Issue(name, clock, op, ("sum", None), ("register", self.addresses[second]))
+        ports = ("mul_a", "mul_b") if _unit(op) == "mul" else ("add_a", "add_b")
+        signs = (False, op == "sub")
+        for a, b, minus in ((first, second, signs), (second, first, signs[::-1])):
+            sources = self.source(ports[0], a, clock), self.source(ports[1], b, clock)
+            if None not in sources and not (op == "wrap" and sources[0] != "sum"):
+                break
+        else:
+            raise ScheduleError(f"{name} = {op} {first}, {second}: an operand cannot be had in clock {clock}")
+        operands = []
+        for source, operand in zip(sources, (a, b), strict=True):
+            if source == "register":
+                self.latest_read[operand] = min(self.latest_read.get(operand, STEP_CLOCKS + READ), clock)
+                if operand in self.kind and operand not in self.addresses:
+                    taken = [address for address in self.addresses.values() if TEMPORARY_FIRST <= address < STATE_FIRST]
+                    self.addresses[operand] = max(taken, default=TEMPORARY_FIRST - 1) + 1
+            code = self.addresses[operand] if source == "register" else DIRECT.index(operand) if source == "direct" else None
+            operands.append((source, code))
+        return Issue(name, clock, _unit(op), operands[0], operands[1], *minus)
 
-    issued: dict[int, int] = {}
-    program = []
-    pair = 0
-    while len(issued) < len(OPERATIONS):
-        ready = [
-            k for k in order
-            if k not in issued and all(j in issued and issued[j] + wait <= pair for j, wait in order[k])
-        ]  # fmt: skip
-        if ready:
-            k = max(ready, key=lambda k: (remaining(k), -k))
-            issued[k] = pair
-            program.append(_instruction(pair, OPERATIONS[k], addresses))
-        pair += 1
-    return program
+    def writes(self) -> list[tuple[int, str, int]]:
+        """Every result that is read from a register or is a state, written while it stands and early enough."""
+        jobs = []  # (last clock, first clock, source, address)
+        for unit, results in self.results.items():
+            for k, (clock, name) in enumerate(results):
+                if name not in self.latest_read and name not in NEW_STATES:
+                    continue
+                gone = results[k + 1][0] if k + 1 < len(results) else STEP_CLOCKS + 1
+                last = min(gone - 1, self.latest_read.get(name, STEP_CLOCKS + READ) - READ)
+                jobs.append((last, clock, "product" if unit == "mul" else "sum", self.addresses[name]))
+        jobs += [(self.latest_read[name] - READ, INPUT_FROM[name], name, INPUTS[name]) for name in INPUTS]
+        done = []
+        for clock in range(STEP_CLOCKS + 1):
+            ready = [job for job in jobs if job[1] <= clock]
+            if ready:
+                job = min(ready)
+                if job[0] < clock:
+                    raise ScheduleError(f"register {job[3]}: no clock to write it from {job[1]} to {job[0]}")
+                jobs.remove(job)
+                done.append((clock, job[2], job[3]))
+        if jobs:
+            raise ScheduleError(f"register {jobs[0][3]}: not written within the step")
+        return done
 
 
-def _instruction(pair: int, operation: tuple[str, ...], addresses: dict[str, int]) -> Instruction:
-    result, op, a, b = operation
-    if op == "look":
-        table, word = b.split(".")
-        b_code, b_outside = TABLES.index(table) << 1 | ("intercept", "slope").index(word), False
-    elif b in OUTSIDE_B:
-        b_code, b_outside = OUTSIDE_B.index(b), True
-    else:
-        b_code, b_outside = addresses[_source(b)] if b else 0, False
-    a_outside = a in OUTSIDE_A
-    return Instruction(
-        pair, op, OUTSIDE_A.index(a) if a_outside else addresses[_source(a)], a_outside, b_code, b_outside,
-        a.startswith("left."), addresses[result], OUTPUTS.index(result) if result in OUTPUTS else None,
-    )  # fmt: skip
+def schedule() -> Program:
+    """The operations with their operands' sources, and the writes between them.
+
+    Raises
+    ------
+    ScheduleError : an operation of `SLOTS` cannot have an operand in its clock, or a result comes too late.
+    """
+    scheduler = _Scheduler(SLOTS)
+    issues = sorted((scheduler.issue(operation) for operation in OPERATIONS), key=lambda issue: (issue.clock, issue.unit))
+    for name, needed in NEEDED.items():
+        if SLOTS[name] + LATENCY >= needed:
+            raise ScheduleError(f"{name}: stands in clock {SLOTS[name] + LATENCY + 1}, needed in {needed}")
+    return Program(tuple(issues), tuple(scheduler.writes()))
 
 
-def pairs() -> int:
-    """Pairs of clocks from the first operation to the last, both included."""
-    return schedule()[-1].pair + 1
+def words() -> list[dict[str, int]]:
+    """The fields of the ROM's word of each clock after the strobe, from clock 0; those left out are 0."""
+    program = schedule()
+    rom: list[dict[str, int]] = [{} for _ in range(STEP_CLOCKS + 1)]
+
+    def put(clock: int, **fields: int) -> None:
+        for field, value in fields.items():
+            assert field not in rom[clock] and 0 <= value < 1 << FIELDS[field], (clock, field, value)
+            rom[clock][field] = value
+
+    for issue in program.issues:
+        clock, name = issue.clock, issue.name
+        (source_a, address_a), (source_b, address_b) = issue.a, issue.b
+        if issue.unit == "mul":
+            put(clock, mul=1, mul_a=MUL_A.index(source_a), mul_b=MUL_B.index(source_b))
+            by_sign = {"by_sign": 1} if name in ("more_f", "more_b") else {}
+            if address_a is not None:
+                put(clock - READ_AHEAD, read_mul_a=address_a, **by_sign)
+            if source_b == "direct":
+                put(clock - 1, direct=address_b)
+            elif address_b is not None:
+                put(clock - READ_AHEAD, read_mul_b=address_b)
+            if name.endswith(".u"):
+                put(clock + LATENCY, look=1, table=TABLES.index(name.removesuffix(".u")))
+        elif issue.unit == "limit":
+            put(clock, limit=1)
+            put(clock - READ_AHEAD, read_add_b=address_b)
+        else:
+            put(clock, add=1, add_a=ADD_A.index(source_a), add_b=ADD_B.index(source_b),
+                minus_a=int(issue.minus_a), minus_b=int(issue.minus_b))  # fmt: skip
+            if address_a is not None:
+                put(clock - READ_AHEAD, read_add_a=address_a)
+            if address_b is not None:
+                put(clock - READ_AHEAD, read_add_b=address_b)
+            if name in OUTPUTS:
+                put(clock + LATENCY, put=1, which=OUTPUTS.index(name))
+    for clock, source, address in program.writes:
+        put(clock, write=1, source=WRITE.index(source), target=address)
+    return rom
+
+
+def word(fields: dict[str, int]) -> int:
+    """The ROM's word of these fields."""
+    value = 0
+    for field, bits in FIELDS.items():
+        value = value << bits | fields.get(field, 0)
+    return value
 
 
 def verilog() -> str:
     """The text of rtl/effects/effect_program.v."""
-    program = {instruction.pair: (instruction, operation) for instruction, operation in _with_operations()}
-    last = max(program)
+    rom = words()
+    comments: dict[int, list[str]] = {}
+    for name, op, a, b in OPERATIONS:
+        comments.setdefault(SLOTS[name], []).append(f"{name} = {op} {a}{', ' + b if b else ''}")
+    last = max(clock for clock, fields in enumerate(rom) if fields)
+    names = list(FIELDS)
     lines = [
-        "// effect_program: what the effect unit does in each pair of clocks. Made by",
+        "// effect_program: what both sides of the effect unit do in each clock of a step. Made by",
         "//   python -m rtds_host.motor.effect_program rtl/effects/effect_program.v",
-        "// from the list of operations there; a test fails when the two differ.",
+        "// from the list of operations there, which also says what the fields mean; a test fails when the two differ.",
         "//",
-        "// Purpose    a read-only memory: pair of clocks in, one operation out, for effect_engine.",
-        "// Handshake  none. Latency 0 (logic).",
-        "// Format     {output, which (2), op (4), across, a outside, a (7), b outside, b (7), target (7)}; valid_o is 0",
-        "//            in a pair in which nothing is issued; last_o marks the last pair.",
+        "// Purpose    a read-only memory: a clock in, counted from the strobe's, out in the next one what is to be done then.",
+        "// Handshake  rest_i: nothing is done in the next clock. Latency 1.",
+        "// Format     each field is an output; nothing is done where it is 0. Codes of what an operand is:",
+        f"//            mul_a {', '.join(MUL_A)}; mul_b {', '.join(MUL_B)};",
+        f"//            add_a {', '.join(ADD_A)}; add_b {', '.join(ADD_B)};",
+        f"//            direct {', '.join(DIRECT)}; source {', '.join(WRITE)}; which {', '.join(OUTPUTS)};",
+        f"//            table {', '.join(TABLES)}.",
         "// Crossing   none.",
         "`default_nettype none",
         "",
         "module effect_program (",
-        "  input  wire  [6:0] pair_i,",
-        "  output reg         valid_o,",
-        "  output reg  [30:0] word_o,",
-        "  output wire        last_o",
+        "  input  wire        clk_i,",
+        "  input  wire        rst_ni,",
+        "  input  wire        rest_i,",
+        "  input  wire  [5:0] clock_i,",
+        "  output wire        last_o,       // clock_i is the last clock with something to do",
+    ]
+    for name in names:
+        bits = FIELDS[name]
+        lines.append(f"  output wire {f'[{bits - 1}:0]' if bits > 1 else '':>6} {name}_o{',' if name != names[-1] else ''}")
+    lines += [
         ");",
-        f"  assign last_o = pair_i == 7'd{last};",
+        f"  reg [{WORD_BITS - 1}:0] word;",
+        f"  reg [{WORD_BITS - 1}:0] word_q;",
+        "",
+        f"  assign last_o = clock_i == 6'd{last};",
+        "  assign {" + ", ".join(f"{name}_o" for name in names[:8]) + ",",
+        "          " + ", ".join(f"{name}_o" for name in names[8:15]) + ",",
+        "          " + ", ".join(f"{name}_o" for name in names[15:]) + "} = word_q;",
         "",
         "  always @* begin",
-        "    valid_o = 1'b1;",
-        "    word_o  = 31'd0;",
-        "    case (pair_i)",
+        "    case (clock_i)",
     ]
-    for pair, (instruction, operation) in sorted(program.items()):
-        result, op, a, b = operation
-        comment = f"{result} = {op} {a}{', ' + b if b else ''}"
-        lines.append(f"      7'd{pair}:{' ' * (4 - len(str(pair)))}word_o = 31'h{instruction.word:08X};  // {comment}")
-    lines += ["      default: valid_o = 1'b0;", "    endcase", "  end", "endmodule", "", "`default_nettype wire", ""]
+    digits = -(-WORD_BITS // 4)
+    for clock, fields in enumerate(rom):
+        if fields:
+            said = "".join(f"  // {comment}" for comment in ["; ".join(comments.get(clock, []))] if comment)
+            lines.append(f"      6'd{clock - 1}:{' ' * (3 - len(str(clock - 1)))}word = {WORD_BITS}'h{word(fields):0{digits}X};{said}")
+    lines += [f"      default: word = {WORD_BITS}'h0;", "    endcase", "  end", "",
+        "  always @(posedge clk_i or negedge rst_ni) begin", f"    if (!rst_ni) word_q <= {WORD_BITS}'h0;",
+        f"    else word_q <= rest_i ? {WORD_BITS}'h0 : word;", "  end", "endmodule", "", "`default_nettype wire", ""]
     return "\n".join(lines)
-
-
-def _with_operations() -> list[tuple[Instruction, tuple[str, ...]]]:
-    by_target = {}
-    addresses_of = {}
-    for instruction in schedule():
-        by_target[instruction.target] = instruction
-    targets = {name: k for k, name in enumerate(CONSTANTS)}
-    targets |= {name: STATE_FIRST + k for k, name in enumerate(STATES)}
-    count = TEMPORARY_FIRST
-    for operation in OPERATIONS:
-        if operation[0] not in targets:
-            targets[operation[0]] = count
-            count += 1
-        addresses_of[targets[operation[0]]] = operation
-    return [(instruction, addresses_of[target]) for target, instruction in by_target.items()]
 
 
 def main(arguments: Sequence[str]) -> None:

@@ -97,9 +97,9 @@ def test_the_chip_gives_the_model_between_its_converters():
             got, expected = (link.exchange((v, 2.0 - v), (t, 1e-4), 0.004, 1e-4) for link in (chip, model))
             assert np.array_equal(got.speeds, expected.speeds)
             assert np.array_equal(got.currents, expected.currents)
-        # From the record in the 50 MHz domain to the LDAC edge: 10 clocks more than without effects.
+        # From the record in the 50 MHz domain to the LDAC edge: 4 clocks more than without effects.
         latency = chip.registers.read_word("LATENCY")
-        assert (latency & 0xFFFF, latency >> 16) == (70, 70)
+        assert (latency & 0xFFFF, latency >> 16) == (64, 64)
 
 
 def test_a_motor_of_its_own_and_parameters_from_the_adc_do_not_go_together():
