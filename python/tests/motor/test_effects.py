@@ -317,6 +317,7 @@ def deviation(left, right, supply, method, step=H):
 @pytest.mark.parametrize("effect", ACCURACY)
 def test_the_unit_keeps_to_the_float64_reference_with_the_effect_on(effect, step, method):
     current, speed = deviation(*ACCURACY[effect], method, step)
+    print(f"{effect}, {step:g} s, {method}: {current:.2e} in current, {speed:.2e} in speed")
     assert current < CURRENT_BOUND
     assert speed < SPEED_BOUND
 
