@@ -33,7 +33,7 @@ PLACES = {
                      "slip_damping", "slip_grip", "mass", "yaw_inertia", "wheel_inertia", "track", "scrub", "com_x", "com_y", "slope_extra"), "robot"),
     **dict.fromkeys(("speed_gain", "current_gain", "current_bias", "speed_tau", "gyro_gain", "gyro_bias",
                      "measurement_delay", "latency", "bus_measured"), "signal"),
-    **dict.fromkeys(("mode", "torque_per_volt", "servo_kp", "servo_ki", "servo_limit", "servo_period", "axis",
+    **dict.fromkeys(("mode", "torque_per_volt", "servo_kp", "servo_ki", "servo_release", "servo_limit", "servo_period", "axis",
                      "axis_inertia", "axis_mass", "axis_arm", "axis_zero"), "refused"),
     # Clocks of a log that disagree: the simulator has one.
     **dict.fromkeys(("gyro_late", "pose_late"), "log"),

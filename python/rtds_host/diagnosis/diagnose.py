@@ -19,7 +19,7 @@ from rtds_host.diagnosis.fit import Fit, parameters
 from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.heldout import HeldOut, held_out
 from rtds_host.diagnosis.localise import localise
-from rtds_host.diagnosis.nuisances import CLOCKS
+from rtds_host.diagnosis.nuisances import SETUP
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.search import Search
@@ -30,8 +30,8 @@ Z90 = 1.6448536269514722
 REST_OF_KNOWN = 0.3
 # Numerical: a nuisance that moved by less than so many of its sigmas did not move.
 MOVED = 0.01
-# The same of a clock, in sigmas of some milliseconds: less is a rounding of the stamps.
-MOVED_CLOCK = 0.1
+# The same of clocks and of a servo's limit: less is a rounding of the stamps.
+MOVED_SETUP = 0.1
 # A parameter whose sigma is larger than this many of its spreads is not pinned by the runs.
 PINNED = 2.0
 
@@ -133,7 +133,7 @@ def conclude(found: Investigation, gate: Gate | None,
         "effects": [_effect(problem, weighed, one, held, gate.timing.stamps_s) for one in weighed.standing],
         "budget": [{**row, "share": _round(row["share"])} for row in rows],
         "nominal_fit": _nominal_fit(problem, weighed.fit),
-        **_clocks(problem, weighed.fit),
+        **_setup(problem, weighed.fit),
         "alternatives": _alternatives(problem, weighed, verdict),
         "indistinguishable": [[_named(problem, member) for member in members] for members in weighed.alike],
         "gap": {
@@ -231,7 +231,7 @@ def _keys(fit: Fit) -> list[tuple[tuple[str, str], str]]:
 def _nominal_fit(problem: Problem, fit: Fit) -> dict:
     result: dict[str, dict[str, float]] = {}
     for z, nuisance in zip(fit.z, problem.nuisances):
-        if abs(z) < MOVED or CLOCKS.keys() & nuisance.keys.keys():
+        if abs(z) < MOVED or SETUP.keys() & nuisance.keys.keys():
             continue
         for key, value in nuisance.values(z).items():
             for suffix in problem.robot.sides if nuisance.side is None else ("lr"[nuisance.side],):
@@ -239,11 +239,11 @@ def _nominal_fit(problem: Problem, fit: Fit) -> dict:
     return result
 
 
-def _clocks(problem: Problem, fit: Fit) -> dict:
-    """What the clocks are off, s, as the diagnosis' `clocks`; nothing where they agree."""
-    late = {key: _round(value, 4) for z, nuisance in zip(fit.z, problem.nuisances) if abs(z) >= MOVED_CLOCK
-            for key, value in nuisance.values(z).items() if key in CLOCKS}
-    return {"clocks": late} if late else {}
+def _setup(problem: Problem, fit: Fit) -> dict:
+    """What was refitted of what surrounds the machine, its clocks and its servo's limit; nothing where all is as declared."""
+    found = {key: _round(value, 4) for z, nuisance in zip(fit.z, problem.nuisances) if abs(z) >= MOVED_SETUP
+            for key, value in nuisance.values(z).items() if key in SETUP}
+    return {"setup": found} if found else {}
 
 
 def _named(problem: Problem, member: tuple[str, str]) -> dict[str, str]:

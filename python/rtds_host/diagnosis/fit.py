@@ -17,7 +17,6 @@ import numpy as np
 
 from rtds_host.diagnosis.effects import SIDES, Effect, Parameter
 from rtds_host.diagnosis.likelihood import Discrepancy
-from rtds_host.diagnosis.nuisances import LIMIT
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 
@@ -181,7 +180,7 @@ class Fitter:
     def _bounds(self, hypothesis: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
         ps = [p for _, _, p in parameters(self.effects, hypothesis)]
         low = np.array([n.low for n in self.problem.nuisances] + [p.scaled(p.low) for p in ps])
-        high = np.array([LIMIT] * self.count + [p.scaled(p.high) for p in ps])
+        high = np.array([n.high for n in self.problem.nuisances] + [p.scaled(p.high) for p in ps])
         return low, high
 
     def _derivatives(self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: Iterable[int],

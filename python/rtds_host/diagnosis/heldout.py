@@ -14,7 +14,6 @@ from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import Account
 from rtds_host.diagnosis.fit import Fit, parameters
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
-from rtds_host.diagnosis.nuisances import LIMIT
 from rtds_host.diagnosis.problem import STRETCH_S, Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
 from rtds_host.diagnosis.replay.slots import OUTPUTS
@@ -62,7 +61,7 @@ def left_out(problem: Problem, fit: Fit, rows: np.ndarray) -> Model:
     ps = [p for _, _, p in parameters(fit.effects, fit.hypothesis)]
     if ps:
         u = np.clip(u, [p.scaled(p.low) for p in ps], [p.scaled(p.high) for p in ps])
-    z = np.clip(fit.z + step[:k], [n.low for n in problem.nuisances], LIMIT)
+    z = np.clip(fit.z + step[:k], [n.low for n in problem.nuisances], [n.high for n in problem.nuisances])
     return replace(fit, z=z, u=u).model(problem)
 
 

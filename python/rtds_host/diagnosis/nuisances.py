@@ -17,6 +17,8 @@ SERVO_PRIOR, SERVO_PRIOR_UNDECLARED = math.log(2.0), math.log(10.0)
 # A speed command passes a bus and waits for the cycle of the board behind it, and what comes back is stamped when it is read:
 # boards and servo buses are asked 50 to 200 times a second.
 LATENCY_S = 0.01
+# A servo's integral stands at the limit, or gives way by up to all that the limit cuts; which, no sheet says.
+RELEASE = 0.5
 # Gyro and pose come from devices of their own, whose clocks are some milliseconds off the wheels' (contract, section 1).
 SKEW_S = 0.003
 
@@ -26,7 +28,7 @@ class Nuisance:
     """One nuisance of a side, or (`side` None) of the whole robot.
 
     keys : its name in the file -> the model's entry; nominal : by key, SI; sigma : one sigma of its logarithm, or, where the file
-    knows no such thing (`nominal` empty), of its value; low : its least value, in sigmas.
+    knows no such thing (`nominal` empty), of its value; low, high : its least and largest value, in sigmas.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Nuisance:
     nominal: dict[str, float]
     sigma: float
     low: float = -LIMIT
+    high: float = LIMIT
 
     def values(self, z: float) -> dict[str, float]:
         """What the file would have to say, SI, at z sigmas."""
@@ -58,10 +61,11 @@ MOTOR = {"resistance": {"resistance_ohm": "resistance"},
          "viscous": {"viscous_friction_nm_s_per_rad": "viscous"}}
 SERVO = {"servo_kp": {"kp_v_s_per_rad": "servo_kp"}, "servo_ki": {"ki_v_per_rad": "servo_ki"}}
 LATENCY = {"latency_s": "latency"}
+ANTI_WINDUP = {"anti_windup": "servo_release"}
 SKEWS = {"gyro_z": {"gyro_late_s": "gyro_late"}, "yaw": {"pose_late_s": "pose_late"}}
-# Name in a diagnosis' `nominal_fit`, and in its `clocks` -> entry of the model.
+# Name in a diagnosis' `nominal_fit`, and in its `setup` -> entry of the model.
 ENTRIES = {key: slot for keys in (*MOTOR.values(), *SERVO.values()) for key, slot in keys.items()}
-CLOCKS = {key: slot for keys in (LATENCY, *SKEWS.values()) for key, slot in keys.items()}
+SETUP = {key: slot for keys in (LATENCY, ANTI_WINDUP, *SKEWS.values()) for key, slot in keys.items()}
 
 
 def nuisances_of(case: Case, nominal: Model) -> list[Nuisance]:
@@ -78,6 +82,8 @@ def nuisances_of(case: Case, nominal: Model) -> list[Nuisance]:
         found += [Nuisance(name, None, keys, {key: getattr(robot.servo, key) for key in keys}, sigma)
                   for name, keys in SERVO.items() if nominal.get(name) > 0]
         found.append(Nuisance("latency", None, LATENCY, {}, LATENCY_S, low=0.0))
+        if nominal.get("servo_ki") > 0:
+            found.append(Nuisance("anti-windup", None, ANTI_WINDUP, {}, RELEASE, low=0.0, high=1.0 / RELEASE))
     if robot.chassis is not None:
         found += [Nuisance(f"{channel} clock", None, keys, {}, SKEW_S) for channel, keys in SKEWS.items()
                   if robot.noise(channel) is not None and any(log.has(channel) for log in case.runs)]

@@ -11,7 +11,7 @@ import numpy as np
 from rtds_host.contract import Robot, RunLog
 from rtds_host.contract.runlog import read_json
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
-from rtds_host.diagnosis.nuisances import CLOCKS, ENTRIES
+from rtds_host.diagnosis.nuisances import ENTRIES, SETUP
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, did_you_mean
@@ -21,7 +21,7 @@ DIAGNOSIS_SCHEMAS = ("rtds-diagnosis/2", "rtds-diagnosis/1")
 
 
 def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
-    """The robot with a diagnosis in it: its `nominal_fit`, its `clocks` and its effects.
+    """The robot with a diagnosis in it: its `nominal_fit`, its `setup` and its effects.
 
     Raises
     ------
@@ -43,17 +43,17 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
                 raise InputError(f"{path}: nominal_fit.{suffix}.{key}: is no nuisance of [motor]")
             model.put(ENTRIES[key], _number(path, f"nominal_fit.{suffix}.{key}", value, positive=True),
                       ("lr".index(suffix),))
-    clocks = data.get("clocks") or {}
-    if not isinstance(clocks, dict):
-        raise InputError(f"{path}: clocks: is {clocks!r}, an object is needed")
-    for key, value in clocks.items():
-        if key not in CLOCKS:
-            raise InputError(f"{path}: clocks.{key}: is none of {', '.join(CLOCKS)}")
-        late = _number(path, f"clocks.{key}", value)
-        if not (0.0 if key == "latency_s" else -1.0) <= late <= 1.0:
-            raise InputError(f"{path}: clocks.{key}: is {late:g} s, no more than a second is possible"
-                             + (", and nothing acts before it is asked for" if late < 0.0 else ""))
-        model.put(CLOCKS[key], late)
+    setup = data.get("setup") or {}
+    if not isinstance(setup, dict):
+        raise InputError(f"{path}: setup: is {setup!r}, an object is needed")
+    for key, value in setup.items():
+        if key not in SETUP:
+            raise InputError(f"{path}: setup.{key}: is none of {', '.join(SETUP)}")
+        number = _number(path, f"setup.{key}", value)
+        low = 0.0 if key in ("latency_s", "anti_windup") else -1.0
+        if not low <= number <= 1.0:
+            raise InputError(f"{path}: setup.{key}: is {number:g}, it must lie within {low:g} to 1")
+        model.put(SETUP[key], number)
     if "effects" not in data:
         raise InputError(f"{path}: effects: missing, it is [] where nothing is blamed")
     effects_there, effects = catalogue(robot), data["effects"]

@@ -58,11 +58,11 @@ def test_nothing_is_blamed_where_nothing_is_wrong(tmp_path, kind, mode):
 
 
 def test_a_servo_that_answers_some_milliseconds_late_is_no_fault(tmp_path):
-    """Buses and boards take their time; what they take is refitted, said in `clocks` and predicted with."""
+    """Buses and boards take their time; what they take is refitted, said in `setup` and predicted with."""
     case = read_case(write_axis_case(tmp_path / "case", "inertia", "speed", ki=0.0, late_s=0.012))
     found, _ = diagnose(case, quick=True)
     assert found["verdict"] == "none" and found["gap"]["before"] > 1.5
-    assert found["clocks"]["latency_s"] == pytest.approx(0.012, abs=0.001)
+    assert found["setup"]["latency_s"] == pytest.approx(0.012, abs=0.001)
     (tmp_path / "diagnosis.json").write_text(json.dumps(found))
     assert read_diagnosis(tmp_path / "diagnosis.json", case.robot).get("latency") == pytest.approx(0.012, abs=0.001)
 

@@ -4,16 +4,19 @@ The truths here are made by the replay itself, so they test the choice and not t
 `rtds_host.blind` test both.
 """
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 from diagnosis_cases import make_case, make_run, without
 
-from rtds_host.contract import Case, builtin_robot
+from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
+from rtds_host.contract.robot import Servo
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.diagnose import diagnose
-from rtds_host.diagnosis.replay.model import nominal_model
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.diagnosis.report import validate
 
 
@@ -48,7 +51,7 @@ def test_clocks_of_gyro_and_pose_that_are_some_milliseconds_off_are_no_cause():
 
     diagnosis, _ = run(make_case(skewed, seed=21))
     assert diagnosis["verdict"] == "none" and diagnosis["gap"]["before"] > 1.2 and diagnosis["gap"]["refit"] < 1.05
-    assert diagnosis["clocks"] == {"gyro_late_s": pytest.approx(0.004, abs=2e-4), "pose_late_s": pytest.approx(-0.003, abs=1e-3)}
+    assert diagnosis["setup"] == {"gyro_late_s": pytest.approx(0.004, abs=2e-4), "pose_late_s": pytest.approx(-0.003, abs=1e-3)}
 
 
 @pytest.mark.parametrize("slot,amount,sides,effect,side,parameter", [
@@ -87,6 +90,30 @@ def test_two_effects_are_both_named():
     assert set(blamed(diagnosis)) == {("coulomb_friction", "both"), ("wheel_radius_error", "both")}
     assert {row["subsystem"] for row in diagnosis["located"]} == {"drivetrain", "wheel_ground"}
     assert sum(row["share"] for row in diagnosis["located"]) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_how_a_servos_integral_gives_way_at_its_limit_is_no_cause():
+    """The replay clamps the integral (`[servo]` says nothing of it); this servo draws it back by 0.7 of what the limit cuts."""
+    burger = builtin_robot("burger")
+    servo = Servo(kp_v_s_per_rad=0.44, ki_v_per_rad=8.6, limit_v=6.0, period_s=0.002, declared=True)
+    robot = dataclasses.replace(burger, driver=dataclasses.replace(burger.driver, mode="speed"), servo=servo)
+    model = nominal_model(robot)
+    model.put("servo_release", 0.7)
+    runs = []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        t = np.arange(0.0, 8.0, 0.01)
+        # Levels beyond what six volts can hold, and below.
+        asked = rng.uniform(-5.0, 5.0, (11, 2))[(t / 0.8).astype(int)] * (t > 0.3)[:, None]
+        columns = {"w_cmd_l": asked[:, 0], "w_cmd_r": asked[:, 1]}
+        log = RunLog(f"steps-{seed}", RunMeta(), t, columns)
+        out = replay_run(model, run_inputs(log, robot))
+        seen = {c: out[:, k] + robot.noise(c) * rng.standard_normal(len(t)) for k, c in enumerate(OUTPUTS)}
+        runs.append(RunLog(log.name, log.meta, t, {**columns, **seen}))
+    diagnosis, _ = run(Case("wound up", robot, tuple(runs)))
+    assert diagnosis["verdict"] == "none" and diagnosis["gap"]["before"] > 1.5
+    # Any share above a tenth is through within rows of ten milliseconds.
+    assert 0.1 < diagnosis["setup"]["anti_windup"] <= 1.0
 
 
 def test_an_effect_that_the_catalogue_lacks_is_unknown():

@@ -82,8 +82,8 @@ def test_a_diagnosis_brings_its_effects_and_its_refit(run_folder, tmp_path):
     (lambda d: d.update(effects=5), "effects"),
     (lambda d: d.update(nominal_fit=[1]), "nominal_fit"),
     (lambda d: d.update(schema="other"), "schema"),
-    (lambda d: d.update(clocks={"gyro": 0.001}), "clocks.gyro"),
-    (lambda d: d.update(clocks={"latency_s": -0.01}), "clocks.latency_s"),
+    (lambda d: d.update(setup={"gyro": 0.001}), "setup.gyro"),
+    (lambda d: d.update(setup={"latency_s": -0.01}), "setup.latency_s"),
 ])
 def test_a_broken_diagnosis_is_named_by_file_and_key(tmp_path, edit, words):
     diagnosis = example_diagnosis()

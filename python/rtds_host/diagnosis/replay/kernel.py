@@ -54,7 +54,7 @@ SLOPE_X, GYRO_GAIN, GYRO_BIAS, CMD_DELAY, MEAS_DELAY = (COMMON_INDEX[n] for n in
     "slope_extra", "gyro_gain", "gyro_bias", "command_delay", "measurement_delay"))
 MODE, TORQUE_V, BUS_MEAS = (COMMON_INDEX[n] for n in ("mode", "torque_per_volt", "bus_measured"))
 KP, KI, SERVO_LIMIT, SERVO_T = (COMMON_INDEX[n] for n in ("servo_kp", "servo_ki", "servo_limit", "servo_period"))
-LATENCY = COMMON_INDEX["latency"]
+LATENCY, RELEASE = COMMON_INDEX["latency"], COMMON_INDEX["servo_release"]
 AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = (COMMON_INDEX[n] for n in ("axis", "axis_inertia", "axis_mass", "axis_arm",
                                                                "axis_zero"))
 
@@ -253,7 +253,10 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                 limit = min(com[SERVO_LIMIT], supply)
                 want = integ[k] + com[KI] * miss * com[SERVO_T]
                 integ[k] = min(max(want, -limit), limit)
-                va[k] = min(max(com[KP] * miss + integ[k], -limit), limit)
+                asked_v = com[KP] * miss + integ[k]
+                va[k] = min(max(asked_v, -limit), limit)
+                # Back-calculation: the integral gives way by a share of what the limit cut.
+                integ[k] += com[RELEASE] * (va[k] - asked_v)
             while servo_next <= now + 1e-9:
                 servo_next += com[SERVO_T]
         if changed:

@@ -79,6 +79,7 @@ COMMON = {
     "gyro_late": (0.0, "s", "its clock behind the wheels'"),
     "pose_late": (0.0, "s", "its clock behind the wheels'"),
     "latency": (0.0, "s", "of all samples"),
+    "servo_release": (0.0, "1", "speed mode: share of what the limit cuts by which the integral gives way"),
 }
 SIDE_INDEX = {name: k for k, name in enumerate(SIDE)}
 COMMON_INDEX = {name: k for k, name in enumerate(COMMON)}

@@ -45,8 +45,10 @@ MODELS = (("before", "nominal"), ("refit", "refitted"), ("after", "with effects"
 DIGITS = 6
 UNITS = {"v_bus": "V", "i": "A", "w": "rad/s", "th": "rad", "gyro_z": "rad/s", "x": "m", "y": "m", "yaw": "rad"}
 
-CLOCK_WORDS = {"latency_s": "from a speed command to what is read of it", "gyro_late_s": "gyro, beside the wheels",
-               "pose_late_s": "pose, beside the wheels"}
+SETUP_WORDS = {"latency_s": ("what is read of a speed command comes later by", 1e3, "ms"),
+               "anti_windup": ("share of what its limit cuts by which the servo's integral gives way", 1.0, ""),
+               "gyro_late_s": ("the gyro's clock is behind the wheels' by", 1e3, "ms"),
+               "pose_late_s": ("the pose's clock is behind the wheels' by", 1e3, "ms")}
 
 
 def _asset(name: str) -> str:
@@ -287,10 +289,11 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
                  escape(key_unit(name))] for s, values in sorted(moved.items()) for name, value in values.items()]
         parts.append(_table([("side", False), ("value", False), ("nominal", True), ("refitted", True), ("unit", False)], rows, None,
                             "nominal_fit"))
-    if late := diagnosis.get("clocks"):
-        parts.append("<h3>Clocks of the log (no cause)</h3>")
-        rows = [[CLOCK_WORDS[name], number(1e3 * value, 3), "ms"] for name, value in late.items()]
-        parts.append(_table([("", False), ("late by", True), ("unit", False)], rows, None, "clocks"))
+    if setup := diagnosis.get("setup"):
+        parts.append("<h3>Clocks and servo (no cause)</h3>")
+        rows = [[escape(text), number(one * value, 3), unit] for (text, one, unit), value in
+                ((SETUP_WORDS[name], value) for name, value in setup.items())]
+        parts.append(_table([("what", False), ("refitted", True), ("unit", False)], rows, None, "setup"))
     return "".join(parts) + "</section>"
 
 
