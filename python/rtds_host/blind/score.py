@@ -334,7 +334,7 @@ def draw(records: list[dict], folder: Path) -> None:
 
     rows, columns, counts = confusion(records)
     if rows:
-        figure, axes = plt.subplots(figsize=(3.5 + 0.28 * len(columns), 2.5 + 0.28 * len(rows)))
+        figure, axes = plt.subplots(figsize=(3.5 + 0.28 * len(columns), 2.5 + 0.28 * len(rows)), layout="tight")
         shown = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         axes.imshow(shown, cmap="Blues", vmin=0, vmax=1, aspect="auto")
         for (k, j), count in np.ndenumerate(counts):
@@ -346,11 +346,10 @@ def draw(records: list[dict], folder: Path) -> None:
         name_ticks(axes.yaxis, rows, fontsize=7)
         axes.set_xlabel("blamed first")
         axes.set_ylabel("what was there (single effects)")
-        figure.tight_layout()
         save(figure, folder / "confusion.png", dpi=130, metadata={"Software": None})
         plt.close(figure)
     points = calibration(records)
-    figure, axes = plt.subplots(figsize=(4.2, 4.0))
+    figure, axes = plt.subplots(figsize=(4.2, 4.0), layout="tight")
     axes.plot([0, 1], [0, 1], color="0.7", lw=1)
     if points:
         x, y = [p["stated"] for p in points], [p["true"] for p in points]
@@ -360,7 +359,6 @@ def draw(records: list[dict], folder: Path) -> None:
             axes.annotate(f"n = {p['count']}", (p["stated"], p["true"]), xytext=(4, -10), textcoords="offset points",
                           fontsize=7)
     axes.set(xlabel="stated probability", ylabel="share that is true (95 % Wilson)", xlim=(0, 1.02), ylim=(0, 1.02))
-    figure.tight_layout()
     save(figure, folder / "calibration.png", dpi=130, metadata={"Software": None})
     plt.close(figure)
 
