@@ -43,6 +43,10 @@ module sequencer_f (
   localparam [5:0] MANY = 6'd62;
   localparam [5:0] NONE = 6'd63;
 
+`ifdef COVER
+  (* anyconst *) reg all_fx;  // every step with effects, or none
+  (* anyconst *) reg change;  // every step changes the coefficients, or none
+`endif
   reg hold_q = 1'b0;
   reg refreshed = 1'b0;
 
@@ -75,8 +79,10 @@ module sequencer_f (
     if (refresh) assume (hold);
     assume (!(clear && start));
 `ifdef COVER
-    // What is reached this way is reached without; z3 takes very long to find it when strobes may come at any time.
-    if (started && rst_n) assume (!clear && start == (ready && !hold));
+    // What is reached this way is reached without; z3 takes very long to find it when everything may come at any time.
+    if (started)
+      assume (rst_n && !clear && start == (ready && !hold) && fx_on == all_fx && hold == (change && since >= 6'd1 && since <= 6'd45)
+              && refresh == (change && since == 6'd45));
 `endif
   end
 
