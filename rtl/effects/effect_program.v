@@ -53,50 +53,108 @@ module effect_program (
     case (clock_i)
       6'd1:  word = 62'h000000A2000003F6;
       6'd2:  word = 62'h000200D263A40000;
-      6'd3:  word = 62'h230000B223640000;  // command.u = mul command_k, vc; fall.t = add decline, fall_lo
-      6'd4:  word = 62'h200000C242DC0074;  // more_b = by_sign load_driven, T
-      6'd5:  word = 62'h2000000000000000;  // more_f = by_sign load_driving, T
-      6'd6:  word = 62'h2140809280003F80;  // fall.sum = add fall.t, fall; cooled = mul heat_out, rise
+      // command.u = mul command_k, vc
+      // fall.t = add decline, fall_lo
+      6'd3:  word = 62'h230000B223640000;
+      // more_b = by_sign load_driven, T
+      6'd4:  word = 62'h200000C242DC0074;
+      // more_f = by_sign load_driving, T
+      6'd5:  word = 62'h2000000000000000;
+      // fall.sum = add fall.t, fall
+      // cooled = mul heat_out, rise
+      6'd6:  word = 62'h2140809280003F80;
       6'd7:  word = 62'h0002008480000008;
-      6'd8:  word = 62'h2B20008420000074;  // command.product = mul command.slope, vc; command.offset = add zero, command.intercept
-      6'd9:  word = 62'h01480083A0000000;  // full = sub nominal, fall.sum
-      6'd10: word = 62'h0144009EA0000000;  // fall.z = sub fall.sum, fall
-      6'd11: word = 62'h0150000000000014;  // bridge = add command.offset, command.product
+      // command.product = mul command.slope, vc
+      // command.offset = add zero, command.intercept
+      6'd8:  word = 62'h2B20008420000074;
+      // full = sub nominal, fall.sum
+      6'd9:  word = 62'h01480083A0000000;
+      // fall.z = sub fall.sum, fall
+      6'd10: word = 62'h0144009EA0000000;
+      // bridge = add command.offset, command.product
+      6'd11: word = 62'h0150000000000014;
       6'd12: word = 62'h00000092A1800000;
-      6'd13: word = 62'h0148000005400000;  // fall_lo.new = sub fall.t, fall.z
-      6'd14: word = 62'h2400000004C00000;  // per_draw = mul sag, bridge
-      6'd15: word = 62'h2400000003000000;  // unsagged = mul full, bridge
-      6'd16: word = 62'h2201009EE4400000;  // draw = mul vc, i
-      6'd17: word = 62'h22000082C1000000;  // turned = mul phase, w
-      6'd18: word = 62'h22010082E4803D00;  // copper = mul R, i
-      6'd19: word = 62'h23D100001C000000;  // draws = add other.draw, draw; forward.u = mul forward_k, w
-      6'd20: word = 62'h2310000005800000;  // emf = mul Kb, w; angle.t = add turned, angle_lo
-      6'd21: word = 62'h2600008380800078;  // hot = mul rise, copper
-      6'd22: word = 62'h2401C00001400E00;  // sagged = mul per_draw, draws
-      6'd23: word = 62'h2341008300000B80;  // torque.u = mul torque_k, w; angle.sum = add angle.t, angle
-      6'd24: word = 62'h2311008340000000;  // all_copper = add copper, hot; backward.u = mul backward_k, w
-      6'd25: word = 62'h2B14009400001080;  // scaled = sub unsagged, sagged; forward.product = mul forward.slope, w
-      6'd26: word = 62'h0170A093E0000809;  // angle.new = wrap angle.sum
-      6'd27: word = 62'h3321D00000C00018;  // power = mul all_copper, i; forward.offset = add more_f, forward.intercept
-      6'd28: word = 62'h2B20088462801200;  // limited = limit scaled, limit; torque.product = mul torque.slope, w; load = add T, torque.intercept
-      6'd29: word = 62'h2584009F20000000;  // driving = sub limited, emf; ripple.u = mul ripple_k, angle.new
-      6'd30: word = 62'h272500944040001A;  // heated = mul heat_in, power; backward.offset = sub more_b, backward.intercept
-      6'd31: word = 62'h2B50000000000E80;  // loaded = add load, torque.product; backward.product = mul backward.slope, w
-      6'd32: word = 62'h2584B093201E4000;  // drop.u = mul drop_k, driving; cooler = sub limited, hot
-      6'd33: word = 62'h01180094A0001123;  // warmed = sub heated, cooled
-      6'd34: word = 62'h29640084C0000072;  // ripple.product = mul ripple.slope, angle.new; loaded.less = sub loaded, ripple.intercept
-      6'd35: word = 62'h0100909360064000;  // level_f = add forward.offset, forward.product
-      6'd36: word = 62'h0140000000000D80;  // rise.t = add warmed, rise_lo
-      6'd37: word = 62'h2954000000000070;  // drop.product = mul drop.slope, driving; u_t = sub loaded.less, ripple.product
-      6'd38: word = 62'h01240600000012A6;  // cooler.less = sub cooler, drop.intercept
-      6'd39: word = 62'h01400093C0000000;  // rise.sum = add rise.t, rise
-      6'd40: word = 62'h0104050000000070;  // level_b = sub backward.offset, backward.product
-      6'd41: word = 62'h0154000000000FF8;  // u_v = sub cooler.less, drop.product
-      6'd42: word = 62'h0144009E20000000;  // rise.z = sub rise.sum, rise
-      6'd43: word = 62'h010407000000001E;  // angle.z = sub angle.sum, angle
+      // fall_lo.new = sub fall.t, fall.z
+      6'd13: word = 62'h0148000005400000;
+      // per_draw = mul sag, bridge
+      6'd14: word = 62'h2400000004C00000;
+      // unsagged = mul full, bridge
+      6'd15: word = 62'h2400000003000000;
+      // draw = mul vc, i
+      6'd16: word = 62'h2201009EE4400000;
+      // turned = mul phase, w
+      6'd17: word = 62'h22000082C1000000;
+      // copper = mul R, i
+      6'd18: word = 62'h22010082E4803D00;
+      // draws = add other.draw, draw
+      // forward.u = mul forward_k, w
+      6'd19: word = 62'h23D100001C000000;
+      // emf = mul Kb, w
+      // angle.t = add turned, angle_lo
+      6'd20: word = 62'h2310000005800000;
+      // hot = mul rise, copper
+      6'd21: word = 62'h2600008380800078;
+      // sagged = mul per_draw, draws
+      6'd22: word = 62'h2401C00001400E00;
+      // torque.u = mul torque_k, w
+      // angle.sum = add angle.t, angle
+      6'd23: word = 62'h2341008300000B80;
+      // all_copper = add copper, hot
+      // backward.u = mul backward_k, w
+      6'd24: word = 62'h2311008340000000;
+      // scaled = sub unsagged, sagged
+      // forward.product = mul forward.slope, w
+      6'd25: word = 62'h2B14009400001080;
+      // angle.new = wrap angle.sum
+      6'd26: word = 62'h0170A093E0000809;
+      // power = mul all_copper, i
+      // forward.offset = add more_f, forward.intercept
+      6'd27: word = 62'h3321D00000C00018;
+      // limited = limit scaled, limit
+      // torque.product = mul torque.slope, w
+      // load = add T, torque.intercept
+      6'd28: word = 62'h2B20088462801200;
+      // driving = sub limited, emf
+      // ripple.u = mul ripple_k, angle.new
+      6'd29: word = 62'h2584009F20000000;
+      // heated = mul heat_in, power
+      // backward.offset = sub more_b, backward.intercept
+      6'd30: word = 62'h272500944040001A;
+      // loaded = add load, torque.product
+      // backward.product = mul backward.slope, w
+      6'd31: word = 62'h2B50000000000E80;
+      // drop.u = mul drop_k, driving
+      // cooler = sub limited, hot
+      6'd32: word = 62'h2584B093201E4000;
+      // warmed = sub heated, cooled
+      6'd33: word = 62'h01180094A0001123;
+      // ripple.product = mul ripple.slope, angle.new
+      // loaded.less = sub loaded, ripple.intercept
+      6'd34: word = 62'h29640084C0000072;
+      // level_f = add forward.offset, forward.product
+      6'd35: word = 62'h0100909360064000;
+      // rise.t = add warmed, rise_lo
+      6'd36: word = 62'h0140000000000D80;
+      // drop.product = mul drop.slope, driving
+      // u_t = sub loaded.less, ripple.product
+      6'd37: word = 62'h2954000000000070;
+      // cooler.less = sub cooler, drop.intercept
+      6'd38: word = 62'h01240600000012A6;
+      // rise.sum = add rise.t, rise
+      6'd39: word = 62'h01400093C0000000;
+      // level_b = sub backward.offset, backward.product
+      6'd40: word = 62'h0104050000000070;
+      // u_v = sub cooler.less, drop.product
+      6'd41: word = 62'h0154000000000FF8;
+      // rise.z = sub rise.sum, rise
+      6'd42: word = 62'h0144009E20000000;
+      // angle.z = sub angle.sum, angle
+      6'd43: word = 62'h010407000000001E;
       6'd44: word = 62'h0000040000000020;
-      6'd45: word = 62'h0148000000000000;  // rise_lo.new = sub rise.t, rise.z
-      6'd46: word = 62'h0148000000000000;  // angle_lo.new = sub angle.t, angle.z
+      // rise_lo.new = sub rise.t, rise.z
+      6'd45: word = 62'h0148000000000000;
+      // angle_lo.new = sub angle.t, angle.z
+      6'd46: word = 62'h0148000000000000;
       6'd48: word = 62'h0000009E60000000;
       6'd49: word = 62'h0000009F60000000;
       default: word = 62'h0;

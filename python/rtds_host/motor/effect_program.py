@@ -428,8 +428,8 @@ def verilog() -> str:
     digits = -(-WORD_BITS // 4)
     for clock, fields in enumerate(rom):
         if fields:
-            said = "".join(f"  // {comment}" for comment in ["; ".join(comments.get(clock, []))] if comment)
-            lines.append(f"      6'd{clock - 1}:{' ' * (3 - len(str(clock - 1)))}word = {WORD_BITS}'h{word(fields):0{digits}X};{said}")
+            lines += [f"      // {comment}" for comment in comments.get(clock, [])]
+            lines.append(f"      6'd{clock - 1}:{' ' * (3 - len(str(clock - 1)))}word = {WORD_BITS}'h{word(fields):0{digits}X};")
     lines += [f"      default: word = {WORD_BITS}'h0;", "    endcase", "  end", "",
         "  always @(posedge clk_i or negedge rst_ni) begin", f"    if (!rst_ni) word_q <= {WORD_BITS}'h0;",
         f"    else word_q <= rest_i ? {WORD_BITS}'h0 : word;", "  end", "endmodule", "", "`default_nettype wire", ""]
