@@ -235,3 +235,14 @@ old
     assert f"```text\n{HEADLINE}```" in text
     assert "```text\nspeed 12 rad/s\n```" in text
     assert text.endswith("```console\n$ echo new\nnew\n```\n")
+
+
+EXPORTED = "burger.xml: burger-nominal for mjcf\n  own       coulomb_friction (left) torque_nm = 0.119\nin MuJoCo, from the files  5.73  1.09  0.980\n"
+
+
+@pytest.mark.parametrize(("old", "new", "wrong"), [
+    ("0.119", "0.11901", False), ("1.09", "1.12", False), ("1.09", "1.31", True), ("coulomb_friction", "driver_deadzone", True),
+    ("(left)", "(both)", True)])
+def test_what_an_export_prints_may_differ_by_a_tenth_of_a_figure_and_no_word(tmp_path, old, new, wrong):
+    command = "rtds export report/diagnosis.json --robot robot.toml --to mjcf --out burger.xml"
+    assert bool(compare_output(command, EXPORTED, EXPORTED.replace(old, new), tmp_path)) == wrong
