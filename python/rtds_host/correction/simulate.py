@@ -13,7 +13,7 @@ from rtds_host.contract import Robot, RunLog
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.coupler import Coupler, set_effects
 from rtds_host.correction.translate import translate
-from rtds_host.diagnosis.replay.model import Model, run_inputs
+from rtds_host.diagnosis.replay.model import Model, row_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 from rtds_host.link import Link, open_link
@@ -83,7 +83,7 @@ def simulate(log: RunLog, robot: Robot, model: Model | None = None, setting: Set
 
     Parameters
     ----------
-    model : the robot as a diagnosis has it; None: the nominal one. start : (11,) as of `run_inputs`, for a heading that
+    model : the robot as a diagnosis has it; None: the nominal one. start : (11,) as of `row_inputs`, for a heading that
         the log does not hold. change : a last change of the correction, given the start, as by a table. progress : called with the time.
 
     Raises
@@ -91,7 +91,7 @@ def simulate(log: RunLog, robot: Robot, model: Model | None = None, setting: Set
     InputError : a robot the simulator does not have, effects the link cannot hold. LinkError : no answer.
     """
     setting = setting or Setting()
-    t, _, commands, bus, _, run, known = run_inputs(log, robot)
+    t, _, commands, bus, _, run, known = row_inputs(log, robot)
     start = known if start is None else start
     if robot.driver.mode != "voltage":
         raise InputError(f"robot {robot.name!r}: [driver] mode is {robot.driver.mode!r}, the real-time simulator drives by "

@@ -11,7 +11,7 @@ import numpy as np
 from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run
+from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, row_inputs
 from rtds_host.export.export import WRITERS
 from rtds_host.export.figures import figures_of
 from rtds_host.export.mujoco_replay import ExportedRobot
@@ -67,7 +67,7 @@ def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog]) -
         nominal.write_text(WRITERS["mjcf"](figures_of(plain, robot), ""), encoding="utf-8")
         for data in problem.whole:
             log, start = data.log, data.inputs[-1]
-            bus = data.inputs[3] if robot.driver.bus == "measured" else None
+            bus = row_inputs(log, robot)[3] if robot.driver.bus == "measured" else None
             outs = {"before": ExportedRobot(nominal).replay(log, start, bus), "after": ExportedRobot(corrected).replay(log, start, bus),
                     "replay before": replay_run(plain, data.inputs, REPORT_STEP_S),
                     "replay after": replay_run(model, data.inputs, min(REPORT_STEP_S, model.step_s))}

@@ -10,7 +10,15 @@ from scipy.integrate import solve_ivp
 
 from rtds_host.contract import GRAVITY_M_S2, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
-from rtds_host.diagnosis.replay.model import FINE_STEP_S, REPORT_STEP_S, STEP_S, nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.model import (
+    FINE_STEP_S,
+    REPORT_STEP_S,
+    STEP_S,
+    nominal_model,
+    replay_run,
+    row_inputs,
+    run_inputs,
+)
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.screen import start_values
 
@@ -312,3 +320,20 @@ def test_both_sides_are_the_two_sides_together_where_the_effect_is_linear():
         return replay_run(model, inputs) - replay_run(nominal_model(ROBOT), inputs)
 
     assert np.allclose(change("both"), change("left") + change("right"), atol=1e-12)
+
+
+def test_a_run_that_begins_in_motion_was_under_its_first_command_before():
+    """Commands that come late leave it that command meanwhile, and not none; from rest it has none."""
+    robot = builtin_robot("burger")
+    model = nominal_model(robot)
+    model.put("command_delay", 0.05)
+    t = np.arange(0.0, 0.2, 0.01)
+    columns = {"v_cmd_l": np.full(len(t), 6.0), "v_cmd_r": np.full(len(t), 6.0)}
+    # The speed that six volts hold, without friction but the nominal one.
+    steady = replay_run(nominal_model(robot), run_inputs(RunLog("steady", RunMeta(), np.arange(0.0, 5.0, 0.01), {
+        c: np.full(500, 6.0) for c in columns}), robot))[-1, 3:5]
+    moving = {**columns, "w_l": np.full(len(t), steady[0]), "w_r": np.full(len(t), steady[1])}
+    log = RunLog("moving", RunMeta(), t, moving)
+    assert np.allclose(replay_run(model, run_inputs(log, robot))[5:, 3], steady[0], rtol=0.02)
+    assert np.abs(replay_run(model, run_inputs(RunLog("rest", RunMeta(), t, columns), robot))[:5, 3]).max() == 0.0
+    assert [len(part) for part in row_inputs(log, robot)[:4]] == [len(t)] * 4

@@ -180,13 +180,13 @@ def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
     Times count from the run's first row: since 1970 a double has a quarter of a microsecond, and steps add up. A robot that
     moves in the first row was under command before: under that row's, as far as anyone knows.
     """
-    t, t_cmd, commands, bus, angle, run, start = _inputs(log, robot)
+    t, t_cmd, commands, bus, angle, run, start = row_inputs(log, robot)
     if robot.chassis is not None and start[5:7].any():
         t_cmd, commands, bus = np.append(-BEFORE_S, t_cmd), np.vstack([commands[:1], commands]), np.append(bus[0], bus)
     return t, t_cmd, commands, bus, angle, run, start
 
 
-def _inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
+def row_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
     """The same with a command a row, none from before."""
     commands = log.commands(robot.driver.mode)
     if commands.shape[1] == 1:
@@ -217,7 +217,7 @@ def _angle(log: RunLog, side: str, start: float) -> np.ndarray:
 
 def stretch_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.ndarray, ...]:
     """The same for rows first <= k < last of a robot's run, started from what is measured at the first of them."""
-    t, _, commands, bus, angle, run, _ = _inputs(log, robot)
+    t, _, commands, bus, angle, run, _ = row_inputs(log, robot)
     before = max(0, first - HISTORY_ROWS)
     return (np.ascontiguousarray(t[first:last]), np.ascontiguousarray(t[before:last]), np.ascontiguousarray(commands[before:last]),
             np.ascontiguousarray(bus[before:last]), angle, run, start_state(log.rows(first, last), robot))
@@ -230,7 +230,7 @@ def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.n
     filter and no delay into the state), else from the speed's own samples. Commands from before stay known, for effects
     that make them late.
     """
-    t, _, commands, bus, angle, run, start = _inputs(log, robot)
+    t, _, commands, bus, angle, run, start = row_inputs(log, robot)
     half = START_ROWS * float(np.median(np.diff(t)))
     about = np.abs(t - t[first]) <= half * (1.0 + 1e-6)
     for k, side in enumerate(robot.sides):
