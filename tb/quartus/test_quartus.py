@@ -386,7 +386,7 @@ proc foreach_in_collection {name collection body} {
 def test_report_fails_on_a_negative_slack(tmp_path, worst, status):
     """Of any kind; a kind without a path is passed over."""
     script = tmp_path / "run.tcl"
-    script.write_text(f"set worst {worst}\n{STAND_IN}\nsource {ROOT / 'quartus/report.tcl'}\n")
+    script.write_text(f"set worst {worst}\n{STAND_IN}\nsource {{{ROOT / 'quartus/report.tcl'}}}\n")
     done = subprocess.run(["tclsh", script], capture_output=True, text=True, check=False)
     assert done.returncode == status, done.stderr
     assert "Fmax clk_sys       61.50 MHz" in done.stdout and f"worst recovery slack {float(worst):7.3f} ns" in done.stdout

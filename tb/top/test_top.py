@@ -3,7 +3,7 @@
 import pytest
 from common.runner import SIMULATORS, run_cocotb
 
-SOURCES = ["rtl/top/top.f", "tb/agents/ltc2308.v", "tb/agents/dac7624.v", "tb/top/chip_tb.v"]
+SOURCES = ["tb/top/chip_tb.vlt", "rtl/top/top.f", "tb/agents/ltc2308.v", "tb/agents/dac7624.v", "tb/top/chip_tb.v"]
 
 # One simulator by default: Icarus, which knows X and builds at once. Verilator with the parts' real times takes long.
 DEFAULT = SIMULATORS[-1]
