@@ -5,7 +5,7 @@ gain of likelihood between them (`evidence`):
 
     log odds(present) = log prior odds + min(G, t^2 / 2)
 
-It must also be worth naming.
+It must also be worth naming, and carry over to runs that it was not fitted to (`carried`).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
+from rtds_host.diagnosis.carried import carried
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.screen import available, clashes
@@ -21,6 +22,8 @@ from rtds_host.diagnosis.twins import twins
 
 # An effect is named where it is more likely there than not.
 NAMED = 0.5
+# More of what an effect takes off carries over to other runs than does not.
+CARRIED = 0.5
 # Members that a set of look-alikes may have (contract, section 5).
 LARGEST_SET = 3
 
@@ -94,17 +97,22 @@ def account(search: Search, fit: Fit) -> Account:
         standing = [_standing(search, fit, member, rough) for member in fit.hypothesis]
         weakest = min(standing, key=lambda s: s.probability, default=None)
         least = min(standing, key=lambda s: s.gaps[0], default=None)
+        over = carried(search.problem, fit)
+        fickle = min(standing, key=lambda s: over[s.member], default=None)
         if weakest is not None and weakest.probability < NAMED:
             dropped[weakest.member] = (f"is missed too unevenly to be there (gain {weakest.gain:.0f}, {weakest.t:.1f} times "
                                        "its scatter over the runs)")
             fit = search.try_fit(weakest.without.hypothesis, weakest.without.u, weakest.without)
+        elif fickle is not None and over[fickle.member] < CARRIED:
+            dropped[fickle.member] = f"would have to be of another size in every run (carries over to {100 * over[fickle.member]:.0f} %)"
+            fit = search.try_fit(fickle.without.hypothesis, fickle.without.u, fickle.without)
         elif least is not None and not worth_naming(*least.gaps):
             dropped[least.member] = "closes next to nothing of the gap"
             fit = search.try_fit(least.without.hypothesis, least.without.u, least.without)
         elif len(fit.hypothesis) < fewest:
             # Those that are left may have leant on one that is gone; another of as many may explain more.
             fewest = len(fit.hypothesis)
-            fit = search.exchange(fit, LARGEST_SET)
+            fit = search.renamed(search.exchange(search.polished(fit, fit.hypothesis), LARGEST_SET))
         elif rough:
             rough = False
         else:

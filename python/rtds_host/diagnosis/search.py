@@ -43,7 +43,7 @@ ROUGHLY, FAR = 20.0, 200.0
 ITERATIONS, ROUGH_ITERATIONS = 8, 4
 # Numerical: sizes to look at about one whose misfit is rough (impacts, resonances, steps that come late), as factors.
 COARSE = (0.6, 0.88, 1.35, 1.6, 2.0)
-ROUGH_FACTORS = (0.6, 0.75, 0.83, 0.88, 0.92, 0.96, 1.04, 1.08, 1.13, 1.2, 1.35, 1.6)
+ROUGH_FACTORS = tuple(sorted({*np.geomspace(0.125, 8.0, 25), 0.88, 0.92, 0.96, 1.04, 1.08, 1.13}))
 
 
 class Search:
@@ -196,20 +196,26 @@ class Search:
                 start = scaled(self.effects, (member,), [dict(values)])
                 fit = self.try_fit(*joined({**fit.parts, member: start}), fit)
             for _ in range(3):
-                trials = [joined({**fit.parts, member: part})[1] for part in self._about(fit, member)]
-                if not trials:
-                    break
-                models = [apply(self.effects, self.problem.with_nuisances(fit.z), fit.hypothesis,
-                                to_values(self.effects, fit.hypothesis, u)) for u in trials]
-                costs = [fit.noise.cost(r) for r in self.problem.residuals(models)]
-                k = int(np.argmin(costs))
-                if costs[k] >= fit.noise.cost(fit.residual):
-                    break
-                moved = self.try_fit(fit.hypothesis, trials[k], fit)
-                if moved is fit:
+                moved = min((self.try_fit(fit.hypothesis, start, fit) for start in self._lower(fit, member)), key=self.score, default=fit)
+                if self.score(moved) >= self.score(fit):
                     break
                 fit = moved
         return fit
+
+    def _lower(self, fit: Fit, member: tuple[str, str]) -> list[np.ndarray]:
+        """Starts about an optimum from which its misfit may fall further: the best with the nuisances that were fitted beside
+        it, and the best without any, since these bend to a size in the wrong valley."""
+        problem = self.problem
+        trials = [joined({**fit.parts, member: part})[1] for part in self._about(fit, member)]
+        values = [to_values(self.effects, fit.hypothesis, u) for u in trials]
+        found = {}
+        for z in (fit.z, np.zeros_like(fit.z)) if trials else ():
+            models = [apply(self.effects, problem.with_nuisances(z), fit.hypothesis, v) for v in values]
+            costs = [fit.noise.cost(r) for r in problem.residuals([*models, apply(self.effects, problem.with_nuisances(z), fit.hypothesis, fit.values)])]
+            k = int(np.argmin(costs))
+            if k < len(trials):
+                found[k] = trials[k]
+        return list(found.values())
 
     def _about(self, fit: Fit, member: tuple[str, str]) -> list[np.ndarray]:
         """Other parameters of an effect from which its misfit may fall further, scaled; none where it is smooth."""
@@ -273,7 +279,7 @@ class Search:
         tried = [fit]
         for member in fit.hypothesis:
             alone = self.without(fit, member)
-            found = self._sides(fit, member)
+            found = self._sides(fit, member) + self._renamed(fit, member)
             sure = believed(*compared(self.problem, fit, alone)) > SURE
             for candidate in self.promising(self._screens(alone, self.moves), 1 if sure else count):
                 if candidate.member != member and not clashes(candidate.member, alone.hypothesis):
@@ -319,6 +325,26 @@ class Search:
                 for side in self.effects[member[0]].sides
                 if side != member[1] and not clashes((member[0], side), tuple(rest))
                 and len(self.problem.robot.sides) == 2]
+
+    def renamed(self, fit: Fit) -> Fit:
+        """The explanation, or the better one that blames one of its effects' namesakes at the same size."""
+        found = [f for member in fit.hypothesis for f in self._renamed(fit, member)]
+        better = min([fit, *(f for f in found if self.named(f))], key=self.score)
+        if better is not fit:
+            self.trace.append(f"rename {set(fit.hypothesis) - set(better.hypothesis)} -> {set(better.hypothesis) - set(fit.hypothesis)}")
+        return better
+
+    def _renamed(self, fit: Fit, member: tuple[str, str]) -> list[Fit]:
+        """The same size as another effect with the same parameters, where no slope leads from one to the other: of two delays
+        one gives way to the other only if it is as long from the start."""
+        effect, parts = self.effects[member[0]], fit.parts
+        rest = {h: u for h, u in parts.items() if h != member}
+        names = [p.name for p in effect.parameters]
+        return [self.polished(self.try_fit(*joined({**rest, (other, member[1]): parts[member]}), fit), rest)
+                for other in effect.confused_with
+                if effect.steep and other in self.wanted and self.effects[other].steep
+                and [p.name for p in self.effects[other].parameters] == names
+                and not clashes((other, member[1]), tuple(rest)) and not self._doubles((other, member[1]), tuple(rest))]
 
     def run(self) -> Fit:
         """Search; the most probable explanation."""
@@ -366,7 +392,7 @@ class Search:
             if better is fit:
                 break
             fit = better
-        return self.best()
+        return self.renamed(self.best())
 
     def _open_loop(self, fit: Fit) -> Fit:
         """The explanation fitted with a ripple at the replay's own angle, as the gap is judged."""

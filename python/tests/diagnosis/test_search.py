@@ -8,11 +8,15 @@ from diagnosis_cases import make_case, make_run, without
 
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
+from rtds_host.diagnosis.account import CARRIED
+from rtds_host.diagnosis.carried import carried, ratio
 from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.fit import scaled
 from rtds_host.diagnosis.likelihood import Discrepancy, Series
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.twins import twins
 
 POSE = ("x", "y", "yaw")
@@ -112,3 +116,65 @@ def test_a_long_run_is_searched_in_stretches_from_all_over_and_judged_whole():
     assert [(e["id"], e["side"]) for e in diagnosis["effects"]] == [("coulomb_friction", "left")]
     assert any("50 % of them" in note for note in details.notes)
     assert len(details.traces["hours"]["w_l"].t) == len(case.runs[0].t)
+
+
+def fitted(case: Case, *members: tuple[tuple[str, str], dict[str, float]]):
+    """A search of a case, and the fit of some effects from given sizes."""
+    problem = Problem(case, 1)
+    search = Search(problem, quick=True)
+    search.fits[()] = search.fitter.fit((), np.empty(0), np.zeros(search.fitter.count), problem.discrepancy())
+    hypothesis = tuple(member for member, _ in members)
+    return search, search.try_fit(hypothesis, scaled(search.effects, hypothesis, [values for _, values in members]), search.fits[()])
+
+
+def test_a_delay_under_the_other_delays_name_is_renamed():
+    """8.3 ms of the commands read as 8.3 ms of the samples: next to no gap is left, and no slope leads from one to the other."""
+    search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("measurement_delay", "both"), {"seconds": 0.0083}))
+    assert search.renamed(fit).hypothesis == (("command_delay", "both"),)
+    search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083}))
+    assert search.renamed(fit) is fit
+
+
+@pytest.mark.parametrize("start", [0.0025, 0.05])
+def test_free_play_is_found_from_the_wrong_valley(start):
+    """Impacts come at other times with every angle: from a fourth or five times of it no slope leads to the right one."""
+    search, fit = fitted(make_case(lambda m: m.put("backlash", 0.01, (0,))),
+                         (("backlash", "left"), {"angle_rad": start, "restitution": 0.0}))
+    found = search.polished(fit, fit.hypothesis)
+    assert found.values[0]["angle_rad"] == pytest.approx(0.01, rel=0.05)
+
+
+def late_in(runs: tuple[int, ...], case: Case, seconds: float = 0.03) -> Case:
+    """The case with all that is measured late in some of its runs, as if their commands had been."""
+    def delayed(log):
+        shift = round(seconds / float(log.t[1] - log.t[0]))
+        columns = {c: v if c.startswith("v_cmd") else np.concatenate([np.repeat(v[:1], shift), v[:-shift]]) for c, v in log.columns.items()}
+        return replace(log, columns=columns)
+    return replace(case, runs=tuple(delayed(log) if k in runs else log for k, log in enumerate(case.runs)))
+
+
+@pytest.mark.parametrize("shares,known,low,high", [
+    ([1.0, 1.0, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0], 1.0, 1.0),
+    ([0.9, 1.1, 1.0, 0.8], [1.0, 2.0, 1.0, 3.0], 0.95, 1.0),
+    ([0.0, 0.0, 0.0, 1.0], [1.0, 1.0, 1.0, 1.0], -np.inf, 0.0),
+    ([0.92, 2.13], [0.9, 0.1], -np.inf, CARRIED),
+    ([1.0, -1.0], [1.0, 1.0], -np.inf, 0.0),
+], ids=["of one size", "nearly of one size", "in one run alone", "held by one run, of another size in the next", "against itself"])
+def test_what_is_of_one_size_carries_over(shares, known, low, high):
+    found = ratio(np.array(shares) * known, np.array(known))
+    assert low - 1e-12 <= found <= high + 1e-12
+
+
+@pytest.mark.parametrize("runs,there", [((0, 1, 2, 3), True), ((1,), False)], ids=["in every run", "in one of four"])
+def test_an_effect_is_of_one_size_in_every_run(runs, there):
+    robot = builtin_robot("burger")
+    logs = tuple(make_run(f"steps-{k}", nominal_model(robot), robot, "steps", 8.0, k) for k in range(4))
+    diagnosis, _ = diagnose(late_in(runs, Case("example", robot, logs)), quick=True)
+    assert ("command_delay" in [e["id"] for e in diagnosis["effects"]]) == there
+    assert there or diagnosis["verdict"] == "unknown"
+
+
+def test_a_share_is_taken_run_by_run():
+    """A delay of all runs fitted to them carries over whole."""
+    search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083}))
+    assert carried(search.problem, fit)["command_delay", "both"] == pytest.approx(1.0, abs=0.01)

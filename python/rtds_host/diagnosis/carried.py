@@ -1,0 +1,74 @@
+"""Whether what an effect takes off the misfit carries over to runs that it was not fitted to.
+
+An effect is a constant of the machine: of one size, whatever the run. Between a replay without it and the one with it lie those
+with a share of it. Of one run g (or a stretch of one) alone the best share would be s_g, known to 1/I_g; of all the others
+together it is the mean o_g of theirs. With that, the effect takes I_g (s_g^2 - (s_g - o_g)^2) / 2 off the -log likelihood of run g,
+where the mean m of all takes I_g (s_g^2 - (s_g - m)^2) / 2. The ratio of their sums over the runs is 1 for what is of one size in
+all of them, and falls below none for what stands in for something else, large here and small there. The other effects are fitted
+again in each run; the tolerances stay, since these are the machine's, too.
+
+References: M. Stone, J. R. Stat. Soc. B 36, 1974 (cross-validation); J. Peters, P. Buehlmann, N. Meinshausen, J. R. Stat. Soc. B 78,
+2016 (a cause is what does not change from setting to setting).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rtds_host.diagnosis.fit import Fit, apply, parameters
+from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.model import Model
+
+# Groups that are left out in turn: runs; where there are fewer of these, stretches of them.
+FEWEST_GROUPS = 4
+
+
+def groups(problem: Problem) -> np.ndarray:
+    """Which group of residuals each one belongs to, (N,): its run, or its part of a run where there are few."""
+    runs = int(problem.runs_of.max(initial=0)) + 1
+    if runs >= FEWEST_GROUPS:
+        return problem.runs_of
+    parts = -(-FEWEST_GROUPS // runs)
+    found = np.empty(problem.size, int)
+    for run in range(runs):
+        mine = np.flatnonzero(problem.runs_of == run)
+        first, last = problem.blocks[mine].min(), problem.blocks[mine].max() + 1
+        found[mine] = run * parts + (problem.blocks[mine] - first) * parts // (last - first)
+    return found
+
+
+def carried(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
+    """Share of what each effect takes off that it takes off runs that it was not fitted to, per the module's head."""
+    where = groups(problem)
+    count = int(where.max(initial=0)) + 1
+    taken = [fit.noise.whiten(fit.residual - absent)
+             for absent in problem.residuals([_absent(problem, fit, member) for member in fit.hypothesis])]
+    white, jacobian = fit.whitened()
+    owners = [(effect.id, side) for effect, side, _ in parameters(fit.effects, fit.hypothesis)]
+    result = {}
+    for member, own in zip(fit.hypothesis, taken):
+        at = [len(fit.z) + k for k, owner in enumerate(owners) if owner != member and fit.free[len(fit.z) + k]]
+        if at:
+            beside = jacobian[:, at].astype(float)
+            own = own - beside @ np.linalg.solve(fit.precision[np.ix_(at, at)], beside.T @ own)
+        known = np.bincount(where, own * own, minlength=count)
+        result[member] = ratio(known - np.bincount(where, own * white, minlength=count), known)
+    return result
+
+
+def _absent(problem: Problem, fit: Fit, member: tuple[str, str]) -> Model:
+    """The model of a fit with everything but one of its effects."""
+    kept = [(other, values) for other, values in zip(fit.hypothesis, fit.values) if other != member]
+    return apply(fit.effects, problem.with_nuisances(fit.z), tuple(other for other, _ in kept), [values for _, values in kept])
+
+
+def ratio(weighed: np.ndarray, known: np.ndarray) -> float:
+    """The ratio of the module's head, of I_g s_g (groups,) and I_g (groups,); 1 where one group alone knows anything."""
+    weighed, known = weighed[known > 0.0], known[known > 0.0]
+    if len(known) < 2:
+        return 1.0
+    shares = weighed / known
+    mean = weighed.sum() / known.sum()
+    others = (weighed.sum() - weighed) / (known.sum() - known)
+    inside = float(known @ (shares**2 - (shares - mean) ** 2))
+    return float(known @ (shares**2 - (shares - others) ** 2)) / inside if inside > 0.0 else 0.0
