@@ -89,26 +89,33 @@ def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
     return tried[k], gaps[k]
 
 
+def _fallen(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
+    """The effect that stands least, and why it does not; None where all stand."""
+    if not standing:
+        return None
+    weakest = min(standing, key=lambda s: s.probability)
+    if weakest.probability < NAMED:
+        return weakest, (f"is missed too unevenly to be there (gain {weakest.gain:.0f}, {weakest.t:.1f} times its scatter over the "
+                         "runs)")
+    over = carried(search.problem, fit)
+    fickle = min(standing, key=lambda s: over[s.member])
+    if over[fickle.member] < CARRIED:
+        return fickle, ("is of another size in every run (fitted to the others it takes off "
+                        f"{100 * max(over[fickle.member], 0.0):.0f} % of what it does fitted to all)")
+    least = min(standing, key=lambda s: s.gaps[0])
+    return None if worth_naming(*least.gaps) else (least, "closes next to nothing of the gap")
+
+
 def account(search: Search, fit: Fit) -> Account:
     """Name the effects of the most probable explanation that stand on their own evidence."""
     dropped: dict[tuple[str, str], str] = {}
     rough, fewest = True, len(fit.hypothesis)
     while True:
         standing = [_standing(search, fit, member, rough) for member in fit.hypothesis]
-        weakest = min(standing, key=lambda s: s.probability, default=None)
-        least = min(standing, key=lambda s: s.gaps[0], default=None)
-        over = carried(search.problem, fit)
-        fickle = min(standing, key=lambda s: over[s.member], default=None)
-        if weakest is not None and weakest.probability < NAMED:
-            dropped[weakest.member] = (f"is missed too unevenly to be there (gain {weakest.gain:.0f}, {weakest.t:.1f} times "
-                                       "its scatter over the runs)")
-            fit = search.try_fit(weakest.without.hypothesis, weakest.without.u, weakest.without)
-        elif fickle is not None and over[fickle.member] < CARRIED:
-            dropped[fickle.member] = f"would have to be of another size in every run (carries over to {100 * over[fickle.member]:.0f} %)"
-            fit = search.try_fit(fickle.without.hypothesis, fickle.without.u, fickle.without)
-        elif least is not None and not worth_naming(*least.gaps):
-            dropped[least.member] = "closes next to nothing of the gap"
-            fit = search.try_fit(least.without.hypothesis, least.without.u, least.without)
+        fallen = _fallen(search, fit, standing)
+        if fallen is not None:
+            one, dropped[one.member] = fallen
+            fit = search.try_fit(one.without.hypothesis, one.without.u, one.without)
         elif len(fit.hypothesis) < fewest:
             # Those that are left may have leant on one that is gone; another of as many may explain more.
             fewest = len(fit.hypothesis)
