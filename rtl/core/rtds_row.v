@@ -53,14 +53,7 @@ module rtds_row #(
   output wire [31:0] hi_o,        // the new one in the clock in which it is saved
   output reg  [31:0] lo_o         // t while a step is between its two sums
 );
-  // The same codes as in rtds_sequencer.
-  localparam [1:0] A_C  = 2'd0;
-  localparam [1:0] A_Y  = 2'd1;
-  localparam [1:0] A_P  = 2'd2;
-  localparam [2:0] B_M     = 3'd0;
-  localparam [2:0] B_P     = 3'd1;
-  localparam [2:0] B_HI    = 3'd2;
-  localparam [2:0] B_Y     = 3'd3;
+  `include "rtds_ops.vh"
 
   wire [31:0] m;
   wire [31:0] y;

@@ -1,5 +1,4 @@
 // binary32 operators; no dependencies
-fp_lzc.v
 fp_add.v
 fp_mul.v
 fp_div.v

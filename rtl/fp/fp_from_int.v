@@ -30,20 +30,15 @@ module fp_from_int #(
   reg        zero_q;
 
   wire [31:0] size = x_i[31] ? ~x_i + 32'd1 : x_i;
-  wire  [4:0] zeros;
-  wire        zero;
-  fp_lzc u_lzc (
-    .x_i    (size),
-    .count_o(zeros),
-    .zero_o (zero)
-  );
+
+  `include "fp_lzc.vh"
 
   always @(posedge clk_i) begin
     if (en_i) begin
       sign_q  <= x_i[31];
       size_q  <= size;
-      zeros_q <= zeros;
-      zero_q  <= zero;
+      zeros_q <= leading_zeros(size);
+      zero_q  <= ~(|size);
     end
   end
 

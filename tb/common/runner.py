@@ -77,6 +77,16 @@ def _sources(sources: Sequence[str | Path]) -> list[Path]:
     return expanded
 
 
+def headers(sources: Sequence[str | Path]) -> list[Path]:
+    """The Verilog headers beside these sources, which any of them may include."""
+    return sorted(header for folder in {path.parent for path in _sources(sources)} for header in folder.glob("*.vh"))
+
+
+def include_flags(sources: Sequence[str | Path]) -> list[str]:
+    """-I of the folders of `headers`, for Verilator and Icarus."""
+    return [f"-I{folder}" for folder in sorted({header.parent for header in headers(sources)})]
+
+
 def _stamp(parts: object) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:10]
 
@@ -115,6 +125,9 @@ def run_cocotb(
     build_dir = BUILD / f"{toplevel}-{simulator}-{variant}"
     run = _stamp((testcase, seed, sorted((extra_env or {}).items())))
     runner = _runner(simulator)
+    # The runner looks at the sources' age only.
+    included = _stamp([header.read_bytes() for header in headers(sources)])
+    seen = build_dir / "headers.txt"
     runner.build(
         hdl_toplevel=toplevel,
         sources=[*control, *verilog] if simulator == "verilator" else verilog,
@@ -124,7 +137,9 @@ def run_cocotb(
         build_args=[*_VERILATOR_ARGS, *build_args] if simulator == "verilator" else [],
         timescale=("1ns", "1ps"),
         build_dir=build_dir,
+        always=not seen.exists() or seen.read_text() != included,
     )
+    seen.write_text(included)
     if simulator == "verilator":
         libraries = [f"-Wl,-rpath,{config.libs_dir}", f"-L{config.libs_dir}", "-lcocotbvpi_verilator"]
         _compile(build_dir / "Vtop.json", build_dir / toplevel, "-Os", libraries=libraries)
@@ -209,9 +224,9 @@ def verilate(
         VERILATOR, "-cc", "--exe", "--make", "json", "-Wno-fatal", "-Mdir", str(build_dir),
         "--top-module", toplevel, "-O3", *_VERILATOR_ARGS[1:],
         *(f"-G{key}={value}" for key, value in (parameters or {}).items()),
-        *map(str, files),
+        *include_flags(sources), *map(str, files),
     ]  # fmt: skip
-    _build(command, build_dir / f"V{toplevel}.json", files)
+    _build(command, build_dir / f"V{toplevel}.json", [*files, *headers(sources)])
     _compile(build_dir / f"V{toplevel}.json", program, optimise, ["--std=c++17"])
     return program
 
@@ -225,7 +240,8 @@ def icarus(toplevel: str, sources: Sequence[str | Path], name: str | None = None
     """
     files = _sources(sources)
     program = BUILD / (name or f"{toplevel}-bench-icarus") / f"{toplevel}.vvp"
-    _build(["iverilog", "-g2005", "-Wall", "-s", toplevel, "-o", str(program), *map(str, files)], program, files)
+    command = ["iverilog", "-g2005", "-Wall", "-s", toplevel, "-o", str(program), *include_flags(sources), *map(str, files)]
+    _build(command, program, [*files, *headers(sources)])
     return program
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.runner import SIMULATORS, VERILATOR, read_file_list, run_cocotb, verilate
+from common.runner import SIMULATORS, VERILATOR, include_flags, read_file_list, run_cocotb, verilate
 
 from core.core_script import drive_script, expected, random_script
 
@@ -76,6 +76,6 @@ def test_icarus_agrees_over_many_random_steps(simulator):
 @pytest.mark.parametrize("source", [path.name for path in read_file_list("rtl/core/core.f")])
 def test_lint_is_clean(simulator, source):
     files = [str(path) for name in SOURCES for path in read_file_list(name)]
-    command = [VERILATOR, "--lint-only", "-Wall", "--top-module", Path(source).stem, *files]
+    command = [VERILATOR, "--lint-only", "-Wall", "--top-module", Path(source).stem, *include_flags(SOURCES), *files]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -26,7 +26,7 @@ TASKS = {
         ("io/cdc_sync.v", "io/reset_sync.v", "io/reset_ctrl.v"), True, 4, 40, ""),
     "sequencer_f": (
         "step: valid 12 clocks after the strobe, ready after 26; with effects 16, 50",
-        ("core/rtds_sequencer.v",), False, 8, 56, ""),
+        ("core/rtds_sequencer.v", "core/rtds_ops.vh"), False, 8, 56, ""),
     "spi_f": (
         "SPI: 12 pulses, 1 result a cycle of 80 clocks", ("io/ltc2308_spi.v", "io/ltc2308_spi_sck.v"), False, 4, 180,
         "blackbox ltc2308_spi_sck"),
@@ -42,6 +42,7 @@ def write_sby(task: str, mode: str) -> Path:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     names = [f"{task}.v", *(Path(name).name for name in files)]
+    read = [name for name in names if not name.endswith(".vh")]
     shutil.copy(HERE / f"{task}.v", folder)
     for name in files:
         shutil.copy(ROOT / "rtl" / name, folder)
@@ -50,7 +51,7 @@ def write_sby(task: str, mode: str) -> Path:
     path.write_text(
         f"[options]\nmode {mode}\ndepth {prove_depth if mode == 'prove' else cover_depth}\n"
         f"multiclock {'on' if multiclock else 'off'}\n\n[engines]\nsmtbmc z3\n\n[script]\n"
-        f"read_verilog -formal {define} {' '.join(names)}\n{before}\nprep -flatten -top {task}\n\n[files]\n" + "\n".join(names) + "\n"
+        f"read_verilog -formal {define} {' '.join(read)}\n{before}\nprep -flatten -top {task}\n\n[files]\n" + "\n".join(names) + "\n"
     )
     return folder
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.runner import SIMULATORS, VERILATOR, icarus, read_file_list, verilate
+from common.runner import SIMULATORS, VERILATOR, icarus, include_flags, read_file_list, verilate
 
 from fp.fp_reference import RESULTS, directed, expected, random_pairs
 
@@ -97,7 +97,7 @@ def test_icarus_agrees_on_a_hundred_thousand_quotients_and_every_directed_pair(s
 @pytest.mark.parametrize("simulator", needs_verilator)
 @pytest.mark.parametrize("source", [path.name for path in read_file_list("rtl/fp/fp.f")])
 def test_lint_is_clean(simulator, source):
-    command = [VERILATOR, "--lint-only", "-Wall", "--top-module", Path(source).stem]
+    command = [VERILATOR, "--lint-only", "-Wall", "--top-module", Path(source).stem, *include_flags(["rtl/fp/fp.f"])]
     files = [str(path) for path in read_file_list("rtl/fp/fp.f")]
     done = subprocess.run([*command, *files], check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

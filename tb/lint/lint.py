@@ -13,7 +13,7 @@ from pathlib import Path
 import pyslang.driver
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from common.runner import ROOT, VERILATOR, read_file_list
+from common.runner import ROOT, VERILATOR, include_flags, read_file_list
 
 HERE = Path(__file__).resolve().parent
 BOARD = "rtl/top/board.f"
@@ -36,7 +36,7 @@ def slang(files: list[Path], top: str = "rtds_top") -> int:
     driver.addStandardArgs()
     arguments = [
         "slang", "--std", "1364-2005", "-Wextra", "-Werror", *SLANG_WAIVERS, "-DSYNTHESIS", "-DALTERA_RESERVED_QIS",
-        "-I", str(ROOT / "rtl/io"), "--top", top, str(primitives()), *map(str, files),
+        *include_flags(files), "--top", top, str(primitives()), *map(str, files),
     ]  # fmt: skip
     ready = driver.parseCommandLine(" ".join(f'"{a}"' for a in arguments)) and driver.processOptions()
     clean = ready and driver.parseAllSources() and driver.runFullCompilation(True)
@@ -52,7 +52,7 @@ def verilator() -> int:
     vendor = quiet / "vendor.vlt"
     vendor.write_text('`verilator_config\nlint_off -file "*/megafunction_bb.v"\n')
     command = [
-        VERILATOR, "--lint-only", "-Wall", "-DSYNTHESIS", "-DALTERA_RESERVED_QIS", f"-I{ROOT / 'rtl/io'}", "--top-module",
+        VERILATOR, "--lint-only", "-Wall", "-DSYNTHESIS", "-DALTERA_RESERVED_QIS", *include_flags([BOARD]), "--top-module",
         "rtds_top", str(vendor), str(HERE / "waivers.vlt"), str(primitives()), *map(str, read_file_list(BOARD)),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=False)

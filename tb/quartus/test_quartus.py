@@ -9,7 +9,7 @@ import shutil
 import subprocess
 
 import pytest
-from common.runner import ROOT, read_file_list
+from common.runner import ROOT, headers, read_file_list
 
 from quartus import board_files as files
 
@@ -94,6 +94,8 @@ def test_project_lists_exactly_the_design(qsf):
     assert qsf.values("DEVICE") == ["5CSEBA6U23I7"]
     assert [(ROOT / "quartus" / name).exists() for name in qsf.values("SDC_FILE")] == [True]
     assert "PROJECT_REVISION" in (ROOT / "quartus" / "rtds.qpf").read_text()
+    found = {(ROOT / "quartus" / name).resolve() for name in qsf.values("SEARCH_PATH")}
+    assert found == {header.parent for header in headers([files.FILE_LIST])}
 
 
 # What Quartus may make of the name of a register: with the modules' names or the instances' alone, its copy (the fitter's), or

@@ -74,7 +74,6 @@ class Top:
     bridge : Python module below ``sim/`` with the cocotb test that serves the link; "" where the main serves it itself,
         without cocotb (Verilator only, and then without `sync` and `control`).
     main : C++ main of the Verilator build, below the source tree.
-    includes : folders of Verilog headers, relative to `root`.
     idle : (port, register, register) of a `posedge_only` top, or (): while the port is 1 nothing moves but the first register,
         which counts the clocks up to the second. The C++ main jumps such clocks.
     root : folder to which the names are relative: the source tree.
@@ -89,7 +88,6 @@ class Top:
     control: str
     bridge: str
     main: str = "sim/verilator_main.cpp"
-    includes: tuple[str, ...] = ()
     idle: tuple[str, str, str] | tuple[()] = ()
     root: Path = ROOT
 
@@ -109,6 +107,14 @@ class Top:
             if not path.is_file():
                 raise LinkError(f"{path}: no such file; the rtl link needs the source tree")
         return paths
+
+    def headers(self) -> list[Path]:
+        """The Verilog headers beside the files, which any of them may include."""
+        return sorted(header for folder in {path.parent for path in self.files()} for header in folder.glob("*.vh"))
+
+    def include_flags(self) -> list[str]:
+        """-I of the headers' folders, for both simulators."""
+        return [f"-I{folder}" for folder in sorted({header.parent for header in self.headers()})]
 
 
 def _read_file_list(path: Path, root: Path) -> list[Path]:
@@ -151,7 +157,6 @@ TOPS: Mapping[str, Top] = {
         control="",
         bridge="",
         main="sim/chip_main.cpp",
-        includes=("rtl/io",),
     ),
 }
 
@@ -201,8 +206,7 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
     if simulator == "verilator":
         files += [top.root / top.control] if top.control else []
         files += [ROOT / top.main]
-    for folder in top.includes:
-        files += sorted((top.root / folder).glob("*.vh"))
+    files += top.headers()
     for text in (top.module, repr(top.clocks), repr(top.posedge_only), top.sync, repr(top.idle), *tools):
         digest.update(text.encode() + b"\0")
     for path in files:
@@ -267,7 +271,7 @@ def _build_verilator(
             program, "--cc", "--exe", *cocotb, "--prefix", "Vtop", "--make", "json", "--Mdir", str(objects),
             "--top-module", top.module, "-Wno-fatal", *VERILATOR_FLAGS,
             "--output-split", "0",  # one C++ file: the model is small, and the compiler sees all of it
-            *(f"-I{top.root / folder}" for folder in top.includes),
+            *top.include_flags(),
             *control, str(ROOT / top.main), *map(str, top.files()),
         ]],
         log,
@@ -283,7 +287,7 @@ def _build_icarus(top: Top, scratch: Path, log: Path) -> None:
         "Icarus Verilog",
         [[
             "iverilog", "-g2005", "-DRTDS_CLOCK_INSIDE", "-o", str(scratch / "sim.vvp"), "-s", top.module,
-            *map(str, top.files()),
+            *top.include_flags(), *map(str, top.files()),
         ]],
         log,
         BUILD_TIMEOUT_S,
