@@ -115,16 +115,8 @@ module ltc2308_spi (
   wire        shift = active_q && (count_q > CONVERSION) && (count_q <= CONVERSION + BITS);
 
   always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) begin
-      sdo_q <= 1'b0;
-    end else begin
-`ifdef SYNTHESIS
-      sdo_q <= adc_sdo_i;
-`else
-      // An input buffer makes some level of a floating or undefined line: 0 here, so that an X stays outside.
-      sdo_q <= (adc_sdo_i === 1'b1);
-`endif
-    end
+    if (!rst_ni) sdo_q <= 1'b0;
+    else         sdo_q <= adc_sdo_i;
   end
 
   always @(posedge clk_i or negedge rst_ni) begin

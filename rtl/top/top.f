@@ -1,5 +1,3 @@
--f ../fp/fp.f
--f ../core/core.f
--f ../io/io.f
--f ../io/infra.f
-rtds_chip.v
+// the chip for tools that do not have the vendor's cells
+-f chip.f
+../vendor/altddio_out.v

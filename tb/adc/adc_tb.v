@@ -78,7 +78,12 @@ module adc_tb;
   always @(convst) convst_at_part <= #(convst ? d_convst : d_convst_fall) convst;
   always @(sck) sck_at_part <= #(sck ? d_sck : d_sck_fall) sck;
   always @(sdi) sdi_at_part <= #(d_sdi) sdi;
-  always @(sdo_at_part or sdo_stuck or sdo_level) sdo <= #(d_sdo) (sdo_stuck ? sdo_level : sdo_at_part);
+  always @(sdo_at_part or sdo_stuck or sdo_level) sdo <= #(d_sdo) level(sdo_stuck ? sdo_level : sdo_at_part);
+
+  // An input buffer makes some level of a floating or undefined line: 0 here, so that no X gets past a pad.
+  function level(input pin);
+    level = (pin === 1'b1);
+  endfunction
 
   // How long SDO has stood still at the edges that catch a bit, and for how long it does so after them.
   reg  [31:0] capture_setup_min;

@@ -109,6 +109,31 @@ async def every_pad_delay_and_conversion_time(dut):
 
 
 @cocotb.test()
+async def pads_of_0_to_5_ns(dut):
+    """Each pin's pad anywhere from 0 to 5 ns, the same for both edges, conversions of 1.3 to 1.6 us: the window is just met."""
+    tb = await started(dut)
+    ends = {"first_sck_min": set(), "acquisition_min": set()}
+    for number, corner in enumerate(itertools.product((0, 2500, 5000), repeat=4)):
+        dut.rst_n.value = 0
+        dut.agent_clear.value = 1
+        for pin, delay in zip(("convst", "sck", "sdi", "sdo"), corner, strict=True):
+            getattr(dut, f"d_{pin}").value = delay
+            if pin in ("convst", "sck"):
+                getattr(dut, f"d_{pin}_fall").value = delay
+        dut.t_conv.value = (1_300_000, 1_600_000, 1_450_000)[number % 3]
+        await tb.reset()
+        await tb.good_record()
+        dut.t_conv.value = (1_600_000, 1_300_000, 1_600_000)[number % 3]
+        await tb.good_record()
+        tb.part.check()
+        for name, values in ends.items():
+            values.add(int(getattr(dut.part, name).value))
+    # SCK earliest against CONVST leaves the conversion 0 ns, latest the acquisition 0 ns.
+    assert min(ends["first_sck_min"]) == 1_600_000 and min(ends["acquisition_min"]) == 240_000
+    assert int(dut.capture_setup_min.value) == 2_500, "25 ns less 12.5 of the part and twice 5 of pads"
+
+
+@cocotb.test()
 async def parameters_take_turns_and_the_rate_is_exact(dut):
     """Each sequence 10.000 us, conversions 2.000 us apart, parameters B J Km Kb B ... in turn."""
     tb = await started(dut)

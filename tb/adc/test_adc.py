@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from common.runner import BUILD, ROOT, SIMULATORS, run_cocotb
 
-RTL = ("rtl/io/ltc2308_spi_sck.v", "rtl/io/ltc2308_spi.v", "rtl/io/adc_sequencer.v")
+RTL = ("rtl/vendor/altddio_out.v", "rtl/io/ltc2308_spi_sck.v", "rtl/io/ltc2308_spi.v", "rtl/io/adc_sequencer.v")
 BENCH = ("tb/agents/ltc2308.v", "tb/adc/adc_tb.v")
 
 # name: (file, text of the right design, text of the fault, what must be noticed)
@@ -48,8 +48,8 @@ FAULTS = {
     ),
     "half_period_capture": (
         "ltc2308_spi.v",
-        "always @(posedge clk_i or negedge rst_ni) begin\n    if (!rst_ni) begin\n      sdo_q",
-        "always @(negedge clk_i or negedge rst_ni) begin\n    if (!rst_ni) begin\n      sdo_q",
+        "always @(posedge clk_i or negedge rst_ni) begin\n    if (!rst_ni) sdo_q",
+        "always @(negedge clk_i or negedge rst_ni) begin\n    if (!rst_ni) sdo_q",
         "WRONG_CODE",
     ),
     "pipeline_off_by_one": (

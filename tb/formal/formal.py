@@ -30,7 +30,7 @@ TASKS = {
     "spi_f": (
         "SPI: 12 pulses, 1 result a cycle of 80 clocks", ("io/ltc2308_spi.v", "io/ltc2308_spi_sck.v"), False, 4, 180,
         "blackbox ltc2308_spi_sck"),
-    "sck_f": ("SCK: one whole pulse an enabled clock", ("io/ltc2308_spi_sck.v",), True, 10, 20, ""),
+    "sck_f": ("SCK: one whole pulse an enabled clock", ("io/ltc2308_spi_sck.v", "vendor/altddio_out.v"), True, 10, 20, ""),
     "dac_f": ("DAC: set-up, hold, widths, LDAC 22 clocks after a write", ("io/dac_parallel.v",), False, 30, 60, ""),
 }  # fmt: skip
 

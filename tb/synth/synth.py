@@ -49,7 +49,7 @@ def yosys(script: str, log: str) -> None:
 
 def synthesise(names: list[str]) -> dict:
     """Check the elaborated design, map it; returns module -> cell -> count (flattened counts under TOP)."""
-    read = f"read_verilog -DALTERA_RESERVED_QIS -Isrc {' '.join(names)}"
+    read = f"read_verilog -Isrc {' '.join(names)}"
     # The check is on the design as written: latches and several drivers are still what they are there.
     yosys(
         f"{read}; read_verilog -lib +/intel_alm/common/megafunction_bb.v; hierarchy -check -top {TOP}; proc; "

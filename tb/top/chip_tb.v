@@ -1,5 +1,5 @@
-// chip_tb: rtds_chip between an LTC2308, a quad DAC, pads of 4 ns and a serial line. Clocks are made here, so that
-// Icarus runs at full speed; their phase, their jitter and the PLL's lock are the test's to set.
+// chip_tb: rtds_chip between an LTC2308, a quad DAC, pads and a serial line. Clocks are made here, so that Icarus runs at full
+// speed; their phase, their jitter, the PLL's lock, the pads' delays and the ADC's conversion time are the test's to set.
 `default_nettype none
 `timescale 1ps / 1ps
 
@@ -17,6 +17,14 @@ module chip_tb #(
   reg  [31:0] jitter;        // each edge of the 50 MHz moves by up to this (SCK may not: it is at its limit)
   reg  [95:0] adc_codes;
   reg  [31:0] t_conv;
+  reg  [31:0] d_convst;      // pads
+  reg  [31:0] d_sck;
+  reg  [31:0] d_sdi;
+  reg  [31:0] d_sdo;
+  reg  [31:0] d_bus;
+  reg  [31:0] d_cs;
+  reg  [31:0] d_ldac;
+  reg  [31:0] d_reset;
   reg         sdo_stuck;
   reg         sdo_level;
   reg         agent_clear;
@@ -75,6 +83,14 @@ module chip_tb #(
     jitter          = 0;
     adc_codes       = {8{12'h800}};
     t_conv          = 1600000;
+    d_convst        = 4000;
+    d_sck           = 4000;
+    d_sdi           = 4000;
+    d_sdo           = 4000;
+    d_bus           = 4000;
+    d_cs            = 4000;
+    d_ldac          = 4000;
+    d_reset         = 4000;
     sdo_stuck       = 1'b0;
     sdo_level       = 1'b0;
     agent_clear     = 1'b1;
@@ -112,14 +128,20 @@ module chip_tb #(
 
   always @(clk_adc) clk_cnv <= #7500 clk_adc;
 
-  always @(convst) convst_at_part <= #4000 convst;
-  always @(sck) sck_at_part <= #4000 sck;
-  always @(sdi) sdi_at_part <= #4000 sdi;
-  always @(sdo_at_part or sdo_stuck or sdo_level) sdo <= #4000 (sdo_stuck ? sdo_level : sdo_at_part);
-  always @(db or a) bus_at_part <= #4000 {a, db};
-  always @(cs_n) cs_n_at_part <= #4000 cs_n;
-  always @(dac_ldac_n) ldac_n_at_part <= #4000 dac_ldac_n;
-  always @(dac_reset_n) reset_n_at_part <= #4000 dac_reset_n;
+  // An input buffer makes some level of a floating or undefined line: 0 here, so that no X gets past a pad.
+  function level(input pin);
+    level = (pin === 1'b1);
+  endfunction
+
+  // Transport delays, shorter than the shortest pulse.
+  always @(convst) convst_at_part <= #(d_convst) convst;
+  always @(sck) sck_at_part <= #(d_sck) sck;
+  always @(sdi) sdi_at_part <= #(d_sdi) sdi;
+  always @(sdo_at_part or sdo_stuck or sdo_level) sdo <= #(d_sdo) level(sdo_stuck ? sdo_level : sdo_at_part);
+  always @(db or a) bus_at_part <= #(d_bus) {a, db};
+  always @(cs_n) cs_n_at_part <= #(d_cs) cs_n;
+  always @(dac_ldac_n) ldac_n_at_part <= #(d_ldac) dac_ldac_n;
+  always @(dac_reset_n) reset_n_at_part <= #(d_reset) dac_reset_n;
 
   rtds_chip #(
       .UART_CLKS_PER_BIT(CLKS_PER_BIT)

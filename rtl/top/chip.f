@@ -1,0 +1,6 @@
+// everything behind the pins but the PLL, without the vendor's cells
+-f ../fp/fp.f
+-f ../core/core.f
+-f ../io/io.f
+-f ../io/infra.f
+rtds_chip.v
