@@ -3,4 +3,7 @@
 -f ../core/core.f
 -f ../io/io.f
 -f ../io/infra.f
+rtds_port.v
+rtds_front.v
+rtds_report.v
 rtds_chip.v

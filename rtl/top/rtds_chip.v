@@ -9,7 +9,9 @@
 //             what it clears through reset_gates only.
 // Latency     from the record's arrival in the 50 MHz domain to the falling edge of LDAC: constant, see
 //             docs/chip.md and register LATENCY; the crossing adds 2 clocks of 40 MHz and 3 to 4 of 50 MHz.
-// Crossings   u_record (record, cdc_handshake), u_silent, u_lost, u_enable (levels, cdc_sync), resets.
+// Parts       rtds_port: the serial pins and the registers; rtds_front: the ADC and the crossing of its records; rtds_report:
+//             events, levels and LEDs; here the resets and the way from a record to the DAC.
+// Crossings   in rtds_front, and the resets.
 `default_nettype none
 
 module rtds_chip #(
@@ -71,21 +73,6 @@ module rtds_chip #(
   );
 
   // --- registers behind the serial port --------------------------------------------------------------------
-  wire          rx_valid;
-  wire [   7:0] rx_data;
-  wire          rx_error;
-  wire          tx_valid;
-  wire          tx_ready;
-  wire [   7:0] tx_data;
-  wire [   7:0] avs_address;
-  wire          avs_read;
-  wire          avs_write;
-  wire [  31:0] avs_writedata;
-  wire [  31:0] avs_readdata;
-  wire          avs_readdatavalid;
-  wire          avs_writeresponsevalid;
-  wire [   1:0] avs_response;
-  wire          serial_error;
   wire          run;
   wire          blank;
   wire          clear;
@@ -102,165 +89,56 @@ module rtds_chip #(
   wire [  31:0] fx_data;
   wire          fx_ready;
 
-  uart_rx #(
-      .CLKS_PER_BIT(UART_CLKS_PER_BIT)
-  ) u_uart_rx (
-      .clk_i  (clk_sys_i),
-      .rst_ni (rst_sys_n),
-      .rx_i   (uart_rx_i),
-      .valid_o(rx_valid),
-      .data_o (rx_data),
-      .error_o(rx_error)
+  `include "rtds_regs_fields.vh"
+
+  rtds_port #(
+      .BUILD_ID         (BUILD_ID),
+      .UART_CLKS_PER_BIT(UART_CLKS_PER_BIT)
+  ) u_port (
+      .clk_i       (clk_sys_i),
+      .rst_ni      (rst_sys_n),
+      .uart_rx_i   (uart_rx_i),
+      .uart_tx_o   (uart_tx_o),
+      .run_o       (run),
+      .blank_o     (blank),
+      .clear_o     (clear),
+      .config_o    (cfg),
+      .fx_valid_o  (fx_valid),
+      .fx_address_o(fx_address),
+      .fx_data_o   (fx_data),
+      .fx_ready_i  (fx_ready),
+      .idle_i      (idle),
+      .open_i      (open),
+      .step_i      (step_done),
+      .event_i     (events),
+      .live_i      (live),
+      .latency_i   (latency),
+      .now_i       (now),
+      .codes_i     (codes)
   );
 
-  uart_tx #(
-      .CLKS_PER_BIT(UART_CLKS_PER_BIT)
-  ) u_uart_tx (
-      .clk_i  (clk_sys_i),
-      .rst_ni (rst_sys_n),
-      .valid_i(tx_valid),
-      .ready_o(tx_ready),
-      .data_i (tx_data),
-      .tx_o   (uart_tx_o)
-  );
-
-  serial_bridge #(
-      .TIMEOUT_CLKS(UART_CLKS_PER_BIT * 2000)
-  ) u_bridge (
-      .clk_i                   (clk_sys_i),
-      .rst_ni                  (rst_sys_n),
-      .rx_valid_i              (rx_valid),
-      .rx_data_i               (rx_data),
-      .rx_error_i              (rx_error),
-      .tx_valid_o              (tx_valid),
-      .tx_ready_i              (tx_ready),
-      .tx_data_o               (tx_data),
-      .avm_address_o           (avs_address),
-      .avm_read_o              (avs_read),
-      .avm_write_o             (avs_write),
-      .avm_writedata_o         (avs_writedata),
-      .avm_readdata_i          (avs_readdata),
-      .avm_readdatavalid_i     (avs_readdatavalid),
-      .avm_writeresponsevalid_i(avs_writeresponsevalid),
-      .avm_response_i          (avs_response),
-      .error_o                 (serial_error)
-  );
-
-  rtds_regs #(
-      .BUILD_ID(BUILD_ID)
-  ) u_regs (
-      .clk_i                   (clk_sys_i),
-      .rst_ni                  (rst_sys_n),
-      .avs_address_i           (avs_address),
-      .avs_read_i              (avs_read),
-      .avs_write_i             (avs_write),
-      .avs_writedata_i         (avs_writedata),
-      .avs_readdata_o          (avs_readdata),
-      .avs_readdatavalid_o     (avs_readdatavalid),
-      .avs_writeresponsevalid_o(avs_writeresponsevalid),
-      .avs_response_o          (avs_response),
-      .run_o                   (run),
-      .blank_o                 (blank),
-      .config_o                (cfg),
-      .clear_o                 (clear),
-      .fx_valid_o              (fx_valid),
-      .fx_address_o            (fx_address),
-      .fx_data_o               (fx_data),
-      .fx_ready_i              (fx_ready),
-      .idle_i                  (idle),
-      .open_i                  (open),
-      .event_i                 (events),
-      .live_i                  (live),
-      .step_i                  (step_done),
-      .serial_error_i          (serial_error),
-      .latency_i               (latency),
-      .now_i                   (now),
-      .codes_i                 (codes)
-  );
-
-  // --- 40 MHz: sequencer, and its record into 50 MHz -----------------------------------------------------------
-  wire        enable_adc;
-  wire [61:0] record_adc;
-  wire        toggle_adc;
-  wire        valid_adc;
-  wire        silent_adc;
-  wire        dropped_adc;
-  reg         lost_q;
-
-  cdc_sync u_enable (
-      .clk_i (clk_adc_i),
-      .rst_ni(rst_adc_n),
-      .d_i   (run),
-      .q_o   (enable_adc)
-  );
-
-  // record: {index_p[1:0], code_p, code_t_r, code_t_l, code_v_r, code_v_l}
-  adc_sequencer u_sequencer (
-      .clk_i        (clk_adc_i),
-      .clk_cnv_i    (clk_cnv_i),
-      .rst_ni       (rst_adc_n),
-      .enable_i     (enable_adc),
-      .code_v_l_o   (record_adc[11:0]),
-      .code_v_r_o   (record_adc[23:12]),
-      .code_t_l_o   (record_adc[35:24]),
-      .code_t_r_o   (record_adc[47:36]),
-      .code_p_o     (record_adc[59:48]),
-      .index_p_o    (record_adc[61:60]),
-      .done_toggle_o(toggle_adc),
-      .valid_o      (valid_adc),
-      .silent_o     (silent_adc),
-      .adc_convst_o (adc_convst_o),
-      .adc_sck_o    (adc_sck_o),
-      .adc_sdi_o    (adc_sdi_o),
-      .adc_sdo_i    (adc_sdo_i)
-  );
-
-  // A record that the crossing could not take is reported by a level that changes once a loss.
-  always @(posedge clk_adc_i or negedge rst_adc_n) begin
-    if (!rst_adc_n) lost_q <= 1'b0;
-    else if (dropped_adc) lost_q <= !lost_q;
-  end
-
+  // --- the ADC's records -------------------------------------------------------------------------------------
   wire        record_valid;
   wire [61:0] record;
-  wire        record_ready;
   wire        silent;
   wire        lost;
-  reg         lost_prev_q;
 
-  cdc_handshake #(
-      .WIDTH(62)
-  ) u_record (
-      .src_clk_i    (clk_adc_i),
-      .src_rst_ni   (rst_adc_n),
-      .src_valid_i  (valid_adc),
-      .src_ready_o  (record_ready),
-      .src_data_i   (record_adc),
-      .src_dropped_o(dropped_adc),
-      .dst_clk_i    (clk_sys_i),
-      .dst_rst_ni   (rst_run_n),
-      .dst_valid_o  (record_valid),
-      .dst_data_o   (record)
+  rtds_front u_front (
+      .clk_sys_i     (clk_sys_i),
+      .rst_run_ni    (rst_run_n),
+      .clk_adc_i     (clk_adc_i),
+      .clk_cnv_i     (clk_cnv_i),
+      .rst_adc_ni    (rst_adc_n),
+      .run_i         (run),
+      .record_valid_o(record_valid),
+      .record_o      (record),
+      .silent_o      (silent),
+      .lost_o        (lost),
+      .adc_convst_o  (adc_convst_o),
+      .adc_sck_o     (adc_sck_o),
+      .adc_sdi_o     (adc_sdi_o),
+      .adc_sdo_i     (adc_sdo_i)
   );
-
-  cdc_sync u_silent (
-      .clk_i (clk_sys_i),
-      .rst_ni(rst_run_n),
-      .d_i   (silent_adc),
-      .q_o   (silent)
-  );
-
-  cdc_sync u_lost (
-      .clk_i (clk_sys_i),
-      .rst_ni(rst_run_n),
-      .d_i   (lost_q),
-      .q_o   (lost)
-  );
-
-  always @(posedge clk_sys_i or negedge rst_run_n) begin
-    if (!rst_run_n) lost_prev_q <= 1'b0;
-    else            lost_prev_q <= lost;
-  end
 
   // --- 50 MHz: scaling, core, scaling, DAC -----------------------------------------------------------------------
   wire         scale_start;
@@ -303,13 +181,14 @@ module rtds_chip #(
       .run_i           (run),
       .blank_i         (blank),
       .clear_i         (clear),
-      .values_i        ({cfg[32*CFG_V_L+:128], cfg[32*CFG_KM+:128]}),
-      .from_adc_i      (cfg[32*CFG_CONFIG+BIT_CONFIG_B_FROM_ADC+:6]),
+      .values_i        ({cfg_t_r, cfg_t_l, cfg_v_r, cfg_v_l, cfg_b, cfg_j, cfg_kb, cfg_km}),
+      .from_adc_i      ({cfg_config_t_from_adc, cfg_config_v_from_adc, cfg_config_kb_from_adc, cfg_config_km_from_adc,
+                         cfg_config_j_from_adc, cfg_config_b_from_adc}),
       .idle_o          (run_idle),
       .record_valid_i  (record_valid),
       .record_codes_i  (record[59:0]),
       .silent_i        (silent),
-      .dropped_i       (lost != lost_prev_q || dac_dropped),
+      .dropped_i       (lost || dac_dropped),
       .scale_start_o   (scale_start),
       .scale_valid_i   (scale_valid),
       .scale_values_i  (scaled),
@@ -340,8 +219,8 @@ module rtds_chip #(
       .code_t_r_i    (record[47:36]),
       .code_p_i      (record[59:48]),
       .index_p_i     (record[61:60]),
-      .gain_i        (cfg[32*CFG_ADC_V_L_GAIN+:256]),
-      .offset_i      (cfg[32*CFG_ADC_V_L_OFFSET+:256]),
+      .gain_i        (cfg_adc_gain),
+      .offset_i      (cfg_adc_offset),
       .valid_o       (scale_valid),
       .v_l_o         (scaled[31:0]),
       .v_r_o         (scaled[63:32]),
@@ -363,24 +242,24 @@ module rtds_chip #(
       .v_r_i        (core_inputs[63:32]),
       .t_l_i        (core_inputs[95:64]),
       .t_r_i        (core_inputs[127:96]),
-      .p_r_i        (cfg[32*CFG_R+:32]),
-      .p_l_i        (cfg[32*CFG_L+:32]),
+      .p_r_i        (cfg_r),
+      .p_l_i        (cfg_l),
       .p_km_i       (core_params[95:64]),
       .p_kb_i       (core_params[127:96]),
       .p_j_i        (core_params[63:32]),
       .p_b_i        (core_params[31:0]),
-      .p_h_i        (cfg[32*CFG_H+:32]),
-      .method_i     (cfg[32*CFG_CONFIG+BIT_CONFIG_METHOD]),
-      .fx_on_i      (cfg[32*CFG_EFFECTS+BIT_EFFECTS_ON]),
-      .fx_own_i     (cfg[32*CFG_EFFECTS+BIT_EFFECTS_OWN]),
-      .fx_delay_i   (cfg[32*CFG_DELAY+:12]),
-      .fx_stride_i  (cfg[32*CFG_DELAY+16+:16]),
-      .p2_r_i       (cfg[32*CFG_R_R+:32]),
-      .p2_l_i       (cfg[32*CFG_L_R+:32]),
-      .p2_km_i      (cfg[32*CFG_KM_R+:32]),
-      .p2_kb_i      (cfg[32*CFG_KB_R+:32]),
-      .p2_j_i       (cfg[32*CFG_J_R+:32]),
-      .p2_b_i       (cfg[32*CFG_B_R+:32]),
+      .p_h_i        (cfg_h),
+      .method_i     (cfg_config_method),
+      .fx_on_i      (cfg_effects_on),
+      .fx_own_i     (cfg_effects_own),
+      .fx_delay_i   (cfg_delay[11:0]),
+      .fx_stride_i  (cfg_delay[31:16]),
+      .p2_r_i       (cfg_r_r),
+      .p2_l_i       (cfg_l_r),
+      .p2_km_i      (cfg_km_r),
+      .p2_kb_i      (cfg_kb_r),
+      .p2_j_i       (cfg_j_r),
+      .p2_b_i       (cfg_b_r),
       .fx_wr_valid_i(fx_valid),
       .fx_wr_addr_i (fx_address),
       .fx_wr_data_i (fx_data),
@@ -409,8 +288,8 @@ module rtds_chip #(
       .w_l_i   (w_l),
       .i_r_i   (i_r),
       .w_r_i   (w_r),
-      .gain_i  (cfg[32*CFG_DAC_I_L_GAIN+:128]),
-      .offset_i(cfg[32*CFG_DAC_I_L_OFFSET+:128]),
+      .gain_i  (cfg_dac_gain),
+      .offset_i(cfg_dac_offset),
       .valid_o (codes_valid),
       .code_o  (dac_codes),
       .sat_o   (dac_sat),
@@ -436,71 +315,48 @@ module rtds_chip #(
   );
 
   // --- reports -----------------------------------------------------------------------------------------------------
-  // The computing part is reset by a lost lock while the registers live on.
-  wire [9:0] report = {
-    dropped_event, core_param_fault, dac_sat & {4{codes_valid}}, silent_event, core_nonfinite, core_overrun, core_valid
-  };
-  wire [9:0] reported;
-  wire [4:0] level = {dac_safe || !dac_ready && dac_fault, halted, core_param_fault, core_ready, alive};
-  wire [4:0] levels;
-  wire       gated_idle;
-
-  reset_gate #(
-      .WIDTH(17)
-  ) u_gate (
-      .open_i(open),
-      .d_i   ({run_idle, run_fx_ready, level, report}),
-      .q_o   ({gated_idle, fx_ready, levels, reported})
+  rtds_report u_report (
+      .clk_i             (clk_sys_i),
+      .rst_ni            (rst_sys_n),
+      .open_i            (open),
+      .held_i            (held),
+      .locked_i          (locked),
+      .idle_i            (run_idle),
+      .fx_ready_i        (run_fx_ready),
+      .core_valid_i      (core_valid),
+      .core_ready_i      (core_ready),
+      .core_overrun_i    (core_overrun),
+      .core_nonfinite_i  (core_nonfinite),
+      .core_param_fault_i(core_param_fault),
+      .alive_i           (alive),
+      .halted_i          (halted),
+      .silent_event_i    (silent_event),
+      .dropped_event_i   (dropped_event),
+      .codes_valid_i     (codes_valid),
+      .dac_sat_i         (dac_sat),
+      .dac_safe_i        (dac_safe),
+      .dac_ready_i       (dac_ready),
+      .dac_fault_i       (dac_fault),
+      .state_i           ({w_r, i_r, w_l, i_l}),
+      .inputs_i          (core_inputs),
+      .params_i          (core_params),
+      .record_i          (record),
+      .dac_codes_i       (dac_codes),
+      .run_i             (run),
+      .lock_lost_i       (lock_lost),
+      .uart_rx_i         (uart_rx_i),
+      .uart_tx_i         (uart_tx_o),
+      .idle_o            (idle),
+      .fx_ready_o        (fx_ready),
+      .step_o            (step_done),
+      .event_o           (events),
+      .live_o            (live),
+      .now_o             (now),
+      .codes_o           (codes),
+      .led_o             (led_o)
   );
 
-  // While it stands in reset no step is in hand: a configuration may be taken over.
-  assign idle = gated_idle || held;
-
-  assign step_done                         = reported[0];
-  assign events[BIT_STATUS_OVERRUN]        = reported[1];
-  assign events[BIT_STATUS_NONFINITE]      = reported[2];
-  assign events[BIT_STATUS_ADC_SILENT]     = reported[3];
-  assign events[BIT_STATUS_SAT_I_L]        = reported[4];
-  assign events[BIT_STATUS_SAT_W_L]        = reported[5];
-  assign events[BIT_STATUS_SAT_I_R]        = reported[6];
-  assign events[BIT_STATUS_SAT_W_R]        = reported[7];
-  assign events[BIT_STATUS_PARAM_FAULT]    = reported[8];
-  assign events[BIT_STATUS_DROPPED]        = reported[9];
-  assign events[BIT_STATUS_LOCK_LOST]      = lock_lost;
-  assign events[BIT_STATUS_SERIAL_ERROR]   = serial_error;
-
-  assign live[BIT_LIVE_LOCKED]      = locked;
-  assign live[BIT_LIVE_ADC_ALIVE]   = levels[0];
-  assign live[BIT_LIVE_READY]       = levels[1];
-  assign live[BIT_LIVE_PARAM_FAULT] = levels[2];
-  assign live[BIT_LIVE_HALTED]      = levels[3];
-  assign live[BIT_LIVE_BLANKED]     = levels[4];
-
-  assign now = {
-    core_params[127:96], core_params[95:64], core_params[63:32], core_params[31:0],
-    core_inputs, w_r, i_r, w_l, i_l
-  };
-  assign codes = {
-    4'd0, dac_codes[47:36], 4'd0, dac_codes[35:24],
-    4'd0, dac_codes[23:12], 4'd0, dac_codes[11:0],
-    14'd0, record[61:60], 4'd0, record[59:48],
-    4'd0, record[47:36], 4'd0, record[35:24],
-    4'd0, record[23:12], 4'd0, record[11:0]
-  };
-
-  // --- LEDs: alive, locked, halted, blanked, parameter fault, ADC alive, serial traffic, running ----------------
-  reg [24:0] blink_q;
-
-  always @(posedge clk_sys_i or negedge rst_sys_n) begin
-    if (!rst_sys_n) blink_q <= 25'd0;
-    else            blink_q <= blink_q + 25'd1;
-  end
-
-  assign led_o = {
-    run, !uart_tx_o || !uart_rx_i, levels[0], levels[2], levels[4], levels[3], locked, blink_q[24]
-  };
-
-  wire unused = ^{toggle_adc, record_ready, low_words, core_steps, dac_nan};
+  wire unused = ^{cfg, low_words, core_steps, dac_nan};
 
 endmodule
 

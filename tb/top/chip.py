@@ -137,7 +137,7 @@ class Chip:
 
     async def _ends(self):
         while True:
-            await RisingEdge(self.dut.chip.valid_adc)
+            await RisingEdge(self.dut.chip.u_front.valid_adc)
             self._end_ps = get_sim_time("ps")
 
     async def _resets(self):

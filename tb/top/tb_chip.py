@@ -32,7 +32,7 @@ async def every_step_is_the_models(dut):
     last, largest = (int(dut.chip.latency.value) >> shift & 0xFFFF for shift in (0, 16))
     assert (last, largest) == (chip.latencies[0], chip.latencies[0]), "register LATENCY tells the same"
     assert chip.now != SAFE
-    made = int(dut.chip.u_regs.steps_q.value)
+    made = int(dut.chip.u_port.u_regs.steps_q.value)
     assert made == chip.steps, f"{made} steps, {chip.steps} of them from a record after all parameters were read"
 
 

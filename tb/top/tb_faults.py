@@ -24,20 +24,20 @@ NUMBERS = {"nan": float("nan"), "inf": float("inf"), "minus_inf": float("-inf"),
 
 def status(dut):
     """The sticky flags, looked at without the serial line."""
-    word = int(dut.chip.u_regs.status_q.value)
+    word = int(dut.chip.u_port.u_regs.status_q.value)
     return {name for name, mask in STATUS.items() if word & mask}
 
 
 async def clear_status(dut):
     """Forget the flags, as a written 1 would."""
-    dut.chip.u_regs.status_q.value = 0
+    dut.chip.u_port.u_regs.status_q.value = 0
     await RisingEdge(dut.clk_sys)
     await RisingEdge(dut.clk_sys)
 
 
 async def write_inside(dut, name, word):
     """A bus write at a chosen clock: what a frame ends in, without its 90 bit times."""
-    regs = dut.chip.u_bridge
+    regs = dut.chip.u_port.u_bridge
     regs.frame_q.value = (
         0x02 << 56 | MAP.named(name).address << 48 | int.from_bytes(word.to_bytes(4, "little"), "big") << 16
     )
@@ -112,7 +112,7 @@ async def lock_lost_at_every_phase(dut):
         dut.forgive.value = 0
         dut.agent_clear.value = 0
         assert "lock_lost" in status(dut)
-        assert int(dut.chip.u_regs.scratch_q.value) == 0x5CA7C4, "registers survive"
+        assert int(dut.chip.u_port.u_regs.scratch_q.value) == 0x5CA7C4, "registers survive"
         await chip.until_steps(2)
         assert chip.now == chip.predicted != SAFE
     chip.check()
@@ -139,7 +139,7 @@ async def moves_with_the_clock(dut, signal):
 async def lock_lost_at_every_clock_of_a_commit(dut):
     """A lock lost while a commit and a clear wait: what takes them over moves with the clock alone, and takes all of it."""
     chip = await running(dut)
-    regs = dut.chip.u_regs
+    regs = dut.chip.u_port.u_regs
     for signal in (regs.commit_now, regs.clear_now, regs.fx_ready_i, regs.step_i):
         cocotb.start_soon(moves_with_the_clock(dut, signal))
     # The commands are written 6 clocks after the record and carried out when the step is done, 127 clocks after it.
@@ -177,7 +177,7 @@ async def one_lost_record_is_told_once(dut):
     """A dead line for one sequence: one event, none after the line has been repaired. The clocks stand so that the crossing
     takes now a clock more, now one less: then the next good record comes 20 us after the last one, or a clock later."""
     chip = await running(dut)
-    await RisingEdge(dut.chip.valid_adc)
+    await RisingEdge(dut.chip.u_front.valid_adc)
     request = round(get_sim_time("ps")) + 25_000
     dut.phase.value = (10_000 - request) % 20_000  # onto a rising edge of the 50 MHz
     dut.jitter.value = 100
@@ -197,7 +197,7 @@ async def one_lost_record_is_told_once(dut):
         await chip.until_steps(1)
         events.clear()
         dut.sdo_stuck.value = 1
-        await RisingEdge(dut.chip.silent_adc)
+        await RisingEdge(dut.chip.u_front.silent_adc)
         dut.sdo_stuck.value = 0
         await RisingEdge(dut.chip.record_valid)
         await Timer(1, "us")
@@ -270,7 +270,7 @@ async def system_clock_falters(dut):
     for clocks, told in ((-50, {"dropped"}), (40, {"dropped"}), (145, set())):
         await chip.until_steps(5)
         await clear_status(dut)
-        await RisingEdge(dut.chip.valid_adc)
+        await RisingEdge(dut.chip.u_front.valid_adc)
         await Timer(8, "us")
         dut.sys_stopped.value = 1
         await Timer(12_000 - 20 * clocks, "ns")
@@ -288,7 +288,7 @@ async def system_clock_falters(dut):
 async def nothing_is_begun_while_the_core_is_busy(dut):
     """A core that is not ready for longer than any step: its records are not taken and told, a commit waits, then it goes on."""
     chip = await running(dut, steps=3)
-    regs = dut.chip.u_regs
+    regs = dut.chip.u_port.u_regs
     await clear_status(dut)
     await at_phase(dut, 300)
     before = chip.steps
@@ -346,7 +346,7 @@ async def configuration_at_the_worst_moment(dut):
             shadow = register.address - MAP.config[0].address
             await write_inside(dut, name, register.to_word(value))
             assert chip.config() == before, "not before the commit"
-            assert int(dut.chip.u_regs.shadow_q.value) >> 32 * shadow & 0xFFFFFFFF == register.to_word(value)
+            assert int(dut.chip.u_port.u_regs.shadow_q.value) >> 32 * shadow & 0xFFFFFFFF == register.to_word(value)
         await at_phase(dut, phase)
         await write_inside(dut, "COMMAND", 1)
         await chip.until_steps(2)

@@ -1,16 +1,18 @@
-"""Writes what is made from the register map: the Verilog header and the page docs/registers.md.
+"""Writes what is made from the register map: the Verilog headers and the page docs/registers.md.
 
-``python -m rtds_host.link.register_files ROOT`` writes both below ROOT; tb/regs checks that they are up to date.
+``python -m rtds_host.link.register_files ROOT`` writes them below ROOT; tb/regs checks that they are up to date.
 """
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
 from rtds_host.link.registers import Register, RegisterMap, load_map, word_float
 
 HEADER_PATH = "rtl/io/rtds_regs_map.vh"
+FIELDS_PATH = "rtl/io/rtds_regs_fields.vh"
 PAGE_PATH = "docs/registers.md"
 COMMAND = "make registers"
 
@@ -46,6 +48,34 @@ def verilog_header(regs: RegisterMap) -> str:
     lines += ["};", ""]
     control = regs.named("CONTROL")
     lines += [f"localparam [31:0] CONTROL_RESET = 32'h{control.reset:08X};", "", "// verilator lint_on UNUSEDPARAM"]
+    return "\n".join(lines) + "\n"
+
+
+def verilog_fields(regs: RegisterMap) -> str:
+    """The config group as wires with names, for `include beside a vector `cfg`."""
+    lines = [
+        "// The config group by names: of the vector `cfg` (config_o of rtds_regs) a wire for each word and each bit with a name, and",
+        "// one for each row of scalings, the first one lowest.",
+        f"// Made from python/rtds_host/link/registers.toml by `{COMMAND}`; do not edit.",
+        "// To be included inside a module after `cfg`; a module uses a part of it, hence the waiver.",
+        "// verilator lint_save",
+        "// verilator lint_off UNUSEDSIGNAL",
+        "// verilator coverage_off",
+        "",
+    ]
+    rows: dict[str, list[int]] = {}
+    for k, r in enumerate(regs.config):
+        name = r.name.lower()
+        if not r.fields:
+            lines.append(f"wire [31:0] cfg_{name} = cfg[{32 * k}+:32];")
+        lines += [f"wire cfg_{name}_{f.name} = cfg[{32 * k + f.bit}];" for f in r.fields]
+        if scaling := re.fullmatch(r"(adc|dac)_.*_(gain|offset)", name):
+            rows.setdefault(f"{scaling[1]}_{scaling[2]}", []).append(k)
+    for name, words in rows.items():
+        assert words == list(range(words[0], words[0] + len(words))), f"{name}: not in a row"
+        bits = 32 * len(words)
+        lines.append(f"wire [{bits - 1}:0] cfg_{name} = cfg[{32 * words[0]}+:{bits}];")
+    lines += ["", "// verilator coverage_on", "// verilator lint_restore"]
     return "\n".join(lines) + "\n"
 
 
@@ -120,7 +150,7 @@ def markdown_page(regs: RegisterMap) -> str:
 
 def made_files(regs: RegisterMap) -> dict[str, str]:
     """Path below the root -> text of each file made from the map."""
-    return {HEADER_PATH: verilog_header(regs), PAGE_PATH: markdown_page(regs)}
+    return {HEADER_PATH: verilog_header(regs), FIELDS_PATH: verilog_fields(regs), PAGE_PATH: markdown_page(regs)}
 
 
 def main(argv: list[str]) -> int:

@@ -40,8 +40,8 @@ def test_the_adcs_pins_are_those_of_the_board():
 
 
 def test_the_leds_mean_what_the_chip_drives():
-    chip = (ROOT / "rtl" / "top" / "rtds_chip.v").read_text()
-    order = re.search(r"// --- LEDs: (.+?) -+\n", chip)[1].split(", ")
+    report = (ROOT / "rtl" / "top" / "rtds_report.v").read_text()
+    order = re.search(r"// --- LEDs: (.+?) -+\n", report)[1].split(", ")
     table = re.findall(r"^\| ([0-7]) \| ([^|]+) \|", PAGE, re.MULTILINE)
     assert [int(number) for number, _ in table] == list(range(8))
     words = ["alive", "locked", "halted", "safe value", "parameter set refused", "ADC alive", "serial", "running"]
