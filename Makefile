@@ -69,8 +69,9 @@ coverage: setup
 registers: setup
 	$(BIN)/python -m rtds_host.link.register_files .
 
+# With AGAINST=COMMIT, the loops of that state and of the present one in turn.
 bench: setup
-	$(BIN)/python -m rtds_host.bench
+	$(BIN)/python -m rtds_host.bench $(if $(AGAINST),--against $(AGAINST))
 
 # Sealed cases for the diagnosis, 60 in about 15 minutes or 310 for the figures in docs; both go on where they stopped.
 blind: setup

@@ -18,6 +18,7 @@
 `default_nettype none
 
 module rtds_sim_top #(
+    parameter EFFECTS = 1,    // 0: a core without the effect unit, faster where no effect is on
     parameter GIVE_UP = 4096  // clocks waited for ready or valid of the core before a request is given up
 ) (
 `ifndef RTDS_CLOCK_INSIDE
@@ -251,7 +252,9 @@ module rtds_sim_top #(
     if (keep) samples_q[{index_q, 7'd0}+:128] = {w_r, i_r, w_l, i_l};
   end
 
-  rtds_core u_core (
+  rtds_core #(
+      .EFFECTS(EFFECTS)
+  ) u_core (
       .clk_i        (clk_i),
       .rst_ni       (rst_ni),
       .strobe_i     (strobe),

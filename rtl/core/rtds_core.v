@@ -16,6 +16,7 @@
 //            changed parameters, 271 if each side has its own besides (fx_own_i).
 // Effects    fx_on_i: V and T act one step later, through effect_unit, and dry friction takes its part at the end of the
 //            step (docs/effect-unit.md). fx_own_i: p2_*_i are the right motor's parameters, p_*_i the left one's.
+//            EFFECTS 0: without effect_unit, for simulation: fx_on_i and fx_wr_* are not looked at; states and clocks are the same.
 //            fx_* and p2_* are taken at the strobe like the parameters. fx_wr_*: see effect_unit.
 // Format     binary32, SI at the motor shaft: V, N.m (opposing load positive), A, rad/s, ohm, H, N.m/A, V.s/rad,
 //            kg.m2, N.m.s/rad, s. A state is the sum of its high and low word. One NaN: 7FC00000.
@@ -26,7 +27,9 @@
 // Crossing   none: one clock. rst_ni is asserted asynchronously and released synchronously to clk_i.
 `default_nettype none
 
-module rtds_core (
+module rtds_core #(
+  parameter EFFECTS = 1
+) (
   input  wire        clk_i,
   input  wire        rst_ni,
   input  wire        strobe_i,
@@ -76,6 +79,7 @@ module rtds_core (
   wire sequencer_idle;
   wire sequencer_ready;
   wire param_pending;
+  wire fx_on = fx_on_i & (EFFECTS != 0);
   reg  fx_q;  // effects act in the step in hand
   wire accept = strobe_i & ready_o & ~clear_i;
 
@@ -88,13 +92,13 @@ module rtds_core (
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) fx_q <= 1'b0;
-    else if (accept) fx_q <= fx_on_i;
+    else if (accept) fx_q <= fx_on;
   end
 
   // ---- parameters: taken at the strobe, computed beside the step, committed after it -----------------------------
   // The right motor's stand apart only where it has its own: without, they cannot start a computation.
   wire [191:0] param2_in = fx_own_i ? {p2_b_i, p2_j_i, p2_kb_i, p2_km_i, p2_l_i, p2_r_i} : 192'd0;
-  wire [226:0] param_in  = {fx_own_i, fx_on_i, method_i, p_h_i, p_b_i, p_j_i, p_kb_i, p_km_i, p_l_i, p_r_i};
+  wire [226:0] param_in  = {fx_own_i, fx_on, method_i, p_h_i, p_b_i, p_j_i, p_kb_i, p_km_i, p_l_i, p_r_i};
   reg  [226:0] param_q;    // the last set read
   reg  [191:0] param2_q;
   reg          seen_q;     // there was one
@@ -188,34 +192,41 @@ module rtds_core (
   wire [63:0] level_b;
 
   // Without effects the unit rests since the first strobe without them.
-  wire fx_rest = accept & fx_q & ~fx_on_i;
+  wire fx_rest = accept & fx_q & ~fx_on;
 
-  effect_unit u_effects (
-    .clk_i     (clk_i),
-    .rst_ni    (rst_ni),
-    .rest_i    (clear_i | fx_rest),
-    .strobe_i  (accept & fx_on_i),
-    .v_i       ({v_r_i, v_l_i}),
-    .t_i       ({t_r_i, t_l_i}),
-    .delay_i   (fx_delay_i),
-    .stride_i  (fx_stride_i),
-    .r_l_i     (coef_l_q[0+:32]),
-    .r_r_i     (coef_r_q[0+:32]),
-    .kb_l_i    (coef_l_q[32+:32]),
-    .kb_r_i    (coef_r_q[32+:32]),
-    .i_l_i     (i_l_o),
-    .i_r_i     (i_r_o),
-    .w_l_i     (w_l_o),
-    .w_r_i     (w_r_o),
-    .u_v_o     (u_v),
-    .u_t_o     (u_t),
-    .level_f_o (level_f),
-    .level_b_o (level_b),
-    .wr_valid_i(fx_wr_valid_i),
-    .wr_addr_i (fx_wr_addr_i),
-    .wr_data_i (fx_wr_data_i),
-    .wr_ready_o(fx_wr_ready_o)
-  );
+  generate
+    if (EFFECTS != 0) begin : g_effects
+      effect_unit u_effects (
+        .clk_i     (clk_i),
+        .rst_ni    (rst_ni),
+        .rest_i    (clear_i | fx_rest),
+        .strobe_i  (accept & fx_on),
+        .v_i       ({v_r_i, v_l_i}),
+        .t_i       ({t_r_i, t_l_i}),
+        .delay_i   (fx_delay_i),
+        .stride_i  (fx_stride_i),
+        .r_l_i     (coef_l_q[0+:32]),
+        .r_r_i     (coef_r_q[0+:32]),
+        .kb_l_i    (coef_l_q[32+:32]),
+        .kb_r_i    (coef_r_q[32+:32]),
+        .i_l_i     (i_l_o),
+        .i_r_i     (i_r_o),
+        .w_l_i     (w_l_o),
+        .w_r_i     (w_r_o),
+        .u_v_o     (u_v),
+        .u_t_o     (u_t),
+        .level_f_o (level_f),
+        .level_b_o (level_b),
+        .wr_valid_i(fx_wr_valid_i),
+        .wr_addr_i (fx_wr_addr_i),
+        .wr_data_i (fx_wr_data_i),
+        .wr_ready_o(fx_wr_ready_o)
+      );
+    end else begin : g_ideal
+      assign {u_v, u_t, level_f, level_b} = 256'd0;
+      assign fx_wr_ready_o                = 1'b1;
+    end
+  endgenerate
 
   // ---- motors ----------------------------------------------------------------------------------------------------
   wire [2:0] add_en;
@@ -237,8 +248,8 @@ module rtds_core (
     .clear_i  (clear_i),
     .start_i  (accept),
     .refresh_i(refresh),
-    .fx_on_i  (fx_on_i),
-    .effects_i(fx_q),
+    .fx_on_i  (fx_on),
+    .effects_i(fx_q & (EFFECTS != 0)),
     .hold_i   (param_pending),
     .idle_o   (sequencer_idle),
     .ready_o  (sequencer_ready),
@@ -272,11 +283,11 @@ module rtds_core (
     .save_hi_i(valid_o),
     .save_lo_i(save_lo),
     .save_last_i (save_last),
-    .save_f_i    (save_f),
-    .save_b_i    (save_b),
-    .save_taken_i(save_taken),
-    .ahead_i  (ahead),
-    .effects_i(fx_q),
+    .save_f_i    (save_f & (EFFECTS != 0)),
+    .save_b_i    (save_b & (EFFECTS != 0)),
+    .save_taken_i(save_taken & (EFFECTS != 0)),
+    .ahead_i  (ahead & (EFFECTS != 0)),
+    .effects_i(fx_q & (EFFECTS != 0)),
     .rest_i   (fx_rest),
     .rho_i    (coef_l_q[256+:32]),
     .u_v_i    (u_v[0+:32]),
@@ -306,11 +317,11 @@ module rtds_core (
     .save_hi_i(valid_o),
     .save_lo_i(save_lo),
     .save_last_i (save_last),
-    .save_f_i    (save_f),
-    .save_b_i    (save_b),
-    .save_taken_i(save_taken),
-    .ahead_i  (ahead),
-    .effects_i(fx_q),
+    .save_f_i    (save_f & (EFFECTS != 0)),
+    .save_b_i    (save_b & (EFFECTS != 0)),
+    .save_taken_i(save_taken & (EFFECTS != 0)),
+    .ahead_i  (ahead & (EFFECTS != 0)),
+    .effects_i(fx_q & (EFFECTS != 0)),
     .rest_i   (fx_rest),
     .rho_i    (coef_r_q[256+:32]),
     .u_v_i    (u_v[32+:32]),

@@ -7,6 +7,7 @@ import os
 import shutil
 import sys
 
+from rtds_host.bench import against
 from rtds_host.bench.measure import measure_latency, measure_model, measure_rtl
 from rtds_host.errors import RtdsError
 from rtds_host.link import open_link
@@ -65,8 +66,14 @@ def main() -> int:
     """Entry point."""
     parser = argparse.ArgumentParser(prog="python -m rtds_host.bench", description=__doc__)
     parser.add_argument("--seconds", type=float, default=3.0, help="measuring time of each line")
+    parser.add_argument("--against", metavar="STATE", help="a commit or a source tree: its loops and the present ones in turn")
+    parser.add_argument("--pairs", type=int, default=5, help="of measurements a line with --against")
+    options = parser.parse_args()
     try:
-        run(parser.parse_args().seconds)
+        if options.against:
+            against.run(options.against, options.seconds, options.pairs)
+        else:
+            run(options.seconds)
     except RtdsError as error:
         print(f"bench: {error}", file=sys.stderr)
         return 2

@@ -74,6 +74,7 @@ class Top:
     bridge : Python module below ``sim/`` with the cocotb test that serves the link; "" where the main serves it itself,
         without cocotb (Verilator only, and then without `sync` and `control`).
     main : C++ main of the Verilator build, below the source tree.
+    parameters : (name, value) of the top module's parameters that are not left at their defaults.
     idle : (port, register, register) of a `posedge_only` top, or (): while the port is 1 nothing moves but the first register,
         which counts the clocks up to the second. The C++ main jumps such clocks.
     root : folder to which the names are relative: the source tree.
@@ -88,6 +89,7 @@ class Top:
     control: str
     bridge: str
     main: str = "sim/verilator_main.cpp"
+    parameters: tuple[tuple[str, int], ...] = ()
     idle: tuple[str, str, str] | tuple[()] = ()
     root: Path = ROOT
 
@@ -145,6 +147,7 @@ TOPS: Mapping[str, Top] = {
         sync="sync_o",
         control="sim/rtds_sim_top.vlt",
         bridge="bridge_core",
+        parameters=(("EFFECTS", 0),),
         idle=("idle_o", "period_q", "step_clocks_q"),
     ),
     "chip": Top(
@@ -207,7 +210,7 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
         files += [top.root / top.control] if top.control else []
         files += [ROOT / top.main]
     files += top.headers()
-    for text in (top.module, repr(top.clocks), repr(top.posedge_only), top.sync, repr(top.idle), *tools):
+    for text in (top.module, repr(top.parameters), repr(top.clocks), repr(top.posedge_only), top.sync, repr(top.idle), *tools):
         digest.update(text.encode() + b"\0")
     for path in files:
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
@@ -271,6 +274,7 @@ def _build_verilator(
             program, "--cc", "--exe", *cocotb, "--prefix", "Vtop", "--make", "json", "--Mdir", str(objects),
             "--top-module", top.module, "-Wno-fatal", *VERILATOR_FLAGS,
             "--output-split", "0",  # one C++ file: the model is small, and the compiler sees all of it
+            *(f"-G{name}={value}" for name, value in top.parameters),
             *top.include_flags(),
             *control, str(ROOT / top.main), *map(str, top.files()),
         ]],
@@ -287,6 +291,7 @@ def _build_icarus(top: Top, scratch: Path, log: Path) -> None:
         "Icarus Verilog",
         [[
             "iverilog", "-g2005", "-DRTDS_CLOCK_INSIDE", "-o", str(scratch / "sim.vvp"), "-s", top.module,
+            *(f"-P{top.module}.{name}={value}" for name, value in top.parameters),
             *top.include_flags(), *map(str, top.files()),
         ]],
         log,

@@ -18,6 +18,7 @@ import tempfile
 import time
 import weakref
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import find_libpython
@@ -86,7 +87,7 @@ class RtlLink(ConfiguredLink):
     Attributes
     ----------
     timeout_s : as given; may be changed while the link is open.
-    pid : process id of the simulator.
+    pid : process id of the simulator (with effects another one from the time when it is told them).
     simulator : its name and version, as it says itself.
     clocks : clocks simulated so far, reset included.
 
@@ -113,9 +114,15 @@ class RtlLink(ConfiguredLink):
         self._steps = 0
         self._closed = False
         self._effects = False
-        top = TOPS[top] if isinstance(top, str) else top
-        built = build(top, sim, progress)
+        self._start_timeout_s = start_timeout_s
+        self._progress = progress
+        self._every_clock = every_clock
+        self._start(TOPS[top] if isinstance(top, str) else top)
 
+    def _start(self, top: Top) -> None:
+        """Build the top if need be, start it, take its greeting."""
+        self._top = top
+        built = build(top, self._sim, self._progress)
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the link
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
@@ -126,7 +133,7 @@ class RtlLink(ConfiguredLink):
                 stderr=self._stderr,
                 env={
                     **os.environ, **built.environment, **_environment(top, theirs.fileno()),
-                    **({"RTDS_EVERY_CLOCK": "1"} if every_clock else {}),
+                    **({"RTDS_EVERY_CLOCK": "1"} if self._every_clock else {}),
                 },
                 pass_fds=(theirs.fileno(),),
                 start_new_session=True,  # Ctrl-C reaches the host alone, which ends the simulator
@@ -136,12 +143,13 @@ class RtlLink(ConfiguredLink):
             raise LinkError(f"{built.command[0]}: the simulator cannot be started ({error.strerror})") from error
         finally:
             theirs.close()
+        self._closed = False
         self._socket = ours
         self.pid = self._process.pid
         self._finalizer = weakref.finalize(self, _end, self._process, ours)
 
         try:
-            self.simulator = self._greeting(self._answer(protocol.HELLO, start_timeout_s))
+            self.simulator = self._greeting(self._answer(protocol.HELLO, self._start_timeout_s))
         except BaseException:
             self.close()
             raise
@@ -159,6 +167,10 @@ class RtlLink(ConfiguredLink):
         return str(hello.get("simulator", "nameless"))
 
     def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+        if words.on and ("EFFECTS", 0) in self._top.parameters:
+            # The top that was started is without the effect unit, and faster; nothing has been exchanged with it yet.
+            self.close()
+            self._start(replace(self._top, parameters=()))
         if words.on:
             table = b"".join(protocol.EFFECT_WORD.pack(*pair) for pair in words.writes())
             self._check_length(self._ask(protocol.EFFECTS, table, protocol.DONE), 0)

@@ -1,10 +1,15 @@
 """The RTL in either simulator and the bit-exact model give the same bytes, whatever the exchange."""
 
+import dataclasses
+import os
+
 import numpy as np
 import pytest
 from link_cases import BURGER, STEP_S
 
 from rtds_host.link import open_link
+from rtds_host.link.build import TOPS
+from rtds_host.link.rtl import RtlLink
 from rtds_host.motor.effects import Curve, SupplyEffects, UnitEffects
 
 
@@ -153,3 +158,26 @@ def test_a_clip_of_a_long_run_sampled_every_millisecond_is_byte_equal():
         for _ in range(20):
             call = rng.uniform(-12, 12, 2), rng.uniform(-1e-3, 1e-3, 2), 0.032, 0.001
             assert_same(rtl.exchange(*call), model.exchange(*call))
+
+
+def test_the_top_without_the_effect_unit_has_the_same_states_and_clocks():
+    """What runs where no effect is on, against the whole core with its effects off: bytes and clocks of every exchange."""
+    results = []
+    for top in (TOPS["core"], dataclasses.replace(TOPS["core"], parameters=())):
+        with RtlLink(top=top) as link:
+            results.append(steps_of(link, random_session(19, 12)))
+    assert results[0] == results[1]
+
+
+def test_effects_start_the_top_that_has_them():
+    level = Curve((0.0, 0.0), (1e-4, 1e-4))
+    with open_link("rtl") as link:
+        link.set_parameters(**BURGER)
+        ideal = link.pid
+        link.set_effects(None, None, None)
+        assert link.pid == ideal
+        link.set_effects(UnitEffects(friction_forward=level, friction_backward=level), None, None)
+        whole = link.pid
+        assert whole != ideal and not os.path.exists(f"/proc/{ideal}")
+        link.exchange([1.0, 1.0], [0.0, 0.0], 10 * STEP_S)
+        assert link.pid == whole

@@ -1,0 +1,124 @@
+"""The present state of the loop beside an earlier one: the same loops in turn, ratios of each pair."""
+
+from __future__ import annotations
+
+import io
+import os
+import statistics
+import subprocess
+import sys
+import tarfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from rtds_host.bench.measure import STEP_S
+from rtds_host.errors import InputError, LinkError
+from rtds_host.link.build import ROOT
+
+NEEDED = ("python", "rtl", "sim")
+# name, clocks a step, steps an exchange, effects, how many times as fast as the earlier state it is to be
+LOOPS = (
+    ("500 clocks a step", "500", 3200, False, 8.0),
+    ("as few clocks as the core needs", "min", 3200, False, 1.5),
+    ("500 clocks a step, effects", "500", 800, True, 3.0),
+    ("as few clocks as the core needs, effects", "min", 800, True, 3.0),
+)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Simulated over the simulator's processor time, one after the other; clocks a step."""
+
+    earlier: float
+    present: float
+    earlier_clocks: float
+    present_clocks: float
+
+    @property
+    def ratio(self) -> float:
+        """How many times as fast the present state is."""
+        return self.present / self.earlier
+
+
+def earlier_tree(name: str) -> Path:
+    """The folder `name`, or the sources of the commit `name`, laid out below build/bench.
+
+    Raises
+    ------
+    InputError : it is neither.
+    """
+    if Path(name).is_dir():
+        return Path(name).resolve()
+    done = subprocess.run(["git", "-C", ROOT, "archive", name, *NEEDED], capture_output=True, check=False)
+    if done.returncode != 0:
+        raise InputError(f"{name}: neither a folder nor a commit with {', '.join(NEEDED)}")
+    folder = ROOT / "build" / "bench" / name.replace("/", "-")
+    with tarfile.open(fileobj=io.BytesIO(done.stdout)) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+class Worker:
+    """`worker.py` on the package of one tree."""
+
+    def __init__(self, tree: Path, step_clocks: str, exchange_steps: int, effects: bool) -> None:
+        command = [sys.executable, Path(__file__).with_name("worker.py"), step_clocks, str(exchange_steps), str(int(effects))]
+        environment = {**os.environ, "PYTHONPATH": str(tree / "python"), "PYTHONSAFEPATH": "1"}
+        self.tree = tree
+        self.process = subprocess.Popen(
+            list(map(str, command)), cwd=tree, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        self.answer()
+
+    def answer(self) -> str:
+        """The next line. Raises LinkError when there is none."""
+        line = self.process.stdout.readline()
+        if not line:
+            raise LinkError(f"{self.tree}: the loop ended with status {self.process.wait()}")
+        return line
+
+    def measure(self, seconds: float) -> tuple[float, float]:
+        """(simulated over processor time, clocks a step) over about so many seconds."""
+        self.process.stdin.write(f"{seconds}\n")
+        self.process.stdin.flush()
+        steps, clocks, cpu_s = map(float, self.answer().split())
+        return steps * STEP_S / max(cpu_s, 1e-2), clocks / steps
+
+    def close(self) -> None:
+        """End it."""
+        self.process.stdin.close()
+        self.process.wait()
+
+
+def compare(tree: Path, step_clocks: str, exchange_steps: int, effects: bool, seconds: float, pairs: int) -> list[Pair]:
+    """Run the loop on both states in turn."""
+    workers = []
+    try:
+        for place in (tree, ROOT):
+            workers.append(Worker(place, step_clocks, exchange_steps, effects))
+        found = []
+        for _ in range(pairs):
+            (earlier, earlier_clocks), (present, present_clocks) = (worker.measure(seconds) for worker in workers)
+            found.append(Pair(earlier, present, earlier_clocks, present_clocks))
+        return found
+    finally:
+        for worker in workers:
+            worker.close()
+
+
+def run(name: str, seconds: float, pairs: int) -> None:
+    """Measure and print, a line a loop."""
+    tree = earlier_tree(name)
+    print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} before the start; {pairs} pairs of {seconds:g} s a line")
+    print("x cpu: simulated over the simulator's processor time; medians, and the ratio's least and largest\n")
+    print(f"{'loop on Verilator':<44}{'clocks':>14}{'x cpu ' + name[:10]:>18}{'now':>9}{'ratio':>8}{'of pairs':>16}{'wanted':>8}")
+    for loop, step_clocks, exchange_steps, effects, wanted in LOOPS:
+        found = compare(tree, step_clocks, exchange_steps, effects, seconds, pairs)
+        ratios = [pair.ratio for pair in found]
+        clocks = f"{found[-1].earlier_clocks:.1f} {found[-1].present_clocks:.1f}"
+        print(
+            f"{loop:<44}{clocks:>14}{statistics.median(p.earlier for p in found):>18.3g}"
+            f"{statistics.median(p.present for p in found):>9.3g}{statistics.median(ratios):>8.2f}"
+            f"{f'{min(ratios):.2f} to {max(ratios):.2f}':>16}{wanted:>8g}",
+            flush=True,
+        )
