@@ -81,9 +81,12 @@ _DIRECTED = (
 
 
 def directed() -> np.ndarray:
-    """(n, 2) uint32: every pair of the directed words with every pair of signs, and integers at ties and ends."""
+    """(n, 2) uint32: every pair of the directed words with every pair of signs, small differences, integers at ties and ends."""
     words = [word | sign for word in _DIRECTED for sign in (0, 0x80000000)]
     pairs = np.array(list(itertools.product(words, words)), dtype=np.uint32)
+    # Differences of near operands at small exponents: they would lose more places than the exponent has.
+    large = [exponent << 23 | mantissa for exponent in range(1, 28) for mantissa in (0, 1, 0x400000, 0x7FFFFF)]
+    near = [(a, (a - (1 << place)) | 0x80000000) for a in large for place in range(24) if a > 1 << place]
     # Integers (operand a of from_int): around the places where 32 bits lose their last ones.
     around = [(1 << bit) + offset for bit in range(22, 32) for offset in range(-3, 4)]
     around += [(3 << bit) + offset for bit in range(22, 30) for offset in range(-3, 4)]
@@ -91,7 +94,7 @@ def directed() -> np.ndarray:
     # Halves and their neighbours (operand a of to_int).
     halves = (np.arange(-40, 41) / 2).astype(np.float32).view(np.uint32)
     singles = np.concatenate([integers, halves, halves + 1, halves - 1])
-    return np.concatenate([pairs, np.stack([singles, np.flip(singles)], axis=1)])
+    return np.concatenate([pairs, np.array(near, dtype=np.uint32), np.stack([singles, np.flip(singles)], axis=1)])
 
 
 def random_pairs(count: int, seed: int) -> np.ndarray:
