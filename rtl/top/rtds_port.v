@@ -7,7 +7,8 @@
 
 module rtds_port #(
     parameter [31:0] BUILD_ID = 32'd0,
-    parameter        UART_CLKS_PER_BIT = 50  // 1 Mbaud
+    parameter        UART_CLKS_PER_BIT = 50,  // 1 Mbaud
+    parameter        TIMEOUT_CLKS = UART_CLKS_PER_BIT * 2000  // a pause inside a request that cuts it
 ) (
     input  wire          clk_i,
     input  wire          rst_ni,
@@ -76,7 +77,7 @@ module rtds_port #(
   );
 
   serial_bridge #(
-      .TIMEOUT_CLKS(UART_CLKS_PER_BIT * 2000)
+      .TIMEOUT_CLKS(TIMEOUT_CLKS)
   ) u_bridge (
       .clk_i                   (clk_i),
       .rst_ni                  (rst_ni),
