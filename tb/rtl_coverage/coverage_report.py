@@ -112,7 +112,7 @@ def report(counts: Counter[Point]) -> int:
     """Print the table, the points at zero with their reasons, and what is wrong; 1 if something is."""
     explanations = Explanations(HERE / "explained.toml")
     files = sorted(path.relative_to(RTL).as_posix() for path in RTL.rglob("*.v"))
-    texts = {file: (RTL / file).read_text().splitlines() for file in files}
+    texts = {path.relative_to(RTL).as_posix(): path.read_text().splitlines() for path in RTL.rglob("*.v*")}
     totals: dict[str, dict[str, list[int]]] = defaultdict(lambda: {kind: [0, 0] for kind in KINDS})
     reasons: dict[tuple[str, str], int] = Counter()
     open_points: list[str] = []
