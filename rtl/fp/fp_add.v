@@ -172,6 +172,14 @@ module fp_add (
     rounded = ((|s[27:25]) | (|stop)) ? far(exp, s, s[27], s[26] | stop[1]) : near(exp, s, zeros);
   endfunction
 
+  // Past the largest number, known without the rounded sum: the leading one at bit 27, or at bit 26 with a carry out of the
+  // fraction. With both there is no carry.
+  function automatic over;
+    input  [7:0] exp;
+    input [27:2] s;
+    over = (exp == 8'd254) & (s[27] | (&s[26:2]));
+  endfunction
+
   function automatic [31:0] pack;
     input        sign;
     input        unlike;
@@ -182,14 +190,15 @@ module fp_add (
     begin
       if (nan)                       pack = 32'h7FC0_0000;
       else if (zero)                 pack = {sign & ~unlike, 31'd0};
-      else if (infinite | (&word[30:23])) pack = {sign, 31'h7F80_0000};
+      else if (infinite)             pack = {sign, 31'h7F80_0000};
       else                           pack = {sign, word};
     end
   endfunction
 
   always @(posedge clk_i) begin
     if (en_i[2])
-      y_o <= pack(sign2_q, unlike2_q, ~(|sum2_q), nan2_q, inf2_q, rounded(exp2_q, sum2_q, stop2_q, zeros2_q));
+      y_o <= pack(sign2_q, unlike2_q, ~(|sum2_q), nan2_q, inf2_q | over(exp2_q, sum2_q[27:2]),
+                  rounded(exp2_q, sum2_q, stop2_q, zeros2_q));
   end
 endmodule
 

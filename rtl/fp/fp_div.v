@@ -6,7 +6,8 @@
 // Handshake  start_i with the operands; valid_o for one clock with the result, which then holds. A start_i while
 //            busy starts over. en_i = 0 freezes everything, start_i included.
 // Latency    32 clocks: start_i in clock n (before edge n + 1) gives valid_o and the result after edge n + 32.
-// Steps      1 take | 2, 3 shift a, b | 4 .. 29 quotient | 30 place | 31 round | 32 pack
+// Steps      1 take | 2, 3 shift a, b | 4 .. 29 quotient; its first bit says where it will be placed | 30 place | 31 round |
+//            32 pack
 // Style      What a step computes stands in functions called in that step: see fp_add.
 // Crossing   none.
 `default_nettype none
@@ -25,6 +26,8 @@ module fp_div (
   localparam [4:0] STEP_SHIFT_A = 5'd1;
   localparam [4:0] STEP_SHIFT_B = 5'd2;
   localparam [4:0] STEP_FIRST   = 5'd3;
+  localparam [4:0] STEP_NORM    = 5'd4;   // the quotient's first bit stands in its lowest place
+  localparam [4:0] STEP_RIGHT   = 5'd5;
   localparam [4:0] STEP_LAST    = 5'd28;
   localparam [4:0] STEP_PLACE   = 5'd29;
   localparam [4:0] STEP_ROUND   = 5'd30;
@@ -80,7 +83,8 @@ module fp_div (
   reg        [24:0] rest_q;   // remainder, below twice the divisor
   reg        [23:0] divisor_q;
   reg        [25:0] quot_q;   // bit 25: the place of 1
-  reg signed  [9:0] exp_q;    // of a quotient in [1, 2), biased: -149 to 403
+  reg signed  [9:0] exp_q;    // of a quotient in [1, 2), biased: -149 to 403; then the result's, 0 of a subnormal one
+  reg         [4:0] right_q;  // places that a subnormal result is shifted by
   reg               sticky_q;
   reg        [30:0] packed_q;
   reg               over_q;
@@ -95,21 +99,24 @@ module fp_div (
     end
   endfunction
 
-  // {exponent, lost, quotient}: the leading one at bit 25 or, of a subnormal result, lower, and then the exponent is 0.
-  function automatic [36:0] placed;
-    input        [25:0] quot;
-    input signed  [9:0] exp;
-    input               rest;  // what is left is not zero
-    reg   signed  [9:0] norm;
-    reg          [25:0] from;
-    reg           [9:0] deep;
-    reg           [4:0] right;
+  function automatic [4:0] deep;  // places below exponent 1, 31 at most
+    input signed [9:0] exp;
+    reg          [9:0] less;
     begin
-      norm   = exp - {9'd0, ~quot[25]};
+      less = 10'd1 - exp;
+      deep = (exp >= 10'sd1) ? 5'd0 : (|less[9:5]) ? 5'd31 : less[4:0];
+    end
+  endfunction
+
+  // {lost, quotient}: the leading one at bit 25 or, of a subnormal result, lower.
+  function automatic [26:0] placed;
+    input [25:0] quot;
+    input  [4:0] right;
+    input        rest;  // what is left is not zero
+    reg   [25:0] from;
+    begin
       from   = quot[25] ? quot : {quot[24:0], 1'b0};
-      deep   = 10'd1 - norm;
-      right  = (norm >= 10'sd1) ? 5'd0 : (|deep[9:5]) ? 5'd31 : deep[4:0];
-      placed = {(norm >= 10'sd1) ? norm : 10'd0, rest | (|(from & ~(26'h3FF_FFFF << right))), from >> right};
+      placed = {rest | (|(from & ~(26'h3FF_FFFF << right))), from >> right};
     end
   endfunction
   /* verilator lint_on UNUSEDSIGNAL */
@@ -137,7 +144,12 @@ module fp_div (
         quot_q[25:1]        <= quot_q[24:0];
         {quot_q[0], rest_q} <= divide(rest_q, divisor_q);
       end
-      if (step_q == STEP_PLACE) {exp_q, sticky_q, quot_q} <= placed(quot_q, exp_q, |rest_q);
+      if (step_q == STEP_NORM) exp_q <= exp_q - {9'd0, ~quot_q[0]};
+      if (step_q == STEP_RIGHT) begin
+        right_q <= deep(exp_q);
+        exp_q   <= (exp_q >= 10'sd1) ? exp_q : 10'sd0;
+      end
+      if (step_q == STEP_PLACE) {sticky_q, quot_q} <= placed(quot_q, right_q, |rest_q);
       if (step_q == STEP_ROUND) begin
         packed_q <= {exp_q[7:0], quot_q[24:2]} + {30'd0, up};
         over_q   <= exp_q > 10'sd254;

@@ -6,7 +6,7 @@
 //            0 keeps what it has. All bits alike: 0 freezes the whole pipeline. A one that moves up by a place each
 //            clock takes one pair of factors through, and the product then holds.
 // Latency    3 clocks: operands in clock n (before edge n + 1) give the result after edge n + 3.
-// Stages     1 take the factors (a choice may stand before it), exponent | 2 product, place of the result |
+// Stages     1 take the factors (a choice may stand before it), exponent | 2 product, place of the result, zeros and NaNs |
 //            3 shift, round, pack.
 // Style      What a stage computes stands in functions called under its enable: see fp_add.
 // Crossing   none. Registers have no reset: nothing in them counts until an operand has passed through.
@@ -41,20 +41,13 @@ module fp_mul (
     exponent = {2'd0, a[7:1], a[0] | ~(|a)} + {2'd0, b[7:1], b[0] | ~(|b)} - 10'd128;
   endfunction
 
-  function automatic is_nan;  // one factor is, or infinity times zero
-    input [30:0] a;
-    input [30:0] b;
-    is_nan = ((&a[30:23]) & ((|a[22:0]) | ~(|b))) | ((&b[30:23]) & ((|b[22:0]) | ~(|a)));
-  endfunction
-
   reg        sign1_q;
   reg [23:0] a1_q;
   reg [23:0] b1_q;
   reg [23:0] subnormal1_q;
   reg  [9:0] exp1_q;
-  reg        zero1_q;
-  reg        nan1_q;
-  reg        inf1_q;
+  reg        a_max1_q;
+  reg        b_max1_q;
 
   always @(posedge clk_i) begin
     if (en_i[0]) begin
@@ -63,14 +56,21 @@ module fp_mul (
       b1_q         <= {|b_i[30:23], b_i[22:0]};
       subnormal1_q <= subnormal(a_i[30:0], b_i[30:0]);
       exp1_q       <= exponent(a_i[30:23], b_i[30:23]);
-      zero1_q      <= ~(|a_i[30:0]) | ~(|b_i[30:0]);
-      nan1_q       <= is_nan(a_i[30:0], b_i[30:0]);
-      inf1_q       <= (&a_i[30:23]) | (&b_i[30:23]);
+      a_max1_q     <= &a_i[30:23];
+      b_max1_q     <= &b_i[30:23];
     end
   end
 
   // ---- stage 2 ---------------------------------------------------------------------------------------------------
   `include "fp_lzc.vh"
+
+  function automatic is_nan;  // one factor is, or infinity times zero
+    input [23:0] a;
+    input [23:0] b;
+    input        a_max;
+    input        b_max;
+    is_nan = (a_max & ((|a[22:0]) | ~(|b))) | (b_max & ((|b[22:0]) | ~(|a)));
+  endfunction
 
   // {right shift of {product, 24 zeros}: 24 less the left shift, 1 to 56;
   //  one less than the exponent of bit 46 after the shift, 0 to 380}
@@ -104,14 +104,14 @@ module fp_mul (
     if (en_i[1]) begin
       sign_q           <= sign1_q;
       product_q        <= a1_q * b1_q;
-      {right_q, exp_q} <= place(subnormal1_q, exp1_q, zero1_q);
-      nan_q            <= nan1_q;
-      inf_q            <= inf1_q;
+      {right_q, exp_q} <= place(subnormal1_q, exp1_q, ~(|a1_q) | ~(|b1_q));
+      nan_q            <= is_nan(a1_q, b1_q, a_max1_q, b_max1_q);
+      inf_q            <= a_max1_q | b_max1_q;
     end
   end
 
   // ---- stage 3 ---------------------------------------------------------------------------------------------------
-  function automatic [31:0] rounded;  // magnitude; above 7F7FFFFF it has overflowed
+  function automatic [31:0] rounded;  // {it has overflowed, magnitude}
     input [47:0] product;
     input  [5:0] right;
     input  [8:0] exp;
@@ -125,6 +125,9 @@ module fp_mul (
     reg   [22:0] frac;
     reg          guard;
     reg          sticky;
+    reg          carry;
+    reg          over;
+    reg   [30:0] word;
     begin
       // {product, 24 zeros} >> right, of which places 47..22 matter.
       case (right[5:4])
@@ -186,7 +189,13 @@ module fp_mul (
       guard   = top ? placed[23] : placed[22];
       sticky  = (top & placed[22]) | lost;
       // The leading one counts one in the exponent, or two at the upper place; a subnormal has none.
-      rounded = {exp, 23'd0} + {7'd0, top, placed[46] & ~top, frac} + {31'd0, guard & (sticky | frac[0])};
+      word    = {exp[7:0], 23'd0} + {6'd0, top, placed[46] & ~top, frac} + {30'd0, guard & (sticky | frac[0])};
+      // Whether that passes the largest number is known without its sum. A carry out of the fraction with a one at the upper
+      // place there is none: no product is so close to four.
+      carry   = (&frac) & guard;
+      over    = (exp >= 9'd255) | ((exp == 9'd254) & (top | placed[46] | carry))
+              | ((exp == 9'd253) & (top | (placed[46] & carry)));
+      rounded = {over, word};
     end
   endfunction
 
@@ -197,7 +206,7 @@ module fp_mul (
     input [31:0] word;
     begin
       if (nan)                                  pack = 32'h7FC0_0000;
-      else if (infinite | word[31] | (&word[30:23])) pack = {sign, 31'h7F80_0000};
+      else if (infinite | word[31])             pack = {sign, 31'h7F80_0000};
       else                                      pack = {sign, word[30:0]};
     end
   endfunction
