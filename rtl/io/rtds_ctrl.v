@@ -6,8 +6,8 @@
 //             the core's valid starts dac_scale, and so on); each has a fixed latency, so the whole has one:
 //             measured here from record_valid_i to the falling edge of LDAC (latency_o).
 //             idle_o: no step is in hand, a new configuration may be taken over, the next record is admitted. It is low
-//             for BUSY_CLOCKS from a record's admission, longer than the way to the DAC, and as long as the core is not
-//             ready for another step (with effects longer than that). Both end by themselves: no lost answer can block
+//             in the clock of a record, for BUSY_CLOCKS from its admission, longer than the way to the DAC, and as long as the
+//             core is not ready for another step (with effects longer than that). Both end by themselves: no lost answer can block
 //             it for ever. So the core is never strobed while it is busy.
 // Latency     scale_start_o: combinational from record_valid_i; core_strobe_o: combinational from scale_valid_i.
 // Faults      silent ADC: a record whose codes are all 0 or all 4095, silent_i, or none for SILENT_CLOCKS while
@@ -77,7 +77,7 @@ module rtds_ctrl #(
     else if (counting) busy_q <= busy_q - 7'd1;
   end
 
-  assign idle_o          = !busy;
+  assign idle_o          = !busy && !record_valid_i;
   assign scale_start_o   = admit;
   assign dropped_event_o = dropped_i || (record_valid_i && busy);
 

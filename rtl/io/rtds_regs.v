@@ -5,8 +5,9 @@
 // Handshake   Avalon-MM, word addresses, never a wait state: a read or write is taken at any clock with
 //             avs_read_i or avs_write_i high. readdatavalid (reads) or writeresponsevalid (writes) follow one
 //             clock later together with response: 0 okay, 2 refused (read only), 3 no such register.
-//             A commit waits until idle_i is high and then replaces the whole of config_o at one clock edge;
-//             clear_o pulses under the same condition. A second command while one waits joins it.
+//             A commit waits until idle_i is high and then replaces the whole of config_o at one clock edge, the second one
+//             after that: a step that starts in the clock after idle_i must not have read it by then. clear_o pulses under
+//             the same condition, in the clock before that edge. A second command while one waits joins it.
 //             A write to FX_DATA passes on to the effect unit in the same clock; it has no wait state either, and is lost
 //             (FX_ADDRESS stays) while the unit still holds the word before.
 // Latency     read 1 clock, write 1 clock, sticky bits 1 clock after their event. An event at the clock in
@@ -78,6 +79,7 @@ module rtds_regs #(
   reg [32*CFG_WORDS-1:0] shadow_q;
   reg [32*CFG_WORDS-1:0] active_q;
   reg                    commit_pending_q;
+  reg                    take_q;  // what is known late in a clock does not enable so many registers
   reg                    clear_pending_q;
   reg                    clear_q;
 
@@ -94,7 +96,7 @@ module rtds_regs #(
           active_q[32*k+:32] <= CFG_RESET[32*k+:32];
         end else begin
           if (write && in_config && cfg_index == k) shadow_q[32*k+:32] <= avs_writedata_i;
-          if (commit_now) active_q[32*k+:32] <= shadow_q[32*k+:32];
+          if (take_q) active_q[32*k+:32] <= shadow_q[32*k+:32];
         end
       end
     end
@@ -118,9 +120,11 @@ module rtds_regs #(
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       commit_pending_q <= 1'b0;
+      take_q           <= 1'b0;
       clear_pending_q  <= 1'b0;
       clear_q          <= 1'b0;
     end else begin
+      take_q <= commit_now;
       if (command && avs_writedata_i[BIT_COMMAND_COMMIT]) commit_pending_q <= 1'b1;
       else if (commit_now) commit_pending_q <= 1'b0;
       if (command && avs_writedata_i[BIT_COMMAND_CLEAR]) clear_pending_q <= 1'b1;
@@ -209,7 +213,7 @@ module rtds_regs #(
       .q_o   (observed)
   );
 
-  wire [ 6:0] live = {commit_pending_q || clear_pending_q, live_i};
+  wire [ 6:0] live = {commit_pending_q || take_q || clear_pending_q, live_i};
 
   always @* begin
     readdata_d = 32'd0;

@@ -68,14 +68,15 @@ class Chip:
         self.predicted = SAFE
         self.allowed = {SAFE}
 
-    def config(self):
+    def config(self, from_next_clock=False):
         """The configuration in force, name -> word (a white look: which set counts is tested by `tb/regs`)."""
-        word = int(self.dut.chip.cfg.value)
+        regs = self.dut.chip.u_regs
+        word = int((regs.shadow_q if from_next_clock and int(regs.take_q.value) else self.dut.chip.cfg).value)
         return {name: word >> 32 * k & 0xFFFFFFFF for k, name in enumerate(CONFIG)}
 
     def _predict(self, record):
         """Codes after the step that this record starts; None when it starts none."""
-        cfg = self.config()
+        cfg = self.config(from_next_clock=True)  # nothing of it is read in the clock of the record
         bits = {f.name: cfg["CONFIG"] >> f.bit & 1 for f in MAP.named("CONFIG").fields}
 
         def scaled(name, code, signed):

@@ -12,7 +12,7 @@ from cocotb.handle import Force, Release
 from cocotb.triggers import ReadOnly, RisingEdge, Timer, ValueChange
 from cocotb.utils import get_sim_time
 
-from rtds_host.link.registers import float_word, load_map
+from rtds_host.link.registers import float_word, load_map, word_float
 
 LONG = bool(os.environ.get("LONG"))
 MAP = load_map()
@@ -332,13 +332,15 @@ async def every_phase_between_the_clocks(dut):
 async def configuration_at_the_worst_moment(dut):
     """A whole new configuration committed at any clock of a step: each step is wholly the old or wholly the new one."""
     chip = await running(dut, steps=2)
-    for number, phase in enumerate(phases(125, 20)):
+    gains = {name: MAP.named(name).reset for name in ("ADC_B_GAIN", "ADC_J_GAIN", "ADC_KM_GAIN", "ADC_KB_GAIN")}
+    # The clocks about the next record, too: of what a step reads of the configuration a parameter's gain comes first.
+    for number, phase in enumerate(phases(125, 20) + list(range(STEP_CLOCKS - 6, STEP_CLOCKS + 2))):
         small = number % 2
         values = {
             "R": 8.6 * (1 + number % 5), "L": 1e-3 * (1 + number % 3), "CONFIG": 0x3F00 | number % 2,
             "DAC_I_L_GAIN": 1024.0 if small else 700.0, "ADC_V_L_GAIN": 0.004 if small else 0.008,
             "DAC_W_R_OFFSET": 50.0 if small else -50.0,
-        }  # fmt: skip
+        } | {name: word_float(word) * (1.0 if small else 0.75) for name, word in gains.items()}  # fmt: skip
         await at_phase(dut, 0)
         before = chip.config()
         for name, value in values.items():
