@@ -191,15 +191,20 @@ module rtds_core #(
   wire [63:0] level_f;
   wire [63:0] level_b;
 
-  // Without effects the unit rests since the first strobe without them.
-  wire fx_rest = accept & fx_q & ~fx_on;
+  // Without effects the unit rests since the clock after the first strobe without them; no step reads it in that clock.
+  reg fx_rest_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) fx_rest_q <= 1'b0;
+    else fx_rest_q <= accept & fx_q & ~fx_on;
+  end
 
   generate
     if (EFFECTS != 0) begin : g_effects
       effect_unit u_effects (
         .clk_i     (clk_i),
         .rst_ni    (rst_ni),
-        .rest_i    (clear_i | fx_rest),
+        .rest_i    (clear_i | fx_rest_q),
         .strobe_i  (accept & fx_on),
         .v_i       ({v_r_i, v_l_i}),
         .t_i       ({t_r_i, t_l_i}),
@@ -288,7 +293,7 @@ module rtds_core #(
     .save_taken_i(save_taken & (EFFECTS != 0)),
     .ahead_i  (ahead & (EFFECTS != 0)),
     .effects_i(fx_q & (EFFECTS != 0)),
-    .rest_i   (fx_rest),
+    .rest_i   (fx_rest_q),
     .rho_i    (coef_l_q[256+:32]),
     .u_v_i    (u_v[0+:32]),
     .u_t_i    (u_t[0+:32]),
@@ -322,7 +327,7 @@ module rtds_core #(
     .save_taken_i(save_taken & (EFFECTS != 0)),
     .ahead_i  (ahead & (EFFECTS != 0)),
     .effects_i(fx_q & (EFFECTS != 0)),
-    .rest_i   (fx_rest),
+    .rest_i   (fx_rest_q),
     .rho_i    (coef_r_q[256+:32]),
     .u_v_i    (u_v[32+:32]),
     .u_t_i    (u_t[32+:32]),

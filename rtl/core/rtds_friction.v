@@ -23,37 +23,50 @@ module rtds_friction (
 );
   reg  [31:0] most_f_q;
   reg  [31:0] most_b_q;
+  reg         holds_f_q;  // the level holds what moves so: it is of that sign, and no NaN
+  reg         holds_b_q;
 
-  // {held, taken}
+  function automatic nan;
+    input [30:0] x;
+    nan = (&x[30:23]) & (|x[22:0]);
+  endfunction
+
+  // {held, taken}. Both ways are compared before the sign chooses: the free speed comes late and from far away.
   function automatic [32:0] take;
     input [31:0] free;
     input [31:0] most_f;
     input [31:0] most_b;
+    input        holds_f;
+    input        holds_b;
     reg          zero;
-    reg          backward;
+    reg          stuck_f;
+    reg          stuck_b;
     reg          stuck;
-    reg   [31:0] most;
     begin
-      zero     = ~(|free[30:0]);
-      backward = free[31];  // of zero, which is held, it does not matter
-      most     = backward ? most_b : most_f;
-      stuck    = zero | ((most[31] == backward) & ~((&most[30:23]) & (|most[22:0])) & (free[30:0] <= most[30:0]));
-      take     = {stuck, stuck ? free : most};
+      zero    = ~(|free[30:0]);  // its sign does not matter
+      stuck_f = holds_f & (free[30:0] <= most_f[30:0]);
+      stuck_b = holds_b & (free[30:0] <= most_b[30:0]);
+      stuck   = zero | (free[31] ? stuck_b : stuck_f);
+      take    = {stuck, stuck ? free : free[31] ? most_b : most_f};
     end
   endfunction
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      most_f_q <= 32'd0;
-      most_b_q <= 32'd0;
-      taken_o  <= 32'd0;
-      held_o   <= 1'b0;
+      most_f_q  <= 32'd0;
+      most_b_q  <= 32'd0;
+      holds_f_q <= 1'b1;
+      holds_b_q <= 1'b0;
+      taken_o   <= 32'd0;
+      held_o    <= 1'b0;
     end else begin
+      holds_f_q <= ~most_f_q[31] & ~nan(most_f_q[30:0]);  // the levels are saved long before they are needed
+      holds_b_q <= most_b_q[31] & ~nan(most_b_q[30:0]);
       if (clear_i) most_f_q <= 32'd0;
       else if (save_f_i) most_f_q <= product_i;
       if (clear_i) most_b_q <= 32'd0;
       else if (save_b_i) most_b_q <= product_i;
-      if (save_taken_i) {held_o, taken_o} <= take(free_i, most_f_q, most_b_q);
+      if (save_taken_i) {held_o, taken_o} <= take(free_i, most_f_q, most_b_q, holds_f_q, holds_b_q);
     end
   end
 endmodule

@@ -26,13 +26,13 @@
 //              slot E10  add P : t corrected -> t' (E13, saved at its end)
 //              slot E13  add HI: hi + t' -> hi' (12)
 //            and for the next step
-//              slot E43  mul   : g2 u_t (E46)
-//              slot E44  mul   : level of friction forward (E47, saved at its end)
-//              slot E45  mul   : level of friction backward (E48, saved at its end)
-//              slot E46  mul   : g1 u_v (E49)
-//              slot E46  add UT: c and g2 u_t (E49)
-//              slot E49  add UV: and g1 u_v -> t (E52 = E3 of the next step at the earliest, where it stays)
-//            These wait for hold_i to end, and come after the refresh if there is one.
+//              slot E44  mul   : g2 u_t (E47)
+//              slot E45  mul   : level of friction forward (E48, saved at its end)
+//              slot E46  mul   : level of friction backward (E49, saved at its end)
+//              slot E47  mul   : g1 u_v (E50)
+//              slot E47  add UT: c and g2 u_t (E50)
+//              slot E50  add UV: and g1 u_v -> t (E53, where it stays); at the earliest E50 is E0 of the next step, E53 its E3
+//            These wait for hold_i to end, in slot E43, and come after the refresh if there is one.
 //            The first step after clear_i, or after one without effects, finds t there, too: zero (Z0, in the slot after
 //            clear_i), or c, which is t without inputs.
 // Handshake  start_i (in the clock of the strobe, with fx_on_i: a step with effects) only while ready_o, refresh_i only while
@@ -80,22 +80,22 @@ module rtds_sequencer (
   localparam [6:0] E          = 7'd64;       // slot E0
   localparam [6:0] E_BACK     = E + 7'd15;   // before 12
   localparam [6:0] E_GO_ON    = E + 7'd30;   // after 25
-  localparam [6:0] E_HOLD     = E + 7'd42;
-  localparam [6:0] E_AHEAD    = E + 7'd43;
+  localparam [6:0] E_HOLD     = E + 7'd43;
+  localparam [6:0] E_AHEAD    = E + 7'd44;
   localparam [6:0] E_LAST     = E + 7'd49;
 
   reg [6:0] slot_q;
   reg [6:0] slot_n;
   reg       refresh_q;
-  reg       due_q;      // E43 to E49 have waited for the coefficients
+  reg       due_q;      // E44 to E50 have waited for the coefficients
 
   always @* begin
     slot_n = slot_q + 7'd1;
     if (slot_q == E_BACK) slot_n = SLOT_NEW;
-    if (slot_q == SLOT_LAST) slot_n = (effects_i & ~refresh_q) ? E_GO_ON : due_q ? E_AHEAD : SLOT_IDLE;
+    if (slot_q == SLOT_LAST) slot_n = (effects_i & ~refresh_q) ? E_GO_ON : due_q ? E_HOLD : SLOT_IDLE;
     if (slot_q == E_HOLD && hold_i) slot_n = SLOT_IDLE;
     if (slot_q == E_LAST) slot_n = SLOT_IDLE;
-    if (slot_q == SLOT_IDLE) slot_n = (due_q & ~hold_i) ? E_AHEAD : SLOT_IDLE;
+    if (slot_q == SLOT_IDLE) slot_n = (due_q & ~hold_i) ? E_HOLD : SLOT_IDLE;
     if (start_i) slot_n = fx_on_i ? E + 7'd1 : SLOT_FIRST;
     if (refresh_i) slot_n = SLOT_NEW;
     if (clear_i) slot_n = SLOT_IDLE;
@@ -122,9 +122,9 @@ module rtds_sequencer (
     mul_n  = MUL_V;
     does_n = 10'd0;
     case (slot_n)
-      SLOT_IDLE: begin
-        add_n  = ADD_Z0;
-        does_n = clear_i ? ADD : 10'd0;
+      SLOT_IDLE: begin  // after E49 this is E50, whether a step starts in it or not
+        add_n  = clear_i ? ADD_Z0 : ADD_UV;
+        does_n = (clear_i | slot_q == E_LAST) ? ADD : 10'd0;
       end
       SLOT_FIRST: begin
         mul_n  = MUL_T;
@@ -175,7 +175,7 @@ module rtds_sequencer (
         does_n = ADD | C;
       end
       E + 7'd6: does_n = TAKEN;
-      E + 7'd7, E + 7'd44: begin
+      E + 7'd7, E + 7'd45: begin
         mul_n  = MUL_FIRST;
         does_n = MUL;
       end
@@ -187,21 +187,17 @@ module rtds_sequencer (
         mul_n  = MUL_T;
         does_n = MUL | AHEAD;
       end
-      E + 7'd45: begin
+      E + 7'd46: begin
         mul_n  = MUL_OTHER;
         does_n = MUL;
       end
-      E + 7'd46: begin
+      E + 7'd47: begin
         add_n  = ADD_UT;
         mul_n  = MUL_V;
         does_n = ADD | MUL | AHEAD;
       end
-      E + 7'd47: does_n = F;
-      E + 7'd48: does_n = B;
-      E_LAST: begin
-        add_n  = ADD_UV;
-        does_n = ADD;
-      end
+      E + 7'd48: does_n = F;
+      E_LAST: does_n = B;
       default: ;
     endcase
   end

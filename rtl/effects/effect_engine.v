@@ -7,7 +7,7 @@
 //            from the first are read and hold while busy_o.
 //            rest_i: ends a run; the state of the effects is zero.
 //            wr_valid_i with address and word, while not busy_o: a word of a table or a constant.
-// Latency    counted as in rtds_core: u_t from the 42nd clock, level_f, level_b and u_v from the 43rd, 44th and 45th, to the
+// Latency    counted as in rtds_core: u_t from the 43rd clock, level_f, level_b and u_v from the 44th, 45th and 46th, to the
 //            next run's; busy_o from the first to the 49th at most.
 // Format     binary32; pairs have left in the lower half. Addresses: 0 .. 8191 tables {side, table (3), cell (8), slope
 //            rather than intercept}; 8192 + 128 side + k: constant k.
@@ -47,6 +47,7 @@ module effect_engine (
   wire [1:0] mul_b;
   wire [1:0] add_a;
   wire [1:0] add_b;
+  wire       across;
   wire       minus_a;
   wire       minus_b;
   wire [1:0] direct;
@@ -83,6 +84,7 @@ module effect_engine (
     .add_o       (add),
     .add_a_o     (add_a),
     .add_b_o     (add_b),
+    .across_o    (across),
     .minus_a_o   (minus_a),
     .minus_b_o   (minus_b),
     .direct_o    (direct),
@@ -158,6 +160,7 @@ module effect_engine (
     .add_en_i     ({add_later_q, add}),
     .add_a_i      (add_a),
     .add_b_i      (add_b),
+    .across_i     (across),
     .minus_a_i    (minus_a),
     .minus_b_i    (minus_b),
     .direct_i     (direct),
@@ -202,6 +205,7 @@ module effect_engine (
     .add_en_i     ({add_later_q, add}),
     .add_a_i      (add_a),
     .add_b_i      (add_b),
+    .across_i     (across),
     .minus_a_i    (minus_a),
     .minus_b_i    (minus_b),
     .direct_i     (direct),

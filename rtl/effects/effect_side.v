@@ -5,7 +5,7 @@
 //            registers, three clocks after the clock of its write.
 // Handshake  none of its own: the fields of the program, all valid in the clock in which they act.
 // Latency    multiplier and adder 3 clocks, a table 2 from its argument to the line, registers 2 from address to operand,
-//            i, w and the command 1 (direct_i). An output stands a clock after put_i.
+//            i, w and the command (direct_i) and both products (across_i) 1. An output stands a clock after put_i.
 // Format     binary32. Memories have no reset: see effect_engine.
 // Crossing   none.
 `default_nettype none
@@ -20,6 +20,7 @@ module effect_side (
   input  wire  [2:0] add_en_i,
   input  wire  [1:0] add_a_i,
   input  wire  [1:0] add_b_i,
+  input  wire        across_i,    // both sides' products are the adder's operands from the registers
   input  wire        minus_a_i,
   input  wire        minus_b_i,
   input  wire  [1:0] direct_i,
@@ -122,8 +123,8 @@ module effect_side (
     if (run_i) begin
       reg_mul_a_q <= zero_i[3] ? 32'd0 : read_mul_a_q;
       reg_mul_b_q <= zero_i[2] ? 32'd0 : read_mul_b_q;
-      reg_add_a_q <= zero_i[1] ? 32'd0 : read_add_a_q;
-      reg_add_b_q <= zero_i[0] ? 32'd0 : read_add_b_q;
+      reg_add_a_q <= across_i ? other_i : zero_i[1] ? 32'd0 : read_add_a_q;
+      reg_add_b_q <= across_i ? product : zero_i[0] ? 32'd0 : read_add_b_q;
       direct_q    <= direct_i[1] ? v_i : direct_i[0] ? w_i : i_i;
     end
   end
@@ -187,8 +188,7 @@ module effect_side (
     case (add_a_i)
       2'd0:    add_a = reg_add_a_q;
       2'd1:    add_a = sum;
-      2'd2:    add_a = limited_q;
-      default: add_a = other_i;
+      default: add_a = limited_q;
     endcase
     case (add_b_i)
       2'd0:    add_b = reg_add_b_q;

@@ -46,7 +46,8 @@ module adc_scale (
 
   reg  [ 3:0] count_q;  // 0: idle
   wire        start = valid_i && (count_q == 4'd0);
-  wire        run = start || (count_q != 4'd0);
+  wire        busy = (count_q != 4'd0);
+  wire        run = start || busy;
   wire        done = (count_q == LAST_CLOCK);
 
   always @(posedge clk_i or negedge rst_ni) begin
@@ -74,9 +75,9 @@ module adc_scale (
   // Offset binary to two's complement: the top bit is inverted.
   wire [31:0] parameter_int = {20'd0, code_p_i};
   wire [31:0] signed_int = {{21{!wait_q[47]}}, wait_q[46:36]};
-  wire [31:0] entering = start ? parameter_int : signed_int;
+  wire [31:0] entering = busy ? signed_int : parameter_int;
 
-  // Channel whose gain (one clock after it entered) and offset (four clocks after) is looked up.
+  // Channel whose gain (one clock after it entered) and offset (four clocks after) is looked up; chosen a clock before.
   function [2:0] channel;
     input [2:0] place;
     input [1:0] index;
@@ -91,24 +92,30 @@ module adc_scale (
     end
   endfunction
 
-  wire [ 3:0] gain_place = count_q - 4'd1;
-  wire [ 3:0] offset_place = count_q - 4'd4;
-  wire [ 2:0] gain_channel = channel(gain_place[2:0], index_q);
-  wire [ 2:0] offset_channel = channel(offset_place[2:0], index_q);
+  wire [ 3:0] offset_place = count_q - 4'd3;
+  reg  [ 2:0] gain_channel_q;
+  reg  [ 2:0] offset_channel_q;
   reg  [31:0] gain_q;
   reg  [31:0] offset_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      gain_q   <= 32'd0;
-      offset_q <= 32'd0;
-    end else if (run) begin
-      gain_q   <= gain_i[32*gain_channel+:32];
-      offset_q <= offset_i[32*offset_channel+:32];
+      gain_channel_q   <= 3'd0;
+      offset_channel_q <= 3'd0;
+      gain_q           <= 32'd0;
+      offset_q         <= 32'd0;
+    end else begin
+      gain_channel_q   <= channel(count_q[2:0], busy ? index_q : index_p_i);
+      offset_channel_q <= channel(offset_place[2:0], index_q);
+      if (busy) begin
+        gain_q   <= gain_i[32*gain_channel_q+:32];
+        offset_q <= offset_i[32*offset_channel_q+:32];
+      end
     end
   end
 
-  // The chain. It stands still between records.
+  // The chain. Between records it stands still, but for its first operator: whether a record is admitted is known late in
+  // the clock, and enables nothing of so many cells.
   wire [31:0] number;
   wire [31:0] product;
   wire [31:0] value;
@@ -117,14 +124,14 @@ module adc_scale (
       .FRAC(0)
   ) u_from_int (
       .clk_i(clk_i),
-      .en_i (run),
+      .en_i (1'b1),
       .x_i  (entering),
       .y_o  (number)
   );
 
   fp_mul u_mul (
       .clk_i(clk_i),
-      .en_i ({3{run}}),
+      .en_i ({3{busy}}),
       .a_i  (number),
       .b_i  (gain_q),
       .y_o  (product)
@@ -132,7 +139,7 @@ module adc_scale (
 
   fp_add u_add (
       .clk_i(clk_i),
-      .en_i ({3{run}}),
+      .en_i ({3{busy}}),
       .sub_i(1'b0),
       .a_i  (product),
       .b_i  (offset_q),
@@ -200,7 +207,7 @@ module adc_scale (
   assign p_kb_o         = param_q[127:96];
   assign params_valid_o = &seen_q;
 
-  wire unused = &{1'b0, gain_place[3], offset_place[3]};
+  wire unused = &{1'b0, offset_place[3]};
 
 endmodule
 

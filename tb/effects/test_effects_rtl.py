@@ -67,8 +67,6 @@ class Machine:
             source = codes[code]
             if source == "register":
                 return ready[port]
-            if source == "other":
-                return ("other", stands["product"])
             if source == "wrap":
                 return ("wrap", stands["sum"])
             return stands[source]
@@ -102,6 +100,8 @@ class Machine:
             if clock < effect_program.DIRECT_FROM["i"] - 1 and f["direct"] < 2:
                 stands["direct"] = None
             ready = {port: read.get(port) for port in ("mul_a", "mul_b", "add_a", "add_b")}
+            if f["across"]:
+                ready["add_a"], ready["add_b"] = ("other", stands["product"]), stands["product"]
             for port in ready:
                 address = f[f"read_{port}"]
                 value = ("zero",) if address == effect_program.ZERO else self.registers.get(self.place(address))

@@ -95,34 +95,36 @@ module sequencer_f (
     // With effects it stands in the adder: c, or that with the effect unit's inputs, or zero.
     if (dut.slot_q == 7'd67) assert (add_en[2:1] == 2'd0 && (last_add == ADD_C2 || last_add == ADD_UV || last_add == ADD_Z0));
     // A step with effects that was prepared leaves the sum with its inputs.
-    if (since >= FX_SPACING && since != NONE && effects_q && ready && !dut.refresh_q) assert (last_add == ADD_UV);
+    if (since >= FX_SPACING && since != NONE && effects_q && ready && !dut.refresh_q)
+      assert (add_en[0] ? add == ADD_UV : last_add == ADD_UV);
     // What ties all that to the slots, so that induction need not look back over a whole step.
     if (since != NONE) begin
       if (effects_q && since < FX_LATENCY) assert (dut.slot_q == 7'd64 + since && due == 1 << (since - 1));
       if (effects_q && since >= FX_LATENCY && since < 6'd30) assert (dut.slot_q == since - 7'd4);
-      if (effects_q && since >= 6'd30 && since < 6'd43) assert (dut.slot_q == 7'd64 + since);
-      if (effects_q && since >= 6'd43 && since < FX_SPACING && !held) assert (dut.slot_q == 7'd64 + since);
+      if (effects_q && since >= 6'd30 && since < 6'd44) assert (dut.slot_q == 7'd64 + since);
+      if (effects_q && since >= 6'd44 && since < FX_SPACING && !held) assert (dut.slot_q == 7'd64 + since);
       if (!effects_q && since < SPACING) assert (dut.slot_q == since);
       if (!effects_q && since < LATENCY) assert (due == 1 << (since - 1 + MORE));
-      if (since < (effects_q ? 6'd43 : SPACING) || !held) assert (!dut.refresh_q);
+      if (since < (effects_q ? 6'd44 : SPACING) || !held) assert (!dut.refresh_q);
       if (!held) assert (!dut.due_q);
       if (!held && since >= (effects_q ? FX_SPACING : SPACING)) assert (dut.slot_q == 7'd0);
     end
     if (since == NONE) assert (!dut.due_q);
-    if (since == NONE || since >= (effects_q ? 6'd43 : SPACING))
+    if (since == NONE || since >= (effects_q ? 6'd44 : SPACING))
       assert (dut.slot_q == 7'd0 || (dut.refresh_q && dut.slot_q >= 7'd12 && dut.slot_q < 7'd26)
               || (effects_q && since != NONE && dut.slot_q >= 7'd107 && dut.slot_q <= 7'd113));
     if (since == NONE || since > (effects_q ? FX_LATENCY : LATENCY)) assert (due == 0);
     if (dut.refresh_q && dut.slot_q >= 7'd12 && dut.slot_q < 7'd26) assert (!hold);
-    if (dut.slot_q >= 7'd107) assert (!hold && !hold_q);
+    if (dut.slot_q >= 7'd108 || (dut.slot_q == 7'd107 && dut.due_q)) assert (!hold && !hold_q);
     // A refresh in a step with effects is one that the preparation of the next waits for.
-    if (effects_q && since != NONE && since >= 6'd43 && hold_q && dut.slot_q == 7'd0) assert (dut.due_q || !hold);
+    if (effects_q && since != NONE && since >= 6'd44 && hold_q && dut.slot_q == 7'd0) assert (dut.due_q || !hold);
     if (effects_q && since != NONE && dut.refresh_q && dut.slot_q >= 7'd12 && dut.slot_q < 7'd26) assert (dut.due_q);
-    if (dut.due_q) assert (effects_q && since != NONE && since >= 6'd43 && dut.slot_q < 7'd26);
+    if (dut.due_q) assert (effects_q && since != NONE && since >= 6'd44 && (dut.slot_q < 7'd26 || dut.slot_q == 7'd107));
     if ((dut.slot_q == 7'd0 && !dut.due_q) || dut.slot_q == 7'd65 || dut.slot_q == 7'd66)
-      assert (last_add == ADD_C2 || last_add == ADD_UV || last_add == ADD_Z0 || (add_en[0] && add == ADD_Z0));
+      assert (last_add == ADD_C2 || last_add == ADD_UV || last_add == ADD_Z0
+              || (add_en[0] && (add == ADD_Z0 || (add == ADD_UV && dut.slot_q == 7'd0))));
     if (since != NONE && since >= FX_SPACING && effects_q && dut.slot_q == 7'd0 && !dut.due_q)
-      assert (last_add == ADD_UV && !add_en[0]);
+      assert (add_en[0] ? add == ADD_UV : last_add == ADD_UV);
     cover (dut.slot_q == 7'd2 && dut.c_later_q[2]);
     cover (valid && since == LATENCY && !effects_q);
     cover (valid && since == FX_LATENCY && effects_q);

@@ -44,11 +44,12 @@ DIRECT_FROM = {"i": 17, "w": 17, "vc": 4}
 
 LATENCY = 3  # clocks of the multiplier and the adder
 LOOK = 2  # from the argument of a table to the line of its cell
+ACROSS = 1  # from both sides' products to the adders: `own` and `other`, which then need not stand any more
 READ = 3  # from the clock of a write to the first operation that can read it
 FIRST_READ = 4  # the first clock with operands from the registers: the ROM's first word counts in clock 2
 STEP_CLOCKS = 50  # from a strobe to the next one, in whose clock the last result may still be written
 # The clock in which the motor units take an output: it stands in its register by then.
-NEEDED = {"u_t": STEP_CLOCKS - 7, "level_f": STEP_CLOCKS - 6, "level_b": STEP_CLOCKS - 5, "u_v": STEP_CLOCKS - 4}
+NEEDED = {"u_t": STEP_CLOCKS - 6, "level_f": STEP_CLOCKS - 5, "level_b": STEP_CLOCKS - 4, "u_v": STEP_CLOCKS - 3}
 
 
 def _lookup(table: str, argument: str) -> list[tuple[str, ...]]:
@@ -125,15 +126,15 @@ NEW_STATES = {"fall.sum": "fall", "rise.sum": "rise", "angle.new": "angle"} | {f
 # The clock in which each operation is issued (for `limit`: is done). Found by a search over list schedules for the shortest
 # step; that it is one the engine can carry out is checked by `schedule`, that it means OPERATIONS by the tests.
 SLOTS: dict[str, int] = {
-    "command.u": 4, "fall.t": 4, "more_b": 5, "more_f": 6, "cooled": 7, "fall.sum": 7, "command.product": 9,
-    "command.offset": 9, "full": 10, "fall.z": 11, "bridge": 12, "fall_lo.new": 14, "per_draw": 15, "unsagged": 16,
-    "draw": 17, "turned": 18, "copper": 19, "draws": 20, "forward.u": 20, "angle.t": 21, "emf": 21, "hot": 22,
-    "sagged": 23, "angle.sum": 24, "torque.u": 24, "backward.u": 25, "all_copper": 25, "scaled": 26,
-    "forward.product": 26, "angle.new": 27, "forward.offset": 28, "power": 28, "limited": 29, "torque.product": 29,
-    "load": 29, "driving": 30, "ripple.u": 30, "heated": 31, "backward.offset": 31, "loaded": 32,
-    "backward.product": 32, "cooler": 33, "drop.u": 33, "warmed": 34, "ripple.product": 35, "loaded.less": 35,
-    "level_f": 36, "rise.t": 37, "u_t": 38, "drop.product": 38, "cooler.less": 39, "rise.sum": 40, "level_b": 41,
-    "u_v": 42, "rise.z": 43, "angle.z": 44, "rise_lo.new": 46, "angle_lo.new": 47,
+    "command.u": 4, "fall.t": 4, "cooled": 5, "more_f": 6, "fall.sum": 7, "more_b": 7, "command.product": 9,
+    "command.offset": 9, "full": 10, "bridge": 12, "fall.z": 15, "unsagged": 16, "draw": 17, "fall_lo.new": 18,
+    "backward.u": 18, "turned": 19, "copper": 20, "per_draw": 21, "draws": 21, "angle.t": 22, "forward.u": 22,
+    "hot": 23, "backward.offset": 23, "sagged": 24, "torque.u": 25, "angle.sum": 25, "all_copper": 26,
+    "backward.product": 26, "scaled": 27, "forward.product": 27, "emf": 28, "angle.new": 28, "power": 29,
+    "forward.offset": 29, "limited": 30, "torque.product": 30, "load": 30, "driving": 31, "ripple.u": 31,
+    "heated": 32, "level_b": 32, "loaded": 33, "drop.u": 34, "cooler": 34, "warmed": 35, "ripple.product": 36,
+    "loaded.less": 36, "level_f": 37, "rise.t": 38, "u_t": 39, "drop.product": 40, "cooler.less": 40, "rise.sum": 41,
+    "angle.z": 42, "u_v": 43, "rise.z": 44, "angle_lo.new": 45, "rise_lo.new": 47,
 }  # fmt: skip
 
 # Fields of the ROM's word and their bits, the first one uppermost. What stands in the word of clock k:
@@ -144,6 +145,7 @@ FIELDS = {
     "add": 1,        # operands enter the adder
     "add_a": 2,
     "add_b": 2,
+    "across": 1,     # the registers' operands of the adder in clock k + 1 are the other side's product and this side's
     "minus_a": 1,
     "minus_b": 1,
     "direct": 2,     # what the multiplier can take directly in clock k + 1, a code of DIRECT
@@ -164,7 +166,7 @@ FIELDS = {
 WORD_BITS = sum(FIELDS.values())
 MUL_A = ("register", "slope", "sum")
 MUL_B = ("register", "direct", "sum", "product")
-ADD_A = ("register", "sum", "limited", "other")
+ADD_A = ("register", "sum", "limited")
 ADD_B = ("register", "product", "intercept", "wrap")
 WRITE = ("product", "sum", *INPUTS)
 READ_AHEAD = 2
@@ -237,15 +239,18 @@ class _Scheduler:
         """What the last of the events up to this clock left."""
         return max((event for event in events if event[0] <= clock), default=(0, None))[1]
 
-    def source(self, port: str, name: str, clock: int) -> str | None:
+    def source(self, port: str, name: str, clock: int, with_other: bool = False) -> str | None:
         """How an operand can be had at a port in a clock, None if it cannot."""
         if name == "":
             return "wrap" if port == "add_b" else None
         if name in DIRECT and port == "mul_b":
             return "direct" if clock >= DIRECT_FROM[name] else None
         if name.startswith("other."):
-            there = self.standing(self.results["mul"], clock) == name.removeprefix("other.")
+            there = self.standing(self.results["mul"], clock - ACROSS) == name.removeprefix("other.")
             return "other" if there and port == "add_a" else None
+        if with_other:
+            there = self.standing(self.results["mul"], clock - ACROSS) == name
+            return "own" if there and port == "add_b" else None
         table, _, word = name.rpartition(".")
         if table in TABLES and word in ("slope", "intercept"):
             there = self.standing(self.lines, clock) == table
@@ -274,7 +279,7 @@ class _Scheduler:
         ports = ("mul_a", "mul_b") if _unit(op) == "mul" else ("add_a", "add_b")
         signs = (False, op == "sub")
         for a, b, minus in ((first, second, signs), (second, first, signs[::-1])):
-            sources = self.source(ports[0], a, clock), self.source(ports[1], b, clock)
+            sources = self.source(ports[0], a, clock), self.source(ports[1], b, clock, a.startswith("other."))
             if None not in sources and not (op == "wrap" and sources[0] != "sum"):
                 break
         else:
@@ -358,8 +363,11 @@ def words() -> list[dict[str, int]]:
             put(clock, limit=1)
             put(clock - READ_AHEAD, read_add_b=address_b)
         else:
-            put(clock, add=1, add_a=ADD_A.index(source_a), add_b=ADD_B.index(source_b),
+            across = {"other": "register", "own": "register"}
+            put(clock, add=1, add_a=ADD_A.index(across.get(source_a, source_a)), add_b=ADD_B.index(across.get(source_b, source_b)),
                 minus_a=int(issue.minus_a), minus_b=int(issue.minus_b))  # fmt: skip
+            if source_a == "other":
+                put(clock - ACROSS, across=1)
             if address_a is not None:
                 put(clock - READ_AHEAD, read_add_a=address_a)
             if address_b is not None:
@@ -418,9 +426,9 @@ def verilog() -> str:
         f"  reg [{WORD_BITS - 1}:0] word_q;",
         "",
         f"  assign last_o = clock_i == 6'd{last};",
-        "  assign {" + ", ".join(f"{name}_o" for name in names[:8]) + ",",
-        "          " + ", ".join(f"{name}_o" for name in names[8:15]) + ",",
-        "          " + ", ".join(f"{name}_o" for name in names[15:]) + "} = word_q;",
+        "  assign {" + ", ".join(f"{name}_o" for name in names[:9]) + ",",
+        "          " + ", ".join(f"{name}_o" for name in names[9:16]) + ",",
+        "          " + ", ".join(f"{name}_o" for name in names[16:]) + "} = word_q;",
         "",
         "  always @* begin",
         "    case (clock_i)",
