@@ -129,10 +129,11 @@ module adc_scale (
       .y_o  (number)
   );
 
+  // A code has 12 bits, so of a number's fraction the last 12 are zero: where a product is made of small blocks, it takes fewer.
   fp_mul u_mul (
       .clk_i(clk_i),
       .en_i ({3{busy}}),
-      .a_i  (number),
+      .a_i  ({number[31:12], 12'd0}),
       .b_i  (gain_q),
       .y_o  (product)
   );
@@ -207,7 +208,7 @@ module adc_scale (
   assign p_kb_o         = param_q[127:96];
   assign params_valid_o = &seen_q;
 
-  wire unused = &{1'b0, offset_place[3]};
+  wire unused = &{1'b0, offset_place[3], number[11:0]};
 
 endmodule
 
