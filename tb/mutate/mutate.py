@@ -32,6 +32,7 @@ TESTS = {
     "lost_lock": ["tb/top/test_top.py", "-k", "test_one_fault and of_a_commit"],
     "torn": ["tb/top/test_top.py", "-k", "test_one_fault and worst_moment"],
     "core_busy": ["tb/top/test_top.py", "-k", "test_one_fault and core_is_busy"],
+    "falters": ["tb/top/test_top.py", "-k", "test_one_fault and system_clock_falters"],
     "pll_restart": ["tb/cdc/test_cdc.py", "-k", "pll_restart and icarus"],
     "netlist": ["tb/quartus/test_quartus.py", "-k", "test_no_register_hears"],
     "told_once": ["tb/top/test_top.py", "-k", "test_one_fault and told_once"],
