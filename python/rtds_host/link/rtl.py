@@ -116,7 +116,7 @@ class RtlLink(ConfiguredLink):
         self._effects = False
         self._start_timeout_s = start_timeout_s
         self._progress = progress
-        self._every_clock = every_clock
+        self._evaluates_idle = every_clock
         self._start(TOPS[top] if isinstance(top, str) else top)
 
     def _start(self, top: Top) -> None:
@@ -133,7 +133,7 @@ class RtlLink(ConfiguredLink):
                 stderr=self._stderr,
                 env={
                     **os.environ, **built.environment, **_environment(top, theirs.fileno()),
-                    **({"RTDS_EVERY_CLOCK": "1"} if self._every_clock else {}),
+                    **({"RTDS_EVERY_CLOCK": "1"} if self._evaluates_idle else {}),
                 },
                 pass_fds=(theirs.fileno(),),
                 start_new_session=True,  # Ctrl-C reaches the host alone, which ends the simulator
