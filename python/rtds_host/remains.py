@@ -72,9 +72,17 @@ def sweep(place: str | os.PathLike, *known: re.Pattern) -> None:
 def new_folder(place: str | os.PathLike, name: str) -> tuple[Path, int]:
     """(a scratch folder for `name` in `place`, the handle that holds its lock), after a sweep. Raises OSError."""
     sweep(place, scratch_name(name))
+    return _held_folder(place, f".{name}-")
+
+
+def _held_folder(place: str | os.PathLike, prefix: str) -> tuple[Path, int]:
+    """(a new scratch folder, the handle that holds its lock). Another process's sweep may take it before it is locked."""
     while True:
-        path = tempfile.mkdtemp(prefix=f".{name}-", suffix=SUFFIX, dir=place)
-        handle = os.open(path, os.O_RDONLY)
+        path = tempfile.mkdtemp(prefix=prefix, suffix=SUFFIX, dir=place)
+        try:
+            handle = os.open(path, os.O_RDONLY)
+        except FileNotFoundError:
+            continue
         if _hold(path, handle):
             return Path(path), handle
         os.close(handle)
@@ -95,14 +103,9 @@ def temporary_folder() -> Iterator[Path]:
     """A folder among the system's temporary files, removed at the end, or by the next such call where this process dies."""
     place = tempfile.gettempdir()
     sweep(place, _TEMPORARY)
-    while True:
-        path = tempfile.mkdtemp(prefix="rtds-", suffix=SUFFIX, dir=place)
-        handle = os.open(path, os.O_RDONLY)
-        if _hold(path, handle):
-            break
-        os.close(handle)
+    path, handle = _held_folder(place, "rtds-")
     try:
-        yield Path(path)
+        yield path
     finally:
         shutil.rmtree(path, ignore_errors=True)
         os.close(handle)

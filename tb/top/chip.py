@@ -70,7 +70,7 @@ class Chip:
 
     def config(self, from_next_clock=False):
         """The configuration in force, name -> word (a white look: which set counts is tested by `tb/regs`)."""
-        regs = self.dut.chip.u_regs
+        regs = self.dut.chip.u_port.u_regs
         word = int((regs.shadow_q if from_next_clock and int(regs.take_q.value) else self.dut.chip.cfg).value)
         return {name: word >> 32 * k & 0xFFFFFFFF for k, name in enumerate(CONFIG)}
 

@@ -4,6 +4,7 @@ import ast
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -145,3 +146,19 @@ def test_no_descriptor_of_the_lifeline_reaches_another_program():
     run_guarded([sys.executable, "-c", "pass"])
     shown = run_guarded([sys.executable, "-c", "import os; print(sorted(os.listdir('/proc/self/fd')))"])
     assert len(ast.literal_eval(shown.stdout)) <= 4
+
+
+def test_a_folder_that_another_sweep_took_at_once_is_made_again(temporary, monkeypatch):
+    """Between its making and its lock a folder looks like a dead process's: whoever sweeps just then removes it."""
+    made, make = [], tempfile.mkdtemp
+
+    def taken_once(*arguments, **options):
+        made.append(make(*arguments, **options))
+        if len(made) == 1:
+            Path(made[0]).rmdir()
+        return made[-1]
+
+    monkeypatch.setattr("tempfile.mkdtemp", taken_once)
+    with temporary_folder() as folder:
+        assert folder == Path(made[1]) and folder.is_dir()
+    assert list(temporary.iterdir()) == []
