@@ -4,8 +4,8 @@ An effect is a constant of the machine: of one size, whatever the run. Between a
 with a share of it. Of one run g (or a stretch of one) alone the best share would be s_g, known to 1/I_g; of all the others
 together it is the mean o_g of theirs. With that, the effect takes I_g (s_g^2 - (s_g - o_g)^2) / 2 off the -log likelihood of run g,
 where the mean m of all takes I_g (s_g^2 - (s_g - m)^2) / 2. The ratio of their sums over the runs is 1 for what is of one size in
-all of them, and falls below none for what stands in for something else, large here and small there. The other effects are fitted
-again in each run; the tolerances stay, since these are the machine's, too.
+all of them, and falls below 0 for what stands in for something else, large here and small there. What the other effects can take
+up over all runs is projected off; the tolerances stay as they are, since these are the machine's, too.
 
 References: M. Stone, J. R. Stat. Soc. B 36, 1974 (cross-validation); J. Peters, P. Buehlmann, N. Meinshausen, J. R. Stat. Soc. B 78,
 2016 (a cause is what does not change from setting to setting).
