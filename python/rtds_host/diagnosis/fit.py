@@ -23,8 +23,13 @@ from rtds_host.diagnosis.replay.model import Model
 Hypothesis = tuple[tuple[str, str], ...]          # ((effect, side), ...), sorted
 Effects = dict[str, Effect]
 
-# Numerical: what a step must still bring, in -2 log probability.
-STEP_GAIN = 0.2
+# Numerical: what a step must still bring, in -2 log probability, in earnest and where a fit may be rough.
+STEP_GAIN, ROUGH_GAIN = 0.2, 2.0
+# Numerical: a step that brought no more than this shows that the nuisances' derivatives are out of date, or the end; how often they
+# are taken anew.
+RENEWED, RENEWALS = 5.0, 1
+# Numerical: shares of the diagonal that are added to the normal equations, and the shortest part of a step without any.
+DAMPINGS, SHORTEST = (0.0, 0.03, 1.0, 30.0), 0.05
 
 
 def parameters(effects: Effects, hypothesis: Hypothesis) -> list[tuple[Effect, str, Parameter]]:
@@ -222,9 +227,27 @@ class Fitter:
         moved = self.problem.residual(self.model(hypothesis, x))
         return x, moved, noise.cost(moved) + prior_cost(x[:self.count], x[self.count:])
 
+    def _slid(self, hypothesis: Hypothesis, x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """The same robot with what a ratio's sides have of its tolerance in common in the ratio.
+
+        A resistance ten per cent off with no tolerance is one of seven per cent off with both tolerances at three: along this
+        line no residual changes and the prior alone speaks, too softly for steps whose derivatives are differences.
+        """
+        for j, (effect, side, p) in enumerate(parameters(self.effects, hypothesis), self.count):
+            at = [i for i, n in enumerate(self.problem.nuisances)
+                  if effect.nuisance and n.side in SIDES[side] and p.of.removeprefix("motor.") in n.keys]
+            if at:
+                moved, common = x.copy(), float(x[at].mean())
+                moved[at] -= common
+                moved[j] += common * self.problem.nuisances[at[0]].sigma / p.spread
+                inside = np.all((moved >= low) & (moved <= high))
+                if inside and prior_cost(moved[:self.count], moved[self.count:]) < prior_cost(x[:self.count], x[self.count:]):
+                    x = moved
+        return x
+
     def fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, noise: Discrepancy, iterations: int = 8,
             known: dict[tuple[str, str], np.ndarray] | None = None, fixed: bool = False,
-            by_nuisance: np.ndarray | None = None) -> Fit:
+            by_nuisance: np.ndarray | None = None, least: float = STEP_GAIN) -> Fit:
         """Fit an explanation from a start.
 
         Parameters
@@ -232,7 +255,8 @@ class Fitter:
         start : (p,) scaled effect parameters; z : (k,) nuisances to start from; noise : a discrepancy to begin with.
         known : derivatives by the parameters of some of its effects, (N, n) each, to do with: a rough fit, good enough to
             see what another effect brings or what one that is gone leaves. fixed : keep the discrepancy. by_nuisance : (N, k)
-            derivatives by the nuisances to begin with, else those about the nominal robot.
+            derivatives by the nuisances to begin with, else those about the nominal robot. least : what a step must still bring,
+            in -2 log probability.
         """
         k = self.count
         known = known or {}
@@ -250,47 +274,50 @@ class Fitter:
             by_nuisance = self.by_nuisance
         noise = noise if fixed else noise.estimated(r)
         now = noise.cost(r) + prior_cost(x[:k], x[k:])
-        damping, renewed = 0.0, False
-        step = gradient = np.zeros(len(x))
+        damping, since = 0.0, math.inf           # what was gained since the nuisances' derivatives were taken
+        renewals = RENEWALS if len(start) and least <= STEP_GAIN else 1 if len(start) else 0
         by_effect = np.empty((len(r), 0), np.float32)
         free = np.ones(len(x), bool)
         for _ in range(iterations):
-            new = self._derivatives(hypothesis, x, r, own, high)
-            by_effect = self._assembled(hypothesis, known, new)
+            by_effect = self._assembled(hypothesis, known, self._derivatives(hypothesis, x, r, own, high))
             jacobian = noise.whiten(np.concatenate([by_nuisance, by_effect], axis=1))
             white = noise.whiten(r)
             weight = prior_weight(x[:k], x[k:])
             gradient = (jacobian.T @ white.astype(np.float32)).astype(float) + weight * x
             hessian = (jacobian.T @ jacobian).astype(float) + np.diag(weight)
-            improved = 0.0
             free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
-            for _ in range(5):
-                keep = np.flatnonzero(free)
-                damped = hessian[np.ix_(keep, keep)] + damping * np.diag(np.diag(hessian)[keep])
+            keep = np.flatnonzero(free)
+            improved = 0.0
+            for attempt in DAMPINGS[DAMPINGS.index(damping):]:
+                damped = hessian[np.ix_(keep, keep)] + attempt * np.diag(np.diag(hessian)[keep])
                 step = np.zeros(len(x))
                 step[keep] = -np.linalg.solve(damped, gradient[keep])
+                promised = abs(gradient @ step)
                 trial, moved, new = self._tried(hypothesis, np.clip(x + step, low, high), noise)
-                if new >= now and abs(gradient @ step) >= STEP_GAIN:
-                    # Along a bent valley a part of the step leads on where damping would hold it.
-                    trial, moved, new = self._tried(hypothesis, np.clip(x + 0.25 * step, low, high), noise)
+                if new >= now and promised >= least and attempt == 0.0:
+                    # Along a bent valley a part of the step leads on where damping would hold it: to the least of the parabola
+                    # through what is known of the line.
+                    part = min(max(promised / (new - now + 2.0 * promised), SHORTEST), 0.5)
+                    trial, moved, new = self._tried(hypothesis, np.clip(x + part * step, low, high), noise)
                 if new < now:
-                    improved = now - new
-                    x, r = trial, moved
-                    # None at all where it is not needed: along a valley that tolerances alone close, any would hold it.
-                    damping = damping * 0.1 if damping > 1e-5 else 0.0
+                    x, r, damping = self._slid(hypothesis, trial, low, high), moved, attempt
+                    improved = now - noise.cost(r) - prior_cost(x[:k], x[k:])
                     break
-                if abs(gradient @ step) < STEP_GAIN:
-                    break                   # what a step could still bring is below the noise of the choice
-                damping = max(damping * 30, 1e-4)
+                # What a step could still bring is below the noise of the choice; or the nuisances' derivatives are out of date.
+                if promised < least or (renewals and not known and since >= ROUGH_GAIN):
+                    break
             if improved > 0.0:
+                # None at all where it is not needed: along a valley that tolerances alone close, any would hold it.
+                damping = DAMPINGS[max(DAMPINGS.index(damping) - 1, 0)]
                 noise = noise if fixed else noise.estimated(r)
                 after = noise.cost(r) + prior_cost(x[:k], x[k:])
                 improved, now = max(improved, now - after), after
-            if improved < STEP_GAIN:
-                if renewed or known or not len(start):
-                    break
+            since += improved
+            if improved < least and (known or not renewals or since < ROUGH_GAIN):
+                break
+            if improved < RENEWED and not known and renewals and since >= ROUGH_GAIN:
                 # Far from where they were taken, the nuisances' derivatives point the wrong way, and hide the valley in which
                 # an effect and a tolerance of the same parameter lie.
                 by_nuisance = self._derivatives(hypothesis, x, r, range(k), high)
-                renewed, damping = True, 0.0
+                renewals, since, damping = renewals - 1, 0.0, 0.0
         return Fit(self.effects, hypothesis, x[:k].copy(), x[k:].copy(), r, by_nuisance, by_effect, free, noise)
