@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from rtds_host.diagnosis.carried import carried
-from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, worth_naming
+from rtds_host.diagnosis.carried import CARRIED, carried
+from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.screen import available, clashes
 from rtds_host.diagnosis.search import Search
@@ -22,8 +22,6 @@ from rtds_host.diagnosis.twins import twins
 
 # An effect is named where it is more likely there than not.
 NAMED = 0.5
-# More of what an effect takes off carries over to other runs than does not.
-CARRIED = 0.5
 # Members that a set of look-alikes may have (contract, section 5).
 LARGEST_SET = 3
 
@@ -103,6 +101,8 @@ def _fallen(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standin
         return fickle, ("is of another size in every run (fitted to the others it takes off "
                         f"{100 * max(over[fickle.member], 0.0):.0f} % of what it does fitted to all)")
     least = min(standing, key=lambda s: s.gaps[0])
+    if excess(search.problem, fit) == 0.0:
+        return None
     return None if worth_naming(*least.gaps) else (least, "closes next to nothing of the gap")
 
 

@@ -19,6 +19,8 @@ from rtds_host.diagnosis.fit import Fit, apply, parameters
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 
+# More of what an effect takes off carries over to other runs than does not.
+CARRIED = 0.5
 # Groups that are left out in turn: runs; where there are fewer of these, stretches of them.
 FEWEST_GROUPS = 4
 

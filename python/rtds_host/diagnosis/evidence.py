@@ -7,7 +7,8 @@ of it, however large it is. What is missed steadily, nearly wherever it acts, is
 stands in for something else.
 
 And an effect must be worth naming: what it takes off the squared gap is at least what counts as a gap at all, and no small
-part of what stays without a name, since of a large rest any form takes a little.
+part of what stays without a name, since of a large rest any form takes a little. Where nothing stays, the residuals being no larger
+than their noise, the likelihood is exact and needs no such help.
 """
 
 from __future__ import annotations
@@ -29,6 +30,11 @@ WORTH, WORTH_OF_REST = LEAST**2 - 1.0, 0.1
 def worth_naming(without: float, gap: float) -> bool:
     """Whether an effect that lowers the gap from `without` to `gap` is worth naming."""
     return without**2 - gap**2 >= max(WORTH, WORTH_OF_REST * (gap**2 - 1.0))
+
+
+def excess(problem: Problem, fit: Fit) -> float:
+    """What a fit's -2 log likelihood has beyond that of white noise alone, whose mean is 1 a residual; 0 at the least."""
+    return max(fit.noise.cost(fit.residual) - problem.size, 0.0)
 
 
 def compared(problem: Problem, fit: Fit, other: Fit) -> tuple[float, float]:

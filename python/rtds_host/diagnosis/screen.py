@@ -162,6 +162,38 @@ class Screen:
                   if not clashes((name, side), self.taken)]
         return sorted(result, key=lambda c: -c.gain)
 
+    def pairs(self, members: Sequence[tuple[str, str]]) -> list[tuple[float, Candidate, Candidate]]:
+        """What pairs of effects promise together, best first; of `members`, (effect, side), those that a size alone describes."""
+        at: dict[tuple[str, str], int] = {}
+        for k, s in enumerate(self.signatures):
+            effect, member = self.effects[s.effect], (s.effect, s.side)
+            if member not in members or effect.nonlinear or effect.separate or effect.periodic or clashes(member, self.taken):
+                continue
+            if member not in at or self._line(k)[1] > self._line(at[member])[1]:
+                at[member] = k
+        names, ks = list(at), list(at.values())
+        if len(names) < 2:
+            return []
+        gram = self._gram(ks)
+        found = []
+        for i, j in itertools.combinations(range(len(names)), 2):
+            if clashes(names[i], (names[j],)):
+                continue
+            both, slope = gram[np.ix_((i, j), (i, j))], self.slope[[ks[i], ks[j]]]
+            steps = np.clip(-np.linalg.solve(both, slope), -REACH, REACH)
+            gain = float(-(2 * steps @ slope + steps @ both @ steps))
+            first, second = (Candidate(names[n], gain, self._sized(ks[n], step)) for n, step in zip((i, j), steps))
+            found.append((gain, first, second))
+        return sorted(found, key=lambda pair: -pair[0])
+
+    def _sized(self, k: int, step: float) -> np.ndarray:
+        """Scaled parameters of an effect by a step along its signature: size is the first parameter's affair; the others give its
+        shape."""
+        signature = self.signatures[k]
+        first, values = self.effects[signature.effect].parameters[0], dict(signature.values)
+        values[first.name] = float(np.clip(first.null + step * (values[first.name] - first.null), first.low, first.high))
+        return scaled(self.effects, ((signature.effect, signature.side),), [values])
+
     def _best(self, member: tuple[str, str], members: list[int]) -> Candidate:
         effect = self.effects[member[0]]
         if effect.separate:
@@ -173,11 +205,7 @@ class Screen:
             gain, k = max((float(-(2 * self.slope[k] + self.size[k])), k) for k in members)
             return Candidate(member, gain, scaled(self.effects, (member,), [dict(self.signatures[k].values)]))
         (step, gain), k = max(((self._line(k), k) for k in members), key=lambda item: item[0][1])
-        first = effect.parameters[0]
-        values = dict(self.signatures[k].values)
-        # Size is the first parameter's affair; the others give its shape.
-        values[first.name] = float(np.clip(first.null + step * (values[first.name] - first.null), first.low, first.high))
-        return Candidate(member, gain, scaled(self.effects, (member,), [values]))
+        return Candidate(member, gain, self._sized(k, step))
 
     def _separate(self, member: tuple[str, str], members: list[int]) -> Candidate:
         parameters = self.effects[member[0]].parameters

@@ -6,15 +6,17 @@ Explanations are sets of (effect, side). Their score is -2 log of evidence and p
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from rtds_host.diagnosis import ripple
+from rtds_host.diagnosis.carried import CARRIED, carried
 from rtds_host.diagnosis.effects import Effect
-from rtds_host.diagnosis.evidence import believed, compared, worth_naming
-from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, joined, scaled, to_values
+from rtds_host.diagnosis.evidence import CONVINCING, WORTH_OF_REST, believed, compared, excess, worth_naming
+from rtds_host.diagnosis.fit import ROUGH_GAIN, STEP_GAIN, Fit, Fitter, Hypothesis, apply, joined, scaled, to_values
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.problem import HEADING_GAIN, Problem
 from rtds_host.diagnosis.screen import Candidate, Screen, Signature, clashes, moves_of
@@ -35,6 +37,8 @@ NEARLY = 0.8
 DOUBTFUL, SURE = 1, 12.0
 # Numerical: effects of each screening whose signatures are taken again for the next.
 RETAKEN = 8
+# Numerical: effects of a screening whose pairs are looked at.
+PAIRED = 12
 # Rounds of exchanging effects and looking for more.
 EXCHANGES = 3
 # Numerical: how far in score a rough fit may be from one in earnest, and how far behind it is certainly the worse one.
@@ -56,6 +60,7 @@ class Search:
         self.quick = quick
         self.wanted = {e for e in problem.effects if e not in without}
         self.fits: dict[Hypothesis, Fit] = {}
+        self._begun: set[tuple] = set()          # explanations that were fitted, and what each fit began from
         self.afresh = True                       # whether the next screening takes every signature anew
         self.slow_moves: dict[Signature, np.ndarray] = {}
         self.moves: dict[Signature, np.ndarray] = {}
@@ -93,6 +98,10 @@ class Search:
     def try_fit(self, hypothesis: Hypothesis, start: np.ndarray, beside: Fit, rough: bool = False) -> Fit:
         """Fit an explanation, starting from the nuisances and the discrepancy of another; remember the better of this and
         an earlier fit. `rough`: with the other's derivatives by the effects that both hold."""
+        begun = (hypothesis, start.tobytes(), beside.hypothesis, beside.cost, rough)
+        if begun in self._begun and hypothesis in self.fits:
+            return self.fits[hypothesis]
+        self._begun.add(begun)
         z, noise = beside.z, beside.noise
         if len(z):
             # Nuisances that bent to stand in for an effect are a poor place to start from.
@@ -102,7 +111,7 @@ class Search:
             z = starts[int(np.argmin([float(r @ r) for r in self.problem.residuals(models)]))]
         known = {m: c for m, c in beside.columns.items() if m in hypothesis} if rough else None
         fit = self.fitter.fit(hypothesis, start, z, noise, ROUGH_ITERATIONS if rough else ITERATIONS, known,
-                              by_nuisance=beside.by_nuisance)
+                              by_nuisance=beside.by_nuisance, least=ROUGH_GAIN if rough else STEP_GAIN)
         best = self.fits.get(hypothesis)
         if best is None or fit.cost < best.cost:
             self.fits[hypothesis] = fit
@@ -288,11 +297,41 @@ class Search:
                     found += [swapped, *self._mixed(fit, alone, swapped, member, candidate.member)]
             tried += [f for f in found if self.score(f) < self.score(fit) + ROUGHLY]
         tried = sorted(tried, key=self.score)[:3]
-        better = min([fit, *(self.try_fit(f.hypothesis, f.u, f) for f in tried if f is not fit)], key=self.score)
+        found = [self.try_fit(f.hypothesis, f.u, f) for f in tried if f is not fit]
+        found = [f for f in found if len(f.hypothesis) <= len(fit.hypothesis) or self._believed(f, fit, self._gap(fit))]
+        better = self._better(fit, found)
         if better is not fit:
             self.trace.append(f"exchange {set(fit.hypothesis) - set(better.hypothesis)} -> "
                               f"{set(better.hypothesis) - set(fit.hypothesis)}")
         return better
+
+    def exchange_pairs(self, fit: Fit) -> Fit:
+        """Exchange two effects at once for two others that promise nearly as much together, if the evidence asks for it: a gain
+        of the driver and one of the current sensor do what a resistance and a torque constant do, and no exchange of one of them
+        for one of these leads there."""
+        tried = []
+        for first, second in itertools.combinations(fit.hypothesis, 2):
+            rest, start = joined({h: u for h, u in fit.parts.items() if h not in (first, second)})
+            alone = self.try_fit(rest, start, fit, rough=True)
+            for screen in self._screens(alone, self.moves):
+                likely = [c.member for c in screen.candidates()[:PAIRED] if not self._doubles(c.member, rest)]
+                pairs = screen.pairs([*likely, *(m for m in (first, second) if m not in likely)])
+                own = next((gain for gain, a, b in pairs if {a.member, b.member} == {first, second}), math.inf)
+                for gain, a, b in [pair for pair in pairs if first not in (pair[1].member, pair[2].member)
+                                   and second not in (pair[1].member, pair[2].member)][:1]:
+                    if gain >= NEARLY * own:
+                        tried.append(self.try_fit(*joined({**alone.parts, a.member: a.start, b.member: b.start}), alone, rough=True))
+        tried = sorted((f for f in tried if self.score(f) < self.score(fit) + FAR), key=self.score)[:2]
+        better = self._better(fit, [f for f in (self.try_fit(f.hypothesis, f.u, f) for f in tried) if self.named(f)])
+        if better is not fit:
+            self.trace.append(f"exchange {set(fit.hypothesis) - set(better.hypothesis)} -> "
+                              f"{set(better.hypothesis) - set(fit.hypothesis)}")
+        return better
+
+    def _better(self, fit: Fit, others: list[Fit]) -> Fit:
+        """The most probable of an explanation and others; one that leaves no gap gives way to convincing odds alone."""
+        best = min(others, key=self.score, default=fit)
+        return best if self.score(best) < self.score(fit) - (2.0 * math.log(CONVINCING) if self.closed(fit) else 0.0) else fit
 
     def rivals(self, without: Fit, member: tuple[str, str], count: int) -> list[Candidate]:
         """What else would take the place of an effect that was taken out, most promising first."""
@@ -385,14 +424,13 @@ class Search:
         fit = self.fits[()] = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, 4)
         for _ in range(EXCHANGES):
             fit = self._climb(fit)
-            if self.closed(fit):
-                break
             fit = self.polished(fit, fit.hypothesis)
             better = self.exchange(fit, 2 if self.quick else 4)
+            better = self.exchange_pairs(fit) if better is fit else better
             if better is fit:
                 break
             fit = better
-        return self.renamed(self.best())
+        return self.renamed(fit if self.named(fit) else self.best())
 
     def _open_loop(self, fit: Fit) -> Fit:
         """The explanation fitted with a ripple at the replay's own angle, as the gap is judged."""
@@ -404,25 +442,37 @@ class Search:
 
     def closed(self, fit: Fit) -> bool:
         """Whether an explanation leaves no gap to speak of."""
-        return self.problem.gap(fit.model(self.problem)) < LEAST
+        return self._gap(fit) < LEAST
 
-    def _believed(self, grown: Fit, fit: Fit) -> bool:
-        """Whether an explanation is more likely than a part of it, as far as its gain can be believed, and is worth it."""
+    def _believed(self, grown: Fit, fit: Fit, closest: float) -> bool:
+        """Whether an explanation is more likely than a part of it, as far as its gain can be believed, takes off no small part of
+        what that leaves beyond noise, or of the gap, and carries over to other runs.
+
+        closest : the smallest gap before. Of the two measures of what is left either may say little before others are in.
+        """
         prior = self.log_prior(grown.hypothesis) - self.log_prior(fit.hypothesis)
         if prior + believed(*compared(self.problem, grown, fit)) < 0.0:
             return False
-        return worth_naming(*(self.problem.gap(f.model(self.problem)) for f in (fit, grown)))
+        if (self.score(fit) - self.score(grown) < WORTH_OF_REST * excess(self.problem, fit)
+                and not worth_naming(closest, self._gap(grown))):
+            return False
+        over = carried(self.problem, grown)
+        return all(over[member] >= CARRIED for member in set(grown.hypothesis) - set(fit.hypothesis))
+
+    def _gap(self, fit: Fit) -> float:
+        return self.problem.gap(fit.model(self.problem))
 
     def _climb(self, fit: Fit) -> Fit:
-        doubtful = 0
+        """Add effects while they are believed. One may only be believed once another is in; but one after another that is not
+        leads nowhere, and none of them stays."""
+        stands, doubtful, closest = fit, 0, self._gap(fit)
         while len(fit.hypothesis) < MOST_EFFECTS:
             grown = self.grow(fit, 5 if self.quick else 10)
-            # An effect may only be believed once others are in; but one after another that is not leads nowhere.
-            doubtful = 0 if grown is not None and self._believed(grown, fit) else doubtful + 1
-            if grown is None or doubtful > DOUBTFUL:
-                if fit.hypothesis in self.looked or self.closed(fit):
+            if grown is None or (doubtful == DOUBTFUL and not self._believed(grown, stands, closest)):
+                if stands.hypothesis in self.looked or self.closed(stands):
                     break
                 # What a delay or a wrong constant hid from the first screening: a swinging gear, a slipping tyre.
+                fit = stands
                 self.looked.add(fit.hypothesis)
                 self.slow_moves, self.afresh, doubtful = {}, True, 0
                 continue
@@ -431,10 +481,14 @@ class Search:
             if self.problem.align(fit.model(self.problem)) > 0.0:
                 # Runs began elsewhere than was thought: what was fitted to other beginnings is of no use.
                 self.fitter.by_nuisance = None
-                kept = {f.hypothesis: f for f in (self.fits[()], fit)}
+                kept = {f.hypothesis: f for f in (self.fits[()], stands, fit)}
                 self.fits = {h: self.fitter.fit(h, f.u, f.z, f.noise, ITERATIONS) for h, f in kept.items()}
-                fit = self.fits[fit.hypothesis]
-        return fit
+                stands, fit = self.fits[stands.hypothesis], self.fits[fit.hypothesis]
+            if self._believed(fit, stands, closest):
+                stands, doubtful, closest = fit, 0, min(closest, self._gap(fit))
+            else:
+                doubtful += 1
+        return stands
 
 
 def _sizes(effect: Effect, values: dict[str, float], factors: Iterable[float]) -> list[dict[str, float]]:

@@ -8,9 +8,9 @@ from diagnosis_cases import make_case, make_run, without
 
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.account import CARRIED
-from rtds_host.diagnosis.carried import carried, ratio
+from rtds_host.diagnosis.carried import CARRIED, carried, ratio
 from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.evidence import excess
 from rtds_host.diagnosis.fit import scaled
 from rtds_host.diagnosis.likelihood import Discrepancy, Series
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
@@ -142,6 +142,37 @@ def test_free_play_is_found_from_the_wrong_valley(start):
                          (("backlash", "left"), {"angle_rad": start, "restitution": 0.0}))
     found = search.polished(fit, fit.hypothesis)
     assert found.values[0]["angle_rad"] == pytest.approx(0.01, rel=0.05)
+
+
+def test_two_effects_are_exchanged_for_two_others_at_once():
+    """A winding of less resistance and a weaker torque constant read as two gains, a driver's and a current sensor's: exchanging
+    one of them leads nowhere, exchanging both to the truth."""
+    def weak(model):
+        model.scale("resistance", 0.8)
+        model.scale("torque_constant", 0.92)
+        model.scale("back_emf", 0.92)
+
+    search, fit = fitted(make_case(weak), (("current_gain", "both"), {"ratio": 1.12}), (("driver_gain", "both"), {"ratio": 1.1}))
+    search._screened(fit)
+    assert search.exchange(fit, 4).hypothesis == fit.hypothesis
+    found = search.exchange_pairs(fit)
+    assert found.hypothesis == (("resistance_error", "both"), ("torque_constant_error", "both"))
+    assert [values["ratio"] for values in found.values] == pytest.approx([0.8, 0.92], rel=0.03)
+
+
+def test_an_explanation_begun_twice_alike_is_fitted_once():
+    search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083}))
+    replays = []
+    search.fitter.fit = lambda *_, **__: replays.append(1)
+    assert search.try_fit(fit.hypothesis, scaled(search.effects, fit.hypothesis, [{"seconds": 0.0083}]), search.fits[()]) is fit
+    assert not replays
+
+
+def test_what_is_no_larger_than_its_noise_leaves_nothing_without_a_name():
+    """The true explanation has next to no excess over white noise, a wrong one at least half as much as noise itself."""
+    search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083}))
+    assert excess(search.problem, fit) < 0.02 * search.problem.size
+    assert excess(search.problem, search.fits[()]) > 0.5 * search.problem.size
 
 
 def late_in(runs: tuple[int, ...], case: Case, seconds: float = 0.03) -> Case:
