@@ -160,6 +160,19 @@ def test_two_effects_are_exchanged_for_two_others_at_once():
     assert [values["ratio"] for values in found.values] == pytest.approx([0.8, 0.92], rel=0.03)
 
 
+def test_a_ratio_takes_over_what_its_sides_have_of_its_tolerance_in_common():
+    """A resistance of 0.8 with both tolerances three sigmas down reads as 0.824: the residuals are those of the truth."""
+    search, fit = fitted(make_case(lambda m: m.scale("resistance", 0.8)), (("resistance_error", "both"), {"ratio": 0.8}))
+    mine = [k for k, nuisance in enumerate(search.problem.nuisances) if nuisance.name == "resistance"]
+    leaning = fit.z.copy()
+    leaning[mine] -= 3.0
+    start = scaled(search.effects, fit.hypothesis, [{"ratio": fit.values[0]["ratio"] * np.exp(0.03)}])
+    found = search.fitter.fit(fit.hypothesis, start, leaning, fit.noise)
+    assert len(mine) == 2 and np.all(np.abs(found.z[mine]) < 1.0)
+    assert found.values[0]["ratio"] == pytest.approx(0.8, rel=0.01)
+    assert found.cost == pytest.approx(fit.cost, abs=0.5)
+
+
 def test_an_explanation_begun_twice_alike_is_fitted_once():
     search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083}))
     replays = []
