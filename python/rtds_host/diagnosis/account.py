@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from rtds_host.diagnosis.carried import CARRIED, carried
+from rtds_host.diagnosis.carried import CARRIED, absent, carried
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.screen import available, clashes
@@ -100,9 +100,11 @@ def _fallen(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standin
     if over[fickle.member] < CARRIED:
         return fickle, ("is of another size in every run (fitted to the others it takes off "
                         f"{100 * max(over[fickle.member], 0.0):.0f} % of what it does fitted to all)")
+    # Where no more than noise is left the likelihood tells an effect from a tolerance that nearly takes its place: the gap is that
+    # without it and all else as it is, so that blemishes alone are too small.
+    exact = excess(search.problem, fit) == 0.0
+    standing = [replace(s, gaps=(search.problem.gap(absent(search.problem, fit, s.member)), s.gaps[1])) if exact else s for s in standing]
     least = min(standing, key=lambda s: s.gaps[0])
-    if excess(search.problem, fit) == 0.0:
-        return None
     return None if worth_naming(*least.gaps) else (least, "closes next to nothing of the gap")
 
 

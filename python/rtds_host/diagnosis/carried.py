@@ -43,8 +43,8 @@ def carried(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
     """Share of what each effect takes off that it takes off runs that it was not fitted to, per the module's head."""
     where = groups(problem)
     count = int(where.max(initial=0)) + 1
-    taken = [fit.noise.whiten(fit.residual - absent)
-             for absent in problem.residuals([_absent(problem, fit, member) for member in fit.hypothesis])]
+    taken = [fit.noise.whiten(fit.residual - other)
+             for other in problem.residuals([absent(problem, fit, member) for member in fit.hypothesis])]
     white, jacobian = fit.whitened()
     owners = [(effect.id, side) for effect, side, _ in parameters(fit.effects, fit.hypothesis)]
     result = {}
@@ -58,7 +58,7 @@ def carried(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
     return result
 
 
-def _absent(problem: Problem, fit: Fit, member: tuple[str, str]) -> Model:
+def absent(problem: Problem, fit: Fit, member: tuple[str, str]) -> Model:
     """The model of a fit with everything but one of its effects."""
     kept = [(other, values) for other, values in zip(fit.hypothesis, fit.values) if other != member]
     return apply(fit.effects, problem.with_nuisances(fit.z), tuple(other for other, _ in kept), [values for _, values in kept])

@@ -46,7 +46,7 @@ ROUGHLY, FAR = 20.0, 200.0
 # Numerical: steps of a fit in earnest, and of a rough one.
 ITERATIONS, ROUGH_ITERATIONS = 8, 4
 # Numerical: sizes to look at about one whose misfit is rough (impacts, resonances, steps that come late), as factors.
-COARSE = (0.6, 0.88, 1.35, 1.6, 2.0)
+COARSE = (0.35, 0.6, 0.88, 1.35, 1.6, 2.0, 3.0, 4.5, 6.5)
 ROUGH_FACTORS = tuple(sorted({*np.geomspace(0.125, 8.0, 25), 0.88, 0.92, 0.96, 1.04, 1.08, 1.13}))
 
 
