@@ -8,7 +8,7 @@ stands in for something else.
 
 And an effect must be worth naming: what it takes off the squared gap is at least what counts as a gap at all, and no small
 part of what stays without a name, since of a large rest any form takes a little. Where nothing stays, the residuals being no larger
-than their noise, the likelihood is exact and needs no such help.
+than their noise, the likelihood is exact, and tells it from a tolerance that would take its place (`account`).
 """
 
 from __future__ import annotations

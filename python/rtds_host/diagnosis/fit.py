@@ -275,7 +275,7 @@ class Fitter:
         noise = noise if fixed else noise.estimated(r)
         now = noise.cost(r) + prior_cost(x[:k], x[k:])
         damping, since = 0.0, math.inf           # what was gained since the nuisances' derivatives were taken
-        renewals = RENEWALS if len(start) and least <= STEP_GAIN else 1 if len(start) else 0
+        renewals = RENEWALS if len(start) else 0
         by_effect = np.empty((len(r), 0), np.float32)
         free = np.ones(len(x), bool)
         for _ in range(iterations):
