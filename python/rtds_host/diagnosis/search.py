@@ -430,7 +430,9 @@ class Search:
             if better is fit:
                 break
             fit = better
-        return self.renamed(fit if self.named(fit) else self.best())
+        # Where no gap is left the likelihood is good enough to decide, blemishes and all; the account leaves these out.
+        fit = fit if self.named(fit) else self.best()
+        return self.renamed(self._better(fit, [self.best()]) if self.closed(fit) else fit)
 
     def _open_loop(self, fit: Fit) -> Fit:
         """The explanation fitted with a ripple at the replay's own angle, as the gap is judged."""
