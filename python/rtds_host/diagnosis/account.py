@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from rtds_host.diagnosis.carried import CARRIED, absent, carried
+from rtds_host.diagnosis.carried import CARRIED, CONSTANT, absent, carried, scattered
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.screen import available, clashes
@@ -31,7 +31,8 @@ class Standing:
     """What speaks for one effect of an explanation.
 
     without : the explanation fitted without it; gaps : without and with it; gain : of log likelihood by it; t : the gain over its
-    scatter between blocks; probability : that it is present.
+    scatter between blocks; share : what it takes off the likelihood's excess over white noise, a share of that without it;
+    probability : that it is present.
     """
 
     member: tuple[str, str]
@@ -39,6 +40,7 @@ class Standing:
     gaps: tuple[float, float]
     gain: float
     t: float
+    share: float
     probability: float
 
 
@@ -71,9 +73,10 @@ def _standing(search: Search, fit: Fit, member: tuple[str, str], rough: bool) ->
         without = search.try_fit(without.hypothesis, without.u, without)
     gain, t = compared(search.problem, fit, without)
     odds = search.log_prior((member,)) + believed(gain, t)
+    share = (search.score(without) - search.score(fit)) / max(excess(search.problem, without), 1.0)
     without, gap = _closest(search, fit, without)
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
-    return Standing(member, without, (gap, search.problem.gap(fit.model(search.problem))), gain, t, probability)
+    return Standing(member, without, (gap, search.problem.gap(fit.model(search.problem))), gain, t, share, probability)
 
 
 def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
@@ -100,12 +103,17 @@ def _fallen(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standin
     if over[fickle.member] < CARRIED:
         return fickle, ("is of another size in every run (fitted to the others it takes off "
                         f"{100 * max(over[fickle.member], 0.0):.0f} % of what it does fitted to all)")
+    # A machine that the models describe no better than to many times the noise scatters in all its constants.
+    beyond = scattered(search.problem, fit)
+    uneven = max(standing, key=lambda s: beyond[s.member])
+    if beyond[uneven.member] > CONSTANT * max(uneven.gaps[1] - 1.0, 1.0):
+        return uneven, f"is of another size in other settings (it scatters by {100 * beyond[uneven.member]:.0f} %)"
     # Where no more than noise is left the likelihood tells an effect from a tolerance that nearly takes its place: the gap is that
     # without it and all else as it is, so that blemishes alone are too small.
     exact = excess(search.problem, fit) == 0.0
     standing = [replace(s, gaps=(search.problem.gap(absent(search.problem, fit, s.member)), s.gaps[1])) if exact else s for s in standing]
-    least = min(standing, key=lambda s: s.gaps[0])
-    return None if worth_naming(*least.gaps) else (least, "closes next to nothing of the gap")
+    poor = [s for s in standing if not worth_naming(*s.gaps, share=0.0 if exact else s.share)]
+    return (min(poor, key=lambda s: s.gaps[0]), "closes next to nothing of the gap") if poor else None
 
 
 def account(search: Search, fit: Fit) -> Account:
@@ -121,7 +129,8 @@ def account(search: Search, fit: Fit) -> Account:
         elif len(fit.hypothesis) < fewest:
             # Those that are left may have leant on one that is gone; another of as many may explain more.
             fewest = len(fit.hypothesis)
-            fit = search.renamed(search.exchange(search.polished(fit, fit.hypothesis), LARGEST_SET))
+            other = search.renamed(search.exchange(search.polished(fit, fit.hypothesis), LARGEST_SET))
+            fit = fit if dropped.keys() & set(other.hypothesis) else other
         elif rough:
             rough = False
         else:

@@ -7,22 +7,35 @@ where the mean m of all takes I_g (s_g^2 - (s_g - m)^2) / 2. The ratio of their 
 all of them, and falls below 0 for what stands in for something else, large here and small there. What the other effects can take
 up over all runs is projected off; the tolerances stay as they are, since these are the machine's, too.
 
+Nor does it change with the setting that a machine is met in (`scattered`): how fast, how loaded, which way, how late. The blocks of
+time are put in order of each setting and cut in groups that know as much as each other of the effect's size, relative to what was
+fitted; what the groups' sizes s_g scatter about their mean beyond chance, Q = sum_g I_g (s_g - m)^2 less what is expected and what
+convinces, is worth a relative scatter of sqrt(Q / sum_g I_g). What stands in for something of another form scatters: a gain for a
+bend, a delay for clocks that drift apart.
+
 References: M. Stone, J. R. Stat. Soc. B 36, 1974 (cross-validation); J. Peters, P. Buehlmann, N. Meinshausen, J. R. Stat. Soc. B 78,
 2016 (a cause is what does not change from setting to setting).
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from rtds_host.diagnosis.effects import Parameter
+from rtds_host.diagnosis.evidence import CONVINCING
 from rtds_host.diagnosis.fit import Fit, apply, parameters
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
+from rtds_host.diagnosis.settings import settings
 
 # More of what an effect takes off carries over to other runs than does not.
 CARRIED = 0.5
 # Groups that are left out in turn: runs; where there are fewer of these, stretches of them.
 FEWEST_GROUPS = 4
+# A constant of the machine is of one size to a tenth.
+CONSTANT = 0.1
 
 
 def groups(problem: Problem) -> np.ndarray:
@@ -56,6 +69,47 @@ def carried(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
         known = np.bincount(where, own * own, minlength=count)
         result[member] = ratio(known - np.bincount(where, own * white, minlength=count), known)
     return result
+
+
+def scattered(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
+    """Relative scatter of each effect's size over the settings that it was met in, the largest, per the module's head."""
+    met = settings(problem, fit.model(problem))
+    white, jacobian = fit.whitened()
+    columns = list(enumerate(parameters(fit.effects, fit.hypothesis), len(fit.z)))
+    result = {}
+    for member in fit.hypothesis:
+        sized = [(k, p) for k, (effect, side, p) in columns if (effect.id, side) == member and not p.shape]
+        at = [k for k, _ in columns if fit.free[k] and k not in {j for j, _ in sized}]
+        own = sum(jacobian[:, k].astype(float) * _size(p, float(fit.u[k - len(fit.z)])) for k, p in sized)
+        if at:
+            beside = jacobian[:, at].astype(float)
+            own = own - beside @ np.linalg.solve(fit.precision[np.ix_(at, at)], beside.T @ own)
+        known = np.bincount(problem.blocks, own * own, minlength=problem.block_count)
+        weighed = known - np.bincount(problem.blocks, own * white, minlength=problem.block_count)
+        result[member] = max(scatter(values, weighed, known) for values in met.values())
+    return result
+
+
+def _size(p: Parameter, u: float) -> float:
+    """An effect's size in spreads: how far it is from absent; of what is absent far off, a stiff spring, the value itself."""
+    return u if p.null in (0.0, 1.0) else p.value(u) / p.slope(p.value(u))
+
+
+def scatter(values: np.ndarray, weighed: np.ndarray, known: np.ndarray) -> float:
+    """Relative scatter of a size over groups of blocks in the order of `values`, of I_b s_b and I_b, all (blocks,)."""
+    distinct, place = np.unique(values, return_inverse=True)
+    before = np.cumsum(each := np.bincount(place, known, minlength=len(distinct))) - each
+    group = (FEWEST_GROUPS * before / max(float(known.sum()), 1e-300)).astype(int).clip(0, FEWEST_GROUPS - 1)[place]
+    counts, sums, cross = (np.bincount(group, what, minlength=FEWEST_GROUPS) for what in (known > 0.0, known, weighed))
+    if np.count_nonzero(sums) < 2:
+        return 0.0
+    sizes = cross / np.where(sums > 0.0, sums, 1.0)
+    between = float(sums @ (sizes - cross.sum() / sums.sum()) ** 2)
+    used = known > 0.0
+    within = float(known[used] @ (weighed[used] / known[used] - sizes[group[used]]) ** 2)
+    degrees = np.count_nonzero(sums) - 1
+    chance = max(within / max(counts.sum() - degrees - 1, 1), 1.0)
+    return math.sqrt(max(between - chance * (degrees + 2.0 * math.log(CONVINCING)), 0.0) / float(sums.sum()))
 
 
 def absent(problem: Problem, fit: Fit, member: tuple[str, str]) -> Model:

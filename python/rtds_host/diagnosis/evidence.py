@@ -7,8 +7,9 @@ of it, however large it is. What is missed steadily, nearly wherever it acts, is
 stands in for something else.
 
 And an effect must be worth naming: what it takes off the squared gap is at least what counts as a gap at all, and no small
-part of what stays without a name, since of a large rest any form takes a little. Where nothing stays, the residuals being no larger
-than their noise, the likelihood is exact, and tells it from a tolerance that would take its place (`account`).
+part of what stays without a name, in the gap or in the likelihood, since of a large rest any form takes a little. Where nothing
+stays, the residuals being no larger than their noise, the likelihood is exact, and tells it from a tolerance that would take its
+place (`account`).
 """
 
 from __future__ import annotations
@@ -27,9 +28,11 @@ CONVINCING = 20.0
 WORTH, WORTH_OF_REST = LEAST**2 - 1.0, 0.1
 
 
-def worth_naming(without: float, gap: float) -> bool:
-    """Whether an effect that lowers the gap from `without` to `gap` is worth naming."""
-    return without**2 - gap**2 >= max(WORTH, WORTH_OF_REST * (gap**2 - 1.0))
+def worth_naming(without: float, gap: float, share: float = 0.0) -> bool:
+    """Whether an effect that lowers the gap from `without` to `gap` is worth naming; `share`: what it takes off the likelihood's
+    excess over white noise, of that without it."""
+    closes = without**2 - gap**2
+    return closes >= WORTH and (closes >= WORTH_OF_REST * (gap**2 - 1.0) or share >= WORTH_OF_REST)
 
 
 def excess(problem: Problem, fit: Fit) -> float:

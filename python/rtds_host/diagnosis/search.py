@@ -37,8 +37,8 @@ NEARLY = 0.8
 DOUBTFUL, SURE = 1, 12.0
 # Numerical: effects of each screening whose signatures are taken again for the next.
 RETAKEN = 8
-# Numerical: effects of a screening whose pairs are looked at.
-PAIRED = 12
+# Numerical: effects of a screening whose pairs are looked at, and explanations of each number of effects whose gap is.
+PAIRED, MET = 12, 8
 # Rounds of exchanging effects and looking for more.
 EXCHANGES = 3
 # Numerical: how far in score a rough fit may be from one in earnest, and how far behind it is certainly the worse one.
@@ -432,7 +432,22 @@ class Search:
             fit = better
         # Where no gap is left the likelihood is good enough to decide, blemishes and all; the account leaves these out.
         fit = fit if self.named(fit) else self.best()
-        return self.renamed(self._better(fit, [self.best()]) if self.closed(fit) else fit)
+        return self.renamed(self._better(fit, [self.best()]) if self.closed(fit) else self._plain(fit))
+
+    def _plain(self, fit: Fit) -> Fit:
+        """The explanation, or one of fewer effects that was met and leaves clearly less of the gap, with what can be added to it.
+
+        Beside a large discrepancy the likelihood looks at what is fast: several effects that whiten it can be more likely than the
+        one that closes the gap.
+        """
+        met = [f for count in range(1, len(fit.hypothesis))
+               for f in sorted((f for f in self.fits.values() if len(f.hypothesis) == count and self.named(f)), key=self.score)[:MET]]
+        closest = min(met, key=self._gap, default=fit)
+        if not worth_naming(self._gap(fit), self._gap(closest)):
+            return fit
+        self.trace.append(f"begin anew from {set(closest.hypothesis)}")
+        grown = self._climb(closest)
+        return grown if set(closest.hypothesis) <= set(grown.hypothesis) and self._gap(grown) < self._gap(closest) else closest
 
     def _open_loop(self, fit: Fit) -> Fit:
         """The explanation fitted with a ripple at the replay's own angle, as the gap is judged."""
