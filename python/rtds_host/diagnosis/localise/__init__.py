@@ -9,6 +9,8 @@ Blocks and what drives them (contract, section 2, for the equations):
 - speed_twice, yaw_twice: a channel against another one of the same quantity (sensors).
 
 Each block's residual is divided by the noise that the sensors alone would leave in it, so a perfect robot scores 1.
+What a model holds and a block does not, a filtered reading, free play, a spring, is in the model's own replay, too: the
+residual that a block leaves of that is no error and is taken off.
 The blocks' residuals are linear in small errors of the robot. Shares follow from a regression of all blocks at once
 on such errors' signatures, nuisances with their prior always in it: an error that explains most of what is left
 hands its energy to its subsystem, and what no signature explains stays with the block it is seen in.
@@ -16,7 +18,7 @@ hands its energy to its subsystem, and what no signature explains stays with the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -29,7 +31,8 @@ from rtds_host.diagnosis.localise.mechanical import torque_block
 from rtds_host.diagnosis.localise.shares import BLOCKS, Sums, share
 from rtds_host.diagnosis.localise.signals import Signals
 from rtds_host.diagnosis.localise.twice import speed_twice_block, yaw_twice_block
-from rtds_host.diagnosis.replay.model import Model
+from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 TITLES = {
     "bus": "supply voltage", "current_l": "command and speed → current, left",
@@ -89,18 +92,34 @@ def replay_blocks(log: RunLog, robot: Robot, model: Model) -> Signals:
     return run
 
 
-def localise(case: Case, model: Model) -> Localisation:
+def _as_replayed(log: RunLog, out: np.ndarray) -> RunLog:
+    """The run as its replay (n, 11) would have been logged, without noise."""
+    measured = {c: np.where(np.isfinite(log.columns[c]), out[:, k], np.nan) for c, k in OUTPUT_INDEX.items() if c in log.columns}
+    return replace(log, columns={**log.columns, **measured})
+
+
+def _own(log: RunLog, robot: Robot, model: Model) -> Signals:
+    """A run's blocks less what they leave of the model's own replay."""
+    run = replay_blocks(log, robot, model)
+    own = replay_blocks(_as_replayed(log, replay_run(model, run_inputs(log, robot))), robot, model)
+    for name, (residual, noise, rows) in run.blocks.items():
+        run.blocks[name] = residual - own.blocks[name][0], noise, rows
+    return run
+
+
+def localise(case: Case, model: Model, held: bool = False) -> Localisation:
     """Replay each block of a case from measured signals and say where the gap lies.
 
     Parameters
     ----------
-    case : the runs. model : the robot as far as it is known: nominal, with nuisances refitted, or with effects.
+    case : the runs. model : the robot as far as it is known: nominal, with nuisances refitted, or with effects. held : take
+    off what blocks leave of the model's own replay, which must then be close: of a model with effects.
 
     Returns
     -------
     blocks in the order of the signal chain, scores in units of noise, shares of the subsystems.
     """
-    runs = [replay_blocks(log, case.robot, model) for log in case.runs]
+    runs = [(_own if held else replay_blocks)(log, case.robot, model) for log in case.runs]
     sums = Sums(runs)
     located, chosen, lag = share(sums)
     excess = {b: max(sums.energy[b] - sums.count[b], 0.0) for b in sums.blocks}

@@ -34,6 +34,12 @@ def turn_block(run: Signals) -> None:
             continue
         run.speed_columns(f"sensing:speed_gain_{s}", k, w, True)
         run.speed_columns(f"sensing:speed_filter_{s}", k, -run.acc[k], False)
+        if run.th[k] is not None:
+            # A magnet or a disc off its axis reads too fast and too slow by turns, once and twice a revolution.
+            angle = filled(run.t, run.th[k])
+            for cycles in (1, 2):
+                for suffix, wave in (("", np.sin), ("b", np.cos)):
+                    run.speed_columns(f"sensing:speed_wobble{cycles}_{s}{suffix}", k, w * wave(cycles * angle), True)
         if run.th[k] is not None and run.has_w[k]:
             slow = smooth(np.gradient(filled(run.t, run.th[k]), run.t), 2)
             run.speed_columns(f"sensing:speed_fault_{s}", k, smooth(w, 2) - slow, False)

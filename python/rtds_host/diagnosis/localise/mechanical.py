@@ -100,6 +100,8 @@ def torque_block(run: Signals, k: int) -> None:
     put(f"drivetrain:direction_{s}", -np.abs(sign_mid))
     put(f"drivetrain:direction_{s}b", -np.abs(mid))
     put(f"drivetrain:load_{s}", -np.abs(drive - fluid * mid) * sign_mid)
+    put(f"drivetrain:place_{s}", -sign_mid * np.sin(middles(angle)))
+    put(f"drivetrain:place_{s}b", -sign_mid * np.cos(middles(angle)))
     put(f"drivetrain:growing_{s}", -sign_mid * middles(t - t[0]))
     run.put(f"drivetrain:inertia_{s}", f"torque_{s}", -run.cut(gear**2 * model.get("rotor_inertia", k) * w)
               / run.inertia[k])
@@ -127,6 +129,12 @@ def torque_block(run: Signals, k: int) -> None:
         put(f"sensing:current_gain_{s}", -run.km[k] * middles(i))
         run.put(f"sensing:current_bias_{s}", f"current_{s}", np.ones(run.n))
         put(f"sensing:current_bias_{s}", np.full(run.n - 1, -run.km[k]))
+        # A current sensor that bends, and one that lags.
+        run.put(f"sensing:current_bend_{s}", f"current_{s}", i * np.abs(i))
+        put(f"sensing:current_bend_{s}", -run.km[k] * middles(i * np.abs(i)))
+        slope = np.gradient(smooth(i, run.half), t)
+        run.put(f"sensing:current_lag_{s}", f"current_{s}", -slope)
+        put(f"sensing:current_lag_{s}", run.km[k] * middles(slope))
         put(f"winding:constant_{s}", run.km[k] * middles(i))
         put(f"winding:saturation_{s}", -run.km[k] * middles(i * np.abs(i)))
     elif run.voltage_mode:
@@ -135,6 +143,7 @@ def torque_block(run: Signals, k: int) -> None:
         weight = GRAVITY_M_S2 * r * 0.5
         put("wheel_ground:rolling", -sign_mid * weight * run.mass)
         put("wheel_ground:scrub", -lever * yaw_sign_mid)
+        put("wheel_ground:turn_drag", -lever * middles(run.wheel_rate))
         put("chassis:mass", middles(pull) / run.mass - 0.25 * r * r * middles(run.acc[0] + run.acc[1]))
         uphill = run.heading - run.log.meta.uphill_yaw_rad
         put("chassis:slope", -weight * run.mass * middles(np.cos(uphill)))
