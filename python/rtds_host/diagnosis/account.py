@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from rtds_host.diagnosis.carried import CARRIED, CONSTANT, absent, carried, scattered
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
+from rtds_host.diagnosis.localise import energy
 from rtds_host.diagnosis.screen import available, clashes
 from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.twins import twins
@@ -90,8 +91,12 @@ def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
     return tried[k], gaps[k]
 
 
-def _fallen(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
-    """The effect that stands least, and why it does not; None where all stand."""
+def _fallen(search: Search, fit: Fit, standing: list[Standing], steady: set[tuple[str, str]]) -> tuple[Standing, str] | None:
+    """The effect that stands least, and why it does not; None where all stand.
+
+    steady : effects seen to be of one size beside more others, to which those seen now are added. They stay so: what scatters
+    once a stand-in is taken out is the rest that it stood for.
+    """
     if not standing:
         return None
     weakest = min(standing, key=lambda s: s.probability)
@@ -105,24 +110,43 @@ def _fallen(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standin
                         f"{100 * max(over[fickle.member], 0.0):.0f} % of what it does fitted to all)")
     # A machine that the models describe no better than to many times the noise scatters in all its constants.
     beyond = scattered(search.problem, fit)
-    uneven = max(standing, key=lambda s: beyond[s.member])
-    if beyond[uneven.member] > CONSTANT * max(uneven.gaps[1] - 1.0, 1.0):
+    steady |= {member for member, much in beyond.items() if much <= CONSTANT * max(standing[0].gaps[1] - 1.0, 1.0)}
+    uneven = max(standing, key=lambda s: (s.member not in steady, beyond[s.member]))
+    if uneven.member not in steady:
         return uneven, f"is of another size in other settings (it scatters by {100 * beyond[uneven.member]:.0f} %)"
     # Where no more than noise is left the likelihood tells an effect from a tolerance that nearly takes its place: the gap is that
     # without it and all else as it is, so that blemishes alone are too small.
     exact = excess(search.problem, fit) == 0.0
     standing = [replace(s, gaps=(search.problem.gap(absent(search.problem, fit, s.member)), s.gaps[1])) if exact else s for s in standing]
     poor = [s for s in standing if not worth_naming(*s.gaps, share=0.0 if exact else s.share)]
-    return (min(poor, key=lambda s: s.gaps[0]), "closes next to nothing of the gap") if poor else None
+    if poor:
+        return min(poor, key=lambda s: s.gaps[0]), "closes next to nothing of the gap"
+    contradicted = _contradicted(search, fit)
+    return next(((s, "opens what measured signals close (it leaves more of the blocks that they drive than there is without it)")
+                 for s in standing if s.member == contradicted), None)
+
+
+def _contradicted(search: Search, fit: Fit) -> tuple[str, str] | None:
+    """The effect that opens the blocks which are driven by measured signals most, beyond chance; None if none does.
+
+    A track that is wider than declared brings a replay's turns closer where a drag slows them; but then the measured wheels and
+    the gyro, which agree, would have to disagree.
+    """
+    case = search.problem.looked_at
+    left, count = energy(case, fit.model(search.problem))
+    opened = {member: left - energy(case, absent(search.problem, fit, member))[0] for member in fit.hypothesis} if count else {}
+    worst = max(opened, key=opened.__getitem__, default=None)
+    return worst if worst and opened[worst] > 2.0 * math.log(CONVINCING) * max(left / count, 1.0) else None
 
 
 def account(search: Search, fit: Fit) -> Account:
     """Name the effects of the most probable explanation that stand on their own evidence."""
     dropped: dict[tuple[str, str], str] = {}
+    steady: set[tuple[str, str]] = set()
     rough, fewest = True, len(fit.hypothesis)
     while True:
         standing = [_standing(search, fit, member, rough) for member in fit.hypothesis]
-        fallen = _fallen(search, fit, standing)
+        fallen = _fallen(search, fit, standing, steady)
         if fallen is not None:
             one, dropped[one.member] = fallen
             fit = search.try_fit(one.without.hypothesis, one.without.u, one.without)

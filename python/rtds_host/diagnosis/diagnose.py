@@ -19,6 +19,7 @@ from rtds_host.diagnosis.fit import Fit, parameters
 from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.heldout import HeldOut, held_out
 from rtds_host.diagnosis.localise import localise
+from rtds_host.diagnosis.localise.shares import FAINT
 from rtds_host.diagnosis.nuisances import SETUP
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
@@ -117,10 +118,10 @@ def conclude(found: Investigation, gate: Gate | None,
     closed = gaps.closed(total["before"], total["after"])
     effect_closed = gaps.closed(total["refit"], total["after"])
     rest = min(max(1.0 - effect_closed, 0.0), 1.0) if effect_closed is not None else 0.0
-    structured = total["after"] >= gaps.LEAST and _coloured(weighed.fit)
+    structured = _beyond_noise(problem, weighed.fit, total["after"]) and _coloured(weighed.fit)
     verdict = _verdict(total, bool(weighed.standing), structured, rest)
     localisation = localise(problem.looked_at, weighed.base.model(problem))
-    after = localise(problem.looked_at, weighed.fit.model(problem)) if weighed.standing else localisation
+    after = localise(problem.looked_at, weighed.fit.model(problem), held=True) if weighed.standing else localisation
     rows = [] if verdict == "none" else budget.shares(problem, weighed.fit, total["after"], after)
     located = budget.located(problem, rows)
     placed = after.shares()
@@ -164,6 +165,11 @@ def _verdict(total: dict[str, float], named: bool, structured: bool, rest: float
     if not named:
         return "unknown" if structured else "none"
     return "partial" if structured and rest > REST_OF_KNOWN else "known"
+
+
+def _beyond_noise(problem: Problem, fit: Fit, gap: float) -> bool:
+    """Whether there is a rest: in the gap, or in what the gap does not count, the bus and angles beside speeds."""
+    return gap >= gaps.LEAST or float(fit.residual @ fit.residual) >= (1.0 + FAINT) * problem.size
 
 
 def _coloured(fit: Fit) -> bool:

@@ -476,6 +476,16 @@ class Search:
         over = carried(self.problem, grown)
         return all(over[member] >= CARRIED for member in set(grown.hypothesis) - set(fit.hypothesis))
 
+    def _next(self, stands: Fit, closest: float) -> Fit | None:
+        """The most probable explanation met with one effect more that is believed; None if there is none. What promises most may
+        be a stand-in that no run but one asks for."""
+        met = [f for f in self.fits.values() if len(f.hypothesis) == len(stands.hypothesis) + 1 and self.named(f)
+               and set(stands.hypothesis) < set(f.hypothesis) and self.score(f) < self.score(stands)]
+        for fit in sorted(met, key=self.score):
+            if self._believed(fit, stands, closest):
+                return self.try_fit(fit.hypothesis, fit.u, fit)
+        return None
+
     def _gap(self, fit: Fit) -> float:
         return self.problem.gap(fit.model(self.problem))
 
@@ -486,6 +496,12 @@ class Search:
         while len(fit.hypothesis) < MOST_EFFECTS:
             grown = self.grow(fit, 5 if self.quick else 10)
             if grown is None or (doubtful == DOUBTFUL and not self._believed(grown, stands, closest)):
+                other = self._next(stands, closest) if not self.closed(stands) else None
+                if other is not None:
+                    stands = fit = self.polished(other, set(other.hypothesis) - set(stands.hypothesis))
+                    self.trace.append(f"add {set(stands.hypothesis)}, which is believed")
+                    doubtful, closest = 0, min(closest, self._gap(fit))
+                    continue
                 if stands.hypothesis in self.looked or self.closed(stands):
                     break
                 # What a delay or a wrong constant hid from the first screening: a swinging gear, a slipping tyre.

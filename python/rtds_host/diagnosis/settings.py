@@ -28,6 +28,8 @@ SETTINGS: dict[str, Callable[[RunData, np.ndarray], np.ndarray]] = {
     "acceleration": lambda data, out: np.abs(np.gradient(_wheels(out, "w"), data.log.t, axis=0)).sum(axis=1),
     "current": lambda data, out: np.abs(_wheels(out, "i")).sum(axis=1),
     "command": lambda data, out: _command(data),
+    "uphill": lambda data, out: np.cos(out[:, OUTPUT_INDEX["yaw"]]),
+    "across": lambda data, out: np.sin(out[:, OUTPUT_INDEX["yaw"]]),
     "time": lambda data, out: data.log.t - data.log.t[0],
 }
 

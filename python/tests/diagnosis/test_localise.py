@@ -83,6 +83,30 @@ def test_the_model_with_the_effect_brings_the_blocks_back_to_noise():
     assert scores(localise(case, model))["torque_l"] < 1.6
 
 
+def test_what_a_block_does_not_know_of_a_model_is_no_rest():
+    """The reading of a filtered speed disagrees with the angle; a model that has the filter says by how much."""
+    case = make_case(lambda m: m.put("speed_tau", 0.05))
+    model = nominal_model(case.robot)
+    model.put("speed_tau", 0.05)
+    assert scores(localise(case, model))["speed_twice_l"] > 3
+    assert max(scores(localise(case, model, held=True)).values()) < 1.3
+
+
+def wobbly(_, columns):
+    for c in ("w_l", "w_r"):
+        columns[c] *= 1.0 + 0.1 * np.sin(columns[c.replace("w", "th")])
+
+
+def bent(_, columns):
+    for c in ("i_l", "i_r"):
+        columns[c] *= 1.0 + (columns[c] / 0.5) ** 2
+
+
+@pytest.mark.parametrize("fault", [wobbly, bent], ids=["a speed that wobbles with the angle", "a current that bends"])
+def test_a_sensor_without_a_name_for_its_fault_is_told_from_the_machine(fault):
+    assert located(changed(make_case(), fault)).shares()[0]["subsystem"] == "sensing"
+
+
 def test_a_delay_is_told_to_the_nearest_of_its_grid():
     result = located(make_case(lambda m: m.put("command_delay", 0.03)))
     assert result.lag_s == 0.03

@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosis_cases import make_case, make_run, without
+from diagnosis_cases import changed, make_case, make_run, without
 
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.carried import CARRIED, carried, ratio
+from rtds_host.diagnosis.account import _contradicted
+from rtds_host.diagnosis.carried import CARRIED, CONSTANT, carried, ratio, scatter, scattered
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.evidence import excess
-from rtds_host.diagnosis.fit import scaled
+from rtds_host.diagnosis.fit import joined, scaled
 from rtds_host.diagnosis.likelihood import Discrepancy, Series
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
@@ -222,3 +223,59 @@ def test_a_share_is_taken_run_by_run():
     """A delay of all runs fitted to them carries over whole."""
     search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083}))
     assert carried(search.problem, fit)["command_delay", "both"] == pytest.approx(1.0, abs=0.01)
+
+
+BLOCKS, KNOWN = np.arange(100.0), np.full(100, 50.0)
+
+
+@pytest.mark.parametrize("shares,low,high", [
+    (np.ones(100), 0.0, 0.0),
+    (1.0 + 0.3 * np.sign(BLOCKS - 49.5), 0.28, 0.31),
+    (1.0 + 0.3 * np.sin(37.0 * BLOCKS), 0.0, 0.0),
+    (1.0 + np.random.default_rng(1).normal(size=100) / np.sqrt(KNOWN), 0.0, 0.0),
+], ids=["of one size", "of another where the setting is higher", "of any size in any setting", "known no better"])
+def test_a_size_scatters_where_it_follows_a_setting(shares, low, high):
+    assert low <= scatter(BLOCKS, KNOWN * shares, KNOWN) <= high
+
+
+def bent(_, columns):
+    for side in "lr":
+        current = columns[f"i_{side}"]
+        columns[f"i_{side}"] = current * (1.0 + (current / 0.5) ** 2)
+
+
+def test_a_gain_that_stands_in_for_a_bend_scatters_and_a_gain_does_not():
+    gain = (("current_gain", "both"), {"ratio": 1.1})
+    search, fit = fitted(changed(make_case(seconds=20.0), bent), gain)
+    assert scattered(search.problem, fit)[gain[0]] > CONSTANT
+    search, fit = fitted(make_case(lambda m: m.scale("current_gain", 1.1), seconds=20.0), gain)
+    assert scattered(search.problem, fit)[gain[0]] < 0.01
+
+
+def test_a_track_that_stands_in_for_a_drag_is_contradicted_by_wheels_and_gyro_that_agree():
+    track = (("track_width_error", "both"), {"ratio": 1.05})
+    assert _contradicted(*fitted(make_case(lambda m: m.add("scrub", 0.05)), track)) == track[0]
+    assert _contradicted(*fitted(make_case(lambda m: m.scale("track", 1.05)), track)) is None
+
+
+def test_one_effect_that_closes_the_gap_is_taken_before_two_that_do_not():
+    case = make_case(lambda m: (m.scale("torque_constant", 1.1, (1,)), m.scale("back_emf", 1.1, (1,))))
+    search, one = fitted(case, (("torque_constant_error", "right"), {"ratio": 1.1}))
+    two = search.try_fit(*joined({("current_gain", "right"): np.array([0.1]), ("viscous_friction", "right"): np.array([0.1])}), search.fits[()])
+    assert search.problem.gap(two.model(search.problem)) > 2.0
+    assert search._plain(two).hypothesis == one.hypothesis and search._plain(one) is one
+
+
+def test_the_next_effect_is_one_that_every_run_asks_for():
+    """One run of four is late, and the gyro's gain is off in all: a delay is not believed, the gain is."""
+    robot = builtin_robot("burger")
+    model = nominal_model(robot)
+    model.scale("gyro_gain", 0.8)
+    logs = tuple(make_run(f"steps-{k}", model, robot, "steps", 8.0, k) for k in range(4))
+    gain, delay = ("gyro_gain", "both"), ("command_delay", "both")
+    search, wanted = fitted(late_in((1,), Case("example", robot, logs), 0.01), (gain, {"ratio": 0.8}))
+    nothing = search.fits[()]
+    search.fits = {f.hypothesis: f for f in (nothing, search.try_fit((delay,), scaled(search.effects, (delay,), [{"seconds": 0.003}]), nothing))}
+    assert search._next(nothing, search._gap(nothing)) is None
+    search.fits[wanted.hypothesis] = wanted
+    assert search._next(nothing, search._gap(nothing)).hypothesis == (gain,)

@@ -28,7 +28,7 @@ from rtds_host.diagnosis.localise.electrical import bus_block, current_block
 from rtds_host.diagnosis.localise.ground import turn_block, way_block
 from rtds_host.diagnosis.localise.lost import lost
 from rtds_host.diagnosis.localise.mechanical import torque_block
-from rtds_host.diagnosis.localise.shares import BLOCKS, Sums, share
+from rtds_host.diagnosis.localise.shares import BLOCKS, FARTHEST, Sums, share
 from rtds_host.diagnosis.localise.signals import Signals
 from rtds_host.diagnosis.localise.twice import speed_twice_block, yaw_twice_block
 from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
@@ -105,6 +105,17 @@ def _own(log: RunLog, robot: Robot, model: Model) -> Signals:
     for name, (residual, noise, rows) in run.blocks.items():
         run.blocks[name] = residual - own.blocks[name][0], noise, rows
     return run
+
+
+def energy(case: Case, model: Model) -> tuple[float, int]:
+    """Sum of squares of all blocks' residuals, in units of their noise, of a model with effects, and their number."""
+    total, count = 0.0, 0
+    for log in case.runs:
+        for name, (residual, noise, rows) in _own(log, case.robot, model).blocks.items():
+            z = residual / noise if name == "way" else (residual / noise)[rows]
+            z = np.clip(z[np.isfinite(z)], -FARTHEST, FARTHEST)
+            total, count = total + float(z @ z), count + len(z)
+    return total, count
 
 
 def localise(case: Case, model: Model, held: bool = False) -> Localisation:

@@ -132,7 +132,9 @@ def torque_block(run: Signals, k: int) -> None:
         # A current sensor that bends, and one that lags.
         run.put(f"sensing:current_bend_{s}", f"current_{s}", i * np.abs(i))
         put(f"sensing:current_bend_{s}", -run.km[k] * middles(i * np.abs(i)))
-        slope = np.gradient(smooth(i, run.half), t)
+        # Of the current that follows from voltage and speed: a difference of samples would be the residual's own noise.
+        end = run.electric[k][3]
+        slope = np.diff(end, prepend=end[0])
         run.put(f"sensing:current_lag_{s}", f"current_{s}", -slope)
         put(f"sensing:current_lag_{s}", run.km[k] * middles(slope))
         put(f"winding:constant_{s}", run.km[k] * middles(i))

@@ -24,6 +24,8 @@ BELIEVED = 0.35
 BELIEVED_OF_ALL = 0.03
 # Excess energy, as a share of the noise's, below which no place is named.
 FAINT = 0.05
+# Numerical: a block that has left all bounds says no more than that, in units of noise.
+FARTHEST = 1e4
 
 
 def _group(cause: str) -> str:
@@ -63,8 +65,7 @@ class Sums:
         at = rows[take] if b == "way" else take
         z = residual[take] / noise[take]
         keep = np.isfinite(z)
-        # A block that has left all bounds says no more than that.
-        take, at, z = take[keep], at[keep], np.clip(z[keep], -1e4, 1e4)
+        take, at, z = take[keep], at[keep], np.clip(z[keep], -FARTHEST, FARTHEST)
         used = [c for c in run.columns if b in run.columns[c]]
         a = np.empty((len(z), len(used)))
         for j, c in enumerate(used):
@@ -90,7 +91,7 @@ class Sums:
             if b not in run.blocks:
                 return
             residual, noise, rows = run.blocks[b]
-            z = np.where(rows, np.clip(residual / noise, -1e4, 1e4), 0.0)
+            z = np.where(rows, np.clip(residual / noise, -FARTHEST, FARTHEST), 0.0)
             push = run.columns[f"drivetrain:steady_{run.robot.sides[k]}"][b] / noise
             push = np.where(rows, push, 0.0)
             starts = run.cut.starts
