@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from rtds_host.diagnosis.carried import CARRIED, CONSTANT, absent, carried, scattered
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
+from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.localise import energy
 from rtds_host.diagnosis.screen import available, clashes
 from rtds_host.diagnosis.search import Search
@@ -115,10 +116,12 @@ def _fallen(search: Search, fit: Fit, standing: list[Standing], steady: set[tupl
     if uneven.member not in steady:
         return uneven, f"is of another size in other settings (it scatters by {100 * beyond[uneven.member]:.0f} %)"
     # Where no more than noise is left the likelihood tells an effect from a tolerance that nearly takes its place: the gap is that
-    # without it and all else as it is, so that blemishes alone are too small.
+    # without it and all else as it is. One whose place is taken to within noise must open more than noise then.
     exact = excess(search.problem, fit) == 0.0
+    bent = {s.member for s in standing if s.gaps[0] < LEAST}
     standing = [replace(s, gaps=(search.problem.gap(absent(search.problem, fit, s.member)), s.gaps[1])) if exact else s for s in standing]
-    poor = [s for s in standing if not worth_naming(*s.gaps, share=0.0 if exact else s.share)]
+    poor = [s for s in standing if not worth_naming(*s.gaps, share=0.0 if exact else s.share)
+            or (exact and s.member in bent and s.gaps[0] ** 2 - s.gaps[1] ** 2 < 1.0)]
     if poor:
         return min(poor, key=lambda s: s.gaps[0]), "closes next to nothing of the gap"
     contradicted = _contradicted(search, fit)

@@ -435,7 +435,7 @@ class Search:
         return self.renamed(self._better(fit, [self.best()]) if self.closed(fit) else self._plain(fit))
 
     def _plain(self, fit: Fit) -> Fit:
-        """The explanation, or one of fewer effects that was met and leaves clearly less of the gap, with what can be added to it.
+        """The explanation, or one of fewer effects that was met and leaves less than half of its rest, with what can be added to it.
 
         Beside a large discrepancy the likelihood looks at what is fast: several effects that whiten it can be more likely than the
         one that closes the gap.
@@ -443,7 +443,7 @@ class Search:
         met = [f for count in range(1, len(fit.hypothesis))
                for f in sorted((f for f in self.fits.values() if len(f.hypothesis) == count and self.named(f)), key=self.score)[:MET]]
         closest = min(met, key=self._gap, default=fit)
-        if not worth_naming(self._gap(fit), self._gap(closest)):
+        if self._gap(closest) ** 2 - 1.0 > 0.5 * (self._gap(fit) ** 2 - 1.0):
             return fit
         self.trace.append(f"begin anew from {set(closest.hypothesis)}")
         grown = self._climb(closest)
