@@ -93,53 +93,77 @@ def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
 
 
 def _fallen(search: Search, fit: Fit, standing: list[Standing], steady: set[tuple[str, str]]) -> tuple[Standing, str] | None:
-    """The effect that stands least, and why it does not; None where all stand.
-
-    steady : effects seen to be of one size beside more others, to which those seen now are added. They stay so: what scatters
-    once a stand-in is taken out is the rest that it stood for.
-    """
+    """The effect that stands least, and why it does not; None where all stand. `steady` as of `_uneven`."""
     if not standing:
         return None
-    weakest = min(standing, key=lambda s: s.probability)
-    if weakest.probability < NAMED:
-        return weakest, (f"is missed too unevenly to be there (gain {weakest.gain:.0f}, {weakest.t:.1f} times its scatter over the "
-                         "runs)")
+    return (_unlikely(standing) or _fickle(search, fit, standing) or _uneven(search, fit, standing, steady)
+            or _poor(search, fit, standing) or _contradicted(search, fit, standing))
+
+
+def _unlikely(standing: list[Standing]) -> tuple[Standing, str] | None:
+    """The one that is least likely there, if it is less likely there than not."""
+    one = min(standing, key=lambda s: s.probability)
+    return None if one.probability >= NAMED else (
+        one, f"is missed too unevenly to be there (gain {one.gain:.0f}, {one.t:.1f} times its scatter over the runs)")
+
+
+def _fickle(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
+    """The one that carries over to other runs least, if more of it does not than does."""
     over = carried(search.problem, fit)
-    fickle = min(standing, key=lambda s: over[s.member])
-    if over[fickle.member] < CARRIED:
-        return fickle, ("is of another size in every run (fitted to the others it takes off "
-                        f"{100 * max(over[fickle.member], 0.0):.0f} % of what it does fitted to all)")
-    # A machine that the models describe no better than to many times the noise scatters in all its constants.
+    one = min(standing, key=lambda s: over[s.member])
+    return None if over[one.member] >= CARRIED else (
+        one, ("is of another size in every run (fitted to the others it takes off "
+              f"{100 * max(over[one.member], 0.0):.0f} % of what it does fitted to all)"))
+
+
+def _uneven(search: Search, fit: Fit, standing: list[Standing], steady: set[tuple[str, str]]) -> tuple[Standing, str] | None:
+    """The one whose size scatters most over the settings, if it is no constant.
+
+    A machine that the models describe no better than to many times the noise scatters in all its constants. steady : effects seen
+    to be of one size beside more others, to which those seen now are added. They stay so: what scatters once a stand-in is
+    taken out is the rest that it stood for.
+    """
     beyond = scattered(search.problem, fit)
     steady |= {member for member, much in beyond.items() if much <= CONSTANT * max(standing[0].gaps[1] - 1.0, 1.0)}
-    uneven = max(standing, key=lambda s: (s.member not in steady, beyond[s.member]))
-    if uneven.member not in steady:
-        return uneven, f"is of another size in other settings (it scatters by {100 * beyond[uneven.member]:.0f} %)"
-    # Where no more than noise is left the likelihood tells an effect from a tolerance that nearly takes its place: the gap is that
-    # without it and all else as it is. One whose place is taken to within noise must open more than noise then.
+    one = max(standing, key=lambda s: (s.member not in steady, beyond[s.member]))
+    return None if one.member in steady else (
+        one, f"is of another size in other settings (it scatters by {100 * beyond[one.member]:.0f} %)")
+
+
+def _poor(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
+    """The one that closes least, if it is not worth naming.
+
+    Where no more than noise is left the likelihood tells an effect from a tolerance that nearly takes its place: the gap is that
+    without it and all else as it is. One whose place is taken to within noise must open more than noise then.
+    """
+    poor = []
     exact = excess(search.problem, fit) == 0.0
-    bent = {s.member for s in standing if s.gaps[0] < LEAST}
-    standing = [replace(s, gaps=(search.problem.gap(absent(search.problem, fit, s.member)), s.gaps[1])) if exact else s for s in standing]
-    poor = [s for s in standing if not worth_naming(*s.gaps, share=0.0 if exact else s.share)
-            or (exact and s.member in bent and s.gaps[0] ** 2 - s.gaps[1] ** 2 < 1.0)]
-    if poor:
-        return min(poor, key=lambda s: s.gaps[0]), "closes next to nothing of the gap"
-    contradicted = _contradicted(search, fit)
-    return next(((s, "opens what measured signals close (it leaves more of the blocks that they drive than there is without it)")
-                 for s in standing if s.member == contradicted), None)
+    for one in standing:
+        without, gap = one.gaps
+        if exact:
+            replaced, without = without < LEAST, search.problem.gap(absent(search.problem, fit, one.member))
+            worth = worth_naming(without, gap) and not (replaced and without**2 - gap**2 < 1.0)
+        else:
+            worth = worth_naming(without, gap, one.share)
+        if not worth:
+            poor.append((without, one))
+    return (min(poor, key=lambda found: found[0])[1], "closes next to nothing of the gap") if poor else None
 
 
-def _contradicted(search: Search, fit: Fit) -> tuple[str, str] | None:
-    """The effect that opens the blocks which are driven by measured signals most, beyond chance; None if none does.
+def _contradicted(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
+    """The one that opens the blocks which are driven by measured signals most, if any does beyond chance.
 
     A track that is wider than declared brings a replay's turns closer where a drag slows them; but then the measured wheels and
     the gyro, which agree, would have to disagree.
     """
     case = search.problem.looked_at
     left, count = energy(case, fit.model(search.problem))
-    opened = {member: left - energy(case, absent(search.problem, fit, member))[0] for member in fit.hypothesis} if count else {}
-    worst = max(opened, key=opened.__getitem__, default=None)
-    return worst if worst and opened[worst] > 2.0 * math.log(CONVINCING) * max(left / count, 1.0) else None
+    if not count:
+        return None
+    opened = {s.member: left - energy(case, absent(search.problem, fit, s.member))[0] for s in standing}
+    one = max(standing, key=lambda s: opened[s.member])
+    return None if opened[one.member] <= 2.0 * math.log(CONVINCING) * max(left / count, 1.0) else (
+        one, "opens what measured signals close (it leaves more of the blocks that they drive than there is without it)")
 
 
 def account(search: Search, fit: Fit) -> Account:
