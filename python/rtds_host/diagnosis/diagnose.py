@@ -15,7 +15,7 @@ from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import Account, Standing, account
 from rtds_host.diagnosis.experiment import next_experiment
-from rtds_host.diagnosis.fit import Fit, parameters
+from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
 from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.heldout import HeldOut, held_out
 from rtds_host.diagnosis.localise import localise
@@ -198,13 +198,33 @@ def _sandwich(problem: Problem, fit: Fit, groups: np.ndarray) -> np.ndarray:
     return result
 
 
+def _shift(fit: Fit) -> np.ndarray:
+    """How far (z, u) move, (k + p,), if residuals count as white noise in place of a discrepancy.
+
+    J. A. Hausman, Econometrica 46, 1978: two estimates that weigh slow and fast misfits otherwise agree where the explanation is
+    whole; what parts them is the rest that one of them took for an effect. Prior and dispersion are those of the fit.
+    """
+    keep = np.flatnonzero(fit.free)
+    prior = np.diag(prior_weight(fit.z, fit.u)[keep])
+    pull = prior @ np.concatenate([fit.z, fit.u])[keep]
+    jacobian = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep].astype(float)
+    white, whitened = fit.whitened()
+    whitened = whitened[:, keep].astype(float)
+    dispersion = max(float(fit.residual @ fit.residual) / len(fit.residual), 1.0)
+    moved = [np.linalg.solve(j.T @ j / scale + prior, j.T @ r / scale + pull)
+             for j, r, scale in ((whitened, white, 1.0), (jacobian, fit.residual, dispersion))]
+    result = np.zeros(len(fit.free))
+    result[keep] = moved[0] - moved[1]
+    return result
+
+
 def _sigmas(problem: Problem, fit: Fit) -> np.ndarray:
     """One sigma of each parameter, in spreads: the largest of what the likelihood says, what the scatter between blocks of
-    time says, and what that between runs does."""
+    time says, and what that between runs does; and what it hangs on how the rest is weighed."""
     variances = [np.diag(fit.covariance), _sandwich(problem, fit, problem.blocks)]
     if len(problem.whole) > 2:
         variances.append(_sandwich(problem, fit, problem.runs_of))
-    return np.sqrt(np.max(variances, axis=0))[len(fit.z):]
+    return np.sqrt(np.max(variances, axis=0) + _shift(fit) ** 2)[len(fit.z):]
 
 
 def _effect(problem: Problem, weighed: Account, one: Standing, held: HeldOut, stamps_s: float) -> dict:

@@ -10,7 +10,7 @@ from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.account import _contradicted, _standing
 from rtds_host.diagnosis.carried import CARRIED, CONSTANT, carried, ratio, scatter, scattered
-from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
 from rtds_host.diagnosis.evidence import excess
 from rtds_host.diagnosis.fit import joined, scaled
 from rtds_host.diagnosis.likelihood import Discrepancy, Series
@@ -281,3 +281,13 @@ def test_the_next_effect_is_one_that_every_run_asks_for():
     assert search._next(nothing, search._gap(nothing)) is None
     search.fits[wanted.hypothesis] = wanted
     assert search._next(nothing, search._gap(nothing)).hypothesis == (gain,)
+
+
+@pytest.mark.parametrize("rest,least,most", [(0.0, 0.0, 0.1), (0.02, 2.0, np.inf)], ids=["nothing left", "a slope that has no name"])
+def test_a_size_is_known_no_better_than_two_ways_to_weigh_the_rest_agree(rest, least, most):
+    gain = ("gyro_gain", "both")
+    search, fit = fitted(make_case(lambda m: (m.scale("gyro_gain", 0.95), m.add("slope_extra", rest))), (gain, {"ratio": 0.95}))
+    fit = search.fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise.estimated(fit.residual, thorough=True))
+    shift, own = abs(_shift(fit)[-1]), np.sqrt(fit.covariance[-1, -1])
+    assert least * own <= shift <= most * own
+    assert _sigmas(search.problem, fit)[-1] >= np.hypot(shift, own)
