@@ -17,7 +17,7 @@ from rtds_host.diagnosis.carried import CARRIED, CONSTANT, absent, carried, scat
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
-from rtds_host.diagnosis.localise import energy
+from rtds_host.diagnosis.localise import excess_energy
 from rtds_host.diagnosis.screen import available, clashes
 from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.twins import twins
@@ -157,12 +157,12 @@ def _contradicted(search: Search, fit: Fit, standing: list[Standing]) -> tuple[S
     the gyro, which agree, would have to disagree.
     """
     case = search.problem.looked_at
-    left, count = energy(case, fit.model(search.problem))
+    left, count = excess_energy(case, fit.model(search.problem))
     if not count:
         return None
-    opened = {s.member: left - energy(case, absent(search.problem, fit, s.member))[0] for s in standing}
+    opened = {s.member: left - excess_energy(case, absent(search.problem, fit, s.member))[0] for s in standing}
     one = max(standing, key=lambda s: opened[s.member])
-    return None if opened[one.member] <= 2.0 * math.log(CONVINCING) * max(left / count, 1.0) else (
+    return None if opened[one.member] <= 2.0 * math.log(CONVINCING) * (1.0 + left / count) else (
         one, "opens what measured signals close (it leaves more of the blocks that they drive than there is without it)")
 
 

@@ -215,6 +215,9 @@ def _shift(fit: Fit) -> np.ndarray:
              for j, r, scale in ((whitened, white, 1.0), (jacobian, fit.residual, dispersion))]
     result = np.zeros(len(fit.free))
     result[keep] = moved[0] - moved[1]
+    # A slope says nothing of where steps that come late would end.
+    kinked = [effect.steep for effect, *_ in parameters(fit.effects, fit.hypothesis)]
+    result[len(fit.z):][kinked] = 0.0
     return result
 
 

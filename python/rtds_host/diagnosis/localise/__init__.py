@@ -107,15 +107,20 @@ def _own(log: RunLog, robot: Robot, model: Model) -> Signals:
     return run
 
 
-def energy(case: Case, model: Model) -> tuple[float, int]:
-    """Sum of squares of all blocks' residuals, in units of their noise, of a model with effects, and their number."""
-    total, count = 0.0, 0
+def excess_energy(case: Case, model: Model) -> tuple[float, int]:
+    """What all blocks' residuals have beyond their noise, of a model with effects, and their number.
+
+    A sum of squares in units of noise less one for each, 0 for a block that has no more: noise is bounded from above.
+    """
+    squares: dict[str, float] = {}
+    counts: dict[str, int] = {}
     for log in case.runs:
         for name, (residual, noise, rows) in _own(log, case.robot, model).blocks.items():
             z = residual / noise if name == "way" else (residual / noise)[rows]
             z = np.clip(z[np.isfinite(z)], -FARTHEST, FARTHEST)
-            total, count = total + float(z @ z), count + len(z)
-    return total, count
+            squares[name] = squares.get(name, 0.0) + float(z @ z)
+            counts[name] = counts.get(name, 0) + len(z)
+    return sum(max(squares[name] - counts[name], 0.0) for name in squares), sum(counts.values())
 
 
 def localise(case: Case, model: Model, held: bool = False) -> Localisation:
