@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from diagnosis_cases import changed, make_case, without
 
+from rtds_host.diagnosis import localise as blocks
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise import BLOCKS, localise
 from rtds_host.diagnosis.replay.model import nominal_model
+from rtds_host.diagnosis.replay.slots import OUTPUTS
 
 
 def located(case):
@@ -144,3 +146,11 @@ def test_a_perfect_robot_without_some_channels_has_no_gap_anywhere(perfect, gone
 def test_the_same_case_gives_the_same_figures(perfect):
     case, first = perfect
     assert located(case) == first
+
+
+def test_a_replay_that_runs_away_leaves_the_blocks_as_they_are(monkeypatch):
+    case = make_case(lambda m: m.add("coulomb", 0.03))
+    model = nominal_model(case.robot)
+    plain = scores(localise(case, model))
+    monkeypatch.setattr(blocks, "replay_run", lambda _, inputs: np.full((len(inputs[0]), len(OUTPUTS)), np.nan))
+    assert scores(localise(case, model, held=True)) == plain

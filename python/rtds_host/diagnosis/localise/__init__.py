@@ -101,7 +101,10 @@ def _as_replayed(log: RunLog, out: np.ndarray) -> RunLog:
 def _own(log: RunLog, robot: Robot, model: Model) -> Signals:
     """A run's blocks less what they leave of the model's own replay."""
     run = replay_blocks(log, robot, model)
-    own = replay_blocks(_as_replayed(log, replay_run(model, run_inputs(log, robot))), robot, model)
+    out = replay_run(model, run_inputs(log, robot))
+    if not np.isfinite(out).all():
+        return run                          # a replay that ran away says nothing of the blocks
+    own = replay_blocks(_as_replayed(log, out), robot, model)
     for name, (residual, noise, rows) in run.blocks.items():
         run.blocks[name] = residual - own.blocks[name][0], noise, rows
     return run
