@@ -63,9 +63,7 @@ def carried(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
     result = {}
     for member, own in zip(fit.hypothesis, taken):
         at = [len(fit.z) + k for k, owner in enumerate(owners) if owner != member and fit.free[len(fit.z) + k]]
-        if at:
-            beside = jacobian[:, at].astype(float)
-            own = own - beside @ np.linalg.solve(fit.precision[np.ix_(at, at)], beside.T @ own)
+        own = _apart(fit, jacobian, own, at)
         known = np.bincount(where, own * own, minlength=count)
         result[member] = ratio(known - np.bincount(where, own * white, minlength=count), known)
     return result
@@ -81,13 +79,19 @@ def scattered(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
         sized = [(k, p) for k, (effect, side, p) in columns if (effect.id, side) == member and not p.shape]
         at = [k for k, _ in columns if fit.free[k] and k not in {j for j, _ in sized}]
         own = sum(jacobian[:, k].astype(float) * _size(p, float(fit.u[k - len(fit.z)])) for k, p in sized)
-        if at:
-            beside = jacobian[:, at].astype(float)
-            own = own - beside @ np.linalg.solve(fit.precision[np.ix_(at, at)], beside.T @ own)
+        own = _apart(fit, jacobian, own, at)
         known = np.bincount(problem.blocks, own * own, minlength=problem.block_count)
         weighed = known - np.bincount(problem.blocks, own * white, minlength=problem.block_count)
         result[member] = max(scatter(values, weighed, known) for values in met.values())
     return result
+
+
+def _apart(fit: Fit, jacobian: np.ndarray, own: np.ndarray, at: list[int]) -> np.ndarray:
+    """What an effect does, whitened (N,), less what the parameters `at` can take up of it."""
+    if not at:
+        return own
+    beside = jacobian[:, at].astype(float)
+    return own - beside @ np.linalg.solve(fit.precision[np.ix_(at, at)], beside.T @ own)
 
 
 def _size(p: Parameter, u: float) -> float:
