@@ -1,9 +1,13 @@
 """Localisation by components: a perfect robot scores 1, an effect shows in its block and its subsystem."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from diagnosis_cases import changed, make_case, without
 
+from rtds_host.blind import planar
+from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import localise as blocks
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise import BLOCKS, localise
@@ -154,3 +158,35 @@ def test_a_replay_that_runs_away_leaves_the_blocks_as_they_are(monkeypatch):
     plain = scores(localise(case, model))
     monkeypatch.setattr(blocks, "replay_run", lambda _, inputs: np.full((len(inputs[0]), len(OUTPUTS)), np.nan))
     assert scores(localise(case, model, held=True)) == plain
+
+
+NAMELESS = {
+    "a wheel that is not centred": ("wheel_ground", {"id": "wheel_eccentricity", "side": "left", "parameters": {
+        "eccentricity": 0.05, "eccentric_phase": 0.7}}),
+    "a patch of floor that drags": ("wheel_ground", {"id": "floor_patch", "side": "both", "parameters": {
+        "patch_x": 0.1, "patch_force": 1.0}}),
+    "a tyre that loses its grip": ("wheel_ground", {"id": "traction_limit", "side": "both", "parameters": {"traction": 0.4}}),
+    "a driver that slews": ("driver", {"id": "slew_limit", "side": "both", "parameters": {"slew": 60.0}}),
+    "a battery that relaxes": ("driver", {"id": "bus_relaxation", "side": "both", "parameters": {
+        "relax_ohm": 1.5, "relax_tau": 1.0}}),
+    "clocks that drift apart": ("timing", {"id": "clock_drift", "side": "both", "parameters": {"clock_drift": 0.002}}),
+}
+
+
+@pytest.mark.parametrize(("subsystem", "cause"), NAMELESS.values(), ids=NAMELESS)
+def test_what_the_catalogue_has_no_name_for_is_placed_in_its_subsystem(subsystem, cause):
+    machine = planar.nominal_machine(builtin_robot("burger"))
+    planar.apply_outside(machine, cause)
+
+    def of_that_machine(t, columns):
+        rng = np.random.default_rng(3)
+        commands = np.column_stack([columns["v_cmd_l"], columns["v_cmd_r"]])
+        out = planar.run_machine(machine, t, commands, np.zeros(5), 0.0, 0.0, 0.0)
+        for channel, values in planar.apply_sensors(out, machine, t).items():
+            if channel in columns:
+                columns[channel] = values + builtin_robot("burger").noise(channel) * rng.standard_normal(len(t))
+
+    flat = make_case(seconds=12.0)
+    flat = Case(flat.name, flat.robot, tuple(replace(run, meta=replace(run.meta, slope_rad=0.0, payload_kg=0.0)) for run in flat.runs))
+    result = located(changed(flat, of_that_machine))
+    assert result.shares()[0]["subsystem"] == subsystem, (result.shares(), result.signatures)

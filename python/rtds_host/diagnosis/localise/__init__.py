@@ -25,10 +25,10 @@ import numpy as np
 from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise.electrical import bus_block, current_block
-from rtds_host.diagnosis.localise.ground import turn_block, way_block
+from rtds_host.diagnosis.localise.ground import Extent, extent, floor_columns, turn_block, way_block
 from rtds_host.diagnosis.localise.lost import lost
 from rtds_host.diagnosis.localise.mechanical import torque_block
-from rtds_host.diagnosis.localise.shares import BLOCKS, FARTHEST, Sums, share
+from rtds_host.diagnosis.localise.shares import BLOCKS, Sums, in_noise, share
 from rtds_host.diagnosis.localise.signals import Signals
 from rtds_host.diagnosis.localise.twice import speed_twice_block, yaw_twice_block
 from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
@@ -75,9 +75,10 @@ class Localisation:
                 for s, v in sorted(self.located.items(), key=lambda p: (-p[1], SUBSYSTEMS.index(p[0]))) if v > 0]
 
 
-def replay_blocks(log: RunLog, robot: Robot, model: Model) -> Signals:
-    """All blocks of one run, each driven by measured signals, with every cause's signature in them."""
-    run = Signals(log, robot, model)
+def replay_blocks(log: RunLog, robot: Robot, model: Model, where: Extent | None = None, signatures: bool = True) -> Signals:
+    """All blocks of one run, each driven by measured signals, with every cause's signature in them unless it is not asked for;
+    `where`: where all runs went, for what a floor does at a place."""
+    run = Signals(log, robot, model, signatures)
     bus_block(run)
     for k in run.sides:
         current_block(run, k)
@@ -86,6 +87,8 @@ def replay_blocks(log: RunLog, robot: Robot, model: Model) -> Signals:
     if run.body:
         turn_block(run)
         way_block(run)
+        if where is not None and signatures:
+            floor_columns(run, where)
     for k in run.sides:
         speed_twice_block(run, k)
     yaw_twice_block(run)
@@ -98,13 +101,13 @@ def _as_replayed(log: RunLog, out: np.ndarray) -> RunLog:
     return replace(log, columns={**log.columns, **measured})
 
 
-def _own(log: RunLog, robot: Robot, model: Model) -> Signals:
-    """A run's blocks less what they leave of the model's own replay."""
-    run = replay_blocks(log, robot, model)
+def _own(log: RunLog, robot: Robot, model: Model, where: Extent | None = None, signatures: bool = True) -> Signals:
+    """A run's blocks less what they leave of the model's own replay; parameters as of `replay_blocks`."""
+    run = replay_blocks(log, robot, model, where, signatures)
     out = replay_run(model, run_inputs(log, robot))
     if not np.isfinite(out).all():
         return run                          # a replay that ran away says nothing of the blocks
-    own = replay_blocks(_as_replayed(log, out), robot, model)
+    own = replay_blocks(_as_replayed(log, out), robot, model, signatures=False)
     for name, (residual, noise, rows) in run.blocks.items():
         run.blocks[name] = residual - own.blocks[name][0], noise, rows
     return run
@@ -118,9 +121,9 @@ def excess_energy(case: Case, model: Model) -> tuple[float, int]:
     squares: dict[str, float] = {}
     counts: dict[str, int] = {}
     for log in case.runs:
-        for name, (residual, noise, rows) in _own(log, case.robot, model).blocks.items():
-            z = residual / noise if name == "way" else (residual / noise)[rows]
-            z = np.clip(z[np.isfinite(z)], -FARTHEST, FARTHEST)
+        run = _own(log, case.robot, model, signatures=False)
+        for name in run.blocks:
+            z, *_ = in_noise(run, name)
             squares[name] = squares.get(name, 0.0) + float(z @ z)
             counts[name] = counts.get(name, 0) + len(z)
     return sum(max(squares[name] - counts[name], 0.0) for name in squares), sum(counts.values())
@@ -138,7 +141,8 @@ def localise(case: Case, model: Model, held: bool = False) -> Localisation:
     -------
     blocks in the order of the signal chain, scores in units of noise, shares of the subsystems.
     """
-    runs = [(_own if held else replay_blocks)(log, case.robot, model) for log in case.runs]
+    where = extent(case.runs) if case.robot.chassis is not None else None
+    runs = [(_own if held else replay_blocks)(log, case.robot, model, where) for log in case.runs]
     sums = Sums(runs)
     located, chosen, lag = share(sums)
     excess = {b: max(sums.energy[b] - sums.count[b], 0.0) for b in sums.blocks}

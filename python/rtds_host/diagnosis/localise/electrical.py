@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from rtds_host.diagnosis.localise.series import filled, middles, smooth
+from rtds_host.diagnosis.localise.series import filled, first_order, middles, slewed, smooth
 from rtds_host.diagnosis.localise.signals import Signals
 
 DELAYS_S = (0.002, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08)
+# Numerical: how far clocks that drift have parted at the end of a run.
+DRIFTS_S = (0.005, 0.02, 0.08)
+# Numerical: largest voltages a second that a driver slews by, and parts of a run that a battery takes to relax.
+SLEWS = (1.0, 3.0, 10.0, 30.0)
+RELAXES = (0.05, 0.2)
 
 
 def bus_block(run: Signals) -> None:
@@ -16,8 +21,18 @@ def bus_block(run: Signals) -> None:
         return
     rows = np.isfinite(run.bus)
     run.block("bus", run.bus - (run.supply - run.sag), run.robot.noise("v_bus"), rows)
+    if not run.signatures:
+        return
     run.put("driver:sag", "bus", -run.draw)
     run.put("driver:decline", "bus", -(run.t - run.t[0]))
+    for part, relaxed in _relaxed(run):
+        run.put(f"driver:relax@{part:g}", "bus", -relaxed)
+
+
+def _relaxed(run: Signals) -> list[tuple[float, np.ndarray]]:
+    """A battery's voltage follows the load late; for each of `RELAXES`, the draw as it does, (n,) A."""
+    return [(part, first_order(run.draw, np.exp(-run.dt / (part * (run.t[-1] - run.t[0]))))) for part in RELAXES]
+
 
 def current_block(run: Signals, k: int) -> None:
     """Command and speed -> current, and the driver's and winding's signatures."""
@@ -36,6 +51,8 @@ def current_block(run: Signals, k: int) -> None:
         rows = run.i_rows[k] & run.w_rows[k]
         rows[0] = False
         run.block(f"current_{s}", i - expected, noise, rows)
+    if not run.signatures:
+        return
 
     volts = run.volts[k]
     end, mean = run.held(volts, run.delay)
@@ -64,7 +81,16 @@ def current_block(run: Signals, k: int) -> None:
     run.volt_columns(f"driver:hysteresis_{s}", k, -direction[0], -direction[1])
     for delay in DELAYS_S:
         late_end, late_mean = run.held(volts, run.delay + delay)
-        run.volt_columns(f"timing:late{delay:g}", k, late_end - end, late_mean - mean, late=True)
+        run.volt_columns(f"timing:late@{delay:g}", k, late_end - end, late_mean - mean, late=True)
+    grown = (t - t[0]) / max(t[-1] - t[0], 1e-9)
+    for drift in DRIFTS_S:
+        late_end, late_mean = run.held(volts, run.delay + drift)
+        run.volt_columns(f"timing:drift{drift:g}", k, grown * (late_end - end), middles(grown) * (late_mean - mean), late=True)
+    for slew in SLEWS:
+        slow = slewed(end, slew * top * run.dt)
+        run.volt_columns(f"driver:slew{slew:g}_{s}", k, slow - end, middles(slow) - mean, late=True)
+    for part, relaxed in _relaxed(run):
+        run.volt_columns(f"driver:relax@{part:g}", k, -relaxed / run.supply * end, -middles(relaxed) / run.supply * mean)
 
     run.volt_columns(f"winding:resistance_{s}", k, -res * i, -middles(res * i))
     for seconds in (8.0, 40.0):

@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2
-from rtds_host.diagnosis.localise.series import cumulated, filled, middles, near, smooth
+from rtds_host.diagnosis.localise.series import cumulated, filled, first_order, middles, near, smooth
 from rtds_host.diagnosis.localise.signals import WINDOW_S, Signals
+
+# Numerical: parts of the largest force met that a tyre may pass on, and how long one that lost its grip takes to regain it.
+TRACTIONS = (0.2, 0.4, 0.6, 0.8)
+SLIPPED_S = 0.1
 
 
 def torque_block(run: Signals, k: int) -> None:
@@ -87,6 +91,8 @@ def torque_block(run: Signals, k: int) -> None:
     known = near(t, run.w_rows[k]) & (near(t, run.i_rows[k]) if run.has_i[k] else True)
     rows = run.w_rows[k] & np.isfinite(residual) & run.cut.whole(known)
     run.block(f"torque_{s}", residual, np.sqrt(white + walk), rows)
+    if not run.signatures:
+        return
 
     def put(cause: str, values: np.ndarray) -> None:
         run.torque_columns(cause, k, values)
@@ -162,3 +168,12 @@ def torque_block(run: Signals, k: int) -> None:
             away = (x - x[0]) * np.cos(run.heading) + (y - y[0]) * np.sin(run.heading)
             put("chassis:tether", -0.5 * r * middles(away))
         put(f"wheel_ground:radius_{s}", -middles(load))
+        # A tyre that gives no more than so much: what it cannot pass on is left to the wheel, and lost on the way.
+        most = float(np.max(np.abs(smooth(load, run.half)), initial=0.0))
+        for part in TRACTIONS:
+            excess = load - np.clip(load, -part * most, part * most)
+            put(f"wheel_ground:traction{part:g}_{s}", middles(excess))
+            slipped = -first_order(excess, np.exp(-dt / SLIPPED_S))
+            run.way_columns(f"wheel_ground:traction{part:g}_{s}b", k, slipped)
+            if run.gyro is not None:
+                run.put(f"wheel_ground:traction{part:g}_{s}b", "turn", lever * slipped)

@@ -29,12 +29,20 @@ FARTHEST = 1e4
 
 
 def _group(cause: str) -> str:
-    subsystem, name = cause.split(":")
-    if name.startswith("late"):
-        return "timing:late"
+    subsystem, name = cause.split("@")[0].split(":")
     for s in ("_lb", "_rb", "_l", "_r"):
         name = name.removesuffix(s)
     return f"{subsystem}:{name}"
+
+
+def in_noise(run: Signals, b: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A block's residuals that count, over their noise, (m,); their places in the block and the rows of the log, both (m,)."""
+    residual, noise, rows = run.blocks[b]
+    take = np.arange(len(residual)) if b == "way" else np.flatnonzero(rows)
+    at = rows[take] if b == "way" else take
+    z = residual[take] / noise[take]
+    keep = np.isfinite(z)
+    return np.clip(z[keep], -FARTHEST, FARTHEST), take[keep], at[keep]
 
 
 class Sums:
@@ -60,12 +68,8 @@ class Sums:
             self._sides(run)
 
     def _add(self, run: Signals, b: str, index: dict[str, int], which: dict[str, np.ndarray]) -> None:
-        residual, noise, rows = run.blocks[b]
-        take = np.arange(len(residual)) if b == "way" else np.flatnonzero(rows)
-        at = rows[take] if b == "way" else take
-        z = residual[take] / noise[take]
-        keep = np.isfinite(z)
-        take, at, z = take[keep], at[keep], np.clip(z[keep], -FARTHEST, FARTHEST)
+        noise = run.blocks[b][1]
+        z, take, at = in_noise(run, b)
         used = [c for c in run.columns if b in run.columns[c]]
         a = np.empty((len(z), len(used)))
         for j, c in enumerate(used):
@@ -205,7 +209,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
         late = groups["timing:late"]
         others = [j for j in picked if j not in late]
         lag = max(late, key=lambda j: fit([*others, j], loose)[0])
-        lag = float(names[lag].split("late")[1])
+        lag = float(names[lag].split("@")[1])
     return located, chosen, lag
 
 

@@ -14,10 +14,10 @@ TWICE_WINDOW_S = 1.0
 
 
 class Signals:
-    """Signals of one run, brought to its rows, with each block's residual and the signatures' columns."""
+    """Signals of one run, brought to its rows, with each block's residual and, where asked for, the signatures' columns."""
 
-    def __init__(self, log: RunLog, robot: Robot, model: Model):
-        self.log, self.robot, self.model = log, robot, model
+    def __init__(self, log: RunLog, robot: Robot, model: Model, signatures: bool = True):
+        self.log, self.robot, self.model, self.signatures = log, robot, model, signatures
         self.t = log.t
         self.dt = np.diff(log.t)
         self.n = len(log.t)

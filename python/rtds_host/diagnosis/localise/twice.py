@@ -39,6 +39,8 @@ def yaw_twice_block(run: Signals) -> None:
     walk = run.robot.noise("gyro_z") ** 2 * step * TWICE_WINDOW_S / 6.0
     run.block("yaw_twice", run.cut_twice(filled(run.t, run.yaw) - turned),
                 np.sqrt(run.robot.noise("yaw") ** 2 + walk), rows)
+    if not run.signatures:
+        return
     run.put("sensing:gyro_gain", "yaw_twice", -run.cut_twice(turned))
     run.put("sensing:gyro_bias", "yaw_twice", -run.cut_twice(run.t))
     run.put("timing:pose", "yaw_twice", run.cut_twice(filled(run.t, run.gyro)))
