@@ -1,14 +1,10 @@
 // effect_program: what both sides of the effect unit do in each clock of a step. Made by
-//   python -m rtds_host.motor.effect_program rtl/effects/effect_program.v
+//   python -m rtds_host.motor.effect_program rtl/effects
 // from the list of operations there, which also says what the fields mean; a test fails when the two differ.
 //
 // Purpose    a read-only memory: a clock in, counted from the strobe's, out in the next one what is to be done then.
 // Handshake  rest_i: nothing is done in the next clock. Latency 1.
-// Format     each field is an output; nothing is done where it is 0. Codes of what an operand is:
-//            mul_a register, slope, sum; mul_b register, direct, sum, product;
-//            add_a register, sum, limited; add_b register, product, intercept, wrap;
-//            direct i, w, vc; source product, sum, T, R, Kb, vc; which u_v, u_t, level_f, level_b;
-//            table command, drop, torque, ripple, forward, backward.
+// Format     each field is an output; nothing is done where it is 0. Codes are those of effect_codes.vh.
 // Crossing   none.
 `default_nettype none
 

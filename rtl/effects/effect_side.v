@@ -13,7 +13,7 @@
 module effect_side (
   input  wire        clk_i,
   input  wire        run_i,       // a clock of the program
-  // the program's fields; codes in effect_program
+  // the program's fields
   input  wire  [2:0] mul_en_i,    // a bit for each stage, the first in bit 0
   input  wire  [1:0] mul_a_i,
   input  wire  [1:0] mul_b_i,
@@ -58,6 +58,8 @@ module effect_side (
   input  wire [11:0] wr_addr_i,
   input  wire [31:0] wr_data_i
 );
+  `include "effect_codes.vh"
+
   wire [31:0] product;
   wire [31:0] sum;
 
@@ -72,12 +74,12 @@ module effect_side (
 
   always @* begin
     case (source_i)
-      3'd0:    written = product;
-      3'd1:    written = sum;
-      3'd2:    written = t_i;
-      3'd3:    written = r_i;
-      3'd4:    written = kb_i;
-      default: written = v_i;
+      SOURCE_PRODUCT: written = product;
+      SOURCE_SUM:     written = sum;
+      SOURCE_T:       written = t_i;
+      SOURCE_R:       written = r_i;
+      SOURCE_KB:      written = kb_i;
+      default:        written = v_i;
     endcase
   end
 
@@ -90,8 +92,7 @@ module effect_side (
   reg  [31:0] read_add_a_q;
   reg  [31:0] read_add_b_q;
 
-  // The two load constants stand at 13 and 14.
-  wire [6:0] mul_a_addr = read_mul_a_i ^ {5'd0, {2{by_sign_i & t_i[31]}}};
+  wire [6:0] mul_a_addr = read_mul_a_i ^ ({7{by_sign_i & t_i[31]}} & OTHER_LOAD);
 
   always @(posedge clk_i) begin
     if (write) copy_mul_a[write_addr] <= write_data;
@@ -125,7 +126,7 @@ module effect_side (
       reg_mul_b_q <= zero_i[2] ? 32'd0 : read_mul_b_q;
       reg_add_a_q <= across_i ? other_i : zero_i[1] ? 32'd0 : read_add_a_q;
       reg_add_b_q <= across_i ? product : zero_i[0] ? 32'd0 : read_add_b_q;
-      direct_q    <= direct_i[1] ? v_i : direct_i[0] ? w_i : i_i;
+      direct_q    <= (direct_i == DIRECT_VC) ? v_i : (direct_i == DIRECT_W) ? w_i : i_i;
     end
   end
 
@@ -141,7 +142,7 @@ module effect_side (
 
   effect_index u_index (
     .u_i     (product),
-    .signed_i(table_i < 3'd3),
+    .signed_i(table_i < TABLE_UNSIGNED),
     .cell_o  (table_cell)
   );
 
@@ -175,26 +176,26 @@ module effect_side (
 
   always @* begin
     case (mul_a_i)
-      2'd0:    mul_a = reg_mul_a_q;
-      2'd1:    mul_a = slope_q;
-      default: mul_a = sum;
+      MUL_A_REGISTER: mul_a = reg_mul_a_q;
+      MUL_A_SLOPE:    mul_a = slope_q;
+      default:        mul_a = sum;
     endcase
     case (mul_b_i)
-      2'd0:    mul_b = reg_mul_b_q;
-      2'd1:    mul_b = direct_q;
-      2'd2:    mul_b = sum;
-      default: mul_b = product;
+      MUL_B_REGISTER: mul_b = reg_mul_b_q;
+      MUL_B_DIRECT:   mul_b = direct_q;
+      MUL_B_SUM:      mul_b = sum;
+      default:        mul_b = product;
     endcase
     case (add_a_i)
-      2'd0:    add_a = reg_add_a_q;
-      2'd1:    add_a = sum;
-      default: add_a = limited_q;
+      ADD_A_REGISTER: add_a = reg_add_a_q;
+      ADD_A_SUM:      add_a = sum;
+      default:        add_a = limited_q;
     endcase
     case (add_b_i)
-      2'd0:    add_b = reg_add_b_q;
-      2'd1:    add_b = product;
-      2'd2:    add_b = intercept_q;
-      default: add_b = {wraps & ~sum[31], 1'b0, {7{wraps}}, 23'd0};
+      ADD_B_REGISTER:  add_b = reg_add_b_q;
+      ADD_B_PRODUCT:   add_b = product;
+      ADD_B_INTERCEPT: add_b = intercept_q;
+      default:         add_b = {wraps & ~sum[31], 1'b0, {7{wraps}}, 23'd0};
     endcase
   end
 
@@ -231,10 +232,10 @@ module effect_side (
     if (limit_i) limited_q <= limited(sum, reg_add_b_q[30:0]);
     if (put_i) begin
       case (which_i)
-        2'd0:    u_v_o <= sum;
-        2'd1:    u_t_o <= sum;
-        2'd2:    level_f_o <= sum;
-        default: level_b_o <= sum;
+        WHICH_U_V:     u_v_o <= sum;
+        WHICH_U_T:     u_t_o <= sum;
+        WHICH_LEVEL_F: level_f_o <= sum;
+        default:       level_b_o <= sum;
       endcase
     end
   end

@@ -19,8 +19,9 @@ needs_verilator = [s for s in SIMULATORS if s == "verilator"]
 needs_icarus = [s for s in SIMULATORS if s == "icarus"]
 
 
-def test_the_program_in_the_rtl_is_the_one_of_the_model():
-    assert (ROOT / "rtl/effects/effect_program.v").read_text() == effect_program.verilog()
+@pytest.mark.parametrize("name", effect_program.FILES)
+def test_the_program_and_its_codes_in_the_rtl_are_those_of_the_model(name):
+    assert (ROOT / "rtl/effects" / name).read_text() == effect_program.FILES[name]()
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)

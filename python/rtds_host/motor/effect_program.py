@@ -1,4 +1,4 @@
-"""The program of the effect unit, and the Verilog ROM that is made from it.
+"""The program of the effect unit, and the Verilog ROM and codes that are made from it.
 
 The effect unit (rtl/effects/effect_engine.v) carries out one list of operations in every step, on both sides at once: a
 side has one multiplier, one adder, one memory of registers and its tables, and hands a result straight on to the operation
@@ -7,7 +7,7 @@ after the strobe each operation is issued. `schedule` finds out where each opera
 is written for later, and refuses a list in which one cannot be had; `word` is what the ROM says in one clock.
 The bit-exact model (`effect_model`) does the same arithmetic, written out; the RTL's tests hold the two together.
 
-    python -m rtds_host.motor.effect_program rtl/effects/effect_program.v
+    python -m rtds_host.motor.effect_program rtl/effects
 """
 
 from __future__ import annotations
@@ -170,6 +170,10 @@ ADD_A = ("register", "sum", "limited")
 ADD_B = ("register", "product", "intercept", "wrap")
 WRITE = ("product", "sum", *INPUTS)
 READ_AHEAD = 2
+# What the codes of a field's values stand for, in their order.
+CODES = {"mul_a": MUL_A, "mul_b": MUL_B, "add_a": ADD_A, "add_b": ADD_B, "direct": DIRECT, "source": WRITE, "which": OUTPUTS,
+         "table": TABLES}  # fmt: skip
+MADE_BY = "python -m rtds_host.motor.effect_program rtl/effects"
 
 
 class ScheduleError(ValueError):
@@ -397,16 +401,12 @@ def verilog() -> str:
     names = list(FIELDS)
     lines = [
         "// effect_program: what both sides of the effect unit do in each clock of a step. Made by",
-        "//   python -m rtds_host.motor.effect_program rtl/effects/effect_program.v",
+        f"//   {MADE_BY}",
         "// from the list of operations there, which also says what the fields mean; a test fails when the two differ.",
         "//",
         "// Purpose    a read-only memory: a clock in, counted from the strobe's, out in the next one what is to be done then.",
         "// Handshake  rest_i: nothing is done in the next clock. Latency 1.",
-        "// Format     each field is an output; nothing is done where it is 0. Codes of what an operand is:",
-        f"//            mul_a {', '.join(MUL_A)}; mul_b {', '.join(MUL_B)};",
-        f"//            add_a {', '.join(ADD_A)}; add_b {', '.join(ADD_B)};",
-        f"//            direct {', '.join(DIRECT)}; source {', '.join(WRITE)}; which {', '.join(OUTPUTS)};",
-        f"//            table {', '.join(TABLES)}.",
+        "// Format     each field is an output; nothing is done where it is 0. Codes are those of effect_codes.vh.",
         "// Crossing   none.",
         "`default_nettype none",
         "",
@@ -444,9 +444,37 @@ def verilog() -> str:
     return "\n".join(lines)
 
 
+def codes() -> str:
+    """The text of rtl/effects/effect_codes.vh."""
+    lines = [
+        "// Codes of the fields of effect_program, for `include inside effect_side, which carries them out. Made by",
+        f"//   {MADE_BY}",
+        "// a test fails when the two differ.",
+        "// verilator lint_save",
+        "// verilator lint_off UNUSEDPARAM",
+    ]
+    for field, values in CODES.items():
+        bits = FIELDS[field]
+        lines.append("")
+        for code, value in enumerate(values):
+            lines.append(f"localparam [{bits - 1}:0] {f'{field}_{value}'.upper()} = {bits}'d{code};")
+    first = min(TABLES.index(table) for table, origin in TABLE_ORIGIN.items() if origin == 1)
+    driving, driven = (constant_address(f"load_{which}") for which in ("driving", "driven"))
+    lines += [
+        "", "// Tables below this one have arguments of both signs.", f"localparam [2:0] TABLE_UNSIGNED = 3'd{first};",
+        "", "// What the addresses of the two load constants differ in.", f"localparam [6:0] OTHER_LOAD = 7'd{driving ^ driven};",
+        "", "// verilator lint_restore", "",
+    ]
+    return "\n".join(lines)
+
+
+FILES = {"effect_program.v": verilog, "effect_codes.vh": codes}
+
+
 def main(arguments: Sequence[str]) -> None:
-    """Write the ROM to the file named."""
-    Path(arguments[0]).write_text(verilog())
+    """Write the ROM and the codes to the folder named."""
+    for name, text in FILES.items():
+        (Path(arguments[0]) / name).write_text(text())
 
 
 if __name__ == "__main__":
