@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="timing",
     sided=False,
     parameters=(
-        Parameter("seconds", "s", null=0, low=0, high=0.5, spread=0.012, starts=(0.003, 0.015, 0.05, 0.15, 0.35),
+        Parameter("seconds", "s", null=0, low=0, high=1, spread=0.012, starts=(0.003, 0.015, 0.05, 0.15, 0.35),
                   meaning="i, w, th, gyro and v_bus are reported late"),
     ),
     apply=add(measurement_delay="seconds"),
