@@ -20,7 +20,7 @@ from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.localise import excess_energy
 from rtds_host.diagnosis.screen import available, clashes
 from rtds_host.diagnosis.search import Search
-from rtds_host.diagnosis.twins import twins
+from rtds_host.diagnosis.twins import near_twins, twins
 
 # An effect is named where it is more likely there than not.
 NAMED = 0.5
@@ -201,13 +201,15 @@ def _share(search: Search, members: tuple[tuple[str, str], ...]) -> float:
 def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tuple[tuple[str, str], ...], ...], list[Fit]]:
     """Effects that take a blamed one's place and fit as well, and the fits that show it.
 
-    Those that are alike in principle come first, since a set has room for few, and need no fit to be in it.
+    A set has room for few. Those that are alike in principle come first and need no fit to be in it; then what is nearly so, if it
+    fits as well, and whatever else does; what is nearly so and was not met comes last.
     """
     sets, rivals = [], []
     there = {effect.id for effect in available(search.problem)} & search.wanted
     for one in standing:
-        inherent = [member for member in twins(search.problem.case, one.member)
-                    if member[0] in there and not clashes(member, fit.hypothesis)]
+        inherent, near = ([member for member in alike if member[0] in there and not clashes(member, fit.hypothesis)]
+                          for alike in (twins(search.problem.case, one.member, fit.hypothesis),
+                                        near_twins(search.problem.case, one.member)))
         found = []
         for candidate in search.rivals(one.without, one.member, LARGEST_SET):
             if one.member[0] in search.effects[candidate.member[0]].contains:
@@ -215,11 +217,10 @@ def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tu
             swapped = search.swapped(fit, one.without, candidate)
             gain, t = compared(search.problem, fit, swapped)
             if believed(gain, t) < math.log(CONVINCING) and search.named(swapped):
-                known = candidate.member[0] in search.effects[one.member[0]].confused_with
+                known = candidate.member in near or candidate.member[0] in search.effects[one.member[0]].confused_with
                 found.append((not known, gain, candidate.member))
                 rivals.append(swapped)
-        found.sort()
-        others = inherent + [member for *_, member in found if member not in inherent]
+        others = list(dict.fromkeys([*inherent, *(member for *_, member in sorted(found)), *near]))
         if others:
             sets.append((one.member, *others[:LARGEST_SET - 1]))
     return tuple(sets), rivals

@@ -6,11 +6,12 @@ and dead zone while voltage and current agree in sign) are found by fitting them
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from rtds_host.contract import Case
+from rtds_host.diagnosis.effects import CATALOGUE
 
 Member = tuple[str, str]
 
@@ -42,7 +43,43 @@ def _no_current_no_reversal(case: Case) -> bool:
     return not _logged(case, "i") and _one_way(case)
 
 
-RULES: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...] = (
+def _axis_without_gravity(case: Case) -> bool:
+    return case.robot.axis is not None and case.robot.axis.kind != "pendulum"
+
+
+def _rotor_counts(case: Case) -> bool:
+    """Whether, on an axis without gravity, the rotor is more than a hundredth of the load, so that it can be mistaken for it."""
+    robot = case.robot
+    if not _axis_without_gravity(case):
+        return False
+    axis, motor = robot.axis, robot.motor
+    load = axis.inertia_kg_m2 if axis.kind == "inertia" else axis.mass_kg * axis.metres_per_rad**2
+    return motor.rotor_inertia_kg_m2 * motor.gear_ratio**2 >= 0.01 * load
+
+
+def _torque_drives(case: Case) -> bool:
+    return case.robot.driver.mode == "torque" and _axis_without_gravity(case)
+
+
+def _no_current(case: Case) -> bool:
+    return not _logged(case, "i") and case.robot.driver.mode != "torque"
+
+
+def _same_load_no_spin(case: Case) -> bool:
+    """Whether all runs have one payload and none turns on the spot or on the inner wheel."""
+    if case.robot.axis is not None or len({log.meta.payload_kg for log in case.runs}) > 1:
+        return False
+    return all(bool(np.all(np.prod(log.commands(case.robot.driver.mode), axis=1) >= 0.0)) for log in case.runs)
+
+
+def _one_slope(case: Case) -> bool:
+    """Whether all runs are on the same slope."""
+    slopes = {log.meta.slope_rad for log in case.runs}
+    return len(slopes) == 1 and slopes != {0.0}
+
+
+# What makes the same replays: of these only one is ever in an explanation.
+SAME: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...] = (
     (("command_delay", "measurement_delay"), _no_pose),
     (("driver_gain", "speed_gain"), _speed_alone),
     (("wheel_radius_error", "track_width_error"), _no_place),
@@ -50,17 +87,43 @@ RULES: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...] = (
     (("gyro_gain", "track_width_error", "wheel_radius_error"), _no_pose),
     (("coulomb_friction", "driver_deadzone", "bridge_drop"), _no_current_no_reversal),
     (("coulomb_friction", "friction_asymmetry"), _one_way),
+    (("coulomb_friction", "rolling_resistance"), _same_load_no_spin),
+    (("payload_error", "rotor_inertia_error"), _rotor_counts),
+)
+# Beside section 3: a drive that is stronger, a load that is lighter and a speed that reads too high differ by the size of friction
+# alone, m w' = g T - c sgn w - b w, and are the same where an explanation has friction that no sheet knows.
+FRICTION = {"coulomb_friction", "stribeck_friction", "viscous_friction", "friction_asymmetry"}
+WITH_FRICTION: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...] = (
+    (("payload_error", "driver_gain", "speed_gain"), _torque_drives),
+)
+# What makes nearly the same replays: each may be there beside the other.
+ALIKE: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...] = (
+    (("resistance_error", "torque_constant_error", "payload_error"), _no_current),
+    (("payload_error", "slope_error"), _one_slope),
 )
 
 
-def twins(case: Case, member: Member) -> list[Member]:
-    """The other effects that these runs could as well be blamed on, each on the member's side.
-
-    `wheel_radius_error` is like `track_width_error` on both sides only.
-    """
+def _others(rules: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...], case: Case, member: Member) -> list[Member]:
     effect, side = member
     found = []
-    for names, holds in RULES:
-        if effect in names and ("track_width_error" not in names or side == "both") and holds(case):
-            found += [(name, side) for name in names if name != effect and (name, side) not in found]
+    for names, holds in rules:
+        if effect not in names or not holds(case):
+            continue
+        for name in names:
+            # What exists on both sides only is like what is on both; a single axis has the one side.
+            own = "left" if case.robot.axis is not None and CATALOGUE[name].sided else side if CATALOGUE[name].sided else "both"
+            fits = case.robot.axis is not None or own == side
+            if name != effect and fits and (name, own) not in found:
+                found.append((name, own))
     return found
+
+
+def twins(case: Case, member: Member, beside: Iterable[Member] = ()) -> list[Member]:
+    """The other effects that these runs could as well be blamed on, for the same replays, each on the member's side; `beside`: what
+    else is in the explanation."""
+    return _others(SAME + (WITH_FRICTION if FRICTION & {effect for effect, _ in beside} else ()), case, member)
+
+
+def near_twins(case: Case, member: Member) -> list[Member]:
+    """What is nearly alike for want of a channel or a setting (contract, section 3), each on the member's side."""
+    return _others(ALIKE, case, member)
