@@ -78,7 +78,7 @@ def _standing(search: Search, fit: Fit, member: tuple[str, str], rough: bool) ->
     share = (search.score(without) - search.score(fit)) / max(excess(search.problem, without), 1.0)
     without, gap = _closest(search, fit, without)
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
-    return Standing(member, without, (gap, search.problem.gap(fit.model(search.problem))), gain, t, share, probability)
+    return Standing(member, without, (gap, search.problem.gap_as_fitted(fit.model(search.problem))), gain, t, share, probability)
 
 
 def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
@@ -87,7 +87,7 @@ def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
     problem = search.problem
     kept = replace(without, z=fit.z, residual=problem.residual(without.model_at(problem, fit.z)))
     tried = [without, kept, *([search.refitted()] if not without.hypothesis else [])]
-    gaps = [problem.gap(f.model(problem)) for f in tried]
+    gaps = [problem.gap_as_fitted(f.model(problem)) for f in tried]
     k = min(range(len(tried)), key=gaps.__getitem__)
     return tried[k], gaps[k]
 
@@ -124,7 +124,8 @@ def _uneven(search: Search, fit: Fit, standing: list[Standing], steady: set[tupl
     taken out is the rest that it stood for.
     """
     beyond = scattered(search.problem, fit)
-    steady |= {member for member, much in beyond.items() if much <= CONSTANT * max(standing[0].gaps[1] - 1.0, 1.0)}
+    gap = search.problem.gap(fit.model(search.problem))
+    steady |= {member for member, much in beyond.items() if much <= CONSTANT * max(gap - 1.0, 1.0)}
     one = max(standing, key=lambda s: (s.member not in steady, beyond[s.member]))
     return None if one.member in steady else (
         one, f"is of another size in other settings (it scatters by {100 * beyond[one.member]:.0f} %)")
@@ -141,7 +142,7 @@ def _poor(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing,
     for one in standing:
         without, gap = one.gaps
         if exact:
-            replaced, without = without < LEAST, search.problem.gap(absent(search.problem, fit, one.member))
+            replaced, without = without < LEAST, search.problem.gap_as_fitted(absent(search.problem, fit, one.member))
             worth = worth_naming(without, gap) and not (replaced and without**2 - gap**2 < 1.0)
         else:
             worth = worth_naming(without, gap, one.share)

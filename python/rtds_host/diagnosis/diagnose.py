@@ -242,8 +242,8 @@ def _effect(problem: Problem, weighed: Account, one: Standing, held: HeldOut, st
         pinned = free[key] and sigma[key] < PINNED
         # Of what is absent far off, a stiff spring, a high limit, the size is the value itself.
         size = abs(values[p.name] - p.null) if p.null in (0.0, 1.0) else abs(values[p.name])
-        # Commands have the same stamps as samples: a delay is known no better than these are.
-        stamps = stamps_s if effect.subsystem == "timing" else 0.0
+        # Commands have the same stamps as samples: a delay is known no better than these are, or than it is one in all runs.
+        stamps = math.hypot(stamps_s, problem.lag_s) if effect.subsystem == "timing" else 0.0
         spread = Z90 * math.hypot(sigma[key] * p.slope(values[p.name]), effect.form * size, stamps)
         name, _, unit = p.reported(problem.robot.axis)
         low, high = max(values[p.name] - spread, p.low), min(values[p.name] + spread, p.high)

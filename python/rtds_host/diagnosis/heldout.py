@@ -76,6 +76,8 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
     runs, traces, stretches = {}, {}, []
     notes = [f"{name}: no heading in the log; the slope's pull says that the run began at {heading:.2f} rad"
              for name, heading in problem.headings.items()]
+    notes += [f"{name}: its commands act {late:+.2g} s later than those of the other runs; effects were fitted with that, every gap "
+              "shown is without it" for name, late in problem.lates.items()]
     if problem.searched < 1.0:
         notes.append(f"these runs are long: effects were looked for in {100 * problem.searched:.2g} % of them, in stretches of "
                      f"up to {STRETCH_S:g} s from all over; every gap shown is of all rows")

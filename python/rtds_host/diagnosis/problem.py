@@ -45,6 +45,10 @@ SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 80_000, 20.0
 # A heading at the start is estimated on slopes above this, and changed for a gain of chi2 above that.
 HEADING_SLOPE_RAD = 0.005
 HEADING_GAIN = 20.0
+# A run's commands act later than the others' where that is most of what the run leaves beyond noise.
+MOSTLY = 0.5
+# Numerical: lags that are tried in a run, in delays of the others.
+LAGS = np.linspace(0.0, 3.0, 25)
 
 
 @dataclass
@@ -131,6 +135,7 @@ class Problem:
         self.effects: dict[str, Effect] = catalogue(case.robot, case.runs)
         self.threads = max(threads, 1)
         self.headings: dict[str, float] = {}
+        self.lates: dict[str, float] = {}
         lasted = sum(float(log.t[-1] - log.t[0]) for log in case.runs)
         coarsest = max(float(np.median(np.diff(log.t))) for log in case.runs)
         self.block_s = min(BLOCK_S, max(lasted / LEAST_BLOCKS, ROWS_A_BLOCK * coarsest))
@@ -372,8 +377,59 @@ class Problem:
                 self.headings[log.name] = float(found.x)
         return largest
 
-    def begin(self, headings: dict[str, float]) -> None:
-        """Set the headings at which runs began (those of `headings`), zero for runs that are not named."""
+    def align_commands(self, model: Model) -> float:
+        """Estimate by how much later than in the others commands act in single runs, beside a delay; the largest change, s.
+
+        A link is set up anew for each run, and its lag is not always the same: one delay for all would be bent, and all else with
+        it. What is so in half of the runs is the delay. It serves the search alone: every gap of a diagnosis is with one delay.
+        """
+        delay = model.get("command_delay") + model.get("measurement_delay")
+        if delay <= 0.0 or self.pieces or self.searched < 1.0:
+            return 0.0
+        found = {data.log.name: late for data in self.runs if (late := self._later(data, model, delay))}
+        if 2 * len(found) >= len(self.runs):
+            return 0.0
+        moved = max((abs(found.get(name, 0.0) - self.lates.get(name, 0.0)) for name in {*found, *self.lates}), default=0.0)
+        self._shift(found)
+        return moved
+
+    def _later(self, data: RunData, model: Model, delay: float) -> float:
+        """By how much later than `delay` the commands of a run act, s; 0 where that does not explain most of its misfit."""
+        was = self.lates.get(data.log.name, 0.0)
+
+        def beyond(late: float) -> float:
+            residual = self.run_residual(data, replay_run(model, (data.inputs[0], data.inputs[1] + late - was, *data.inputs[2:])))
+            return float(residual @ residual) - len(residual)
+
+        as_others = beyond(0.0)
+        if as_others < HEADING_GAIN:
+            return 0.0
+        lates = delay * (LAGS - 1.0)
+        k = int(np.argmin(list(self.pool.map(beyond, lates))))
+        from scipy.optimize import minimize_scalar  # a third of a second, which few cases have to spend
+
+        best = minimize_scalar(beyond, bounds=(lates[max(k - 1, 0)], lates[min(k + 1, len(lates) - 1)]), method="bounded",
+                               options={"xatol": 1e-3})
+        return float(best.x) if best.fun < (1.0 - MOSTLY) * as_others else 0.0
+
+    def _shift(self, lates: dict[str, float]) -> None:
+        """Let the commands of some runs act so much later (s), those of the others when they were given."""
+        for data in self.runs:
+            shift = lates.get(data.log.name, 0.0) - self.lates.get(data.log.name, 0.0)
+            data.inputs = (data.inputs[0], data.inputs[1] + shift, *data.inputs[2:])
+        self.lates = dict(lates)
+
+    @property
+    def lag_s(self) -> float:
+        """How well the mean of the runs' lags is known for what they scatter, one sigma, s."""
+        if not self.lates:
+            return 0.0
+        each = [self.lates.get(data.log.name, 0.0) for data in self.runs]
+        return float(np.std(each, ddof=1)) / math.sqrt(len(each))
+
+    def begin(self, headings: dict[str, float], lates: dict[str, float]) -> None:
+        """Set the headings at which runs began, and how much later their commands act; zero for runs that are not named."""
+        self._shift(lates)
         for data, whole in zip(self.runs, self.whole, strict=False):
             # Only where runs are searched whole are there any, see `align`.
             if data.log.name in self.headings or data.log.name in headings:
@@ -413,7 +469,13 @@ class Problem:
 
     def gap(self, model: Model) -> float:
         """The contract's gap at the search's steps: of whole runs, of long ones of the stretches that are searched."""
-        judged = self.runs if self.searched < 1.0 and not self.pieces else self.whole
+        return self._gap(model, self.runs if self.searched < 1.0 and not self.pieces else self.whole)
+
+    def gap_as_fitted(self, model: Model) -> float:
+        """The same with commands as late in each run as they were fitted, `align_commands`: what an effect is worth beside that."""
+        return self._gap(model, self.runs) if self.lates else self.gap(model)
+
+    def _gap(self, model: Model, judged: list[RunData]) -> float:
         outs = self.pool.map(lambda data: replay_run(model, data.inputs), judged)
         return gap(pooled([errors(data.log, self.robot, out) for data, out in zip(judged, outs)]))
 

@@ -391,15 +391,15 @@ class Search:
         problem.follow_angles(True)
         problem.align(problem.nominal)
         found = self._search()
-        suggested = dict(problem.headings)
+        suggested, lates = dict(problem.headings), dict(problem.lates)
         if suggested and not self.closed(found):
             # Headings that the nominal robot suggests are bent by what it lacks: once more from the declared ones.
             first, self.fits = self.fits, {}
-            problem.begin({})
+            problem.begin({}, {})
             other = self._search()
             if self.score(found) < self.score(other):
                 self.fits, other = first, found
-                problem.begin(suggested)
+                problem.begin(suggested, lates)
             found = other
         found = self._as_declared(found)
         problem.follow_angles(False)
@@ -409,12 +409,12 @@ class Search:
         """The same with runs that began as declared, where the explanation does not ask for anything else."""
         problem, headings = self.problem, dict(self.problem.headings)
         if headings:
-            problem.begin({})
+            problem.begin({}, problem.lates)
             declared = self.fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise)
             if declared.cost < fit.cost + HEADING_GAIN:
                 self.fits = {f.hypothesis: self.fitter.fit(f.hypothesis, f.u, f.z, f.noise) for f in (self.fits[()], declared)}
                 return self.fits[fit.hypothesis]
-            problem.begin(headings)
+            problem.begin(headings, problem.lates)
         return fit
 
     def _search(self) -> Fit:
@@ -511,8 +511,9 @@ class Search:
                 continue
             self.trace.append(f"add {set(grown.hypothesis) - set(fit.hypothesis)} {self.score(fit):.0f} -> {self.score(grown):.0f}")
             fit = self.prune(grown)
-            if self.problem.align(fit.model(self.problem)) > 0.0:
-                # Runs began elsewhere than was thought: what was fitted to other beginnings is of no use.
+            model = fit.model(self.problem)
+            if max(self.problem.align(model), self.problem.align_commands(model)) > 0.0:
+                # Runs began elsewhere or later than was thought: what was fitted to other beginnings is of no use.
                 self.fitter.by_nuisance = None
                 kept = {f.hypothesis: f for f in (self.fits[()], stands, fit)}
                 self.fits = {h: self.fitter.fit(h, f.u, f.z, f.noise, ITERATIONS) for h, f in kept.items()}

@@ -18,7 +18,7 @@ from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.diagnosis.search import Search
-from rtds_host.diagnosis.twins import twins
+from rtds_host.diagnosis.twins import near_twins, twins
 
 POSE = ("x", "y", "yaw")
 
@@ -41,9 +41,62 @@ def forwards(case: Case) -> Case:
     (without(forwards(make_case()), "i_l", "i_r"), ("driver_deadzone", "right"),
      [("coulomb_friction", "right"), ("bridge_drop", "right")]),
     (forwards(make_case()), ("friction_asymmetry", "both"), [("coulomb_friction", "both")]),
+    (replace(forwards(make_case()), runs=forwards(make_case()).runs[:2]), ("rolling_resistance", "both"), [("coulomb_friction", "both")]),
 ], ids=lambda v: v[0] if isinstance(v, tuple) else "")
 def test_twins_are_what_the_runs_lack_the_channels_or_motions_to_part(case, member, expected):
     assert twins(case, member) == expected
+
+
+@pytest.mark.parametrize("case,member,expected", [
+    (without(make_case(), "i_l", "i_r"), ("resistance_error", "both"), [("torque_constant_error", "both"), ("payload_error", "both")]),
+    (without(make_case(), "i_l", "i_r"), ("resistance_error", "left"), [("torque_constant_error", "left")]),
+    (make_case(), ("resistance_error", "both"), []),
+    (make_case(), ("payload_error", "both"), []),
+    (replace(make_case(), runs=make_case().runs[1:2]), ("payload_error", "both"), [("slope_error", "both")]),
+], ids=lambda v: v[0] if isinstance(v, tuple) else "")
+def test_near_twins_are_what_the_runs_lack_the_current_or_a_second_slope_to_part(case, member, expected):
+    assert near_twins(case, member) == expected
+
+
+def late_case(lates: dict[str, float]) -> Case:
+    """Four runs with a command delay of 0.15 s, of some of which the commands were recorded so much too early, s."""
+    robot = builtin_robot("burger")
+    model = nominal_model(robot)
+    model.put("command_delay", 0.15)
+    runs = []
+    for k in range(4):
+        run = make_run(f"r{k}", model, robot, ("steps", "weave")[k % 2], 8.0, k)
+        late = lates.get(run.name, 0.0)
+        commands = {c: np.interp(run.t + late, run.t, run.columns[c]) for c in ("v_cmd_l", "v_cmd_r")}
+        runs.append(replace(run, columns={**run.columns, **commands}))
+    return Case("late", robot, tuple(runs))
+
+
+def test_a_run_whose_commands_act_later_than_the_others_does_not_bend_the_delay():
+    """One link in four was set up 0.2 s late: the delay is that of the three, the one run's is noted, and gaps are judged without."""
+    problem = Problem(late_case({"r1": 0.2}))
+    model = problem.nominal.copy()
+    model.put("command_delay", 0.15)
+    before = problem.gap(model)
+    assert problem.align_commands(model) == pytest.approx(0.2, abs=0.01)
+    assert list(problem.lates) == ["r1"]
+    assert problem.gap_as_fitted(model) < 0.5 * before
+    assert problem.gap(model) == before
+    diagnosis, details = diagnose(late_case({"r1": 0.2}), quick=True)
+    delay, = diagnosis["effects"]
+    assert delay["id"] == "command_delay"
+    low, high = delay["parameters"]["seconds"]["ci90"]
+    assert low < 0.15 < high and delay["parameters"]["seconds"]["value"] == pytest.approx(0.15, abs=0.005)
+    assert any(note.startswith("r1: its commands act") for note in details.notes)
+
+
+@pytest.mark.parametrize("lates,delay", [({}, 0.15), ({"r1": 0.2, "r2": 0.2}, 0.15), ({"r1": 0.2}, 0.0)],
+                         ids=["all alike", "half of them: no delay is common", "no delay known"])
+def test_commands_are_late_in_single_runs_only_beside_the_delay_of_most(lates, delay):
+    problem = Problem(late_case(lates))
+    model = problem.nominal.copy()
+    model.put("command_delay", delay)
+    assert problem.align_commands(model) == 0.0 and not problem.lates
 
 
 def test_a_delay_without_a_pose_is_declared_with_its_twin_and_named_once():
