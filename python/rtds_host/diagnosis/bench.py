@@ -27,6 +27,7 @@ from rtds_host.diagnosis.fit import Fit, Hypothesis, prior_cost
 from rtds_host.diagnosis.gate import examine
 
 TIERS = {"all": 60, "tol": 40, "few": 30, "pair": 30, "none": 40, "unknown": 30}
+# An effect that moves the residuals by so many sigmas is one that could be named.
 SIZE_SIGMA = 5.0
 METHODS = ("this program", "BIC over candidates", "largest improvement of fit")
 

@@ -26,6 +26,7 @@ from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.search import Search
 
 SCHEMA = "rtds-diagnosis/2"
+# Standard deviations to either side of 90 % of a normal (contract: 90 % intervals).
 Z90 = 1.6448536269514722
 # Named effects that leave no more than this of the gap explain it (contract, section 5).
 REST_OF_KNOWN = 0.3

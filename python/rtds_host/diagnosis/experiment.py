@@ -27,6 +27,7 @@ from rtds_host.scenario import scenarios
 from rtds_host.scenario.base import Scenario, VoltageMotion
 from rtds_host.scenario.reach import needed_voltage
 
+# Numerical: how finely the menu's manoeuvres are replayed.
 SAMPLE_S = 0.01
 # Variants of a manoeuvre worth having: as it is, and with so many times the robot's own mass as payload.
 PAYLOADS = (0.0, 2.0)

@@ -12,6 +12,7 @@ from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 SAMPLED = ("i_l", "i_r", "w_l", "w_r", "gyro_z")
+# Over which a pose's move counts (contract, section 4).
 WINDOW_S = 1.0
 # Below this a gap is none (contract, sections 4 and 5).
 LEAST = 1.1

@@ -10,6 +10,8 @@ from rtds_host.diagnosis.replay.model import Model
 
 # One sigma of the logarithm of R, K, J and B.
 PRIOR = 0.01
+# A ratio within this of 1 on R, K, J or B is a nuisance (contract, section 2).
+BAND = 0.03
 # Tolerances are said to be 1 % (one sigma): half of them within 0.7 of it, none beyond this many.
 LIMIT = 3.5
 # A servo's declared gains are known to a factor of two, gains that nobody declared to one of ten.

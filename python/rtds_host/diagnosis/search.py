@@ -18,6 +18,7 @@ from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.evidence import CONVINCING, WORTH_OF_REST, believed, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import ROUGH_GAIN, STEP_GAIN, Fit, Fitter, Hypothesis, apply, joined, scaled, to_values
 from rtds_host.diagnosis.gap import LEAST
+from rtds_host.diagnosis.nuisances import BAND
 from rtds_host.diagnosis.problem import HEADING_GAIN, Problem
 from rtds_host.diagnosis.screen import Candidate, Screen, Signature, clashes, moves_of
 from rtds_host.diagnosis.twins import twins
@@ -25,8 +26,6 @@ from rtds_host.diagnosis.twins import twins
 # Effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's guess.
 EXPECTED_EFFECTS = 2.0
 SIDE_PRIOR = {"both": 0.5, "left": 0.25, "right": 0.25}
-# A ratio within this of 1 on R, K, J or B is a nuisance (contract, section 2).
-NUISANCE_BAND = 0.03
 # How many effects an explanation may have: more than a person could mend at once.
 MOST_EFFECTS = 7
 
@@ -82,7 +81,7 @@ class Search:
     def named(self, fit: Fit) -> bool:
         """Whether each effect is big enough to be named, and no larger than can be: a `ratio` within 3 % of 1 on R, K, J or B
         is a nuisance, and a size that rests on its bound stands in for something else."""
-        return all(not (self.effects[e].nuisance and abs(values["ratio"] - 1.0) <= NUISANCE_BAND)
+        return all(not (self.effects[e].nuisance and abs(values["ratio"] - 1.0) <= BAND)
                    and not self._at_its_bound(e, values) for (e, _), values in zip(fit.hypothesis, fit.values))
 
     def _at_its_bound(self, effect: str, values: dict[str, float]) -> bool:

@@ -20,8 +20,6 @@ from rtds_host.errors import InputError
 
 __all__ = ["Finding", "Gate", "Timing", "examine"]
 
-# The shortest run that shows anything, and its fewest rows.
-SHORTEST_S, FEWEST_ROWS = 0.1, 5
 # A rounding is worth a line where it adds so much to a channel's noise.
 ROUNDED = 0.1
 
@@ -163,9 +161,9 @@ def _enough(case: Case) -> None:
         excited |= bool(np.abs(log.commands(robot.driver.mode)).max() > 1e-6)
     longest = max(float(log.t[-1] - log.t[0]) for log in case.runs)
     rows = max(len(log.t) for log in case.runs)
-    if longest < SHORTEST_S * (1 - 1e-9) or rows < FEWEST_ROWS:
+    if longest < cuts.SHORTEST_S * (1 - 1e-9) or rows < cuts.FEWEST_ROWS:
         raise InputError(f"{where}: the longest run of the case lasts {longest:.3g} s with {rows} rows, at least "
-                         f"{SHORTEST_S:g} s and {FEWEST_ROWS} rows are needed")
+                         f"{cuts.SHORTEST_S:g} s and {cuts.FEWEST_ROWS} rows are needed")
     if not alive:
         raise InputError(f"{where}: w_*, th_*: constant to the last digit in every run, the sensors are dead or "
                          "nothing moves")

@@ -11,7 +11,7 @@ from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis.gate.findings import Finding, percent
 from rtds_host.diagnosis.gate.timing import hole_s
 
-# A part shorter than this holds nothing to fit.
+# A run, or a part of it, that is shorter than this or has fewer rows shows nothing (contract, section 1).
 SHORTEST_S, FEWEST_ROWS = 0.1, 5
 # More holes than one in so many rows are how this logger works: cutting would leave shreds.
 HOLES_A_ROW = 1.0 / 100.0

@@ -7,6 +7,7 @@ import numpy as np
 from rtds_host.diagnosis.localise.series import filled, first_order, middles, slewed, smooth
 from rtds_host.diagnosis.localise.signals import Signals
 
+# Numerical: delays whose signatures are taken.
 DELAYS_S = (0.002, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08)
 # Numerical: how far clocks that drift have parted at the end of a run.
 DRIFTS_S = (0.005, 0.02, 0.08)

@@ -8,17 +8,16 @@ from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
 from rtds_host.diagnosis.localise.series import smooth
 from rtds_host.diagnosis.localise.signals import Signals
+from rtds_host.diagnosis.nuisances import BAND, PRIOR
 
-PRIOR = 0.01
 # Which subsystem a block's own, unexplained residual speaks of.
 BLOCKS = {
     "bus": "driver", "current_l": "driver", "current_r": "driver", "torque_l": "drivetrain",
     "torque_r": "drivetrain", "turn": "wheel_ground", "way": "wheel_ground",
     "speed_twice_l": "sensing", "speed_twice_r": "sensing", "yaw_twice": "sensing",
 }
-# Signatures of the contract's nuisances, ratios all; beyond `NAMED` a ratio is a cause of its own.
+# Signatures of the contract's nuisances, ratios all; beyond `BAND` a ratio is a cause of its own.
 NUISANCES = ("winding:resistance", "winding:constant", "drivetrain:inertia", "drivetrain:viscous")
-NAMED = 0.03
 # A signature is believed when it explains at least this share of what is left, or of what there was.
 BELIEVED = 0.35
 BELIEVED_OF_ALL = 0.03
@@ -138,7 +137,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
     nuisance = set(always)
 
     def fit(columns: list[int], loose: set[int]) -> tuple[float, np.ndarray]:
-        """Energy that columns explain, nuisances kept within their prior and within `NAMED`."""
+        """Energy that columns explain, nuisances kept within their prior and within `BAND`."""
         fixed = np.zeros(len(columns))
         held = np.zeros(len(columns), bool)
         tight = np.array([j in nuisance and j not in loose for j in columns])
@@ -153,10 +152,10 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
             normal[np.diag_indices_from(normal)] += p / d**2 + 1e-9
             theta = fixed.copy()
             theta[free] = np.linalg.solve(normal, (c[free] - g[np.ix_(free, held)] @ fixed[held]) / d) / d
-            over = tight & free & (np.abs(theta) > NAMED)
+            over = tight & free & (np.abs(theta) > BAND)
             if not over.any():
                 break
-            fixed[over] = np.sign(theta[over]) * NAMED
+            fixed[over] = np.sign(theta[over]) * BAND
             held |= over
         return float(2.0 * theta @ c - theta @ g @ theta), theta
 

@@ -8,6 +8,8 @@ from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis.localise.series import Windows, cumulated, filled, first_order, middles, relaxed, smooth
 from rtds_host.diagnosis.replay.model import Model
 
+# Blocks start anew from what is measured: the longer, the better small torques show, and the farther a wrong start leads; poses move
+# slower, and what two sensors show of one thing drifts apart slowest.
 WINDOW_S = 0.3
 POSE_WINDOW_S = 0.5
 TWICE_WINDOW_S = 1.0

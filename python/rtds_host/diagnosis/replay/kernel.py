@@ -24,6 +24,7 @@ import numpy as np
 
 from rtds_host.diagnosis.replay.slots import COMMON_INDEX, SIDE_INDEX
 
+# m/s^2 (contract, section 2).
 GRAVITY = 9.80665
 # A tyre that slides counts as if its force still grew with its shear by this share, so that it is found again.
 FLAT = 0.02
