@@ -81,6 +81,13 @@ def _separation(plan: RunLog, problem: Problem, a: Fit, b: Fit, known: np.ndarra
     return float(np.sqrt(max(left, 0.0)))
 
 
+def _in_its_place(search: Search, weighed: Account, member: tuple[str, str], other: tuple[str, str]) -> Fit:
+    """The explanation with a look-alike in place of a blamed effect that the search never met there."""
+    without = next(one.without for one in weighed.standing if one.member == member)
+    start = scaled(search.effects, (other,), start_values(search.effects[other[0]])[:1])
+    return search.try_fit(*joined({**without.parts, other: start}), without, rough=True)
+
+
 def _supposed(problem: Problem, fit: Fit, subsystem: str | None) -> list[Fit]:
     """The explanation with one effect more that could be the rest: of its subsystem, at a usual size."""
     found = []
@@ -109,7 +116,7 @@ def next_experiment(problem: Problem, search: Search, weighed: Account, diagnosi
     if weighed.alike:
         members = weighed.alike[0]
         kept = {h for h in weighed.fit.hypothesis if h != members[0]}
-        rivals = [search.fits[h] for m in members if (h := tuple(sorted({*kept, m}))) in search.fits]
+        rivals = [search.fits.get(tuple(sorted({*kept, m}))) or _in_its_place(search, weighed, members[0], m) for m in members]
         separates = [{"id": e, "side": problem.effects[e].side_on(problem.robot.axis, s)} for e, s in members]
         purpose = "parts what these runs cannot tell apart"
     else:

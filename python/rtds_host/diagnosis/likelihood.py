@@ -87,6 +87,15 @@ def _nll(r, t, s2, tau):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
+def _nll_of_all(residual, t, first, last, s2, tau):
+    """The same of several series: rows first to last (m,) of residuals and times (N,)."""
+    total = 0.0
+    for k in range(first.shape[0]):
+        total += _nll(residual[first[k]:last[k]], t[first[k]:last[k]], s2, tau)
+    return total
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _gains(t, s2, tau, a_out, g_out, i_out, log_out):
     """Filter of one series: decay, gain, 1 / sqrt(S) and log S of each sample."""
     p = s2
@@ -144,12 +153,44 @@ def _whiten_four(columns, first, a, g, i, out):
         o3[k] = v3 * scale
 
 
+@dataclass(frozen=True)
+class _Channel:
+    """One channel's series: rows first to last (m,) of residuals, times t (N,), and the correlation times that it can show, s."""
+
+    first: np.ndarray
+    last: np.ndarray
+    t: np.ndarray
+    shortest: float
+    longest: float
+
+    @classmethod
+    def of(cls, series: list[Series], count: int) -> _Channel:
+        t = np.zeros(count)
+        for one in series:
+            t[one.first:one.last] = one.t
+        steps = np.concatenate([np.diff(one.t) for one in series])
+        shortest = 0.5 * float(np.median(steps)) if len(steps) else 0.0
+        span = max(float(one.t[-1] - one.t[0]) for one in series)
+        first, last = (np.array([getattr(one, end) for one in series], np.int64) for end in ("first", "last"))
+        return cls(first, last, t, shortest, max(min(span, LONGEST_S), 2.0 * shortest))
+
+    @property
+    def count(self) -> int:
+        return int((self.last - self.first).sum())
+
+    def square(self, residual: np.ndarray) -> float:
+        """Sum of the squared residuals of the channel."""
+        return sum(float(residual[a:b] @ residual[a:b]) for a, b in zip(self.first, self.last))
+
+
 class Discrepancy:
     """Size s (C,) in units of noise and correlation time tau (C,) s of each channel's discrepancy, and its filter."""
 
     def __init__(self, series: list[Series], count: int, channels: int, s: np.ndarray | None = None,
-                 tau: np.ndarray | None = None):
+                 tau: np.ndarray | None = None, channel: dict[int, _Channel] | None = None):
         self.series, self.count = series, count
+        self.channel = channel if channel is not None else {
+            c: _Channel.of([one for one in series if one.channel == c], count) for c in sorted({one.channel for one in series})}
         self.s = np.zeros(channels) if s is None else s
         self.tau = np.ones(channels) if tau is None else tau
         self.a, self.g, self.i, self.log = (np.empty(count) for _ in range(4))
@@ -188,26 +229,27 @@ class Discrepancy:
     def estimated(self, residual: np.ndarray, thorough: bool = False) -> Discrepancy:
         """The discrepancy that makes these residuals most likely, looked for about this one; `thorough`: anywhere."""
         s, tau = self.s.copy(), self.tau.copy()
-        for channel in np.unique([one.channel for one in self.series]):
-            mine = [one for one in self.series if one.channel == channel]
+        for channel, mine in self.channel.items():
             s[channel], tau[channel] = _most_likely(residual, mine, s[channel], tau[channel], thorough)
-        return Discrepancy(self.series, self.count, len(s), s, tau)
+        return Discrepancy(self.series, self.count, len(s), s, tau, self.channel)
 
 
-def _most_likely(residual: np.ndarray, mine: list[Series], s: float, tau: float, thorough: bool) -> tuple[float, float]:
-    spans = [one.t[-1] - one.t[0] for one in mine]
-    steps = np.concatenate([np.diff(one.t) for one in mine])
-    if not len(steps):
+def _most_likely(residual: np.ndarray, mine: _Channel, s: float, tau: float, thorough: bool) -> tuple[float, float]:
+    if mine.shortest <= 0.0:
         return 0.0, 1.0
-    shortest = 0.5 * float(np.median(steps))
-    longest = max(min(max(spans), LONGEST_S), 2.0 * shortest)
-    size = math.sqrt(max(np.mean(np.concatenate([residual[one.first:one.last] for one in mine]) ** 2), 1e-12))
+    size = math.sqrt(max(mine.square(residual) / mine.count, 1e-12))
+
+    tried: dict[tuple[float, float], float] = {}
 
     def cost(log_s: float, log_tau: float) -> float:
-        return sum(_nll(residual[one.first:one.last], one.t, math.exp(2.0 * log_s), math.exp(log_tau)) for one in mine)
+        # The pattern comes back to where it was.
+        key = (round(log_s, 9), round(log_tau, 9))
+        if key not in tried:
+            tried[key] = _nll_of_all(residual, mine.t, mine.first, mine.last, math.exp(2.0 * log_s), math.exp(log_tau))
+        return tried[key]
 
-    white = sum(float(residual[one.first:one.last] @ residual[one.first:one.last]) for one in mine)
-    low, high = math.log(shortest), math.log(longest)
+    white = mine.square(residual)
+    low, high = math.log(mine.shortest), math.log(mine.longest)
     starts = []
     if s > LEAST_SIZE and not thorough:
         starts = [(math.log(s), min(max(math.log(tau), low), high))]

@@ -17,6 +17,10 @@ from rtds_host.contract import Robot, RunLog
 USUAL_RUN_S = 20.0
 
 
+# Scales that hang on how long runs last, and, where torque is commanded and no speed has a limit, on how fast they were.
+OF_RUNS, OF_SPEEDS_MET = {"run", "decline"}, {"speed", "viscous", "tread", "turn"}
+
+
 @dataclass(frozen=True)
 class Machine:
     """Scales in SI, at the wheel's side of the gear; 1 where a machine has no such thing.

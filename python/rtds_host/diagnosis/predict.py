@@ -11,6 +11,7 @@ import numpy as np
 from rtds_host.contract import Robot, RunLog
 from rtds_host.contract.runlog import read_json
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
+from rtds_host.diagnosis.machine import OF_RUNS, OF_SPEEDS_MET
 from rtds_host.diagnosis.nuisances import ENTRIES, SETUP
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
@@ -57,6 +58,8 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
     if "effects" not in data:
         raise InputError(f"{path}: effects: missing, it is [] where nothing is blamed")
     effects_there, effects = catalogue(robot), data["effects"]
+    # What is a share of what runs show has no bound where no run is known.
+    unknown = OF_RUNS | (OF_SPEEDS_MET if robot.driver.mode == "torque" else set())
     if not isinstance(effects, list):
         raise InputError(f"{path}: effects: is {effects!r}, a list is needed")
     taken: dict[tuple[str, int], str] = {}
@@ -94,9 +97,7 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
                 raise InputError(f"{path}: {place}.parameters.{name}: missing")
             value = given[name].get("value") if isinstance(given[name], dict) else given[name]
             value = _number(path, f"{place}.parameters.{name}", value)
-            # What is a share of a run's length has no bound where no run is known.
-            high = math.inf if relative[p.name].scale in ("run", "decline") else one * p.high
-            low = 0.0 if math.isinf(high) else one * p.low
+            low, high = (-math.inf if p.low < 0.0 else 0.0, math.inf) if relative[p.name].scale in unknown else (one * p.low, one * p.high)
             if not low <= value <= high:
                 raise InputError(f"{path}: {place}.parameters.{name}: is {value:g}, it must lie within {low:g} to "
                                  f"{high:g} {unit}")

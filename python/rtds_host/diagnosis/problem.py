@@ -449,7 +449,7 @@ class Problem:
         found = [np.empty(self.size) for _ in models]
         jobs = deque((model, data, into[rows]) for model, into in zip(models, found) for data, rows in self.rows)
 
-        def work(_: int) -> None:
+        def work() -> None:
             # One wait a core: one a job would cost as much as a short replay.
             while True:
                 try:
@@ -458,7 +458,10 @@ class Problem:
                     return
                 self.run_residual(data, replay_run(model, data.inputs), into)
 
-        list(self.pool.map(work, range(self.threads)))
+        others = [self.pool.submit(work) for _ in range(self.threads - 1)]
+        work()
+        for other in others:
+            other.result()
         return found
 
     def follow_angles(self, follow: bool) -> None:

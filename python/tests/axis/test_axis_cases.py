@@ -121,6 +121,16 @@ def test_a_load_beyond_the_declared_one_is_predicted_in_the_unit_of_its_kind(tmp
     assert read_diagnosis(path, case.robot).common == pytest.approx(nominal_model(declared).common)
 
 
+def test_a_size_found_by_the_speeds_of_runs_is_read_where_no_run_is_known(tmp_path):
+    """Torque has no speed without load: a Stribeck speed of 22 rad/s, found on runs that were that fast, is no absurd one."""
+    robot = axis_case(tmp_path, "linear", "torque").robot
+    parameters = {"torque_nm": {"value": 0.0}, "extra_torque_nm": {"value": 0.001}, "speed_rad_s": {"value": 22.5}}
+    path = tmp_path / "diagnosis.json"
+    path.write_text(json.dumps({"schema": "rtds-diagnosis/2",
+                                "effects": [{"id": "stribeck_friction", "side": "left", "parameters": parameters}]}))
+    assert read_diagnosis(path, robot).get("stribeck_speed") == 22.5
+
+
 def test_a_load_in_another_kinds_unit_is_refused(tmp_path):
     case = read_case(write_axis_case(tmp_path / "case", "inertia", "voltage", seconds=1.0))
     path = tmp_path / "diagnosis.json"
