@@ -17,6 +17,7 @@ from rtds_host.diagnosis.carried import CARRIED, CONSTANT, absent, carried, scat
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
+from rtds_host.diagnosis.left_out import left_out_gap
 from rtds_host.diagnosis.localise import excess_energy
 from rtds_host.diagnosis.screen import available, clashes
 from rtds_host.diagnosis.search import Search
@@ -97,7 +98,8 @@ def _fallen(search: Search, fit: Fit, standing: list[Standing], steady: set[tupl
     if not standing:
         return None
     return (_unlikely(standing) or _fickle(search, fit, standing) or _uneven(search, fit, standing, steady)
-            or _poor(search, fit, standing) or _contradicted(search, fit, standing))
+            or _poor(search, fit, standing) or _unforetold(search, fit, standing)
+            or _contradicted(search, fit, standing))
 
 
 def _unlikely(standing: list[Standing]) -> tuple[Standing, str] | None:
@@ -149,6 +151,18 @@ def _poor(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing,
         if not worth:
             poor.append((without, one))
     return (min(poor, key=lambda found: found[0])[1], "closes next to nothing of the gap") if poor else None
+
+
+def _unforetold(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
+    """The one without which runs that were not used for the fit are foretold best, if it does not bring them closer (contract,
+    section 5)."""
+    if excess(search.problem, fit) == 0.0:
+        return None
+    gap = left_out_gap(search.problem, fit)
+    without = {s.member: left_out_gap(search.problem, s.without) for s in standing}
+    one = min(standing, key=lambda s: without[s.member])
+    return None if worth_naming(without[one.member], gap, one.share) else (
+        one, f"does not bring runs closer that it was not fitted to (their gap is {without[one.member]:.3g} without it, {gap:.3g} with it)")
 
 
 def _contradicted(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:

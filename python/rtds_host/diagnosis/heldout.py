@@ -1,10 +1,10 @@
-"""The gap on runs that were not used for the fit (contract, section 4): each run is left out in turn, of a single run
-each half. The fit without it is one Newton step from the fit to all, then the run is replayed in short steps."""
+"""The gap on runs that were not used for the fit (contract, section 4), as it is reported: each run is left out in turn
+(`left_out`) and replayed in short steps."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import stdtrit
@@ -12,15 +12,13 @@ from scipy.special import stdtrit
 from rtds_host.contract import RunLog
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import Account
-from rtds_host.diagnosis.fit import Fit, parameters
+from rtds_host.diagnosis.left_out import left_out, parts_of
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
 from rtds_host.diagnosis.problem import STRETCH_S, Problem
-from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
+from rtds_host.diagnosis.replay.model import REPORT_STEP_S, replay_run
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.diagnosis.report.details import Trace
 
-# Numerical: one linear step is trusted for so many of its sigmas.
-TRUSTED = 3.0
 LEVELS = (0.05, 0.95)
 SHOWN = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
 
@@ -45,26 +43,6 @@ class HeldOut:
         return gaps.gap(self.channels[model])
 
 
-def left_out(problem: Problem, fit: Fit, rows: np.ndarray) -> Model:
-    """The explanation fitted without some residuals."""
-    white, jacobian = fit.whitened()
-    keep = np.flatnonzero(fit.free)
-    j = jacobian[np.ix_(rows, keep)].astype(float)
-    precision = fit.precision[np.ix_(keep, keep)]
-    rest = precision - j.T @ j
-    step = np.zeros(len(fit.free))
-    step[keep] = np.linalg.solve(rest + 1e-9 * np.diag(np.diag(precision)), j.T @ white[rows])
-    sigma = np.sqrt(np.diag(fit.covariance))
-    step = np.clip(step, -TRUSTED * sigma - 1e-6, TRUSTED * sigma + 1e-6)
-    k = len(fit.z)
-    u = fit.u + step[k:]
-    ps = [p for _, _, p in parameters(fit.effects, fit.hypothesis)]
-    if ps:
-        u = np.clip(u, [p.scaled(p.low) for p in ps], [p.scaled(p.high) for p in ps])
-    z = np.clip(fit.z + step[:k], [n.low for n in problem.nuisances], [n.high for n in problem.nuisances])
-    return replace(fit, z=z, u=u).model(problem)
-
-
 def held_out(problem: Problem, account: Account) -> HeldOut:
     """Gaps of the nominal robot, the refitted one, and the one with the effects that stand, on runs left out."""
     robot = problem.robot
@@ -85,15 +63,10 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
         notes.append("one run only: each half was held out in turn, which is weaker evidence than another run")
     for k, data in enumerate(problem.whole):
         mine = np.flatnonzero(problem.runs_of == k)
-        pieces = [(0, len(data.log.t), mine)]
-        if len(problem.whole) == 1:
-            middle = len(data.log.t) // 2
-            half = np.median(problem.blocks[mine])
-            pieces = [(0, middle, mine[problem.blocks[mine] < half]), (middle, len(data.log.t), mine[problem.blocks[mine] >= half])]
         nominal = replay_run(problem.nominal, data.inputs, step)
         own: dict[object, list[dict[str, gaps.Squares]]] = {name: [] for name in parts}
         shown = {"refit": np.empty_like(nominal), "after": np.empty_like(nominal)}
-        for first, last, rows in pieces:
+        for first, last, rows in parts_of(problem, data.log, mine):
             log = data.log.rows(first, last)
             motion: dict[str, np.ndarray] = {}
             # One replay at a time, and of its errors the squares: a run may have a million rows.

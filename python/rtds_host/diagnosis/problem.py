@@ -470,13 +470,20 @@ class Problem:
             log = self.whole[self.owners[k]].log
             data.inputs = following(data.inputs, log) if follow else (*data.inputs[:4], np.empty((0, 2)), *data.inputs[5:])
 
+    def judged(self) -> list[tuple[RunData, int]]:
+        """What an effect's worth is judged on, and the run that each is of: whole runs, of long ones the stretches that are searched,
+        with commands as late in each run as they were fitted (`align_commands`)."""
+        if self.lates or (self.searched < 1.0 and not self.pieces):
+            return list(zip(self.runs, self.owners, strict=True))
+        return [(data, k) for k, data in enumerate(self.whole)]
+
     def gap(self, model: Model) -> float:
         """The contract's gap at the search's steps: of whole runs, of long ones of the stretches that are searched."""
         return self._gap(model, self.runs if self.searched < 1.0 and not self.pieces else self.whole)
 
     def gap_as_fitted(self, model: Model) -> float:
         """The same with commands as late in each run as they were fitted, `align_commands`: what an effect is worth beside that."""
-        return self._gap(model, self.runs) if self.lates else self.gap(model)
+        return self._gap(model, [data for data, _ in self.judged()])
 
     def _gap(self, model: Model, judged: list[RunData]) -> float:
         outs = self.pool.map(lambda data: replay_run(model, data.inputs), judged)
