@@ -108,9 +108,29 @@ def bent(_, columns):
         columns[c] *= 1.0 + (columns[c] / 0.5) ** 2
 
 
-@pytest.mark.parametrize("fault", [wobbly, bent], ids=["a speed that wobbles with the angle", "a current that bends"])
+def saturated(_, columns):
+    """A reading that falls again as the current grows: no power of what is read says what was there."""
+    for c in ("i_l", "i_r"):
+        columns[c] /= 1.0 + (columns[c] / 0.3) ** 2
+
+
+@pytest.mark.parametrize("fault", [wobbly, bent, saturated],
+                         ids=["a speed that wobbles with the angle", "a current that bends", "a current sensor that saturates"])
 def test_a_sensor_without_a_name_for_its_fault_is_told_from_the_machine(fault):
     assert located(changed(make_case(), fault)).shares()[0]["subsystem"] == "sensing"
+
+
+@pytest.mark.parametrize("loose,subsystem", [(False, "wheel_ground"), (True, "drivetrain")], ids=["rigid gears", "free play"])
+def test_a_turn_that_the_wheels_do_not_show_is_the_grounds_unless_gears_are_known_to_be_loose(loose, subsystem):
+    """A twitch too short for the pose to see: either a tyre lets go for a moment, or a wheel shakes behind its gear."""
+    def twitch(t, columns):
+        columns["gyro_z"] = columns["gyro_z"] + 0.05 * np.sign(np.sin(40.0 * t)) * (np.abs(columns["w_l"] - columns["w_r"]) > 2.0)
+
+    case = changed(make_case(), twitch)
+    model = nominal_model(case.robot)
+    if loose:
+        model.put("backlash", 0.001)
+    assert localise(case, model, held=True).shares()[0]["subsystem"] == subsystem
 
 
 def test_a_delay_is_told_to_the_nearest_of_its_grid():

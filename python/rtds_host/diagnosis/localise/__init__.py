@@ -143,7 +143,7 @@ def localise(case: Case, model: Model, held: bool = False) -> Localisation:
     """
     where = extent(case.runs) if case.robot.chassis is not None else None
     runs = [(_own if held else replay_blocks)(log, case.robot, model, where) for log in case.runs]
-    sums = Sums(runs)
+    sums = Sums(runs, held)
     located, chosen, lag = share(sums)
     excess = {b: max(sums.energy[b] - sums.count[b], 0.0) for b in sums.blocks}
     whole = sum(excess.values())

@@ -143,6 +143,10 @@ def torque_block(run: Signals, k: int) -> None:
         slope = np.diff(end, prepend=end[0])
         run.put(f"sensing:current_lag_{s}", f"current_{s}", -slope)
         put(f"sensing:current_lag_{s}", run.km[k] * middles(slope))
+        # One that lies in whatever way: what it reads beyond what voltage and speed ask for, in the current and in no torque.
+        read = smooth(i - end, run.half)
+        run.put(f"sensing:current_fault_{s}", f"current_{s}", read)
+        put(f"sensing:current_fault_{s}", -run.km[k] * middles(read))
         put(f"winding:constant_{s}", run.km[k] * middles(i))
         put(f"winding:saturation_{s}", -run.km[k] * middles(i * np.abs(i)))
     elif run.voltage_mode:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+# Numerical: what the magnitude of a normal value is below in a quarter of the cases, in standard deviations.
+NORMAL_QUARTER = 0.31863936396437514
+
 
 class Windows:
     """Removes each window's mean from a series, so that the window's start is free."""

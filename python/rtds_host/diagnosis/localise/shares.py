@@ -6,7 +6,7 @@ import numpy as np
 
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
-from rtds_host.diagnosis.localise.series import smooth
+from rtds_host.diagnosis.localise.series import NORMAL_QUARTER, smooth
 from rtds_host.diagnosis.localise.signals import Signals
 from rtds_host.diagnosis.nuisances import BAND, PRIOR
 
@@ -23,6 +23,12 @@ BELIEVED = 0.35
 BELIEVED_OF_ALL = 0.03
 # Excess energy, as a share of the noise's, below which no place is named.
 FAINT = 0.05
+# The signature of a current sensor that lies in whatever way.
+CURRENT_FAULT = "sensing:current_fault"
+# The signature of voltages that act late, one a delay.
+LATE = "timing:late"
+# Entries of a model by which a wheel shakes behind its gear.
+LOOSE = ("backlash", "stiffness")
 # Numerical: a block that has left all bounds says no more than that, in units of noise.
 FARTHEST = 1e4
 
@@ -45,9 +51,12 @@ def in_noise(run: Signals, b: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 class Sums:
-    """Normal equations of all blocks and runs: `gram[block]`, `cross[block]`, `energy[block]`, `count[block]`."""
+    """Normal equations of all blocks and runs: `gram[block]`, `cross[block]`, `energy[block]`, `count[block]`.
 
-    def __init__(self, runs: list[Signals]):
+    known : the model holds what was found, so that free play and springs, which a block does not know, are in it if anywhere.
+    """
+
+    def __init__(self, runs: list[Signals], known: bool = False):
         self.names = sorted({c for run in runs for c in run.columns})
         self.blocks = [b for b in BLOCKS if any(b in run.blocks for run in runs)]
         index = {name: j for j, name in enumerate(self.names)}
@@ -57,6 +66,10 @@ class Sums:
         self.energy = dict.fromkeys(self.blocks, 0.0)
         self.count = dict.fromkeys(self.blocks, 0)
         self.regimes: dict[str, dict[str, list[float]]] = {b: {} for b in self.blocks}
+        # Whether wheels may shake behind their gears: nothing is known of that, or they are known to.
+        self.loose = not known or any(run.model.get(slot, k) for run in runs for slot in LOOSE for k in run.sides)
+        # Noise energy that a signature takes with it, made of residuals as it is.
+        self.noise_in: dict[str, float] = {}
         self.both = [0.0, 0.0, 0.0]
         self.against = [0.0, 0.0]
         for run in runs:
@@ -74,6 +87,10 @@ class Sums:
         for j, c in enumerate(used):
             a[:, j] = run.columns[c][b][take] / noise[take]
         a[~np.isfinite(a)] = 0.0
+        for j in (j for j, c in enumerate(used) if _group(c) == CURRENT_FAULT and b.startswith("current") and len(z)):
+            # At quiet times it is the sensor's noise, coloured as it may be.
+            quiet = float(np.quantile(np.abs(a[:, j]), 0.25)) / NORMAL_QUARTER
+            self.noise_in[CURRENT_FAULT] = self.noise_in.get(CURRENT_FAULT, 0.0) + len(z) * quiet**2
         place = [index[c] for c in used]
         self.gram[b][np.ix_(place, place)] += a.T @ a
         self.cross[b][place] += a.T @ z
@@ -178,11 +195,13 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
         for group, members in groups.items():
             if "steady" in group or (group == "sensing:speed_fault" and not twice) or any(group == g for g, _, _ in chosen):
                 continue
-            extra = [j for j in members if j not in picked]
-            value, _ = fit(picked + extra, loose | set(members))
-            gain = value - explained - 2.0 * len(members)
-            if best is None or gain > best[0]:
-                best = (gain, group, members, extra)
+            # Of delays one is there; all of them together would be any filter.
+            for chosen_of in [[j] for j in members] if group == LATE else [members]:
+                extra = [j for j in chosen_of if j not in picked]
+                value, _ = fit(picked + extra, loose | set(chosen_of))
+                gain = value - explained - 2.0 * len(chosen_of) - sums.noise_in.get(group, 0.0)
+                if best is None or gain > best[0]:
+                    best = (gain, group, chosen_of, extra)
         if best is None or best[0] < max(BELIEVED * left, BELIEVED_OF_ALL * whole, 30.0):
             break
         gain, group, members, extra = best
@@ -203,12 +222,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
                 located[subsystem] += part * left * value / scale if scale > 0 else 0.0
     total = sum(located.values())
     located = {s: float(v / total) if total > 0 else 0.0 for s, v in located.items()}
-    lag = 0.0
-    if any(group == "timing:late" for group, _, _ in chosen):
-        late = groups["timing:late"]
-        others = [j for j in picked if j not in late]
-        lag = max(late, key=lambda j: fit([*others, j], loose)[0])
-        lag = float(names[lag].split("@")[1])
+    lag = next((float(names[j].split("@")[1]) for j in picked if _group(names[j]) == LATE), 0.0)
     return located, chosen, lag
 
 
@@ -218,7 +232,7 @@ def _owner(block: str, sums: Sums, excess: dict[str, float]) -> dict[str, float]
         # What pushes the body is felt by both wheels at once, and not always against their motion.
         body = min(abs(sums.together), 1.0) ** 2 * (1.0 - max(sums.opposing, 0.0) ** 2)
         return {"chassis": body, "drivetrain": 1.0 - body}
-    if block == "turn" and "way" in excess and excess["turn"] > 0:
+    if block == "turn" and sums.loose and "way" in excess and excess["turn"] > 0:
         # A wheel that slips takes the pose with it; one that shakes behind its gear does not.
         slips = excess["way"] / max(sums.count["way"], 1) > 0.05 * excess["turn"] / sums.count["turn"]
         return {"wheel_ground": 1.0} if slips else {"drivetrain": 1.0}
