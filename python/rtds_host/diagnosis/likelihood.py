@@ -253,13 +253,16 @@ def _most_likely(residual: np.ndarray, mine: _Channel, s: float, tau: float, tho
     starts = []
     if s > LEAST_SIZE and not thorough:
         starts = [(math.log(s), min(max(math.log(tau), low), high))]
+        # Noise that is larger than declared is an optimum of its own, to which no slope leads from slow misfits.
+        if size > 1.0 + LEAST_SIZE:
+            starts.append((0.5 * math.log(size * size - 1.0), low))
     if not starts or thorough:
         top = math.log(max(size, 10 * LEAST_SIZE))
         starts += [(top - back, at) for at in np.linspace(low, high, COARSE_TAUS) for back in (0.0, 1.0)]
     values = [cost(*start) for start in starts]
     k = int(np.argmin(values))
     at, best = list(starts[k]), values[k]
-    for step in PATTERN_STEPS if thorough or len(starts) > 1 else PATTERN_STEPS[1:]:
+    for step in PATTERN_STEPS if thorough or len(starts) > 2 else PATTERN_STEPS[1:]:
         for _ in range(4):
             moved = False
             for axis, sign in ((0, -1), (0, 1), (1, -1), (1, 1)):

@@ -17,6 +17,7 @@ from rtds_host.diagnosis.likelihood import Discrepancy, Series
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.screen import Screen, moves_of
 from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.twins import near_twins, twins
 
@@ -344,3 +345,27 @@ def test_a_size_is_known_no_better_than_two_ways_to_weigh_the_rest_agree(rest, l
     shift, own = abs(_shift(fit)[-1]), np.sqrt(fit.covariance[-1, -1])
     assert least * own <= shift <= most * own
     assert _sigmas(search.problem, fit)[-1] >= np.hypot(shift, own)
+
+
+def test_noise_larger_than_declared_is_found_from_wherever_the_discrepancy_began():
+    """White noise of two and a half times what the file says: no slope leads there from a slow misfit."""
+    t = np.arange(0.0, 20.0, 0.01)
+    residual = 2.5 * np.random.default_rng(4).standard_normal(len(t))
+    series = [Series(0, 0, len(t), t)]
+    slow = Discrepancy(series, len(t), 1, np.array([3.0]), np.array([0.3]))
+    anywhere = slow.estimated(residual, thorough=True).cost(residual)
+    assert slow.estimated(residual).cost(residual) < anywhere + 1.0
+
+
+def test_signatures_that_are_one_and_large_promise_no_pair():
+    """A speed sensor's gain and a driver's are in proportion here, and a hundred thousand noises large."""
+    case = make_case()
+    robot = replace(case.robot, sensors={name: 1e-5 * value for name, value in case.robot.sensors.items()})
+    problem = Problem(replace(case, robot=robot), 1)
+    search = Search(problem, quick=True)
+    fit = search.fits[()] = search.fitter.fit((), np.empty(0), np.zeros(search.fitter.count), problem.discrepancy(), 0)
+    moves = moves_of(search.fitter, fit, {}, {"driver_gain"}, {})
+    one = next(iter(moves))
+    twin = replace(one, effect="speed_gain", values=one.values)
+    screen = Screen(problem, fit, {one: moves[one], twin: 2.0 * moves[one]}, problem.discrepancy())
+    assert all(np.isfinite(gain) for gain, *_ in screen.pairs([("driver_gain", one.side), ("speed_gain", one.side)]))
