@@ -6,8 +6,8 @@ scatter (Q. H. Vuong, Econometrica 57, 1989): with t = G / (sqrt(B) sd(g)), no m
 of it, however large it is. What is missed steadily, nearly wherever it acts, is there; what is missed in a few stretches
 stands in for something else.
 
-And an effect must be worth naming: what it takes off the squared gap is at least what counts as a gap at all, and no small
-part of what stays without a name, in the gap or in the likelihood, since of a large rest any form takes a little. Where nothing
+And an effect must be worth naming: what it takes off the squared gap is at least what counts as a gap at all, and more than what
+stands in for a nameless rest takes off it, in the gap, or no small part in the likelihood: of a large rest any form takes a little. Where nothing
 stays, the residuals being no larger than their noise, the likelihood is exact, and tells it from a tolerance that would take its
 place (`account`).
 """
@@ -26,13 +26,21 @@ from rtds_host.diagnosis.problem import Problem
 CONVINCING = 20.0
 # Of the squared gap: what makes one of 1.1 out of none (contract, section 4), or this share of the rest.
 WORTH, WORTH_OF_REST = LEAST**2 - 1.0, 0.1
+# What outweighs half of the rest is told from it; less of it any of a hundred forms may take.
+OUTWEIGHS = 0.5
+
+
+def worth_adding(without: float, gap: float) -> bool:
+    """Whether an effect that lowers the gap from `without` to `gap` takes off what others could be seen beside."""
+    closes = without**2 - gap**2
+    return closes >= WORTH and closes >= WORTH_OF_REST * (gap**2 - 1.0)
 
 
 def worth_naming(without: float, gap: float, share: float = 0.0) -> bool:
-    """Whether an effect that lowers the gap from `without` to `gap` is worth naming; `share`: what it takes off the likelihood's
-    excess over white noise, of that without it."""
+    """Whether an effect that lowers the gap from `without` to `gap` takes off more than a stand-in for the rest would; `share`: what
+    it takes off the likelihood's excess over white noise, of that without it."""
     closes = without**2 - gap**2
-    return closes >= WORTH and (closes >= WORTH_OF_REST * (gap**2 - 1.0) or share >= WORTH_OF_REST)
+    return closes >= WORTH and (closes >= OUTWEIGHS * (gap**2 - 1.0) or share >= WORTH_OF_REST)
 
 
 def excess(problem: Problem, fit: Fit) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.carried import CARRIED, carried
 from rtds_host.diagnosis.effects import Effect
-from rtds_host.diagnosis.evidence import CONVINCING, WORTH_OF_REST, believed, compared, excess, worth_naming
+from rtds_host.diagnosis.evidence import CONVINCING, WORTH_OF_REST, believed, compared, excess, worth_adding
 from rtds_host.diagnosis.fit import ROUGH_GAIN, STEP_GAIN, Fit, Fitter, Hypothesis, apply, joined, scaled, to_values
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.nuisances import BAND
@@ -470,7 +470,7 @@ class Search:
         if prior + believed(*compared(self.problem, grown, fit)) < 0.0:
             return False
         if (self.score(fit) - self.score(grown) < WORTH_OF_REST * excess(self.problem, fit)
-                and not worth_naming(closest, self._gap(grown))):
+                and not worth_adding(closest, self._gap(grown))):
             return False
         over = carried(self.problem, grown)
         return all(over[member] >= CARRIED for member in set(grown.hypothesis) - set(fit.hypothesis))

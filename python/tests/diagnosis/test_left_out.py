@@ -9,13 +9,14 @@ from diagnosis_cases import make_case, make_run
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import _standing, _unforetold
+from rtds_host.diagnosis.evidence import worth_naming
 from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.left_out import left_out_gap
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run
 from rtds_host.diagnosis.search import Search
 
-COULOMB, LIMIT = ("coulomb_friction", "both"), ("voltage_limit", "both")
+COULOMB = ("coulomb_friction", "both")
 
 
 def fitted(case: Case, parts: dict[tuple[str, str], dict[str, float]]) -> tuple[Search, Fit]:
@@ -63,3 +64,14 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_does_not_stand
     standing = [_standing(search, fit, member, rough=False) for member in fit.hypothesis]
     one, reason = _unforetold(search, fit, standing)
     assert one.member == ("driver_gain", "both") and "not fitted to" in reason
+
+
+@pytest.mark.parametrize("without,gap,share,worth", [
+    (1.2, 1.0, 0.0, True),        # makes a gap of 1.2 out of none
+    (1.05, 1.0, 0.5, False),      # makes none
+    (3.0, 2.0, 0.0, True),        # outweighs what is left
+    (9.0, 8.0, 0.01, False),      # a quarter of what is left: any form may take that
+    (9.0, 8.0, 0.4, True),        # little of the gap, but much of what the likelihood sees
+])
+def test_an_effect_is_worth_naming_if_it_outweighs_half_of_the_rest_or_is_much_of_what_the_likelihood_sees(without, gap, share, worth):
+    assert worth_naming(without, gap, share) is worth
