@@ -84,16 +84,30 @@ class Investigation:
     search: Search
     account: Account
 
+    @property
+    def gap(self) -> float:
+        """The gap that the account leaves, of whole runs."""
+        return self.problem.gap(self.account.fit.model(self.problem))
+
 
 def investigate(case: Case, quick: bool = False, threads: int = 2, say: Callable[[str, float], None] = lambda *_: None,
                 without: frozenset[str] = frozenset()) -> Investigation:
     """Search for the explanation of a case and weigh its effects; parameters as of `diagnose`."""
     say("replay", 0.05)
     found = _searched(Problem(case, threads), quick, say, without)
-    if case.robot.axis is not None and found.problem.gap(found.account.fit.model(found.problem)) >= gaps.LEAST:
-        # An axis integrates and sticks: over whole runs of a real one the misfit has many local minima, over pieces few.
-        found = _searched(Problem(case, threads, pieces=True), quick, say, without)
+    if case.robot.axis is not None and found.gap >= gaps.LEAST:
+        # An axis integrates and sticks: over whole runs of a real one the misfit has many local minima, over pieces few. But a piece
+        # hardly shows what is slow, and starts from what a biased sensor says; which of the two holds, whole runs say.
+        pieces = _searched(Problem(case, threads, pieces=True), quick, say, without)
+        found = min(_begun(found, pieces), pieces, key=lambda one: one.gap)
     return found
+
+
+def _begun(whole: Investigation, pieces: Investigation) -> Investigation:
+    """The investigation of whole runs, its account made of the pieces' explanation if whole runs find that the more probable one."""
+    search, found = whole.search, pieces.account.fit
+    fit = search.prune(search.try_fit(found.hypothesis, found.u, whole.account.fit))
+    return replace(whole, account=account(search, fit)) if search.score(fit) < search.score(whole.account.fit) else whole
 
 
 def _searched(problem: Problem, quick: bool, say: Callable[[str, float], None], without: frozenset[str]) -> Investigation:

@@ -15,6 +15,9 @@ from rtds_host.diagnosis.effects import CATALOGUE
 
 Member = tuple[str, str]
 
+# Numerical: commands of both wheels that differ by no more than this share of the largest are alike.
+STRAIGHT = 0.02
+
 
 def _logged(case: Case, *channels: str) -> bool:
     """Whether any of these channels, named without side, is logged in any run."""
@@ -27,6 +30,21 @@ def _no_pose(case: Case) -> bool:
 
 def _no_place(case: Case) -> bool:
     return not _logged(case, "x", "y")
+
+
+def _straight(case: Case) -> bool:
+    """Whether both wheels are commanded alike in all runs: a robot that drives straight, as far as it is sound."""
+    return case.robot.chassis is not None and all(
+        bool(np.all(np.ptp(commands, axis=1) <= STRAIGHT * float(np.abs(commands).max(initial=0.0))))
+        for log in case.runs for commands in (log.commands(case.robot.driver.mode),))
+
+
+def _turns_unplaced(case: Case) -> bool:
+    return _no_pose(case) and not _straight(case)
+
+
+def _straight_unplaced(case: Case) -> bool:
+    return _no_place(case) and _straight(case)
 
 
 def _speed_alone(case: Case) -> bool:
@@ -65,11 +83,9 @@ def _no_current(case: Case) -> bool:
     return not _logged(case, "i") and case.robot.driver.mode != "torque"
 
 
-def _same_load_no_spin(case: Case) -> bool:
-    """Whether all runs have one payload and none turns on the spot or on the inner wheel."""
-    if case.robot.axis is not None or len({log.meta.payload_kg for log in case.runs}) > 1:
-        return False
-    return all(bool(np.all(np.prod(log.commands(case.robot.driver.mode), axis=1) >= 0.0)) for log in case.runs)
+def _same_load(case: Case) -> bool:
+    """Whether all runs have one payload: against the motion of its wheel, dry friction is what rolling resistance is, in a spin, too."""
+    return case.robot.axis is None and len({log.meta.payload_kg for log in case.runs}) == 1
 
 
 def _one_slope(case: Case) -> bool:
@@ -84,10 +100,10 @@ SAME: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...] = (
     (("driver_gain", "speed_gain"), _speed_alone),
     (("wheel_radius_error", "track_width_error"), _no_place),
     # Beside section 3: how far the robot turns is seen by the gyro alone.
-    (("gyro_gain", "track_width_error", "wheel_radius_error"), _no_pose),
+    (("gyro_gain", "track_width_error", "wheel_radius_error"), _turns_unplaced),
     (("coulomb_friction", "driver_deadzone", "bridge_drop"), _no_current_no_reversal),
     (("coulomb_friction", "friction_asymmetry"), _one_way),
-    (("coulomb_friction", "rolling_resistance"), _same_load_no_spin),
+    (("coulomb_friction", "rolling_resistance"), _same_load),
     (("payload_error", "rotor_inertia_error"), _rotor_counts),
 )
 # Beside section 3: a drive that is stronger, a load that is lighter and a speed that reads too high differ by the size of friction
@@ -100,6 +116,8 @@ WITH_FRICTION: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...] = (
 ALIKE: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...] = (
     (("resistance_error", "torque_constant_error", "payload_error"), _no_current),
     (("payload_error", "slope_error"), _one_slope),
+    # Beside section 3: of a robot that drives straight, m r^2 is all that its wheels feel of either.
+    (("wheel_radius_error", "payload_error"), _straight_unplaced),
 )
 
 

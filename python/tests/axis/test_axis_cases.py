@@ -6,13 +6,15 @@ servo's integrator holds in the middle of a run, no log tells.
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from axis_machine import AXES, GEAR, MOTOR, write_axis_case
 
 from rtds_host.contract import read_case
-from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis import diagnose as diagnose_module
+from rtds_host.diagnosis.diagnose import diagnose, investigate
 from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
@@ -169,3 +171,18 @@ def test_a_measured_bus_is_the_drives_supply(tmp_path):
     run.columns["v_bus"][:] = 6.0
     half = replay_run(nominal_model(case.robot), run_inputs(run, case.robot))[:, OUTPUT_INDEX["w_l"]]
     assert half == pytest.approx(0.5 * full, abs=0.05)
+
+
+@pytest.mark.parametrize(("whole", "pieces", "kept"), [(1.05, 0.9, "whole"), (2.5, 9.1, "whole"), (39.8, 1.7, "pieces")])
+def test_of_an_axis_searched_whole_and_in_pieces_the_account_is_kept_that_whole_runs_bear_out(tmp_path, monkeypatch, whole, pieces, kept):
+    """A declared noise that is a little too small leaves a gap behind any account; it does not make the pieces' the better one."""
+    asked = []
+
+    def searched(problem, *_):
+        asked.append("pieces" if problem.pieces else "whole")
+        return SimpleNamespace(name=asked[-1], gap=pieces if problem.pieces else whole)
+
+    monkeypatch.setattr(diagnose_module, "_searched", searched)
+    monkeypatch.setattr(diagnose_module, "_begun", lambda whole, _: whole)
+    assert investigate(axis_case(tmp_path, "inertia", "voltage")).name == kept
+    assert asked == (["whole"] if whole < 1.1 else ["whole", "pieces"])

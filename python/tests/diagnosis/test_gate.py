@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from diagnosis_cases import changed, make_case, without
 
-from rtds_host.contract import Case, RunLog
+from rtds_host.contract import Case, RunLog, RunMeta
 from rtds_host.diagnosis.gate import examine
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 
 
@@ -108,6 +110,29 @@ def test_exchanged_wheels_end_a_diagnosis_and_are_named(case):
     for edit, names in ((sensors, "w_l and w_r"), (commands, "v_cmd_l and v_cmd_r")):
         with pytest.raises(InputError, match=f"are {names} exchanged"):
             examine(changed(case, edit))
+
+
+def test_a_wheel_that_is_weaker_than_the_other_is_not_exchanged_with_it(case):
+    """On one gentle curve the stronger motor may stand on the side that should be slower: that is a gain, and no exchange."""
+    robot, t = case.robot, np.arange(0.0, 4.0, 0.01)
+    volts = np.stack([2.5 * t, 2.4 * t], axis=1)
+    model = nominal_model(robot)
+    model.scale("voltage_gain", 0.8, (0,))
+    commands = {"v_cmd_l": volts[:, 0], "v_cmd_r": volts[:, 1]}
+    out = replay_run(model, run_inputs(RunLog("ramp", RunMeta(), t, commands), robot))
+    noise = 0.02 * np.random.default_rng(1).standard_normal((2, len(t)))
+    columns = {**commands, **{c: out[:, OUTPUTS.index(c)] + n for c, n in zip(("w_l", "w_r"), noise)}}
+    examine(Case("curve", robot, (RunLog("ramp", RunMeta(), t, columns),)))
+
+
+def test_a_short_move_is_seen_though_the_declared_noise_is_too_large(case):
+    """The scatter from sample to sample says how noisy a channel is, whatever the file says."""
+    def coasts(t, columns):
+        for c in ("w_l", "w_r"):
+            columns[c] = 0.04 * np.sin(2.0 * t) + 0.004 * np.random.default_rng(1).standard_normal(len(t))
+    loud = dataclasses.replace(case.robot, sensors={"w_rad_s": 0.02})
+    found = examine(dataclasses.replace(changed(without(case, "th_l", "th_r"), coasts), robot=loud))
+    assert not found.of("still")
 
 
 def test_swapped_leads_are_only_noted_for_the_catalogue_knows_them(case):

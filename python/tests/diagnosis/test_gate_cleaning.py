@@ -292,6 +292,39 @@ def test_counts_over_uneven_times_show_their_step():
     assert step_of(speed, t) == pytest.approx(1 / 400.0 / np.median(np.diff(t)), rel=0.05)
 
 
+def counted(t, angle, counts):
+    """Speed by the counts (a turn) since the sample before, (n,) rad/s, of an angle (n,) rad."""
+    step = 2.0 * np.pi / counts
+    return np.diff(np.floor(angle / step) * step, prepend=0.0) / np.diff(t, prepend=t[0] - (t[1] - t[0]))
+
+
+def test_a_speed_of_three_levels_shows_its_step():
+    t = np.arange(0.0, 10.0, 0.05)
+    speed = counted(t, 8.0 * np.sin(t), 12)
+    assert len(np.unique(np.round(speed, 6))) == 3
+    assert step_of(speed) == pytest.approx(2.0 * np.pi / 12 / 0.05)
+    assert step_of(np.round(speed, 2)) == pytest.approx(2.0 * np.pi / 12 / 0.05, rel=1e-3)
+
+
+def test_few_levels_on_no_even_grid_and_few_values_show_no_step():
+    assert step_of(np.tile([0.0, 1.234567, 3.141593], 50)) == 0.0
+    assert step_of(np.linspace(0.0, 0.777777, 8) ** 2) == 0.0
+
+
+def test_counts_over_uneven_times_show_their_step_behind_decimals():
+    rng = np.random.default_rng(2)
+    t = np.cumsum(0.05 + 0.01 * rng.random(600))
+    assert step_of(np.round(counted(t, 20.0 * np.sin(t), 60), 2), t) == pytest.approx(2 * np.pi / 60 / np.median(np.diff(t)), rel=0.05)
+
+
+def test_a_speed_by_few_counts_is_coarse_and_not_clipped(case):
+    """Between two of its levels a coarse sensor stands still while the robot moves on; that is no limit."""
+    coarse = changed(case, lambda t, columns: columns.update(w_l=counted(t, columns["th_l"], 24), w_r=counted(t, columns["th_r"], 24)))
+    gate = examine(coarse)
+    assert not gate.of("clipped") and not gate.of("frozen")
+    assert gate.noise["w_l"] == pytest.approx(2.0 * np.pi / 24 / 0.01 / np.sqrt(12), rel=0.05)
+
+
 def test_rounding_adds_to_the_declared_noise(case):
     gate = examine(changed(case, lambda _, columns: columns.update(gyro_z=np.round(columns["gyro_z"], 1))))
     assert gate.noise["gyro_z"] == pytest.approx(np.hypot(0.003, 0.1 / np.sqrt(12)), rel=1e-6)

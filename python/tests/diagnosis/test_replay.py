@@ -337,3 +337,17 @@ def test_a_run_that_begins_in_motion_was_under_its_first_command_before():
     assert np.allclose(replay_run(model, run_inputs(log, robot))[5:, 3], steady[0], rtol=0.02)
     assert np.abs(replay_run(model, run_inputs(RunLog("rest", RunMeta(), t, columns), robot))[:5, 3]).max() == 0.0
     assert [len(part) for part in row_inputs(log, robot)[:4]] == [len(t)] * 4
+
+
+def test_friction_that_falls_with_speed_does_not_drive_a_robot_far_beyond_its_free_speed():
+    """What turns twice as fast as its motor can has another gain; friction that differs by direction gives no energy back."""
+    robot = builtin_robot("burger")
+    effect = catalogue(robot)["friction_asymmetry"]
+    t = np.arange(0.0, 6.0, 0.01)
+    top = []
+    for share in (0.0, 1.0):
+        model = nominal_model(robot)
+        effect.apply(model, (0, 1), {"torque_nm": 0.0, "nm_s_per_rad": share * effect.parameters[1].low})
+        run = RunLog("run", RunMeta(), t, {c: np.full(len(t), 6.0) for c in ("v_cmd_l", "v_cmd_r")})
+        top.append(replay_run(model, run_inputs(run, robot))[-1, OUTPUT_INDEX["w_l"]])
+    assert top[0] < top[1] < 1.5 * top[0]

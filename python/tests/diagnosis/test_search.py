@@ -30,6 +30,12 @@ def forwards(case: Case) -> Case:
     return replace(case, runs=runs)
 
 
+def straight(case: Case) -> Case:
+    """The case with the left wheel commanded as the right one is."""
+    runs = tuple(replace(r, columns={**r.columns, "v_cmd_l": r.columns["v_cmd_r"]}) for r in case.runs)
+    return replace(case, runs=runs)
+
+
 @pytest.mark.parametrize("case,member,expected", [
     (make_case(), ("command_delay", "both"), []),
     (without(make_case(), *POSE), ("command_delay", "both"), [("measurement_delay", "both")]),
@@ -38,11 +44,14 @@ def forwards(case: Case) -> Case:
     (without(make_case(), "x", "y"), ("wheel_radius_error", "both"), [("track_width_error", "both")]),
     (without(make_case(), "x", "y"), ("wheel_radius_error", "left"), []),
     (without(make_case(), *POSE), ("gyro_gain", "both"), [("track_width_error", "both"), ("wheel_radius_error", "both")]),
+    (without(straight(make_case()), *POSE), ("wheel_radius_error", "both"), [("track_width_error", "both")]),
     (without(make_case(), "i_l", "i_r"), ("driver_deadzone", "right"), []),
     (without(forwards(make_case()), "i_l", "i_r"), ("driver_deadzone", "right"),
      [("coulomb_friction", "right"), ("bridge_drop", "right")]),
     (forwards(make_case()), ("friction_asymmetry", "both"), [("coulomb_friction", "both")]),
     (replace(forwards(make_case()), runs=forwards(make_case()).runs[:2]), ("rolling_resistance", "both"), [("coulomb_friction", "both")]),
+    (replace(make_case(), runs=make_case().runs[:2]), ("rolling_resistance", "both"), [("coulomb_friction", "both")]),
+    (make_case(), ("rolling_resistance", "both"), []),
 ], ids=lambda v: v[0] if isinstance(v, tuple) else "")
 def test_twins_are_what_the_runs_lack_the_channels_or_motions_to_part(case, member, expected):
     assert twins(case, member) == expected
@@ -53,6 +62,9 @@ def test_twins_are_what_the_runs_lack_the_channels_or_motions_to_part(case, memb
     (without(make_case(), "i_l", "i_r"), ("resistance_error", "left"), [("torque_constant_error", "left")]),
     (make_case(), ("resistance_error", "both"), []),
     (make_case(), ("payload_error", "both"), []),
+    (straight(make_case()), ("wheel_radius_error", "both"), []),
+    (without(straight(make_case()), *POSE), ("wheel_radius_error", "both"), [("payload_error", "both")]),
+    (without(straight(make_case()), *POSE), ("payload_error", "both"), [("wheel_radius_error", "both")]),
     (replace(make_case(), runs=make_case().runs[1:2]), ("payload_error", "both"), [("slope_error", "both")]),
 ], ids=lambda v: v[0] if isinstance(v, tuple) else "")
 def test_near_twins_are_what_the_runs_lack_the_current_or_a_second_slope_to_part(case, member, expected):

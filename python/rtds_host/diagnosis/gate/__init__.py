@@ -45,7 +45,7 @@ def examine(case: Case) -> Gate:
     cleaned = replace(case, runs=runs)
     cleaned, told = _without_glitches(cleaned, bounds, noise)
     found += told
-    cleaned, told, lags = _compared(cleaned, bounds)
+    cleaned, told, lags = _compared(cleaned, bounds, noise)
     found += told
     _enough(cleaned)
     cleaned, stamps_s, told = stamps.settled(cleaned, noise)
@@ -103,9 +103,11 @@ def _without_glitches(case: Case, bounds: Limits, noise: dict[str, float]) -> tu
     return replace(case, runs=runs), found
 
 
-def _compared(case: Case, bounds: Limits) -> tuple[Case, list[Finding], list[tuple[str, float]]]:
+def _compared(case: Case, bounds: Limits, noise: dict[str, float]) -> tuple[Case, list[Finding], list[tuple[str, float]]]:
     """The case without clipped and frozen stretches, what a comparison with the nominal robot tells, and lags."""
     robot = case.robot
+    # A sensor of few counts sits on each of them, its largest one, too.
+    counting = replace(robot, measured_noise=noise)
     model = nominal_model(robot)
     found: list[Finding] = []
     lags: list[tuple[str, float]] = []
@@ -115,7 +117,7 @@ def _compared(case: Case, bounds: Limits) -> tuple[Case, list[Finding], list[tup
         compared = units.compare(log, robot, replayed, bounds)
         units.check_minutes(log, case)
         units.refuse(log, compared.wrong)
-        told, aside = sensors.in_samples(log, robot, replayed)
+        told, aside = sensors.in_samples(log, counting, replayed)
         found += _commands(log, case) + told + compared.findings + sensors.motion(log, robot)
         lags += compared.lags
         runs.append(sensors.without(log, aside))
@@ -157,7 +159,7 @@ def _enough(case: Case) -> None:
         for c in (c for c in wheels if log.has(c)):
             spread = float(np.nanstd(log.columns[c]))
             alive |= spread > 0
-            moving |= spread > sensors.STILL * (robot.noise(c) or spread / 4.0)
+            moving |= spread > sensors.STILL * min(robot.noise(c) or math.inf, sensors.scatter(log.columns[c]))
         excited |= bool(np.abs(log.commands(robot.driver.mode)).max() > 1e-6)
     longest = max(float(log.t[-1] - log.t[0]) for log in case.runs)
     rows = max(len(log.t) for log in case.runs)

@@ -16,6 +16,8 @@ MOST_DIGITS = 6
 # Share of the values that must fit a step (one in a hundred may be a glitch, or written by another hand), and how
 # closely they must, in steps: by chance a fifth would.
 FITTING, CLOSE = 0.97, 0.1
+# Numerical: values that differ by less than this share of their scatter are one level, written by another division.
+SAME_LEVEL = 1e-5
 
 
 def _decimals(values: np.ndarray) -> float:
@@ -45,14 +47,18 @@ def _digits(values: np.ndarray) -> float:
     return 0.0
 
 
-def _grid(values: np.ndarray) -> float:
-    """Step of an even grid on which the values lie (an encoder's counts in any unit), 0 if there is none."""
+def _grid(values: np.ndarray, same: float = 0.0) -> float:
+    """Step of an even grid on which the values lie (an encoder's counts in any unit), 0 if there is none.
+
+    same : values that differ by less are one level.
+    """
     levels = np.unique(values)
     gaps = np.diff(levels)
-    if len(gaps) < FEWEST:
-        return 0.0
+    apart = gaps[gaps > max(SAME_LEVEL * float(np.mean(np.abs(values - np.median(values)))), same)]
+    if len(apart) < FEWEST:
+        return _coarse(values, apart)
     # Values of one level differ in their last written digit.
-    gaps = gaps[gaps > 1e-3 * float(np.median(gaps))]
+    gaps = gaps[gaps > max(1e-3 * float(np.median(gaps)), same)]
     for quantile in (0.5, 0.25, 0.1, 0.02):
         step = float(np.quantile(gaps, quantile))
         for _ in range(3):
@@ -65,6 +71,17 @@ def _grid(values: np.ndarray) -> float:
         if near.sum() >= FEWEST and np.mean(np.abs(gaps[near] / step - np.round(gaps[near] / step)) < CLOSE) >= FITTING:
             return step
     return 0.0
+
+
+def _coarse(values: np.ndarray, apart: np.ndarray) -> float:
+    """Step of values on few levels that lie so far apart, 0 if these are not met again and again, or on no even grid.
+
+    A dozen counts a turn, read many times a second, make a speed of three or four levels: as few as they are, each is met often.
+    """
+    if not len(apart) or len(values) < FEWEST * (len(apart) + 1):
+        return 0.0
+    step = float(apart.min())
+    return step if np.all(np.abs(apart / step - np.round(apart / step)) < CLOSE) else 0.0
 
 
 def step_of(values: np.ndarray, t: np.ndarray | None = None) -> float:
@@ -81,12 +98,13 @@ def step_of(values: np.ndarray, t: np.ndarray | None = None) -> float:
         rows = (starts[:, None] + np.arange(length)).ravel()
         values, t = values[rows], None if t is None else t[rows]
     step = max(_decimals(values), _digits(values), _grid(values))
-    if step == 0.0 and t is not None:
+    if t is not None:
         dt = np.diff(t)
         good = dt > 0
         typical = float(np.median(dt[good])) if good.any() else 0.0
         if typical > 0 and np.std(dt[good]) > 1e-3 * typical:
-            step = _grid((values[1:] * dt)[good & (dt < 3 * typical)]) / typical
+            # Counts over a time are also written with so many decimals.
+            step = max(step, _grid((values[1:] * dt)[good & (dt < 3 * typical)], step * typical) / typical)
     return step
 
 
@@ -105,6 +123,9 @@ def effective_noise(case: Case) -> tuple[dict[str, float], dict[str, float]]:
             if not log.has(channel):
                 continue
             good = np.isfinite(log.columns[channel])
+            if not np.ptp(log.columns[channel][good]):
+                # A wheel that stands all the while shows no step, nor that there is none.
+                continue
             speed = channel[0] == "w" and len(channel) == 3
             step = step_of(log.columns[channel][good], log.t[good] if speed else None)
             squares += step**2 * good.sum()

@@ -225,11 +225,17 @@ def without(log: RunLog, aside: dict[str, np.ndarray]) -> RunLog:
     return RunLog(log.name, log.meta, log.t, columns, log.path, log.notices)
 
 
+def scatter(values: np.ndarray) -> float:
+    """Noise of a channel (n,) by how its samples scatter about their neighbours, which nobody had to declare; more where it moves fast."""
+    v = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean((v[2:] - 2.0 * v[1:-1] + v[:-2]) ** 2) / 6.0)) if len(v) > 2 else math.inf
+
+
 def motion(log: RunLog, robot: Robot) -> list[Finding]:
     """A run that shows little: wheels that stand still under a command, a command that never changes."""
     command = log.commands(robot.driver.mode)
     wheels = [c for c in channels(robot) if c.startswith(("w_", "th_")) and log.has(c)]
-    moves = any(float(np.nanstd(log.columns[c])) > STILL * (robot.noise(c) or math.inf) for c in wheels)
+    moves = any(float(np.nanstd(log.columns[c])) > STILL * min(robot.noise(c) or math.inf, scatter(log.columns[c])) for c in wheels)
     if not command.any():
         return []
     if wheels and not moves:

@@ -358,13 +358,26 @@ def refuse_exchanged(case: Case, replays: list[tuple[RunLog, np.ndarray]]) -> No
         if log.has("gyro_z"):
             good &= np.isfinite(log.columns["gyro_z"])
             turns.append(np.stack([(right - left)[good], log.columns["gyro_z"][good]]))
-    if not sums or _together(sums) < SAME or _together(differences) > -SAME:
+    if not sums or _together(sums) < SAME or _together(differences) > -SAME or _together(_apart(differences, sums)) > -SAME:
         return
     turn = _together(turns) if turns else 0.0
     which = "v_cmd_l and v_cmd_r" if turn > FOLLOWS else "w_l and w_r" if turn < -FOLLOWS else "left and right"
     log = replays[0][0]
     raise InputError(f"{log.path or log.name}: the sum of both wheels follows the commands and their difference runs against them: "
                      f"are {which} exchanged?")
+
+
+def _apart(differences: list[np.ndarray], sums: list[np.ndarray]) -> list[np.ndarray]:
+    """Differences of both wheels (2, n), measured and nominal, of each run, less what a wheel that is weaker than the other makes
+    of the sum; 0 where no more than half of the nominal ones is left, since on such runs a weak wheel does what an exchange does."""
+    found, left, whole = [], 0.0, 0.0
+    total = [sum(float(s[k] @ s[k]) for s in sums) for k in range(2)]
+    share = [sum(float(d[k] @ s[k]) for d, s in zip(differences, sums)) / total[k] if total[k] > 0 else 0.0 for k in range(2)]
+    for difference, both in zip(differences, sums):
+        found.append(np.stack([difference[k] - share[k] * both[k] for k in range(2)]))
+        left += float(found[-1][1] @ found[-1][1])
+        whole += float(difference[1] @ difference[1])
+    return found if left > 0.5 * whole else [np.zeros_like(pair) for pair in found]
 
 
 def _together(pairs: list[np.ndarray]) -> float:
