@@ -30,7 +30,7 @@ def handful(count: int) -> float:
     return max(1.0, HANDFUL * count)
 
 
-# Of the magnitude of a normal variable of unit variance.
+# Numerical: median and mean of the magnitude of a normal variable of unit variance.
 MEDIAN_OF_NORMAL, MEAN_OF_NORMAL = NormalDist().inv_cdf(0.75), math.sqrt(2.0 / math.pi)
 # Correlation of what follows at all: more of it is explained than is not.
 FOLLOWS = math.sqrt(0.5)
