@@ -26,9 +26,9 @@ from rtds_host.diagnosis.diagnose import Investigation, conclude, investigate, t
 from rtds_host.diagnosis.fit import Fit, Hypothesis, prior_cost
 from rtds_host.diagnosis.gate import examine
 
-TIERS = {"all": 60, "tol": 40, "few": 30, "pair": 30, "none": 40, "unknown": 30}
-# An effect that moves the residuals by so many sigmas is one that could be named.
+# Layout: truths that move the residuals by fewer sigmas are told apart, as in the score of sealed cases.
 SIZE_SIGMA = 5.0
+TIERS = {"all": 60, "tol": 40, "few": 30, "pair": 30, "none": 40, "unknown": 30}
 METHODS = ("this program", "BIC over candidates", "largest improvement of fit")
 
 
@@ -173,7 +173,7 @@ def page(rows: list[dict], command: str) -> str:
     row("closure on held-out runs, median (5 % quantile)",
         f"{np.median(closed):.3f} ({np.quantile(closed, 0.05):.3f}), {len(closed)} cases" if closed else "no case")
     row("90 % intervals that hold the truth", _share(_coverage([r for r in single if exact(r)])))
-    row("weak effects (below 5 sigma): right, none, other", " / ".join(str(x) for x in (
+    row(f"weak effects (below {SIZE_SIGMA:g} sigma): right, none, other", " / ".join(str(x) for x in (
         sum(exact(r) for r in weak), sum(r["diagnosis"]["verdict"] == "none" for r in weak),
         sum(not exact(r) and r["diagnosis"]["verdict"] != "none" for r in weak))))
     seconds = [r["seconds"] for r in main]

@@ -1,40 +1,79 @@
 """Every hand-set constant of the instrument with its reason: `python -m rtds_host.diagnosis.constants`.
 
-A table in Markdown, read off the sources: the comment above a constant is its reason. Tolerances of numerics say "Numerical", what the
-contract sets names its section.
+A table in Markdown, read off the sources: whatever a module names in capitals and sets to numbers alone, each name a row; what is worked
+out from another constant, or numbers cases from 0, is none. The comment above a constant is its reason, and the reason's first
+word its kind:
+
+- Numerical: integration steps, grids, how finely something is looked for; how close to the answer a computation comes;
+- Physical: what machines, sensors, loggers and file formats are like; Probability: how likely something is before a run is seen, or how
+  often a rule may be wrong;
+- Layout: what a page or a table shows, which steers no answer;
+- what the contract sets names its section;
+- all else is a judgement.
 """
 
 from __future__ import annotations
 
+import ast
 import re
 from pathlib import Path
 
-_CONSTANT = re.compile(r"^([A-Z][A-Z_0-9]*(?:, [A-Z_0-9]+)*) = ([-0-9(.].*)$")
+KINDS = ("numerical", "contract", "physical", "probability", "layout", "judgement")
+# A reason that begins with one of these is of that kind.
+WORDS = {"Numerical": "numerical", "Physical": "physical", "Probability": "probability", "Layout": "layout"}
+
+
+def _set_by_hand(value: ast.expr) -> bool:
+    """Whether an expression is made of numbers alone, with arithmetic and functions of `math` on them."""
+    names = [part.id for part in ast.walk(value) if isinstance(part, ast.Name)]
+    leaves = [part.value for part in ast.walk(value) if isinstance(part, ast.Constant)]
+    fits = all(isinstance(part, (ast.Constant, ast.Tuple, ast.UnaryOp, ast.BinOp, ast.Call, ast.Attribute, ast.Name, ast.operator,
+                                 ast.unaryop, ast.expr_context)) for part in ast.walk(value))
+    return fits and set(names) <= {"math"} and bool(leaves) and all(
+        isinstance(leaf, (int, float)) and not isinstance(leaf, bool) for leaf in leaves)
+
+
+def _named(statement: ast.stmt) -> list[tuple[str, ast.expr]]:
+    """Names in capitals that a statement sets, each with its value: of names set together to values, and of one alone."""
+    if not isinstance(statement, ast.Assign) or len(statement.targets) != 1:
+        return []
+    target, value = statement.targets[0], statement.value
+    if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple) and len(target.elts) == len(value.elts):
+        pairs = list(zip(target.elts, value.elts))
+    else:
+        pairs = [(target, value)]
+    if len(pairs) > 1 and [of.value if isinstance(of, ast.Constant) else None for _, of in pairs] == list(range(len(pairs))):
+        return []                           # names of cases
+    return [(name.id, of) for name, of in pairs if isinstance(name, ast.Name) and re.fullmatch("_?[A-Z][A-Z_0-9]*", name.id)]
 
 
 def constants(root: Path) -> list[tuple[str, str, str, str]]:
-    """Module, names, values and reason of each constant below a folder, in the order of the files."""
+    """Module, name, value and reason of each constant below a folder, in the order of the files."""
     rows = []
     for path in sorted(root.rglob("*.py")):
-        reason: list[str] = []
-        told = False
-        for line in path.read_text(encoding="utf-8").splitlines():
-            found = _CONSTANT.match(line)
-            if found and not re.search(r'"|_INDEX', line):
-                rows.append((str(path.relative_to(root)), found[1], found[2].split("  #")[0].strip(), " ".join(reason)))
-                told = True
-            elif line.startswith("# "):
-                # A comment stands for the constants that follow it, up to the next.
-                reason = ([] if told else reason) + [line[2:]]
-                told = False
-            else:
-                reason = []
+        text = path.read_text(encoding="utf-8")
+        lines = text.splitlines()
+        reasons: dict[int, str] = {}
+        for statement in ast.parse(text).body:
+            named = _named(statement)
+            if not named:
+                continue
+            first = statement.lineno - 1
+            above = first
+            while above and lines[above - 1].startswith("# "):
+                above -= 1
+            # A comment stands for the constants that follow it without an empty line, up to the next.
+            reasons[statement.end_lineno] = (" ".join(line[2:] for line in lines[above:first]) if above < first
+                                             else reasons.get(first, ""))
+            rows += [(str(path.relative_to(root)), name, ast.get_source_segment(text, value), reasons[statement.end_lineno])
+                     for name, value in named if _set_by_hand(value)]
     return rows
 
 
 def kind(reason: str) -> str:
-    """Where a constant comes from, by its reason."""
-    return "numerical" if reason.startswith("Numerical") else "contract" if "contract" in reason else "other"
+    """Where a constant comes from, by its reason: one of `KINDS`."""
+    found = WORDS.get(reason.split(":")[0])
+    return found or ("contract" if re.search(r"\(contract[,:]", reason) else "judgement")
 
 
 def by_room(rows: list[tuple[str, str, str, str]]) -> dict[str, list[tuple[str, str, str, str]]]:
@@ -46,15 +85,16 @@ def by_room(rows: list[tuple[str, str, str, str]]) -> dict[str, list[tuple[str, 
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the table, what each room has of each kind, and how many there are that steer an answer and nobody gave."""
     rows = constants(Path(__file__).parent)
-    print("| module | constant | value | reason |\n|---|---|---|---|")
+    print("| module | constant | value | kind | reason |\n|---|---|---|---|---|")
     for row in rows:
-        print("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |")
-    print("\n| room | constants | numerical | of the contract | others |\n|---|---|---|---|---|")
+        print("| " + " | ".join(cell.replace("|", "\\|") for cell in (*row[:3], kind(row[3]), row[3])) + " |")
+    print(f"\n| room | constants | {' | '.join(KINDS)} | beyond numerical, contract and layout |\n|---|{'---|' * (len(KINDS) + 2)}")
     for room, mine in {**by_room(rows), "all": rows}.items():
-        numerical, agreed = (sum(kind(row[3]) == which for row in mine) for which in ("numerical", "contract"))
-        print(f"| {room} | {len(mine)} | {numerical} | {agreed} | {len(mine) - numerical - agreed} |")
+        counts = [sum(kind(row[3]) == which for row in mine) for which in KINDS]
+        beyond = sum(count for which, count in zip(KINDS, counts) if which in ("physical", "probability", "judgement"))
+        print(f"| {room} | {len(mine)} | {' | '.join(map(str, counts))} | {beyond} |")
 
 
 if __name__ == "__main__":

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rtds_host.contract import Robot, RunLog
+from rtds_host.contract import GRAVITY_M_S2, Robot, RunLog
+from rtds_host.diagnosis.chance import HANDFUL
 
-# A run's length for what is asked of a robot without runs: that of a manoeuvre of the scenarios' menu.
+# Physical: a run's length for what is asked of a robot without runs: that of a manoeuvre of the scenarios' menu.
 USUAL_RUN_S = 20.0
 
 
@@ -92,7 +93,7 @@ def machine_of(robot: Robot, runs: Sequence[RunLog] = ()) -> Machine:
     body = robot.chassis
     if body is None:
         return Machine(abs(torque), speed, volts, ohm, amps, loss, run=max(longest, 1e-3))
-    return Machine(abs(torque), speed, volts, ohm, amps, loss, body.mass_kg, 0.5 * body.mass_kg * 9.80665,
+    return Machine(abs(torque), speed, volts, ohm, amps, loss, body.mass_kg, 0.5 * body.mass_kg * GRAVITY_M_S2,
                    body.wheel_radius_m, body.track_width_m, max(longest, 1e-3))
 
 
@@ -103,8 +104,8 @@ def _met(runs: Sequence[RunLog]) -> float:
         for side in "lr":
             w, th = log.columns.get(f"w_{side}"), log.columns.get(f"th_{side}")
             if w is not None and np.isfinite(w).any():
-                found = max(found, float(np.nanpercentile(np.abs(w), 99)))
+                found = max(found, float(np.nanquantile(np.abs(w), 1.0 - HANDFUL)))
             elif th is not None and np.isfinite(th).sum() > 2:
                 good = np.isfinite(th)
-                found = max(found, float(np.percentile(np.abs(np.diff(th[good]) / np.diff(log.t[good])), 95)))
+                found = max(found, float(np.quantile(np.abs(np.diff(th[good]) / np.diff(log.t[good])), 1.0 - HANDFUL)))
     return found if found > 0.0 and math.isfinite(found) else 1.0

@@ -8,20 +8,22 @@ from dataclasses import dataclass
 from rtds_host.contract import Case
 from rtds_host.diagnosis.replay.model import Model
 
-# One sigma of the logarithm of R, K, J and B.
+# One sigma of the logarithm of R, K, J and B (contract, section 2).
 PRIOR = 0.01
 # A ratio within this of 1 on R, K, J or B is a nuisance (contract, section 2).
 BAND = 0.03
-# Tolerances are said to be 1 % (one sigma): half of them within 0.7 of it, none beyond this many.
+# Probability: no tolerance lies beyond so many sigmas; of normal ones one in two thousand would.
 LIMIT = 3.5
-# A servo's declared gains are known to a factor of two, gains that nobody declared to one of ten.
-SERVO_PRIOR, SERVO_PRIOR_UNDECLARED = math.log(2.0), math.log(10.0)
-# A speed command passes a bus and waits for the cycle of the board behind it, and what comes back is stamped when it is read:
+# One sigma of the logarithm of a servo's declared gains (contract, section 7).
+SERVO_PRIOR = math.log(2.0)
+# Probability: the same of gains that nobody declared.
+SERVO_PRIOR_UNDECLARED = math.log(10.0)
+# Physical: a speed command passes a bus and waits for the cycle of the board behind it, and what comes back is stamped when it is read:
 # boards and servo buses are asked 50 to 200 times a second.
 LATENCY_S = 0.01
-# A servo's integral stands at the limit, or gives way by up to all that the limit cuts; which, no sheet says.
+# Probability: one sigma of a share that nobody declares: a servo's integral stands at the limit, or gives way by up to all that the limit cuts; which, no sheet says.
 RELEASE = 0.5
-# Gyro and pose come from devices of their own, whose clocks are some milliseconds off the wheels' (contract, section 1).
+# Physical: gyro and pose come from devices of their own, whose clocks are some milliseconds off the wheels'.
 SKEW_S = 0.003
 
 

@@ -12,15 +12,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rtds_host.diagnosis.chance import FEWEST, HANDFUL
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
-# Cycles a turn that are looked for, from a wheel out of round to the cogging of a geared motor.
+# Physical: cycles a turn that are looked for, from a wheel out of round to the cogging of a geared motor.
 LEAST_CYCLES, MOST_CYCLES = 1.0, 400.0
 # Numerical: bins a cycle at the most cycles, lines a peak's width, longest transform.
 BINS, LINES, LONGEST = 6, 4, 2**21
-# Numerical: cycles about a peak that belong to it, and the power that a peak has at least, in that of white noise.
+# Numerical: cycles about a peak that belong to it, and the power that a peak needs for a fit to be started there, in that of white
+# noise; the fit decides.
 PEAK_CYCLES, LEAST_POWER = 1.0, 8.0
+# Numerical: how far off a found ripple neighbours are tried, in cycles a turn and in phase, rad.
+NEIGHBOURS, PHASES = (-0.08, -0.05, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.05, 0.08), (-0.5, 0.0, 0.5)
 
 
 @dataclass(frozen=True)
@@ -54,8 +58,9 @@ def _series(problem: Problem, outs: list[np.ndarray], suffix: str) -> list[tuple
                 known = np.isfinite(th)
                 angle = np.interp(log.t, log.t[known], th[known])
             error = (out[:, OUTPUT_INDEX[channel]] - log.columns[channel]) / problem.robot.noise(channel)
-            moving = good & (np.abs(out[:, OUTPUT_INDEX[f"w_{suffix}"]]) > 0.1)
-            if moving.sum() > 20:
+            speed = np.abs(out[:, OUTPUT_INDEX[f"w_{suffix}"]])
+            moving = good & (speed > HANDFUL * speed.max())
+            if moving.sum() > FEWEST:
                 angles.append(angle[moving])
                 values.append(error[moving] - error[moving].mean())
         if angles:
@@ -108,8 +113,7 @@ def neighbours(values: dict[str, float], angle: float) -> list[dict[str, float]]
     """
     return [{**values, "cycles_per_rev": values["cycles_per_rev"] + off,
              "phase_rad": math.remainder(values["phase_rad"] - off * angle + shift, 2 * math.pi)}
-            for off in (-0.08, -0.05, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.05, 0.08)
-            for shift in (-0.5, 0.0, 0.5) if off or shift]
+            for off in NEIGHBOURS for shift in PHASES if off or shift]
 
 
 def starts(problem: Problem, outs: list[np.ndarray], peaks: int = 2) -> dict[tuple[str, str], list[dict]]:

@@ -125,6 +125,23 @@ def test_held_samples_are_set_aside_but_the_first(case):
     assert aside(bad, examine(bad))["spin", "w_r"] == list(range(201, 240))
 
 
+def test_a_sensor_read_twice_a_sample_was_held_only_where_it_repeats_far_longer(case):
+    def edit(_, columns):
+        columns["w_r"][1::2] = columns["w_r"][:-1:2]
+        columns["w_r"][200:280] = columns["w_r"][200]
+    bad = changed(case, edit)
+    assert aside(bad, examine(bad))["spin", "w_r"] == list(range(201, 280))
+    twice = changed(case, lambda _, columns: columns["w_r"].__setitem__(slice(1, None, 2), columns["w_r"][:-1:2]))
+    assert aside(twice, examine(twice)) == {}
+
+
+def test_a_few_equal_samples_of_a_noisy_channel_were_held(case):
+    def edit(_, columns):
+        columns["w_r"][200:208] = columns["w_r"][200]
+    bad = changed(case, edit)
+    assert aside(bad, examine(bad))["spin", "w_r"] == list(range(201, 208))
+
+
 def test_a_robot_at_rest_whose_encoder_repeats_itself_keeps_every_sample(case):
     def edit(t, columns):
         for c in columns:

@@ -5,19 +5,21 @@ import math
 
 import numpy as np
 import pytest
-from diagnosis_cases import commands
+from diagnosis_cases import commands, make_run
 from scipy.integrate import solve_ivp
 
 from rtds_host.contract import GRAVITY_M_S2, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
 from rtds_host.diagnosis.replay.model import (
     FINE_STEP_S,
+    LONGEST_DELAY_S,
     REPORT_STEP_S,
     STEP_S,
     nominal_model,
     replay_run,
     row_inputs,
     run_inputs,
+    stretch_inputs,
 )
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.screen import start_values
@@ -351,3 +353,17 @@ def test_friction_that_falls_with_speed_does_not_drive_a_robot_far_beyond_its_fr
         run = RunLog("run", RunMeta(), t, {c: np.full(len(t), 6.0) for c in ("v_cmd_l", "v_cmd_r")})
         top.append(replay_run(model, run_inputs(run, robot))[-1, OUTPUT_INDEX["w_l"]])
     assert top[0] < top[1] < 1.5 * top[0]
+
+
+@pytest.mark.parametrize("step_s", [0.001, 0.01, 0.03])
+def test_a_stretch_of_a_run_knows_every_command_that_may_still_act_at_its_start(step_s):
+    log = make_run("steps", nominal_model(ROBOT), ROBOT, "steps", 4.0, step_s=step_s)
+    first = len(log.t) // 2
+    t, t_cmd, *_ = stretch_inputs(log, ROBOT, first, first + 50)
+    assert t[0] - LONGEST_DELAY_S - step_s < t_cmd[0] <= t[0] - LONGEST_DELAY_S
+    assert stretch_inputs(log, ROBOT, 10, 60)[1][0] == 0.0
+
+
+@pytest.mark.parametrize("effect", ["command_delay", "measurement_delay"])
+def test_no_delay_is_looked_for_beyond_what_a_replay_knows(effect):
+    assert CATALOGUE[effect].parameters[0].high == LONGEST_DELAY_S

@@ -1,13 +1,14 @@
 """measurement_delay: reported(t) = true(t - d)."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
 
 EFFECT = Effect(
     id="measurement_delay",
     subsystem="timing",
     sided=False,
     parameters=(
-        Parameter("seconds", "s", null=0, low=0, high=1, spread=0.012, starts=(0.003, 0.015, 0.05, 0.15, 0.35),
+        Parameter("seconds", "s", null=0, low=0, high=LONGEST_DELAY_S, spread=0.012, starts=(0.003, 0.015, 0.05, 0.15, 0.35),
                   meaning="i, w, th, gyro and v_bus are reported late"),
     ),
     apply=add(measurement_delay="seconds"),

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from rtds_host.diagnosis.effects.base import Effect, Parameter
 from rtds_host.diagnosis.replay.model import Model
 
-# Of the declared mass: less would be lighter than its own frame.
+# Physical: of the declared mass: less would be lighter than its own frame.
 LEAST_LOAD = 0.02
 
 

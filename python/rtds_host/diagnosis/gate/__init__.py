@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
+from rtds_host.diagnosis.chance import MOVES, SLIGHT, handful
 from rtds_host.diagnosis.gate import cuts, glitches, rounding, sensors, stamps, timing, units
 from rtds_host.diagnosis.gate.findings import SEVERITIES, Finding, Gate, Timing, merged, percent
 from rtds_host.diagnosis.gate.limits import Limits, channels, limits
@@ -19,9 +20,6 @@ from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inpu
 from rtds_host.errors import InputError
 
 __all__ = ["Finding", "Gate", "Timing", "examine"]
-
-# A rounding is worth a line where it adds so much to a channel's noise.
-ROUNDED = 0.1
 
 
 def examine(case: Case) -> Gate:
@@ -86,7 +84,7 @@ def _without_glitches(case: Case, bounds: Limits, noise: dict[str, float]) -> tu
         count = sum(len(run[c][0]) for run in per_run if c in run)
         if not count:
             continue
-        if count > max(1, glitches.HANDFUL * rows):
+        if count > handful(rows):
             found.append(Finding("", c, "isolated", "warning",
                                  f"{c} has {count} samples far off their neighbours ({percent(count / rows)}), too many "
                                  "for glitches: none is set aside.", count / rows))
@@ -135,7 +133,7 @@ def _commands(log: RunLog, case: Case) -> list[Finding]:
         values = np.abs(log.columns[name])
         beyond = float(np.mean(values > robot.supply_v * (1 + 1e-6)))
         if beyond > 0:
-            found.append(Finding(log.name, name, "beyond_supply", "warning" if beyond > 0.05 else "note",
+            found.append(Finding(log.name, name, "beyond_supply", "warning" if beyond > SLIGHT else "note",
                                  f"{name} asks for up to {float(values.max()):.3g} V, more than the supply's "
                                  f"{robot.supply_v:g} V, in {percent(beyond)} of the rows; the replay clips it.", beyond))
     return found
@@ -146,7 +144,7 @@ def _rounded(noise: dict[str, float], steps: dict[str, float], declared: dict[st
     return [Finding("", c, "rounded", "note",
                     f"{c} is rounded to steps of {steps[c]:.3g}: its noise counts as {noise[c]:.3g} in place of "
                     f"{declared[c]:.3g}.") for c in noise
-            if declared.get(c) and noise[c] > (1.0 + ROUNDED) * declared[c]]
+            if declared.get(c) and noise[c] > (1.0 + SLIGHT) * declared[c]]
 
 
 def _enough(case: Case) -> None:
@@ -159,13 +157,13 @@ def _enough(case: Case) -> None:
         for c in (c for c in wheels if log.has(c)):
             spread = float(np.nanstd(log.columns[c]))
             alive |= spread > 0
-            moving |= spread > sensors.STILL * min(robot.noise(c) or math.inf, sensors.scatter(log.columns[c]))
+            moving |= spread > MOVES * min(robot.noise(c) or math.inf, sensors.scatter(log.columns[c]))
         excited |= bool(np.abs(log.commands(robot.driver.mode)).max() > 1e-6)
     longest = max(float(log.t[-1] - log.t[0]) for log in case.runs)
     rows = max(len(log.t) for log in case.runs)
-    if longest < cuts.SHORTEST_S * (1 - 1e-9) or rows < cuts.FEWEST_ROWS:
+    if longest < timing.SHORTEST_S * (1 - 1e-9) or rows < cuts.FEWEST_ROWS:
         raise InputError(f"{where}: the longest run of the case lasts {longest:.3g} s with {rows} rows, at least "
-                         f"{cuts.SHORTEST_S:g} s and {cuts.FEWEST_ROWS} rows are needed")
+                         f"{timing.SHORTEST_S:g} s and {cuts.FEWEST_ROWS} rows are needed")
     if not alive:
         raise InputError(f"{where}: w_*, th_*: constant to the last digit in every run, the sensors are dead or "
                          "nothing moves")

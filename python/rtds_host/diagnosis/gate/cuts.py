@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
+from rtds_host.diagnosis.chance import MOVES, handful
 from rtds_host.diagnosis.gate.findings import Finding, percent
-from rtds_host.diagnosis.gate.timing import hole_s
+from rtds_host.diagnosis.gate.timing import SHORTEST_S, hole_s
+from rtds_host.diagnosis.replay.model import START_ROWS
 
-# A run, or a part of it, that is shorter than this or has fewer rows shows nothing (contract, section 1).
-SHORTEST_S, FEWEST_ROWS = 0.1, 5
-# More holes than one in so many rows are how this logger works: cutting would leave shreds.
-HOLES_A_ROW = 1.0 / 100.0
-STILL_TIMES = 5.0
+# A sample and those to either side that a start, and what a glitch is, are judged by.
+FEWEST_ROWS = 2 * START_ROWS + 1
 
 
 def start_row(log: RunLog, case: Case, rows: np.ndarray) -> int | None:
@@ -32,8 +32,8 @@ def start_row(log: RunLog, case: Case, rows: np.ndarray) -> int | None:
     angles = [f"th_{s}" for s in case.robot.sides if log.has(f"th_{s}")]
     for c in angles:
         v = log.columns[c][rows]
-        v = v[np.isfinite(v)][:4]
-        if len(v) < 4 or np.ptp(v) > STILL_TIMES * (case.robot.noise(c) or 0.0):
+        v = v[np.isfinite(v)][:FEWEST_ROWS]
+        if len(v) < FEWEST_ROWS or np.ptp(v) > math.sqrt(2.0) * MOVES * (case.robot.noise(c) or 0.0):
             return None
     return int(rows[0]) if angles else None
 
@@ -62,7 +62,7 @@ def _cut(log: RunLog, case: Case) -> tuple[list[RunLog], list[Finding]]:
     text = (f"{'a hole' if one else f'{holes.size} holes'} without a row, {'' if one else 'the longest '}"
             f"{dt[worst]:.3g} s at t = {log.t[worst]:.4g} s")
     missing = float(dt[holes].sum() / (log.t[-1] - log.t[0]))
-    if holes.size > max(3.0, HOLES_A_ROW * len(log.t)):
+    if holes.size > handful(len(log.t)):
         return [log], [Finding(log.name, "t", "gap", "warning",
                                f"{text}: too many to cut the run at ({percent(missing)} of its time); the last command "
                                "is taken to hold in each.", missing)]

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from rtds_host.contract import Case
 
 SEVERITIES = ("note", "warning", "fatal")
+# Layout: runs that are each told the same; of more one is told for all.
+TOLD = 4
 
 
 @dataclass(frozen=True)
@@ -70,14 +72,14 @@ class Gate:
 
 
 def merged(found: list[Finding], runs: int) -> list[Finding]:
-    """One finding in place of the same in every run (of `runs`), or in more than four."""
+    """One finding in place of the same in every run (of `runs`), or in more than `TOLD`."""
     groups: dict[tuple[str, str], list[Finding]] = {}
     for f in found:
         groups.setdefault((f.channel, f.kind), []).append(f)
     result = []
     for group in groups.values():
         names = list(dict.fromkeys(f.run for f in group))
-        if runs > 1 and len(names) == runs or len(names) > 4:
+        if runs > 1 and len(names) == runs or len(names) > TOLD:
             worst = max(group, key=lambda f: SEVERITIES.index(f.severity))
             where = "every run" if len(names) == runs else f"{len(names)} of {runs} runs"
             result.append(Finding("", worst.channel, worst.kind, worst.severity,

@@ -12,20 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
+from rtds_host.diagnosis.chance import APART, FEWEST, HANDFUL, MEDIAN_OF_NORMAL, MOVES, sigmas
 from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels
 
-# Off by so many times the noise, the local scatter, and the way between its neighbours. Noise of 1e6 samples reaches 5;
-# a sample at the top of a smooth motion stands above its neighbours by a third of the way between them.
-NOISE_TIMES, SCATTER_TIMES, WAY_TIMES = 8.0, 8.0, 3.0
-# Rises above all else in its channel that is not isolated, and above the ordinary in other channels.
-TAIL_TIMES, ORDINARY_TIMES = 3.0, 8.0
-# A handful: more are the channel's nature.
-HANDFUL = 0.01
-# Samples on which the local scatter is taken.
-BLOCK = 32
-FEWEST = 12
-# Ordinary changes of a channel: all but so few.
-USUAL = 0.999
 # Channels of which one at least must be there, for what really moves a channel to show elsewhere, too.
 WITNESSES = {"v_bus": ("i_l", "i_r", "v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r"), "i_l": ("w_l",), "i_r": ("w_r",),
              "w_l": ("i_l", "gyro_z"), "w_r": ("i_r", "gyro_z"), "th_l": ("w_l",), "th_r": ("w_r",),
@@ -34,14 +23,14 @@ WITNESSES = {"v_bus": ("i_l", "i_r", "v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r")
 
 
 def _local(size: np.ndarray) -> np.ndarray:
-    """(n,) median of `size` in blocks of `BLOCK`, the largest of a sample's own block and the two beside it."""
+    """(n,) median of `size` in blocks of `FEWEST`, the largest of a sample's own block and the two beside it."""
     n = len(size)
-    blocks = max(1, n // BLOCK)
+    blocks = max(1, n // FEWEST)
     if blocks == 1:
         return np.full(n, np.median(size))
-    level = np.median(size[:blocks * BLOCK].reshape(blocks, BLOCK), axis=1)
+    level = np.median(size[:blocks * FEWEST].reshape(blocks, FEWEST), axis=1)
     wide = np.maximum(level, np.maximum(np.append(level[1:], level[-1]), np.insert(level[:-1], 0, level[0])))
-    return np.append(np.repeat(wide, BLOCK), np.full(n - blocks * BLOCK, wide[-1]))
+    return np.append(np.repeat(wide, FEWEST), np.full(n - blocks * FEWEST, wide[-1]))
 
 
 def exceedance(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -67,7 +56,7 @@ def _events(log: RunLog, names: tuple[str, ...]) -> dict[str, np.ndarray]:
         change = np.abs(np.diff(v))
         # A coarse channel changes rarely, one step at a time: that is ordinary.
         floor = np.median(change[change > 0]) if (change > 0).any() else 0.0
-        at = np.flatnonzero(change > ORDINARY_TIMES * np.maximum(_local(change), 0.5 * floor))
+        at = np.flatnonzero(change > MOVES / MEDIAN_OF_NORMAL * np.maximum(_local(change), 0.5 * floor))
         result[c] = np.unique(np.concatenate([t[at], t[at + 1]]))
     return result
 
@@ -81,7 +70,9 @@ def _candidates(log: RunLog, c: str, noise: float) -> tuple[np.ndarray, np.ndarr
     off, way = exceedance(v)
     second = np.zeros(len(v))
     second[1:-1] = np.abs(v[1:-1] - 0.5 * (v[:-2] + v[2:]))
-    far = (off > NOISE_TIMES * noise) & (off > WAY_TIMES * way) & (off > SCATTER_TIMES * 1.4826 * _local(second))
+    # Of a smooth motion the top stands above its neighbours by a third of the way between them.
+    most = sigmas(len(v))
+    far = (off > most * noise) & (off > APART * way) & (off > most / MEDIAN_OF_NORMAL * _local(second))
     dt = np.diff(t)
     before, after = np.insert(dt, 0, dt[0]), np.append(dt, dt[-1])
     return rows, off, far, np.maximum(before, after)
@@ -101,7 +92,7 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
         sure = far & (np.abs(v) > bounds.values.get(c, np.inf))
         if c == "v_bus":
             # A supply is never negative either.
-            sure |= far & (v < -NOISE_TIMES * noise.get(c, 0.0))
+            sure |= far & (v < -sigmas(len(v)) * noise.get(c, 0.0))
         rate = bounds.rates.get(c)
         if rate is not None:
             sure |= far & (off > rate * span)
@@ -113,9 +104,9 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
                 events = _events(log, names)
             # Without a witness a speed that is back within half a time constant still was no motion.
             seen = any(w in events for w in WITNESSES[c])
-            usual = float(np.quantile(np.abs(np.diff(v)), USUAL))
+            usual = float(np.quantile(np.abs(np.diff(v)), 1.0 - HANDFUL))
             alone = np.array([(seen or c[0] == "w" and (2.0 * span[k] < bounds.time_constant_s or
-                                                        not bounds.time_constant_s > 0 and off[k] > ORDINARY_TIMES * usual))
+                                                        not bounds.time_constant_s > 0 and off[k] > MOVES * usual))
                               and _alone(log, rows, k, c, events)
                               and off[k] > _commanded(log, case, bounds, c, rows, k, span[k])
                               for k in np.flatnonzero(doubtful)])
@@ -127,7 +118,7 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
             # A supply may jump there and back; what counts there is how far it jumps at all.
             other = off if c != "v_bus" else np.abs(np.diff(v, append=v[-1]))
             top = float(other[rest].max(initial=0.0))
-            sure[lone[off[lone] > TAIL_TIMES * top]] = True
+            sure[lone[off[lone] > APART * top]] = True
         result[c] = rows[sure], len(rows)
     return result
 
@@ -148,7 +139,7 @@ def _commanded(log: RunLog, case: Case, bounds: Limits, c: str, rows: np.ndarray
         full = float(np.max(np.abs(commands))) or 1.0
     reach = bounds.rates[c] * span if c in bounds.rates else bounds.values.get(c, np.inf)
     if not np.isfinite(reach):
-        reach = float(np.ptp(np.quantile(log.columns[c][rows], (0.01, 0.99))))
+        reach = float(np.ptp(np.quantile(log.columns[c][rows], (HANDFUL, 1.0 - HANDFUL))))
     return min(1.0, swing / full) * reach
 
 

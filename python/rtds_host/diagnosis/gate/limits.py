@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from rtds_host.contract import Case, Robot
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 
-# A robot may be twice as fast as its file says and its sensor may report twice that, and the file's own values miss a
-# little; the smallest factor of a unit is 9.5.
+# Physical: a robot may be twice as fast as its file says and its sensor may report twice that, and the file's own values miss
+# a little.
 ROOM = 5.0
 
 

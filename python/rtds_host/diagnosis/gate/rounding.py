@@ -7,15 +7,20 @@ import math
 import numpy as np
 
 from rtds_host.contract import Case
+from rtds_host.diagnosis.chance import HANDFUL, SLIGHT, in_a_row
 
-# Enough samples to see a step by; evenly taken from a run.
-SAMPLES = 20_000
-FEWEST = 8
-# Digits beyond which nobody rounds by hand: single precision holds seven.
-MOST_DIGITS = 6
-# Share of the values that must fit a step (one in a hundred may be a glitch, or written by another hand), and how
-# closely they must, in steps: by chance a fifth would.
-FITTING, CLOSE = 0.97, 0.1
+# Numerical: samples that a step is looked for in, in stretches from so many places of a run.
+SAMPLES, PLACES = 20_000, 20
+# Numerical: how much of a step its values miss it by in the file's last digit.
+LAST_DIGIT = 1e-3
+# Numerical: parts of the gaps between levels that are tried as the step, and how many steps further a gap still tells it.
+TRIED, FAR = (0.5, 0.25, 0.1, 0.02), 20.0
+# Digits beyond which nobody rounds by hand: single precision holds them.
+MOST_DIGITS = np.finfo(np.float32).precision
+# So few values that fit a step to a tenth may do so by chance, as a fifth of all do.
+FEWEST = math.ceil(in_a_row(2.0 * SLIGHT))
+# Share of the values that must fit a step: a handful may be glitches, or written by another hand.
+FITTING = 1.0 - HANDFUL
 # Numerical: values that differ by less than this share of their scatter are one level, written by another division.
 SAME_LEVEL = 1e-5
 
@@ -28,7 +33,7 @@ def _decimals(values: np.ndarray) -> float:
     top = math.floor(math.log10(size))
     for exponent in range(top, top - MOST_DIGITS, -1):
         counts = values * 10.0**-exponent
-        if np.mean(np.abs(counts - np.round(counts)) < 1e-3) >= FITTING:
+        if np.mean(np.abs(counts - np.round(counts)) < LAST_DIGIT) >= FITTING:
             return 10.0**exponent
     return 0.0
 
@@ -42,7 +47,7 @@ def _digits(values: np.ndarray) -> float:
     for digits in range(1, MOST_DIGITS + 1):
         steps = 10.0 ** (exponents - digits + 1)
         counts = values / steps
-        if np.mean(np.abs(counts - np.round(counts)) < 1e-3) >= FITTING:
+        if np.mean(np.abs(counts - np.round(counts)) < LAST_DIGIT) >= FITTING:
             return float(np.sqrt(np.mean(steps**2)))
     return 0.0
 
@@ -58,17 +63,17 @@ def _grid(values: np.ndarray, same: float = 0.0) -> float:
     if len(apart) < FEWEST:
         return _coarse(values, apart)
     # Values of one level differ in their last written digit.
-    gaps = gaps[gaps > max(1e-3 * float(np.median(gaps)), same)]
-    for quantile in (0.5, 0.25, 0.1, 0.02):
+    gaps = gaps[gaps > max(LAST_DIGIT * float(np.median(gaps)), same)]
+    for quantile in TRIED:
         step = float(np.quantile(gaps, quantile))
         for _ in range(3):
-            near = gaps < 20.0 * step
+            near = gaps < FAR * step
             counts = np.round(gaps[near] / step)
             if not counts.any():
                 break
             step = float(counts @ gaps[near] / (counts @ counts))
-        near = gaps < 20.0 * step
-        if near.sum() >= FEWEST and np.mean(np.abs(gaps[near] / step - np.round(gaps[near] / step)) < CLOSE) >= FITTING:
+        near = gaps < FAR * step
+        if near.sum() >= FEWEST and np.mean(np.abs(gaps[near] / step - np.round(gaps[near] / step)) < SLIGHT) >= FITTING:
             return step
     return 0.0
 
@@ -81,7 +86,7 @@ def _coarse(values: np.ndarray, apart: np.ndarray) -> float:
     if not len(apart) or len(values) < FEWEST * (len(apart) + 1):
         return 0.0
     step = float(apart.min())
-    return step if np.all(np.abs(apart / step - np.round(apart / step)) < CLOSE) else 0.0
+    return step if np.all(np.abs(apart / step - np.round(apart / step)) < SLIGHT) else 0.0
 
 
 def step_of(values: np.ndarray, t: np.ndarray | None = None) -> float:
@@ -93,8 +98,8 @@ def step_of(values: np.ndarray, t: np.ndarray | None = None) -> float:
         return 0.0
     if len(values) > SAMPLES:
         # A stretch from each of some places: a stride would hide counts over a time.
-        length = SAMPLES // 20
-        starts = np.linspace(0, len(values) - length, 20).astype(int)
+        length = SAMPLES // PLACES
+        starts = np.linspace(0, len(values) - length, PLACES).astype(int)
         rows = (starts[:, None] + np.arange(length)).ravel()
         values, t = values[rows], None if t is None else t[rows]
     step = max(_decimals(values), _digits(values), _grid(values))
@@ -102,9 +107,9 @@ def step_of(values: np.ndarray, t: np.ndarray | None = None) -> float:
         dt = np.diff(t)
         good = dt > 0
         typical = float(np.median(dt[good])) if good.any() else 0.0
-        if typical > 0 and np.std(dt[good]) > 1e-3 * typical:
+        if typical > 0 and np.std(dt[good]) > LAST_DIGIT * typical:
             # Counts over a time are also written with so many decimals.
-            step = max(step, _grid((values[1:] * dt)[good & (dt < 3 * typical)], step * typical) / typical)
+            step = max(step, _grid((values[1:] * dt)[good & (np.round(dt / typical) < 2)], step * typical) / typical)
     return step
 
 

@@ -7,22 +7,16 @@ import math
 import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
+from rtds_host.diagnosis.chance import APART, FEWEST, HANDFUL, MEDIAN_OF_NORMAL, MOVES, SLIGHT, in_a_row
 from rtds_host.diagnosis.gate.findings import Finding, percent
-from rtds_host.diagnosis.gate.limits import channels
+from rtds_host.diagnosis.gate.limits import ROOM, channels
+from rtds_host.diagnosis.gate.timing import hole_s
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
-# A channel moves beyond its noise; the replay moves so much that a live sensor would have shown it;
-# wheels stand still.
-MOVES, SHOWS, STILL = 5.0, 20.0, 3.0
-# Values that repeat exactly: so many in a row, for so long, where a noisy sensor hardly ever repeats one.
-REPEATS, REPEATS_S, SELDOM = 8, 0.05, 0.3
-# Steps of this many noises hide the noise; looked for within so many noises of a value.
-COARSE, NEAR = 0.3, 20.0
-# A channel is noisy where it bends by more than this many noises from sample to sample (white noise: 1.65 in the median);
-# a stretch is looked at in so many parts.
-SCATTERS, PARTS = 0.5, 8
-# Samples on one limit: so many, so many times as many as on the fullest level beside it, and in so long a row.
-ON_LIMIT, ON_LIMIT_SHARE, LEVEL_TIMES, IN_A_ROW = 20, 0.005, 5.0, 3
+# Noises that the nominal robot moves by where any live sensor would show that it moves, however little of it.
+SHOWS = ROOM * MOVES
+# Numerical: parts that a stretch is looked at in.
+PARTS = 8
 
 
 def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Finding], dict[str, np.ndarray]]:
@@ -44,9 +38,9 @@ def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Fi
             found.append(Finding(log.name, c, "no_noise", "note",
                                  f"robot.toml declares no noise for {c}: it is shown, not used."))
             continue
-        if len(v) < 0.9 * rows and len(v) > 1:
+        if len(v) < (1.0 - SLIGHT) * rows and len(v) > 1:
             found += _slow(log, c, t)
-        if len(v) < 10:
+        if len(v) < FEWEST:
             found.append(Finding(log.name, c, "short", "warning", f"{c} has {len(v)} samples only."))
             continue
         if not np.ptp(v):
@@ -67,9 +61,10 @@ def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Fi
         if c == "yaw" or c.startswith("th_"):
             steps = np.diff(v)
             # Against the steps beside it: a fast wheel may turn by a whole turn from sample to sample.
-            turns = np.flatnonzero((np.abs(np.abs(steps) - 2 * math.pi) < 0.8)
+            usual = float(np.quantile(np.abs(steps), 1.0 - HANDFUL))
+            turns = np.flatnonzero((np.abs(np.abs(steps) - 2 * math.pi) < max(usual, MOVES * noise))
                                    & (np.abs(steps - np.append(steps[1:], steps[-2])) > math.pi))
-            if turns.size and np.median(np.abs(steps)) < 0.5:
+            if turns.size and np.median(np.abs(steps)) < SLIGHT * 2 * math.pi:
                 found.append(Finding(log.name, c, "wrapped", "warning",
                                      f"{c} jumps by a whole turn {turns.size} time(s), first at "
                                      f"t = {t[turns[0] + 1]:.4g} s: it is wrapped; unwrap it."))
@@ -80,7 +75,7 @@ def _slow(log: RunLog, c: str, t: np.ndarray) -> list[Finding]:
     dt = np.diff(t)
     found = [Finding(log.name, c, "slow", "note", f"{c} has a sample in {len(t)} of {len(log.t)} rows "
                                                   f"({1 / float(np.median(dt)):.3g} Hz).")]
-    if float(dt.max()) > max(1.0, 10 * float(np.median(dt))):
+    if float(dt.max()) > hole_s(t):
         found.append(Finding(log.name, c, "gap", "warning", f"{c} has no sample for {float(dt.max()):.3g} s.",
                              float(dt.max() / (log.t[-1] - log.t[0]))))
     return found
@@ -96,38 +91,41 @@ def _clipped(log: RunLog, c: str, v: np.ndarray, replayed: np.ndarray, noise: fl
     for edge, word in ((v.max(), "above"), (v.min(), "below")):
         at = v == edge
         count = int(at.sum())
-        if count < max(ON_LIMIT, ON_LIMIT_SHARE * len(v)) or edge == 0:
+        if count < max(FEWEST, HANDFUL * len(v)) or edge == 0:
             continue
-        beside = (np.abs(v - edge) < 4.0 * noise) & ~at
+        beside = (np.abs(v - edge) < MOVES * noise) & ~at
         near = np.unique(v[beside], return_counts=True)[1]
         levels = 1 if near.size == 0 else int(near.max())
         quantum = float(np.min(np.diff(np.unique(v))))
         # A settled reading of a coarse sensor also repeats; there the replay stands still too.
         moved = float(np.std(replayed[at]))
-        if count > LEVEL_TIMES * levels and moved > 3.0 * max(noise, min(quantum, 10 * noise)):
-            first, long = _stretches(at)
-            rows = [np.arange(a, a + n) for a, n in zip(first, long) if n >= IN_A_ROW]
-            aside = np.concatenate(rows) if rows else np.empty(0, int)
-            share = len(aside) / len(v)
+        if count > APART * levels and moved > max(MOVES * noise, min(quantum, SHOWS * noise)):
+            share = count / len(v)
             return Finding(log.name, c, "clipped", "warning",
-                           f"{c} never goes {word} {edge:.4g} and sits there in {percent(count / len(v))} of its "
-                           f"samples: it is clipped; {percent(share)} are set aside.", share), aside
+                           f"{c} never goes {word} {edge:.4g} and sits there in {percent(share)} of its samples: it is clipped; "
+                           "they are set aside.", share), np.flatnonzero(at)
     return None
 
 
-def _fine_about(v: np.ndarray, value: float, noise: float) -> bool:
-    """Whether a channel shows its noise about a value: one of few significant digits is coarse where it is large."""
-    near = np.unique(v[np.abs(v - value) < NEAR * noise])
-    return len(near) > 1 and float(np.min(np.diff(near))) < COARSE * noise
+def _repeats_about(v: np.ndarray, same: np.ndarray, first: np.ndarray, long: np.ndarray, noise: float) -> np.ndarray:
+    """Of the samples (n,) about the value of each stretch (k,), the share that repeats the one before, without the stretch itself.
+
+    same : (n - 1,) which do. A channel of few significant digits is coarse where it is large. By the rule of succession: where
+    nothing else is about, half of them.
+    """
+    order = np.argsort(v[1:])
+    values, repeats = v[1:][order], np.concatenate([[0], np.cumsum(same[order])])
+    low, high = (np.searchsorted(values, v[first] + off) for off in (-SHOWS * noise, SHOWS * noise))
+    return (repeats[high] - repeats[low] - long + 1.0) / (high - low - long + 2.0)
 
 
 def _noisy_about(v: np.ndarray, value: float, noise: float) -> bool:
     """Whether a channel scatters from sample to sample about a value: a simulator's log, or a filtered one, settles and
     then repeats itself without being held."""
-    near = np.abs(v - value) < NEAR * noise
+    near = np.abs(v - value) < SHOWS * noise
     bend = np.abs(v[2:] - 2.0 * v[1:-1] + v[:-2])[near[2:] & near[1:-1] & near[:-2]]
     bend = bend[bend > 0]
-    return len(bend) > 0 and float(np.median(bend)) > SCATTERS * noise
+    return len(bend) > 0 and float(np.median(bend)) > MEDIAN_OF_NORMAL * math.sqrt(6.0) * noise / APART
 
 
 def _moves_within(log: RunLog, robot: Robot, c: str, rows: slice) -> bool:
@@ -192,16 +190,16 @@ def _frozen(log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float, rob
             replayed: np.ndarray) -> tuple[Finding, np.ndarray] | None:
     """A noisy channel that repeats one value for long while the robot moves."""
     same = np.diff(v) == 0
-    if len(v) < 50 or np.mean(same) > SELDOM or float(np.min(np.diff(np.unique(v)))) > COARSE * noise:
+    if APART * float(np.min(np.diff(np.unique(v)))) > noise:
         # A coarse sensor repeats itself.
         return None
     first, long = _stretches(same)
     held = []
-    for a, n in zip(first, long):
-        if n + 1 < REPEATS or t[a + n] - t[a] < REPEATS_S:
+    for a, n, share in zip(first, long, _repeats_about(v, same, first, long, noise)):
+        if n < in_a_row(float(share), len(v)):
             continue
         rows = slice(*np.searchsorted(log.t, [t[a], t[a + n] + 1e-12]))
-        if (_fine_about(v, v[a], noise) and _noisy_about(v, v[a], noise) and _moves_within(log, robot, c, rows)
+        if (_noisy_about(v, v[a], noise) and _moves_within(log, robot, c, rows)
                 and not _at_rest(log, robot, c, v[a], rows, replayed)):
             held.append((a, n))
     if not held:
@@ -235,7 +233,7 @@ def motion(log: RunLog, robot: Robot) -> list[Finding]:
     """A run that shows little: wheels that stand still under a command, a command that never changes."""
     command = log.commands(robot.driver.mode)
     wheels = [c for c in channels(robot) if c.startswith(("w_", "th_")) and log.has(c)]
-    moves = any(float(np.nanstd(log.columns[c])) > STILL * min(robot.noise(c) or math.inf, scatter(log.columns[c])) for c in wheels)
+    moves = any(float(np.nanstd(log.columns[c])) > MOVES * min(robot.noise(c) or math.inf, scatter(log.columns[c])) for c in wheels)
     if not command.any():
         return []
     if wheels and not moves:
@@ -254,8 +252,8 @@ def motions(case: Case) -> list[Finding]:
     found = []
     for side, w in (("left", left), ("right", right)):
         top = float(np.max(np.abs(w)))
-        back = float(np.quantile(w, 0.01)) if np.mean(w) > 0 else -float(np.quantile(w, 0.99))
-        if top > 0 and back > -0.05 * top:
+        back = float(np.quantile(w, HANDFUL)) if np.mean(w) > 0 else -float(np.quantile(w, 1.0 - HANDFUL))
+        if top > 0 and back > -SLIGHT * top:
             found.append(Finding("", f"w_{side[0]}", "one_sign", "note",
                                  f"The {side} wheel turns one way only: friction that depends on the direction cannot "
                                  "be told from friction that does not."))

@@ -13,14 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
+from rtds_host.diagnosis.chance import FEWEST, MEAN_OF_NORMAL, MOVES, SLIGHT
 from rtds_host.diagnosis.gate.findings import Finding
-
-# Speeds differ by less than this share between samples that are taken for steady.
-STEADY = 0.1
-# Fewest pairs of steps, and how many standard errors from none a variance is that is believed.
-FEWEST, CERTAIN = 20, 4.0
-# Mean magnitude of a normal variable of unit variance.
-MEAN_OF_NORMAL = math.sqrt(2.0 / math.pi)
 
 
 def stamp_error(case: Case, noise: dict[str, float]) -> float:
@@ -34,7 +28,7 @@ def stamp_error(case: Case, noise: dict[str, float]) -> float:
     if len(every) < FEWEST:
         return 0.0
     mean, scatter = float(every.mean()), float(every.std()) / math.sqrt(len(every))
-    return math.sqrt(mean) if mean > CERTAIN * scatter > 0.0 else 0.0
+    return math.sqrt(mean) if mean > MOVES * scatter > 0.0 else 0.0
 
 
 def _variances(log: RunLog, speed: str, angle: str, noise: dict[str, float]) -> np.ndarray:
@@ -42,9 +36,9 @@ def _variances(log: RunLog, speed: str, angle: str, noise: dict[str, float]) -> 
     rows = np.flatnonzero(np.isfinite(log.columns[speed]) & np.isfinite(log.columns[angle]))
     t, w, th = log.t[rows], log.columns[speed][rows], log.columns[angle][rows]
     mean = 0.5 * (w[1:] + w[:-1])
-    # At this speed the angle's noise is worth a tenth of a step.
-    slowest = 10.0 * noise[angle] / float(np.median(np.diff(log.t)))
-    steady = (np.abs(np.diff(w)) < STEADY * np.abs(mean)) & (np.abs(mean) > slowest)
+    # At this speed the angle's noise is slight beside a step.
+    slowest = noise[angle] / SLIGHT / float(np.median(np.diff(log.t)))
+    steady = (np.abs(np.diff(w)) < SLIGHT * np.abs(mean)) & (np.abs(mean) > slowest)
     safe = np.where(steady, mean, 1.0)
     off = np.diff(t) - np.diff(th) / safe
     pairs = steady[1:] & steady[:-1]

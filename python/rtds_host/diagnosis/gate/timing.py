@@ -8,21 +8,21 @@ import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.contract.clock import PER_SECOND, SLOWEST_HZ, is_rate, likely_unit
+from rtds_host.diagnosis.chance import APART, FEWEST, FOLLOWS, HANDFUL, MOVES
+from rtds_host.diagnosis.gap import WINDOW_S
 from rtds_host.diagnosis.gate.findings import Finding, percent
 from rtds_host.errors import InputError
 
-# Rates below this bias parameters of fast parts (of joints by about half).
+# Physical: rates below this bias parameters of fast parts (of joints by about half).
 SLOW_HZ = 30.0
-SHORT_S = 2.0
-# A hole is so many steps long, and no shorter than this: what a logger's buffers do is jitter.
-HOLE_STEPS, HOLE_S = 5.0, 0.1
-# After so long a hole the rest is another recording.
+# A run that is shorter than this shows nothing (contract, section 1).
+SHORTEST_S = 0.1
+# After so long a hole the rest is another recording (contract, section 1).
 BREAK_S = 60.0
-# Clock of the rows over the clock that angles and speeds agree on: a unit is off by 60 or 1000, a faulty gain by 2 or 3.
-CLOCK_OFF = 10.0
-# Ratios of clocks are known to what gains of the catalogue leave of them after the median over the pairs.
-CLOCK_SPREAD = 1.5
-FEWEST = 8
+# How near to a unit's factor what speeds, angles and clocks make of each other must be: gains come between.
+CLOSE = 1.25
+# Numerical: stretches that speeds and angles are compared in, and chords that a way is measured by.
+STRETCHES, CHORDS = 30, 100
 
 
 def rolled_over_turned(log: RunLog, case: Case) -> float | None:
@@ -38,13 +38,13 @@ def rolled_over_turned(log: RunLog, case: Case) -> float | None:
     if case.robot.chassis is not None and all(log.has(c) for c in ("w_l", "w_r", "x", "y")):
         both = np.isfinite(log.columns["x"]) & np.isfinite(log.columns["y"])
         way = np.full(len(log.t), np.nan)
-        # Ways between samples a hundred apart: noise adds to the sum of every step.
-        rows = np.flatnonzero(both)[:: max(1, int(both.sum()) // 100)]
+        # Chords in place of steps: noise adds to the sum of every one.
+        rows = np.flatnonzero(both)[:: max(1, int(both.sum()) // CHORDS)]
         if len(rows) > 1:
             way[rows] = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(log.columns["x"][rows]),
                                                                   np.diff(log.columns["y"][rows])))])
             rim = 0.5 * case.robot.chassis.wheel_radius_m * np.abs(log.columns["w_l"] + log.columns["w_r"])
-            ratios.append(clock_ratio(log, rim, way, 3.0 * (case.robot.noise("x") or 0.0)))
+            ratios.append(clock_ratio(log, rim, way, (case.robot.noise("x") or 0.0) * CHORDS / STRETCHES))
     ratios = [r for r in ratios if r is not None]
     return float(np.median(ratios)) if ratios else None
 
@@ -57,12 +57,12 @@ def clock_ratio(log: RunLog, speed: np.ndarray, angle: np.ndarray, noise: float)
     t, v = log.t[good] - log.t[0], speed[good]
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
     rows = np.flatnonzero(np.isfinite(angle))
-    rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), 30)).astype(int)]
+    rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), STRETCHES)).astype(int)]
     turned = np.diff(angle[rows])
     rolled = np.diff(np.interp(log.t[rows] - log.t[0], t, integral))
-    if float(np.max(np.abs(turned))) < 10.0 * noise or not turned.any() or not rolled.any():
+    if float(np.max(np.abs(turned))) < MOVES * noise or not turned.any() or not rolled.any():
         return None
-    if abs(float(np.corrcoef(turned, rolled)[0, 1] if len(turned) > 2 and np.std(turned) * np.std(rolled) > 0 else 1.0)) < 0.9:
+    if len(turned) > 2 and np.std(turned) * np.std(rolled) > 0 and abs(float(np.corrcoef(turned, rolled)[0, 1])) < FOLLOWS:
         return None
     return float(np.sqrt(np.sum(rolled**2) / np.sum(turned**2)))
 
@@ -89,19 +89,17 @@ def check_clock(case: Case) -> None:
             unit = likely_unit(step)
             raise InputError(f"{where}: a row every {step:.3g} s, " + (
                 f"is it in {unit}?" if unit else f"at least {SLOWEST_HZ:g} rows a second are needed"))
-        if dt[hole] >= BREAK_S and dt[hole] > HOLE_STEPS * step:
+        if dt[hole] >= BREAK_S:
             raise InputError(f"{where}: no row for {dt[hole]:.4g} s after {log.t[hole]:.12g} s: two recordings in one "
                              "file, or a jump of the clock? Make each a run of its own")
 
 
 def _nearest(ratio: float) -> str | None:
     """Unit that a ratio of clocks means, None where it means none."""
-    if 1.0 / CLOCK_OFF < ratio < CLOCK_OFF:
-        return None
     # Angles in degrees look nearly like minutes; the median of the pairs is known better than the twentieth between them.
     sizes = {**PER_SECOND, "degrees": math.pi / 180.0}
     name = min(sizes, key=lambda u: abs(math.log(ratio / sizes[u])))
-    return name if name != "degrees" and abs(math.log(ratio / sizes[name])) < math.log(CLOCK_SPREAD) else None
+    return name if name != "degrees" and abs(math.log(ratio / sizes[name])) < math.log(CLOSE) else None
 
 
 def jitter(t: np.ndarray) -> float:
@@ -111,18 +109,19 @@ def jitter(t: np.ndarray) -> float:
     """
     dt = np.diff(t)
     step = float(np.median(dt))
-    dt = dt[dt < 1.7 * step]
+    dt = dt[np.round(dt / step) < 2]
     if len(dt) < FEWEST:
         return 0.0
     dt = dt - dt.mean()
     square, product = float(np.mean(dt**2)), -float(np.mean(dt[1:] * dt[:-1]))
     # Of stamps that jitter alone the variance of a step is twice theirs, and its covariance with the next minus theirs.
+    # Nearer to those than to steps that are uneven on their own, it is theirs.
     return math.sqrt(0.5 * (0.5 * square + product)) if product > 0.25 * square else math.sqrt(max(0.0, product))
 
 
 def hole_s(t: np.ndarray) -> float:
-    """Steps longer than this are holes, s."""
-    return max(HOLE_STEPS * float(np.median(np.diff(t))), HOLE_S)
+    """Steps longer than this are holes, s: no shorter than the shortest run, for what a logger's buffers do is jitter."""
+    return max(APART * float(np.median(np.diff(t))), SHORTEST_S)
 
 
 def sampled(log: RunLog, case: Case) -> np.ndarray:
@@ -141,25 +140,25 @@ def clock_findings(log: RunLog, case: Case) -> list[Finding]:
     step = float(np.median(dt))
     rate = 1.0 / step
     found = []
-    if rate < SLOW_HZ * 0.98:
+    if rate < SLOW_HZ * (1.0 - HANDFUL):
         found.append(Finding(log.name, "t", "rate", "warning",
                              f"{rate:.3g} rows a second are few: below {SLOW_HZ:.0f} Hz parameters of fast parts "
                              "are biased."))
     regular = dt[dt <= hole_s(t)]
-    uneven = float(np.std(regular[regular < 1.7 * step])) / step if len(regular) > 2 else 0.0
-    if uneven > 0.02:
+    uneven = float(np.std(regular[np.round(regular / step) < 2])) / step if len(regular) > 2 else 0.0
+    if uneven > HANDFUL:
         stamps = jitter(t)
-        told = f", stamps jitter by {1e3 * stamps:.2g} ms" if stamps > 0.3 * uneven * step else ""
+        told = f", stamps jitter by {1e3 * stamps:.2g} ms" if stamps > uneven * step / APART else ""
         found.append(Finding(log.name, "t", "jitter", "note",
                              f"rows are unevenly spaced: {1e3 * step:.3g} ms ± {100 * uneven:.0f} %{told}."))
     missed = float(np.sum(np.round(regular / step) - 1)) / len(dt)
-    if uneven < 0.3 and missed > 0.002:
+    if uneven < 1.0 / APART and missed > HANDFUL:
         found.append(Finding(log.name, "t", "dropped", "note", f"about {percent(missed)} of the rows are missing.",
                              missed))
     length = float(log.t[-1] - log.t[0])
-    if length < SHORT_S:
+    if length < WINDOW_S:
         found.append(Finding(log.name, "t", "short", "warning", f"the run lasts {length:.3g} s only."))
-    elif len(log.t) < 50:
+    elif len(log.t) < FEWEST:
         found.append(Finding(log.name, "t", "short", "warning", f"the run has {len(log.t)} rows only."))
     return found
 

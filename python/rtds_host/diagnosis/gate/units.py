@@ -14,26 +14,19 @@ import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.contract.clock import PER_SECOND, is_rate
+from rtds_host.diagnosis.chance import CLOSELY, FEWEST, FOLLOWS, HANDFUL, MOVES, SLIGHT
 from rtds_host.diagnosis.gate.findings import Finding
 from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels, kind_of
-from rtds_host.diagnosis.gate.timing import clock_ratio, rolled_over_turned
-from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.gate.timing import CLOSE, clock_ratio, rolled_over_turned
+from rtds_host.diagnosis.nuisances import LATENCY_S
+from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.errors import InputError
 
-# A command beyond so many times the supply is no voltage in volts, whatever a controller asks for; a bus neither.
-VOLTS_BEYOND = 10.0
-# How near to a unit's factor: speeds are held by the back-EMF, currents and ways depend on friction, too.
-CLOSE, LOOSE, TOO_LITTLE = 1.25, 3.0, 0.1
-# Correlations with the nominal robot from which a ratio, a sign, a lag means something.
-FOLLOWS, FOLLOWS_LOOSELY, FOLLOWS_CLOSELY, SAME = 0.8, 0.3, 0.97, 0.9
-# Lags that are looked for, s: the contract's delays reach half a second, clocks that disagree a tenth.
-EARLIEST_S, LATEST_S, GRID_S, FINE_S = -0.1, 0.6, 0.01, 0.001
-# A lag is a finding from here on.
-DELAY_S, LONG_DELAY_S = 0.01, 0.05
-FEWEST = 50
-# A run begins to move at this share of its largest command; so many seconds from there tell a clock in minutes.
-MOVES, MINUTES_LOOK_S = 0.05, 60.0
+# Physical: clocks that disagree do so by less than this.
+EARLIEST_S = -0.1
+# Numerical: how finely a lag is looked for, s, first and last, and on how many samples.
+GRID_S, FINE_S, SAMPLES = 0.01, 0.001, 1500
 
 
 def _factors(robot: Robot) -> dict[str, dict[str, float]]:
@@ -51,7 +44,7 @@ def _factors(robot: Robot) -> dict[str, dict[str, float]]:
         "i": {"milliamperes": 1000.0}, "gyro": {"degrees per second": degrees, "milliradians per second": 1e3},
         "yaw": {"degrees": degrees, "milliradians": 1e3}, "x": length, "y": length,
         "v_bus": {"millivolts": 1000.0}, "v_cmd": {"millivolts": 1000.0}}
-    return {q: {u: f for u, f in units.items() if math.isfinite(f) and not 1 / 3 < f < 3} for q, units in known.items()}
+    return {q: {u: f for u, f in units.items() if math.isfinite(f) and not 1.0 / ROOM < f < ROOM} for q, units in known.items()}
 
 
 def _unit(ratio: float, factors: dict[str, float]) -> str:
@@ -73,6 +66,8 @@ def check_commands(case: Case, bounds: Limits) -> None:
     """
     robot = case.robot
     factors = _factors(robot)
+    # Nearer to millivolts than to volts: what a controller asks for in volts may be more than the supply.
+    volts = math.sqrt(factors["v_cmd"]["millivolts"]) * robot.supply_v
     for log in case.runs:
         commands = [f"w_cmd_{s}" if robot.driver.mode == "speed" else f"v_cmd_{s}" for s in robot.sides]
         tops = {c: _scale_of(log.columns[c]) for c in commands}
@@ -81,17 +76,17 @@ def check_commands(case: Case, bounds: Limits) -> None:
             if any(top > ROOM * free for top in tops.values()):
                 ratio = max(tops.values()) / free
                 raise _refusal(log, commands, f"reach {ratio:.3g} times the nominal no-load speed", _unit(ratio, factors["w"]))
-        elif robot.driver.mode == "voltage" and any(top > VOLTS_BEYOND * robot.supply_v for top in tops.values()):
+        elif robot.driver.mode == "voltage" and any(top > volts for top in tops.values()):
             raise _refusal(log, commands, f"reach {max(tops.values()):.4g} at a supply of {robot.supply_v:g} V", "millivolts")
         if log.has("v_bus"):
             level = float(np.nanmedian(np.abs(log.columns["v_bus"])))
-            if level > VOLTS_BEYOND * robot.supply_v:
+            if level > volts:
                 raise _refusal(log, ["v_bus"], f"is {level:.4g} at a supply of {robot.supply_v:g} V", "millivolts")
 
 
 def _scale_of(values: np.ndarray) -> float:
-    """What one in twenty samples exceeds: isolated ones may be anything."""
-    return float(np.nanquantile(np.abs(values), 0.95))
+    """What all but a handful of samples stay within: isolated ones may be anything."""
+    return float(np.nanquantile(np.abs(values), 1.0 - HANDFUL))
 
 
 @dataclass
@@ -121,14 +116,14 @@ def lag_and_ratio(log: RunLog, channel: str, replayed: np.ndarray,
     v, t = log.columns[channel][good], log.t[good]
     if len(v) < FEWEST:
         return None
-    thin = max(1, len(v) // 1500)
+    thin = max(1, len(v) // SAMPLES)
     some, at = v[::thin], t[::thin]
     lag, certain = 0.0, False
     if search:
         def by(x: float) -> float:
             return abs(_match(at, some, log.t, replayed, x))
 
-        lag = max(np.arange(EARLIEST_S, LATEST_S + 1e-3, GRID_S), key=by)
+        lag = max(np.arange(EARLIEST_S, LONGEST_DELAY_S + 0.5 * GRID_S, GRID_S), key=by)
         lag = float(max(lag + np.arange(FINE_S - GRID_S, GRID_S - 0.5 * FINE_S, FINE_S), key=by))
         # A lag counts only if it explains much of what the replay misses: distortion shifts a peak a little, too.
         certain = 1.0 - by(lag) <= 0.5 * (1.0 - by(0.0))
@@ -151,7 +146,7 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
         values = log.columns[c]
         if c == "v_bus":
             level = float(np.nanmedian(np.abs(values)))
-            if not robot.supply_v / 3 < level < 3 * robot.supply_v:
+            if not robot.supply_v / ROOM < level < ROOM * robot.supply_v:
                 result.findings.append(Finding(log.name, c, "level", "warning", f"v_bus is {level:.3g} V, the nominal "
                                                                                 f"supply {robot.supply_v:g} V."))
             continue
@@ -164,7 +159,7 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
             # At least so many times the nominal; a comparison below may know it better.
             result.wrong[c] = ROOM * beyond, _unit(ROOM * beyond, factors[kind_of(c)])
         noise = robot.noise(c)
-        if noise is None or column is None or not np.isfinite(column).all() or float(np.std(column)) < 10 * noise:
+        if noise is None or column is None or not np.isfinite(column).all() or float(np.std(column)) < MOVES * noise:
             continue
         way = c.startswith(("th", "x", "y"))
         found = lag_and_ratio(log, c, column - column[0] if way else column, c[0] == "w" and robot.driver.mode == "voltage")
@@ -180,7 +175,7 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
         ratios[c] = ratio
         _scale(result, c, ratio, match, factors[kind_of(c)])
         _sign(result, log, c, ratio, match)
-        if c[0] == "w" and match > FOLLOWS_CLOSELY and lag is not None:
+        if c[0] == "w" and match > CLOSELY and lag is not None:
             _lag(result, log, c, lag)
     _turn(result, log, robot, ratios)
     _side_by_side(result, log, robot, factors)
@@ -217,24 +212,24 @@ def _side_by_side(result: Compared, log: RunLog, robot: Robot, factors: dict[str
                                                        unit, result.wrong[w][1])
             continue
         ratio = clock_ratio(log, log.columns[w], log.columns[th], robot.noise(th) or 0.0)
-        if ratio is not None and abs(ratio) > LOOSE:
+        if ratio is not None and abs(ratio) > ROOM:
             result.wrong[w] = ratio, _unit(ratio, factors["w"])
 
 
 def _scale(result: Compared, c: str, ratio: float, match: float, factors: dict[str, float]) -> None:
     freely = c[0] in "ixy"
     unit = _unit(ratio, factors)
-    near = abs(math.log(abs(ratio) / factors[unit])) < math.log(LOOSE if freely else CLOSE)
-    follows = match > FOLLOWS or (freely and match > FOLLOWS_LOOSELY)
-    too_much = abs(ratio) > ROOM and c[0] not in "xy"
-    # Too little may be friction and a gain; but friction follows no voltage closely at less than a tenth of the speed.
-    if follows and ((near and (abs(ratio) > ROOM or factors[unit] < TOO_LITTLE and match > SAME)) or (too_much and not freely)):
+    near = abs(math.log(abs(ratio) / factors[unit])) < math.log(ROOM if freely else CLOSE)
+    too_much = abs(ratio) > ROOM and (near or not freely)
+    # Too little may be friction and a gain; but friction follows no voltage closely at a slight part of the speed.
+    too_little = factors[unit] < SLIGHT and near and match > CLOSELY
+    if too_little or too_much and match > FOLLOWS:
         result.wrong[c] = ratio, unit
 
 
 def _sign(result: Compared, log: RunLog, c: str, ratio: float, match: float) -> None:
     # A pose runs against the replay's wherever the robot turned otherwise.
-    if ratio >= 0 or c in ("x", "y") or match < (SAME if c[0] == "i" else FOLLOWS_CLOSELY):
+    if ratio >= 0 or c in ("x", "y") or match < (FOLLOWS if c[0] == "i" else CLOSELY):
         return
     if c[0] == "w":
         text = f"{c} runs against its command (correlation {-match:.2f}): leads or sign swapped?"
@@ -260,10 +255,11 @@ def _turn(result: Compared, log: RunLog, robot: Robot, ratios: dict[str, float])
 def _lag(result: Compared, log: RunLog, c: str, lag: float) -> None:
     result.lags.append((c, lag))
     step = float(np.median(np.diff(log.t[np.isfinite(log.columns[c])])))
-    if abs(lag) > max(DELAY_S, 1.01 * step):
+    if abs(lag) > max(LATENCY_S, (1.0 + HANDFUL) * step):
+        # The catalogue has delays, and nothing that answers before it is asked.
         late = lag > 0
         result.findings.append(Finding(
-            log.name, c, "delay", "warning" if not late or lag > LONG_DELAY_S else "note",
+            log.name, c, "delay", "note" if late else "warning",
             f"{c} answers the command {1e3 * abs(lag):.0f} ms {'later' if late else 'earlier'} than the nominal robot"
             + ("." if late else ": clocks that do not agree?")))
 
@@ -275,7 +271,7 @@ def _duty(result: Compared, log: RunLog, robot: Robot, ratios: dict[str, float])
     for s in robot.sides:
         top = float(np.max(np.abs(log.columns[f"v_cmd_{s}"])))
         ratio = ratios.get(f"w_{s}", ratios.get(f"th_{s}"))
-        if ratio is not None and top <= 1.05 and ROOM < abs(ratio) < 2.0 * robot.supply_v:
+        if ratio is not None and top <= 1.0 + SLIGHT and ROOM < abs(ratio) < 2.0 * robot.supply_v:
             for c in (f"w_{s}", f"th_{s}", f"i_{s}", "gyro_z", "x", "y", "yaw"):
                 result.wrong.pop(c, None)
             result.wrong[f"v_cmd_{s}"] = abs(ratio), "shares of the supply (a duty)"
@@ -315,8 +311,8 @@ def check_minutes(log: RunLog, case: Case) -> None:
     if not is_rate(minute * float(np.median(np.diff(log.t)))) or rolled_over_turned(log, case) is not None:
         return
     commands = np.abs(log.commands(robot.driver.mode)).max(axis=1)
-    first = max(0, int(np.argmax(commands > MOVES * commands.max())) - 1)
-    part = log.rows(first, int(np.searchsorted(log.t, log.t[first] + MINUTES_LOOK_S / minute)))
+    first = max(0, int(np.argmax(commands > SLIGHT * commands.max())) - 1)
+    part = log.rows(first, int(np.searchsorted(log.t, log.t[first] + 1.0 / PER_SECOND["minutes"] / minute)))
     names = [c for c in (f"{kind}_{s}" for kind in ("w", "th") for s in robot.sides)
              if c in part.columns and np.isfinite(part.columns[c]).sum() >= FEWEST and robot.noise(c)]
     if not names:
@@ -326,11 +322,11 @@ def check_minutes(log: RunLog, case: Case) -> None:
         taken = replace(part, t=factor * (part.t - part.t[0]))
         out = replay_run(model, run_inputs(taken, robot))
         columns = {c: out[:, OUTPUT_INDEX[c]] for c in names}
-        if not np.isfinite(out).all() or factor == minute and any(np.std(v) < 10.0 * robot.noise(c) for c, v in columns.items()):
+        if not np.isfinite(out).all() or factor == minute and any(np.std(v) < MOVES * robot.noise(c) for c, v in columns.items()):
             return
         pace.append([abs(_match(taken.t[good], part.columns[c][good], taken.t, v, 0.0)) for c, v in columns.items()
                      for good in (np.isfinite(part.columns[c]),)])
-    if max(pace[0]) < FOLLOWS and min(pace[1]) > FOLLOWS_CLOSELY:
+    if max(pace[0]) < FOLLOWS and min(pace[1]) > CLOSELY:
         raise InputError(f"{log.path or log.name}: t: is it in minutes? With seconds, the wheels answer commands as no motor of "
                          "this robot does")
 
@@ -358,7 +354,7 @@ def refuse_exchanged(case: Case, replays: list[tuple[RunLog, np.ndarray]]) -> No
         if log.has("gyro_z"):
             good &= np.isfinite(log.columns["gyro_z"])
             turns.append(np.stack([(right - left)[good], log.columns["gyro_z"][good]]))
-    if not sums or _together(sums) < SAME or _together(differences) > -SAME or _together(_apart(differences, sums)) > -SAME:
+    if not sums or _together(sums) < FOLLOWS or _together(differences) > -FOLLOWS or _together(_apart(differences, sums)) > -FOLLOWS:
         return
     turn = _together(turns) if turns else 0.0
     which = "v_cmd_l and v_cmd_r" if turn > FOLLOWS else "w_l and w_r" if turn < -FOLLOWS else "left and right"

@@ -14,6 +14,11 @@ DRIFTS_S = (0.005, 0.02, 0.08)
 # Numerical: largest voltages a second that a driver slews by, and parts of a run that a battery takes to relax.
 SLEWS = (1.0, 3.0, 10.0, 30.0)
 RELAXES = (0.05, 0.2)
+# Numerical: parts of the largest command that a driver is limited to, time constants of a winding's heat, s, and the current, A, over
+# which its sign turns over.
+LIMITS = (0.5, 0.7, 0.85)
+HEATS_S = (8.0, 40.0)
+SIGN_A = 0.02
 
 
 def bus_block(run: Signals) -> None:
@@ -60,8 +65,8 @@ def current_block(run: Signals, k: int) -> None:
     top = float(np.max(np.abs(volts), initial=0.0))
     run.volt_columns(f"driver:gain_{s}", k, end, mean)
     run.volt_columns(f"driver:deadzone_{s}", k, -np.sign(end), -np.sign(mean))
-    run.volt_columns(f"driver:drop_{s}", k, -np.tanh(i / 0.02), -np.tanh(middles(i) / 0.02))
-    for part in (0.5, 0.7, 0.85):
+    run.volt_columns(f"driver:drop_{s}", k, -np.tanh(i / SIGN_A), -np.tanh(middles(i) / SIGN_A))
+    for part in LIMITS:
         over = [-np.sign(v) * np.maximum(np.abs(v) - part * top, 0.0) for v in (end, mean)]
         run.volt_columns(f"driver:limit{part:g}_{s}", k, *over)
     ramp = (t - t[0]) / run.supply
@@ -94,7 +99,7 @@ def current_block(run: Signals, k: int) -> None:
         run.volt_columns(f"driver:relax@{part:g}", k, -relaxed / run.supply * end, -middles(relaxed) / run.supply * mean)
 
     run.volt_columns(f"winding:resistance_{s}", k, -res * i, -middles(res * i))
-    for seconds in (8.0, 40.0):
+    for seconds in HEATS_S:
         heat = run.heat(i, float(res[0]), seconds)
         run.volt_columns(f"winding:heating{seconds:g}_{s}", k, -res * i * heat, -middles(res * i * heat))
     run.volt_columns(f"winding:constant_{s}", k, -ke * w, -ke * middles(w))

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2, RunLog
+from rtds_host.diagnosis import gap
 from rtds_host.diagnosis.localise.series import filled, middles, smooth
-from rtds_host.diagnosis.localise.signals import POSE_WINDOW_S, Signals
+from rtds_host.diagnosis.localise.signals import Signals
 
 # Numerical: places along the way, and lengths of a floor's ups and downs, as parts of how far the runs went.
 QUARTERS = (0.2, 0.4, 0.6, 0.8)
@@ -77,7 +78,7 @@ def way_block(run: Signals) -> None:
             angle_noise.append(run.robot.noise(f"th_{s}") * np.sqrt(2.0))
         else:
             turned.append(middles(run.w[k]) * run.dt)
-            angle_noise.append(run.w_noise[k] * np.sqrt(POSE_WINDOW_S * float(np.median(run.dt))))
+            angle_noise.append(run.w_noise[k] * np.sqrt(gap.WINDOW_S * float(np.median(run.dt))))
     ds = 0.5 * (r[0] * turned[0] + r[1] * turned[1])
     dyaw = (r[1] * turned[1] - r[0] * turned[0]) / track
     x, y = (run.log.columns[c] if full else np.zeros(run.n) for c in ("x", "y"))

@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2
+from rtds_host.diagnosis.chance import APART, MOVES
 from rtds_host.diagnosis.localise.series import cumulated, filled, first_order, middles, near, smooth
 from rtds_host.diagnosis.localise.signals import WINDOW_S, Signals
 
 # Numerical: parts of the largest force met that a tyre may pass on, and how long one that lost its grip takes to regain it.
 TRACTIONS = (0.2, 0.4, 0.6, 0.8)
 SLIPPED_S = 0.1
+# Numerical: speeds over which friction fades, rad/s, and cycles a turn of a ripple.
+FADES = (0.3, 1.0)
+RIPPLES = (1, 2, 3, 4, 6, 8, 12, 18)
+# Numerical: the yaw rate and the wheels' speed, rad/s, and the load, N·m, over which a sign turns over.
+SIGN_TURN, SIGN_WAY, SIGN_LOAD = 0.03, 0.4, 0.004
 
 
 def torque_block(run: Signals, k: int) -> None:
@@ -26,7 +32,7 @@ def torque_block(run: Signals, k: int) -> None:
         drive = raw * model.get("torque_per_volt") * gear * model.get("voltage_gain", k)
         current_noise = 0.0
     elif run.voltage_mode:
-        if tau < float(np.median(dt)) / 3:
+        if APART * tau < float(np.median(dt)):
             # Between rows the current follows voltage and speed; its measured end fixes the level.
             start = (run.v_mean[k] - ke * w[:-1]) / middles(res)
             mean = (i[1:] + (run.v_mean[k] - run.v_end[k][1:]) / middles(res)
@@ -56,7 +62,7 @@ def torque_block(run: Signals, k: int) -> None:
         drive_acc = 0.25 * run.mass * r * r * (run.acc[0] + run.acc[1])
         turn_acc = lever * model.get("yaw_inertia") * r * (run.acc[1] - run.acc[0]) / model.get("track")
         load = drive_acc + turn_acc - pull
-        yaw_sign = np.tanh(smooth(run.wheel_rate, run.half) / 0.03)
+        yaw_sign = np.tanh(smooth(run.wheel_rate, run.half) / SIGN_TURN)
         yaw_sign_mid = middles(yaw_sign)
     elif axis == 2:
         if run.th[k] is not None:
@@ -73,7 +79,7 @@ def torque_block(run: Signals, k: int) -> None:
         torque = torque - lever * model.get("scrub") * yaw_sign_mid
     dry = dry + model.get("load_share", k) * np.abs(drive - fluid * mid)
     # A wheel at rest is held by as much friction as it takes.
-    rests = np.abs(middles(smooth(w, run.half))) < 3.0 * run.w_noise[k]
+    rests = np.abs(middles(smooth(w, run.half))) < MOVES * run.w_noise[k]
     torque = torque - np.where(rests, np.clip(torque, -dry, dry), dry * sign_mid)
     torque = torque - model.get("asymmetry", k) * np.abs(sign_mid) - model.get("asymmetry_viscous", k) * np.abs(mid)
     angle = filled(t, run.th[k]) if run.th[k] is not None else cumulated(mid, dt)
@@ -99,7 +105,7 @@ def torque_block(run: Signals, k: int) -> None:
 
     put(f"drivetrain:coulomb_{s}", -sign_mid)
     put(f"drivetrain:steady_{s}", np.ones(run.n - 1))
-    for fade in (0.3, 1.0):
+    for fade in FADES:
         put(f"drivetrain:stribeck{fade:g}_{s}", -sign_mid * np.exp(-(mid / fade) ** 2))
     put(f"drivetrain:viscous_{s}", -max(gear**2 * model.get("viscous", k), 1e-9) * mid)
     put(f"drivetrain:quadratic_{s}", -mid * np.abs(mid))
@@ -113,7 +119,7 @@ def torque_block(run: Signals, k: int) -> None:
               / run.inertia[k])
     if load is not None:
         rate = np.gradient(smooth(load, run.half), t)
-        knock = np.gradient(np.tanh(smooth(load, run.half) / 0.004), t)
+        knock = np.gradient(np.tanh(smooth(load, run.half) / SIGN_LOAD), t)
         # Speed and angle are those of the gear's output; behind a spring or free play the wheel lags.
         for name, lead in (("spring", rate), ("play", knock)):
             cause = f"drivetrain:{name}_{s}"
@@ -122,7 +128,7 @@ def torque_block(run: Signals, k: int) -> None:
             if run.body and run.gyro is not None:
                 run.put(cause, "turn", -(1 if k else -1) * r / model.get("track") * lead)
     if run.th[k] is not None:
-        for cycles in (1, 2, 3, 4, 6, 8, 12, 18):
+        for cycles in RIPPLES:
             put(f"drivetrain:ripple{cycles}_{s}", np.sin(cycles * middles(angle)))
             put(f"drivetrain:ripple{cycles}_{s}b", np.cos(cycles * middles(angle)))
     if run.has_i[k] and run.voltage_mode:
@@ -165,7 +171,7 @@ def torque_block(run: Signals, k: int) -> None:
         put("chassis:com_x", 0.5 * r * run.mass * middles(run.wheel_rate) ** 2)
         put("chassis:com_y", lever * run.mass * GRAVITY_M_S2 * middles(climb))
         put("chassis:yaw_inertia", -middles(turn_acc))
-        put("chassis:drag", -0.5 * r * np.tanh(middles(run.w[0] + run.w[1]) / 0.4))
+        put("chassis:drag", -0.5 * r * np.tanh(middles(run.w[0] + run.w[1]) / SIGN_WAY))
         if run.log.has("x") and run.log.has("y"):
             # A tether pulls towards where the run began.
             x, y = (filled(t, run.log.columns[c]) for c in ("x", "y"))

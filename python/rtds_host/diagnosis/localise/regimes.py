@@ -8,7 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.contract import RunMeta
+from rtds_host.diagnosis.chance import APART, SLIGHT
 from rtds_host.diagnosis.localise.series import smooth
+
+# Layout: what counts as a reversal, to either side of it, s; as steep, rad; as turning at all, rad/s.
+REVERSES_S, CLIMBS, TURNS = 0.1, 0.02, 0.05
 
 
 @dataclass(frozen=True)
@@ -29,26 +33,27 @@ def regimes(motion: Motion, meta: RunMeta, slope_rad: float, half: int) -> dict[
     speed = np.nanmean(np.abs(slow), axis=0)
     top = float(np.nanmax(speed, initial=0.0))
     forward = np.nanmean(slow, axis=0)
-    result = {"slow": speed < 0.3 * top, "fast": speed >= 0.3 * top}
+    result = {"slow": APART * speed < top, "fast": APART * speed >= top}
     turned = np.zeros(len(t), bool)
     for w in motion.w:
-        sign = np.sign(np.where(np.abs(w) > 5 * 0.02 * max(top, 1e-9), w, 0.0))
+        sign = np.sign(np.where(np.abs(w) > SLIGHT * max(top, 1e-9), w, 0.0))
         kept = np.flatnonzero(sign)
         for a, b in itertools.pairwise(kept):
             if sign[a] != sign[b]:
-                turned |= (t > t[a] - 0.1) & (t < t[b] + 0.1)
+                turned |= (t > t[a] - REVERSES_S) & (t < t[b] + REVERSES_S)
     result["reversal"] = turned
     gain = np.gradient(speed, t) if len(t) > 2 else np.zeros(len(t))
-    result["speeding up"], result["slowing down"] = gain > 0.3 * top, gain < -0.3 * top
-    result["forwards"], result["backwards"] = forward > 0.05 * top, forward < -0.05 * top
+    result["speeding up"], result["slowing down"] = APART * gain > top, APART * gain < -top
+    result["forwards"], result["backwards"] = forward > SLIGHT * top, forward < -SLIGHT * top
     if motion.heading is not None and motion.yaw_rate is not None:
         climb = np.sin(slope_rad) * np.cos(motion.heading - meta.uphill_yaw_rad) * np.sign(forward)
-        result["uphill"], result["downhill"] = climb > 0.02, climb < -0.02
-        result["level"] = np.abs(climb) <= 0.02
+        result["uphill"], result["downhill"] = climb > CLIMBS, climb < -CLIMBS
+        result["level"] = np.abs(climb) <= CLIMBS
         turn = smooth(motion.yaw_rate, half)
         fast = float(np.nanmax(np.abs(turn), initial=0.0))
-        result["straight"] = np.abs(turn) < max(0.1 * fast, 0.05)
-        result["turning left"], result["turning right"] = turn >= max(0.1 * fast, 0.05), turn <= -max(0.1 * fast, 0.05)
+        least = max(SLIGHT * fast, TURNS)
+        result["straight"] = np.abs(turn) < least
+        result["turning left"], result["turning right"] = turn >= least, turn <= -least
     result["with payload"] = np.full(len(t), meta.payload_kg > 0)
     result["without payload"] = ~result["with payload"]
     middle = 0.5 * (t[0] + t[-1])

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-# Numerical: what the magnitude of a normal value is below in a quarter of the cases, in standard deviations.
-NORMAL_QUARTER = 0.31863936396437514
+from rtds_host.diagnosis.chance import APART
 
 
 class Windows:
@@ -32,7 +31,7 @@ def near(t: np.ndarray, good: np.ndarray) -> np.ndarray:
         return np.zeros(len(t), bool)
     after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
     distance = np.minimum(np.abs(t - at[after - 1]), np.abs(at[after] - t))
-    return distance <= 2.5 * float(np.median(np.diff(at)))
+    return distance <= APART * float(np.median(np.diff(at)))
 
 
 @numba.njit(cache=True)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from rtds_host.diagnosis.chance import FEWEST, QUARTER_OF_NORMAL, SLIGHT, sigmas
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
-from rtds_host.diagnosis.localise.series import NORMAL_QUARTER, smooth
+from rtds_host.diagnosis.localise.series import smooth
 from rtds_host.diagnosis.localise.signals import Signals
 from rtds_host.diagnosis.nuisances import BAND, PRIOR
 
@@ -18,10 +19,9 @@ BLOCKS = {
 }
 # Signatures of the contract's nuisances, ratios all; beyond `BAND` a ratio is a cause of its own.
 NUISANCES = ("winding:resistance", "winding:constant", "drivetrain:inertia", "drivetrain:viscous")
-# A signature is believed when it explains at least this share of what is left, or of what there was.
+# A signature is believed when it explains at least this share of what is left.
 BELIEVED = 0.35
-BELIEVED_OF_ALL = 0.03
-# Excess energy, as a share of the noise's, below which no place is named.
+# Physical: a sensor's noise is known to this share of its energy; what is less, of the noise or of all there is, is not seen in it.
 FAINT = 0.05
 # The signature of a current sensor that lies in whatever way.
 CURRENT_FAULT = "sensing:current_fault"
@@ -89,7 +89,7 @@ class Sums:
         a[~np.isfinite(a)] = 0.0
         for j in (j for j, c in enumerate(used) if _group(c) == CURRENT_FAULT and b.startswith("current") and len(z)):
             # At quiet times it is the sensor's noise, coloured as it may be.
-            quiet = float(np.quantile(np.abs(a[:, j]), 0.25)) / NORMAL_QUARTER
+            quiet = float(np.quantile(np.abs(a[:, j]), 0.25)) / QUARTER_OF_NORMAL
             self.noise_in[CURRENT_FAULT] = self.noise_in.get(CURRENT_FAULT, 0.0) + len(z) * quiet**2
         place = [index[c] for c in used]
         self.gram[b][np.ix_(place, place)] += a.T @ a
@@ -98,7 +98,7 @@ class Sums:
         self.count[b] += len(z)
         for regime, mask in which.items():
             inside = mask[at]
-            if inside.sum() >= 10:
+            if inside.sum() >= FEWEST:
                 entry = self.regimes[b].setdefault(regime, [0.0, 0])
                 entry[0] += float(z[inside] @ z[inside])
                 entry[1] += int(inside.sum())
@@ -120,7 +120,7 @@ class Sums:
             estimate *= np.sqrt(norm)
             torque[k] = estimate
             motion = np.sign(np.add.reduceat(smooth(run.w[k], run.half), starts))
-            big = np.abs(estimate) > 3.0
+            big = np.abs(estimate) > sigmas(len(estimate))
             self.against[0] -= float(np.sum((estimate * np.abs(estimate) * motion)[big]))
             self.against[1] += float(np.sum(estimate[big] ** 2))
         if len(torque) == 2:
@@ -160,7 +160,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
         tight = np.array([j in nuisance and j not in loose for j in columns])
         g = total_gram[np.ix_(columns, columns)]
         c = total_cross[columns]
-        for _ in range(3):
+        for _ in columns:
             free = ~held
             p = np.where(tight, 1.0 / PRIOR**2, 0.0)[free]
             gf = g[np.ix_(free, free)]
@@ -177,7 +177,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
         return float(2.0 * theta @ c - theta @ g @ theta), theta
 
     # The column of a speed sensor's fault holds that sensor's noise: it counts only where the two readings disagree.
-    twice = any(excess.get(f"speed_twice_{s}", 0.0) > 0.2 * count.get(f"speed_twice_{s}", 0) for s in "lr")
+    twice = any(excess.get(f"speed_twice_{s}", 0.0) > SLIGHT * count.get(f"speed_twice_{s}", 0) for s in "lr")
     located = dict.fromkeys(SUBSYSTEMS, 0.0)
     chosen: list[tuple[str, str, float]] = []
     picked: list[int] = list(always)
@@ -190,7 +190,9 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
     # So small an excess may be the colour of the noise, which some columns share.
     if whole < FAINT * floor:
         return located, chosen, 0.0
-    for _ in range(6):
+    # What noise alone takes to look like one of so many signatures.
+    chance = sigmas(len(groups)) ** 2
+    for _ in groups:
         best = None
         for group, members in groups.items():
             if "steady" in group or (group == "sensing:speed_fault" and not twice) or any(group == g for g, _, _ in chosen):
@@ -202,7 +204,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
                 gain = value - explained - 2.0 * len(chosen_of) - sums.noise_in.get(group, 0.0)
                 if best is None or gain > best[0]:
                     best = (gain, group, chosen_of, extra)
-        if best is None or best[0] < max(BELIEVED * left, BELIEVED_OF_ALL * whole, 30.0):
+        if best is None or best[0] < max(BELIEVED * left, FAINT * whole, chance):
             break
         gain, group, members, extra = best
         picked += extra
@@ -211,7 +213,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
         chosen.append((group, group.split(":")[0], min(gain / max(whole, gain), 1.0)))
         located[group.split(":")[0]] += gain
         left -= gain
-    if left > 0.02 * whole:
+    if left > FAINT * whole:
         remaining = {}
         for b in blocks:
             g = gram[b][np.ix_(picked, picked)]
@@ -234,6 +236,6 @@ def _owner(block: str, sums: Sums, excess: dict[str, float]) -> dict[str, float]
         return {"chassis": body, "drivetrain": 1.0 - body}
     if block == "turn" and sums.loose and "way" in excess and excess["turn"] > 0:
         # A wheel that slips takes the pose with it; one that shakes behind its gear does not.
-        slips = excess["way"] / max(sums.count["way"], 1) > 0.05 * excess["turn"] / sums.count["turn"]
+        slips = excess["way"] / max(sums.count["way"], 1) > FAINT * excess["turn"] / sums.count["turn"]
         return {"wheel_ground": 1.0} if slips else {"drivetrain": 1.0}
     return {BLOCKS[block]: 1.0}

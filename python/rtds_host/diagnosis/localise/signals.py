@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from rtds_host.contract import Robot, RunLog
+from rtds_host.diagnosis import gap
 from rtds_host.diagnosis.localise.series import Windows, cumulated, filled, first_order, middles, relaxed, smooth
 from rtds_host.diagnosis.replay.model import Model
 
-# Blocks start anew from what is measured: the longer, the better small torques show, and the farther a wrong start leads; poses move
-# slower, and what two sensors show of one thing drifts apart slowest.
+# Blocks start anew from what is measured: the longer, the better small torques show, and the farther a wrong start leads.
 WINDOW_S = 0.3
-POSE_WINDOW_S = 0.5
-TWICE_WINDOW_S = 1.0
+# Numerical: over how many volts of a bridge, and over what share of the largest speed or how many noises, a sign turns over.
+SIGN_V, SIGN_SHARE, SIGN_NOISES = 0.05, 0.02, 2.0
+# Numerical: to either side of a row over which a speed is averaged.
+SMOOTH_S = 0.015
 
 
 class Signals:
@@ -113,8 +115,8 @@ class Signals:
             limit = model.get("limit", k)
             end, mean = np.clip(end, -limit, limit), np.clip(mean, -limit, limit)
             if model.get("drop", k):
-                end = end - model.get("drop", k) * np.tanh((end - ke * self.w[k]) / 0.05)
-                mean = mean - model.get("drop", k) * np.tanh((mean - ke * middles(self.w[k])) / 0.05)
+                end = end - model.get("drop", k) * np.tanh((end - ke * self.w[k]) / SIGN_V)
+                mean = mean - model.get("drop", k) * np.tanh((mean - ke * middles(self.w[k])) / SIGN_V)
             self.v_end[k], self.v_mean[k] = end, mean
             res = model.get("resistance", k) * np.ones(self.n)
             if model.get("heat_rise", k):
@@ -148,17 +150,17 @@ class Signals:
             self.mass = model.get("mass") + log.meta.payload_kg
             self.slope = log.meta.slope_rad + model.get("slope_extra")
             self.wheel_rate = rate
-        half = max(1, round(0.015 / float(np.median(self.dt))))
+        half = max(1, round(SMOOTH_S / float(np.median(self.dt))))
         self.half = half
         self.acc = [np.gradient(smooth(w, half), t) for w in self.w]
         speed = max(float(np.nanmax(np.abs(w), initial=0.0)) for w in self.w)
-        self.sign = [np.tanh(smooth(w, half) / max(0.02 * speed, 2.0 * noise, 1e-9))
+        self.sign = [np.tanh(smooth(w, half) / max(SIGN_SHARE * speed, SIGN_NOISES * noise, 1e-9))
                      for w, noise in zip(self.w, self.w_noise)]
 
     def _loads(self) -> None:
         """Inertia that each motor moves, and the speeds' means between the rows."""
         self.cut = Windows(self.t, WINDOW_S)
-        self.cut_twice = Windows(self.t, TWICE_WINDOW_S)
+        self.cut_twice = Windows(self.t, gap.WINDOW_S)
         model = self.model
         gear2 = model.get("gear_ratio") ** 2
         self.km = [model.get("torque_constant", k) * model.get("gear_ratio") for k in self.sides]
@@ -194,7 +196,7 @@ class Signals:
             return
         picked, last = [rows[0]], t[rows[0]]
         for row in rows[1:]:
-            if t[row] - last >= POSE_WINDOW_S - 1e-6:
+            if t[row] - last >= gap.WINDOW_S - 1e-6:
                 picked.append(row)
                 last = t[row]
         rows = np.array(picked)

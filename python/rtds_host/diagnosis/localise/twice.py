@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from rtds_host.diagnosis import gap
 from rtds_host.diagnosis.localise.series import cumulated, filled, middles, near
-from rtds_host.diagnosis.localise.signals import TWICE_WINDOW_S, Signals
+from rtds_host.diagnosis.localise.signals import Signals
 
 
 def speed_twice_block(run: Signals, k: int) -> None:
@@ -18,8 +19,8 @@ def speed_twice_block(run: Signals, k: int) -> None:
     residual = run.cut_twice(filled(run.t, th) - cumulated(run.w_mean[k], run.dt))
     rows &= run.cut_twice.whole(near(run.t, run.w_rows[k]))
     step = float(np.median(run.dt))
-    gap = float(np.median(np.diff(run.t[run.w_rows[k]]))) if run.w_rows[k].sum() > 2 else step
-    walk = run.w_noise[k] ** 2 * gap * TWICE_WINDOW_S / 6.0
+    between = float(np.median(np.diff(run.t[run.w_rows[k]]))) if run.w_rows[k].sum() > 2 else step
+    walk = run.w_noise[k] ** 2 * between * gap.WINDOW_S / 6.0
     run.block(f"speed_twice_{s}", residual, np.sqrt(run.robot.noise(f"th_{s}") ** 2 + walk), rows)
 
 
@@ -36,7 +37,7 @@ def yaw_twice_block(run: Signals) -> None:
         turned = np.interp(run.t + late, run.t, turned)
     rows &= run.cut_twice.whole(near(run.t, np.isfinite(run.gyro)))
     step = float(np.median(np.diff(run.t[np.isfinite(run.gyro)])))
-    walk = run.robot.noise("gyro_z") ** 2 * step * TWICE_WINDOW_S / 6.0
+    walk = run.robot.noise("gyro_z") ** 2 * step * gap.WINDOW_S / 6.0
     run.block("yaw_twice", run.cut_twice(filled(run.t, run.yaw) - turned),
                 np.sqrt(run.robot.noise("yaw") ** 2 + walk), rows)
     if not run.signatures:

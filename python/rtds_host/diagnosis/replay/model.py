@@ -8,23 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.contract import Robot, RunLog
+from rtds_host.diagnosis.chance import MOVES
 from rtds_host.diagnosis.replay import kernel
 from rtds_host.diagnosis.replay.slots import COMMON, COMMON_INDEX, OUTPUT_INDEX, OUTPUTS, SIDE, SIDE_INDEX
 
-# Longest step of the search: its error moves no sample by more than about a quarter of its noise (steps of 20 V), and
+# Numerical: longest step of the search: its error moves no sample by more than about a quarter of its noise (steps of 20 V), and
 # chi2 by a few units. What is reported is replayed at `REPORT_STEP_S`, at which these are a tenth of that.
 STEP_S = 1.7e-3
 REPORT_STEP_S = 5.0e-4
-# Slip brings faster modes, springs may bring faster ones still, and so does free play between its flanks.
+# Numerical: slip brings faster modes, springs may bring faster ones still, and so does free play between its flanks.
 SLIP_STEP_S = 8.4e-4
 FINE_STEP_S = 4.0e-4
-# A spring's step in its fastest swing: the errors then are those above at any stiffness that swings visibly.
+# Numerical: a spring's step in its fastest swing: the errors then are those above at any stiffness that swings visibly.
 SPRING_STEP_RAD = 0.1
-# A piece starts from a parabola over so many rows to either side, and knows so many commands from before.
+# Numerical: a piece starts from a parabola over so many rows to either side.
 START_ROWS = 2
-HISTORY_ROWS = 200
-# How long before a run that begins in motion its first command is taken to have been in force: longer than any delay.
-BEFORE_S = 1.0
+# Physical: no command and no measurement comes later than this, a radio link's included.
+LONGEST_DELAY_S = 1.0
 # Outputs of devices with a clock of their own.
 CLOCKS = {"gyro_late": (OUTPUT_INDEX["gyro_z"],), "pose_late": tuple(OUTPUT_INDEX[c] for c in ("x", "y", "yaw"))}
 
@@ -155,7 +155,7 @@ def _filled(log: RunLog, name: str, default: float) -> np.ndarray:
 def start_state(log: RunLog, robot: Robot) -> np.ndarray:
     """State at the first row (11,): x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r, and w_l, w_r as reported.
 
-    A robot starts at rest unless its first samples say otherwise by more than five times their noise (contract,
+    A robot starts at rest unless its first samples say otherwise by more than noise reaches (contract,
     section 2); a single axis starts as its first row says (section 7).
     """
     start = np.zeros(11)
@@ -167,7 +167,7 @@ def start_state(log: RunLog, robot: Robot) -> np.ndarray:
         if values is None or not np.isfinite(values[0]):
             continue
         noise = robot.noise(name) or 0.0
-        if robot.axis is not None or abs(values[0]) > 5 * noise + 1e-9:
+        if robot.axis is not None or abs(values[0]) > MOVES * noise + 1e-9:
             start[5 + k] = values[0]
     start[9:] = start[5:7]
     return start
@@ -178,11 +178,11 @@ def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
     run (4,), start (11,).
 
     Times count from the run's first row: since 1970 a double has a quarter of a microsecond, and steps add up. A robot that
-    moves in the first row was under command before: under that row's, as far as anyone knows.
+    moves in the first row was under command before: under that row's, for as long as a command may act late.
     """
     t, t_cmd, commands, bus, angle, run, start = row_inputs(log, robot)
     if robot.chassis is not None and start[5:7].any():
-        t_cmd, commands, bus = np.append(-BEFORE_S, t_cmd), np.vstack([commands[:1], commands]), np.append(bus[0], bus)
+        t_cmd, commands, bus = np.append(-LONGEST_DELAY_S, t_cmd), np.vstack([commands[:1], commands]), np.append(bus[0], bus)
     return t, t_cmd, commands, bus, angle, run, start
 
 
@@ -218,7 +218,7 @@ def _angle(log: RunLog, side: str, start: float) -> np.ndarray:
 def stretch_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.ndarray, ...]:
     """The same for rows first <= k < last of a robot's run, started from what is measured at the first of them."""
     t, _, commands, bus, angle, run, _ = row_inputs(log, robot)
-    before = max(0, first - HISTORY_ROWS)
+    before = _known(t, first)
     return (np.ascontiguousarray(t[first:last]), np.ascontiguousarray(t[before:last]), np.ascontiguousarray(commands[before:last]),
             np.ascontiguousarray(bus[before:last]), angle, run, start_state(log.rows(first, last), robot))
 
@@ -246,9 +246,14 @@ def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.n
             volts = commands[held, k] * (bus[held] / robot.supply_v if robot.driver.bus == "measured" else 1.0)
             # Across the few electrical time constants that a start lasts, the winding is in its steady state.
             start[7 + k] = (volts - motor.back_emf_constant_v_s_per_rad * motor.gear_ratio * start[5 + k]) / motor.resistance_ohm
-    before = max(0, first - HISTORY_ROWS)
+    before = _known(t, first)
     return (np.ascontiguousarray(t[first:last]), np.ascontiguousarray(t[before:last]),
             np.ascontiguousarray(commands[before:last]), np.ascontiguousarray(bus[before:last]), angle, run, start)
+
+
+def _known(t: np.ndarray, first: int) -> int:
+    """The row whose command is the first that may still act at row `first`."""
+    return max(0, int(np.searchsorted(t, t[first] - LONGEST_DELAY_S, side="right")) - 1)
 
 
 def _at(log: RunLog, name: str, row: int, default: float) -> float:
@@ -265,7 +270,7 @@ def _line(t: np.ndarray, values: np.ndarray | None, rows: np.ndarray, at: float)
     if values is None:
         return None
     good = rows & np.isfinite(values)
-    if good.sum() < 5:
+    if good.sum() < 2 * START_ROWS + 1:
         return None
     coefficients = np.polyfit(t[good] - at, values[good], 2)
     return float(coefficients[2]), float(coefficients[1])

@@ -14,7 +14,7 @@ _COLOURS = (("#0072b2", "#ffffff"), ("#e69f00", "#000000"), ("#009e73", "#000000
 _PATTERNS = ("", '<path d="M0 8 L8 0" {0}/>', '<circle cx="4" cy="4" r="1.6" fill="{1}" fill-opacity="0.55"/>',
              '<path d="M0 4 H8" {0}/>', '<path d="M4 0 V8" {0}/>', '<path d="M0 0 L8 8 M0 8 L8 0" {0}/>', '<path d="M0 0 L8 8" {0}/>')
 _TOLERANCE = ("#9aa5b1", "#000000")
-# The narrowest part that has room for its figure.
+# Layout: the narrowest part that has room for its figure, and the bar's height in pixels.
 LABELLED = 0.12
 HEIGHT = 44
 

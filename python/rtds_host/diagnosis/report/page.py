@@ -39,10 +39,10 @@ from rtds_host.diagnosis.report.words import (
     value_words,
 )
 
-# Points a line keeps: two a bucket, so that peaks survive.
+# Layout: points a line keeps: two a bucket, so that peaks survive.
 BUCKETS = 450
 MODELS = (("before", "nominal"), ("refit", "refitted"), ("after", "with effects"))
-# More than a screen shows of a line.
+# Layout: more than a screen shows of a line.
 DIGITS = 6
 UNITS = {"v_bus": "V", "i": "A", "w": "rad/s", "th": "rad", "gyro_z": "rad/s", "x": "m", "y": "m", "yaw": "rad"}
 

@@ -1,0 +1,42 @@
+"""What chance alone does: how far noise reaches, how often a value repeats, how many samples say something; all from one probability."""
+
+from __future__ import annotations
+
+import math
+from statistics import NormalDist
+
+# Probability: that noise alone passes for something in a sound channel.
+FALSE_ALARM = 1e-6
+# A handful, as a share of the samples: what fewer do is an accident, what more do is how the channel or its logger works.
+HANDFUL = 0.01
+# A tenth: a part of a thing that is slight beside it.
+SLIGHT = 0.1
+# What stands apart is so many times what is beside it.
+APART = 3.0
+
+
+def sigmas(count: int = 1) -> float:
+    """Standard deviations beyond which no one of `count` normal samples lies, to either side."""
+    return -NormalDist().inv_cdf(0.5 * FALSE_ALARM / max(count, 1))
+
+
+def in_a_row(share: float, count: int = 1) -> float:
+    """How often in a row what happens to a share of the samples does not happen by chance at any of `count` places."""
+    return math.log(FALSE_ALARM / max(count, 1)) / math.log(share) if 0.0 < share < 1.0 else math.inf if share >= 1.0 else 1.0
+
+
+def handful(count: int) -> float:
+    """Most of `count` samples that are a handful: one always is."""
+    return max(1.0, HANDFUL * count)
+
+
+# Numerical: lower quarter, median and mean of the magnitude of a normal variable of unit variance.
+QUARTER_OF_NORMAL, MEDIAN_OF_NORMAL, MEAN_OF_NORMAL = NormalDist().inv_cdf(0.625), NormalDist().inv_cdf(0.75), math.sqrt(2.0 / math.pi)
+# Correlation of what follows at all: more of it is explained than is not.
+FOLLOWS = math.sqrt(0.5)
+# One sample that is so many standard deviations off is more than noise.
+MOVES = sigmas()
+# Fewest samples that say anything: so many lie on one side of their median as seldom.
+FEWEST = math.ceil(in_a_row(0.5))
+# Correlation of what is followed closely: all that differs is noise, of a motion that is just more than it.
+CLOSELY = MOVES / math.hypot(1.0, MOVES)
