@@ -4,6 +4,7 @@ each half. The fit without it is one Newton step from the fit to all, then the r
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -45,9 +46,13 @@ class HeldOut:
         return gaps.gap(self.channels[model])
 
 
-def left_out(problem: Problem, fit: Fit, rows: np.ndarray) -> Model:
-    """The explanation fitted without some residuals."""
+def left_out(problem: Problem, fit: Fit, parts: Iterable[np.ndarray]) -> list[Model]:
+    """The explanation fitted without each of some parts of the residuals, given by their rows."""
     white, jacobian = fit.whitened()
+    return [_without(problem, fit, white, jacobian, rows) for rows in parts]
+
+
+def _without(problem: Problem, fit: Fit, white: np.ndarray, jacobian: np.ndarray, rows: np.ndarray) -> Model:
     keep = np.flatnonzero(fit.free)
     j = jacobian[np.ix_(rows, keep)].astype(float)
     precision = fit.precision[np.ix_(keep, keep)]
@@ -83,22 +88,18 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
                      f"up to {STRETCH_S:g} s from all over; every gap shown is of all rows")
     if len(problem.whole) == 1:
         notes.append("one run only: each half was held out in turn, which is weaker evidence than another run")
-    for k, data in enumerate(problem.whole):
-        mine = np.flatnonzero(problem.runs_of == k)
-        pieces = [(0, len(data.log.t), mine)]
-        if len(problem.whole) == 1:
-            middle = len(data.log.t) // 2
-            half = np.median(problem.blocks[mine])
-            pieces = [(0, middle, mine[problem.blocks[mine] < half]), (middle, len(data.log.t), mine[problem.blocks[mine] >= half])]
+    pieces = _pieces(problem)
+    fitted = {name: iter(left_out(problem, fit, [rows for mine in pieces for _, _, rows in mine])) for name, fit in models.items()}
+    for data, mine in zip(problem.whole, pieces):
         nominal = replay_run(problem.nominal, data.inputs, step)
         own: dict[object, list[dict[str, gaps.Squares]]] = {name: [] for name in parts}
         shown = {"refit": np.empty_like(nominal), "after": np.empty_like(nominal)}
-        for first, last, rows in pieces:
+        for first, last, _ in mine:
             log = data.log.rows(first, last)
             motion: dict[str, np.ndarray] = {}
             # One replay at a time, and of its errors the squares: a run may have a million rows.
             for name in ("after", "before", *(n for n in models if n != "after")):
-                out = nominal if name == "before" else replay_run(left_out(problem, models[name], rows), data.inputs, step)
+                out = nominal if name == "before" else replay_run(next(fitted[name]), data.inputs, step)
                 motion = motion or _regimes(problem, log, out[first:last])
                 found = gaps.errors_at(log, robot, out[first:last])
                 own[name].append({channel: gaps.squares(error) for channel, (_, error) in found.items()})
@@ -120,6 +121,19 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
     decided = {member: max(((c, value, channels["after"][c]) for c, value in found.items()), key=lambda d: d[1]**2 - d[2]**2)
                for member, found in lacking.items()}
     return HeldOut(channels, without, decided, runs, _by_regime(by_regime), traces, _for_another(stretches), notes)
+
+
+def _pieces(problem: Problem) -> list[list[tuple[int, int, np.ndarray]]]:
+    """What is left out in turn, by run: its rows from the first to before the last, and those of their residuals."""
+    found = []
+    for k, data in enumerate(problem.whole):
+        mine = np.flatnonzero(problem.runs_of == k)
+        found.append([(0, len(data.log.t), mine)])
+        if len(problem.whole) == 1:
+            middle = len(data.log.t) // 2
+            half = np.median(problem.blocks[mine])
+            found = [[(0, middle, mine[problem.blocks[mine] < half]), (middle, len(data.log.t), mine[problem.blocks[mine] >= half])]]
+    return found
 
 
 def _for_another(stretches: list[tuple[float, float]]) -> tuple[float, float] | None:
