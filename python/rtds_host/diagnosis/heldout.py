@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 from rtds_host.contract import RunLog
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import Account
-from rtds_host.diagnosis.left_out import left_out, parts_of
+from rtds_host.diagnosis.left_out import left_out, parted
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
 from rtds_host.diagnosis.problem import STRETCH_S, Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, replay_run
@@ -61,17 +61,18 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
                      f"up to {STRETCH_S:g} s from all over; every gap shown is of all rows")
     if len(problem.whole) == 1:
         notes.append("one run only: each half was held out in turn, which is weaker evidence than another run")
-    for k, data in enumerate(problem.whole):
-        mine = np.flatnonzero(problem.runs_of == k)
+    pieces = parted(problem)
+    fitted = {name: iter(left_out(problem, fit, [rows for mine in pieces for _, _, rows in mine])) for name, fit in models.items()}
+    for data, mine in zip(problem.whole, pieces):
         nominal = replay_run(problem.nominal, data.inputs, step)
         own: dict[object, list[dict[str, gaps.Squares]]] = {name: [] for name in parts}
         shown = {"refit": np.empty_like(nominal), "after": np.empty_like(nominal)}
-        for first, last, rows in parts_of(problem, data.log, mine):
+        for first, last, _ in mine:
             log = data.log.rows(first, last)
             motion: dict[str, np.ndarray] = {}
             # One replay at a time, and of its errors the squares: a run may have a million rows.
             for name in ("after", "before", *(n for n in models if n != "after")):
-                out = nominal if name == "before" else replay_run(left_out(problem, models[name], rows), data.inputs, step)
+                out = nominal if name == "before" else replay_run(next(fitted[name]), data.inputs, step)
                 motion = motion or _regimes(problem, log, out[first:last])
                 found = gaps.errors_at(log, robot, out[first:last])
                 own[name].append({channel: gaps.squares(error) for channel, (_, error) in found.items()})

@@ -5,24 +5,27 @@ The fit without a run is one Newton step from the fit to all; of a single run ea
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from rtds_host.contract import RunLog
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.fit import Fit, parameters
-from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.problem import Problem, RunData
 from rtds_host.diagnosis.replay.model import Model, replay_run
 
 # Numerical: one linear step is trusted for so many of its sigmas.
 TRUSTED = 3.0
 
 
-def left_out(problem: Problem, fit: Fit, rows: np.ndarray, whitened: tuple[np.ndarray, np.ndarray] | None = None) -> Model:
-    """The explanation fitted without some residuals, `rows` (n,); `whitened`: as of `fit.whitened`, where it is at hand."""
-    white, jacobian = fit.whitened() if whitened is None else whitened
+def left_out(problem: Problem, fit: Fit, parts: Iterable[np.ndarray]) -> list[Model]:
+    """The explanation fitted without each of some parts of the residuals, given by their rows."""
+    white, jacobian = fit.whitened()
+    return [_without(problem, fit, white, jacobian, rows) for rows in parts]
+
+
+def _without(problem: Problem, fit: Fit, white: np.ndarray, jacobian: np.ndarray, rows: np.ndarray) -> Model:
     keep = np.flatnonzero(fit.free)
     j = jacobian[np.ix_(rows, keep)].astype(float)
     precision = fit.precision[np.ix_(keep, keep)]
@@ -40,29 +43,33 @@ def left_out(problem: Problem, fit: Fit, rows: np.ndarray, whitened: tuple[np.nd
     return replace(fit, z=z, u=u).model(problem)
 
 
-def parts_of(problem: Problem, log: RunLog, mine: np.ndarray) -> Iterator[tuple[int, int, np.ndarray]]:
-    """What of a run is left out at once: first and last row of the log, and the residuals that go, of `mine` (n,), the run's."""
-    if len(problem.whole) > 1:
-        yield 0, len(log.t), mine
-        return
-    middle, half = len(log.t) // 2, np.median(problem.blocks[mine])
-    yield 0, middle, mine[problem.blocks[mine] < half]
-    yield middle, len(log.t), mine[problem.blocks[mine] >= half]
+def parted(problem: Problem) -> list[list[tuple[int, int, np.ndarray]]]:
+    """What is left out at once, a list a run: first and last row of its log and the residuals that go with them."""
+    runs = [np.flatnonzero(problem.runs_of == k) for k in range(len(problem.whole))]
+    if len(runs) > 1:
+        return [[(0, len(data.log.t), mine)] for data, mine in zip(problem.whole, runs, strict=True)]
+    count, block = len(problem.whole[0].log.t), problem.blocks[runs[0]]
+    early = block < np.median(block)
+    return [[(0, count // 2, runs[0][early]), (count // 2, count, runs[0][~early])]]
 
 
 def left_out_gap(problem: Problem, fit: Fit) -> float:
     """The gap of an explanation on runs left out in turn, at the search's steps, with commands as late in each as they were fitted."""
-    whitened = fit.whitened()
-
-    def of_run(k: int) -> list[dict[str, gaps.Squares]]:
-        mine, found = np.flatnonzero(problem.runs_of == k), []
+    parts = parted(problem)
+    models = iter(left_out(problem, fit, [rows for mine in parts for *_, rows in mine]))
+    jobs = []
+    for k, mine in enumerate(parts):
         judged = [data for data, owner in problem.judged() if owner == k]
-        for first, last, rows in parts_of(problem, problem.whole[k].log, mine) if len(judged) == 1 else [(0, None, mine)]:
-            model = left_out(problem, fit, rows, whitened)
-            for data in judged:
-                out = replay_run(model, data.inputs)[first:last]
-                log = data.log.rows(first, len(data.log.t) if last is None else last)
-                found.append({c: gaps.squares(error) for c, error in gaps.errors(log, problem.robot, out).items()})
-        return found
+        for first, last, _ in mine:
+            model, inside = next(models), problem.whole[k].log.t[first:last]
+            if len(judged) == 1:
+                jobs.append((model, judged[0], first, last))
+            else:
+                # Stretches of a long run: those that begin in what is left out.
+                jobs += [(model, data, 0, len(data.log.t)) for data in judged if inside[0] <= data.log.t[0] <= inside[-1]]
+    return gaps.gap(gaps.pooled(list(problem.pool.map(lambda job: _errors(problem, *job), jobs))))
 
-    return gaps.gap(gaps.pooled([part for parts in problem.pool.map(of_run, range(len(problem.whole))) for part in parts]))
+
+def _errors(problem: Problem, model: Model, data: RunData, first: int, last: int) -> dict[str, gaps.Squares]:
+    out = replay_run(model, data.inputs)[first:last]
+    return {c: gaps.squares(error) for c, error in gaps.errors(data.log.rows(first, last), problem.robot, out).items()}

@@ -19,8 +19,11 @@ from rtds_host.diagnosis.effects import Effect, catalogue
 from rtds_host.diagnosis.gap import WINDOW_S, errors, gap, pooled
 from rtds_host.diagnosis.gate.cuts import start_row
 from rtds_host.diagnosis.likelihood import Discrepancy, Series
+from rtds_host.diagnosis.memory import keep_freed
 from rtds_host.diagnosis.nuisances import nuisances_of
+from rtds_host.diagnosis.replay.lanes import LANES
 from rtds_host.diagnosis.replay.model import (
+    Abreast,
     Model,
     following,
     nominal_model,
@@ -128,6 +131,7 @@ class Problem:
     """
 
     def __init__(self, case: Case, threads: int = 2, pieces: bool = False):
+        keep_freed()
         self.case = case
         self.robot = case.robot
         self.nominal = nominal_model(case.robot)
@@ -140,6 +144,8 @@ class Problem:
         coarsest = max(float(np.median(np.diff(log.t))) for log in case.runs)
         self.block_s = min(BLOCK_S, max(lasted / LEAST_BLOCKS, ROWS_A_BLOCK * coarsest))
         self.pieces = pieces
+        self._kept: list[Abreast] = []
+        self._gaps: dict[tuple, float] = {}
         self.pool = ThreadPoolExecutor(self.threads)
         self.whole = [RunData(log, run_inputs(log, case.robot)) for log in case.runs]
         self.searched = min(1.0, SEARCHED_S / lasted, SEARCHED_ROWS / sum(len(log.t) for log in case.runs))
@@ -447,22 +453,51 @@ class Problem:
     def residuals(self, models: list[Model]) -> list[np.ndarray]:
         """Residuals of several models, on all cores: shared out by runs, since there are often no more models than cores."""
         found = [np.empty(self.size) for _ in models]
-        jobs = deque((model, data, into[rows]) for model, into in zip(models, found) for data, rows in self.rows)
+        abreast = [k for k, model in enumerate(models) if model.abreast]
+        if len(abreast) * len(self.runs) < Abreast.FEWEST:
+            abreast = []
+        alone = sorted(set(range(len(models))) - set(abreast))
+        jobs = deque(functools.partial(self._alone, models[k], data, found[k][rows]) for k in alone for data, rows in self.rows)
+        if abreast:
+            # Lanes are to be full, and shares for all cores, but none so large that its replays leave the cache.
+            lanes = len(abreast) * len(self.runs) // LANES
+            count = min(len(abreast), max(lanes // 4, min(lanes, self.threads), 1))
+            runs = self._abreast(self.runs)
+            jobs.extend(functools.partial(self._together, runs, [models[k] for k in part], [found[k] for k in part])
+                        for part in np.array_split(abreast, count))
 
         def work() -> None:
             # One wait a core: one a job would cost as much as a short replay.
             while True:
                 try:
-                    model, data, into = jobs.popleft()
+                    job = jobs.popleft()
                 except IndexError:
                     return
-                self.run_residual(data, replay_run(model, data.inputs), into)
+                job()
 
-        others = [self.pool.submit(work) for _ in range(self.threads - 1)]
+        others = [self.pool.submit(work) for _ in range(min(self.threads, len(jobs)) - 1)]
         work()
         for other in others:
             other.result()
         return found
+
+    def _alone(self, model: Model, data: RunData, into: np.ndarray) -> None:
+        self.run_residual(data, replay_run(model, data.inputs), into)
+
+    def _together(self, runs: Abreast, models: list[Model], into: list[np.ndarray]) -> None:
+        for found, outs in zip(into, runs.replay(models)):
+            for (data, rows), first, last in zip(self.rows, runs.rows, runs.rows[1:]):
+                self.run_residual(data, outs[first:last], found[rows])
+
+    def _abreast(self, data: list[RunData]) -> Abreast:
+        """Some runs, all that are searched or all that are judged, as they are replayed by now."""
+        inputs = [one.inputs for one in data]
+        for kept in self._kept:
+            if len(kept.inputs) == len(inputs) and all(a is b for a, b in zip(kept.inputs, inputs)):
+                return kept
+        # One for what is searched and one for what is judged.
+        self._kept, self._gaps = [Abreast(inputs), *self._kept[:1]], {}
+        return self._kept[0]
 
     def follow_angles(self, follow: bool) -> None:
         """Whether a ripple follows the measured angles, as it does in a search, or the replay's own, as the gap is judged."""
@@ -486,7 +521,19 @@ class Problem:
         return self._gap(model, [data for data, _ in self.judged()])
 
     def _gap(self, model: Model, judged: list[RunData]) -> float:
-        outs = self.pool.map(lambda data: replay_run(model, data.inputs), judged)
+        runs = self._abreast(judged)
+        # The search asks for the gap of the same explanation time and again.
+        asked = (id(runs), *(one.inputs[-1].tobytes() for one in judged), model.side.tobytes(), model.common.tobytes())
+        if asked not in self._gaps:
+            self._gaps[asked] = self._gap_of(model, judged, runs)
+        return self._gaps[asked]
+
+    def _gap_of(self, model: Model, judged: list[RunData], runs: Abreast) -> float:
+        if model.abreast and len(judged) >= Abreast.FEWEST:
+            out, = runs.replay([model])
+            outs = np.split(out, runs.rows[1:-1])
+        else:
+            outs = self.pool.map(lambda data: replay_run(model, data.inputs), judged)
         return gap(pooled([errors(data.log, self.robot, out) for data, out in zip(judged, outs)]))
 
     def with_nuisances(self, z: np.ndarray) -> Model:

@@ -15,6 +15,7 @@ from rtds_host.diagnosis.replay.model import (
     LONGEST_DELAY_S,
     REPORT_STEP_S,
     STEP_S,
+    Abreast,
     nominal_model,
     replay_run,
     row_inputs,
@@ -219,6 +220,27 @@ def test_any_two_effects_together_keep_the_replay_finite(side):
             effect.apply(model, SIDES[side if effect.sided else "both"], start_values(effect)[-1])
         out = replay_run(model, inputs)
         assert np.abs(out[:, [OUTPUT_INDEX["w_l"], OUTPUT_INDEX["w_r"], OUTPUT_INDEX["gyro_z"]]]).max() < 100.0, pair
+
+
+@pytest.mark.parametrize("side", ["left", "both"])
+def test_replays_abreast_are_those_one_by_one(side):
+    logs = [run("steps", seconds=2.0), run("spin", seconds=3.0, slope=0.0), run("weave", seconds=1.0)]
+    inputs = [run_inputs(log, ROBOT) for log in logs]
+    models = [nominal_model(ROBOT)]
+    for pair in PAIRS:
+        model = nominal_model(ROBOT)
+        for effect in pair:
+            effect.apply(model, SIDES[side if effect.sided else "both"], start_values(effect)[-1])
+        models.append(model)
+    # One that runs away leaves those beside it as they are.
+    models[1].put("mass", -1.0)
+    models = [model for model in models if model.abreast]
+    noise = np.array([ROBOT.noise(name) for name in OUTPUTS])
+    runs = Abreast(inputs)
+    for model, mine in zip(models, runs.replay(models), strict=True):
+        for one, out in zip(inputs, np.split(mine, runs.rows[1:-1]), strict=True):
+            alone = replay_run(model, one)
+            assert np.abs((out - alone) / noise).max() < 1e-3
 
 
 def test_a_body_that_cannot_be_runs_away_within_the_finite_numbers():

@@ -10,6 +10,7 @@ import numpy as np
 from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis.chance import MOVES
 from rtds_host.diagnosis.replay import kernel
+from rtds_host.diagnosis.replay.lanes import replay_lanes
 from rtds_host.diagnosis.replay.slots import COMMON, COMMON_INDEX, OUTPUT_INDEX, OUTPUTS, SIDE, SIDE_INDEX
 
 # Numerical: longest step of the search: its error moves no sample by more than about a quarter of its noise (steps of 20 V), and
@@ -94,6 +95,13 @@ class Model:
     def slow(self) -> bool:
         """Whether it takes many small steps to replay."""
         return self._has("stiffness", "slip", "backlash")
+
+    @property
+    def abreast(self) -> bool:
+        """Whether its replays can go abreast, see `lanes`."""
+        common, index = self.common, COMMON_INDEX
+        return (common[index["axis"]] == 0.0 and common[index["mode"]] == 0.0 and common[index["source_resistance"]] == 0.0
+                and not self._has("stiffness", "backlash", "slip", "load_share"))
 
     def _has(self, *names: str) -> bool:
         return bool((self.side[:, [SIDE_INDEX[name] for name in names]] != 0).any())
@@ -290,8 +298,45 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     t, t_cmd, commands, bus, angle, run, start = inputs
     out = np.empty((len(t), len(OUTPUTS)))
     kernel.replay(t, t_cmd, commands, bus, angle, model.side, model.common, run, start, step_s or model.step_s, FINE_STEP_S, out)
+    _on_clocks(model, t, out)
+    return out
+
+
+def _on_clocks(model: Model, t: np.ndarray, out: np.ndarray) -> None:
+    """Let a replay's outputs (n, 11) at times t (n,) come from the clocks of their devices."""
     for slot, columns in CLOCKS.items():
         if late := model.get(slot):
             for k in columns:
                 out[:, k] = np.interp(t - late, t, out[:, k])
-    return out
+
+
+class Abreast:
+    """Several runs one after another in memory, for replays that go abreast, see `lanes`."""
+
+    # Fewer jobs than this are done sooner one by one.
+    FEWEST = 5
+
+    def __init__(self, inputs: list[tuple[np.ndarray, ...]]):
+        self.inputs = inputs
+        self.t, self.t_cmd, self.commands, self.bus, self.angle = (
+            np.ascontiguousarray(np.concatenate([run[k] for run in inputs])) for k in range(5))
+        self.rows, self.at_cmd, self.at_angle = (
+            np.concatenate([[0], np.cumsum([len(run[k]) for run in inputs])]) for k in (0, 1, 4))
+        self.runs = np.array([run[5] for run in inputs])
+        # The longest first: those that come last go on by themselves.
+        self.order = np.argsort(-np.diff(self.rows), kind="stable")
+
+    def replay(self, models: list[Model]) -> np.ndarray:
+        """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `abreast`."""
+        out = np.empty((len(models), self.rows[-1], len(OUTPUTS)))
+        which = np.array([(k, run) for run in self.order for k in range(len(models))])
+        # Where a run begins may have been estimated anew.
+        starts = np.array([run[6] for run in self.inputs])
+        replay_lanes(self.t, self.rows, self.t_cmd, self.commands, self.bus, self.at_cmd, self.angle, self.at_angle, self.runs, starts,
+                     np.array([model.side for model in models]), np.array([model.common for model in models]),
+                     np.array([model.step_s for model in models]), which, out.reshape(-1, len(OUTPUTS)),
+                     which[:, 0] * self.rows[-1] + self.rows[which[:, 1]])
+        for model, mine in zip(models, out):
+            for first, last in zip(self.rows, self.rows[1:]):
+                _on_clocks(model, self.t[first:last], mine[first:last])
+        return out

@@ -1,0 +1,481 @@
+"""The inner loop for rigid gears, eight replays abreast.
+
+A step waits for itself: each of its operations needs the one before. Eight replays that do not wait for one another fill a
+processor's vector unit instead. Each lane goes through events and steps of its own and begins the next job when its run is
+through, so that models with other delays and runs of other lengths go together. Equations and method are those of
+`kernel.replay`, with neither springs, free play, slip, load-dependent friction nor a source's resistance, driven by voltages:
+what most models of a search are.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from rtds_host.diagnosis.replay import kernel as one
+from rtds_host.diagnosis.replay.kernel import GRAVITY
+
+# Numerical: numbers in a vector register of the widest processors; narrower ones take two or four for it.
+LANES = 8
+# Numerical: steps of different lengths that a lane keeps what hangs on them of, and how many rows a side that is, from `decay` on.
+MET, OF_STEP = 4, 7
+
+# Rows of the lanes' state, each `LANES` long, at these offsets: of a side, twice; of the robot; and of what is the same in a run.
+_SIDE_ROWS = ("res", "ind", "ke", "gkm", "lim", "drop", "inertia", "fluid", "asym_v", "heat", "heat_tau", "friction", "asym", "radius",
+              "speed_tau", "stribeck", "fades", "extra", "th", "w", "cur", "rise", "wf", "va", "vd", "stick", "wn", "c0", "m0", "decay", "rise_v", "mean_v", "mean_i",
+              "c1", "m1", "fade", "am", "bm", "rigid", "hi", "lo", "ripple", "force", "alpha", "beta", "speed_gain", "current_gain", "current_bias",
+              "pwm_curve", "deadzone", "voltage_gain")
+_ROWS = ("h", "begun", "now", "done", "supply", "decline", "bus_row", "measured", "load_j", "mass", "i11", "i12", "i22", "half", "pull",
+         "up_x", "up_y", "com_x", "com_y", "scrub", "dry", "level", "gx", "gz", "x", "y", "yaw", "v", "rate", "dir_x", "dir_y", "rate_n",
+         "v_n", "dv", "dr", "b0", "b1", "a00", "a11", "wx", "det", "spin", "h_max", "late", "pose_late",
+         "command_late", "gyro_gain", "gyro_bias")
+_SIDE = len(_SIDE_ROWS) * LANES
+# Numerical: numbers that the lanes' state has.
+SIZE = 2 * _SIDE + len(_ROWS) * LANES
+
+(RES, IND, KE, GKM, LIM, DROP, INERTIA, FLUID, ASYM_V, HEAT, HEAT_TAU, FRICTION, ASYM, RADIUS, SPEED_TAU, STRIBECK, FADES, EXTRA, TH, W, CUR, RISE, WF,
+ VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V, MEAN_I, C1, M1, FADE, AM, BM, RIGID, HI, LO, RIPPLE, FORCE, ALPHA, BETA, W_GAIN,
+ I_GAIN, I_BIAS, CURVE, DEADZONE, V_GAIN) = (
+    k * LANES for k in range(len(_SIDE_ROWS)))
+(H, BEGUN, NOW, DONE, SUPPLY, DECLINE, BUS_ROW, MEASURED, LOAD_J, MASS, I11, I12, I22, HALF, PULL, UP_X, UP_Y, COM_X, COM_Y, SCRUB, DRY,
+ LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X, DIR_Y, RATE_N, V_N, DV, DR, B0, B1, A00, A11, WX, DET, SPIN, H_MAX, LATE, POSE_LATE, COMMAND_LATE, GYRO_GAIN,
+ GYRO_BIAS) = (
+    2 * _SIDE + k * LANES for k in range(len(_ROWS)))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _cos_less_one(q):
+    """cos - 1 of a small angle whose square is q, as in `kernel._turned`."""
+    return -q * (0.5 - q * (1.0 / 24.0 - q * (1.0 / 720.0)))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _sin(angle, q):
+    """sin of a small angle whose square is q."""
+    return angle * (1.0 - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0))))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _fallen(y):
+    """exp(-y), y >= 0, to 1e-14 where it is worth anything: without a call, so that lanes stay abreast."""
+    z = min(y, 40.0) * (1.0 / 64.0)
+    e = 1.0 - z * (1.0 - z * (1.0 / 2.0) * (1.0 - z * (1.0 / 3.0) * (1.0 - z * (1.0 / 4.0) * (1.0 - z * (1.0 / 5.0) * (
+        1.0 - z * (1.0 / 6.0) * (1.0 - z * (1.0 / 7.0) * (1.0 - z * (1.0 / 8.0) * (1.0 - z * (1.0 / 9.0)))))))))
+    e = e * e
+    e = e * e
+    e = e * e
+    e = e * e
+    e = e * e
+    return e * e
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _begin(s, l, side, com, run, start):
+    """Set a lane to the start of a run; arguments as of `kernel.replay`."""
+    gear = com[one.GEAR]
+    mass = com[one.MASS] + run[0]
+    dry = 0.0
+    for k in range(2):
+        o = k * _SIDE + l
+        s[o + RES], s[o + IND], s[o + KE], s[o + GKM] = (side[k, one.R], side[k, one.L], side[k, one.KB] * gear,
+                                                        gear * side[k, one.KM])
+        s[o + LIM], s[o + DROP] = side[k, one.LIMIT], side[k, one.DROP]
+        s[o + INERTIA] = gear * gear * side[k, one.J]
+        s[o + FLUID] = gear * gear * side[k, one.B] + side[k, one.VISCOUS_W]
+        s[o + ASYM_V] = side[k, one.ASYM_V]
+        s[o + HEAT], s[o + HEAT_TAU] = side[k, one.HEAT_RISE], side[k, one.HEAT_TAU]
+        s[o + RADIUS] = side[k, one.RADIUS]
+        s[o + FRICTION] = side[k, one.COULOMB] + com[one.ROLLING] * mass * GRAVITY * 0.5 * side[k, one.RADIUS]
+        s[o + ASYM] = side[k, one.ASYM]
+        s[o + SPEED_TAU] = side[k, one.W_TAU]
+        s[o + W_GAIN], s[o + I_GAIN], s[o + I_BIAS] = side[k, one.W_GAIN], side[k, one.I_GAIN], side[k, one.I_BIAS]
+        s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN] = side[k, one.CURVE], side[k, one.DEADZONE], side[k, one.V_GAIN]
+        s[o + STRIBECK], s[o + FADES] = side[k, one.STRIBECK], 1.0 / side[k, one.STRIBECK_W]
+        if side[k, one.COULOMB] != 0.0 or side[k, one.STRIBECK] != 0.0 or side[k, one.ASYM] != 0.0 or com[one.ROLLING] != 0.0:
+            dry = 1.0
+        s[o + TH] = start[3 + k] / side[k, one.W_GAIN]
+        s[o + W] = start[5 + k] / side[k, one.W_GAIN]
+        s[o + WF] = start[9 + k] / side[k, one.W_GAIN]
+        s[o + CUR] = start[7 + k]
+        s[o + RISE] = s[o + VA] = s[o + VD] = s[o + STICK] = s[o + RIPPLE] = s[o + EXTRA] = 0.0
+    s[H + l] = s[DONE + l] = 0.0
+    s[POSE_LATE + l] = com[one.LATENCY]
+    s[LATE + l] = com[one.MEAS_DELAY] + com[one.LATENCY]
+    s[COMMAND_LATE + l] = com[one.CMD_DELAY]
+    s[GYRO_GAIN + l], s[GYRO_BIAS + l] = com[one.GYRO_GAIN], com[one.GYRO_BIAS]
+    s[BEGUN + l] = run[3]
+    s[SUPPLY + l], s[DECLINE + l], s[MEASURED + l] = com[one.SUPPLY], com[one.DECLINE], com[one.BUS_MEAS]
+    s[LOAD_J + l] = com[one.JW]
+    s[MASS + l] = mass
+    s[I22 + l] = 1.0 / (com[one.IZ] - mass * com[one.COM_Y] ** 2)
+    s[I12 + l] = com[one.COM_Y] * s[I22 + l]
+    s[I11 + l] = 1.0 / mass + com[one.COM_Y] * s[I12 + l]
+    s[HALF + l] = 0.5 * com[one.TRACK]
+    s[PULL + l] = mass * GRAVITY * math.sin(run[1] + com[one.SLOPE_X])
+    s[UP_X + l], s[UP_Y + l] = math.cos(run[2]), math.sin(run[2])
+    s[COM_X + l], s[COM_Y + l], s[SCRUB + l], s[DRY + l] = com[one.COM_X], com[one.COM_Y], com[one.SCRUB], dry
+    s[X + l], s[Y + l], s[YAW + l] = start[0], start[1], start[2]
+    s[DIR_X + l], s[DIR_Y + l] = math.cos(start[2]), math.sin(start[2])
+    s[V + l] = 0.5 * (s[RADIUS + l] * s[W + l] + s[_SIDE + RADIUS + l] * s[_SIDE + W + l])
+    s[RATE + l] = (s[_SIDE + RADIUS + l] * s[_SIDE + W + l] - s[RADIUS + l] * s[W + l]) / com[one.TRACK]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _of_step(s, l, h):
+    """Constants of a lane's armatures and filters for steps of h, s."""
+    for k in range(2):
+        o = k * _SIDE + l
+        res = s[o + RES] * (1.0 + s[o + RISE])
+        ke = s[o + KE]
+        e = math.exp(-h * res / s[o + IND])
+        mean_i = s[o + IND] / (h * res)
+        s[o + DECAY] = e
+        s[o + RISE_V] = (1.0 - e) / res
+        s[o + MEAN_V] = 1.0 / res
+        s[o + MEAN_I] = mean_i
+        s[o + C1] = ke / res * (1.0 - (1.0 - e) * mean_i)
+        s[o + M1] = 0.5 * ke / res - mean_i * s[o + C1]
+        s[o + FADE] = math.exp(-h / s[o + SPEED_TAU]) if s[o + SPEED_TAU] > 0.0 else 0.0
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_first, runs, starts, sides, coms, h_max, which, out, out_first):
+    """Replay several jobs, each a model on a run.
+
+    Parameters
+    ----------
+    ts : (sum n,) s, times of all runs' samples, one run after another; t_first : (runs + 1,) where each run's begin.
+    cmds_t, cmds, buses : (sum m,), (sum m, 2), (sum m,) their commands; cmd_first : (runs + 1,) likewise.
+    angles : (a, 2), angle_first : (runs + 1,) angles that a ripple follows, of no rows or of m.
+    runs : (runs, 4), starts : (runs, 11); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), h_max : (models,) s.
+    which : (jobs, 2) model and run of each; out : (rows, 11) filled, job by job from rows out_first (jobs,).
+    """
+    jobs = which.shape[0]
+    # A row of lanes within one line of the cache: rows across two take half as long again.
+    unaligned = np.zeros(SIZE + LANES)
+    skipped = (-unaligned.ctypes.data // 8) % LANES
+    s = unaligned[skipped:skipped + SIZE]
+    # Always all, but not known before: loops of a known few steps are unrolled, and are no longer abreast.
+    lanes = LANES if jobs > 0 else 0
+    job = np.full(LANES, -1)
+    left = np.zeros(LANES, np.int64)     # steps until the lane's next event
+    moment = np.zeros(LANES)             # time of the next event, s
+    # Rows of what comes next in a lane, a sample, its pose, a command, and where they end; and from a sample's row to that of `out`.
+    sample, pose, last = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    command, last_command, to_out = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    special = np.zeros(LANES, np.int64)  # 1: a ripple, 2: a winding that heats
+    # Steps met before, s, and what of a lane hangs on them: events follow one another in a rhythm.
+    met, oldest = np.zeros((LANES, MET)), np.zeros(LANES, np.int64)
+    kept = np.zeros((LANES, MET, 2 * OF_STEP))
+    given = 0
+    running = 0
+    scrubbed = pulled = specials = faded = False
+    while True:
+        # ---- events of lanes whose step ends at one; idle lanes stand still
+        for l in range(lanes):
+            if left[l] > 0:
+                left[l] -= 1
+                continue
+            now = moment[l]
+            while True:
+                if job[l] < 0:
+                    if given == jobs:
+                        left[l] = 1 << 60
+                        break
+                    j = given
+                    given += 1
+                    job[l] = j
+                    running += 1
+                    r = which[j, 1]
+                    _begin(s, l, sides[which[j, 0]], coms[which[j, 0]], runs[r], starts[r])
+                    s[H_MAX + l] = h_max[which[j, 0]]
+                    s[BUS_ROW + l] = buses[cmd_first[r]]
+                    sample[l] = pose[l] = t_first[r]
+                    last[l] = t_first[r + 1]
+                    command[l], last_command[l] = cmd_first[r], cmd_first[r + 1]
+                    to_out[l] = out_first[j] - t_first[r]
+                    now = ts[t_first[r]]
+                    met[l], oldest[l] = 0.0, 0
+                    special[l] = 0
+                    for k in range(2):
+                        special[l] |= (1 if sides[which[j, 0], k, one.RIPPLE] != 0.0 else 0) | (2 if s[k * _SIDE + HEAT + l] != 0.0 else 0)
+                    specials = scrubbed = pulled = faded = False
+                    for i in range(lanes):
+                        specials |= special[i] > 0
+                        scrubbed |= s[SCRUB + i] != 0.0
+                        pulled |= s[PULL + i] != 0.0
+                        faded |= s[STRIBECK + i] != 0.0 or s[_SIDE + STRIBECK + i] != 0.0
+                if not (abs(s[W + l]) < 1e6 and abs(s[_SIDE + W + l]) < 1e6 and abs(s[CUR + l]) < 1e6
+                        and abs(s[_SIDE + CUR + l]) < 1e6 and abs(s[V + l]) < 1e6 and abs(s[RATE + l]) < 1e6):
+                    for k in range(min(sample[l], pose[l]), last[l]):
+                        out[to_out[l] + k] = 1e6
+                    sample[l] = pose[l] = last[l]
+                end = last[l]
+                k = pose[l]
+                while k < end and ts[k] - s[POSE_LATE + l] <= now + 1e-9:
+                    row = to_out[l] + k
+                    out[row, 8] = s[X + l]
+                    out[row, 9] = s[Y + l]
+                    out[row, 10] = s[YAW + l]
+                    k += 1
+                pose[l] = k
+                k = sample[l]
+                while k < end and ts[k] - s[LATE + l] <= now + 1e-9:
+                    row = to_out[l] + k
+                    out[row, 0] = s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else s[SUPPLY + l] - s[DECLINE + l] * (now - s[BEGUN + l])
+                    for i in range(2):
+                        o = i * _SIDE + l
+                        out[row, 1 + i] = s[o + CUR] * s[o + I_GAIN] + s[o + I_BIAS]
+                        out[row, 3 + i] = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + W]) * s[o + W_GAIN]
+                        out[row, 5 + i] = s[o + TH] * s[o + W_GAIN]
+                    out[row, 7] = s[RATE + l] * s[GYRO_GAIN + l] + s[GYRO_BIAS + l]
+                    k += 1
+                sample[l] = k
+                if k >= end and pose[l] >= end:
+                    # Idle lanes stand still: at rest, with nothing that drives them.
+                    job[l] = -1
+                    running -= 1
+                    for i in range(SIZE // LANES):
+                        s[i * LANES + l] = 0.0
+                    s[H + l] = s[LOAD_J + l] = s[SUPPLY + l] = s[INERTIA + l] = s[_SIDE + INERTIA + l] = s[I11 + l] = s[I22 + l] = 1.0
+                    special[l] = 0
+                    continue
+                k = command[l]
+                changed = False
+                supply = s[SUPPLY + l]
+                while k < last_command[l] and cmds_t[k] + s[COMMAND_LATE + l] <= now + 1e-9:
+                    changed = True
+                    s[BUS_ROW + l] = buses[k]
+                    s[VA + l] = min(max(cmds[k, 0], -supply), supply)
+                    s[_SIDE + VA + l] = min(max(cmds[k, 1], -supply), supply)
+                    k += 1
+                command[l] = k
+                if changed:
+                    for i in range(2):
+                        o = i * _SIDE + l
+                        a = s[o + VA]
+                        if s[o + CURVE] != 0.0:
+                            a *= 1.0 + s[o + CURVE] * (1.0 - min(abs(a) / supply, 1.0))
+                        dz = s[o + DEADZONE]
+                        if dz != 0.0:
+                            a -= math.copysign(min(abs(a), dz), a) if dz > 0.0 else (math.copysign(dz, a) if a != 0.0 else 0.0)
+                        s[o + VD] = a * s[o + V_GAIN]
+                ahead = 1e300
+                if pose[l] < end:
+                    ahead = min(ahead, ts[pose[l]] - s[POSE_LATE + l])
+                if sample[l] < end:
+                    ahead = min(ahead, ts[sample[l]] - s[LATE + l])
+                if k < last_command[l]:
+                    ahead = min(ahead, cmds_t[k] + s[COMMAND_LATE + l])
+                span = ahead - now
+                if span <= 1e-9:
+                    now = ahead
+                    continue
+                s[NOW + l] = now
+                moment[l] = ahead
+                count = math.ceil(span / s[H_MAX + l] - 1e-9)
+                h = span / count
+                if abs(h - s[H + l]) * count >= 1e-10:
+                    # Spans differ in their last digits, and much is kept from step to step.
+                    known = -1
+                    for i in range(MET):
+                        if abs(h - met[l, i]) * count < 1e-10:
+                            known = i
+                    if known >= 0:
+                        s[H + l] = met[l, known]
+                        for i in range(OF_STEP):
+                            s[DECAY + i * LANES + l] = kept[l, known, 2 * i]
+                            s[_SIDE + DECAY + i * LANES + l] = kept[l, known, 2 * i + 1]
+                    else:
+                        s[H + l] = h
+                        _of_step(s, l, h)
+                        known = oldest[l]
+                        oldest[l] = (known + 1) % MET
+                        met[l, known] = h
+                        for i in range(OF_STEP):
+                            kept[l, known, 2 * i] = s[DECAY + i * LANES + l]
+                            kept[l, known, 2 * i + 1] = s[_SIDE + DECAY + i * LANES + l]
+                left[l] = count - 1
+                s[DONE + l] = 0.0
+                break
+        if running == 0:
+            return
+        # ---- what few lanes have, one after another
+        if specials:
+            for l in range(lanes):
+                if special[l] == 0:
+                    continue
+                h = s[H + l]
+                if special[l] >= 2:
+                    _of_step(s, l, h)
+                if special[l] == 2:
+                    continue
+                side, com, r = sides[which[job[l], 0]], coms[which[job[l], 0]], which[job[l], 1]
+                for k in range(2):
+                    o = k * _SIDE + l
+                    if side[k, one.RIPPLE] != 0.0:
+                        at = s[o + TH] + 0.5 * h * s[o + W]
+                        first = cmd_first[r]
+                        kc = command[l] - first
+                        if angle_first[r + 1] > angle_first[r] and kc > 0:
+                            nearer = min(kc, cmd_first[r + 1] - first - 1)
+                            before, after = cmds_t[first + kc - 1], cmds_t[first + nearer]
+                            span_a = after - before
+                            share = 0.0
+                            if span_a > 0.0:
+                                share = min(max((s[NOW + l] + s[DONE + l] + 0.5 * h - com[one.CMD_DELAY] - before) / span_a, 0.0), 1.0)
+                            a0 = angles[angle_first[r] + kc - 1, k]
+                            at = a0 + share * (angles[angle_first[r] + nearer, k] - a0)
+                            at /= side[k, one.W_GAIN]
+                        s[o + RIPPLE] = side[k, one.RIPPLE] * math.sin(side[k, one.RIPPLE_N] * at + side[k, one.RIPPLE_PHI])
+        # ---- one step of all lanes: the body's forces and the bus
+        for l in range(lanes):
+            rate, v = s[RATE + l], s[V + l]
+            s[GX + l] = s[MASS + l] * s[COM_X + l] * rate * rate
+            s[GZ + l] = -s[MASS + l] * s[COM_X + l] * v * rate
+            s[SPIN + l] = 1.0 if rate > 0.0 else (-1.0 if rate < 0.0 else 0.0)
+            h = s[H + l]
+            bus = s[SUPPLY + l] - s[DECLINE + l] * (s[NOW + l] + s[DONE + l] - s[BEGUN + l] + 0.5 * h)
+            s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / s[SUPPLY + l]
+            s[DONE + l] += h
+        if pulled:
+            for l in range(lanes):
+                angle = 0.5 * s[H + l] * s[RATE + l]
+                q = angle * angle
+                c, d = s[DIR_X + l], s[DIR_Y + l]
+                dc, ds = 1.0 + _cos_less_one(q), _sin(angle, q)
+                mid_x, mid_y = c * dc - d * ds, d * dc + c * ds
+                along, across = mid_x * s[UP_X + l] + mid_y * s[UP_Y + l], mid_y * s[UP_X + l] - mid_x * s[UP_Y + l]
+                s[GX + l] -= s[PULL + l] * along
+                s[GZ + l] += s[PULL + l] * (s[COM_X + l] * across + s[COM_Y + l] * along)
+        if faded:
+            for k in range(2):
+                o = k * _SIDE
+                for l in range(lanes):
+                    at = s[o + W + l] * s[o + FADES + l]
+                    s[o + EXTRA + l] = s[o + STRIBECK + l] * _fallen(at * at)
+        # ---- driver, armature and rotor of each side: mean current = m0 - m1 * rotor speed at the end of the step
+        for k in range(2):
+            o = k * _SIDE
+            for l in range(lanes):
+                h = s[H + l]
+                w = s[o + W + l]
+                s[o + WN + l] = w
+                ke = s[o + KE + l]
+                volts = s[o + VD + l] * s[LEVEL + l]
+                volts = min(max(volts, -s[o + LIM + l]), s[o + LIM + l])
+                drop = s[o + DROP + l]
+                u = volts - ke * w
+                against = -drop if u > 0.0 else (drop if u < 0.0 else 0.0)
+                volts -= min(max(u, -drop), drop) if drop > 0.0 else against
+                c0 = s[o + DECAY + l] * s[o + CUR + l] + s[o + RISE_V + l] * (volts - ke * w) + s[o + C1 + l] * w
+                m0 = s[o + MEAN_I + l] * (s[o + CUR + l] - c0) + s[o + MEAN_V + l] * (volts - 0.5 * ke * w)
+                s[o + C0 + l], s[o + M0 + l] = c0, m0
+                torque = s[o + GKM + l] * m0 + s[o + RIPPLE + l]
+                slope = s[o + GKM + l] * s[o + M1 + l]
+                asym = s[o + ASYM_V + l]
+                fluid = s[o + FLUID + l] + (asym if w > 0.0 else (-asym if w < 0.0 else 0.0))
+                am = s[o + INERTIA + l] + 0.5 * h * fluid + h * slope
+                s[o + AM + l] = am
+                s[o + BM + l] = s[o + INERTIA + l] * w + h * (torque - 0.5 * fluid * w)
+                s[o + RIGID + l] = 1.0 / (am + s[LOAD_J + l])
+                f = s[o + FRICTION + l] + s[o + EXTRA + l]
+                s[o + HI + l] = h * (f + s[o + ASYM + l])
+                s[o + LO + l] = -h * (f - s[o + ASYM + l])
+                s[o + STICK + l] = 1.0 if w > 0.0 else (-1.0 if w < 0.0 else 0.0)
+        # ---- velocities at the end of the step; a lane whose guess held finds the same again
+        for _ in range(20):
+            for l in range(lanes):
+                h = s[H + l]
+                i11, i12, i22, half = s[I11 + l], s[I12 + l], s[I22 + l], s[HALF + l]
+                for k in range(2):
+                    o = k * _SIDE + l
+                    stick = s[o + STICK]
+                    moves = 0.0 if s[DRY + l] > 0.0 and stick == 0.0 else 1.0
+                    p = s[o + HI] if stick > 0.0 else (s[o + LO] if stick < 0.0 else 0.0)
+                    s[o + ALPHA] = moves * ((s[o + BM] + s[LOAD_J + l] * s[o + WN] - p) * s[o + RIGID])
+                    s[o + BETA] = moves * (h * s[o + RADIUS] * s[o + RIGID])
+                w0 = h * (i11 - 2.0 * half * i12 + half * half * i22)
+                w1 = h * (i11 + 2.0 * half * i12 + half * half * i22)
+                wx = h * (i11 - half * half * i22)
+                a00 = s[RADIUS + l] * s[BETA + l] + w0
+                a11 = s[_SIDE + RADIUS + l] * s[_SIDE + BETA + l] + w1
+                det = 1.0 / (a00 * a11 - wx * wx)
+                q = s[SPIN + l] * h * s[SCRUB + l]
+                dv = h * (i11 * s[GX + l] + i12 * s[GZ + l]) - i12 * q
+                dr = h * (i12 * s[GX + l] + i22 * s[GZ + l]) - i22 * q
+                b0 = s[RADIUS + l] * s[ALPHA + l] - (s[V + l] - half * s[RATE + l]) - dv + half * dr
+                b1 = s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l] - (s[V + l] + half * s[RATE + l]) - dv - half * dr
+                f0, f1 = (a11 * b0 - wx * b1) * det, (a00 * b1 - wx * b0) * det
+                s[FORCE + l], s[_SIDE + FORCE + l], s[DV + l], s[DR + l] = f0, f1, dv, dr
+                s[A00 + l], s[A11 + l], s[WX + l], s[DET + l] = a00, a11, wx, det
+                s[RATE_N + l] = s[RATE + l] + dr + h * (i12 * (f0 + f1) + i22 * half * (f1 - f0))
+            if scrubbed:
+                for l in range(lanes):
+                    h = s[H + l]
+                    i11, i12, i22, half = s[I11 + l], s[I12 + l], s[I22 + l], s[HALF + l]
+                    a00, a11, wx, det, most = s[A00 + l], s[A11 + l], s[WX + l], s[DET + l], h * s[SCRUB + l]
+                    # The scrub would reverse the turn: find the impulse that stops it, within its bound.
+                    q0, q1 = i12 - half * i22, i12 + half * i22
+                    f0, f1 = (a11 * q0 - wx * q1) * det, (a00 * q1 - wx * q0) * det
+                    gain = h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) - i22
+                    # Two wheels that stick hold the turn by themselves, and the scrub has nothing to do.
+                    q = min(max(s[SPIN + l] * most - s[RATE_N + l] / gain, -most), most) if gain < -1e-9 * i22 else 0.0
+                    dv = h * (i11 * s[GX + l] + i12 * s[GZ + l]) - i12 * q
+                    dr = h * (i12 * s[GX + l] + i22 * s[GZ + l]) - i22 * q
+                    b0 = s[RADIUS + l] * s[ALPHA + l] - (s[V + l] - half * s[RATE + l]) - dv + half * dr
+                    b1 = s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l] - (s[V + l] + half * s[RATE + l]) - dv - half * dr
+                    f0, f1 = (a11 * b0 - wx * b1) * det, (a00 * b1 - wx * b0) * det
+                    reverses = s[SCRUB + l] != 0.0 and s[SPIN + l] * s[RATE_N + l] <= 0.0
+                    s[FORCE + l] = f0 if reverses else s[FORCE + l]
+                    s[_SIDE + FORCE + l] = f1 if reverses else s[_SIDE + FORCE + l]
+                    s[DV + l] = dv if reverses else s[DV + l]
+                    s[RATE_N + l] = s[RATE + l] + dr + h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) if reverses else s[RATE_N + l]
+            again = 0
+            for l in range(lanes):
+                h, half = s[H + l], s[HALF + l]
+                f0, f1 = s[FORCE + l], s[_SIDE + FORCE + l]
+                s[V_N + l] = s[V + l] + s[DV + l] + h * (s[I11 + l] * (f0 + f1) + s[I12 + l] * half * (f1 - f0))
+                for k in range(2):
+                    o = k * _SIDE + l
+                    force = s[o + FORCE]
+                    w = s[o + ALPHA] - s[o + BETA] * force
+                    s[o + W] = w
+                    need = s[o + BM] + s[LOAD_J + l] * s[o + WN] - h * s[o + RADIUS] * force
+                    stick = s[o + STICK]
+                    breaks = 1.0 if need > max(s[o + HI], 0.0) else (-1.0 if need < min(s[o + LO], 0.0) else 0.0)
+                    other = breaks if stick == 0.0 else (0.0 if stick * w < 0.0 else stick)
+                    other = other if s[DRY + l] > 0.0 else stick
+                    again |= 1 if other != stick else 0
+                    s[o + STICK] = other
+            if again == 0:
+                break
+        # ---- accept the step
+        for k in range(2):
+            o = k * _SIDE
+            for l in range(lanes):
+                h, w, wn, tau = s[H + l], s[o + W + l], s[o + WN + l], s[o + SPEED_TAU + l]
+                mean = s[o + M0 + l] - s[o + M1 + l] * w
+                s[o + CUR + l] = s[o + C0 + l] - s[o + C1 + l] * w
+                rise = s[o + RISE + l]
+                res = s[o + RES + l] * (1.0 + rise)
+                hotter = rise + h * (s[o + HEAT + l] * mean * mean * res - rise) / s[o + HEAT_TAU + l]
+                s[o + RISE + l] = hotter if s[o + HEAT + l] != 0.0 else rise
+                s[o + TH + l] += 0.5 * h * (wn + w)
+                ramp = (w - wn) / h
+                s[o + WF + l] = w - ramp * tau + (s[o + WF + l] - wn + ramp * tau) * s[o + FADE + l]
+        for l in range(lanes):
+            h = s[H + l]
+            v_mid, rate_mid = 0.5 * (s[V + l] + s[V_N + l]), 0.5 * (s[RATE + l] + s[RATE_N + l])
+            turned = 0.5 * h * rate_mid
+            q = turned * turned
+            c, d = s[DIR_X + l], s[DIR_Y + l]
+            dc, ds = 1.0 + _cos_less_one(q), _sin(turned, q)
+            c, d = c * dc - d * ds, d * dc + c * ds
+            s[X + l] += h * v_mid * c
+            s[Y + l] += h * v_mid * d
+            s[DIR_X + l], s[DIR_Y + l] = c * dc - d * ds, d * dc + c * ds
+            s[YAW + l] += h * rate_mid
+            s[V + l], s[RATE + l] = s[V_N + l], s[RATE_N + l]
