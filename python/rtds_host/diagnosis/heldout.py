@@ -19,6 +19,7 @@ from rtds_host.diagnosis.replay.model import REPORT_STEP_S, replay_run
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.diagnosis.report.details import Trace
 
+# Ends of a 90 % interval (contract, section 5).
 LEVELS = (0.05, 0.95)
 SHOWN = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
 
