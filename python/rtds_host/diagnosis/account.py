@@ -13,7 +13,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from rtds_host.diagnosis.carried import CARRIED, CONSTANT, absent, carried, scattered
+from rtds_host.diagnosis.carried import CONSTANT, absent, carried, scattered
+from rtds_host.diagnosis.chance import MOST
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
@@ -23,8 +24,6 @@ from rtds_host.diagnosis.screen import available, clashes
 from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.twins import near_twins, twins
 
-# An effect is named where it is more likely there than not.
-NAMED = 0.5
 # Members that a set of look-alikes may have (contract, section 5).
 LARGEST_SET = 3
 
@@ -105,7 +104,7 @@ def _fallen(search: Search, fit: Fit, standing: list[Standing], steady: set[tupl
 def _unlikely(standing: list[Standing]) -> tuple[Standing, str] | None:
     """The one that is least likely there, if it is less likely there than not."""
     one = min(standing, key=lambda s: s.probability)
-    return None if one.probability >= NAMED else (
+    return None if one.probability >= MOST else (
         one, f"is missed too unevenly to be there (gain {one.gain:.0f}, {one.t:.1f} times its scatter over the runs)")
 
 
@@ -113,7 +112,7 @@ def _fickle(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standin
     """The one that carries over to other runs least, if more of it does not than does."""
     over = carried(search.problem, fit)
     one = min(standing, key=lambda s: over[s.member])
-    return None if over[one.member] >= CARRIED else (
+    return None if over[one.member] >= MOST else (
         one, ("is of another size in every run (fitted to the others it takes off "
               f"{100 * max(over[one.member], 0.0):.0f} % of what it does fitted to all)"))
 

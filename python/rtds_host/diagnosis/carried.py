@@ -30,8 +30,6 @@ from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.diagnosis.settings import settings
 
-# More of what an effect takes off carries over to other runs than does not.
-CARRIED = 0.5
 # Groups that are left out in turn: runs; where there are fewer of these, stretches of them.
 FEWEST_GROUPS = 4
 # A constant of the machine is of one size to a fifth: real friction and dead zones scatter by up to a sixth from setting to setting,

@@ -9,6 +9,8 @@ from statistics import NormalDist
 FALSE_ALARM = 1e-6
 # A handful, as a share of the samples: what fewer do is an accident, what more do is how the channel or its logger works.
 HANDFUL = 0.01
+# The larger part: more is so than is not.
+MOST = 0.5
 # A tenth: a part of a thing that is slight beside it.
 SLIGHT = 0.1
 # What stands apart is so many times what is beside it.
@@ -32,8 +34,8 @@ def handful(count: int) -> float:
 
 # Numerical: lower quarter, median and mean of the magnitude of a normal variable of unit variance.
 QUARTER_OF_NORMAL, MEDIAN_OF_NORMAL, MEAN_OF_NORMAL = NormalDist().inv_cdf(0.625), NormalDist().inv_cdf(0.75), math.sqrt(2.0 / math.pi)
-# Correlation of what follows at all: more of it is explained than is not.
-FOLLOWS = math.sqrt(0.5)
+# Numerical: correlation of what follows at all: most of it is explained.
+FOLLOWS = math.sqrt(MOST)
 # One sample that is so many standard deviations off is more than noise.
 MOVES = sigmas()
 # Fewest samples that say anything: so many lie on one side of their median as seldom.

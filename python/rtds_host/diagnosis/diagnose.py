@@ -14,6 +14,7 @@ from rtds_host.contract import Case
 from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import Account, Standing, account
+from rtds_host.diagnosis.chance import SLIGHT
 from rtds_host.diagnosis.experiment import next_experiment
 from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
 from rtds_host.diagnosis.gate import Gate, examine
@@ -32,8 +33,6 @@ Z90 = 1.6448536269514722
 REST_OF_KNOWN = 0.3
 # Numerical: a nuisance that moved by less than so many of its sigmas did not move.
 MOVED = 0.01
-# The same of clocks and of a servo's limit: less is a rounding of the stamps.
-MOVED_SETUP = 0.1
 # A parameter whose sigma is larger than this many of its spreads is not pinned by the runs.
 PINNED = 2.0
 
@@ -285,7 +284,7 @@ def _nominal_fit(problem: Problem, fit: Fit) -> dict:
 
 def _setup(problem: Problem, fit: Fit) -> dict:
     """What was refitted of what surrounds the machine, its clocks and its servo's limit; nothing where all is as declared."""
-    found = {key: _round(value, 4) for z, nuisance in zip(fit.z, problem.nuisances) if abs(z) >= MOVED_SETUP
+    found = {key: _round(value, 4) for z, nuisance in zip(fit.z, problem.nuisances) if abs(z) >= SLIGHT
             for key, value in nuisance.values(z).items() if key in SETUP}
     return {"setup": found} if found else {}
 

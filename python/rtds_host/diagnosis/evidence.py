@@ -18,29 +18,29 @@ import math
 
 import numpy as np
 
+from rtds_host.diagnosis.chance import MOST, SLIGHT
 from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.problem import Problem
 
-# Odds at which one block of time, and a comparison of two explanations, convinces.
+# Probability: odds at which one block of time, and a comparison of two explanations, convinces.
 CONVINCING = 20.0
-# Of the squared gap: what makes one of 1.1 out of none (contract, section 4), or this share of the rest.
-WORTH, WORTH_OF_REST = LEAST**2 - 1.0, 0.1
-# What outweighs half of the rest is told from it; less of it any of a hundred forms may take.
-OUTWEIGHS = 0.5
+# Of the squared gap: what makes one of 1.1 out of none (contract, section 4).
+WORTH = LEAST**2 - 1.0
 
 
 def worth_adding(without: float, gap: float) -> bool:
     """Whether an effect that lowers the gap from `without` to `gap` takes off what others could be seen beside."""
     closes = without**2 - gap**2
-    return closes >= WORTH and closes >= WORTH_OF_REST * (gap**2 - 1.0)
+    return closes >= WORTH and closes >= SLIGHT * (gap**2 - 1.0)
 
 
 def worth_naming(without: float, gap: float, share: float = 0.0) -> bool:
     """Whether an effect that lowers the gap from `without` to `gap` takes off more than a stand-in for the rest would; `share`: what
     it takes off the likelihood's excess over white noise, of that without it."""
     closes = without**2 - gap**2
-    return closes >= WORTH and (closes >= OUTWEIGHS * (gap**2 - 1.0) or share >= WORTH_OF_REST)
+    # What outweighs half of the rest is told from it; less of it any of a hundred forms may take.
+    return closes >= WORTH and (closes >= MOST * (gap**2 - 1.0) or share >= SLIGHT)
 
 
 def excess(problem: Problem, fit: Fit) -> float:

@@ -29,9 +29,9 @@ from rtds_host.scenario.reach import needed_voltage
 
 # Numerical: how finely the menu's manoeuvres are replayed.
 SAMPLE_S = 0.01
-# Variants of a manoeuvre worth having: as it is, and with so many times the robot's own mass as payload.
+# Numerical: variants of a manoeuvre that are tried: as it is, and with so many times the robot's own mass as payload.
 PAYLOADS = (0.0, 2.0)
-# How many effects of a subsystem stand for what could be the rest.
+# Numerical: how many effects of a subsystem stand for what could be the rest.
 SUPPOSED = 2
 
 

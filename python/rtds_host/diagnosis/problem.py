@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
+from rtds_host.diagnosis.chance import MOST, MOVES
 from rtds_host.diagnosis.effects import Effect, catalogue
 from rtds_host.diagnosis.gap import WINDOW_S, errors, gap, pooled
 from rtds_host.diagnosis.gate.cuts import start_row
@@ -34,22 +35,21 @@ from rtds_host.diagnosis.replay.model import (
 )
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
-# Stretches whose residuals are counted as one draw: a second, as the gap's windows; shorter where all runs together are, so
-# that there are enough of them, of a few rows each.
-BLOCK_S, LEAST_BLOCKS, ROWS_A_BLOCK = 1.0, 100, 5
-# Pieces of a single axis's run: longer than its transients, shorter than it takes to drift away; of so many rows at least.
-PIECE_S, PIECE_ROWS = 0.4, 10
-# Half the span over which a window's end is averaged: long against a sample, short against the motion.
+# Numerical: stretches whose residuals are counted as one draw are as long as the gap's windows; shorter where all runs together
+# are, so that there are enough of them, of a few rows each.
+LEAST_BLOCKS, ROWS_A_BLOCK = 100, 5
+# Pieces of a single axis's run: longer than its transients, shorter than it takes to drift away.
+PIECE_S = 0.4
+# Numerical: half the span over which a window's end is averaged: long against a sample, short against the motion.
 AVERAGE_S = 0.05
-# The same for angles where no speed is measured: they then have to show what moves fast, too.
+# Numerical: the same for angles where no speed is measured: they then have to show what moves fast, too.
 FINE_WINDOW_S, FINE_AVERAGE_S = 0.1, 0.01
-# Longer cases are searched in stretches: by then the models' errors, and not the samples, bound what can be learnt.
+# Numerical: longer cases are searched in stretches: by then the models' errors, and not the samples, bound what can be learnt.
 SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 80_000, 20.0
-# A heading at the start is estimated on slopes above this, and changed for a gain of chi2 above that.
+# Physical: a slope below this pulls by less than half a percent of the weight, and tells no heading.
 HEADING_SLOPE_RAD = 0.005
-HEADING_GAIN = 20.0
-# A run's commands act later than the others' where that is most of what the run leaves beyond noise.
-MOSTLY = 0.5
+# Numerical: chi2 that chance alone does not bring.
+CHI2 = MOVES**2
 # Numerical: lags that are tried in a run, in delays of the others.
 LAGS = np.linspace(0.0, 3.0, 25)
 
@@ -126,7 +126,7 @@ CHANNELS = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", 
 class Problem:
     """Residuals of a case for any model, of whole runs or (of a single axis) of `pieces` of them.
 
-    `blocks`: (N,) which block of `BLOCK_S` a residual belongs to, over all runs; `runs_of`: (N,) which run;
+    `blocks`: (N,) which block of time a residual belongs to, over all runs; `runs_of`: (N,) which run;
     `channels_of`: (N,) index into `CHANNELS`; `rows`: each run and the rows of its residuals.
     """
 
@@ -142,7 +142,7 @@ class Problem:
         self.lates: dict[str, float] = {}
         lasted = sum(float(log.t[-1] - log.t[0]) for log in case.runs)
         coarsest = max(float(np.median(np.diff(log.t))) for log in case.runs)
-        self.block_s = min(BLOCK_S, max(lasted / LEAST_BLOCKS, ROWS_A_BLOCK * coarsest))
+        self.block_s = min(WINDOW_S, max(lasted / LEAST_BLOCKS, ROWS_A_BLOCK * coarsest))
         self.pieces = pieces
         self._kept: list[Abreast] = []
         self._gaps: dict[tuple, float] = {}
@@ -204,11 +204,11 @@ class Problem:
         An axis integrates and sticks: over a whole run the misfit has many local minima, over a piece few. What is
         reported is judged on whole runs all the same.
         """
-        length = max(PIECE_S, PIECE_ROWS * float(np.median(np.diff(log.t))))
+        length = max(PIECE_S, 2 * ROWS_A_BLOCK * float(np.median(np.diff(log.t))))
         marks = np.searchsorted(log.t, np.arange(log.t[0], log.t[-1], length))
         parts = []
         for first, last in zip(marks, np.append(marks[1:], len(log.t))):
-            if last - first < PIECE_ROWS // 2 and parts:
+            if last - first < ROWS_A_BLOCK and parts:
                 continue
             parts.append(self._prepare(log.rows(first, last), piece_inputs(log, self.robot, int(first), int(last))))
         return parts
@@ -376,7 +376,7 @@ class Problem:
             found = minimize_scalar(misfit, bounds=(grid[k] - 0.3, grid[k] + 0.3), method="bounded",
                                     options={"xatol": 1e-3})
             known = misfit(start[2])
-            if found.fun < known - HEADING_GAIN * max(1.0, found.fun / max(len(data.block), 1)):
+            if found.fun < known - CHI2 * max(1.0, found.fun / max(len(data.block), 1)):
                 largest = max(largest, abs(found.x - start[2]))
                 start[2] = found.x
                 whole.inputs[-1][2] = found.x
@@ -408,7 +408,7 @@ class Problem:
             return float(residual @ residual) - len(residual)
 
         as_others = beyond(0.0)
-        if as_others < HEADING_GAIN:
+        if as_others < CHI2:
             return 0.0
         lates = delay * (LAGS - 1.0)
         k = int(np.argmin(list(self.pool.map(beyond, lates))))
@@ -416,7 +416,7 @@ class Problem:
 
         best = minimize_scalar(beyond, bounds=(lates[max(k - 1, 0)], lates[min(k + 1, len(lates) - 1)]), method="bounded",
                                options={"xatol": 1e-3})
-        return float(best.x) if best.fun < (1.0 - MOSTLY) * as_others else 0.0
+        return float(best.x) if best.fun < (1.0 - MOST) * as_others else 0.0
 
     def _shift(self, lates: dict[str, float]) -> None:
         """Let the commands of some runs act so much later (s), those of the others when they were given."""

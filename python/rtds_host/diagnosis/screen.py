@@ -18,7 +18,7 @@ from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, prior_weight
 from rtds_host.diagnosis.likelihood import Discrepancy
 from rtds_host.diagnosis.problem import Problem
 
-# How far from the size it was taken at a signature is believed, in that size.
+# Numerical: how far from the size it was taken at a signature is believed, in that size.
 REACH = 6.0
 
 

@@ -13,32 +13,33 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.carried import CARRIED, carried
+from rtds_host.diagnosis.carried import carried
+from rtds_host.diagnosis.chance import MOST, SLIGHT
 from rtds_host.diagnosis.effects import Effect
-from rtds_host.diagnosis.evidence import CONVINCING, WORTH_OF_REST, believed, compared, excess, worth_adding
+from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_adding
 from rtds_host.diagnosis.fit import ROUGH_GAIN, STEP_GAIN, Fit, Fitter, Hypothesis, apply, joined, scaled, to_values
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.nuisances import BAND
-from rtds_host.diagnosis.problem import HEADING_GAIN, Problem
+from rtds_host.diagnosis.problem import CHI2, Problem
 from rtds_host.diagnosis.screen import Candidate, Screen, Signature, clashes, moves_of
 from rtds_host.diagnosis.twins import twins
 
-# Effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's guess.
+# Probability: effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's guess.
 EXPECTED_EFFECTS = 2.0
 SIDE_PRIOR = {"both": 0.5, "left": 0.25, "right": 0.25}
-# How many effects an explanation may have: more than a person could mend at once.
+# Numerical: how many effects an explanation may have: more than a person could mend at once.
 MOST_EFFECTS = 7
 
 
-# Sides of an effect that promise this share of what its best one does are tried, too.
+# Numerical: sides of an effect that promise this share of what its best one does are tried, too.
 NEARLY = 0.8
-# How many effects in a row may be added that are not believed yet, and log odds from which an effect is hardly exchanged.
+# Numerical: how many effects in a row may be added that are not believed yet, and log odds from which an effect is hardly exchanged.
 DOUBTFUL, SURE = 1, 12.0
 # Numerical: effects of each screening whose signatures are taken again for the next.
 RETAKEN = 8
 # Numerical: effects of a screening whose pairs are looked at, and explanations of each number of effects whose gap is.
 PAIRED, MET = 12, 8
-# Rounds of exchanging effects and looking for more.
+# Numerical: rounds of exchanging effects and looking for more.
 EXCHANGES = 3
 # Numerical: how far in score a rough fit may be from one in earnest, and how far behind it is certainly the worse one.
 ROUGHLY, FAR = 20.0, 200.0
@@ -410,7 +411,7 @@ class Search:
         if headings:
             problem.begin({}, problem.lates)
             declared = self.fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise)
-            if declared.cost < fit.cost + HEADING_GAIN:
+            if declared.cost < fit.cost + CHI2:
                 self.fits = {f.hypothesis: self.fitter.fit(f.hypothesis, f.u, f.z, f.noise) for f in (self.fits[()], declared)}
                 return self.fits[fit.hypothesis]
             problem.begin(headings, problem.lates)
@@ -442,7 +443,7 @@ class Search:
         met = [f for count in range(1, len(fit.hypothesis))
                for f in sorted((f for f in self.fits.values() if len(f.hypothesis) == count and self.named(f)), key=self.score)[:MET]]
         closest = min(met, key=self._gap, default=fit)
-        if self._gap(closest) ** 2 - 1.0 > 0.5 * (self._gap(fit) ** 2 - 1.0):
+        if self._gap(closest) ** 2 - 1.0 > MOST * (self._gap(fit) ** 2 - 1.0):
             return fit
         self.trace.append(f"begin anew from {set(closest.hypothesis)}")
         grown = self._climb(closest)
@@ -469,11 +470,11 @@ class Search:
         prior = self.log_prior(grown.hypothesis) - self.log_prior(fit.hypothesis)
         if prior + believed(*compared(self.problem, grown, fit)) < 0.0:
             return False
-        if (self.score(fit) - self.score(grown) < WORTH_OF_REST * excess(self.problem, fit)
+        if (self.score(fit) - self.score(grown) < SLIGHT * excess(self.problem, fit)
                 and not worth_adding(closest, self._gap(grown))):
             return False
         over = carried(self.problem, grown)
-        return all(over[member] >= CARRIED for member in set(grown.hypothesis) - set(fit.hypothesis))
+        return all(over[member] >= MOST for member in set(grown.hypothesis) - set(fit.hypothesis))
 
     def _next(self, stands: Fit, closest: float) -> Fit | None:
         """The most probable explanation met with one effect more that is believed; None if there is none. What promises most may

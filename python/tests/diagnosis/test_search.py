@@ -9,7 +9,8 @@ from diagnosis_cases import changed, make_case, make_run, without
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.account import _contradicted, _standing
-from rtds_host.diagnosis.carried import CARRIED, CONSTANT, carried, ratio, scatter, scattered
+from rtds_host.diagnosis.carried import CONSTANT, carried, ratio, scatter, scattered
+from rtds_host.diagnosis.chance import MOST
 from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
 from rtds_host.diagnosis.evidence import excess
 from rtds_host.diagnosis.fit import joined, scaled
@@ -268,7 +269,7 @@ def late_in(runs: tuple[int, ...], case: Case, seconds: float = 0.03) -> Case:
     ([1.0, 1.0, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0], 1.0, 1.0),
     ([0.9, 1.1, 1.0, 0.8], [1.0, 2.0, 1.0, 3.0], 0.95, 1.0),
     ([0.0, 0.0, 0.0, 1.0], [1.0, 1.0, 1.0, 1.0], -np.inf, 0.0),
-    ([0.92, 2.13], [0.9, 0.1], -np.inf, CARRIED),
+    ([0.92, 2.13], [0.9, 0.1], -np.inf, MOST),
     ([1.0, -1.0], [1.0, 1.0], -np.inf, 0.0),
 ], ids=["of one size", "nearly of one size", "in one run alone", "held by one run, of another size in the next", "against itself"])
 def test_what_is_of_one_size_carries_over(shares, known, low, high):

@@ -26,11 +26,11 @@ from rtds_host.diagnosis.replay.slots import COMMON_INDEX, SIDE_INDEX
 
 # m/s^2 (contract, section 2).
 GRAVITY = 9.80665
-# A tyre that slides counts as if its force still grew with its shear by this share, so that it is found again.
+# Numerical: a tyre that slides counts as if its force still grew with its shear by this share, so that it is found again.
 FLAT = 0.02
-# And its shear is that of so many times the grip at most.
+# Numerical: and its shear is that of so many times the grip at most.
 SLIDING = 20.0
-# Flanks that meet more slowly stay together.
+# Numerical: flanks that meet more slowly stay together.
 BOUNCE_RAD_S = 0.05
 
 R, L, KM, KB, J, B = (SIDE_INDEX[n] for n in ("resistance", "inductance", "torque_constant", "back_emf",
