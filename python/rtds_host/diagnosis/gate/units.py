@@ -23,8 +23,6 @@ from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S, nominal_model, rep
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.errors import InputError
 
-# Physical: clocks that disagree do so by less than this.
-EARLIEST_S = -0.1
 # Numerical: how finely a lag is looked for, s, first and last, and on how many samples.
 GRID_S, FINE_S, SAMPLES = 0.01, 0.001, 1500
 
@@ -123,7 +121,8 @@ def lag_and_ratio(log: RunLog, channel: str, replayed: np.ndarray,
         def by(x: float) -> float:
             return abs(_match(at, some, log.t, replayed, x))
 
-        lag = max(np.arange(EARLIEST_S, LONGEST_DELAY_S + 0.5 * GRID_S, GRID_S), key=by)
+        # Clocks that disagree may do so by as much as a delay; of lags that serve alike the shortest.
+        lag = max(sorted(np.arange(-LONGEST_DELAY_S, LONGEST_DELAY_S + 0.5 * GRID_S, GRID_S), key=abs), key=by)
         lag = float(max(lag + np.arange(FINE_S - GRID_S, GRID_S - 0.5 * FINE_S, FINE_S), key=by))
         # A lag counts only if it explains much of what the replay misses: distortion shifts a peak a little, too.
         certain = 1.0 - by(lag) <= 0.5 * (1.0 - by(0.0))
