@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 
-# Options of `mallopt` by their numbers in glibc's malloc.h: (M_ARENA_MAX) threads share what is free; (M_MMAP_THRESHOLD) blocks of up to
+# Numerical: options of `mallopt` by their numbers in glibc's malloc.h: (M_ARENA_MAX) threads share what is free; (M_MMAP_THRESHOLD) blocks of up to
 # so many bytes come from there; (M_TRIM_THRESHOLD) so many bytes stay free.
 _OPTIONS = ((-8, 1), (-3, 2**30), (-1, 2**31 - 1))
 
