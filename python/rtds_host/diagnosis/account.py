@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 from rtds_host.diagnosis.carried import CONSTANT, absent, carried, scattered
 from rtds_host.diagnosis.chance import MOST
-from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_naming
+from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_adding, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
@@ -197,13 +197,25 @@ def account(search: Search, fit: Fit) -> Account:
             other = search.renamed(search.exchange(search.polished(fit, fit.hypothesis), LARGEST_SET))
             fit = fit if dropped.keys() & set(other.hypothesis) else other
         elif rough:
-            rough = False
+            # What stood beside an effect that is gone may be plainer without it: Coulomb friction for Stribeck's.
+            fit, rough = search.prune(fit), False
         else:
             break
-    standing.sort(key=lambda s: -s.gain)
     alike, rivals = _alike(search, fit, standing)
+    better = _foretelling(search, fit, rivals)
+    if better is not fit:
+        fit, standing = better, [_standing(search, better, member, False) for member in better.hypothesis]
+        alike, rivals = _alike(search, fit, standing)
+    standing.sort(key=lambda s: -s.gain)
     return Account(fit, search.refitted(), tuple(standing), dropped, alike, _alternatives(search, fit, standing, rivals),
                    {members[0]: _share(search, members) for members in alike})
+
+
+def _foretelling(search: Search, fit: Fit, rivals: list[Fit]) -> Fit:
+    """Of a fit and those that these runs cannot tell from it, the one that foretells runs left out best, if by more than makes a gap."""
+    gaps = {f.hypothesis: left_out_gap(search.problem, f) for f in [fit, *rivals]} if rivals else {}
+    best = min(rivals, key=lambda f: gaps[f.hypothesis], default=fit)
+    return best if rivals and worth_adding(gaps[fit.hypothesis], gaps[best.hypothesis]) else fit
 
 
 def _share(search: Search, members: tuple[tuple[str, str], ...]) -> float:
