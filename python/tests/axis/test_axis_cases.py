@@ -186,3 +186,16 @@ def test_of_an_axis_searched_whole_and_in_pieces_the_account_is_kept_that_whole_
     monkeypatch.setattr(diagnose_module, "_begun", lambda whole, _: whole)
     assert investigate(axis_case(tmp_path, "inertia", "voltage")).name == kept
     assert asked == (["whole"] if whole < 1.1 else ["whole", "pieces"])
+
+
+def test_a_delay_of_a_servo_is_known_no_better_than_the_latency_beside_it(tmp_path):
+    """How much of what comes late is the board's latency, of some ten milliseconds, no log of commands and speeds tells."""
+    case, rows = axis_case(tmp_path, "linear", "speed"), 38
+    late = tuple(dataclasses.replace(log, columns={
+        c: v if c == "w_cmd_l" else np.concatenate([np.full(rows, v[0]), v[:-rows]]) for c, v in log.columns.items()}) for log in case.runs)
+    seconds = rows * float(case.runs[0].t[1] - case.runs[0].t[0])
+    found, _ = diagnose(dataclasses.replace(case, runs=late), quick=True)
+    (delay,) = [e for e in found["effects"] if e["subsystem"] == "timing"]
+    low, high = delay["parameters"]["seconds"]["ci90"]
+    assert low < seconds < high
+    assert high - low > 2.0 * 0.01
