@@ -32,7 +32,8 @@ def _without(problem: Problem, fit: Fit, white: np.ndarray, jacobian: np.ndarray
     rest = precision - j.T @ j
     step = np.zeros(len(fit.free))
     step[keep] = np.linalg.solve(rest + 1e-9 * np.diag(np.diag(precision)), j.T @ white[rows])
-    sigma = np.sqrt(np.diag(fit.covariance))
+    # Where two delays can hardly be parted, rounding leaves a variance below nothing: what is known so badly stays as it is.
+    sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     step = np.clip(step, -TRUSTED * sigma - 1e-6, TRUSTED * sigma + 1e-6)
     k = len(fit.z)
     u = fit.u + step[k:]
