@@ -5,7 +5,8 @@ gain of likelihood between them (`evidence`):
 
     log odds(present) = log prior odds + min(G, t^2 / 2)
 
-It must also be worth naming, and carry over to runs that it was not fitted to (`carried`).
+It must also be worth naming, on runs that it was not fitted to as well (`left_out`), be of one size in all runs and settings
+(`carried`), and not be contradicted by what measured signals say of the blocks that they drive (`localise`).
 """
 
 from __future__ import annotations
@@ -153,14 +154,17 @@ def _poor(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing,
 
 
 def _unforetold(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
-    """The one without which runs that were not used for the fit are foretold best, if it does not bring them closer (contract,
-    section 5)."""
+    """Of those that do not bring runs closer that were not used for the fit (contract, section 5), the one without which these are
+    foretold best."""
     if excess(search.problem, fit) == 0.0:
         return None
     gap = left_out_gap(search.problem, fit)
-    without = {s.member: left_out_gap(search.problem, s.without) for s in standing}
-    one = min(standing, key=lambda s: without[s.member])
-    return None if worth_naming(without[one.member], gap, one.share) else (
+    # The nuisances that bring the fitted runs closest are no optimum, and a step from there may lead away from the run left out.
+    without = {s.member: min(left_out_gap(search.problem, f) for f in {id(f): f for f in (s.without, search.fits[s.without.hypothesis])}.values())
+               for s in standing}
+    failed = [s for s in standing if not worth_naming(without[s.member], gap, s.share)]
+    one = min(failed, key=lambda s: without[s.member], default=None)
+    return None if one is None else (
         one, f"does not bring runs closer that it was not fitted to (their gap is {without[one.member]:.3g} without it, {gap:.3g} with it)")
 
 
@@ -197,25 +201,29 @@ def account(search: Search, fit: Fit) -> Account:
             other = search.renamed(search.exchange(search.polished(fit, fit.hypothesis), LARGEST_SET))
             fit = fit if dropped.keys() & set(other.hypothesis) else other
         elif rough:
-            # What stood beside an effect that is gone may be plainer without it: Coulomb friction for Stribeck's.
-            fit, rough = search.prune(fit), False
+            # What stands may be plainer than it was found: Coulomb friction for Stribeck's.
+            plainer, rough = search.prune(fit), False
+            fit = plainer if search.named(plainer) and not dropped.keys() & set(plainer.hypothesis) else fit
         else:
             break
     alike, rivals = _alike(search, fit, standing)
-    better = _foretelling(search, fit, rivals)
-    if better is not fit:
-        fit, standing = better, [_standing(search, better, member, False) for member in better.hypothesis]
-        alike, rivals = _alike(search, fit, standing)
+    for better in _foretelling(search, fit, [f for f in rivals if not dropped.keys() & set(f.hypothesis)]):
+        own = [_standing(search, better, member, False) for member in better.hypothesis]
+        if _fallen(search, better, own, set(steady)) is None:
+            fit, standing = better, own
+            alike, rivals = _alike(search, fit, standing)
+            break
     standing.sort(key=lambda s: -s.gain)
     return Account(fit, search.refitted(), tuple(standing), dropped, alike, _alternatives(search, fit, standing, rivals),
                    {members[0]: _share(search, members) for members in alike})
 
 
-def _foretelling(search: Search, fit: Fit, rivals: list[Fit]) -> Fit:
-    """Of a fit and those that these runs cannot tell from it, the one that foretells runs left out best, if by more than makes a gap."""
+def _foretelling(search: Search, fit: Fit, rivals: list[Fit]) -> list[Fit]:
+    """Of the fits that these runs cannot tell from another, those that foretell runs left out better by more than a gap and a tenth of
+    the rest, best first."""
     gaps = {f.hypothesis: left_out_gap(search.problem, f) for f in [fit, *rivals]} if rivals else {}
-    best = min(rivals, key=lambda f: gaps[f.hypothesis], default=fit)
-    return best if rivals and worth_adding(gaps[fit.hypothesis], gaps[best.hypothesis]) else fit
+    better = [f for f in rivals if worth_adding(gaps[fit.hypothesis], gaps[f.hypothesis])]
+    return sorted(better, key=lambda f: gaps[f.hypothesis])
 
 
 def _share(search: Search, members: tuple[tuple[str, str], ...]) -> float:

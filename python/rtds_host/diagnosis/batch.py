@@ -19,6 +19,7 @@ from rtds_host import __version__
 from rtds_host.contract import Case, places_of_case, read_writable_case, refuse_inputs, staged_folder, write_atomic
 from rtds_host.contract.inputs import regular_bytes
 from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.memory import keep_freed
 from rtds_host.diagnosis.overview import overview_page, row_of, table_bytes
 from rtds_host.diagnosis.report import print_summary, validate, write_report
 from rtds_host.errors import InputError, OutputError, visible
@@ -55,6 +56,7 @@ def _write(out: Path, files: dict[str, str]) -> None:
 
 def write_diagnosis(folder: Path, out: Path, quick: bool, seed: int, threads: int, progress=None) -> tuple:
     """Diagnose one case folder and write both files, together or not at all. Returns (diagnosis, details)."""
+    keep_freed()
     refuse_case(folder, out)
     case = read_writable_case(folder)
     result, details = diagnose(case, quick=quick, threads=threads, seed=seed, progress=progress)
@@ -79,6 +81,7 @@ def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: i
 
 def explain(case: Case, quick: bool, seed: int, threads: int) -> tuple[dict, str, float]:
     """A case's diagnosis and report; runs in a process of its own, here or on a cluster, and writes nothing."""
+    keep_freed()
     result, details = diagnose(case, quick=quick, threads=threads, seed=seed)
     validate(result)
     return result, write_report(None, result, details), details.seconds

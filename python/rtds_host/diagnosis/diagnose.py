@@ -98,11 +98,11 @@ def investigate(case: Case, quick: bool = False, threads: int = 2, say: Callable
         # An axis integrates and sticks: over whole runs of a real one the misfit has many local minima, over pieces few. But a piece
         # hardly shows what is slow, and starts from what a biased sensor says; which of the two holds, whole runs say.
         pieces = _searched(Problem(case, threads, pieces=True), quick, say, without)
-        found = min(_begun(found, pieces), pieces, key=lambda one: one.gap)
+        found = min(found, _anew(found, pieces), pieces, key=lambda one: one.gap)
     return found
 
 
-def _begun(whole: Investigation, pieces: Investigation) -> Investigation:
+def _anew(whole: Investigation, pieces: Investigation) -> Investigation:
     """The investigation of whole runs, its account made of the pieces' explanation if whole runs find that the more probable one."""
     search, found = whole.search, pieces.account.fit
     fit = search.prune(search.try_fit(found.hypothesis, found.u, whole.account.fit))

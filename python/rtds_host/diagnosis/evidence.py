@@ -6,9 +6,8 @@ scatter (Q. H. Vuong, Econometrica 57, 1989): with t = G / (sqrt(B) sd(g)), no m
 of it, however large it is. What is missed steadily, nearly wherever it acts, is there; what is missed in a few stretches
 stands in for something else.
 
-And an effect must be worth naming: what it takes off the squared gap is at least what counts as a gap at all, and more than what
-stands in for a nameless rest takes off it, in the gap, or no small part in the likelihood: of a large rest any form takes a little. Where nothing
-stays, the residuals being no larger than their noise, the likelihood is exact, and tells it from a tolerance that would take its
+And an effect must be worth naming: what it takes off the squared gap is at least what counts as a gap at all, and beside a rest either
+half of that rest, or a tenth of the likelihood's excess: of a large rest any form takes a little. Where nothing stays, the residuals being no larger than their noise, the likelihood is exact, and tells it from a tolerance that would take its
 place (`account`).
 """
 
@@ -30,9 +29,8 @@ WORTH = LEAST**2 - 1.0
 
 
 def worth_adding(without: float, gap: float) -> bool:
-    """Whether an effect that lowers the gap from `without` to `gap` takes off what others could be seen beside."""
-    closes = without**2 - gap**2
-    return closes >= WORTH and closes >= SLIGHT * (gap**2 - 1.0)
+    """Whether an effect that lowers the gap from `without` to `gap` takes off a gap and a tenth of the rest: enough to go on beside it."""
+    return without**2 - gap**2 >= max(WORTH, SLIGHT * (gap**2 - 1.0))
 
 
 def worth_naming(without: float, gap: float, share: float = 0.0) -> bool:

@@ -5,13 +5,13 @@ The fit without a run is one Newton step from the fit to all; of a single run ea
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.fit import Fit, parameters
+from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
 from rtds_host.diagnosis.problem import Problem, RunData
 from rtds_host.diagnosis.replay.model import Model, replay_run
 
@@ -19,22 +19,22 @@ from rtds_host.diagnosis.replay.model import Model, replay_run
 TRUSTED = 3.0
 
 
-def left_out(problem: Problem, fit: Fit, parts: Iterable[np.ndarray]) -> list[Model]:
-    """The explanation fitted without each of some parts of the residuals, given by their rows."""
+def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Model]:
+    """The explanation fitted without each of some parts of the residuals: rows (m,) each, all N of them together."""
     white, jacobian = fit.whitened()
-    return [_without(problem, fit, white, jacobian, rows) for rows in parts]
-
-
-def _without(problem: Problem, fit: Fit, white: np.ndarray, jacobian: np.ndarray, rows: np.ndarray) -> Model:
     keep = np.flatnonzero(fit.free)
-    j = jacobian[np.ix_(rows, keep)].astype(float)
-    precision = fit.precision[np.ix_(keep, keep)]
-    rest = precision - j.T @ j
+    columns = [jacobian[np.ix_(rows, keep)].astype(float) for rows in parts]
+    grams = [j.T @ j for j in columns]
+    whole = sum(grams) + np.diag(prior_weight(fit.z, fit.u)[keep])
+    sigma = np.sqrt(np.diag(np.linalg.inv(whole)))
+    return [_moved(problem, fit, keep, np.linalg.solve(whole - gram, j.T @ white[rows]), sigma)
+            for rows, j, gram in zip(parts, columns, grams, strict=True)]
+
+
+def _moved(problem: Problem, fit: Fit, keep: np.ndarray, way: np.ndarray, sigma: np.ndarray) -> Model:
+    """A fit's model with the parameters `keep` moved, by no more than is trusted, within their bounds."""
     step = np.zeros(len(fit.free))
-    step[keep] = np.linalg.solve(rest + 1e-9 * np.diag(np.diag(precision)), j.T @ white[rows])
-    # Where two delays can hardly be parted, rounding leaves a variance below nothing: what is known so badly stays as it is.
-    sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
-    step = np.clip(step, -TRUSTED * sigma - 1e-6, TRUSTED * sigma + 1e-6)
+    step[keep] = np.clip(way, -TRUSTED * sigma, TRUSTED * sigma)
     k = len(fit.z)
     u = fit.u + step[k:]
     ps = [p for _, _, p in parameters(fit.effects, fit.hypothesis)]
@@ -45,13 +45,15 @@ def _without(problem: Problem, fit: Fit, white: np.ndarray, jacobian: np.ndarray
 
 
 def parted(problem: Problem) -> list[list[tuple[int, int, np.ndarray]]]:
-    """What is left out at once, a list a run: first and last row of its log and the residuals that go with them."""
+    """What is left out at once, a list a run: first and last row of its log and the rows (m,) of the residuals that go with them."""
     runs = [np.flatnonzero(problem.runs_of == k) for k in range(len(problem.whole))]
     if len(runs) > 1:
         return [[(0, len(data.log.t), mine)] for data, mine in zip(problem.whole, runs, strict=True)]
-    count, block = len(problem.whole[0].log.t), problem.blocks[runs[0]]
-    early = block < np.median(block)
-    return [[(0, count // 2, runs[0][early]), (count // 2, count, runs[0][~early])]]
+    # Half of what is searched, which of a long run is not half of its rows.
+    log, t = problem.whole[0].log.t, np.concatenate([data.time for data in problem.runs])
+    middle = float(np.median(t))
+    row, early = int(np.searchsorted(log, middle)), t < middle
+    return [[(0, row, np.flatnonzero(early)), (row, len(log), np.flatnonzero(~early))]]
 
 
 def left_out_gap(problem: Problem, fit: Fit) -> float:
@@ -60,14 +62,14 @@ def left_out_gap(problem: Problem, fit: Fit) -> float:
     models = iter(left_out(problem, fit, [rows for mine in parts for *_, rows in mine]))
     jobs = []
     for k, mine in enumerate(parts):
-        judged = [data for data, owner in problem.judged() if owner == k]
+        t = problem.whole[k].log.t
         for first, last, _ in mine:
-            model, inside = next(models), problem.whole[k].log.t[first:last]
-            if len(judged) == 1:
-                jobs.append((model, judged[0], first, last))
-            else:
-                # Stretches of a long run: those that begin in what is left out.
-                jobs += [(model, data, 0, len(data.log.t)) for data in judged if inside[0] <= data.log.t[0] <= inside[-1]]
+            model = next(models)
+            for data in (data for data, owner in problem.judged() if owner == k):
+                # Of a stretch of a long run what lies in this part.
+                begin, end = np.searchsorted(data.log.t, t[[first, last - 1]])
+                if end > begin:
+                    jobs.append((model, data, int(begin), int(end) + 1))
     return gaps.gap(gaps.pooled(list(problem.pool.map(lambda job: _errors(problem, *job), jobs))))
 
 

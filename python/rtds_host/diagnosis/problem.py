@@ -20,7 +20,6 @@ from rtds_host.diagnosis.effects import Effect, catalogue
 from rtds_host.diagnosis.gap import WINDOW_S, errors, gap, pooled
 from rtds_host.diagnosis.gate.cuts import start_row
 from rtds_host.diagnosis.likelihood import Discrepancy, Series
-from rtds_host.diagnosis.memory import keep_freed
 from rtds_host.diagnosis.nuisances import nuisances_of
 from rtds_host.diagnosis.replay.lanes import LANES
 from rtds_host.diagnosis.replay.model import (
@@ -131,7 +130,6 @@ class Problem:
     """
 
     def __init__(self, case: Case, threads: int = 2, pieces: bool = False):
-        keep_freed()
         self.case = case
         self.robot = case.robot
         self.nominal = nominal_model(case.robot)

@@ -183,7 +183,7 @@ def test_of_an_axis_searched_whole_and_in_pieces_the_account_is_kept_that_whole_
         return SimpleNamespace(name=asked[-1], gap=pieces if problem.pieces else whole)
 
     monkeypatch.setattr(diagnose_module, "_searched", searched)
-    monkeypatch.setattr(diagnose_module, "_begun", lambda whole, _: whole)
+    monkeypatch.setattr(diagnose_module, "_anew", lambda whole, _: whole)
     assert investigate(axis_case(tmp_path, "inertia", "voltage")).name == kept
     assert asked == (["whole"] if whole < 1.1 else ["whole", "pieces"])
 

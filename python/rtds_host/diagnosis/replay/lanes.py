@@ -29,7 +29,7 @@ _SIDE_ROWS = ("res", "ind", "ke", "gkm", "lim", "drop", "inertia", "fluid", "asy
               "pwm_curve", "deadzone", "voltage_gain")
 _ROWS = ("h", "begun", "now", "done", "supply", "decline", "bus_row", "measured", "load_j", "mass", "i11", "i12", "i22", "half", "pull",
          "up_x", "up_y", "com_x", "com_y", "scrub", "dry", "level", "gx", "gz", "x", "y", "yaw", "v", "rate", "dir_x", "dir_y", "rate_n",
-         "v_n", "dv", "dr", "b0", "b1", "a00", "a11", "wx", "det", "spin", "h_max", "late", "pose_late",
+         "v_n", "dv", "dr", "a00", "a11", "wx", "det", "spin", "h_max", "late", "pose_late",
          "command_late", "gyro_gain", "gyro_bias")
 _SIDE = len(_SIDE_ROWS) * LANES
 # Numerical: numbers that the lanes' state has.
@@ -40,7 +40,7 @@ SIZE = 2 * _SIDE + len(_ROWS) * LANES
  I_GAIN, I_BIAS, CURVE, DEADZONE, V_GAIN) = (
     k * LANES for k in range(len(_SIDE_ROWS)))
 (H, BEGUN, NOW, DONE, SUPPLY, DECLINE, BUS_ROW, MEASURED, LOAD_J, MASS, I11, I12, I22, HALF, PULL, UP_X, UP_Y, COM_X, COM_Y, SCRUB, DRY,
- LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X, DIR_Y, RATE_N, V_N, DV, DR, B0, B1, A00, A11, WX, DET, SPIN, H_MAX, LATE, POSE_LATE, COMMAND_LATE, GYRO_GAIN,
+ LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X, DIR_Y, RATE_N, V_N, DV, DR, A00, A11, WX, DET, SPIN, H_MAX, LATE, POSE_LATE, COMMAND_LATE, GYRO_GAIN,
  GYRO_BIAS) = (
     2 * _SIDE + k * LANES for k in range(len(_ROWS)))
 
@@ -58,7 +58,7 @@ def _sin(angle, q):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _fallen(y):
+def _exp_minus(y):
     """exp(-y), y >= 0, to 1e-14 where it is worth anything: without a call, so that lanes stay abreast."""
     z = min(y, 40.0) * (1.0 / 64.0)
     e = 1.0 - z * (1.0 - z * (1.0 / 2.0) * (1.0 - z * (1.0 / 3.0) * (1.0 - z * (1.0 / 4.0) * (1.0 - z * (1.0 / 5.0) * (
@@ -355,7 +355,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 o = k * _SIDE
                 for l in range(lanes):
                     at = s[o + W + l] * s[o + FADES + l]
-                    s[o + EXTRA + l] = s[o + STRIBECK + l] * _fallen(at * at)
+                    s[o + EXTRA + l] = s[o + STRIBECK + l] * _exp_minus(at * at)
         # ---- driver, armature and rotor of each side: mean current = m0 - m1 * rotor speed at the end of the step
         for k in range(2):
             o = k * _SIDE
