@@ -8,7 +8,7 @@ from diagnosis_cases import changed, make_case, make_run, without
 
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.account import _contradicted, _standing
+from rtds_host.diagnosis.account import _contradicted, _standing, account
 from rtds_host.diagnosis.carried import CONSTANT, carried, ratio, scatter, scattered
 from rtds_host.diagnosis.chance import MOST
 from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
@@ -358,6 +358,13 @@ def test_a_size_is_known_no_better_than_two_ways_to_weigh_the_rest_agree(rest, l
     shift, own = abs(_shift(fit)[-1]), np.sqrt(fit.covariance[-1, -1])
     assert least * own <= shift <= most * own
     assert _sigmas(search.problem, fit)[-1] >= np.hypot(shift, own)
+
+
+def test_an_account_says_what_stands_in_its_plainer_form():
+    """Coulomb friction, found with an extra at low speed that is not there."""
+    stribeck = ("stribeck_friction", "both"), {"torque_nm": 0.03, "extra_torque_nm": 0.002, "speed_rad_s": 1.0}
+    search, fit = fitted(make_case(lambda m: m.add("coulomb", 0.03)), stribeck)
+    assert [one.member for one in account(search, fit).standing] == [("coulomb_friction", "both")]
 
 
 def test_noise_larger_than_declared_is_found_from_wherever_the_discrepancy_began():
