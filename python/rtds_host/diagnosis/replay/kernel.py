@@ -32,6 +32,8 @@ FLAT = 0.02
 SLIDING = 20.0
 # Numerical: flanks that meet more slowly stay together.
 BOUNCE_RAD_S = 0.05
+# Numerical: how often a step is taken whose friction or bus hangs on its own currents and forces.
+TRIALS = 3
 
 R, L, KM, KB, J, B = (SIDE_INDEX[n] for n in ("resistance", "inductance", "torque_constant", "back_emf",
                                               "rotor_inertia", "viscous"))
@@ -143,7 +145,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                 or com[ROLLING] != 0.0):
             dry = True
         if side[k, LOAD] != 0.0:
-            outer = 3
+            outer = TRIALS
     slipping = side[0, SLIP] != 0.0 or side[1, SLIP] != 0.0
     tyre = np.zeros(2)        # shear of the tyres over their relaxation length
     whole = np.zeros(2)       # force that this shear would give with all the grip there could be
@@ -161,7 +163,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     i12 = com[COM_Y] * i22
     i11 = 1.0 / mass + com[COM_Y] * i12 if axis == 0 else 1.0
     if com[SOURCE_R] != 0.0:
-        outer = 3
+        outer = TRIALS
     v = 0.0
     rate = 0.0
     if axis == 0:

@@ -3,8 +3,7 @@
 A step waits for itself: each of its operations needs the one before. Eight replays that do not wait for one another fill a
 processor's vector unit instead. Each lane goes through events and steps of its own and begins the next job when its run is
 through, so that models with other delays and runs of other lengths go together. Equations and method are those of
-`kernel.replay`, with neither springs, free play, slip, load-dependent friction nor a source's resistance, driven by voltages:
-what most models of a search are.
+`kernel.replay`, with neither springs nor free play, driven by voltages: what most models of a search are.
 """
 
 from __future__ import annotations
@@ -15,33 +14,35 @@ import numba
 import numpy as np
 
 from rtds_host.diagnosis.replay import kernel as one
-from rtds_host.diagnosis.replay.kernel import GRAVITY
+from rtds_host.diagnosis.replay.kernel import FLAT, GRAVITY, SLIDING, TRIALS
 
 # Numerical: numbers in a vector register of the widest processors; narrower ones take two or four for it.
 LANES = 8
 # Numerical: steps of different lengths that a lane keeps what hangs on them of, and how many rows a side that is, from `decay` on.
-MET, OF_STEP = 4, 7
+MET, OF_STEP = 4, 9
 
 # Rows of the lanes' state, each `LANES` long, at these offsets: of a side, twice; of the robot; and of what is the same in a run.
 _SIDE_ROWS = ("res", "ind", "ke", "gkm", "lim", "drop", "inertia", "fluid", "asym_v", "heat", "heat_tau", "friction", "asym", "radius",
               "speed_tau", "stribeck", "fades", "extra", "th", "w", "cur", "rise", "wf", "va", "vd", "stick", "wn", "c0", "m0", "decay", "rise_v", "mean_v", "mean_i",
-              "c1", "m1", "fade", "am", "bm", "rigid", "hi", "lo", "ripple", "force", "alpha", "beta", "speed_gain", "current_gain", "current_bias",
-              "pwm_curve", "deadzone", "voltage_gain")
+              "c1", "m1", "fade", "late_shear", "per_shear", "am", "bm", "rigid", "hi", "lo", "ripple", "force", "alpha", "beta", "speed_gain", "current_gain", "current_bias",
+              "pwm_curve", "deadzone", "voltage_gain", "slip", "length", "shear_tau", "grip", "tyre", "whole", "give", "yields", "tangent",
+              "taken", "asked", "load", "mean", "input", "output")
 _ROWS = ("h", "begun", "now", "done", "supply", "decline", "bus_row", "measured", "load_j", "mass", "i11", "i12", "i22", "half", "pull",
          "up_x", "up_y", "com_x", "com_y", "scrub", "dry", "level", "gx", "gz", "x", "y", "yaw", "v", "rate", "dir_x", "dir_y", "rate_n",
          "v_n", "dv", "dr", "a00", "a11", "wx", "det", "spin", "h_max", "late", "pose_late",
-         "command_late", "gyro_gain", "gyro_bias")
+         "command_late", "gyro_gain", "gyro_bias", "source")
 _SIDE = len(_SIDE_ROWS) * LANES
 # Numerical: numbers that the lanes' state has.
 SIZE = 2 * _SIDE + len(_ROWS) * LANES
 
 (RES, IND, KE, GKM, LIM, DROP, INERTIA, FLUID, ASYM_V, HEAT, HEAT_TAU, FRICTION, ASYM, RADIUS, SPEED_TAU, STRIBECK, FADES, EXTRA, TH, W, CUR, RISE, WF,
- VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V, MEAN_I, C1, M1, FADE, AM, BM, RIGID, HI, LO, RIPPLE, FORCE, ALPHA, BETA, W_GAIN,
- I_GAIN, I_BIAS, CURVE, DEADZONE, V_GAIN) = (
+ VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V, MEAN_I, C1, M1, FADE, LATE_SHEAR, PER_SHEAR, AM, BM, RIGID, HI, LO, RIPPLE, FORCE, ALPHA, BETA,
+ W_GAIN, I_GAIN, I_BIAS, CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, SHEAR_TAU, GRIP, TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, LOAD,
+ MEAN, INPUT, OUTPUT) = (
     k * LANES for k in range(len(_SIDE_ROWS)))
 (H, BEGUN, NOW, DONE, SUPPLY, DECLINE, BUS_ROW, MEASURED, LOAD_J, MASS, I11, I12, I22, HALF, PULL, UP_X, UP_Y, COM_X, COM_Y, SCRUB, DRY,
  LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X, DIR_Y, RATE_N, V_N, DV, DR, A00, A11, WX, DET, SPIN, H_MAX, LATE, POSE_LATE, COMMAND_LATE, GYRO_GAIN,
- GYRO_BIAS) = (
+ GYRO_BIAS, SOURCE) = (
     2 * _SIDE + k * LANES for k in range(len(_ROWS)))
 
 
@@ -71,6 +72,27 @@ def _exp_minus(y):
     return e * e
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _tanh(x):
+    """The hyperbolic tangent, likewise."""
+    e = _exp_minus(2.0 * abs(x))
+    size = (1.0 - e) / (1.0 + e)
+    return size if x > 0.0 else -size
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _on_ground(f0, f1, b0, b1, a00, a11, wx, slip0, slip1, grip0, grip1):
+    """Traction forces, N, of tyres that slip within what these can hold, as in `kernel.replay`."""
+    slides = slip0 > 0.0 and abs(f0) > grip0
+    f0 = math.copysign(grip0, f0) if slides else f0
+    f1 = (b1 - wx * f0) / a11 if slides else f1
+    slides = slip1 > 0.0 and abs(f1) > grip1
+    f1 = math.copysign(grip1, f1) if slides else f1
+    f0 = (b0 - wx * f1) / a00 if slides else f0
+    held = min(max(f0, -grip0), grip0)
+    return held if slip0 > 0.0 else f0, f1
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _begin(s, l, side, com, run, start):
     """Set a lane to the start of a run; arguments as of `kernel.replay`."""
@@ -93,8 +115,13 @@ def _begin(s, l, side, com, run, start):
         s[o + W_GAIN], s[o + I_GAIN], s[o + I_BIAS] = side[k, one.W_GAIN], side[k, one.I_GAIN], side[k, one.I_BIAS]
         s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN] = side[k, one.CURVE], side[k, one.DEADZONE], side[k, one.V_GAIN]
         s[o + STRIBECK], s[o + FADES] = side[k, one.STRIBECK], 1.0 / side[k, one.STRIBECK_W]
-        if side[k, one.COULOMB] != 0.0 or side[k, one.STRIBECK] != 0.0 or side[k, one.ASYM] != 0.0 or com[one.ROLLING] != 0.0:
+        if (side[k, one.COULOMB] != 0.0 or side[k, one.STRIBECK] != 0.0 or side[k, one.ASYM] != 0.0 or side[k, one.LOAD] != 0.0
+                or com[one.ROLLING] != 0.0):
             dry = 1.0
+        s[o + LOAD], s[o + SLIP], s[o + LENGTH] = side[k, one.LOAD], side[k, one.SLIP], side[k, one.SLIP_LENGTH]
+        s[o + SHEAR_TAU] = side[k, one.SLIP_DAMPING] * side[k, one.SLIP] * side[k, one.SLIP_LENGTH]
+        s[o + GRIP] = side[k, one.SLIP_GRIP] * mass * GRAVITY * 0.5 if side[k, one.SLIP] != 0.0 else 1.0
+        s[o + FORCE] = s[o + INPUT] = s[o + TYRE] = s[o + WHOLE] = 0.0
         s[o + TH] = start[3 + k] / side[k, one.W_GAIN]
         s[o + W] = start[5 + k] / side[k, one.W_GAIN]
         s[o + WF] = start[9 + k] / side[k, one.W_GAIN]
@@ -104,7 +131,7 @@ def _begin(s, l, side, com, run, start):
     s[POSE_LATE + l] = com[one.LATENCY]
     s[LATE + l] = com[one.MEAS_DELAY] + com[one.LATENCY]
     s[COMMAND_LATE + l] = com[one.CMD_DELAY]
-    s[GYRO_GAIN + l], s[GYRO_BIAS + l] = com[one.GYRO_GAIN], com[one.GYRO_BIAS]
+    s[GYRO_GAIN + l], s[GYRO_BIAS + l], s[SOURCE + l] = com[one.GYRO_GAIN], com[one.GYRO_BIAS], com[one.SOURCE_R]
     s[BEGUN + l] = run[3]
     s[SUPPLY + l], s[DECLINE + l], s[MEASURED + l] = com[one.SUPPLY], com[one.DECLINE], com[one.BUS_MEAS]
     s[LOAD_J + l] = com[one.JW]
@@ -124,7 +151,7 @@ def _begin(s, l, side, com, run, start):
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _of_step(s, l, h):
-    """Constants of a lane's armatures and filters for steps of h, s."""
+    """Constants of a lane's armatures, filters and tyres for steps of h, s."""
     for k in range(2):
         o = k * _SIDE + l
         res = s[o + RES] * (1.0 + s[o + RISE])
@@ -138,6 +165,8 @@ def _of_step(s, l, h):
         s[o + C1] = ke / res * (1.0 - (1.0 - e) * mean_i)
         s[o + M1] = 0.5 * ke / res - mean_i * s[o + C1]
         s[o + FADE] = math.exp(-h / s[o + SPEED_TAU]) if s[o + SPEED_TAU] > 0.0 else 0.0
+        s[o + LATE_SHEAR] = max(0.5, 1.0 - s[o + SHEAR_TAU] / h)
+        s[o + PER_SHEAR] = 1.0 / (s[o + LATE_SHEAR] * h + s[o + SHEAR_TAU])
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -171,7 +200,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     kept = np.zeros((LANES, MET, 2 * OF_STEP))
     given = 0
     running = 0
-    scrubbed = pulled = specials = faded = False
+    scrubbed = pulled = specials = faded = slipping = drawn = False
     while True:
         # ---- events of lanes whose step ends at one; idle lanes stand still
         for l in range(lanes):
@@ -201,12 +230,14 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     special[l] = 0
                     for k in range(2):
                         special[l] |= (1 if sides[which[j, 0], k, one.RIPPLE] != 0.0 else 0) | (2 if s[k * _SIDE + HEAT + l] != 0.0 else 0)
-                    specials = scrubbed = pulled = faded = False
+                    specials = scrubbed = pulled = faded = slipping = drawn = False
                     for i in range(lanes):
                         specials |= special[i] > 0
                         scrubbed |= s[SCRUB + i] != 0.0
                         pulled |= s[PULL + i] != 0.0
                         faded |= s[STRIBECK + i] != 0.0 or s[_SIDE + STRIBECK + i] != 0.0
+                        slipping |= s[SLIP + i] != 0.0 or s[_SIDE + SLIP + i] != 0.0
+                        drawn |= s[SOURCE + i] != 0.0 or s[LOAD + i] != 0.0 or s[_SIDE + LOAD + i] != 0.0
                 if not (abs(s[W + l]) < 1e6 and abs(s[_SIDE + W + l]) < 1e6 and abs(s[CUR + l]) < 1e6
                         and abs(s[_SIDE + CUR + l]) < 1e6 and abs(s[V + l]) < 1e6 and abs(s[RATE + l]) < 1e6):
                     for k in range(min(sample[l], pose[l]), last[l]):
@@ -224,7 +255,9 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 k = sample[l]
                 while k < end and ts[k] - s[LATE + l] <= now + 1e-9:
                     row = to_out[l] + k
-                    out[row, 0] = s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else s[SUPPLY + l] - s[DECLINE + l] * (now - s[BEGUN + l])
+                    draw = (s[CUR + l] * s[VA + l] + s[_SIDE + CUR + l] * s[_SIDE + VA + l]) / s[SUPPLY + l]
+                    bus = s[SUPPLY + l] - s[SOURCE + l] * draw - s[DECLINE + l] * (now - s[BEGUN + l])
+                    out[row, 0] = s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus
                     for i in range(2):
                         o = i * _SIDE + l
                         out[row, 1 + i] = s[o + CUR] * s[o + I_GAIN] + s[o + I_BIAS]
@@ -240,6 +273,8 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     for i in range(SIZE // LANES):
                         s[i * LANES + l] = 0.0
                     s[H + l] = s[LOAD_J + l] = s[SUPPLY + l] = s[INERTIA + l] = s[_SIDE + INERTIA + l] = s[I11 + l] = s[I22 + l] = 1.0
+                    for i in range(2):
+                        s[i * _SIDE + GRIP + l] = s[i * _SIDE + LATE_SHEAR + l] = s[i * _SIDE + PER_SHEAR + l] = 1.0
                     special[l] = 0
                     continue
                 k = command[l]
@@ -336,10 +371,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
             s[GX + l] = s[MASS + l] * s[COM_X + l] * rate * rate
             s[GZ + l] = -s[MASS + l] * s[COM_X + l] * v * rate
             s[SPIN + l] = 1.0 if rate > 0.0 else (-1.0 if rate < 0.0 else 0.0)
-            h = s[H + l]
-            bus = s[SUPPLY + l] - s[DECLINE + l] * (s[NOW + l] + s[DONE + l] - s[BEGUN + l] + 0.5 * h)
-            s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / s[SUPPLY + l]
-            s[DONE + l] += h
+            s[DONE + l] += s[H + l]
         if pulled:
             for l in range(lanes):
                 angle = 0.5 * s[H + l] * s[RATE + l]
@@ -356,101 +388,149 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 for l in range(lanes):
                     at = s[o + W + l] * s[o + FADES + l]
                     s[o + EXTRA + l] = s[o + STRIBECK + l] * _exp_minus(at * at)
-        # ---- driver, armature and rotor of each side: mean current = m0 - m1 * rotor speed at the end of the step
         for k in range(2):
             o = k * _SIDE
             for l in range(lanes):
-                h = s[H + l]
                 w = s[o + W + l]
-                s[o + WN + l] = w
-                ke = s[o + KE + l]
-                volts = s[o + VD + l] * s[LEVEL + l]
-                volts = min(max(volts, -s[o + LIM + l]), s[o + LIM + l])
-                drop = s[o + DROP + l]
-                u = volts - ke * w
-                against = -drop if u > 0.0 else (drop if u < 0.0 else 0.0)
-                volts -= min(max(u, -drop), drop) if drop > 0.0 else against
-                c0 = s[o + DECAY + l] * s[o + CUR + l] + s[o + RISE_V + l] * (volts - ke * w) + s[o + C1 + l] * w
-                m0 = s[o + MEAN_I + l] * (s[o + CUR + l] - c0) + s[o + MEAN_V + l] * (volts - 0.5 * ke * w)
-                s[o + C0 + l], s[o + M0 + l] = c0, m0
-                torque = s[o + GKM + l] * m0 + s[o + RIPPLE + l]
-                slope = s[o + GKM + l] * s[o + M1 + l]
-                asym = s[o + ASYM_V + l]
-                fluid = s[o + FLUID + l] + (asym if w > 0.0 else (-asym if w < 0.0 else 0.0))
-                am = s[o + INERTIA + l] + 0.5 * h * fluid + h * slope
-                s[o + AM + l] = am
-                s[o + BM + l] = s[o + INERTIA + l] * w + h * (torque - 0.5 * fluid * w)
-                s[o + RIGID + l] = 1.0 / (am + s[LOAD_J + l])
-                f = s[o + FRICTION + l] + s[o + EXTRA + l]
-                s[o + HI + l] = h * (f + s[o + ASYM + l])
-                s[o + LO + l] = -h * (f - s[o + ASYM + l])
+                s[o + WN + l], s[o + MEAN + l] = w, s[o + CUR + l]
                 s[o + STICK + l] = 1.0 if w > 0.0 else (-1.0 if w < 0.0 else 0.0)
-        # ---- velocities at the end of the step; a lane whose guess held finds the same again
-        for _ in range(20):
+        if slipping:
+            # As in `kernel.replay`; what its shear would be without slip is nothing.
+            for k in range(2):
+                o = k * _SIDE
+                for l in range(lanes):
+                    h, slip, late, per, grip, whole = (s[H + l], s[o + SLIP + l], s[o + LATE_SHEAR + l], s[o + PER_SHEAR + l], s[o + GRIP + l],
+                                                       s[o + WHOLE + l])
+                    rim = s[o + RADIUS + l] * s[o + WN + l]
+                    rolled = abs(rim)
+                    path = (s[o + LENGTH + l] + late * h * rolled) * per
+                    bent = _tanh(whole / grip)
+                    tangent = max(1.0 - bent * bent, FLAT)
+                    taken = grip * bent
+                    slid = rim - s[V + l] - (2 * k - 1) * s[HALF + l] * s[RATE + l]
+                    s[o + TANGENT + l], s[o + TAKEN + l] = tangent, taken
+                    s[o + GIVE + l] = slip * path / (tangent * late)
+                    yields = (slip * path * (whole - taken / tangent) + (rolled - path) * s[o + TYRE + l] - (1.0 - late) * slid) / late
+                    s[o + YIELDS + l] = yields if slip > 0.0 else 0.0
+        trial = 0
+        while True:
+            # ---- driver, armature and rotor of each side: mean current = m0 - m1 * rotor speed at the end of the step
             for l in range(lanes):
-                h = s[H + l]
-                i11, i12, i22, half = s[I11 + l], s[I12 + l], s[I22 + l], s[HALF + l]
-                for k in range(2):
-                    o = k * _SIDE + l
-                    stick = s[o + STICK]
-                    moves = 0.0 if s[DRY + l] > 0.0 and stick == 0.0 else 1.0
-                    p = s[o + HI] if stick > 0.0 else (s[o + LO] if stick < 0.0 else 0.0)
-                    s[o + ALPHA] = moves * ((s[o + BM] + s[LOAD_J + l] * s[o + WN] - p) * s[o + RIGID])
-                    s[o + BETA] = moves * (h * s[o + RADIUS] * s[o + RIGID])
-                w0 = h * (i11 - 2.0 * half * i12 + half * half * i22)
-                w1 = h * (i11 + 2.0 * half * i12 + half * half * i22)
-                wx = h * (i11 - half * half * i22)
-                a00 = s[RADIUS + l] * s[BETA + l] + w0
-                a11 = s[_SIDE + RADIUS + l] * s[_SIDE + BETA + l] + w1
-                det = 1.0 / (a00 * a11 - wx * wx)
-                q = s[SPIN + l] * h * s[SCRUB + l]
-                dv = h * (i11 * s[GX + l] + i12 * s[GZ + l]) - i12 * q
-                dr = h * (i12 * s[GX + l] + i22 * s[GZ + l]) - i22 * q
-                b0 = s[RADIUS + l] * s[ALPHA + l] - (s[V + l] - half * s[RATE + l]) - dv + half * dr
-                b1 = s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l] - (s[V + l] + half * s[RATE + l]) - dv - half * dr
-                f0, f1 = (a11 * b0 - wx * b1) * det, (a00 * b1 - wx * b0) * det
-                s[FORCE + l], s[_SIDE + FORCE + l], s[DV + l], s[DR + l] = f0, f1, dv, dr
-                s[A00 + l], s[A11 + l], s[WX + l], s[DET + l] = a00, a11, wx, det
-                s[RATE_N + l] = s[RATE + l] + dr + h * (i12 * (f0 + f1) + i22 * half * (f1 - f0))
-            if scrubbed:
+                draw = (s[MEAN + l] * s[VA + l] + s[_SIDE + MEAN + l] * s[_SIDE + VA + l]) / s[SUPPLY + l]
+                # `DONE` is the time at the step's end.
+                bus = s[SUPPLY + l] - s[SOURCE + l] * draw - s[DECLINE + l] * (s[NOW + l] + s[DONE + l] - s[BEGUN + l] - 0.5 * s[H + l])
+                s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / s[SUPPLY + l]
+            for k in range(2):
+                o = k * _SIDE
+                for l in range(lanes):
+                    h = s[H + l]
+                    w = s[o + WN + l]
+                    ke = s[o + KE + l]
+                    volts = s[o + VD + l] * s[LEVEL + l]
+                    volts = min(max(volts, -s[o + LIM + l]), s[o + LIM + l])
+                    drop = s[o + DROP + l]
+                    u = volts - ke * w
+                    against = -drop if u > 0.0 else (drop if u < 0.0 else 0.0)
+                    volts -= min(max(u, -drop), drop) if drop > 0.0 else against
+                    c0 = s[o + DECAY + l] * s[o + CUR + l] + s[o + RISE_V + l] * (volts - ke * w) + s[o + C1 + l] * w
+                    m0 = s[o + MEAN_I + l] * (s[o + CUR + l] - c0) + s[o + MEAN_V + l] * (volts - 0.5 * ke * w)
+                    s[o + C0 + l], s[o + M0 + l] = c0, m0
+                    torque = s[o + GKM + l] * m0 + s[o + RIPPLE + l]
+                    slope = s[o + GKM + l] * s[o + M1 + l]
+                    asym = s[o + ASYM_V + l]
+                    fluid = s[o + FLUID + l] + (asym if w > 0.0 else (-asym if w < 0.0 else 0.0))
+                    am = s[o + INERTIA + l] + 0.5 * h * fluid + h * slope
+                    s[o + AM + l] = am
+                    s[o + BM + l] = s[o + INERTIA + l] * w + h * (torque - 0.5 * fluid * w)
+                    s[o + RIGID + l] = 1.0 / (am + s[LOAD_J + l])
+                    output = s[o + RADIUS + l] * s[o + FORCE + l] if trial == 0 else s[o + OUTPUT + l]
+                    f = s[o + FRICTION + l] + s[o + EXTRA + l] + s[o + LOAD + l] * max(abs(s[o + INPUT + l]), abs(output))
+                    s[o + HI + l] = h * (f + s[o + ASYM + l])
+                    s[o + LO + l] = -h * (f - s[o + ASYM + l])
+            # ---- velocities at the end of the step; a lane whose guess held finds the same again
+            for _ in range(20):
                 for l in range(lanes):
                     h = s[H + l]
                     i11, i12, i22, half = s[I11 + l], s[I12 + l], s[I22 + l], s[HALF + l]
-                    a00, a11, wx, det, most = s[A00 + l], s[A11 + l], s[WX + l], s[DET + l], h * s[SCRUB + l]
-                    # The scrub would reverse the turn: find the impulse that stops it, within its bound.
-                    q0, q1 = i12 - half * i22, i12 + half * i22
-                    f0, f1 = (a11 * q0 - wx * q1) * det, (a00 * q1 - wx * q0) * det
-                    gain = h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) - i22
-                    # Two wheels that stick hold the turn by themselves, and the scrub has nothing to do.
-                    q = min(max(s[SPIN + l] * most - s[RATE_N + l] / gain, -most), most) if gain < -1e-9 * i22 else 0.0
+                    for k in range(2):
+                        o = k * _SIDE + l
+                        stick = s[o + STICK]
+                        moves = 0.0 if s[DRY + l] > 0.0 and stick == 0.0 else 1.0
+                        p = s[o + HI] if stick > 0.0 else (s[o + LO] if stick < 0.0 else 0.0)
+                        s[o + ALPHA] = moves * ((s[o + BM] + s[LOAD_J + l] * s[o + WN] - p) * s[o + RIGID])
+                        s[o + BETA] = moves * (h * s[o + RADIUS] * s[o + RIGID])
+                    w0 = h * (i11 - 2.0 * half * i12 + half * half * i22)
+                    w1 = h * (i11 + 2.0 * half * i12 + half * half * i22)
+                    wx = h * (i11 - half * half * i22)
+                    a00 = s[RADIUS + l] * s[BETA + l] + w0 + s[GIVE + l]
+                    a11 = s[_SIDE + RADIUS + l] * s[_SIDE + BETA + l] + w1 + s[_SIDE + GIVE + l]
+                    det = 1.0 / (a00 * a11 - wx * wx)
+                    q = s[SPIN + l] * h * s[SCRUB + l]
                     dv = h * (i11 * s[GX + l] + i12 * s[GZ + l]) - i12 * q
                     dr = h * (i12 * s[GX + l] + i22 * s[GZ + l]) - i22 * q
-                    b0 = s[RADIUS + l] * s[ALPHA + l] - (s[V + l] - half * s[RATE + l]) - dv + half * dr
-                    b1 = s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l] - (s[V + l] + half * s[RATE + l]) - dv - half * dr
+                    b0 = s[RADIUS + l] * s[ALPHA + l] - (s[V + l] - half * s[RATE + l]) - dv + half * dr - s[YIELDS + l]
+                    b1 = s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l] - (s[V + l] + half * s[RATE + l]) - dv - half * dr - s[_SIDE + YIELDS + l]
                     f0, f1 = (a11 * b0 - wx * b1) * det, (a00 * b1 - wx * b0) * det
-                    reverses = s[SCRUB + l] != 0.0 and s[SPIN + l] * s[RATE_N + l] <= 0.0
-                    s[FORCE + l] = f0 if reverses else s[FORCE + l]
-                    s[_SIDE + FORCE + l] = f1 if reverses else s[_SIDE + FORCE + l]
-                    s[DV + l] = dv if reverses else s[DV + l]
-                    s[RATE_N + l] = s[RATE + l] + dr + h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) if reverses else s[RATE_N + l]
-            again = 0
-            for l in range(lanes):
-                h, half = s[H + l], s[HALF + l]
-                f0, f1 = s[FORCE + l], s[_SIDE + FORCE + l]
-                s[V_N + l] = s[V + l] + s[DV + l] + h * (s[I11 + l] * (f0 + f1) + s[I12 + l] * half * (f1 - f0))
-                for k in range(2):
-                    o = k * _SIDE + l
-                    force = s[o + FORCE]
-                    w = s[o + ALPHA] - s[o + BETA] * force
-                    s[o + W] = w
-                    need = s[o + BM] + s[LOAD_J + l] * s[o + WN] - h * s[o + RADIUS] * force
-                    stick = s[o + STICK]
-                    breaks = 1.0 if need > max(s[o + HI], 0.0) else (-1.0 if need < min(s[o + LO], 0.0) else 0.0)
-                    other = breaks if stick == 0.0 else (0.0 if stick * w < 0.0 else stick)
-                    other = other if s[DRY + l] > 0.0 else stick
-                    again |= 1 if other != stick else 0
-                    s[o + STICK] = other
-            if again == 0:
+                    s[ASKED + l], s[_SIDE + ASKED + l] = f0, f1
+                    f0, f1 = _on_ground(f0, f1, b0, b1, a00, a11, wx, s[SLIP + l], s[_SIDE + SLIP + l], s[GRIP + l], s[_SIDE + GRIP + l])
+                    s[FORCE + l], s[_SIDE + FORCE + l], s[DV + l], s[DR + l] = f0, f1, dv, dr
+                    s[A00 + l], s[A11 + l], s[WX + l], s[DET + l] = a00, a11, wx, det
+                    s[RATE_N + l] = s[RATE + l] + dr + h * (i12 * (f0 + f1) + i22 * half * (f1 - f0))
+                if scrubbed:
+                    for l in range(lanes):
+                        h = s[H + l]
+                        i11, i12, i22, half = s[I11 + l], s[I12 + l], s[I22 + l], s[HALF + l]
+                        a00, a11, wx, det, most = s[A00 + l], s[A11 + l], s[WX + l], s[DET + l], h * s[SCRUB + l]
+                        # The scrub would reverse the turn: find the impulse that stops it, within its bound.
+                        q0, q1 = i12 - half * i22, i12 + half * i22
+                        f0, f1 = (a11 * q0 - wx * q1) * det, (a00 * q1 - wx * q0) * det
+                        gain = h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) - i22
+                        # Two wheels that stick hold the turn by themselves, and the scrub has nothing to do.
+                        q = min(max(s[SPIN + l] * most - s[RATE_N + l] / gain, -most), most) if gain < -1e-9 * i22 else 0.0
+                        dv = h * (i11 * s[GX + l] + i12 * s[GZ + l]) - i12 * q
+                        dr = h * (i12 * s[GX + l] + i22 * s[GZ + l]) - i22 * q
+                        b0 = s[RADIUS + l] * s[ALPHA + l] - (s[V + l] - half * s[RATE + l]) - dv + half * dr - s[YIELDS + l]
+                        b1 = s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l] - (s[V + l] + half * s[RATE + l]) - dv - half * dr - s[_SIDE + YIELDS + l]
+                        f0, f1 = (a11 * b0 - wx * b1) * det, (a00 * b1 - wx * b0) * det
+                        reverses = s[SCRUB + l] != 0.0 and s[SPIN + l] * s[RATE_N + l] <= 0.0
+                        s[ASKED + l] = f0 if reverses else s[ASKED + l]
+                        s[_SIDE + ASKED + l] = f1 if reverses else s[_SIDE + ASKED + l]
+                        f0, f1 = _on_ground(f0, f1, b0, b1, a00, a11, wx, s[SLIP + l], s[_SIDE + SLIP + l], s[GRIP + l], s[_SIDE + GRIP + l])
+                        s[FORCE + l] = f0 if reverses else s[FORCE + l]
+                        s[_SIDE + FORCE + l] = f1 if reverses else s[_SIDE + FORCE + l]
+                        s[DV + l] = dv if reverses else s[DV + l]
+                        s[RATE_N + l] = s[RATE + l] + dr + h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) if reverses else s[RATE_N + l]
+                again = 0
+                for l in range(lanes):
+                    h, half = s[H + l], s[HALF + l]
+                    f0, f1 = s[FORCE + l], s[_SIDE + FORCE + l]
+                    s[V_N + l] = s[V + l] + s[DV + l] + h * (s[I11 + l] * (f0 + f1) + s[I12 + l] * half * (f1 - f0))
+                    for k in range(2):
+                        o = k * _SIDE + l
+                        force = s[o + FORCE]
+                        w = s[o + ALPHA] - s[o + BETA] * force
+                        s[o + W] = w
+                        need = s[o + BM] + s[LOAD_J + l] * s[o + WN] - h * s[o + RADIUS] * force
+                        stick = s[o + STICK]
+                        breaks = 1.0 if need > max(s[o + HI], 0.0) else (-1.0 if need < min(s[o + LO], 0.0) else 0.0)
+                        other = breaks if stick == 0.0 else (0.0 if stick * w < 0.0 else stick)
+                        other = other if s[DRY + l] > 0.0 else stick
+                        again |= 1 if other != stick else 0
+                        s[o + STICK] = other
+                if again == 0:
+                    break
+            if not drawn:
+                break
+            for k in range(2):
+                o = k * _SIDE
+                for l in range(lanes):
+                    w, wn = s[o + W + l], s[o + WN + l]
+                    mean, plain = s[o + M0 + l] - s[o + M1 + l] * w, s[o + FLUID + l]
+                    s[o + MEAN + l] = mean
+                    s[o + INPUT + l] = s[o + GKM + l] * mean - 0.5 * plain * (wn + w) - s[o + INERTIA + l] * (w - wn) / s[H + l]
+                    s[o + OUTPUT + l] = s[LOAD_J + l] * (w - wn) / s[H + l] + s[o + RADIUS + l] * s[o + FORCE + l]
+            trial += 1
+            if trial == TRIALS:
                 break
         # ---- accept the step
         for k in range(2):
@@ -479,3 +559,11 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
             s[DIR_X + l], s[DIR_Y + l] = c * dc - d * ds, d * dc + c * ds
             s[YAW + l] += h * rate_mid
             s[V + l], s[RATE + l] = s[V_N + l], s[RATE_N + l]
+        if slipping:
+            for k in range(2):
+                o = k * _SIDE
+                for l in range(lanes):
+                    most = SLIDING * s[o + GRIP + l]
+                    whole = min(max(s[o + WHOLE + l] + (s[o + ASKED + l] - s[o + TAKEN + l]) / s[o + TANGENT + l], -most), most)
+                    s[o + WHOLE + l] = whole
+                    s[o + TYRE + l] += s[H + l] * (whole * s[o + SLIP + l] - s[o + TYRE + l]) * s[o + PER_SHEAR + l]

@@ -100,8 +100,7 @@ class Model:
     def abreast(self) -> bool:
         """Whether its replays can go abreast, see `lanes`."""
         common, index = self.common, COMMON_INDEX
-        return (common[index["axis"]] == 0.0 and common[index["mode"]] == 0.0 and common[index["source_resistance"]] == 0.0
-                and not self._has("stiffness", "backlash", "slip", "load_share"))
+        return common[index["axis"]] == 0.0 and common[index["mode"]] == 0.0 and not self._has("stiffness", "backlash")
 
     def _has(self, *names: str) -> bool:
         return bool((self.side[:, [SIDE_INDEX[name] for name in names]] != 0).any())
