@@ -5,6 +5,8 @@ gain of likelihood between them (`evidence`):
 
     log odds(present) = log prior odds + min(G, t^2 / 2)
 
+by the likelihood or by the gap's own measure, whichever misses it more: the first feels what is fast, the second what is slow.
+
 It must also be worth naming, on runs that it was not fitted to as well (`left_out`), be of one size in all runs and settings
 (`carried`), and not be contradicted by what measured signals say of the blocks that they drive (`localise`).
 """
@@ -16,7 +18,7 @@ from dataclasses import dataclass, field, replace
 
 from rtds_host.diagnosis.carried import CONSTANT, absent, carried, scattered
 from rtds_host.diagnosis.chance import MOST
-from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_adding, worth_naming
+from rtds_host.diagnosis.evidence import CONVINCING, believed, closer, compared, excess, worth_adding, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
@@ -75,9 +77,9 @@ def _standing(search: Search, fit: Fit, member: tuple[str, str], rough: bool) ->
     if not rough:
         without = search.try_fit(without.hypothesis, without.u, without)
     gain, t = compared(search.problem, fit, without)
-    odds = search.log_prior((member,)) + believed(gain, t)
     share = (search.score(without) - search.score(fit)) / max(excess(search.problem, without), 1.0)
     without, gap = _closest(search, fit, without)
+    odds = search.log_prior((member,)) + max(believed(gain, t), believed(*closer(search.problem, fit, without)))
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
     return Standing(member, without, (gap, search.problem.gap_as_fitted(fit.model(search.problem))), gain, t, share, probability)
 
@@ -199,7 +201,8 @@ def account(search: Search, fit: Fit) -> Account:
             # Those that are left may have leant on one that is gone; another of as many may explain more.
             fewest = len(fit.hypothesis)
             other = search.renamed(search.exchange(search.polished(fit, fit.hypothesis), LARGEST_SET))
-            fit = fit if dropped.keys() & set(other.hypothesis) else other
+            if not dropped.keys() & set(other.hypothesis) and search.gap(other) <= search.gap(fit):
+                fit = other
         elif rough:
             # What stands may be plainer than it was found: Coulomb friction for Stribeck's.
             plainer, rough = search.prune(fit), False

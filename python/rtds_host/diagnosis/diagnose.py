@@ -251,15 +251,15 @@ def _effect(problem: Problem, weighed: Account, one: Standing, held: HeldOut, st
     values = fit.values[fit.hypothesis.index(one.member)]
     effect = problem.effects[one.member[0]]
     entry = {}
+    # Commands have the same stamps as samples: a delay is known no better than these are, or than it is one in all runs, or than
+    # the latency of a servo's board, which it is one sum with.
+    latency_s = LATENCY_S if any(LATENCY.keys() & n.keys.keys() for n in problem.nuisances) else 0.0
+    stamps = math.hypot(stamps_s, problem.lag_s, latency_s) if effect.subsystem == "timing" else 0.0
     for p in effect.parameters:
         key = (one.member, p.name)
         pinned = free[key] and sigma[key] < PINNED
         # Of what is absent far off, a stiff spring, a high limit, the size is the value itself.
         size = abs(values[p.name] - p.null) if p.null in (0.0, 1.0) else abs(values[p.name])
-        # Commands have the same stamps as samples: a delay is known no better than these are, or than it is one in all runs, or than
-        # the latency of a servo's board, which it is one sum with.
-        latency_s = LATENCY_S if any(LATENCY.keys() & n.keys.keys() for n in problem.nuisances) else 0.0
-        stamps = math.hypot(stamps_s, problem.lag_s, latency_s) if effect.subsystem == "timing" else 0.0
         spread = Z90 * math.hypot(sigma[key] * p.slope(values[p.name]), effect.form * size, stamps)
         name, _, unit = p.reported(problem.robot.axis)
         low, high = max(values[p.name] - spread, p.low), min(values[p.name] + spread, p.high)

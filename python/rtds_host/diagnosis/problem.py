@@ -45,8 +45,6 @@ AVERAGE_S = 0.05
 FINE_WINDOW_S, FINE_AVERAGE_S = 0.1, 0.01
 # Numerical: longer cases are searched in stretches: by then the models' errors, and not the samples, bound what can be learnt.
 SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 80_000, 20.0
-# Physical: a slope below this pulls by less than half a percent of the weight, and tells no heading.
-HEADING_SLOPE_RAD = 0.005
 # Numerical: chi2 that chance alone does not bring.
 CHI2 = MOVES**2
 # Numerical: lags that are tried in a run, in delays of the others.
@@ -363,7 +361,7 @@ class Problem:
             return 0.0
         for data, whole in zip(self.runs, self.whole, strict=True):
             log = data.log
-            if log.has("yaw") or abs(log.meta.slope_rad) < HEADING_SLOPE_RAD:
+            if log.has("yaw") or log.meta.slope_rad == 0.0:
                 continue
             start = data.inputs[-1]
             misfit = functools.partial(self._heading_misfit, data, model)

@@ -109,11 +109,13 @@ def neighbours(values: dict[str, float], angle: float) -> list[dict[str, float]]
     """Ripples close by whose misfit may be lower beyond a rise.
 
     Over a run a wrong number of cycles drifts out of step, and in again: the misfit has a minimum at each. The number is
-    moved with the phase that keeps step at `angle` rad, the middle of the runs.
+    moved with the phase that keeps step at `angle` rad, the middle of the runs. Poles and teeth of what turns with the wheel come
+    in whole numbers.
     """
+    whole = round(values["cycles_per_rev"]) - values["cycles_per_rev"]
     return [{**values, "cycles_per_rev": values["cycles_per_rev"] + off,
              "phase_rad": math.remainder(values["phase_rad"] - off * angle + shift, 2 * math.pi)}
-            for off in NEIGHBOURS for shift in PHASES if off or shift]
+            for off in (*NEIGHBOURS, whole) for shift in PHASES if off or shift]
 
 
 def starts(problem: Problem, outs: list[np.ndarray], peaks: int = 2) -> dict[tuple[str, str], list[dict]]:

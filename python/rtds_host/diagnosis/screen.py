@@ -108,13 +108,25 @@ class Screen:
         weight = prior_weight(fit.z, fit.u)[keep]
         at = np.concatenate([fit.z, fit.u])[keep]
         white = noise.whiten(fit.residual).astype(np.float32)
+        self._take(moves, noise, before)
+        self.shared = (self.rows @ jacobian).astype(float)
+        self.inner = np.linalg.inv((jacobian.T @ jacobian).astype(float) + np.diag(weight))
+        cross = self.shared @ self.inner
+        self.size = self.squares - np.einsum("ij,ij->i", cross, self.shared)
+        self.slope = (self.rows @ white).astype(float) - cross @ ((jacobian.T @ white).astype(float) + weight * at)
+
+    def _take(self, moves: dict[Signature, np.ndarray], noise: Discrepancy, before: Screen | None) -> None:
+        """Whitened signatures, a row each, and their squares, those of both sides at the end."""
+        if before is not None and before.moves is moves:
+            self.signatures, self.rows, self.squares = before.signatures, before.rows, before.squares
+            return
         self.signatures = list(moves)
         # Effects of both sides: the sum of the sides' signatures.
         left = {(s.effect, s.values): k for k, s in enumerate(self.signatures) if s.side == "left"}
         pairs = [(k, left[s.effect, s.values]) for k, s in enumerate(self.signatures)
                  if s.side == "right" and (s.effect, s.values) in left and not self.effects[s.effect].nonlinear]
         self.signatures += [Signature(self.signatures[k].effect, "both", self.signatures[k].values) for k, _ in pairs]
-        self.rows = np.empty((len(self.signatures), len(white)), np.float32)
+        self.rows = np.empty((len(self.signatures), noise.count), np.float32)
         known = {} if before is None else {s: row for s, row in zip(before.moves, before.rows) if moves.get(s) is before.moves[s]}
         new = []
         for k, (signature, move) in enumerate(moves.items()):
@@ -125,11 +137,7 @@ class Screen:
             self.rows[new] = noise.whiten(self.rows[new].T).T
         for row, (k, twin) in zip(self.rows[len(moves):], pairs):
             np.add(self.rows[k], self.rows[twin], out=row)
-        self.shared = (self.rows @ jacobian).astype(float)
-        self.inner = np.linalg.inv((jacobian.T @ jacobian).astype(float) + np.diag(weight))
-        cross = self.shared @ self.inner
-        self.size = np.einsum("ij,ij->i", self.rows, self.rows).astype(float) - np.einsum("ij,ij->i", cross, self.shared)
-        self.slope = (self.rows @ white).astype(float) - cross @ ((jacobian.T @ white).astype(float) + weight * at)
+        self.squares = np.einsum("ij,ij->i", self.rows, self.rows).astype(float)
 
     def _gram(self, members: Sequence[int]) -> np.ndarray:
         """Products of some signatures, projected, a little more than singular."""

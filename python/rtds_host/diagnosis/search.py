@@ -64,6 +64,7 @@ class Search:
         self.afresh = True                       # whether the next screening takes every signature anew
         self.slow_moves: dict[Signature, np.ndarray] = {}
         self.moves: dict[Signature, np.ndarray] = {}
+        self._flat: Screen | None = None         # the last screening by no discrepancy
         self.looked: set[Hypothesis] = set()     # explanations on top of which slow effects were looked for
         self._refitted: Fit | None = None
         self.trace: list[str] = []
@@ -130,8 +131,9 @@ class Search:
 
         The first hardly feels what is slow, since it may be the discrepancy; the second hardly what is small.
         """
-        return [Screen(self.problem, fit, moves, noise, known)
-                for noise, known in zip((fit.noise, self.problem.discrepancy()), before)]
+        first, flat = before
+        self._flat = Screen(self.problem, fit, moves, self.problem.discrepancy(), flat or self._flat)
+        return [Screen(self.problem, fit, moves, fit.noise, first), self._flat]
 
     def _screened(self, fit: Fit) -> list[Screen]:
         """Screenings of a fit. What promised little by the signatures of the screening before, and slow effects, keep these.
@@ -298,7 +300,7 @@ class Search:
             tried += [f for f in found if self.score(f) < self.score(fit) + ROUGHLY]
         tried = sorted(tried, key=self.score)[:3]
         found = [self.try_fit(f.hypothesis, f.u, f) for f in tried if f is not fit]
-        found = [f for f in found if len(f.hypothesis) <= len(fit.hypothesis) or self._believed(f, fit, self._gap(fit))]
+        found = [f for f in found if len(f.hypothesis) <= len(fit.hypothesis) or self._believed(f, fit, self.gap(fit))]
         better = self._better(fit, found)
         if better is not fit:
             self.trace.append(f"exchange {set(fit.hypothesis) - set(better.hypothesis)} -> "
@@ -442,12 +444,12 @@ class Search:
         """
         met = [f for count in range(1, len(fit.hypothesis))
                for f in sorted((f for f in self.fits.values() if len(f.hypothesis) == count and self.named(f)), key=self.score)[:MET]]
-        closest = min(met, key=self._gap, default=fit)
-        if self._gap(closest) ** 2 - 1.0 > MOST * (self._gap(fit) ** 2 - 1.0):
+        closest = min(met, key=self.gap, default=fit)
+        if self.gap(closest) ** 2 - 1.0 > MOST * (self.gap(fit) ** 2 - 1.0):
             return fit
         self.trace.append(f"begin anew from {set(closest.hypothesis)}")
         grown = self._climb(closest)
-        return grown if set(closest.hypothesis) <= set(grown.hypothesis) and self._gap(grown) < self._gap(closest) else closest
+        return grown if set(closest.hypothesis) <= set(grown.hypothesis) and self.gap(grown) < self.gap(closest) else closest
 
     def _open_loop(self, fit: Fit) -> Fit:
         """The explanation fitted with a ripple at the replay's own angle, as the gap is judged."""
@@ -459,7 +461,7 @@ class Search:
 
     def closed(self, fit: Fit) -> bool:
         """Whether an explanation leaves no gap to speak of."""
-        return self._gap(fit) < LEAST
+        return self.gap(fit) < LEAST
 
     def _believed(self, grown: Fit, fit: Fit, closest: float) -> bool:
         """Whether an explanation is more likely than a part of it, as far as its gain can be believed, takes off no small part of
@@ -471,7 +473,7 @@ class Search:
         if prior + believed(*compared(self.problem, grown, fit)) < 0.0:
             return False
         if (self.score(fit) - self.score(grown) < SLIGHT * excess(self.problem, fit)
-                and not worth_adding(closest, self._gap(grown))):
+                and not worth_adding(closest, self.gap(grown))):
             return False
         over = carried(self.problem, grown)
         return all(over[member] >= MOST for member in set(grown.hypothesis) - set(fit.hypothesis))
@@ -486,13 +488,13 @@ class Search:
                 return self.try_fit(fit.hypothesis, fit.u, fit)
         return None
 
-    def _gap(self, fit: Fit) -> float:
+    def gap(self, fit: Fit) -> float:
         return self.problem.gap(fit.model(self.problem))
 
     def _climb(self, fit: Fit) -> Fit:
         """Add effects while they are believed. One may only be believed once another is in; but one after another that is not
         leads nowhere, and none of them stays."""
-        stands, doubtful, closest = fit, 0, self._gap(fit)
+        stands, doubtful, closest = fit, 0, self.gap(fit)
         while len(fit.hypothesis) < MOST_EFFECTS:
             grown = self.grow(fit, 5 if self.quick else 10)
             if grown is None or (doubtful == DOUBTFUL and not self._believed(grown, stands, closest)):
@@ -500,7 +502,7 @@ class Search:
                 if other is not None:
                     stands = fit = self.polished(other, set(other.hypothesis) - set(stands.hypothesis))
                     self.trace.append(f"add {set(stands.hypothesis)}, which is believed")
-                    doubtful, closest = 0, min(closest, self._gap(fit))
+                    doubtful, closest = 0, min(closest, self.gap(fit))
                     continue
                 if stands.hypothesis in self.looked or self.closed(stands):
                     break
@@ -519,7 +521,7 @@ class Search:
                 self.fits = {h: self.fitter.fit(h, f.u, f.z, f.noise, ITERATIONS) for h, f in kept.items()}
                 stands, fit = self.fits[stands.hypothesis], self.fits[fit.hypothesis]
             if self._believed(fit, stands, closest):
-                stands, doubtful, closest = fit, 0, min(closest, self._gap(fit))
+                stands, doubtful, closest = fit, 0, min(closest, self.gap(fit))
             else:
                 doubtful += 1
         return stands

@@ -345,9 +345,9 @@ def test_the_next_effect_is_one_that_every_run_asks_for():
     search, wanted = fitted(late_in((1,), Case("example", robot, logs), 0.01), (gain, {"ratio": 0.8}))
     nothing = search.fits[()]
     search.fits = {f.hypothesis: f for f in (nothing, search.try_fit((delay,), scaled(search.effects, (delay,), [{"seconds": 0.003}]), nothing))}
-    assert search._next(nothing, search._gap(nothing)) is None
+    assert search._next(nothing, search.gap(nothing)) is None
     search.fits[wanted.hypothesis] = wanted
-    assert search._next(nothing, search._gap(nothing)).hypothesis == (gain,)
+    assert search._next(nothing, search.gap(nothing)).hypothesis == (gain,)
 
 
 @pytest.mark.parametrize("rest,least,most", [(0.0, 0.0, 0.1), (0.02, 2.0, np.inf)], ids=["nothing left", "a slope that has no name"])

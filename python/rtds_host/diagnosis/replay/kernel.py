@@ -22,10 +22,9 @@ import math
 import numba
 import numpy as np
 
+from rtds_host.contract import GRAVITY_M_S2
 from rtds_host.diagnosis.replay.slots import COMMON_INDEX, SIDE_INDEX
 
-# m/s^2 (contract, section 2).
-GRAVITY = 9.80665
 # Numerical: a tyre that slides counts as if its force still grew with its shear by this share, so that it is found again.
 FLAT = 0.02
 # Numerical: and its shear is that of so many times the grip at most.
@@ -106,7 +105,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     mass = com[MASS] + run[0]
     slope = run[1] + com[SLOPE_X]
     up_x, up_y = math.cos(run[2]), math.sin(run[2])
-    pull = mass * GRAVITY * math.sin(slope)
+    pull = mass * GRAVITY_M_S2 * math.sin(slope)
     half = 0.5 * com[TRACK]
     dc = com[CMD_DELAY]
     dp = com[LATENCY]
@@ -157,7 +156,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     if slipping:
         for k in range(2):
             shear_tau[k] = side[k, SLIP_DAMPING] * side[k, SLIP] * side[k, SLIP_LENGTH]
-            grip[k] = side[k, SLIP_GRIP] * mass * GRAVITY * 0.5
+            grip[k] = side[k, SLIP_GRIP] * mass * GRAVITY_M_S2 * 0.5
     # Inverse of the body's inertia for (v, yaw rate): the centre of mass beside the axle couples them.
     i22 = 1.0 / (com[IZ] - mass * com[COM_Y] ** 2) if axis == 0 else 1.0
     i12 = com[COM_Y] * i22
@@ -399,7 +398,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         if side[k, STRIBECK] != 0.0:
                             f += side[k, STRIBECK] * math.exp(-(wmn[k] / side[k, STRIBECK_W]) ** 2)
                         if com[ROLLING] != 0.0 and axis == 0:
-                            f += com[ROLLING] * mass * GRAVITY * 0.5 * side[k, RADIUS]
+                            f += com[ROLLING] * mass * GRAVITY_M_S2 * 0.5 * side[k, RADIUS]
                         if side[k, LOAD] != 0.0:
                             if trial == 0:
                                 # The torque at the gear's input as the step begins, from the force of the step before.
@@ -422,7 +421,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         rad = side[k, RADIUS]
                         ext = 0.0
                         if axis == 2:
-                            ext = -(com[AX_M] + run[0]) * GRAVITY * com[AX_ARM] * math.sin(
+                            ext = -(com[AX_M] + run[0]) * GRAVITY_M_S2 * com[AX_ARM] * math.sin(
                                 th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
                         p[k] = 0.0
                         if dry:
@@ -538,7 +537,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                                 if stick[k] == 0:
                                     need = bm[k] + load_j * wn[k] - h * rad * force[k]
                                     if axis == 2:
-                                        need += -h * (com[AX_M] + run[0]) * GRAVITY * com[AX_ARM] * math.sin(
+                                        need += -h * (com[AX_M] + run[0]) * GRAVITY_M_S2 * com[AX_ARM] * math.sin(
                                             th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
                                     if need > max(hi[k], 0.0):
                                         stick[k] = 1
@@ -585,7 +584,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                                 # Impulse the rotor passes on; a gear can push but not pull.
                                 ext = 0.0
                                 if axis == 2:
-                                    ext = -(com[AX_M] + run[0]) * GRAVITY * com[AX_ARM] * math.sin(
+                                    ext = -(com[AX_M] + run[0]) * GRAVITY_M_S2 * com[AX_ARM] * math.sin(
                                         th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
                                 push = load_j * (w[k] - wn[k]) + h * rad * force[k] - h * ext
                                 need = bm[k] - push
@@ -618,7 +617,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                                       - gear * gear * side[k, J] * (wm[k] - wmn[k]) / h)
                             tout[k] = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k]
                             if axis == 2:
-                                tout[k] += (com[AX_M] + run[0]) * GRAVITY * com[AX_ARM] * math.sin(
+                                tout[k] += (com[AX_M] + run[0]) * GRAVITY_M_S2 * com[AX_ARM] * math.sin(
                                     th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
 
             # ---- a long step ends where flanks part: once more, in short ones

@@ -13,8 +13,9 @@ import math
 import numba
 import numpy as np
 
+from rtds_host.contract import GRAVITY_M_S2
 from rtds_host.diagnosis.replay import kernel as one
-from rtds_host.diagnosis.replay.kernel import FLAT, GRAVITY, SLIDING, TRIALS
+from rtds_host.diagnosis.replay.kernel import FLAT, SLIDING, TRIALS
 
 # Numerical: numbers in a vector register of the widest processors; narrower ones take two or four for it.
 LANES = 8
@@ -109,7 +110,7 @@ def _begin(s, l, side, com, run, start):
         s[o + ASYM_V] = side[k, one.ASYM_V]
         s[o + HEAT], s[o + HEAT_TAU] = side[k, one.HEAT_RISE], side[k, one.HEAT_TAU]
         s[o + RADIUS] = side[k, one.RADIUS]
-        s[o + FRICTION] = side[k, one.COULOMB] + com[one.ROLLING] * mass * GRAVITY * 0.5 * side[k, one.RADIUS]
+        s[o + FRICTION] = side[k, one.COULOMB] + com[one.ROLLING] * mass * GRAVITY_M_S2 * 0.5 * side[k, one.RADIUS]
         s[o + ASYM] = side[k, one.ASYM]
         s[o + SPEED_TAU] = side[k, one.W_TAU]
         s[o + W_GAIN], s[o + I_GAIN], s[o + I_BIAS] = side[k, one.W_GAIN], side[k, one.I_GAIN], side[k, one.I_BIAS]
@@ -120,7 +121,7 @@ def _begin(s, l, side, com, run, start):
             dry = 1.0
         s[o + LOAD], s[o + SLIP], s[o + LENGTH] = side[k, one.LOAD], side[k, one.SLIP], side[k, one.SLIP_LENGTH]
         s[o + SHEAR_TAU] = side[k, one.SLIP_DAMPING] * side[k, one.SLIP] * side[k, one.SLIP_LENGTH]
-        s[o + GRIP] = side[k, one.SLIP_GRIP] * mass * GRAVITY * 0.5 if side[k, one.SLIP] != 0.0 else 1.0
+        s[o + GRIP] = side[k, one.SLIP_GRIP] * mass * GRAVITY_M_S2 * 0.5 if side[k, one.SLIP] != 0.0 else 1.0
         s[o + FORCE] = s[o + INPUT] = s[o + TYRE] = s[o + WHOLE] = 0.0
         s[o + TH] = start[3 + k] / side[k, one.W_GAIN]
         s[o + W] = start[5 + k] / side[k, one.W_GAIN]
@@ -140,7 +141,7 @@ def _begin(s, l, side, com, run, start):
     s[I12 + l] = com[one.COM_Y] * s[I22 + l]
     s[I11 + l] = 1.0 / mass + com[one.COM_Y] * s[I12 + l]
     s[HALF + l] = 0.5 * com[one.TRACK]
-    s[PULL + l] = mass * GRAVITY * math.sin(run[1] + com[one.SLOPE_X])
+    s[PULL + l] = mass * GRAVITY_M_S2 * math.sin(run[1] + com[one.SLOPE_X])
     s[UP_X + l], s[UP_Y + l] = math.cos(run[2]), math.sin(run[2])
     s[COM_X + l], s[COM_Y + l], s[SCRUB + l], s[DRY + l] = com[one.COM_X], com[one.COM_Y], com[one.SCRUB], dry
     s[X + l], s[Y + l], s[YAW + l] = start[0], start[1], start[2]
