@@ -62,7 +62,8 @@ class RunLog:
 
     `t` (n,) s, strictly increasing; `columns`: name -> (n,) float64 with NaN where a row has no sample
     (commands never have NaN: an empty cell keeps the last); `notices`: what was ignored or repaired; `unsure`: what a sample has
-    beyond its channel's noise, name -> (n,) one standard deviation in the channel's unit, where it has any.
+    beyond its channel's noise, name -> (n,) one standard deviation in the channel's unit, where it has any; `since_s`: how long the
+    recording had gone on when this run began, s: of one that was cut, what it lost of its battery by then.
     """
 
     name: str
@@ -72,6 +73,7 @@ class RunLog:
     path: Path | None = None
     notices: tuple[str, ...] = ()
     unsure: dict[str, np.ndarray] = field(default_factory=dict)
+    since_s: float = 0.0
 
     def has(self, channel: str) -> bool:
         """Whether at least one sample of the channel exists."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -101,7 +101,7 @@ def designed_run(seconds: float = SECONDS) -> RunLog:
 
 def measured(log: RunLog, out: np.ndarray) -> RunLog:
     """The run with every channel as an answer (n, 11) has it."""
-    return RunLog(log.name, log.meta, log.t, {**log.columns, **{name: out[:, k] for k, name in enumerate(OUTPUTS)}})
+    return replace(log, columns={**log.columns, **{name: out[:, k] for k, name in enumerate(OUTPUTS)}})
 
 
 def values_of(effect: str) -> dict[str, float]:

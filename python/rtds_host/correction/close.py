@@ -40,7 +40,7 @@ VARIATIONS: tuple[tuple[str, str, dict], ...] = (
 Progress = Callable[[str, float], None]
 
 
-def held_out(case: Case, names: list[str] | None, single_ok: bool = True) -> tuple[str, ...]:
+def held_out(case: Case, names: list[str] | None) -> tuple[str, ...]:
     """Which runs to keep out of the diagnosis: those named, else the last of several.
 
     Raises
@@ -52,7 +52,7 @@ def held_out(case: Case, names: list[str] | None, single_ok: bool = True) -> tup
         if name not in known:
             raise InputError(f"--hold-out {name}: the case has no such run (it has {', '.join(known)}){did_you_mean(name, known)}")
     chosen = tuple(dict.fromkeys(names or known[-1:]))
-    if len(known) == 1 and single_ok:
+    if len(known) == 1:
         return chosen
     if len(chosen) == len(known):
         raise InputError("--hold-out: no run would be left to diagnose")
@@ -121,7 +121,7 @@ def close(case: Case, setting: Setting | None = None, diagnosis: dict | None = N
         diagnosis, _ = diagnose(fitted, quick=quick, threads=threads, seed=seed,
                                 progress=lambda stage, share: say(f"diagnosis: {stage}", 0.5 * share))
     else:
-        names = held_out(case, hold_out, True) if hold_out else tuple(run.name for run in case.runs)
+        names = held_out(case, hold_out) if hold_out else tuple(run.name for run in case.runs)
         fitted = case
         notes.append("the diagnosis was given: its parameters may have been fitted to the runs replayed here")
     model = model_of(diagnosis, robot, diagnosis_path)

@@ -30,7 +30,7 @@ from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.diagnosis.settings import settings
 
-# Groups that are left out in turn: runs; where there are fewer of these, stretches of them.
+# Numerical: groups that are left out in turn: runs; where there are fewer of these, stretches of them.
 FEWEST_GROUPS = 4
 # A constant of the machine is of one size to a fifth: real friction and dead zones scatter by up to a sixth from setting to setting,
 # what stands in for something of another form by a quarter and more.
@@ -46,6 +46,8 @@ def groups(problem: Problem) -> np.ndarray:
     found = np.empty(problem.size, int)
     for run in range(runs):
         mine = np.flatnonzero(problem.runs_of == run)
+        if not mine.size:
+            continue
         first, last = problem.blocks[mine].min(), problem.blocks[mine].max() + 1
         found[mine] = run * parts + (problem.blocks[mine] - first) * parts // (last - first)
     return found

@@ -296,10 +296,10 @@ def _named(problem: Problem, member: tuple[str, str]) -> dict[str, str]:
 
 
 def _alternatives(problem: Problem, weighed: Account, verdict: str) -> list[dict]:
-    """Explanations and "unknown", best first: nobody knows an effect outside the catalogue, so it is the less likely the
-    surer the named ones are; where none is named beside a gap, it is what is left."""
-    sure = min((one.probability for one in weighed.standing), default=1.0 if verdict == "none" else 0.0)
-    outside = 1.0 - sure if verdict in ("known", "partial", "none") else 1.0 - 1.0 / (1.0 + len(problem.effects))
+    """Explanations and "unknown", best first: what the catalogue lacks is one effect more, as likely as each of its own; where none of
+    these stands beside a gap, it is what is left. Doubt of an effect is in the explanations without it."""
+    one = 1.0 / (1.0 + len(problem.effects))
+    outside = {"none": 0.0, "unknown": 1.0 - one}.get(verdict, one)
     rows = [{"effects": [_named(problem, member) for member in hypothesis], "probability": p * (1.0 - outside)}
             for hypothesis, p in weighed.alternatives]
     rows.append({"effects": "unknown", "probability": outside})

@@ -19,9 +19,10 @@ LEAST = 1.1
 
 
 def gap_channels(log: RunLog, robot: Robot) -> tuple[str, ...]:
-    """Channels of a run that count: measured, with a declared noise; `th_*` only on a side without `w_*`."""
-    names = [c for c in SAMPLED if log.has(c)]
-    names += [f"th_{s}" for s in robot.sides if log.has(f"th_{s}") and not log.has(f"w_{s}")]
+    """Channels of a run that count: measured, with a declared noise; `th_*` only on a side whose `w_*` does not count; no current where
+    torque is commanded, of which a replay knows none."""
+    names = [c for c in SAMPLED if log.has(c) and not (c[0] == "i" and robot.driver.mode == "torque")]
+    names += [f"th_{s}" for s in robot.sides if log.has(f"th_{s}") and not (log.has(f"w_{s}") and robot.noise(f"w_{s}") is not None)]
     if log.has("x") and log.has("y") and log.has("yaw"):
         names += ["x", "y"]
     if log.has("yaw"):
@@ -30,13 +31,14 @@ def gap_channels(log: RunLog, robot: Robot) -> tuple[str, ...]:
 
 
 def window_rows(t: np.ndarray, rows: np.ndarray, window_s: float = WINDOW_S) -> np.ndarray:
-    """Rows that bound the complete consecutive windows of `window_s`, of the rows (ascending) that have a sample."""
+    """Rows that bound the complete consecutive windows of `window_s`, of the rows (ascending) that have a sample; what is sampled less
+    often, or not for a while, has longer ones."""
     if len(rows) < 2:
         return rows[:0]
     times = t[rows]
     count = int((times[-1] - times[0]) / window_s + 1e-6)
     marks = times[0] + window_s * np.arange(count + 1)
-    return rows[np.searchsorted(times, marks - 1e-6)]
+    return rows[np.unique(np.searchsorted(times, marks - 1e-6))]
 
 
 def moves(x: np.ndarray, y: np.ndarray, yaw: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -82,6 +84,12 @@ def errors_at(log: RunLog, robot: Robot, out: np.ndarray) -> dict[str, tuple[np.
             if c in channels:
                 result[c] = rows[:-1], (b - a) / _of_moves(log, c, robot.noise(c), rows)
     return result
+
+
+def counts(log: RunLog, robot: Robot) -> bool:
+    """Whether a run has anything that a gap could be of: a sample, or a whole window of an angle or a pose."""
+    there = np.zeros((len(log.t), len(OUTPUT_INDEX)))
+    return any(len(error) for error in errors(log, robot, there).values())
 
 
 def _of_moves(log: RunLog, channel: str, noise: float, rows: np.ndarray) -> np.ndarray:

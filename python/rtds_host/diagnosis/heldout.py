@@ -60,9 +60,10 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
     if problem.searched < 1.0:
         notes.append(f"these runs are long: effects were looked for in {100 * problem.searched:.2g} % of them, in stretches of "
                      f"up to {STRETCH_S:g} s from all over; every gap shown is of all rows")
-    if len(problem.whole) == 1:
-        notes.append("one run only: each half was held out in turn, which is weaker evidence than another run")
     pieces = parted(problem)
+    if len(problem.whole) == 1:
+        notes.append("one run only: each half was held out in turn, which is weaker evidence than another run" if len(pieces[0]) > 1 else
+                     "one run, too short to hold a part of it out: every gap is of samples that were fitted")
     fitted = {name: iter(left_out(problem, fit, [rows for mine in pieces for _, _, rows in mine])) for name, fit in models.items()}
     for data, mine in zip(problem.whole, pieces):
         nominal = replay_run(problem.nominal, data.inputs, step)

@@ -45,7 +45,8 @@ def _moved(problem: Problem, fit: Fit, keep: np.ndarray, way: np.ndarray, sigma:
 
 
 def parted(problem: Problem) -> list[list[tuple[int, int, np.ndarray]]]:
-    """What is left out at once, a list a run: first and last row of its log and the rows (m,) of the residuals that go with them."""
+    """What is left out at once, a list a run: first and last row of its log and the rows (m,) of the residuals that go with them; none
+    of a single run whose halves are too short to have a gap."""
     runs = [np.flatnonzero(problem.runs_of == k) for k in range(len(problem.whole))]
     if len(runs) > 1:
         return [[(0, len(data.log.t), mine)] for data, mine in zip(problem.whole, runs, strict=True)]
@@ -53,6 +54,9 @@ def parted(problem: Problem) -> list[list[tuple[int, int, np.ndarray]]]:
     log, t = problem.whole[0].log.t, np.concatenate([data.time for data in problem.runs])
     middle = float(np.median(t))
     row, early = int(np.searchsorted(log, middle)), t < middle
+    halves = problem.whole[0].log.rows(0, row), problem.whole[0].log.rows(row, len(log))
+    if not all(len(half.t) and gaps.counts(half, problem.robot) for half in halves):
+        return [[(0, len(log), np.empty(0, int))]]
     return [[(0, row, np.flatnonzero(early)), (row, len(log), np.flatnonzero(~early))]]
 
 

@@ -146,11 +146,14 @@ class Problem:
         self.whole = [RunData(log, run_inputs(log, case.robot)) for log in case.runs]
         self.searched = min(1.0, SEARCHED_S / lasted, SEARCHED_ROWS / sum(len(log.t) for log in case.runs))
         self.runs, owners = [], []
+        owed = 0.0                               # of what is to be searched, s, what the runs so far did not give
         for k, log in enumerate(case.runs):
             if pieces:
                 parts = self._pieces(log)
             elif self.searched < 1.0:
-                parts = self._stretches(log)
+                owed += self.searched * float(log.t[-1] - log.t[0])
+                parts = self._stretches(log, owed)
+                owed -= sum(float(part.log.t[-1] - part.log.t[0]) for part in parts)
             else:
                 parts = [self._prepare(log, run_inputs(log, self.robot))]
             self.runs += parts
@@ -202,21 +205,24 @@ class Problem:
         """
         length = max(PIECE_S, 2 * ROWS_A_BLOCK * float(np.median(np.diff(log.t))))
         marks = np.searchsorted(log.t, np.arange(log.t[0], log.t[-1], length))
-        parts = []
-        for first, last in zip(marks, np.append(marks[1:], len(log.t))):
-            if last - first < ROWS_A_BLOCK and parts:
-                continue
-            parts.append(self._prepare(log.rows(first, last), piece_inputs(log, self.robot, int(first), int(last))))
-        return parts
+        bounds = [(int(first), int(last)) for first, last in zip(marks, np.append(marks[1:], len(log.t))) if last - first >= ROWS_A_BLOCK]
+        return [self._prepare(log.rows(first, last), piece_inputs(log, self.robot, first, last))
+                for first, last in bounds or [(0, len(log.t))]]
 
-    def _stretches(self, log: RunLog) -> list[RunData]:
-        """Stretches from all over a long run, the run's beginning among them, so that a search takes no longer than of short ones."""
+    def _stretches(self, log: RunLog, owed: float) -> list[RunData]:
+        """Stretches from all over a long run, the run's beginning among them, so that a search takes no longer than of short ones.
+
+        owed : s, how much of it is to be searched, about. No stretch is shorter than what shows anything: of short runs some are
+        searched whole, and the others not at all.
+        """
         lasted = float(log.t[-1] - log.t[0])
-        count = max(1, math.ceil(lasted * self.searched / STRETCH_S))
-        length, parts = lasted * self.searched / count, []
+        length = min(STRETCH_S, lasted)
+        count, parts = math.floor(owed / length + 0.5), []
+        if count * length > owed and count > 1:
+            length = owed / count
         for k in range(count):
             begin = log.t[0] + k * lasted / count
-            first, last = np.searchsorted(log.t, (begin, begin + length))
+            first, last = np.searchsorted(log.t, (begin, begin + length + 1e-9))
             if k > 0:
                 first = start_row(log, self.case, np.arange(first, last))
             if first is not None and last - first >= ROWS_A_BLOCK:
@@ -236,6 +242,8 @@ class Problem:
         for channel in ("v_bus", "i_l", "i_r", "w_l", "w_r", "gyro_z"):
             noise = robot.noise(channel)
             if noise is None or not log.has(channel) or (channel == "v_bus" and robot.driver.bus == "measured"):
+                continue
+            if channel[0] == "i" and robot.driver.mode == "torque":
                 continue
             if channel[-2:] == "_r" and len(robot.sides) == 1:
                 continue
@@ -259,8 +267,8 @@ class Problem:
                 measured = np.diff(windows.mean(log.columns[channel]))
                 data.angles.append((channel, OUTPUT_INDEX[channel], windows, measured, scale))
                 note(channel, windows.times[:-1])
-        if robot.axis is None and log.has("yaw") and robot.noise("yaw"):
-            full = log.has("x") and log.has("y") and robot.noise("x") is not None
+        full = log.has("x") and log.has("y") and robot.noise("x") is not None
+        if robot.axis is None and log.has("yaw") and (full or robot.noise("yaw")):
             good = np.isfinite(log.columns["yaw"])
             if full:
                 good = good & np.isfinite(log.columns["x"]) & np.isfinite(log.columns["y"])
@@ -269,9 +277,10 @@ class Problem:
                 spread = np.sqrt(1.0 / windows.counts[1:] + 1.0 / windows.counts[:-1])
                 columns = [log.columns[c] if full or c == "yaw" else np.zeros(len(log.t)) for c in ("x", "y", "yaw")]
                 noise = [np.hypot(robot.noise(c) * spread, windows.unsure(log, c)) if robot.noise(c) else spread for c in ("x", "y", "yaw")]
-                data.pose = (full, windows, self._moves(windows, *columns), noise)
-                for channel in ("x", "y", "yaw") if full else ("yaw",):
-                    note(channel, windows.times[:-1])
+                counted = tuple(k for k, c in enumerate(("x", "y", "yaw")) if robot.noise(c) and (full or c == "yaw"))
+                data.pose = (counted, windows, self._moves(windows, *columns), noise)
+                for k in counted:
+                    note(("x", "y", "yaw")[k], windows.times[:-1])
         data.block = np.concatenate(blocks) if blocks else np.empty(0, int)
         data.channel = np.concatenate(channels) if channels else np.empty(0, int)
         data.time = np.concatenate(stamps) if stamps else np.empty(0)
@@ -312,9 +321,9 @@ class Problem:
             result[at:at + len(measured)] = (np.diff(windows.mean(out[:, column])) - measured) / scale
             at += len(measured)
         if data.pose is not None:
-            full, windows, measured, noise = data.pose
+            counted, windows, measured, noise = data.pose
             replayed = self._moves(windows, out[:, 8], out[:, 9], out[:, 10])
-            for k in range(3) if full else (2,):
+            for k in counted:
                 result[at:at + len(noise[k])] = (replayed[k] - measured[k]) / noise[k]
                 at += len(noise[k])
         return result

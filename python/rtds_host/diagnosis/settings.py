@@ -16,8 +16,8 @@ def _wheels(out: np.ndarray, quantity: str) -> np.ndarray:
 
 
 def _command(data: RunData) -> np.ndarray:
-    named = [data.log.columns[c] for c in ("v_cmd_l", "v_cmd_r") if data.log.has(c)]
-    return np.nansum(np.abs(named), axis=0) if named else np.zeros(len(data.log.t))
+    mode = "speed" if data.log.has("w_cmd_l") else "voltage"
+    return np.abs(data.log.commands(mode)).sum(axis=1)
 
 
 # Setting -> its value on each row of a run, from the run and its replay (n, 11); units do not matter, only the order does.

@@ -6,11 +6,13 @@ and dead zone while voltage and current agree in sign) are found by fitting them
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from rtds_host.contract import Case
+from rtds_host.contract import Case, Robot, RunLog
+from rtds_host.diagnosis.chance import MOVES
 from rtds_host.diagnosis.effects import CATALOGUE
 
 Member = tuple[str, str]
@@ -52,9 +54,26 @@ def _speed_alone(case: Case) -> bool:
 
 
 def _one_way(case: Case) -> bool:
-    """Whether each wheel is commanded one way only, over all runs."""
-    commands = np.concatenate([log.commands(case.robot.driver.mode) for log in case.runs])
-    return bool(np.all((commands >= 0.0).all(axis=0) | (commands <= 0.0).all(axis=0)))
+    """Whether each wheel turns one way only, over all runs: by its speed, else its angle, else its commands."""
+    for k, side in enumerate(case.robot.sides):
+        ways = [_ways(log, case.robot, k, side) for log in case.runs]
+        if any(back for back, _ in ways) and any(on for _, on in ways):
+            return False
+    return True
+
+
+def _ways(log: RunLog, robot: Robot, k: int, side: str) -> tuple[bool, bool]:
+    """Whether a wheel turns backwards in a run, and forwards, by more than noise."""
+    for channel in (f"w_{side}", f"th_{side}"):
+        if log.has(channel):
+            values, noise = log.columns[channel][np.isfinite(log.columns[channel])], MOVES * (robot.noise(channel) or 0.0)
+            if channel[0] == "w":
+                return bool((values < -noise).any()), bool((values > noise).any())
+            noise *= math.sqrt(2.0)
+            return (bool((values < np.maximum.accumulate(values) - noise).any()),
+                    bool((values > np.minimum.accumulate(values) + noise).any()))
+    commands = log.commands(robot.driver.mode)[:, k]
+    return bool((commands < 0.0).any()), bool((commands > 0.0).any())
 
 
 def _no_current_no_reversal(case: Case) -> bool:

@@ -26,8 +26,9 @@ POSE = ("x", "y", "yaw")
 
 
 def forwards(case: Case) -> Case:
-    """The case with every command made positive: no reversal."""
-    runs = tuple(replace(r, columns={c: np.abs(v) if c.startswith("v_cmd") else v for c, v in r.columns.items()}) for r in case.runs)
+    """The case with every command and speed made positive, and no angle that goes back: no reversal."""
+    of = {"v": np.abs, "w": np.abs, "t": np.maximum.accumulate}
+    runs = tuple(replace(r, columns={c: of.get(c[0], np.asarray)(v) if c != "v_bus" else v for c, v in r.columns.items()}) for r in case.runs)
     return replace(case, runs=runs)
 
 

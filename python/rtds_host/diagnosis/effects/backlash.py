@@ -24,6 +24,5 @@ EFFECT = Effect(
     nonlinear=True,
     rough=True,
     runs_in="robot",
-    erratic=True,
     form=0.05,
 )

@@ -80,8 +80,7 @@ class Effect:
 
     apply(model, sides, values) puts it into a replay's model. `nuisance` marks a ratio that is no cause within 3 %
     of 1 (contract, section 2). `axis`: it exists on a single axis. `contains`: effects it turns into when its further
-    parameters rest. `erratic`: the motion it causes hangs on small
-    differences, so that no replay follows it for long. `separate`: each parameter is a part of its own, absent where only
+    parameters rest. `separate`: each parameter is a part of its own, absent where only
     another one is there. `nonlinear`: its signature changes its form with its size, and with what the other side does.
     `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima. `steep`: its
     misfit falls only near the right size (steps of a signal that come late). `without_winding`:
@@ -107,7 +106,6 @@ class Effect:
     nuisance: bool = False
     axis: bool = True
     contains: tuple[str, ...] = ()
-    erratic: bool = False
     separate: bool = False
     nonlinear: bool = False
     periodic: bool = False

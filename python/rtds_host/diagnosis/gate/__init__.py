@@ -13,6 +13,7 @@ import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis.chance import MOVES, SLIGHT, handful
+from rtds_host.diagnosis.gap import counts
 from rtds_host.diagnosis.gate import cuts, glitches, rounding, sensors, stamps, timing, units
 from rtds_host.diagnosis.gate.findings import SEVERITIES, Finding, Gate, Timing, merged, percent
 from rtds_host.diagnosis.gate.limits import Limits, channels, limits
@@ -170,3 +171,6 @@ def _enough(case: Case) -> None:
     if not moving:
         raise InputError(f"{where}: w_*, th_*: the wheels move in no run by more than their noise"
                          + ("" if excited else " and every command is 0") + ", there is nothing to diagnose")
+    if not any(counts(log, robot) for log in case.runs):
+        raise InputError(f"{where}: nothing in it counts: no channel has both samples and a noise in [sensors], or of angles and poses "
+                         f"alone no run has a whole second")

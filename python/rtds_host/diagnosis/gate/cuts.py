@@ -85,5 +85,6 @@ def _cut(log: RunLog, case: Case) -> tuple[list[RunLog], list[Finding]]:
         text += f"; without a measured speed a run cannot start moving{ends}"
     lost = len(log.t) - sum(b - a for a, b in kept)
     text += f": cut there into {len(kept)} run(s)" + (f", {percent(lost / len(log.t))} of the rows left out" if lost else "")
-    parts = [replace(log.rows(a, b), name=log.name if k == 0 else f"{log.name} ({k + 1})") for k, (a, b) in enumerate(kept)]
+    parts = [replace(log.rows(a, b), name=log.name if k == 0 else f"{log.name} ({k + 1})", since_s=float(log.t[a] - log.t[0]))
+             for k, (a, b) in enumerate(kept)]
     return parts, [Finding(log.name, "t", "gap", "warning", f"{text}.", lost / len(log.t))]

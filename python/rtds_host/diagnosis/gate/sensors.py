@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -220,7 +221,7 @@ def without(log: RunLog, aside: dict[str, np.ndarray]) -> RunLog:
         if len(rows):
             columns[c] = columns[c].copy()
             columns[c][rows] = np.nan
-    return RunLog(log.name, log.meta, log.t, columns, log.path, log.notices)
+    return replace(log, columns=columns)
 
 
 def scatter(values: np.ndarray) -> float:

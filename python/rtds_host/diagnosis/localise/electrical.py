@@ -14,11 +14,11 @@ DRIFTS_S = (0.005, 0.02, 0.08)
 # Numerical: largest voltages a second that a driver slews by, and parts of a run that a battery takes to relax.
 SLEWS = (1.0, 3.0, 10.0, 30.0)
 RELAXES = (0.05, 0.2)
-# Numerical: parts of the largest command that a driver is limited to, time constants of a winding's heat, s, and the current, A, over
-# which its sign turns over.
+# Numerical: parts of the largest command that a driver is limited to, time constants of a winding's heat, s, and the share of the stall
+# current over which a current's sign turns over.
 LIMITS = (0.5, 0.7, 0.85)
 HEATS_S = (8.0, 40.0)
-SIGN_A = 0.02
+SIGN_CURRENT = 0.015
 
 
 def bus_block(run: Signals) -> None:
@@ -65,7 +65,8 @@ def current_block(run: Signals, k: int) -> None:
     top = float(np.max(np.abs(volts), initial=0.0))
     run.volt_columns(f"driver:gain_{s}", k, end, mean)
     run.volt_columns(f"driver:deadzone_{s}", k, -np.sign(end), -np.sign(mean))
-    run.volt_columns(f"driver:drop_{s}", k, -np.tanh(i / SIGN_A), -np.tanh(middles(i) / SIGN_A))
+    over = SIGN_CURRENT * run.machine.amps
+    run.volt_columns(f"driver:drop_{s}", k, -np.tanh(i / over), -np.tanh(middles(i) / over))
     for part in LIMITS:
         over = [-np.sign(v) * np.maximum(np.abs(v) - part * top, 0.0) for v in (end, mean)]
         run.volt_columns(f"driver:limit{part:g}_{s}", k, *over)

@@ -12,11 +12,11 @@ from rtds_host.diagnosis.localise.signals import WINDOW_S, Signals
 # Numerical: parts of the largest force met that a tyre may pass on, and how long one that lost its grip takes to regain it.
 TRACTIONS = (0.2, 0.4, 0.6, 0.8)
 SLIPPED_S = 0.1
-# Numerical: speeds over which friction fades, rad/s, and cycles a turn of a ripple.
-FADES = (0.3, 1.0)
+# Numerical: speeds over which friction fades, of the speed without load, and cycles a turn of a ripple.
+FADES = (0.04, 0.14)
 RIPPLES = (1, 2, 3, 4, 6, 8, 12, 18)
-# Numerical: the yaw rate and the wheels' speed, rad/s, and the load, N·m, over which a sign turns over.
-SIGN_TURN, SIGN_WAY, SIGN_LOAD = 0.03, 0.4, 0.004
+# Numerical: shares of the machine's largest yaw rate, speed without load and stall torque over which a sign turns over.
+SIGN_TURN, SIGN_WAY, SIGN_LOAD = 0.01, 0.06, 0.002
 
 
 def torque_block(run: Signals, k: int) -> None:
@@ -62,7 +62,7 @@ def torque_block(run: Signals, k: int) -> None:
         drive_acc = 0.25 * run.mass * r * r * (run.acc[0] + run.acc[1])
         turn_acc = lever * model.get("yaw_inertia") * r * (run.acc[1] - run.acc[0]) / model.get("track")
         load = drive_acc + turn_acc - pull
-        yaw_sign = np.tanh(smooth(run.wheel_rate, run.half) / SIGN_TURN)
+        yaw_sign = np.tanh(smooth(run.wheel_rate, run.half) / (SIGN_TURN * run.machine.turn))
         yaw_sign_mid = middles(yaw_sign)
     elif axis == 2:
         if run.th[k] is not None:
@@ -106,7 +106,7 @@ def torque_block(run: Signals, k: int) -> None:
     put(f"drivetrain:coulomb_{s}", -sign_mid)
     put(f"drivetrain:steady_{s}", np.ones(run.n - 1))
     for fade in FADES:
-        put(f"drivetrain:stribeck{fade:g}_{s}", -sign_mid * np.exp(-(mid / fade) ** 2))
+        put(f"drivetrain:stribeck{fade:g}_{s}", -sign_mid * np.exp(-(mid / (fade * run.machine.speed)) ** 2))
     put(f"drivetrain:viscous_{s}", -max(gear**2 * model.get("viscous", k), 1e-9) * mid)
     put(f"drivetrain:quadratic_{s}", -mid * np.abs(mid))
     put(f"drivetrain:direction_{s}", -np.abs(sign_mid))
@@ -119,7 +119,7 @@ def torque_block(run: Signals, k: int) -> None:
               / run.inertia[k])
     if load is not None:
         rate = np.gradient(smooth(load, run.half), t)
-        knock = np.gradient(np.tanh(smooth(load, run.half) / SIGN_LOAD), t)
+        knock = np.gradient(np.tanh(smooth(load, run.half) / (SIGN_LOAD * run.machine.torque)), t)
         # Speed and angle are those of the gear's output; behind a spring or free play the wheel lags.
         for name, lead in (("spring", rate), ("play", knock)):
             cause = f"drivetrain:{name}_{s}"
@@ -171,7 +171,7 @@ def torque_block(run: Signals, k: int) -> None:
         put("chassis:com_x", 0.5 * r * run.mass * middles(run.wheel_rate) ** 2)
         put("chassis:com_y", lever * run.mass * GRAVITY_M_S2 * middles(climb))
         put("chassis:yaw_inertia", -middles(turn_acc))
-        put("chassis:drag", -0.5 * r * np.tanh(middles(run.w[0] + run.w[1]) / SIGN_WAY))
+        put("chassis:drag", -0.5 * r * np.tanh(middles(run.w[0] + run.w[1]) / (SIGN_WAY * run.machine.speed)))
         if run.log.has("x") and run.log.has("y"):
             # A tether pulls towards where the run began.
             x, y = (filled(t, run.log.columns[c]) for c in ("x", "y"))

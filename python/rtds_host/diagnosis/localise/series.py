@@ -71,8 +71,10 @@ def relaxed(values: np.ndarray, dt: np.ndarray, tau: float) -> np.ndarray:
     Between two rows of a log the command holds, so that the speed bends the more the longer the interval is
     against the mechanical time constant; the plain mean of the ends would be off by more than the noise.
     """
-    decay = np.exp(-dt / tau)
-    weight = (tau / dt) - decay / (1.0 - decay)
+    part = dt / tau
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        # 1 / x - 1 / (exp(x) - 1); of small x the difference of two large numbers.
+        weight = np.where(part < 1e-3, 0.5 - part / 12.0, 1.0 / part - 1.0 / np.expm1(part))
     return weight * values[:-1] + (1.0 - weight) * values[1:]
 
 

@@ -8,6 +8,7 @@ from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis import gap
 from rtds_host.diagnosis.likelihood import LONGEST_S
 from rtds_host.diagnosis.localise.series import Windows, cumulated, filled, first_order, middles, relaxed, smooth
+from rtds_host.diagnosis.machine import machine_of
 from rtds_host.diagnosis.replay.model import Model
 
 # Blocks start anew from what is measured once a discrepancy has come and gone: the longer, the better small torques show, and the
@@ -24,6 +25,7 @@ class Signals:
 
     def __init__(self, log: RunLog, robot: Robot, model: Model, signatures: bool = True):
         self.log, self.robot, self.model, self.signatures = log, robot, model, signatures
+        self.machine = machine_of(robot, [log])
         self.t = log.t
         self.dt = np.diff(log.t)
         self.n = len(log.t)
@@ -91,7 +93,8 @@ class Signals:
                 self.w_noise.append(np.nan)
                 self.w_rows.append(np.zeros(self.n, bool))
         for k, s in zip(self.sides, robot.sides):
-            raw = np.clip(command[:, k], -self.supply, self.supply) * scale if self.voltage_mode else command[:, k]
+            raw = np.clip(command[:, k], -self.supply, self.supply) if self.voltage_mode else command[:, k]
+            raw = raw * scale if robot.driver.mode != "speed" else raw
             self.volts.append(raw)
             end, mean = self.held(raw, self.delay)
             self.v_end.append(end)
@@ -106,8 +109,9 @@ class Signals:
                 guess.append((self.v_end[k] - model.get("back_emf", k) * gear * self.w[k]) / model.get("resistance", k))
             else:
                 guess.append(np.zeros(self.n))
-        self.draw = sum(guess[k] * self.v_end[k] for k in self.sides) / self.supply
-        sag = model.get("source_resistance") * self.draw + model.get("decline") * (t - t[0])
+        # A side of which nothing is measured draws an unknown current, taken for none.
+        self.draw = sum(np.nan_to_num(guess[k], nan=0.0) * self.v_end[k] for k in self.sides) / self.supply
+        sag = model.get("source_resistance") * self.draw + model.get("decline") * (t - t[0] + log.since_s)
         self.sag = sag
         for k, s in zip(self.sides, robot.sides):
             factor = 1.0 - sag / self.supply if not measured_bus else 1.0
@@ -131,7 +135,7 @@ class Signals:
             if measured is not None:
                 # Rows without a sample follow the equation, shifted onto the samples about them.
                 true = (measured - model.get("current_bias", k)) / model.get("current_gain", k)
-                i = settled + filled(t, true - settled)
+                i = settled + (filled(t, true - settled) if np.isfinite(true - settled).any() else 0.0)
             else:
                 i = settled
             self.i.append(i)
@@ -210,6 +214,8 @@ class Signals:
         self.way = (rows, np.cos(mid), np.sin(mid), full)
 
     def driver(self, volts: np.ndarray, k: int) -> np.ndarray:
+        """Voltage behind the driver's curve, dead zone and gain, as the replay has it."""
+        volts = volts * (1.0 + self.model.get("pwm_curve", k) * (1.0 - np.minimum(np.abs(volts) / self.supply, 1.0)))
         dead = self.model.get("deadzone", k)
         return (volts - np.sign(volts) * np.minimum(np.abs(volts), dead)) * self.model.get("voltage_gain", k)
 

@@ -24,6 +24,8 @@ FINE_STEP_S = 4.0e-4
 SPRING_STEP_RAD = 0.1
 # Numerical: a piece starts from a parabola over so many rows to either side.
 START_ROWS = 2
+# Numerical: of a robot's mass at its wheel's rim, too little to matter.
+WEIGHTLESS = 1e-6
 # Physical: no command and no measurement comes later than this, a radio link's included.
 LONGEST_DELAY_S = 1.0
 # Outputs of devices with a clock of their own.
@@ -132,9 +134,11 @@ def nominal_model(robot: Robot) -> Model:
         model.put("servo_period", robot.servo.period_s)
     if robot.chassis is not None:
         body = robot.chassis
+        # A wheel without inertia would have no speed of its own while its gear's flanks are apart.
+        least = WEIGHTLESS * body.mass_kg * body.wheel_radius_m**2
         model.put("mass", body.mass_kg)
         model.put("yaw_inertia", body.yaw_inertia_kg_m2)
-        model.put("wheel_inertia", body.wheel_inertia_kg_m2)
+        model.put("wheel_inertia", max(body.wheel_inertia_kg_m2, least))
         model.put("track", body.track_width_m)
         model.put("radius", body.wheel_radius_m)
         model.put("com_x", body.com_x_m)
@@ -188,9 +192,15 @@ def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
     moves in the first row was under command before: under that row's, for as long as a command may act late.
     """
     t, t_cmd, commands, bus, angle, run, start = row_inputs(log, robot)
-    if robot.chassis is not None and start[5:7].any():
-        t_cmd, commands, bus = np.append(-LONGEST_DELAY_S, t_cmd), np.vstack([commands[:1], commands]), np.append(bus[0], bus)
-    return t, t_cmd, commands, bus, angle, run, start
+    return (t, *_from_before(t_cmd, commands, bus, robot, start), angle, run, start)
+
+
+def _from_before(t_cmd: np.ndarray, commands: np.ndarray, bus: np.ndarray, robot: Robot, start: np.ndarray
+                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Commands of a run from its first row on, with that from before of a robot that begins moving."""
+    if robot.chassis is None or not start[5:7].any():
+        return t_cmd, commands, bus
+    return np.append(-LONGEST_DELAY_S, t_cmd), np.vstack([commands[:1], commands]), np.append(bus[0], bus)
 
 
 def row_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
@@ -198,7 +208,7 @@ def row_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
     commands = log.commands(robot.driver.mode)
     if commands.shape[1] == 1:
         commands = np.column_stack([commands[:, 0], np.zeros(len(commands))])
-    run = np.array([log.meta.payload_kg, log.meta.slope_rad, log.meta.uphill_yaw_rad, 0.0])
+    run = np.array([log.meta.payload_kg, log.meta.slope_rad, log.meta.uphill_yaw_rad, -log.since_s])
     t = log.t - log.t[0]
     return (t, t, np.ascontiguousarray(commands), _filled(log, "v_bus", robot.supply_v), np.empty((0, 2)), run,
             start_state(log, robot))
@@ -226,8 +236,11 @@ def stretch_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np
     """The same for rows first <= k < last of a robot's run, started from what is measured at the first of them."""
     t, _, commands, bus, angle, run, _ = row_inputs(log, robot)
     before = _known(t, first)
-    return (np.ascontiguousarray(t[first:last]), np.ascontiguousarray(t[before:last]), np.ascontiguousarray(commands[before:last]),
-            np.ascontiguousarray(bus[before:last]), angle, run, start_state(log.rows(first, last), robot))
+    start = start_state(log.rows(first, last), robot)
+    known = t[before:last], commands[before:last], bus[before:last]
+    if first == 0:
+        known = _from_before(*known, robot, start)
+    return (np.ascontiguousarray(t[first:last]), *(np.ascontiguousarray(part) for part in known), angle, run, start)
 
 
 def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.ndarray, ...]:
@@ -242,10 +255,10 @@ def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.n
     about = np.abs(t - t[first]) <= half * (1.0 + 1e-6)
     for k, side in enumerate(robot.sides):
         speed = _line(t, log.columns.get(f"w_{side}"), about, t[first])
-        angle = _line(t, log.columns.get(f"th_{side}"), about, t[first])
+        turned = _line(t, log.columns.get(f"th_{side}"), about, t[first])
         start[9 + k] = _at(log, f"w_{side}", first, start[9 + k]) if speed is None else speed[0]
-        start[5 + k] = start[9 + k] if angle is None else angle[1]
-        start[3 + k] = _at(log, f"th_{side}", first, start[3 + k]) if angle is None else angle[0]
+        start[5 + k] = start[9 + k] if turned is None else turned[1]
+        start[3 + k] = _at(log, f"th_{side}", first, start[3 + k]) if turned is None else turned[0]
         if robot.driver.mode == "voltage":
             motor = robot.motor
             # A row holds the state just before its command acts.
