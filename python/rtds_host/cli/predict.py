@@ -27,6 +27,7 @@ def predict(
     import sys
 
     from rtds_host.contract import check_writable_file, load_robot, places_of_run, read_run, refuse_inputs, write_atomic
+    from rtds_host.contract.clock import moment
     from rtds_host.contract.runlog import COMMANDS
     from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
     from rtds_host.errors import OutputError, visible
@@ -56,7 +57,7 @@ def predict(
     notices = [*nominal.notices, *log.notices]
     lost = (columns["w_l"] == LOST) & (columns["i_l"] == LOST)
     if lost.any():
-        notices.append(f"{run}: from t = {log.t[lost.argmax()]:g} s on the replay runs away beyond all bounds, its columns "
+        notices.append(f"{run}: from t = {moment(log.t[lost.argmax()])} s on the replay runs away beyond all bounds, its columns "
                        f"hold {LOST:g}")
     for notice in notices:
         print(f"note: {visible(notice)}", file=sys.stderr)

@@ -1,12 +1,14 @@
 """What the gate sets aside, cuts and measures: isolated samples, held and clipped stretches, holes, roundings, clocks."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 from diagnosis_cases import changed, make_case, make_run, without
 
 from rtds_host.contract import Case, RunLog, builtin_robot
+from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.gap import errors, gap, pooled
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.gate.rounding import step_of
@@ -41,6 +43,36 @@ def spoiled(case, channel, size, rows=(300,), run=0):
     return dataclasses.replace(case, runs=tuple(runs))
 
 
+# ---- times in sentences --------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(("t", "said"), [(0.0, "0"), (2.99, "2.99"), (0.1 + 0.2, "0.3"), (20000.125, "20000.125"),
+                                         (1.7e9, "1700000000"), (1700000003.0123456, "1700000003.012346"), (-1.5, "-1.5"), (2e-5, "0.00002")])
+def test_a_time_is_said_as_it_stands_in_the_log(t, said):
+    assert moment(t) == said
+
+
+@pytest.mark.parametrize("start", [0.0, 20000.0, 1.7e9])
+def test_a_time_in_a_sentence_can_be_found_in_the_log(case, start):
+    def edit(t, columns):
+        columns["x"][300] += 0.1
+        columns["w_r"][200:240] = columns["w_r"][200]
+        columns["yaw"] = np.angle(np.exp(3j * columns["yaw"]))
+        keep = (t < 5.0) | (t > 6.0)
+        for name in columns:
+            columns[name] = columns[name][keep]
+        return start + t[keep]
+
+    gate = examine(changed(case, edit))
+    for kind in ("glitch", "frozen", "wrapped", "gap"):
+        assert gate.of(kind)
+        for finding in gate.of(kind):
+            times = re.findall(r"at t = ([0-9.e+-]+)|from t = ([0-9.e+-]+)", finding.text)
+            said = {float(one) for pair in times for one in pair if one}
+            rows = 0.01 * np.arange(801)
+            assert said and all(np.abs(start + rows - t).min() < 1e-5 for t in said)
+            assert not any("e" in one for pair in times for one in pair)
+
+
 # ---- isolated samples ----------------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(("channel", "size"), [
@@ -53,7 +85,7 @@ def test_one_sample_far_off_is_set_aside_and_nothing_else(case, channel, size, r
     name = case.runs[run].name
     assert aside(bad, gate) == {(name, channel): [300]}
     glitch, = gate.of("glitch")
-    assert (glitch.run, glitch.channel) == (name, channel) and f"t = {case.runs[run].t[300]:.6g} s" in glitch.text
+    assert (glitch.run, glitch.channel) == (name, channel) and "at t = 3 s" in glitch.text
     assert glitch.share == 1 / len(case.runs[run].t) and "(0.12 %)" in glitch.text
 
 

@@ -140,6 +140,24 @@ def test_escape_codes_in_names_do_not_reach_a_terminal(details):
     assert r"run\x1b[2J" in shown
 
 
+def traces_of(text):
+    """What the page draws: run -> channel -> lines."""
+    return json.loads(re.search(r'id="traces">(.*?)</script>', text, re.DOTALL)[1])
+
+
+@pytest.mark.parametrize("start", [20_000.0, 1.7e9])
+def test_times_are_shown_from_the_runs_start_whatever_the_logs_clock(details, start):
+    later = replace(details, case=replace(details.case, runs=tuple(replace(run, t=start + run.t) for run in details.case.runs)),
+                    traces={run: {name: replace(trace, t=start + trace.t) for name, trace in channels.items()}
+                            for run, channels in details.traces.items()})
+    text = write_report(None, example_diagnosis(), later)
+    assert traces_of(text) == traces_of(write_report(None, example_diagnosis(), details))
+    for trace in (trace for channels in traces_of(text).values() for trace in channels.values()):
+        assert 0.0 <= trace["t"][0] < 0.05 and np.all(np.diff(trace["t"]) > 0.009) and len(trace["t"]) > 500
+    # Where the gate's times lie.
+    assert f'data-h="starts at t">{start:.0f} s<' in text and "time from the run's start" in text
+
+
 VERDICTS = ("known", "partial", "unknown", "none")
 
 
@@ -230,7 +248,7 @@ def test_nothing_is_shown_with_effects_where_none_is_blamed(details, verdict):
     page = words_of(text)
     for words in ("with the named effects", "with the blamed effects", "with effects", "is closed"):
         assert words not in page
-    traces = json.loads(re.search(r'id="traces">(.*?)</script>', text, re.DOTALL)[1])
+    traces = traces_of(text)
     assert {line for channels in traces.values() for trace in channels.values() for line in trace} == {
         "unit", "noise", "t", "measured", "nominal", "refit"}
     console = Console(file=io.StringIO(), width=100)

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
+from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.chance import MOVES, SLIGHT, handful
 from rtds_host.diagnosis.gap import counts
 from rtds_host.diagnosis.gate import cuts, glitches, rounding, sensors, stamps, timing, units
@@ -94,7 +95,7 @@ def _without_glitches(case: Case, bounds: Limits, noise: dict[str, float]) -> tu
             if c in run and len(run[c][0]):
                 out[c] = run[c][0]
                 n = len(out[c])
-                some = ", ".join(f"{log.t[k]:.6g}" for k in out[c][:3]) + (" …" if n > 3 else "")
+                some = ", ".join(moment(log.t[k]) for k in out[c][:3]) + (" …" if n > 3 else "")
                 found.append(Finding(log.name, c, "glitch", "warning",
                                      f"{n} isolated sample{'s' if n > 1 else ''} of {c} far off their neighbours set "
                                      f"aside ({percent(n / run[c][1])}), at t = {some} s.", n / run[c][1]))

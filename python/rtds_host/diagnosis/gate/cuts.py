@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
+from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.chance import MOVES, handful
 from rtds_host.diagnosis.gate.findings import Finding, percent
 from rtds_host.diagnosis.gate.timing import SHORTEST_S, hole_s
@@ -60,7 +61,7 @@ def _cut(log: RunLog, case: Case) -> tuple[list[RunLog], list[Finding]]:
     worst = int(holes[np.argmax(dt[holes])])
     one = holes.size == 1
     text = (f"{'a hole' if one else f'{holes.size} holes'} without a row, {'' if one else 'the longest '}"
-            f"{dt[worst]:.3g} s at t = {log.t[worst]:.4g} s")
+            f"{dt[worst]:.3g} s at t = {moment(log.t[worst])} s")
     missing = float(dt[holes].sum() / (log.t[-1] - log.t[0]))
     if holes.size > handful(len(log.t)):
         return [log], [Finding(log.name, "t", "gap", "warning",

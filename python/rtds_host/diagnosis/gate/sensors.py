@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
+from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.chance import APART, FEWEST, HANDFUL, MEDIAN_OF_NORMAL, MOVES, SLIGHT, in_a_row
 from rtds_host.diagnosis.gate.findings import Finding, percent
 from rtds_host.diagnosis.gate.limits import ROOM, channels
@@ -68,7 +69,7 @@ def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Fi
             if turns.size and np.median(np.abs(steps)) < SLIGHT * 2 * math.pi:
                 found.append(Finding(log.name, c, "wrapped", "warning",
                                      f"{c} jumps by a whole turn {turns.size} time(s), first at "
-                                     f"t = {t[turns[0] + 1]:.4g} s: it is wrapped; unwrap it."))
+                                     f"t = {moment(t[turns[0] + 1])} s: it is wrapped; unwrap it."))
     return found, aside
 
 
@@ -210,7 +211,7 @@ def _frozen(log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float, rob
     aside = np.concatenate([np.arange(a + 1, a + n + 1) for a, n in held])
     share = len(aside) / len(v)
     return Finding(log.name, c, "frozen", "warning",
-                   f"{c} repeats {v[at]:.4g} for {t[at + n] - t[at]:.3g} s from t = {t[at]:.4g} s while the robot moves: "
+                   f"{c} repeats {v[at]:.4g} for {t[at + n] - t[at]:.3g} s from t = {moment(t[at])} s while the robot moves: "
                    f"samples were held; {percent(share)} of them are set aside.", share), aside
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
-from rtds_host.contract.clock import PER_SECOND, SLOWEST_HZ, is_rate, likely_unit
+from rtds_host.contract.clock import PER_SECOND, SLOWEST_HZ, is_rate, likely_unit, moment
 from rtds_host.diagnosis.chance import APART, FEWEST, FOLLOWS, HANDFUL, MOVES
 from rtds_host.diagnosis.gap import WINDOW_S
 from rtds_host.diagnosis.gate.findings import Finding, percent
@@ -90,7 +90,7 @@ def check_clock(case: Case) -> None:
             raise InputError(f"{where}: a row every {step:.3g} s, " + (
                 f"is it in {unit}?" if unit else f"at least {SLOWEST_HZ:g} rows a second are needed"))
         if dt[hole] >= BREAK_S:
-            raise InputError(f"{where}: no row for {dt[hole]:.4g} s after {log.t[hole]:.12g} s: two recordings in one "
+            raise InputError(f"{where}: no row for {dt[hole]:.4g} s after {moment(log.t[hole])} s: two recordings in one "
                              "file, or a jump of the clock? Make each a run of its own")
 
 

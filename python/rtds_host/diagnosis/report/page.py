@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from rtds_host.contract import write_atomic
+from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.report.advice import exportable, next_steps
 from rtds_host.diagnosis.report.budget_bar import budget_bar
@@ -44,6 +45,8 @@ BUCKETS = 450
 MODELS = (("before", "nominal"), ("refit", "refitted"), ("after", "with effects"))
 # Layout: more than a screen shows of a line.
 DIGITS = 6
+# Layout: decimals of a time, s: finer than any log's rows.
+TIME_DECIMALS = 6
 UNITS = {"v_bus": "V", "i": "A", "w": "rad/s", "th": "rad", "gyro_z": "rad/s", "x": "m", "y": "m", "yaw": "rad"}
 
 SETUP_WORDS = {"latency_s": ("what is read of a speed command comes later by", 1e3, "ms"),
@@ -83,7 +86,9 @@ def _decimated(trace: Trace, unit: str, noise: float | None, blamed: bool) -> di
         rounded = np.round(kept, DIGITS - 1 - math.floor(math.log10(largest)) if largest > 1e-300 else 0)
         return [v if ok else None for v, ok in zip(rounded.tolist(), finite.tolist())]
 
-    result: dict[str, Any] = {"unit": unit, "noise": noise, "t": plain(trace.t), "measured": plain(trace.measured)}
+    # From the run's start: a log's clock may be a Unix time, of which so many digits would be one and the same.
+    times = np.round(trace.t[good] - trace.t[0], TIME_DECIMALS).tolist()
+    result: dict[str, Any] = {"unit": unit, "noise": noise, "t": times, "measured": plain(trace.measured)}
     for name in ("nominal", "refit", "after") if blamed else ("nominal", "refit"):
         line = getattr(trace, name)
         if line is not None:
@@ -336,7 +341,8 @@ def _plots(diagnosis: dict[str, Any], details: Details) -> str:
             '<span id="keys"></span><button id="reset" type="button">whole run</button>'
             '<span class="soft small">wheel zooms, dragging moves, double click shows all</span></div>'
             '<p class="soft small">Beside each channel what the replay misses of it, measured minus replay; the band is what the '
-            "sensor's noise alone hardly ever leaves (3 sigma).</p>"
+            "sensor's noise alone hardly ever leaves (3 sigma). Times count from the run's start; where that lies on the log's own "
+            "clock stands with the runs at the end.</p>"
             '<div id="plots"></div>'
             f'<script type="application/json" id="traces">{_json(data)}</script></section>')
 
@@ -398,11 +404,11 @@ def _condition(details: Details) -> str:
     for log in details.case.runs:
         meta = log.meta
         channels = ", ".join(c for c in log.columns if log.has(c) and not c.startswith("w_ref"))
-        rows.append([escape(log.name), f"{log.t[-1] - log.t[0]:.1f} s", str(len(log.t)),
+        rows.append([escape(log.name), f"{moment(log.t[0])} s", f"{log.t[-1] - log.t[0]:.1f} s", str(len(log.t)),
                      f"{1 / float(np.median(np.diff(log.t))):.3g} Hz", f"{meta.payload_kg:g} kg", f"{meta.slope_rad:g} rad",
                      escape(channels)])
     parts.append("<h3>Runs</h3>")
-    parts.append(_table([("run", False), ("length", True), ("rows", True), ("rate", True), ("payload", True),
+    parts.append(_table([("run", False), ("starts at t", True), ("length", True), ("rows", True), ("rate", True), ("payload", True),
                          ("slope", True), ("channels", False)], rows, None, "recorded"))
     return "".join(parts) + "</section>"
 

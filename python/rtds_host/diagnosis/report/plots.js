@@ -48,7 +48,7 @@
     canvas.width = w * ratio; canvas.height = h * ratio;
     const g = canvas.getContext("2d");
     g.scale(ratio, ratio);
-    const left = 58, right = 8, top = 18, bottom = 20;
+    const left = 58, right = 8, top = 18, bottom = 34;
     const inside = trace.t.map((t) => t >= span[0] && t <= span[1]);
     const drawn = curves(trace, missed);
     let low = Infinity, high = -Infinity;
@@ -78,6 +78,8 @@
       g.textAlign = px(t) > w - 24 ? "right" : "center";
       g.fillText(t + " s", Math.min(px(t), w - 2), h - bottom + 4);
     }
+    g.textAlign = "center";
+    g.fillText("time from the run's start", 0.5 * (left + w - right), h - bottom + 18);
     g.save(); g.beginPath(); g.rect(left, top, w - left - right, h - top - bottom); g.clip();
     for (const [key, dash, width] of lines) {
       if (!drawn[key]) continue;
