@@ -54,8 +54,8 @@ def diagnose(case: Case | Path_, *, quick: bool = False, threads: int = 0, seed:
 
     Returns
     -------
-    The content of `diagnosis.json`: "verdict", "effects" with values and 90 % intervals, "gap" before and after on runs that
-    were not used for the fit, in units of the sensors' noise, and more.
+    The content of `diagnosis.json`: "verdict", "effects" with values and 90 % intervals, "gap" before and after in
+    units of the sensors' noise, each run judged by the fit without it, and more.
 
     Raises
     ------

@@ -16,6 +16,7 @@ from rtds_host.contract import Axis, Servo
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.report import print_summary, validate, write_report
+from rtds_host.diagnosis.report.words import verdict_sentence
 
 
 @pytest.fixture(scope="module")
@@ -214,6 +215,16 @@ def test_no_command_is_advised_that_would_refuse_the_robot(details):
         text = on(other)
         assert "rtds predict RUN" in text
         assert not any(name in text for name in ("rtds export", "rtds plan", "rtds close", "rtds run"))
+
+
+@pytest.mark.parametrize(("held", "page_says", "terminal_says"), [
+    (["steps"], "Each half of the run is judged with motor values and sizes worked out without it; which causes are named rests on the whole run.",
+     "On halves of the run not used for the fit the gap falls"),
+    (["spin", "steps"], "Each run is judged with motor values and sizes worked out without it; which causes are named rests on all runs together.",
+     "On runs not used for the fit the gap falls")])
+def test_what_the_gap_was_judged_on_is_said(details, held, page_says, terminal_says):
+    assert page_says in words_of(sections("known", details, held_out_runs=held)[0])
+    assert terminal_says in verdict_sentence({**example_diagnosis(), "held_out_runs": held})
 
 
 # What a reader would have to have heard a lecture on statistics for.

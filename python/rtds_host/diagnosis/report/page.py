@@ -140,7 +140,7 @@ def _head(diagnosis: dict[str, Any], details: Details) -> str:
     """The first screen: the verdict, what the gap is made of, and how large it is, in words that need no statistics."""
     gap, case, effects = diagnosis["gap"], details.case, diagnosis["effects"]
     held = diagnosis.get("held_out_runs") or []
-    judged = f"the run{'s' if len(held) > 1 else ''} {enumerated(held, 'and')}" if held else "parts of the runs"
+    judged, by = ("Each half of the run", "the whole run") if len(held) == 1 else ("Each run", "all runs together")
     figures = [("before", number(gap.get("before")), "simulator as it is"),
                ("refit", number(gap.get("refit")), "motor values adjusted within their tolerance")]
     if effects:
@@ -154,8 +154,8 @@ def _head(diagnosis: dict[str, Any], details: Details) -> str:
             + (f'<ul id="named">{named}</ul>' if named else "")
             + '<h3>How far simulator and robot are apart</h3><div class="figures" id="gap">' + "".join(
                 f'<div data-name="{k}"><b>{v}</b><span>{escape(t)}</span></div>' for k, v, t in figures) + "</div>"
-            '<p class="soft small">In units of each sensor\'s own noise: 1 is as close as the sensors can tell. Judged on '
-            + escape(judged) + ", set aside while causes were looked for.</p>"
+            '<p class="soft small">In units of each sensor\'s own noise: 1 is as close as the sensors can tell. '
+            f"{judged} is judged with motor values and sizes worked out without it; which causes are named rests on {by}.</p>"
             "</section>")
 
 
@@ -350,7 +350,8 @@ def _plots(diagnosis: dict[str, Any], details: Details) -> str:
 def _gaps(diagnosis: dict[str, Any], details: Details) -> str:
     gap, blamed = diagnosis["gap"], bool(diagnosis["effects"])
     parts = ["<section><h2>The gap by channel, regime and run</h2>",
-             '<p class="small soft">Root mean square of replay minus measured in units of noise, on runs not used for the fit.</p>',
+             ('<p class="small soft">Root mean square of replay minus measured in units of noise, of each run by the fit without it (one '
+              "step from the fit to all; of a single run each half). Which effects that holds was decided by all runs.</p>"),
              _gap_table("channel", gap.get("channels") or {}, "channels", blamed)]
     if blamed and gap.get("closed") is not None:
         interval = gap.get("closed_ci90")

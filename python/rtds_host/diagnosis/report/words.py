@@ -182,7 +182,8 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
     each = "each at least " if len(effects) > 1 else ""
     sure = f": {each}{percent(min(e['probability'] for e in effects))} probable"
     probable = "" if any(twins_of(diagnosis, e) for e in effects) else sure
-    text = (f"{names[:1].upper()}{names[1:]}{probable}. On runs not used for the fit the gap falls "
+    where = "On halves of the run" if len(diagnosis.get("held_out_runs") or []) == 1 else "On runs"
+    text = (f"{names[:1].upper()}{names[1:]}{probable}. {where} not used for the fit the gap falls "
             f"from {number(refit)} to {number(after)} times the sensors' noise{share}.")
     if diagnosis["verdict"] == "partial":
         text += f" {percent(rest.get('share'))} of it has no name" + (f", most of that in the {place}." if place else ".")
