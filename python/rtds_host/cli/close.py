@@ -27,12 +27,12 @@ def close(
     sim: Annotated[str, typer.Option(help="rtl: verilator or icarus.")] = "verilator",
     engine: Annotated[str | None, typer.Option(help="Physics engine: pybullet or mujoco. Default: pybullet, or mujoco "
                                                "where PyBullet has no wheel.")] = None,
-    full: Annotated[bool, typer.Option("--full", help="Diagnose by the wide search, several times slower.")] = False,
+    full: Annotated[bool, typer.Option("--full", help="Diagnose by the full search, 1.2 to 1.3 times as long.")] = False,
     table: Annotated[bool, typer.Option("--table", help="Load what the diagnosis leaves as a table, where one fits.")] = False,
     causes: Annotated[bool, typer.Option(help="Vary the simulator one thing at a time, to say where it differs from the "
                                               "diagnosis' own replay.")] = True,
     figure: Annotated[bool, typer.Option(help="Draw close.png.")] = True,
-    seed: Annotated[int, typer.Option(help="Seed of the diagnosis' bootstrap.")] = 1,
+    seed: Annotated[int, typer.Option(help="Changes nothing: no chance is in a diagnosis. Kept for scripts.")] = 1,
     jobs: Annotated[int, typer.Option(help="Cores for the diagnosis; 0 = all.", min=0)] = 0,
 ) -> None:
     """Diagnose CASE, put the effects into the real-time simulator, and report the gap there before and after."""

@@ -21,7 +21,7 @@ from rtds_host.contract.inputs import regular_bytes
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.memory import keep_freed
 from rtds_host.diagnosis.overview import overview_page, row_of, table_bytes
-from rtds_host.diagnosis.report import print_summary, validate, write_report
+from rtds_host.diagnosis.report import print_summary, report_page, validate
 from rtds_host.errors import InputError, OutputError, visible
 from rtds_host.remains import scratch_name, sweep
 from rtds_host.spread import cores, on_cluster, on_cores
@@ -37,19 +37,23 @@ LONGEST_NAME = 235
 Explain = Callable[[Case, bool, int, int], tuple[dict, str, float]]
 
 
-def _json(result: dict) -> str:
-    return json.dumps(result, indent=1, ensure_ascii=False) + "\n"
-
-
 def refuse_case(case: Path, out: Path) -> None:
     """OutputError where the results of a case would fall into the case itself, or into one of its runs."""
     refuse_inputs([out, *(out / file for file in FILES)], places_of_case(case))
 
 
-def _write(out: Path, files: dict[str, str]) -> None:
+def write_result(out: Path, result: dict, page: str) -> dict[str, str]:
+    """Write what a diagnosis gives, both files or none. Returns the text of each.
+
+    Raises
+    ------
+    OutputError : `out` cannot be written.
+    """
+    files = dict(zip(FILES, (json.dumps(result, indent=1, ensure_ascii=False) + "\n", page), strict=True))
     with staged_folder(out) as scratch:
         for name, text in files.items():
             (scratch / name).write_text(text, encoding="utf-8")
+    return files
 
 
 # ---- one case --------------------------------------------------------------------------------------------------------
@@ -61,7 +65,7 @@ def write_diagnosis(folder: Path, out: Path, quick: bool, seed: int, threads: in
     case = read_writable_case(folder)
     result, details = diagnose(case, quick=quick, threads=threads, seed=seed, progress=progress)
     validate(result)
-    _write(out, {"diagnosis.json": _json(result), "report.html": write_report(None, result, details)})
+    write_result(out, result, report_page(result, details))
     return result, details
 
 
@@ -84,7 +88,7 @@ def explain(case: Case, quick: bool, seed: int, threads: int) -> tuple[dict, str
     keep_freed()
     result, details = diagnose(case, quick=quick, threads=threads, seed=seed)
     validate(result)
-    return result, write_report(None, result, details), details.seconds
+    return result, report_page(result, details), details.seconds
 
 
 def name_of(folder: Path) -> str:
@@ -97,9 +101,9 @@ def _explain_folder(work: Explain, folder: str, quick: bool, seed: int, threads:
     return work(read_writable_case(Path(folder)), quick, seed, threads)
 
 
-def fingerprint(folder: Path, quick: bool, seed: int) -> str:
-    """SHA-256 over everything a result depends on: the case's name and files, the options, the program's version."""
-    digest = hashlib.sha256(json.dumps([__version__, name_of(folder), quick, seed]).encode())
+def fingerprint(folder: Path, quick: bool) -> str:
+    """SHA-256 over everything a result depends on: the case's name and files, how it is searched, the program's version."""
+    digest = hashlib.sha256(json.dumps([__version__, name_of(folder), quick]).encode())
     found = [folder / "robot.toml"]
     for name in ("robot.toml", "run.json", "log.csv", "log.parquet"):
         found += folder.glob(f"*/{name}")
@@ -135,8 +139,7 @@ class _Results:
 
     def write(self, name: str, key: str, result: dict, page: str, seconds: float) -> dict:
         """Write a result; the note that it is done comes last, so that what a kill leaves counts as not done."""
-        files = {"diagnosis.json": _json(result), "report.html": page}
-        _write(self.out / name, files)
+        files = write_result(self.out / name, result, page)
         row = row_of(name, result, seconds)
         hashes = {file: _sha(text.encode("utf-8")) for file, text in files.items()}
         write_atomic(self.state / f"{name}.json", json.dumps({"key": key, "files": hashes, "row": row}) + "\n")
@@ -241,7 +244,7 @@ def run_many(cases: list[Path], out: Path, quick: bool = False, seed: int = 1, j
                 for name, case in by_name.items() if (why := _unwritable(name)) is not None}
         for row in rows.values():
             print(f"rtds: {row['error']}", file=sys.stderr, flush=True)
-        keys = {name: fingerprint(case, quick, seed) for name, case in by_name.items() if name not in rows}
+        keys = {name: fingerprint(case, quick) for name, case in by_name.items() if name not in rows}
         done = {name: row for name, key in keys.items() if (row := results.row(name, key)) is not None}
         rows |= done
         todo = {name: case for name, case in by_name.items() if name not in rows}

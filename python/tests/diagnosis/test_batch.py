@@ -132,7 +132,8 @@ def test_only_what_changed_is_done_again(cases, tmp_path):
     assert done() == ["two"]
     (out / "three" / "report.html").unlink()
     assert done() == ["three"]
-    assert done(seed=2) == sorted(NAMES)
+    # Nothing is drawn by chance.
+    assert done(seed=2) == []
     assert done(seed=2, quick=True) == sorted(NAMES)
     assert "2 True" in (out / "one" / "report.html").read_text()
 

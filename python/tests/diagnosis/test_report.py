@@ -15,7 +15,7 @@ from rich.console import Console
 from rtds_host.contract import Axis, Servo
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.gate import examine
-from rtds_host.diagnosis.report import print_summary, validate, write_report
+from rtds_host.diagnosis.report import print_summary, report_page, validate
 from rtds_host.diagnosis.report.words import verdict_sentence
 
 
@@ -78,25 +78,23 @@ def test_an_interval_may_be_null_for_not_pinned():
 
 # ---- the page as text ----------------------------------------------------------------------------------------------
 
-def test_the_same_input_gives_the_same_bytes(details, tmp_path):
-    first = write_report(tmp_path / "a.html", example_diagnosis(), details)
-    details.seconds = 17.0
-    write_report(tmp_path / "b.html", example_diagnosis(), example_details())
-    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes() == first.encode()
+def test_the_same_input_gives_the_same_bytes(details):
+    first = report_page(example_diagnosis(), details)
+    assert report_page(example_diagnosis(), replace(example_details(), seconds=17.0)) == first
 
 
 def test_the_page_refers_to_nothing_outside_itself(details):
-    text = write_report(None, example_diagnosis(), details)
+    text = report_page(example_diagnosis(), details)
     assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:)""", text)
     assert "http://" not in text and "https://" not in text
 
 
 def test_the_page_is_small_enough_to_mail(details):
-    assert len(write_report(None, example_diagnosis(), details)) < 3_000_000
+    assert len(report_page(example_diagnosis(), details)) < 3_000_000
 
 
 def test_text_from_outside_cannot_become_markup(details):
-    text = write_report(None, example_diagnosis(), details)
+    text = report_page(example_diagnosis(), details)
     assert "&lt;on other runs&gt;" in text and "<on other runs>" not in text
 
 
@@ -122,7 +120,7 @@ def hostile(details):
 
 
 def test_no_name_can_end_a_script_or_open_a_comment_in_it(details):
-    text = write_report(None, *hostile(details))
+    text = report_page(*hostile(details))
     embedded = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', text, re.DOTALL)
     assert len(embedded) == 2 and not any("<" in data for data in embedded)
     assert HOSTILE[0] in json.loads(embedded[0]) and json.loads(embedded[1])["held_out_runs"] == list(HOSTILE)
@@ -151,8 +149,8 @@ def test_times_are_shown_from_the_runs_start_whatever_the_logs_clock(details, st
     later = replace(details, case=replace(details.case, runs=tuple(replace(run, t=start + run.t) for run in details.case.runs)),
                     traces={run: {name: replace(trace, t=start + trace.t) for name, trace in channels.items()}
                             for run, channels in details.traces.items()})
-    text = write_report(None, example_diagnosis(), later)
-    assert traces_of(text) == traces_of(write_report(None, example_diagnosis(), details))
+    text = report_page(example_diagnosis(), later)
+    assert traces_of(text) == traces_of(report_page(example_diagnosis(), details))
     for trace in (trace for channels in traces_of(text).values() for trace in channels.values()):
         assert 0.0 <= trace["t"][0] < 0.05 and np.all(np.diff(trace["t"]) > 0.009) and len(trace["t"]) > 500
     # Where the gate's times lie.
@@ -172,7 +170,7 @@ def sections(verdict, details, **changes):
     diagnosis = example_of(verdict)
     diagnosis.update(changes)
     validate(diagnosis)
-    return re.findall(r"<section>.*?</section>", write_report(None, diagnosis, details), re.DOTALL)
+    return re.findall(r"<section>.*?</section>", report_page(diagnosis, details), re.DOTALL)
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
@@ -255,7 +253,7 @@ def test_the_first_picture_is_what_the_gap_is_made_of(details, verdict):
 
 @pytest.mark.parametrize("verdict", ["unknown", "none"])
 def test_nothing_is_shown_with_effects_where_none_is_blamed(details, verdict):
-    text = write_report(None, example_of(verdict), details)
+    text = report_page(example_of(verdict), details)
     page = words_of(text)
     for words in ("with the named effects", "with the blamed effects", "with effects", "is closed"):
         assert words not in page
@@ -346,7 +344,7 @@ def browser(tmp_path_factory):
 @pytest.fixture(scope="module")
 def opened(browser, details, tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(path, example_diagnosis(), details)
+    path.write_text(report_page(example_diagnosis(), details), encoding="utf-8")
     browser.get_log("performance")
     browser.get(path.as_uri())
     return browser
@@ -355,7 +353,7 @@ def opened(browser, details, tmp_path_factory):
 @pytest.mark.browser
 def test_hostile_names_are_shown_and_do_nothing(browser, details, tmp_path):
     diagnosis, marked = hostile(details)
-    write_report(tmp_path / "report.html", diagnosis, marked)
+    (tmp_path / "report.html").write_text(report_page(diagnosis, marked), encoding="utf-8")
     browser.get_log("browser")
     browser.get((tmp_path / "report.html").as_uri())
     assert [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
@@ -489,7 +487,7 @@ def page(browser, details, tmp_path):
     """Open the report of a verdict in a window of a size and a colour scheme."""
     def show(verdict, width=1200, height=1400, **media):
         emulate(browser, width, height, **media)
-        write_report(tmp_path / "report.html", example_of(verdict), details)
+        (tmp_path / "report.html").write_text(report_page(example_of(verdict), details), encoding="utf-8")
         browser.get((tmp_path / "report.html").as_uri())
         return browser
     yield show

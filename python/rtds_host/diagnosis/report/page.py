@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import os
 import re
 from collections.abc import Iterable
 from html import escape
@@ -14,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from rtds_host.contract import write_atomic
 from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.report.advice import exportable, next_steps
@@ -414,8 +412,8 @@ def _condition(details: Details) -> str:
     return "".join(parts) + "</section>"
 
 
-def page(diagnosis: dict[str, Any], details: Details) -> str:
-    """The whole report as a string of HTML."""
+def report_page(diagnosis: dict[str, Any], details: Details) -> str:
+    """The whole report, `report.html`, as a string."""
     title = f"{details.case.name}: {diagnosis['verdict']}"
     body = "".join([_head(diagnosis, details), _do(diagnosis, details), _where(diagnosis, details), _what(diagnosis, details),
                     _plots(diagnosis, details), _gaps(diagnosis, details), _next(diagnosis, details), _condition(details)])
@@ -428,16 +426,3 @@ def page(diagnosis: dict[str, Any], details: Details) -> str:
             f"<title>{escape(title)}</title><style>{_asset('style.css')}</style></head><body><main>{body}</main>"
             f'<script type="application/json" id="diagnosis">{_json(diagnosis)}</script>'
             f"<script>{_asset('plots.js')}</script></body></html>\n")
-
-
-def write_report(path: str | os.PathLike | None, diagnosis: dict[str, Any], details: Details) -> str:
-    """Write the report and return its text; with `path` None only return it.
-
-    Raises
-    ------
-    OutputError : the place cannot be written.
-    """
-    text = page(diagnosis, details)
-    if path is not None:
-        write_atomic(path, text)
-    return text
