@@ -19,6 +19,7 @@ from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
+from rtds_host.diagnosis.report.words import SUBSYSTEM_WORDS
 from rtds_host.diagnosis.screen import available, clashes, start_values
 from rtds_host.diagnosis.search import Search
 from rtds_host.errors import InputError
@@ -118,14 +119,11 @@ def next_experiment(problem: Problem, search: Search, weighed: Account, diagnosi
         kept = {h for h in weighed.fit.hypothesis if h != members[0]}
         rivals = [search.fits.get(tuple(sorted({*kept, m}))) or _in_its_place(search, weighed, members[0], m) for m in members]
         separates = [{"id": e, "side": problem.effects[e].side_on(problem.robot.axis, s)} for e, s in members]
-        purpose = "parts what these runs cannot tell apart"
     else:
         supposed = _supposed(problem, weighed.fit, place)
         rivals = [weighed.fit, *supposed]
         new = [h for fit in supposed for h in fit.hypothesis if h not in weighed.fit.hypothesis]
         separates = [{"id": e, "side": problem.effects[e].side_on(problem.robot.axis, s)} for e, s in new]
-        where = f" in {place.replace('_', ' ')}" if place else ""
-        purpose = f"most of what has no name lies{where}, and this manoeuvre moves it most"
     count = len(weighed.fit.z)
     known = weighed.fit.precision[:count, :count]
     best: tuple[float, str, Scenario] | None = None
@@ -140,9 +138,20 @@ def next_experiment(problem: Problem, search: Search, weighed: Account, diagnosi
             value = min(_separation(plan, problem, a, b, known) for a, b in itertools.combinations(rivals, 2))
             if best is None or value > best[0]:
                 best = (value, scenario.name + (f" --payload {payload_kg:g}" if payload else ""), scenario)
-    if best is None:
-        # Nothing of the menu can be replayed on this machine: the one that holds a bit of everything.
-        best = (0.0, "teleop", scenarios()["teleop"])
-    value, text, scenario = best
+    compared = best is not None
+    # Nothing of the menu can be replayed on this machine, or nothing is there to compare: the one that holds a bit of everything.
+    value, text, scenario = best or (0.0, "teleop", scenarios()["teleop"])
     return {"scenario": text, "separates": separates, "expected_separation": float(f"{value:.3g}"),
-            "why": f"{purpose}: {scenario.about}"}
+            "why": f"{_purpose(bool(weighed.alike), place, compared)}: {scenario.about}"}
+
+
+def _purpose(alike: bool, place: str | None, compared: bool) -> str:
+    """What the manoeuvre is for, in a clause: to part twins (`alike`), or to move a rest at `place`; `compared`: whether that of the menu
+    was chosen by replays."""
+    blind = "could not be worked out for this machine, and this manoeuvre holds a bit of everything"
+    if alike:
+        return "parts what these runs cannot tell apart" if compared else f"what parts best what these runs cannot tell apart {blind}"
+    if place is None:
+        return "where what has no name lies is not known, and this manoeuvre holds a bit of everything"
+    where = f"most of what has no name lies in the {SUBSYSTEM_WORDS[place]}"
+    return f"{where}, and this manoeuvre moves it most" if compared else f"{where}; what moves it most {blind}"

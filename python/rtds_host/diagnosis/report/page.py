@@ -375,7 +375,7 @@ def _next(diagnosis: dict[str, Any], details: Details) -> str:
     if plan:
         separation = plan.get("expected_separation")
         parts.append(f'<p id="next">Record <b>{escape(manoeuvre(plan))}</b> next: {escape(str(plan.get("why", "")))}'
-                     + (f" Expected separation: {number(separation)} standard errors." if separation is not None else "")
+                     + (f" Expected separation: {number(separation)} standard errors." if separation else "")
                      + "</p>")
         if exportable(details.case.robot):
             parts.append("<pre>rtds plan diagnosis.json --robot robot.toml --floor 3x3 --out plan</pre>")
