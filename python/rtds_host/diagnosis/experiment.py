@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rtds_host.contract import Case, RunLog, RunMeta
+from rtds_host.contract import Case, Robot, RunLog, RunMeta
 from rtds_host.diagnosis.account import Account
 from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.problem import Problem
@@ -36,6 +36,12 @@ PAYLOADS = (0.0, 2.0)
 SUPPOSED = 2
 
 
+def as_run(scenario: Scenario, robot: Robot, payload_kg: float, t: np.ndarray, volts: np.ndarray) -> RunLog:
+    """A manoeuvre's voltages (n, sides) at times (n,) as a run without measurements."""
+    meta = RunMeta(scenario.name, payload_kg, scenario.slope_rad, scenario.uphill_yaw_rad)
+    return RunLog(scenario.name, meta, t, {f"v_cmd_{side}": volts[:, k] for k, side in enumerate(robot.sides)})
+
+
 def _plan(scenario: Scenario, problem: Problem, payload_kg: float) -> RunLog | None:
     """The manoeuvre as a run without measurements, or None where these motors cannot do it."""
     robot = problem.robot
@@ -54,9 +60,7 @@ def _plan(scenario: Scenario, problem: Problem, payload_kg: float) -> RunLog | N
     top = np.abs(volts).max()
     if top > robot.supply_v:
         volts = volts * (robot.supply_v / top)
-    meta = RunMeta(scenario.name, payload_kg, scenario.slope_rad, scenario.uphill_yaw_rad)
-    columns = {f"v_cmd_{side}": volts[:, k] for k, side in enumerate(robot.sides)}
-    return RunLog(scenario.name, meta, t, columns)
+    return as_run(scenario, robot, payload_kg, t, volts)
 
 
 def _with_sensors(plan: RunLog, model: Model, problem: Problem) -> Problem:

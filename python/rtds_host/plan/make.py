@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rtds_host.contract import Robot, RunLog, RunMeta
+from rtds_host.contract import Robot, RunLog
 from rtds_host.contract.robot import Driver
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.effects import SIDES, catalogue
+from rtds_host.diagnosis.experiment import as_run
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
 from rtds_host.errors import InputError
@@ -27,7 +28,8 @@ SAMPLE_S = 0.01
 LEAST_SCALE = 0.2
 HALVINGS = 7
 HEADINGS = np.radians(np.arange(0.0, 180.0, 5.0))
-# Signatures with a larger cosine look alike; one below so many units of noise is not seen.
+# Signatures with a larger cosine look alike, since less than half of the one (its sine, 0.44) is left beside the other; one below so
+# many units of noise is not seen.
 ALIKE, SEEN = 0.9, 2.0
 
 
@@ -63,11 +65,6 @@ class Plan:
         return self.start[2] + self.scenario.uphill_yaw_rad
 
 
-def _log(robot: Robot, scenario: Scenario, payload_kg: float, t: np.ndarray, volts: np.ndarray) -> RunLog:
-    meta = RunMeta(scenario.name, payload_kg, scenario.slope_rad, scenario.uphill_yaw_rad)
-    return RunLog(scenario.name, meta, t, {f"v_cmd_{side}": volts[:, k] for k, side in enumerate(robot.sides)})
-
-
 def _speeds(robot: Robot, out: np.ndarray) -> np.ndarray:
     """Forward speed and yaw rate (n, 2) of a replay."""
     w = out[:, [OUTPUT_INDEX["w_l"], OUTPUT_INDEX["w_r"]]]
@@ -100,7 +97,7 @@ def _commands(scenario: Scenario, robot: Robot, kind: str, scale: float, payload
         volts = volts * (robot.supply_v / top)
     if kind == "voltage":
         return knots(t, volts, NAMES["voltage"], held=True)
-    out = replay_run(nominal_model(robot), run_inputs(_log(robot, scenario, payload_kg, t, volts), robot))
+    out = replay_run(nominal_model(robot), run_inputs(as_run(scenario, robot, payload_kg, t, volts), robot))
     moved = _speeds(robot, out)
     moved[-1] = 0.0
     return knots(t, moved, NAMES["cmd_vel"])
@@ -127,7 +124,7 @@ def _drive(robot: Robot, scenario: Scenario, commands: Commands, kind: str, payl
     t, volts = _volts(robot, scenario, commands, kind, payload_kg)
     found = []
     for model in models:
-        out = replay_run(model, run_inputs(_log(robot, scenario, payload_kg, t, np.clip(volts, -robot.supply_v, robot.supply_v)), robot))
+        out = replay_run(model, run_inputs(as_run(scenario, robot, payload_kg, t, np.clip(volts, -robot.supply_v, robot.supply_v)), robot))
         speeds = _speeds(robot, out)
         x, y = out[:, OUTPUT_INDEX["x"]], out[:, OUTPUT_INDEX["y"]]
         tops = {"voltage_v": float(np.abs(volts).max()),
@@ -227,11 +224,11 @@ def fit(scenario: Scenario, robot: Robot, kind: str, floor: Floor, models: Seque
 def alike_pairs(plan: Plan, robot: Robot) -> tuple[int, int, int]:
     """How much of the catalogue a plan shows: effects it shows, and of these the pairs that look alike and all pairs.
 
-    An effect's signature is what its first start moves in units of noise (contract, section 4); pairs with |cos| above 0.9
-    look alike (section 5 of the theory page).
+    An effect's signature is what its first start moves in units of noise (contract, section 4); pairs with |cos| above
+    `ALIKE` look alike (docs/plan.md).
     """
     t, volts = _volts(robot, plan.scenario, plan.commands, plan.kind, plan.payload_kg)
-    log = _log(robot, plan.scenario, plan.payload_kg, t, volts)
+    log = as_run(plan.scenario, robot, plan.payload_kg, t, volts)
     inputs = run_inputs(log, robot)
     plain = nominal_model(robot)
     out = replay_run(plain, inputs)
