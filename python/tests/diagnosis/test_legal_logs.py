@@ -69,6 +69,18 @@ def test_what_has_nothing_that_counts_is_refused():
         examine(case)
 
 
+def test_speeds_that_clip_below_what_a_circle_asks_for_make_no_yaw_degrees():
+    t = np.arange(0.0, 20.0, 0.01)
+    rises = np.minimum(t / 1.0, 1.0)
+    volts = {"v_cmd_l": 7.25 * rises, "v_cmd_r": 10.5 * rises}
+    log = RunLog("circle", RunMeta(), t, volts)
+    out = replay_run(nominal_model(ROBOT), run_inputs(log, ROBOT))
+    rng = np.random.default_rng(1)
+    measured = {c: out[:, k] + ROBOT.noise(c) * rng.standard_normal(len(t)) for k, c in enumerate(OUTPUTS)}
+    measured |= {c: np.minimum(measured[c], 4.0) for c in ("w_l", "w_r")}
+    assert examine(Case("case", ROBOT, (replace(log, columns={**volts, **measured}),))).case is not None
+
+
 def test_a_pose_that_comes_every_other_second_has_windows_as_long():
     case = make_case(seconds=40.0)
     run = case.runs[2]

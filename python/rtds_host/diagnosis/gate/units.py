@@ -216,10 +216,12 @@ def _side_by_side(result: Compared, log: RunLog, robot: Robot, factors: dict[str
 
 
 def _scale(result: Compared, c: str, ratio: float, match: float, factors: dict[str, float]) -> None:
-    freely = c[0] in "ixy"
+    freely = c[0] == "i" or c in ("x", "y")
+    # Turns are compared with what the wheels' sensors say, which may be clipped, or slip: there a unit has to be met.
+    bound = not freely and c not in ("gyro_z", "yaw")
     unit = _unit(ratio, factors)
     near = abs(math.log(abs(ratio) / factors[unit])) < math.log(ROOM if freely else CLOSE)
-    too_much = abs(ratio) > ROOM and (near or not freely)
+    too_much = abs(ratio) > ROOM and (near or bound)
     # Too little may be friction and a gain; but friction follows no voltage closely at a slight part of the speed.
     too_little = factors[unit] < SLIGHT and near and match > CLOSELY
     if too_little or too_much and match > FOLLOWS:
