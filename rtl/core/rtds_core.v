@@ -99,10 +99,13 @@ module rtds_core #(
   // The right motor's stand apart only where it has its own: without, they cannot start a computation.
   wire [191:0] param2_in = fx_own_i ? {p2_b_i, p2_j_i, p2_kb_i, p2_km_i, p2_l_i, p2_r_i} : 192'd0;
   wire [226:0] param_in  = {fx_own_i, fx_on, method_i, p_h_i, p_b_i, p_j_i, p_kb_i, p_km_i, p_l_i, p_r_i};
-  reg  [226:0] param_q;    // the last set read
+  reg  [226:0] given_q;    // what there was in the last clock
+  reg  [191:0] given2_q;
+  reg          differs_q;  // and that it is not the last set read
+  reg          accept_q;
+  reg  [226:0] param_q;    // the last set read, from the second clock after the strobe on
   reg  [191:0] param2_q;
   reg          seen_q;     // there was one
-  reg          start_q;    // it differs from the one before
   reg          second_q;   // the right motor's coefficients are being computed, or stand
   reg          again_q;    // they start
   reg          waiting_q;  // coefficients stand, not yet committed
@@ -122,14 +125,30 @@ module rtds_core #(
   wire         commit  = waiting_q & sequencer_idle;
   wire         refresh = commit & ~fault;
 
-  assign param_pending = start_q | again_q | param_busy | param_done | waiting_q;
+  // The strobe comes late in its clock: it chooses among so many bits in the next one.
+  wire         start   = accept_q & (~seen_q | differs_q);
+
+  assign param_pending = start | again_q | param_busy | param_done | waiting_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      given_q       <= 227'd0;
+      given2_q      <= 192'd0;
+      differs_q     <= 1'b0;
+      accept_q      <= 1'b0;
+    end else begin
+      given_q       <= param_in;
+      given2_q      <= param2_in;
+      differs_q     <= (param_in != param_q) | (param2_in != param2_q);
+      accept_q      <= accept;
+    end
+  end
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       param_q       <= 227'd0;
       param2_q      <= 192'd0;
       seen_q        <= 1'b0;
-      start_q       <= 1'b0;
       second_q      <= 1'b0;
       again_q       <= 1'b0;
       waiting_q     <= 1'b0;
@@ -138,13 +157,11 @@ module rtds_core #(
       coef_l_q      <= 288'd0;
       coef_r_q      <= 288'd0;
       param_fault_o <= 1'b0;
-    end else if (accept | param_pending) begin
-      start_q <= 1'b0;
+    end else if (accept_q | param_pending) begin
       again_q <= param_done & own & ~second_q;
-      if (accept) begin
-        start_q  <= ~seen_q | (param_in != param_q) | (param2_in != param2_q);
-        param_q  <= param_in;
-        param2_q <= param2_in;
+      if (accept_q) begin
+        param_q  <= given_q;
+        param2_q <= given2_q;
         seen_q   <= 1'b1;
         second_q <= 1'b0;
       end
@@ -166,7 +183,7 @@ module rtds_core #(
   rtds_param_unit u_param_unit (
     .clk_i   (clk_i),
     .rst_ni  (rst_ni),
-    .start_i (start_q | again_q),
+    .start_i (start | again_q),
     .r_i     (motor[0+:32]),
     .l_i     (motor[32+:32]),
     .km_i    (motor[64+:32]),
@@ -246,6 +263,7 @@ module rtds_core #(
   wire       save_b;
   wire       save_taken;
   wire       ahead;
+  wire       take;
 
   rtds_sequencer u_sequencer (
     .clk_i    (clk_i),
@@ -271,14 +289,15 @@ module rtds_core #(
     .save_f_o    (save_f),
     .save_b_o    (save_b),
     .save_taken_o(save_taken),
-    .ahead_o     (ahead)
+    .ahead_o     (ahead),
+    .take_o      (take)
   );
 
   rtds_motor u_left (
     .clk_i    (clk_i),
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
-    .start_i  (accept),
+    .take_i   (take),
     .add_en_i (add_en),
     .mul_en_i (mul_en),
     .add_i    (add),
@@ -312,7 +331,7 @@ module rtds_core #(
     .clk_i    (clk_i),
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
-    .start_i  (accept),
+    .take_i   (take),
     .add_en_i (add_en),
     .mul_en_i (mul_en),
     .add_i    (add),

@@ -16,7 +16,7 @@ module rtds_motor (
   input  wire         rst_ni,
   input  wire         clear_i,
   // from rtds_sequencer
-  input  wire         start_i,
+  input  wire         take_i,
   input  wire   [2:0] add_en_i,
   input  wire   [2:0] mul_en_i,
   input  wire   [6:0] add_i,
@@ -59,7 +59,7 @@ module rtds_motor (
   reg  [31:0] t_q;
 
   always @(posedge clk_i) begin
-    if (start_i) t_q <= t_i;
+    if (take_i) t_q <= t_i;
   end
 
   wire [31:0] v = ahead_i ? u_v_i : v_i;
