@@ -251,18 +251,18 @@ module rtds_core #(
   endgenerate
 
   // ---- motors ----------------------------------------------------------------------------------------------------
-  wire [2:0] add_en;
-  wire [2:0] mul_en;
-  wire [6:0] add;
-  wire [3:0] mul;
-  wire       save_p;
+  wire       add_en_n;  // *_n: of the next clock
+  wire       mul_en_n;
+  wire [6:0] add_n;
+  wire [3:0] mul_n;
+  wire       save_p_n;
   wire       save_c;
-  wire       save_lo;
+  wire       save_lo_n;
   wire       save_last;
   wire       save_f;
   wire       save_b;
   wire       save_taken;
-  wire       ahead;
+  wire       ahead_n;
   wire       take;
 
   rtds_sequencer u_sequencer (
@@ -278,18 +278,18 @@ module rtds_core #(
     .ready_o  (sequencer_ready),
     .next_o   (new_state),
     .valid_o  (valid_o),
-    .add_en_o (add_en),
-    .mul_en_o (mul_en),
-    .add_o    (add),
-    .mul_o    (mul),
-    .save_p_o (save_p),
+    .add_en_n_o  (add_en_n),
+    .mul_en_n_o  (mul_en_n),
+    .add_n_o     (add_n),
+    .mul_n_o     (mul_n),
+    .save_p_n_o  (save_p_n),
     .save_c_o (save_c),
-    .save_lo_o(save_lo),
+    .save_lo_n_o (save_lo_n),
     .save_last_o (save_last),
     .save_f_o    (save_f),
     .save_b_o    (save_b),
     .save_taken_o(save_taken),
-    .ahead_o     (ahead),
+    .ahead_n_o   (ahead_n),
     .take_o      (take)
   );
 
@@ -298,19 +298,19 @@ module rtds_core #(
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
     .take_i   (take),
-    .add_en_i (add_en),
-    .mul_en_i (mul_en),
-    .add_i    (add),
-    .mul_i    (mul),
-    .save_p_i (save_p),
+    .add_en_n_i (add_en_n),
+    .mul_en_n_i (mul_en_n),
+    .add_n_i    (add_n),
+    .mul_n_i    (mul_n),
+    .save_p_n_i (save_p_n),
     .save_c_i (save_c),
-    .save_hi_i(valid_o),
-    .save_lo_i(save_lo),
+    .save_hi_n_i(new_state),
+    .save_lo_n_i(save_lo_n),
     .save_last_i (save_last),
     .save_f_i    (save_f & (EFFECTS != 0)),
     .save_b_i    (save_b & (EFFECTS != 0)),
     .save_taken_i(save_taken & (EFFECTS != 0)),
-    .ahead_i  (ahead & (EFFECTS != 0)),
+    .ahead_n_i  (ahead_n & (EFFECTS != 0)),
     .effects_i(fx_q & (EFFECTS != 0)),
     .rest_i   (fx_rest_q),
     .rho_i    (coef_l_q[256+:32]),
@@ -332,19 +332,19 @@ module rtds_core #(
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
     .take_i   (take),
-    .add_en_i (add_en),
-    .mul_en_i (mul_en),
-    .add_i    (add),
-    .mul_i    (mul),
-    .save_p_i (save_p),
+    .add_en_n_i (add_en_n),
+    .mul_en_n_i (mul_en_n),
+    .add_n_i    (add_n),
+    .mul_n_i    (mul_n),
+    .save_p_n_i (save_p_n),
     .save_c_i (save_c),
-    .save_hi_i(valid_o),
-    .save_lo_i(save_lo),
+    .save_hi_n_i(new_state),
+    .save_lo_n_i(save_lo_n),
     .save_last_i (save_last),
     .save_f_i    (save_f & (EFFECTS != 0)),
     .save_b_i    (save_b & (EFFECTS != 0)),
     .save_taken_i(save_taken & (EFFECTS != 0)),
-    .ahead_i  (ahead & (EFFECTS != 0)),
+    .ahead_n_i  (ahead_n & (EFFECTS != 0)),
     .effects_i(fx_q & (EFFECTS != 0)),
     .rest_i   (fx_rest_q),
     .rho_i    (coef_r_q[256+:32]),

@@ -57,19 +57,19 @@ module rtds_sequencer (
   output wire       ready_o,     // idle, and nothing to be done before the next strobe
   output wire       next_o,      // valid_o in the next clock
   output reg        valid_o,     // the adders' results are the new high words, which are saved
-  output wire [2:0] add_en_o,    // a bit for each stage, the first in bit 0
-  output wire [2:0] mul_en_o,
-  output wire [6:0] add_o,       // what enters the adder: see rtds_row
-  output wire [3:0] mul_o,       // and the multiplier
-  output wire       save_p_o,
+  output wire       add_en_n_o,  // *_n_o: of the next clock, for registers of the rows
+  output wire       mul_en_n_o,
+  output wire [6:0] add_n_o,     // what enters the adder: see rtds_row
+  output wire [3:0] mul_n_o,     // and the multiplier
+  output wire       save_p_n_o,
   output wire       save_c_o,
-  output wire       save_lo_o,
+  output wire       save_lo_n_o,
   output wire       save_last_o,  // what is saved is the new state
   output wire       save_f_o,     // products of rtds_friction
   output wire       save_b_o,
   output wire       save_taken_o,
-  output wire       ahead_o,     // the multiplier's factor is of the effect unit
-  output wire       take_o       // no step is in hand: what the next one reads is taken, and again in each clock until it starts
+  output wire       ahead_n_o,   // the multiplier's factor is of the effect unit
+  output wire       take_o       // no step is in hand: inputs are taken, in each clock until one starts
 );
   `include "rtds_ops.vh"
 
@@ -221,8 +221,6 @@ module rtds_sequencer (
     end
   end
 
-  reg [6:0] add_q;
-  reg [3:0] mul_q;
   reg [10:0] does_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
@@ -231,14 +229,10 @@ module rtds_sequencer (
       refresh_q <= 1'b0;
       valid_o   <= 1'b0;
       due_q     <= 1'b0;
-      add_q     <= ADD_Z0;
-      mul_q     <= MUL_V;
       does_q    <= WAIT | ADD;
     end else begin
       slot_q  <= slot_n;
       valid_o <= next_o;
-      add_q   <= add_n;
-      mul_q   <= mul_n;
       does_q  <= does_n;
       if (start_i | refresh_i) refresh_q <= refresh_i;
       if (clear_i | slot_n == E_AHEAD) due_q <= 1'b0;
@@ -246,41 +240,32 @@ module rtds_sequencer (
     end
   end
 
-  // An operator's later stages follow its first one clock by clock; c follows what gives it.
-  reg [1:0] add_later_q;
-  reg [1:0] mul_later_q;
+  // c follows what gives it.
   reg [2:0] c_later_q;
-  wire      add_first = does_q[8];
-  wire      mul_first = does_q[7];
 
   always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) begin
-      add_later_q <= 2'd0;
-      mul_later_q <= 2'd0;
-      c_later_q   <= 3'd0;
-    end else begin
-      add_later_q <= {add_later_q[0], add_first};
-      mul_later_q <= {mul_later_q[0], mul_first};
-      c_later_q   <= clear_i ? 3'd0 : {c_later_q[1:0], does_q[5]};
-    end
+    if (!rst_ni) c_later_q <= 3'd0;
+    else c_later_q <= clear_i ? 3'd0 : {c_later_q[1:0], does_q[5]};
   end
 
   assign idle_o       = slot_q == SLOT_IDLE;
   assign ready_o      = idle_o & ~due_q;
   assign next_o       = (slot_q == SLOT_SPLIT | slot_q == E_BACK) & ~clear_i;
-  assign add_en_o     = {add_later_q, add_first};
-  assign mul_en_o     = {mul_later_q, mul_first};
-  assign add_o        = add_q;
-  assign mul_o        = mul_q;
-  assign save_p_o     = does_q[6];
+  assign add_en_n_o   = does_n[8];
+  assign mul_en_n_o   = does_n[7];
+  assign add_n_o      = add_n;
+  assign mul_n_o      = mul_n;
+  assign save_p_n_o   = does_n[6];
   assign save_c_o     = c_later_q[2];
-  assign save_lo_o    = does_q[4];
+  assign save_lo_n_o  = does_n[4];
   assign save_last_o  = does_q[3];
   assign save_f_o     = does_q[2];
   assign save_b_o     = does_q[1];
   assign save_taken_o = does_q[0];
-  assign ahead_o      = does_q[9];
+  assign ahead_n_o    = does_n[9];
   assign take_o       = does_q[10];
+
+  wire unused = ^{does_q[9:6], does_q[4]};
 endmodule
 
 `default_nettype wire
