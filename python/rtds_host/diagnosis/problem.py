@@ -212,14 +212,13 @@ class Problem:
     def _stretches(self, log: RunLog, owed: float) -> list[RunData]:
         """Stretches from all over a long run, the run's beginning among them, so that a search takes no longer than of short ones.
 
-        owed : s, how much of it is to be searched, about. No stretch is shorter than what shows anything: of short runs some are
-        searched whole, and the others not at all.
+        owed : s, what is to be searched of it and was not of the runs before. No stretch is shorter than two windows of an angle: of
+        runs whose share is less some have one, short ones the whole of them, and the others none.
         """
         lasted = float(log.t[-1] - log.t[0])
-        length = min(STRETCH_S, lasted)
-        count, parts = math.floor(owed / length + 0.5), []
-        if count * length > owed and count > 1:
-            length = owed / count
+        share, shortest, parts = lasted * self.searched, min(2.0 * WINDOW_S, lasted), []
+        count = math.ceil(share / STRETCH_S) if share >= shortest else int(owed >= 0.5 * shortest)
+        length = max(share / max(count, 1), shortest)
         for k in range(count):
             begin = log.t[0] + k * lasted / count
             first, last = np.searchsorted(log.t, (begin, begin + length + 1e-9))

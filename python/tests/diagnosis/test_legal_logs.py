@@ -127,6 +127,14 @@ def test_of_many_short_runs_some_are_searched_whole():
     assert sum(float(data.log.t[-1]) for data in problem.runs) == pytest.approx(SEARCHED_S, rel=0.02)
 
 
+def test_of_some_long_runs_each_has_its_share_of_the_search():
+    one = make_run("run", nominal_model(ROBOT), ROBOT, "steps", 60.0)
+    case = Case("case", ROBOT, tuple(replace(one, name=str(k)) for k in range(10)))
+    problem = Problem(case, 1)
+    assert set(problem.owners) == set(range(10))
+    assert sum(float(np.ptp(data.log.t)) for data in problem.runs) == pytest.approx(SEARCHED_S, rel=0.05)
+
+
 def test_the_first_stretch_of_a_run_that_begins_moving_has_the_command_from_before():
     run = make_run("run", nominal_model(ROBOT), ROBOT, "steps", 6.0)
     run = replace(run.rows(250, 600), t=run.t[250:600] - run.t[250])
