@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rtds_host.contract import Robot
 from rtds_host.contract.runlog import read_json
-from rtds_host.diagnosis.effects import SIDES, Effect, catalogue
+from rtds_host.diagnosis.effects import SIDES, Effect, catalogue, inside
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.replay.model import Model, nominal_model
 from rtds_host.errors import InputError, did_you_mean
@@ -57,9 +57,10 @@ def parse_effect(text: str, effects: dict[str, Effect]) -> tuple[str, str, dict[
         if not math.isfinite(value):
             raise InputError(f"--effect {text}: {key}: {number!r} is not a finite number")
         p = known[key]
-        if not p.low <= value <= p.high:
+        held = inside(value, p.low, p.high)
+        if held is None:
             raise InputError(f"--effect {text}: {key}: is {value:g}, it must lie within {p.low:g} to {p.high:g} {p.unit}")
-        values[key], given = value, True
+        values[key], given = held, True
     if not given:
         raise InputError(f"--effect {text}: no value given, as in --effect {effect.id}.{effect.parameters[0].name}="
                          f"{effect.parameters[0].starts[0]:g}")

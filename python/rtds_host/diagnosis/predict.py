@@ -10,7 +10,7 @@ import numpy as np
 
 from rtds_host.contract import Robot, RunLog
 from rtds_host.contract.runlog import read_json
-from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
+from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue, inside
 from rtds_host.diagnosis.machine import OF_RUNS, OF_SPEEDS_MET
 from rtds_host.diagnosis.nuisances import ENTRIES, SETUP
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
@@ -96,10 +96,11 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
             if name not in given:
                 raise InputError(f"{path}: {place}.parameters.{name}: missing")
             value = given[name].get("value") if isinstance(given[name], dict) else given[name]
-            value = _number(path, f"{place}.parameters.{name}", value)
+            given_value = _number(path, f"{place}.parameters.{name}", value)
             low, high = (-math.inf if p.low < 0.0 else 0.0, math.inf) if relative[p.name].scale in unknown else (one * p.low, one * p.high)
-            if not low <= value <= high:
-                raise InputError(f"{path}: {place}.parameters.{name}: is {value:g}, it must lie within {low:g} to "
+            value = inside(given_value, low, high)
+            if value is None:
+                raise InputError(f"{path}: {place}.parameters.{name}: is {given_value:g}, it must lie within {low:g} to "
                                  f"{high:g} {unit}")
             values[p.name] = value / one if one else p.null
         effect.apply(model, SIDES[sides[0]], values)

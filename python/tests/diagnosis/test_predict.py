@@ -10,6 +10,7 @@ import pytest
 from diagnosis_cases import example_diagnosis, make_case
 
 from rtds_host.contract import builtin_robot_path, read_run, write_run
+from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
 from rtds_host.errors import InputError
 
@@ -67,6 +68,18 @@ def test_a_diagnosis_brings_its_effects_and_its_refit(run_folder, tmp_path):
     assert (model.get("resistance", 0), model.get("resistance", 1)) == (8.66, 8.57)
     log = read_run(run_folder)
     assert np.abs(predicted_columns(log, robot, model)["w_l"] - predicted_columns(log, robot)["w_l"]).max() > 0.1
+
+
+def test_a_size_on_its_bound_is_read_as_a_report_writes_it(tmp_path):
+    """A report has five digits, and half of all bounds are within what they are rounded to."""
+    robot = make_case(seconds=1.0).robot
+    for effect in catalogue(robot).values():
+        for at in ("low", "high"):
+            diagnosis = example_diagnosis()
+            diagnosis["effects"] = [{"id": effect.id, "side": effect.sides[0], "probability": 0.9, "parameters": {
+                p.name: {"value": float(f"{getattr(p, at):.5g}"), "ci90": None} for p in effect.parameters}}]
+            (tmp_path / "d.json").write_text(json.dumps(diagnosis))
+            read_diagnosis(tmp_path / "d.json", robot)
 
 
 @pytest.mark.parametrize("edit,words", [

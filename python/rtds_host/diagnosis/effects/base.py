@@ -74,6 +74,16 @@ class Parameter:
         return name, unit, getattr(axis, name)
 
 
+# Numerical: how far a bound moves when it is written to four digits or more.
+WRITTEN = 1e-4
+
+
+def inside(value: float, low: float, high: float) -> float | None:
+    """The value where it is within the bounds, the bound where it is that one as written in a report, else None."""
+    held = min(max(value, low), high)
+    return held if abs(value - held) <= WRITTEN * abs(held) else None
+
+
 @dataclass(frozen=True)
 class Effect:
     """One unmodelled effect of the catalogue.
