@@ -18,6 +18,7 @@ Trans. Inf. Theory 11, 1965 (likelihood by innovations).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numba
@@ -128,11 +129,9 @@ def _whiten(column, a, g, i, out):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _whiten_four(columns, first, a, g, i, out):
-    """The same of four columns at once, (N, p) from `first` on: each step waits for the one before it, four do not."""
+def _whiten_four(c0, c1, c2, c3, a, g, i, o0, o1, o2, o3):
+    """The same of four columns at once: each step waits for the one before it, four do not."""
     m0 = m1 = m2 = m3 = 0.0
-    c0, c1, c2, c3 = columns[:, first], columns[:, first + 1], columns[:, first + 2], columns[:, first + 3]
-    o0, o1, o2, o3 = out[:, first], out[:, first + 1], out[:, first + 2], out[:, first + 3]
     for k in range(c0.shape[0]):
         decay, gain, scale = a[k], g[k], i[k]
         m0 *= decay
@@ -209,12 +208,20 @@ class Discrepancy:
             return out
         columns = np.asfortranarray(columns)
         out = np.empty_like(columns, order="F")
-        whole = columns.shape[1] // 4 * 4
-        for k in range(0, whole, 4):
-            _whiten_four(columns, k, self.a, self.g, self.i, out)
-        for k in range(whole, columns.shape[1]):
-            _whiten(columns[:, k], self.a, self.g, self.i, out[:, k])
+        self.whiten_into(list(columns.T), list(out.T))
         return out
+
+    def whiten_into(self, columns: Sequence[np.ndarray], out: Sequence[np.ndarray]) -> None:
+        """Whiten columns (N,) each into others of the same type; copies where there is no discrepancy."""
+        if not self.s.any():
+            for column, into in zip(columns, out, strict=True):
+                into[:] = column
+            return
+        whole = len(columns) // 4 * 4
+        for k in range(0, whole, 4):
+            _whiten_four(*columns[k:k + 4], self.a, self.g, self.i, *out[k:k + 4])
+        for column, into in zip(columns[whole:], out[whole:], strict=True):
+            _whiten(column, self.a, self.g, self.i, into)
 
     def cost(self, residual: np.ndarray) -> float:
         """-2 log likelihood of residuals (N,), less its constant."""

@@ -109,39 +109,46 @@ class Screen:
         at = np.concatenate([fit.z, fit.u])[keep]
         white = noise.whiten(fit.residual).astype(np.float32)
         self._take(moves, noise, before)
-        self.shared = (self.rows @ jacobian).astype(float)
+        self.shared = self._summed((self.rows @ jacobian).astype(float))
         self.inner = np.linalg.inv((jacobian.T @ jacobian).astype(float) + np.diag(weight))
         cross = self.shared @ self.inner
         self.size = self.squares - np.einsum("ij,ij->i", cross, self.shared)
-        self.slope = (self.rows @ white).astype(float) - cross @ ((jacobian.T @ white).astype(float) + weight * at)
+        self.slope = self._summed((self.rows @ white).astype(float)) - cross @ ((jacobian.T @ white).astype(float) + weight * at)
 
     def _take(self, moves: dict[Signature, np.ndarray], noise: Discrepancy, before: Screen | None) -> None:
-        """Whitened signatures, a row each, and their squares, those of both sides at the end."""
+        """Whitened signatures, a row each; those of both sides are sums of two and have no row; and the squares of all."""
         if before is not None and before.moves is moves:
-            self.signatures, self.rows, self.squares = before.signatures, before.rows, before.squares
+            self.signatures, self.sums, self.rows, self.squares = before.signatures, before.sums, before.rows, before.squares
             return
-        self.signatures = list(moves)
-        # Effects of both sides: the sum of the sides' signatures.
-        left = {(s.effect, s.values): k for k, s in enumerate(self.signatures) if s.side == "left"}
-        pairs = [(k, left[s.effect, s.values]) for k, s in enumerate(self.signatures)
-                 if s.side == "right" and (s.effect, s.values) in left and not self.effects[s.effect].nonlinear]
-        self.signatures += [Signature(self.signatures[k].effect, "both", self.signatures[k].values) for k, _ in pairs]
-        self.rows = np.empty((len(self.signatures), noise.count), np.float32)
+        left = {(s.effect, s.values): k for k, s in enumerate(moves) if s.side == "left"}
+        self.sums = [(left[s.effect, s.values], k) for k, s in enumerate(moves)
+                     if s.side == "right" and (s.effect, s.values) in left and not self.effects[s.effect].nonlinear]
+        signatures = list(moves)
+        self.signatures = signatures + [Signature(signatures[k].effect, "both", signatures[k].values) for k, _ in self.sums]
+        self.rows = np.empty((len(signatures), noise.count), np.float32)
         known = {} if before is None else {s: row for s, row in zip(before.moves, before.rows) if moves.get(s) is before.moves[s]}
-        new = []
-        for k, (signature, move) in enumerate(moves.items()):
-            if signature not in known:
-                new.append(k)
-            self.rows[k] = known.get(signature, move)
-        if new:
-            self.rows[new] = noise.whiten(self.rows[new].T).T
-        for row, (k, twin) in zip(self.rows[len(moves):], pairs):
-            np.add(self.rows[k], self.rows[twin], out=row)
-        self.squares = np.einsum("ij,ij->i", self.rows, self.rows).astype(float)
+        new = [k for k, s in enumerate(signatures) if s not in known]
+        for k, row in ((k, known[s]) for k, s in enumerate(signatures) if s in known):
+            self.rows[k] = row
+        noise.whiten_into([moves[signatures[k]] for k in new], [self.rows[k] for k in new])
+        squares = np.einsum("ij,ij->i", self.rows, self.rows).astype(float)
+        self.squares = np.concatenate([squares, [squares[a] + squares[b] + 2.0 * float(self.rows[a] @ self.rows[b]) for a, b in self.sums]])
+
+    def _summed(self, products: np.ndarray) -> np.ndarray:
+        """Products of the rows with something, (n,) or (n, p), and of the signatures that are sums of two."""
+        if not self.sums:
+            return products
+        left, right = np.transpose(self.sums)
+        return np.concatenate([products, products[left] + products[right]])
+
+    def _rows_of(self, members: Sequence[int]) -> np.ndarray:
+        """Some signatures, whitened, (n, N)."""
+        count = len(self.rows)
+        return np.stack([self.rows[k] if k < count else np.add(*(self.rows[n] for n in self.sums[k - count])) for k in members])
 
     def _gram(self, members: Sequence[int]) -> np.ndarray:
         """Products of some signatures, projected, a little more than singular."""
-        rows, shared = self.rows[list(members)], self.shared[list(members)]
+        rows, shared = self._rows_of(members), self.shared[list(members)]
         gram = (rows @ rows.T).astype(float) - shared @ self.inner @ shared.T
         # In their own measure: of signatures of 1e5 noises a billionth of one is lost.
         return gram + 1e-9 * np.diag(1.0 + np.abs(np.diag(gram)))
