@@ -33,7 +33,10 @@ class Signature:
 
 @dataclass
 class Candidate:
-    """An effect worth a fit: what it promises in -2 log likelihood, and scaled parameters to start from."""
+    """An effect worth a fit: what it promises in -2 log likelihood, and scaled parameters to start from.
+
+    One side of an effect that is in on both stands for one of another size on that side.
+    """
 
     member: tuple[str, str]
     gain: float
@@ -101,6 +104,7 @@ class Screen:
         self.moves = moves
         self.effects = problem.effects
         self.taken = fit.hypothesis
+        self._taken = dict(zip(fit.hypothesis, fit.values))
         # A nuisance on its bound makes no more room: what it would imitate if it could is an effect's to explain.
         keep = np.flatnonzero(fit.free)
         columns = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep]
@@ -161,11 +165,11 @@ class Screen:
         step = -self.slope[k] / size
         signature = self.signatures[k]
         floor, limit = -REACH, REACH
-        values = dict(signature.values)
+        values, start = dict(signature.values), self._start(signature)
         for p in self.effects[signature.effect].parameters:
             value = values[p.name] - p.null
             if value != 0:
-                ends = sorted(((p.low - p.null) / value, (p.high - p.null) / value))
+                ends = sorted(((p.low - start[p.name]) / value, (p.high - start[p.name]) / value))
                 floor, limit = max(floor, ends[0]), min(limit, ends[1])
         step = min(max(step, floor), limit)
         return step, -(2 * step * self.slope[k] + step * step * size)
@@ -176,15 +180,15 @@ class Screen:
         for k, s in enumerate(self.signatures):
             groups.setdefault((s.effect, s.side), []).append(k)
         result = [self._best((name, side), members) for (name, side), members in groups.items()
-                  if not clashes((name, side), self.taken)]
+                  if not clashes((name, side), self.taken) or (splits((name, side), self.taken) and self.effects[name].sized)]
         return sorted(result, key=lambda c: -c.gain)
 
     def pairs(self, members: Sequence[tuple[str, str]]) -> list[tuple[float, Candidate, Candidate]]:
         """What pairs of effects promise together, best first; of `members`, (effect, side), those that a size alone describes."""
         at: dict[tuple[str, str], int] = {}
         for k, s in enumerate(self.signatures):
-            effect, member = self.effects[s.effect], (s.effect, s.side)
-            if member not in members or effect.nonlinear or effect.separate or effect.periodic or clashes(member, self.taken):
+            member = s.effect, s.side
+            if member not in members or not self.effects[s.effect].sized or clashes(member, self.taken):
                 continue
             if member not in at or self._line(k)[1] > self._line(at[member])[1]:
                 at[member] = k
@@ -207,9 +211,13 @@ class Screen:
         """Scaled parameters of an effect by a step along its signature: size is the first parameter's affair; the others give its
         shape."""
         signature = self.signatures[k]
-        first, values = self.effects[signature.effect].parameters[0], dict(signature.values)
-        values[first.name] = float(np.clip(first.null + step * (values[first.name] - first.null), first.low, first.high))
+        first, values, start = self.effects[signature.effect].parameters[0], dict(signature.values), self._start(signature)
+        values[first.name] = float(np.clip(start[first.name] + step * (values[first.name] - first.null), first.low, first.high))
         return scaled(self.effects, ((signature.effect, signature.side),), [values])
+
+    def _start(self, signature: Signature) -> dict[str, float]:
+        """The parameters that a signature leads away from: absent, or those of both sides."""
+        return self._taken.get((signature.effect, "both")) or {p.name: p.null for p in self.effects[signature.effect].parameters}
 
     def _best(self, member: tuple[str, str], members: list[int]) -> Candidate:
         effect = self.effects[member[0]]
@@ -250,6 +258,11 @@ class Screen:
                           phase: float(np.arctan2(steps[1], steps[0]))}
                 best = Candidate(member, gain, scaled(self.effects, (member,), [values]))
         return best
+
+
+def splits(member: tuple[str, str], hypothesis: Hypothesis) -> bool:
+    """Whether a member is one side of an effect that an explanation holds on both."""
+    return member[1] != "both" and (member[0], "both") in hypothesis
 
 
 def clashes(member: tuple[str, str], hypothesis: Hypothesis) -> bool:

@@ -21,7 +21,7 @@ from rtds_host.diagnosis.fit import ROUGH_GAIN, STEP_GAIN, Fit, Fitter, Hypothes
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.nuisances import BAND
 from rtds_host.diagnosis.problem import CHI2, Problem
-from rtds_host.diagnosis.screen import Candidate, Screen, Signature, clashes, moves_of
+from rtds_host.diagnosis.screen import Candidate, Screen, Signature, clashes, moves_of, splits
 from rtds_host.diagnosis.twins import twins
 
 # Probability: effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's guess.
@@ -170,14 +170,14 @@ class Search:
         return list(picked.values())
 
     def _doubles(self, member: tuple[str, str], hypothesis: Hypothesis) -> bool:
-        """Whether an explanation holds this effect already, or one that these runs could as well be blamed on."""
-        return clashes(member, hypothesis) or any(twin in hypothesis for twin in twins(self.problem.case, member))
+        """Whether an explanation holds this effect already, be it of another size, or one that these runs could as well be blamed on."""
+        return (clashes(member, hypothesis) and not splits(member, hypothesis)) or any(twin in hypothesis for twin in twins(self.problem.case, member))
 
     def grow(self, fit: Fit, count: int) -> Fit | None:
         """Add the effect that the evidence asks for most; None if there is none."""
         found = []
         for candidate in self.promising(self._screened(fit), count):
-            hypothesis, start = joined({**fit.parts, candidate.member: self._entered(fit, candidate)})
+            hypothesis, start = joined(_with(fit, candidate.member, self._entered(fit, candidate)))
             found.append(self.try_fit(hypothesis, start, fit, rough=True))
         found = sorted((f for f in found if self.score(f) < self.score(fit)), key=self.score)
         # The first two are fitted in earnest: what is rough about a fit may be more than what parts them.
@@ -290,11 +290,11 @@ class Search:
         tried = [fit]
         for member in fit.hypothesis:
             alone = self.without(fit, member)
-            found = self._sides(fit, member) + self._renamed(fit, member)
+            found = self._sides(fit, member) + self._parted(alone, member) + self._renamed(fit, member)
             sure = believed(*compared(self.problem, fit, alone)) > SURE
             for candidate in self.promising(self._screens(alone, self.moves), 1 if sure else count):
-                if candidate.member != member and not clashes(candidate.member, alone.hypothesis):
-                    hypothesis, start = joined({**alone.parts, candidate.member: candidate.start})
+                if candidate.member != member:
+                    hypothesis, start = joined(_with(alone, candidate.member, candidate.start))
                     swapped = self.try_fit(hypothesis, start, alone, rough=True)
                     found += [swapped, *self._mixed(fit, alone, swapped, member, candidate.member)]
             tried += [f for f in found if self.score(f) < self.score(fit) + ROUGHLY]
@@ -353,7 +353,7 @@ class Search:
 
         No small step leads there from either alone where the misfit is kinked, as it is at a delay of whole samples.
         """
-        if swapped.cost - fit.cost > (1.0 - NEARLY) * (alone.cost - fit.cost) or self._doubles(other, fit.hypothesis):
+        if swapped.cost - fit.cost > (1.0 - NEARLY) * (alone.cost - fit.cost) or clashes(other, fit.hypothesis) or self._doubles(other, fit.hypothesis):
             return []
         parts = {**swapped.parts, member: 0.5 * fit.parts[member], other: 0.5 * swapped.parts[other]}
         return [self.try_fit(*joined(parts), swapped)]
@@ -366,6 +366,15 @@ class Search:
                 for side in self.effects[member[0]].sides
                 if side != member[1] and not clashes((member[0], side), tuple(rest))
                 and len(self.problem.robot.sides) == 2]
+
+    def _parted(self, alone: Fit, member: tuple[str, str]) -> list[Fit]:
+        """What is left without an effect of one side, with another one that is on both of a size of its own on each: the two
+        sides of a machine differ in one thing more often than in two."""
+        if member[1] == "both":
+            return []
+        rest = alone.parts
+        return [self.try_fit(*joined(_with(alone, (effect, member[1]), rest[effect, side])), alone, rough=True)
+                for effect, side in alone.hypothesis if side == "both" and self.effects[effect].sided and self.effects[effect].sized]
 
     def renamed(self, fit: Fit) -> Fit:
         """The explanation, or the better one that blames one of its effects' namesakes at the same size."""
@@ -525,6 +534,14 @@ class Search:
             else:
                 doubtful += 1
         return stands
+
+
+def _with(fit: Fit, member: tuple[str, str], u: np.ndarray) -> dict[tuple[str, str], np.ndarray]:
+    """The parts of an explanation and one effect more; a side of an effect that is in on both parts it into two."""
+    kept = fit.parts
+    if splits(member, fit.hypothesis):
+        kept[member[0], "right" if member[1] == "left" else "left"] = kept.pop((member[0], "both"))
+    return {**kept, member: u}
 
 
 def _sizes(effect: Effect, values: dict[str, float], factors: Iterable[float]) -> list[dict[str, float]]:

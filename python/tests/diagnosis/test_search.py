@@ -390,3 +390,28 @@ def test_signatures_that_are_one_and_large_promise_no_pair():
     twin = replace(one, effect="speed_gain", values=one.values)
     screen = Screen(problem, fit, {one: moves[one], twin: 2.0 * moves[one]}, problem.discrepancy())
     assert all(np.isfinite(gain) for gain, *_ in screen.pairs([("driver_gain", one.side), ("speed_gain", one.side)]))
+
+
+def uneven(model):
+    """Drivers of 80 and 64 % of what is commanded."""
+    model.scale("voltage_gain", 0.8, (0,))
+    model.scale("voltage_gain", 0.64, (1,))
+
+
+def test_an_effect_of_both_sides_is_parted_where_they_differ():
+    """One gain for both leaves half of what they differ by on each side; the screening proposes a gain of its own for one, from
+    that of both, and with the other's kept."""
+    search, fit = fitted(make_case(uneven), (("driver_gain", "both"), {"ratio": 0.72}))
+    grown = search.grow(fit, 5)
+    assert grown.hypothesis == (("driver_gain", "left"), ("driver_gain", "right"))
+    assert [values["ratio"] for values in grown.values] == pytest.approx([0.8, 0.64], rel=0.02)
+
+
+def test_what_one_side_has_beside_an_effect_of_both_may_be_that_effect_of_another_size():
+    """Whatever stands on the right beside a gain of both: without it, each side has a gain of its own, roughly
+    fitted. What stands on both may not."""
+    search, alone = fitted(make_case(uneven), (("driver_gain", "both"), {"ratio": 0.8}))
+    found, = search._parted(alone, ("pwm_curve", "right"))
+    assert found.hypothesis == (("driver_gain", "left"), ("driver_gain", "right"))
+    assert [values["ratio"] for values in found.values] == pytest.approx([0.8, 0.64], rel=0.05)
+    assert search._parted(alone, ("pwm_curve", "both")) == []

@@ -138,6 +138,11 @@ class Effect:
                        restarts=tuple({name: units[name] * value for name, value in start.items()}
                                       for start in self.restarts))
 
+    @property
+    def sized(self) -> bool:
+        """Whether a number, its size, moves its replay along a straight line."""
+        return not (self.nonlinear or self.separate or self.periodic)
+
     def side_on(self, axis: Axis | None, side: str) -> str:
         """The side as a report names it: a single axis has one (contract, section 7)."""
         return side if axis is None else "left"
