@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from diagnosis_cases import changed, make_case, without
 
-from rtds_host.contract import Case, RunLog, RunMeta
+from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
@@ -224,6 +224,45 @@ def test_an_answer_before_the_command_is_warned_of(case):
             columns[c] = np.interp(t + 0.04, t, columns[c])
     early = examine(changed(case, edit)).of("delay")
     assert early and all(f.severity == "warning" and "earlier" in f.text for f in early)
+
+
+def test_runs_that_answer_later_and_earlier_are_told_apart(case):
+    """One finding for all runs says what is so in all: not that every run is early since one is."""
+    shift = iter((0.04, -0.04, 0.04))
+
+    def edit(t, columns):
+        by = next(shift)
+        for c in ("w_l", "w_r"):
+            columns[c] = np.interp(t + by, t, columns[c])
+    told = examine(changed(case, edit)).of("delay")
+    assert {(f.run, f.severity) for f in told} == {("spin", "warning"), ("steps", "note"), ("weave", "warning")}
+
+
+def test_a_replay_that_begins_too_fast_makes_no_answer_early():
+    """A wheel under friction, in motion when the log begins, and a slow ramp: the nominal robot first runs up to its own speed."""
+    robot = builtin_robot("burger")
+    model = nominal_model(robot)
+    model.put("coulomb", 0.1)
+    t = np.arange(0.0, 3.0, 0.01)
+    columns = {c: 2.0 + 0.5 * t for c in ("v_cmd_l", "v_cmd_r")}
+    out = replay_run(model, run_inputs(RunLog("ramp", RunMeta(), t, columns), robot))
+    rng = np.random.default_rng(5)
+    for c in ("w_l", "w_r"):
+        columns[c] = out[:, OUTPUTS.index(c)] + robot.noise(c) * rng.standard_normal(len(t))
+    late = slice(100, None)
+    run = RunLog("ramp", RunMeta(), t[late] - t[late][0], {c: v[late] for c, v in columns.items()})
+    assert not [f for f in examine(Case("ramp", robot, (run,))).of("delay") if f.severity == "warning"]
+
+
+def test_a_wheel_that_turns_steadily_moves(case):
+    """It scatters by no more than its noise, about a speed of many times that."""
+    def edit(t, columns):
+        for c in columns:
+            columns[c] = np.full(len(t), 3.0 if c.startswith("v_cmd") else 4.0 if c.startswith("w_") else 0.0)
+            if c.startswith("w_"):
+                columns[c] += case.robot.noise(c) * np.random.default_rng(1).standard_normal(len(t))
+    steady = without(changed(case, edit), "th_l", "th_r", "i_l", "i_r", "gyro_z", "x", "y", "yaw", "v_bus")
+    examine(steady)
 
 
 def test_a_command_beyond_the_supply_is_told(case):

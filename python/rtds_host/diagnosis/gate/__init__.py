@@ -159,7 +159,9 @@ def _enough(case: Case) -> None:
         for c in (c for c in wheels if log.has(c)):
             spread = float(np.nanstd(log.columns[c]))
             alive |= spread > 0
-            moving |= spread > MOVES * min(robot.noise(c) or math.inf, sensors.scatter(log.columns[c]))
+            # What turns steadily moves, too.
+            moved = math.sqrt(float(np.nanmean(log.columns[c] ** 2))) if c.startswith("w_") else spread
+            moving |= moved > MOVES * min(robot.noise(c) or math.inf, sensors.scatter(log.columns[c]))
         excited |= bool(np.abs(log.commands(robot.driver.mode)).max() > 1e-6)
     longest = max(float(log.t[-1] - log.t[0]) for log in case.runs)
     rows = max(len(log.t) for log in case.runs)

@@ -73,14 +73,14 @@ class Gate:
 
 def merged(found: list[Finding], runs: int) -> list[Finding]:
     """One finding in place of the same in every run (of `runs`), or in more than `TOLD`."""
-    groups: dict[tuple[str, str], list[Finding]] = {}
+    groups: dict[tuple[str, str, str], list[Finding]] = {}
     for f in found:
-        groups.setdefault((f.channel, f.kind), []).append(f)
+        groups.setdefault((f.channel, f.kind, f.severity), []).append(f)
     result = []
     for group in groups.values():
         names = list(dict.fromkeys(f.run for f in group))
         if runs > 1 and len(names) == runs or len(names) > TOLD:
-            worst = max(group, key=lambda f: SEVERITIES.index(f.severity))
+            worst = max(group, key=lambda f: f.share)
             where = "every run" if len(names) == runs else f"{len(names)} of {runs} runs"
             result.append(Finding("", worst.channel, worst.kind, worst.severity,
                                   f"In {where}, as in {worst.run}: {worst.text}", worst.share))

@@ -124,8 +124,13 @@ def lag_and_ratio(log: RunLog, channel: str, replayed: np.ndarray,
         # Clocks that disagree may do so by as much as a delay; of lags that serve alike the shortest.
         lag = max(sorted(np.arange(-LONGEST_DELAY_S, LONGEST_DELAY_S + 0.5 * GRID_S, GRID_S), key=abs), key=by)
         lag = float(max(lag + np.arange(FINE_S - GRID_S, GRID_S - 0.5 * FINE_S, FINE_S), key=by))
-        # A lag counts only if it explains much of what the replay misses: distortion shifts a peak a little, too.
-        certain = 1.0 - by(lag) <= 0.5 * (1.0 - by(0.0))
+        # A lag counts only if it explains much of what the replay misses: distortion shifts a peak a little, too. And it has to do
+        # so on the same samples of both: how a run begins in the replay, from a speed that no friction held, is in no lag's way.
+        shared = (at - abs(lag) >= log.t[0]) & (at + abs(lag) <= log.t[-1])
+        if shared.sum() < FEWEST:
+            shared[:] = True
+        misses = [1.0 - abs(_match(at[shared], some[shared], log.t, replayed, x)) for x in (lag, 0.0)]
+        certain = misses[0] <= 0.5 * misses[1]
         if not certain:
             # Nor is a peak within a step of none at all a lag.
             certain = abs(lag) <= float(np.median(np.diff(t)))
