@@ -238,6 +238,8 @@ def _share(search: Search, members: tuple[tuple[str, str], ...]) -> float:
 def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tuple[tuple[str, str], ...], ...], list[Fit]]:
     """Effects that take a blamed one's place and fit as well, and the fits that show it.
 
+    What opens a gap does not, however few blocks of time there are to tell it by.
+
     A set has room for few. Those that are alike in principle come first and need no fit to be in it; then what is nearly so, if it
     fits as well, and whatever else does; what is nearly so and was not met comes last.
     """
@@ -253,7 +255,8 @@ def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tu
                 continue                    # the same with a further parameter, for no better fit
             swapped = search.swapped(fit, one.without, candidate)
             gain, t = compared(search.problem, fit, swapped)
-            if believed(gain, t) < math.log(CONVINCING) and search.named(swapped):
+            if (believed(gain, t) < math.log(CONVINCING) and search.named(swapped)
+                    and not _opens(search.gap(swapped), search.gap(fit))):
                 known = candidate.member in near or candidate.member[0] in search.effects[one.member[0]].confused_with
                 found.append((not known, gain, candidate.member))
                 rivals.append(swapped)
@@ -261,6 +264,11 @@ def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tu
         if others:
             sets.append((one.member, *others[:LARGEST_SET - 1]))
     return tuple(sets), rivals
+
+
+def _opens(other: float, gap: float) -> bool:
+    """Whether an explanation leaves a gap that is larger than another's by what is worth naming; noise alone is 1."""
+    return other >= LEAST and worth_naming(other, max(gap, 1.0))
 
 
 def _alternatives(search: Search, fit: Fit, standing: list[Standing], rivals: list[Fit]) -> tuple[tuple[Hypothesis, float], ...]:

@@ -5,7 +5,8 @@ with a share of it. Of one run g (or a stretch of one) alone the best share woul
 together it is the mean o_g of theirs. With that, the effect takes I_g (s_g^2 - (s_g - o_g)^2) / 2 off the -log likelihood of run g,
 where the mean m of all takes I_g (s_g^2 - (s_g - m)^2) / 2. The ratio of their sums over the runs is 1 for what is of one size in
 all of them, and falls below 0 for what stands in for something else, large here and small there. What the other effects can take
-up over all runs is projected off; the tolerances stay as they are, since these are the machine's, too.
+up over all runs is projected off; the tolerances stay as they are, since these are the machine's, too. What is left of it must know
+something: a filter is, to first order, the delay beside it, and what a step along that delay leaves of it is noise.
 
 Nor does it change with the setting that a machine is met in (`scattered`): how fast, how loaded, which way, how late. The blocks of
 time are put in order of each setting and cut in groups that know as much as each other of the effect's size, relative to what was
@@ -54,7 +55,8 @@ def groups(problem: Problem) -> np.ndarray:
 
 
 def carried(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
-    """Share of what each effect takes off that it takes off runs that it was not fitted to, per the module's head."""
+    """Share of what each effect takes off that it takes off runs that it was not fitted to, per the module's head; 1 of one whose
+    sizes nothing would tell."""
     where = groups(problem)
     count = int(where.max(initial=0)) + 1
     taken = [fit.noise.whiten(fit.residual - other)
@@ -66,7 +68,8 @@ def carried(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
         at = [len(fit.z) + k for k, owner in enumerate(owners) if owner != member and fit.free[len(fit.z) + k]]
         own = _apart(fit, jacobian, own, at)
         known = np.bincount(where, own * own, minlength=count)
-        result[member] = ratio(known - np.bincount(where, own * white, minlength=count), known)
+        told = known.sum() >= 2.0 * math.log(CONVINCING)
+        result[member] = ratio(known - np.bincount(where, own * white, minlength=count), known) if told else 1.0
     return result
 
 

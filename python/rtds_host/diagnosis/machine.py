@@ -26,7 +26,7 @@ OF_RUNS, OF_SPEEDS_MET = {"run", "decline"}, {"speed", "viscous", "tread", "turn
 class Machine:
     """Scales in SI, at the wheel's side of the gear; 1 where a machine has no such thing.
 
-    torque : N·m, at stall (torque mode: at the largest command); speed : rad/s, without load (torque mode: the largest
+    asked : V, the largest command of the runs (infinite where speeds are commanded, and without any); torque : N·m, at stall (torque mode: at the largest command); speed : rad/s, without load (torque mode: the largest
     met); viscous : N·m·s/rad, torque over speed; loss : N·m·s/rad, the nominal B; volts : V, supply; decline : V/s, all of
     the supply over the longest run; ohm : winding; amps : A, at stall; per_watt : 1/W, of the power at stall; force : N,
     weight on a wheel; give : 1/N, its inverse; tread : N·s/m, force over rim speed; mass : kg (of an axis: in shares of its
@@ -45,6 +45,7 @@ class Machine:
     radius: float = 1.0
     track: float = 1.0
     run: float = USUAL_RUN_S
+    asked: float = math.inf
 
     one: float = 1.0
 
@@ -81,9 +82,10 @@ def machine_of(robot: Robot, runs: Sequence[RunLog] = ()) -> Machine:
     """Scales of a robot or an axis; `runs`: its logs, which say how fast and how long it ran where its file does not."""
     motor, volts = robot.motor, robot.supply_v
     longest = max((float(log.t[-1] - log.t[0]) for log in runs), default=USUAL_RUN_S)
+    asked = max((float(np.abs(log.commands("voltage")).max()) for log in runs), default=0.0) if robot.driver.mode != "speed" else 0.0
+    asked = asked if asked > 0.0 else math.inf
     if robot.driver.mode == "torque":
-        asked = max((float(np.abs(log.commands("voltage")).max()) for log in runs), default=volts)
-        torque = motor.gear_ratio * robot.driver.torque_nm_per_v * (asked if 0.0 < asked < volts else volts)
+        torque = motor.gear_ratio * robot.driver.torque_nm_per_v * min(asked, volts)
         speed, ohm, amps = _met(runs), 1.0, 1.0
     else:
         ohm, amps = motor.resistance_ohm, volts / motor.resistance_ohm
@@ -92,9 +94,9 @@ def machine_of(robot: Robot, runs: Sequence[RunLog] = ()) -> Machine:
     loss = motor.gear_ratio**2 * motor.viscous_friction_nm_s_per_rad
     body = robot.chassis
     if body is None:
-        return Machine(abs(torque), speed, volts, ohm, amps, loss, run=max(longest, 1e-3))
+        return Machine(abs(torque), speed, volts, ohm, amps, loss, run=max(longest, 1e-3), asked=asked)
     return Machine(abs(torque), speed, volts, ohm, amps, loss, body.mass_kg, 0.5 * body.mass_kg * GRAVITY_M_S2,
-                   body.wheel_radius_m, body.track_width_m, max(longest, 1e-3))
+                   body.wheel_radius_m, body.track_width_m, max(longest, 1e-3), asked)
 
 
 def _met(runs: Sequence[RunLog]) -> float:

@@ -16,6 +16,7 @@ from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.carried import carried
 from rtds_host.diagnosis.chance import MOST, SLIGHT
 from rtds_host.diagnosis.effects import Effect
+from rtds_host.diagnosis.effects.base import WRITTEN
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_adding
 from rtds_host.diagnosis.fit import ROUGH_GAIN, STEP_GAIN, Fit, Fitter, Hypothesis, apply, joined, scaled, to_values
 from rtds_host.diagnosis.gap import LEAST
@@ -88,7 +89,8 @@ class Search:
 
     def _at_its_bound(self, effect: str, values: dict[str, float]) -> bool:
         p = self.effects[effect].parameters[0]
-        return values[p.name] >= p.high or (p.logarithmic and values[p.name] <= p.low)
+        # As a logarithm comes back.
+        return values[p.name] >= p.high * (1.0 - WRITTEN) or (p.logarithmic and values[p.name] <= p.low * (1.0 + WRITTEN))
 
     def best(self) -> Fit:
         """The most probable explanation so far."""

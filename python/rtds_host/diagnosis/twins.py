@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -77,7 +78,8 @@ def _ways(log: RunLog, robot: Robot, k: int, side: str) -> tuple[bool, bool]:
 
 
 def _no_current_no_reversal(case: Case) -> bool:
-    return not _logged(case, "i") and _one_way(case)
+    """Whether no current is logged, and no wheel turns back within a run: forwards in one and backwards in another shows no more."""
+    return not _logged(case, "i") and all(_one_way(replace(case, runs=(log,))) for log in case.runs)
 
 
 def _axis_without_gravity(case: Case) -> bool:
@@ -157,8 +159,12 @@ def _others(rules: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...], c
 
 def twins(case: Case, member: Member, beside: Iterable[Member] = ()) -> list[Member]:
     """The other effects that these runs could as well be blamed on, for the same replays, each on the member's side; `beside`: what
-    else is in the explanation."""
-    return _others(SAME + (WITH_FRICTION if FRICTION & {effect for effect, _ in beside} else ()), case, member)
+    else is in the explanation. What is like a twin is one, too."""
+    rules = SAME + (WITH_FRICTION if FRICTION & {effect for effect, _ in beside} else ())
+    found = _others(rules, case, member)
+    for twin in found:
+        found += [other for other in _others(rules, case, twin) if other != member and other not in found]
+    return found
 
 
 def near_twins(case: Case, member: Member) -> list[Member]:

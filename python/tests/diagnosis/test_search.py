@@ -7,11 +7,13 @@ import pytest
 from diagnosis_cases import changed, make_case, make_run, without
 
 from rtds_host.contract import Case, builtin_robot
+from rtds_host.diagnosis import carried as carried_module
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.account import _contradicted, _standing, account
+from rtds_host.diagnosis.account import _contradicted, _opens, _standing, account
 from rtds_host.diagnosis.carried import CONSTANT, carried, ratio, scatter, scattered
 from rtds_host.diagnosis.chance import MOST
 from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
+from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import excess
 from rtds_host.diagnosis.fit import joined, scaled
 from rtds_host.diagnosis.likelihood import Discrepancy, Series
@@ -32,6 +34,12 @@ def forwards(case: Case) -> Case:
     return replace(case, runs=runs)
 
 
+def there_and_back(case: Case) -> Case:
+    """Two runs of it, one all forwards and one all backwards: no reversal within either."""
+    on, back = forwards(case).runs[:2]
+    return replace(case, runs=(on, replace(back, columns={c: -v if c[0] in "vwt" and c != "v_bus" else v for c, v in back.columns.items()})))
+
+
 def straight(case: Case) -> Case:
     """The case with the left wheel commanded as the right one is."""
     runs = tuple(replace(r, columns={**r.columns, "v_cmd_l": r.columns["v_cmd_r"]}) for r in case.runs)
@@ -49,9 +57,15 @@ def straight(case: Case) -> Case:
     (without(straight(make_case()), *POSE), ("wheel_radius_error", "both"), [("track_width_error", "both")]),
     (without(make_case(), "i_l", "i_r"), ("driver_deadzone", "right"), []),
     (without(forwards(make_case()), "i_l", "i_r"), ("driver_deadzone", "right"),
+     [("coulomb_friction", "right"), ("bridge_drop", "right"), ("friction_asymmetry", "right")]),
+    (without(there_and_back(make_case()), "i_l", "i_r"), ("driver_deadzone", "right"),
      [("coulomb_friction", "right"), ("bridge_drop", "right")]),
+    (without(there_and_back(make_case()), "i_l", "i_r"), ("rolling_resistance", "both"),
+     [("coulomb_friction", "both"), ("driver_deadzone", "both"), ("bridge_drop", "both")]),
+    (there_and_back(make_case()), ("friction_asymmetry", "right"), []),
     (forwards(make_case()), ("friction_asymmetry", "both"), [("coulomb_friction", "both")]),
-    (replace(forwards(make_case()), runs=forwards(make_case()).runs[:2]), ("rolling_resistance", "both"), [("coulomb_friction", "both")]),
+    (replace(forwards(make_case()), runs=forwards(make_case()).runs[:2]), ("rolling_resistance", "both"),
+     [("coulomb_friction", "both"), ("friction_asymmetry", "both")]),
     (replace(make_case(), runs=make_case().runs[:2]), ("rolling_resistance", "both"), [("coulomb_friction", "both")]),
     (make_case(), ("rolling_resistance", "both"), []),
 ], ids=lambda v: v[0] if isinstance(v, tuple) else "")
@@ -415,3 +429,29 @@ def test_what_one_side_has_beside_an_effect_of_both_may_be_that_effect_of_anothe
     assert found.hypothesis == (("driver_gain", "left"), ("driver_gain", "right"))
     assert [values["ratio"] for values in found.values] == pytest.approx([0.8, 0.64], rel=0.05)
     assert search._parted(alone, ("pwm_curve", "both")) == []
+
+
+@pytest.mark.parametrize("left,fickle", [(1e-3, False), (1.0, True)], ids=["next to nothing is left of it", "it is known"])
+def test_an_effect_that_another_takes_up_to_first_order_is_not_called_fickle_for_that(monkeypatch, left, fickle):
+    """A filter is, to first order, the delay beside it: of its sizes run by run what is left then knows nothing, and they scatter."""
+    search, fit = fitted(make_case(lambda m: m.put("speed_tau", 0.05)), (("speed_filter", "both"), {"time_constant_s": 0.05}))
+    signs = np.where(search.problem.runs_of == 0, -1.0, 1.0)
+    monkeypatch.setattr(carried_module, "_apart", lambda fit, jacobian, own, at: left * signs * own)
+    monkeypatch.setattr(carried_module, "ratio", lambda weighed, known: -1.0)
+    assert (carried(search.problem, fit)["speed_filter", "both"] < MOST) is fickle
+
+
+def test_no_dead_zone_exceeds_the_largest_command():
+    """A driver that passes none of the commands on is one without gain; beyond them every dead zone is as good as another."""
+    case = make_case()
+    asked = max(float(np.abs(run.commands("voltage")).max()) for run in case.runs)
+    bound = {name: catalogue(case.robot, case.runs)[name].parameters[0].high for name in ("driver_deadzone", "bridge_drop")}
+    assert bound == {name: pytest.approx(min(asked, 0.7 * case.robot.supply_v)) for name in bound}
+    weak = changed(case, lambda t, columns: [columns[c].__imul__(0.1) for c in ("v_cmd_l", "v_cmd_r")] and None)
+    assert catalogue(case.robot, weak.runs)["driver_deadzone"].parameters[0].high == pytest.approx(0.1 * asked)
+
+
+@pytest.mark.parametrize("other,gap,opens", [(1.05, 0.5, False), (15.0, 0.5, True), (9.5, 9.0, False), (20.0, 9.0, True)])
+def test_a_look_alike_opens_no_gap(other, gap, opens):
+    """Of noise alone (a gap of 1) one explanation leaves no more than another; beside a rest no more than half of that comes on top."""
+    assert _opens(other, gap) is opens

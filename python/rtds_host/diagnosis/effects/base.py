@@ -18,7 +18,7 @@ class Parameter:
     """One number of an effect.
 
     scale : what of a machine (an attribute of `Machine`) null, low, high, spread and starts are shares of; `on` makes them
-    SI. least : the scale below whose negative it cannot fall. null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
+    SI. least : the scale below whose negative it cannot fall; most : the one that it cannot exceed. null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
     about `null` (sets the price of a free parameter); starts : values to start a fit from; difference : step of a
     derivative, in spreads; optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form,
     not its size; of : the value of robot.toml that it is a factor of, as "table.key"; declared : by the kind of a single axis, the value of `[axis]` that it adds to, and its unit: a fit then
@@ -40,13 +40,15 @@ class Parameter:
     declared: Mapping[str, tuple[str, str]] | None = None
     scale: str = "one"
     least: str = ""
+    most: str = ""
 
     def on(self, machine: Machine) -> Parameter:
         """The same in SI on a machine."""
         unit = getattr(machine, self.scale)
         low = max(unit * self.low, -getattr(machine, self.least)) if self.least else unit * self.low
-        return replace(self, scale="one", least="", null=unit * self.null, low=low, high=unit * self.high,
-                       spread=unit * self.spread, starts=tuple(max(unit * start, low) for start in self.starts))
+        high = min(unit * self.high, getattr(machine, self.most)) if self.most else unit * self.high
+        return replace(self, scale="one", least="", most="", null=unit * self.null, low=low, high=high,
+                       spread=unit * self.spread, starts=tuple(min(max(unit * start, low), high) for start in self.starts))
 
     @property
     def logarithmic(self) -> bool:

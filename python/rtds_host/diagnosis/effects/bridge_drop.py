@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="driver",
     sided=True,
     parameters=(
-        Parameter("volts", "V", scale="volts", null=0, low=0, high=0.7, spread=0.025, starts=(0.01, 0.04),
+        Parameter("volts", "V", scale="volts", most="asked", null=0, low=0, high=0.7, spread=0.025, starts=(0.01, 0.04),
                   meaning="brush and bridge drop"),
     ),
     apply=add(drop="volts"),

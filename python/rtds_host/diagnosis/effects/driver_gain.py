@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="driver",
     sided=True,
     parameters=(
-        Parameter("ratio", "1", null=1, low=-3, high=3, spread=0.1, starts=(0.93, 1.07),
+        Parameter("ratio", "1", null=1, low=-5, high=5, spread=0.1, starts=(0.93, 1.07),
                   meaning="voltage that reaches the motor over the command"),
     ),
     apply=scale("voltage_gain"),

@@ -7,7 +7,7 @@ EFFECT = Effect(
     subsystem="driver",
     sided=True,
     parameters=(
-        Parameter("curvature", "1", null=0, low=-1, high=5, spread=0.5, starts=(0.3, 1.0, -0.3),
+        Parameter("curvature", "1", null=0, low=-1, high=10, spread=0.5, starts=(0.3, 1.0, -0.3),
                   meaning="relative excess of voltage at the smallest duty"),
     ),
     apply=add(pwm_curve="curvature"),
