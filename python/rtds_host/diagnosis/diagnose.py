@@ -22,7 +22,7 @@ from rtds_host.diagnosis.heldout import HeldOut, held_out
 from rtds_host.diagnosis.localise import localise
 from rtds_host.diagnosis.localise.shares import FAINT
 from rtds_host.diagnosis.nuisances import LATENCY, LATENCY_S, SETUP
-from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.search import Search
 
@@ -169,7 +169,7 @@ def conclude(found: Investigation, gate: Gate | None,
         candidates=_candidates(found, weighed), traces=held.traces,
         regimes={k: {n: _round(v) for n, v in e.items()} for k, e in held.regimes.items()}, run_gaps=held.runs,
         decided={tuple(_named(problem, member).values()): found for member, found in held.decided.items()},
-        notes=list(problem.case.notices) + held.notes)
+        notes=list(problem.case.notices) + held.notes + _louder(problem, weighed.fit))
     return diagnosis, details
 
 
@@ -189,6 +189,17 @@ def _beyond_noise(problem: Problem, fit: Fit, gap: float) -> bool:
 def _coloured(fit: Fit) -> bool:
     """Whether what a fit leaves is more likely a discrepancy than white noise alone."""
     return fit.noise.estimated(fit.residual, thorough=True).cost(fit.residual) < float(fit.residual @ fit.residual)
+
+
+def _louder(problem: Problem, fit: Fit) -> list[str]:
+    """Channels whose rest is as short as a sample, told: noise that is larger than declared looks so, and makes a gap of its own."""
+    left, found = fit.noise.estimated(fit.residual, thorough=True), []
+    for k, channel in left.channel.items():
+        name, times = CHANNELS[k], math.sqrt(channel.square(fit.residual) / channel.count)
+        # Of angles and poses moves are looked at, which have other samples than the log.
+        if name.startswith(("v_bus", "i_", "w_", "gyro_z")) and times >= gaps.LEAST and left.s[k] and left.tau[k] <= 2.0 * channel.shortest:
+            found.append(f"{name}: what is left of it is as short as a sample, as noise is that is {times:.2g} times as large as [sensors] says")
+    return found
 
 
 def _round(value: float, digits: int = 5) -> float:

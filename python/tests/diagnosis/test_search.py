@@ -455,3 +455,18 @@ def test_no_dead_zone_exceeds_the_largest_command():
 def test_a_look_alike_opens_no_gap(other, gap, opens):
     """Of noise alone (a gap of 1) one explanation leaves no more than another; beside a rest no more than half of that comes on top."""
     assert _opens(other, gap) is opens
+
+
+def test_noise_that_is_larger_than_declared_is_told_with_its_size():
+    """A user's guess in [sensors] that is three times too small makes a gap of its own on a sound robot."""
+    rng = np.random.default_rng(11)
+
+    def edit(t, columns):
+        columns["w_l"] = columns["w_l"] + 2.83 * case.robot.noise("w_l") * rng.standard_normal(len(t))
+
+    case = make_case()
+    _, details = diagnose(changed(case, edit), quick=True, threads=1)
+    told = [note for note in details.notes if "as short as a sample" in note]
+    assert len(told) == 1 and told[0].startswith("w_l") and "3 times" in told[0]
+    _, details = diagnose(case, quick=True, threads=1)
+    assert not [note for note in details.notes if "as short as a sample" in note]
