@@ -26,12 +26,13 @@ OF_RUNS, OF_SPEEDS_MET = {"run", "decline"}, {"speed", "viscous", "tread", "turn
 class Machine:
     """Scales in SI, at the wheel's side of the gear; 1 where a machine has no such thing.
 
-    asked : V, the largest command of the runs (infinite where speeds are commanded, and without any); torque : N·m, at stall (torque mode: at the largest command); speed : rad/s, without load (torque mode: the largest
-    met); viscous : N·m·s/rad, torque over speed; loss : N·m·s/rad, the nominal B; volts : V, supply; decline : V/s, all of
-    the supply over the longest run; ohm : winding; amps : A, at stall; per_watt : 1/W, of the power at stall; force : N,
-    weight on a wheel; give : 1/N, its inverse; tread : N·s/m, force over rim speed; mass : kg (of an axis: in shares of its
-    load); radius, track : m; spin : N·m, torque about the vertical of both wheels at stall; turn : rad/s, on the spot
-    without load; run : s, longest run.
+    torque : N·m, at stall (torque mode: at the largest command); speed : rad/s, without load (torque mode: the largest
+    met); viscous : N·m·s/rad, torque over speed; loss : N·m·s/rad, the nominal B; volts : V, supply; asked : V, the
+    largest command of the runs (infinite where speeds are commanded, and without any); decline : V/s, all of the supply
+    over the longest run; ohm : winding; amps : A, at stall; per_watt : 1/W, of the power at stall; force : N, weight on a
+    wheel; give : 1/N, its inverse; tread : N·s/m, force over rim speed; mass : kg (of an axis: in shares of its load);
+    radius, track : m; spin : N·m, torque about the vertical of both wheels at stall; turn : rad/s, on the spot without
+    load; run : s, longest run.
     """
 
     torque: float

@@ -173,7 +173,9 @@ class Search:
 
     def _doubles(self, member: tuple[str, str], hypothesis: Hypothesis) -> bool:
         """Whether an explanation holds this effect already, be it of another size, or one that these runs could as well be blamed on."""
-        return (clashes(member, hypothesis) and not splits(member, hypothesis)) or any(twin in hypothesis for twin in twins(self.problem.case, member))
+        if clashes(member, hypothesis) and not splits(member, hypothesis):
+            return True
+        return any(twin in hypothesis for twin in twins(self.problem.case, member))
 
     def grow(self, fit: Fit, count: int) -> Fit | None:
         """Add the effect that the evidence asks for most; None if there is none."""
@@ -355,7 +357,9 @@ class Search:
 
         No small step leads there from either alone where the misfit is kinked, as it is at a delay of whole samples.
         """
-        if swapped.cost - fit.cost > (1.0 - NEARLY) * (alone.cost - fit.cost) or clashes(other, fit.hypothesis) or self._doubles(other, fit.hypothesis):
+        if swapped.cost - fit.cost > (1.0 - NEARLY) * (alone.cost - fit.cost):
+            return []
+        if clashes(other, fit.hypothesis) or self._doubles(other, fit.hypothesis):
             return []
         parts = {**swapped.parts, member: 0.5 * fit.parts[member], other: 0.5 * swapped.parts[other]}
         return [self.try_fit(*joined(parts), swapped)]
