@@ -99,10 +99,13 @@ module rtds_core #(
   // The right motor's stand apart only where it has its own: without, they cannot start a computation.
   wire [191:0] param2_in = fx_own_i ? {p2_b_i, p2_j_i, p2_kb_i, p2_km_i, p2_l_i, p2_r_i} : 192'd0;
   wire [226:0] param_in  = {fx_own_i, fx_on, method_i, p_h_i, p_b_i, p_j_i, p_kb_i, p_km_i, p_l_i, p_r_i};
-  reg  [226:0] param_q;    // the last set read
+  reg  [226:0] given_q;    // what there was in the last clock
+  reg  [191:0] given2_q;
+  reg          differs_q;  // and that it is not the last set read
+  reg          accept_q;
+  reg  [226:0] param_q;    // the last set read, from the second clock after the strobe on
   reg  [191:0] param2_q;
   reg          seen_q;     // there was one
-  reg          start_q;    // it differs from the one before
   reg          second_q;   // the right motor's coefficients are being computed, or stand
   reg          again_q;    // they start
   reg          waiting_q;  // coefficients stand, not yet committed
@@ -122,14 +125,30 @@ module rtds_core #(
   wire         commit  = waiting_q & sequencer_idle;
   wire         refresh = commit & ~fault;
 
-  assign param_pending = start_q | again_q | param_busy | param_done | waiting_q;
+  // The strobe comes late in its clock: it chooses among so many bits in the next one.
+  wire         start   = accept_q & (~seen_q | differs_q);
+
+  assign param_pending = start | again_q | param_busy | param_done | waiting_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      given_q       <= 227'd0;
+      given2_q      <= 192'd0;
+      differs_q     <= 1'b0;
+      accept_q      <= 1'b0;
+    end else begin
+      given_q       <= param_in;
+      given2_q      <= param2_in;
+      differs_q     <= (param_in != param_q) | (param2_in != param2_q);
+      accept_q      <= accept;
+    end
+  end
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       param_q       <= 227'd0;
       param2_q      <= 192'd0;
       seen_q        <= 1'b0;
-      start_q       <= 1'b0;
       second_q      <= 1'b0;
       again_q       <= 1'b0;
       waiting_q     <= 1'b0;
@@ -138,13 +157,11 @@ module rtds_core #(
       coef_l_q      <= 288'd0;
       coef_r_q      <= 288'd0;
       param_fault_o <= 1'b0;
-    end else if (accept | param_pending) begin
-      start_q <= 1'b0;
+    end else if (accept_q | param_pending) begin
       again_q <= param_done & own & ~second_q;
-      if (accept) begin
-        start_q  <= ~seen_q | (param_in != param_q) | (param2_in != param2_q);
-        param_q  <= param_in;
-        param2_q <= param2_in;
+      if (accept_q) begin
+        param_q  <= given_q;
+        param2_q <= given2_q;
         seen_q   <= 1'b1;
         second_q <= 1'b0;
       end
@@ -166,7 +183,7 @@ module rtds_core #(
   rtds_param_unit u_param_unit (
     .clk_i   (clk_i),
     .rst_ni  (rst_ni),
-    .start_i (start_q | again_q),
+    .start_i (start | again_q),
     .r_i     (motor[0+:32]),
     .l_i     (motor[32+:32]),
     .km_i    (motor[64+:32]),
@@ -234,18 +251,19 @@ module rtds_core #(
   endgenerate
 
   // ---- motors ----------------------------------------------------------------------------------------------------
-  wire [2:0] add_en;
-  wire [2:0] mul_en;
-  wire [6:0] add;
-  wire [3:0] mul;
-  wire       save_p;
+  wire       add_en_n;  // *_n: of the next clock
+  wire       mul_en_n;
+  wire [6:0] add_n;
+  wire [3:0] mul_n;
+  wire       save_p_n;
   wire       save_c;
-  wire       save_lo;
+  wire       save_lo_n;
   wire       save_last;
   wire       save_f;
   wire       save_b;
   wire       save_taken;
-  wire       ahead;
+  wire       ahead_n;
+  wire       take;
 
   rtds_sequencer u_sequencer (
     .clk_i    (clk_i),
@@ -260,38 +278,39 @@ module rtds_core #(
     .ready_o  (sequencer_ready),
     .next_o   (new_state),
     .valid_o  (valid_o),
-    .add_en_o (add_en),
-    .mul_en_o (mul_en),
-    .add_o    (add),
-    .mul_o    (mul),
-    .save_p_o (save_p),
+    .add_en_n_o  (add_en_n),
+    .mul_en_n_o  (mul_en_n),
+    .add_n_o     (add_n),
+    .mul_n_o     (mul_n),
+    .save_p_n_o  (save_p_n),
     .save_c_o (save_c),
-    .save_lo_o(save_lo),
+    .save_lo_n_o (save_lo_n),
     .save_last_o (save_last),
     .save_f_o    (save_f),
     .save_b_o    (save_b),
     .save_taken_o(save_taken),
-    .ahead_o     (ahead)
+    .ahead_n_o   (ahead_n),
+    .take_o      (take)
   );
 
   rtds_motor u_left (
     .clk_i    (clk_i),
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
-    .start_i  (accept),
-    .add_en_i (add_en),
-    .mul_en_i (mul_en),
-    .add_i    (add),
-    .mul_i    (mul),
-    .save_p_i (save_p),
+    .take_i   (take),
+    .add_en_n_i (add_en_n),
+    .mul_en_n_i (mul_en_n),
+    .add_n_i    (add_n),
+    .mul_n_i    (mul_n),
+    .save_p_n_i (save_p_n),
     .save_c_i (save_c),
-    .save_hi_i(valid_o),
-    .save_lo_i(save_lo),
+    .save_hi_n_i(new_state),
+    .save_lo_n_i(save_lo_n),
     .save_last_i (save_last),
     .save_f_i    (save_f & (EFFECTS != 0)),
     .save_b_i    (save_b & (EFFECTS != 0)),
     .save_taken_i(save_taken & (EFFECTS != 0)),
-    .ahead_i  (ahead & (EFFECTS != 0)),
+    .ahead_n_i  (ahead_n & (EFFECTS != 0)),
     .effects_i(fx_q & (EFFECTS != 0)),
     .rest_i   (fx_rest_q),
     .rho_i    (coef_l_q[256+:32]),
@@ -312,20 +331,20 @@ module rtds_core #(
     .clk_i    (clk_i),
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
-    .start_i  (accept),
-    .add_en_i (add_en),
-    .mul_en_i (mul_en),
-    .add_i    (add),
-    .mul_i    (mul),
-    .save_p_i (save_p),
+    .take_i   (take),
+    .add_en_n_i (add_en_n),
+    .mul_en_n_i (mul_en_n),
+    .add_n_i    (add_n),
+    .mul_n_i    (mul_n),
+    .save_p_n_i (save_p_n),
     .save_c_i (save_c),
-    .save_hi_i(valid_o),
-    .save_lo_i(save_lo),
+    .save_hi_n_i(new_state),
+    .save_lo_n_i(save_lo_n),
     .save_last_i (save_last),
     .save_f_i    (save_f & (EFFECTS != 0)),
     .save_b_i    (save_b & (EFFECTS != 0)),
     .save_taken_i(save_taken & (EFFECTS != 0)),
-    .ahead_i  (ahead & (EFFECTS != 0)),
+    .ahead_n_i  (ahead_n & (EFFECTS != 0)),
     .effects_i(fx_q & (EFFECTS != 0)),
     .rest_i   (fx_rest_q),
     .rho_i    (coef_r_q[256+:32]),

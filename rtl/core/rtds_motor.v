@@ -16,20 +16,20 @@ module rtds_motor (
   input  wire         rst_ni,
   input  wire         clear_i,
   // from rtds_sequencer
-  input  wire         start_i,
-  input  wire   [2:0] add_en_i,
-  input  wire   [2:0] mul_en_i,
-  input  wire   [6:0] add_i,
-  input  wire   [3:0] mul_i,
-  input  wire         save_p_i,
+  input  wire         take_i,
+  input  wire         add_en_n_i,   // *_n_i: of the next clock
+  input  wire         mul_en_n_i,
+  input  wire   [6:0] add_n_i,
+  input  wire   [3:0] mul_n_i,
+  input  wire         save_p_n_i,
   input  wire         save_c_i,
-  input  wire         save_hi_i,
-  input  wire         save_lo_i,
+  input  wire         save_hi_n_i,
+  input  wire         save_lo_n_i,
   input  wire         save_last_i,
   input  wire         save_f_i,
   input  wire         save_b_i,
   input  wire         save_taken_i,
-  input  wire         ahead_i,      // the multiplier's factor is of the effect unit
+  input  wire         ahead_n_i,    // the multiplier's factor is of the effect unit
   // effects: rho = G12 / G22, what stands for V and T, levels of dry friction, N.m, the one backward with a minus
   input  wire         effects_i,
   input  wire         rest_i,       // no friction until the next levels
@@ -59,11 +59,18 @@ module rtds_motor (
   reg  [31:0] t_q;
 
   always @(posedge clk_i) begin
-    if (start_i) t_q <= t_i;
+    if (take_i) t_q <= t_i;
   end
 
-  wire [31:0] v = ahead_i ? u_v_i : v_i;
-  wire [31:0] t = ahead_i ? u_t_i : t_q;
+  (* dont_merge *) reg ahead_q;  // each motor's own, as in rtds_row
+
+  (* keep *) always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) ahead_q <= 1'b0;
+    else ahead_q <= ahead_n_i;
+  end
+
+  wire [31:0] v = ahead_q ? u_v_i : v_i;
+  wire [31:0] t = ahead_q ? u_t_i : t_q;
 
   rtds_friction u_friction (
     .clk_i       (clk_i),
@@ -84,14 +91,14 @@ module rtds_motor (
     .clk_i    (clk_i),
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
-    .add_en_i (add_en_i),
-    .mul_en_i (mul_en_i),
-    .add_i    (add_i),
-    .mul_i    (mul_i),
-    .save_p_i (save_p_i),
-    .save_c_i (save_c_i),
-    .save_hi_i(save_hi_i),
-    .save_lo_i(save_lo_i),
+    .add_en_n_i (add_en_n_i),
+    .mul_en_n_i (mul_en_n_i),
+    .add_n_i    (add_n_i),
+    .mul_n_i    (mul_n_i),
+    .save_p_n_i (save_p_n_i),
+    .save_c_i   (save_c_i),
+    .save_hi_n_i(save_hi_n_i),
+    .save_lo_n_i(save_lo_n_i),
     .zero_i   (1'b0),
     .k_i      (rho_i),
     .y4_i     (taken),
@@ -119,14 +126,14 @@ module rtds_motor (
     .clk_i    (clk_i),
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
-    .add_en_i (add_en_i),
-    .mul_en_i (mul_en_i),
-    .add_i    (add_i),
-    .mul_i    (mul_i),
-    .save_p_i (save_p_i),
-    .save_c_i (save_c_i),
-    .save_hi_i(save_hi_i),
-    .save_lo_i(save_lo_i),
+    .add_en_n_i (add_en_n_i),
+    .mul_en_n_i (mul_en_n_i),
+    .add_n_i    (add_n_i),
+    .mul_n_i    (mul_n_i),
+    .save_p_n_i (save_p_n_i),
+    .save_c_i   (save_c_i),
+    .save_hi_n_i(save_hi_n_i),
+    .save_lo_n_i(save_lo_n_i),
     .zero_i   (effects_i & held & save_last_i),
     .k_i      (coef_i[224+:32]),
     .y4_i     (level_f_i),

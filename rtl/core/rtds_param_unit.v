@@ -6,7 +6,7 @@
 //            With rho_i also rho = c / L' = G12 / G22, which friction needs; else rho_o stays.
 //            fault_o: a parameter or a coefficient is no positive normal number (zero, negative, NaN, infinite,
 //            subnormal).
-// Handshake  start_i for one clock; the parameters stay until done_o. done_o for one clock, when the coefficients
+// Handshake  start_i for one clock; the parameters stay from the next clock to done_o. done_o for one clock, when the coefficients
 //            and fault_o stand; they hold until the next start_i. A start_i while busy is not allowed.
 // Latency    start_i in clock n (before edge n + 1) gives done_o after edge n + 90, with rho_i n + 123, always.
 // Format     binary32, SI. coef_o = {G22, G21, G12, G11, B, Km, Kb, R}, R in bits 31..0.
@@ -163,10 +163,11 @@ module rtds_param_unit (
         busy_q  <= 1'b1;
         op_q    <= OP_TH;
         clock_q <= 6'd0;
-        fault_o <= ~(usable(r_i[31:23]) & usable(l_i[31:23]) & usable(km_i[31:23]) & usable(kb_i[31:23])
-                   & usable(j_i[31:23]) & usable(b_i[31:23]) & usable(h_i[31:23]));
       end else if (busy_q) begin
         clock_q <= clock_q + 6'd1;
+        if (op_q == OP_TH)
+          fault_o <= ~(usable(r_i[31:23]) & usable(l_i[31:23]) & usable(km_i[31:23]) & usable(kb_i[31:23])
+                     & usable(j_i[31:23]) & usable(b_i[31:23]) & usable(h_i[31:23]));
         if (clock_q == last) begin
           clock_q <= 6'd0;
           op_q    <= is_rho ? OP_CD : (rho_i & (op_q == OP_D)) ? OP_RHO : op_q + 4'd1;

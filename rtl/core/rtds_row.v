@@ -9,7 +9,7 @@
 //              t' = t + k y4   ELECTRICAL = 1: k = rho, y4 = the speed taken
 //              t' = t - taken  ELECTRICAL = 0; and k y4, k y5 before it: k = g2, y4, y5 = levels of friction
 //            One adder and one multiplier; the sequencer says what they work on (it has the table).
-// Handshake  none of its own: add_i, mul_i, the enables and the save_*_i of rtds_sequencer. v_i is used in the clock of the
+// Handshake  none of its own: what enters the operators, the enables and the saves come from rtds_sequencer. v_i is used in the clock of the
 //            strobe only, t_i in the clock after it.
 // Latency    fp_add and fp_mul 3 clocks; of the step: see rtds_sequencer.
 // Crossing   none.
@@ -21,15 +21,15 @@ module rtds_row #(
   input  wire        clk_i,
   input  wire        rst_ni,
   input  wire        clear_i,     // state to zero
-  // from rtds_sequencer
-  input  wire  [2:0] add_en_i,    // a bit for each stage, the first in bit 0
-  input  wire  [2:0] mul_en_i,
-  input  wire  [6:0] add_i,       // what enters the adder in this clock: {minus (2), second (3), first (2)}
-  input  wire  [3:0] mul_i,       // into the multiplier: {friction, input, G rather than S, second rather than first}
-  input  wire        save_p_i,    // first product of two
+  // from rtds_sequencer; *_n_i is of the next clock: each row has it in registers of its own
+  input  wire        add_en_n_i,  // operands enter the adder
+  input  wire        mul_en_n_i,
+  input  wire  [6:0] add_n_i,     // which: {minus (2), second (3), first (2)}
+  input  wire  [3:0] mul_n_i,     // into the multiplier: {friction, input, G rather than S, second rather than first}
+  input  wire        save_p_n_i,  // first product of two
   input  wire        save_c_i,
-  input  wire        save_hi_i,
-  input  wire        save_lo_i,   // t, later lo'
+  input  wire        save_hi_n_i,
+  input  wire        save_lo_n_i, // t, later lo'
   input  wire        zero_i,      // what is saved is zero: the shaft is held
   // coefficients: R, Kb, G11, G12 or Km, B, G21, G22
   input  wire [31:0] a1_i,
@@ -55,6 +55,37 @@ module rtds_row #(
 );
   `include "rtds_ops.vh"
 
+  // ---- control -----------------------------------------------------------------------------------------------------
+  // The same in all four rows, and so many operands read it that each row's own stands beside them. Tools would join them again:
+  // `keep` is for Yosys, `dont_merge` for Quartus.
+  (* dont_merge *) reg  [6:0] add_q;
+  (* dont_merge *) reg  [3:0] mul_q;
+  (* dont_merge *) reg  [2:0] add_en_q;  // a bit for each stage, the first in bit 0
+  (* dont_merge *) reg  [2:0] mul_en_q;
+  (* dont_merge *) reg        save_p_q;
+  (* dont_merge *) reg        save_hi_q;
+  (* dont_merge *) reg        save_lo_q;
+
+  (* keep *) always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      add_q     <= ADD_Z0;
+      mul_q     <= MUL_V;
+      add_en_q  <= 3'b001;
+      mul_en_q  <= 3'b001;
+      save_p_q  <= 1'b0;
+      save_hi_q <= 1'b0;
+      save_lo_q <= 1'b0;
+    end else begin
+      add_q     <= add_n_i;
+      mul_q     <= mul_n_i;
+      add_en_q  <= {add_en_q[1:0], add_en_n_i};
+      mul_en_q  <= {mul_en_q[1:0], mul_en_n_i};
+      save_p_q  <= save_p_n_i;
+      save_hi_q <= save_hi_n_i;
+      save_lo_q <= save_lo_n_i;
+    end
+  end
+
   wire [31:0] m;
   wire [31:0] y;
   reg  [31:0] p_q;   // first product, until it is added to the second
@@ -66,22 +97,22 @@ module rtds_row #(
   reg  [31:0] mul_b;
 
   always @* begin
-    mul_a = mul_i[0] ? a2_i : a1_i;
-    if (mul_i[1]) mul_a = mul_i[0] ? g2_i : g1_i;
-    if (mul_i[3]) mul_a = k_i;
-    case ({mul_i[3] | mul_i[2], mul_i[3] | mul_i[1], mul_i[0]})
+    mul_a = mul_q[0] ? a2_i : a1_i;
+    if (mul_q[1]) mul_a = mul_q[0] ? g2_i : g1_i;
+    if (mul_q[3]) mul_a = k_i;
+    case ({mul_q[3] | mul_q[2], mul_q[3] | mul_q[1], mul_q[0]})
       3'b000:  mul_b = i_hi_i;
       3'b001:  mul_b = w_hi_i;
       3'b010:  mul_b = s1_i;
       3'b011:  mul_b = s2_i;
-      3'b110:  mul_b = mul_i[3] ? y4_i : v_i;
-      default: mul_b = mul_i[3] ? y5_i : t_i;
+      3'b110:  mul_b = mul_q[3] ? y4_i : v_i;
+      default: mul_b = mul_q[3] ? y5_i : t_i;
     endcase
   end
 
   fp_mul u_mul (
     .clk_i(clk_i),
-    .en_i (mul_en_i),
+    .en_i (mul_en_q),
     .a_i  (mul_a),
     .b_i  (mul_b),
     .y_o  (m)
@@ -92,13 +123,13 @@ module rtds_row #(
   reg [31:0] add_b;
 
   always @* begin
-    case (add_i[1:0])
+    case (add_q[1:0])
       A_C:     add_a = c_q;
       A_Y:     add_a = y;
       A_P:     add_a = p_q;
       default: add_a = lo_o;
     endcase
-    case (add_i[4:2])
+    case (add_q[4:2])
       B_M:     add_b = m;
       B_P:     add_b = p_q;
       B_HI:    add_b = hi_q;
@@ -109,8 +140,8 @@ module rtds_row #(
 
   fp_add u_add (
     .clk_i(clk_i),
-    .en_i (add_en_i),
-    .sub_i((ELECTRICAL != 0) ? add_i[5] : add_i[6]),
+    .en_i (add_en_q),
+    .sub_i((ELECTRICAL != 0) ? add_q[5] : add_q[6]),
     .a_i  (add_a),
     .b_i  (add_b),
     .y_o  (y)
@@ -131,14 +162,14 @@ module rtds_row #(
       p_q  <= 32'd0;
       c_q  <= 32'd0;  // of a zero state, whatever the coefficients
     end else begin
-      if (save_hi_i) hi_q <= new_word;
-      if (save_lo_i) lo_o <= new_word;
-      if (save_p_i) p_q <= m;
+      if (save_hi_q) hi_q <= new_word;
+      if (save_lo_q) lo_o <= new_word;
+      if (save_p_q) p_q <= m;
       if (save_c_i) c_q <= y;
     end
   end
 
-  assign hi_o = save_hi_i ? new_word : hi_q;
+  assign hi_o = save_hi_q ? new_word : hi_q;
   assign y_o  = y;
   assign m_o  = m;
 endmodule

@@ -39,8 +39,8 @@
 //            idle_o. clear_i ends what is under way. effects_i holds from the clock after start_i to the next: fx_on_i.
 // Latency    valid_o in slot 12, after the 11th edge that follows the strobe's; the next strobe may follow 26 clocks
 //            after the last. With effects in slot E16, after the 15th edge, and 50.
-// Style      What a slot does is looked up in the slot before and stands in registers, so that nothing but the strobe itself
-//            is decoded in the clock in which operands are chosen.
+// Style      What a slot does is looked up in the slot before and stands in registers. The strobe enables no operand: while no
+//            step is in hand V enters the multiplier in every clock, and what came of it is not saved unless a step started.
 // Crossing   none.
 `default_nettype none
 
@@ -57,18 +57,19 @@ module rtds_sequencer (
   output wire       ready_o,     // idle, and nothing to be done before the next strobe
   output wire       next_o,      // valid_o in the next clock
   output reg        valid_o,     // the adders' results are the new high words, which are saved
-  output wire [2:0] add_en_o,    // a bit for each stage, the first in bit 0
-  output wire [2:0] mul_en_o,
-  output wire [6:0] add_o,       // what enters the adder: see rtds_row
-  output wire [3:0] mul_o,       // and the multiplier
-  output wire       save_p_o,
+  output wire       add_en_n_o,  // *_n_o: of the next clock, for registers of the rows
+  output wire       mul_en_n_o,
+  output wire [6:0] add_n_o,     // what enters the adder: see rtds_row
+  output wire [3:0] mul_n_o,     // and the multiplier
+  output wire       save_p_n_o,
   output wire       save_c_o,
-  output wire       save_lo_o,
+  output wire       save_lo_n_o,
   output wire       save_last_o,  // what is saved is the new state
   output wire       save_f_o,     // products of rtds_friction
   output wire       save_b_o,
   output wire       save_taken_o,
-  output wire       ahead_o      // the multiplier's factor is of the effect unit
+  output wire       ahead_n_o,   // the multiplier's factor is of the effect unit
+  output wire       take_o       // no step is in hand: inputs are taken, in each clock until one starts
 );
   `include "rtds_ops.vh"
 
@@ -85,46 +86,49 @@ module rtds_sequencer (
   localparam [6:0] E_LAST     = E + 7'd49;
 
   reg [6:0] slot_q;
+  reg [6:0] slot_m;     // the next one, if nothing starts or ends in this clock
   reg [6:0] slot_n;
   reg       refresh_q;
   reg       due_q;      // E44 to E50 have waited for the coefficients
 
   always @* begin
-    slot_n = slot_q + 7'd1;
-    if (slot_q == E_BACK) slot_n = SLOT_NEW;
-    if (slot_q == SLOT_LAST) slot_n = (effects_i & ~refresh_q) ? E_GO_ON : due_q ? E_HOLD : SLOT_IDLE;
-    if (slot_q == E_HOLD && hold_i) slot_n = SLOT_IDLE;
-    if (slot_q == E_LAST) slot_n = SLOT_IDLE;
-    if (slot_q == SLOT_IDLE) slot_n = (due_q & ~hold_i) ? E_HOLD : SLOT_IDLE;
+    slot_m = slot_q + 7'd1;
+    if (slot_q == E_BACK) slot_m = SLOT_NEW;
+    if (slot_q == SLOT_LAST) slot_m = (effects_i & ~refresh_q) ? E_GO_ON : due_q ? E_HOLD : SLOT_IDLE;
+    if (slot_q == E_HOLD && hold_i) slot_m = SLOT_IDLE;
+    if (slot_q == E_LAST) slot_m = SLOT_IDLE;
+    if (slot_q == SLOT_IDLE) slot_m = (due_q & ~hold_i) ? E_HOLD : SLOT_IDLE;
+    slot_n = slot_m;
     if (start_i) slot_n = fx_on_i ? E + 7'd1 : SLOT_FIRST;
     if (refresh_i) slot_n = SLOT_NEW;
     if (clear_i) slot_n = SLOT_IDLE;
   end
 
   // What a slot does besides.
-  localparam [9:0] AHEAD = 10'h200;  // one of them of the effect unit
-  localparam [9:0] ADD   = 10'h100;  // operands enter the adder,
-  localparam [9:0] MUL   = 10'h080;  // factors the multiplier
-  localparam [9:0] P     = 10'h040;  // save the first product of two
-  localparam [9:0] C     = 10'h020;  // what enters the adder gives c
-  localparam [9:0] LO    = 10'h010;
-  localparam [9:0] LAST  = 10'h008;
-  localparam [9:0] F     = 10'h004;
-  localparam [9:0] B     = 10'h002;
-  localparam [9:0] TAKEN = 10'h001;
+  localparam [10:0] WAIT  = 11'h480;  // in case that a step starts: inputs are taken, V enters the multiplier
+  localparam [10:0] AHEAD = 11'h200;  // one of them of the effect unit
+  localparam [10:0] ADD   = 11'h100;  // operands enter the adder,
+  localparam [10:0] MUL   = 11'h080;  // factors the multiplier
+  localparam [10:0] P     = 11'h040;  // save the first product of two
+  localparam [10:0] C     = 11'h020;  // what enters the adder gives c
+  localparam [10:0] LO    = 11'h010;
+  localparam [10:0] LAST  = 11'h008;
+  localparam [10:0] F     = 11'h004;
+  localparam [10:0] B     = 11'h002;
+  localparam [10:0] TAKEN = 11'h001;
 
   reg [6:0] add_n;
   reg [3:0] mul_n;
-  reg [9:0] does_n;
+  reg [10:0] does_n;
 
   always @* begin
     add_n  = ADD_V;
     mul_n  = MUL_V;
-    does_n = 10'd0;
-    case (slot_n)
+    does_n = 11'd0;
+    case (slot_m)
       SLOT_IDLE: begin  // after E49 this is E50, whether a step starts in it or not
-        add_n  = clear_i ? ADD_Z0 : ADD_UV;
-        does_n = (clear_i | slot_q == E_LAST) ? ADD : 10'd0;
+        add_n  = ADD_UV;
+        does_n = (slot_q == E_LAST) ? WAIT | ADD : WAIT;
       end
       SLOT_FIRST: begin
         mul_n  = MUL_T;
@@ -157,7 +161,7 @@ module rtds_sequencer (
         add_n  = ADD_S;
         does_n = ADD;
       end
-      7'd18: does_n = refresh_q ? 10'd0 : LO | LAST;
+      7'd18: does_n = refresh_q ? 11'd0 : LO | LAST;
       7'd19: begin
         mul_n  = MUL_S1;
         does_n = MUL;
@@ -200,11 +204,24 @@ module rtds_sequencer (
       E_LAST: does_n = B;
       default: ;
     endcase
+    // What starts or ends comes late in a clock and from far away: it chooses last.
+    if (start_i) begin
+      mul_n  = MUL_T;
+      does_n = fx_on_i ? 11'd0 : MUL;
+    end
+    if (refresh_i) begin
+      add_n  = ADD_Z;
+      mul_n  = MUL_I;
+      does_n = ADD | MUL | LAST;
+    end
+    if (clear_i) begin
+      add_n  = ADD_Z0;
+      mul_n  = MUL_V;
+      does_n = WAIT | ADD;
+    end
   end
 
-  reg [6:0] add_q;
-  reg [3:0] mul_q;
-  reg [9:0] does_q;
+  reg [10:0] does_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -212,14 +229,10 @@ module rtds_sequencer (
       refresh_q <= 1'b0;
       valid_o   <= 1'b0;
       due_q     <= 1'b0;
-      add_q     <= ADD_Z0;
-      mul_q     <= MUL_V;
-      does_q    <= ADD;
+      does_q    <= WAIT | ADD;
     end else begin
       slot_q  <= slot_n;
       valid_o <= next_o;
-      add_q   <= add_n;
-      mul_q   <= mul_n;
       does_q  <= does_n;
       if (start_i | refresh_i) refresh_q <= refresh_i;
       if (clear_i | slot_n == E_AHEAD) due_q <= 1'b0;
@@ -227,40 +240,32 @@ module rtds_sequencer (
     end
   end
 
-  // An operator's later stages follow its first one clock by clock; c follows what gives it.
-  reg [1:0] add_later_q;
-  reg [1:0] mul_later_q;
+  // c follows what gives it.
   reg [2:0] c_later_q;
-  wire      add_first = does_q[8];
-  wire      mul_first = start_i | does_q[7];
 
   always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) begin
-      add_later_q <= 2'd0;
-      mul_later_q <= 2'd0;
-      c_later_q   <= 3'd0;
-    end else begin
-      add_later_q <= {add_later_q[0], add_first};
-      mul_later_q <= {mul_later_q[0], mul_first};
-      c_later_q   <= clear_i ? 3'd0 : {c_later_q[1:0], does_q[5]};
-    end
+    if (!rst_ni) c_later_q <= 3'd0;
+    else c_later_q <= clear_i ? 3'd0 : {c_later_q[1:0], does_q[5]};
   end
 
   assign idle_o       = slot_q == SLOT_IDLE;
   assign ready_o      = idle_o & ~due_q;
   assign next_o       = (slot_q == SLOT_SPLIT | slot_q == E_BACK) & ~clear_i;
-  assign add_en_o     = {add_later_q, add_first};
-  assign mul_en_o     = {mul_later_q, mul_first};
-  assign add_o        = add_q;
-  assign mul_o        = mul_q;
-  assign save_p_o     = does_q[6];
+  assign add_en_n_o   = does_n[8];
+  assign mul_en_n_o   = does_n[7];
+  assign add_n_o      = add_n;
+  assign mul_n_o      = mul_n;
+  assign save_p_n_o   = does_n[6];
   assign save_c_o     = c_later_q[2];
-  assign save_lo_o    = does_q[4];
+  assign save_lo_n_o  = does_n[4];
   assign save_last_o  = does_q[3];
   assign save_f_o     = does_q[2];
   assign save_b_o     = does_q[1];
   assign save_taken_o = does_q[0];
-  assign ahead_o      = does_q[9];
+  assign ahead_n_o    = does_n[9];
+  assign take_o       = does_q[10];
+
+  wire unused = ^{does_q[9:6], does_q[4]};
 endmodule
 
 `default_nettype wire

@@ -175,12 +175,20 @@ module rtds_chip #(
   wire         silent_event;
   wire         dropped_event;
 
+  // The command comes from the registers and goes to all of the core; a record that comes with it is still ten clocks from its step.
+  reg clear_q;
+
+  always @(posedge clk_sys_i or negedge rst_run_n) begin
+    if (!rst_run_n) clear_q <= 1'b0;
+    else clear_q <= clear;
+  end
+
   rtds_ctrl u_ctrl (
       .clk_i           (clk_sys_i),
       .rst_ni          (rst_run_n),
       .run_i           (run),
       .blank_i         (blank),
-      .clear_i         (clear),
+      .clear_i         (clear_q),
       .values_i        ({cfg_t_r, cfg_t_l, cfg_v_r, cfg_v_l, cfg_b, cfg_j, cfg_kb, cfg_km}),
       .from_adc_i      ({cfg_config_t_from_adc, cfg_config_v_from_adc, cfg_config_kb_from_adc, cfg_config_km_from_adc,
                          cfg_config_j_from_adc, cfg_config_b_from_adc}),
@@ -237,7 +245,7 @@ module rtds_chip #(
       .clk_i        (clk_sys_i),
       .rst_ni       (rst_run_n),
       .strobe_i     (core_strobe),
-      .clear_i      (clear),
+      .clear_i      (clear_q),
       .v_l_i        (core_inputs[31:0]),
       .v_r_i        (core_inputs[63:32]),
       .t_l_i        (core_inputs[95:64]),

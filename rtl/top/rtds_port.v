@@ -98,15 +98,36 @@ module rtds_port #(
       .error_o                 (serial_error)
   );
 
+  // The request takes a clock on its way: so many registers hang on its address and data that it cannot stand beside both the
+  // bridge and them. The bridge waits for the answer.
+  reg [ 7:0] address_q;
+  reg        read_q;
+  reg        write_q;
+  reg [31:0] writedata_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      address_q   <= 8'd0;
+      read_q      <= 1'b0;
+      write_q     <= 1'b0;
+      writedata_q <= 32'd0;
+    end else begin
+      address_q   <= avs_address;
+      read_q      <= avs_read;
+      write_q     <= avs_write;
+      writedata_q <= avs_writedata;
+    end
+  end
+
   rtds_regs #(
       .BUILD_ID(BUILD_ID)
   ) u_regs (
       .clk_i                   (clk_i),
       .rst_ni                  (rst_ni),
-      .avs_address_i           (avs_address),
-      .avs_read_i              (avs_read),
-      .avs_write_i             (avs_write),
-      .avs_writedata_i         (avs_writedata),
+      .avs_address_i           (address_q),
+      .avs_read_i              (read_q),
+      .avs_write_i             (write_q),
+      .avs_writedata_i         (writedata_q),
       .avs_readdata_o          (avs_readdata),
       .avs_readdatavalid_o     (avs_readdatavalid),
       .avs_writeresponsevalid_o(avs_writeresponsevalid),

@@ -17,18 +17,33 @@ module sequencer_f (
   localparam FX_LATENCY = 16;
   localparam FX_SPACING = 50;
   localparam MORE = FX_LATENCY - LATENCY;
+  localparam [6:0] ADD_C2 = 7'b0100001;  // as in rtds_sequencer
+  localparam [6:0] ADD_UV = 7'b0000001;
+  localparam [6:0] ADD_Z0 = 7'b0000100;
 
   wire idle, ready, valid;
-  wire [2:0] add_en;
-  wire [6:0] add;
+  wire add_en_n;
+  wire [6:0] add_n;
+  reg [2:0] add_en = 3'b001;  // as in rtds_row
+  reg [6:0] add = ADD_Z0;
   reg effects_q = 1'b0;  // from the clock after a start to the next
 
   always @(posedge clk) if (!rst_n) effects_q <= 1'b0; else if (start) effects_q <= fx_on;
 
   rtds_sequencer dut (
       .clk_i(clk), .rst_ni(rst_n), .clear_i(clear), .start_i(start), .refresh_i(refresh), .fx_on_i(fx_on), .effects_i(effects_q),
-      .hold_i(hold), .idle_o(idle), .ready_o(ready), .valid_o(valid), .add_en_o(add_en), .add_o(add)
+      .hold_i(hold), .idle_o(idle), .ready_o(ready), .valid_o(valid), .add_en_n_o(add_en_n), .add_n_o(add_n)
   );
+
+  always @(posedge clk or negedge rst_n) begin
+    if (!rst_n) begin
+      add_en <= 3'b001;
+      add <= ADD_Z0;
+    end else begin
+      add_en <= {add_en[1:0], add_en_n};
+      add <= add_n;
+    end
+  end
 
   // Signals inside of dut, joined by Yosys when it flattens.
   (* hierconn *) wire \dut.refresh_q ;
@@ -63,9 +78,6 @@ module sequencer_f (
   end
 
   // What entered the adder last, and whether it has left it: a first step with effects takes what stands there.
-  localparam [6:0] ADD_C2 = 7'b0100001;  // as in rtds_sequencer
-  localparam [6:0] ADD_UV = 7'b0000001;
-  localparam [6:0] ADD_Z0 = 7'b0000100;
   reg [6:0] last_add = ADD_Z0;
   always @(posedge clk) if (add_en[0]) last_add <= add;
 

@@ -87,3 +87,17 @@ def test_the_table_has_every_seed_and_the_longest_paths():
     text = pnr.tables([1, 2], [result, {**result, "mhz": 50.0}], budget)
     assert "| median |   45.0 |" in text and "|      2 |   50.0 |        20.0 |" in text
     assert "|  25.0 | u_core.u_mul.product_q" in text and "| TRELLIS_COMB   |     90 |   1000 |    100 |" in text
+
+
+def test_a_reset_of_many_flops_goes_over_the_global_network():
+    """Its flops alone hang on the buffer; one of few flops, a constant and what else the register drives stay."""
+    cells = {f"many{n}": {"type": "TRELLIS_FF", "connections": {"LSR": [5], "Q": [10 + n]}} for n in range(3)}
+    cells["few"] = {"type": "TRELLIS_FF", "connections": {"LSR": [6], "Q": [20]}}
+    cells |= {f"none{n}": {"type": "TRELLIS_FF", "connections": {"LSR": ["0"], "Q": [21 + n]}} for n in range(4)}
+    cells["logic"] = {"type": "LUT4", "connections": {"A": [5], "Z": [30]}}
+    module = {"cells": cells, "netnames": {"reset": {"bits": [5]}}}
+    assert pnr.promote_resets(module, 3) == ["reset: 3"]
+    assert [cells[f"many{n}"]["connections"]["LSR"] for n in range(3)] == [[31]] * 3
+    assert cells["few"]["connections"]["LSR"] == [6] and cells["none0"]["connections"]["LSR"] == ["0"]
+    assert cells["logic"]["connections"]["A"] == [5]
+    assert cells["buffer_31"]["connections"] == {"CLKI": [5], "CE": ["1"], "CLKO": [31]}
