@@ -128,7 +128,8 @@ module rtds_core #(
   // The strobe comes late in its clock: it chooses among so many bits in the next one.
   wire         start   = accept_q & (~seen_q | differs_q);
 
-  assign param_pending = start | again_q | param_busy | param_done | waiting_q;
+  // In the clock of `start` a step has just begun: nothing else starts in it.
+  assign param_pending = again_q | param_busy | param_done | waiting_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
