@@ -46,7 +46,8 @@ module adc_scale (
 
   reg  [ 3:0] count_q;  // 0: idle
   wire        start = valid_i && (count_q == 4'd0);
-  wire        busy = (count_q != 4'd0);
+  reg         busy_q;   // count_q is not 0: so much hangs on it that it stands in a register
+  wire        busy = busy_q;
   wire        run = start || busy;
   wire        done = (count_q == LAST_CLOCK);
 
@@ -54,6 +55,11 @@ module adc_scale (
     if (!rst_ni)   count_q <= 4'd0;
     else if (done) count_q <= 4'd0;
     else if (run)  count_q <= count_q + 4'd1;
+  end
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) busy_q <= 1'b0;
+    else         busy_q <= run && !done;
   end
 
   // The operands that wait their turn: T_l, T_r, V_l, V_r as signed numbers behind the parameter.

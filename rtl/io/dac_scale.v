@@ -36,13 +36,19 @@ module dac_scale (
 
   reg  [3:0] count_q;  // 0: idle
   wire       start = valid_i && (count_q == 4'd0);
-  wire       run = start || (count_q != 4'd0);
+  reg        busy_q;   // count_q is not 0: so much hangs on it that it stands in a register
+  wire       run = start || busy_q;
   wire       done = (count_q == LAST_CLOCK);
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni)   count_q <= 4'd0;
     else if (done) count_q <= 4'd0;
     else if (run)  count_q <= count_q + 4'd1;
+  end
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) busy_q <= 1'b0;
+    else         busy_q <= run && !done;
   end
 
   // The values that wait their turn behind the left current.
@@ -61,11 +67,11 @@ module dac_scale (
   reg  [31:0] offset_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni)  offset_q <= 32'd0;
-    else if (run) offset_q <= offset_i[32*offset_place[1:0]+:32];
+    if (!rst_ni)     offset_q <= 32'd0;
+    else if (busy_q) offset_q <= offset_i[32*offset_place[1:0]+:32];
   end
 
-  // The chain. It stands still between sets.
+  // The chain. Between sets it stands still, but for the multiplier's first stage: what starts a set comes late in its clock.
   wire [31:0] product;
   wire [31:0] steps;
   wire [31:0] whole;
@@ -74,7 +80,7 @@ module dac_scale (
 
   fp_mul u_mul (
       .clk_i(clk_i),
-      .en_i ({3{run}}),
+      .en_i ({busy_q, busy_q, 1'b1}),
       .a_i  (entering),
       .b_i  (gain_i[32*gain_place+:32]),
       .y_o  (product)
@@ -82,7 +88,7 @@ module dac_scale (
 
   fp_add u_add (
       .clk_i(clk_i),
-      .en_i ({3{run}}),
+      .en_i ({3{busy_q}}),
       .sub_i(1'b0),
       .a_i  (product),
       .b_i  (offset_q),
@@ -93,7 +99,7 @@ module dac_scale (
       .FRAC(0)
   ) u_to_int (
       .clk_i(clk_i),
-      .en_i (run),
+      .en_i (busy_q),
       .x_i  (steps),
       .y_o  (whole),
       .sat_o(beyond),
@@ -117,7 +123,7 @@ module dac_scale (
       part_code_q <= 36'd0;
       part_sat_q  <= 3'd0;
       part_nan_q  <= 3'd0;
-    end else if (run) begin
+    end else if (busy_q) begin
       part_code_q <= {code, part_code_q[35:12]};
       part_sat_q  <= {flagged, part_sat_q[2:1]};
       part_nan_q  <= {no_number, part_nan_q[2:1]};
