@@ -5,8 +5,8 @@
 // Handshake  strobe_i for one clock, v_i valid in it; strobes at least 3 clocks apart. rest_i: empty, output zero.
 //            delay_i and stride_i are taken at the strobe; delay_i 0 .. 4095, stride_i 1 .. 65535.
 // Latency    v_o belongs to a strobe from the third clock after it until the next strobe's. A strobe comes late in its clock
-//            and the memory is many blocks, far apart: what a strobe brings goes into registers first, and into the memory
-//            a clock later, while the entry wanted, whose place needs no strobe to be known, is read.
+//            and the memory is many blocks, far apart: what a strobe brings goes into registers first, in every clock, and into
+//            the memory a clock later, while the entry wanted, whose place needs no strobe to be known, is read.
 // Format     two words {right, left}.
 // Crossing   none. The memory has no reset: what was not written since rest_i is not shown.
 `default_nettype none
@@ -23,7 +23,8 @@ module effect_delay (
 );
   reg [63:0] memory [0:4095];
   reg [63:0] entry_q;
-  reg [63:0] v_q;       // what the last strobe brought
+  reg [63:0] v_q;       // what there was in the last clock,
+  reg [63:0] v_later_q; // in the one before it
   reg [11:0] delay_q;
   reg [15:0] stride_q;
   reg        strobe_q;  // it was in the last clock
@@ -39,12 +40,11 @@ module effect_delay (
   wire there = filled_q >= delay_q;
 
   always @(posedge clk_i) begin
-    if (strobe_i) begin
-      v_q      <= v_i;
-      delay_q  <= delay_i;
-      stride_q <= stride_i;
-    end
-    from_q <= at_q - delay_i;
+    v_q       <= v_i;
+    v_later_q <= v_q;
+    delay_q   <= delay_i;
+    stride_q  <= stride_i;
+    from_q    <= at_q - delay_i;
   end
 
   always @(posedge clk_i) begin
@@ -74,7 +74,7 @@ module effect_delay (
         now_q   <= delay_q == 12'd0;
         if (!there) filled_q <= filled_q + 12'd1;
       end
-      if (read_q) v_o <= now_q ? v_q : there_q ? entry_q : 64'd0;
+      if (read_q) v_o <= now_q ? v_later_q : there_q ? entry_q : 64'd0;
     end else begin
       strobe_q <= 1'b0;
       at_q     <= 12'd0;

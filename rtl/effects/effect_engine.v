@@ -21,6 +21,7 @@ module effect_engine (
   input  wire         rest_i,
   input  wire         start_i,
   output wire         busy_o,
+  output wire         take_o,     // no run reads t_i after this clock
   input  wire  [31:0] r_l_i,
   input  wire  [31:0] r_r_i,
   input  wire  [31:0] kb_l_i,
@@ -66,6 +67,7 @@ module effect_engine (
   wire [6:0] read_add_b;
 
   reg  [5:0] clock_q;  // since the strobe; 0: no run
+  reg        run_q;    // it is not 0: so much hangs on it that it stands in a register
   reg        fresh_q;  // no run has been finished since rest_i
   reg        newer_q;  // which of the two places of a state the run reads; it writes the other
   reg  [1:0] mul_later_q;
@@ -103,13 +105,15 @@ module effect_engine (
     .read_add_b_o(read_add_b)
   );
 
-  wire run = clock_q != 6'd0;
+  wire run = run_q;
 
   assign busy_o = run;
+  assign take_o = ~run | last;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       clock_q     <= 6'd0;
+      run_q       <= 1'b0;
       fresh_q     <= 1'b1;
       newer_q     <= 1'b0;
       mul_later_q <= 2'd0;
@@ -119,6 +123,7 @@ module effect_engine (
       if (rest_i) clock_q <= 6'd0;
       else if (start_i) clock_q <= 6'd1;
       else if (run) clock_q <= last ? 6'd0 : clock_q + 6'd1;
+      run_q <= ~rest_i & (start_i | (run & ~last));
       if (rest_i) fresh_q <= 1'b1;
       else if (last) fresh_q <= 1'b0;
       if (last) newer_q <= ~newer_q;

@@ -40,10 +40,12 @@ module effect_unit (
   // ---- inputs of the strobe --------------------------------------------------------------------------------------
   reg  [63:0] t_q;
   wire [63:0] v_late;
+  wire        busy;
+  wire        take;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) t_q <= 64'd0;
-    else if (strobe_i) t_q <= t_i;
+    else if (take) t_q <= t_i;  // in every clock until a strobe, which comes late in its own
   end
 
   effect_delay u_delay (
@@ -61,7 +63,6 @@ module effect_unit (
   reg         pending_q;
   reg  [13:0] addr_q;
   reg  [31:0] data_q;
-  wire        busy;
   wire        write = pending_q & ~busy;
 
   assign wr_ready_o = ~pending_q;
@@ -86,6 +87,7 @@ module effect_unit (
     .rest_i    (rest_i),
     .start_i   (strobe_i),
     .busy_o    (busy),
+    .take_o    (take),
     .r_l_i     (r_l_i),
     .r_r_i     (r_r_i),
     .kb_l_i    (kb_l_i),
