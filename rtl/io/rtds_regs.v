@@ -3,14 +3,15 @@
 // Purpose     parameters, scalings, sources, control, sticky status, identity and counters (docs/registers.md;
 //             addresses and reset values come from rtds_regs_map.vh, made from the one description).
 // Handshake   Avalon-MM, word addresses, never a wait state: a read or write is taken at any clock with
-//             avs_read_i or avs_write_i high. readdatavalid (reads) or writeresponsevalid (writes) follow one
-//             clock later together with response: 0 okay, 2 refused (read only), 3 no such register.
+//             avs_read_i or avs_write_i high. readdatavalid (reads) or writeresponsevalid (writes) follow two
+//             clocks later together with response: 0 okay, 2 refused (read only), 3 no such register.
 //             A commit waits until idle_i is high and then replaces the whole of config_o at one clock edge, the second one
 //             after that: a step that starts in the clock after idle_i must not have read it by then. clear_o pulses under
 //             the same condition, in the clock before that edge. A second command while one waits joins it.
 //             A write to FX_DATA passes on to the effect unit in the same clock; it has no wait state either, and is lost
 //             (FX_ADDRESS stays) while the unit still holds the word before.
-// Latency     read 1 clock, write 1 clock, sticky bits 1 clock after their event. An event at the clock in
+// Latency     read 2 clocks: a word is chosen in the first among those of its kind, in the second among kinds; write 1 clock,
+//             into the shadow and its response 2; sticky bits 1 clock after their event. An event at the clock in
 //             which its bit is cleared wins.
 // Format      floats are opaque words here.
 // Reset       rst_ni is the board's reset, not the PLL's: registers survive a lost lock. latency_i, now_i and codes_i come
@@ -68,6 +69,17 @@ module rtds_regs #(
   wire       write = avs_write_i;
   wire       read = avs_read_i;
 
+  // Of the clock before: what was asked for, of which kind it is, and the words of long rows at that address.
+  reg [ 7:0] address_q;
+  reg        read_q;
+  reg        write_q;
+  reg        config_q;
+  reg        observed_q;
+  reg [ 5:0] cfg_word_q;
+  reg [31:0] writedata_q;
+  reg [31:0] shadow_word_q;
+  reg [31:0] observed_word_q;
+
   wire [7:0] cfg_index = address - CFG_FIRST;
   wire       in_config = (address >= CFG_FIRST) && (cfg_index < CFG_WORDS[7:0]);
   wire [7:0] now_index = address - ADDR_NOW_I_L;
@@ -95,7 +107,7 @@ module rtds_regs #(
           shadow_q[32*k+:32] <= CFG_RESET[32*k+:32];
           active_q[32*k+:32] <= CFG_RESET[32*k+:32];
         end else begin
-          if (write && in_config && cfg_index == k) shadow_q[32*k+:32] <= avs_writedata_i;
+          if (write_q && config_q && cfg_word_q == k) shadow_q[32*k+:32] <= writedata_q;
           if (take_q) active_q[32*k+:32] <= shadow_q[32*k+:32];
         end
       end
@@ -108,7 +120,7 @@ module rtds_regs #(
   reg  [CFG_WORDS-1:0] written_q;
   wire [          5:0] cfg_word = cfg_index[5:0];
   wire [         31:0] mirrored = mirror[cfg_word];
-  wire [         31:0] shadow = written_q[cfg_word] ? mirrored : CFG_RESET[32*cfg_word+:32];
+  wire [         31:0] shadow_d = written_q[cfg_word] ? mirrored : CFG_RESET[32*cfg_word+:32];
 
   always @(posedge clk_i) if (write && in_config) mirror[cfg_word] <= avs_writedata_i;
 
@@ -188,7 +200,7 @@ module rtds_regs #(
       if (clear_q) steps_q <= 64'd0;
       else if (step_i) steps_q <= steps_q + 64'd1;
       if (serial_error_i) serial_errors_q <= serial_errors_q + 16'd1;
-      if (read && address == ADDR_CYCLES_LO) begin
+      if (read_q && address_q == ADDR_CYCLES_LO) begin
         cycles_hi_q  <= cycles_q[63:32];
         steps_seen_q <= steps_q;
       end
@@ -196,6 +208,40 @@ module rtds_regs #(
   end
 
   // --- read ----------------------------------------------------------------------------------------------
+  wire [31:0] observed_d;
+
+  reset_gate #(
+      .WIDTH(32)
+  ) u_observed (
+      .open_i(open_i),
+      .d_i   (in_now ? now_i[32*now_index+:32] : in_codes ? codes_i[32*code_index+:32] : latency_i),
+      .q_o   (observed_d)
+  );
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) begin
+      address_q       <= 8'd0;
+      read_q          <= 1'b0;
+      write_q         <= 1'b0;
+      config_q        <= 1'b0;
+      observed_q      <= 1'b0;
+      cfg_word_q      <= 6'd0;
+      writedata_q     <= 32'd0;
+      shadow_word_q   <= 32'd0;
+      observed_word_q <= 32'd0;
+    end else begin
+      address_q       <= address;
+      read_q          <= read;
+      write_q         <= write;
+      config_q        <= in_config;
+      observed_q      <= in_now || in_codes;
+      cfg_word_q      <= cfg_word;
+      writedata_q     <= avs_writedata_i;
+      shadow_word_q   <= shadow_d;
+      observed_word_q <= observed_d;
+    end
+  end
+
   reg  [31:0] readdata_d;
   reg  [ 1:0] response_d;
   reg  [31:0] readdata_q;
@@ -203,39 +249,26 @@ module rtds_regs #(
   reg         readdatavalid_q;
   reg         writeresponsevalid_q;
 
-  wire [31:0] observed;
-
-  reset_gate #(
-      .WIDTH(32)
-  ) u_observed (
-      .open_i(open_i),
-      .d_i   (in_now ? now_i[32*now_index+:32] : in_codes ? codes_i[32*code_index+:32] : latency_i),
-      .q_o   (observed)
-  );
-
   wire [ 6:0] live = {commit_pending_q || take_q || clear_pending_q, live_i};
 
   always @* begin
     readdata_d = 32'd0;
     response_d = RESP_OKAY;
-    if (in_config) begin
-      readdata_d = shadow;
-    end else if (in_now) begin
-      readdata_d = observed;
-      if (write) response_d = RESP_REFUSED;
-    end else if (in_codes) begin
-      readdata_d = observed;
-      if (write) response_d = RESP_REFUSED;
+    if (config_q) begin
+      readdata_d = shadow_word_q;
+    end else if (observed_q) begin
+      readdata_d = observed_word_q;
+      if (write_q) response_d = RESP_REFUSED;
     end else begin
-      case (address)
+      case (address_q)
         ADDR_SCRATCH: readdata_d = scratch_q;
         ADDR_CONTROL: readdata_d = {30'd0, control_q};
         ADDR_COMMAND, ADDR_FX_DATA: readdata_d = 32'd0;
         ADDR_FX_ADDRESS: readdata_d = {18'd0, fx_address_q};
         ADDR_STATUS: readdata_d = {21'd0, status_q};
         default: begin
-          if (write) response_d = RESP_REFUSED;
-          case (address)
+          if (write_q) response_d = RESP_REFUSED;
+          case (address_q)
             ADDR_ID:            readdata_d = MAP_ID;
             ADDR_VERSION:       readdata_d = MAP_VERSION;
             ADDR_BUILD:         readdata_d = BUILD_ID;
@@ -245,7 +278,7 @@ module rtds_regs #(
             ADDR_STEPS_LO:      readdata_d = steps_seen_q[31:0];
             ADDR_STEPS_HI:      readdata_d = steps_seen_q[63:32];
             ADDR_SERIAL_ERRORS: readdata_d = {16'd0, serial_errors_q};
-            ADDR_LATENCY:       readdata_d = observed;
+            ADDR_LATENCY:       readdata_d = observed_word_q;
             default:            response_d = RESP_NONE;
           endcase
         end
@@ -260,10 +293,10 @@ module rtds_regs #(
       readdatavalid_q      <= 1'b0;
       writeresponsevalid_q <= 1'b0;
     end else begin
-      readdata_q           <= read ? readdata_d : 32'd0;
+      readdata_q           <= read_q ? readdata_d : 32'd0;
       response_q           <= response_d;
-      readdatavalid_q      <= read;
-      writeresponsevalid_q <= write;
+      readdatavalid_q      <= read_q;
+      writeresponsevalid_q <= write_q;
     end
   end
 

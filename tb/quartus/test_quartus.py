@@ -308,7 +308,7 @@ def test_no_register_hears_of_anothers_reset(gated):
     "file, fault, finds",
     [
         ("rtds_report.v", ("assign idle_o = gated_idle || held_i;", "assign idle_o = idle_i || held_i;"), "u_regs.take_q"),
-        ("rtds_regs.v", ("readdata_d = observed;", "readdata_d = codes_i[31:0];"), "u_regs.readdata_q"),
+        ("rtds_regs.v", ("readdata_d = observed_word_q;", "readdata_d = codes_i[31:0];"), "u_regs.readdata_q"),
     ],
 )
 def test_a_path_between_resets_is_found(tmp_path, file, fault, finds):

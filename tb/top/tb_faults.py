@@ -46,6 +46,12 @@ async def write_inside(dut, name, word):
     await RisingEdge(dut.clk_sys)
 
 
+async def into_the_shadow(dut):
+    """What was written last stands there, on either simulator seen after its edge."""
+    for _ in range(2):
+        await RisingEdge(dut.clk_sys)
+
+
 async def stays(chip, codes, microseconds):
     """The outputs hold these codes all the time."""
     for _ in range(microseconds * 2):
@@ -150,6 +156,7 @@ async def lock_lost_at_every_clock_of_a_commit(dut):
         words = {name: MAP.named(name).to_word(value) for name, value in values.items()}
         for name, word in words.items():
             await write_inside(dut, name, word)
+        await into_the_shadow(dut)
         old, new = int(regs.active_q.value), int(regs.shadow_q.value)
         await write_inside(dut, "COMMAND", 3)
         for _ in range(clock):
@@ -347,6 +354,7 @@ async def configuration_at_the_worst_moment(dut):
             register = MAP.named(name)
             shadow = register.address - MAP.config[0].address
             await write_inside(dut, name, register.to_word(value))
+            await into_the_shadow(dut)
             assert chip.config() == before, "not before the commit"
             assert int(dut.chip.u_port.u_regs.shadow_q.value) >> 32 * shadow & 0xFFFFFFFF == register.to_word(value)
         await at_phase(dut, phase)
