@@ -11,6 +11,9 @@
 //            A valid_i while busy is ignored (records come 500 clocks apart). The parameters that were not in
 //            the record keep their value; params_valid_o is 1 once each of the four was read since reset.
 //
+//            V and T that do not come from the ADC follow values_i a clock later. The choice stands before the output registers,
+//            so that nothing stands between these and the motors, which may be far away.
+//
 // Latency    13 clocks: valid_i before edge n + 1, outputs after edge n + 13. One chain for all: from int (2),
 //            times gain (3), plus offset (3); five operands enter it one after the other; one output register.
 //
@@ -28,6 +31,8 @@ module adc_scale (
     input  wire [ 11:0] code_t_r_i,
     input  wire [ 11:0] code_p_i,
     input  wire [  1:0] index_p_i,      // 0 B, 1 J, 2 Km, 3 Kb
+    input  wire [  1:0] from_adc_i,     // {T, V}: else
+    input  wire [127:0] values_i,       // V_l V_r T_l T_r, low to high
     input  wire [255:0] gain_i,
     input  wire [255:0] offset_i,
     output wire         valid_o,
@@ -193,12 +198,16 @@ module adc_scale (
     end else begin
       valid_q <= done;
       if (done) begin
-        v_l_q                   <= part_v_l_q;
-        v_r_q                   <= value;
-        t_l_q                   <= part_t_l_q;
-        t_r_q                   <= part_t_r_q;
         param_q[32*index_q+:32] <= part_p_q;
         seen_q[index_q]         <= 1'b1;
+      end
+      if (done || !from_adc_i[0]) begin
+        v_l_q <= from_adc_i[0] ? part_v_l_q : values_i[31:0];
+        v_r_q <= from_adc_i[0] ? value : values_i[63:32];
+      end
+      if (done || !from_adc_i[1]) begin
+        t_l_q <= from_adc_i[1] ? part_t_l_q : values_i[95:64];
+        t_r_q <= from_adc_i[1] ? part_t_r_q : values_i[127:96];
       end
     end
   end

@@ -1,7 +1,7 @@
 // rtds_ctrl: one ADC record in, one step of the core, one write to the DAC; and what happens when that goes wrong.
 //
 // Purpose     admits records to the pipeline scaling -> core -> scaling -> DAC, chooses the source of every
-//             quantity, decides when the DAC has to show its safe value, and reports events.
+//             parameter (adc_scale that of V and T), decides when the DAC has to show its safe value, and reports events.
 // Handshake   record_valid_i one clock a record. The stages start each other (adc_scale's valid starts the core,
 //             the core's valid starts dac_scale, and so on); each has a fixed latency, so the whole has one:
 //             measured here from record_valid_i to the falling edge of LDAC (latency_o).
@@ -26,8 +26,8 @@ module rtds_ctrl #(
     input  wire         run_i,
     input  wire         blank_i,
     input  wire         clear_i,
-    input  wire [255:0] values_i,       // registers: KM KB J B (low to high), V_L V_R T_L T_R
-    input  wire [  5:0] from_adc_i,     // b j km kb v t
+    input  wire [127:0] values_i,       // registers: KM KB J B, low to high
+    input  wire [  3:0] from_adc_i,     // b j km kb
     output wire         idle_o,
 
     input  wire         record_valid_i,
@@ -37,11 +37,10 @@ module rtds_ctrl #(
 
     output wire         scale_start_o,
     input  wire         scale_valid_i,
-    input  wire [255:0] scale_values_i, // V_L V_R T_L T_R B J KM KB, low to high
+    input  wire [127:0] scale_values_i, // B J KM KB, low to high
     input  wire         scale_params_i, // every parameter channel has been read
 
     output wire         core_strobe_o,
-    output wire [127:0] core_inputs_o,  // V_L V_R T_L T_R
     output wire [127:0] core_params_o,  // B J KM KB
     input  wire         core_ready_i,
     input  wire         core_nonfinite_i,
@@ -118,15 +117,13 @@ module rtds_ctrl #(
   wire [31:0] reg_j = values_i[64+:32];
   wire [31:0] reg_b = values_i[96+:32];
 
-  assign core_inputs_o[63:0]   = from_adc_i[4] ? scale_values_i[63:0] : values_i[191:128];
-  assign core_inputs_o[127:64] = from_adc_i[5] ? scale_values_i[127:64] : values_i[255:192];
-  assign core_params_o[31:0]   = from_adc_i[0] ? scale_values_i[159:128] : reg_b;
-  assign core_params_o[63:32]  = from_adc_i[1] ? scale_values_i[191:160] : reg_j;
-  assign core_params_o[95:64]  = from_adc_i[2] ? scale_values_i[223:192] : reg_km;
-  assign core_params_o[127:96] = from_adc_i[3] ? scale_values_i[255:224] : reg_kb;
+  assign core_params_o[31:0]   = from_adc_i[0] ? scale_values_i[31:0] : reg_b;
+  assign core_params_o[63:32]  = from_adc_i[1] ? scale_values_i[63:32] : reg_j;
+  assign core_params_o[95:64]  = from_adc_i[2] ? scale_values_i[95:64] : reg_km;
+  assign core_params_o[127:96] = from_adc_i[3] ? scale_values_i[127:96] : reg_kb;
 
   // Until each parameter channel has been read once there is nothing to compute coefficients from.
-  assign core_strobe_o = scale_valid_i && (scale_params_i || from_adc_i[3:0] == 4'd0);
+  assign core_strobe_o = scale_valid_i && (scale_params_i || from_adc_i == 4'd0);
 
   // --- halt, safe value ----------------------------------------------------------------------------------
   always @(posedge clk_i or negedge rst_ni) begin

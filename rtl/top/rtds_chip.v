@@ -144,7 +144,7 @@ module rtds_chip #(
   wire         scale_start;
   wire         scale_valid;
   wire         scale_params;
-  wire [255:0] scaled;        // V_L V_R T_L T_R B J KM KB, low to high
+  wire [127:0] scaled;        // B J KM KB, low to high
   wire         core_strobe;
   wire [127:0] core_inputs;   // V_L V_R T_L T_R
   wire [127:0] core_params;   // B J KM KB
@@ -189,9 +189,8 @@ module rtds_chip #(
       .run_i           (run),
       .blank_i         (blank),
       .clear_i         (clear_q),
-      .values_i        ({cfg_t_r, cfg_t_l, cfg_v_r, cfg_v_l, cfg_b, cfg_j, cfg_kb, cfg_km}),
-      .from_adc_i      ({cfg_config_t_from_adc, cfg_config_v_from_adc, cfg_config_kb_from_adc, cfg_config_km_from_adc,
-                         cfg_config_j_from_adc, cfg_config_b_from_adc}),
+      .values_i        ({cfg_b, cfg_j, cfg_kb, cfg_km}),
+      .from_adc_i      ({cfg_config_kb_from_adc, cfg_config_km_from_adc, cfg_config_j_from_adc, cfg_config_b_from_adc}),
       .idle_o          (run_idle),
       .record_valid_i  (record_valid),
       .record_codes_i  (record[59:0]),
@@ -202,7 +201,6 @@ module rtds_chip #(
       .scale_values_i  (scaled),
       .scale_params_i  (scale_params),
       .core_strobe_o   (core_strobe),
-      .core_inputs_o   (core_inputs),
       .core_params_o   (core_params),
       .core_ready_i    (core_ready),
       .core_nonfinite_i(core_nonfinite),
@@ -227,17 +225,19 @@ module rtds_chip #(
       .code_t_r_i    (record[47:36]),
       .code_p_i      (record[59:48]),
       .index_p_i     (record[61:60]),
+      .from_adc_i    ({cfg_config_t_from_adc, cfg_config_v_from_adc}),
+      .values_i      ({cfg_t_r, cfg_t_l, cfg_v_r, cfg_v_l}),
       .gain_i        (cfg_adc_gain),
       .offset_i      (cfg_adc_offset),
       .valid_o       (scale_valid),
-      .v_l_o         (scaled[31:0]),
-      .v_r_o         (scaled[63:32]),
-      .t_l_o         (scaled[95:64]),
-      .t_r_o         (scaled[127:96]),
-      .p_b_o         (scaled[159:128]),
-      .p_j_o         (scaled[191:160]),
-      .p_km_o        (scaled[223:192]),
-      .p_kb_o        (scaled[255:224]),
+      .v_l_o         (core_inputs[31:0]),
+      .v_r_o         (core_inputs[63:32]),
+      .t_l_o         (core_inputs[95:64]),
+      .t_r_o         (core_inputs[127:96]),
+      .p_b_o         (scaled[31:0]),
+      .p_j_o         (scaled[63:32]),
+      .p_km_o        (scaled[95:64]),
+      .p_kb_o        (scaled[127:96]),
       .params_valid_o(scale_params)
   );
 
