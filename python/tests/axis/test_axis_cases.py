@@ -59,7 +59,8 @@ FRICTION = ("coulomb_friction", "left")
 
 
 @pytest.mark.parametrize(("kind", "mode", "member", "beside", "expected"), [
-    ("linear", "torque", ("driver_gain", "left"), FRICTION, [("speed_gain", "left"), ("payload_error", "both")]),
+    ("linear", "torque", ("driver_gain", "left"), FRICTION,
+     [("speed_gain", "left"), ("payload_error", "both"), ("rotor_inertia_error", "left")]),
     ("linear", "torque", ("payload_error", "both"), FRICTION,
      [("rotor_inertia_error", "left"), ("driver_gain", "left"), ("speed_gain", "left")]),
     ("linear", "torque", ("payload_error", "both"), ("gyro_bias", "both"), [("rotor_inertia_error", "left")]),
@@ -69,7 +70,8 @@ FRICTION = ("coulomb_friction", "left")
     ("pendulum", "voltage", ("payload_error", "both"), FRICTION, []),
 ], ids=str)
 def test_without_gravity_what_drives_cannot_be_told_from_what_is_driven(tmp_path, kind, mode, member, beside, expected):
-    """m w' = g T - friction: with friction free, g and 1 / m make the same replays; the rotor's inertia adds to the load's."""
+    """m w' = g T - friction: with friction free, g and 1 / m make the same replays; the rotor's inertia adds to the load's, and is
+    like what the load is like."""
     assert twins(axis_case(tmp_path, kind, mode), member, (member, beside)) == expected
 
 
