@@ -96,11 +96,11 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
             if name not in given:
                 raise InputError(f"{path}: {place}.parameters.{name}: missing")
             value = given[name].get("value") if isinstance(given[name], dict) else given[name]
-            given_value = _number(path, f"{place}.parameters.{name}", value)
+            written = _number(path, f"{place}.parameters.{name}", value)
             low, high = (-math.inf if p.low < 0.0 else 0.0, math.inf) if relative[p.name].scale in unknown else (one * p.low, one * p.high)
-            value = inside(given_value, low, high)
+            value = inside(written, low, high)
             if value is None:
-                raise InputError(f"{path}: {place}.parameters.{name}: is {given_value:g}, it must lie within {low:g} to "
+                raise InputError(f"{path}: {place}.parameters.{name}: is {written:g}, it must lie within {low:g} to "
                                  f"{high:g} {unit}")
             values[p.name] = value / one if one else p.null
         effect.apply(model, SIDES[sides[0]], values)

@@ -132,8 +132,8 @@ class Screen:
         self.rows = np.empty((len(signatures), noise.count), np.float32)
         known = {} if before is None else {s: row for s, row in zip(before.moves, before.rows) if moves.get(s) is before.moves[s]}
         new = [k for k, s in enumerate(signatures) if s not in known]
-        for k, row in ((k, known[s]) for k, s in enumerate(signatures) if s in known):
-            self.rows[k] = row
+        for k in sorted(set(range(len(signatures))) - set(new)):
+            self.rows[k] = known[signatures[k]]
         noise.whiten_into([moves[signatures[k]] for k in new], [self.rows[k] for k in new])
         squares = np.einsum("ij,ij->i", self.rows, self.rows).astype(float)
         self.squares = np.concatenate([squares, [squares[a] + squares[b] + 2.0 * float(self.rows[a] @ self.rows[b]) for a, b in self.sums]])
