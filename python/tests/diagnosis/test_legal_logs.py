@@ -81,6 +81,21 @@ def test_speeds_that_clip_below_what_a_circle_asks_for_make_no_yaw_degrees():
     assert examine(Case("case", ROBOT, (replace(log, columns={**volts, **measured}),))).case is not None
 
 
+def test_a_straight_drive_that_bends_is_in_no_other_unit_of_length():
+    robot = replace(ROBOT, sensors={**ROBOT.sensors, "xy_m": 1e-4})
+    t = np.arange(0.0, 6.0, 0.01)
+    volts = {"v_cmd_l": np.full(len(t), 5.80), "v_cmd_r": np.full(len(t), 5.82)}
+    log, model = RunLog("straight", RunMeta(), t, volts), nominal_model(robot)
+    drives = replay_run(model, run_inputs(log, robot))
+    model.scale("voltage_gain", 1.14, (1,))
+    bends = replay_run(model, run_inputs(log, robot))
+    # Dozens of times the nominal y, and along with it.
+    assert 30.0 < bends[-1, OUTPUT_INDEX["y"]] / drives[-1, OUTPUT_INDEX["y"]] < 150.0
+    rng = np.random.default_rng(1)
+    measured = {c: bends[:, k] + robot.noise(c) * rng.standard_normal(len(t)) for k, c in enumerate(OUTPUTS)}
+    assert examine(Case("case", robot, (replace(log, columns={**volts, **measured}),))).case is not None
+
+
 def test_a_pose_that_comes_every_other_second_has_windows_as_long():
     case = make_case(seconds=40.0)
     run = case.runs[2]

@@ -171,9 +171,11 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
             continue
         lag, ratio, match = found
         if way:
-            first = values[np.isfinite(values)][0]
-            moved = float(np.sqrt(np.nanmean((values - first) ** 2)))
-            ratio = math.copysign(moved / max(float(np.sqrt(np.mean((column - column[0]) ** 2))), 1e-30), ratio)
+            # A straight drive has next to no y of its own, and a heading a little off brings some: lengths are compared in the plane.
+            along = ["x", "y"] if c in ("x", "y") and log.has("x") and log.has("y") else [c]
+            moved = _way_from_start(np.stack([log.columns[a] for a in along]))
+            could = _way_from_start(np.stack([replayed[:, OUTPUT_INDEX[a]] for a in along]))
+            ratio = math.copysign(moved / max(could, 1e-30), ratio)
         if ratio == 0.0:
             continue
         ratios[c] = ratio
@@ -185,6 +187,12 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
     _side_by_side(result, log, robot, factors)
     _duty(result, log, robot, ratios)
     return result
+
+
+def _way_from_start(values: np.ndarray) -> float:
+    """Root-mean-square distance from the first sample, of coordinates (1 or 2, n)."""
+    known = values[:, np.isfinite(values).all(axis=0)]
+    return float(np.sqrt(np.mean(np.sum((known - known[:, :1]) ** 2, axis=0)))) if known.shape[1] else 0.0
 
 
 def turned_by_wheels(log: RunLog, robot: Robot, channel: str) -> np.ndarray | None:
