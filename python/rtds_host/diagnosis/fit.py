@@ -190,7 +190,8 @@ class Fitter:
 
     def _derivatives(self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: Iterable[int],
                      high: np.ndarray) -> np.ndarray:
-        """Derivatives of the residuals r at x by some parameters, (N, count) float32."""
+        """Derivatives of the residuals r at x by some parameters, (N, count) float32; those by nuisances, which bend little and are
+        kept from fit to fit, by longer steps."""
         models, steps = [], []
         differences = [p.difference for _, _, p in parameters(self.effects, hypothesis)]
         for j in which:
@@ -203,7 +204,12 @@ class Fitter:
             models.append(self.model(hypothesis, moved))
             steps.append(step)
         into = np.empty((len(r), len(models)), np.float32, order="F")
-        for j, (moved, step) in enumerate(zip(self.problem.residuals(models), steps)):
+        coarse = all(j < self.count for j in which)
+        if coarse and models:
+            r, *moves = self.problem.residuals([self.model(hypothesis, x), *models], coarse=True)
+        else:
+            moves = self.problem.residuals(models)
+        for j, (moved, step) in enumerate(zip(moves, steps)):
             np.subtract(moved, r, out=moved)
             np.divide(moved, step, out=into[:, j], casting="same_kind")
         return into

@@ -23,6 +23,7 @@ from rtds_host.diagnosis.likelihood import Discrepancy, Series
 from rtds_host.diagnosis.nuisances import nuisances_of
 from rtds_host.diagnosis.replay.lanes import LANES
 from rtds_host.diagnosis.replay.model import (
+    COARSER,
     Abreast,
     Model,
     following,
@@ -454,20 +455,26 @@ class Problem:
         """Whitened residuals of all runs, (N,)."""
         return self.residuals([model])[0]
 
-    def residuals(self, models: list[Model]) -> list[np.ndarray]:
-        """Residuals of several models, on all cores: shared out by runs, since there are often no more models than cores."""
+    def residuals(self, models: list[Model], coarse: bool = False) -> list[np.ndarray]:
+        """Residuals of several models, on all cores: shared out by runs, since there are often no more models than cores.
+
+        coarse : by longer steps, for models that are only compared with one another. What the steps miss is nearly the same in
+        all of them.
+        """
+        coarser = COARSER if coarse else 1.0
         found = [np.empty(self.size) for _ in models]
-        abreast = [k for k, model in enumerate(models) if model.abreast]
-        if len(abreast) * len(self.runs) < Abreast.FEWEST:
+        # Those that need short steps beside each other: a lane waits for the events of all.
+        abreast = sorted((k for k, model in enumerate(models) if model.abreast), key=lambda k: models[k].step_s)
+        runs = self._abreast(self.runs)
+        if not runs.worth(len(abreast)):
             abreast = []
         alone = sorted(set(range(len(models))) - set(abreast))
-        jobs = deque(functools.partial(self._alone, models[k], data, found[k][rows]) for k in alone for data, rows in self.rows)
+        jobs = deque(functools.partial(self._alone, models[k], data, found[k][rows], coarser) for k in alone for data, rows in self.rows)
         if abreast:
             # Lanes are to be full, and shares for all cores, but none so large that its replays leave the cache.
             lanes = len(abreast) * len(self.runs) // LANES
             count = min(len(abreast), max(lanes // 4, min(lanes, self.threads), 1))
-            runs = self._abreast(self.runs)
-            jobs.extend(functools.partial(self._together, runs, [models[k] for k in part], [found[k] for k in part])
+            jobs.extend(functools.partial(self._together, runs, [models[k] for k in part], [found[k] for k in part], coarser)
                         for part in np.array_split(abreast, count))
 
         def work() -> None:
@@ -485,11 +492,11 @@ class Problem:
             other.result()
         return found
 
-    def _alone(self, model: Model, data: RunData, into: np.ndarray) -> None:
-        self.run_residual(data, replay_run(model, data.inputs), into)
+    def _alone(self, model: Model, data: RunData, into: np.ndarray, coarser: float) -> None:
+        self.run_residual(data, replay_run(model, data.inputs, coarser=coarser), into)
 
-    def _together(self, runs: Abreast, models: list[Model], into: list[np.ndarray]) -> None:
-        for found, outs in zip(into, runs.replay(models)):
+    def _together(self, runs: Abreast, models: list[Model], into: list[np.ndarray], coarser: float) -> None:
+        for found, outs in zip(into, runs.replay(models, coarser)):
             for (data, rows), first, last in zip(self.rows, runs.rows, runs.rows[1:]):
                 self.run_residual(data, outs[first:last], found[rows])
 
@@ -533,7 +540,7 @@ class Problem:
         return self._gaps[asked]
 
     def _gap_of(self, model: Model, judged: list[RunData], runs: Abreast) -> float:
-        if model.abreast and len(judged) >= Abreast.FEWEST:
+        if model.abreast and runs.worth(1):
             out, = runs.replay([model])
             outs = np.split(out, runs.rows[1:-1])
         else:

@@ -85,8 +85,9 @@ def moves_of(fitter: Fitter, fit: Fit, extra: dict[tuple[str, str], list[dict]],
     new = [job for job in jobs if job not in known]
     models = [apply(problem.effects, model, ((job.effect, job.side),), [dict(job.values)]) for job in new]
     found = {job: known[job] for job in jobs if job in known}
-    for job, moved in zip(new, problem.residuals(models)):
-        found[job] = (moved - fit.residual).astype(np.float32)
+    base, *replayed = problem.residuals([model, *models], coarse=True)
+    for job, moved in zip(new, replayed):
+        found[job] = (moved - base).astype(np.float32)
     return found
 
 

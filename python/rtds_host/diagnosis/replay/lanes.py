@@ -1,9 +1,9 @@
-"""The inner loop for rigid gears, eight replays abreast.
+"""The inner loop for robots driven by voltages, eight replays abreast.
 
 A step waits for itself: each of its operations needs the one before. Eight replays that do not wait for one another fill a
 processor's vector unit instead. Each lane goes through events and steps of its own and begins the next job when its run is
 through, so that models with other delays and runs of other lengths go together. Equations and method are those of
-`kernel.replay`, with neither springs nor free play, driven by voltages: what most models of a search are.
+`kernel.replay`; a regime that a lane is not in is computed all the same and passed over, and what no lane has is left out.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2
 from rtds_host.diagnosis.replay import kernel as one
-from rtds_host.diagnosis.replay.kernel import FLAT, SLIDING, TRIALS
+from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT, SLIDING, TRIALS
 
 # Numerical: numbers in a vector register of the widest processors; narrower ones take two or four for it.
 LANES = 8
@@ -27,19 +27,23 @@ _SIDE_ROWS = ("res", "ind", "ke", "gkm", "lim", "drop", "inertia", "fluid", "asy
               "speed_tau", "stribeck", "fades", "extra", "th", "w", "cur", "rise", "wf", "va", "vd", "stick", "wn", "c0", "m0", "decay", "rise_v", "mean_v", "mean_i",
               "c1", "m1", "fade", "late_shear", "per_shear", "am", "bm", "rigid", "hi", "lo", "ripple", "force", "alpha", "beta", "speed_gain", "current_gain", "current_bias",
               "pwm_curve", "deadzone", "voltage_gain", "slip", "length", "shear_tau", "grip", "tyre", "whole", "give", "yields", "tangent",
-              "taken", "asked", "load", "mean", "input", "output")
+              "taken", "asked", "load", "mean", "input", "output", "wm", "wmn", "play", "contact", "was", "held", "backlash", "restitution", "stiffness",
+              "damping", "kap", "free_i", "spring_i", "held_i", "behind_i", "turn", "apart", "bounces", "tangled")
 _ROWS = ("h", "begun", "now", "done", "supply", "decline", "bus_row", "measured", "load_j", "mass", "i11", "i12", "i22", "half", "pull",
          "up_x", "up_y", "com_x", "com_y", "scrub", "dry", "level", "gx", "gz", "x", "y", "yaw", "v", "rate", "dir_x", "dir_y", "rate_n",
          "v_n", "dv", "dr", "a00", "a11", "wx", "det", "spin", "h_max", "late", "pose_late",
          "command_late", "gyro_gain", "gyro_bias", "source")
 _SIDE = len(_SIDE_ROWS) * LANES
+# Regimes of a side's gear, as in `kernel`.
+_RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0.0, 1.0, 2.0, 3.0, 4.0
 # Numerical: numbers that the lanes' state has.
 SIZE = 2 * _SIDE + len(_ROWS) * LANES
 
 (RES, IND, KE, GKM, LIM, DROP, INERTIA, FLUID, ASYM_V, HEAT, HEAT_TAU, FRICTION, ASYM, RADIUS, SPEED_TAU, STRIBECK, FADES, EXTRA, TH, W, CUR, RISE, WF,
  VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V, MEAN_I, C1, M1, FADE, LATE_SHEAR, PER_SHEAR, AM, BM, RIGID, HI, LO, RIPPLE, FORCE, ALPHA, BETA,
  W_GAIN, I_GAIN, I_BIAS, CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, SHEAR_TAU, GRIP, TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, LOAD,
- MEAN, INPUT, OUTPUT) = (
+ MEAN, INPUT, OUTPUT, WM, WMN, PLAY, CONTACT, WAS, HELD, BACKLASH, RESTITUTION, STIFF, DAMP, KAP, FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART,
+ BOUNCES, TANGLED) = (
     k * LANES for k in range(len(_SIDE_ROWS)))
 (H, BEGUN, NOW, DONE, SUPPLY, DECLINE, BUS_ROW, MEASURED, LOAD_J, MASS, I11, I12, I22, HALF, PULL, UP_X, UP_Y, COM_X, COM_Y, SCRUB, DRY,
  LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X, DIR_Y, RATE_N, V_N, DV, DR, A00, A11, WX, DET, SPIN, H_MAX, LATE, POSE_LATE, COMMAND_LATE, GYRO_GAIN,
@@ -124,9 +128,13 @@ def _begin(s, l, side, com, run, start):
         s[o + GRIP] = side[k, one.SLIP_GRIP] * mass * GRAVITY_M_S2 * 0.5 if side[k, one.SLIP] != 0.0 else 1.0
         s[o + FORCE] = s[o + INPUT] = s[o + TYRE] = s[o + WHOLE] = 0.0
         s[o + TH] = start[3 + k] / side[k, one.W_GAIN]
-        s[o + W] = start[5 + k] / side[k, one.W_GAIN]
+        s[o + W] = s[o + WM] = start[5 + k] / side[k, one.W_GAIN]
         s[o + WF] = start[9 + k] / side[k, one.W_GAIN]
         s[o + CUR] = start[7 + k]
+        s[o + BACKLASH], s[o + RESTITUTION] = side[k, one.BACKLASH], side[k, one.RESTITUTION]
+        s[o + STIFF], s[o + DAMP] = side[k, one.STIFF], side[k, one.DAMP]
+        s[o + PLAY] = s[o + APART] = s[o + BOUNCES] = 0.0
+        s[o + CONTACT] = _SPRING if side[k, one.STIFF] > 0.0 else (_FREE if side[k, one.BACKLASH] > 0.0 else _RIGID)
         s[o + RISE] = s[o + VA] = s[o + VD] = s[o + STICK] = s[o + RIPPLE] = s[o + EXTRA] = 0.0
     s[H + l] = s[DONE + l] = 0.0
     s[POSE_LATE + l] = com[one.LATENCY]
@@ -171,7 +179,56 @@ def _of_step(s, l, h):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_first, runs, starts, sides, coms, h_max, which, out, out_first):
+def _set_step(s, l, h, count, met, oldest, kept):
+    """Let a lane go on in `count` steps of h, s, or of a step that it had before: spans differ in their last digits, and much is
+    kept from step to step."""
+    if abs(h - s[H + l]) * count < 1e-10:
+        return
+    for i in range(MET):
+        if abs(h - met[l, i]) * count < 1e-10:
+            s[H + l] = met[l, i]
+            for k in range(OF_STEP):
+                s[DECAY + k * LANES + l] = kept[l, i, 2 * k]
+                s[_SIDE + DECAY + k * LANES + l] = kept[l, i, 2 * k + 1]
+            return
+    s[H + l] = h
+    _of_step(s, l, h)
+    i = oldest[l]
+    oldest[l] = (i + 1) % MET
+    met[l, i] = h
+    for k in range(OF_STEP):
+        kept[l, i, 2 * k] = s[DECAY + k * LANES + l]
+        kept[l, i, 2 * k + 1] = s[_SIDE + DECAY + k * LANES + l]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _is_free(s, l):
+    """Whether a lane's rotor is within its free play."""
+    return s[CONTACT + l] == _FREE or s[_SIDE + CONTACT + l] == _FREE
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _kept_state(s, l, kept, back):
+    """Keep what accepting a step changes in a lane, or bring it back."""
+    n = 0
+    for row in (X, Y, YAW, DIR_X, DIR_Y, V, RATE):
+        if back:
+            s[row + l] = kept[n]
+        else:
+            kept[n] = s[row + l]
+        n += 1
+    for k in range(2):
+        for row in (CUR, RISE, TH, WF, PLAY, WHOLE, TYRE):
+            if back:
+                s[k * _SIDE + row + l] = kept[n]
+            else:
+                kept[n] = s[k * _SIDE + row + l]
+            n += 1
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_first, runs, starts, sides, coms, h_max, h_play, which, out,
+                 out_first):
     """Replay several jobs, each a model on a run.
 
     Parameters
@@ -179,7 +236,8 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     ts : (sum n,) s, times of all runs' samples, one run after another; t_first : (runs + 1,) where each run's begin.
     cmds_t, cmds, buses : (sum m,), (sum m, 2), (sum m,) their commands; cmd_first : (runs + 1,) likewise.
     angles : (a, 2), angle_first : (runs + 1,) angles that a ripple follows, of no rows or of m.
-    runs : (runs, 4), starts : (runs, 11); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), h_max : (models,) s.
+    runs : (runs, 4), starts : (runs, 11); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), h_max : (models,) s; h_play : s,
+        longest step within free play, see `kernel.replay`.
     which : (jobs, 2) model and run of each; out : (rows, 11) filled, job by job from rows out_first (jobs,).
     """
     jobs = which.shape[0]
@@ -201,11 +259,24 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     kept = np.zeros((LANES, MET, 2 * OF_STEP))
     given = 0
     running = 0
-    scrubbed = pulled = specials = faded = slipping = drawn = False
+    scrubbed = pulled = specials = faded = slipping = drawn = flexible = False
+    # Free play asks for short steps between its flanks: whether a lane has any, its longest step, and whether its flanks part in
+    # this span; whether a step is taken once more, and what it began with.
+    plays, limit = np.zeros(LANES, np.bool_), np.zeros(LANES)
+    parts, redone = np.zeros(LANES, np.bool_), np.zeros(LANES, np.bool_)
+    as_begun = np.zeros((LANES, 21))
     while True:
         # ---- events of lanes whose step ends at one; idle lanes stand still
         for l in range(lanes):
             if left[l] > 0:
+                if plays[l]:
+                    bound = min(s[H_MAX + l], h_play) if parts[l] or _is_free(s, l) else s[H_MAX + l]
+                    if bound != limit[l]:
+                        limit[l] = bound
+                        rest = moment[l] - s[NOW + l] - s[DONE + l]
+                        count = math.ceil(rest / bound - 1e-9)
+                        _set_step(s, l, rest / count, count, met, oldest, kept)
+                        left[l] = count
                 left[l] -= 1
                 continue
             now = moment[l]
@@ -231,13 +302,15 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     special[l] = 0
                     for k in range(2):
                         special[l] |= (1 if sides[which[j, 0], k, one.RIPPLE] != 0.0 else 0) | (2 if s[k * _SIDE + HEAT + l] != 0.0 else 0)
-                    specials = scrubbed = pulled = faded = slipping = drawn = False
+                    plays[l] = s[BACKLASH + l] > 0.0 or s[_SIDE + BACKLASH + l] > 0.0
+                    specials = scrubbed = pulled = faded = slipping = drawn = flexible = False
                     for i in range(lanes):
                         specials |= special[i] > 0
                         scrubbed |= s[SCRUB + i] != 0.0
                         pulled |= s[PULL + i] != 0.0
                         faded |= s[STRIBECK + i] != 0.0 or s[_SIDE + STRIBECK + i] != 0.0
                         slipping |= s[SLIP + i] != 0.0 or s[_SIDE + SLIP + i] != 0.0
+                        flexible |= s[CONTACT + i] != _RIGID or s[_SIDE + CONTACT + i] != _RIGID
                         drawn |= s[SOURCE + i] != 0.0 or s[LOAD + i] != 0.0 or s[_SIDE + LOAD + i] != 0.0
                 if not (abs(s[W + l]) < 1e6 and abs(s[_SIDE + W + l]) < 1e6 and abs(s[CUR + l]) < 1e6
                         and abs(s[_SIDE + CUR + l]) < 1e6 and abs(s[V + l]) < 1e6 and abs(s[RATE + l]) < 1e6):
@@ -262,8 +335,9 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     for i in range(2):
                         o = i * _SIDE + l
                         out[row, 1 + i] = s[o + CUR] * s[o + I_GAIN] + s[o + I_BIAS]
-                        out[row, 3 + i] = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + W]) * s[o + W_GAIN]
-                        out[row, 5 + i] = s[o + TH] * s[o + W_GAIN]
+                        out[row, 3 + i] = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + WM]) * s[o + W_GAIN]
+                        # The encoder sits at the gear's output, before any play or spring (contract, section 7).
+                        out[row, 5 + i] = (s[o + TH] + s[o + PLAY]) * s[o + W_GAIN]
                     out[row, 7] = s[RATE + l] * s[GYRO_GAIN + l] + s[GYRO_BIAS + l]
                     k += 1
                 sample[l] = k
@@ -277,6 +351,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     for i in range(2):
                         s[i * _SIDE + GRIP + l] = s[i * _SIDE + LATE_SHEAR + l] = s[i * _SIDE + PER_SHEAR + l] = 1.0
                     special[l] = 0
+                    plays[l] = False
                     continue
                 k = command[l]
                 changed = False
@@ -311,28 +386,10 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     continue
                 s[NOW + l] = now
                 moment[l] = ahead
-                count = math.ceil(span / s[H_MAX + l] - 1e-9)
-                h = span / count
-                if abs(h - s[H + l]) * count >= 1e-10:
-                    # Spans differ in their last digits, and much is kept from step to step.
-                    known = -1
-                    for i in range(MET):
-                        if abs(h - met[l, i]) * count < 1e-10:
-                            known = i
-                    if known >= 0:
-                        s[H + l] = met[l, known]
-                        for i in range(OF_STEP):
-                            s[DECAY + i * LANES + l] = kept[l, known, 2 * i]
-                            s[_SIDE + DECAY + i * LANES + l] = kept[l, known, 2 * i + 1]
-                    else:
-                        s[H + l] = h
-                        _of_step(s, l, h)
-                        known = oldest[l]
-                        oldest[l] = (known + 1) % MET
-                        met[l, known] = h
-                        for i in range(OF_STEP):
-                            kept[l, known, 2 * i] = s[DECAY + i * LANES + l]
-                            kept[l, known, 2 * i + 1] = s[_SIDE + DECAY + i * LANES + l]
+                parts[l] = False
+                limit[l] = min(s[H_MAX + l], h_play) if plays[l] and _is_free(s, l) else s[H_MAX + l]
+                count = math.ceil(span / limit[l] - 1e-9)
+                _set_step(s, l, span / count, count, met, oldest, kept)
                 left[l] = count - 1
                 s[DONE + l] = 0.0
                 break
@@ -387,14 +444,22 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
-                    at = s[o + W + l] * s[o + FADES + l]
+                    at = s[o + WM + l] * s[o + FADES + l]
                     s[o + EXTRA + l] = s[o + STRIBECK + l] * _exp_minus(at * at)
         for k in range(2):
             o = k * _SIDE
             for l in range(lanes):
-                w = s[o + W + l]
-                s[o + WN + l], s[o + MEAN + l] = w, s[o + CUR + l]
+                w = s[o + WM + l]
+                s[o + WN + l], s[o + WMN + l], s[o + MEAN + l] = s[o + W + l], w, s[o + CUR + l]
                 s[o + STICK + l] = 1.0 if w > 0.0 else (-1.0 if w < 0.0 else 0.0)
+        if flexible:
+            for k in range(2):
+                o = k * _SIDE
+                for l in range(lanes):
+                    s[o + WAS + l], s[o + HELD + l] = s[o + CONTACT + l], s[o + FORCE + l]
+                    bounces = (s[o + CONTACT + l] == _FREE and s[o + RESTITUTION + l] > 0.0
+                               and abs(s[o + WMN + l] - s[o + WN + l]) > BOUNCE_RAD_S)
+                    s[o + BOUNCES + l] = 1.0 if bounces else 0.0
         if slipping:
             # As in `kernel.replay`; what its shear would be without slip is nothing.
             for k in range(2):
@@ -425,7 +490,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 o = k * _SIDE
                 for l in range(lanes):
                     h = s[H + l]
-                    w = s[o + WN + l]
+                    w = s[o + WMN + l]
                     ke = s[o + KE + l]
                     volts = s[o + VD + l] * s[LEVEL + l]
                     volts = min(max(volts, -s[o + LIM + l]), s[o + LIM + l])
@@ -448,18 +513,55 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     f = s[o + FRICTION + l] + s[o + EXTRA + l] + s[o + LOAD + l] * max(abs(s[o + INPUT + l]), abs(output))
                     s[o + HI + l] = h * (f + s[o + ASYM + l])
                     s[o + LO + l] = -h * (f - s[o + ASYM + l])
+            if flexible:
+                # Implicit mid-point for the spring: its mean torque = turn + kap * (rotor - wheel), at the end of the step.
+                for k in range(2):
+                    o = k * _SIDE
+                    for l in range(lanes):
+                        h, am, load_j = s[H + l], s[o + AM + l], s[LOAD_J + l]
+                        kap = 0.25 * h * s[o + STIFF + l] + 0.5 * s[o + DAMP + l]
+                        spring_i = 1.0 / (am + h * kap)
+                        s[o + KAP + l], s[o + SPRING_I + l] = kap, spring_i
+                        s[o + FREE_I + l], s[o + HELD_I + l] = 1.0 / am, 1.0 / (load_j + h * kap)
+                        s[o + BEHIND_I + l] = 1.0 / (load_j + h * kap * (1.0 - h * kap * spring_i))
+                        s[o + TURN + l] = s[o + STIFF + l] * s[o + PLAY + l] + kap * (s[o + WMN + l] - s[o + WN + l])
             # ---- velocities at the end of the step; a lane whose guess held finds the same again
-            for _ in range(20):
+            for attempt in range(20):
+                if flexible:
+                    for k in range(2):
+                        o = k * _SIDE
+                        for l in range(lanes):
+                            h, kind, stick, load_j = s[H + l], s[o + CONTACT + l], s[o + STICK + l], s[LOAD_J + l]
+                            stuck = s[DRY + l] > 0.0 and stick == 0.0
+                            p = s[o + HI + l] if stick > 0.0 else (s[o + LO + l] if stick < 0.0 else 0.0)
+                            bw, bm, turn, kap = load_j * s[o + WN + l], s[o + BM + l], s[o + TURN + l], s[o + KAP + l]
+                            # What the rotor is faster than the wheel afterwards, in contact with a flank.
+                            forwards = kind == _PUSH_F
+                            gap = (0.5 * s[o + BACKLASH + l] if forwards else -0.5 * s[o + BACKLASH + l]) - s[o + PLAY + l]
+                            meets = (s[o + WMN + l] > s[o + WN + l]) == forwards
+                            apart = s[o + RESTITUTION + l] * (s[o + WN + l] - s[o + WMN + l]) if meets and s[o + BOUNCES + l] > 0.0 else gap / h
+                            apart = apart if kind >= _PUSH_F else 0.0
+                            s[o + APART + l] = apart
+                            alpha = -apart if stuck else (bm + bw - p - s[o + AM + l] * apart) * s[o + RIGID + l]
+                            inverse = 0.0 if stuck else s[o + RIGID + l]
+                            rotor = (bm - h * turn - p) * s[o + SPRING_I + l]
+                            behind = s[o + HELD_I + l] if stuck else s[o + BEHIND_I + l]
+                            swung = (bw + h * turn + (0.0 if stuck else h * kap * rotor)) * behind
+                            alpha = swung if kind == _SPRING else (bw / load_j if kind == _FREE else alpha)
+                            inverse = behind if kind == _SPRING else (1.0 / load_j if kind == _FREE else inverse)
+                            s[o + ALPHA + l], s[o + BETA + l] = alpha, h * s[o + RADIUS + l] * inverse
+                else:
+                    for l in range(lanes):
+                        for k in range(2):
+                            o = k * _SIDE + l
+                            stick = s[o + STICK]
+                            moves = 0.0 if s[DRY + l] > 0.0 and stick == 0.0 else 1.0
+                            p = s[o + HI] if stick > 0.0 else (s[o + LO] if stick < 0.0 else 0.0)
+                            s[o + ALPHA] = moves * ((s[o + BM] + s[LOAD_J + l] * s[o + WN] - p) * s[o + RIGID])
+                            s[o + BETA] = moves * (s[H + l] * s[o + RADIUS] * s[o + RIGID])
                 for l in range(lanes):
                     h = s[H + l]
                     i11, i12, i22, half = s[I11 + l], s[I12 + l], s[I22 + l], s[HALF + l]
-                    for k in range(2):
-                        o = k * _SIDE + l
-                        stick = s[o + STICK]
-                        moves = 0.0 if s[DRY + l] > 0.0 and stick == 0.0 else 1.0
-                        p = s[o + HI] if stick > 0.0 else (s[o + LO] if stick < 0.0 else 0.0)
-                        s[o + ALPHA] = moves * ((s[o + BM] + s[LOAD_J + l] * s[o + WN] - p) * s[o + RIGID])
-                        s[o + BETA] = moves * (h * s[o + RADIUS] * s[o + RIGID])
                     w0 = h * (i11 - 2.0 * half * i12 + half * half * i22)
                     w1 = h * (i11 + 2.0 * half * i12 + half * half * i22)
                     wx = h * (i11 - half * half * i22)
@@ -501,16 +603,53 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                         s[_SIDE + FORCE + l] = f1 if reverses else s[_SIDE + FORCE + l]
                         s[DV + l] = dv if reverses else s[DV + l]
                         s[RATE_N + l] = s[RATE + l] + dr + h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) if reverses else s[RATE_N + l]
-                again = 0
                 for l in range(lanes):
                     h, half = s[H + l], s[HALF + l]
                     f0, f1 = s[FORCE + l], s[_SIDE + FORCE + l]
                     s[V_N + l] = s[V + l] + s[DV + l] + h * (s[I11 + l] * (f0 + f1) + s[I12 + l] * half * (f1 - f0))
+                    s[W + l] = s[ALPHA + l] - s[BETA + l] * f0
+                    s[_SIDE + W + l] = s[_SIDE + ALPHA + l] - s[_SIDE + BETA + l] * f1
+                if flexible:
+                    for k in range(2):
+                        o = k * _SIDE
+                        for l in range(lanes):
+                            h, kind, stick, load_j, kap = s[H + l], s[o + CONTACT + l], s[o + STICK + l], s[LOAD_J + l], s[o + KAP + l]
+                            dry = s[DRY + l] > 0.0
+                            p = s[o + HI + l] if stick > 0.0 else (s[o + LO + l] if stick < 0.0 else 0.0)
+                            w, bm, turn, play = s[o + W + l], s[o + BM + l], s[o + TURN + l], s[o + PLAY + l]
+                            edge = 0.5 * s[o + BACKLASH + l]
+                            wm = (bm - h * turn - p + h * kap * w) * s[o + SPRING_I + l] if kind == _SPRING else (bm - p) * s[o + FREE_I + l]
+                            wm = 0.0 if dry and stick == 0.0 else wm
+                            swings = kind == _SPRING or kind == _FREE
+                            wm = wm if swings else w + s[o + APART + l]
+                            s[o + WM + l] = wm
+                            # Impulse the rotor passes on; flanks can push but not pull.
+                            push = load_j * (w - s[o + WN + l]) + h * s[o + RADIUS + l] * s[o + FORCE + l]
+                            push = h * (turn - kap * w) if kind == _SPRING else (0.0 if kind == _FREE else push)
+                            need = bm - push
+                            moved = play + h * (wm - w)
+                            meets = _PUSH_F if moved > edge else (_PUSH_B if moved < -edge else _FREE)
+                            pulls = attempt < 10 and ((kind == _PUSH_F and push < 0.0) or (kind == _PUSH_B and push > 0.0))
+                            then = meets if kind == _FREE else (_FREE if pulls else kind)
+                            breaks = 1.0 if need > max(s[o + HI + l], 0.0) else (-1.0 if need < min(s[o + LO + l], 0.0) else 0.0)
+                            stops = stick * wm < 0.0 and (attempt < 10 or kind <= _SPRING)
+                            other = breaks if stick == 0.0 else (0.0 if stops else stick)
+                            other = other if dry else stick
+                            s[o + TANGLED + l] = 1.0 if other != stick or then != kind else 0.0
+                            s[o + STICK + l], s[o + CONTACT + l] = other, then
+                    again = 0
+                    for l in range(lanes):
+                        again |= 1 if s[TANGLED + l] + s[_SIDE + TANGLED + l] > 0.0 else 0
+                    if again == 0:
+                        break
+                    continue
+                again = 0
+                for l in range(lanes):
+                    h = s[H + l]
                     for k in range(2):
                         o = k * _SIDE + l
-                        force = s[o + FORCE]
-                        w = s[o + ALPHA] - s[o + BETA] * force
-                        s[o + W] = w
+                        force, w = s[o + FORCE], s[o + W]
+                        s[o + WM] = w
                         need = s[o + BM] + s[LOAD_J + l] * s[o + WN] - h * s[o + RADIUS] * force
                         stick = s[o + STICK]
                         breaks = 1.0 if need > max(s[o + HI], 0.0) else (-1.0 if need < min(s[o + LO], 0.0) else 0.0)
@@ -525,28 +664,51 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
-                    w, wn = s[o + W + l], s[o + WN + l]
-                    mean, plain = s[o + M0 + l] - s[o + M1 + l] * w, s[o + FLUID + l]
+                    w, wn, wm, wmn = s[o + W + l], s[o + WN + l], s[o + WM + l], s[o + WMN + l]
+                    mean, plain = s[o + M0 + l] - s[o + M1 + l] * wm, s[o + FLUID + l]
                     s[o + MEAN + l] = mean
-                    s[o + INPUT + l] = s[o + GKM + l] * mean - 0.5 * plain * (wn + w) - s[o + INERTIA + l] * (w - wn) / s[H + l]
+                    s[o + INPUT + l] = s[o + GKM + l] * mean - 0.5 * plain * (wmn + wm) - s[o + INERTIA + l] * (wm - wmn) / s[H + l]
                     s[o + OUTPUT + l] = s[LOAD_J + l] * (w - wn) / s[H + l] + s[o + RADIUS + l] * s[o + FORCE + l]
             trial += 1
             if trial == TRIALS:
                 break
+        # ---- a long step ends where flanks part: once more, in short ones
+        again = 0
+        if flexible:
+            for l in range(lanes):
+                redone[l] = plays[l] and limit[l] > h_play and (s[CONTACT + l] != s[WAS + l] or s[_SIDE + CONTACT + l] != s[_SIDE + WAS + l])
+                if redone[l]:
+                    again = 1
+                    _kept_state(s, l, as_begun[l], False)
         # ---- accept the step
         for k in range(2):
             o = k * _SIDE
             for l in range(lanes):
-                h, w, wn, tau = s[H + l], s[o + W + l], s[o + WN + l], s[o + SPEED_TAU + l]
+                h, w, wn, tau = s[H + l], s[o + WM + l], s[o + WMN + l], s[o + SPEED_TAU + l]
                 mean = s[o + M0 + l] - s[o + M1 + l] * w
                 s[o + CUR + l] = s[o + C0 + l] - s[o + C1 + l] * w
                 rise = s[o + RISE + l]
                 res = s[o + RES + l] * (1.0 + rise)
                 hotter = rise + h * (s[o + HEAT + l] * mean * mean * res - rise) / s[o + HEAT_TAU + l]
                 s[o + RISE + l] = hotter if s[o + HEAT + l] != 0.0 else rise
-                s[o + TH + l] += 0.5 * h * (wn + w)
+                s[o + TH + l] += 0.5 * h * (s[o + WN + l] + s[o + W + l])
                 ramp = (w - wn) / h
                 s[o + WF + l] = w - ramp * tau + (s[o + WF + l] - wn + ramp * tau) * s[o + FADE + l]
+        if flexible:
+            for k in range(2):
+                o = k * _SIDE
+                for l in range(lanes):
+                    h, kind, play, w, wm = s[H + l], s[o + CONTACT + l], s[o + PLAY + l], s[o + W + l], s[o + WM + l]
+                    wn, wmn, forwards = s[o + WN + l], s[o + WMN + l], kind == _PUSH_F
+                    bent = play + 0.5 * h * (wmn + wm - wn - w)
+                    # To the flank at the speed before, and back for the rest of the step.
+                    returns = kind >= _PUSH_F and s[o + BOUNCES + l] > 0.0 and (wm > w) != forwards
+                    flank = 0.5 * s[o + BACKLASH + l] if forwards else -0.5 * s[o + BACKLASH + l]
+                    nears = wmn - wn if returns else 1.0
+                    reach = min(max((flank - play) / nears, 0.0), h)
+                    moved = flank + (h - reach) * s[o + APART + l] if returns else play + h * (wm - w)
+                    s[o + PLAY + l] = bent if kind == _SPRING else (play if kind == _RIGID else moved)
+                    s[o + CONTACT + l] = _FREE if returns else kind
         for l in range(lanes):
             h = s[H + l]
             v_mid, rate_mid = 0.5 * (s[V + l] + s[V_N + l]), 0.5 * (s[RATE + l] + s[RATE_N + l])
@@ -568,3 +730,13 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     whole = min(max(s[o + WHOLE + l] + (s[o + ASKED + l] - s[o + TAKEN + l]) / s[o + TANGENT + l], -most), most)
                     s[o + WHOLE + l] = whole
                     s[o + TYRE + l] += s[H + l] * (whole * s[o + SLIP + l] - s[o + TYRE + l]) * s[o + PER_SHEAR + l]
+        if again > 0:
+            for l in range(lanes):
+                if redone[l]:
+                    _kept_state(s, l, as_begun[l], True)
+                    for k in range(2):
+                        o = k * _SIDE + l
+                        s[o + W], s[o + WM] = s[o + WN], s[o + WMN]
+                        s[o + CONTACT], s[o + FORCE] = s[o + WAS], s[o + HELD]
+                    s[DONE + l] -= s[H + l]
+                    parts[l], left[l] = True, left[l] + 1

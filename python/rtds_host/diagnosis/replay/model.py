@@ -20,6 +20,8 @@ REPORT_STEP_S = 5.0e-4
 # Numerical: slip brings faster modes, springs may bring faster ones still, and so does free play between its flanks.
 SLIP_STEP_S = 8.4e-4
 FINE_STEP_S = 4.0e-4
+# Numerical: how much longer steps are where replays are only compared with one another, see `Problem.residuals`.
+COARSER = 3.0
 # Numerical: a spring's step in its fastest swing: the errors then are those above at any stiffness that swings visibly.
 SPRING_STEP_RAD = 0.1
 # Numerical: a piece starts from a parabola over so many rows to either side.
@@ -102,7 +104,7 @@ class Model:
     def abreast(self) -> bool:
         """Whether its replays can go abreast, see `lanes`."""
         common, index = self.common, COMMON_INDEX
-        return common[index["axis"]] == 0.0 and common[index["mode"]] == 0.0 and not self._has("stiffness", "backlash")
+        return bool(common[index["axis"]] == 0.0 and common[index["mode"]] == 0.0)
 
     def _has(self, *names: str) -> bool:
         return bool((self.side[:, [SIDE_INDEX[name] for name in names]] != 0).any())
@@ -296,12 +298,13 @@ def _line(t: np.ndarray, values: np.ndarray | None, rows: np.ndarray, at: float)
     return float(coefficients[2]), float(coefficients[1])
 
 
-def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | None = None) -> np.ndarray:
+def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | None = None, coarser: float = 1.0) -> np.ndarray:
     """Replay one run from its commands.
 
     Parameters
     ----------
-    model : the robot; inputs : from `run_inputs`; step_s : longest step, by default what the model needs.
+    model : the robot; inputs : from `run_inputs`; step_s : longest step, by default what the model needs; coarser : how much longer steps
+    may be than that.
 
     Returns
     -------
@@ -309,7 +312,8 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     """
     t, t_cmd, commands, bus, angle, run, start = inputs
     out = np.empty((len(t), len(OUTPUTS)))
-    kernel.replay(t, t_cmd, commands, bus, angle, model.side, model.common, run, start, step_s or model.step_s, FINE_STEP_S, out)
+    kernel.replay(t, t_cmd, commands, bus, angle, model.side, model.common, run, start, coarser * (step_s or model.step_s),
+                  coarser * FINE_STEP_S, out)
     _on_clocks(model, t, out)
     return out
 
@@ -325,8 +329,8 @@ def _on_clocks(model: Model, t: np.ndarray, out: np.ndarray) -> None:
 class Abreast:
     """Several runs one after another in memory, for replays that go abreast, see `lanes`."""
 
-    # Fewer jobs than this are done sooner one by one.
-    FEWEST = 5
+    # Numerical: fewer replays at a time than this are done sooner one by one.
+    FEWEST = 5.0
 
     def __init__(self, inputs: list[tuple[np.ndarray, ...]]):
         self.inputs = inputs
@@ -338,15 +342,20 @@ class Abreast:
         # The longest first: those that come last go on by themselves.
         self.order = np.argsort(-np.diff(self.rows), kind="stable")
 
-    def replay(self, models: list[Model]) -> np.ndarray:
-        """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `abreast`."""
+    def worth(self, models: int) -> bool:
+        """Whether replays of so many models are done sooner abreast: how many go on at a time in the mean, with the longest run's
+        to wait for."""
+        return models * float(self.rows[-1]) >= self.FEWEST * max(float(np.diff(self.rows).max(initial=0)), 1.0)
+
+    def replay(self, models: list[Model], coarser: float = 1.0) -> np.ndarray:
+        """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `abreast`; coarser : as of `replay_run`."""
         out = np.empty((len(models), self.rows[-1], len(OUTPUTS)))
         which = np.array([(k, run) for run in self.order for k in range(len(models))])
         # Where a run begins may have been estimated anew.
         starts = np.array([run[6] for run in self.inputs])
         replay_lanes(self.t, self.rows, self.t_cmd, self.commands, self.bus, self.at_cmd, self.angle, self.at_angle, self.runs, starts,
                      np.array([model.side for model in models]), np.array([model.common for model in models]),
-                     np.array([model.step_s for model in models]), which, out.reshape(-1, len(OUTPUTS)),
+                     coarser * np.array([model.step_s for model in models]), coarser * FINE_STEP_S, which, out.reshape(-1, len(OUTPUTS)),
                      which[:, 0] * self.rows[-1] + self.rows[which[:, 1]])
         for model, mine in zip(models, out):
             for first, last in zip(self.rows, self.rows[1:]):
