@@ -463,10 +463,10 @@ class Problem:
         """
         coarser = COARSER if coarse else 1.0
         found = [np.empty(self.size) for _ in models]
-        # Those that need short steps beside each other: a lane waits for the events of all.
-        abreast = sorted((k for k, model in enumerate(models) if model.abreast), key=lambda k: models[k].step_s)
+        # Those with springs or free play beside each other: what one lane has is computed in all.
+        abreast = sorted((k for k, model in enumerate(models) if model.abreast), key=lambda k: (models[k].slow, models[k].step_s))
         runs = self._abreast(self.runs)
-        if not runs.worth(len(abreast)):
+        if not runs.worth([models[k] for k in abreast]):
             abreast = []
         alone = sorted(set(range(len(models))) - set(abreast))
         jobs = deque(functools.partial(self._alone, models[k], data, found[k][rows], coarser) for k in alone for data, rows in self.rows)
@@ -540,7 +540,7 @@ class Problem:
         return self._gaps[asked]
 
     def _gap_of(self, model: Model, judged: list[RunData], runs: Abreast) -> float:
-        if model.abreast and runs.worth(1):
+        if model.abreast and runs.worth([model]):
             out, = runs.replay([model])
             outs = np.split(out, runs.rows[1:-1])
         else:

@@ -533,30 +533,36 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                         for l in range(lanes):
                             h, kind, stick, load_j = s[H + l], s[o + CONTACT + l], s[o + STICK + l], s[LOAD_J + l]
                             stuck = s[DRY + l] > 0.0 and stick == 0.0
-                            p = s[o + HI + l] if stick > 0.0 else (s[o + LO + l] if stick < 0.0 else 0.0)
+                            hi, lo, edge, rigid_i = s[o + HI + l], s[o + LO + l], 0.5 * s[o + BACKLASH + l], s[o + RIGID + l]
+                            held_i, behind_i = s[o + HELD_I + l], s[o + BEHIND_I + l]
+                            p = hi if stick > 0.0 else (lo if stick < 0.0 else 0.0)
                             bw, bm, turn, kap = load_j * s[o + WN + l], s[o + BM + l], s[o + TURN + l], s[o + KAP + l]
                             # What the rotor is faster than the wheel afterwards, in contact with a flank.
                             forwards = kind == _PUSH_F
-                            gap = (0.5 * s[o + BACKLASH + l] if forwards else -0.5 * s[o + BACKLASH + l]) - s[o + PLAY + l]
-                            meets = (s[o + WMN + l] > s[o + WN + l]) == forwards
-                            apart = s[o + RESTITUTION + l] * (s[o + WN + l] - s[o + WMN + l]) if meets and s[o + BOUNCES + l] > 0.0 else gap / h
+                            gap = (edge if forwards else -edge) - s[o + PLAY + l]
+                            nears = s[o + WMN + l] - s[o + WN + l]
+                            meets = (nears > 0.0) == forwards and s[o + BOUNCES + l] > 0.0
+                            back = -s[o + RESTITUTION + l] * nears
+                            apart = back if meets else gap / h
                             apart = apart if kind >= _PUSH_F else 0.0
                             s[o + APART + l] = apart
-                            alpha = -apart if stuck else (bm + bw - p - s[o + AM + l] * apart) * s[o + RIGID + l]
-                            inverse = 0.0 if stuck else s[o + RIGID + l]
-                            rotor = (bm - h * turn - p) * s[o + SPRING_I + l]
-                            behind = s[o + HELD_I + l] if stuck else s[o + BEHIND_I + l]
-                            swung = (bw + h * turn + (0.0 if stuck else h * kap * rotor)) * behind
-                            alpha = swung if kind == _SPRING else (bw / load_j if kind == _FREE else alpha)
-                            inverse = behind if kind == _SPRING else (1.0 / load_j if kind == _FREE else inverse)
+                            moved = (bm + bw - p - s[o + AM + l] * apart) * rigid_i
+                            alpha, inverse = -apart if stuck else moved, 0.0 if stuck else rigid_i
+                            rotor = h * kap * ((bm - h * turn - p) * s[o + SPRING_I + l])
+                            behind = held_i if stuck else behind_i
+                            swung = (bw + h * turn + (0.0 if stuck else rotor)) * behind
+                            free_i = 1.0 / load_j
+                            rolled = bw * free_i
+                            alpha = swung if kind == _SPRING else (rolled if kind == _FREE else alpha)
+                            inverse = behind if kind == _SPRING else (free_i if kind == _FREE else inverse)
                             s[o + ALPHA + l], s[o + BETA + l] = alpha, h * s[o + RADIUS + l] * inverse
                 else:
                     for l in range(lanes):
                         for k in range(2):
                             o = k * _SIDE + l
-                            stick = s[o + STICK]
+                            stick, hi, lo = s[o + STICK], s[o + HI], s[o + LO]
                             moves = 0.0 if s[DRY + l] > 0.0 and stick == 0.0 else 1.0
-                            p = s[o + HI] if stick > 0.0 else (s[o + LO] if stick < 0.0 else 0.0)
+                            p = hi if stick > 0.0 else (lo if stick < 0.0 else 0.0)
                             s[o + ALPHA] = moves * ((s[o + BM] + s[LOAD_J + l] * s[o + WN] - p) * s[o + RIGID])
                             s[o + BETA] = moves * (s[H + l] * s[o + RADIUS] * s[o + RIGID])
                 for l in range(lanes):
@@ -615,23 +621,27 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                         for l in range(lanes):
                             h, kind, stick, load_j, kap = s[H + l], s[o + CONTACT + l], s[o + STICK + l], s[LOAD_J + l], s[o + KAP + l]
                             dry = s[DRY + l] > 0.0
-                            p = s[o + HI + l] if stick > 0.0 else (s[o + LO + l] if stick < 0.0 else 0.0)
+                            hi, lo = s[o + HI + l], s[o + LO + l]
+                            p = hi if stick > 0.0 else (lo if stick < 0.0 else 0.0)
                             w, bm, turn, play = s[o + W + l], s[o + BM + l], s[o + TURN + l], s[o + PLAY + l]
                             edge = 0.5 * s[o + BACKLASH + l]
-                            wm = (bm - h * turn - p + h * kap * w) * s[o + SPRING_I + l] if kind == _SPRING else (bm - p) * s[o + FREE_I + l]
+                            swung, freed, touched = ((bm - h * turn - p + h * kap * w) * s[o + SPRING_I + l], (bm - p) * s[o + FREE_I + l],
+                                                     w + s[o + APART + l])
+                            wm = swung if kind == _SPRING else freed
                             wm = 0.0 if dry and stick == 0.0 else wm
                             swings = kind == _SPRING or kind == _FREE
-                            wm = wm if swings else w + s[o + APART + l]
+                            wm = wm if swings else touched
                             s[o + WM + l] = wm
                             # Impulse the rotor passes on; flanks can push but not pull.
                             push = load_j * (w - s[o + WN + l]) + h * s[o + RADIUS + l] * s[o + FORCE + l]
-                            push = h * (turn - kap * w) if kind == _SPRING else (0.0 if kind == _FREE else push)
+                            turned = h * (turn - kap * w)
+                            push = turned if kind == _SPRING else (0.0 if kind == _FREE else push)
                             need = bm - push
                             moved = play + h * (wm - w)
                             meets = _PUSH_F if moved > edge else (_PUSH_B if moved < -edge else _FREE)
                             pulls = attempt < 10 and ((kind == _PUSH_F and push < 0.0) or (kind == _PUSH_B and push > 0.0))
                             then = meets if kind == _FREE else (_FREE if pulls else kind)
-                            breaks = 1.0 if need > max(s[o + HI + l], 0.0) else (-1.0 if need < min(s[o + LO + l], 0.0) else 0.0)
+                            breaks = 1.0 if need > max(hi, 0.0) else (-1.0 if need < min(lo, 0.0) else 0.0)
                             stops = stick * wm < 0.0 and (attempt < 10 or kind <= _SPRING)
                             other = breaks if stick == 0.0 else (0.0 if stops else stick)
                             other = other if dry else stick

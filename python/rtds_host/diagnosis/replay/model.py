@@ -101,6 +101,11 @@ class Model:
         return self._has("stiffness", "slip", "backlash")
 
     @property
+    def plays(self) -> bool:
+        """Whether a gear has free play."""
+        return self._has("backlash")
+
+    @property
     def abreast(self) -> bool:
         """Whether its replays can go abreast, see `lanes`."""
         common, index = self.common, COMMON_INDEX
@@ -329,8 +334,8 @@ def _on_clocks(model: Model, t: np.ndarray, out: np.ndarray) -> None:
 class Abreast:
     """Several runs one after another in memory, for replays that go abreast, see `lanes`."""
 
-    # Numerical: fewer replays at a time than this are done sooner one by one.
-    FEWEST = 5.0
+    # Numerical: fewer replays at a time than this are done sooner one by one; and where lanes wait for one another's free play.
+    FEWEST, FEWEST_OF_PLAY = 4.0, 6.0
 
     def __init__(self, inputs: list[tuple[np.ndarray, ...]]):
         self.inputs = inputs
@@ -342,10 +347,11 @@ class Abreast:
         # The longest first: those that come last go on by themselves.
         self.order = np.argsort(-np.diff(self.rows), kind="stable")
 
-    def worth(self, models: int) -> bool:
-        """Whether replays of so many models are done sooner abreast: how many go on at a time in the mean, with the longest run's
-        to wait for."""
-        return models * float(self.rows[-1]) >= self.FEWEST * max(float(np.diff(self.rows).max(initial=0)), 1.0)
+    def worth(self, models: list[Model]) -> bool:
+        """Whether replays of some models are done sooner abreast: how many go on at a time in the mean, with the longest run's to
+        wait for."""
+        fewest = self.FEWEST_OF_PLAY if any(model.plays for model in models) else self.FEWEST
+        return len(models) * float(self.rows[-1]) >= fewest * max(float(np.diff(self.rows).max(initial=0)), 1.0)
 
     def replay(self, models: list[Model], coarser: float = 1.0) -> np.ndarray:
         """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `abreast`; coarser : as of `replay_run`."""
