@@ -190,8 +190,7 @@ class Fitter:
 
     def _derivatives(self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: Iterable[int],
                      high: np.ndarray) -> np.ndarray:
-        """Derivatives of the residuals r at x by some parameters, (N, count) float32; those by nuisances, which bend little and are
-        kept from fit to fit, by longer steps."""
+        """Derivatives of the residuals r at x by some parameters, (N, count) float32."""
         models, steps = [], []
         differences = [p.difference for _, _, p in parameters(self.effects, hypothesis)]
         for j in which:
@@ -204,12 +203,7 @@ class Fitter:
             models.append(self.model(hypothesis, moved))
             steps.append(step)
         into = np.empty((len(r), len(models)), np.float32, order="F")
-        coarse = all(j < self.count for j in which)
-        if coarse and models:
-            r, *moves = self.problem.residuals([self.model(hypothesis, x), *models], coarse=True)
-        else:
-            moves = self.problem.residuals(models)
-        for j, (moved, step) in enumerate(zip(moves, steps)):
+        for j, (moved, step) in enumerate(zip(self.problem.residuals(models), steps)):
             np.subtract(moved, r, out=moved)
             np.divide(moved, step, out=into[:, j], casting="same_kind")
         return into
