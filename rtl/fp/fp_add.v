@@ -172,12 +172,11 @@ module fp_add (
     rounded = ((|s[27:25]) | (|stop)) ? far(exp, s, s[27], s[26] | stop[1]) : near(exp, s, zeros);
   endfunction
 
-  // Past the largest number, known without the rounded sum: the leading one at bit 27, or at bit 26 with a carry out of the
-  // fraction. With both there is no carry.
+  // Past the largest number, known without the rounded sum. A carry out of the fraction leaves infinity's word by itself.
   function automatic over;
-    input  [7:0] exp;
-    input [27:2] s;
-    over = (exp == 8'd254) & (s[27] | (&s[26:2]));
+    input [7:0] exp;
+    input       top;  // the sum's bit 27
+    over = (exp == 8'd254) & top;
   endfunction
 
   function automatic [31:0] pack;
@@ -197,7 +196,7 @@ module fp_add (
 
   always @(posedge clk_i) begin
     if (en_i[2])
-      y_o <= pack(sign2_q, unlike2_q, ~(|sum2_q), nan2_q, inf2_q | over(exp2_q, sum2_q[27:2]),
+      y_o <= pack(sign2_q, unlike2_q, ~(|sum2_q), nan2_q, inf2_q | over(exp2_q, sum2_q[27]),
                   rounded(exp2_q, sum2_q, stop2_q, zeros2_q));
   end
 endmodule

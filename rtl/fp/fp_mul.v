@@ -125,7 +125,6 @@ module fp_mul (
     reg   [22:0] frac;
     reg          guard;
     reg          sticky;
-    reg          carry;
     reg          over;
     reg   [30:0] word;
     begin
@@ -190,11 +189,9 @@ module fp_mul (
       sticky  = (top & placed[22]) | lost;
       // The leading one counts one in the exponent, or two at the upper place; a subnormal has none.
       word    = {exp[7:0], 23'd0} + {6'd0, top, placed[46] & ~top, frac} + {30'd0, guard & (sticky | frac[0])};
-      // Whether that passes the largest number is known without its sum. A carry out of the fraction with a one at the upper
-      // place there is none: no product is so close to four.
-      carry   = (&frac) & guard;
-      over    = (exp >= 9'd255) | ((exp == 9'd254) & (top | placed[46] | carry))
-              | ((exp == 9'd253) & (top | (placed[46] & carry)));
+      // Whether that passes the largest number is known without its sum: above exponent 1 the leading one stands at one of the
+      // two places. A carry out of the fraction leaves infinity's word by itself.
+      over    = (exp >= 9'd254) | ((exp == 9'd253) & top);
       rounded = {over, word};
     end
   endfunction
