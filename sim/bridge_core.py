@@ -12,12 +12,8 @@ import bridge
 import cocotb
 from cocotb.triggers import Timer, ValueChange
 
-from rtds_host.link import protocol
+from rtds_host.link import core_records, protocol
 
-PARAMETER_PORTS = ("p_r_i", "p_l_i", "p_km_i", "p_kb_i", "p_j_i", "p_b_i", "p_h_i")
-SECOND_PORTS = ("p2_r_i", "p2_l_i", "p2_km_i", "p2_kb_i", "p2_j_i", "p2_b_i")
-SETTING_PORTS = ("method_i", "step_clocks_i", "fx_on_i", "fx_own_i", "fx_delay_i", "fx_stride_i")
-INPUT_PORTS = ("v_l_i", "v_r_i", "t_l_i", "t_r_i")
 CLOCK_PERIOD_PS = 20_000
 
 
@@ -26,8 +22,6 @@ class CoreBridge(bridge.Bridge):
 
     def __init__(self, dut) -> None:
         super().__init__(dut)
-        self.inputs = [getattr(dut, name) for name in INPUT_PORTS]
-        self.parameters = [getattr(dut, name) for name in (*PARAMETER_PORTS, *SECOND_PORTS, *SETTING_PORTS)]
         self.fx_go = 0
         self.go = 0
         self.done = ValueChange(dut.sync_o)
@@ -35,24 +29,27 @@ class CoreBridge(bridge.Bridge):
     async def reset(self) -> None:
         """Reset with every input at zero; the clock runs."""
         dut = self.dut
-        for port in (*self.inputs, *self.parameters):
-            port.value = 0
-        for port in (dut.go_i, dut.steps_i, dut.sample_steps_i, dut.fx_go_i, dut.fx_addr_i, dut.fx_data_i, dut.rst_ni):
+        for port in (dut.inputs_i, dut.motor_l_i, dut.motor_r_i, dut.settings_i, dut.step_clocks_i, dut.go_i, dut.steps_i,
+                     dut.sample_steps_i, dut.fx_go_i, dut.word_i, dut.rst_ni):  # fmt: skip
             port.value = 0
         await Timer(10 * CLOCK_PERIOD_PS, unit="ps")
         dut.rst_ni.value = 1
         await Timer(2 * CLOCK_PERIOD_PS, unit="ps")
 
     async def set_parameters(self, payload: bytes) -> tuple[int, bytes]:
-        for port, word in zip(self.parameters, protocol.PARAMETERS_PAYLOAD.unpack(payload)):
-            port.value = word
+        words = protocol.PARAMETERS_PAYLOAD.unpack(payload)
+        method, step_clocks, on, own, delay, stride = words[13:]
+        dut = self.dut
+        dut.motor_l_i.value = core_records.motor(words[:6])
+        dut.motor_r_i.value = core_records.motor(words[7:13])
+        dut.settings_i.value = core_records.settings(words[6], method, on, own, delay, stride)
+        dut.step_clocks_i.value = step_clocks
         return protocol.DONE, b""
 
     async def set_effects(self, payload: bytes) -> tuple[int, bytes]:
         dut = self.dut
         for address, word in protocol.EFFECT_WORD.iter_unpack(payload):
-            dut.fx_addr_i.value = address
-            dut.fx_data_i.value = word
+            dut.word_i.value = core_records.effect_word(address, word)
             self.fx_go ^= 1
             dut.fx_go_i.value = self.fx_go
             await self.done
@@ -64,8 +61,7 @@ class CoreBridge(bridge.Bridge):
         if not 1 <= rows <= protocol.MAX_SAMPLES:
             raise bridge.Refused(f"{rows} samples asked for in one request, 1 to {protocol.MAX_SAMPLES} are kept")
         dut = self.dut
-        for port, word in zip(self.inputs, words):
-            port.value = word
+        dut.inputs_i.value = core_records.inputs(words)
         dut.steps_i.value = steps
         dut.sample_steps_i.value = sample_steps
         self.go ^= 1

@@ -26,44 +26,26 @@ module rtds_sim_top #(
 `endif
     input wire rst_ni,
 
-    input wire        go_i,
-    input wire [31:0] steps_i,
-    input wire [31:0] sample_steps_i,
-    input wire [15:0] step_clocks_i,
+    input wire         go_i,
+    input wire [ 31:0] steps_i,
+    input wire [ 31:0] sample_steps_i,
+    input wire [ 15:0] step_clocks_i,
 
-    input wire [31:0] v_l_i,
-    input wire [31:0] v_r_i,
-    input wire [31:0] t_l_i,
-    input wire [31:0] t_r_i,
-    input wire [31:0] p_r_i,
-    input wire [31:0] p_l_i,
-    input wire [31:0] p_km_i,
-    input wire [31:0] p_kb_i,
-    input wire [31:0] p_j_i,
-    input wire [31:0] p_b_i,
-    input wire [31:0] p_h_i,
-    input wire        method_i,
-
-    // effects: as on the core; a toggle of fx_go_i writes a word and is answered by sync_o
-    input wire        fx_on_i,
-    input wire        fx_own_i,
-    input wire [11:0] fx_delay_i,
-    input wire [15:0] fx_stride_i,
-    input wire [31:0] p2_r_i,
-    input wire [31:0] p2_l_i,
-    input wire [31:0] p2_km_i,
-    input wire [31:0] p2_kb_i,
-    input wire [31:0] p2_j_i,
-    input wire [31:0] p2_b_i,
-    input wire        fx_go_i,
-    input wire [13:0] fx_addr_i,
-    input wire [31:0] fx_data_i,
+    // records of the core (rtds_core_records.vh); a toggle of fx_go_i writes word_i and is answered by sync_o
+    input wire [127:0] inputs_i,
+    input wire [191:0] motor_l_i,
+    input wire [191:0] motor_r_i,
+    input wire [ 62:0] settings_i,
+    input wire         fx_go_i,
+    input wire [ 45:0] word_i,
 
     output reg               sync_o,
     output reg  [       3:0] flags_o,       // {stuck, overrun, nonfinite, param_fault}, sticky but for the last
     output wire [      31:0] step_count_o,
     output wire              idle_o
 );
+
+  `include "rtds_core_records.vh"
 
 `ifdef RTDS_CLOCK_INSIDE
   reg clk_i;
@@ -79,14 +61,13 @@ module rtds_sim_top #(
   wire        valid;
   wire        ready;
   wire        fx_ready;
-  reg         fx_write_q;  // a word for the effect unit stands in the next two
-  reg  [13:0] fx_addr_q;
-  reg  [31:0] fx_data_q;
   wire        overrun;
   wire        nonfinite;
   wire        param_fault;
-  wire [31:0] i_l, w_l, i_r, w_r;
+  wire [127:0] state;
 
+  reg         fx_write_q;  // a word for the effect unit stands in the next one
+  reg  [45:0] word_q;
   reg         go_q;        // last go_i seen
   reg         running_q;   // a request is being worked on
   reg         pending_q;   // a step is under way: its valid has not come yet
@@ -101,29 +82,11 @@ module rtds_sim_top #(
 
   // The inputs of the request. Held in registers so that a compiled simulation does not work through all that
   // hangs on an input of the top at each evaluation, whether it changed or not.
-  reg  [31:0] v_l_q;
-  reg  [31:0] v_r_q;
-  reg  [31:0] t_l_q;
-  reg  [31:0] t_r_q;
-  reg  [31:0] p_r_q;
-  reg  [31:0] p_l_q;
-  reg  [31:0] p_km_q;
-  reg  [31:0] p_kb_q;
-  reg  [31:0] p_j_q;
-  reg  [31:0] p_b_q;
-  reg  [31:0] p_h_q;
-  reg         method_q;
-  reg  [15:0] step_clocks_q;
-  reg         fx_on_q;
-  reg         fx_own_q;
-  reg  [11:0] fx_delay_q;
-  reg  [15:0] fx_stride_q;
-  reg  [31:0] p2_r_q;
-  reg  [31:0] p2_l_q;
-  reg  [31:0] p2_km_q;
-  reg  [31:0] p2_kb_q;
-  reg  [31:0] p2_j_q;
-  reg  [31:0] p2_b_q;
+  reg [127:0] inputs_q;
+  reg [191:0] motor_l_q;
+  reg [191:0] motor_r_q;
+  reg [ 62:0] settings_q;
+  reg [ 15:0] step_clocks_q;
 
   wire        period_over = period_q >= step_clocks_q;
   wire        strobe = running_q & ready & period_over & ~pending_q & (left_q != 32'd0);
@@ -213,43 +176,24 @@ module rtds_sim_top #(
 
   always @(posedge clk_i) begin
     if (go_i != go_q) begin
-      v_l_q <= v_l_i;
-      v_r_q <= v_r_i;
-      t_l_q <= t_l_i;
-      t_r_q <= t_r_i;
-      p_r_q <= p_r_i;
-      p_l_q <= p_l_i;
-      p_km_q <= p_km_i;
-      p_kb_q <= p_kb_i;
-      p_j_q <= p_j_i;
-      p_b_q <= p_b_i;
-      p_h_q <= p_h_i;
-      method_q <= method_i;
+      inputs_q <= inputs_i;
+      motor_l_q <= motor_l_i;
+      motor_r_q <= motor_r_i;
+      settings_q <= settings_i;
       step_clocks_q <= step_clocks_i;
-      fx_on_q <= fx_on_i;
-      fx_own_q <= fx_own_i;
-      fx_delay_q <= fx_delay_i;
-      fx_stride_q <= fx_stride_i;
-      p2_r_q <= p2_r_i;
-      p2_l_q <= p2_l_i;
-      p2_km_q <= p2_km_i;
-      p2_kb_q <= p2_kb_i;
-      p2_j_q <= p2_j_i;
-      p2_b_q <= p2_b_i;
     end
   end
 
   always @(posedge clk_i) begin
-    if (fx_go_i != fx_go_q) begin
-      fx_addr_q <= fx_addr_i;
-      fx_data_q <= fx_data_i;
-    end
+    if (fx_go_i != fx_go_q) word_q <= word_i;
   end
 
   // A blocking assignment on purpose: nothing in the design reads samples_q, and with a non-blocking one the
   // compiled simulation copies the whole vector at every clock.
   always @(posedge clk_i) begin
-    if (keep) samples_q[{index_q, 7'd0}+:128] = {w_r, i_r, w_l, i_l};
+    if (keep) samples_q[{index_q, 7'd0}+:128] = {
+      state[STATE_W_R+:32], state[STATE_I_R+:32], state[STATE_W_L+:32], state[STATE_I_L+:32]
+    };
   end
 
   rtds_core #(
@@ -259,46 +203,21 @@ module rtds_sim_top #(
       .rst_ni       (rst_ni),
       .strobe_i     (strobe),
       .clear_i      (1'b0),
-      .v_l_i        (v_l_q),
-      .v_r_i        (v_r_q),
-      .t_l_i        (t_l_q),
-      .t_r_i        (t_r_q),
-      .p_r_i        (p_r_q),
-      .p_l_i        (p_l_q),
-      .p_km_i       (p_km_q),
-      .p_kb_i       (p_kb_q),
-      .p_j_i        (p_j_q),
-      .p_b_i        (p_b_q),
-      .p_h_i        (p_h_q),
-      .method_i     (method_q),
-      .fx_on_i      (fx_on_q),
-      .fx_own_i     (fx_own_q),
-      .fx_delay_i   (fx_delay_q),
-      .fx_stride_i  (fx_stride_q),
-      .p2_r_i       (p2_r_q),
-      .p2_l_i       (p2_l_q),
-      .p2_km_i      (p2_km_q),
-      .p2_kb_i      (p2_kb_q),
-      .p2_j_i       (p2_j_q),
-      .p2_b_i       (p2_b_q),
-      .fx_wr_valid_i(fx_write_q),
-      .fx_wr_addr_i (fx_addr_q),
-      .fx_wr_data_i (fx_data_q),
-      .fx_wr_ready_o(fx_ready),
+      .inputs_i     (inputs_q),
+      .motor_l_i    (motor_l_q),
+      .motor_r_i    (motor_r_q),
+      .settings_i   (settings_q),
+      .word_valid_i (fx_write_q),
+      .word_i       (word_q),
+      .word_ready_o (fx_ready),
       .valid_o      (valid),
       .ready_o      (ready),
       .overrun_o    (overrun),
       .nonfinite_o  (nonfinite),
       .param_fault_o(param_fault),
       .step_count_o (step_count_o),
-      .i_l_o        (i_l),
-      .w_l_o        (w_l),
-      .i_r_o        (i_r),
-      .w_r_o        (w_r),
-      .i_l_lo_o     (),
-      .w_l_lo_o     (),
-      .i_r_lo_o     (),
-      .w_r_lo_o     ()
+      .state_o      (state),
+      .low_o        ()
   );
 
 endmodule

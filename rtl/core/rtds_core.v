@@ -12,14 +12,15 @@
 //              18  low words (scratch from the 9th on)
 //              26  earliest next strobe; ready_o is seen after the 25th
 //             107  the same if the strobe brought changed parameters, 93 if those were unusable
-//            With effects (fx_on_i at the strobe): 15, 22 (scratch from the 3rd on) and 50; 147 if the strobe brought
-//            changed parameters, 271 if each side has its own besides (fx_own_i).
-// Effects    fx_on_i: V and T act one step later, through effect_unit, and dry friction takes its part at the end of the
-//            step (docs/effect-unit.md). fx_own_i: p2_*_i are the right motor's parameters, p_*_i the left one's.
-//            EFFECTS 0: without effect_unit, for simulation: fx_on_i and fx_wr_* are not looked at; states and clocks are the same.
-//            fx_* and p2_* are taken at the strobe like the parameters. fx_wr_*: see effect_unit.
-// Format     binary32, SI at the motor shaft: V, N.m (opposing load positive), A, rad/s, ohm, H, N.m/A, V.s/rad,
-//            kg.m2, N.m.s/rad, s. A state is the sum of its high and low word. One NaN: 7FC00000.
+//            With effects (FX_ON at the strobe): 15, 22 (scratch from the 3rd on) and 50; 147 if the strobe brought
+//            changed parameters, 271 if each side has its own besides (FX_OWN).
+// Effects    FX_ON: V and T act one step later, through effect_unit, and dry friction takes its part at the end of the
+//            step (docs/effect-unit.md). FX_OWN: motor_r_i is the right motor, motor_l_i the left one; else motor_l_i is both.
+//            EFFECTS 0: without effect_unit, for simulation: FX_ON and word_* are not looked at; states and clocks are the same.
+//            All settings are taken at the strobe like the parameters. word_*: see effect_unit.
+// Format     records of named fields: rtds_core_records.vh (inputs_i, motor_*_i, settings_i, word_i; state_o and low_o have the same
+//            fields). Words are binary32, SI at the motor shaft, an opposing load positive. A state is the sum of its high
+//            word (state_o) and its low word (low_o). One NaN: 7FC00000.
 // Faults     param_fault_o: the last parameter set is unusable (zero, negative, NaN, infinite or subnormal, or such a
 //            coefficient); the old coefficients stay in force. nonfinite_o: an infinity or NaN in the state; it
 //            changes with the high words and lasts until clear_i.
@@ -30,56 +31,33 @@
 module rtds_core #(
   parameter EFFECTS = 1
 ) (
-  input  wire        clk_i,
-  input  wire        rst_ni,
-  input  wire        strobe_i,
-  input  wire        clear_i,
-  input  wire [31:0] v_l_i,
-  input  wire [31:0] v_r_i,
-  input  wire [31:0] t_l_i,
-  input  wire [31:0] t_r_i,
-  input  wire [31:0] p_r_i,
-  input  wire [31:0] p_l_i,
-  input  wire [31:0] p_km_i,
-  input  wire [31:0] p_kb_i,
-  input  wire [31:0] p_j_i,
-  input  wire [31:0] p_b_i,
-  input  wire [31:0] p_h_i,
-  input  wire        method_i,
-  input  wire        fx_on_i,
-  input  wire        fx_own_i,
-  input  wire [11:0] fx_delay_i,
-  input  wire [15:0] fx_stride_i,
-  input  wire [31:0] p2_r_i,
-  input  wire [31:0] p2_l_i,
-  input  wire [31:0] p2_km_i,
-  input  wire [31:0] p2_kb_i,
-  input  wire [31:0] p2_j_i,
-  input  wire [31:0] p2_b_i,
-  input  wire        fx_wr_valid_i,
-  input  wire [13:0] fx_wr_addr_i,
-  input  wire [31:0] fx_wr_data_i,
-  output wire        fx_wr_ready_o,
-  output wire        valid_o,
-  output wire [31:0] i_l_o,
-  output wire [31:0] w_l_o,
-  output wire [31:0] i_r_o,
-  output wire [31:0] w_r_o,
-  output wire [31:0] i_l_lo_o,
-  output wire [31:0] w_l_lo_o,
-  output wire [31:0] i_r_lo_o,
-  output wire [31:0] w_r_lo_o,
-  output wire        ready_o,
-  output reg         overrun_o,
-  output wire        nonfinite_o,
-  output reg         param_fault_o,
-  output reg  [31:0] step_count_o
+  input  wire         clk_i,
+  input  wire         rst_ni,
+  input  wire         strobe_i,
+  input  wire         clear_i,
+  input  wire [127:0] inputs_i,
+  input  wire [191:0] motor_l_i,
+  input  wire [191:0] motor_r_i,
+  input  wire  [62:0] settings_i,
+  input  wire         word_valid_i,
+  input  wire  [45:0] word_i,
+  output wire         word_ready_o,
+  output wire         valid_o,
+  output wire [127:0] state_o,
+  output wire [127:0] low_o,
+  output wire         ready_o,
+  output reg          overrun_o,
+  output wire         nonfinite_o,
+  output reg          param_fault_o,
+  output reg   [31:0] step_count_o
 );
+  `include "rtds_core_records.vh"
+
   // ---- strobe ----------------------------------------------------------------------------------------------------
   wire sequencer_idle;
   wire sequencer_ready;
   wire param_pending;
-  wire fx_on = fx_on_i & (EFFECTS != 0);
+  wire fx_on = settings_i[SETTINGS_FX_ON] & (EFFECTS != 0);
   reg  fx_q;  // effects act in the step in hand
   wire accept = strobe_i & ready_o & ~clear_i;
 
@@ -97,8 +75,10 @@ module rtds_core #(
 
   // ---- parameters: taken at the strobe, computed beside the step, committed after it -----------------------------
   // The right motor's stand apart only where it has its own: without, they cannot start a computation.
-  wire [191:0] param2_in = fx_own_i ? {p2_b_i, p2_j_i, p2_kb_i, p2_km_i, p2_l_i, p2_r_i} : 192'd0;
-  wire [226:0] param_in  = {fx_own_i, fx_on, method_i, p_h_i, p_b_i, p_j_i, p_kb_i, p_km_i, p_l_i, p_r_i};
+  wire [191:0] param2_in = settings_i[SETTINGS_FX_OWN] ? motor_r_i : 192'd0;
+  wire [226:0] param_in  = {
+    settings_i[SETTINGS_FX_OWN], fx_on, settings_i[SETTINGS_METHOD], settings_i[SETTINGS_H+:32], motor_l_i
+  };
   reg  [226:0] given_q;    // what there was in the last clock
   reg  [191:0] given2_q;
   reg          differs_q;  // and that it is not the last set read
@@ -111,16 +91,21 @@ module rtds_core #(
   reg          waiting_q;  // coefficients stand, not yet committed
   reg  [287:0] left_q;     // the left motor's, while the right one's are computed
   reg          fault_q;    // and whether they are unusable
-  reg  [287:0] coef_l_q;   // in force: {rho, G22, G21, G12, G11, B, Km, Kb, R}
+  reg  [287:0] coef_l_q;   // in force
   reg  [287:0] coef_r_q;
-  wire [255:0] coef;
-  wire  [31:0] rho;
+  wire [287:0] coef;
   wire         param_busy;
   wire         param_done;
   wire         fault_one;
 
-  wire         own     = param_q[226];
-  wire [191:0] motor   = second_q ? param2_q : param_q[191:0];
+  wire         own;
+  wire         with_rho;
+  wire         method;
+  wire  [31:0] h;
+  wire [191:0] motor_l;
+
+  assign {own, with_rho, method, h, motor_l} = param_q;
+
   wire         fault   = fault_one | (own & fault_q);
   wire         commit  = waiting_q & sequencer_idle;
   wire         refresh = commit & ~fault;
@@ -168,15 +153,15 @@ module rtds_core #(
       end
       if (param_done & own & ~second_q) begin
         second_q <= 1'b1;
-        left_q   <= {rho, coef};
+        left_q   <= coef;
         fault_q  <= fault_one;
       end
       if (param_done & (~own | second_q)) waiting_q <= 1'b1;
       else if (commit) waiting_q <= 1'b0;
       if (commit) param_fault_o <= fault;
       if (refresh) begin
-        coef_l_q <= own ? left_q : {rho, coef};
-        coef_r_q <= {rho, coef};
+        coef_l_q <= own ? left_q : coef;
+        coef_r_q <= coef;
       end
     end
   end
@@ -185,20 +170,14 @@ module rtds_core #(
     .clk_i   (clk_i),
     .rst_ni  (rst_ni),
     .start_i (start | again_q),
-    .r_i     (motor[0+:32]),
-    .l_i     (motor[32+:32]),
-    .km_i    (motor[64+:32]),
-    .kb_i    (motor[96+:32]),
-    .j_i     (motor[128+:32]),
-    .b_i     (motor[160+:32]),
-    .h_i     (param_q[192+:32]),
-    .rho_i   (param_q[225]),
-    .method_i(param_q[224]),
+    .motor_i (second_q ? param2_q : motor_l),
+    .h_i     (h),
+    .rho_i   (with_rho),
+    .method_i(method),
     .busy_o  (param_busy),
     .done_o  (param_done),
     .fault_o (fault_one),
-    .coef_o  (coef),
-    .rho_o   (rho)
+    .coef_o  (coef)
   );
 
   wire        new_state;  // valid_o in the next clock
@@ -220,34 +199,27 @@ module rtds_core #(
   generate
     if (EFFECTS != 0) begin : g_effects
       effect_unit u_effects (
-        .clk_i     (clk_i),
-        .rst_ni    (rst_ni),
-        .rest_i    (clear_i | fx_rest_q),
-        .strobe_i  (accept & fx_on),
-        .v_i       ({v_r_i, v_l_i}),
-        .t_i       ({t_r_i, t_l_i}),
-        .delay_i   (fx_delay_i),
-        .stride_i  (fx_stride_i),
-        .r_l_i     (coef_l_q[0+:32]),
-        .r_r_i     (coef_r_q[0+:32]),
-        .kb_l_i    (coef_l_q[32+:32]),
-        .kb_r_i    (coef_r_q[32+:32]),
-        .i_l_i     (i_l_o),
-        .i_r_i     (i_r_o),
-        .w_l_i     (w_l_o),
-        .w_r_i     (w_r_o),
-        .u_v_o     (u_v),
-        .u_t_o     (u_t),
-        .level_f_o (level_f),
-        .level_b_o (level_b),
-        .wr_valid_i(fx_wr_valid_i),
-        .wr_addr_i (fx_wr_addr_i),
-        .wr_data_i (fx_wr_data_i),
-        .wr_ready_o(fx_wr_ready_o)
+        .clk_i       (clk_i),
+        .rst_ni      (rst_ni),
+        .rest_i      (clear_i | fx_rest_q),
+        .strobe_i    (accept & fx_on),
+        .inputs_i    (inputs_i),
+        .delay_i     (settings_i[SETTINGS_DELAY+:12]),
+        .stride_i    (settings_i[SETTINGS_STRIDE+:16]),
+        .r_i         ({coef_r_q[COEF_R+:32], coef_l_q[COEF_R+:32]}),
+        .kb_i        ({coef_r_q[COEF_KB+:32], coef_l_q[COEF_KB+:32]}),
+        .state_i     (state_o),
+        .u_v_o       (u_v),
+        .u_t_o       (u_t),
+        .level_f_o   (level_f),
+        .level_b_o   (level_b),
+        .word_valid_i(word_valid_i),
+        .word_i      (word_i),
+        .word_ready_o(word_ready_o)
       );
     end else begin : g_ideal
       assign {u_v, u_t, level_f, level_b} = 256'd0;
-      assign fx_wr_ready_o                = 1'b1;
+      assign word_ready_o                 = 1'b1;
     end
   endgenerate
 
@@ -314,18 +286,17 @@ module rtds_core #(
     .ahead_n_i  (ahead_n & (EFFECTS != 0)),
     .effects_i(fx_q & (EFFECTS != 0)),
     .rest_i   (fx_rest_q),
-    .rho_i    (coef_l_q[256+:32]),
     .u_v_i    (u_v[0+:32]),
     .u_t_i    (u_t[0+:32]),
     .level_f_i(level_f[0+:32]),
     .level_b_i(level_b[0+:32]),
-    .coef_i   (coef_l_q[255:0]),
-    .v_i      (v_l_i),
-    .t_i      (t_l_i),
-    .i_hi_o   (i_l_o),
-    .w_hi_o   (w_l_o),
-    .i_lo_o   (i_l_lo_o),
-    .w_lo_o   (w_l_lo_o)
+    .coef_i   (coef_l_q),
+    .v_i      (inputs_i[INPUTS_V_L+:32]),
+    .t_i      (inputs_i[INPUTS_T_L+:32]),
+    .i_hi_o   (state_o[STATE_I_L+:32]),
+    .w_hi_o   (state_o[STATE_W_L+:32]),
+    .i_lo_o   (low_o[STATE_I_L+:32]),
+    .w_lo_o   (low_o[STATE_W_L+:32])
   );
 
   rtds_motor u_right (
@@ -348,22 +319,22 @@ module rtds_core #(
     .ahead_n_i  (ahead_n & (EFFECTS != 0)),
     .effects_i(fx_q & (EFFECTS != 0)),
     .rest_i   (fx_rest_q),
-    .rho_i    (coef_r_q[256+:32]),
     .u_v_i    (u_v[32+:32]),
     .u_t_i    (u_t[32+:32]),
     .level_f_i(level_f[32+:32]),
     .level_b_i(level_b[32+:32]),
-    .coef_i   (coef_r_q[255:0]),
-    .v_i      (v_r_i),
-    .t_i      (t_r_i),
-    .i_hi_o   (i_r_o),
-    .w_hi_o   (w_r_o),
-    .i_lo_o   (i_r_lo_o),
-    .w_lo_o   (w_r_lo_o)
+    .coef_i   (coef_r_q),
+    .v_i      (inputs_i[INPUTS_V_R+:32]),
+    .t_i      (inputs_i[INPUTS_T_R+:32]),
+    .i_hi_o   (state_o[STATE_I_R+:32]),
+    .w_hi_o   (state_o[STATE_W_R+:32]),
+    .i_lo_o   (low_o[STATE_I_R+:32]),
+    .w_lo_o   (low_o[STATE_W_R+:32])
   );
 
   // ---- status ----------------------------------------------------------------------------------------------------
-  assign nonfinite_o = (&i_l_o[30:23]) | (&w_l_o[30:23]) | (&i_r_o[30:23]) | (&w_r_o[30:23]);
+  assign nonfinite_o = (&state_o[STATE_I_L+23+:8]) | (&state_o[STATE_W_L+23+:8])
+                     | (&state_o[STATE_I_R+23+:8]) | (&state_o[STATE_W_R+23+:8]);
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) step_count_o <= 32'd0;

@@ -30,16 +30,14 @@ module rtds_motor (
   input  wire         save_b_i,
   input  wire         save_taken_i,
   input  wire         ahead_n_i,    // the multiplier's factor is of the effect unit
-  // effects: rho = G12 / G22, what stands for V and T, levels of dry friction, N.m, the one backward with a minus
+  // effects: what stands for V and T, levels of dry friction, N.m, the one backward with a minus
   input  wire         effects_i,
   input  wire         rest_i,       // no friction until the next levels
-  input  wire  [31:0] rho_i,
   input  wire  [31:0] u_v_i,
   input  wire  [31:0] u_t_i,
   input  wire  [31:0] level_f_i,
   input  wire  [31:0] level_b_i,
-  // coefficients {G22, G21, G12, G11, B, Km, Kb, R}, R in bits 31..0
-  input  wire [255:0] coef_i,
+  input  wire [287:0] coef_i,       // see rtds_core_records.vh
   // inputs, used in the clock of the strobe
   input  wire  [31:0] v_i,
   input  wire  [31:0] t_i,
@@ -48,6 +46,8 @@ module rtds_motor (
   output wire  [31:0] i_lo_o,
   output wire  [31:0] w_lo_o
 );
+  `include "rtds_core_records.vh"
+
   wire [31:0] y_electrical;
   wire [31:0] y_mechanical;
   wire [31:0] m_electrical;
@@ -100,15 +100,15 @@ module rtds_motor (
     .save_hi_n_i(save_hi_n_i),
     .save_lo_n_i(save_lo_n_i),
     .zero_i   (1'b0),
-    .k_i      (rho_i),
+    .k_i      (coef_i[COEF_RHO+:32]),
     .y4_i     (taken),
     .y5_i     (taken),
     .taken_i  (taken),
     .m_o      (m_electrical),
-    .a1_i     (coef_i[0+:32]),
-    .a2_i     (coef_i[32+:32]),
-    .g1_i     (coef_i[128+:32]),
-    .g2_i     (coef_i[160+:32]),
+    .a1_i     (coef_i[COEF_R+:32]),
+    .a2_i     (coef_i[COEF_KB+:32]),
+    .g1_i     (coef_i[COEF_G11+:32]),
+    .g2_i     (coef_i[COEF_G12+:32]),
     .v_i      (v),
     .t_i      (t),
     .i_hi_i   (i_hi_o),
@@ -135,15 +135,15 @@ module rtds_motor (
     .save_hi_n_i(save_hi_n_i),
     .save_lo_n_i(save_lo_n_i),
     .zero_i   (effects_i & held & save_last_i),
-    .k_i      (coef_i[224+:32]),
+    .k_i      (coef_i[COEF_G22+:32]),
     .y4_i     (level_f_i),
     .y5_i     (level_b_i),
     .taken_i  (taken),
     .m_o      (m_mechanical),
-    .a1_i     (coef_i[64+:32]),
-    .a2_i     (coef_i[96+:32]),
-    .g1_i     (coef_i[192+:32]),
-    .g2_i     (coef_i[224+:32]),
+    .a1_i     (coef_i[COEF_KM+:32]),
+    .a2_i     (coef_i[COEF_B+:32]),
+    .g1_i     (coef_i[COEF_G21+:32]),
+    .g2_i     (coef_i[COEF_G22+:32]),
     .v_i      (v),
     .t_i      (t),
     .i_hi_i   (i_hi_o),

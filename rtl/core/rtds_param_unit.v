@@ -3,13 +3,13 @@
 // Purpose    th = h theta (theta 1 or 1/2), L' = L + th R, J' = J + th B, c = th Kb, d = th Km, D = L' J' + c d,
 //            q = h / D, then G11 = q J', G12 = q c, G21 = q d, G22 = q L'. Nothing is subtracted, so nothing
 //            cancels. One multiplier, one adder, one divider, one operation after the other.
-//            With rho_i also rho = c / L' = G12 / G22, which friction needs; else rho_o stays.
+//            With rho_i also rho = c / L' = G12 / G22, which friction needs; else the record's stays.
 //            fault_o: a parameter or a coefficient is no positive normal number (zero, negative, NaN, infinite,
 //            subnormal).
 // Handshake  start_i for one clock; the parameters stay from the next clock to done_o. done_o for one clock, when the coefficients
 //            and fault_o stand; they hold until the next start_i. A start_i while busy is not allowed.
 // Latency    start_i in clock n (before edge n + 1) gives done_o after edge n + 90, with rho_i n + 123, always.
-// Format     binary32, SI. coef_o = {G22, G21, G12, G11, B, Km, Kb, R}, R in bits 31..0.
+// Format     binary32, SI. motor_i and coef_o: rtds_core_records.vh.
 // Crossing   none.
 `default_nettype none
 
@@ -17,21 +17,24 @@ module rtds_param_unit (
   input  wire         clk_i,
   input  wire         rst_ni,
   input  wire         start_i,
-  input  wire  [31:0] r_i,
-  input  wire  [31:0] l_i,
-  input  wire  [31:0] km_i,
-  input  wire  [31:0] kb_i,
-  input  wire  [31:0] j_i,
-  input  wire  [31:0] b_i,
+  input  wire [191:0] motor_i,
   input  wire  [31:0] h_i,
   input  wire         rho_i,
   input  wire         method_i,   // 0 backward Euler (theta 1), 1 trapezoidal (theta 1/2)
   output wire         busy_o,
   output reg          done_o,
   output reg          fault_o,
-  output wire [255:0] coef_o,
-  output wire  [31:0] rho_o
+  output wire [287:0] coef_o
 );
+  `include "rtds_core_records.vh"
+
+  wire [31:0] r  = motor_i[MOTOR_R+:32];
+  wire [31:0] l  = motor_i[MOTOR_L+:32];
+  wire [31:0] km = motor_i[MOTOR_KM+:32];
+  wire [31:0] kb = motor_i[MOTOR_KB+:32];
+  wire [31:0] j  = motor_i[MOTOR_J+:32];
+  wire [31:0] b  = motor_i[MOTOR_B+:32];
+
   localparam [31:0] ONE  = 32'h3F80_0000;
   localparam [31:0] HALF = 32'h3F00_0000;
 
@@ -91,10 +94,10 @@ module rtds_param_unit (
         mul_a = h_i;
         mul_b = method_i ? HALF : ONE;
       end
-      OP_A:   mul_b = r_i;
-      OP_B:   mul_b = b_i;
-      OP_C:   mul_b = kb_i;
-      OP_D:   mul_b = km_i;
+      OP_A:   mul_b = r;
+      OP_B:   mul_b = b;
+      OP_C:   mul_b = kb;
+      OP_D:   mul_b = km;
       OP_CD: begin
         mul_a = c_q;
         mul_b = d_q;
@@ -118,7 +121,7 @@ module rtds_param_unit (
     .clk_i(clk_i),
     .en_i ({3{busy_q}}),
     .sub_i(1'b0),
-    .a_i  ((op_q == OP_LP) ? l_i : (op_q == OP_JP) ? j_i : x_q),
+    .a_i  ((op_q == OP_LP) ? l : (op_q == OP_JP) ? j : x_q),
     .b_i  (y_q),
     .y_o  (add_y)
   );
@@ -166,8 +169,8 @@ module rtds_param_unit (
       end else if (busy_q) begin
         clock_q <= clock_q + 6'd1;
         if (op_q == OP_TH)
-          fault_o <= ~(usable(r_i[31:23]) & usable(l_i[31:23]) & usable(km_i[31:23]) & usable(kb_i[31:23])
-                     & usable(j_i[31:23]) & usable(b_i[31:23]) & usable(h_i[31:23]));
+          fault_o <= ~(usable(r[31:23]) & usable(l[31:23]) & usable(km[31:23]) & usable(kb[31:23])
+                     & usable(j[31:23]) & usable(b[31:23]) & usable(h_i[31:23]));
         if (clock_q == last) begin
           clock_q <= 6'd0;
           op_q    <= is_rho ? OP_CD : (rho_i & (op_q == OP_D)) ? OP_RHO : op_q + 4'd1;
@@ -194,9 +197,16 @@ module rtds_param_unit (
     end
   end
 
-  assign coef_o  = {lp_q, d_q, c_q, jp_q, b_i, km_i, kb_i, r_i};
-  assign rho_o   = rho_q;
-  assign busy_o  = busy_q;
+  assign coef_o[COEF_R+:32]   = r;
+  assign coef_o[COEF_KB+:32]  = kb;
+  assign coef_o[COEF_KM+:32]  = km;
+  assign coef_o[COEF_B+:32]   = b;
+  assign coef_o[COEF_G11+:32] = jp_q;
+  assign coef_o[COEF_G12+:32] = c_q;
+  assign coef_o[COEF_G21+:32] = d_q;
+  assign coef_o[COEF_G22+:32] = lp_q;
+  assign coef_o[COEF_RHO+:32] = rho_q;
+  assign busy_o               = busy_q;
 
   wire unused = &{1'b0, div_valid};
 endmodule

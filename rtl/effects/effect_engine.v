@@ -3,13 +3,13 @@
 // Purpose    From the inputs of a strobe, the state that the step makes and the tables: what the next step works with, that is
 //            the voltage across winding and back-EMF (u_v), the torque against the rotor (u_t), and the levels of dry friction
 //            forward and backward, the latter with a minus. Equations: docs/effect-unit.md.
-// Handshake  start_i with the strobe, while not busy_o. v_i from the third clock after it, i_*, w_* from the 16th, t_i, r_*, kb_*
+// Handshake  start_i with the strobe, while not busy_o. v_i from the third clock after it, state_i from the 16th, t_i, r_i, kb_i
 //            from the first are read and hold while busy_o.
 //            rest_i: ends a run; the state of the effects is zero.
 //            wr_valid_i with address and word, while not busy_o: a word of a table or a constant.
 // Latency    counted as in rtds_core: u_t from the 43rd clock, level_f, level_b and u_v from the 44th, 45th and 46th, to the
 //            next run's; busy_o from the first to the 49th at most.
-// Format     binary32; pairs have left in the lower half. Addresses: 0 .. 8191 tables {side, table (3), cell (8), slope
+// Format     binary32; pairs have left in the lower half; state_i: rtds_core_records.vh. Addresses: 0 .. 8191 tables {side, table (3), cell (8), slope
 //            rather than intercept}; 8192 + 128 side + k: constant k.
 // Crossing   none. The memories have no reset: a run after rest_i reads its state as zero, temporaries are written
 //            before they are read, tables and constants have to be loaded before a run.
@@ -22,14 +22,9 @@ module effect_engine (
   input  wire         start_i,
   output wire         busy_o,
   output wire         take_o,     // no run reads t_i after this clock
-  input  wire  [31:0] r_l_i,
-  input  wire  [31:0] r_r_i,
-  input  wire  [31:0] kb_l_i,
-  input  wire  [31:0] kb_r_i,
-  input  wire  [31:0] i_l_i,
-  input  wire  [31:0] i_r_i,
-  input  wire  [31:0] w_l_i,
-  input  wire  [31:0] w_r_i,
+  input  wire  [63:0] r_i,
+  input  wire  [63:0] kb_i,
+  input  wire [127:0] state_i,
   input  wire  [63:0] v_i,
   input  wire  [63:0] t_i,
   output wire  [63:0] u_v_o,
@@ -40,6 +35,8 @@ module effect_engine (
   input  wire  [13:0] wr_addr_i,
   input  wire  [31:0] wr_data_i
 );
+  `include "rtds_core_records.vh"
+
   // ---- the clock of the step, and what is to be done in it ---------------------------------------------------------
   wire       last;
   wire       mul;
@@ -183,10 +180,10 @@ module effect_engine (
     .read_add_a_i (place(read_add_a, newer_q)),
     .read_add_b_i (place(read_add_b, newer_q)),
     .zero_i       (zero_q),
-    .r_i          (r_l_i),
-    .kb_i         (kb_l_i),
-    .i_i          (i_l_i),
-    .w_i          (w_l_i),
+    .r_i          (r_i[0+:32]),
+    .kb_i         (kb_i[0+:32]),
+    .i_i          (state_i[STATE_I_L+:32]),
+    .w_i          (state_i[STATE_W_L+:32]),
     .v_i          (v_i[0+:32]),
     .t_i          (t_i[0+:32]),
     .other_i      (product_r),
@@ -228,10 +225,10 @@ module effect_engine (
     .read_add_a_i (place(read_add_a, newer_q)),
     .read_add_b_i (place(read_add_b, newer_q)),
     .zero_i       (zero_q),
-    .r_i          (r_r_i),
-    .kb_i         (kb_r_i),
-    .i_i          (i_r_i),
-    .w_i          (w_r_i),
+    .r_i          (r_i[32+:32]),
+    .kb_i         (kb_i[32+:32]),
+    .i_i          (state_i[STATE_I_R+:32]),
+    .w_i          (state_i[STATE_W_R+:32]),
     .v_i          (v_i[32+:32]),
     .t_i          (t_i[32+:32]),
     .other_i      (product_l),

@@ -8,4 +8,3 @@ uart_rx.v
 uart_tx.v
 serial_bridge.v
 rtds_regs.v
-rtds_ctrl.v

@@ -13,7 +13,7 @@
 // Faults      silent ADC: a record whose codes are all 0 or all 4095, silent_i, or none for SILENT_CLOCKS while
 //             run_i: no step is made, the DAC shows the safe value until a good record comes.
 //             NaN or infinity: steps stop and the DAC shows the safe value until clear_i.
-// Format      words are binary32, codes 12 bits.
+// Format      words are binary32, codes 12 bits; motor_i, motor_o: rtds_core_records.vh.
 `default_nettype none
 
 module rtds_ctrl #(
@@ -26,7 +26,7 @@ module rtds_ctrl #(
     input  wire         run_i,
     input  wire         blank_i,
     input  wire         clear_i,
-    input  wire [127:0] values_i,       // registers: KM KB J B, low to high
+    input  wire [191:0] motor_i,        // as the registers have it
     input  wire [  3:0] from_adc_i,     // b j km kb
     output wire         idle_o,
 
@@ -41,7 +41,7 @@ module rtds_ctrl #(
     input  wire         scale_params_i, // every parameter channel has been read
 
     output wire         core_strobe_o,
-    output wire [127:0] core_params_o,  // B J KM KB
+    output wire [191:0] motor_o,        // each parameter from its source
     input  wire         core_ready_i,
     input  wire         core_nonfinite_i,
 
@@ -56,6 +56,8 @@ module rtds_ctrl #(
     output wire         dropped_event_o,
     output wire [ 31:0] latency_o       // {largest, last}
 );
+
+  `include "rtds_core_records.vh"
 
   // --- admission -----------------------------------------------------------------------------------------
   // A dead line reads as all zeros or all ones. The sequencer keeps such records to itself; a second look here
@@ -112,15 +114,12 @@ module rtds_ctrl #(
   assign silent_event_o = silent && !silent_prev_q;
 
   // --- sources -------------------------------------------------------------------------------------------
-  wire [31:0] reg_km = values_i[0+:32];
-  wire [31:0] reg_kb = values_i[32+:32];
-  wire [31:0] reg_j = values_i[64+:32];
-  wire [31:0] reg_b = values_i[96+:32];
-
-  assign core_params_o[31:0]   = from_adc_i[0] ? scale_values_i[31:0] : reg_b;
-  assign core_params_o[63:32]  = from_adc_i[1] ? scale_values_i[63:32] : reg_j;
-  assign core_params_o[95:64]  = from_adc_i[2] ? scale_values_i[95:64] : reg_km;
-  assign core_params_o[127:96] = from_adc_i[3] ? scale_values_i[127:96] : reg_kb;
+  assign motor_o[MOTOR_R+:32]  = motor_i[MOTOR_R+:32];
+  assign motor_o[MOTOR_L+:32]  = motor_i[MOTOR_L+:32];
+  assign motor_o[MOTOR_B+:32]  = from_adc_i[0] ? scale_values_i[31:0] : motor_i[MOTOR_B+:32];
+  assign motor_o[MOTOR_J+:32]  = from_adc_i[1] ? scale_values_i[63:32] : motor_i[MOTOR_J+:32];
+  assign motor_o[MOTOR_KM+:32] = from_adc_i[2] ? scale_values_i[95:64] : motor_i[MOTOR_KM+:32];
+  assign motor_o[MOTOR_KB+:32] = from_adc_i[3] ? scale_values_i[127:96] : motor_i[MOTOR_KB+:32];
 
   // Until each parameter channel has been read once there is nothing to compute coefficients from.
   assign core_strobe_o = scale_valid_i && (scale_params_i || from_adc_i == 4'd0);

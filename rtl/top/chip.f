@@ -3,6 +3,7 @@
 -f ../core/core.f
 -f ../io/io.f
 -f ../io/infra.f
+../io/rtds_ctrl.v
 rtds_port.v
 rtds_front.v
 rtds_report.v

@@ -44,6 +44,7 @@ module rtds_chip #(
 );
 
   `include "rtds_regs_map.vh"
+  `include "rtds_core_records.vh"
 
   // --- resets --------------------------------------------------------------------------------------------
   wire rst_sys_n;
@@ -85,11 +86,36 @@ module rtds_chip #(
   wire [ 159:0] codes;
   wire [32*CFG_WORDS-1:0] cfg;
   wire          fx_valid;
-  wire [  13:0] fx_address;
-  wire [  31:0] fx_data;
+  wire [  45:0] fx_word;
   wire          fx_ready;
 
   `include "rtds_regs_fields.vh"
+
+  // What of it is the core's, as its records.
+  wire [191:0] motor_regs;  // the left motor, before the choice of sources
+  wire [191:0] motor_r;
+  wire [ 62:0] settings;
+
+  assign motor_regs[MOTOR_R+:32]  = cfg_r;
+  assign motor_regs[MOTOR_L+:32]  = cfg_l;
+  assign motor_regs[MOTOR_KM+:32] = cfg_km;
+  assign motor_regs[MOTOR_KB+:32] = cfg_kb;
+  assign motor_regs[MOTOR_J+:32]  = cfg_j;
+  assign motor_regs[MOTOR_B+:32]  = cfg_b;
+
+  assign motor_r[MOTOR_R+:32]  = cfg_r_r;
+  assign motor_r[MOTOR_L+:32]  = cfg_l_r;
+  assign motor_r[MOTOR_KM+:32] = cfg_km_r;
+  assign motor_r[MOTOR_KB+:32] = cfg_kb_r;
+  assign motor_r[MOTOR_J+:32]  = cfg_j_r;
+  assign motor_r[MOTOR_B+:32]  = cfg_b_r;
+
+  assign settings[SETTINGS_H+:32]      = cfg_h;
+  assign settings[SETTINGS_METHOD]     = cfg_config_method;
+  assign settings[SETTINGS_FX_ON]      = cfg_effects_on;
+  assign settings[SETTINGS_FX_OWN]     = cfg_effects_own;
+  assign settings[SETTINGS_DELAY+:12]  = cfg_delay[11:0];
+  assign settings[SETTINGS_STRIDE+:16] = cfg_delay[31:16];
 
   rtds_port #(
       .BUILD_ID         (BUILD_ID),
@@ -104,8 +130,8 @@ module rtds_chip #(
       .clear_o     (clear),
       .config_o    (cfg),
       .fx_valid_o  (fx_valid),
-      .fx_address_o(fx_address),
-      .fx_data_o   (fx_data),
+      .fx_address_o(fx_word[WORD_ADDRESS+:14]),
+      .fx_data_o   (fx_word[WORD_DATA+:32]),
       .fx_ready_i  (fx_ready),
       .idle_i      (idle),
       .open_i      (open),
@@ -146,18 +172,15 @@ module rtds_chip #(
   wire         scale_params;
   wire [127:0] scaled;        // B J KM KB, low to high
   wire         core_strobe;
-  wire [127:0] core_inputs;   // V_L V_R T_L T_R
-  wire [127:0] core_params;   // B J KM KB
+  wire [127:0] core_inputs;
+  wire [191:0] motor_l;
   wire         core_valid;
   wire         core_ready;
   wire         core_overrun;
   wire         core_nonfinite;
   wire         core_param_fault;
-  wire [ 31:0] i_l;
-  wire [ 31:0] w_l;
-  wire [ 31:0] i_r;
-  wire [ 31:0] w_r;
-  wire [127:0] low_words;
+  wire [127:0] core_state;
+  wire [127:0] core_low;
   wire [ 31:0] core_steps;
   wire         codes_valid;
   wire [ 47:0] dac_codes;
@@ -189,7 +212,7 @@ module rtds_chip #(
       .run_i           (run),
       .blank_i         (blank),
       .clear_i         (clear_q),
-      .values_i        ({cfg_b, cfg_j, cfg_kb, cfg_km}),
+      .motor_i         (motor_regs),
       .from_adc_i      ({cfg_config_kb_from_adc, cfg_config_km_from_adc, cfg_config_j_from_adc, cfg_config_b_from_adc}),
       .idle_o          (run_idle),
       .record_valid_i  (record_valid),
@@ -201,7 +224,7 @@ module rtds_chip #(
       .scale_values_i  (scaled),
       .scale_params_i  (scale_params),
       .core_strobe_o   (core_strobe),
-      .core_params_o   (core_params),
+      .motor_o         (motor_l),
       .core_ready_i    (core_ready),
       .core_nonfinite_i(core_nonfinite),
       .codes_valid_i   (codes_valid),
@@ -230,10 +253,10 @@ module rtds_chip #(
       .gain_i        (cfg_adc_gain),
       .offset_i      (cfg_adc_offset),
       .valid_o       (scale_valid),
-      .v_l_o         (core_inputs[31:0]),
-      .v_r_o         (core_inputs[63:32]),
-      .t_l_o         (core_inputs[95:64]),
-      .t_r_o         (core_inputs[127:96]),
+      .v_l_o         (core_inputs[INPUTS_V_L+:32]),
+      .v_r_o         (core_inputs[INPUTS_V_R+:32]),
+      .t_l_o         (core_inputs[INPUTS_T_L+:32]),
+      .t_r_o         (core_inputs[INPUTS_T_R+:32]),
       .p_b_o         (scaled[31:0]),
       .p_j_o         (scaled[63:32]),
       .p_km_o        (scaled[95:64]),
@@ -246,41 +269,16 @@ module rtds_chip #(
       .rst_ni       (rst_run_n),
       .strobe_i     (core_strobe),
       .clear_i      (clear_q),
-      .v_l_i        (core_inputs[31:0]),
-      .v_r_i        (core_inputs[63:32]),
-      .t_l_i        (core_inputs[95:64]),
-      .t_r_i        (core_inputs[127:96]),
-      .p_r_i        (cfg_r),
-      .p_l_i        (cfg_l),
-      .p_km_i       (core_params[95:64]),
-      .p_kb_i       (core_params[127:96]),
-      .p_j_i        (core_params[63:32]),
-      .p_b_i        (core_params[31:0]),
-      .p_h_i        (cfg_h),
-      .method_i     (cfg_config_method),
-      .fx_on_i      (cfg_effects_on),
-      .fx_own_i     (cfg_effects_own),
-      .fx_delay_i   (cfg_delay[11:0]),
-      .fx_stride_i  (cfg_delay[31:16]),
-      .p2_r_i       (cfg_r_r),
-      .p2_l_i       (cfg_l_r),
-      .p2_km_i      (cfg_km_r),
-      .p2_kb_i      (cfg_kb_r),
-      .p2_j_i       (cfg_j_r),
-      .p2_b_i       (cfg_b_r),
-      .fx_wr_valid_i(fx_valid),
-      .fx_wr_addr_i (fx_address),
-      .fx_wr_data_i (fx_data),
-      .fx_wr_ready_o(run_fx_ready),
+      .inputs_i     (core_inputs),
+      .motor_l_i    (motor_l),
+      .motor_r_i    (motor_r),
+      .settings_i   (settings),
+      .word_valid_i (fx_valid),
+      .word_i       (fx_word),
+      .word_ready_o (run_fx_ready),
       .valid_o      (core_valid),
-      .i_l_o        (i_l),
-      .w_l_o        (w_l),
-      .i_r_o        (i_r),
-      .w_r_o        (w_r),
-      .i_l_lo_o     (low_words[31:0]),
-      .w_l_lo_o     (low_words[63:32]),
-      .i_r_lo_o     (low_words[95:64]),
-      .w_r_lo_o     (low_words[127:96]),
+      .state_o      (core_state),
+      .low_o        (core_low),
       .ready_o      (core_ready),
       .overrun_o    (core_overrun),
       .nonfinite_o  (core_nonfinite),
@@ -292,10 +290,10 @@ module rtds_chip #(
       .clk_i   (clk_sys_i),
       .rst_ni  (rst_run_n),
       .valid_i (core_valid),
-      .i_l_i   (i_l),
-      .w_l_i   (w_l),
-      .i_r_i   (i_r),
-      .w_r_i   (w_r),
+      .i_l_i   (core_state[STATE_I_L+:32]),
+      .w_l_i   (core_state[STATE_W_L+:32]),
+      .i_r_i   (core_state[STATE_I_R+:32]),
+      .w_r_i   (core_state[STATE_W_R+:32]),
       .gain_i  (cfg_dac_gain),
       .offset_i(cfg_dac_offset),
       .valid_o (codes_valid),
@@ -345,9 +343,9 @@ module rtds_chip #(
       .dac_safe_i        (dac_safe),
       .dac_ready_i       (dac_ready),
       .dac_fault_i       (dac_fault),
-      .state_i           ({w_r, i_r, w_l, i_l}),
+      .state_i           (core_state),
       .inputs_i          (core_inputs),
-      .params_i          (core_params),
+      .motor_i           (motor_l),
       .record_i          (record),
       .dac_codes_i       (dac_codes),
       .run_i             (run),
@@ -364,7 +362,7 @@ module rtds_chip #(
       .led_o             (led_o)
   );
 
-  wire unused = ^{cfg, low_words, core_steps, dac_nan};
+  wire unused = ^{cfg, core_low, core_steps, dac_nan};
 
 endmodule
 

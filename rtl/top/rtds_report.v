@@ -29,10 +29,10 @@ module rtds_report (
     input  wire         dac_safe_i,
     input  wire         dac_ready_i,
     input  wire         dac_fault_i,
-    // words to be read
-    input  wire [127:0] state_i,             // I_L W_L I_R W_R
-    input  wire [127:0] inputs_i,            // V_L V_R T_L T_R
-    input  wire [127:0] params_i,            // B J KM KB
+    // words to be read; the first three are records of rtds_core_records.vh
+    input  wire [127:0] state_i,
+    input  wire [127:0] inputs_i,
+    input  wire [191:0] motor_i,             // but for R and L, which are in the configuration
     input  wire [ 61:0] record_i,
     input  wire [ 47:0] dac_codes_i,
     // of the rest
@@ -52,6 +52,7 @@ module rtds_report (
 );
 
   `include "rtds_regs_map.vh"
+  `include "rtds_core_records.vh"
 
   // The computing part is reset by a lost lock while the registers live on.
   wire [9:0] report = {
@@ -95,7 +96,11 @@ module rtds_report (
   assign live_o[BIT_LIVE_HALTED]      = levels[3];
   assign live_o[BIT_LIVE_BLANKED]     = levels[4];
 
-  assign now_o = {params_i, inputs_i, state_i};
+  assign now_o = {
+    motor_i[MOTOR_KB+:32], motor_i[MOTOR_KM+:32], motor_i[MOTOR_J+:32], motor_i[MOTOR_B+:32],
+    inputs_i[INPUTS_T_R+:32], inputs_i[INPUTS_T_L+:32], inputs_i[INPUTS_V_R+:32], inputs_i[INPUTS_V_L+:32],
+    state_i[STATE_W_R+:32], state_i[STATE_I_R+:32], state_i[STATE_W_L+:32], state_i[STATE_I_L+:32]
+  };
   assign codes_o = {
     4'd0, dac_codes_i[47:36], 4'd0, dac_codes_i[35:24],
     4'd0, dac_codes_i[23:12], 4'd0, dac_codes_i[11:0],
@@ -115,6 +120,8 @@ module rtds_report (
   assign led_o = {
     run_i, !uart_tx_i || !uart_rx_i, levels[0], levels[2], levels[4], levels[3], locked_i, blink_q[24]
   };
+
+  wire unused = ^{motor_i[MOTOR_R+:32], motor_i[MOTOR_L+:32]};
 
 endmodule
 

@@ -17,6 +17,7 @@
 
 #include "Vrtds_core.h"
 #include "../common/clocked.h"
+#include "../common/core_records.h"
 #include "../common/coverage.h"
 #include "verilated.h"
 
@@ -27,20 +28,9 @@ constexpr int READY_CLOCKS = 26;
 constexpr int READY_LIMIT = 400;
 
 void drive(Vrtds_core& top, const std::uint32_t* record) {
-    top.v_l_i = record[0];
-    top.v_r_i = record[1];
-    top.t_l_i = record[2];
-    top.t_r_i = record[3];
-    top.p_r_i = record[4];
-    top.p_l_i = record[5];
-    top.p_km_i = record[6];
-    top.p_kb_i = record[7];
-    top.p_j_i = record[8];
-    top.p_b_i = record[9];
-    top.p_h_i = record[10];
-    top.method_i = record[11] & 1;
-    top.fx_on_i = 0;
-    top.fx_own_i = 0;
+    put(top.inputs_i, INPUTS, record);
+    put(top.motor_l_i, MOTOR, record + 4);
+    top.settings_i = settings(record[10], record[11], 0, 0, 0, 0);
 }
 
 void scramble(Vrtds_core& top) {
@@ -48,16 +38,10 @@ void scramble(Vrtds_core& top) {
     for (std::uint32_t& word : words) word = random_word();
     drive(top, words);
     // Without effects at the strobe, nothing of them counts.
-    top.fx_on_i = random_word() & 1;
-    top.fx_own_i = random_word() & 1;
-    top.fx_delay_i = random_word() & 0xFFF;
-    top.fx_stride_i = random_word() & 0xFFFF;
-    top.p2_r_i = random_word();
-    top.p2_l_i = random_word();
-    top.p2_km_i = random_word();
-    top.p2_kb_i = random_word();
-    top.p2_j_i = random_word();
-    top.p2_b_i = random_word();
+    const std::uint64_t on = random_word(), own = random_word(), delay = random_word(), stride = random_word();
+    top.settings_i = settings(words[10], words[11], on, own, delay, stride);
+    for (std::uint32_t& word : words) word = random_word();
+    put(top.motor_r_i, MOTOR, words);
 }
 
 int fail(long step, const char* what, int clocks) {
@@ -82,7 +66,7 @@ int main(int argc, char** argv) {
     top.rst_ni = 0;
     top.strobe_i = 0;
     top.clear_i = 0;
-    top.fx_wr_valid_i = 0;
+    top.word_valid_i = 0;
     top.eval();
     edge(top);
     top.rst_ni = 1;
@@ -115,10 +99,10 @@ int main(int argc, char** argv) {
             if (strobe > 0 && clocks + 1 != READY_CLOCKS) return fail(step, "ready for the next strobe", clocks + 1);
             if (top.overrun_o) return fail(step, "overrun_o", clocks);
             // The edge that could take the next strobe settles the last low words, if they were not yet.
-            const std::uint32_t words[9] = {
-                top.i_l_o,    top.w_l_o,    top.i_r_o,    top.w_r_o,
-                top.i_l_lo_o, top.w_l_lo_o, top.i_r_lo_o, top.w_r_lo_o,
-                static_cast<std::uint32_t>(top.param_fault_o << 1 | top.nonfinite_o)};
+            std::uint32_t words[9];
+            get(top.state_o, STATE, words);
+            get(top.low_o, STATE, words + 4);
+            words[8] = static_cast<std::uint32_t>(top.param_fault_o << 1 | top.nonfinite_o);
             std::fwrite(words, sizeof words, 1, out);
         }
     }

@@ -13,6 +13,7 @@ import numpy as np
 from cocotb.clock import Clock
 from cocotb.triggers import ReadOnly, RisingEdge
 
+from rtds_host.link import core_records
 from rtds_host.motor import CoreModel
 
 VALID_CLOCKS = 11
@@ -22,12 +23,6 @@ PARAMETER_CLOCKS = 107
 FAULT_CLOCKS = 93
 
 NOMINAL = (8.6, 1e-3, 6.538e-3, 6.538e-3, 1e-7, 4.372e-7, 1e-5)
-PARAMETER_PORTS = ("p_r_i", "p_l_i", "p_km_i", "p_kb_i", "p_j_i", "p_b_i", "p_h_i")
-# Without effects none of these counts (tb/effects has the rest).
-SECOND_PORTS = ("p2_r_i", "p2_l_i", "p2_km_i", "p2_kb_i", "p2_j_i", "p2_b_i")
-EFFECT_PORTS = (*SECOND_PORTS, "fx_delay_i", "fx_stride_i", "fx_wr_valid_i", "fx_wr_addr_i", "fx_wr_data_i")
-HIGH_PORTS = ("i_l_o", "w_l_o", "i_r_o", "w_r_o")
-LOW_PORTS = ("i_l_lo_o", "w_l_lo_o", "i_r_lo_o", "w_r_lo_o")
 ONE_NAN = 0x7FC00000
 
 
@@ -50,10 +45,8 @@ class TB:
     async def reset(self) -> None:
         dut = self.dut
         dut.rst_ni.value = 0
-        dut.strobe_i.value = 0
-        dut.clear_i.value = 0
-        for port in EFFECT_PORTS:
-            getattr(dut, port).value = 0
+        for port in (dut.strobe_i, dut.clear_i, dut.motor_r_i, dut.word_valid_i, dut.word_i):
+            port.value = 0
         self.drive([0, 0], [0, 0])
         for _ in range(3):
             await RisingEdge(dut.clk_i)
@@ -63,17 +56,17 @@ class TB:
     def drive(self, v, t) -> None:
         """Words on the inputs and the parameters."""
         dut = self.dut
-        dut.v_l_i.value, dut.v_r_i.value = v
-        dut.t_l_i.value, dut.t_r_i.value = t
-        for port, word in zip(PARAMETER_PORTS, self.parameters):
-            getattr(dut, port).value = word
-        dut.method_i.value = self.method
-        for port in ("fx_on_i", "fx_own_i"):
-            getattr(dut, port).value = 0
+        dut.inputs_i.value = core_records.inputs([*v, *t])
+        dut.motor_l_i.value = core_records.motor(self.parameters[:6])
+        dut.settings_i.value = core_records.settings(self.parameters[6], self.method)
 
-    def read(self, ports) -> list[int]:
-        """Words on outputs; an X raises."""
-        return [int(getattr(self.dut, port).value) for port in ports]
+    def high(self) -> list[int]:
+        """Words i_l, w_l, i_r, w_r; an X raises."""
+        return core_records.state(int(self.dut.state_o.value))
+
+    def low(self) -> list[int]:
+        """Their low words."""
+        return core_records.state(int(self.dut.low_o.value))
 
     async def clock(self) -> None:
         """One clock; returns where outputs are those after the edge and no longer change."""
@@ -103,10 +96,8 @@ class TB:
         await RisingEdge(dut.clk_i)
         dut.strobe_i.value = 0
         if not hold:  # only the strobe's edge counts
-            for port in ("v_l_i", "v_r_i", "t_l_i", "t_r_i", *PARAMETER_PORTS, *SECOND_PORTS):
-                getattr(dut, port).value = random.getrandbits(32)
-            for port in ("method_i", "fx_on_i", "fx_own_i"):
-                getattr(dut, port).value = random.getrandbits(1)
+            for port in (dut.inputs_i, dut.motor_l_i, dut.motor_r_i, dut.settings_i):
+                port.value = random.getrandbits(len(port))
         await ReadOnly()
         want = self.model.strobe(np.array(v, np.uint32), np.array(t, np.uint32), np.array(self.parameters, np.uint32),
                                  self.method).tolist()  # fmt: skip
@@ -119,15 +110,15 @@ class TB:
             if int(dut.valid_o.value):
                 assert self.clocks_to_valid is None, "one valid_o a step"
                 self.clocks_to_valid = clocks
-                assert self.read(HIGH_PORTS) == [*want[0][:2], *want[1][:2]], f"high words, inputs {v} {t}"
+                assert self.high() == [*want[0][:2], *want[1][:2]], f"high words, inputs {v} {t}"
                 assert int(dut.step_count_o.value) == self.model.step_count
                 assert int(dut.nonfinite_o.value) == (not self.model.finite)
             if int(dut.ready_o.value):
                 # Seen after edge n: a strobe may be given in the clock that follows, taken at edge n + 1.
                 self.clocks_to_ready = clocks + 1
         assert self.clocks_to_valid is not None, "valid_o must come"
-        assert self.read(HIGH_PORTS) == [*want[0][:2], *want[1][:2]], "high words must hold"
-        assert self.read(LOW_PORTS) == [*want[0][2:], *want[1][2:]], f"low words, inputs {v} {t}"
+        assert self.high() == [*want[0][:2], *want[1][:2]], "high words must hold"
+        assert self.low() == [*want[0][2:], *want[1][2:]], f"low words, inputs {v} {t}"
         assert int(dut.param_fault_o.value) == self.model.fault
         return want
 
@@ -178,7 +169,7 @@ async def low_words_settle_when_documented(dut):
                                np.array(tb.parameters, np.uint32), 0).tolist()  # fmt: skip
         for _ in range(LOW_CLOCKS):
             await tb.clock()
-        assert tb.read(LOW_PORTS) == [*want[0][2:], *want[1][2:]]
+        assert tb.low() == [*want[0][2:], *want[1][2:]]
         await tb.wait_ready()
 
 
@@ -244,7 +235,7 @@ async def strobe_while_not_ready_is_refused_and_reported(dut):
             valids += 1
             want = tb.model.strobe(np.array(words([12, 6]), np.uint32), np.zeros(2, np.uint32),
                                    np.array(tb.parameters, np.uint32), 0).tolist()  # fmt: skip
-            assert tb.read(HIGH_PORTS) == [*want[0][:2], *want[1][:2]]
+            assert tb.high() == [*want[0][:2], *want[1][:2]]
     assert valids == 3
 
 
@@ -267,7 +258,7 @@ async def clear_zeroes_the_state_and_keeps_the_parameters(dut):
         dut.clear_i.value = 0
         await tb.clock()
         tb.model.clear()
-        assert tb.read(HIGH_PORTS) == tb.read(LOW_PORTS) == [0] * 4, f"cleared {clocks} clocks after the strobe"
+        assert tb.high() == tb.low() == [0] * 4, f"cleared {clocks} clocks after the strobe"
         assert int(dut.step_count_o.value) == 0 and int(dut.ready_o.value) == 1 and int(dut.valid_o.value) == 0
         for _ in range(READY_CLOCKS + 2):
             await tb.clock()
@@ -284,7 +275,7 @@ async def infinity_and_nan_in_the_state_are_reported_until_cleared(dut):
     assert int(dut.nonfinite_o.value) == 1
     for _ in range(3):
         await tb.step(words([12, 6]), words([0, 0]))
-    assert tb.read(HIGH_PORTS)[2:] == [ONE_NAN, ONE_NAN], "the NaN is the canonical one"
+    assert tb.high()[2:] == [ONE_NAN, ONE_NAN], "the NaN is the canonical one"
     await RisingEdge(dut.clk_i)
     dut.clear_i.value = 1
     await RisingEdge(dut.clk_i)

@@ -20,6 +20,7 @@
 
 #include "Vrtds_core.h"
 #include "../common/clocked.h"
+#include "../common/core_records.h"
 #include "../common/coverage.h"
 #include "verilated.h"
 
@@ -30,33 +31,22 @@ constexpr int VALID_CLOCKS[2] = {11, 15};
 constexpr int READY_CLOCKS[2] = {26, 50};
 constexpr int READY_LIMIT = 400;
 
-void drive(Vrtds_core& top, const std::uint32_t* record) {
-    top.v_l_i = record[0];
-    top.v_r_i = record[1];
-    top.t_l_i = record[2];
-    top.t_r_i = record[3];
-    top.p_r_i = record[4];
-    top.p_l_i = record[5];
-    top.p_km_i = record[6];
-    top.p_kb_i = record[7];
-    top.p_j_i = record[8];
-    top.p_b_i = record[9];
-    top.p_h_i = record[10];
-    top.p2_r_i = record[11];
-    top.p2_l_i = record[12];
-    top.p2_km_i = record[13];
-    top.p2_kb_i = record[14];
-    top.p2_j_i = record[15];
-    top.p2_b_i = record[16];
-    top.method_i = record[17] & 1;
-    top.fx_on_i = record[18] & 1;
-    top.fx_own_i = record[19] & 1;
+// A record of the script; delay and stride are those of the whole record, also between strobes.
+void drive(Vrtds_core& top, const std::uint32_t* record, std::uint32_t delay, std::uint32_t stride) {
+    put(top.inputs_i, INPUTS, record);
+    put(top.motor_l_i, MOTOR, record + 4);
+    put(top.motor_r_i, MOTOR, record + 11);
+    top.settings_i = settings(record[10], record[17], record[18], record[19], delay, stride);
 }
 
-void scramble(Vrtds_core& top) {
+void scramble(Vrtds_core& top, std::uint32_t delay, std::uint32_t stride) {
     std::uint32_t words[20];
     for (std::uint32_t& word : words) word = random_word();
-    drive(top, words);
+    drive(top, words, delay, stride);
+}
+
+void put_word(Vrtds_core& top, std::uint32_t address, std::uint32_t data) {
+    top.word_i = std::uint64_t{address & 0x3FFF} << WORD_ADDRESS | std::uint64_t{data} << WORD_DATA;
 }
 
 int fail(long step, const char* what, int clocks) {
@@ -81,7 +71,7 @@ int main(int argc, char** argv) {
     top.rst_ni = 0;
     top.strobe_i = 0;
     top.clear_i = 0;
-    top.fx_wr_valid_i = 0;
+    top.word_valid_i = 0;
     top.eval();
     edge(top);
     top.rst_ni = 1;
@@ -95,14 +85,13 @@ int main(int argc, char** argv) {
             for (std::uint32_t k = 0; k < count; ++k) {
                 std::uint32_t pair[2];
                 if (std::fread(pair, sizeof pair, 1, in) != 1) return 2;
-                if (!top.fx_wr_ready_o) return fail(step, "no room for a word", 0);
-                top.fx_wr_addr_i = pair[0] & 0x3FFF;
-                top.fx_wr_data_i = pair[1];
-                top.fx_wr_valid_i = 1;
+                if (!top.word_ready_o) return fail(step, "no room for a word", 0);
+                put_word(top, pair[0], pair[1]);
+                top.word_valid_i = 1;
                 edge(top);
-                top.fx_wr_valid_i = 0;
-                top.fx_wr_addr_i = random_word() & 0x3FFF;
-                top.fx_wr_data_i = random_word();
+                top.word_valid_i = 0;
+                const std::uint32_t address = random_word();
+                put_word(top, address, random_word());
                 edge(top);
             }
             continue;
@@ -110,8 +99,7 @@ int main(int argc, char** argv) {
         std::uint32_t record[FIELDS];
         if (std::fread(record, sizeof record, 1, in) != 1) return 2;
         const int on = record[18] & 1;
-        top.fx_delay_i = record[20] & 0xFFF;
-        top.fx_stride_i = record[21] & 0xFFFF;
+        scramble(top, record[20], record[21]);
         if (record[23]) {
             top.clear_i = 1;
             edge(top);
@@ -119,11 +107,11 @@ int main(int argc, char** argv) {
         }
         for (std::uint32_t strobe = 0; strobe < record[22]; ++strobe, ++step) {
             for (unsigned wait = extra ? random_word() % (extra + 1) : 0; wait > 0; --wait) edge(top);
-            drive(top, record);
+            drive(top, record, record[20], record[21]);
             top.strobe_i = 1;
             edge(top);
             top.strobe_i = 0;
-            scramble(top);
+            scramble(top, record[20], record[21]);
             top.eval();
             int clocks = 0;
             bool valid = false;
@@ -136,10 +124,10 @@ int main(int argc, char** argv) {
             if (!valid) return fail(step, "ready before valid_o", clocks);
             if (strobe > 0 && clocks + 1 != READY_CLOCKS[on]) return fail(step, "ready for the next strobe", clocks + 1);
             if (top.overrun_o) return fail(step, "overrun_o", clocks);
-            const std::uint32_t words[9] = {
-                top.i_l_o,    top.w_l_o,    top.i_r_o,    top.w_r_o,
-                top.i_l_lo_o, top.w_l_lo_o, top.i_r_lo_o, top.w_r_lo_o,
-                static_cast<std::uint32_t>(top.param_fault_o << 1 | top.nonfinite_o)};
+            std::uint32_t words[9];
+            get(top.state_o, STATE, words);
+            get(top.low_o, STATE, words + 4);
+            words[8] = static_cast<std::uint32_t>(top.param_fault_o << 1 | top.nonfinite_o);
             std::fwrite(words, sizeof words, 1, out);
         }
     }

@@ -14,6 +14,7 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, ReadOnly, RisingEdge
 
 from effects.effect_script import NOMINAL, random_unit, words
+from rtds_host.link import core_records
 from rtds_host.motor.effect_model import EffectCore
 from rtds_host.motor.effect_tables import constant_address, tables_of
 from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
@@ -21,10 +22,6 @@ from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitE
 VALID_CLOCKS, LOW_CLOCKS, READY_CLOCKS = 15, 22, 50
 CHANGED_CLOCKS = 147  # ready after changed parameters
 OWN_CLOCKS = 271  # and where each side has its own
-PARAMETER_PORTS = ("p_r_i", "p_l_i", "p_km_i", "p_kb_i", "p_j_i", "p_b_i", "p_h_i")
-SECOND_PORTS = ("p2_r_i", "p2_l_i", "p2_km_i", "p2_kb_i", "p2_j_i", "p2_b_i")
-HIGH_PORTS = ("i_l_o", "w_l_o", "i_r_o", "w_r_o")
-LOW_PORTS = ("i_l_lo_o", "w_l_lo_o", "i_r_lo_o", "w_r_lo_o")
 DRY = Curve((0.0,), (2e-4,))
 HELD = UnitEffects(friction_forward=DRY, friction_backward=DRY)
 RICH = UnitEffects(
@@ -48,8 +45,8 @@ class TB:
 
     async def reset(self) -> None:
         dut = self.dut
-        for name in ("rst_ni", "strobe_i", "clear_i", "fx_wr_valid_i", "fx_wr_addr_i", "fx_wr_data_i"):
-            getattr(dut, name).value = 0
+        for port in (dut.rst_ni, dut.strobe_i, dut.clear_i, dut.word_valid_i, dut.word_i):
+            port.value = 0
         self.drive([0, 0], [0, 0])
         for _ in range(3):
             await RisingEdge(dut.clk_i)
@@ -58,18 +55,22 @@ class TB:
 
     def drive(self, v, t) -> None:
         dut = self.dut
-        dut.v_l_i.value, dut.v_r_i.value = (int(x) for x in v)
-        dut.t_l_i.value, dut.t_r_i.value = (int(x) for x in t)
-        for port, word in zip(PARAMETER_PORTS, self.parameters):
-            getattr(dut, port).value = int(word)
-        for port, word in zip(SECOND_PORTS, [0] * 6 if self.own is None else self.own):
-            getattr(dut, port).value = int(word)
-        dut.method_i.value, dut.fx_on_i.value, dut.fx_own_i.value = self.method, int(self.on), int(self.own is not None)
-        dut.fx_delay_i.value, dut.fx_stride_i.value = self.delay, self.stride
+        dut.inputs_i.value = core_records.inputs([*v, *t])
+        dut.motor_l_i.value = core_records.motor(self.parameters[:6])
+        dut.motor_r_i.value = core_records.motor([0] * 6 if self.own is None else self.own)
+        self.set(self.parameters[6], self.method, self.on, self.own is not None)
 
-    def read(self, ports) -> list[int]:
-        """Words on outputs; an X raises."""
-        return [int(getattr(self.dut, port).value) for port in ports]
+    def set(self, h, method, on, own) -> None:
+        """The settings; the delay's numbers hold between the strobes, too, as they do on the chip."""
+        self.dut.settings_i.value = core_records.settings(h, method, on, own, self.delay, self.stride)
+
+    def high(self) -> list[int]:
+        """Words i_l, w_l, i_r, w_r; an X raises."""
+        return core_records.state(int(self.dut.state_o.value))
+
+    def low_words(self) -> list[int]:
+        """Their low words."""
+        return core_records.state(int(self.dut.low_o.value))
 
     async def load(self, left, right=None, supply=None, parameters=NOMINAL) -> None:
         """Words of these effects through the port, and what they say of delay and own motors."""
@@ -83,12 +84,12 @@ class TB:
     async def write(self, address, word) -> None:
         dut = self.dut
         await RisingEdge(dut.clk_i)
-        dut.fx_wr_valid_i.value, dut.fx_wr_addr_i.value, dut.fx_wr_data_i.value = 1, address, word
+        dut.word_valid_i.value, dut.word_i.value = 1, core_records.effect_word(address, word)
         await RisingEdge(dut.clk_i)
-        dut.fx_wr_valid_i.value = 0
+        dut.word_valid_i.value = 0
         await RisingEdge(dut.clk_i)
         await RisingEdge(dut.clk_i)
-        assert int(dut.fx_wr_ready_o.value), "while no run is in hand a word is written in a clock"
+        assert int(dut.word_ready_o.value), "while no run is in hand a word is written in a clock"
         self.model.write(address, word)
 
     async def strobe(self, v, t) -> None:
@@ -103,10 +104,9 @@ class TB:
         dut.strobe_i.value = 1
         await RisingEdge(dut.clk_i)
         dut.strobe_i.value = 0
-        for port in ("v_l_i", "v_r_i", "t_l_i", "t_r_i", *PARAMETER_PORTS, *SECOND_PORTS):
-            getattr(dut, port).value = random.getrandbits(32)
-        for port in ("method_i", "fx_on_i", "fx_own_i"):
-            getattr(dut, port).value = random.getrandbits(1)
+        for port in (dut.inputs_i, dut.motor_l_i, dut.motor_r_i):
+            port.value = random.getrandbits(len(port))
+        self.set(random.getrandbits(32), *(random.getrandbits(1) for _ in range(3)))
         await ReadOnly()
 
     async def step(self, v, t, write=None) -> np.ndarray:
@@ -123,21 +123,21 @@ class TB:
             await RisingEdge(dut.clk_i)
             clocks += 1
             if write and clocks == write[0]:
-                dut.fx_wr_valid_i.value, dut.fx_wr_addr_i.value, dut.fx_wr_data_i.value = 1, write[1], write[2]
+                dut.word_valid_i.value, dut.word_i.value = 1, core_records.effect_word(write[1], write[2])
             elif write and clocks == write[0] + 1:
-                dut.fx_wr_valid_i.value = 0
+                dut.word_valid_i.value = 0
             await ReadOnly()
             assert clocks < 400, "ready_o must come back within 400 clocks"
             if int(dut.valid_o.value):
                 assert self.valid is None, "one valid_o a step"
                 self.valid = clocks
-                assert self.read(HIGH_PORTS) == high
+                assert self.high() == high
             if int(dut.ready_o.value):
                 self.ready = clocks + 1
             if clocks == (LOW_CLOCKS if self.on else 18):
-                assert self.read(LOW_PORTS) == low
-        assert self.read(HIGH_PORTS) == high, "high words must hold"
-        assert self.read(LOW_PORTS) == low, "low words must hold"
+                assert self.low_words() == low
+        assert self.high() == high, "high words must hold"
+        assert self.low_words() == low, "low words must hold"
         assert int(dut.param_fault_o.value) == self.model.fault
         return want.view(np.float32)
 
@@ -201,7 +201,7 @@ async def clear_at_any_clock_of_a_step_leaves_rest_and_nothing_else(dut):
             await RisingEdge(dut.clk_i)
             await ReadOnly()
             assert not int(dut.valid_o.value), f"a step cleared {clocks} clocks after its strobe must give no valid"
-        assert self_ready(dut) and tb.read(HIGH_PORTS) == [0, 0, 0, 0] == tb.read(LOW_PORTS)
+        assert self_ready(dut) and tb.high() == [0, 0, 0, 0] == tb.low_words()
     await tb.step([8.0, -8.0], [1e-4, 0.0])
     await tb.step([8.0, -8.0], [1e-4, 0.0])
 
@@ -270,11 +270,10 @@ async def addresses_beyond_the_constants_reach_no_register_of_the_engine(dut):
     for side in range(2):
         for register in range(16, 128):
             await RisingEdge(dut.clk_i)
-            dut.fx_wr_valid_i.value = 1
-            dut.fx_wr_addr_i.value = 8192 + 128 * side + register
-            dut.fx_wr_data_i.value = int(words(1000.0 + register))
+            dut.word_valid_i.value = 1
+            dut.word_i.value = core_records.effect_word(8192 + 128 * side + register, int(words(1000.0 + register)))
             await RisingEdge(dut.clk_i)
-            dut.fx_wr_valid_i.value = 0
+            dut.word_valid_i.value = 0
             await RisingEdge(dut.clk_i)
     for _ in range(3):
         await tb.step([8.0, -8.0], [1e-4, 0.0])

@@ -341,7 +341,7 @@ class EffectCore:
         Parameters
         ----------
         v, t : (2,) uint32. parameters : (7,) uint32. method : 0 or 1.
-        on, own, delay, stride : `fx_on_i`, the right motor's (6,) uint32 with `fx_own_i`, `fx_delay_i`, `fx_stride_i`.
+        on, own, delay, stride : as in the core's settings; own is the right motor's (6,) uint32, or None.
 
         Returns
         -------

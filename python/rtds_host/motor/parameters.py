@@ -20,7 +20,7 @@ import numpy as np
 
 from rtds_host.errors import InputError
 
-METHODS = ("backward_euler", "trapezoidal")  # index = method_i of the RTL
+METHODS = ("backward_euler", "trapezoidal")  # index = METHOD of the core's settings
 
 # The order of the words on the core's parameter inputs, as `set_parameters` takes them.
 PARAMETER_NAMES = (
@@ -90,7 +90,7 @@ def parameter_words(values: Sequence[float], method: str) -> tuple[np.ndarray, i
     Returns
     -------
     words : (7,) float32.
-    method : 0 or 1, as on the core's `method_i`.
+    method : 0 or 1, as METHOD of the core's settings.
 
     Raises
     ------
