@@ -23,7 +23,6 @@ from rtds_host.diagnosis.likelihood import Discrepancy, Series
 from rtds_host.diagnosis.nuisances import nuisances_of
 from rtds_host.diagnosis.replay.lanes import LANES
 from rtds_host.diagnosis.replay.model import (
-    COARSER,
     Abreast,
     Model,
     following,
@@ -455,26 +454,26 @@ class Problem:
         """Whitened residuals of all runs, (N,)."""
         return self.residuals([model])[0]
 
-    def residuals(self, models: list[Model], coarse: bool = False) -> list[np.ndarray]:
+    def residuals(self, models: list[Model], steps: list[float] | None = None) -> list[np.ndarray]:
         """Residuals of several models, on all cores: shared out by runs, since there are often no more models than cores.
 
-        coarse : by longer steps, for models that are only compared with one another. What the steps miss is nearly the same in
-        all of them.
+        steps : longest step of each, s, by default what it needs. What steps miss is nearly the same in models that are alike and
+        take the same: those that are only compared with one another do with longer ones.
         """
-        coarser = COARSER if coarse else 1.0
+        steps = steps or [model.step_s for model in models]
         found = [np.empty(self.size) for _ in models]
         # Those with springs or free play beside each other: what one lane has is computed in all.
-        abreast = sorted((k for k, model in enumerate(models) if model.abreast), key=lambda k: (models[k].slow, models[k].step_s))
+        abreast = sorted((k for k, model in enumerate(models) if model.abreast), key=lambda k: (models[k].slow, steps[k]))
         runs = self._abreast(self.runs)
         if not runs.worth([models[k] for k in abreast]):
             abreast = []
         alone = sorted(set(range(len(models))) - set(abreast))
-        jobs = deque(functools.partial(self._alone, models[k], data, found[k][rows], coarser) for k in alone for data, rows in self.rows)
+        jobs = deque(functools.partial(self._alone, models[k], data, found[k][rows], steps[k]) for k in alone for data, rows in self.rows)
         if abreast:
             # Lanes are to be full, and shares for all cores, but none so large that its replays leave the cache.
             lanes = len(abreast) * len(self.runs) // LANES
             count = min(len(abreast), max(lanes // 4, min(lanes, self.threads), 1))
-            jobs.extend(functools.partial(self._together, runs, [models[k] for k in part], [found[k] for k in part], coarser)
+            jobs.extend(functools.partial(self._together, runs, [models[k] for k in part], [found[k] for k in part], [steps[k] for k in part])
                         for part in np.array_split(abreast, count))
 
         def work() -> None:
@@ -492,11 +491,11 @@ class Problem:
             other.result()
         return found
 
-    def _alone(self, model: Model, data: RunData, into: np.ndarray, coarser: float) -> None:
-        self.run_residual(data, replay_run(model, data.inputs, coarser=coarser), into)
+    def _alone(self, model: Model, data: RunData, into: np.ndarray, step_s: float) -> None:
+        self.run_residual(data, replay_run(model, data.inputs, step_s), into)
 
-    def _together(self, runs: Abreast, models: list[Model], into: list[np.ndarray], coarser: float) -> None:
-        for found, outs in zip(into, runs.replay(models, coarser)):
+    def _together(self, runs: Abreast, models: list[Model], into: list[np.ndarray], steps: list[float]) -> None:
+        for found, outs in zip(into, runs.replay(models, steps)):
             for (data, rows), first, last in zip(self.rows, runs.rows, runs.rows[1:]):
                 self.run_residual(data, outs[first:last], found[rows])
 

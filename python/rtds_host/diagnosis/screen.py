@@ -85,9 +85,12 @@ def moves_of(fitter: Fitter, fit: Fit, extra: dict[tuple[str, str], list[dict]],
     new = [job for job in jobs if job not in known]
     models = [apply(problem.effects, model, ((job.effect, job.side),), [dict(job.values)]) for job in new]
     found = {job: known[job] for job in jobs if job in known}
-    base, *replayed = problem.residuals([model, *models], coarse=True)
-    for job, moved in zip(new, replayed):
-        found[job] = (moved - base).astype(np.float32)
+    # Each against the fit by the same steps: what these miss is no signature.
+    lengths = sorted({m.coarse_s for m in models})
+    replayed = problem.residuals([*(model for _ in lengths), *models], [*lengths, *(m.coarse_s for m in models)])
+    bases = dict(zip(lengths, replayed))
+    for job, moved, m in zip(new, replayed[len(lengths):], models):
+        found[job] = (moved - bases[m.coarse_s]).astype(np.float32)
     return found
 
 

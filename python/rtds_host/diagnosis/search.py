@@ -111,7 +111,7 @@ class Search:
             starts = [z, np.zeros_like(z)]
             values = to_values(self.effects, hypothesis, start)
             models = [apply(self.effects, self.problem.with_nuisances(s), hypothesis, values) for s in starts]
-            z = starts[int(np.argmin([float(r @ r) for r in self.problem.residuals(models, coarse=True)]))]
+            z = starts[int(np.argmin([float(r @ r) for r in self.problem.residuals(models, [m.coarse_s for m in models])]))]
         known = {m: c for m, c in beside.columns.items() if m in hypothesis} if rough else None
         fit = self.fitter.fit(hypothesis, start, z, noise, ROUGH_ITERATIONS if rough else ITERATIONS, known,
                               by_nuisance=beside.by_nuisance, least=ROUGH_GAIN if rough else STEP_GAIN)
@@ -197,7 +197,7 @@ class Search:
         starts = [candidate.start, *(scaled(self.effects, (candidate.member,), [trial]) for trial in _sizes(effect, values, COARSE))]
         models = [apply(self.effects, self.problem.with_nuisances(z), *self._named_values(fit, candidate.member, start))
                   for start in starts for z in (fit.z, np.zeros_like(fit.z))]
-        costs = [fit.noise.cost(r) for r in self.problem.residuals(models, coarse=True)]
+        costs = [fit.noise.cost(r) for r in self.problem.residuals(models, [m.coarse_s for m in models])]
         return starts[int(np.argmin(costs)) // 2]
 
     def _named_values(self, fit: Fit, member: tuple[str, str], start: np.ndarray) -> tuple[Hypothesis, list[dict[str, float]]]:
@@ -226,7 +226,7 @@ class Search:
         found = {}
         for z in (fit.z, np.zeros_like(fit.z)) if trials else ():
             models = [apply(self.effects, problem.with_nuisances(z), fit.hypothesis, v) for v in [*values, fit.values]]
-            costs = [fit.noise.cost(r) for r in problem.residuals(models, coarse=True)]
+            costs = [fit.noise.cost(r) for r in problem.residuals(models, [m.coarse_s for m in models])]
             k = int(np.argmin(costs))
             if k < len(trials):
                 found[k] = trials[k]

@@ -5,11 +5,13 @@ import math
 
 import numpy as np
 import pytest
-from diagnosis_cases import commands, make_run
+from diagnosis_cases import commands, make_case, make_run
 from scipy.integrate import solve_ivp
 
 from rtds_host.contract import GRAVITY_M_S2, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
+from rtds_host.diagnosis.fit import apply
+from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import (
     FINE_STEP_S,
     LONGEST_DELAY_S,
@@ -23,7 +25,7 @@ from rtds_host.diagnosis.replay.model import (
     stretch_inputs,
 )
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
-from rtds_host.diagnosis.screen import start_values
+from rtds_host.diagnosis.screen import available, start_values
 
 ROBOT = builtin_robot("burger")
 CATALOGUE = catalogue(ROBOT)
@@ -389,3 +391,15 @@ def test_a_stretch_of_a_run_knows_every_command_that_may_still_act_at_its_start(
 @pytest.mark.parametrize("effect", ["command_delay", "measurement_delay"])
 def test_no_delay_is_looked_for_beyond_what_a_replay_knows(effect):
     assert CATALOGUE[effect].parameters[0].high == LONGEST_DELAY_S
+
+
+def test_what_an_effect_changes_is_seen_by_longer_steps_too():
+    problem = Problem(make_case(), threads=1)
+    model = problem.nominal
+    models = [apply(problem.effects, model, ((effect.id, "left" if effect.sided else "both"),), [values])
+              for effect in available(problem) for values in start_values(effect)]
+    coarse = [m.coarse_s for m in models]
+    base, *moved = problem.residuals([model, *models])
+    for m, short, long, long_base in zip(models, moved, problem.residuals(models, coarse), problem.residuals([model] * len(models), coarse)):
+        change = short - base
+        assert np.linalg.norm(change - (long - long_base)) <= 0.2 * np.linalg.norm(change), m

@@ -236,8 +236,8 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     ts : (sum n,) s, times of all runs' samples, one run after another; t_first : (runs + 1,) where each run's begin.
     cmds_t, cmds, buses : (sum m,), (sum m, 2), (sum m,) their commands; cmd_first : (runs + 1,) likewise.
     angles : (a, 2), angle_first : (runs + 1,) angles that a ripple follows, of no rows or of m.
-    runs : (runs, 4), starts : (runs, 11); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), h_max : (models,) s; h_play : s,
-        longest step within free play, see `kernel.replay`.
+    runs : (runs, 4), starts : (runs, 11); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), h_max, h_play : (models,) s,
+        longest steps, and those within free play, see `kernel.replay`.
     which : (jobs, 2) model and run of each; out : (rows, 11) filled, job by job from rows out_first (jobs,).
     """
     jobs = which.shape[0]
@@ -260,9 +260,9 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     given = 0
     running = 0
     scrubbed = pulled = specials = faded = slipping = drawn = flexible = False
-    # Free play asks for short steps between its flanks: whether a lane has any, its longest step, and whether its flanks part in
-    # this span; whether a step is taken once more, and what it began with.
-    plays, limit = np.zeros(LANES, np.bool_), np.zeros(LANES)
+    # Free play asks for short steps between its flanks: whether a lane has any, the longest step then and now, and whether its flanks
+    # part in this span; whether a step is taken once more, and what it began with.
+    plays, fine, limit = np.zeros(LANES, np.bool_), np.zeros(LANES), np.zeros(LANES)
     parts, redone = np.zeros(LANES, np.bool_), np.zeros(LANES, np.bool_)
     as_begun = np.zeros((LANES, 21))
     while True:
@@ -270,7 +270,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
         for l in range(lanes):
             if left[l] > 0:
                 if plays[l]:
-                    bound = min(s[H_MAX + l], h_play) if parts[l] or _is_free(s, l) else s[H_MAX + l]
+                    bound = fine[l] if parts[l] or _is_free(s, l) else s[H_MAX + l]
                     if bound != limit[l]:
                         limit[l] = bound
                         rest = moment[l] - s[NOW + l] - s[DONE + l]
@@ -292,6 +292,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     r = which[j, 1]
                     _begin(s, l, sides[which[j, 0]], coms[which[j, 0]], runs[r], starts[r])
                     s[H_MAX + l] = h_max[which[j, 0]]
+                    fine[l] = min(h_max[which[j, 0]], h_play[which[j, 0]])
                     s[BUS_ROW + l] = buses[cmd_first[r]]
                     sample[l] = pose[l] = t_first[r]
                     last[l] = t_first[r + 1]
@@ -387,7 +388,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 s[NOW + l] = now
                 moment[l] = ahead
                 parts[l] = False
-                limit[l] = min(s[H_MAX + l], h_play) if plays[l] and _is_free(s, l) else s[H_MAX + l]
+                limit[l] = fine[l] if plays[l] and _is_free(s, l) else s[H_MAX + l]
                 count = math.ceil(span / limit[l] - 1e-9)
                 _set_step(s, l, span / count, count, met, oldest, kept)
                 left[l] = count - 1
@@ -686,7 +687,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
         again = 0
         if flexible:
             for l in range(lanes):
-                redone[l] = plays[l] and limit[l] > h_play and (s[CONTACT + l] != s[WAS + l] or s[_SIDE + CONTACT + l] != s[_SIDE + WAS + l])
+                redone[l] = plays[l] and limit[l] > fine[l] and (s[CONTACT + l] != s[WAS + l] or s[_SIDE + CONTACT + l] != s[_SIDE + WAS + l])
                 if redone[l]:
                     again = 1
                     _kept_state(s, l, as_begun[l], False)

@@ -20,8 +20,8 @@ REPORT_STEP_S = 5.0e-4
 # Numerical: slip brings faster modes, springs may bring faster ones still, and so does free play between its flanks.
 SLIP_STEP_S = 8.4e-4
 FINE_STEP_S = 4.0e-4
-# Numerical: how much longer steps are where replays are only compared with one another, see `Problem.residuals`.
-COARSER = 3.0
+# Numerical: how much longer steps are where replays are only compared with one another, and where one has a spring.
+COARSER, COARSER_SPRING = 3.0, 2.0
 # Numerical: a spring's step in its fastest swing: the errors then are those above at any stiffness that swings visibly.
 SPRING_STEP_RAD = 0.1
 # Numerical: a piece starts from a parabola over so many rows to either side.
@@ -94,6 +94,13 @@ class Model:
         if mass <= 0.0:
             return 0.0
         return self.get("wheel_inertia") + self.get("radius") ** 2 / (1.0 / mass + half**2 / self.get("yaw_inertia"))
+
+    @property
+    def coarse_s(self) -> float:
+        """The same for replays that are only compared with one another; a spring's swing or a tyre's shear is what is looked for there."""
+        if self._has("slip"):
+            return self.step_s
+        return (COARSER_SPRING if self._has("stiffness") else COARSER) * self.step_s
 
     @property
     def slow(self) -> bool:
@@ -303,13 +310,13 @@ def _line(t: np.ndarray, values: np.ndarray | None, rows: np.ndarray, at: float)
     return float(coefficients[2]), float(coefficients[1])
 
 
-def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | None = None, coarser: float = 1.0) -> np.ndarray:
+def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | None = None) -> np.ndarray:
     """Replay one run from its commands.
 
     Parameters
     ----------
-    model : the robot; inputs : from `run_inputs`; step_s : longest step, by default what the model needs; coarser : how much longer steps
-    may be than that.
+    model : the robot; inputs : from `run_inputs`; step_s : longest step, by default what the model needs; where flanks are apart, it
+    is as much longer than `FINE_STEP_S` as it is longer than that.
 
     Returns
     -------
@@ -317,10 +324,15 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     """
     t, t_cmd, commands, bus, angle, run, start = inputs
     out = np.empty((len(t), len(OUTPUTS)))
-    kernel.replay(t, t_cmd, commands, bus, angle, model.side, model.common, run, start, coarser * (step_s or model.step_s),
-                  coarser * FINE_STEP_S, out)
+    kernel.replay(t, t_cmd, commands, bus, angle, model.side, model.common, run, start, step_s or model.step_s,
+                  _within_play(model, step_s), out)
     _on_clocks(model, t, out)
     return out
+
+
+def _within_play(model: Model, step_s: float | None) -> float:
+    """Longest step, s, while flanks are apart, where it is `step_s` otherwise."""
+    return FINE_STEP_S * max(1.0, (step_s or 0.0) / model.step_s)
 
 
 def _on_clocks(model: Model, t: np.ndarray, out: np.ndarray) -> None:
@@ -353,15 +365,17 @@ class Abreast:
         fewest = self.FEWEST_OF_PLAY if any(model.plays for model in models) else self.FEWEST
         return len(models) * float(self.rows[-1]) >= fewest * max(float(np.diff(self.rows).max(initial=0)), 1.0)
 
-    def replay(self, models: list[Model], coarser: float = 1.0) -> np.ndarray:
-        """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `abreast`; coarser : as of `replay_run`."""
+    def replay(self, models: list[Model], steps: list[float | None] | None = None) -> np.ndarray:
+        """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `abreast`; steps : as of `replay_run`."""
+        steps = steps or [None] * len(models)
         out = np.empty((len(models), self.rows[-1], len(OUTPUTS)))
         which = np.array([(k, run) for run in self.order for k in range(len(models))])
         # Where a run begins may have been estimated anew.
         starts = np.array([run[6] for run in self.inputs])
         replay_lanes(self.t, self.rows, self.t_cmd, self.commands, self.bus, self.at_cmd, self.angle, self.at_angle, self.runs, starts,
                      np.array([model.side for model in models]), np.array([model.common for model in models]),
-                     coarser * np.array([model.step_s for model in models]), coarser * FINE_STEP_S, which, out.reshape(-1, len(OUTPUTS)),
+                     np.array([step or model.step_s for model, step in zip(models, steps)]),
+                     np.array([_within_play(model, step) for model, step in zip(models, steps)]), which, out.reshape(-1, len(OUTPUTS)),
                      which[:, 0] * self.rows[-1] + self.rows[which[:, 1]])
         for model, mine in zip(models, out):
             for first, last in zip(self.rows, self.rows[1:]):
