@@ -97,12 +97,21 @@ def test_a_start_or_an_end_far_off_is_set_aside_where_the_robot_cannot_do_it(cas
 
 
 def test_more_than_a_handful_are_not_glitches(case):
-    rows = tuple(range(50, 750, 20))
+    # What cannot be may be a tenth of the samples.
+    rows = tuple(range(50, 750, 8))
     bad = spoiled(case, "x", 0.2, rows)
-    few = spoiled(case, "x", 0.2, rows[:20])
-    assert len(aside(few, examine(few))["spin", "x"]) == 20
-    gate = examine(spoiled(bad, "x", 0.2, rows, run=1))
+    few = spoiled(case, "x", 0.2, rows[::3])
+    assert len(aside(few, examine(few))["spin", "x"]) == len(rows[::3])
+    gate = examine(spoiled(spoiled(bad, "x", 0.2, rows, run=1), "x", 0.2, rows, run=2))
     assert gate.of("glitch") == () and "none is set aside" in gate.of("isolated")[0].text
+
+
+@pytest.mark.parametrize(("channel", "size"), [("w_r", -27.0), ("gyro_z", 9.0)])
+def test_a_sample_far_off_is_set_aside_where_a_command_steps_beside_it(case, channel, size):
+    log = next(log for log in case.runs if log.name == "steps")
+    step = int(np.flatnonzero(np.abs(np.diff(log.columns["v_cmd_l"])) > 3.0)[2])
+    bad = spoiled(case, channel, size, rows=(step + 1,), run=case.runs.index(log))
+    assert aside(bad, examine(bad)) == {("steps", channel): [step + 1]}
 
 
 def rough(kind, seconds=6.0, step=1, name="run"):

@@ -77,28 +77,28 @@ def _notices(case: Case) -> list[Finding]:
 
 
 def _without_glitches(case: Case, bounds: Limits, noise: dict[str, float]) -> tuple[Case, list[Finding]]:
-    """The case without isolated samples, unless a channel has more than a handful of them."""
+    """The case without isolated samples, unless a channel has more than a handful of them, or of those that cannot be a tenth."""
     per_run = [glitches.isolated(log, case, bounds, noise) for log in case.runs]
     found: list[Finding] = []
     aside: list[dict[str, np.ndarray]] = [{} for _ in case.runs]
     for c in channels(case.robot):
-        rows = sum(run[c][1] for run in per_run if c in run)
-        count = sum(len(run[c][0]) for run in per_run if c in run)
+        rows = sum(run[c][2] for run in per_run if c in run)
+        sure, count = (sum(sum(len(part) for part in run[c][:n]) for run in per_run if c in run) for n in (1, 2))
         if not count:
             continue
-        if count > handful(rows):
+        if sure > max(1.0, SLIGHT * rows) or count - sure > handful(rows):
             found.append(Finding("", c, "isolated", "warning",
                                  f"{c} has {count} samples far off their neighbours ({percent(count / rows)}), too many "
                                  "for glitches: none is set aside.", count / rows))
             continue
         for log, run, out in zip(case.runs, per_run, aside):
-            if c in run and len(run[c][0]):
-                out[c] = run[c][0]
+            if c in run and len(run[c][0]) + len(run[c][1]):
+                out[c] = np.union1d(run[c][0], run[c][1])
                 n = len(out[c])
                 some = ", ".join(moment(log.t[k]) for k in out[c][:3]) + (" …" if n > 3 else "")
                 found.append(Finding(log.name, c, "glitch", "warning",
                                      f"{n} isolated sample{'s' if n > 1 else ''} of {c} far off their neighbours set "
-                                     f"aside ({percent(n / run[c][1])}), at t = {some} s.", n / run[c][1]))
+                                     f"aside ({percent(n / run[c][2])}), at t = {some} s.", n / run[c][2]))
     runs = tuple(sensors.without(log, out) for log, out in zip(case.runs, aside))
     return replace(case, runs=runs), found
 

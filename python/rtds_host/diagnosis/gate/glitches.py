@@ -2,9 +2,10 @@
 
 A sample is judged by the two samples to either side of it, against the scatter about it, and by one of two further
 marks: the robot cannot do it (a pose or an angle would have to move faster than the motors turn, both ways; a value is
-beyond all bounds), or it stands alone (nothing else on the robot moves out of the ordinary then, commands do not
-change by enough, and nothing else in its own channel comes near it). What moves a robot shows in more than one channel: an impact in both wheels, the current
-and the gyro, a reversal in current and speed.
+beyond all bounds), or it stands alone (nothing else on the robot is off its neighbours then, commands do not go there and back by
+enough, and nothing else in its own channel comes near it). What moves a robot there and back shows in more than one channel: an impact
+in both wheels, the current and the gyro. A step moves others too, but there alone; a current may follow one for a sample, and a turn, the
+difference of two wheels, so that nothing else may change at all where these are within what the last commands can do.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis.chance import APART, FEWEST, HANDFUL, MEDIAN_OF_NORMAL, MOVES, sigmas
-from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels
+from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels, kind_of
+from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
 
 # Channels of which one at least must be there, for what really moves a channel to show elsewhere, too.
 WITNESSES = {"v_bus": ("i_l", "i_r", "v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r"), "i_l": ("w_l",), "i_r": ("w_r",),
@@ -78,16 +80,15 @@ def _candidates(log: RunLog, c: str, noise: float) -> tuple[np.ndarray, np.ndarr
     return rows, off, far, np.maximum(before, after)
 
 
-def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -> dict[str, tuple[np.ndarray, int]]:
-    """Channel -> rows of a run's isolated samples (k,), and how many samples the channel has."""
+def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
+    """Channel -> rows of a run's isolated samples that cannot be (k,), of those that only stand alone (m,), and how many samples
+    the channel has."""
     names = tuple(c for c in channels(case.robot) if log.has(c))
     events = None
     result = {}
-    for c in names:
-        judged = _candidates(log, c, noise.get(c, 0.0))
-        if judged is None:
-            continue
-        rows, off, far, span = judged
+    every = {c: judged for c in names if (judged := _candidates(log, c, noise.get(c, 0.0))) is not None}
+    spikes = {c: log.t[rows[far]] for c, (rows, _, far, _) in every.items()}
+    for c, (rows, off, far, span) in every.items():
         v = log.columns[c][rows]
         sure = far & (np.abs(v) > bounds.values.get(c, np.inf))
         if c == "v_bus":
@@ -104,10 +105,11 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
                 events = _events(log, names)
             # Without a witness a speed that is back within half a time constant still was no motion.
             seen = any(w in events for w in WITNESSES[c])
-            usual = float(np.quantile(np.abs(np.diff(v)), 1.0 - HANDFUL))
-            alone = np.array([(seen or c[0] == "w" and (2.0 * span[k] < bounds.time_constant_s or
-                                                        not bounds.time_constant_s > 0 and off[k] > MOVES * usual))
-                              and _alone(log, rows, k, c, events)
+            usual = float(np.quantile(np.abs(np.diff(v[~far])), 1.0 - HANDFUL))
+            alone = np.array([_stands_alone(log, case, bounds, c, rows, k, off[k], span[k], events, spikes)
+                              and (seen or c[0] == "i" and off[k] > bounds.values[c] / ROOM
+                                   or c[0] == "w" and (2.0 * span[k] < bounds.time_constant_s or
+                                                       not bounds.time_constant_s > 0 and off[k] > MOVES * usual))
                               and off[k] > _commanded(log, case, bounds, c, rows, k, span[k])
                               for k in np.flatnonzero(doubtful)])
             lone = np.flatnonzero(doubtful)[alone]
@@ -118,8 +120,10 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
             # A supply may jump there and back; what counts there is how far it jumps at all.
             other = off if c != "v_bus" else np.abs(np.diff(v, append=v[-1]))
             top = float(other[rest].max(initial=0.0))
-            sure[lone[off[lone] > APART * top]] = True
-        result[c] = rows[sure], len(rows)
+            lone = lone[off[lone] > APART * top]
+        else:
+            lone = np.empty(0, int)
+        result[c] = rows[sure], rows[lone], len(rows)
     return result
 
 
@@ -133,18 +137,35 @@ def _commanded(log: RunLog, case: Case, bounds: Limits, c: str, rows: np.ndarray
         # A speed there and back asks for a command there and back; a current follows a step alone.
         swing = swing - np.abs(about[-1] - about[0])
     swing = float(np.max(swing))
-    free = bounds.values.get("w_l", np.inf) / ROOM
-    full = {"voltage": case.robot.supply_v, "speed": free}.get(case.robot.driver.mode, np.inf)
-    if not np.isfinite(full):
-        full = float(np.max(np.abs(commands))) or 1.0
     reach = bounds.rates[c] * span if c in bounds.rates else bounds.values.get(c, np.inf)
     if not np.isfinite(reach):
         reach = float(np.ptp(np.quantile(log.columns[c][rows], (HANDFUL, 1.0 - HANDFUL))))
-    return min(1.0, swing / full) * reach
+    return min(1.0, swing / _full(log, case, bounds)) * reach
+
+
+def _full(log: RunLog, case: Case, bounds: Limits) -> float:
+    """The largest command that there is: V, rad/s, or what the run has of it."""
+    free = bounds.values.get("w_l", np.inf) / ROOM
+    full = {"voltage": case.robot.supply_v, "speed": free}.get(case.robot.driver.mode, np.inf)
+    return full if np.isfinite(full) else float(np.max(np.abs(log.commands(case.robot.driver.mode)))) or 1.0
+
+
+def _stands_alone(log: RunLog, case: Case, bounds: Limits, c: str, rows: np.ndarray, k: int, off: float, span: float,
+                  events: dict[str, np.ndarray], spikes: dict[str, np.ndarray]) -> bool:
+    """Whether nothing else goes there and back with sample k; of what a late command could do, whether nothing else changes."""
+    # Within half a time constant the motor has not come up to speed, and its current stays.
+    if kind_of(c) == "gyro" or (c[0] == "i" and not 2.0 * span < bounds.time_constant_s):
+        # A reversal of the motor, or of the turn, of the file, as far as the commands went since the longest delay before.
+        first = int(np.searchsorted(log.t, log.t[rows[k]] - LONGEST_DELAY_S))
+        swing = float(np.max(np.ptp(log.commands(case.robot.driver.mode)[first:int(rows[min(k + 2, len(rows) - 1)]) + 1], axis=0)))
+        reversal = (1.0 if c[0] == "i" else 2.0) * bounds.values.get(c, np.inf) / ROOM
+        if off <= min(1.0, swing / _full(log, case, bounds)) * reversal:
+            return _alone(log, rows, k, c, events)
+    return _alone(log, rows, k, c, spikes)
 
 
 def _alone(log: RunLog, rows: np.ndarray, k: int, c: str, events: dict[str, np.ndarray]) -> bool:
-    """Whether no other channel changes out of the ordinary about sample k of channel c."""
+    """Whether nothing happens to another channel about sample k of channel c, of `events`: their times by channel, ascending."""
     first, last = log.t[rows[k - 2]], log.t[rows[k + 2]]
     return not any(np.searchsorted(times, last, "right") > np.searchsorted(times, first, "left")
                    for name, times in events.items() if name != c)

@@ -97,8 +97,9 @@ class Model:
 
     @property
     def coarse_s(self) -> float:
-        """The same for replays that are only compared with one another; a spring's swing or a tyre's shear is what is looked for there."""
-        if self._has("slip"):
+        """The same for replays that are only compared with one another; a spring's swing, a tyre's shear
+        or the moment when flanks meet is what is looked for there."""
+        if self._has("slip", "backlash"):
             return self.step_s
         return (COARSER_SPRING if self._has("stiffness") else COARSER) * self.step_s
 
