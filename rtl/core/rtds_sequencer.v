@@ -130,10 +130,6 @@ module rtds_sequencer (
         add_n  = ADD_UV;
         does_n = (slot_q == E_LAST) ? WAIT | ADD : WAIT;
       end
-      SLOT_FIRST: begin
-        mul_n  = MUL_T;
-        does_n = MUL;
-      end
       7'd3: does_n = ADD;
       7'd4: does_n = P;
       7'd6: begin
