@@ -103,13 +103,13 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
         if doubtful.any():
             if events is None:
                 events = _events(log, names)
-            # Without a witness a speed that is back within half a time constant still was no motion.
+            # Without a witness a speed or a current that is back within half a time constant still was no motion.
             seen = any(w in events for w in WITNESSES[c])
             usual = float(np.quantile(np.abs(np.diff(v[~far])), 1.0 - HANDFUL))
             alone = np.array([_stands_alone(log, case, bounds, c, rows, k, off[k], span[k], events, spikes)
-                              and (seen or c[0] == "i" and off[k] > bounds.values[c] / ROOM
-                                   or c[0] == "w" and (2.0 * span[k] < bounds.time_constant_s or
-                                                       not bounds.time_constant_s > 0 and off[k] > MOVES * usual))
+                              and (seen or c[0] in "wi" and 2.0 * span[k] < bounds.time_constant_s
+                                   or c[0] == "i" and off[k] > bounds.values[c] / ROOM
+                                   or c[0] == "w" and not bounds.time_constant_s > 0 and off[k] > MOVES * usual)
                               and off[k] > _commanded(log, case, bounds, c, rows, k, span[k])
                               for k in np.flatnonzero(doubtful)])
             lone = np.flatnonzero(doubtful)[alone]
