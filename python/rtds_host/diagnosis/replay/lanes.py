@@ -236,8 +236,8 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     ts : (sum n,) s, times of all runs' samples, one run after another; t_first : (runs + 1,) where each run's begin.
     cmds_t, cmds, buses : (sum m,), (sum m, 2), (sum m,) their commands; cmd_first : (runs + 1,) likewise.
     angles : (a, 2), angle_first : (runs + 1,) angles that a ripple follows, of no rows or of m.
-    runs : (runs, 4), starts : (runs, 11); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), h_max, h_play : (models,) s,
-        longest steps, and those within free play, see `kernel.replay`.
+    runs : (runs, 4), starts : (runs, 11); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), h_max : (models,) s, longest
+        steps; h_play : s, the longest within free play, see `kernel.replay`.
     which : (jobs, 2) model and run of each; out : (rows, 11) filled, job by job from rows out_first (jobs,).
     """
     jobs = which.shape[0]
@@ -292,7 +292,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     r = which[j, 1]
                     _begin(s, l, sides[which[j, 0]], coms[which[j, 0]], runs[r], starts[r])
                     s[H_MAX + l] = h_max[which[j, 0]]
-                    fine[l] = min(h_max[which[j, 0]], h_play[which[j, 0]])
+                    fine[l] = min(h_max[which[j, 0]], h_play)
                     s[BUS_ROW + l] = buses[cmd_first[r]]
                     sample[l] = pose[l] = t_first[r]
                     last[l] = t_first[r + 1]

@@ -316,8 +316,7 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
 
     Parameters
     ----------
-    model : the robot; inputs : from `run_inputs`; step_s : longest step, by default what the model needs; where flanks are apart, it
-    is as much longer than `FINE_STEP_S` as it is longer than that.
+    model : the robot; inputs : from `run_inputs`; step_s : longest step, by default what the model needs.
 
     Returns
     -------
@@ -325,15 +324,9 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     """
     t, t_cmd, commands, bus, angle, run, start = inputs
     out = np.empty((len(t), len(OUTPUTS)))
-    kernel.replay(t, t_cmd, commands, bus, angle, model.side, model.common, run, start, step_s or model.step_s,
-                  _within_play(model, step_s), out)
+    kernel.replay(t, t_cmd, commands, bus, angle, model.side, model.common, run, start, step_s or model.step_s, FINE_STEP_S, out)
     _on_clocks(model, t, out)
     return out
-
-
-def _within_play(model: Model, step_s: float | None) -> float:
-    """Longest step, s, while flanks are apart, where it is `step_s` otherwise."""
-    return FINE_STEP_S * max(1.0, (step_s or 0.0) / model.step_s)
 
 
 def _on_clocks(model: Model, t: np.ndarray, out: np.ndarray) -> None:
@@ -375,8 +368,7 @@ class Abreast:
         starts = np.array([run[6] for run in self.inputs])
         replay_lanes(self.t, self.rows, self.t_cmd, self.commands, self.bus, self.at_cmd, self.angle, self.at_angle, self.runs, starts,
                      np.array([model.side for model in models]), np.array([model.common for model in models]),
-                     np.array([step or model.step_s for model, step in zip(models, steps)]),
-                     np.array([_within_play(model, step) for model, step in zip(models, steps)]), which, out.reshape(-1, len(OUTPUTS)),
+                     np.array([step or model.step_s for model, step in zip(models, steps)]), FINE_STEP_S, which, out.reshape(-1, len(OUTPUTS)),
                      which[:, 0] * self.rows[-1] + self.rows[which[:, 1]])
         for model, mine in zip(models, out):
             for first, last in zip(self.rows, self.rows[1:]):
