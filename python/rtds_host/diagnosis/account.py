@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from rtds_host.diagnosis.carried import CONSTANT, absent, carried, scattered
-from rtds_host.diagnosis.chance import MOST
+from rtds_host.diagnosis.carried import absent, carried, scattered
+from rtds_host.diagnosis.chance import MOST, SAME
 from rtds_host.diagnosis.evidence import CONVINCING, believed, closer, compared, excess, worth_adding, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
@@ -123,13 +123,11 @@ def _fickle(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standin
 def _uneven(search: Search, fit: Fit, standing: list[Standing], steady: set[tuple[str, str]]) -> tuple[Standing, str] | None:
     """The one whose size scatters most over the settings, if it is no constant.
 
-    A machine that the models describe no better than to many times the noise scatters in all its constants. steady : effects seen
-    to be of one size beside more others, to which those seen now are added. They stay so: what scatters once a stand-in is
-    taken out is the rest that it stood for.
+    steady : effects seen to be of one size beside more others, to which those seen now are added. They stay so: what scatters once a
+    stand-in is taken out is the rest that it stood for.
     """
     beyond = scattered(search.problem, fit)
-    gap = search.problem.gap(fit.model(search.problem))
-    steady |= {member for member, much in beyond.items() if much <= CONSTANT * max(gap - 1.0, 1.0)}
+    steady |= {member for member, much in beyond.items() if much <= SAME}
     one = max(standing, key=lambda s: (s.member not in steady, beyond[s.member]))
     return None if one.member in steady else (
         one, f"is of another size in other settings (it scatters by {100 * beyond[one.member]:.0f} %)")

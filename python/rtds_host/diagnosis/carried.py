@@ -33,9 +33,6 @@ from rtds_host.diagnosis.settings import settings
 
 # Numerical: groups that are left out in turn: runs; where there are fewer of these, stretches of them.
 FEWEST_GROUPS = 4
-# A constant of the machine is of one size to a fifth: real friction and dead zones scatter by up to a sixth from setting to setting,
-# what stands in for something of another form by a quarter and more.
-CONSTANT = 0.2
 
 
 def groups(problem: Problem) -> np.ndarray:

@@ -9,9 +9,9 @@ from diagnosis_cases import changed, make_case, make_run, without
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import carried as carried_module
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.account import _contradicted, _opens, _standing, account
-from rtds_host.diagnosis.carried import CONSTANT, carried, ratio, scatter, scattered
-from rtds_host.diagnosis.chance import MOST
+from rtds_host.diagnosis.account import _contradicted, _opens, _standing, _uneven, account
+from rtds_host.diagnosis.carried import carried, ratio, scatter, scattered
+from rtds_host.diagnosis.chance import MOST, SAME
 from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import excess
@@ -329,9 +329,17 @@ def bent(_, columns):
 def test_a_gain_that_stands_in_for_a_bend_scatters_and_a_gain_does_not():
     gain = (("current_gain", "both"), {"ratio": 1.1})
     search, fit = fitted(changed(make_case(seconds=20.0), bent), gain)
-    assert scattered(search.problem, fit)[gain[0]] > CONSTANT
+    assert scattered(search.problem, fit)[gain[0]] > SAME
     search, fit = fitted(make_case(lambda m: m.scale("current_gain", 1.1), seconds=20.0), gain)
     assert scattered(search.problem, fit)[gain[0]] < 0.01
+
+
+def test_beside_the_largest_rest_an_effect_has_to_be_of_one_size():
+    """What is left lends no effect a second size, be it many times the noise."""
+    gain = (("current_gain", "both"), {"ratio": 1.2})
+    search, fit = fitted(changed(make_case(seconds=20.0), bent), gain)
+    assert search.gap(fit) > 5.0
+    assert _uneven(search, fit, [_standing(search, fit, gain[0], True)], set())[0].member == gain[0]
 
 
 def test_a_track_that_stands_in_for_a_drag_is_contradicted_by_wheels_and_gyro_that_agree():
