@@ -33,8 +33,6 @@ Z90 = 1.6448536269514722
 REST_OF_KNOWN = 0.3
 # Numerical: a nuisance that moved by less than so many of its sigmas did not move.
 MOVED = 0.01
-# A parameter whose sigma is larger than this many of its spreads is not pinned by the runs.
-PINNED = 2.0
 
 
 def diagnose(case: Case, quick: bool = False, threads: int = 2, seed: int = 1,
@@ -268,12 +266,13 @@ def _effect(problem: Problem, weighed: Account, one: Standing, held: HeldOut, st
     stamps = math.hypot(stamps_s, problem.lag_s, latency_s) if effect.subsystem == "timing" else 0.0
     for p in effect.parameters:
         key = (one.member, p.name)
-        pinned = free[key] and sigma[key] < PINNED
         # Of what is absent far off, a stiff spring, a high limit, the size is the value itself.
         size = abs(values[p.name] - p.null) if p.null in (0.0, 1.0) else abs(values[p.name])
         spread = Z90 * math.hypot(sigma[key] * p.slope(values[p.name]), effect.form * size, stamps)
         name, _, unit = p.reported(problem.robot.axis)
         low, high = max(values[p.name] - spread, p.low), min(values[p.name] + spread, p.high)
+        # Of what may be anything that it can be, the runs say nothing.
+        pinned = free[key] and (low > p.low or high < p.high)
         entry[name] = {"value": _round(unit * values[p.name]), "ci90": [_round(unit * low), _round(unit * high)] if pinned else None}
     probability = one.probability * weighed.share(one.member)
     return {**_named(problem, one.member), "subsystem": effect.subsystem, "probability": _round(probability, 4), "parameters": entry,

@@ -19,7 +19,7 @@ from rtds_host.diagnosis.chance import MOST, MOVES
 from rtds_host.diagnosis.effects import Effect, catalogue
 from rtds_host.diagnosis.gap import WINDOW_S, errors, gap, pooled
 from rtds_host.diagnosis.gate.cuts import start_row
-from rtds_host.diagnosis.likelihood import Discrepancy, Series
+from rtds_host.diagnosis.likelihood import LONGEST_S, Discrepancy, Series
 from rtds_host.diagnosis.nuisances import nuisances_of
 from rtds_host.diagnosis.replay.lanes import LANES
 from rtds_host.diagnosis.replay.model import (
@@ -37,8 +37,6 @@ from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 # Numerical: stretches whose residuals are counted as one draw are as long as the gap's windows; shorter where all runs together
 # are, so that there are enough of them, of a few rows each.
 LEAST_BLOCKS, ROWS_A_BLOCK = 100, 5
-# Pieces of a single axis's run: longer than its transients, shorter than it takes to drift away.
-PIECE_S = 0.4
 # Numerical: half the span over which a window's end is averaged: long against a sample, short against the motion.
 AVERAGE_S = 0.05
 # Numerical: the same for angles where no speed is measured: they then have to show what moves fast, too.
@@ -200,10 +198,10 @@ class Problem:
     def _pieces(self, log: RunLog) -> list[RunData]:
         """A run of a single axis in pieces that each start from the measured state.
 
-        An axis integrates and sticks: over a whole run the misfit has many local minima, over a piece few. What is
-        reported is judged on whole runs all the same.
+        An axis integrates and sticks: over a whole run the misfit has many local minima, over a piece few. A piece is as long as what
+        is missing is remembered. What is reported is judged on whole runs all the same.
         """
-        length = max(PIECE_S, 2 * ROWS_A_BLOCK * float(np.median(np.diff(log.t))))
+        length = max(LONGEST_S, 2 * ROWS_A_BLOCK * float(np.median(np.diff(log.t))))
         marks = np.searchsorted(log.t, np.arange(log.t[0], log.t[-1], length))
         bounds = [(int(first), int(last)) for first, last in zip(marks, np.append(marks[1:], len(log.t))) if last - first >= ROWS_A_BLOCK]
         return [self._prepare(log.rows(first, last), piece_inputs(log, self.robot, first, last))

@@ -16,8 +16,8 @@ from rtds_host.diagnosis.chance import FEWEST, HANDFUL
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
-# Physical: cycles a turn that are looked for, from a wheel out of round to the cogging of a geared motor.
-LEAST_CYCLES, MOST_CYCLES = 1.0, 400.0
+# Physical: most cycles a turn that are looked for: the cogging of a geared motor.
+MOST_CYCLES = 400.0
 # Numerical: bins a cycle at the most cycles, lines a peak's width, longest transform.
 BINS, LINES, LONGEST = 6, 4, 2**21
 # Numerical: cycles about a peak that belong to it, and the power that a peak needs for a fit to be started there, in that of white
@@ -81,7 +81,8 @@ def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, Spectrum]:
     count = min(2 ** math.ceil(math.log2(LINES * span / (2.0 * math.pi) * BINS * MOST_CYCLES)), LONGEST)
     width = LINES * span / count
     cycles = 2.0 * math.pi / (count * width) * np.arange(count // 2 + 1)
-    shown = (cycles >= LEAST_CYCLES) & (cycles <= MOST_CYCLES)
+    # What comes less than once a turn is none of the wheel's.
+    shown = (cycles >= 1.0) & (cycles <= MOST_CYCLES)
     result = {}
     for name, series in sides.items():
         powers = [_power(angle - low, value, width, count)[shown] for angle, value in series]

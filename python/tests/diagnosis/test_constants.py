@@ -58,4 +58,8 @@ def test_the_rooms_counts_add_up_to_the_table(capsys):
 def test_the_gate_s_thresholds_follow_from_what_chance_and_a_robot_do():
     judged = {(module, name) for module, name, _, reason in ROWS if kind(reason) == "judgement" and module.startswith(("chance", "gate"))}
     assert judged <= {("chance.py", "HANDFUL"), ("chance.py", "SLIGHT"), ("chance.py", "APART"), ("chance.py", "MOST"),
-                      ("gate/timing.py", "CLOSE")}
+                      ("chance.py", "SAME")}
+
+
+def test_what_is_beyond_numerics_contract_and_layout_stands_in_twenty_constants_at_most():
+    assert sum(kind(row[3]) in ("physical", "probability", "judgement") for row in ROWS) <= 20

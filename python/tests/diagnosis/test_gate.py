@@ -202,8 +202,12 @@ def test_a_hole_in_the_log_is_named_with_its_place(case):
     assert gaps and "0.51" in gaps[0].text or "0.52" in gaps[0].text
 
 
-def test_a_log_below_30_hz_is_warned_of(case):
-    assert ("t", "rate") in kinds(examine(thinned(case, lambda t: np.arange(len(t)) % 5 == 0)))
+@pytest.mark.parametrize(("heavier", "warned"), [(1.0, True), (100.0, False)], ids=["of 22 ms", "of 180 ms"])
+def test_rows_further_apart_than_the_machine_s_mechanical_time_constant_are_warned_of(case, heavier, warned):
+    chassis = dataclasses.replace(case.robot.chassis, mass_kg=heavier * case.robot.chassis.mass_kg)
+    few = thinned(case, lambda t: np.arange(len(t)) % 5 == 0)
+    gate = examine(dataclasses.replace(few, robot=dataclasses.replace(few.robot, chassis=chassis)))
+    assert (("t", "rate") in kinds(gate)) == warned
 
 
 def test_uneven_rows_are_noted(case):

@@ -5,16 +5,12 @@ from collections.abc import Mapping
 from rtds_host.diagnosis.effects.base import Effect, Parameter
 from rtds_host.diagnosis.replay.model import Model
 
-# Physical: of the declared mass: less would be lighter than its own frame.
-LEAST_LOAD = 0.02
-
 
 def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
     if model.get("axis") == 0:
         model.add("mass", values["mass_kg"])
     else:  # a share of the declared load, of which something has to be left
-        slot = "axis_inertia" if model.get("axis") == 1 else "axis_mass"
-        model.scale(slot, max(1.0 + values["mass_kg"], LEAST_LOAD))
+        model.scale("axis_inertia" if model.get("axis") == 1 else "axis_mass", 1.0 + values["mass_kg"])
 
 
 EFFECT = Effect(

@@ -8,19 +8,18 @@ import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.contract.clock import PER_SECOND, SLOWEST_HZ, is_rate, likely_unit, moment
-from rtds_host.diagnosis.chance import APART, FEWEST, FOLLOWS, HANDFUL, MOVES
+from rtds_host.diagnosis.chance import APART, FEWEST, FOLLOWS, HANDFUL, MOVES, SAME
 from rtds_host.diagnosis.gap import WINDOW_S
 from rtds_host.diagnosis.gate.findings import Finding, percent
+from rtds_host.diagnosis.gate.limits import limits
 from rtds_host.errors import InputError
 
-# Physical: rates below this bias parameters of fast parts (of joints by about half).
-SLOW_HZ = 30.0
 # A run that is shorter than this shows nothing (contract, section 1).
 SHORTEST_S = 0.1
 # After so long a hole the rest is another recording (contract, section 1).
 BREAK_S = 60.0
 # How near to a unit's factor what speeds, angles and clocks make of each other must be: gains come between.
-CLOSE = 1.25
+CLOSE = 1.0 / (1.0 - SAME)
 # Numerical: stretches that speeds and angles are compared in, and chords that a way is measured by.
 STRETCHES, CHORDS = 30, 100
 
@@ -140,10 +139,11 @@ def clock_findings(log: RunLog, case: Case) -> list[Finding]:
     step = float(np.median(dt))
     rate = 1.0 / step
     found = []
-    if rate < SLOW_HZ * (1.0 - HANDFUL):
+    fast = limits(case).time_constant_s
+    if step > fast * (1.0 + HANDFUL):
         found.append(Finding(log.name, "t", "rate", "warning",
-                             f"{rate:.3g} rows a second are few: below {SLOW_HZ:.0f} Hz parameters of fast parts "
-                             "are biased."))
+                             f"{rate:.3g} rows a second are few beside a mechanical time constant of {1e3 * fast:.2g} ms: parameters of "
+                             "fast parts are biased."))
     regular = dt[dt <= hole_s(t)]
     uneven = float(np.std(regular[np.round(regular / step) < 2])) / step if len(regular) > 2 else 0.0
     if uneven > HANDFUL:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rtds_host.diagnosis.chance import FEWEST, QUARTER_OF_NORMAL, SLIGHT, sigmas
+from rtds_host.diagnosis.chance import FEWEST, MOST, QUARTER_OF_NORMAL, SLIGHT, sigmas
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
 from rtds_host.diagnosis.localise.series import smooth
@@ -19,8 +19,6 @@ BLOCKS = {
 }
 # Signatures of the contract's nuisances, ratios all; beyond `BAND` a ratio is a cause of its own.
 NUISANCES = ("winding:resistance", "winding:constant", "drivetrain:inertia", "drivetrain:viscous")
-# A signature is believed when it explains at least this share of what is left.
-BELIEVED = 0.35
 # Physical: a sensor's noise is known to this share of its energy; what is less, of the noise or of all there is, is not seen in it.
 FAINT = 0.05
 # The signature of a current sensor that lies in whatever way.
@@ -204,7 +202,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
                 gain = value - explained - 2.0 * len(chosen_of) - sums.noise_in.get(group, 0.0)
                 if best is None or gain > best[0]:
                     best = (gain, group, chosen_of, extra)
-        if best is None or best[0] < max(BELIEVED * left, FAINT * whole, chance):
+        if best is None or best[0] < max(MOST * left, FAINT * whole, chance):
             break
         gain, group, members, extra = best
         picked += extra
