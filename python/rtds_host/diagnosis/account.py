@@ -123,11 +123,13 @@ def _fickle(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standin
 def _uneven(search: Search, fit: Fit, standing: list[Standing], steady: set[tuple[str, str]]) -> tuple[Standing, str] | None:
     """The one whose size scatters most over the settings, if it is no constant.
 
-    steady : effects seen to be of one size beside more others, to which those seen now are added. They stay so: what scatters once a
-    stand-in is taken out is the rest that it stood for.
+    A machine that the models describe no better than to many times the noise scatters in its constants, by more the worse they are
+    described, but each is one for the larger part. steady : effects seen to be of one size beside more others, to which those seen now
+    are added. They stay so: what scatters once a stand-in is taken out is the rest that it stood for.
     """
     beyond = scattered(search.problem, fit)
-    steady |= {member for member, much in beyond.items() if much <= SAME}
+    gap = search.problem.gap(fit.model(search.problem))
+    steady |= {member for member, much in beyond.items() if much <= min(SAME * max(gap - 1.0, 1.0), MOST)}
     one = max(standing, key=lambda s: (s.member not in steady, beyond[s.member]))
     return None if one.member in steady else (
         one, f"is of another size in other settings (it scatters by {100 * beyond[one.member]:.0f} %)")

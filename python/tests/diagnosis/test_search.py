@@ -1,6 +1,7 @@
 """The search: what it holds for one effect, what it looks at in a long log, how finely it knows a ripple."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -334,8 +335,17 @@ def test_a_gain_that_stands_in_for_a_bend_scatters_and_a_gain_does_not():
     assert scattered(search.problem, fit)[gain[0]] < 0.01
 
 
-def test_beside_the_largest_rest_an_effect_has_to_be_of_one_size():
-    """What is left lends no effect a second size, be it many times the noise."""
+@pytest.mark.parametrize(("beyond", "gap", "falls"), [(0.19, 1.0, False), (0.21, 1.0, True), (0.39, 3.0, False), (0.41, 3.0, True),
+                                                      (0.49, 30.0, False), (0.51, 30.0, True)])
+def test_an_effect_may_scatter_by_a_fifth_for_each_noise_that_is_left_and_by_half_at_most(monkeypatch, beyond, gap, falls):
+    member = ("current_gain", "both")
+    monkeypatch.setattr("rtds_host.diagnosis.account.scattered", lambda problem, fit: {member: beyond})
+    problem = SimpleNamespace(gap=lambda model: gap)
+    fit, standing = SimpleNamespace(model=lambda problem: None), [SimpleNamespace(member=member)]
+    assert (_uneven(SimpleNamespace(problem=problem), fit, standing, set()) is not None) == falls
+
+
+def test_beside_a_large_rest_a_stand_in_of_another_form_falls():
     gain = (("current_gain", "both"), {"ratio": 1.2})
     search, fit = fitted(changed(make_case(seconds=20.0), bent), gain)
     assert search.gap(fit) > 5.0
