@@ -14,6 +14,7 @@ It must also be worth naming, on runs that it was not fitted to as well (`left_o
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from rtds_host.diagnosis.carried import absent, carried, scattered
@@ -250,20 +251,28 @@ def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tu
                           for alike in (twins(search.problem.case, one.member, fit.hypothesis),
                                         near_twins(search.problem.case, one.member)))
         found = []
-        for candidate in search.rivals(one.without, one.member, LARGEST_SET):
-            if one.member[0] in search.effects[candidate.member[0]].contains:
-                continue                    # the same with a further parameter, for no better fit
-            swapped = search.swapped(fit, one.without, candidate)
+        for member, swapped in _swaps(search, fit, one):
             gain, t = compared(search.problem, fit, swapped)
             if (believed(gain, t) < math.log(CONVINCING) and search.named(swapped)
                     and not _opens(search.gap(swapped), search.gap(fit))):
-                known = candidate.member in near or candidate.member[0] in search.effects[one.member[0]].confused_with
-                found.append((not known, gain, candidate.member))
+                known = member in near or member[0] in search.effects[one.member[0]].confused_with
+                found.append((not known, gain, member))
                 rivals.append(swapped)
         others = list(dict.fromkeys([*inherent, *(member for *_, member in sorted(found)), *near]))
         if others:
             sets.append((one.member, *others[:LARGEST_SET - 1]))
     return tuple(sets), rivals
+
+
+def _swaps(search: Search, fit: Fit, one: Standing) -> Iterator[tuple[tuple[str, str], Fit]]:
+    """What might be there in an effect's place, each with the fit that has it there: its namesakes, and what a screening without it
+    promises."""
+    namesakes = search.namesakes(fit, one.member)
+    yield from namesakes.items()
+    for candidate in search.rivals(one.without, one.member, LARGEST_SET):
+        # What holds the effect is the same with a further parameter, for no better fit.
+        if candidate.member not in namesakes and one.member[0] not in search.effects[candidate.member[0]].contains:
+            yield candidate.member, search.swapped(fit, one.without, candidate)
 
 
 def _opens(other: float, gap: float) -> bool:

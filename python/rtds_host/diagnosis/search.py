@@ -294,7 +294,7 @@ class Search:
         tried = [fit]
         for member in fit.hypothesis:
             alone = self.without(fit, member)
-            found = self._sides(fit, member) + self._parted(alone, member) + self._renamed(fit, member)
+            found = [*self._sides(fit, member), *self._parted(alone, member), *self.namesakes(fit, member).values()]
             sure = believed(*compared(self.problem, fit, alone)) > SURE
             for candidate in self.promising(self._screens(alone, self.moves), 1 if sure else count):
                 if candidate.member != member:
@@ -384,23 +384,23 @@ class Search:
 
     def renamed(self, fit: Fit) -> Fit:
         """The explanation, or the better one that blames one of its effects' namesakes at the same size."""
-        found = [f for member in fit.hypothesis for f in self._renamed(fit, member)]
+        found = [f for member in fit.hypothesis for f in self.namesakes(fit, member).values()]
         better = min([fit, *(f for f in found if self.named(f))], key=self.score)
         if better is not fit:
             self.trace.append(f"rename {set(fit.hypothesis) - set(better.hypothesis)} -> {set(better.hypothesis) - set(fit.hypothesis)}")
         return better
 
-    def _renamed(self, fit: Fit, member: tuple[str, str]) -> list[Fit]:
-        """The same size as another effect with the same parameters, where no slope leads from one to the other: of two delays
-        one gives way to the other only if it is as long from the start."""
+    def namesakes(self, fit: Fit, member: tuple[str, str]) -> dict[tuple[str, str], Fit]:
+        """The same size as another effect with the same parameters, by that, where no slope leads from one to the other: of two
+        delays one gives way to the other only if it is as long from the start."""
         effect, parts = self.effects[member[0]], fit.parts
         rest = {h: u for h, u in parts.items() if h != member}
         names = [p.name for p in effect.parameters]
-        return [self.polished(self.try_fit(*joined({**rest, (other, member[1]): parts[member]}), fit), rest)
+        return {(other, member[1]): self.polished(self.try_fit(*joined({**rest, (other, member[1]): parts[member]}), fit), rest)
                 for other in effect.confused_with
                 if effect.steep and other in self.wanted and self.effects[other].steep
                 and [p.name for p in self.effects[other].parameters] == names
-                and not clashes((other, member[1]), tuple(rest)) and not self._doubles((other, member[1]), tuple(rest))]
+                and not clashes((other, member[1]), tuple(rest)) and not self._doubles((other, member[1]), tuple(rest))}
 
     def run(self) -> Fit:
         """Search; the most probable explanation."""

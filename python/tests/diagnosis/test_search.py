@@ -10,7 +10,7 @@ from diagnosis_cases import changed, make_case, make_run, without
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import carried as carried_module
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.account import _contradicted, _opens, _standing, _uneven, account
+from rtds_host.diagnosis.account import _contradicted, _opens, _standing, _swaps, _uneven, account
 from rtds_host.diagnosis.carried import carried, ratio, scatter, scattered
 from rtds_host.diagnosis.chance import MOST, SAME
 from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
@@ -343,6 +343,14 @@ def test_an_effect_may_scatter_by_a_fifth_for_each_noise_that_is_left_and_by_hal
     problem = SimpleNamespace(gap=lambda model: gap)
     fit, standing = SimpleNamespace(model=lambda problem: None), [SimpleNamespace(member=member)]
     assert (_uneven(SimpleNamespace(problem=problem), fit, standing, set()) is not None) == falls
+
+
+def test_the_other_delay_is_tried_in_a_delay_s_place_at_its_size():
+    """No screening promises it: a delay's misfit falls only near the right size. Where clocks may be off it can be the one that is there."""
+    delay, other = ("command_delay", "both"), ("measurement_delay", "both")
+    search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (delay, {"seconds": 0.0083}))
+    swapped = dict(_swaps(search, fit, _standing(search, fit, delay, True)))[other]
+    assert swapped.hypothesis == (other,) and swapped.values[0]["seconds"] == pytest.approx(0.0083, rel=0.1)
 
 
 def test_beside_a_large_rest_a_stand_in_of_another_form_falls():
