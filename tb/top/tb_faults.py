@@ -141,6 +141,32 @@ async def moves_with_the_clock(dut, signal):
         assert get_sim_time("ps") == edge, f"{signal._name} moves {get_sim_time('ps') - edge} ps after the clock"
 
 
+async def commit_and_clear(dut, number):
+    """Another configuration into the shadow after the next record, then both commands; its words, {name: word}, and the sets
+    of before and after."""
+    regs = dut.chip.u_port.u_regs
+    await RisingEdge(dut.chip.record_valid)
+    values = {"R": 8.6 * (1 + number % 5), "DAC_W_R_OFFSET": 50.0 * (-1) ** number}
+    words = {name: MAP.named(name).to_word(value) for name, value in values.items()}
+    for name, word in words.items():
+        await write_inside(dut, name, word)
+    await into_the_shadow(dut)
+    old, new = int(regs.active_q.value), int(regs.shadow_q.value)
+    await write_inside(dut, "COMMAND", 3)
+    return words, old, new
+
+
+async def clocks_to_the_take_over(dut, number):
+    """Clocks from the commands to the edge at which the configuration is another one, with a lock that holds."""
+    _, old, new = await commit_and_clear(dut, number)
+    for clock in range(STEP_CLOCKS):
+        if int(dut.chip.u_port.u_regs.active_q.value) == new != old:
+            return clock
+        await RisingEdge(dut.clk_sys)
+        await ReadOnly()
+    raise AssertionError("not taken over before the next record")
+
+
 @cocotb.test()
 async def lock_lost_at_every_clock_of_a_commit(dut):
     """A lock lost while a commit and a clear wait: what takes them over moves with the clock alone, and takes all of it."""
@@ -148,22 +174,21 @@ async def lock_lost_at_every_clock_of_a_commit(dut):
     regs = dut.chip.u_port.u_regs
     for signal in (regs.commit_now, regs.clear_now, regs.fx_ready_i, regs.step_i):
         cocotb.start_soon(moves_with_the_clock(dut, signal))
-    # The commands are written 6 clocks after the record and carried out when the step is done, 127 clocks after it.
-    clocks = range(132) if LONG else (0, 3, 60, 117, 118, 119, 120, 121, 122, 123, 124, 130)
+    # The commands are carried out when the step is done, 127 clocks after its record. The sweep follows that clock: of a lock lost
+    # 4 clocks before the take-over the reset comes as it is asked for, 3 before in its own clock.
+    taken_over = await clocks_to_the_take_over(dut, 2)
+    chip.core.clear()
+    await chip.until_steps(1)
+    clocks = range(taken_over + 10) if LONG else (0, 3, 60, *range(taken_over - 8, taken_over + 4), taken_over + 9)
+    done = []  # whether the take-over was behind when the lock was lost
     for number, clock in enumerate(clocks):
-        await RisingEdge(dut.chip.record_valid)
-        values = {"R": 8.6 * (1 + number % 5), "DAC_W_R_OFFSET": 50.0 * (-1) ** number}
-        words = {name: MAP.named(name).to_word(value) for name, value in values.items()}
-        for name, word in words.items():
-            await write_inside(dut, name, word)
-        await into_the_shadow(dut)
-        old, new = int(regs.active_q.value), int(regs.shadow_q.value)
-        await write_inside(dut, "COMMAND", 3)
+        words, old, new = await commit_and_clear(dut, number)
         for _ in range(clock):
             await RisingEdge(dut.clk_sys)
         await Timer(chip.rng.randint(1, 19999), "ps")  # off the clock
         dut.locked.value = 0
         dut.agent_clear.value = 1
+        done.append(int(regs.active_q.value) == new)
         for _ in range(12):
             assert int(regs.active_q.value) in (old, new), "half of a configuration"
             await RisingEdge(dut.clk_sys)
@@ -175,6 +200,7 @@ async def lock_lost_at_every_clock_of_a_commit(dut):
         await Timer(200, "ns")
         dut.forgive.value = 0
         dut.agent_clear.value = 0
+    assert done == [clock >= taken_over for clock in clocks], f"the take-over at {taken_over} was not where it was measured"
     await chip.until_steps(2)
     assert chip.now == chip.predicted != SAFE
 
