@@ -21,18 +21,6 @@ module fp_mul (
 );
   /* verilator lint_off UNUSEDSIGNAL */  // of a function's arguments not every bit is used
   // ---- stage 1 ---------------------------------------------------------------------------------------------------
-  // Fraction of the subnormal factor, its upper end a one if there is none. Of two subnormals the product is far below the
-  // smallest one: the leading zeros of one are enough.
-  function automatic [23:0] subnormal;
-    input [30:0] a;
-    input [30:0] b;
-    reg          a_normal;
-    begin
-      a_normal  = |a[30:23];
-      subnormal = {a_normal & (|b[30:23]), a_normal ? b[22:0] : a[22:0]};
-    end
-  endfunction
-
   // One less than the biased exponent of the product's bit 46, signed, -126 to 380: also the left shift that would
   // bring it to exponent 1.
   function automatic [9:0] exponent;
@@ -44,20 +32,18 @@ module fp_mul (
   reg        sign1_q;
   reg [23:0] a1_q;
   reg [23:0] b1_q;
-  reg [23:0] subnormal1_q;
   reg  [9:0] exp1_q;
   reg        a_max1_q;
   reg        b_max1_q;
 
   always @(posedge clk_i) begin
     if (en_i[0]) begin
-      sign1_q      <= a_i[31] ^ b_i[31];
-      a1_q         <= {|a_i[30:23], a_i[22:0]};
-      b1_q         <= {|b_i[30:23], b_i[22:0]};
-      subnormal1_q <= subnormal(a_i[30:0], b_i[30:0]);
-      exp1_q       <= exponent(a_i[30:23], b_i[30:23]);
-      a_max1_q     <= &a_i[30:23];
-      b_max1_q     <= &b_i[30:23];
+      sign1_q  <= a_i[31] ^ b_i[31];
+      a1_q     <= {|a_i[30:23], a_i[22:0]};
+      b1_q     <= {|b_i[30:23], b_i[22:0]};
+      exp1_q   <= exponent(a_i[30:23], b_i[30:23]);
+      a_max1_q <= &a_i[30:23];
+      b_max1_q <= &b_i[30:23];
     end
   end
 
@@ -70,6 +56,14 @@ module fp_mul (
     input        a_max;
     input        b_max;
     is_nan = (a_max & ((|a[22:0]) | ~(|b))) | (b_max & ((|b[22:0]) | ~(|a)));
+  endfunction
+
+  // Fraction of the subnormal factor, its upper end a one if there is none. Of two subnormals the product is far below the
+  // smallest one: the leading zeros of one are enough.
+  function automatic [23:0] subnormal;
+    input [23:0] a;
+    input [23:0] b;
+    subnormal = {a[23] & b[23], a[23] ? b[22:0] : a[22:0]};
   endfunction
 
   // {right shift of {product, 24 zeros}: 24 less the left shift, 1 to 56;
@@ -104,7 +98,7 @@ module fp_mul (
     if (en_i[1]) begin
       sign_q           <= sign1_q;
       product_q        <= a1_q * b1_q;
-      {right_q, exp_q} <= place(subnormal1_q, exp1_q, ~(|a1_q) | ~(|b1_q));
+      {right_q, exp_q} <= place(subnormal(a1_q, b1_q), exp1_q, ~(|a1_q) | ~(|b1_q));
       nan_q            <= is_nan(a1_q, b1_q, a_max1_q, b_max1_q);
       inf_q            <= a_max1_q | b_max1_q;
     end
