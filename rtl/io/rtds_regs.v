@@ -3,16 +3,16 @@
 // Purpose     parameters, scalings, sources, control, sticky status, identity and counters (docs/registers.md;
 //             addresses and reset values come from rtds_regs_map.vh, made from the one description).
 // Handshake   Avalon-MM, word addresses, never a wait state: a read or write is taken at any clock with
-//             avs_read_i or avs_write_i high. readdatavalid (reads) or writeresponsevalid (writes) follow two
+//             avs_read_i or avs_write_i high. readdatavalid (reads) or writeresponsevalid (writes) follow three
 //             clocks later together with response: 0 okay, 2 refused (read only), 3 no such register.
 //             A commit waits until idle_i is high and then replaces the whole of config_o at one clock edge, the second one
 //             after that: a step that starts in the clock after idle_i must not have read it by then. clear_o pulses under
 //             the same condition, in the clock before that edge. A second command while one waits joins it.
 //             A write to FX_DATA passes on to the effect unit in the same clock; it has no wait state either, and is lost
 //             (FX_ADDRESS stays) while the unit still holds the word before.
-// Latency     read 2 clocks: a word is chosen in the first among those of its kind, in the second among kinds; write 1 clock,
-//             into the shadow and its response 2; sticky bits 1 clock after their event. An event at the clock in
-//             which its bit is cleared wins.
+// Latency     read 3 clocks: the first finds the kind of the word and its number, for an address comes from afar and chooses among
+//             many; in the second it is chosen among those of its kind, in the third among kinds. Write 1 clock, into the shadow 2
+//             and its response 3; sticky bits 1 clock after their event. An event at the clock in which its bit is cleared wins.
 // Format      floats are opaque words here.
 // Reset       rst_ni is the board's reset, not the PLL's: registers survive a lost lock. latency_i, now_i and codes_i come
 //             from registers that do not: they read as zero while open_i is 0 (reset_gate). idle_i, fx_ready_i, event_i,
@@ -69,14 +69,23 @@ module rtds_regs #(
   wire       write = avs_write_i;
   wire       read = avs_read_i;
 
-  // Of the clock before: what was asked for, of which kind it is, and the words of long rows at that address.
+  // Of the clock before: what was asked for, of which kind it is, and its number among them.
   reg [ 7:0] address_q;
   reg        read_q;
   reg        write_q;
   reg        config_q;
-  reg        observed_q;
+  reg        now_q;
+  reg        codes_q;
   reg [ 5:0] cfg_word_q;
+  reg [ 3:0] now_word_q;
+  reg [ 2:0] code_word_q;
   reg [31:0] writedata_q;
+  // Of the clock before that: the words of long rows at that address.
+  reg [ 7:0] address2_q;
+  reg        read2_q;
+  reg        write2_q;
+  reg        config2_q;
+  reg        observed2_q;
   reg [31:0] shadow_word_q;
   reg [31:0] observed_word_q;
 
@@ -118,15 +127,14 @@ module rtds_regs #(
   // cells as a motor's adder); a word that was not written since reset still has its reset value.
   reg  [         31:0] mirror[0:63];
   reg  [CFG_WORDS-1:0] written_q;
-  wire [          5:0] cfg_word = cfg_index[5:0];
-  wire [         31:0] mirrored = mirror[cfg_word];
-  wire [         31:0] shadow_d = written_q[cfg_word] ? mirrored : CFG_RESET[32*cfg_word+:32];
+  wire [         31:0] mirrored = mirror[cfg_word_q];
+  wire [         31:0] shadow_d = written_q[cfg_word_q] ? mirrored : CFG_RESET[32*cfg_word_q+:32];
 
-  always @(posedge clk_i) if (write && in_config) mirror[cfg_word] <= avs_writedata_i;
+  always @(posedge clk_i) if (write_q && config_q) mirror[cfg_word_q] <= writedata_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) written_q <= {CFG_WORDS{1'b0}};
-    else if (write && in_config) written_q[cfg_word] <= 1'b1;
+    else if (write_q && config_q) written_q[cfg_word_q] <= 1'b1;
   end
 
   always @(posedge clk_i or negedge rst_ni) begin
@@ -200,7 +208,7 @@ module rtds_regs #(
       if (clear_q) steps_q <= 64'd0;
       else if (step_i) steps_q <= steps_q + 64'd1;
       if (serial_error_i) serial_errors_q <= serial_errors_q + 16'd1;
-      if (read_q && address_q == ADDR_CYCLES_LO) begin
+      if (read2_q && address2_q == ADDR_CYCLES_LO) begin
         cycles_hi_q  <= cycles_q[63:32];
         steps_seen_q <= steps_q;
       end
@@ -214,7 +222,7 @@ module rtds_regs #(
       .WIDTH(32)
   ) u_observed (
       .open_i(open_i),
-      .d_i   (in_now ? now_i[32*now_index+:32] : in_codes ? codes_i[32*code_index+:32] : latency_i),
+      .d_i   (now_q ? now_i[32*now_word_q+:32] : codes_q ? codes_i[32*code_word_q+:32] : latency_i),
       .q_o   (observed_d)
   );
 
@@ -224,9 +232,17 @@ module rtds_regs #(
       read_q          <= 1'b0;
       write_q         <= 1'b0;
       config_q        <= 1'b0;
-      observed_q      <= 1'b0;
+      now_q           <= 1'b0;
+      codes_q         <= 1'b0;
       cfg_word_q      <= 6'd0;
+      now_word_q      <= 4'd0;
+      code_word_q     <= 3'd0;
       writedata_q     <= 32'd0;
+      address2_q      <= 8'd0;
+      read2_q         <= 1'b0;
+      write2_q        <= 1'b0;
+      config2_q       <= 1'b0;
+      observed2_q     <= 1'b0;
       shadow_word_q   <= 32'd0;
       observed_word_q <= 32'd0;
     end else begin
@@ -234,9 +250,17 @@ module rtds_regs #(
       read_q          <= read;
       write_q         <= write;
       config_q        <= in_config;
-      observed_q      <= in_now || in_codes;
-      cfg_word_q      <= cfg_word;
+      now_q           <= in_now;
+      codes_q         <= in_codes;
+      cfg_word_q      <= cfg_index[5:0];
+      now_word_q      <= now_index[3:0];
+      code_word_q     <= code_index[2:0];
       writedata_q     <= avs_writedata_i;
+      address2_q      <= address_q;
+      read2_q         <= read_q;
+      write2_q        <= write_q;
+      config2_q       <= config_q;
+      observed2_q     <= now_q || codes_q;
       shadow_word_q   <= shadow_d;
       observed_word_q <= observed_d;
     end
@@ -254,21 +278,21 @@ module rtds_regs #(
   always @* begin
     readdata_d = 32'd0;
     response_d = RESP_OKAY;
-    if (config_q) begin
+    if (config2_q) begin
       readdata_d = shadow_word_q;
-    end else if (observed_q) begin
+    end else if (observed2_q) begin
       readdata_d = observed_word_q;
-      if (write_q) response_d = RESP_REFUSED;
+      if (write2_q) response_d = RESP_REFUSED;
     end else begin
-      case (address_q)
+      case (address2_q)
         ADDR_SCRATCH: readdata_d = scratch_q;
         ADDR_CONTROL: readdata_d = {30'd0, control_q};
         ADDR_COMMAND, ADDR_FX_DATA: readdata_d = 32'd0;
         ADDR_FX_ADDRESS: readdata_d = {18'd0, fx_address_q};
         ADDR_STATUS: readdata_d = {21'd0, status_q};
         default: begin
-          if (write_q) response_d = RESP_REFUSED;
-          case (address_q)
+          if (write2_q) response_d = RESP_REFUSED;
+          case (address2_q)
             ADDR_ID:            readdata_d = MAP_ID;
             ADDR_VERSION:       readdata_d = MAP_VERSION;
             ADDR_BUILD:         readdata_d = BUILD_ID;
@@ -293,10 +317,10 @@ module rtds_regs #(
       readdatavalid_q      <= 1'b0;
       writeresponsevalid_q <= 1'b0;
     end else begin
-      readdata_q           <= read_q ? readdata_d : 32'd0;
+      readdata_q           <= read2_q ? readdata_d : 32'd0;
       response_q           <= response_d;
-      readdatavalid_q      <= read_q;
-      writeresponsevalid_q <= write_q;
+      readdatavalid_q      <= read2_q;
+      writeresponsevalid_q <= write2_q;
     end
   end
 

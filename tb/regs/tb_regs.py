@@ -72,7 +72,7 @@ class Bench:
         address = register if isinstance(register, int) else MAP.named(register).address
         self.response = None
         await self.bus.write(address, word)
-        for _ in range(2):
+        for _ in range(3):
             await RisingEdge(self.dut.clk_i)
         assert self.response is not None, "no response to a write"
 
