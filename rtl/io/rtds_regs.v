@@ -11,8 +11,8 @@
 //             A write to FX_DATA passes on to the effect unit in the same clock; it has no wait state either, and is lost
 //             (FX_ADDRESS stays) while the unit still holds the word before.
 // Latency     read 3 clocks: the first finds the kind of the word and its number, for an address comes from afar and chooses among
-//             many; in the second it is chosen among those of its kind, in the third among kinds. Write 1 clock, into the shadow 2
-//             and its response 3; sticky bits 1 clock after their event. An event at the clock in which its bit is cleared wins.
+//             many; in the second it is chosen among those of its kind, in the third among kinds. Write 1 clock, into the shadow 3
+//             as its response is; sticky bits 1 clock after their event. An event at the clock in which its bit is cleared wins.
 // Format      floats are opaque words here.
 // Reset       rst_ni is the board's reset, not the PLL's: registers survive a lost lock. latency_i, now_i and codes_i come
 //             from registers that do not: they read as zero while open_i is 0 (reset_gate). idle_i, fx_ready_i, event_i,
@@ -108,15 +108,29 @@ module rtds_regs #(
   wire commit_now = commit_pending_q && idle_i;
   wire clear_now = clear_pending_q && idle_i;
 
+  // A word's enable stands beside the word, not behind a choice among all of them.
+  reg [CFG_WORDS-1:0] chosen_q;
+  reg          [31:0] writedata2_q;
+
+  always @(posedge clk_i or negedge rst_ni) begin
+    if (!rst_ni) writedata2_q <= 32'd0;
+    else writedata2_q <= writedata_q;
+  end
+
   genvar k;
   generate
     for (k = 0; k < CFG_WORDS; k = k + 1) begin : gen_config
+      always @(posedge clk_i or negedge rst_ni) begin
+        if (!rst_ni) chosen_q[k] <= 1'b0;
+        else chosen_q[k] <= write_q && config_q && cfg_word_q == k;
+      end
+
       always @(posedge clk_i or negedge rst_ni) begin
         if (!rst_ni) begin
           shadow_q[32*k+:32] <= CFG_RESET[32*k+:32];
           active_q[32*k+:32] <= CFG_RESET[32*k+:32];
         end else begin
-          if (write_q && config_q && cfg_word_q == k) shadow_q[32*k+:32] <= writedata_q;
+          if (chosen_q[k]) shadow_q[32*k+:32] <= writedata2_q;
           if (take_q) active_q[32*k+:32] <= shadow_q[32*k+:32];
         end
       end

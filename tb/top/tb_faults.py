@@ -48,7 +48,7 @@ async def write_inside(dut, name, word):
 
 async def into_the_shadow(dut):
     """What was written last stands there, on either simulator seen after its edge."""
-    for _ in range(2):
+    for _ in range(3):
         await RisingEdge(dut.clk_sys)
 
 
