@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import cocotb
 from cocotb.clock import Clock
-from cocotb.triggers import ReadOnly, RisingEdge
+from cocotb.triggers import NextTimeStep, ReadOnly, RisingEdge
 from cocotb_bus.drivers.avalon import AvalonMaster
 
 from rtds_host.link.registers import load_map
@@ -168,6 +168,33 @@ async def config_changes_only_by_commit_and_at_once(dut):
     for _ in range(5):
         await RisingEdge(dut.clk_i)
     assert b.config() == new
+
+
+@cocotb.test()
+async def a_commit_takes_the_write_of_the_clock_before_it(dut):
+    """A word written in one clock, the command in the next, a read of the word in the third, nothing in hand: the set in force
+    has the word from the fourth edge on, and the read gives it."""
+    b = await bench(dut)
+    register, word = MAP.named("R"), 0x41000000
+    before = b.config()
+    after = list(before)
+    after[register.address - MAP.config[0].address] = word
+    requests = [("write", register.address, word), ("write", MAP.named("COMMAND").address, 1), ("read", register.address, 0)]
+    seen, read = [], []
+    for clock in range(10):
+        kind, address, data = requests[clock] if clock < len(requests) else ("", 0, 0)
+        dut.avs_write_i.value = kind == "write"
+        dut.avs_read_i.value = kind == "read"
+        dut.avs_address_i.value = address
+        dut.avs_writedata_i.value = data
+        await RisingEdge(dut.clk_i)
+        await ReadOnly()
+        seen.append(b.config())
+        if int(dut.avs_readdatavalid_o.value):
+            read.append((clock, int(dut.avs_readdata_o.value)))
+        await NextTimeStep()
+    assert seen == [before] * 3 + [after] * 7
+    assert read == [(4, word)]
 
 
 @cocotb.test()
