@@ -114,6 +114,22 @@ def test_a_sample_far_off_is_set_aside_where_a_command_steps_beside_it(case, cha
     assert aside(bad, examine(bad)) == {("steps", channel): [step + 1]}
 
 
+def test_a_sample_that_cannot_be_is_no_witness_of_another_beside_it(case):
+    bad = spoiled(spoiled(case, "th_r", -30.0, rows=(301,)), "w_r", -40.0, rows=(300,))
+    name = case.runs[0].name
+    assert aside(bad, examine(bad)) == {(name, "th_r"): [301], (name, "w_r"): [300]}
+
+
+@pytest.mark.parametrize(("channel", "size"), [("gyro_z", 9.0), ("i_l", -3.0)])
+def test_at_a_kilohertz_no_turn_or_current_is_back_in_a_row_whatever_the_command(channel, size):
+    robot = builtin_robot("burger")
+    log = make_run("steps", nominal_model(robot), robot, "steps", 3.0, 3, step_s=0.001)
+    step = int(np.flatnonzero(np.abs(np.diff(log.columns["v_cmd_l"])) > 3.0)[0])
+    fast = Case("fast", robot, (log,))
+    bad = spoiled(fast, channel, size, rows=(step + 2,))
+    assert aside(fast, examine(fast)) == {} and aside(bad, examine(bad)) == {("steps", channel): [step + 2]}
+
+
 def rough(kind, seconds=6.0, step=1, name="run"):
     """A run of the nominal burger with an edited motion: an impact, a stall, a fast start, a step of the pose."""
     robot = builtin_robot("burger")

@@ -87,16 +87,11 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
     events = None
     result = {}
     every = {c: judged for c in names if (judged := _candidates(log, c, noise.get(c, 0.0))) is not None}
-    spikes = {c: log.t[rows[far]] for c, (rows, _, far, _) in every.items()}
+    cannot_be = {c: _cannot_be(log.columns[c][judged[0]], c, judged, bounds, noise) for c, judged in every.items()}
+    # What cannot be is no witness of another channel's motion.
+    spikes = {c: log.t[rows[far & ~cannot_be[c]]] for c, (rows, _, far, _) in every.items()}
     for c, (rows, off, far, span) in every.items():
-        v = log.columns[c][rows]
-        sure = far & (np.abs(v) > bounds.values.get(c, np.inf))
-        if c == "v_bus":
-            # A supply is never negative either.
-            sure |= far & (v < -sigmas(len(v)) * noise.get(c, 0.0))
-        rate = bounds.rates.get(c)
-        if rate is not None:
-            sure |= far & (off > rate * span)
+        v, sure = log.columns[c][rows], cannot_be[c]
         doubtful = far & ~sure
         # A first or last sample has neighbours on one side only: a start or an end may be sudden.
         doubtful[[0, 1, -2, -1]] = False
@@ -127,20 +122,37 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
     return result
 
 
+def _cannot_be(v: np.ndarray, c: str, judged: tuple[np.ndarray, ...], bounds: Limits, noise: dict[str, float]) -> np.ndarray:
+    """Which samples v (k,) of channel c, judged as of `_candidates`, the robot cannot do, (k,)."""
+    _, off, far, span = judged
+    beyond = np.abs(v) > bounds.values.get(c, np.inf)
+    if c == "v_bus":
+        # A supply is never negative either.
+        beyond |= v < -sigmas(len(v)) * noise.get(c, 0.0)
+    if c in bounds.rates:
+        beyond |= off > bounds.rates[c] * span
+    return far & beyond
+
+
 def _commanded(log: RunLog, case: Case, bounds: Limits, c: str, rows: np.ndarray, k: int, span: float) -> float:
     """How far a change of the commands about sample k may move channel c there and back, in the channel's unit."""
     commands = log.commands(case.robot.driver.mode)
     first, last = max(int(rows[k - 2]) - 1, 0), int(rows[k + 2]) + 1
     about = commands[first:last]
     swing = np.ptp(about, axis=0)
-    if c[0] != "i":
-        # A speed there and back asks for a command there and back; a current follows a step alone.
-        swing = swing - np.abs(about[-1] - about[0])
+    # A speed there and back asks for a command there and back; a current follows a step alone, of which a time constant takes it back.
+    alone = _comes_back(span, bounds) if c[0] == "i" else 0.0
+    swing = swing - (1.0 - alone) * np.abs(about[-1] - about[0])
     swing = float(np.max(swing))
     reach = bounds.rates[c] * span if c in bounds.rates else bounds.values.get(c, np.inf)
     if not np.isfinite(reach):
         reach = float(np.ptp(np.quantile(log.columns[c][rows], (HANDFUL, 1.0 - HANDFUL))))
     return min(1.0, swing / _full(log, case, bounds)) * reach
+
+
+def _comes_back(span: float, bounds: Limits) -> float:
+    """Share of a motor's answer that is there and gone within two samples `span` seconds apart, at most; 1 where that is not known."""
+    return min(1.0, 2.0 * span / bounds.time_constant_s) if bounds.time_constant_s > 0.0 else 1.0
 
 
 def _full(log: RunLog, case: Case, bounds: Limits) -> float:
@@ -159,6 +171,9 @@ def _stands_alone(log: RunLog, case: Case, bounds: Limits, c: str, rows: np.ndar
         first = int(np.searchsorted(log.t, log.t[rows[k]] - LONGEST_DELAY_S))
         swing = float(np.max(np.ptp(log.commands(case.robot.driver.mode)[first:int(rows[min(k + 2, len(rows) - 1)]) + 1], axis=0)))
         reversal = (1.0 if c[0] == "i" else 2.0) * bounds.values.get(c, np.inf) / ROOM
+        if c[0] != "i":
+            # A turn takes its time as a wheel does.
+            reversal *= _comes_back(span, bounds)
         if off <= min(1.0, swing / _full(log, case, bounds)) * reversal:
             return _alone(log, rows, k, c, events)
     return _alone(log, rows, k, c, spikes)
