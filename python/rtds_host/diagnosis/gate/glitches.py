@@ -4,8 +4,9 @@ A sample is judged by the two samples to either side of it, against the scatter 
 marks: the robot cannot do it (a pose or an angle would have to move faster than the motors turn, both ways; a value is
 beyond all bounds), or it stands alone (nothing else on the robot is off its neighbours then, commands do not go there and back by
 enough, and nothing else in its own channel comes near it). What moves a robot there and back shows in more than one channel: an impact
-in both wheels, the current and the gyro. A step moves others too, but there alone; a current may follow one for a sample, and a turn, the
-difference of two wheels, so that nothing else may change at all where these are within what the last commands can do.
+in both wheels, the current and the gyro. A sample that the robot cannot do is no witness of one beside it. A step moves others too, but
+there alone; a current may follow one for a sample, and a turn, the difference of two wheels, so that nothing else may change at all
+where these are within what the last commands can do.
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
     events = None
     result = {}
     every = {c: judged for c in names if (judged := _candidates(log, c, noise.get(c, 0.0))) is not None}
-    cannot_be = {c: _cannot_be(log.columns[c][judged[0]], c, judged, bounds, noise) for c, judged in every.items()}
+    cannot_be = {c: _cannot_be(log, c, judged, bounds, noise.get(c, 0.0)) for c, judged in every.items()}
     # What cannot be is no witness of another channel's motion.
     spikes = {c: log.t[rows[far & ~cannot_be[c]]] for c, (rows, _, far, _) in every.items()}
     for c, (rows, off, far, span) in every.items():
@@ -122,13 +123,14 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
     return result
 
 
-def _cannot_be(v: np.ndarray, c: str, judged: tuple[np.ndarray, ...], bounds: Limits, noise: dict[str, float]) -> np.ndarray:
-    """Which samples v (k,) of channel c, judged as of `_candidates`, the robot cannot do, (k,)."""
-    _, off, far, span = judged
+def _cannot_be(log: RunLog, c: str, judged: tuple[np.ndarray, ...], bounds: Limits, noise: float) -> np.ndarray:
+    """Which samples of channel c, judged as of `_candidates`, are what the robot cannot do, (k,)."""
+    rows, off, far, span = judged
+    v = log.columns[c][rows]
     beyond = np.abs(v) > bounds.values.get(c, np.inf)
     if c == "v_bus":
         # A supply is never negative either.
-        beyond |= v < -sigmas(len(v)) * noise.get(c, 0.0)
+        beyond |= v < -sigmas(len(v)) * noise
     if c in bounds.rates:
         beyond |= off > bounds.rates[c] * span
     return far & beyond

@@ -139,10 +139,11 @@ def clock_findings(log: RunLog, case: Case) -> list[Finding]:
     step = float(np.median(dt))
     rate = 1.0 / step
     found = []
-    fast = limits(case).time_constant_s
-    if step > fast * (1.0 + HANDFUL):
+    # NaN, which no step exceeds, where torque is commanded.
+    time_constant = limits(case).time_constant_s
+    if step > time_constant * (1.0 + HANDFUL):
         found.append(Finding(log.name, "t", "rate", "warning",
-                             f"{rate:.3g} rows a second are few beside a mechanical time constant of {1e3 * fast:.2g} ms: parameters of "
+                             f"{rate:.3g} rows a second are few beside a mechanical time constant of {1e3 * time_constant:.2g} ms: parameters of "
                              "fast parts are biased."))
     regular = dt[dt <= hole_s(t)]
     uneven = float(np.std(regular[np.round(regular / step) < 2])) / step if len(regular) > 2 else 0.0
