@@ -12,6 +12,7 @@ from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.gap import errors, gap, pooled
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.gate.rounding import step_of
+from rtds_host.diagnosis.gate.stamps import even_times
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
@@ -445,34 +446,98 @@ def stamped(case, seconds, seed=5):
     return changed(case, lambda t, _: np.maximum.accumulate(t + seconds * rng.standard_normal(len(t))) + 1e-9 * np.arange(len(t)))
 
 
-def test_stamps_that_are_off_are_measured_by_the_angles(case):
-    gate = examine(stamped(case, 0.002))
-    assert gate.timing.stamps_s == pytest.approx(0.002, rel=0.15)
-    assert gate.of("stamps")
-
-
-def test_rows_that_were_taken_unevenly_have_right_stamps():
-    """A logger that reads when it can, and stamps when it read: nothing is wrong with its clock."""
+def uneven(change=None, scatter_s=0.0, drift_s=0.0, seed=2):
+    """Three runs that were taken when the stamps say, of rows 10 ms apart: `scatter_s` about a grid, each `drift_s` after the last."""
     robot = builtin_robot("burger")
-    run = make_run("weave", nominal_model(robot), robot, "weave")
-    rng = np.random.default_rng(2)
-    t = run.t + 0.002 * rng.random(len(run.t))
-    columns = {c: v for c, v in run.columns.items() if c.startswith("v_cmd")}
-    out = replay_run(nominal_model(robot), run_inputs(RunLog("weave", run.meta, t, columns), robot))
-    columns |= {c: out[:, k] + robot.noise(c) * rng.standard_normal(len(t)) for k, c in enumerate(OUTPUTS)}
-    gate = examine(Case("uneven", robot, (RunLog("weave", run.meta, t, columns),)))
-    assert gate.timing.jitter_s > 5e-4
-    assert gate.timing.stamps_s == 0.0 and not gate.case.runs[0].unsure
+    model = nominal_model(robot)
+    if change is not None:
+        change(model)
+    rng = np.random.default_rng(seed)
+    runs = []
+    for run in make_case().runs:
+        n = len(run.t)
+        t = np.maximum.accumulate(run.t + scatter_s * rng.standard_normal(n) + np.cumsum(drift_s * rng.random(n))) + 1e-9 * np.arange(n)
+        columns = {c: v for c, v in run.columns.items() if c.startswith("v_cmd")}
+        out = replay_run(model, run_inputs(RunLog(run.name, run.meta, t, columns), robot))
+        columns |= {c: out[:, k] + robot.noise(c) * rng.standard_normal(n) for k, c in enumerate(OUTPUTS)}
+        runs.append(RunLog(run.name, run.meta, t, columns))
+    return Case("uneven", robot, tuple(runs))
 
 
-def test_what_a_stamp_is_off_counts_as_noise_where_a_channel_changes(case):
+def left(runs, robot):
+    """The gap that the nominal robot leaves."""
+    model = nominal_model(robot)
+    return gap(pooled([errors(log, robot, replay_run(model, run_inputs(log, robot))) for log in runs]))
+
+
+CHANGES = {"sound": None, "delay": lambda m: m.put("command_delay", 0.15), "friction": lambda m: m.put("coulomb", 0.02)}
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES.keys())
+def test_rows_that_come_evenly_get_an_even_clock(change):
+    """Their stamps scatter; whatever is wrong with the robot, it answers when it was asked."""
+    exact = make_case(change)
+    gate = examine(stamped(exact, 0.002))
+    assert gate.of("even")
+    for log, cleaned in zip(exact.runs, gate.case.runs):
+        assert np.abs((cleaned.t - cleaned.t[0]) - (log.t - log.t[0])).max() < 5e-4
+    assert gate.timing.stamps_s == 0.0
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES.keys())
+@pytest.mark.parametrize(("scatter_s", "drift_s"), [(0.002, 0.0), (0.004, 0.0), (0.0, 0.004)])
+def test_rows_that_were_taken_unevenly_keep_their_times(change, scatter_s, drift_s):
+    """A logger that reads when it can, and stamps when it read: nothing is wrong with its clock."""
+    taken = uneven(change, scatter_s, drift_s)
+    gate = examine(taken)
+    assert not gate.of("even") and not gate.of("stamps")
+    assert all(np.array_equal(a.t, b.t) for a, b in zip(taken.runs, gate.case.runs))
+
+
+def test_missing_rows_do_not_shift_the_even_clock():
+    rng = np.random.default_rng(3)
+    even = 5.0 + 0.01 * np.flatnonzero(rng.random(800) > 0.03)
+    found = even_times(even + 0.0015 * rng.standard_normal(len(even)))
+    assert np.abs(found - found[0] - (even - even[0])).max() < 2e-4
+
+
+@pytest.mark.parametrize("n", [50, 5000, 30000])
+def test_a_clock_is_even_on_short_logs_and_long_ones(n):
+    rng = np.random.default_rng(4)
+    even = 1.7e9 + 0.00503 * np.arange(n)
+    found = even_times(even + 0.0005 * rng.standard_normal(n))
+    assert np.abs(found - found[0] - (even - even[0])).max() < 5e-4
+
+
+def test_a_clock_that_is_even_or_walks_is_left_as_it_is():
+    rng = np.random.default_rng(5)
+    assert even_times(0.01 * np.arange(500)) is None
+    assert even_times(np.cumsum(0.01 * (0.5 + rng.random(500)))) is None
+    assert even_times(np.sort(5.0 * rng.random(500))) is None
+
+
+def late_and_uneven(seconds=0.002):
+    """Rows that are taken each some 2 ms after they should be, with stamps that are off besides."""
+    return stamped(uneven(drift_s=0.004), seconds)
+
+
+def test_stamps_that_are_off_are_measured_by_the_angles():
+    gate = examine(late_and_uneven())
+    assert gate.timing.stamps_s == pytest.approx(0.002, rel=0.15)
+    assert gate.of("stamps") and not gate.of("even")
+
+
+def test_what_a_stamp_is_off_counts_as_noise_where_a_channel_changes():
     """The nominal robot leaves a gap of one, though its samples are off by far more than their sensors' noise."""
-    late = stamped(case, 0.002)
-    cleaned = examine(late).case
-    model = nominal_model(case.robot)
+    late = late_and_uneven()
+    assert left(late.runs, late.robot) > 1.1
+    assert left(examine(late).case.runs, late.robot) == pytest.approx(1.0, abs=0.1)
 
-    def left(runs):
-        return gap(pooled([errors(log, case.robot, replay_run(model, run_inputs(log, case.robot))) for log in runs]))
 
-    assert left(late.runs) > 1.1
-    assert left(cleaned.runs) == pytest.approx(1.0, abs=0.1)
+# ---- two slips beside each other -----------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("apart", [1, 2])
+def test_slips_of_two_channels_beside_each_other_are_no_witnesses(case, apart):
+    """What moved the robot is in all its channels in the same row."""
+    both = spoiled(spoiled(case, "w_r", 12.0, rows=(300,)), "gyro_z", 0.6, rows=(300 - apart,))
+    assert aside(case, examine(both)) == {("spin", "w_r"): [300], ("spin", "gyro_z"): [300 - apart]}

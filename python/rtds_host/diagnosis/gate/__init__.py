@@ -48,6 +48,9 @@ def examine(case: Case) -> Gate:
     cleaned, told, lags = _compared(cleaned, bounds, noise)
     found += told
     _enough(cleaned)
+    stamped = cleaned
+    cleaned, told = stamps.evened(cleaned, noise, float(np.median([lag for _, lag in lags])) if lags else 0.0)
+    found += told
     cleaned, stamps_s, told = stamps.settled(cleaned, noise)
     found += told
     found += _rounded(noise, steps, declared)
@@ -62,7 +65,7 @@ def examine(case: Case) -> Gate:
                              "motion."))
     found.sort(key=lambda f: -SEVERITIES.index(f.severity))
     apart = [a for _, a, _ in commands if math.isfinite(a)]
-    times = [timing.sampled(log, cleaned) for log in cleaned.runs]
+    times = [timing.sampled(log, case) for log in stamped.runs]
     clock = Timing(step_s=float(np.median([np.median(np.diff(t)) for t in times])),
                    jitter_s=float(np.median([timing.jitter(t) for t in times])), stamps_s=stamps_s,
                    lag_s=timing.lags_of(lags), command_step_s=float(np.median(apart)) if apart else math.nan,

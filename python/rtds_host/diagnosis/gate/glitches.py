@@ -11,6 +11,8 @@ where these are within what the last commands can do.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
@@ -83,7 +85,25 @@ def _candidates(log: RunLog, c: str, noise: float) -> tuple[np.ndarray, np.ndarr
 
 def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
     """Channel -> rows of a run's isolated samples that cannot be (k,), of those that only stand alone (m,), and how many samples
-    the channel has."""
+    the channel has.
+
+    What was found is taken out and the rest judged anew, until nothing more is found: a slip is no witness of the one beside it.
+    """
+    found = _found(log, case, bounds, noise)
+    more = found
+    while any(len(sure) + len(lone) for sure, lone, _ in more.values()):
+        columns = dict(log.columns)
+        for c, (sure, lone, _) in found.items():
+            columns[c] = columns[c].copy()
+            columns[c][np.concatenate([sure, lone])] = np.nan
+        more = _found(replace(log, columns=columns), case, bounds, noise)
+        found = {c: (*(np.concatenate([rows, more[c][k]]) if c in more else rows for k, rows in enumerate(parts)), count)
+                 for c, (*parts, count) in found.items()}
+    return found
+
+
+def _found(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
+    """As `isolated`, of one look."""
     names = tuple(c for c in channels(case.robot) if log.has(c))
     events = None
     result = {}
@@ -178,7 +198,9 @@ def _stands_alone(log: RunLog, case: Case, bounds: Limits, c: str, rows: np.ndar
             reversal *= _comes_back(span, bounds)
         if off <= min(1.0, swing / _full(log, case, bounds)) * reversal:
             return _alone(log, rows, k, c, events)
-    return _alone(log, rows, k, c, spikes)
+    # What moved the robot is in all its channels at once: one that was read in the same row and is not off there saw nothing.
+    return _alone(log, rows, k, c, {name: times[times == log.t[rows[k]]] if np.isfinite(log.columns[name][rows[k]]) else times
+                                    for name, times in spikes.items()})
 
 
 def _alone(log: RunLog, rows: np.ndarray, k: int, c: str, events: dict[str, np.ndarray]) -> bool:

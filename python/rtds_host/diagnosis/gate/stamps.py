@@ -1,4 +1,8 @@
-"""Time stamps that are wrong: how far off they are, and what that adds to each sample's noise.
+"""Time stamps that are wrong: rows that come evenly get an even clock, and what is off for all that adds to each sample's noise.
+
+Rows that lie on a grid but for a scatter were either taken on the grid and stamped late or early, or taken when they say. The robot
+knows: replayed at the grid's times it differs by D from itself at the stamps', and what was measured differs by D, too, where
+the stamps are wrong, and by nothing along D where they are right.
 
 Between two samples at a steady speed w an angle turns by w times the time that really passed, so that the stamps' step less
 the angle's, over w, is the difference of two stamps' errors: adjacent ones have one stamp in common, with opposite sign,
@@ -11,10 +15,16 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import isotonic_regression
 
 from rtds_host.contract import Case, RunLog
-from rtds_host.diagnosis.chance import FEWEST, MEAN_OF_NORMAL, MOVES, SLIGHT
+from rtds_host.diagnosis.chance import FEWEST, HANDFUL, MEAN_OF_NORMAL, MOST, MOVES, SLIGHT
 from rtds_host.diagnosis.gate.findings import Finding
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+
+# Numerical: rows by which a grid's period is looked for first, and trials of it within the resolution of what is looked at.
+FIRST_ROWS, TRIALS = 512, 4
 
 
 def stamp_error(case: Case, noise: dict[str, float]) -> float:
@@ -68,6 +78,91 @@ def unsure(log: RunLog, stamps_s: float, noise: dict[str, float]) -> RunLog:
         added[rows] = np.sqrt(0.5 * (np.append(squares, squares[-1]) + np.append(squares[0], squares)))
         found[channel] = added
     return replace(log, unsure=found)
+
+
+def even_times(t: np.ndarray) -> np.ndarray | None:
+    """Times (n,) s of the even grid that stamps scatter about; None where there is none, or no scatter worth the name.
+
+    The period is where the stamps' phases agree best (Rayleigh); rows are numbered by an isotonic regression, since some may be missing
+    and each comes after the one before.
+    """
+    n = len(t)
+    if n < FEWEST:
+        return None
+    t = t - t[0]
+    dt = np.diff(t) / float(np.median(np.diff(t)))
+    if float(np.std(dt - np.round(dt))) < HANDFUL:
+        return None
+    rate = 1.0 / float(np.median(np.diff(t)))
+    rows = min(n, FIRST_ROWS)
+    # A median of as many steps is as wrong as their scatter lets it be.
+    width = MOVES / math.sqrt(rows) * rate
+    while True:
+        span = float(t[rows - 1])
+        trials = rate + np.arange(-width, width, 1.0 / (TRIALS * span))
+        means = np.array([np.mean(np.exp(-2j * np.pi * trial * t[:rows])) for trial in trials])
+        best = int(np.argmax(np.abs(means)))
+        # Of phases at random the mean's square is exponential, of mean 1 / rows, in each of the trials.
+        if rows * abs(means[best]) ** 2 < 0.5 * MOVES**2 + math.log(len(trials)):
+            return None
+        rate, phase = float(trials[best]), float(np.angle(means[best]))
+        if rows == n:
+            break
+        rows, width = min(n, 2 * rows), 1.0 / span
+    count = np.arange(n)
+    place = rate * t + phase / (2.0 * np.pi)
+    for _ in range(2):
+        number = count + np.round(isotonic_regression(place - count).x)
+        slope, start = np.polyfit(number, t, 1)
+        place = (t - start) / slope
+    off = t - start - slope * number
+    deviation = float(off.std())
+    if deviation < HANDFUL * slope or abs(float(np.mean(off[1:] * off[:-1]))) > MOST * deviation**2:
+        return None
+    return t - off
+
+
+def evened(case: Case, noise: dict[str, float], lag_s: float) -> tuple[Case, list[Finding]]:
+    """The case at the times its answers show where rows come evenly and stamps scatter, and what is said of it.
+
+    noise : channel -> one standard deviation of a sample, SI; lag_s : by which the robot answers later than the nominal one, s.
+    """
+    model, regular = nominal_model(case.robot), [even_times(log.t) for log in case.runs]
+    along = across = 0.0
+    for log, even in zip(case.runs, regular):
+        if even is None:
+            continue
+        replays = []
+        for t in (log.t, log.t[0] + even):
+            inputs = run_inputs(replace(log, t=t), case.robot)
+            replays.append(replay_run(model, (inputs[0], inputs[1] + lag_s, *inputs[2:])))
+        for channel, sigma in noise.items():
+            if log.has(channel) and not channel.startswith(("x", "y")):
+                rows = np.flatnonzero(np.isfinite(log.columns[channel]))
+                given, moved = (out[rows, OUTPUT_INDEX[channel]] for out in replays)
+                a, b = _share(log.columns[channel][rows] - given, moved - given, sigma)
+                along, across = along + a, across + b
+    if along - MOST * across < MOVES * math.sqrt(across) or not across:
+        return case, []
+    runs = tuple(log if even is None else replace(log, t=log.t[0] + even) for log, even in zip(case.runs, regular))
+    moved_s = math.sqrt(float(np.mean(np.concatenate([(a.t - b.t) ** 2 for a, b in zip(runs, case.runs)]))))
+    return replace(case, runs=runs), [Finding(
+        "", "t", "even", "note", f"rows come evenly, but their time stamps scatter by {1e3 * moved_s:.2g} ms: the robot answers "
+        "as on an even clock, which is used.")]
+
+
+def _share(left: np.ndarray, moved: np.ndarray, sigma: float) -> tuple[float, float]:
+    """Sums whose quotient is the share of `moved` (n,) in `left` (n,), and whose second is the inverse of its variance.
+
+    Both are whitened by what a sample of `left` says of the next: what a model has wrong is slow, a scatter is not.
+    """
+    if len(left) < FEWEST or not moved.any():
+        return 0.0, 0.0
+    left, moved = left - left.mean(), moved - moved.mean()
+    kept = min(max(float(left[1:] @ left[:-1]) / max(float(left @ left), sigma**2), 0.0), 1.0)
+    left, moved = np.diff(left) + (1.0 - kept) * left[:-1], np.diff(moved) + (1.0 - kept) * moved[:-1]
+    variance = max(float(np.mean(left**2)), sigma**2)
+    return float(left @ moved) / variance, float(moved @ moved) / variance
 
 
 def settled(case: Case, noise: dict[str, float]) -> tuple[Case, float, list[Finding]]:
