@@ -23,7 +23,7 @@ from rtds_host.diagnosis.evidence import CONVINCING, believed, closer, compared,
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
-from rtds_host.diagnosis.localise import excess_energy
+from rtds_host.diagnosis.localise.standins import absences
 from rtds_host.diagnosis.screen import available, clashes
 from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.twins import near_twins, twins
@@ -172,19 +172,23 @@ def _unforetold(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Sta
 
 
 def _contradicted(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
-    """The one that opens the blocks which are driven by measured signals most, if any does beyond chance.
+    """The one that opens the blocks which are driven by measured signals most, if any does beyond chance; else the one that is least its
+    own there, if it is more of a cause without a name.
 
     A track that is wider than declared brings a replay's turns closer where a drag slows them; but then the measured wheels and
     the gyro, which agree, would have to disagree.
     """
-    case = search.problem.looked_at
-    left, count = excess_energy(case, fit.model(search.problem))
-    if not count:
+    problem = search.problem
+    found = absences(problem.looked_at, fit.model(problem), {s.member: absent(problem, fit, s.member) for s in standing})
+    if not found.count:
         return None
-    opened = {s.member: left - excess_energy(case, absent(search.problem, fit, s.member))[0] for s in standing}
-    one = max(standing, key=lambda s: opened[s.member])
-    return None if opened[one.member] <= 2.0 * math.log(CONVINCING) * (1.0 + left / count) else (
-        one, "opens what measured signals close (it leaves more of the blocks that they drive than there is without it)")
+    one = max(standing, key=lambda s: found.opened[s.member])
+    if found.opened[one.member] > 2.0 * math.log(CONVINCING) * (1.0 + found.left / found.count):
+        return one, "opens what measured signals close (it leaves more of the blocks that they drive than there is without it)"
+    one = min(standing, key=lambda s: found.kept.get(s.member, 1.0))
+    kept = found.kept.get(one.member, 1.0)
+    return None if kept >= MOST or excess(problem, fit) == 0.0 else (
+        one, f"stands in for {found.cause} (beside it {100 * max(kept, 0.0):.0f} % of what it does to the blocks is its own)")
 
 
 def account(search: Search, fit: Fit) -> Account:

@@ -8,9 +8,12 @@ from diagnosis_cases import changed, make_case, without
 
 from rtds_host.blind import planar
 from rtds_host.contract import Case, builtin_robot
-from rtds_host.diagnosis import localise as blocks
 from rtds_host.diagnosis.effects import SUBSYSTEMS
-from rtds_host.diagnosis.localise import BLOCKS, localise
+from rtds_host.diagnosis.localise import BLOCKS, blocks, localise
+from rtds_host.diagnosis.localise.ground import extent
+from rtds_host.diagnosis.localise.shares import group_of
+from rtds_host.diagnosis.localise.standins import NAMELESS as NAMELESS_CAUSES
+from rtds_host.diagnosis.localise.standins import absences
 from rtds_host.diagnosis.replay.model import nominal_model
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 
@@ -189,14 +192,13 @@ NAMELESS = {
     "a driver that slews": ("driver", {"id": "slew_limit", "side": "both", "parameters": {"slew": 60.0}}),
     "a battery that relaxes": ("driver", {"id": "bus_relaxation", "side": "both", "parameters": {
         "relax_ohm": 1.5, "relax_tau": 1.0}}),
+    "a torque that falls behind its current": ("winding", {"id": "magnetic_saturation", "side": "both", "parameters": {"saturation": 0.6}}),
     "clocks that drift apart": ("timing", {"id": "clock_drift", "side": "both", "parameters": {"clock_drift": 0.002}}),
 }
 
 
-@pytest.mark.parametrize(("subsystem", "cause"), NAMELESS.values(), ids=NAMELESS)
-def test_what_the_catalogue_has_no_name_for_is_placed_in_its_subsystem(subsystem, cause):
-    machine = planar.nominal_machine(builtin_robot("burger"))
-    planar.apply_outside(machine, cause)
+def driven(machine):
+    """Three flat runs of a machine of another world than the replay's, with the white noise that the robot's sensors declare."""
 
     def of_that_machine(t, columns):
         rng = np.random.default_rng(3)
@@ -208,5 +210,53 @@ def test_what_the_catalogue_has_no_name_for_is_placed_in_its_subsystem(subsystem
 
     flat = make_case(seconds=12.0)
     flat = Case(flat.name, flat.robot, tuple(replace(run, meta=replace(run.meta, slope_rad=0.0, payload_kg=0.0)) for run in flat.runs))
-    result = located(changed(flat, of_that_machine))
+    return changed(flat, of_that_machine)
+
+
+@pytest.mark.parametrize(("subsystem", "cause"), NAMELESS.values(), ids=NAMELESS)
+def test_what_the_catalogue_has_no_name_for_is_placed_in_its_subsystem(subsystem, cause):
+    machine = planar.nominal_machine(builtin_robot("burger"))
+    planar.apply_outside(machine, cause)
+    result = located(driven(machine))
     assert result.shares()[0]["subsystem"] == subsystem, (result.shares(), result.signatures)
+
+
+# ---- effects that stand in -----------------------------------------------------------------------------------------
+
+INERTIA = ("rotor_inertia_error", "both")
+SATURATION = NAMELESS["a torque that falls behind its current"][1]
+
+
+def kept_of_the_inertia(ratio, cause=None):
+    """What the blocks leave of a rotor 1.4 times as heavy as declared, on a machine whose rotor is `ratio` times, and beside what."""
+    robot = builtin_robot("burger")
+    machine = planar.nominal_machine(robot)
+    if ratio != 1.0:
+        planar.apply_effect(machine, {"id": INERTIA[0], "side": "both", "parameters": {"ratio": ratio}})
+    if cause is not None:
+        planar.apply_outside(machine, cause)
+    model = nominal_model(robot)
+    model.scale("rotor_inertia", 1.4)
+    found = absences(driven(machine), model, {INERTIA: nominal_model(robot)})
+    return found.kept.get(INERTIA), found.cause
+
+
+def test_an_inertia_is_mostly_not_its_own_where_the_torque_falls_behind_the_current():
+    kept, cause = kept_of_the_inertia(1.0, SATURATION)
+    assert cause == "a torque that falls behind its current" and kept < 0.5
+
+
+def test_an_inertia_stands_beside_a_torque_that_falls_behind_the_current():
+    kept, cause = kept_of_the_inertia(1.4, SATURATION)
+    assert cause == "a torque that falls behind its current" and kept == pytest.approx(1.0, abs=0.3)
+
+
+def test_nothing_is_said_of_an_effect_that_leaves_nothing():
+    assert kept_of_the_inertia(1.4) == (None, "")
+
+
+def test_each_cause_without_a_name_has_a_signature():
+    run = driven(planar.nominal_machine(builtin_robot("burger"))).runs[2]
+    names = {group_of(name) for name in blocks.replay_blocks(run, builtin_robot("burger"), nominal_model(builtin_robot("burger")),
+                                                             extent([run])).columns}
+    assert set(NAMELESS_CAUSES) <= names

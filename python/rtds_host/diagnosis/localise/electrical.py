@@ -104,4 +104,4 @@ def current_block(run: Signals, k: int) -> None:
         heat = run.heat(i, float(res[0]), seconds)
         run.volt_columns(f"winding:heating{seconds:g}_{s}", k, -res * i * heat, -middles(res * i * heat))
     run.volt_columns(f"winding:constant_{s}", k, -ke * w, -ke * middles(w))
-    run.volt_columns(f"winding:saturation_{s}", k, -ke * w * np.abs(i), -ke * middles(w * np.abs(i)))
+    run.volt_columns(f"winding:saturation_{s}b", k, -ke * w * np.abs(i), -ke * middles(w * np.abs(i)))

@@ -9,7 +9,8 @@ from rtds_host.diagnosis.chance import APART, MOVES
 from rtds_host.diagnosis.localise.series import cumulated, filled, first_order, middles, near, smooth
 from rtds_host.diagnosis.localise.signals import WINDOW_S, Signals
 
-# Numerical: parts of the largest force met that a tyre may pass on, and how long one that lost its grip takes to regain it.
+# Numerical: parts of the largest force met that a tyre may pass on, and of the largest current beyond which a motor's torque falls
+# behind; and how long a tyre that lost its grip takes to regain it.
 TRACTIONS = (0.2, 0.4, 0.6, 0.8)
 SLIPPED_S = 0.1
 # Numerical: speeds over which friction fades, of the speed without load, and cycles a turn of a ripple.
@@ -155,6 +156,9 @@ def torque_block(run: Signals, k: int) -> None:
         put(f"sensing:current_fault_{s}", -run.km[k] * middles(read))
         put(f"winding:constant_{s}", run.km[k] * middles(i))
         put(f"winding:saturation_{s}", -run.km[k] * middles(i * np.abs(i)))
+        largest = float(np.max(np.abs(smooth(i, run.half)), initial=0.0))
+        for part in TRACTIONS:
+            put(f"winding:saturation@{part:g}_{s}", -run.km[k] * middles(i - np.clip(i, -part * largest, part * largest)))
     elif run.voltage_mode:
         put(f"winding:constant_{s}", drive)
     if run.body:

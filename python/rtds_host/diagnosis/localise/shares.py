@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from rtds_host.diagnosis.chance import FEWEST, MOST, QUARTER_OF_NORMAL, SLIGHT, sigmas
@@ -31,7 +33,7 @@ LOOSE = ("backlash", "stiffness")
 FARTHEST = 1e4
 
 
-def _group(cause: str) -> str:
+def group_of(cause: str) -> str:
     subsystem, name = cause.split("@")[0].split(":")
     for s in ("_lb", "_rb", "_l", "_r"):
         name = name.removesuffix(s)
@@ -85,7 +87,7 @@ class Sums:
         for j, c in enumerate(used):
             a[:, j] = run.columns[c][b][take] / noise[take]
         a[~np.isfinite(a)] = 0.0
-        for j in (j for j, c in enumerate(used) if _group(c) == CURRENT_FAULT and b.startswith("current") and len(z)):
+        for j in (j for j, c in enumerate(used) if group_of(c) == CURRENT_FAULT and b.startswith("current") and len(z)):
             # At quiet times it is the sensor's noise, coloured as it may be.
             quiet = float(np.quantile(np.abs(a[:, j]), 0.25)) / QUARTER_OF_NORMAL
             self.noise_in[CURRENT_FAULT] = self.noise_in.get(CURRENT_FAULT, 0.0) + len(z) * quiet**2
@@ -100,6 +102,54 @@ class Sums:
                 entry = self.regimes[b].setdefault(regime, [0.0, 0])
                 entry[0] += float(z[inside] @ z[inside])
                 entry[1] += int(inside.sum())
+
+    @functools.cached_property
+    def _total(self) -> tuple[np.ndarray, np.ndarray]:
+        size = len(self.names)
+        return sum(self.gram.values(), np.zeros((size, size))), sum(self.cross.values(), np.zeros(size))
+
+    @functools.cached_property
+    def groups(self) -> dict[str, list[int]]:
+        """Columns that show at all, by the cause that they belong to."""
+        found: dict[str, list[int]] = {}
+        for j, name in enumerate(self.names):
+            if self._total[0][j, j] > 0:
+                found.setdefault(group_of(name), []).append(j)
+        return found
+
+    @property
+    def always(self) -> list[int]:
+        """Columns of the nuisances, which are in every explanation."""
+        return [j for name in NUISANCES for j in self.groups.get(name, [])]
+
+    @property
+    def floor(self) -> float:
+        """Energy of the noise: it is known to a few per cent only, and what no column at all can lower is not excess."""
+        return sum(min(self.count[b], self.energy[b]) for b in self.blocks)
+
+    def explained(self, columns: list[int], loose: set[int]) -> tuple[float, np.ndarray]:
+        """Energy that columns explain, and their sizes: nuisances, but for those in `loose`, within their prior and within `BAND`."""
+        nuisance = set(self.always)
+        fixed = np.zeros(len(columns))
+        held = np.zeros(len(columns), bool)
+        tight = np.array([j in nuisance and j not in loose for j in columns], bool)
+        g, c = self._total[0][np.ix_(columns, columns)], self._total[1][columns]
+        theta = fixed
+        for _ in columns:
+            free = ~held
+            p = np.where(tight, 1.0 / PRIOR**2, 0.0)[free]
+            gf = g[np.ix_(free, free)]
+            d = np.sqrt(np.diag(gf) + p)
+            normal = gf / np.outer(d, d)
+            normal[np.diag_indices_from(normal)] += p / d**2 + 1e-9
+            theta = fixed.copy()
+            theta[free] = np.linalg.solve(normal, (c[free] - g[np.ix_(free, held)] @ fixed[held]) / d) / d
+            over = tight & free & (np.abs(theta) > BAND)
+            if not over.any():
+                break
+            fixed[over] = np.sign(theta[over]) * BAND
+            held |= over
+        return float(2.0 * theta @ c - theta @ g @ theta), theta
 
     def _sides(self, run: Signals) -> None:
         """Do both sides' torques miss together, and do they miss against the motion?"""
@@ -142,47 +192,15 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
     names, blocks, gram, cross, energy, count = (sums.names, sums.blocks, sums.gram, sums.cross, sums.energy,
                                                  sums.count)
     excess = {b: max(energy[b] - count[b], 0.0) for b in blocks}
-    total_gram = sum(gram.values()) if blocks else np.zeros((len(names), len(names)))
-    total_cross = sum(cross.values()) if blocks else np.zeros(len(names))
-    groups: dict[str, list[int]] = {}
-    for j, name in enumerate(names):
-        if total_gram[j, j] > 0:
-            groups.setdefault(_group(name), []).append(j)
-    always = [j for name in NUISANCES for j in groups.get(name, [])]
-    nuisance = set(always)
-
-    def fit(columns: list[int], loose: set[int]) -> tuple[float, np.ndarray]:
-        """Energy that columns explain, nuisances kept within their prior and within `BAND`."""
-        fixed = np.zeros(len(columns))
-        held = np.zeros(len(columns), bool)
-        tight = np.array([j in nuisance and j not in loose for j in columns])
-        g = total_gram[np.ix_(columns, columns)]
-        c = total_cross[columns]
-        for _ in columns:
-            free = ~held
-            p = np.where(tight, 1.0 / PRIOR**2, 0.0)[free]
-            gf = g[np.ix_(free, free)]
-            d = np.sqrt(np.diag(gf) + p)
-            normal = gf / np.outer(d, d)
-            normal[np.diag_indices_from(normal)] += p / d**2 + 1e-9
-            theta = fixed.copy()
-            theta[free] = np.linalg.solve(normal, (c[free] - g[np.ix_(free, held)] @ fixed[held]) / d) / d
-            over = tight & free & (np.abs(theta) > BAND)
-            if not over.any():
-                break
-            fixed[over] = np.sign(theta[over]) * BAND
-            held |= over
-        return float(2.0 * theta @ c - theta @ g @ theta), theta
-
+    groups = sums.groups
     # The column of a speed sensor's fault holds that sensor's noise: it counts only where the two readings disagree.
     twice = any(excess.get(f"speed_twice_{s}", 0.0) > SLIGHT * count.get(f"speed_twice_{s}", 0) for s in "lr")
     located = dict.fromkeys(SUBSYSTEMS, 0.0)
     chosen: list[tuple[str, str, float]] = []
-    picked: list[int] = list(always)
+    picked: list[int] = list(sums.always)
     loose: set[int] = set()
-    explained, theta = fit(picked, loose) if picked else (0.0, np.zeros(0))
-    # Noise is known to a few per cent only; what no column at all can lower is not excess.
-    floor = sum(min(count[b], energy[b]) for b in blocks)
+    explained, theta = sums.explained(picked, loose)
+    floor = sums.floor
     left = sum(energy.values()) - explained - floor
     whole = left
     # So small an excess may be the colour of the noise, which some columns share.
@@ -198,7 +216,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
             # Of delays one is there; all of them together would be any filter.
             for chosen_of in [[j] for j in members] if group == LATE else [members]:
                 extra = [j for j in chosen_of if j not in picked]
-                value, _ = fit(picked + extra, loose | set(chosen_of))
+                value, _ = sums.explained(picked + extra, loose | set(chosen_of))
                 gain = value - explained - 2.0 * len(chosen_of) - sums.noise_in.get(group, 0.0)
                 if best is None or gain > best[0]:
                     best = (gain, group, chosen_of, extra)
@@ -207,7 +225,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
         gain, group, members, extra = best
         picked += extra
         loose |= set(members)
-        explained, theta = fit(picked, loose)
+        explained, theta = sums.explained(picked, loose)
         chosen.append((group, group.split(":")[0], min(gain / max(whole, gain), 1.0)))
         located[group.split(":")[0]] += gain
         left -= gain
@@ -222,7 +240,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
                 located[subsystem] += part * left * value / scale if scale > 0 else 0.0
     total = sum(located.values())
     located = {s: float(v / total) if total > 0 else 0.0 for s, v in located.items()}
-    lag = next((float(names[j].split("@")[1]) for j in picked if _group(names[j]) == LATE), 0.0)
+    lag = next((float(names[j].split("@")[1]) for j in picked if group_of(names[j]) == LATE), 0.0)
     return located, chosen, lag
 
 

@@ -1,0 +1,82 @@
+"""What the blocks say of each effect of a model: whether it opens them, and whether it stands in for a cause without a name.
+
+In the blocks, which measured signals drive, what an effect does is known exactly: the residual without it less the one with it. All these
+differences, the nuisances and the signature of a cause that no effect is named for are fitted to what the model leaves there. If that
+cause explains most of what is left, and an effect shrinks to less than half beside it, the effect was a part of that cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rtds_host.contract import Case
+from rtds_host.diagnosis.chance import MOST, sigmas
+from rtds_host.diagnosis.localise.blocks import excess_energy, own_blocks
+from rtds_host.diagnosis.localise.ground import extent
+from rtds_host.diagnosis.localise.shares import FAINT, Sums
+from rtds_host.diagnosis.replay.model import Model
+
+Member = tuple[str, str]
+
+# Causes among the signatures that no effect of the catalogue is named for, and what a report calls them.
+NAMELESS = {
+    "driver:crosstalk": "the other side's command", "driver:hysteresis": "a driver that hangs on the way its command came",
+    "driver:relax": "a battery that follows its load late", "driver:slew1": "a driver that slews", "driver:slew3": "a driver that slews",
+    "driver:slew10": "a driver that slews", "driver:slew30": "a driver that slews",
+    "winding:saturation": "a torque that falls behind its current",
+    "drivetrain:quadratic": "a drag by the square of the speed", "drivetrain:growing": "a friction that grows",
+    "drivetrain:place": "a friction at one place of the turn",
+    "wheel_ground:turn_drag": "a drag by the yaw rate", "wheel_ground:patch_x": "a patch of the floor",
+    "wheel_ground:patch_y": "a patch of the floor", **{f"wheel_ground:traction{part:g}": "a tyre that gives way" for part in (0.2, 0.4, 0.6, 0.8)},
+    "chassis:drag": "a drag on the body", "chassis:tether": "a tether",
+    "sensing:current_bend": "a current sensor that bends", "sensing:current_lag": "a current sensor that lags",
+    "timing:pose_drift": "clocks that drift", **{f"timing:drift{drift:g}": "clocks that drift" for drift in (0.005, 0.02, 0.08)},
+}
+
+
+@dataclass(frozen=True)
+class Absences:
+    """left : excess energy of all blocks with every effect in, of `count` residuals; opened : effect -> how much of it the effect brought;
+    kept : effect -> the share of it that is left beside `cause`, empty where no cause without a name explains most of what is left."""
+
+    left: float
+    count: int
+    opened: dict[Member, float]
+    kept: dict[Member, float]
+    cause: str
+
+
+def absences(case: Case, model: Model, gone: Mapping[Member, Model]) -> Absences:
+    """Judge effects by the blocks; model : with all of them; gone : effect -> the model with all but that one."""
+    where = extent(case.runs) if case.robot.chassis is not None else None
+    names = {member: "effect:{}@{}".format(*member) for member in gone}
+    runs, without = [], {member: [] for member in gone}
+    for log in case.runs:
+        run = own_blocks(log, case.robot, model, where)
+        for member, other in gone.items():
+            less = own_blocks(log, case.robot, other, signatures=False)
+            without[member].append(less)
+            run.columns[names[member]] = {b: less.blocks[b][0] - run.blocks[b][0] for b in run.blocks if b in less.blocks}
+        runs.append(run)
+    left, count = excess_energy(runs)
+    opened = {member: left - excess_energy(found)[0] for member, found in without.items()}
+    return Absences(left, count, opened, *_kept(Sums(runs, known=True), names))
+
+
+def _kept(sums: Sums, names: Mapping[Member, str]) -> tuple[dict[Member, float], str]:
+    effects = {member: sums.names.index(name) for member, name in names.items()}
+    picked = [*sums.always, *effects.values()]
+    explained, _ = sums.explained(picked, set())
+    left = sum(sums.energy.values()) - explained - sums.floor
+    if left < FAINT * sums.floor:
+        return {}, ""
+    gains = {}
+    for group in NAMELESS.keys() & sums.groups.keys():
+        columns = sums.groups[group]
+        gains[group] = sums.explained([*picked, *columns], set())[0] - explained - 2.0 * len(columns)
+    best = max(sorted(gains), key=gains.get, default="")
+    if not best or gains[best] < max(MOST * left, sigmas(len(gains)) ** 2):
+        return {}, ""
+    _, sizes = sums.explained([*picked, *sums.groups[best]], set())
+    return {member: 1.0 + float(sizes[picked.index(j)]) for member, j in effects.items()}, NAMELESS[best]
