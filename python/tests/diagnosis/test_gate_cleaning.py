@@ -10,9 +10,8 @@ from diagnosis_cases import changed, make_case, make_run, without
 from rtds_host.contract import Case, RunLog, builtin_robot
 from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.gap import errors, gap, pooled
-from rtds_host.diagnosis.gate import examine
+from rtds_host.diagnosis.gate import examine, stamps
 from rtds_host.diagnosis.gate.rounding import step_of
-from rtds_host.diagnosis.gate.stamps import even_times
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
@@ -494,10 +493,17 @@ def test_rows_that_were_taken_unevenly_keep_their_times(change, scatter_s, drift
     assert all(np.array_equal(a.t, b.t) for a, b in zip(taken.runs, gate.case.runs))
 
 
+def test_a_replay_that_runs_away_says_nothing_of_a_clock(case, monkeypatch):
+    late = stamped(case, 0.002)
+    monkeypatch.setattr(stamps, "replay_run", lambda _, inputs: np.full((len(inputs[0]), len(OUTPUTS)), np.nan))
+    found, told = stamps.evened(late, {c: case.robot.noise(c) for c in OUTPUTS}, 0.0)
+    assert found is late and not told
+
+
 def test_missing_rows_do_not_shift_the_even_clock():
     rng = np.random.default_rng(3)
     even = 5.0 + 0.01 * np.flatnonzero(rng.random(800) > 0.03)
-    found = even_times(even + 0.0015 * rng.standard_normal(len(even)))
+    found = stamps.even_times(even + 0.0015 * rng.standard_normal(len(even)))
     assert np.abs(found - found[0] - (even - even[0])).max() < 2e-4
 
 
@@ -505,15 +511,15 @@ def test_missing_rows_do_not_shift_the_even_clock():
 def test_a_clock_is_even_on_short_logs_and_long_ones(n):
     rng = np.random.default_rng(4)
     even = 1.7e9 + 0.00503 * np.arange(n)
-    found = even_times(even + 0.0005 * rng.standard_normal(n))
+    found = stamps.even_times(even + 0.0005 * rng.standard_normal(n))
     assert np.abs(found - found[0] - (even - even[0])).max() < 5e-4
 
 
 def test_a_clock_that_is_even_or_walks_is_left_as_it_is():
     rng = np.random.default_rng(5)
-    assert even_times(0.01 * np.arange(500)) is None
-    assert even_times(np.cumsum(0.01 * (0.5 + rng.random(500)))) is None
-    assert even_times(np.sort(5.0 * rng.random(500))) is None
+    assert stamps.even_times(0.01 * np.arange(500)) is None
+    assert stamps.even_times(np.cumsum(0.01 * (0.5 + rng.random(500)))) is None
+    assert stamps.even_times(np.sort(5.0 * rng.random(500))) is None
 
 
 def late_and_uneven(seconds=0.002):

@@ -137,12 +137,14 @@ def evened(case: Case, noise: dict[str, float], lag_s: float) -> tuple[Case, lis
             inputs = run_inputs(replace(log, t=t), case.robot)
             replays.append(replay_run(model, (inputs[0], inputs[1] + lag_s, *inputs[2:])))
         for channel, sigma in noise.items():
-            if log.has(channel) and not channel.startswith(("x", "y")):
+            # A pose has a clock of its own.
+            if log.has(channel) and channel not in ("x", "y", "yaw"):
                 rows = np.flatnonzero(np.isfinite(log.columns[channel]))
                 given, moved = (out[rows, OUTPUT_INDEX[channel]] for out in replays)
                 a, b = _share(log.columns[channel][rows] - given, moved - given, sigma)
                 along, across = along + a, across + b
-    if along - MOST * across < MOVES * math.sqrt(across) or not across:
+    # A replay that ran away is no number, and says nothing.
+    if not (across > 0.0 and along - MOST * across > MOVES * math.sqrt(across)):
         return case, []
     runs = tuple(log if even is None else replace(log, t=log.t[0] + even) for log, even in zip(case.runs, regular))
     moved_s = math.sqrt(float(np.mean(np.concatenate([(a.t - b.t) ** 2 for a, b in zip(runs, case.runs)]))))
@@ -162,6 +164,8 @@ def _share(left: np.ndarray, moved: np.ndarray, sigma: float) -> tuple[float, fl
     kept = min(max(float(left[1:] @ left[:-1]) / max(float(left @ left), sigma**2), 0.0), 1.0)
     left, moved = np.diff(left) + (1.0 - kept) * left[:-1], np.diff(moved) + (1.0 - kept) * moved[:-1]
     variance = max(float(np.mean(left**2)), sigma**2)
+    if variance == 0.0:
+        return 0.0, 0.0
     return float(left @ moved) / variance, float(moved @ moved) / variance
 
 
