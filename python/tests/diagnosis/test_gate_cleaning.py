@@ -547,3 +547,60 @@ def test_slips_of_two_channels_beside_each_other_are_no_witnesses(case, apart):
     """What moved the robot is in all its channels in the same row."""
     both = spoiled(spoiled(case, "w_r", 12.0, rows=(300,)), "gyro_z", 0.6, rows=(300 - apart,))
     assert aside(case, examine(both)) == {("spin", "w_r"): [300], ("spin", "gyro_z"): [300 - apart]}
+
+
+# ---- slips among steps of the commands -----------------------------------------------------------------------------
+
+def restless(delay=0.0):
+    """A run whose commands jump every 0.1 s between two levels, of which every other one turns a wheel about."""
+    robot = builtin_robot("burger")
+    model = nominal_model(robot)
+    model.put("command_delay", delay)
+    rng = np.random.default_rng(8)
+    run = make_case().runs[0]
+    v = 5.0 * np.sign(rng.standard_normal((len(run.t) // 10 + 1, 2)))[np.arange(len(run.t)) // 10]
+    columns = {"v_cmd_l": v[:, 0], "v_cmd_r": v[:, 1]}
+    out = replay_run(model, run_inputs(RunLog("prbs", run.meta, run.t, columns), robot))
+    columns |= {c: out[:, k] + robot.noise(c) * rng.standard_normal(len(run.t)) for k, c in enumerate(OUTPUTS)}
+    return Case("restless", robot, (RunLog("prbs", run.meta, run.t, columns),))
+
+
+@pytest.mark.parametrize(("channel", "size"), [("i_r", 3.0), ("gyro_z", 6.0), ("w_l", -30.0)])
+@pytest.mark.parametrize("row", [300, 301, 305])
+def test_a_slip_among_steps_of_the_commands_stands_out_of_what_the_replay_leaves(channel, size, row):
+    """The commands could have driven the robot there and back; but they did so elsewhere, too, and the replay was there."""
+    clean = restless()
+    assert aside(clean, examine(clean)) == {}
+    assert aside(clean, examine(spoiled(clean, channel, size, rows=(row,)))) == {("prbs", channel): [row]}
+
+
+@pytest.mark.parametrize("delay", [0.004, 0.01, 0.03])
+def test_what_comes_late_at_every_step_is_no_slip(delay):
+    late = restless(delay)
+    assert aside(late, examine(late)) == {}
+
+
+def test_what_both_wheels_show_in_one_row_is_no_slip():
+    hit = spoiled(spoiled(restless(), "w_l", -8.0, rows=(305,)), "w_r", -8.0, rows=(305,))
+    assert aside(restless(), examine(hit)) == {}
+
+
+def test_what_follows_the_one_step_of_a_run_is_no_slip(case):
+    """Nothing else in the run tells what a step does."""
+    robot = builtin_robot("burger")
+    run = case.runs[0]
+    columns = {c: np.where(run.t < 4.0, 0.0, 6.0) for c in ("v_cmd_l", "v_cmd_r")}
+    out = replay_run(nominal_model(robot), run_inputs(RunLog("step", run.meta, run.t, columns), robot))
+    rng = np.random.default_rng(9)
+    columns |= {c: out[:, k] + robot.noise(c) * rng.standard_normal(len(run.t)) for k, c in enumerate(OUTPUTS)}
+    columns["i_r"][402] += 1.0
+    once = Case("once", robot, (RunLog("step", run.meta, run.t, columns),))
+    assert aside(once, examine(once)) == {}
+
+
+def test_a_short_run_s_clock_is_told_by_the_others():
+    exact = make_case(seconds=6.0)
+    short = dataclasses.replace(exact, runs=(*exact.runs[:2], exact.runs[2].rows(0, 45)))
+    gate = examine(stamped(short, 0.002))
+    for log, cleaned in zip(short.runs, gate.case.runs):
+        assert np.abs((cleaned.t - cleaned.t[0]) - (log.t - log.t[0])).max() < 1e-3

@@ -97,13 +97,17 @@ def _without_glitches(case: Case, bounds: Limits, noise: dict[str, float]) -> tu
         for log, run, out in zip(case.runs, per_run, aside):
             if c in run and len(run[c][0]) + len(run[c][1]):
                 out[c] = np.union1d(run[c][0], run[c][1])
-                n = len(out[c])
-                some = ", ".join(moment(log.t[k]) for k in out[c][:3]) + (" …" if n > 3 else "")
-                found.append(Finding(log.name, c, "glitch", "warning",
-                                     f"{n} isolated sample{'s' if n > 1 else ''} of {c} far off their neighbours set "
-                                     f"aside ({percent(n / run[c][2])}), at t = {some} s.", n / run[c][2]))
+                found.append(_glitch(log, c, out[c], run[c][2]))
     runs = tuple(sensors.without(log, out) for log, out in zip(case.runs, aside))
     return replace(case, runs=runs), found
+
+
+def _glitch(log: RunLog, c: str, rows: np.ndarray, of: int) -> Finding:
+    """What is said of samples of a channel of so many that were set aside as slips."""
+    n = len(rows)
+    some = ", ".join(moment(log.t[k]) for k in rows[:3]) + (" …" if n > 3 else "")
+    return Finding(log.name, c, "glitch", "warning", f"{n} isolated sample{'s' if n > 1 else ''} of {c} far off their neighbours set "
+                                                     f"aside ({percent(n / of)}), at t = {some} s.", n / of)
 
 
 def _compared(case: Case, bounds: Limits, noise: dict[str, float]) -> tuple[Case, list[Finding], list[tuple[str, float]]]:
@@ -121,6 +125,9 @@ def _compared(case: Case, bounds: Limits, noise: dict[str, float]) -> tuple[Case
         units.check_minutes(log, case)
         units.refuse(log, compared.wrong)
         told, aside = sensors.in_samples(log, counting, replayed)
+        for c, rows in glitches.beside_replay(log, case, bounds, noise, replayed).items():
+            aside[c] = np.union1d(aside[c], rows) if c in aside else rows
+            told.append(_glitch(log, c, rows, int(np.isfinite(log.columns[c]).sum())))
         found += _commands(log, case) + told + compared.findings + sensors.motion(log, robot)
         lags += compared.lags
         runs.append(sensors.without(log, aside))

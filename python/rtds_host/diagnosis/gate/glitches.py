@@ -16,9 +16,10 @@ from dataclasses import replace
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
-from rtds_host.diagnosis.chance import APART, FEWEST, HANDFUL, MEDIAN_OF_NORMAL, MOVES, sigmas
+from rtds_host.diagnosis.chance import APART, FEWEST, HANDFUL, MEDIAN_OF_NORMAL, MOST, MOVES, sigmas
 from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels, kind_of
 from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
+from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 # Channels of which one at least must be there, for what really moves a channel to show elsewhere, too.
 WITNESSES = {"v_bus": ("i_l", "i_r", "v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r"), "i_l": ("w_l",), "i_r": ("w_r",),
@@ -208,3 +209,61 @@ def _alone(log: RunLog, rows: np.ndarray, k: int, c: str, events: dict[str, np.n
     first, last = log.t[rows[k - 2]], log.t[rows[k + 2]]
     return not any(np.searchsorted(times, last, "right") > np.searchsorted(times, first, "left")
                    for name, times in events.items() if name != c)
+
+
+def beside_replay(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float], replayed: np.ndarray) -> dict[str, np.ndarray]:
+    """Channel -> rows (k,) of samples that stand out of all else that the nominal robot leaves of a run.
+
+    What commands drive there and back is in the replay, too: what is left of it is small, or as large wherever they change as much. A
+    sample that is off by several times all that is left elsewhere, in a row where no other channel is off, was no motion; a current
+    beside a step only if it is more than the step can drive.
+
+    replayed : (n, 11) the nominal robot's, columns as `OUTPUTS`.
+    """
+    commands = log.commands(case.robot.driver.mode)
+    change = np.abs(np.diff(commands, axis=0, prepend=commands[:1])).max(axis=1)
+    standing: dict[str, np.ndarray] = {}
+    spikes: dict[str, np.ndarray] = {}
+    for c in (c for c in channels(case.robot) if log.has(c) and c.startswith(("i_", "w_", "gyro"))):
+        rows = np.flatnonzero(np.isfinite(log.columns[c]))
+        left = log.columns[c][rows] - replayed[rows, OUTPUT_INDEX[c]]
+        if len(rows) < FEWEST or not np.isfinite(left).all():
+            continue
+        off, way = exceedance(left)
+        out, between = exceedance(log.columns[c][rows])
+        off[off < sigmas(len(rows)) * noise.get(c, 0.0)] = 0.0
+        far = off > APART * way
+        spikes[c] = rows[far]
+        # A first or last sample has neighbours on one side only; one far off makes its neighbours look off, too.
+        far[[0, 1, -2, -1]] = False
+        peaks = np.flatnonzero(far & (out > APART * between) & (off >= np.maximum(np.roll(off, 1), np.roll(off, -1))))
+        peaks = peaks[np.argsort(-off[peaks])]
+        for count in range(min(len(peaks), max(1, int(HANDFUL * len(rows)))), 0, -1):
+            rest = np.ones(len(rows), bool)
+            for shift in (-2, -1, 0, 1, 2):
+                rest[peaks[:count] + shift] = False
+            least = max(float(off[rest].max(initial=0.0)), float(np.abs(left[rest] - np.median(left[rest])).max(initial=0.0)))
+            if off[peaks[count - 1]] > APART * least:
+                standing[c] = np.array([rows[k] for k in peaks[:count] if off[k] > _driven(log, case, bounds, c, int(rows[k]), left[k])], int)
+                break
+    found = {c: np.array([k for k in rows if not any(k in others for name, others in spikes.items() if name != c)
+                          and _driven_elsewhere(log.t, change, int(k))], int) for c, rows in standing.items()}
+    return {c: rows for c, rows in found.items() if len(rows)}
+
+
+def _driven(log: RunLog, case: Case, bounds: Limits, c: str, k: int, towards: float) -> float:
+    """The largest current that a step of its command beside row k can drive in a direction, either side of none; of speeds 0."""
+    if c[0] != "i":
+        return 0.0
+    command = log.commands(case.robot.driver.mode)[:, case.robot.sides.index(c[-1])]
+    step = float(np.max(np.sign(towards) * np.diff(command[max(k - 2, 0):k + 2])))
+    stall = bounds.values.get(c, np.inf) / ROOM
+    return 2.0 * stall * min(1.0, step / _full(log, case, bounds)) if step > 0.0 else 0.0
+
+
+def _driven_elsewhere(t: np.ndarray, change: np.ndarray, k: int) -> bool:
+    """Whether commands change (n,) by half as much as they do before row k, for as long as they may act late, in several other rows."""
+    first = int(np.searchsorted(t, t[k] - LONGEST_DELAY_S))
+    about = np.zeros(len(t), bool)
+    about[first:k + 2] = True
+    return int(np.sum(change[~about] >= MOST * float(change[about].max()))) >= APART

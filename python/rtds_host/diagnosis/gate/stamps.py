@@ -80,10 +80,10 @@ def unsure(log: RunLog, stamps_s: float, noise: dict[str, float]) -> RunLog:
     return replace(log, unsure=found)
 
 
-def even_times(t: np.ndarray) -> np.ndarray | None:
+def even_times(t: np.ndarray, known_hz: float | None = None) -> np.ndarray | None:
     """Times (n,) s of the even grid that stamps scatter about; None where there is none, or no scatter worth the name.
 
-    The period is where the stamps' phases agree best (Rayleigh); rows are numbered by an isotonic regression, since some may be missing
+    known_hz : the grid's rate where another run has told it. The period is where the stamps' phases agree best (Rayleigh); rows are numbered by an isotonic regression, since some may be missing
     and each comes after the one before.
     """
     n = len(t)
@@ -93,10 +93,10 @@ def even_times(t: np.ndarray) -> np.ndarray | None:
     dt = np.diff(t) / float(np.median(np.diff(t)))
     if float(np.std(dt - np.round(dt))) < HANDFUL:
         return None
-    rate = 1.0 / float(np.median(np.diff(t)))
+    rate = known_hz or 1.0 / float(np.median(np.diff(t)))
     rows = min(n, FIRST_ROWS)
     # A median of as many steps is as wrong as their scatter lets it be.
-    width = MOVES / math.sqrt(rows) * rate
+    width = 1.0 / float(t[rows - 1]) if known_hz else MOVES / math.sqrt(rows) * rate
     while True:
         span = float(t[rows - 1])
         trials = rate + np.arange(-width, width, 1.0 / (TRIALS * span))
@@ -128,6 +128,10 @@ def evened(case: Case, noise: dict[str, float], lag_s: float) -> tuple[Case, lis
     noise : channel -> one standard deviation of a sample, SI; lag_s : by which the robot answers later than the nominal one, s.
     """
     model, regular = nominal_model(case.robot), [even_times(log.t) for log in case.runs]
+    rates = [1.0 / float(np.median(np.diff(even))) for even in regular if even is not None]
+    if rates:
+        # One logger wrote all runs: what a short one does not show by itself the others tell.
+        regular = [even_times(log.t, float(np.median(rates))) if even is None else even for log, even in zip(case.runs, regular)]
     along = across = 0.0
     for log, even in zip(case.runs, regular):
         if even is None:
@@ -144,7 +148,7 @@ def evened(case: Case, noise: dict[str, float], lag_s: float) -> tuple[Case, lis
                 a, b = _share(log.columns[channel][rows] - given, moved - given, sigma)
                 along, across = along + a, across + b
     # A replay that ran away is no number, and says nothing.
-    if not (across > 0.0 and along - MOST * across > MOVES * math.sqrt(across)):
+    if not along > max(MOST * across, MOVES * math.sqrt(across)):
         return case, []
     runs = tuple(log if even is None else replace(log, t=log.t[0] + even) for log, even in zip(case.runs, regular))
     moved_s = math.sqrt(float(np.mean(np.concatenate([(a.t - b.t) ** 2 for a, b in zip(runs, case.runs)]))))
