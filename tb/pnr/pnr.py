@@ -27,6 +27,7 @@ from common.runner import ROOT, read_file_list
 
 HERE = Path(__file__).resolve().parent
 WORK = ROOT / "build" / "pnr"
+PRODUCT = HERE / "product.v"  # how a product is put together from the part's blocks
 LIST = "rtl/top/top.f"  # everything behind the pins but the PLL
 TOP = "rtds_chip"
 CLOCKS = ("clk_sys_i", "clk_adc_i", "clk_cnv_i")
@@ -58,9 +59,11 @@ def synthesise() -> str:
         names.append(f"src/{path.name}")
         for header in path.parent.glob("*.vh"):
             shutil.copy(header, folder / header.name)
+    shutil.copy(PRODUCT, folder / PRODUCT.name)
     # Without the last step of synth_ecp5, which gives cells names of far neighbours.
     script = (
-        f"read_verilog -DSYNTHESIS -Isrc {' '.join(names)}; synth_ecp5 -top {TOP} -run begin:check; hierarchy -check; "
+        f"read_verilog -DSYNTHESIS -Isrc {' '.join(names)}; hierarchy -top {TOP}; proc; flatten; opt_clean; wreduce; "
+        f"techmap -map src/{PRODUCT.name}; opt_clean; synth_ecp5 -top {TOP} -run begin:check; hierarchy -check; "
         "blackbox =A:whitebox; write_json chip.json"
     )
     digest = hashlib.sha256((script + inspect.getsource(promote_controls) + f"{RESET_FLOPS} {ENABLE_FLOPS}").encode())

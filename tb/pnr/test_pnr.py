@@ -1,5 +1,8 @@
 """`make pnr` without a placer: what it makes of a report, and when the budget is missed."""
 
+import shutil
+import subprocess
+
 import pytest
 
 from pnr import pnr
@@ -104,3 +107,37 @@ def test_what_resets_or_enables_many_flops_goes_over_the_global_network():
     assert cells["logic"]["connections"] == {"A": [5], "B": [7], "Z": [30]}
     assert cells["buffer_31"]["connections"] == {"CLKI": [5], "CE": ["1"], "CLKO": [31]}
     assert cells["buffer_32"]["connections"] == {"CLKI": [7], "CE": ["1"], "CLKO": [32]}
+
+
+@pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus is not installed")
+def test_the_product_that_is_mapped_is_the_product(tmp_path):
+    """For corners of both factors and a million random pairs."""
+    bench = """
+module bench;
+    reg [23:0] a, b;
+    wire [47:0] y;
+    integer i, j, wrong;
+    reg [23:0] corner [0:7];
+    product_of_significands dut (.A(a), .B(b), .Y(y));
+    task check;
+        begin
+            #1;
+            if (y !== {24'd0, a} * {24'd0, b}) wrong = wrong + 1;
+        end
+    endtask
+    initial begin
+        wrong = 0;
+        corner[0] = 0; corner[1] = 1; corner[2] = 24'h03ffff; corner[3] = 24'h040000;
+        corner[4] = 24'h800000; corner[5] = 24'hffffff; corner[6] = 24'hfc0000; corner[7] = 24'h83ffff;
+        for (i = 0; i < 8; i = i + 1) for (j = 0; j < 8; j = j + 1) begin a = corner[i]; b = corner[j]; check; end
+        for (i = 0; i < 1000000; i = i + 1) begin a = $urandom(seed); b = $urandom(seed); check; end
+        $display("wrong %0d", wrong);
+        $finish;
+    end
+    integer seed = 7;
+endmodule
+"""
+    (tmp_path / "bench.v").write_text(bench)
+    subprocess.run(["iverilog", "-g2005-sv", "-o", "bench.vvp", "bench.v", str(pnr.PRODUCT)], cwd=tmp_path, check=True)
+    said = subprocess.run(["vvp", "-n", "bench.vvp"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    assert said.strip() == "wrong 0"
