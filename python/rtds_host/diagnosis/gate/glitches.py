@@ -236,7 +236,7 @@ def beside_replay(log: RunLog, case: Case, bounds: Limits, noise: dict[str, floa
         spikes[c] = rows[far]
         # A first or last sample has neighbours on one side only; one far off makes its neighbours look off, too.
         far[[0, 1, -2, -1]] = False
-        peaks = np.flatnonzero(far & (out > APART * between) & (off >= np.maximum(np.roll(off, 1), np.roll(off, -1))))
+        peaks = np.flatnonzero(far & (out > between) & (off >= np.maximum(np.roll(off, 1), np.roll(off, -1))))
         peaks = peaks[np.argsort(-off[peaks])]
         for count in range(min(len(peaks), max(1, int(HANDFUL * len(rows)))), 0, -1):
             rest = np.ones(len(rows), bool)
