@@ -83,8 +83,10 @@ def unsure(log: RunLog, stamps_s: float, noise: dict[str, float]) -> RunLog:
 def even_times(t: np.ndarray, known_hz: float | None = None) -> np.ndarray | None:
     """Times (n,) s of the even grid that stamps scatter about; None where there is none, or no scatter worth the name.
 
-    known_hz : the grid's rate where another run has told it. The period is where the stamps' phases agree best (Rayleigh); rows are numbered by an isotonic regression, since some may be missing
+    The period is where the stamps' phases agree best (Rayleigh); rows are numbered by an isotonic regression, since some may be missing
     and each comes after the one before.
+
+    known_hz : the grid's rate where another run has told it.
     """
     n = len(t)
     if n < FEWEST:

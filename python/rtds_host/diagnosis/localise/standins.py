@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from rtds_host.contract import Case
 from rtds_host.diagnosis.chance import MOST, sigmas
 from rtds_host.diagnosis.localise.blocks import excess_energy, own_blocks
+from rtds_host.diagnosis.localise.electrical import DRIFTS_S, SLEWS
 from rtds_host.diagnosis.localise.ground import extent
+from rtds_host.diagnosis.localise.mechanical import TRACTIONS
 from rtds_host.diagnosis.localise.shares import FAINT, Sums
 from rtds_host.diagnosis.replay.model import Model
 
@@ -22,16 +24,15 @@ Member = tuple[str, str]
 # Causes among the signatures that no effect of the catalogue is named for, and what a report calls them.
 NAMELESS = {
     "driver:crosstalk": "the other side's command", "driver:hysteresis": "a driver that hangs on the way its command came",
-    "driver:relax": "a battery that follows its load late", "driver:slew1": "a driver that slews", "driver:slew3": "a driver that slews",
-    "driver:slew10": "a driver that slews", "driver:slew30": "a driver that slews",
+    "driver:relax": "a battery that follows its load late", **{f"driver:slew{slew:g}": "a driver that slews" for slew in SLEWS},
     "winding:saturation": "a torque that falls behind its current",
     "drivetrain:quadratic": "a drag by the square of the speed", "drivetrain:growing": "a friction that grows",
     "drivetrain:place": "a friction at one place of the turn",
     "wheel_ground:turn_drag": "a drag by the yaw rate", "wheel_ground:patch_x": "a patch of the floor",
-    "wheel_ground:patch_y": "a patch of the floor", **{f"wheel_ground:traction{part:g}": "a tyre that gives way" for part in (0.2, 0.4, 0.6, 0.8)},
+    "wheel_ground:patch_y": "a patch of the floor", **{f"wheel_ground:traction{part:g}": "a tyre that gives way" for part in TRACTIONS},
     "chassis:drag": "a drag on the body", "chassis:tether": "a tether",
     "sensing:current_bend": "a current sensor that bends", "sensing:current_lag": "a current sensor that lags",
-    "timing:pose_drift": "clocks that drift", **{f"timing:drift{drift:g}": "clocks that drift" for drift in (0.005, 0.02, 0.08)},
+    "timing:pose_drift": "clocks that drift", **{f"timing:drift{drift:g}": "clocks that drift" for drift in DRIFTS_S},
 }
 
 
@@ -65,7 +66,9 @@ def absences(case: Case, model: Model, gone: Mapping[Member, Model]) -> Absences
 
 
 def _kept(sums: Sums, names: Mapping[Member, str]) -> tuple[dict[Member, float], str]:
-    effects = {member: sums.names.index(name) for member, name in names.items()}
+    """`kept` and `cause` of `Absences`, of the effects that show in the blocks at all."""
+    shown = {j for columns in sums.groups.values() for j in columns}
+    effects = {member: j for member, name in names.items() if (j := sums.names.index(name)) in shown}
     picked = [*sums.always, *effects.values()]
     explained, _ = sums.explained(picked, set())
     left = sum(sums.energy.values()) - explained - sums.floor
