@@ -490,7 +490,8 @@ def test_rows_that_were_taken_unevenly_keep_their_times(change, scatter_s, drift
     taken = uneven(change, scatter_s, drift_s)
     gate = examine(taken)
     assert not gate.of("even") and not gate.of("stamps")
-    assert all(np.array_equal(a.t, b.t) for a, b in zip(taken.runs, gate.case.runs))
+    assert all(np.array_equal(a.t, b.t) and not b.unsure for a, b in zip(taken.runs, gate.case.runs))
+    assert gate.timing.stamps_s == 0.0 and (gate.timing.jitter_s > 5e-4 or not scatter_s)
 
 
 def test_a_replay_that_runs_away_says_nothing_of_a_clock(case, monkeypatch):
@@ -540,16 +541,16 @@ def test_what_a_stamp_is_off_counts_as_noise_where_a_channel_changes():
     assert left(examine(late).case.runs, late.robot) == pytest.approx(1.0, abs=0.1)
 
 
-# ---- two slips beside each other -----------------------------------------------------------------------------------
+# ---- two glitches beside each other -----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("apart", [1, 2])
-def test_slips_of_two_channels_beside_each_other_are_no_witnesses(case, apart):
+def test_glitches_of_two_channels_beside_each_other_are_no_witnesses(case, apart):
     """What moved the robot is in all its channels in the same row."""
     both = spoiled(spoiled(case, "w_r", 12.0, rows=(300,)), "gyro_z", 0.6, rows=(300 - apart,))
     assert aside(case, examine(both)) == {("spin", "w_r"): [300], ("spin", "gyro_z"): [300 - apart]}
 
 
-# ---- slips among steps of the commands -----------------------------------------------------------------------------
+# ---- glitches among steps of the commands -----------------------------------------------------------------------------
 
 def restless(delay=0.0):
     """A run whose commands jump every 0.1 s between two levels, of which every other one turns a wheel about."""
@@ -567,7 +568,7 @@ def restless(delay=0.0):
 
 @pytest.mark.parametrize(("channel", "size"), [("i_r", 3.0), ("gyro_z", 6.0), ("w_l", -30.0)])
 @pytest.mark.parametrize("row", [300, 301, 305])
-def test_a_slip_among_steps_of_the_commands_stands_out_of_what_the_replay_leaves(channel, size, row):
+def test_a_glitch_among_steps_of_the_commands_stands_out_of_what_the_replay_leaves(channel, size, row):
     """The commands could have driven the robot there and back; but they did so elsewhere, too, and the replay was there."""
     clean = restless()
     assert aside(clean, examine(clean)) == {}
@@ -575,17 +576,17 @@ def test_a_slip_among_steps_of_the_commands_stands_out_of_what_the_replay_leaves
 
 
 @pytest.mark.parametrize("delay", [0.004, 0.01, 0.03])
-def test_what_comes_late_at_every_step_is_no_slip(delay):
+def test_what_comes_late_at_every_step_is_no_glitch(delay):
     late = restless(delay)
     assert aside(late, examine(late)) == {}
 
 
-def test_what_both_wheels_show_in_one_row_is_no_slip():
+def test_what_both_wheels_show_in_one_row_is_no_glitch():
     hit = spoiled(spoiled(restless(), "w_l", -8.0, rows=(305,)), "w_r", -8.0, rows=(305,))
     assert aside(restless(), examine(hit)) == {}
 
 
-def test_what_follows_the_one_step_of_a_run_is_no_slip(case):
+def test_what_follows_the_one_step_of_a_run_is_no_glitch(case):
     """Nothing else in the run tells what a step does."""
     robot = builtin_robot("burger")
     run = case.runs[0]

@@ -103,7 +103,7 @@ def _without_glitches(case: Case, bounds: Limits, noise: dict[str, float]) -> tu
 
 
 def _glitch(log: RunLog, c: str, rows: np.ndarray, of: int) -> Finding:
-    """What is said of samples of a channel of so many that were set aside as slips."""
+    """What is said of samples of a channel of so many that were set aside as glitches."""
     n = len(rows)
     some = ", ".join(moment(log.t[k]) for k in rows[:3]) + (" …" if n > 3 else "")
     return Finding(log.name, c, "glitch", "warning", f"{n} isolated sample{'s' if n > 1 else ''} of {c} far off their neighbours set "

@@ -1,4 +1,4 @@
-"""Isolated samples far off their neighbours: a logger's slips, told from steps, impacts, stalls and fast starts.
+"""Isolated samples far off their neighbours: a logger's glitches, told from steps, impacts, stalls and fast starts.
 
 A sample is judged by the two samples to either side of it, against the scatter about it, and by one of two further
 marks: the robot cannot do it (a pose or an angle would have to move faster than the motors turn, both ways; a value is
@@ -88,7 +88,7 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
     """Channel -> rows of a run's isolated samples that cannot be (k,), of those that only stand alone (m,), and how many samples
     the channel has.
 
-    What was found is taken out and the rest judged anew, until nothing more is found: a slip is no witness of the one beside it.
+    What was found is taken out and the rest judged anew, until nothing more is found: a glitch is no witness of the one beside it.
     """
     found = _found(log, case, bounds, noise)
     more = found
@@ -220,35 +220,47 @@ def beside_replay(log: RunLog, case: Case, bounds: Limits, noise: dict[str, floa
 
     replayed : (n, 11) the nominal robot's, columns as `OUTPUTS`.
     """
-    commands = log.commands(case.robot.driver.mode)
-    change = np.abs(np.diff(commands, axis=0, prepend=commands[:1])).max(axis=1)
     standing: dict[str, np.ndarray] = {}
     spikes: dict[str, np.ndarray] = {}
     for c in (c for c in channels(case.robot) if log.has(c) and c.startswith(("i_", "w_", "gyro"))):
         rows = np.flatnonzero(np.isfinite(log.columns[c]))
-        left = log.columns[c][rows] - replayed[rows, OUTPUT_INDEX[c]]
+        measured = log.columns[c][rows]
+        left = measured - replayed[rows, OUTPUT_INDEX[c]]
         if len(rows) < FEWEST or not np.isfinite(left).all():
             continue
         off, way = exceedance(left)
-        out, between = exceedance(log.columns[c][rows])
         off[off < sigmas(len(rows)) * noise.get(c, 0.0)] = 0.0
         far = off > APART * way
         spikes[c] = rows[far]
-        # A first or last sample has neighbours on one side only; one far off makes its neighbours look off, too.
-        far[[0, 1, -2, -1]] = False
-        peaks = np.flatnonzero(far & (out > between) & (off >= np.maximum(np.roll(off, 1), np.roll(off, -1))))
-        peaks = peaks[np.argsort(-off[peaks])]
-        for count in range(min(len(peaks), max(1, int(HANDFUL * len(rows)))), 0, -1):
-            rest = np.ones(len(rows), bool)
-            for shift in (-2, -1, 0, 1, 2):
-                rest[peaks[:count] + shift] = False
-            least = max(float(off[rest].max(initial=0.0)), float(np.abs(left[rest] - np.median(left[rest])).max(initial=0.0)))
-            if off[peaks[count - 1]] > APART * least:
-                standing[c] = np.array([rows[k] for k in peaks[:count] if off[k] > _driven(log, case, bounds, c, int(rows[k]), left[k])], int)
-                break
+        standing[c] = np.array([rows[k] for k in _outstanding(measured, left, off, far)
+                                if off[k] > _driven(log, case, bounds, c, int(rows[k]), left[k])], int)
+    commands = log.commands(case.robot.driver.mode)
+    change = np.abs(np.diff(commands, axis=0, prepend=commands[:1])).max(axis=1)
     found = {c: np.array([k for k in rows if not any(k in others for name, others in spikes.items() if name != c)
                           and _driven_elsewhere(log.t, change, int(k))], int) for c, rows in standing.items()}
     return {c: rows for c, rows in found.items() if len(rows)}
+
+
+def _outstanding(measured: np.ndarray, left: np.ndarray, off: np.ndarray, far: np.ndarray) -> np.ndarray:
+    """Samples, at most a handful, that stand out of all the others of a channel, (k,).
+
+    measured, left : the channel and what a replay leaves of it; off, far : how far and whether what is left lies outside what its
+    neighbours span; all (n,).
+    """
+    out, between = exceedance(measured)
+    peaks = np.flatnonzero(far & (out > between) & (off >= np.maximum(np.roll(off, 1), np.roll(off, -1))))
+    # A first or last sample has neighbours on one side only.
+    peaks = peaks[(peaks > 1) & (peaks < len(left) - 2)]
+    peaks = peaks[np.argsort(-off[peaks])]
+    level = np.abs(left - np.median(left))
+    for count in range(min(len(peaks), max(1, int(HANDFUL * len(left)))), 0, -1):
+        rest = np.ones(len(left), bool)
+        # One far off makes its neighbours look off, too.
+        for shift in (-2, -1, 0, 1, 2):
+            rest[peaks[:count] + shift] = False
+        if off[peaks[count - 1]] > APART * max(float(off[rest].max(initial=0.0)), float(level[rest].max(initial=0.0))):
+            return peaks[:count]
+    return peaks[:0]
 
 
 def _driven(log: RunLog, case: Case, bounds: Limits, c: str, k: int, towards: float) -> float:

@@ -88,15 +88,32 @@ def even_times(t: np.ndarray, known_hz: float | None = None) -> np.ndarray | Non
 
     known_hz : the grid's rate where another run has told it.
     """
-    n = len(t)
-    if n < FEWEST:
+    if len(t) < FEWEST:
         return None
     t = t - t[0]
-    dt = np.diff(t) / float(np.median(np.diff(t)))
-    if float(np.std(dt - np.round(dt))) < HANDFUL:
+    found = _grid(t, known_hz)
+    if found is None:
         return None
-    rate = known_hz or 1.0 / float(np.median(np.diff(t)))
-    rows = min(n, FIRST_ROWS)
+    count = np.arange(len(t))
+    place = found[0] * t + found[1]
+    for _ in range(2):
+        number = count + np.round(isotonic_regression(place - count).x)
+        slope, start = np.polyfit(number, t, 1)
+        place = (t - start) / slope
+    off = t - start - slope * number
+    deviation = float(off.std())
+    if deviation < HANDFUL * slope or abs(float(np.mean(off[1:] * off[:-1]))) > MOST * deviation**2:
+        return None
+    return t - off
+
+
+def _grid(t: np.ndarray, known_hz: float | None) -> tuple[float, float] | None:
+    """Rate, Hz, and phase, turns, that uneven stamps (n,) from 0 agree on beyond chance; None where they are even or agree on none."""
+    step = float(np.median(np.diff(t)))
+    steps = np.diff(t) / step
+    if float(np.std(steps - np.round(steps))) < HANDFUL:
+        return None
+    rate, rows = known_hz or 1.0 / step, min(len(t), FIRST_ROWS)
     # A median of as many steps is as wrong as their scatter lets it be.
     width = 1.0 / float(t[rows - 1]) if known_hz else MOVES / math.sqrt(rows) * rate
     while True:
@@ -107,21 +124,10 @@ def even_times(t: np.ndarray, known_hz: float | None = None) -> np.ndarray | Non
         # Of phases at random the mean's square is exponential, of mean 1 / rows, in each of the trials.
         if rows * abs(means[best]) ** 2 < 0.5 * MOVES**2 + math.log(len(trials)):
             return None
-        rate, phase = float(trials[best]), float(np.angle(means[best]))
-        if rows == n:
-            break
-        rows, width = min(n, 2 * rows), 1.0 / span
-    count = np.arange(n)
-    place = rate * t + phase / (2.0 * np.pi)
-    for _ in range(2):
-        number = count + np.round(isotonic_regression(place - count).x)
-        slope, start = np.polyfit(number, t, 1)
-        place = (t - start) / slope
-    off = t - start - slope * number
-    deviation = float(off.std())
-    if deviation < HANDFUL * slope or abs(float(np.mean(off[1:] * off[:-1]))) > MOST * deviation**2:
-        return None
-    return t - off
+        rate = float(trials[best])
+        if rows == len(t):
+            return rate, float(np.angle(means[best])) / (2.0 * np.pi)
+        rows, width = min(len(t), 2 * rows), 1.0 / span
 
 
 def evened(case: Case, noise: dict[str, float], lag_s: float) -> tuple[Case, list[Finding]]:
