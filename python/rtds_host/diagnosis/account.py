@@ -14,12 +14,11 @@ It must also be worth naming, on runs that it was not fitted to as well (`left_o
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from rtds_host.diagnosis.carried import absent, carried, scattered
 from rtds_host.diagnosis.chance import MOST, SAME
-from rtds_host.diagnosis.evidence import CONVINCING, believed, closer, compared, excess, worth_adding, worth_naming
+from rtds_host.diagnosis.evidence import CONVINCING, believed, closer, compared, excess, told_apart, worth_adding, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
@@ -78,7 +77,7 @@ def _standing(search: Search, fit: Fit, member: tuple[str, str], rough: bool) ->
     if not rough:
         without = search.try_fit(without.hypothesis, without.u, without)
     gain, t = compared(search.problem, fit, without)
-    share = (search.score(without) - search.score(fit)) / max(excess(search.problem, without), 1.0)
+    share = _part(search, fit, without)
     without, gap = _closest(search, fit, without)
     odds = search.log_prior((member,)) + max(believed(gain, t), believed(*closer(search.problem, fit, without)))
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
@@ -255,9 +254,9 @@ def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tu
                           for alike in (twins(search.problem.case, one.member, fit.hypothesis),
                                         near_twins(search.problem.case, one.member)))
         found = []
-        for member, swapped in _swaps(search, fit, one):
+        for member, swapped in _swaps(search, fit, one).items():
             gain, t = compared(search.problem, fit, swapped)
-            if (believed(gain, t) < math.log(CONVINCING) and search.named(swapped)
+            if (not told_apart(gain, t, _part(search, fit, swapped), search.problem.block_count) and search.named(swapped)
                     and not _opens(search.gap(swapped), search.gap(fit))):
                 known = member in near or member[0] in search.effects[one.member[0]].confused_with
                 found.append((not known, gain, member))
@@ -268,15 +267,30 @@ def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tu
     return tuple(sets), rivals
 
 
-def _swaps(search: Search, fit: Fit, one: Standing) -> Iterator[tuple[tuple[str, str], Fit]]:
-    """What might be there in an effect's place, each with the fit that has it there: its namesakes, and what a screening without it
-    promises."""
-    namesakes = search.namesakes(fit, one.member)
-    yield from namesakes.items()
-    for candidate in search.rivals(one.without, one.member, LARGEST_SET):
+def _swaps(search: Search, fit: Fit, one: Standing) -> dict[tuple[str, str], Fit]:
+    """What might be there in an effect's place, each with the fit that has it there: its namesakes, what a screening without it
+    promises, and what the search met."""
+    swaps = search.namesakes(fit, one.member)
+
+    def other(member: tuple[str, str]) -> bool:
         # What holds the effect is the same with a further parameter, for no better fit.
-        if candidate.member not in namesakes and one.member[0] not in search.effects[candidate.member[0]].contains:
-            yield candidate.member, search.swapped(fit, one.without, candidate)
+        return member not in swaps and one.member[0] not in search.effects[member[0]].contains
+
+    for candidate in search.rivals(one.without, one.member, LARGEST_SET):
+        if other(candidate.member):
+            swaps[candidate.member] = search.swapped(fit, one.without, candidate)
+    beside = set(fit.hypothesis) - {one.member}
+    for hypothesis, met in search.fits.items():
+        if len(hypothesis) == len(fit.hypothesis) and beside <= set(hypothesis) and hypothesis != fit.hypothesis:
+            member, = set(hypothesis) - beside
+            if other(member):
+                swaps[member] = met
+    return swaps
+
+
+def _part(search: Search, fit: Fit, other: Fit) -> float:
+    """What one explanation takes off another's excess over white noise, a share of it."""
+    return (search.score(other) - search.score(fit)) / max(excess(search.problem, other), 1.0)
 
 
 def _opens(other: float, gap: float) -> bool:

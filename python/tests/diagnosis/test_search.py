@@ -15,9 +15,9 @@ from rtds_host.diagnosis.carried import carried, ratio, scatter, scattered
 from rtds_host.diagnosis.chance import MOST, SAME
 from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
 from rtds_host.diagnosis.effects import catalogue
-from rtds_host.diagnosis.evidence import excess
+from rtds_host.diagnosis.evidence import excess, told_apart
 from rtds_host.diagnosis.fit import joined, scaled
-from rtds_host.diagnosis.likelihood import Discrepancy, Series
+from rtds_host.diagnosis.likelihood import Discrepancy, Series, _nll_of_all
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
@@ -169,6 +169,26 @@ def test_an_encoders_scale_counts_from_its_zero():
     th = OUTPUT_INDEX["th_l"]
     assert out[0, th] == pytest.approx(9.0)
     np.testing.assert_allclose(out[:, th], 1.5 * plain[:, th], atol=1e-9)
+
+
+@pytest.mark.parametrize("times", [
+    np.arange(80) * 0.01,
+    np.concatenate([np.arange(40), np.arange(55, 95)]) * 0.01,                  # a hole
+    np.concatenate([np.arange(40) * 0.01, 0.4 + np.arange(40) * 0.025]),        # another rate
+    np.cumsum(np.random.default_rng(8).uniform(0.005, 0.02, 80)),
+    np.zeros(1),
+])
+def test_the_likelihood_is_that_of_noise_and_an_ornstein_uhlenbeck_process(times):
+    """The filter's innovations against the covariance of all samples at once, by both of its implementations."""
+    size, tau = 3.0, 0.1
+    residual = np.random.default_rng(7).standard_normal(2 * len(times)) * 2.0
+    series = [Series(0, 0, len(times), times), Series(0, len(times), 2 * len(times), times)]
+    noise = Discrepancy(series, 2 * len(times), 1, np.array([size]), np.array([tau]))
+    covariance = np.eye(len(times)) + size**2 * np.exp(-np.abs(times[:, None] - times) / tau)
+    expected = sum(r @ np.linalg.solve(covariance, r) + np.linalg.slogdet(covariance)[1] for r in np.split(residual, 2))
+    assert noise.cost(residual) == pytest.approx(expected, rel=1e-9)
+    first, last = np.array([0, len(times)]), np.array([len(times), 2 * len(times)])
+    assert _nll_of_all(residual, np.tile(times, 2), first, last, size**2, tau) == pytest.approx(expected, rel=1e-6)
 
 
 def test_columns_are_whitened_alike_alone_and_together():
@@ -353,6 +373,16 @@ def test_the_other_delay_is_tried_in_a_delay_s_place_at_its_size():
     assert swapped.hypothesis == (other,) and swapped.values[0]["seconds"] == pytest.approx(0.0083, rel=0.1)
 
 
+def test_what_the_search_met_is_weighed_in_an_effects_place():
+    """An effect that gave way to a look-alike is one of that, whether or not a screening promises it."""
+    gain, other, beside = ("driver_gain", "both"), ("gyro_bias", "both"), ("coulomb_friction", "left")
+    search, fit = fitted(make_case(lambda m: m.scale("voltage_gain", 0.95)), (gain, {"ratio": 0.95}), (beside, {"torque_nm": 0.001}))
+    standing = _standing(search, fit, gain, True)
+    assert other not in _swaps(search, fit, standing)
+    met = search.try_fit(*joined({other: np.zeros(1), beside: fit.parts[beside]}), fit, rough=True)
+    assert _swaps(search, fit, standing)[other] is met
+
+
 def test_beside_a_large_rest_a_stand_in_of_another_form_falls():
     gain = (("current_gain", "both"), {"ratio": 1.2})
     search, fit = fitted(changed(make_case(seconds=20.0), bent), gain)
@@ -475,6 +505,16 @@ def test_no_dead_zone_exceeds_the_largest_command():
     assert bound == {name: pytest.approx(min(asked, 0.7 * case.robot.supply_v)) for name in bound}
     weak = changed(case, lambda t, columns: [columns[c].__imul__(0.1) for c in ("v_cmd_l", "v_cmd_r")] and None)
     assert catalogue(case.robot, weak.runs)["driver_deadzone"].parameters[0].high == pytest.approx(0.1 * asked)
+
+
+@pytest.mark.parametrize(("gain", "t", "part", "told"), [
+    (60.0, 4.1, 0.05, True),              # in most blocks, and five blocks' share of the rest
+    (60.0, 4.1, 0.003, False),            # in most blocks, and less of the rest than chance takes
+    (60.0, 4.1, -0.01, False),            # blocks that convince too much count as twenty to one: all in all the other is as likely
+    (60.0, 1.0, 0.05, False),             # in a few stretches
+])
+def test_what_tells_two_effects_apart_is_more_of_the_rest_than_chance_takes(gain, t, part, told):
+    assert told_apart(gain, t, part, 100) is told
 
 
 @pytest.mark.parametrize("other,gap,opens", [(1.05, 0.5, False), (15.0, 0.5, True), (9.5, 9.0, False), (20.0, 9.0, True)])
