@@ -42,48 +42,49 @@ class Series:
     t: np.ndarray
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _nll(r, t, s2, tau):
     """-2 log likelihood of one series, per the module's head, less its constant."""
     total = 0.0
-    logs = 0.0
     product = 1.0
     m = 0.0
     p = s2
     last_dt = -1.0
     a = 1.0
     s = 1.0
-    g = 0.0
-    inverse = 1.0
-    steady = False
-    for k in range(r.shape[0]):
+    k = 0
+    while k < r.shape[0]:
         if k > 0:
             dt = t[k] - t[k - 1]
             if abs(dt - last_dt) > 1e-7 * last_dt:
                 last_dt = dt
                 a = math.exp(-dt / tau)
-                steady = False
             m *= a
-            if not steady:
-                p = a * a * p + s2 * (1.0 - a * a)
+            p = a * a * p + s2 * (1.0 - a * a)
         v = r[k] - m
-        if not steady:
-            before = s
-            s = p + 1.0
-            # At even sampling the gain soon stands still.
-            steady = k > 1 and abs(s - before) < 1e-9 * s
-            inverse = 1.0 / s
-            g = p * inverse
-            p = g
-            logs = math.log(s) if steady else 0.0
-            product *= s
-            if product > 1e200:
-                total += math.log(product)
-                product = 1.0
-        else:
-            total += logs
-        total += v * v * inverse
+        before = s
+        s = p + 1.0
+        g = p / s
+        p = g
+        product *= s
+        if product > 1e200:
+            total += math.log(product)
+            product = 1.0
+        total += v * v / s
         m += g * v
+        k += 1
+        # At even sampling the gain soon stands still: one multiplication and addition lead from each expectation to the next.
+        if k > 2 and abs(s - before) < 1e-9 * s:
+            first, squares = k, 0.0
+            keep, take = a * (1.0 - g), a * g
+            expected = a * m
+            while k < r.shape[0] and abs(t[k] - t[k - 1] - last_dt) <= 1e-7 * last_dt:
+                v = r[k] - expected
+                squares += v * v
+                m = expected + g * v
+                expected = keep * expected + take * r[k]
+                k += 1
+            total += squares / s + math.log(s) * (k - first)
     return total + math.log(product)
 
 
@@ -97,8 +98,9 @@ def _nll_of_all(residual, t, first, last, s2, tau):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _gains(t, s2, tau, a_out, g_out, i_out, log_out):
-    """Filter of one series: decay, gain, 1 / sqrt(S) and log S of each sample."""
+def _gains(t, s2, tau, keep, take, i_out, log_out):
+    """Filter of one series: of each sample 1 / sqrt(S) and log S, and how the next one's expectation follows from its own and from
+    the sample, keep * expectation + take * sample; nothing follows from the last."""
     p = s2
     last_dt = -1.0
     a = 1.0
@@ -108,48 +110,43 @@ def _gains(t, s2, tau, a_out, g_out, i_out, log_out):
             if dt != last_dt:
                 last_dt = dt
                 a = math.exp(-dt / tau)
+            keep[k - 1] *= a
+            take[k - 1] *= a
             p = a * a * p + s2 * (1.0 - a * a)
         s = p + 1.0
-        a_out[k] = a if k > 0 else 0.0
-        g_out[k] = p / s
+        p = p / s
+        last = k + 1 == t.shape[0]
+        keep[k] = 0.0 if last else 1.0 - p
+        take[k] = 0.0 if last else p
         i_out[k] = 1.0 / math.sqrt(s)
         log_out[k] = math.log(s)
-        p = p / s
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _whiten(column, a, g, i, out):
-    """Innovations over their standard deviations; `a` is 0 where a series begins."""
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _whiten(column, keep, take, i, out):
+    """Innovations over their standard deviations, of one series after another."""
     m = 0.0
     for k in range(column.shape[0]):
-        m *= a[k]
-        v = column[k] - m
-        m += g[k] * v
-        out[k] = v * i[k]
+        c = column[k]
+        out[k] = (c - m) * i[k]
+        m = keep[k] * m + take[k] * c
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _whiten_four(c0, c1, c2, c3, a, g, i, o0, o1, o2, o3):
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _whiten_four(c0, c1, c2, c3, keep, take, i, o0, o1, o2, o3):
     """The same of four columns at once: each step waits for the one before it, four do not."""
     m0 = m1 = m2 = m3 = 0.0
     for k in range(c0.shape[0]):
-        decay, gain, scale = a[k], g[k], i[k]
-        m0 *= decay
-        m1 *= decay
-        m2 *= decay
-        m3 *= decay
-        v0 = c0[k] - m0
-        v1 = c1[k] - m1
-        v2 = c2[k] - m2
-        v3 = c3[k] - m3
-        m0 += gain * v0
-        m1 += gain * v1
-        m2 += gain * v2
-        m3 += gain * v3
-        o0[k] = v0 * scale
-        o1[k] = v1 * scale
-        o2[k] = v2 * scale
-        o3[k] = v3 * scale
+        decay, gain, scale = keep[k], take[k], i[k]
+        x0, x1, x2, x3 = c0[k], c1[k], c2[k], c3[k]
+        o0[k] = (x0 - m0) * scale
+        o1[k] = (x1 - m1) * scale
+        o2[k] = (x2 - m2) * scale
+        o3[k] = (x3 - m3) * scale
+        m0 = decay * m0 + gain * x0
+        m1 = decay * m1 + gain * x1
+        m2 = decay * m2 + gain * x2
+        m3 = decay * m3 + gain * x3
 
 
 @dataclass(frozen=True)
@@ -192,10 +189,10 @@ class Discrepancy:
             c: _Channel.of([one for one in series if one.channel == c], count) for c in sorted({one.channel for one in series})}
         self.s = np.zeros(channels) if s is None else s
         self.tau = np.ones(channels) if tau is None else tau
-        self.a, self.g, self.i, self.log = (np.empty(count) for _ in range(4))
+        self.keep, self.take, self.i, self.log = (np.empty(count) for _ in range(4))
         for one in series:
             rows = slice(one.first, one.last)
-            _gains(one.t, self.s[one.channel] ** 2, self.tau[one.channel], self.a[rows], self.g[rows], self.i[rows],
+            _gains(one.t, self.s[one.channel] ** 2, self.tau[one.channel], self.keep[rows], self.take[rows], self.i[rows],
                    self.log[rows])
 
     def whiten(self, columns: np.ndarray) -> np.ndarray:
@@ -204,7 +201,7 @@ class Discrepancy:
             return columns
         if columns.ndim == 1:
             out = np.empty_like(columns)
-            _whiten(columns, self.a, self.g, self.i, out)
+            _whiten(columns, self.keep, self.take, self.i, out)
             return out
         columns = np.asfortranarray(columns)
         out = np.empty_like(columns, order="F")
@@ -219,9 +216,9 @@ class Discrepancy:
             return
         whole = len(columns) // 4 * 4
         for k in range(0, whole, 4):
-            _whiten_four(*columns[k:k + 4], self.a, self.g, self.i, *out[k:k + 4])
+            _whiten_four(*columns[k:k + 4], self.keep, self.take, self.i, *out[k:k + 4])
         for column, into in zip(columns[whole:], out[whole:], strict=True):
-            _whiten(column, self.a, self.g, self.i, into)
+            _whiten(column, self.keep, self.take, self.i, into)
 
     def cost(self, residual: np.ndarray) -> float:
         """-2 log likelihood of residuals (N,), less its constant."""
