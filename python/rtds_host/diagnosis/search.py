@@ -396,11 +396,15 @@ class Search:
         effect, parts = self.effects[member[0]], fit.parts
         rest = {h: u for h, u in parts.items() if h != member}
         names = [p.name for p in effect.parameters]
-        return {(other, member[1]): self.polished(self.try_fit(*joined({**rest, (other, member[1]): parts[member]}), fit), rest)
-                for other in effect.confused_with
-                if effect.steep and other in self.wanted and self.effects[other].steep
-                and [p.name for p in self.effects[other].parameters] == names
-                and not clashes((other, member[1]), tuple(rest)) and not self._doubles((other, member[1]), tuple(rest))}
+        found = {}
+        for other in effect.confused_with:
+            if (effect.steep and other in self.wanted and self.effects[other].steep
+                    and [p.name for p in self.effects[other].parameters] == names
+                    and not clashes((other, member[1]), tuple(rest)) and not self._doubles((other, member[1]), tuple(rest))):
+                named = self.try_fit(*joined({**rest, (other, member[1]): parts[member]}), fit)
+                # What stands beside a delay may have bent to it; but not by so much.
+                found[other, member[1]] = named if self.score(named) > self.score(fit) + FAR else self.polished(named, rest)
+        return found
 
     def run(self) -> Fit:
         """Search; the most probable explanation."""
