@@ -19,8 +19,8 @@ from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT, SLIDING, TRIAL
 
 # Numerical: numbers in a vector register of the widest processors; narrower ones take two or four for it.
 LANES = 8
-# Numerical: steps of different lengths that a lane keeps what hangs on them of, and how many rows a side that is, from `decay` on.
-MET, OF_STEP = 4, 9
+# Numerical: s over a span, what its steps may be longer or shorter and still count as alike.
+ALIKE_S = 1e-10
 
 # Rows of the lanes' state, each `LANES` long, at these offsets: of a side, twice; of the robot; and of what is the same in a run.
 _SIDE_ROWS = ("res", "ind", "ke", "gkm", "lim", "drop", "inertia", "fluid", "asym_v", "heat", "heat_tau", "friction", "asym", "radius",
@@ -158,49 +158,6 @@ def _begin(s, l, side, com, run, start):
     s[RATE + l] = (s[_SIDE + RADIUS + l] * s[_SIDE + W + l] - s[RADIUS + l] * s[W + l]) / com[one.TRACK]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _of_step(s, l, h):
-    """Constants of a lane's armatures, filters and tyres for steps of h, s."""
-    for k in range(2):
-        o = k * _SIDE + l
-        res = s[o + RES] * (1.0 + s[o + RISE])
-        ke = s[o + KE]
-        e = math.exp(-h * res / s[o + IND])
-        mean_i = s[o + IND] / (h * res)
-        s[o + DECAY] = e
-        s[o + RISE_V] = (1.0 - e) / res
-        s[o + MEAN_V] = 1.0 / res
-        s[o + MEAN_I] = mean_i
-        s[o + C1] = ke / res * (1.0 - (1.0 - e) * mean_i)
-        s[o + M1] = 0.5 * ke / res - mean_i * s[o + C1]
-        s[o + FADE] = math.exp(-h / s[o + SPEED_TAU]) if s[o + SPEED_TAU] > 0.0 else 0.0
-        s[o + LATE_SHEAR] = max(0.5, 1.0 - s[o + SHEAR_TAU] / h)
-        s[o + PER_SHEAR] = 1.0 / (s[o + LATE_SHEAR] * h + s[o + SHEAR_TAU])
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _set_step(s, l, h, count, met, oldest, kept):
-    """Let a lane go on in `count` steps of h, s, or of a step that it had before: spans differ in their last digits, and much is
-    kept from step to step."""
-    if abs(h - s[H + l]) * count < 1e-10:
-        return
-    for i in range(MET):
-        if abs(h - met[l, i]) * count < 1e-10:
-            s[H + l] = met[l, i]
-            for k in range(OF_STEP):
-                s[DECAY + k * LANES + l] = kept[l, i, 2 * k]
-                s[_SIDE + DECAY + k * LANES + l] = kept[l, i, 2 * k + 1]
-            return
-    s[H + l] = h
-    _of_step(s, l, h)
-    i = oldest[l]
-    oldest[l] = (i + 1) % MET
-    met[l, i] = h
-    for k in range(OF_STEP):
-        kept[l, i, 2 * k] = s[DECAY + k * LANES + l]
-        kept[l, i, 2 * k + 1] = s[_SIDE + DECAY + k * LANES + l]
-
-
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_free(s, l):
     """Whether a lane's rotor is within its free play."""
@@ -253,19 +210,18 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     # Rows of what comes next in a lane, a sample, its pose, a command, and where they end; and from a sample's row to that of `out`.
     sample, pose, last = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     command, last_command, to_out = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
-    special = np.zeros(LANES, np.int64)  # 1: a ripple, 2: a winding that heats
-    # Steps met before, s, and what of a lane hangs on them: events follow one another in a rhythm.
-    met, oldest = np.zeros((LANES, MET)), np.zeros(LANES, np.int64)
-    kept = np.zeros((LANES, MET, 2 * OF_STEP))
+    ripples = np.zeros(LANES, np.bool_)
     given = 0
     running = 0
-    scrubbed = pulled = specials = faded = slipping = drawn = flexible = False
+    scrubbed = pulled = rippled = heated = faded = slipping = drawn = flexible = False
     # Free play asks for short steps between its flanks: whether a lane has any, the longest step then and now, and whether its flanks
     # part in this span; whether a step is taken once more, and what it began with.
     plays, fine, limit = np.zeros(LANES, np.bool_), np.zeros(LANES), np.zeros(LANES)
     parts, redone = np.zeros(LANES, np.bool_), np.zeros(LANES, np.bool_)
     as_begun = np.zeros((LANES, 21))
     while True:
+        # Whether what hangs on a step's length and a winding's warmth is to be found anew.
+        renewed = heated
         # ---- events of lanes whose step ends at one; idle lanes stand still
         for l in range(lanes):
             if left[l] > 0:
@@ -275,7 +231,8 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                         limit[l] = bound
                         rest = moment[l] - s[NOW + l] - s[DONE + l]
                         count = math.ceil(rest / bound - 1e-9)
-                        _set_step(s, l, rest / count, count, met, oldest, kept)
+                        if abs(rest / count - s[H + l]) * count >= ALIKE_S:
+                            s[H + l], renewed = rest / count, True
                         left[l] = count
                 left[l] -= 1
                 continue
@@ -299,14 +256,12 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     command[l], last_command[l] = cmd_first[r], cmd_first[r + 1]
                     to_out[l] = out_first[j] - t_first[r]
                     now = ts[t_first[r]]
-                    met[l], oldest[l] = 0.0, 0
-                    special[l] = 0
-                    for k in range(2):
-                        special[l] |= (1 if sides[which[j, 0], k, one.RIPPLE] != 0.0 else 0) | (2 if s[k * _SIDE + HEAT + l] != 0.0 else 0)
+                    ripples[l] = sides[which[j, 0], 0, one.RIPPLE] != 0.0 or sides[which[j, 0], 1, one.RIPPLE] != 0.0
                     plays[l] = s[BACKLASH + l] > 0.0 or s[_SIDE + BACKLASH + l] > 0.0
-                    specials = scrubbed = pulled = faded = slipping = drawn = flexible = False
+                    rippled = heated = scrubbed = pulled = faded = slipping = drawn = flexible = False
                     for i in range(lanes):
-                        specials |= special[i] > 0
+                        rippled |= ripples[i]
+                        heated |= s[HEAT + i] != 0.0 or s[_SIDE + HEAT + i] != 0.0
                         scrubbed |= s[SCRUB + i] != 0.0
                         pulled |= s[PULL + i] != 0.0
                         faded |= s[STRIBECK + i] != 0.0 or s[_SIDE + STRIBECK + i] != 0.0
@@ -346,12 +301,16 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     # Idle lanes stand still: at rest, with nothing that drives them.
                     job[l] = -1
                     running -= 1
-                    for i in range(SIZE // LANES):
-                        s[i * LANES + l] = 0.0
+                    # A known number of rows, and the compiler unrolls this and finds all their places ahead, at each lane's every event.
+                    row = l
+                    while row < len(s):
+                        s[row] = 0.0
+                        row += lanes
                     s[H + l] = s[LOAD_J + l] = s[SUPPLY + l] = s[INERTIA + l] = s[_SIDE + INERTIA + l] = s[I11 + l] = s[I22 + l] = 1.0
                     for i in range(2):
                         s[i * _SIDE + GRIP + l] = s[i * _SIDE + LATE_SHEAR + l] = s[i * _SIDE + PER_SHEAR + l] = 1.0
-                    special[l] = 0
+                        s[i * _SIDE + RES + l] = s[i * _SIDE + IND + l] = 1.0
+                    ripples[l] = False
                     plays[l] = False
                     continue
                 k = command[l]
@@ -389,23 +348,42 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 moment[l] = ahead
                 parts[l] = False
                 limit[l] = fine[l] if plays[l] and _is_free(s, l) else s[H_MAX + l]
-                count = math.ceil(span / limit[l] - 1e-9)
-                _set_step(s, l, span / count, count, met, oldest, kept)
+                # Most spans are a step: they need not wait for divisions.
+                count, h = 1, span
+                if span > limit[l]:
+                    count = math.ceil(span / limit[l] - 1e-9)
+                    h = span / count
+                # Spans differ in their last digits.
+                if abs(h - s[H + l]) * count >= ALIKE_S:
+                    s[H + l], renewed = h, True
                 left[l] = count - 1
                 s[DONE + l] = 0.0
                 break
         if running == 0:
             return
+        # ---- constants of armatures, filters and tyres for the step. One exponential after another in each lane took longer than all
+        # the rest of an event: all lanes go abreast, and one whose step is the same finds the same again.
+        if renewed:
+            for k in range(2):
+                o = k * _SIDE
+                for l in range(lanes):
+                    h, ke, ind, tau, shear_tau = s[H + l], s[o + KE + l], s[o + IND + l], s[o + SPEED_TAU + l], s[o + SHEAR_TAU + l]
+                    per_res = 1.0 / (s[o + RES + l] * (1.0 + s[o + RISE + l]))
+                    mean_i = ind * per_res / h
+                    e = _exp_minus(1.0 / mean_i)
+                    c1 = ke * per_res * (1.0 - (1.0 - e) * mean_i)
+                    s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l], s[o + MEAN_I + l] = e, (1.0 - e) * per_res, per_res, mean_i
+                    s[o + C1 + l], s[o + M1 + l] = c1, 0.5 * ke * per_res - mean_i * c1
+                    fade = _exp_minus(h / (tau if tau > 0.0 else 1.0))
+                    s[o + FADE + l] = fade if tau > 0.0 else 0.0
+                    late = max(0.5, 1.0 - shear_tau / h)
+                    s[o + LATE_SHEAR + l], s[o + PER_SHEAR + l] = late, 1.0 / (late * h + shear_tau)
         # ---- what few lanes have, one after another
-        if specials:
+        if rippled:
             for l in range(lanes):
-                if special[l] == 0:
+                if not ripples[l]:
                     continue
                 h = s[H + l]
-                if special[l] >= 2:
-                    _of_step(s, l, h)
-                if special[l] == 2:
-                    continue
                 side, com, r = sides[which[job[l], 0]], coms[which[job[l], 0]], which[job[l], 1]
                 for k in range(2):
                     o = k * _SIDE + l

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from rtds_host.contract import Robot, RunLog
@@ -31,7 +32,7 @@ WEIGHTLESS = 1e-6
 # Physical: no command and no measurement comes later than this, a radio link's included.
 LONGEST_DELAY_S = 1.0
 # Outputs of devices with a clock of their own.
-CLOCKS = {"gyro_late": (OUTPUT_INDEX["gyro_z"],), "pose_late": tuple(OUTPUT_INDEX[c] for c in ("x", "y", "yaw"))}
+CLOCKS = {"gyro_late": slice(OUTPUT_INDEX["gyro_z"], OUTPUT_INDEX["gyro_z"] + 1), "pose_late": slice(OUTPUT_INDEX["x"], OUTPUT_INDEX["yaw"] + 1)}
 
 
 @dataclass
@@ -333,8 +334,25 @@ def _on_clocks(model: Model, t: np.ndarray, out: np.ndarray) -> None:
     """Let a replay's outputs (n, 11) at times t (n,) come from the clocks of their devices."""
     for slot, columns in CLOCKS.items():
         if late := model.get(slot):
-            for k in columns:
-                out[:, k] = np.interp(t - late, t, out[:, k])
+            _delay(t, late, out[:, columns])
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _delay(t, late, values):
+    """Let values (n, k) at times t (n,) be those of `late` earlier, s, as `np.interp` has them: rows are found once for all columns."""
+    before = values.copy()
+    n, row = len(t), 0
+    for i in range(n):
+        at = t[i] - late
+        while row + 1 < n and t[row + 1] <= at:
+            row += 1
+        if at > t[row] and row + 1 < n:
+            span, past = t[row + 1] - t[row], at - t[row]
+            for k in range(values.shape[1]):
+                values[i, k] = before[row, k] + (before[row + 1, k] - before[row, k]) / span * past
+        else:
+            for k in range(values.shape[1]):
+                values[i, k] = before[row, k]
 
 
 class Abreast:
