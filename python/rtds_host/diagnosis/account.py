@@ -18,7 +18,16 @@ from dataclasses import dataclass, field, replace
 
 from rtds_host.diagnosis.carried import absent, carried, scattered
 from rtds_host.diagnosis.chance import MOST, SAME
-from rtds_host.diagnosis.evidence import CONVINCING, believed, closer, compared, excess, told_apart, worth_adding, worth_naming
+from rtds_host.diagnosis.evidence import (
+    CONVINCING,
+    believed,
+    closer,
+    compared,
+    excess,
+    told_apart,
+    worth_adding,
+    worth_naming,
+)
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
