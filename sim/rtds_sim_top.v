@@ -8,8 +8,9 @@
 //           Inputs may change only between a toggle of sync_o and the next toggle of go_i or fx_go_i.
 // Period    step_clocks_i clocks from strobe to strobe (500 on the board), or as many as the core needs
 //           (ready_o) where that is more; 0 = always as soon as ready. No result depends on it.
-// Idle      While idle_o is 1 nothing moves but period_q: the core has been ready for SETTLED clocks and nothing is asked of
-//           it. The C++ main then sets period_q on instead of evaluating such clocks one by one.
+// Idle      While idle_o is 1 a request waits for the period alone. What the core's last clock set off (the low word, the
+//           enables of its operators' stages) has come to rest three clocks after idle_o rose; from then on nothing moves but
+//           period_q. The C++ main sets period_q on, to three clocks before the strobe, instead of evaluating each clock.
 // Latency   go_i to first strobe: 1 clock (if the period has passed); last valid to sync_o: 1 clock.
 // Numbers   binary32 words, SI at the motor shaft; a sample is {i_l, w_l, i_r, w_r}, i_l in the lowest word.
 // Crossings none: one clock. With RTDS_CLOCK_INSIDE the clock is made here (Icarus is faster so); otherwise
@@ -77,7 +78,6 @@ module rtds_sim_top #(
   reg  [31:0] sample_q;    // steps to the next sample
   reg  [ 4:0] index_q;     // samples kept (at most 32 a request, the bridge sees to it)
   reg  [15:0] period_q;    // clocks since the last strobe, saturating
-  reg  [ 1:0] settled_q;   // clocks in which nothing but period_q had a reason to move, saturating
   reg  [12:0] wait_q;      // clocks without progress
 
   // The inputs of the request. Held in registers so that a compiled simulation does not work through all that
@@ -94,12 +94,8 @@ module rtds_sim_top #(
   wire        last_step = left_q == 32'd0;
   wire        keep = step_done & (last_step | (sample_q == 32'd1));
 
-  // Between two steps of a request: the strobe waits for the period alone. What the core's last clock set off (the low
-  // word, the enables of its operators' stages) has come to rest SETTLED clocks later.
-  localparam [1:0] SETTLED = 2'd3;
-  wire        between = running_q & ready & fx_ready & ~fx_write_q & ~pending_q & ~period_over & (go_i == go_q) & (fx_go_i == fx_go_q);
-
-  assign idle_o = settled_q == SETTLED;
+  // Between two steps of a request: the strobe waits for the period alone.
+  assign idle_o = running_q & ready & fx_ready & ~fx_write_q & ~pending_q & ~period_over & (go_i == go_q) & (fx_go_i == fx_go_q);
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
@@ -113,7 +109,6 @@ module rtds_sim_top #(
       sample_q  <= 32'd0;
       index_q   <= 5'd0;
       period_q  <= 16'd0;
-      settled_q <= 2'd0;
       wait_q    <= 13'd0;
       sync_o    <= 1'b0;
       flags_o   <= 4'd0;
@@ -135,9 +130,6 @@ module rtds_sim_top #(
       end else begin
         period_q <= 16'd1;
       end
-
-      if (!between) settled_q <= 2'd0;
-      else if (settled_q != SETTLED) settled_q <= settled_q + 2'd1;
 
       if (strobe) begin
         pending_q <= 1'b1;

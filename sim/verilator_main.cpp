@@ -19,11 +19,13 @@
 //   RTDS_POSEDGE  set to the clock's port if there is one clock only, nothing depends on its falling edge or level, and
 //                 nothing in the design makes an event of its own: then falling edges are not evaluated, the model is
 //                 told that the clock was low instead
-//   RTDS_IDLE, RTDS_IDLE_COUNT, RTDS_IDLE_LIMIT
-//                 with RTDS_POSEDGE only: while RTDS_IDLE (a port) is 1 nothing in the design moves but RTDS_IDLE_COUNT, which
-//                 counts up by one a clock, and nothing else happens before it has reached RTDS_IDLE_LIMIT. Such clocks are
-//                 jumped: count and time are set on to the last of them. The environment's RTDS_EVERY_CLOCK=1 has them
-//                 evaluated one by one, with the same result; with =check each of them is held against the one before,
+//   RTDS_IDLE, RTDS_IDLE_COUNT, RTDS_IDLE_LIMIT, RTDS_IDLE_SETTLES
+//                 with RTDS_POSEDGE only: while RTDS_IDLE (a port) is 1 nothing looks at RTDS_IDLE_COUNT, which counts up by one a
+//                 clock, but for whether it has reached RTDS_IDLE_LIMIT, and from RTDS_IDLE_SETTLES clocks on nothing else
+//                 moves. So it is the same whether the count goes on before those clocks or after them: it is set on by all
+//                 that can be left out, with the time, and the clocks that settle are the last ones before the limit. There
+//                 the whole model is what it is without jumping. The environment's RTDS_EVERY_CLOCK=1 has all clocks
+//                 evaluated, with the same result; with =check each of them, once settled, is held against the one before,
 //                 byte by byte of the model, and the program ends with status 3 when anything but the count has moved
 #include <algorithm>
 #include <cstdint>
@@ -108,20 +110,22 @@ CData* clock_before(Root&, long) {
 #define RTDS_IDLE rtds_no_such_member
 #define RTDS_IDLE_COUNT rtds_no_such_member
 #define RTDS_IDLE_LIMIT rtds_no_such_member
+#define RTDS_IDLE_SETTLES 0
 #endif
 
 enum class Idle { jump, evaluate, check };
 Idle idle_clocks = Idle::jump;
 
-// The model as it is after an idle clock against the one before, if that followed it at once. Words that hold the count (also a
-// copy of it that the generated code keeps) go on by one.
+// The model as it is after an idle clock against the one before, if that followed it at once and it had settled by then. Words
+// that hold the count (also a copy of it that the generated code keeps) go on by one.
 template <typename Root>
 void check_idle(Root& root) {
     static std::vector<unsigned char> before;
-    static std::uint64_t count_before = 0;
+    static std::uint64_t count_before = 0, settling = 0;
     const auto* const now = reinterpret_cast<const unsigned char*>(&root);
     const std::uint64_t count = root.RTDS_IDLE_COUNT;
-    if (!before.empty() && count == count_before + 1 && count < root.RTDS_IDLE_LIMIT) {
+    settling = count == count_before + 1 ? settling + 1 : 0;
+    if (settling > RTDS_IDLE_SETTLES) {
         for (std::size_t at = 0; at + 1 < before.size(); at += 2) {
             std::uint16_t was, is;
             std::memcpy(&was, before.data() + at, 2);
@@ -135,18 +139,17 @@ void check_idle(Root& root) {
     count_before = count;
 }
 
-// After the evaluation of a clock: on to the last of the idle clocks that follow, or of those before `due_ps`.
+// After the evaluation of a clock: over the idle clocks that follow, but for the last ones before the limit or `due_ps`.
 template <typename Root>
 auto jump_idle(Root& root, std::uint64_t period_ps, std::uint64_t due_ps, int)
     -> decltype(root.RTDS_IDLE, root.RTDS_IDLE_COUNT, root.RTDS_IDLE_LIMIT, void()) {
-    if (!root.RTDS_IDLE) return;  // it may still be 1 in the clock in which the count reaches the limit
+    if (!root.RTDS_IDLE) return;
     if (idle_clocks == Idle::check) check_idle(root);
     if (idle_clocks != Idle::jump) return;
-    const std::uint64_t count = root.RTDS_IDLE_COUNT, limit = root.RTDS_IDLE_LIMIT;
-    if (count + 1 >= limit || now_ps + period_ps >= due_ps) return;
-    const std::uint64_t clocks = std::min(limit - 1 - count, (due_ps - now_ps - 1) / period_ps);
-    root.RTDS_IDLE_COUNT += clocks;
-    now_ps += clocks * period_ps;
+    const std::uint64_t left = std::min<std::uint64_t>(root.RTDS_IDLE_LIMIT - root.RTDS_IDLE_COUNT, (due_ps - now_ps) / period_ps);
+    if (left <= RTDS_IDLE_SETTLES) return;
+    root.RTDS_IDLE_COUNT += left - RTDS_IDLE_SETTLES;
+    now_ps += (left - RTDS_IDLE_SETTLES) * period_ps;
 }
 // The same for a top that has no such clocks.
 template <typename Root>

@@ -96,7 +96,8 @@ def compilation(
     ----------
     plan : `<folder>/<prefix>.json`; objects are made beside it.
     program : the program to make.
-    optimise : optimisation of the model and of the sources given to Verilator ("-O3"); its run-time library gets -Os.
+    optimise : optimisation of the model and of the sources given to Verilator ("-O3", or several options
+        with blanks between); its run-time library gets -Os.
     defines : more arguments for compiling, such as "-DNAME=value".
     libraries : more arguments for linking.
 
@@ -129,7 +130,7 @@ def compilation(
     objects = [folder / f"{number}-{Path(name).stem}.o" for number, (name, _) in enumerate(files)]
     return Compilation(
         tuple(
-            (COMPILER, option, *common, "-MMD", "-c", "-o", str(target), name)
+            (COMPILER, *option.split(), *common, "-MMD", "-c", "-o", str(target), name)
             for (name, option), target in zip(files, objects, strict=True)
         ),
         (COMPILER, "-o", str(program), *map(str, objects), "-pthread", *libraries),
