@@ -1,6 +1,7 @@
 """Localisation by components: a perfect robot scores 1, an effect shows in its block and its subsystem."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from rtds_host.diagnosis.localise import BLOCKS, blocks, localise
 from rtds_host.diagnosis.localise.ground import extent
 from rtds_host.diagnosis.localise.shares import group_of
 from rtds_host.diagnosis.localise.standins import NAMELESS as NAMELESS_CAUSES
-from rtds_host.diagnosis.localise.standins import absences
+from rtds_host.diagnosis.localise.standins import _own, absences
 from rtds_host.diagnosis.replay.model import nominal_model
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 
@@ -253,6 +254,17 @@ def test_an_inertia_stands_beside_a_torque_that_falls_behind_the_current():
 
 def test_nothing_is_said_of_an_effect_that_leaves_nothing():
     assert kept_of_the_inertia(1.4) == (None, "")
+
+
+@pytest.mark.parametrize("unlike", [0.0, 0.3], ids=["straight", "sides apart"])
+def test_a_cause_is_its_own_where_effects_and_tolerances_do_not_make_it(unlike):
+    """On a robot that drives straight the other side's command does what a gain does."""
+    rng = np.random.default_rng(4)
+    left = rng.standard_normal(500)
+    columns = np.column_stack([left, left + unlike * rng.standard_normal(500)])
+    sums = SimpleNamespace(total=(columns.T @ columns, np.zeros(2)))
+    share = np.var(columns[:, 1] - left) / np.var(columns[:, 1])
+    assert _own(sums, 1, [0]) == pytest.approx(share, abs=0.01)
 
 
 def test_each_cause_without_a_name_has_a_signature():

@@ -104,7 +104,8 @@ class Sums:
                 entry[1] += int(inside.sum())
 
     @functools.cached_property
-    def _total(self) -> tuple[np.ndarray, np.ndarray]:
+    def total(self) -> tuple[np.ndarray, np.ndarray]:
+        """Products of all columns with each other, and with the residuals, over all blocks."""
         size = len(self.names)
         return sum(self.gram.values(), np.zeros((size, size))), sum(self.cross.values(), np.zeros(size))
 
@@ -113,7 +114,7 @@ class Sums:
         """Columns that show at all, by the cause that they belong to."""
         found: dict[str, list[int]] = {}
         for j, name in enumerate(self.names):
-            if self._total[0][j, j] > 0:
+            if self.total[0][j, j] > 0:
                 found.setdefault(group_of(name), []).append(j)
         return found
 
@@ -133,7 +134,7 @@ class Sums:
         fixed = np.zeros(len(columns))
         held = np.zeros(len(columns), bool)
         tight = np.array([j in nuisance and j not in loose for j in columns], bool)
-        g, c = self._total[0][np.ix_(columns, columns)], self._total[1][columns]
+        g, c = self.total[0][np.ix_(columns, columns)], self.total[1][columns]
         theta = fixed
         for _ in columns:
             free = ~held
