@@ -104,6 +104,9 @@ def process_pool(processes: int) -> Iterator[concurrent.futures.ProcessPoolExecu
             # Interrupted, or the results cannot be written: what still runs is of no use.
             for process in set(multiprocessing.active_children()) - others:
                 process.terminate()
+            # One that ends in the middle of a result leaves half of it in the pipe. The pool would wait for the other half for as long as
+            # anybody could write it, and that is this process itself.
+            pool._result_queue._writer.close()
         pool.shutdown(wait=True, cancel_futures=True)
 
 

@@ -141,6 +141,25 @@ def test_programs_end_when_their_results_are_wanted_no_more(tmp_path):
     end_running()
 
 
+def test_a_pool_ends_though_a_process_of_it_was_ended_in_the_middle_of_its_result(tmp_path):
+    """What is left in the pipe then is the length of a message and a part of it."""
+    script = tmp_path / "halved.py"
+    script.write_text("""
+import os, struct
+from contextlib import suppress
+from rtds_host.spread import process_pool
+
+if __name__ == "__main__":
+    with suppress(KeyError), process_pool(1) as pool:
+        pool.submit(int).result()
+        os.write(pool._result_queue._writer.fileno(), struct.pack("!i", 100) + b"half")
+        raise KeyError
+    print("ended")
+""")
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120, check=True)
+    assert done.stdout == "ended\n"
+
+
 def test_no_descriptor_of_the_lifeline_reaches_another_program():
     """Else its end would never come while that program lives."""
     run_guarded([sys.executable, "-c", "pass"])
