@@ -145,7 +145,7 @@ auto jump_idle(Root& root, std::uint64_t period_ps, std::uint64_t due_ps, int)
     -> decltype(root.RTDS_IDLE, root.RTDS_IDLE_COUNT, root.RTDS_IDLE_LIMIT, void()) {
     if (!root.RTDS_IDLE) return;
     if (idle_clocks == Idle::check) check_idle(root);
-    if (idle_clocks != Idle::jump) return;
+    if (idle_clocks != Idle::jump || now_ps >= due_ps) return;  // the last clock may have passed what is due
     const std::uint64_t left = std::min<std::uint64_t>(root.RTDS_IDLE_LIMIT - root.RTDS_IDLE_COUNT, (due_ps - now_ps) / period_ps);
     if (left <= RTDS_IDLE_SETTLES) return;
     root.RTDS_IDLE_COUNT += left - RTDS_IDLE_SETTLES;

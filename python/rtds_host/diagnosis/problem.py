@@ -103,8 +103,8 @@ class _Samples:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _whiten(replayed, entries, measured, noise, into):
-    """(replayed - measured) / noise at some entries (none of them negative), without the interpreter's lock."""
+def _in_noise(replayed, entries, measured, noise, into):
+    """Errors in units of noise, (replayed - measured) / noise, at some entries of a replay (none of them negative)."""
     # By themselves, scattered loads do not keep what follows from going several at a time.
     for k in range(len(entries)):
         into[k] = replayed[np.uintp(entries[k])]
@@ -320,7 +320,7 @@ class Problem:
         if data.sampled is not None:
             at = len(data.sampled.entries)
             error = result[:at]
-            _whiten(out.ravel(), data.sampled.entries, data.sampled.measured, data.sampled.noise, error)
+            _in_noise(out.ravel(), data.sampled.entries, data.sampled.measured, data.sampled.noise, error)
             if data.sampled.level is not None:
                 # Its level is the supply's affair; only how it moves is evidence.
                 error[data.sampled.level] -= error[data.sampled.level].mean()

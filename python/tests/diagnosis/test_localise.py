@@ -12,9 +12,9 @@ from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise import BLOCKS, blocks, localise
 from rtds_host.diagnosis.localise.ground import extent
-from rtds_host.diagnosis.localise.shares import group_of
+from rtds_host.diagnosis.localise.shares import Sums, group_of
 from rtds_host.diagnosis.localise.standins import NAMELESS as NAMELESS_CAUSES
-from rtds_host.diagnosis.localise.standins import _own, absences
+from rtds_host.diagnosis.localise.standins import absences
 from rtds_host.diagnosis.replay.model import nominal_model
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 
@@ -262,9 +262,9 @@ def test_a_cause_is_its_own_where_effects_and_tolerances_do_not_make_it(unlike):
     rng = np.random.default_rng(4)
     left = rng.standard_normal(500)
     columns = np.column_stack([left, left + unlike * rng.standard_normal(500)])
-    sums = SimpleNamespace(total=(columns.T @ columns, np.zeros(2)))
+    sums = SimpleNamespace(_total=(columns.T @ columns, np.zeros(2)))
     share = np.var(columns[:, 1] - left) / np.var(columns[:, 1])
-    assert _own(sums, 1, [0]) == pytest.approx(share, abs=0.01)
+    assert Sums.own(sums, 1, [0]) == pytest.approx(share, abs=0.01)
 
 
 def test_each_cause_without_a_name_has_a_signature():

@@ -403,3 +403,19 @@ def test_what_an_effect_changes_is_seen_by_longer_steps_too():
     for m, short, long, long_base in zip(models, moved, problem.residuals(models, coarse), problem.residuals([model] * len(models), coarse)):
         change = short - base
         assert np.linalg.norm(change - (long - long_base)) <= 0.2 * np.linalg.norm(change), m
+
+
+@pytest.mark.parametrize("late", [0.004, -0.004, 0.0137, 50.0, -50.0])
+@pytest.mark.parametrize(("slot", "late_ones"), [("gyro_late", {"gyro_z"}), ("pose_late", {"x", "y", "yaw"})])
+def test_a_clock_that_is_late_reports_what_was_earlier_between_samples_too(slot, late_ones, late):
+    """Before the first sample and behind the last one it reports these."""
+    run = make_run("weave", nominal_model(ROBOT), ROBOT, "weave", seed=3)
+    uneven = run.t[np.sort(np.random.default_rng(6).choice(len(run.t), 300, replace=False))]
+    inputs = (uneven, *run_inputs(run, ROBOT)[1:])
+    model = nominal_model(ROBOT)
+    on_time = replay_run(model, inputs)
+    model.put(slot, late)
+    out = replay_run(model, inputs)
+    for channel, k in OUTPUT_INDEX.items():
+        expected = np.interp(uneven - late, uneven, on_time[:, k]) if channel in late_ones else on_time[:, k]
+        np.testing.assert_array_equal(out[:, k], expected)

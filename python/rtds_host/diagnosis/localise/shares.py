@@ -104,7 +104,7 @@ class Sums:
                 entry[1] += int(inside.sum())
 
     @functools.cached_property
-    def total(self) -> tuple[np.ndarray, np.ndarray]:
+    def _total(self) -> tuple[np.ndarray, np.ndarray]:
         """Products of all columns with each other, and with the residuals, over all blocks."""
         size = len(self.names)
         return sum(self.gram.values(), np.zeros((size, size))), sum(self.cross.values(), np.zeros(size))
@@ -114,7 +114,7 @@ class Sums:
         """Columns that show at all, by the cause that they belong to."""
         found: dict[str, list[int]] = {}
         for j, name in enumerate(self.names):
-            if self.total[0][j, j] > 0:
+            if self._total[0][j, j] > 0:
                 found.setdefault(group_of(name), []).append(j)
         return found
 
@@ -134,7 +134,7 @@ class Sums:
         fixed = np.zeros(len(columns))
         held = np.zeros(len(columns), bool)
         tight = np.array([j in nuisance and j not in loose for j in columns], bool)
-        g, c = self.total[0][np.ix_(columns, columns)], self.total[1][columns]
+        g, c = self._total[0][np.ix_(columns, columns)], self._total[1][columns]
         theta = fixed
         for _ in columns:
             free = ~held
@@ -151,6 +151,14 @@ class Sums:
             fixed[over] = np.sign(theta[over]) * BAND
             held |= over
         return float(2.0 * theta @ c - theta @ g @ theta), theta
+
+    def own(self, column: int, others: list[int]) -> float:
+        """The share of a column's energy that others do not make."""
+        gram = self._total[0]
+        among, along = gram[np.ix_(others, others)], gram[others, column]
+        # Numerical: among the others some may be one.
+        among = among + 1e-9 * np.diag(np.diag(among))
+        return 1.0 - float(along @ np.linalg.solve(among, along)) / float(gram[column, column])
 
     def _sides(self, run: Signals) -> None:
         """Do both sides' torques miss together, and do they miss against the motion?"""

@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from rtds_host.contract import Case
 from rtds_host.diagnosis.chance import MOST, SLIGHT, sigmas
 from rtds_host.diagnosis.localise.blocks import excess_energy, own_blocks
@@ -79,7 +77,8 @@ def _kept(sums: Sums, names: Mapping[Member, str]) -> tuple[dict[Member, float],
     gains = {}
     for group in NAMELESS.keys() & sums.groups.keys():
         columns = sums.groups[group]
-        if max(_own(sums, j, picked) for j in columns) < SLIGHT:
+        # On a robot that drives straight the other side's command is a gain.
+        if max(sums.own(j, picked) for j in columns) < SLIGHT:
             continue
         gains[group] = sums.explained([*picked, *columns], set())[0] - explained - 2.0 * len(columns)
     best = max(sorted(gains), key=gains.get, default="")
@@ -87,13 +86,3 @@ def _kept(sums: Sums, names: Mapping[Member, str]) -> tuple[dict[Member, float],
         return {}, ""
     _, sizes = sums.explained([*picked, *sums.groups[best]], set())
     return {member: 1.0 + float(sizes[picked.index(j)]) for member, j in effects.items()}, NAMELESS[best]
-
-
-def _own(sums: Sums, column: int, others: list[int]) -> float:
-    """The share of a column's energy that others do not make: on a robot that drives straight the other side's command is a gain."""
-    gram, _ = sums.total
-    among = gram[np.ix_(others, others)]
-    along = gram[others, column]
-    # Numerical: among the others some may be one.
-    among = among + 1e-9 * np.diag(np.diag(among))
-    return 1.0 - float(along @ np.linalg.solve(among, along)) / float(gram[column, column])
