@@ -24,12 +24,17 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from rtds_host.diagnosis.elementary import exp_minus
+
 # A discrepancy comes and goes; what lasts longer than this is a scale, a bias or a load, which the catalogue has names for.
 LONGEST_S = 0.3
 # Numerical: sizes and correlation times that are told apart, and how finely they are looked for (in logarithms).
 LEAST_SIZE = 1e-3
 COARSE_TAUS = 5
 PATTERN_STEPS = (1.0, 0.4)
+# Numerical: discrepancies whose likelihoods are found abreast, steps that are looked at ahead, and the rows of the lanes' state.
+LANES, AHEAD = 4, 64
+S2, PER_TAU, TOTAL, M, P, A, S, PRODUCT, MOVED, KEEP, TAKE, SQUARES = (k * LANES for k in range(12))
 
 
 @dataclass(frozen=True)
@@ -43,57 +48,81 @@ class Series:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _nll(r, t, s2, tau):
-    """-2 log likelihood of one series, per the module's head, less its constant."""
-    total = 0.0
-    product = 1.0
-    m = 0.0
-    p = s2
+def _nll(r, t, w, ahead):
+    """Add -2 log likelihood of one series, per the module's head, less its constant, in each lane of `w`; `ahead` (LANES * AHEAD,) is
+    room for what is left of a discrepancy after each of the next steps."""
+    begun = filled = 0
+    for l in range(LANES):
+        w[M + l], w[P + l], w[S + l], w[PRODUCT + l], w[A + l] = 0.0, w[S2 + l], 1.0, 1.0, 1.0
     last_dt = -1.0
-    a = 1.0
-    s = 1.0
     k = 0
     while k < r.shape[0]:
         if k > 0:
             dt = t[k] - t[k - 1]
             if abs(dt - last_dt) > 1e-7 * last_dt:
                 last_dt = dt
-                a = math.exp(-dt / tau)
-            m *= a
-            p = a * a * p + s2 * (1.0 - a * a)
-        v = r[k] - m
-        before = s
-        s = p + 1.0
-        g = p / s
-        p = g
-        product *= s
-        if product > 1e200:
-            total += math.log(product)
-            product = 1.0
-        total += v * v / s
-        m += g * v
+                if k >= filled:
+                    # Many at a time: they do not wait for one another.
+                    begun, filled = k, min(k + AHEAD, r.shape[0])
+                    for l in range(LANES):
+                        for i in range(filled - begun):
+                            ahead[l * AHEAD + i] = exp_minus((t[begun + i] - t[begun + i - 1]) * w[PER_TAU + l])
+                for l in range(LANES):
+                    w[A + l] = ahead[l * AHEAD + k - begun]
+        row = r[k]
         k += 1
+        for l in range(LANES):
+            a = w[A + l]
+            m, p = a * w[M + l], a * a * (w[P + l] - w[S2 + l]) + w[S2 + l]
+            v, s = row - m, p + 1.0
+            per = 1.0 / s
+            g = p * per
+            w[MOVED + l] = abs(s - w[S + l]) * per
+            w[S + l] = s
+            w[P + l] = g
+            w[PRODUCT + l] *= s
+            w[TOTAL + l] += v * v * per
+            w[M + l] = m + g * v
+        if max(w[PRODUCT], w[PRODUCT + 1], w[PRODUCT + 2], w[PRODUCT + 3]) > 1e200:
+            for l in range(LANES):
+                w[TOTAL + l] += math.log(w[PRODUCT + l])
+                w[PRODUCT + l] = 1.0
         # At even sampling the gain soon stands still: one multiplication and addition lead from each expectation to the next.
-        if k > 2 and abs(s - before) < 1e-9 * s:
-            first, squares = k, 0.0
-            keep, take = a * (1.0 - g), a * g
-            expected = a * m
+        if k > 2 and max(w[MOVED], w[MOVED + 1], w[MOVED + 2], w[MOVED + 3]) < 1e-9:
+            first = k
+            for l in range(LANES):
+                w[KEEP + l], w[TAKE + l] = w[A + l] * (1.0 - w[P + l]), w[A + l] * w[P + l]
+                w[M + l] *= w[A + l]
+                w[SQUARES + l] = 0.0
             while k < r.shape[0] and abs(t[k] - t[k - 1] - last_dt) <= 1e-7 * last_dt:
-                v = r[k] - expected
-                squares += v * v
-                m = expected + g * v
-                expected = keep * expected + take * r[k]
+                row = r[k]
+                for l in range(LANES):
+                    v = row - w[M + l]
+                    w[SQUARES + l] += v * v
+                    w[M + l] = w[KEEP + l] * w[M + l] + w[TAKE + l] * row
                 k += 1
-            total += squares / s + math.log(s) * (k - first)
-    return total + math.log(product)
+            for l in range(LANES):
+                # From the next row's expectation back to what is known at this one.
+                w[M + l] /= w[A + l]
+                w[TOTAL + l] += w[SQUARES + l] / w[S + l] + math.log(w[S + l]) * (k - first)
+    for l in range(LANES):
+        w[TOTAL + l] += math.log(w[PRODUCT + l])
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _nll_of_all(residual, t, first, last, s2, tau):
-    """The same of several series: rows first to last (m,) of residuals and times (N,)."""
-    total = 0.0
-    for k in range(first.shape[0]):
-        total += _nll(residual[first[k]:last[k]], t[first[k]:last[k]], s2, tau)
+    """The same of several series by each of several discrepancies s2, tau (m,), four of them abreast, since in each a row waits for
+    the one before it: (m,), of rows first to last of residuals and times (N,)."""
+    total = np.empty(s2.shape[0])
+    w, ahead = np.empty(SQUARES + LANES), np.empty(LANES * AHEAD)
+    for begin in range(0, s2.shape[0], LANES):
+        for l in range(LANES):
+            one = min(begin + l, s2.shape[0] - 1)
+            w[S2 + l], w[PER_TAU + l], w[TOTAL + l] = s2[one], 1.0 / tau[one], 0.0
+        for k in range(first.shape[0]):
+            _nll(residual[first[k]:last[k]], t[first[k]:last[k]], w, ahead)
+        for l in range(min(LANES, s2.shape[0] - begin)):
+            total[begin + l] = w[TOTAL + l]
     return total
 
 
@@ -243,14 +272,9 @@ def _most_likely(residual: np.ndarray, mine: _Channel, s: float, tau: float, tho
         return 0.0, 1.0
     size = math.sqrt(max(mine.square(residual) / mine.count, 1e-12))
 
-    tried: dict[tuple[float, float], float] = {}
-
-    def cost(log_s: float, log_tau: float) -> float:
-        # The pattern comes back to where it was.
-        key = (round(log_s, 9), round(log_tau, 9))
-        if key not in tried:
-            tried[key] = _nll_of_all(residual, mine.t, mine.first, mine.last, math.exp(2.0 * log_s), math.exp(log_tau))
-        return tried[key]
+    def costs(points: list[tuple[float, float]]) -> np.ndarray:
+        log_s, log_tau = np.array(points).T
+        return _nll_of_all(residual, mine.t, mine.first, mine.last, np.exp(2.0 * log_s), np.exp(log_tau))
 
     white = mine.square(residual)
     low, high = math.log(mine.shortest), math.log(mine.longest)
@@ -263,22 +287,17 @@ def _most_likely(residual: np.ndarray, mine: _Channel, s: float, tau: float, tho
     if not starts or thorough:
         top = math.log(max(size, 10 * LEAST_SIZE))
         starts += [(top - back, at) for at in np.linspace(low, high, COARSE_TAUS) for back in (0.0, 1.0)]
-    values = [cost(*start) for start in starts]
+    values = costs(starts)
     k = int(np.argmin(values))
-    at, best = list(starts[k]), values[k]
+    at, best = starts[k], values[k]
     for step in PATTERN_STEPS if thorough or len(starts) > 2 else PATTERN_STEPS[1:]:
         for _ in range(4):
-            moved = False
-            for axis, sign in ((0, -1), (0, 1), (1, -1), (1, 1)):
-                trial = list(at)
-                trial[axis] += sign * step
-                trial[1] = min(max(trial[1], low), high)
-                value = cost(*trial)
-                if value < best - 1e-9:
-                    at, best, moved = trial, value, True
-                    break
-            if not moved:
+            trials = [(at[0] + ds, min(max(at[1] + dt, low), high)) for ds, dt in ((-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step))]
+            values = costs(trials)
+            k = int(np.argmin(values))
+            if values[k] >= best - 1e-9:
                 break
+            at, best = trials[k], values[k]
     if white <= best or at[0] < math.log(LEAST_SIZE):
         return 0.0, math.exp(at[1])
     return math.exp(at[0]), math.exp(at[1])

@@ -473,7 +473,7 @@ class Problem:
         # Those with springs or free play beside each other: what one lane has is computed in all.
         abreast = sorted((k for k, model in enumerate(models) if model.abreast), key=lambda k: (models[k].slow, steps[k]))
         runs = self._abreast(self.runs)
-        if not runs.worth([models[k] for k in abreast]):
+        if not runs.worth([models[k] for k in abreast], self.threads):
             abreast = []
         alone = sorted(set(range(len(models))) - set(abreast))
         jobs = deque(functools.partial(self._alone, models[k], data, found[k][rows], steps[k]) for k in alone for data, rows in self.rows)
@@ -547,7 +547,7 @@ class Problem:
         return self._gaps[asked]
 
     def _gap_of(self, model: Model, judged: list[RunData], runs: Abreast) -> float:
-        if model.abreast and runs.worth([model]):
+        if model.abreast and runs.worth([model], self.threads):
             out, = runs.replay([model])
             outs = np.split(out, runs.rows[1:-1])
         else:

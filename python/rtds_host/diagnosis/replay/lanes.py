@@ -14,6 +14,7 @@ import numba
 import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2
+from rtds_host.diagnosis.elementary import cos_less_one, exp_minus, sin, tanh
 from rtds_host.diagnosis.replay import kernel as one
 from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT, SLIDING, TRIALS
 
@@ -49,40 +50,6 @@ SIZE = 2 * _SIDE + len(_ROWS) * LANES
  LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X, DIR_Y, RATE_N, V_N, DV, DR, A00, A11, WX, DET, SPIN, H_MAX, LATE, POSE_LATE, COMMAND_LATE, GYRO_GAIN,
  GYRO_BIAS, SOURCE) = (
     2 * _SIDE + k * LANES for k in range(len(_ROWS)))
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _cos_less_one(q):
-    """cos - 1 of a small angle whose square is q, as in `kernel._turned`."""
-    return -q * (0.5 - q * (1.0 / 24.0 - q * (1.0 / 720.0)))
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _sin(angle, q):
-    """sin of a small angle whose square is q."""
-    return angle * (1.0 - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0))))
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _exp_minus(y):
-    """exp(-y), y >= 0, to 1e-14 where it is worth anything: without a call, so that lanes stay abreast."""
-    z = min(y, 40.0) * (1.0 / 64.0)
-    e = 1.0 - z * (1.0 - z * (1.0 / 2.0) * (1.0 - z * (1.0 / 3.0) * (1.0 - z * (1.0 / 4.0) * (1.0 - z * (1.0 / 5.0) * (
-        1.0 - z * (1.0 / 6.0) * (1.0 - z * (1.0 / 7.0) * (1.0 - z * (1.0 / 8.0) * (1.0 - z * (1.0 / 9.0)))))))))
-    e = e * e
-    e = e * e
-    e = e * e
-    e = e * e
-    e = e * e
-    return e * e
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _tanh(x):
-    """The hyperbolic tangent, likewise."""
-    e = _exp_minus(2.0 * abs(x))
-    size = (1.0 - e) / (1.0 + e)
-    return size if x > 0.0 else -size
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -370,11 +337,11 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     h, ke, ind, tau, shear_tau = s[H + l], s[o + KE + l], s[o + IND + l], s[o + SPEED_TAU + l], s[o + SHEAR_TAU + l]
                     per_res = 1.0 / (s[o + RES + l] * (1.0 + s[o + RISE + l]))
                     mean_i = ind * per_res / h
-                    e = _exp_minus(1.0 / mean_i)
+                    e = exp_minus(1.0 / mean_i)
                     c1 = ke * per_res * (1.0 - (1.0 - e) * mean_i)
                     s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l], s[o + MEAN_I + l] = e, (1.0 - e) * per_res, per_res, mean_i
                     s[o + C1 + l], s[o + M1 + l] = c1, 0.5 * ke * per_res - mean_i * c1
-                    fade = _exp_minus(h / (tau if tau > 0.0 else 1.0))
+                    fade = exp_minus(h / (tau if tau > 0.0 else 1.0))
                     s[o + FADE + l] = fade if tau > 0.0 else 0.0
                     late = max(0.5, 1.0 - shear_tau / h)
                     s[o + LATE_SHEAR + l], s[o + PER_SHEAR + l] = late, 1.0 / (late * h + shear_tau)
@@ -414,7 +381,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 angle = 0.5 * s[H + l] * s[RATE + l]
                 q = angle * angle
                 c, d = s[DIR_X + l], s[DIR_Y + l]
-                dc, ds = 1.0 + _cos_less_one(q), _sin(angle, q)
+                dc, ds = 1.0 + cos_less_one(q), sin(angle, q)
                 mid_x, mid_y = c * dc - d * ds, d * dc + c * ds
                 along, across = mid_x * s[UP_X + l] + mid_y * s[UP_Y + l], mid_y * s[UP_X + l] - mid_x * s[UP_Y + l]
                 s[GX + l] -= s[PULL + l] * along
@@ -424,7 +391,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 o = k * _SIDE
                 for l in range(lanes):
                     at = s[o + WM + l] * s[o + FADES + l]
-                    s[o + EXTRA + l] = s[o + STRIBECK + l] * _exp_minus(at * at)
+                    s[o + EXTRA + l] = s[o + STRIBECK + l] * exp_minus(at * at)
         for k in range(2):
             o = k * _SIDE
             for l in range(lanes):
@@ -449,7 +416,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     rim = s[o + RADIUS + l] * s[o + WN + l]
                     rolled = abs(rim)
                     path = (s[o + LENGTH + l] + late * h * rolled) * per
-                    bent = _tanh(whole / grip)
+                    bent = tanh(whole / grip)
                     tangent = max(1.0 - bent * bent, FLAT)
                     taken = grip * bent
                     slid = rim - s[V + l] - (2 * k - 1) * s[HALF + l] * s[RATE + l]
@@ -704,7 +671,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
             turned = 0.5 * h * rate_mid
             q = turned * turned
             c, d = s[DIR_X + l], s[DIR_Y + l]
-            dc, ds = 1.0 + _cos_less_one(q), _sin(turned, q)
+            dc, ds = 1.0 + cos_less_one(q), sin(turned, q)
             c, d = c * dc - d * ds, d * dc + c * ds
             s[X + l] += h * v_mid * c
             s[Y + l] += h * v_mid * d

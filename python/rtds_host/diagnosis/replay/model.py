@@ -23,6 +23,9 @@ SLIP_STEP_S = 8.4e-4
 FINE_STEP_S = 4.0e-4
 # Numerical: how much longer steps are where replays are only compared with one another, and where one has a spring.
 COARSER, COARSER_SPRING = 3.0, 2.0
+# Numerical: from how many at a time, in the mean, replays are done sooner abreast than one by one; with springs, with free play, and
+# with free play and slip.
+FEWEST, FEWEST_OF_SPRINGS, FEWEST_OF_PLAY, FEWEST_OF_PLAY_AND_SLIP = 2.2, 3.2, 6.0, 3.0
 # Numerical: a spring's step in its fastest swing: the errors then are those above at any stiffness that swings visibly.
 SPRING_STEP_RAD = 0.1
 # Numerical: a piece starts from a parabola over so many rows to either side.
@@ -110,9 +113,12 @@ class Model:
         return self._has("stiffness", "slip", "backlash")
 
     @property
-    def plays(self) -> bool:
-        """Whether a gear has free play."""
-        return self._has("backlash")
+    def fewest(self) -> float:
+        """How many of its replays must go on at a time, in the mean, to be done sooner abreast than one by one. A tyre's shear costs
+        little abreast; where lanes wait for one another's free play, much."""
+        if self._has("backlash"):
+            return FEWEST_OF_PLAY_AND_SLIP if self._has("slip") else FEWEST_OF_PLAY
+        return FEWEST_OF_SPRINGS if self._has("stiffness") else FEWEST
 
     @property
     def abreast(self) -> bool:
@@ -358,9 +364,6 @@ def _delay(t, late, values):
 class Abreast:
     """Several runs one after another in memory, for replays that go abreast, see `lanes`."""
 
-    # Numerical: fewer replays at a time than this are done sooner one by one; and where lanes wait for one another's free play.
-    FEWEST, FEWEST_OF_PLAY = 4.0, 6.0
-
     def __init__(self, inputs: list[tuple[np.ndarray, ...]]):
         self.inputs = inputs
         self.t, self.t_cmd, self.commands, self.bus, self.angle = (
@@ -371,10 +374,10 @@ class Abreast:
         # The longest first: those that come last go on by themselves.
         self.order = np.argsort(-np.diff(self.rows), kind="stable")
 
-    def worth(self, models: list[Model]) -> bool:
+    def worth(self, models: list[Model], threads: int) -> bool:
         """Whether replays of some models are done sooner abreast: how many go on at a time in the mean, with the longest run's to
-        wait for."""
-        fewest = self.FEWEST_OF_PLAY if any(model.plays for model in models) else self.FEWEST
+        wait for. One by one they are shared out by runs; abreast a core has whole models, and others may have none."""
+        fewest = max((model.fewest for model in models), default=math.inf) * max(threads / max(len(models), 1), 1.0)
         return len(models) * float(self.rows[-1]) >= fewest * max(float(np.diff(self.rows).max(initial=0)), 1.0)
 
     def replay(self, models: list[Model], steps: list[float | None] | None = None) -> np.ndarray:
