@@ -27,6 +27,10 @@
 //                 the whole model is what it is without jumping. The environment's RTDS_EVERY_CLOCK=1 has all clocks
 //                 evaluated, with the same result; with =check each of them, once settled, is held against the one before,
 //                 byte by byte of the model, and the program ends with status 3 when anything but the count has moved
+//   RTDS_USUAL    with RTDS_POSEDGE only: RTDS_USUAL(IS) is IS(member, value) for each of some members of the model (one that is
+//                 not there is left out). The functions that evaluate a clock are compiled a second time, all into one and for
+//                 these values, and called in the clocks that begin with them: all that hangs on another value is left out.
+//                 The values are looked at before each clock, so nothing is different but the time
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
@@ -39,6 +43,23 @@
 #include "Vtop___024root.h"
 #include "verilated.h"
 #include "verilated_vpi.h"
+
+// The functions of the model once more, for the usual clock.
+#ifdef RTDS_USUAL
+#if __has_include("Vtop___024root__0.cpp")
+#include "Vtop__pch.h"
+namespace {
+namespace usual {
+#if __has_include("Vtop__ConstPool__0__Slow.cpp")
+#include "Vtop__ConstPool__0__Slow.cpp"
+#endif
+#include "Vtop___024root__0.cpp"
+}  // namespace usual
+}  // namespace
+#else
+#undef RTDS_USUAL
+#endif
+#endif
 
 extern "C" void vlog_startup_routines_bootstrap(void);
 
@@ -155,6 +176,49 @@ auto jump_idle(Root& root, std::uint64_t period_ps, std::uint64_t due_ps, int)
 template <typename Root>
 void jump_idle(Root&, std::uint64_t, std::uint64_t, long) {}
 
+#ifdef RTDS_USUAL
+// Where the generated code keeps a register or net; null if nowhere, and then it is left out.
+#define RTDS_MEMBER(name, value)                                                \
+    template <typename Root>                                                    \
+    auto member_##name(Root& root, int) -> decltype(&root.name) {               \
+        return &root.name;                                                      \
+    }                                                                           \
+    template <typename Root>                                                    \
+    CData* member_##name(Root&, long) {                                         \
+        return nullptr;                                                         \
+    }
+#define RTDS_DIFFERS(name, value) \
+    if (const auto* const member = member_##name(root, 0)) differs |= *member ^ (value);
+#define RTDS_SET(name, value) \
+    if (auto* const member = member_##name(root, 0)) *member = (value);
+RTDS_USUAL(RTDS_MEMBER)
+
+// The next clock. What is the usual one is written to the registers once more before it: so the compiler knows it, all
+// functions being put into this one, and leaves out what hangs on it.
+template <typename Root>
+[[gnu::flatten, gnu::noinline]] void eval_usual(Root& root) {
+    root.__VnbaTriggered[0] = 1;
+    RTDS_USUAL(RTDS_SET)
+    usual::Vtop___024root___eval_nba(&root);
+}
+
+template <typename Root>
+void eval_clock(Root& root) {
+    QData differs = root.__VnbaTriggered[0] ^ 1;
+    RTDS_USUAL(RTDS_DIFFERS)
+    if (differs) {
+        Vtop___024root___eval_nba(&root);
+    } else {
+        eval_usual(root);
+    }
+}
+#else
+template <typename Root>
+void eval_clock(Root& root) {
+    Vtop___024root___eval_nba(&root);
+}
+#endif
+
 // Rising edges of the only clock, one a period, until `sync` is no longer what it was or the time reaches `due_ps`.
 template <typename Root>
 auto run_edges(Root& root, CData& before, const CData& sync, std::uint64_t period_ps, std::uint64_t due_ps, int)
@@ -166,7 +230,7 @@ auto run_edges(Root& root, CData& before, const CData& sync, std::uint64_t perio
     root.__VnbaTriggered[0] = root.__VactTriggered[0];
     do {
         now_ps += period_ps;
-        Vtop___024root___eval_nba(&root);
+        eval_clock(root);
         jump_idle(root, period_ps, due_ps, 0);
     } while (sync == sync_before && now_ps < due_ps);
     root.__VnbaTriggered[0] = 0;

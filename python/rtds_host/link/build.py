@@ -79,6 +79,9 @@ class Top:
     idle : (port, register, register, clocks) of a `posedge_only` top, or (): while the port is 1 nothing looks at the first
         register, which counts clocks, but for whether it has reached the second, and after so many clocks nothing else moves.
         The C++ main jumps such clocks.
+    usual : (net or register below the top, value) of a `posedge_only` top, or (): what these are in nearly every clock. The C++
+        main has the model's evaluation a second time, compiled for them, and looks at each clock whether they are. Names
+        that the generated code does not keep are passed over.
     root : folder to which the names are relative: the source tree.
     """
 
@@ -93,6 +96,7 @@ class Top:
     main: str = "sim/verilator_main.cpp"
     parameters: tuple[tuple[str, int], ...] = ()
     idle: tuple[str, str, str, int] | tuple[()] = ()
+    usual: tuple[tuple[str, int], ...] = ()
     root: Path = ROOT
 
     def files(self) -> list[Path]:
@@ -151,6 +155,17 @@ TOPS: Mapping[str, Top] = {
         bridge="bridge_core",
         parameters=(("EFFECTS", 0),),
         idle=("idle_o", "period_q", "step_clocks_q", 3),
+        # No reset, no coefficients computed or committed, no word for the effect unit on its way. __Vcellinp__* are Verilator's.
+        usual=(
+            ("rst_ni", 1),
+            ("fx_write_q", 0),
+            *((f"u_core.{name}", 0) for name in (
+                "u_param_unit.busy_q", "u_param_unit.first_q", "param_pending", "param_done", "commit", "refresh", "fx_rest_q",
+                "g_effects.u_effects.pending_q", "g_effects.u_effects.write",
+                "g_effects.u_effects.u_engine.__Vcellinp__u_left__wr_table_i",
+                "g_effects.u_effects.u_engine.__Vcellinp__u_right__wr_table_i",
+            )),
+        ),
     ),
     "chip": Top(
         module="rtds_chip",
@@ -212,7 +227,7 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
         files += [top.root / top.control] if top.control else []
         files += [ROOT / top.main]
     files += top.headers()
-    for text in (top.module, repr(top.parameters), repr(top.clocks), repr(top.posedge_only), top.sync, repr(top.idle), *tools):
+    for text in (top.module, repr(top.parameters), repr(top.clocks), repr(top.posedge_only), top.sync, repr(top.idle), repr(top.usual), *tools):
         digest.update(text.encode() + b"\0")
     for path in files:
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
@@ -266,6 +281,9 @@ def _build_verilator(
             defines += [f"-DRTDS_IDLE={port}", f"-DRTDS_IDLE_SETTLES={settles}", *(
                 f"-DRTDS_IDLE_{what}={top.module}__DOT__{name}" for what, name in (("COUNT", count), ("LIMIT", limit))
             )]
+        if top.usual:
+            names = ((f"{top.module}.{name}".replace(".", "__DOT__"), value) for name, value in top.usual)
+            defines.append("-DRTDS_USUAL(IS)=" + "".join(f"IS({name},{value})" for name, value in names))
         cocotb = ["--vpi"]
         linked = [f"-Wl,-rpath,{libraries}", f"-L{libraries}", "-lcocotbvpi_verilator"]
         control = [str(top.root / top.control)]

@@ -2,13 +2,14 @@
 
 import dataclasses
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 from link_cases import BURGER, STEP_S
 
 from rtds_host.link import open_link
-from rtds_host.link.build import TOPS
+from rtds_host.link.build import TOPS, build
 from rtds_host.link.rtl import RtlLink
 from rtds_host.motor.effects import Curve, SupplyEffects, UnitEffects
 
@@ -166,6 +167,25 @@ def test_the_top_without_the_effect_unit_has_the_same_states_and_clocks():
     for top in (TOPS["core"], dataclasses.replace(TOPS["core"], parameters=())):
         with RtlLink(top=top) as link:
             results.append(steps_of(link, random_session(19, 12)))
+    assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("effects", [False, True])
+@pytest.mark.parametrize("step_clocks", ["min", 500])
+def test_the_usual_clocks_evaluation_has_the_same_states_and_clocks(step_clocks, effects):
+    """The evaluation that is compiled for the usual clock against the model's own alone: bytes and clocks of every exchange,
+    among changes of parameters and of the method."""
+    whole = TOPS["core"] if not effects else dataclasses.replace(TOPS["core"], parameters=())
+    level = Curve((0.0, 0.0), (1e-4, 1e-4))
+    results = []
+    for top in (whole, dataclasses.replace(whole, usual=())):
+        built = Path(build(top, "verilator").command[0])
+        assert (b"eval_usual" in built.read_bytes()) == bool(top.usual)
+        with RtlLink(top=top, step_clocks=step_clocks) as link:
+            if effects:
+                dry = UnitEffects(friction_forward=level, friction_backward=level)
+                link.set_effects(dry, None, SupplyEffects(voltage_v=12.0, command_delay_s=3e-4))
+            results.append(steps_of(link, random_session(23, 12)))
     assert results[0] == results[1]
 
 
