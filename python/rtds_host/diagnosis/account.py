@@ -80,11 +80,15 @@ class Account:
         return self.shares.get(member, 1.0)
 
 
-def _standing(search: Search, fit: Fit, member: tuple[str, str], rough: bool) -> Standing:
-    """What speaks for an effect; `rough`: by a rough fit without it, which makes it look stronger than it is."""
-    without = search.without(fit, member)
+def _standing(search: Search, fit: Fit, rough: bool) -> list[Standing]:
+    """What speaks for each effect; `rough`: by a rough fit without it, which makes it look stronger than it is."""
+    without = search.without(fit, *fit.hypothesis)
     if not rough:
-        without = search.try_fit(without.hypothesis, without.u, without)
+        without = search.try_fits((one.hypothesis, one.u, one) for one in without)
+    return [_weighed(search, fit, member, one) for member, one in zip(fit.hypothesis, without)]
+
+
+def _weighed(search: Search, fit: Fit, member: tuple[str, str], without: Fit) -> Standing:
     gain, t = compared(search.problem, fit, without)
     share = _part(search, fit, without)
     without, gap = _closest(search, fit, without)
@@ -205,7 +209,7 @@ def account(search: Search, fit: Fit) -> Account:
     steady: set[tuple[str, str]] = set()
     rough, fewest = True, len(fit.hypothesis)
     while True:
-        standing = [_standing(search, fit, member, rough) for member in fit.hypothesis]
+        standing = _standing(search, fit, rough)
         fallen = _fallen(search, fit, standing, steady)
         if fallen is not None:
             one, dropped[one.member] = fallen
@@ -224,7 +228,7 @@ def account(search: Search, fit: Fit) -> Account:
             break
     alike, rivals = _alike(search, fit, standing)
     for better in _foretelling(search, fit, [f for f in rivals if not dropped.keys() & set(f.hypothesis)]):
-        own = [_standing(search, better, member, False) for member in better.hypothesis]
+        own = _standing(search, better, False)
         if _fallen(search, better, own, set(steady)) is None:
             fit, standing = better, own
             alike, rivals = _alike(search, fit, standing)

@@ -8,10 +8,13 @@ Gauss-Newton with damping on whitened residuals; the discrepancy is estimated ag
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -28,6 +31,8 @@ STEP_GAIN, ROUGH_GAIN = 0.2, 2.0
 # Numerical: a step that brought no more than this shows that the nuisances' derivatives are out of date, or the end; how often they
 # are taken anew.
 RENEWED, RENEWALS = 5.0, 1
+# Numerical: fits that go on side by side: a replay of each fills the lanes, and each keeps its derivatives.
+BESIDE = 8
 # Numerical: shares of the diagonal that are added to the normal equations, and the shortest part of a step without any.
 DAMPINGS, SHORTEST = (0.0, 0.03, 1.0, 30.0), 0.05
 
@@ -168,6 +173,35 @@ class Fit:
         return result
 
 
+# What asks for residuals while it works: it hands out models and the longest step of each (None: what each needs), and is handed their
+# residuals, (N,) each.
+T = TypeVar("T")
+Asking = Generator[tuple[list[Model], list[float] | None], list[np.ndarray], T]
+
+
+def side_by_side(problem: Problem, works: Iterable[Asking[T]]) -> list[T]:
+    """Do what asks for residuals side by side: what several ask for at a time is replayed abreast, where each alone would fill few
+    lanes."""
+    waiting, asked, results = deque(enumerate(works)), {}, {}
+
+    def on(k: int, work: Asking[T], answer: list[np.ndarray] | None) -> None:
+        try:
+            asked[k] = work, *work.send(answer)
+        except StopIteration as end:
+            asked.pop(k, None)
+            results[k] = end.value
+
+    while waiting or asked:
+        while waiting and len(asked) < BESIDE:
+            on(*waiting.popleft(), None)
+        now = list(asked.items())
+        found = iter(problem.residuals([model for _, (_, models, _) in now for model in models],
+                                       [step for _, (_, models, steps) in now for step in steps or [m.step_s for m in models]]))
+        for k, (work, models, _) in now:
+            on(k, work, list(itertools.islice(found, len(models))))
+    return [results[k] for k in sorted(results)]
+
+
 class Fitter:
     """Fits explanations of one problem; keeps the nuisances' derivatives about the nominal robot."""
 
@@ -189,7 +223,7 @@ class Fitter:
         return low, high
 
     def _derivatives(self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: Iterable[int],
-                     high: np.ndarray) -> np.ndarray:
+                     high: np.ndarray) -> Asking[np.ndarray]:
         """Derivatives of the residuals r at x by some parameters, (N, count) float32."""
         models, steps = [], []
         differences = [p.difference for _, _, p in parameters(self.effects, hypothesis)]
@@ -203,7 +237,7 @@ class Fitter:
             models.append(self.model(hypothesis, moved))
             steps.append(step)
         into = np.empty((len(r), len(models)), np.float32, order="F")
-        for j, (moved, step) in enumerate(zip(self.problem.residuals(models), steps)):
+        for j, (moved, step) in enumerate(zip((yield models, None) if models else [], steps)):
             np.subtract(moved, r, out=moved)
             np.divide(moved, step, out=into[:, j], casting="same_kind")
         return into
@@ -222,9 +256,9 @@ class Fitter:
                 at += count
         return np.concatenate(columns, axis=1) if columns else new
 
-    def _tried(self, hypothesis: Hypothesis, x: np.ndarray, noise: Discrepancy) -> tuple[np.ndarray, np.ndarray, float]:
+    def _tried(self, hypothesis: Hypothesis, x: np.ndarray, noise: Discrepancy) -> Asking[tuple[np.ndarray, np.ndarray, float]]:
         """Parameters, their residuals and what they cost."""
-        moved = self.problem.residual(self.model(hypothesis, x))
+        moved, = yield [self.model(hypothesis, x)], None
         return x, moved, noise.cost(moved) + prior_cost(x[:self.count], x[self.count:])
 
     def _slid(self, hypothesis: Hypothesis, x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -248,6 +282,12 @@ class Fitter:
     def fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, noise: Discrepancy, iterations: int = 8,
             known: dict[tuple[str, str], np.ndarray] | None = None, fixed: bool = False,
             by_nuisance: np.ndarray | None = None, least: float = STEP_GAIN) -> Fit:
+        """Fit an explanation from a start, see `fitting`."""
+        return side_by_side(self.problem, [self.fitting(hypothesis, start, z, noise, iterations, known, fixed, by_nuisance, least)])[0]
+
+    def fitting(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, noise: Discrepancy, iterations: int = 8,
+            known: dict[tuple[str, str], np.ndarray] | None = None, fixed: bool = False,
+            by_nuisance: np.ndarray | None = None, least: float = STEP_GAIN) -> Asking[Fit]:
         """Fit an explanation from a start.
 
         Parameters
@@ -267,10 +307,10 @@ class Fitter:
             at += count
         low, high = self._bounds(hypothesis)
         x = np.clip(np.concatenate([z, start]), low, high)
-        r = self.problem.residual(self.model(hypothesis, x))
+        r, = yield [self.model(hypothesis, x)], None
         if by_nuisance is None:
             if self.by_nuisance is None:
-                self.by_nuisance = self._derivatives(hypothesis, x, r, range(k), high)
+                self.by_nuisance = yield from self._derivatives(hypothesis, x, r, range(k), high)
             by_nuisance = self.by_nuisance
         noise = noise if fixed else noise.estimated(r)
         now = noise.cost(r) + prior_cost(x[:k], x[k:])
@@ -279,12 +319,13 @@ class Fitter:
         by_effect = np.empty((len(r), 0), np.float32)
         free = np.ones(len(x), bool)
         for _ in range(iterations):
-            by_effect = self._assembled(hypothesis, known, self._derivatives(hypothesis, x, r, own, high))
+            by_effect = self._assembled(hypothesis, known, (yield from self._derivatives(hypothesis, x, r, own, high)))
             jacobian = noise.whiten(np.concatenate([by_nuisance, by_effect], axis=1))
             white = noise.whiten(r)
             weight = prior_weight(x[:k], x[k:])
             gradient = (jacobian.T @ white.astype(np.float32)).astype(float) + weight * x
             hessian = (jacobian.T @ jacobian).astype(float) + np.diag(weight)
+            del jacobian, white                  # large, and there are others beside this fit
             free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
             keep = np.flatnonzero(free)
             improved = 0.0
@@ -293,12 +334,12 @@ class Fitter:
                 step = np.zeros(len(x))
                 step[keep] = -np.linalg.solve(damped, gradient[keep])
                 promised = abs(gradient @ step)
-                trial, moved, new = self._tried(hypothesis, np.clip(x + step, low, high), noise)
+                trial, moved, new = yield from self._tried(hypothesis, np.clip(x + step, low, high), noise)
                 if new >= now and promised >= least and attempt == 0.0:
                     # Along a bent valley a part of the step leads on where damping would hold it: to the least of the parabola
                     # through what is known of the line.
                     part = min(max(promised / (new - now + 2.0 * promised), SHORTEST), 0.5)
-                    trial, moved, new = self._tried(hypothesis, np.clip(x + part * step, low, high), noise)
+                    trial, moved, new = yield from self._tried(hypothesis, np.clip(x + part * step, low, high), noise)
                 if new < now:
                     x, r, damping = self._slid(hypothesis, trial, low, high), moved, attempt
                     improved = now - noise.cost(r) - prior_cost(x[:k], x[k:])
@@ -318,6 +359,6 @@ class Fitter:
             if improved < RENEWED and not known and renewals and since >= ROUGH_GAIN:
                 # Far from where they were taken, the nuisances' derivatives point the wrong way, and hide the valley in which
                 # an effect and a tolerance of the same parameter lie.
-                by_nuisance = self._derivatives(hypothesis, x, r, range(k), high)
+                by_nuisance = yield from self._derivatives(hypothesis, x, r, range(k), high)
                 renewals, since, damping = renewals - 1, 0.0, 0.0
         return Fit(self.effects, hypothesis, x[:k].copy(), x[k:].copy(), r, by_nuisance, by_effect, free, noise)

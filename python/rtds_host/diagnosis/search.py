@@ -18,7 +18,20 @@ from rtds_host.diagnosis.chance import MOST, SLIGHT
 from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.effects.base import WRITTEN
 from rtds_host.diagnosis.evidence import CONVINCING, believed, compared, excess, worth_adding
-from rtds_host.diagnosis.fit import ROUGH_GAIN, STEP_GAIN, Fit, Fitter, Hypothesis, apply, joined, scaled, to_values
+from rtds_host.diagnosis.fit import (
+    ROUGH_GAIN,
+    STEP_GAIN,
+    Asking,
+    Fit,
+    Fitter,
+    Hypothesis,
+    apply,
+    joined,
+    scaled,
+    side_by_side,
+    split,
+    to_values,
+)
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.nuisances import BAND
 from rtds_host.diagnosis.problem import CHI2, Problem
@@ -51,6 +64,10 @@ COARSE = (0.35, 0.6, 0.88, 1.35, 1.6, 2.0, 3.0, 4.5, 6.5)
 ROUGH_FACTORS = tuple(sorted({*np.geomspace(0.125, 8.0, 25), 0.88, 0.92, 0.96, 1.04, 1.08, 1.13}))
 
 
+# An explanation, scaled parameters to fit it from, and the fit whose nuisances and discrepancy to begin with.
+Start = tuple[Hypothesis, np.ndarray, Fit]
+
+
 class Search:
     """One case's search over explanations; `fits` holds the best fit of each that was tried."""
 
@@ -61,7 +78,7 @@ class Search:
         self.quick = quick
         self.wanted = {e for e in problem.effects if e not in without}
         self.fits: dict[Hypothesis, Fit] = {}
-        self._begun: set[tuple] = set()          # explanations that were fitted, and what each fit began from
+        self._begun: dict[tuple, float] = {}     # explanations that were fitted, what each fit began from, and its score
         self.afresh = True                       # whether the next screening takes every signature anew
         self.slow_moves: dict[Signature, np.ndarray] = {}
         self.moves: dict[Signature, np.ndarray] = {}
@@ -99,26 +116,41 @@ class Search:
     # ---- fits
 
     def try_fit(self, hypothesis: Hypothesis, start: np.ndarray, beside: Fit, rough: bool = False) -> Fit:
-        """Fit an explanation, starting from the nuisances and the discrepancy of another; remember the better of this and
-        an earlier fit. `rough`: with the other's derivatives by the effects that both hold."""
-        begun = (hypothesis, start.tobytes(), beside.hypothesis, beside.cost, rough)
-        if begun in self._begun and hypothesis in self.fits:
-            return self.fits[hypothesis]
-        self._begun.add(begun)
-        z, noise = beside.z, beside.noise
+        """Fit an explanation, starting from the nuisances and the discrepancy of another; the better of this and
+        an earlier fit. `rough`: with the other's derivatives by the effects that both hold at the same size."""
+        return self.try_fits([(hypothesis, start, beside)], rough)[0]
+
+    def try_fits(self, starts: Iterable[Start], rough: bool = False) -> list[Fit]:
+        """The same of several explanations and what each starts from, side by side."""
+        starts = list(starts)
+        self._reached(starts, rough)
+        return [self.fits[hypothesis] for hypothesis, _, _ in starts]
+
+    def _reached(self, starts: list[Start], rough: bool) -> list[float]:
+        """The same, and the scores of these very fits."""
+        keys = [(hypothesis, start.tobytes(), beside.hypothesis, beside.cost, rough) for hypothesis, start, beside in starts]
+        new = {key: one for key, one in zip(keys, starts) if key not in self._begun or one[0] not in self.fits}
+        for key, fit in zip(new, side_by_side(self.problem, [self._fitting(*one, rough) for one in new.values()])):
+            best = self.fits.get(fit.hypothesis)
+            if best is None or fit.cost < best.cost:
+                self.fits[fit.hypothesis] = fit
+            self._begun[key] = self.score(fit)
+        return [self._begun[key] for key in keys]
+
+    def _fitting(self, hypothesis: Hypothesis, start: np.ndarray, beside: Fit, rough: bool) -> Asking[Fit]:
+        z = beside.z
         if len(z):
             # Nuisances that bent to stand in for an effect are a poor place to start from.
             starts = [z, np.zeros_like(z)]
             values = to_values(self.effects, hypothesis, start)
             models = [apply(self.effects, self.problem.with_nuisances(s), hypothesis, values) for s in starts]
-            z = starts[int(np.argmin([float(r @ r) for r in self.problem.residuals(models, [m.coarse_s for m in models])]))]
-        known = {m: c for m, c in beside.columns.items() if m in hypothesis} if rough else None
-        fit = self.fitter.fit(hypothesis, start, z, noise, ROUGH_ITERATIONS if rough else ITERATIONS, known,
-                              by_nuisance=beside.by_nuisance, least=ROUGH_GAIN if rough else STEP_GAIN)
-        best = self.fits.get(hypothesis)
-        if best is None or fit.cost < best.cost:
-            self.fits[hypothesis] = fit
-        return self.fits[hypothesis]
+            z = starts[int(np.argmin([float(r @ r) for r in (yield models, [m.coarse_s for m in models])]))]
+        known = None
+        if rough:
+            parts = split(self.effects, hypothesis, start)
+            known = {m: c for m, c in beside.columns.items() if m in parts and np.array_equal(parts[m], beside.parts[m])}
+        return (yield from self.fitter.fitting(hypothesis, start, z, beside.noise, ROUGH_ITERATIONS if rough else ITERATIONS, known,
+                                               by_nuisance=beside.by_nuisance, least=ROUGH_GAIN if rough else STEP_GAIN))
 
     def refitted(self) -> Fit:
         """The nominal robot with nuisances that bring its replay as close as their tolerance allows, whatever is missing: no
@@ -179,14 +211,16 @@ class Search:
 
     def grow(self, fit: Fit, count: int) -> Fit | None:
         """Add the effect that the evidence asks for most; None if there is none."""
-        found = []
-        for candidate in self.promising(self._screened(fit), count):
-            hypothesis, start = joined(_with(fit, candidate.member, self._entered(fit, candidate)))
-            found.append(self.try_fit(hypothesis, start, fit, rough=True))
+        starts = [joined(_with(fit, one.member, self._entered(fit, one))) for one in self.promising(self._screened(fit), count)]
+        found = self.try_fits([(*start, fit) for start in starts], rough=True)
         found = sorted((f for f in found if self.score(f) < self.score(fit)), key=self.score)
         # The first two are fitted in earnest: what is rough about a fit may be more than what parts them.
-        found = [self.polished(self.try_fit(f.hypothesis, f.u, f), set(f.hypothesis) - set(fit.hypothesis)) for f in found[:2]]
-        return min((f for f in found if self.named(f)), key=self.score, default=None)
+        best = None
+        for rough in found[:2]:
+            if best is None or self.score(rough) < self.score(best) + FAR:
+                other = self.polished(self.try_fit(rough.hypothesis, rough.u, rough), set(rough.hypothesis) - set(fit.hypothesis))
+                best = min([f for f in (best, other) if f is not None and self.named(f)], key=self.score, default=None)
+        return best
 
     def _entered(self, fit: Fit, candidate: Candidate) -> np.ndarray:
         """Scaled parameters from which to fit a candidate: its own, or a size about them from which less is left to fit."""
@@ -208,10 +242,11 @@ class Search:
         """Look about an optimum of some effects whose misfit has many minima, and fit again from what is found there."""
         for member in members:
             for values in self.effects[member[0]].restarts if not self.closed(fit) else ():
-                start = scaled(self.effects, (member,), [dict(values)])
-                fit = self.try_fit(*joined({**fit.parts, member: start}), fit)
+                hypothesis, start = joined({**fit.parts, member: scaled(self.effects, (member,), [dict(values)])})
+                if self._reached([(hypothesis, start, fit)], rough=True)[0] < self.score(fit) + FAR:
+                    fit = self.try_fit(hypothesis, start, fit)
             for _ in range(3):
-                moved = min((self.try_fit(fit.hypothesis, start, fit) for start in self._lower(fit, member)), key=self.score, default=fit)
+                moved = min(self.try_fits((fit.hypothesis, start, fit) for start in self._lower(fit, member)), key=self.score, default=fit)
                 if self.score(moved) >= self.score(fit):
                     break
                 fit = moved
@@ -243,18 +278,18 @@ class Search:
             found = ripple.neighbours(values, ripple.turned(outs, member[1]))
         return [scaled(self.effects, (member,), [trial]) for trial in found]
 
-    def without(self, fit: Fit, member: tuple[str, str]) -> Fit:
-        """The explanation less one effect, the others fitted again."""
-        hypothesis, start = joined({h: u for h, u in fit.parts.items() if h != member})
-        known = self.fits.get(hypothesis)
-        if known is not None and known.cost < fit.cost:
-            return known
-        return self.try_fit(hypothesis, start, fit, rough=True)
+    def without(self, fit: Fit, *members: tuple[str, str]) -> list[Fit]:
+        """The explanation less each of some effects, the others fitted again."""
+        less = [joined({h: u for h, u in fit.parts.items() if h != member}) for member in members]
+        met = {hypothesis: self.fits[hypothesis] for hypothesis, _ in less
+               if hypothesis in self.fits and self.fits[hypothesis].cost < fit.cost}
+        self.try_fits([(*start, fit) for start in less if start[0] not in met], rough=True)
+        return [met.get(hypothesis) or self.fits[hypothesis] for hypothesis, _ in less]
 
     def prune(self, fit: Fit) -> Fit:
         """Take out effects that the evidence does not miss, and parameters; sides that came out alike become one effect."""
         while fit.hypothesis:
-            simpler = [self.without(fit, member) for member in fit.hypothesis] if len(fit.hypothesis) > 1 else []
+            simpler = self.without(fit, *fit.hypothesis) if len(fit.hypothesis) > 1 else []
             simpler += self._merged(fit) + self._plainer(fit)
             if not simpler:
                 break
@@ -269,41 +304,40 @@ class Search:
 
     def _plainer(self, fit: Fit) -> list[Fit]:
         """The explanation with an effect in its simpler form: without the further parameters."""
-        parts, found = fit.parts, []
+        parts, starts = fit.parts, []
         for effect, side in fit.hypothesis:
             rest = {h: u for h, u in parts.items() if h != (effect, side)}
             for plain in self.effects[effect].contains:
                 if not clashes((plain, side), tuple(rest)):
                     count = len(self.effects[plain].parameters)
-                    found.append(self.try_fit(*joined({**rest, (plain, side): parts[effect, side][:count]}), fit, rough=True))
-        return found
+                    starts.append(joined({**rest, (plain, side): parts[effect, side][:count]}))
+        return self.try_fits([(*start, fit) for start in starts], rough=True)
 
     def _merged(self, fit: Fit) -> list[Fit]:
-        parts = fit.parts
-        found = []
+        parts, starts = fit.parts, []
         for effect, side in fit.hypothesis:
             if side == "left" and (effect, "right") in parts:
                 rest = {h: u for h, u in parts.items() if h[0] != effect}
                 rest[effect, "both"] = 0.5 * (parts[effect, "left"] + parts[effect, "right"])
-                found.append(self.try_fit(*joined(rest), fit))
-        return found
+                starts.append(joined(rest))
+        return self.try_fits((*start, fit) for start in starts)
 
     def exchange(self, fit: Fit, count: int) -> Fit:
         """Exchange an effect for another side of it or for what the screening without it proposes, if the evidence asks
         for it."""
-        tried = [fit]
-        for member in fit.hypothesis:
-            alone = self.without(fit, member)
-            found = [*self._sides(fit, member), *self._parted(alone, member), *self.namesakes(fit, member).values()]
+        starts, swaps, found = [], [], []
+        for member, alone in zip(fit.hypothesis, self.without(fit, *fit.hypothesis)):
+            starts += [*self._sides(fit, member), *self._parted(alone, member)]
+            found += self.namesakes(fit, member).values()
             sure = believed(*compared(self.problem, fit, alone)) > SURE
-            for candidate in self.promising(self._screens(alone, self.moves), 1 if sure else count):
-                if candidate.member != member:
-                    hypothesis, start = joined(_with(alone, candidate.member, candidate.start))
-                    swapped = self.try_fit(hypothesis, start, alone, rough=True)
-                    found += [swapped, *self._mixed(fit, alone, swapped, member, candidate.member)]
-            tried += [f for f in found if self.score(f) < self.score(fit) + ROUGHLY]
-        tried = sorted(tried, key=self.score)[:3]
-        found = [self.try_fit(f.hypothesis, f.u, f) for f in tried if f is not fit]
+            swaps += [(*joined(_with(alone, one.member, one.start)), alone, member, one.member)
+                      for one in self.promising(self._screens(alone, self.moves), 1 if sure else count) if one.member != member]
+        swapped = self.try_fits([start[:3] for start in swaps], rough=True)
+        found += [*self.try_fits(starts, rough=True), *swapped]
+        found += self.try_fits(mixed for (_, _, alone, member, other), one in zip(swaps, swapped)
+                               for mixed in self._mixed(fit, alone, one, member, other))
+        tried = sorted([fit, *(f for f in found if self.score(f) < self.score(fit) + ROUGHLY)], key=self.score)[:3]
+        found = self.try_fits((f.hypothesis, f.u, f) for f in tried if f is not fit)
         found = [f for f in found if len(f.hypothesis) <= len(fit.hypothesis) or self._believed(f, fit, self.gap(fit))]
         better = self._better(fit, found)
         if better is not fit:
@@ -315,10 +349,11 @@ class Search:
         """Exchange two effects at once for two others that promise nearly as much together, if the evidence asks for it: a gain
         of the driver and one of the current sensor do what a resistance and a torque constant do, and no exchange of one of them
         for one of these leads there."""
-        tried = []
-        for first, second in itertools.combinations(fit.hypothesis, 2):
-            rest, start = joined({h: u for h, u in fit.parts.items() if h not in (first, second)})
-            alone = self.try_fit(rest, start, fit, rough=True)
+        starts = []
+        pairs_out = list(itertools.combinations(fit.hypothesis, 2))
+        rests = [joined({h: u for h, u in fit.parts.items() if h not in out}) for out in pairs_out]
+        for (first, second), alone in zip(pairs_out, self.try_fits([(*rest, fit) for rest in rests], rough=True)):
+            rest = alone.hypothesis
             for screen in self._screens(alone, self.moves):
                 likely = [c.member for c in screen.candidates()[:PAIRED] if not self._doubles(c.member, rest)]
                 pairs = screen.pairs([*likely, *(m for m in (first, second) if m not in likely)])
@@ -326,9 +361,9 @@ class Search:
                 for gain, a, b in [pair for pair in pairs if first not in (pair[1].member, pair[2].member)
                                    and second not in (pair[1].member, pair[2].member)][:1]:
                     if gain >= NEARLY * own:
-                        tried.append(self.try_fit(*joined({**alone.parts, a.member: a.start, b.member: b.start}), alone, rough=True))
-        tried = sorted((f for f in tried if self.score(f) < self.score(fit) + FAR), key=self.score)[:2]
-        better = self._better(fit, [f for f in (self.try_fit(f.hypothesis, f.u, f) for f in tried) if self.named(f)])
+                        starts.append((*joined({**alone.parts, a.member: a.start, b.member: b.start}), alone))
+        tried = sorted((f for f in self.try_fits(starts, rough=True) if self.score(f) < self.score(fit) + FAR), key=self.score)[:2]
+        better = self._better(fit, [f for f in self.try_fits((f.hypothesis, f.u, f) for f in tried) if self.named(f)])
         if better is not fit:
             self.trace.append(f"exchange {set(fit.hypothesis) - set(better.hypothesis)} -> "
                               f"{set(better.hypothesis) - set(fit.hypothesis)}")
@@ -352,8 +387,8 @@ class Search:
             return rough
         return self.try_fit(hypothesis, rough.u, rough)
 
-    def _mixed(self, fit: Fit, alone: Fit, swapped: Fit, member: tuple[str, str], other: tuple[str, str]) -> list[Fit]:
-        """Both of two effects, each at half its size, where one does nearly what the other does: two delays, two gains.
+    def _mixed(self, fit: Fit, alone: Fit, swapped: Fit, member: tuple[str, str], other: tuple[str, str]) -> list[Start]:
+        """Where to start with both of two effects, each at half its size, where one does nearly what the other does: two delays, two gains.
 
         No small step leads there from either alone where the misfit is kinked, as it is at a delay of whole samples.
         """
@@ -362,24 +397,24 @@ class Search:
         if clashes(other, fit.hypothesis) or self._doubles(other, fit.hypothesis):
             return []
         parts = {**swapped.parts, member: 0.5 * fit.parts[member], other: 0.5 * swapped.parts[other]}
-        return [self.try_fit(*joined(parts), swapped)]
+        return [(*joined(parts), swapped)]
 
-    def _sides(self, fit: Fit, member: tuple[str, str]) -> list[Fit]:
+    def _sides(self, fit: Fit, member: tuple[str, str]) -> list[Start]:
         """The same explanation with one of its effects on other sides."""
         parts = fit.parts
         rest = {h: u for h, u in parts.items() if h != member}
-        return [self.try_fit(*joined({**rest, (member[0], side): parts[member]}), fit, rough=True)
+        return [(*joined({**rest, (member[0], side): parts[member]}), fit)
                 for side in self.effects[member[0]].sides
                 if side != member[1] and not clashes((member[0], side), tuple(rest))
                 and len(self.problem.robot.sides) == 2]
 
-    def _parted(self, alone: Fit, member: tuple[str, str]) -> list[Fit]:
+    def _parted(self, alone: Fit, member: tuple[str, str]) -> list[Start]:
         """What is left without an effect of one side, with another one that is on both of a size of its own on each: the two
         sides of a machine differ in one thing more often than in two."""
         if member[1] == "both":
             return []
         rest = alone.parts
-        return [self.try_fit(*joined(_with(alone, (effect, member[1]), rest[effect, side])), alone, rough=True)
+        return [(*joined(_with(alone, (effect, member[1]), rest[effect, side])), alone)
                 for effect, side in alone.hypothesis if side == "both" and self.effects[effect].sided and self.effects[effect].sized]
 
     def renamed(self, fit: Fit) -> Fit:

@@ -79,7 +79,7 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_does_not_stand
     runs = tuple(make_run(f"{kind}-{seed}", heavy if seed == 3 else sound, robot, kind, seed=seed)
                  for seed, kind in enumerate(("steps", "weave", "steps", "weave")))
     search, fit = fitted(Case("one of four", robot, runs), {COULOMB: {"torque_nm": 0.04}, ("driver_gain", "both"): {"ratio": 0.9}})
-    standing = [_standing(search, fit, member, rough=False) for member in fit.hypothesis]
+    standing = _standing(search, fit, rough=False)
     one, reason = _unforetold(search, fit, standing)
     assert one.member == ("driver_gain", "both") and "not fitted to" in reason
 
