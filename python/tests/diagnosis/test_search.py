@@ -16,13 +16,13 @@ from rtds_host.diagnosis.chance import MOST, SAME
 from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import excess, told_apart
-from rtds_host.diagnosis.fit import joined, scaled
+from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side
 from rtds_host.diagnosis.likelihood import Discrepancy, Series, _nll_of_all
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.diagnosis.screen import Screen, moves_of
-from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.search import FAR, Search
 from rtds_host.diagnosis.twins import near_twins, twins
 
 POSE = ("x", "y", "yaw")
@@ -281,10 +281,60 @@ def test_a_ratio_takes_over_what_its_sides_have_of_its_tolerance_in_common():
 
 def test_an_explanation_begun_twice_alike_is_fitted_once():
     search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083}))
-    replays = []
-    search.fitter.fit = lambda *_, **__: replays.append(1)
-    assert search.try_fit(fit.hypothesis, scaled(search.effects, fit.hypothesis, [{"seconds": 0.0083}]), search.fits[()]) is fit
-    assert not replays
+    begun, fitting = [], search.fitter.fitting
+    search.fitter.fitting = lambda *given, **named: begun.append(given) or fitting(*given, **named)
+    start, other = (scaled(search.effects, fit.hypothesis, [{"seconds": seconds}]) for seconds in (0.0083, 0.0084))
+    assert search.try_fit(fit.hypothesis, start, search.fits[()]) is fit
+    assert not begun
+    search.try_fits([(fit.hypothesis, other, search.fits[()])] * 2)
+    assert len(begun) == 1
+
+
+def test_fits_go_side_by_side_as_they_go_alone():
+    """More fits than go on at a time, one of which asks for nothing at all: the same fits, in their order, of fewer calls for residuals."""
+    members = [("resistance_error", "both"), ("driver_gain", "both"), ("coulomb_friction", "both"), ("command_delay", "both"), ("gyro_gain", "both")]
+    search, none = fitted(make_case(lambda m: m.scale("resistance", 1.1)))
+    starts = [((member,), u, none) for member in members for u in (np.full(len(search.effects[member[0]].parameters), size) for size in (0.1, 0.2))]
+    asked, residuals = [], search.problem.residuals
+    search.problem.residuals = lambda *given: asked.append(given) or residuals(*given)
+
+    def works():
+        first, *others = (search._fitting(*start, True) for start in starts)
+        return [first, (nothing for nothing in ()), *others]
+
+    alone = [side_by_side(search.problem, [work])[0] for work in works()]
+    calls = len(asked)
+    together = side_by_side(search.problem, works())
+    assert len(starts) > BESIDE and len(asked) - calls < 0.5 * calls
+    assert [fit and fit.hypothesis for fit in together] == [starts[0][0], None, *(hypothesis for hypothesis, _, _ in starts[1:])]
+    for one, other in zip(alone, together):
+        if one is not None:
+            np.testing.assert_allclose(other.u, one.u, atol=1e-3)
+            assert other.cost == pytest.approx(one.cost, abs=0.1)
+
+
+def test_a_rough_fit_keeps_the_derivatives_of_what_stays_as_it_is():
+    """Those of an effect that begins at another size are taken anew there."""
+    gain, friction = ("driver_gain", "both"), ("coulomb_friction", "both")
+    search, fit = fitted(make_case(lambda m: m.scale("voltage_gain", 0.9)), (friction, {"torque_nm": 0.001}), (gain, {"ratio": 0.9}))
+    kept, fitting = [], search.fitter.fitting
+    search.fitter.fitting = lambda *given, **named: kept.append(set(given[5])) or fitting(*given, **named)
+    for parts in (fit.parts, {**fit.parts, gain: scaled(search.effects, (gain,), [{"ratio": 0.7}])}):
+        search.try_fit(*joined(parts), fit, rough=True)
+    assert kept == [{friction, gain}, {friction}]
+
+
+@pytest.mark.parametrize(("behind", "earnest"), [(-1.0, True), (1.0, False)])
+def test_a_restart_that_is_far_behind_in_a_rough_fit_is_left(monkeypatch, behind, earnest):
+    member = ("longitudinal_slip", "both")
+    search, fit = fitted(make_case(lambda m: m.scale("resistance", 1.1)), (member, {"slip_per_newton": 0.05, "relaxation_m": 0.01, "damping_n_s_per_m": 2.4, "grip": 0.9}))
+    monkeypatch.setattr(search, "closed", lambda fit: False)
+    monkeypatch.setattr(search, "_reached", lambda starts, rough: [search.score(fit) + FAR + behind])
+    monkeypatch.setattr(search, "_lower", lambda fit, member: [])
+    tried = []
+    monkeypatch.setattr(search, "try_fit", lambda *start: tried.append(start) or fit)
+    search.polished(fit, [member])
+    assert len(tried) == (len(search.effects[member[0]].restarts) if earnest else 0)
 
 
 def test_what_is_no_larger_than_its_noise_leaves_nothing_without_a_name():
@@ -483,7 +533,7 @@ def test_what_one_side_has_beside_an_effect_of_both_may_be_that_effect_of_anothe
     """Whatever stands on the right beside a gain of both: without it, each side has a gain of its own, roughly
     fitted. What stands on both may not."""
     search, alone = fitted(make_case(uneven), (("driver_gain", "both"), {"ratio": 0.8}))
-    found, = search._parted(alone, ("pwm_curve", "right"))
+    found, = search.try_fits(search._parted(alone, ("pwm_curve", "right")), rough=True)
     assert found.hypothesis == (("driver_gain", "left"), ("driver_gain", "right"))
     assert [values["ratio"] for values in found.values] == pytest.approx([0.8, 0.64], rel=0.05)
     assert search._parted(alone, ("pwm_curve", "both")) == []
