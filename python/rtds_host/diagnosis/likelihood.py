@@ -295,7 +295,7 @@ def _most_likely(residual: np.ndarray, mine: _Channel, s: float, tau: float, tho
             trials = [(at[0] + ds, min(max(at[1] + dt, low), high)) for ds, dt in ((-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step))]
             values = costs(trials)
             k = int(np.argmin(values))
-            if values[k] >= best - 1e-9:
+            if not values[k] < best - 1e-9:
                 break
             at, best = trials[k], values[k]
     if white <= best or at[0] < math.log(LEAST_SIZE):
