@@ -35,7 +35,7 @@ from rtds_host.diagnosis.fit import (
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.nuisances import BAND
 from rtds_host.diagnosis.problem import CHI2, Problem
-from rtds_host.diagnosis.screen import Candidate, Screen, Signature, clashes, moves_of, splits
+from rtds_host.diagnosis.screen import Candidate, Screen, Signature, clashes, moves_of, splits, start_values
 from rtds_host.diagnosis.twins import twins
 
 # Probability: effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's guess.
@@ -228,10 +228,14 @@ class Search:
         if not (effect.rough or effect.steep):
             return candidate.start
         values, = to_values(self.effects, (candidate.member,), candidate.start)
-        starts = [candidate.start, *(scaled(self.effects, (candidate.member,), [trial]) for trial in _sizes(effect, values, COARSE))]
+        # What a delay does at one length says little of what it does at another: a signature may take it for a tenth of what it is.
+        trials = [*_sizes(effect, values, COARSE), *(start_values(effect) if effect.steep else [])]
+        starts = [candidate.start, *(scaled(self.effects, (candidate.member,), [trial]) for trial in trials)]
         models = [apply(self.effects, self.problem.with_nuisances(z), *self._named_values(fit, candidate.member, start))
                   for start in starts for z in (fit.z, np.zeros_like(fit.z))]
-        costs = [fit.noise.cost(r) for r in self.problem.residuals(models, [m.coarse_s for m in models])]
+        # By a discrepancy of its own: beside one that makes up for a delay, a shorter one serves better than the right one.
+        costs = [(fit.noise.estimated(r) if effect.steep else fit.noise).cost(r)
+                 for r in self.problem.residuals(models, [m.coarse_s for m in models])]
         return starts[int(np.argmin(costs)) // 2]
 
     def _named_values(self, fit: Fit, member: tuple[str, str], start: np.ndarray) -> tuple[Hypothesis, list[dict[str, float]]]:

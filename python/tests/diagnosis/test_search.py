@@ -21,7 +21,7 @@ from rtds_host.diagnosis.likelihood import Discrepancy, Series, _nll_of_all
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
-from rtds_host.diagnosis.screen import Screen, moves_of
+from rtds_host.diagnosis.screen import Candidate, Screen, moves_of
 from rtds_host.diagnosis.search import FAR, Search
 from rtds_host.diagnosis.twins import near_twins, twins
 
@@ -423,6 +423,14 @@ def test_the_other_delay_is_tried_in_a_delay_s_place_at_its_size():
     search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (delay, {"seconds": 0.0083}))
     swapped = dict(_swaps(search, fit, _standing(search, fit, True)[0]))[other]
     assert swapped.hypothesis == (other,) and swapped.values[0]["seconds"] == pytest.approx(0.0083, rel=0.1)
+
+
+def test_a_fit_of_a_delay_begins_where_a_discrepancy_of_its_own_leaves_least():
+    """A signature may take it for a tenth of what it is, and a discrepancy that makes up for all of it prefers that."""
+    delay = ("measurement_delay", "both")
+    search, none = fitted(make_case(lambda m: m.put("measurement_delay", 0.0115)))
+    start = search._entered(none, Candidate(delay, 1.0, scaled(search.effects, (delay,), [{"seconds": 0.0013}])))
+    assert search.try_fit((delay,), start, none, rough=True).values[0]["seconds"] == pytest.approx(0.0115, rel=0.02)
 
 
 def test_what_the_search_met_is_weighed_in_an_effects_place():
