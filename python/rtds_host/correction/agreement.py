@@ -42,7 +42,7 @@ SIZES = {
     "stribeck_friction": {"torque_nm": 0.02, "extra_torque_nm": 0.04, "speed_rad_s": 0.5},
     "friction_asymmetry": {"torque_nm": 0.02, "nm_s_per_rad": 0.004},
     "winding_heating": {"rise_per_watt": 0.2, "time_constant_s": 4.0},
-    "longitudinal_slip": {"slip_per_newton": 0.02, "relaxation_m": 0.003, "damping_n_s_per_m": 50.0, "grip": 0.9},
+    "longitudinal_slip": {"slip_per_newton": 0.02, "softness_m_per_n": 6e-5, "damping_n_s_per_m": 50.0, "grip": 0.9},
     "com_offset": {"x_m": 0.03, "y_m": 0.012},
     "payload_error": {"mass_kg": 1.0},
     "slope_error": {"slope_rad": 0.03},

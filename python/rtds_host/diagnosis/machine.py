@@ -67,6 +67,10 @@ class Machine:
         return 1.0 / self.force
 
     @property
+    def softness(self) -> float:
+        return self.radius / self.force
+
+    @property
     def tread(self) -> float:
         return self.force / (self.radius * self.speed)
 

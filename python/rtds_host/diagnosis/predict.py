@@ -83,6 +83,10 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         given = entry.get("parameters") or {}
         if not isinstance(given, dict):
             raise InputError(f"{path}: {place}.parameters: is {given!r}, an object is needed")
+        for former, (present, by) in effect.former.items():
+            if former in given and by in given:
+                numbers = [_number(path, f"{place}.parameters.{name}", _value(given[name])) for name in (former, by)]
+                given = {**{name: one for name, one in given.items() if name != former}, present: math.prod(numbers)}
         known = {p.reported(robot.axis)[0] for p in effect.parameters}
         for name in given:
             if name not in known:
@@ -95,8 +99,7 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
                 continue
             if name not in given:
                 raise InputError(f"{path}: {place}.parameters.{name}: missing")
-            value = given[name].get("value") if isinstance(given[name], dict) else given[name]
-            written = _number(path, f"{place}.parameters.{name}", value)
+            written = _number(path, f"{place}.parameters.{name}", _value(given[name]))
             low, high = (-math.inf if p.low < 0.0 else 0.0, math.inf) if relative[p.name].scale in unknown else (one * p.low, one * p.high)
             value = inside(written, low, high)
             if value is None:
@@ -105,6 +108,10 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
             values[p.name] = value / one if one else p.null
         effect.apply(model, SIDES[sides[0]], values)
     return model
+
+
+def _value(entry: object) -> object:
+    return entry.get("value") if isinstance(entry, dict) else entry
 
 
 def _number(path: Path, place: str, value: object, positive: bool = False) -> float:

@@ -178,6 +178,11 @@ class Screen:
         step = min(max(step, floor), limit)
         return step, -(2 * step * self.slope[k] + step * step * size)
 
+    def _part(self, k: int, even: bool) -> tuple[float, float]:
+        """Gain of a signature as it stands, or of the best part of it, and that part."""
+        step = min(max(-self.slope[k] / self.size[k], 0.0), 1.0) if even and self.size[k] > 1e-9 else 1.0
+        return float(-(2 * step * self.slope[k] + step * step * self.size[k])), step
+
     def candidates(self) -> list[Candidate]:
         """Single effects on single sides, best first."""
         groups: dict[tuple[str, str], list[int]] = {}
@@ -230,9 +235,12 @@ class Screen:
         if effect.periodic:
             return self._periodic(member, members)
         if effect.nonlinear:
-            # Extrapolating a resonance or a limit is worth nothing: the best of the starts, as it stands.
-            gain, k = max((float(-(2 * self.slope[k] + self.size[k])), k) for k in members)
-            return Candidate(member, gain, scaled(self.effects, (member,), [dict(self.signatures[k].values)]))
+            # Extrapolating a resonance or a limit is worth nothing: the best of the starts, as it stands, or a part of what grows
+            # evenly from none: a fifth of a soft tyre's slip is a stiffer one's.
+            even = not effect.rough and effect.parameters[0].null == 0.0
+            gain, step, k = max((*self._part(k, even), k) for k in members)
+            return Candidate(member, gain, self._sized(k, step) if step < 1.0
+                             else scaled(self.effects, (member,), [dict(self.signatures[k].values)]))
         (step, gain), k = max(((self._line(k), k) for k in members), key=lambda item: item[0][1])
         return Candidate(member, gain, self._sized(k, step))
 

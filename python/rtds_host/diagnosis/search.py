@@ -35,7 +35,7 @@ from rtds_host.diagnosis.fit import (
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.nuisances import BAND
 from rtds_host.diagnosis.problem import CHI2, Problem
-from rtds_host.diagnosis.screen import Candidate, Screen, Signature, clashes, moves_of, splits, start_values
+from rtds_host.diagnosis.screen import Candidate, Screen, Signature, available, clashes, moves_of, splits, start_values
 from rtds_host.diagnosis.twins import twins
 
 # Probability: effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's guess.
@@ -294,7 +294,7 @@ class Search:
         """Take out effects that the evidence does not miss, and parameters; sides that came out alike become one effect."""
         while fit.hypothesis:
             simpler = self.without(fit, *fit.hypothesis) if len(fit.hypothesis) > 1 else []
-            simpler += self._merged(fit) + self._plainer(fit)
+            simpler += self._merged(fit) + self._plainer(fit) + self._gathered(fit)
             if not simpler:
                 break
             best = min(simpler, key=self.score)
@@ -331,7 +331,7 @@ class Search:
         for it."""
         starts, swaps, found = [], [], []
         for member, alone in zip(fit.hypothesis, self.without(fit, *fit.hypothesis)):
-            starts += [*self._sides(fit, member), *self._parted(alone, member)]
+            starts += [*self._sides(fit, member), *self._parted(alone, member), *self._halved(fit, member)]
             found += self.namesakes(fit, member).values()
             sure = believed(*compared(self.problem, fit, alone)) > SURE
             swaps += [(*joined(_with(alone, one.member, one.start)), alone, member, one.member)
@@ -403,6 +403,40 @@ class Search:
         parts = {**swapped.parts, member: 0.5 * fit.parts[member], other: 0.5 * swapped.parts[other]}
         return [(*joined(parts), swapped)]
 
+    def _halved(self, fit: Fit, member: tuple[str, str]) -> list[Start]:
+        """A delay that may be two of half its length: what no screening on top of their sum promises, and no small step leads to."""
+        return [(*joined({**fit.parts, member: 0.5 * fit.parts[member], other: 0.5 * fit.parts[member]}), fit)
+                for other in self._alike(fit, member)]
+
+    def _alike(self, fit: Fit, member: tuple[str, str]) -> list[tuple[str, str]]:
+        """Effects with the same parameters as a steep one of an explanation, on its side, that this could as well hold in its place."""
+        effect, rest = self.effects[member[0]], tuple(h for h in fit.hypothesis if h != member)
+        names = [p.name for p in effect.parameters]
+        others = [(other, member[1]) for other in effect.confused_with if effect.steep and other in self.wanted]
+        return [one for one in others if self.effects[one[0]].steep and [p.name for p in self.effects[one[0]].parameters] == names
+                and not clashes(one, rest) and not self._doubles(one, rest)]
+
+    def _likened(self, fit: Fit, member: tuple[str, str]) -> dict[tuple[str, str], np.ndarray]:
+        """Effects that do most of what one of an explanation does, on its side, and with which scaled parameters; together with
+        its own where they are in already."""
+        at = dict(zip(fit.hypothesis, fit.values))
+        rest = tuple(h for h in fit.hypothesis if h != member)
+        there = {effect.id for effect in available(self.problem)} & self.wanted
+        found = {}
+        for other, like in self.effects[member[0]].likened.items():
+            one = other, member[1]
+            parameters = like(at[member], beside=at.get(one)) if other in there else None
+            if parameters is not None and (one in at or not (clashes(one, rest) or self._doubles(one, rest))):
+                inside = {p.name: min(max(parameters[p.name], p.low), p.high) for p in self.effects[other].parameters}
+                found[one] = scaled(self.effects, (one,), [inside])
+        return found
+
+    def _gathered(self, fit: Fit) -> list[Fit]:
+        """The explanation with what two effects of much the same do as one of them: springs in a row."""
+        parts = fit.parts
+        return self.try_fits([(*joined({**{h: u for h, u in parts.items() if h != member}, other: start}), fit)
+                              for member in fit.hypothesis for other, start in self._likened(fit, member).items() if other in parts])
+
     def _sides(self, fit: Fit, member: tuple[str, str]) -> list[Start]:
         """The same explanation with one of its effects on other sides."""
         parts = fit.parts
@@ -430,19 +464,16 @@ class Search:
         return better
 
     def namesakes(self, fit: Fit, member: tuple[str, str]) -> dict[tuple[str, str], Fit]:
-        """The same size as another effect with the same parameters, by that, where no slope leads from one to the other: of two
-        delays one gives way to the other only if it is as long from the start."""
-        effect, parts = self.effects[member[0]], fit.parts
-        rest = {h: u for h, u in parts.items() if h != member}
-        names = [p.name for p in effect.parameters]
+        """The same size as another effect with the same parameters, or that of one that does most of the same, by that, where no
+        slope leads from one to the other: of two delays one gives way to the other only if it is as long from the start."""
+        rest = {h: u for h, u in fit.parts.items() if h != member}
         found = {}
-        for other in effect.confused_with:
-            if (effect.steep and other in self.wanted and self.effects[other].steep
-                    and [p.name for p in self.effects[other].parameters] == names
-                    and not clashes((other, member[1]), tuple(rest)) and not self._doubles((other, member[1]), tuple(rest))):
-                named = self.try_fit(*joined({**rest, (other, member[1]): parts[member]}), fit)
-                # What stands beside a delay may have bent to it; but not by so much.
-                found[other, member[1]] = named if self.score(named) > self.score(fit) + FAR else self.polished(named, rest)
+        starts = {other: fit.parts[member] for other in self._alike(fit, member)}
+        starts |= {other: start for other, start in self._likened(fit, member).items() if other not in rest}
+        for other, start in starts.items():
+            named = self.try_fit(*joined({**rest, other: start}), fit)
+            # What stands beside a delay may have bent to it; but not by so much.
+            found[other] = named if self.score(named) > self.score(fit) + FAR else self.polished(named, rest)
         return found
 
     def run(self) -> Fit:

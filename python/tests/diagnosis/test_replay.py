@@ -125,7 +125,7 @@ def test_slip_is_that_of_its_differential_equation(slip, length, damping, grip):
         log.columns[f"v_cmd_{side}"][:] = np.where(log.t // period % 2 == 0, 9.0, -7.0)
     model = nominal_model(ROBOT)
     CATALOGUE["longitudinal_slip"].apply(model, (0, 1), {
-        "slip_per_newton": slip, "relaxation_m": length, "damping_n_s_per_m": damping, "grip": grip})
+        "slip_per_newton": slip, "softness_m_per_n": slip * length, "damping_n_s_per_m": damping, "grip": grip})
     rate, way = scipy_slip(log, slip, length, damping, grip)
     inputs = run_inputs(log, ROBOT)
     effect = replay_run(nominal_model(ROBOT), inputs)[:, OUTPUT_INDEX["gyro_z"]] - rate
@@ -144,7 +144,7 @@ def test_a_wheel_that_climbs_slowly_slips_by_the_share_the_contract_says():
         log.columns[f"v_cmd_{side}"][:] = 6.0
     model = nominal_model(ROBOT)
     CATALOGUE["longitudinal_slip"].apply(model, (0, 1), {
-        "slip_per_newton": slip, "relaxation_m": 0.002, "damping_n_s_per_m": 50.0, "grip": 100.0})
+        "slip_per_newton": slip, "softness_m_per_n": slip * 0.002, "damping_n_s_per_m": 50.0, "grip": 100.0})
     out = replay_run(model, run_inputs(log, ROBOT))
     last = np.flatnonzero(log.t > 5.0)
     speed = np.polyfit(log.t[last], out[last, OUTPUT_INDEX["x"]], 1)[0]
@@ -161,7 +161,7 @@ def test_a_tyre_gives_no_more_than_its_grip_however_short_it_is(length, slip, gr
         log.columns[f"v_cmd_{side}"][:] = np.where(log.t // 0.5 % 2 == 0, 12.0, -12.0)
     model = nominal_model(ROBOT)
     CATALOGUE["longitudinal_slip"].apply(model, (0, 1), {
-        "slip_per_newton": slip, "relaxation_m": length, "damping_n_s_per_m": 50.0, "grip": grip})
+        "slip_per_newton": slip, "softness_m_per_n": slip * length, "damping_n_s_per_m": 50.0, "grip": grip})
     inputs = run_inputs(log, ROBOT)
     for step in (model.step_s, 1e-4):
         x = replay_run(model, inputs, step)[:, OUTPUT_INDEX["x"]]

@@ -327,7 +327,7 @@ def test_a_rough_fit_keeps_the_derivatives_of_what_stays_as_it_is():
 @pytest.mark.parametrize(("behind", "earnest"), [(-1.0, True), (1.0, False)])
 def test_a_restart_that_is_far_behind_in_a_rough_fit_is_left(monkeypatch, behind, earnest):
     member = ("longitudinal_slip", "both")
-    search, fit = fitted(make_case(lambda m: m.scale("resistance", 1.1)), (member, {"slip_per_newton": 0.05, "relaxation_m": 0.01, "damping_n_s_per_m": 2.4, "grip": 0.9}))
+    search, fit = fitted(make_case(lambda m: m.scale("resistance", 1.1)), (member, {"slip_per_newton": 0.05, "softness_m_per_n": 0.0005, "damping_n_s_per_m": 2.4, "grip": 0.9}))
     monkeypatch.setattr(search, "closed", lambda fit: False)
     monkeypatch.setattr(search, "_reached", lambda starts, rough: [search.score(fit) + FAR + behind])
     monkeypatch.setattr(search, "_lower", lambda fit, member: [])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 from rtds_host.contract.robot import Axis
 from rtds_host.diagnosis.machine import Machine
@@ -86,6 +87,10 @@ def inside(value: float, low: float, high: float) -> float | None:
     return held if abs(value - held) <= WRITTEN * abs(held) else None
 
 
+# The parameters of another effect from one's own; None where there are no such.
+Likeness = Callable[..., dict[str, float] | None]
+
+
 @dataclass(frozen=True)
 class Effect:
     """One unmodelled effect of the catalogue.
@@ -100,7 +105,9 @@ class Effect:
     `confused_with`; `advice`: what to do once it is shown. `seen_by`: channels (without side) of which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
     "robot" or "signal". `restarts`: parameters to fit from as well, where the misfit has more than one minimum. `form`: what
     share of its size formulations of it differ by, one sigma: next to nothing where a definition or a law stands behind it,
-    more where a model of friction or contact does.
+    more where a model of friction or contact does. `former`: parameters that earlier diagnoses hold, and the two whose
+    quotient each was: the present one's name, and the one it was divided by. `likened`: other effects that do most of what it does, and with which
+    parameters, where no screening says so: a spring in front of the wheel, and one behind it.
     """
 
     id: str
@@ -127,6 +134,8 @@ class Effect:
     seen_by: tuple[str, ...] = ()
     restarts: tuple[Mapping[str, float], ...] = ()
     form: float = 0.001
+    former: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    likened: Mapping[str, Likeness] = field(default_factory=dict)
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -137,6 +146,7 @@ class Effect:
         """The same with its numbers in SI on a machine."""
         units = {p.name: getattr(machine, p.scale) for p in self.parameters}
         return replace(self, parameters=tuple(p.on(machine) for p in self.parameters),
+                       likened={other: partial(like, machine=machine) for other, like in self.likened.items()},
                        restarts=tuple({name: units[name] * value for name, value in start.items()}
                                       for start in self.restarts))
 

@@ -1,6 +1,17 @@
 """gear_compliance: T = k (th_gear - th_wheel) + d (w_gear - w_wheel)."""
 
+from collections.abc import Mapping
+
 from rtds_host.diagnosis.effects.base import Effect, Parameter, put
+from rtds_host.diagnosis.machine import Machine
+
+
+def _soft_tyre(values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None) -> dict[str, float]:
+    """The spring as one of the tyre's tread, of a tyre that slips little; behind one that is there already."""
+    tyre = beside or {"slip_per_newton": 0.025 * machine.give, "softness_m_per_n": 0.0, "grip": 4.0}
+    return {**tyre, "softness_m_per_n": tyre["softness_m_per_n"] + machine.radius**2 / values["stiffness_nm_per_rad"],
+            "damping_n_s_per_m": values["damping_nm_s_per_rad"] / machine.radius**2}
+
 
 EFFECT = Effect(
     id="gear_compliance",
@@ -23,5 +34,6 @@ EFFECT = Effect(
     advice="Stiffen the coupling, or filter the command above its resonance.",
     nonlinear=True,
     rough=True,
+    likened={"longitudinal_slip": _soft_tyre},
     runs_in="robot",
 )

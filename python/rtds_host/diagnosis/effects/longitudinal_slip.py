@@ -3,14 +3,27 @@
 from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter
+from rtds_host.diagnosis.machine import Machine
 from rtds_host.diagnosis.replay.model import Model
 
 
 def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
-    model.add("slip", values["slip_per_newton"], sides)
-    model.add("slip_relaxation", values["relaxation_m"], sides)
+    slip = values["slip_per_newton"]
+    model.add("slip", slip, sides)
+    # Deflection and slip of one force: the length over which rolling takes the one for the other.
+    model.add("slip_relaxation", values["softness_m_per_n"] / slip if slip > 0.0 else 0.0, sides)
     model.add("slip_damping", values["damping_n_s_per_m"], sides)
     model.put("slip_grip", values["grip"], sides)
+
+
+def _soft_gear(values: Mapping[str, float], machine: Machine,
+               beside: Mapping[str, float] | None = None) -> dict[str, float] | None:
+    """The spring of the tread as one between gear and wheel, what a traction at the rim is about the axle; behind one that is
+    there already."""
+    softness = values["softness_m_per_n"] / machine.radius**2 + (1.0 / beside["stiffness_nm_per_rad"] if beside else 0.0)
+    if softness <= 0.0:
+        return None
+    return {"stiffness_nm_per_rad": 1.0 / softness, "damping_nm_s_per_rad": machine.radius**2 * values["damping_n_s_per_m"]}
 
 
 EFFECT = Effect(
@@ -20,11 +33,11 @@ EFFECT = Effect(
     parameters=(
         Parameter("slip_per_newton", "1/N", scale="give", null=0, low=0, high=2.5, spread=0.1, starts=(0.025, 0.075, 0.25),
                   meaning="relative loss of speed a newton of traction"),
-        Parameter("relaxation_m", "m", scale="radius", null=0.0, low=0.0, high=1.5, spread=0.09, starts=(0.0, 0.09),
-                  optional=True, shape=True, meaning="rolling distance over which traction builds up; 0 = at once"),
+        Parameter("softness_m_per_n", "m/N", scale="softness", null=0.0, low=0.0, high=0.75, spread=0.01, starts=(0.003, 0.03),
+                  optional=True, shape=True, meaning="deflection of the tyre's tread a newton of traction; 0 = none"),
         Parameter("damping_n_s_per_m", "N·s/m", scale="tread", null=0.0, low=0.0, high=48.0, spread=1.9, starts=(2.4,),
                   difference=0.05, optional=True, shape=True, meaning="of the tread that builds it up"),
-        Parameter("grip", "1", null=0.9, low=0.4, high=4.0, spread=0.3, starts=(0.9,), difference=0.03,
+        Parameter("grip", "1", null=1.0, low=0.4, high=40.0, spread=1.0, starts=(4.0,), difference=0.01,
                   optional=True, shape=True, meaning="largest traction over the load on the wheel"),
     ),
     apply=_apply,
@@ -39,8 +52,11 @@ EFFECT = Effect(
     nonlinear=True,
     runs_in="robot",
     axis=False,
-    # A soft tyre with a long patch and a slippery one with a short one take much the same off a slow turn.
-    restarts=({"slip_per_newton": 0.25, "relaxation_m": 0.015, "damping_n_s_per_m": 2.4, "grip": 0.9},
-              {"slip_per_newton": 0.025, "relaxation_m": 0.36, "damping_n_s_per_m": 2.4, "grip": 1.5}),
+    # A slippery tyre of a stiff tread and a soft one that hardly slides take much the same off a slow turn.
+    restarts=({"slip_per_newton": 0.25, "softness_m_per_n": 0.003, "damping_n_s_per_m": 2.4, "grip": 0.9},
+              {"slip_per_newton": 0.025, "softness_m_per_n": 0.01, "damping_n_s_per_m": 2.4, "grip": 1.5}),
     form=0.05,
+    # A length of rolling, in which no fit found its way: what runs show is the tread's stiffness, and of what it hardly bends by, the slip.
+    likened={"gear_compliance": _soft_gear},
+    former={"relaxation_m": ("softness_m_per_n", "slip_per_newton")},
 )
