@@ -70,6 +70,16 @@ def test_a_diagnosis_brings_its_effects_and_its_refit(run_folder, tmp_path):
     assert np.abs(predicted_columns(log, robot, model)["w_l"] - predicted_columns(log, robot)["w_l"]).max() > 0.1
 
 
+def test_a_tyre_of_an_earlier_diagnosis_is_the_same_tyre(tmp_path):
+    """Earlier ones hold the length over which its traction builds up, later ones what it gives a newton: length times slip."""
+    robot = make_case(seconds=1.0).robot
+    diagnosis = example_diagnosis()
+    diagnosis["effects"] = [{"id": "longitudinal_slip", "side": "left", "probability": 0.9, "parameters": {
+        "slip_per_newton": {"value": 0.02, "ci90": [0.01, 0.03]}, "relaxation_m": {"value": 0.003, "ci90": None}}}]
+    (tmp_path / "d.json").write_text(json.dumps(diagnosis))
+    assert read_diagnosis(tmp_path / "d.json", robot).get("slip_relaxation", 0) == pytest.approx(0.003)
+
+
 def test_a_size_on_its_bound_is_read_as_a_report_writes_it(tmp_path):
     """A report has five digits, and half of all bounds are within what they are rounded to."""
     robot = make_case(seconds=1.0).robot

@@ -15,7 +15,7 @@ from rtds_host.diagnosis.carried import carried, ratio, scatter, scattered
 from rtds_host.diagnosis.chance import MOST, SAME
 from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
 from rtds_host.diagnosis.effects import catalogue
-from rtds_host.diagnosis.evidence import excess, told_apart
+from rtds_host.diagnosis.evidence import CONVINCING, excess, told_apart
 from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side
 from rtds_host.diagnosis.likelihood import Discrepancy, Series, _nll_of_all
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
@@ -239,6 +239,71 @@ def test_a_delay_under_the_other_delays_name_is_renamed():
     assert search.renamed(fit).hypothesis == (("command_delay", "both"),)
     search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083}))
     assert search.renamed(fit) is fit
+
+
+def soft_tyre(model):
+    """One that slips by half a per cent a newton, whose tread gives 66 micrometres and swings little."""
+    for name, value in (("slip", 0.005), ("slip_relaxation", 0.0132), ("slip_damping", 50.0), ("slip_grip", 20.0)):
+        model.put(name, value, (0,))
+
+
+SLIP, GEAR = ("longitudinal_slip", "left"), ("gear_compliance", "left")
+
+
+def test_a_soft_tyre_is_found_under_a_soft_gear():
+    """A tread of 15 N a millimetre is, about the axle, a spring of 16.5 N m a radian: most of what it does; the slip is the rest."""
+    search, fit = fitted(make_case(soft_tyre), (GEAR, {"stiffness_nm_per_rad": 16.5, "damping_nm_s_per_rad": 0.054}))
+    found = search.namesakes(fit, GEAR)[SLIP]
+    assert search.score(found) < search.score(fit) - 2.0 * np.log(CONVINCING)
+    assert found.values[0]["slip_per_newton"] == pytest.approx(0.005, rel=0.1)
+    assert found.values[0]["softness_m_per_n"] == pytest.approx(6.6e-5, rel=0.05)
+
+
+def test_a_soft_gear_is_found_under_a_soft_tyre():
+    def soft_gear(model):
+        model.put("stiffness", 7.4, (0,))
+        model.put("damping", 0.008, (0,))
+
+    search, fit = fitted(make_case(soft_gear), (SLIP, {"slip_per_newton": 0.005, "softness_m_per_n": 1.5e-4, "damping_n_s_per_m": 7.0, "grip": 4.0}))
+    found = search.namesakes(fit, SLIP)[GEAR]
+    assert search.score(found) < search.score(fit)
+    assert found.values[0]["stiffness_nm_per_rad"] == pytest.approx(7.4, rel=0.02)
+
+
+def test_two_springs_in_a_row_become_one_where_one_does():
+    """Half the tread's softness in the gear: neither can be taken out by itself, both together are the tyre's."""
+    search, fit = fitted(make_case(soft_tyre), (GEAR, {"stiffness_nm_per_rad": 33.0, "damping_nm_s_per_rad": 0.1}),
+                         (SLIP, {"slip_per_newton": 0.005, "softness_m_per_n": 3.3e-5, "damping_n_s_per_m": 100.0, "grip": 20.0}))
+    assert search.prune(fit).hypothesis == (SLIP,)
+
+
+def test_a_part_of_a_slip_is_promised_where_all_of_it_would_be_too_much():
+    """A half of the only one that a first, quick screening looks at."""
+    def slippery(model):
+        soft_tyre(model)
+        model.put("slip", 0.0076, (0,))
+        model.put("slip_relaxation", 0.0013, (0,))
+
+    search, fit = fitted(make_case(slippery))
+    size, screened = search.effects["longitudinal_slip"].parameters[0], search._screened(fit)
+    assert {dict(s.values)["slip_per_newton"] for s in search.moves if s.effect == SLIP[0]} == {size.starts[1]}
+    for screen in screened:
+        slip = next(c for c in screen.candidates() if c.member == SLIP)
+        assert slip.gain > 0.0
+        assert 0.3 * size.starts[1] < size.value(slip.start[0]) < 0.8 * size.starts[1]
+
+
+def test_one_delay_that_is_two_is_told_apart():
+    """A command late by 20 ms and samples by 30 read as samples late by 50: on top of their sum no screening promises the other."""
+    def late(model):
+        model.put("command_delay", 0.02)
+        model.put("measurement_delay", 0.03)
+
+    search, fit = fitted(make_case(late), (("measurement_delay", "both"), {"seconds": 0.05}))
+    search._screened(fit)
+    found = search.exchange(fit, 2)
+    assert found.hypothesis == (("command_delay", "both"), ("measurement_delay", "both"))
+    assert [values["seconds"] for values in found.values] == pytest.approx([0.02, 0.03], abs=0.002)
 
 
 @pytest.mark.parametrize("start", [0.0025, 0.05])
