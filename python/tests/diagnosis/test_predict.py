@@ -71,13 +71,22 @@ def test_a_diagnosis_brings_its_effects_and_its_refit(run_folder, tmp_path):
 
 
 def test_a_tyre_of_an_earlier_diagnosis_is_the_same_tyre(tmp_path):
-    """Earlier ones hold the length over which its traction builds up, later ones what it gives a newton: length times slip."""
+    """Earlier ones hold the length over which its traction builds up, later ones what it gives a newton: length times slip, up to the
+    largest of both that there could be."""
     robot = make_case(seconds=1.0).robot
     diagnosis = example_diagnosis()
     diagnosis["effects"] = [{"id": "longitudinal_slip", "side": "left", "probability": 0.9, "parameters": {
         "slip_per_newton": {"value": 0.02, "ci90": [0.01, 0.03]}, "relaxation_m": {"value": 0.003, "ci90": None}}}]
     (tmp_path / "d.json").write_text(json.dumps(diagnosis))
     assert read_diagnosis(tmp_path / "d.json", robot).get("slip_relaxation", 0) == pytest.approx(0.003)
+    slip, length = diagnosis["effects"][0]["parameters"]["slip_per_newton"], diagnosis["effects"][0]["parameters"]["relaxation_m"]
+    slip["value"], length["value"] = catalogue(robot)["longitudinal_slip"].parameters[0].high, 1.5 * robot.chassis.wheel_radius_m
+    (tmp_path / "d.json").write_text(json.dumps(diagnosis))
+    assert read_diagnosis(tmp_path / "d.json", robot).get("slip_relaxation", 0) == pytest.approx(length["value"])
+    length["value"] = "long"
+    (tmp_path / "d.json").write_text(json.dumps(diagnosis))
+    with pytest.raises(InputError, match="parameters.relaxation_m"):
+        read_diagnosis(tmp_path / "d.json", robot)
 
 
 def test_a_size_on_its_bound_is_read_as_a_report_writes_it(tmp_path):

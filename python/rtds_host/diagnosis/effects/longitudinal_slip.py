@@ -33,7 +33,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("slip_per_newton", "1/N", scale="give", null=0, low=0, high=2.5, spread=0.1, starts=(0.025, 0.075, 0.25),
                   meaning="relative loss of speed a newton of traction"),
-        Parameter("softness_m_per_n", "m/N", scale="softness", null=0.0, low=0.0, high=0.75, spread=0.01, starts=(0.003, 0.03),
+        Parameter("softness_m_per_n", "m/N", scale="softness", null=0.0, low=0.0, high=3.75, spread=0.01, starts=(0.003, 0.03),
                   optional=True, shape=True, meaning="deflection of the tyre's tread a newton of traction; 0 = none"),
         Parameter("damping_n_s_per_m", "N·s/m", scale="tread", null=0.0, low=0.0, high=48.0, spread=1.9, starts=(2.4,),
                   difference=0.05, optional=True, shape=True, meaning="of the tread that builds it up"),
@@ -56,7 +56,7 @@ EFFECT = Effect(
     restarts=({"slip_per_newton": 0.25, "softness_m_per_n": 0.003, "damping_n_s_per_m": 2.4, "grip": 0.9},
               {"slip_per_newton": 0.025, "softness_m_per_n": 0.01, "damping_n_s_per_m": 2.4, "grip": 1.5}),
     form=0.05,
-    # A length of rolling, in which no fit found its way: what runs show is the tread's stiffness, and of what it hardly bends by, the slip.
     likened={"gear_compliance": _soft_gear},
+    # The length of rolling over which traction builds up: no fit found its way along its product with the slip, which is what runs show.
     former={"relaxation_m": ("softness_m_per_n", "slip_per_newton")},
 )
