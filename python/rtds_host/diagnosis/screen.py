@@ -178,10 +178,13 @@ class Screen:
         step = min(max(step, floor), limit)
         return step, -(2 * step * self.slope[k] + step * step * size)
 
-    def _part(self, k: int, even: bool) -> tuple[float, float]:
-        """Gain of a signature as it stands, or of the best part of it, and that part."""
+    def _part(self, k: int) -> tuple[float, float]:
+        """A signature as it stands, 1, or the best part of it, and the gain it brings. Extrapolating a resonance or a limit is worth
+        nothing; but of what grows evenly from none a part may do: a fifth of a soft tyre's slip is a stiffer one's."""
+        effect = self.effects[self.signatures[k].effect]
+        even = not effect.rough and effect.parameters[0].null == 0.0
         step = min(max(-self.slope[k] / self.size[k], 0.0), 1.0) if even and self.size[k] > 1e-9 else 1.0
-        return float(-(2 * step * self.slope[k] + step * step * self.size[k])), step
+        return step, float(-(2 * step * self.slope[k] + step * step * self.size[k]))
 
     def candidates(self) -> list[Candidate]:
         """Single effects on single sides, best first."""
@@ -234,14 +237,8 @@ class Screen:
             return self._separate(member, members)
         if effect.periodic:
             return self._periodic(member, members)
-        if effect.nonlinear:
-            # Extrapolating a resonance or a limit is worth nothing: the best of the starts, as it stands, or a part of what grows
-            # evenly from none: a fifth of a soft tyre's slip is a stiffer one's.
-            even = not effect.rough and effect.parameters[0].null == 0.0
-            gain, step, k = max((*self._part(k, even), k) for k in members)
-            return Candidate(member, gain, self._sized(k, step) if step < 1.0
-                             else scaled(self.effects, (member,), [dict(self.signatures[k].values)]))
-        (step, gain), k = max(((self._line(k), k) for k in members), key=lambda item: item[0][1])
+        step_of = self._part if effect.nonlinear else self._line
+        (step, gain), k = max(((step_of(k), k) for k in members), key=lambda item: item[0][1])
         return Candidate(member, gain, self._sized(k, step))
 
     def _separate(self, member: tuple[str, str], members: list[int]) -> Candidate:

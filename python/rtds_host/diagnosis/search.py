@@ -412,9 +412,10 @@ class Search:
         """Effects with the same parameters as a steep one of an explanation, on its side, that this could as well hold in its place."""
         effect, rest = self.effects[member[0]], tuple(h for h in fit.hypothesis if h != member)
         names = [p.name for p in effect.parameters]
-        others = [(other, member[1]) for other in effect.confused_with if effect.steep and other in self.wanted]
-        return [one for one in others if self.effects[one[0]].steep and [p.name for p in self.effects[one[0]].parameters] == names
-                and not clashes(one, rest) and not self._doubles(one, rest)]
+        others = [other for other in effect.confused_with if other in self.wanted and self.effects[other].steep
+                  and [p.name for p in self.effects[other].parameters] == names] if effect.steep else []
+        return [(other, member[1]) for other in others
+                if not clashes((other, member[1]), rest) and not self._doubles((other, member[1]), rest)]
 
     def _likened(self, fit: Fit, member: tuple[str, str]) -> dict[tuple[str, str], np.ndarray]:
         """Effects that do most of what one of an explanation does, on its side, and with which scaled parameters; together with
@@ -427,7 +428,7 @@ class Search:
             one = other, member[1]
             parameters = like(at[member], beside=at.get(one)) if other in there else None
             if parameters is not None and (one in at or not (clashes(one, rest) or self._doubles(one, rest))):
-                inside = {p.name: min(max(parameters[p.name], p.low), p.high) for p in self.effects[other].parameters}
+                inside = {p.name: min(max(parameters.get(p.name, p.starts[0]), p.low), p.high) for p in self.effects[other].parameters}
                 found[one] = scaled(self.effects, (one,), [inside])
         return found
 

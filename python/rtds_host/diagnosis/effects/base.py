@@ -87,7 +87,7 @@ def inside(value: float, low: float, high: float) -> float | None:
     return held if abs(value - held) <= WRITTEN * abs(held) else None
 
 
-# The parameters of another effect from one's own; None where there are no such.
+# Parameters of another effect from one's own, `beside` those that it has already; None where there are no such.
 Likeness = Callable[..., dict[str, float] | None]
 
 

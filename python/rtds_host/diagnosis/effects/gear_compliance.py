@@ -7,10 +7,9 @@ from rtds_host.diagnosis.machine import Machine
 
 
 def _soft_tyre(values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None) -> dict[str, float]:
-    """The spring as one of the tyre's tread, of a tyre that slips little; behind one that is there already."""
-    tyre = beside or {"slip_per_newton": 0.025 * machine.give, "softness_m_per_n": 0.0, "grip": 4.0}
-    return {**tyre, "softness_m_per_n": tyre["softness_m_per_n"] + machine.radius**2 / values["stiffness_nm_per_rad"],
-            "damping_n_s_per_m": values["damping_nm_s_per_rad"] / machine.radius**2}
+    """The spring as one of the tyre's tread; behind one that is there already."""
+    softness = machine.radius**2 / values["stiffness_nm_per_rad"] + (beside["softness_m_per_n"] if beside else 0.0)
+    return {**(beside or {}), "softness_m_per_n": softness, "damping_n_s_per_m": values["damping_nm_s_per_rad"] / machine.radius**2}
 
 
 EFFECT = Effect(
