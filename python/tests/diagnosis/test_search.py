@@ -140,6 +140,23 @@ def test_a_delay_without_a_pose_is_declared_with_its_twin_and_named_once():
     assert {"command_delay", "measurement_delay"} <= {m["id"] for m in declared}
 
 
+@pytest.mark.parametrize("off", [-0.03, 0.002, 0.05])
+def test_a_ripples_cycles_are_fitted_to_a_share_of_what_a_run_turns(off):
+    def change(model):
+        for slot, value in (("ripple", 0.02), ("ripple_cycles", 12.0), ("ripple_phase", 0.7)):
+            model.put(slot, value)
+
+    start = {"amplitude_nm": 0.015, "cycles_per_rev": 12.0 + off, "phase_rad": 0.5}
+    _, fit = fitted(make_case(change, seconds=20.0), (("torque_ripple", "both"), start))
+    values, = fit.values
+    assert values["cycles_per_rev"] == pytest.approx(12.0, abs=0.003) and values["amplitude_nm"] == pytest.approx(0.02, rel=0.02)
+
+
+def test_only_factors_are_searched_by_their_logarithm():
+    """A number of cycles is no factor: over a run it is wrong by so many cycles."""
+    assert {p.name for effect in catalogue(builtin_robot("burger")).values() for p in effect.parameters if p.logarithmic} == {"ratio", "grip"}
+
+
 def test_the_spectrum_of_a_ripple_is_as_fine_as_its_peak():
     """Over many turns a peak is narrower than any round number of cycles: here 11.63, as an encoder's scale would make it."""
     robot = builtin_robot("burger")

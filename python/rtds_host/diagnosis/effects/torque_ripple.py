@@ -9,7 +9,8 @@ EFFECT = Effect(
     parameters=(
         Parameter("amplitude_nm", "N·m", scale="torque", null=0, low=0, high=2, spread=0.0085, starts=(0.0085,),
                   meaning="amplitude at the wheel"),
-        Parameter("cycles_per_rev", "1", null=1, low=0.2, high=3000, spread=40, starts=(1.0,),
+        # Over a hundred turns a hundredth of a cycle more is a whole cycle: a derivative takes far less.
+        Parameter("cycles_per_rev", "1", null=0, low=0.2, high=3000, spread=40, starts=(1.0,), difference=1e-5,
                   shape=True, meaning="periods a turn of the wheel"),
         Parameter("phase_rad", "rad", null=0, low=-7, high=7, spread=2, starts=(0.0,),
                   shape=True, meaning="phase at angle zero"),
