@@ -194,15 +194,19 @@ NAMELESS = {
     "a battery that relaxes": ("driver", {"id": "bus_relaxation", "side": "both", "parameters": {
         "relax_ohm": 1.5, "relax_tau": 1.0}}),
     "a torque that falls behind its current": ("winding", {"id": "magnetic_saturation", "side": "both", "parameters": {"saturation": 0.6}}),
+    "commands with hysteresis": ("driver", {"id": "command_hysteresis", "side": "both", "parameters": {"hysteresis": 1.2}}),
     "clocks that drift apart": ("timing", {"id": "clock_drift", "side": "both", "parameters": {"clock_drift": 0.002}}),
 }
 
 
-def driven(machine):
-    """Three flat runs of a machine of another world than the replay's, with the white noise that the robot's sensors declare."""
+def driven(machine, commanded=None):
+    """Three flat runs of a machine of another world than the replay's, with the white noise that the robot's sensors declare;
+    `commanded(t, columns)` puts other commands into a run."""
 
     def of_that_machine(t, columns):
         rng = np.random.default_rng(3)
+        if commanded is not None:
+            commanded(t, columns)
         commands = np.column_stack([columns["v_cmd_l"], columns["v_cmd_r"]])
         out = planar.run_machine(machine, t, commands, np.zeros(5), 0.0, 0.0, 0.0)
         for channel, values in planar.apply_sensors(out, machine, t).items():
@@ -254,6 +258,20 @@ def test_an_inertia_stands_beside_a_torque_that_falls_behind_the_current():
 
 def test_nothing_is_said_of_an_effect_that_leaves_nothing():
     assert kept_of_the_inertia(1.4) == (None, "")
+
+
+@pytest.mark.parametrize("rises", [True, False], ids=["commands that only rise", "commands to and fro"])
+def test_a_driver_hangs_on_the_way_its_command_came_only_where_that_way_turns(rises):
+    """Up a ramp such a driver gives less by a constant, as one with a dead zone does."""
+    def ramps(t, columns):
+        columns["v_cmd_l"], columns["v_cmd_r"] = 8.0 * t / t[-1], 7.0 * t / t[-1]
+
+    robot = builtin_robot("burger")
+    machine, model = planar.nominal_machine(robot), nominal_model(robot)
+    planar.apply_outside(machine, NAMELESS["commands with hysteresis"][1])
+    model.scale("voltage_gain", 0.9)
+    found = absences(driven(machine, ramps if rises else None), model, {("driver_gain", "both"): nominal_model(robot)})
+    assert (found.cause == "a driver that hangs on the way its command came") != rises
 
 
 @pytest.mark.parametrize("unlike", [0.0, 0.3], ids=["straight", "sides apart"])

@@ -34,6 +34,9 @@ NAMELESS = {
     "sensing:current_bend": "a current sensor that bends", "sensing:current_lag": "a current sensor that lags",
     "timing:pose_drift": "clocks that drift", **{f"timing:drift{drift:g}": "clocks that drift" for drift in DRIFTS_S},
 }
+# Signatures that could be anything of a block: whatever a sensor or a torque does, a floor's bumps, a wheel out of true, any delay.
+ANYTHING = ("drivetrain:steady", "sensing:current_fault", "sensing:speed_fault", "sensing:speed_wobble", "wheel_ground:eccentric",
+            "wheel_ground:bumps", "timing:", "driver:bus", "effect:")
 
 
 @dataclass(frozen=True)
@@ -74,11 +77,13 @@ def _kept(sums: Sums, names: Mapping[Member, str]) -> tuple[dict[Member, float],
     left = sum(sums.energy.values()) - explained - sums.floor
     if left < FAINT * sums.floor:
         return {}, ""
+    named = [columns for group, columns in sums.groups.items() if group not in NAMELESS and not group.startswith(ANYTHING)]
     gains = {}
     for group in NAMELESS.keys() & sums.groups.keys():
         columns = sums.groups[group]
-        # On a robot that drives straight the other side's command is a gain.
-        if max(sums.own(j, picked) for j in columns) < SLIGHT:
+        # On a robot that drives straight the other side's command is a gain; where none turns back within a run, a driver that hangs
+        # on the way its command came is a dead zone.
+        if any(max(sums.own(j, others) for j in columns) < SLIGHT for others in [picked, *named]):
             continue
         gains[group] = sums.explained([*picked, *columns], set())[0] - explained - 2.0 * len(columns)
     best = max(sorted(gains), key=gains.get, default="")
