@@ -159,7 +159,8 @@ def _poor(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing,
     for one in standing:
         without, gap = one.gaps
         if exact:
-            replaced, without = without < LEAST, search.problem.gap_as_fitted(absent(search.problem, fit, one.member))
+            replaced = excess(search.problem, search.fits[one.without.hypothesis]) == 0.0
+            without = search.problem.gap_as_fitted(absent(search.problem, fit, one.member))
             worth = worth_naming(without, gap) and not (replaced and without**2 - gap**2 < 1.0)
         else:
             worth = worth_naming(without, gap, one.share)

@@ -37,6 +37,9 @@ def worth_naming(without: float, gap: float, share: float = 0.0) -> bool:
     """Whether an effect that lowers the gap from `without` to `gap` takes off more than a stand-in for the rest would; `share`: what
     it takes off the likelihood's excess over white noise, of that without it."""
     closes = without**2 - gap**2
+    # What makes none of a gap, for the larger part.
+    if without >= LEAST > gap and closes >= MOST * (without**2 - 1.0):
+        return True
     # What outweighs half of the rest is told from it; less of it any of a hundred forms may take.
     return closes >= WORTH and (closes >= MOST * (gap**2 - 1.0) or share >= SLIGHT)
 

@@ -116,6 +116,18 @@ def test_how_a_servos_integral_gives_way_at_its_limit_is_no_cause():
     assert 0.1 < diagnosis["setup"]["anti_windup"] <= 1.0
 
 
+def test_two_small_effects_that_tolerances_nearly_make_stand_where_they_do_not():
+    """Tolerances leave less than a gap in the place of either, but more than noise; in that of both they leave a gap."""
+    def change(model):
+        model.scale("resistance", 0.9, (1,))
+        for slot, value in (("ripple", 0.007), ("ripple_cycles", 4.0), ("ripple_phase", -1.9)):
+            model.put(slot, value, (1,))
+
+    diagnosis, _ = run(make_case(change, seed=62, seconds=20.0))
+    assert 1.1 <= diagnosis["gap"]["refit"] < 1.2
+    assert sorted(blamed(diagnosis)) == [("resistance_error", "right"), ("torque_ripple", "right")]
+
+
 def test_an_effect_that_the_catalogue_lacks_is_unknown():
     case = make_case(lambda m: m.put("speed_tau", 0.05), seed=24)
     diagnosis, _ = run(case, without=frozenset({"speed_filter", "measurement_delay", "gear_compliance"}))

@@ -87,6 +87,8 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_does_not_stand
 @pytest.mark.parametrize("without,gap,share,worth", [
     (1.2, 1.0, 0.0, True),        # makes a gap of 1.2 out of none
     (1.05, 1.0, 0.5, False),      # makes none
+    (1.12, 1.04, 0.0, True),      # makes none of a gap, for the larger part
+    (1.12, 1.09, 0.0, False),     # takes less than half of what a small gap has beyond noise
     (3.0, 2.0, 0.0, True),        # outweighs what is left
     (9.0, 8.0, 0.01, False),      # a quarter of what is left: any form may take that
     (9.0, 8.0, 0.4, True),        # little of the gap, but much of what the likelihood sees
