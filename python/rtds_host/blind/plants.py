@@ -316,7 +316,7 @@ def _all_late(f: _Facts, rng: np.random.Generator) -> Plant:
 
 def _speed_late(f: _Facts, rng: np.random.Generator) -> Plant:
     late = float(f"{_log(rng, SHIFT_S):.4g}")
-    # No effect delays the speed alone; for motion slower than the delay a filter of that time constant does the same.
+    # The contract's filter has no delay; for motion slower than this one a filter of that time constant does the same.
     return Plant("speed late", f.sides[0], f"speed alone {1e3 * late:.4g} ms late",
                  (_exact("speed_filter", "time_constant_s", late),), (_exact("measurement_delay", "seconds", late),),
                  alter=_late([f"w_{s}" for s in f.robot.sides], late))

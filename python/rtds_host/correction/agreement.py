@@ -38,6 +38,7 @@ SIZES = {
     # No whole number of the log's rows: where a late command and a sample meet, rounding decides which comes first.
     "command_delay": {"seconds": 0.0127},
     "measurement_delay": {"seconds": 0.0127},
+    "speed_filter": {"time_constant_s": 0.03, "delay_s": 0.0126},
     "torque_ripple": {"amplitude_nm": 0.03, "cycles_per_rev": 4.37, "phase_rad": 0.7},
     "stribeck_friction": {"torque_nm": 0.02, "extra_torque_nm": 0.04, "speed_rad_s": 0.5},
     "friction_asymmetry": {"torque_nm": 0.02, "nm_s_per_rad": 0.004},

@@ -94,6 +94,7 @@ class SensorValues:
     current_gain: tuple[float, float] = (1.0, 1.0)
     current_bias_a: tuple[float, float] = (0.0, 0.0)
     speed_filter_s: tuple[float, float] = (0.0, 0.0)
+    speed_late_s: tuple[float, float] = (0.0, 0.0)
     gyro_gain: float = 1.0
     gyro_bias_rad_s: float = 0.0
     delay_s: float = 0.0

@@ -190,7 +190,7 @@ class _Replay:
                 speed = _low_pass(self.t, np.ascontiguousarray(speed), s.speed_filter_s[k])
             gain = s.speed_gain[k] if s else 1.0
             out[:, 1 + k] = current * (s.current_gain[k] if s else 1.0) + (s.current_bias_a[k] if s else 0.0)
-            out[:, 3 + k] = np.interp(at, self.t, speed) * gain
+            out[:, 3 + k] = np.interp(at - (s.speed_late_s[k] if s else 0.0), self.t, speed) * gain
             out[:, 5 + k] = start[3 + k] + np.interp(at, self.t, angle) * gain
         out[:, 0] = self.robot.supply_v
         if supply is not None:

@@ -31,7 +31,7 @@ PLACES = {
                      "command_delay", "rolling"), "rtl"),
     **dict.fromkeys(("radius", "backlash", "restitution", "stiffness", "damping", "slip", "slip_relaxation",
                      "slip_damping", "slip_grip", "mass", "yaw_inertia", "wheel_inertia", "track", "scrub", "com_x", "com_y", "slope_extra"), "robot"),
-    **dict.fromkeys(("speed_gain", "current_gain", "current_bias", "speed_tau", "gyro_gain", "gyro_bias",
+    **dict.fromkeys(("speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late", "gyro_gain", "gyro_bias",
                      "measurement_delay", "latency", "bus_measured"), "signal"),
     **dict.fromkeys(("mode", "torque_per_volt", "servo_kp", "servo_ki", "servo_release", "servo_limit", "servo_period", "axis",
                      "axis_inertia", "axis_mass", "axis_arm", "axis_zero"), "refused"),
@@ -104,6 +104,7 @@ def translate(model: Model, robot: Robot, payload_kg: float = 0.0, start_angles:
                   for k in (0, 1))
     sensors = SensorValues(speed_gain=get.pair("speed_gain"), current_gain=get.pair("current_gain"),
                            current_bias_a=get.pair("current_bias"), speed_filter_s=get.pair("speed_tau"),
+                           speed_late_s=get.pair("speed_late"),
                            gyro_gain=get("gyro_gain"), gyro_bias_rad_s=get("gyro_bias"),
                            delay_s=get("measurement_delay") + get("latency"))
     correction = Correction(units=units, supply=supply, body=body, gears=gears, scrub_nm=get("scrub"),

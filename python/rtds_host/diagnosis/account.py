@@ -38,6 +38,8 @@ from rtds_host.diagnosis.twins import near_twins, twins
 
 # Members that a set of look-alikes may have (contract, section 5).
 LARGEST_SET = 3
+# Why an effect does not stand that the likelihood sees.
+NOTHING = "closes next to nothing of the gap"
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,7 @@ def _poor(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing,
             worth = worth_naming(without, gap, one.share)
         if not worth:
             poor.append((without, one))
-    return (min(poor, key=lambda found: found[0])[1], "closes next to nothing of the gap") if poor else None
+    return (min(poor, key=lambda found: found[0])[1], NOTHING) if poor else None
 
 
 def _unforetold(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
@@ -207,6 +209,7 @@ def _contradicted(search: Search, fit: Fit, standing: list[Standing]) -> tuple[S
 def account(search: Search, fit: Fit) -> Account:
     """Name the effects of the most probable explanation that stand on their own evidence."""
     dropped: dict[tuple[str, str], str] = {}
+    spare: list[tuple[str, str]] = []
     steady: set[tuple[str, str]] = set()
     rough, fewest = True, len(fit.hypothesis)
     while True:
@@ -214,6 +217,7 @@ def account(search: Search, fit: Fit) -> Account:
         fallen = _fallen(search, fit, standing, steady)
         if fallen is not None:
             one, dropped[one.member] = fallen
+            spare += [one.member] if fallen[1] == NOTHING else []
             fit = search.try_fit(one.without.hypothesis, one.without.u, one.without)
         elif len(fit.hypothesis) < fewest:
             # Those that are left may have leant on one that is gone; another of as many may explain more.
@@ -227,12 +231,12 @@ def account(search: Search, fit: Fit) -> Account:
             fit = plainer if search.named(plainer) and not dropped.keys() & set(plainer.hypothesis) else fit
         else:
             break
-    alike, rivals = _alike(search, fit, standing)
+    alike, rivals = _alike(search, fit, standing, spare)
     for better in _foretelling(search, fit, [f for f in rivals if not dropped.keys() & set(f.hypothesis)]):
         own = _standing(search, better, False)
         if _fallen(search, better, own, set(steady)) is None:
             fit, standing = better, own
-            alike, rivals = _alike(search, fit, standing)
+            alike, rivals = _alike(search, fit, standing, spare)
             break
     standing.sort(key=lambda s: -s.gain)
     return Account(fit, search.refitted(), tuple(standing), dropped, alike, _alternatives(search, fit, standing, rivals),
@@ -253,10 +257,11 @@ def _share(search: Search, members: tuple[tuple[str, str], ...]) -> float:
     return priors[0] / sum(priors)
 
 
-def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tuple[tuple[str, str], ...], ...], list[Fit]]:
+def _alike(search: Search, fit: Fit, standing: list[Standing], spare: list[tuple[str, str]]) -> tuple[tuple[tuple[tuple[str, str], ...], ...], list[Fit]]:
     """Effects that take a blamed one's place and fit as well, and the fits that show it.
 
-    What opens a gap does not, however few blocks of time there are to tell it by.
+    What opens a gap does not, however few blocks of time there are to tell it by. spare : effects that were likely there beside it but
+    closed next to nothing: those that do most of what it does may be a part of it.
 
     A set has room for few. Those that are alike in principle come first and need no fit to be in it; then what is nearly so, if it
     fits as well, and whatever else does; what is nearly so and was not met comes last.
@@ -275,10 +280,17 @@ def _alike(search: Search, fit: Fit, standing: list[Standing]) -> tuple[tuple[tu
                 known = member in near or member[0] in search.effects[one.member[0]].confused_with
                 found.append((not known, gain, member))
                 rivals.append(swapped)
-        others = list(dict.fromkeys([*inherent, *(member for *_, member in sorted(found)), *near]))
+        part = [member for member in spare if _likened(search, member, one.member)]
+        part += [twin for member in part for twin in twins(search.problem.case, member, fit.hypothesis)]
+        others = list(dict.fromkeys([*inherent, *part, *(member for *_, member in sorted(found)), *near]))
         if others:
             sets.append((one.member, *others[:LARGEST_SET - 1]))
     return tuple(sets), rivals
+
+
+def _likened(search: Search, member: tuple[str, str], other: tuple[str, str]) -> bool:
+    """Whether an effect, or one that no run tells from it, is described as doing most of what another does."""
+    return any(one[0] in search.effects[other[0]].likened for one in (member, *twins(search.problem.case, member)))
 
 
 def _swaps(search: Search, fit: Fit, one: Standing) -> dict[tuple[str, str], Fit]:

@@ -239,8 +239,9 @@ def _shift(fit: Fit) -> np.ndarray:
     result = np.zeros(len(fit.free))
     result[keep] = moved[0] - moved[1]
     # A slope says nothing of where steps that come late would end.
-    kinked = [effect.steep for effect, *_ in parameters(fit.effects, fit.hypothesis)]
-    result[len(fit.z):][kinked] = 0.0
+    free = dict(zip(_keys(fit), fit.free[len(fit.z):]))
+    late = {(effect.id, side) for effect, side, p in parameters(fit.effects, fit.hypothesis) if p.steep and free[(effect.id, side), p.name]}
+    result[len(fit.z):][[member in late for member, _ in _keys(fit)]] = 0.0
     return result
 
 

@@ -265,7 +265,8 @@ class Problem:
             if noise is None or not log.has(channel):
                 continue
             lone = not log.has(f"w_{side}") or robot.noise(f"w_{side}") is None
-            for spans in ((WINDOW_S, AVERAGE_S), (FINE_WINDOW_S, FINE_AVERAGE_S))[:2 if lone else 1]:
+            fine = lone or robot.axis is not None
+            for spans in ((WINDOW_S, AVERAGE_S), (FINE_WINDOW_S, FINE_AVERAGE_S))[:2 if fine else 1]:
                 windows = _windows(log.t, np.isfinite(log.columns[channel]), *spans)
                 if windows is None:
                     continue

@@ -404,9 +404,11 @@ class Search:
         return [(*joined(parts), swapped)]
 
     def _halved(self, fit: Fit, member: tuple[str, str]) -> list[Start]:
-        """A delay that may be two of half its length: what no screening on top of their sum promises, and no small step leads to."""
-        return [(*joined({**fit.parts, member: 0.5 * fit.parts[member], other: 0.5 * fit.parts[member]}), fit)
-                for other in self._alike(fit, member)]
+        """A lag that may be two of half its length: what no screening on top of their sum promises, and no small step leads to."""
+        others = {other: fit.parts[member] for other in self._alike(fit, member)}
+        others |= {other: start for other, start in self._likened(fit, member).items()
+                   if other not in fit.hypothesis and (self.effects[member[0]].steep or self.effects[other[0]].steep)}
+        return [(*joined({**fit.parts, member: 0.5 * fit.parts[member], other: 0.5 * start}), fit) for other, start in others.items()]
 
     def _alike(self, fit: Fit, member: tuple[str, str]) -> list[tuple[str, str]]:
         """Effects with the same parameters as a steep one of an explanation, on its side, that this could as well hold in its place."""
@@ -418,14 +420,15 @@ class Search:
                 if not clashes((other, member[1]), rest) and not self._doubles((other, member[1]), rest)]
 
     def _likened(self, fit: Fit, member: tuple[str, str]) -> dict[tuple[str, str], np.ndarray]:
-        """Effects that do most of what one of an explanation does, on its side, and with which scaled parameters; together with
-        its own where they are in already."""
+        """Effects that do most of what one of an explanation does, on its side where they have sides, and with which scaled parameters;
+        together with its own where they are in already."""
         at = dict(zip(fit.hypothesis, fit.values))
         rest = tuple(h for h in fit.hypothesis if h != member)
         there = {effect.id for effect in available(self.problem)} & self.wanted
         found = {}
+        only = "both" if len(self.problem.robot.sides) == 2 else "left"
         for other, like in self.effects[member[0]].likened.items():
-            one = other, member[1]
+            one = other, (member[1] if self.effects[member[0]].sided else only) if self.effects[other].sided else "both"
             parameters = like(at[member], beside=at.get(one)) if other in there else None
             if parameters is not None and (one in at or not (clashes(one, rest) or self._doubles(one, rest))):
                 inside = {p.name: min(max(parameters.get(p.name, p.starts[0]), p.low), p.high) for p in self.effects[other].parameters}

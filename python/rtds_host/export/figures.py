@@ -50,6 +50,7 @@ class Side:
     current_gain: float
     current_bias_a: float
     speed_filter_s: float
+    speed_late_s: float
 
     @property
     def torque_per_volt(self) -> float:
@@ -135,7 +136,8 @@ def figures_of(model: Model, robot: Robot) -> Figures:
             stiffness_nm_per_rad=get("stiffness", k), damping_nm_s_per_rad=get("damping", k), backlash_rad=get("backlash", k),
             ripple_nm=get("ripple", k), ripple_cycles=get("ripple_cycles", k), ripple_phase_rad=get("ripple_phase", k),
             radius_m=get("radius", k), speed_gain=get("speed_gain", k), current_gain=get("current_gain", k),
-            current_bias_a=get("current_bias", k), speed_filter_s=get("speed_tau", k)))
+            current_bias_a=get("current_bias", k), speed_filter_s=get("speed_tau", k),
+            speed_late_s=get("speed_late", k)))
     return Figures(name=robot.name, body=body, sides=(sides[0], sides[1]), supply_v=get("supply"),
                    source_resistance_ohm=get("source_resistance"), decline_v_per_s=get("decline"), rolling=get("rolling"),
                    scrub_nm=get("scrub"), slope_extra_rad=get("slope_extra"), gyro_gain=get("gyro_gain"),

@@ -132,9 +132,10 @@ def _sensors(figures: Figures) -> str:
         return f' noise="{figures.noise[key]:.9g}"' if key in figures.noise else ""
 
     text = ""
-    for name, letter in zip(SIDES, "lr", strict=True):
+    for side, name, letter in zip(figures.sides, SIDES, "lr", strict=True):
+        later = _late(figures.measurement_delay_s + side.speed_late_s)
         text += (f'    <actuatorfrc name="i_{letter}" actuator="motor_{name}"{noise("i_a")}{late}/>\n'
-                 f'    <jointvel name="w_{letter}" joint="wheel_{name}"{noise("w_rad_s")}{late}/>\n'
+                 f'    <jointvel name="w_{letter}" joint="wheel_{name}"{noise("w_rad_s")}{later}/>\n'
                  f'    <jointpos name="th_{letter}" joint="wheel_{name}"{noise("th_rad")}{late}/>\n')
     return (text + f'    <gyro name="gyro" site="axle"{noise("gyro_rad_s")}{late}/>\n'
             f'    <framepos name="position" objtype="site" objname="axle"{noise("xy_m")}/>\n'

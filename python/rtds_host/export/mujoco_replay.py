@@ -158,7 +158,7 @@ class ExportedRobot:
         dead, curve = self.number("deadzone_v", 0.0), self.number("pwm_curve", 0.0)
         source, decline = self.number("source_resistance_ohm", 0.0)[0], self.number("decline_v_per_s", 0.0)[0]
         tau = self.number("speed_filter_s", 0.0)
-        delay = max(float(model.sensor_delay[model.sensor("w_l").id]), 0.0)
+        delay = max(float(model.sensor_delay[model.sensor("i_l").id]), 0.0)
         late = bool(model.actuator_delay[self.motors[0]] > 0.0)
         current = [self.sensors["i_l"], self.sensors["i_r"]]
         speed = [self.sensors["w_l"], self.sensors["w_r"]]

@@ -36,7 +36,7 @@ def parameters(figures: Figures) -> dict[str, float | list[float]]:
             "resistance_ohm", "gear_nm_per_a", "back_emf_v_s_per_rad", "rotor_kg_m2", "viscous_nm_s_per_rad", "voltage_gain",
             "deadzone_v", "drop_v", "pwm_curve", "heat_rise_per_w", "heat_tau_s", "stribeck_nm", "stribeck_rad_s",
             "asymmetry_nm", "asymmetry_nm_s_per_rad", "load_share", "ripple_nm", "ripple_cycles", "ripple_phase_rad",
-            "radius_m", "speed_gain", "current_gain", "current_bias_a", "speed_filter_s")},
+            "radius_m", "speed_gain", "current_gain", "current_bias_a", "speed_filter_s", "speed_late_s")},
         "servo": asdict(figures.loop) if figures.loop else None,
         "noise": dict(figures.noise),
     }

@@ -59,20 +59,29 @@ class Robot:
         count = max(1, math.ceil(dt / STEP_S - 1e-9))
         for _ in range(count):
             self._advance(dt / count)
-        while len(self.seen) > 2 and self.seen[1][0] <= self.t - self.p["measurement_delay_s"]:
+        latest = self.p["measurement_delay_s"] + max(self.p["speed_late_s"])
+        while len(self.seen) > 2 and self.seen[1][0] <= self.t - latest:
             self.seen.popleft()
 
     def sensors(self):
         """What is reported now, without noise: a dictionary by channel."""
-        at = self.t - self.p["measurement_delay_s"]
+        late = self.p["measurement_delay_s"]
+        found = self._seen(late)
+        for side, more in zip("lr", self.p["speed_late_s"]):
+            if more:
+                found["w_" + side] = self._seen(late + more)["w_" + side]
+        return {**found, "x": self.x, "y": self.y, "yaw": self.yaw}
+
+    def _seen(self, late):
+        """What was there so many seconds before."""
+        at = self.t - late
         (t0, a), (t1, b) = self.seen[-1], self.seen[-1]
         for before, after in zip(self.seen, list(self.seen)[1:]):
             if after[0] >= at:
                 (t0, a), (t1, b) = before, after
                 break
         share = 1.0 if t1 <= t0 else min(max((at - t0) / (t1 - t0), 0.0), 1.0)
-        found = {name: (1.0 - share) * a[name] + share * b[name] for name in a}
-        return {**found, "x": self.x, "y": self.y, "yaw": self.yaw}
+        return {name: (1.0 - share) * a[name] + share * b[name] for name in a}
 
     def _report(self):
         p = self.p

@@ -124,7 +124,7 @@ TABLE: dict[str, dict[str, How]] = {
     "speed_gain": _reading("speed_gain"),
     "current_gain": _reading("current_gain"),
     "current_bias": _reading("current_bias_a"),
-    "speed_filter": _reading("speed_filter_s"),
+    "speed_filter": _reading("speed_filter_s; sensor delay: what of its lag is a delay"),
     "gyro_bias": _reading("gyro_bias_rad_s", _own("sensor imu, noise/bias_mean")),
     "gyro_gain": _reading("gyro_gain", _lost("an imu's noise has no scale")),
     # timing

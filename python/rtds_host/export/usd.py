@@ -48,7 +48,7 @@ def write(figures: Figures, comment: str) -> str:
             "torque_nm_per_v": joint.torque_per_volt, "back_emf_nm_s_per_rad": joint.braking,
             "limit_v": figures.limit_v(side), "deadzone_v": side.deadzone_v, "pwm_curve": side.pwm_curve,
             "drop_v": side.drop_v}
-        sensors[f"wheel_{name}"] = {"speed_gain": side.speed_gain, "speed_filter_s": side.speed_filter_s,
+        sensors[f"wheel_{name}"] = {"speed_gain": side.speed_gain, "speed_filter_s": side.speed_filter_s, "speed_late_s": side.speed_late_s,
                                     "current_gain": side.current_gain, "current_bias_a": side.current_bias_a}
     fed = {"supply_v": figures.supply_v, "source_resistance_ohm": figures.source_resistance_ohm,
            "decline_v_per_s": figures.decline_v_per_s, "command_delay_s": figures.command_delay_s,

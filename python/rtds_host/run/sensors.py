@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import bisect
 import math
 from collections import deque
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -34,7 +35,8 @@ class CorrectedPath(SignalPath):
         self.values = sensors
         self._filters = np.array(sensors.speed_filter_s)
         self._delay = sensors.delay_s
-        self.watches = bool(self._delay > 0.0 or (self._filters > 0.0).any())
+        self._lates = self._delay + np.array(sensors.speed_late_s)
+        self.watches = bool(self._lates.max() > 0.0 or (self._filters > 0.0).any())
         self._past: deque[tuple[float, Sample]] = deque()
         self._speeds = self._filtered = np.zeros(2)
 
@@ -47,25 +49,26 @@ class CorrectedPath(SignalPath):
             self._filtered = np.array(sample.speeds_rad_s, dtype=float)
         self._speeds = np.array(sample.speeds_rad_s, dtype=float)
         self._past.append((t_s, replace(sample, speeds_rad_s=self._filtered)))
-        while len(self._past) > 2 and self._past[1][0] <= t_s - self._delay:
+        while len(self._past) > 2 and self._past[1][0] <= t_s - self._lates.max():
             self._past.popleft()
 
     def _late(self, t_s: float, sample: Sample) -> Sample:
-        """What left the sensors' inputs `delay` ago; before the run began, what it began with."""
+        """What left the sensors' inputs `delay` ago, speeds by their own delay before; before the run began, what it began with."""
         if not self.watches:
             return sample
-        at = t_s - self._delay
-        (t0, before), (t1, after) = self._past[0], self._past[min(1, len(self._past) - 1)]
-        share = 0.0 if t1 <= t0 else min(max((at - t0) / (t1 - t0), 0.0), 1.0)
-        if self._delay <= 0.0:
-            before, after, share = self._past[-1][1], self._past[-1][1], 1.0
+        others = self._between(t_s, self._delay)
+        speeds = [others if late == self._delay else self._between(t_s, late) for late in self._lates.tolist()]
+        return replace(others, speeds_rad_s=np.array([seen.speeds_rad_s[k] for k, seen in enumerate(speeds)]), x_m=sample.x_m,
+                       y_m=sample.y_m, yaw_rad=sample.yaw_rad)
 
-        def between(name: str):
-            return (1.0 - share) * getattr(before, name) + share * getattr(after, name)
-
-        return Sample(v_bus=between("v_bus"), currents_a=between("currents_a"), speeds_rad_s=between("speeds_rad_s"),
-                      angles_rad=between("angles_rad"), gyro_rad_s=between("gyro_rad_s"), x_m=sample.x_m,
-                      y_m=sample.y_m, yaw_rad=sample.yaw_rad)
+    def _between(self, t_s: float, delay_s: float) -> Sample:
+        """What was there `delay_s` before, between two engine steps."""
+        if delay_s <= 0.0:
+            return self._past[-1][1]
+        k = bisect.bisect_right(self._past, t_s - delay_s, key=lambda one: one[0])
+        (t0, before), (t1, after) = self._past[max(k - 1, 0)], self._past[min(k, len(self._past) - 1)]
+        share = 0.0 if t1 <= t0 else min(max((t_s - delay_s - t0) / (t1 - t0), 0.0), 1.0)
+        return Sample(**{f.name: (1.0 - share) * getattr(before, f.name) + share * getattr(after, f.name) for f in fields(Sample)})
 
     def sensors(self, t_s: float, sample: Sample) -> Sample:
         """What is reported. The pose is measured from outside: neither late nor wrong."""

@@ -93,9 +93,11 @@ def test_without_effects_a_run_is_what_it_was():
     assert _effects(plan, None, []) is None
 
 
-def test_sensors_report_late_filtered_scaled_and_the_pose_as_it_is():
+@pytest.mark.parametrize(("delay", "held"), [(0.01, 0.0), (0.01, 0.015), (0.0, 0.015)])
+def test_sensors_report_late_filtered_scaled_and_the_pose_as_it_is(delay, held):
+    """Speeds by a delay of their own as well, of `held` s."""
     plan = make_plan("linear", SHORT)
-    names = ["measurement_delay.seconds=0.01", "speed_filter.time_constant_s=0.02", "speed_gain.ratio=1.1,side=left",
+    names = [f"measurement_delay.seconds={delay}", f"speed_filter.time_constant_s={0.02 + held},delay_s={held}", "speed_gain.ratio=1.1,side=left",
              "current_bias.amperes=0.2,side=right", "gyro_bias.rad_s=0.3"]
     correction = _effects(plan, None, names).correction
     record = drive_with(plan, "model", correction=correction)
@@ -106,9 +108,9 @@ def test_sensors_report_late_filtered_scaled_and_the_pose_as_it_is():
         middle = 0.5 * (record.speeds[k] + record.speeds[k - 1])
         lagging[k] = lagging[k - 1] + (1 - np.exp(-1e-3 / 0.02)) * (middle - lagging[k - 1])
     for side, gain in ((0, 1.1), (1, 1.0)):
-        assert seen[:, side] == pytest.approx(gain * np.interp(t - 0.01, record.t_s, lagging[:, side]), abs=2e-3)
+        assert seen[:, side] == pytest.approx(gain * np.interp(t - delay - held, record.t_s, lagging[:, side]), abs=2e-3)
     current = np.array([s.currents_a[1] for s in record.samples])
-    assert current == pytest.approx(np.interp(t - 0.01, record.t_s, record.currents[:, 1]) + 0.2, abs=1e-3)
+    assert current == pytest.approx(np.interp(t - delay, record.t_s, record.currents[:, 1]) + 0.2, abs=1e-3)
     assert record.samples[0].gyro_rad_s == pytest.approx(0.3, abs=1e-6)
     assert [s.x_m for s in record.samples] == [s.x_m for s in record.truth]
 

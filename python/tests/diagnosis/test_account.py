@@ -116,6 +116,23 @@ def test_how_a_servos_integral_gives_way_at_its_limit_is_no_cause():
     assert 0.1 < diagnosis["setup"]["anti_windup"] <= 1.0
 
 
+def test_a_speed_that_alone_is_late_is_the_speeds_lag_and_no_delay_of_all():
+    """Drivers that count over a span of time, or send the speed later than the angle: the angle shows which."""
+    diagnosis, _ = run(make_case(lambda m: m.put("speed_late", 0.02), seed=61))
+    assert diagnosis["verdict"] == "known" and blamed(diagnosis) == [("speed_filter", "both")]
+    parameters = diagnosis["effects"][0]["parameters"]
+    assert parameters["time_constant_s"]["value"] == pytest.approx(0.02, rel=0.03) and parameters["delay_s"]["value"] > 0.018
+
+
+def test_a_filter_of_the_speeds_and_a_delay_of_all_are_two():
+    def change(model):
+        model.put("speed_tau", 0.03)
+        model.put("measurement_delay", 0.02)
+
+    diagnosis, _ = run(make_case(change, seed=63))
+    assert sorted(blamed(diagnosis)) == [("measurement_delay", "both"), ("speed_filter", "both")]
+
+
 def test_two_small_effects_that_tolerances_nearly_make_stand_where_they_do_not():
     """Tolerances leave less than a gap in the place of either, but more than noise; in that of both they leave a gap."""
     def change(model):

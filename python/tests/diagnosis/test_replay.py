@@ -2,16 +2,17 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from diagnosis_cases import commands, make_case, make_run
 from scipy.integrate import solve_ivp
 
-from rtds_host.contract import GRAVITY_M_S2, RunLog, RunMeta, builtin_robot
+from rtds_host.contract import GRAVITY_M_S2, Axis, Case, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
 from rtds_host.diagnosis.fit import apply
-from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.replay.model import (
     FINE_STEP_S,
     LONGEST_DELAY_S,
@@ -419,3 +420,47 @@ def test_a_clock_that_is_late_reports_what_was_earlier_between_samples_too(slot,
     for channel, k in OUTPUT_INDEX.items():
         expected = np.interp(uneven - late, uneven, on_time[:, k]) if channel in late_ones else on_time[:, k]
         np.testing.assert_array_equal(out[:, k], expected)
+
+
+@pytest.mark.parametrize("share", [0.25, 1.0])
+@pytest.mark.parametrize("side", ["left", "both"])
+def test_what_of_a_speeds_lag_is_a_delay_shifts_what_its_filter_gives_and_leaves_the_angle(side, share):
+    """Between samples too: the delay is no whole number of rows."""
+    coarse, lag = run("weave"), 0.0308
+    ticks = np.arange(0.0, coarse.t[-1], 0.001)
+    held = np.searchsorted(coarse.t, ticks + 1e-9, side="right") - 1
+    fine = RunLog("fine", coarse.meta, ticks, {c: v[held] for c, v in coarse.columns.items()})
+
+    def reported(log, delay, lag):
+        values = {"time_constant_s": lag, "delay_s": delay}
+        return replay_run(apply(CATALOGUE, nominal_model(ROBOT), (("speed_filter", side),), [values]), run_inputs(log, ROBOT))
+
+    filtered, late = reported(fine, 0.0, (1.0 - share) * lag), reported(coarse, share * lag, lag)
+    on_time = reported(coarse, 0.0, (1.0 - share) * lag)
+    inside = coarse.t > 0.5
+    for k, w in enumerate(("w_l", "w_r")):
+        column = OUTPUT_INDEX[w]
+        expected = np.interp(coarse.t - share * lag, fine.t, filtered[:, column]) if k in SIDES[side] else on_time[:, column]
+        assert np.abs(late[inside, column] - expected[inside]).max() < 0.3 * ROBOT.noise(w)
+    for name in OUTPUT_INDEX.keys() - {"w_l", "w_r"}:
+        # Samples between the rows part the integration's steps.
+        assert np.abs(late - on_time)[:, OUTPUT_INDEX[name]].max() < 0.02 * ROBOT.noise(name)
+
+
+def test_pieces_of_an_axis_begin_with_what_its_late_speed_reports():
+    """A piece starts at the angle's slope; what the speed was before is known by what is reported of it as the piece begins."""
+    robot = replace(ROBOT, chassis=None, axis=Axis("inertia", 1e-3))
+    model = nominal_model(robot)
+    model.put("speed_late", 0.02, (0,))
+    model.put("speed_tau", 0.01, (0,))
+    t = np.arange(0.0, 4.0, 0.001)
+    volts = 5.0 * np.sin(2.0 * np.pi * t / 0.7)
+    log = RunLog("swing", RunMeta(), t, {"v_cmd_l": volts})
+    out = replay_run(model, run_inputs(log, robot))
+    log.columns.update({c: out[:, OUTPUT_INDEX[c]] for c in ("w_l", "th_l")})
+    problem = Problem(Case("swing", robot, (log,)), 1, pieces=True)
+    speeds = problem.channels_of == CHANNELS.index("w_l")
+    assert len(problem.runs) > 10
+    assert np.median(np.abs(problem.residual(model)[speeds])) < 0.1
+    model.put("speed_late", 0.0, (0,))
+    assert np.median(np.abs(problem.residual(model)[speeds])) > 1.0

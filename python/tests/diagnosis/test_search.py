@@ -10,13 +10,13 @@ from diagnosis_cases import changed, make_case, make_run, without
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import carried as carried_module
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.account import _contradicted, _opens, _standing, _swaps, _uneven, account
+from rtds_host.diagnosis.account import _contradicted, _likened, _opens, _standing, _swaps, _uneven, account
 from rtds_host.diagnosis.carried import carried, ratio, scatter, scattered
 from rtds_host.diagnosis.chance import MOST, SAME
 from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, excess, told_apart
-from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side
+from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side, to_values
 from rtds_host.diagnosis.likelihood import Discrepancy, Series, _nll_of_all
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
@@ -248,6 +248,21 @@ def fitted(case: Case, *members: tuple[tuple[str, str], dict[str, float]]):
     search.fits[()] = search.fitter.fit((), np.empty(0), np.zeros(search.fitter.count), problem.discrepancy())
     hypothesis = tuple(member for member, _ in members)
     return search, search.try_fit(hypothesis, scaled(search.effects, hypothesis, [values for _, values in members]), search.fits[()])
+
+
+def test_the_lag_of_the_speeds_may_be_one_of_all_that_is_measured_in_part():
+    search, fit = fitted(make_case(lambda m: m.put("speed_tau", 0.04)), (("speed_filter", "both"), {"time_constant_s": 0.04, "delay_s": 0.0}))
+    lag, delay = ("speed_filter", "both"), ("measurement_delay", "both")
+    (hypothesis, u, _), = search._halved(fit, lag)
+    values = dict(zip(hypothesis, to_values(search.effects, hypothesis, u)))
+    assert values[lag]["time_constant_s"] == pytest.approx(0.02, rel=0.05) and values[delay]["seconds"] == pytest.approx(0.02, rel=0.05)
+
+
+@pytest.mark.parametrize("case,like", [(without(make_case(), *POSE), True), (make_case(), False)], ids=["no pose", "pose"])
+def test_what_no_run_tells_from_a_delay_of_all_does_most_of_what_a_lag_of_the_speeds_does(case, like):
+    search = SimpleNamespace(problem=SimpleNamespace(case=case), effects=catalogue(case.robot))
+    assert _likened(search, ("measurement_delay", "both"), ("speed_filter", "both"))
+    assert _likened(search, ("command_delay", "both"), ("speed_filter", "both")) is like
 
 
 def test_a_delay_under_the_other_delays_name_is_renamed():
@@ -632,7 +647,7 @@ def test_what_one_side_has_beside_an_effect_of_both_may_be_that_effect_of_anothe
 @pytest.mark.parametrize("left,fickle", [(1e-3, False), (1.0, True)], ids=["next to nothing is left of it", "it is known"])
 def test_an_effect_that_another_takes_up_to_first_order_is_not_called_fickle_for_that(monkeypatch, left, fickle):
     """A filter is, to first order, the delay beside it: of its sizes run by run what is left then knows nothing, and they scatter."""
-    search, fit = fitted(make_case(lambda m: m.put("speed_tau", 0.05)), (("speed_filter", "both"), {"time_constant_s": 0.05}))
+    search, fit = fitted(make_case(lambda m: m.put("speed_tau", 0.05)), (("speed_filter", "both"), {"time_constant_s": 0.05, "delay_s": 0.0}))
     signs = np.where(search.problem.runs_of == 0, -1.0, 1.0)
     monkeypatch.setattr(carried_module, "_apart", lambda fit, jacobian, own, at: left * signs * own)
     monkeypatch.setattr(carried_module, "ratio", lambda weighed, known: -1.0)

@@ -22,7 +22,7 @@ class Parameter:
     SI. least : the scale below whose negative it cannot fall; most : the one that it cannot exceed. null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
     about `null` (sets the price of a free parameter); starts : values to start a fit from; difference : step of a
     derivative, in spreads; optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form,
-    not its size; of : the value of robot.toml that it is a factor of, as "table.key"; declared : by the kind of a single axis, the value of `[axis]` that it adds to, and its unit: a fit then
+    not its size; steep : by it steps of a signal come late, and a misfit falls only near its right value; of : the value of robot.toml that it is a factor of, as "table.key"; declared : by the kind of a single axis, the value of `[axis]` that it adds to, and its unit: a fit then
     works in shares of that value, since loads of axes span many orders of magnitude.
     """
 
@@ -37,6 +37,7 @@ class Parameter:
     difference: float = 0.01
     optional: bool = False
     shape: bool = False
+    steep: bool = False
     of: str = ""
     declared: Mapping[str, tuple[str, str]] | None = None
     scale: str = "one"
@@ -99,8 +100,7 @@ class Effect:
     of 1 (contract, section 2). `axis`: it exists on a single axis. `contains`: effects it turns into when its further
     parameters rest. `separate`: each parameter is a part of its own, absent where only
     another one is there. `nonlinear`: its signature changes its form with its size, and with what the other side does.
-    `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima. `steep`: its
-    misfit falls only near the right size (steps of a signal that come late). `without_winding`:
+    `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima. `without_winding`:
     it exists on a machine whose torque is commanded. `check`: a measurement by hand that shows this effect and none of
     `confused_with`; `advice`: what to do once it is shown. `seen_by`: channels (without side) of which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
     "robot" or "signal". `restarts`: parameters to fit from as well, where the misfit has more than one minimum. `form`: what
@@ -129,7 +129,6 @@ class Effect:
     nonlinear: bool = False
     periodic: bool = False
     rough: bool = False
-    steep: bool = False
     without_winding: bool = True
     seen_by: tuple[str, ...] = ()
     restarts: tuple[Mapping[str, float], ...] = ()
@@ -149,6 +148,11 @@ class Effect:
                        likened={other: partial(like, machine=machine) for other, like in self.likened.items()},
                        restarts=tuple({name: units[name] * value for name, value in start.items()}
                                       for start in self.restarts))
+
+    @property
+    def steep(self) -> bool:
+        """Whether its misfit falls only near the right size (steps of a signal that come late)."""
+        return self.parameters[0].steep
 
     @property
     def sized(self) -> bool:

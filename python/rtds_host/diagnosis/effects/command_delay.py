@@ -9,7 +9,7 @@ EFFECT = Effect(
     sided=False,
     parameters=(
         Parameter("seconds", "s", null=0, low=0, high=LONGEST_DELAY_S, spread=0.012, starts=(0.003, 0.015, 0.05, 0.15, 0.35),
-                  meaning="v_cmd acts late"),
+                  meaning="v_cmd acts late", steep=True),
     ),
     apply=add(command_delay="seconds"),
     equation="v_cmd(t - d)",
@@ -18,7 +18,6 @@ EFFECT = Effect(
     shown_by="steps with the pose measured",
     check="Put an oscilloscope on the command's line and on the motor's terminals: the voltage comes late.",
     advice="Shorten the bus cycle to the driver, or predict over the delay in the controller.",
-    steep=True,
     runs_in="rtl",
     form=0.005,
 )

@@ -1,7 +1,17 @@
 """measurement_delay: reported(t) = true(t - d)."""
 
+from collections.abc import Mapping
+
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.machine import Machine
 from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
+
+
+def _speed_late(values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None) -> dict[str, float]:
+    """The delay as one of the speed alone; after a lag that is there already."""
+    lag, held = (beside["time_constant_s"], beside["delay_s"]) if beside else (0.0, 0.0)
+    return {"time_constant_s": lag + values["seconds"], "delay_s": held + values["seconds"]}
+
 
 EFFECT = Effect(
     id="measurement_delay",
@@ -9,7 +19,7 @@ EFFECT = Effect(
     sided=False,
     parameters=(
         Parameter("seconds", "s", null=0, low=0, high=LONGEST_DELAY_S, spread=0.012, starts=(0.003, 0.015, 0.05, 0.15, 0.35),
-                  meaning="i, w, th, gyro and v_bus are reported late"),
+                  meaning="i, w, th, gyro and v_bus are reported late", steep=True),
     ),
     apply=add(measurement_delay="seconds"),
     equation="reported(t) = true(t - d); x, y, yaw are not delayed",
@@ -19,7 +29,7 @@ EFFECT = Effect(
     check="Stop the wheel against a hard stop in view of a camera, or a light barrier, that shares the log's clock: "
           "the log shows the stop late.",
     advice="Stamp the samples at the sensor, or shift them by the delay.",
-    steep=True,
     runs_in="signal",
     form=0.005,
+    likened={"speed_filter": _speed_late},
 )

@@ -1,6 +1,23 @@
-"""speed_filter: tau w_f' = w - w_f."""
+"""speed_filter: tau w_f' = w - w_f, and what of the lag is a delay."""
 
-from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from collections.abc import Mapping
+
+from rtds_host.diagnosis.effects.base import Effect, Parameter
+from rtds_host.diagnosis.machine import Machine
+from rtds_host.diagnosis.replay.model import Model
+
+
+def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
+    lag = values["time_constant_s"]
+    late = min(values["delay_s"], lag)
+    model.add("speed_tau", lag - late, sides)
+    model.add("speed_late", late, sides)
+
+
+def _all_late(values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None) -> dict[str, float]:
+    """The lag as one of all that is measured, which the angle tells from it; after one that is there already."""
+    return {"seconds": values["time_constant_s"] + (beside["seconds"] if beside else 0.0)}
+
 
 EFFECT = Effect(
     id="speed_filter",
@@ -8,11 +25,14 @@ EFFECT = Effect(
     sided=True,
     parameters=(
         Parameter("time_constant_s", "s", null=0, low=0, high=2, spread=0.02, starts=(0.004, 0.03, 0.15),
-                  meaning="first-order low-pass"),
+                  meaning="lag of a first-order low-pass, a delay of the speed included"),
+        # A driver that counts over a fifth of a second is late by half of that; what is later comes over a link, with all the rest.
+        Parameter("delay_s", "s", null=0, low=0, high=0.1, spread=0.02, starts=(0.0,),
+                  optional=True, shape=True, steep=True, meaning="what of this lag is a delay of the speed alone"),
     ),
-    apply=add(speed_tau="time_constant_s"),
-    equation="tau w_f' = w - w_f",
-    source="contract, section 3",
+    apply=_apply,
+    equation="reported(t) = w_f(t - d), (tau - d) w_f' = w - w_f",
+    source="contract, section 3; a driver that takes its speed from counts over a span of time is late by half of that",
     confused_with=("measurement_delay", "rotor_inertia_error"),
     shown_by="steps and pseudo-random voltage with angle or current",
     check="Compare the logged speed with the slope of the logged angle after a step: a filter rounds the speed and "
@@ -21,4 +41,5 @@ EFFECT = Effect(
     seen_by=("w",),
     runs_in="signal",
     form=0.005,
+    likened={"measurement_delay": _all_late},
 )

@@ -47,7 +47,7 @@ BACKLASH, RESTITUTION, STIFF, DAMP = (SIDE_INDEX[n] for n in ("backlash", "resti
 RIPPLE, RIPPLE_N, RIPPLE_PHI = (SIDE_INDEX[n] for n in ("ripple", "ripple_cycles", "ripple_phase"))
 SLIP, SLIP_LENGTH, SLIP_DAMPING, SLIP_GRIP = (SIDE_INDEX[n] for n in ("slip", "slip_relaxation", "slip_damping",
                                                                      "slip_grip"))
-W_GAIN, I_GAIN, I_BIAS, W_TAU = (SIDE_INDEX[n] for n in ("speed_gain", "current_gain", "current_bias", "speed_tau"))
+W_GAIN, I_GAIN, I_BIAS, W_TAU, W_LATE = (SIDE_INDEX[n] for n in ("speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late"))
 GEAR, SUPPLY, MASS, IZ, JW, TRACK = (COMMON_INDEX[n] for n in ("gear_ratio", "supply", "mass", "yaw_inertia",
                                                                "wheel_inertia", "track"))
 SOURCE_R, DECLINE, SCRUB, ROLLING, COM_X, COM_Y = (COMMON_INDEX[n] for n in (
@@ -74,6 +74,14 @@ def _turned(c, s, angle):
     else:
         dc, ds = math.cos(angle), math.sin(angle)
     return c * dc - s * ds, s * dc + c * ds
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def behind(side, speed, reported):
+    """A speed's filter at a start, where the speed and what is reported of it are known: of a steady change a filter's share of
+    the lag."""
+    lag = side[W_TAU] + side[W_LATE]
+    return speed + (reported - speed) * side[W_TAU] / lag if lag > 0.0 else reported
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -132,7 +140,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
         th[k] = start[3 + k] / side[k, W_GAIN]
         w[k] = start[5 + k] / side[k, W_GAIN]
         wm[k] = w[k]
-        wf[k] = start[9 + k] / side[k, W_GAIN]
+        wf[k] = behind(side[k], w[k], start[9 + k] / side[k, W_GAIN])
         cur[k] = start[7 + k]
         if side[k, STIFF] > 0.0:
             contact[k] = _SPRING
@@ -205,6 +213,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     now = t[0]
     kc = 0                    # next command to act, at t_cmd[kc] + dc
     ka = 0                    # next delayed sample, the state at t[ka] - dm
+    kw = np.zeros(2, np.int64)  # next sample of a speed that is later than that by its own delay, where it is
+    lagging = side[0, W_LATE] > 0.0 or side[1, W_LATE] > 0.0
     kp = 0                    # next pose sample, at t[kp] - dp
     servo_next = t[0]
     bus = supply
@@ -231,10 +241,21 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
             for k in range(2):
                 out[ka, 1 + k] = cur[k] * side[k, I_GAIN] + side[k, I_BIAS]
                 # The encoder sits at the gear's output, before any play or spring (contract, section 7).
-                out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else wm[k]) * side[k, W_GAIN]
+                if side[k, W_LATE] <= 0.0:
+                    out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else wm[k]) * side[k, W_GAIN]
                 out[ka, 5 + k] = (th[k] + play[k]) * side[k, W_GAIN]
             out[ka, 7] = rate * com[GYRO_GAIN] + com[GYRO_BIAS]
             ka += 1
+        if lagging:
+            for k in range(2):
+                later = dm + side[k, W_LATE]
+                while side[k, W_LATE] > 0.0 and kw[k] < n and t[kw[k]] - later <= now + 1e-9:
+                    speed = (wf[k] if side[k, W_TAU] > 0.0 else wm[k]) * side[k, W_GAIN]
+                    if t[kw[k]] - later < t[0]:
+                        # Before a start the speed is what lies between the start and what is reported then.
+                        speed = start[9 + k] + (speed - start[9 + k]) * (t[kw[k]] - t[0]) / later
+                    out[kw[k], 3 + k] = speed
+                    kw[k] += 1
         if kp >= n and ka >= n:
             break
         changed = False
@@ -277,6 +298,10 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
             ahead = min(ahead, t[kp] - dp)
         if ka < n:
             ahead = min(ahead, t[ka] - dm)
+        if lagging:
+            for k in range(2):
+                if side[k, W_LATE] > 0.0 and kw[k] < n:
+                    ahead = min(ahead, t[kw[k]] - dm - side[k, W_LATE])
         if kc < m:
             ahead = min(ahead, t_cmd[kc] + dc)
         if mode == 2:

@@ -44,6 +44,7 @@ SIDE = {
     "current_gain": (1.0, "1", "sensor"),
     "current_bias": (0.0, "A", "sensor"),
     "speed_tau": (0.0, "s", "sensor's low-pass filter"),
+    "speed_late": (0.0, "s", "sensor's delay beyond the others'"),
 }
 # New entries go last, here and above: a compiled kernel is kept by the date of kernel.py, and holds indices.
 COMMON = {
