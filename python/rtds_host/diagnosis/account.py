@@ -14,10 +14,11 @@ It must also be worth naming, on runs that it was not fitted to as well (`left_o
 from __future__ import annotations
 
 import math
+from collections.abc import Container
 from dataclasses import dataclass, field, replace
 
 from rtds_host.diagnosis.carried import absent, carried, scattered
-from rtds_host.diagnosis.chance import MOST, SAME
+from rtds_host.diagnosis.chance import MOST, SAME, SLIGHT
 from rtds_host.diagnosis.evidence import (
     CONVINCING,
     believed,
@@ -272,17 +273,19 @@ def _alike(search: Search, fit: Fit, standing: list[Standing], spare: list[tuple
         inherent, near = ([member for member in alike if member[0] in there and not clashes(member, fit.hypothesis)]
                           for alike in (twins(search.problem.case, one.member, fit.hypothesis),
                                         near_twins(search.problem.case, one.member)))
-        found = []
-        for member, swapped in _swaps(search, fit, one).items():
-            gain, t = compared(search.problem, fit, swapped)
-            if (not told_apart(gain, t, _part(search, fit, swapped), search.problem.block_count) and search.named(swapped)
-                    and not _opens(search.gap(swapped), search.gap(fit))):
-                known = member in near or member[0] in search.effects[one.member[0]].confused_with
-                found.append((not known, gain, member))
-                rivals.append(swapped)
+        swaps = _swaps(search, fit, one)
+        known = {member for member in swaps if member in near or member[0] in search.effects[one.member[0]].confused_with}
+        fitting = _fitting(search, fit, swaps, known)
+        # What a look-alike is confused with may be one, too: the motor's constant for viscous friction, and a gain for that.
+        further = {member for other in fitting for member in _confused(search, other)}
+        swaps = {member: swaps.get(member) or search.swapped(fit, one.without, c) for c in search.rivals(one.without, one.member, len(search.effects))
+                 if (member := c.member) in further - known and one.member[0] not in search.effects[member[0]].contains}
+        fitting |= _fitting(search, fit, swaps, further)
+        found = sorted((member not in known, gain, member) for member, (gain, _) in fitting.items())
+        rivals += [swapped for _, swapped in fitting.values()]
         part = [member for member in spare if _likened(search, member, one.member)]
         part += [twin for member in part for twin in twins(search.problem.case, member, fit.hypothesis)]
-        others = list(dict.fromkeys([*inherent, *part, *(member for *_, member in sorted(found)), *near]))
+        others = list(dict.fromkeys([*inherent, *part, *(member for *_, member in found), *near]))
         if others:
             sets.append((one.member, *others[:LARGEST_SET - 1]))
     return tuple(sets), rivals
@@ -291,6 +294,30 @@ def _alike(search: Search, fit: Fit, standing: list[Standing], spare: list[tuple
 def _likened(search: Search, member: tuple[str, str], other: tuple[str, str]) -> bool:
     """Whether an effect, or one that no run tells from it, is described as doing most of what another does."""
     return any(one[0] in search.effects[other[0]].likened for one in (member, *twins(search.problem.case, member)))
+
+
+def _fitting(search: Search, fit: Fit, swaps: dict[tuple[str, str], Fit],
+             known: Container[tuple[str, str]]) -> dict[tuple[str, str], tuple[float, Fit]]:
+    """Of effects in another one's place those that fit as well, and open no gap: what the likelihood gains without each, and its fit.
+
+    What is `known` to be confused with it must be told from it by more than slight a part of what it leaves: the forms of a machine
+    that is described no better differ by as much.
+    """
+    found = {}
+    for member, swapped in swaps.items():
+        (gain, t), part = compared(search.problem, fit, swapped), _part(search, fit, swapped)
+        told = told_apart(gain, t, part, search.problem.block_count, SLIGHT if member in known else 0.0)
+        if not told and search.named(swapped) and not _opens(search.gap(swapped), search.gap(fit)):
+            found[member] = gain, swapped
+    return found
+
+
+def _confused(search: Search, member: tuple[str, str]) -> set[tuple[str, str]]:
+    """What an effect is confused with, on its side where that has sides."""
+    effect, side = member
+    only = "both" if len(search.problem.robot.sides) == 2 else "left"
+    return {(other, (side if search.effects[effect].sided else only) if search.effects[other].sided else "both")
+            for other in search.effects[effect].confused_with}
 
 
 def _swaps(search: Search, fit: Fit, one: Standing) -> dict[tuple[str, str], Fit]:

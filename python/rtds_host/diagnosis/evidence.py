@@ -80,11 +80,11 @@ def believed(gain: float, t: float) -> float:
     return math.copysign(min(abs(gain), 0.5 * t * t), gain)
 
 
-def told_apart(gain: float, t: float, part: float, blocks: int) -> bool:
+def told_apart(gain: float, t: float, part: float, blocks: int, least: float = 0.0) -> bool:
     """Whether an explanation is told from another, which has another effect in one's place.
 
-    gain, t : of log likelihood by it, as of `compared`; part : what it takes off the other's excess over white noise, a share of that;
-    blocks : of time. A form that is not quite the machine's own misses the same in every block, which no scatter between blocks shows.
+    gain, t : of log likelihood by it, as of `compared`; part : what it takes off the other's excess over white noise, a share of that,
+    `least` the smallest that tells; blocks : of time. A form that is not quite the machine's own misses the same in every block, which no scatter between blocks shows.
     But of a rest that is spread over so many blocks any form takes one block's share by chance.
     """
-    return believed(gain, t) >= math.log(CONVINCING) and part * blocks >= 1.0
+    return believed(gain, t) >= math.log(CONVINCING) and part * blocks >= 1.0 and part >= least

@@ -672,6 +672,9 @@ def test_no_dead_zone_exceeds_the_largest_command():
 ])
 def test_what_tells_two_effects_apart_is_more_of_the_rest_than_chance_takes(gain, t, part, told):
     assert told_apart(gain, t, part, 100) is told
+    # What is known to be confused is told apart by more than a slight part of what the other leaves.
+    assert not told_apart(gain, t, part, 100, least=0.1)
+    assert told_apart(60.0, 4.1, 0.15, 100, least=0.1)
 
 
 @pytest.mark.parametrize("other,gap,opens", [(1.05, 0.5, False), (15.0, 0.5, True), (9.5, 9.0, False), (20.0, 9.0, True)])
