@@ -14,31 +14,25 @@ It must also be worth naming, on runs that it was not fitted to as well (`left_o
 from __future__ import annotations
 
 import math
-from collections.abc import Container
 from dataclasses import dataclass, field, replace
 
 from rtds_host.diagnosis.carried import absent, carried, scattered
-from rtds_host.diagnosis.chance import MOST, SAME, SLIGHT
+from rtds_host.diagnosis.chance import MOST, SAME
 from rtds_host.diagnosis.evidence import (
     CONVINCING,
     believed,
     closer,
     compared,
     excess,
-    told_apart,
     worth_adding,
     worth_naming,
 )
 from rtds_host.diagnosis.fit import Fit, Hypothesis
-from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
 from rtds_host.diagnosis.localise.standins import absences
-from rtds_host.diagnosis.screen import available, clashes
+from rtds_host.diagnosis.lookalikes import LARGEST_SET, lookalikes, part
 from rtds_host.diagnosis.search import Search
-from rtds_host.diagnosis.twins import near_twins, twins
 
-# Members that a set of look-alikes may have (contract, section 5).
-LARGEST_SET = 3
 # Why an effect does not stand that the likelihood sees.
 NOTHING = "closes next to nothing of the gap"
 
@@ -93,7 +87,7 @@ def _standing(search: Search, fit: Fit, rough: bool) -> list[Standing]:
 
 def _weighed(search: Search, fit: Fit, member: tuple[str, str], without: Fit) -> Standing:
     gain, t = compared(search.problem, fit, without)
-    share = _part(search, fit, without)
+    share = part(search, fit, without)
     without, gap = _closest(search, fit, without)
     odds = search.log_prior((member,)) + max(believed(gain, t), believed(*closer(search.problem, fit, without)))
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
@@ -232,12 +226,12 @@ def account(search: Search, fit: Fit) -> Account:
             fit = plainer if search.named(plainer) and not dropped.keys() & set(plainer.hypothesis) else fit
         else:
             break
-    alike, rivals = _alike(search, fit, standing, spare)
+    alike, rivals = lookalikes(search, fit, [(s.member, s.without) for s in standing], spare)
     for better in _foretelling(search, fit, [f for f in rivals if not dropped.keys() & set(f.hypothesis)]):
         own = _standing(search, better, False)
         if _fallen(search, better, own, set(steady)) is None:
             fit, standing = better, own
-            alike, rivals = _alike(search, fit, standing, spare)
+            alike, rivals = lookalikes(search, fit, [(s.member, s.without) for s in standing], spare)
             break
     standing.sort(key=lambda s: -s.gain)
     return Account(fit, search.refitted(), tuple(standing), dropped, alike, _alternatives(search, fit, standing, rivals),
@@ -256,99 +250,6 @@ def _share(search: Search, members: tuple[tuple[str, str], ...]) -> float:
     """Of a set of look-alikes, the first one's share by prior."""
     priors = [math.exp(search.log_prior((member,))) for member in members]
     return priors[0] / sum(priors)
-
-
-def _alike(search: Search, fit: Fit, standing: list[Standing], spare: list[tuple[str, str]]) -> tuple[tuple[tuple[tuple[str, str], ...], ...], list[Fit]]:
-    """Effects that take a blamed one's place and fit as well, and the fits that show it.
-
-    What opens a gap does not, however few blocks of time there are to tell it by. spare : effects that were likely there beside it but
-    closed next to nothing: those that do most of what it does may be a part of it.
-
-    A set has room for few. Those that are alike in principle come first and need no fit to be in it; then what is nearly so, if it
-    fits as well, and whatever else does; what is nearly so and was not met comes last.
-    """
-    sets, rivals = [], []
-    there = {effect.id for effect in available(search.problem)} & search.wanted
-    for one in standing:
-        inherent, near = ([member for member in alike if member[0] in there and not clashes(member, fit.hypothesis)]
-                          for alike in (twins(search.problem.case, one.member, fit.hypothesis),
-                                        near_twins(search.problem.case, one.member)))
-        swaps = _swaps(search, fit, one)
-        known = {member for member in swaps if member in near or member[0] in search.effects[one.member[0]].confused_with}
-        fitting = _fitting(search, fit, swaps, known)
-        # What a look-alike is confused with may be one, too: the motor's constant for viscous friction, and a gain for that.
-        further = {member for other in fitting for member in _confused(search, other)}
-        swaps = {member: swaps.get(member) or search.swapped(fit, one.without, c) for c in search.rivals(one.without, one.member, len(search.effects))
-                 if (member := c.member) in further - known and one.member[0] not in search.effects[member[0]].contains}
-        fitting |= _fitting(search, fit, swaps, further)
-        found = sorted((member not in known, gain, member) for member, (gain, _) in fitting.items())
-        rivals += [swapped for _, swapped in fitting.values()]
-        part = [member for member in spare if _likened(search, member, one.member)]
-        part += [twin for member in part for twin in twins(search.problem.case, member, fit.hypothesis)]
-        others = list(dict.fromkeys([*inherent, *part, *(member for *_, member in found), *near]))
-        if others:
-            sets.append((one.member, *others[:LARGEST_SET - 1]))
-    return tuple(sets), rivals
-
-
-def _likened(search: Search, member: tuple[str, str], other: tuple[str, str]) -> bool:
-    """Whether an effect, or one that no run tells from it, is described as doing most of what another does."""
-    return any(one[0] in search.effects[other[0]].likened for one in (member, *twins(search.problem.case, member)))
-
-
-def _fitting(search: Search, fit: Fit, swaps: dict[tuple[str, str], Fit],
-             known: Container[tuple[str, str]]) -> dict[tuple[str, str], tuple[float, Fit]]:
-    """Of effects in another one's place those that fit as well, and open no gap: what the likelihood gains without each, and its fit.
-
-    What is `known` to be confused with it must be told from it by more than slight a part of what it leaves: the forms of a machine
-    that is described no better differ by as much.
-    """
-    found = {}
-    for member, swapped in swaps.items():
-        (gain, t), part = compared(search.problem, fit, swapped), _part(search, fit, swapped)
-        told = told_apart(gain, t, part, search.problem.block_count, SLIGHT if member in known else 0.0)
-        if not told and search.named(swapped) and not _opens(search.gap(swapped), search.gap(fit)):
-            found[member] = gain, swapped
-    return found
-
-
-def _confused(search: Search, member: tuple[str, str]) -> set[tuple[str, str]]:
-    """What an effect is confused with, on its side where that has sides."""
-    effect, side = member
-    only = "both" if len(search.problem.robot.sides) == 2 else "left"
-    return {(other, (side if search.effects[effect].sided else only) if search.effects[other].sided else "both")
-            for other in search.effects[effect].confused_with}
-
-
-def _swaps(search: Search, fit: Fit, one: Standing) -> dict[tuple[str, str], Fit]:
-    """What might be there in an effect's place, each with the fit that has it there: its namesakes, what a screening without it
-    promises, and what the search met."""
-    swaps = search.namesakes(fit, one.member)
-
-    def other(member: tuple[str, str]) -> bool:
-        # What holds the effect is the same with a further parameter, for no better fit.
-        return member not in swaps and one.member[0] not in search.effects[member[0]].contains
-
-    for candidate in search.rivals(one.without, one.member, LARGEST_SET):
-        if other(candidate.member):
-            swaps[candidate.member] = search.swapped(fit, one.without, candidate)
-    beside = set(fit.hypothesis) - {one.member}
-    for hypothesis, met in search.fits.items():
-        if len(hypothesis) == len(fit.hypothesis) and beside <= set(hypothesis) and hypothesis != fit.hypothesis:
-            member, = set(hypothesis) - beside
-            if other(member):
-                swaps[member] = met
-    return swaps
-
-
-def _part(search: Search, fit: Fit, other: Fit) -> float:
-    """What one explanation takes off another's excess over white noise, a share of it."""
-    return (search.score(other) - search.score(fit)) / max(excess(search.problem, other), 1.0)
-
-
-def _opens(other: float, gap: float) -> bool:
-    """Whether an explanation leaves a gap that is larger than another's by what is worth naming; noise alone is 1."""
-    return other >= LEAST and worth_naming(other, max(gap, 1.0))
 
 
 def _alternatives(search: Search, fit: Fit, standing: list[Standing], rivals: list[Fit]) -> tuple[tuple[Hypothesis, float], ...]:

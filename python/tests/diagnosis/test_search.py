@@ -10,7 +10,7 @@ from diagnosis_cases import changed, make_case, make_run, without
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import carried as carried_module
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.account import _contradicted, _likened, _opens, _standing, _swaps, _uneven, account
+from rtds_host.diagnosis.account import _contradicted, _standing, _uneven, account
 from rtds_host.diagnosis.carried import carried, ratio, scatter, scattered
 from rtds_host.diagnosis.chance import MOST, SAME
 from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
@@ -18,6 +18,7 @@ from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, excess, told_apart
 from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side, to_values
 from rtds_host.diagnosis.likelihood import Discrepancy, Series, _nll_of_all
+from rtds_host.diagnosis.lookalikes import _likened, _opens, _swaps
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
@@ -518,7 +519,8 @@ def test_the_other_delay_is_tried_in_a_delay_s_place_at_its_size():
     """No screening promises it: a delay's misfit falls only near the right size. Where clocks may be off it can be the one that is there."""
     delay, other = ("command_delay", "both"), ("measurement_delay", "both")
     search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (delay, {"seconds": 0.0083}))
-    swapped = dict(_swaps(search, fit, _standing(search, fit, True)[0]))[other]
+    standing = _standing(search, fit, True)[0]
+    swapped = _swaps(search, fit, standing.member, standing.without)[other]
     assert swapped.hypothesis == (other,) and swapped.values[0]["seconds"] == pytest.approx(0.0083, rel=0.1)
 
 
@@ -535,9 +537,9 @@ def test_what_the_search_met_is_weighed_in_an_effects_place():
     gain, other, beside = ("driver_gain", "both"), ("gyro_bias", "both"), ("coulomb_friction", "left")
     search, fit = fitted(make_case(lambda m: m.scale("voltage_gain", 0.95)), (gain, {"ratio": 0.95}), (beside, {"torque_nm": 0.001}))
     standing = next(one for one in _standing(search, fit, True) if one.member == gain)
-    assert other not in _swaps(search, fit, standing)
+    assert other not in _swaps(search, fit, standing.member, standing.without)
     met = search.try_fit(*joined({other: np.zeros(1), beside: fit.parts[beside]}), fit, rough=True)
-    assert _swaps(search, fit, standing)[other] is met
+    assert _swaps(search, fit, standing.member, standing.without)[other] is met
 
 
 def test_beside_a_large_rest_a_stand_in_of_another_form_falls():

@@ -1,0 +1,111 @@
+"""Which effects take a blamed one's place and fit as well: look-alikes, to be declared and weighed."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable
+
+from rtds_host.diagnosis.chance import SLIGHT
+from rtds_host.diagnosis.evidence import compared, excess, told_apart, worth_naming
+from rtds_host.diagnosis.fit import Fit
+from rtds_host.diagnosis.gap import LEAST
+from rtds_host.diagnosis.screen import available, clashes
+from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.twins import near_twins, twins
+
+Member = tuple[str, str]
+# Members that a set of look-alikes may have (contract, section 5).
+LARGEST_SET = 3
+
+
+def lookalikes(search: Search, fit: Fit, standing: Iterable[tuple[Member, Fit]],
+               spare: Iterable[Member]) -> tuple[tuple[tuple[Member, ...], ...], list[Fit]]:
+    """Effects that take a blamed one's place and fit as well, and the fits that show it.
+
+    What opens a gap does not, however few blocks of time there are to tell it by. standing : blamed effects and the explanation without
+    each; spare : effects that were likely there beside them but closed next to nothing: those that do most of what one does may be a part of it.
+
+    A set has room for few. Those that are alike in principle come first and need no fit to be in it; then what is nearly so, if it
+    fits as well, and whatever else does; what is nearly so and was not met comes last.
+    """
+    sets, rivals = [], []
+    there = {effect.id for effect in available(search.problem)} & search.wanted
+    for one, without in standing:
+        inherent, near = ([member for member in alike if member[0] in there and not clashes(member, fit.hypothesis)]
+                          for alike in (twins(search.problem.case, one, fit.hypothesis),
+                                        near_twins(search.problem.case, one)))
+        swaps = _swaps(search, fit, one, without)
+        known = {member for member in swaps if member in near or member[0] in search.effects[one[0]].confused_with}
+        fitting = _fitting(search, fit, swaps, known)
+        # What a look-alike is confused with may be one, too: the motor's constant for viscous friction, and a gain for that.
+        further = {member for other in fitting for member in _confused(search, other)}
+        swaps = {member: swaps.get(member) or search.swapped(fit, without, c) for c in search.rivals(without, one, len(search.effects))
+                 if (member := c.member) in further - known and one[0] not in search.effects[member[0]].contains}
+        fitting |= _fitting(search, fit, swaps, further)
+        found = sorted((member not in known, gain, member) for member, (gain, _) in fitting.items())
+        rivals += [swapped for _, swapped in fitting.values()]
+        nearly = [member for member in spare if _likened(search, member, one)]
+        nearly += [twin for member in nearly for twin in twins(search.problem.case, member, fit.hypothesis)]
+        others = list(dict.fromkeys([*inherent, *nearly, *(member for *_, member in found), *near]))
+        if others:
+            sets.append((one, *others[:LARGEST_SET - 1]))
+    return tuple(sets), rivals
+
+
+def _likened(search: Search, member: Member, other: Member) -> bool:
+    """Whether an effect, or one that no run tells from it, is described as doing most of what another does."""
+    return any(one[0] in search.effects[other[0]].likened for one in (member, *twins(search.problem.case, member)))
+
+
+def _fitting(search: Search, fit: Fit, swaps: dict[Member, Fit],
+             known: Container[Member]) -> dict[Member, tuple[float, Fit]]:
+    """Of effects in another one's place those that fit as well, and open no gap: what the likelihood gains without each, and its fit.
+
+    What is `known` to be confused with it must be told from it by more than slight a part of what it leaves: the forms of a machine
+    that is described no better differ by as much.
+    """
+    found = {}
+    for member, swapped in swaps.items():
+        (gain, t), taken = compared(search.problem, fit, swapped), part(search, fit, swapped)
+        told = told_apart(gain, t, taken, search.problem.block_count, SLIGHT if member in known else 0.0)
+        if not told and search.named(swapped) and not _opens(search.gap(swapped), search.gap(fit)):
+            found[member] = gain, swapped
+    return found
+
+
+def _confused(search: Search, member: Member) -> set[Member]:
+    """What an effect is confused with, on its side where that has sides."""
+    effect, side = member
+    only = "both" if len(search.problem.robot.sides) == 2 else "left"
+    return {(other, (side if search.effects[effect].sided else only) if search.effects[other].sided else "both")
+            for other in search.effects[effect].confused_with}
+
+
+def _swaps(search: Search, fit: Fit, one: Member, without: Fit) -> dict[Member, Fit]:
+    """What might be there in an effect's place, each with the fit that has it there: its namesakes, what a screening without it
+    promises, and what the search met."""
+    swaps = search.namesakes(fit, one)
+
+    def other(member: Member) -> bool:
+        # What holds the effect is the same with a further parameter, for no better fit.
+        return member not in swaps and one[0] not in search.effects[member[0]].contains
+
+    for candidate in search.rivals(without, one, LARGEST_SET):
+        if other(candidate.member):
+            swaps[candidate.member] = search.swapped(fit, without, candidate)
+    beside = set(fit.hypothesis) - {one}
+    for hypothesis, met in search.fits.items():
+        if len(hypothesis) == len(fit.hypothesis) and beside <= set(hypothesis) and hypothesis != fit.hypothesis:
+            member, = set(hypothesis) - beside
+            if other(member):
+                swaps[member] = met
+    return swaps
+
+
+def _opens(other: float, gap: float) -> bool:
+    """Whether an explanation leaves a gap that is larger than another's by what is worth naming; noise alone is 1."""
+    return other >= LEAST and worth_naming(other, max(gap, 1.0))
+
+
+def part(search: Search, fit: Fit, other: Fit) -> float:
+    """What one explanation takes off another's excess over white noise, a share of it."""
+    return (search.score(other) - search.score(fit)) / max(excess(search.problem, other), 1.0)
