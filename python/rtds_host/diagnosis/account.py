@@ -28,6 +28,7 @@ from rtds_host.diagnosis.evidence import (
     worth_naming,
 )
 from rtds_host.diagnosis.fit import Fit, Hypothesis
+from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
 from rtds_host.diagnosis.localise.standins import absences
 from rtds_host.diagnosis.lookalikes import LARGEST_SET, lookalikes, part
@@ -156,8 +157,8 @@ def _poor(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing,
     for one in standing:
         without, gap = one.gaps
         if exact:
-            replaced = excess(search.problem, search.fits[one.without.hypothesis]) == 0.0
-            without = search.problem.gap_as_fitted(absent(search.problem, fit, one.member))
+            replaced = without < LEAST and excess(search.problem, search.fits[one.without.hypothesis]) == 0.0
+            without = max(without, search.problem.gap_as_fitted(absent(search.problem, fit, one.member)))
             worth = worth_naming(without, gap) and not (replaced and without**2 - gap**2 < 1.0)
         else:
             worth = worth_naming(without, gap, one.share)

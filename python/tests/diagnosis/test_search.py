@@ -10,7 +10,7 @@ from diagnosis_cases import changed, make_case, make_run, without
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import carried as carried_module
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.account import _contradicted, _standing, _uneven, account
+from rtds_host.diagnosis.account import _contradicted, _poor, _standing, _uneven, account
 from rtds_host.diagnosis.carried import carried, ratio, scatter, scattered
 from rtds_host.diagnosis.chance import MOST, SAME
 from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
@@ -513,6 +513,23 @@ def test_an_effect_may_scatter_by_a_fifth_for_each_noise_that_is_left_and_by_hal
     problem = SimpleNamespace(gap=lambda model: gap)
     fit, standing = SimpleNamespace(model=lambda problem: None), [SimpleNamespace(member=member)]
     assert (_uneven(SimpleNamespace(problem=problem), fit, standing, set()) is not None) == falls
+
+
+@pytest.mark.parametrize(("refitted", "left", "absent", "falls"), [
+    (1.11, 0.0, 1.13, False),     # without it tolerances leave a gap
+    (1.05, 500.0, 1.13, False),   # they leave none, but more than noise
+    (1.05, 0.0, 1.13, True),      # no more than noise, and it opens less than that
+    (1.05, 0.0, 1.60, False),     # and it opens more
+    (1.05, 500.0, 1.08, True),    # it opens no gap
+])
+def test_a_small_effect_stands_where_tolerances_do_not_take_its_place_to_noise(monkeypatch, refitted, left, absent, falls):
+    """Where the explanation leaves nothing. `refitted`, `left`: the gap and what is beyond noise without it; `absent`: the gap with all else as is."""
+    fit, without = SimpleNamespace(), SimpleNamespace(hypothesis=())
+    monkeypatch.setattr("rtds_host.diagnosis.account.excess", lambda problem, one: 0.0 if one is fit else left)
+    monkeypatch.setattr("rtds_host.diagnosis.account.absent", lambda problem, one, member: None)
+    search = SimpleNamespace(problem=SimpleNamespace(gap_as_fitted=lambda model: absent), fits={(): without})
+    one = SimpleNamespace(member=("gyro_bias", "both"), gaps=(refitted, 0.99), without=without, share=1.0)
+    assert (_poor(search, fit, [one]) is not None) is falls
 
 
 def test_the_other_delay_is_tried_in_a_delay_s_place_at_its_size():
