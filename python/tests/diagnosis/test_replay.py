@@ -229,11 +229,15 @@ def test_any_two_effects_together_keep_the_replay_finite(side):
 def test_replays_abreast_are_those_one_by_one(side):
     logs = [run("steps", seconds=2.0), run("spin", seconds=3.0, slope=0.0), run("weave", seconds=1.0)]
     inputs = [run_inputs(log, ROBOT) for log in logs]
+    # One that begins in motion, with speeds that are reported late.
+    inputs[2][6][[5, 6, 9, 10]] = 3.0, 3.0, 2.0, 2.5
     models = [nominal_model(ROBOT)]
     for pair in PAIRS:
         model = nominal_model(ROBOT)
         for effect in pair:
             effect.apply(model, SIDES[side if effect.sided else "both"], start_values(effect)[-1])
+        if len(models) % 3 == 0:
+            model.put("speed_late", 0.0137, SIDES[side])
         models.append(model)
     # One that runs away leaves those beside it as they are.
     models[1].put("mass", -1.0)

@@ -96,7 +96,7 @@ def _begin(s, l, side, com, run, start):
         s[o + FORCE] = s[o + INPUT] = s[o + TYRE] = s[o + WHOLE] = 0.0
         s[o + TH] = start[3 + k] / side[k, one.W_GAIN]
         s[o + W] = s[o + WM] = start[5 + k] / side[k, one.W_GAIN]
-        s[o + WF] = start[9 + k] / side[k, one.W_GAIN]
+        s[o + WF] = one.behind(side[k], s[o + W], start[9 + k] / side[k, one.W_GAIN])
         s[o + CUR] = start[7 + k]
         s[o + BACKLASH], s[o + RESTITUTION] = side[k, one.BACKLASH], side[k, one.RESTITUTION]
         s[o + STIFF], s[o + DAMP] = side[k, one.STIFF], side[k, one.DAMP]
@@ -177,6 +177,8 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     # Rows of what comes next in a lane, a sample, its pose, a command, and where they end; and from a sample's row to that of `out`.
     sample, pose, last = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     command, last_command, to_out = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    # The next sample of a speed that comes later than that by its own delay, s, and where its run begins.
+    held_s, lagging, begin = np.zeros((2, LANES)), np.zeros((2, LANES), np.int64), np.zeros(LANES, np.int64)
     ripples = np.zeros(LANES, np.bool_)
     given = 0
     running = 0
@@ -218,8 +220,10 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     s[H_MAX + l] = h_max[which[j, 0]]
                     fine[l] = min(h_max[which[j, 0]], h_play)
                     s[BUS_ROW + l] = buses[cmd_first[r]]
-                    sample[l] = pose[l] = t_first[r]
+                    sample[l] = pose[l] = begin[l] = lagging[0, l] = lagging[1, l] = t_first[r]
                     last[l] = t_first[r + 1]
+                    for i in range(2):
+                        held_s[i, l] = sides[which[j, 0], i, one.W_LATE]
                     command[l], last_command[l] = cmd_first[r], cmd_first[r + 1]
                     to_out[l] = out_first[j] - t_first[r]
                     now = ts[t_first[r]]
@@ -239,7 +243,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                         and abs(s[_SIDE + CUR + l]) < 1e6 and abs(s[V + l]) < 1e6 and abs(s[RATE + l]) < 1e6):
                     for k in range(min(sample[l], pose[l]), last[l]):
                         out[to_out[l] + k] = 1e6
-                    sample[l] = pose[l] = last[l]
+                    sample[l] = pose[l] = lagging[0, l] = lagging[1, l] = last[l]
                 end = last[l]
                 k = pose[l]
                 while k < end and ts[k] - s[POSE_LATE + l] <= now + 1e-9:
@@ -258,13 +262,28 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     for i in range(2):
                         o = i * _SIDE + l
                         out[row, 1 + i] = s[o + CUR] * s[o + I_GAIN] + s[o + I_BIAS]
-                        out[row, 3 + i] = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + WM]) * s[o + W_GAIN]
+                        if held_s[i, l] <= 0.0:
+                            out[row, 3 + i] = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + WM]) * s[o + W_GAIN]
                         # The encoder sits at the gear's output, before any play or spring (contract, section 7).
                         out[row, 5 + i] = (s[o + TH] + s[o + PLAY]) * s[o + W_GAIN]
                     out[row, 7] = s[RATE + l] * s[GYRO_GAIN + l] + s[GYRO_BIAS + l]
                     k += 1
                 sample[l] = k
-                if k >= end and pose[l] >= end:
+                for i in range(2):
+                    if held_s[i, l] > 0.0:
+                        later = s[LATE + l] + held_s[i, l]
+                        o = i * _SIDE + l
+                        k = lagging[i, l]
+                        while k < end and ts[k] - later <= now + 1e-9:
+                            speed = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + WM]) * s[o + W_GAIN]
+                            if ts[k] - later < ts[begin[l]]:
+                                # As in `kernel.replay`.
+                                begun = starts[which[job[l], 1], 9 + i]
+                                speed = begun + (speed - begun) * (ts[k] - ts[begin[l]]) / later
+                            out[to_out[l] + k, 3 + i] = speed
+                            k += 1
+                        lagging[i, l] = k
+                if sample[l] >= end and pose[l] >= end:
                     # Idle lanes stand still: at rest, with nothing that drives them.
                     job[l] = -1
                     running -= 1
@@ -305,6 +324,9 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     ahead = min(ahead, ts[pose[l]] - s[POSE_LATE + l])
                 if sample[l] < end:
                     ahead = min(ahead, ts[sample[l]] - s[LATE + l])
+                for i in range(2):
+                    if held_s[i, l] > 0.0 and lagging[i, l] < end:
+                        ahead = min(ahead, ts[lagging[i, l]] - s[LATE + l] - held_s[i, l])
                 if k < last_command[l]:
                     ahead = min(ahead, cmds_t[k] + s[COMMAND_LATE + l])
                 span = ahead - now

@@ -124,7 +124,7 @@ class Model:
     def abreast(self) -> bool:
         """Whether its replays can go abreast, see `lanes`."""
         common, index = self.common, COMMON_INDEX
-        return bool(common[index["axis"]] == 0.0 and common[index["mode"]] == 0.0 and not self._has("speed_late"))
+        return bool(common[index["axis"]] == 0.0 and common[index["mode"]] == 0.0)
 
     def _has(self, *names: str) -> bool:
         return bool((self.side[:, [SIDE_INDEX[name] for name in names]] != 0).any())
