@@ -40,7 +40,8 @@ from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 LEAST_BLOCKS, ROWS_A_BLOCK = 100, 5
 # Numerical: half the span over which a window's end is averaged: long against a sample, short against the motion.
 AVERAGE_S = 0.05
-# Numerical: the same for angles where no speed is measured: they then have to show what moves fast, too.
+# Numerical: the same for angles where no speed is measured, which then have to show what moves fast, too, and for those of an axis, whose
+# pieces are shorter: they tell a speed that alone is late.
 FINE_WINDOW_S, FINE_AVERAGE_S = 0.1, 0.01
 # Numerical: longer cases are searched in stretches: by then the models' errors, and not the samples, bound what can be learnt.
 SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 80_000, 20.0
