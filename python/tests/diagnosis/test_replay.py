@@ -468,3 +468,18 @@ def test_pieces_of_an_axis_begin_with_what_its_late_speed_reports():
     assert np.median(np.abs(problem.residual(model)[speeds])) < 0.1
     model.put("speed_late", 0.0, (0,))
     assert np.median(np.abs(problem.residual(model)[speeds])) > 1.0
+
+
+@pytest.mark.parametrize("load", [0.0, 0.2], ids=["no load friction", "load friction"])
+def test_an_amplifier_commands_no_more_torque_than_its_limit_allows(load):
+    robot = replace(ROBOT, chassis=None, axis=Axis("inertia", 1e-3), driver=replace(ROBOT.driver, mode="torque", torque_nm_per_v=0.001))
+    t = np.arange(0.0, 3.0, 0.01)
+    volts = 9.0 * np.sin(2.0 * np.pi * t / 1.1)
+    asked, clipped = (RunLog("swing", RunMeta(), t, {"v_cmd_l": v}) for v in (volts, np.clip(volts, -5.0, 5.0)))
+    model = nominal_model(robot)
+    model.put("load_share", load)
+    free = replay_run(model, run_inputs(asked, robot))
+    less = replay_run(model, run_inputs(clipped, robot))
+    model.put("limit", 5.0)
+    limited = replay_run(model, run_inputs(asked, robot))
+    assert np.allclose(limited, less) and np.abs(limited - free)[:, OUTPUT_INDEX["w_l"]].max() > 10.0 * ROBOT.noise("w_l")

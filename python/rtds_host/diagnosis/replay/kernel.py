@@ -363,7 +363,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                 for k in range(sides):
                     if mode == 1:
                         # An ideal current amplifier: the torque is commanded, the current plays no part.
-                        torque = vd[k] * com[TORQUE_V] * level
+                        torque = min(max(vd[k] * level, -side[k, LIMIT]), side[k, LIMIT]) * com[TORQUE_V]
                         drive, slope_w = torque * gear, 0.0
                         c0[k], c1[k], m0[k], m1[k] = 0.0, 0.0, 0.0, 0.0
                     else:
@@ -637,7 +637,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                             fluid = gear * gear * side[k, B] + side[k, VISCOUS_W]
                             torque = gear * side[k, KM] * im[k]
                             if mode == 1:
-                                torque = vd[k] * com[TORQUE_V] * level * gear
+                                torque = min(max(vd[k] * level, -side[k, LIMIT]), side[k, LIMIT]) * com[TORQUE_V] * gear
                             tin[k] = (torque - 0.5 * fluid * (wmn[k] + wm[k])
                                       - gear * gear * side[k, J] * (wm[k] - wmn[k]) / h)
                             tout[k] = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k]
