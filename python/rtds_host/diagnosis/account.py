@@ -31,7 +31,7 @@ from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
 from rtds_host.diagnosis.localise.standins import absences
-from rtds_host.diagnosis.lookalikes import LARGEST_SET, lookalikes, part
+from rtds_host.diagnosis.lookalikes import LARGEST_SET, lookalikes
 from rtds_host.diagnosis.search import Search
 
 # Why an effect does not stand that the likelihood sees.
@@ -88,7 +88,7 @@ def _standing(search: Search, fit: Fit, rough: bool) -> list[Standing]:
 
 def _weighed(search: Search, fit: Fit, member: tuple[str, str], without: Fit) -> Standing:
     gain, t = compared(search.problem, fit, without)
-    share = part(search, fit, without)
+    share = search.takes_off(fit, without)
     without, gap = _closest(search, fit, without)
     odds = search.log_prior((member,)) + max(believed(gain, t), believed(*closer(search.problem, fit, without)))
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
@@ -205,7 +205,6 @@ def _contradicted(search: Search, fit: Fit, standing: list[Standing]) -> tuple[S
 def account(search: Search, fit: Fit) -> Account:
     """Name the effects of the most probable explanation that stand on their own evidence."""
     dropped: dict[tuple[str, str], str] = {}
-    spare: list[tuple[str, str]] = []
     steady: set[tuple[str, str]] = set()
     rough, fewest = True, len(fit.hypothesis)
     while True:
@@ -213,7 +212,6 @@ def account(search: Search, fit: Fit) -> Account:
         fallen = _fallen(search, fit, standing, steady)
         if fallen is not None:
             one, dropped[one.member] = fallen
-            spare += [one.member] if fallen[1] == NOTHING else []
             fit = search.try_fit(one.without.hypothesis, one.without.u, one.without)
         elif len(fit.hypothesis) < fewest:
             # Those that are left may have leant on one that is gone; another of as many may explain more.
@@ -227,6 +225,7 @@ def account(search: Search, fit: Fit) -> Account:
             fit = plainer if search.named(plainer) and not dropped.keys() & set(plainer.hypothesis) else fit
         else:
             break
+    spare = [member for member, reason in dropped.items() if reason == NOTHING]
     alike, rivals = lookalikes(search, fit, [(s.member, s.without) for s in standing], spare)
     for better in _foretelling(search, fit, [f for f in rivals if not dropped.keys() & set(f.hypothesis)]):
         own = _standing(search, better, False)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Container, Iterable
 
 from rtds_host.diagnosis.chance import SLIGHT
-from rtds_host.diagnosis.evidence import compared, excess, told_apart, worth_naming
+from rtds_host.diagnosis.evidence import compared, told_apart, worth_naming
 from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.gap import LEAST
-from rtds_host.diagnosis.screen import available, clashes
+from rtds_host.diagnosis.screen import Candidate, available, clashes
 from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.twins import near_twins, twins
 
@@ -28,24 +28,22 @@ def lookalikes(search: Search, fit: Fit, standing: Iterable[tuple[Member, Fit]],
     fits as well, and whatever else does; what is nearly so and was not met comes last.
     """
     sets, rivals = [], []
-    there = {effect.id for effect in available(search.problem)} & search.wanted
+    case, there = search.problem.case, {effect.id for effect in available(search.problem)} & search.wanted
     for one, without in standing:
-        inherent, near = ([member for member in alike if member[0] in there and not clashes(member, fit.hypothesis)]
-                          for alike in (twins(search.problem.case, one, fit.hypothesis),
-                                        near_twins(search.problem.case, one)))
+        part = [member for member in spare if _likened(search, member, one)]
+        part += [twin for member in part for twin in twins(case, member, fit.hypothesis)]
+        inherent, near, part = ([member for member in alike if member[0] in there and not clashes(member, fit.hypothesis)]
+                                for alike in (twins(case, one, fit.hypothesis), near_twins(case, one), part))
         swaps = _swaps(search, fit, one, without)
         known = {member for member in swaps if member in near or member[0] in search.effects[one[0]].confused_with}
         fitting = _fitting(search, fit, swaps, known)
         # What a look-alike is confused with may be one, too: the motor's constant for viscous friction, and a gain for that.
-        further = {member for other in fitting for member in _confused(search, other)}
-        swaps = {member: swaps.get(member) or search.swapped(fit, without, c) for c in search.rivals(without, one, len(search.effects))
-                 if (member := c.member) in further - known and one[0] not in search.effects[member[0]].contains}
-        fitting |= _fitting(search, fit, swaps, further)
+        further = {member: swaps.get(member) or search.swapped(fit, without, candidate)
+                   for member, candidate in _further(search, one, without, fitting).items() if member not in known}
+        fitting |= _fitting(search, fit, further, further)
         found = sorted((member not in known, gain, member) for member, (gain, _) in fitting.items())
         rivals += [swapped for _, swapped in fitting.values()]
-        nearly = [member for member in spare if _likened(search, member, one)]
-        nearly += [twin for member in nearly for twin in twins(search.problem.case, member, fit.hypothesis)]
-        others = list(dict.fromkeys([*inherent, *nearly, *(member for *_, member in found), *near]))
+        others = list(dict.fromkeys([*inherent, *part, *(member for *_, member in found), *near]))
         if others:
             sets.append((one, *others[:LARGEST_SET - 1]))
     return tuple(sets), rivals
@@ -65,19 +63,21 @@ def _fitting(search: Search, fit: Fit, swaps: dict[Member, Fit],
     """
     found = {}
     for member, swapped in swaps.items():
-        (gain, t), taken = compared(search.problem, fit, swapped), part(search, fit, swapped)
+        (gain, t), taken = compared(search.problem, fit, swapped), search.takes_off(fit, swapped)
         told = told_apart(gain, t, taken, search.problem.block_count, SLIGHT if member in known else 0.0)
         if not told and search.named(swapped) and not _opens(search.gap(swapped), search.gap(fit)):
             found[member] = gain, swapped
     return found
 
 
-def _confused(search: Search, member: Member) -> set[Member]:
-    """What an effect is confused with, on its side where that has sides."""
-    effect, side = member
-    only = "both" if len(search.problem.robot.sides) == 2 else "left"
-    return {(other, (side if search.effects[effect].sided else only) if search.effects[other].sided else "both")
-            for other in search.effects[effect].confused_with}
+def _further(search: Search, one: Member, without: Fit, like: Iterable[Member]) -> dict[Member, Candidate]:
+    """What look-alikes of an effect are confused with, as far as it could be in its place, and where a fit of it begins."""
+    wanted = {search.in_place(other, member) for member in like for other in search.effects[member[0]].confused_with}
+    if not wanted:
+        return {}
+    # What holds the effect is the same with a further parameter, for no better fit.
+    return {c.member: c for c in search.rivals(without, one, len(search.effects))
+            if c.member in wanted and one[0] not in search.effects[c.member[0]].contains}
 
 
 def _swaps(search: Search, fit: Fit, one: Member, without: Fit) -> dict[Member, Fit]:
@@ -104,8 +104,3 @@ def _swaps(search: Search, fit: Fit, one: Member, without: Fit) -> dict[Member, 
 def _opens(other: float, gap: float) -> bool:
     """Whether an explanation leaves a gap that is larger than another's by what is worth naming; noise alone is 1."""
     return other >= LEAST and worth_naming(other, max(gap, 1.0))
-
-
-def part(search: Search, fit: Fit, other: Fit) -> float:
-    """What one explanation takes off another's excess over white noise, a share of it."""
-    return (search.score(other) - search.score(fit)) / max(excess(search.problem, other), 1.0)

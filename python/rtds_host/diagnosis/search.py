@@ -98,6 +98,10 @@ class Search:
         """-2 log of evidence times prior."""
         return fit.score - 2.0 * self.log_prior(fit.hypothesis)
 
+    def takes_off(self, fit: Fit, other: Fit) -> float:
+        """What one explanation takes off another's excess over white noise, a share of it."""
+        return (self.score(other) - self.score(fit)) / max(excess(self.problem, other), 1.0)
+
     def named(self, fit: Fit) -> bool:
         """Whether each effect is big enough to be named, and no larger than can be: a `ratio` within 3 % of 1 on R, K, J or B
         is a nuisance, and a size that rests on its bound stands in for something else."""
@@ -426,14 +430,20 @@ class Search:
         rest = tuple(h for h in fit.hypothesis if h != member)
         there = {effect.id for effect in available(self.problem)} & self.wanted
         found = {}
-        only = "both" if len(self.problem.robot.sides) == 2 else "left"
         for other, like in self.effects[member[0]].likened.items():
-            one = other, (member[1] if self.effects[member[0]].sided else only) if self.effects[other].sided else "both"
+            one = self.in_place(other, member)
             parameters = like(at[member], beside=at.get(one)) if other in there else None
             if parameters is not None and (one in at or not (clashes(one, rest) or self._doubles(one, rest))):
                 inside = {p.name: min(max(parameters.get(p.name, p.starts[0]), p.low), p.high) for p in self.effects[other].parameters}
                 found[one] = scaled(self.effects, (one,), [inside])
         return found
+
+    def in_place(self, other: str, member: tuple[str, str]) -> tuple[str, str]:
+        """Another effect in one's place: on its side where both have sides, on all that there are where only the other has."""
+        if not self.effects[other].sided:
+            return other, "both"
+        every = "both" if len(self.problem.robot.sides) == 2 else "left"
+        return other, member[1] if self.effects[member[0]].sided else every
 
     def _gathered(self, fit: Fit) -> list[Fit]:
         """The explanation with what two effects of much the same do as one of them: springs in a row."""

@@ -18,7 +18,7 @@ from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, excess, told_apart
 from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side, to_values
 from rtds_host.diagnosis.likelihood import Discrepancy, Series, _nll_of_all
-from rtds_host.diagnosis.lookalikes import _likened, _opens, _swaps
+from rtds_host.diagnosis.lookalikes import _likened, _opens, _swaps, lookalikes
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
@@ -513,6 +513,18 @@ def test_an_effect_may_scatter_by_a_fifth_for_each_noise_that_is_left_and_by_hal
     problem = SimpleNamespace(gap=lambda model: gap)
     fit, standing = SimpleNamespace(model=lambda problem: None), [SimpleNamespace(member=member)]
     assert (_uneven(SimpleNamespace(problem=problem), fit, standing, set()) is not None) == falls
+
+
+@pytest.mark.parametrize("beside", [(), ("command_delay",)], ids=["alone", "beside a delay"])
+def test_a_delay_that_closes_nothing_is_declared_beside_a_lag_and_its_twin_unless_that_is_in_already(beside):
+    case, lag, spare = without(make_case(lambda m: m.put("speed_tau", 0.04)), *POSE), ("speed_filter", "both"), ("measurement_delay", "both")
+    members = [((name, "both"), {"seconds": 0.002}) for name in beside]
+    search, fit = fitted(case, *members, (lag, {"time_constant_s": 0.04, "delay_s": 0.0}))
+    alone = search.without(fit, lag)[0]
+    search._screened(alone)
+    sets, _ = lookalikes(search, fit, [(lag, alone)], [spare])
+    declared = next(members for members in sets if members[0] == lag)
+    assert spare in declared and (("command_delay", "both") in declared) is not bool(beside)
 
 
 @pytest.mark.parametrize(("refitted", "left", "absent", "falls"), [

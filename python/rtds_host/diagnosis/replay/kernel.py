@@ -77,6 +77,12 @@ def _turned(c, s, angle):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _commanded(side, com, volts):
+    """Torque at the motor's shaft, N·m, of an ideal current amplifier at so many volts: the current plays no part."""
+    return min(max(volts, -side[LIMIT]), side[LIMIT]) * com[TORQUE_V]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def behind(side, speed, reported):
     """A speed's filter at a start, where the speed and what is reported of it are known: of a steady change a filter's share of
     the lag."""
@@ -362,9 +368,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                 level = bus / supply
                 for k in range(sides):
                     if mode == 1:
-                        # An ideal current amplifier: the torque is commanded, the current plays no part.
-                        torque = min(max(vd[k] * level, -side[k, LIMIT]), side[k, LIMIT]) * com[TORQUE_V]
-                        drive, slope_w = torque * gear, 0.0
+                        drive, slope_w = _commanded(side[k], com, vd[k] * level) * gear, 0.0
                         c0[k], c1[k], m0[k], m1[k] = 0.0, 0.0, 0.0, 0.0
                     else:
                         ke = side[k, KB] * gear
@@ -637,7 +641,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                             fluid = gear * gear * side[k, B] + side[k, VISCOUS_W]
                             torque = gear * side[k, KM] * im[k]
                             if mode == 1:
-                                torque = min(max(vd[k] * level, -side[k, LIMIT]), side[k, LIMIT]) * com[TORQUE_V] * gear
+                                torque = _commanded(side[k], com, vd[k] * level) * gear
                             tin[k] = (torque - 0.5 * fluid * (wmn[k] + wm[k])
                                       - gear * gear * side[k, J] * (wm[k] - wmn[k]) / h)
                             tout[k] = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k]
