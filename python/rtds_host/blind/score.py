@@ -8,6 +8,7 @@ saw, with a gap of the scorer's own (`gap.py`), the nominal robot of the planar 
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import math
 import sys
@@ -32,6 +33,7 @@ REST_GAP = 1.2               # nor is the place of a rest that is hardly there
 LEAST_CLOSABLE = 0.2         # of less, a share of what can be closed says nothing
 LARGEST_SET = 3              # larger declared sets count as no answer (contract, section 5)
 SCHEMA = "rtds-blind-score/1"
+PACKAGE = Path(__file__).parents[1]
 
 
 def wilson(hits: int, count: int, z: float = 1.959964) -> tuple[float, float]:
@@ -418,6 +420,12 @@ def open_answers(out: Path, diagnoses: Path) -> tuple[dict[str, dict], dict[str,
     return truths, answers, ledger
 
 
+def _program() -> str:
+    """SHA-256 of the sources that predict and judge: what another state measured is measured again."""
+    sources = sorted(PACKAGE.rglob("*.py"))
+    return hashlib.sha256("".join(f"{p.relative_to(PACKAGE)} {hash_file(p)}\n" for p in sources).encode()).hexdigest()
+
+
 def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closure: bool = True, progress=None,
           diagnoses: Path | None = None) -> dict:
     """Open the truth, check every hash, judge every answer, write `OUT/score/`.
@@ -437,14 +445,14 @@ def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closu
     by_case = {entry["case"]: entry for entry in ledger}
     folder = (diagnoses or out) / "score"
     said = diagnoses or out / "answers"
-    kept = folder / "cases"
+    kept, program = folder / "cases", _program()
 
     def one(case: str) -> dict:
         record = {"case": case, **judge(truths[case], answers.get(case), by_case[case])}
         record["closure"] = None
         if case in answers and with_closure:
             store = kept / f"{case}.json"
-            mark = by_case[case]["sha256"]
+            mark = [by_case[case]["sha256"], program]
             if store.is_file():
                 old = json.loads(store.read_text())
                 if old.get("answer") == mark and "runs" in old["closure"]:

@@ -17,7 +17,7 @@ from rtds_host.correction.result import Result, Run
 from rtds_host.correction.simulate import Setting, simulate
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.diagnose import diagnose
-from rtds_host.diagnosis.predict import read_diagnosis
+from rtds_host.diagnosis.predict import on_its_clock, read_diagnosis
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run
 from rtds_host.diagnosis.replay.slots import OUTPUTS
@@ -125,6 +125,9 @@ def close(case: Case, setting: Setting | None = None, diagnosis: dict | None = N
         fitted = case
         notes.append("the diagnosis was given: its parameters may have been fitted to the runs replayed here")
     model = model_of(diagnosis, robot, diagnosis_path)
+    # The diagnosis has put the clock of its runs right by itself; the ones that are replayed need it, too.
+    case, told = on_its_clock(case, model)
+    notes += [finding.text for finding in told]
     logs = [run for run in case.runs if run.name in names]
     inputs = _inputs(case, model, logs)
     if table and remainder is None:

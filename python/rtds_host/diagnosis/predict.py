@@ -8,9 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from rtds_host.contract import Robot, RunLog
+from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.contract.runlog import read_json
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue, inside
+from rtds_host.diagnosis.gate.findings import Finding
+from rtds_host.diagnosis.gate.rounding import effective_noise
+from rtds_host.diagnosis.gate.stamps import evened
 from rtds_host.diagnosis.machine import OF_RUNS, OF_SPEEDS_MET
 from rtds_host.diagnosis.nuisances import ENTRIES, SETUP
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
@@ -143,8 +146,14 @@ def check_body(model: Model, log: RunLog) -> None:
                          f"kg at y = {model.get('com_y'):g} m beside the axle's mid-point")
 
 
+def on_its_clock(case: Case, model: Model | None = None) -> tuple[Case, list[Finding]]:
+    """The case at the times when its rows were taken, as a diagnosis takes them: a stamp that is off must not count against a
+    prediction (`gate.stamps.evened`)."""
+    return evened(case, effective_noise(case)[0], model=model)
+
+
 def predicted_columns(log: RunLog, robot: Robot, model: Model | None = None) -> dict[str, np.ndarray]:
-    """Replay a run from its commands.
+    """Replay a run from its commands, at the times when its rows were taken (`on_its_clock`).
 
     Returns
     -------
@@ -157,7 +166,8 @@ def predicted_columns(log: RunLog, robot: Robot, model: Model | None = None) -> 
     """
     model = model or nominal_model(robot)
     check_body(model, log)
-    out = replay_run(model, run_inputs(log, robot), min(REPORT_STEP_S, model.step_s))
+    clocked = on_its_clock(Case(log.path or log.name, robot, (log,)), model)[0].runs[0]
+    out = replay_run(model, run_inputs(clocked, robot), min(REPORT_STEP_S, model.step_s))
     columns = {"t": log.t}
     commands = ("w_cmd_l", "w_cmd_r") if robot.driver.mode == "speed" else ("v_cmd_l", "v_cmd_r")
     for name in commands:

@@ -167,6 +167,21 @@ def test_the_silent_diagnoser_scores_what_it_deserves(checked):
     assert (checked / "score" / "calibration.png").stat().st_size > 1000
 
 
+def test_closures_are_kept_until_the_answer_or_the_program_is_another(copied, monkeypatch):
+    asked = []
+
+    def counted(case, *rest, **named):
+        asked.append(case.name)
+        return {"runs": [], "closed": None}
+
+    monkeypatch.setattr(score, "closure", counted)
+    count = len(seal.read_seals(copied))
+    for state, times in (("one", 1), ("one", 1), ("other", 2)):
+        monkeypatch.setattr(score, "_program", lambda state=state: state)
+        score.score(copied)
+        assert len(asked) == times * count
+
+
 def truth(*effects, verdict="known", **more):
     subsystems = {"coulomb_friction": "drivetrain", "rolling_resistance": "wheel_ground", "driver_gain": "driver"}
     return {"tier": "all", "verdict": verdict, "size_sigma": 50.0,

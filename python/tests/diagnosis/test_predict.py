@@ -7,11 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from diagnosis_cases import example_diagnosis, make_case
+from diagnosis_cases import changed, example_diagnosis, make_case
 
 from rtds_host.contract import builtin_robot_path, read_run, write_run
 from rtds_host.diagnosis.effects import catalogue
+from rtds_host.diagnosis.gap import errors, gap, pooled, squares
 from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 
 RTDS = [str(Path(sys.executable).with_name("rtds"))]
@@ -50,6 +53,37 @@ def test_times_come_back_to_the_last_digit_and_what_was_ignored_is_told(run_fold
     assert done.returncode == 0, done.stderr
     assert [float(line.split(",")[0]) for line in out.read_text().splitlines()[1:]] == list(map(float, times))
     assert "'W_L'" in done.stderr and "ignored" in done.stderr
+
+
+def late(run_case, seconds=0.002):
+    """The case with stamps that scatter by so much about the times when rows were taken."""
+    rng = np.random.default_rng(5)
+    return changed(run_case, lambda t, _: np.maximum.accumulate(t + seconds * rng.standard_normal(len(t))) + 1e-9 * np.arange(len(t)))
+
+
+def test_late_stamps_do_not_count_against_a_prediction():
+    """A diagnosis puts the clock of its runs right; what it predicts of another run of the same logger must not be worse for that."""
+    exact = make_case(lambda m: m.put("command_delay", 0.05))
+    model = nominal_model(exact.robot)
+    model.put("command_delay", 0.05)
+    for log, stamped in zip(exact.runs, late(exact).runs):
+        wanted, found = (predicted_columns(one, exact.robot, model) for one in (log, stamped))
+        assert np.array_equal(found["t"], stamped.t)
+        off = errors(stamped, exact.robot, np.column_stack([found[c] for c in OUTPUTS]))
+        assert gap(pooled([{c: squares(error) for c, error in off.items()}])) < 1.1
+        assert np.abs(found["w_l"] - wanted["w_l"]).max() < 0.05
+        believed = errors(stamped, exact.robot, replay_run(model, run_inputs(stamped, exact.robot)))
+        assert gap(pooled([{c: squares(error) for c, error in believed.items()}])) > 1.5
+
+
+def test_the_command_line_tells_of_a_clock_that_it_put_right(tmp_path):
+    run = late(make_case()).runs[1]
+    write_run(tmp_path / "steps", run.meta, {"t": run.t, **run.columns})
+    done = subprocess.run(RTDS + ["predict", str(tmp_path / "steps"), "--robot", str(builtin_robot_path("burger")), "--out",
+                                  str(tmp_path / "pred.csv")], check=False, capture_output=True, text=True)
+    assert done.returncode == 0 and "rows come evenly" in done.stderr
+    times = np.loadtxt(tmp_path / "pred.csv", delimiter=",", skiprows=1)[:, 0]
+    assert np.array_equal(times, read_run(tmp_path / "steps").t)
 
 
 def test_a_replay_that_runs_away_is_told(run_folder, tmp_path):

@@ -20,7 +20,7 @@ from scipy.optimize import isotonic_regression
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis.chance import FEWEST, HANDFUL, MEAN_OF_NORMAL, MOST, MOVES, SLIGHT
 from rtds_host.diagnosis.gate.findings import Finding
-from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 # Numerical: rows by which a grid's period is looked for first, and trials of it within the resolution of what is looked at.
@@ -130,12 +130,13 @@ def _grid(t: np.ndarray, known_hz: float | None) -> tuple[float, float] | None:
         rows, width = min(len(t), 2 * rows), 1.0 / span
 
 
-def evened(case: Case, noise: dict[str, float], lag_s: float) -> tuple[Case, list[Finding]]:
+def evened(case: Case, noise: dict[str, float], lag_s: float = 0.0, model: Model | None = None) -> tuple[Case, list[Finding]]:
     """The case at the times its answers show where rows come evenly and stamps scatter, and what is said of it.
 
-    noise : channel -> one standard deviation of a sample, SI; lag_s : by which the robot answers later than the nominal one, s.
+    noise : channel -> one standard deviation of a sample, SI; lag_s : by which the robot answers later than the model, s;
+    model : the robot as far as it is known, nominal without it.
     """
-    model, regular = nominal_model(case.robot), [even_times(log.t) for log in case.runs]
+    model, regular = model or nominal_model(case.robot), [even_times(log.t) for log in case.runs]
     rates = [1.0 / float(np.median(np.diff(even))) for even in regular if even is not None]
     if rates:
         # One logger wrote all runs: what a short one does not show by itself the others tell.
