@@ -260,6 +260,32 @@ def test_nothing_is_said_of_an_effect_that_leaves_nothing():
     assert kept_of_the_inertia(1.4) == (None, "")
 
 
+DRAG = {"id": "quadratic_drag", "side": "both", "parameters": {"quadratic": 1.3e-3}}
+BEND, VISCOUS = ("pwm_curve", "both"), ("viscous_friction", "both")
+
+
+@pytest.mark.parametrize("drags", [True, False], ids=["a drag by the square", "a bend and viscous friction"])
+def test_two_effects_that_make_a_drag_by_the_square_stand_in_for_it_where_it_leaves_nothing(drags):
+    """A bend and viscous friction make nine tenths of such a drag: of what they leave, it takes all where it is there."""
+    robot = builtin_robot("burger")
+    machine, model, parts = planar.nominal_machine(robot), nominal_model(robot), {}
+    if drags:
+        planar.apply_outside(machine, DRAG)
+    else:
+        for (effect, side), sizes in ((BEND, {"curvature": 0.0286}), (VISCOUS, {"nm_s_per_rad": 0.0078})):
+            planar.apply_effect(machine, {"id": effect, "side": side, "parameters": sizes})
+    for slot, size in (("pwm_curve", 0.0286), ("viscous_wheel", 0.0078)):
+        parts[slot] = nominal_model(robot)
+        model.add(slot, size)
+    parts["viscous_wheel"].add("pwm_curve", 0.0286)
+    parts["pwm_curve"].add("viscous_wheel", 0.0078)
+    found = absences(driven(machine), model, {BEND: parts["pwm_curve"], VISCOUS: parts["viscous_wheel"]})
+    if drags:
+        assert found.cause == "a drag by the square of the speed" and max(found.kept.values()) < 0.5
+    else:
+        assert found.cause == "" and not found.kept
+
+
 @pytest.mark.parametrize("rises", [True, False], ids=["commands that only rise", "commands to and fro"])
 def test_a_driver_hangs_on_the_way_its_command_came_only_where_that_way_turns(rises):
     """Up a ramp such a driver gives less by a constant, as one with a dead zone does."""
