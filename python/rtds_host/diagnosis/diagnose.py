@@ -167,8 +167,14 @@ def conclude(found: Investigation, gate: Gate | None,
         candidates=_candidates(found, weighed), traces=held.traces,
         regimes={k: {n: _round(v) for n, v in e.items()} for k, e in held.regimes.items()}, run_gaps=held.runs,
         decided={tuple(_named(problem, member).values()): found for member, found in held.decided.items()},
-        notes=list(problem.case.notices) + held.notes + _louder(problem, weighed.fit))
+        notes=list(problem.case.notices) + held.notes + _ended(found.search) + _louder(problem, weighed.fit))
     return diagnosis, details
+
+
+def _ended(search: Search) -> list[str]:
+    """What is said of a search that ended before it was done."""
+    further = "; without --quick it goes on three times as long" if search.quick else ""
+    return [f"the search has ended before it was done, and what it had found by then is shown{further}"] if search.ended else []
 
 
 def _verdict(total: dict[str, float], named: bool, structured: bool, rest: float) -> str:

@@ -47,6 +47,9 @@ FINE_WINDOW_S, FINE_AVERAGE_S = 0.1, 0.01
 SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 80_000, 20.0
 # Numerical: chi2 that chance alone does not bring.
 CHI2 = MOVES**2
+# Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a residual, in steps of
+# one abreast.
+ALONE, WAITING, WHITENED = 8.0, 3.0, 0.35
 # Numerical: lags that are tried in a run, in delays of the others.
 LAGS = np.linspace(0.0, 3.0, 25)
 
@@ -152,6 +155,7 @@ class Problem:
         self.pieces = pieces
         self._kept: list[Abreast] = []
         self._gaps: dict[tuple, float] = {}
+        self.work = 0.0                          # done on residuals so far, in steps of a replay abreast
         self.pool = ThreadPoolExecutor(self.threads)
         self.whole = [RunData(log, run_inputs(log, case.robot)) for log in case.runs]
         self.searched = min(1.0, SEARCHED_S / lasted, SEARCHED_ROWS / sum(len(log.t) for log in case.runs))
@@ -472,6 +476,7 @@ class Problem:
         """
         steps = steps or [model.step_s for model in models]
         found = [np.empty(self.size) for _ in models]
+        self.work += sum(self._taken(step_s) * (WAITING if model.waits else 1.0 if model.abreast else ALONE) + WHITENED * self.size for model, step_s in zip(models, steps))
         # Those with springs or free play beside each other: what one lane has is computed in all.
         abreast = sorted((k for k, model in enumerate(models) if model.abreast), key=lambda k: (models[k].slow, steps[k]))
         runs = self._abreast(self.runs)
@@ -500,6 +505,10 @@ class Problem:
         for other in others:
             other.result()
         return found
+
+    def _taken(self, step_s: float) -> float:
+        """Steps that replays of all runs take: one from row to row at the least."""
+        return sum(max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in self.runs)
 
     def _alone(self, model: Model, data: RunData, into: np.ndarray, step_s: float) -> None:
         self.run_residual(data, replay_run(model, data.inputs, step_s), into)

@@ -55,6 +55,8 @@ RETAKEN = 8
 PAIRED, MET = 12, 8
 # Numerical: rounds of exchanging effects and looking for more.
 EXCHANGES = 3
+# Numerical: work (`Problem.work`) after which a search goes no further, and one that is to be quick: a minute and a half, and half a minute.
+MOST_WORK, QUICK_WORK = 1.2e9, 4e8
 # Numerical: how far in score a rough fit may be from one in earnest, and how far behind it is certainly the worse one.
 ROUGHLY, FAR = 20.0, 200.0
 # Numerical: steps of a fit in earnest, and of a rough one.
@@ -85,6 +87,8 @@ class Search:
         self._flat: Screen | None = None         # the last screening by no discrepancy
         self.looked: set[Hypothesis] = set()     # explanations on top of which slow effects were looked for
         self._refitted: Fit | None = None
+        self._until = math.inf                   # work at which the search ends
+        self.ended = False                       # whether it did before it was done
         self.trace: list[str] = []
 
     # ---- scores
@@ -526,18 +530,28 @@ class Search:
         problem = self.problem
         noise = problem.discrepancy().estimated(problem.residual(problem.nominal), thorough=True)
         self.slow_moves, self.afresh, self.looked = {}, True, {()}
+        self._until = problem.work + (QUICK_WORK if self.quick else MOST_WORK)
         fit = self.fits[()] = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, 4)
         for _ in range(EXCHANGES):
             fit = self._climb(fit)
             fit = self.polished(fit, fit.hypothesis)
-            better = self.exchange(fit, 2 if self.quick else 4)
-            better = self.exchange_pairs(fit) if better is fit else better
-            if better is fit:
+            better = self.exchange(fit, 1 if self._spent() else 2 if self.quick else 4)
+            better = self.exchange_pairs(fit) if better is fit and not self._spent() else better
+            done, fit = better is fit, better
+            if done or self._spent():
                 break
-            fit = better
         # Where no gap is left the likelihood is good enough to decide, blemishes and all; the account leaves these out.
         fit = fit if self.named(fit) else self.best()
         return self.renamed(self._better(fit, [self.best()]) if self.closed(fit) else self._plain(fit))
+
+    def _spent(self) -> bool:
+        """Whether the search has done the work that it may do: it then ends with what it has found."""
+        if self.problem.work < self._until:
+            return False
+        if not self.ended:
+            self.trace.append("ends before it is done")
+        self.ended = True
+        return True
 
     def _plain(self, fit: Fit) -> Fit:
         """The explanation, or one of fewer effects that was met and leaves less than half of its rest, with what can be added to it.
@@ -598,7 +612,7 @@ class Search:
         """Add effects while they are believed. One may only be believed once another is in; but one after another that is not
         leads nowhere, and none of them stays."""
         stands, doubtful, closest = fit, 0, self.gap(fit)
-        while len(fit.hypothesis) < MOST_EFFECTS:
+        while len(fit.hypothesis) < MOST_EFFECTS and not self._spent():
             grown = self.grow(fit, 5 if self.quick else 10)
             if grown is None or (doubtful == DOUBTFUL and not self._believed(grown, stands, closest)):
                 other = self._next(stands, closest) if not self.closed(stands) else None

@@ -10,10 +10,11 @@ from diagnosis_cases import changed, make_case, make_run, without
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import carried as carried_module
 from rtds_host.diagnosis import ripple
+from rtds_host.diagnosis import search as search_module
 from rtds_host.diagnosis.account import _contradicted, _poor, _standing, _uneven, account
 from rtds_host.diagnosis.carried import carried, ratio, scatter, scattered
 from rtds_host.diagnosis.chance import MOST, SAME
-from rtds_host.diagnosis.diagnose import _shift, _sigmas, diagnose
+from rtds_host.diagnosis.diagnose import _ended, _shift, _sigmas, diagnose
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, excess, told_apart
 from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side, to_values
@@ -727,3 +728,37 @@ def test_noise_that_is_larger_than_declared_is_told_with_its_size():
     assert len(told) == 1 and told[0].startswith("w_l") and "3 times" in told[0]
     _, details = diagnose(case, quick=True, threads=1)
     assert not [note for note in details.notes if "as short as a sample" in note]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2], ids=["none", "some"])
+def test_a_search_ends_with_what_its_work_has_found(monkeypatch, share):
+    """Beside a large rest, or where much slips and swings, there is always something more to try."""
+    several = make_case(lambda m: (m.put("command_delay", 0.05), m.add("coulomb", 0.03), m.scale("resistance", 1.3), m.put("gyro_bias", 0.05)))
+    whole = Search(Problem(several), quick=True)
+    found = whole.run()
+    assert not whole.ended and len(found.hypothesis) == 4
+    monkeypatch.setattr(search_module, "QUICK_WORK", share * whole.problem.work)
+    short = Search(Problem(several), quick=True)
+    less = short.run()
+    assert short.ended and short.problem.work < whole.problem.work
+    assert set(less.hypothesis) < set(found.hypothesis)
+    assert bool(less.hypothesis) == bool(share)
+
+
+def test_work_is_the_same_on_any_number_of_cores():
+    """Where a search ends must not hang on the machine."""
+    done = []
+    for threads in (1, 3):
+        problem = Problem(make_case(lambda m: m.put("slip", 0.01)), threads)
+        model = nominal_model(problem.robot)
+        problem.residuals([model, model])
+        problem.residuals([model])
+        done.append(problem.work)
+    assert done[0] == done[1] > 0.0
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_a_report_says_that_a_search_ended_early(quick):
+    assert _ended(SimpleNamespace(ended=False, quick=quick)) == []
+    note, = _ended(SimpleNamespace(ended=True, quick=quick))
+    assert "before it was done" in note and ("without --quick" in note) == quick

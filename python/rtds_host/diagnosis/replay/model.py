@@ -25,7 +25,7 @@ FINE_STEP_S = 4.0e-4
 COARSER, COARSER_SPRING = 3.0, 2.0
 # Numerical: from how many at a time, in the mean, replays are done sooner abreast than one by one; with springs, with free play, and
 # with free play and slip.
-FEWEST, FEWEST_OF_SPRINGS, FEWEST_OF_PLAY, FEWEST_OF_PLAY_AND_SLIP = 2.2, 3.2, 6.0, 3.0
+FEWEST, FEWEST_OF_SPRINGS, FEWEST_OF_PLAY, FEWEST_OF_PLAY_AND_SLIP = 2.2, 2.6, 4.0, 3.0
 # Numerical: a spring's step in its fastest swing: the errors then are those above at any stiffness that swings visibly.
 SPRING_STEP_RAD = 0.1
 # Numerical: a piece starts from a parabola over so many rows to either side.
@@ -113,10 +113,15 @@ class Model:
         return self._has("stiffness", "slip", "backlash")
 
     @property
+    def waits(self) -> bool:
+        """Whether lanes wait for one another where its replays go abreast: for their free play."""
+        return self._has("backlash")
+
+    @property
     def fewest(self) -> float:
         """How many of its replays must go on at a time, in the mean, to be done sooner abreast than one by one. A tyre's shear costs
         little abreast; where lanes wait for one another's free play, much."""
-        if self._has("backlash"):
+        if self.waits:
             return FEWEST_OF_PLAY_AND_SLIP if self._has("slip") else FEWEST_OF_PLAY
         return FEWEST_OF_SPRINGS if self._has("stiffness") else FEWEST
 
