@@ -5,9 +5,10 @@ import re
 
 import numpy as np
 import pytest
+from axis_machine import write_axis_case
 from diagnosis_cases import changed, make_case, make_run, without
 
-from rtds_host.contract import Case, RunLog, builtin_robot
+from rtds_host.contract import Case, RunLog, builtin_robot, read_case
 from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.gap import errors, gap, pooled
 from rtds_host.diagnosis.gate import examine, stamps
@@ -94,6 +95,18 @@ def test_one_sample_far_off_is_set_aside_and_nothing_else(case, channel, size, r
 def test_a_start_or_an_end_far_off_is_set_aside_where_the_robot_cannot_do_it(case, channel, size, row):
     bad = spoiled(case, channel, size, rows=(row,))
     assert aside(bad, examine(bad)) == {(case.runs[0].name, channel): [row]}
+
+
+@pytest.mark.parametrize("off_rad", [3.0, -2 * np.pi, 21.0, 1000.0])
+def test_an_angle_that_is_all_there_is_comes_back_within_two_samples_only_as_a_glitch(tmp_path, off_rad):
+    """Driven by torque nothing in the file bounds a speed, and no other channel saw the jump; nor is it a turn that was wrapped."""
+    case = read_case(write_axis_case(tmp_path / "case", "linear", "torque", currents=False))
+    case = without(case, "w_l")
+    assert set(aside(case, examine(case))) == set()
+    bad = spoiled(case, "th_l", off_rad, rows=(300, 520))
+    gate = examine(bad)
+    assert aside(bad, gate) == {(case.runs[0].name, "th_l"): [300, 520]}
+    assert not gate.of("wrapped")
 
 
 def test_more_than_a_handful_are_not_glitches(case):

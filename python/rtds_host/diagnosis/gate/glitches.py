@@ -126,7 +126,7 @@ def _found(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -> 
             alone = np.array([_stands_alone(log, case, bounds, c, rows, k, off[k], span[k], events, spikes)
                               and (seen or c[0] in "wi" and 2.0 * span[k] < bounds.time_constant_s
                                    or c[0] == "i" and off[k] > bounds.values[c] / ROOM
-                                   or c[0] == "w" and not bounds.time_constant_s > 0 and off[k] > MOVES * usual)
+                                   or c[0] in "wt" and not bounds.time_constant_s > 0 and off[k] > MOVES * usual)
                               and off[k] > _commanded(log, case, bounds, c, rows, k, span[k])
                               for k in np.flatnonzero(doubtful)])
             lone = np.flatnonzero(doubtful)[alone]
