@@ -60,6 +60,20 @@ def test_a_wrong_unit_ends_a_diagnosis_and_is_named_with_its_channels(case, chan
         examine(changed(case, scaled(*channels, factor=factor)))
 
 
+@pytest.mark.parametrize(("channels", "factor", "never"), [
+    (("x", "y"), 100.0, ""), (("w_l", "w_r"), 0.033, ""), (("w_l",), 60.0 / (2.0 * np.pi), "revolutions per minute"), (("i_r",), 1000.0, "milliamperes")])
+def test_what_is_in_its_unit_in_other_runs_is_in_no_other_in_one(case, channels, factor, never):
+    """A robot that slides down a slope goes as far in metres as its wheels say in centimetres. What no robot can do is refused for all that."""
+    one = dataclasses.replace(case, runs=(*case.runs[:2], *changed(dataclasses.replace(case, runs=case.runs[2:]), scaled(*channels, factor=factor)).runs))
+    if never:
+        with pytest.raises(InputError, match=never):
+            examine(one)
+        return
+    gate = examine(one)
+    told = [f for f in gate.of("scale") if f.channel in channels]
+    assert told and all(f.run == case.runs[2].name and "in this run alone" in f.text for f in told)
+
+
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1 / 60, "minutes")])
 def test_time_in_another_unit_ends_a_diagnosis(case, factor, unit):
     with pytest.raises(InputError, match=rf"t: .*is it in {unit}\?"):

@@ -119,11 +119,13 @@ def _compared(case: Case, bounds: Limits, noise: dict[str, float]) -> tuple[Case
     found: list[Finding] = []
     lags: list[tuple[str, float]] = []
     runs, replays = [], []
-    for log in case.runs:
-        replayed = replay_run(model, run_inputs(log, robot))
-        compared = units.compare(log, robot, replayed, bounds)
+    replayed_runs = [replay_run(model, run_inputs(log, robot)) for log in case.runs]
+    seen = []
+    for log, replayed in zip(case.runs, replayed_runs):
+        seen.append((log, units.compare(log, robot, replayed, bounds)))
         units.check_minutes(log, case)
-        units.refuse(log, compared.wrong)
+    found += units.refuse(seen, bounds)
+    for (log, compared), replayed in zip(seen, replayed_runs):
         told, aside = sensors.in_samples(log, counting, replayed)
         for c, rows in glitches.beside_replay(log, case, bounds, noise, replayed).items():
             aside[c] = np.union1d(aside[c], rows) if c in aside else rows

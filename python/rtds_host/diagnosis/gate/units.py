@@ -89,11 +89,15 @@ def _scale_of(values: np.ndarray) -> float:
 
 @dataclass
 class Compared:
-    """What a comparison of one run with the nominal replay gave."""
+    """What a comparison of one run with the nominal replay gave.
+
+    wrong : channel -> how many times the nominal it is, and the likely unit; right : channels that follow it closely at its scale.
+    """
 
     findings: list[Finding] = field(default_factory=list)
     lags: list[tuple[str, float]] = field(default_factory=list)
     wrong: dict[str, tuple[float, str]] = field(default_factory=dict)
+    right: set[str] = field(default_factory=set)
 
 
 def _match(t: np.ndarray, v: np.ndarray, grid: np.ndarray, replayed: np.ndarray, lag: float) -> float:
@@ -239,6 +243,8 @@ def _scale(result: Compared, c: str, ratio: float, match: float, factors: dict[s
     too_little = factors[unit] < SLIGHT and near and match > CLOSELY
     if too_little or too_much and match > FOLLOWS:
         result.wrong[c] = ratio, unit
+    elif match > CLOSELY and 1.0 / ROOM < abs(ratio) < ROOM:
+        result.right.add(c)
 
 
 def _sign(result: Compared, log: RunLog, c: str, ratio: float, match: float) -> None:
@@ -291,15 +297,35 @@ def _duty(result: Compared, log: RunLog, robot: Robot, ratios: dict[str, float])
             result.wrong[f"v_cmd_{s}"] = abs(ratio), "shares of the supply (a duty)"
 
 
-def refuse(log: RunLog, wrong: dict[str, tuple[float, str]]) -> None:
-    """Refuse a run with channels (-> ratio, unit) whose scale is certainly a unit's.
+def refuse(compared: list[tuple[RunLog, Compared]], bounds: Limits) -> list[Finding]:
+    """Refuse a case with a channel whose scale is certainly a unit's; what is said of channels whose scale is not.
+
+    One logger wrote all runs. Where a channel follows the nominal robot closely in another of them, it is in its unit there, and what
+    it shows here is what the robot did, unless no robot can: one that slides down a slope goes a hundred times as far as its wheels.
 
     Raises
     ------
-    InputError : names the run, the channels of the first unit, and the unit.
+    InputError : names the first such run, the channels of the first unit, and the unit.
     """
-    if not wrong:
-        return
+    right = set().union(*(found.right for _, found in compared))
+    told = []
+    for log, found in compared:
+        wrong = {c: one for c, one in found.wrong.items()
+                 if not right & _pose_of(c) or log.has(c) and _scale_of(log.columns[c]) > bounds.values.get(c, math.inf)}
+        if wrong:
+            raise _wrong_unit(log, wrong)
+        told += [Finding(log.name, c, "scale", "warning", f"{c} shows {abs(ratio):.3g} times what the nominal robot would in this run, and in "
+                                                          f"others what it would: not in {unit}, unless in this run alone.")
+                 for c, (ratio, unit) in found.wrong.items()]
+    return told
+
+
+def _pose_of(channel: str) -> set[str]:
+    """Channels that are in a unit together with one: itself, and both lengths of a pose."""
+    return {"x", "y"} if channel in ("x", "y") else {channel}
+
+
+def _wrong_unit(log: RunLog, wrong: dict[str, tuple[float, str]]) -> InputError:
     # Commands first: what they drive looks wrong, too.
     names = sorted(wrong, key=lambda c: not c.startswith("v_cmd"))
     ratio, unit = wrong[names[0]]
@@ -308,7 +334,7 @@ def refuse(log: RunLog, wrong: dict[str, tuple[float, str]]) -> None:
         what = f"the wheels turn {ratio:.3g} times as fast as it drives them in volts"
     else:
         what = f"{abs(ratio):.3g} times what the nominal robot would show"
-    raise _refusal(log, alike, what, unit)
+    return _refusal(log, alike, what, unit)
 
 
 def check_minutes(log: RunLog, case: Case) -> None:
