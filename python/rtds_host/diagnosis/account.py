@@ -27,11 +27,12 @@ from rtds_host.diagnosis.evidence import (
     worth_adding,
     worth_naming,
 )
-from rtds_host.diagnosis.fit import Fit, Hypothesis
+from rtds_host.diagnosis.fit import Fit, Hypothesis, joined
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
 from rtds_host.diagnosis.localise.standins import absences
 from rtds_host.diagnosis.lookalikes import LARGEST_SET, lookalikes
+from rtds_host.diagnosis.screen import clashes
 from rtds_host.diagnosis.search import Search
 
 # Why an effect does not stand that the likelihood sees.
@@ -206,12 +207,14 @@ def account(search: Search, fit: Fit) -> Account:
     """Name the effects of the most probable explanation that stand on their own evidence."""
     dropped: dict[tuple[str, str], str] = {}
     steady: set[tuple[str, str]] = set()
+    doubted: list[tuple[str, str]] = []
     rough, fewest = True, len(fit.hypothesis)
     while True:
         standing = _standing(search, fit, rough)
         fallen = _fallen(search, fit, standing, steady)
         if fallen is not None:
             one, dropped[one.member] = fallen
+            doubted += [one.member] if fallen == _unlikely(standing) else []
             fit = search.try_fit(one.without.hypothesis, one.without.u, one.without)
         elif len(fit.hypothesis) < fewest:
             # Those that are left may have leant on one that is gone; another of as many may explain more.
@@ -227,15 +230,27 @@ def account(search: Search, fit: Fit) -> Account:
             break
     spare = [member for member, reason in dropped.items() if reason == NOTHING]
     alike, rivals = lookalikes(search, fit, [(s.member, s.without) for s in standing], spare)
-    for better in _foretelling(search, fit, [f for f in rivals if not dropped.keys() & set(f.hypothesis)]):
+    rivals_there = [f for f in rivals if not dropped.keys() & set(f.hypothesis)]
+    for better in _foretelling(search, fit, [*rivals_there, *_with_doubted(search, rivals_there, doubted)]):
         own = _standing(search, better, False)
         if _fallen(search, better, own, set(steady)) is None:
             fit, standing = better, own
+            dropped = {member: reason for member, reason in dropped.items() if member not in fit.hypothesis}
             alike, rivals = lookalikes(search, fit, [(s.member, s.without) for s in standing], spare)
             break
     standing.sort(key=lambda s: -s.gain)
     return Account(fit, search.refitted(), tuple(standing), dropped, alike, _alternatives(search, fit, standing, rivals),
                    {members[0]: _share(search, members) for members in alike})
+
+
+def _with_doubted(search: Search, rivals: list[Fit], doubted: list[tuple[str, str]]) -> list[Fit]:
+    """Look-alikes' fits with an effect that was too unlikely beside what they stand in the place of: a driver that bends does most of what
+    a gain and dry friction do, and beside it no friction is missed."""
+    starts = []
+    for member in doubted:
+        size = min((f for f in search.fits.values() if member in f.hypothesis), key=search.score).parts[member]
+        starts += [(*joined({**rival.parts, member: size}), rival) for rival in rivals if not clashes(member, rival.hypothesis)]
+    return [f for f in search.try_fits(starts) if search.named(f)]
 
 
 def _foretelling(search: Search, fit: Fit, rivals: list[Fit]) -> list[Fit]:
