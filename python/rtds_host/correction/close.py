@@ -131,7 +131,7 @@ def close(case: Case, setting: Setting | None = None, diagnosis: dict | None = N
     logs = [run for run in case.runs if run.name in names]
     inputs = _inputs(case, model, logs)
     if table and remainder is None:
-        remainder = estimate(fitted, model, diagnosis)
+        remainder = estimate(on_its_clock(fitted, model)[0], model, diagnosis)
         if remainder is None:
             notes.append("--table: no table explains enough of what is left; none was loaded")
     change = remainder.load if remainder is not None else None

@@ -166,7 +166,7 @@ def predicted_columns(log: RunLog, robot: Robot, model: Model | None = None) -> 
     """
     model = model or nominal_model(robot)
     check_body(model, log)
-    clocked = on_its_clock(Case(log.path or log.name, robot, (log,)), model)[0].runs[0]
+    clocked = on_its_clock(Case(log.name, robot, (log,)), model)[0].runs[0]
     out = replay_run(model, run_inputs(clocked, robot), min(REPORT_STEP_S, model.step_s))
     columns = {"t": log.t}
     commands = ("w_cmd_l", "w_cmd_r") if robot.driver.mode == "speed" else ("v_cmd_l", "v_cmd_r")

@@ -1,6 +1,7 @@
 """`rtds close`: the gap in the real-time simulator before and after, beside the replay's own."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,6 +46,20 @@ def test_every_channel_is_told(found):
     assert {"i_l", "w_r", "gyro_z", "x", "yaw"} <= channels.keys()
     for entry in channels.values():
         assert entry.keys() == {"replay_before", "replay_after", "simulator_before", "simulator_after"}
+
+
+def test_late_stamps_are_put_right_before_runs_are_replayed(case, found):
+    """As a diagnosis does: what the robot answered is compared with what it was asked then."""
+    rng = np.random.default_rng(6)
+
+    def stamped(log):
+        late = np.maximum.accumulate(log.t + 0.001 * rng.standard_normal(len(log.t))) + 1e-9 * np.arange(len(log.t))
+        return replace(log, t=late)
+
+    late = close(replace(case, runs=tuple(stamped(log) for log in case.runs)), diagnosis=diagnosis_of(FRICTION), causes=False)
+    assert any("rows come evenly" in note for note in late.notes)
+    for which in ("simulator", "replay"):
+        assert late.content["gap"][which]["after"] == pytest.approx(found.content["gap"][which]["after"], abs=0.1)
 
 
 def test_what_differs_is_varied_one_at_a_time(case):
