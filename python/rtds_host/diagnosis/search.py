@@ -637,6 +637,9 @@ class Search:
                 kept = {f.hypothesis: f for f in (self.fits[()], stands, fit)}
                 self.fits = {h: self.fitter.fit(h, f.u, f.z, f.noise, ITERATIONS) for h, f in kept.items()}
                 stands, fit = self.fits[stands.hypothesis], self.fits[fit.hypothesis]
+                # Where runs began wrongly, what made up for that promised most.
+                other = self.grow(stands, 5 if self.quick else 10) if fit is not stands else None
+                fit = min((f for f in (fit, other) if f is not None), key=self.score)
             if self._believed(fit, stands, closest):
                 stands, doubtful, closest = fit, 0, min(closest, self.gap(fit))
             else:

@@ -762,3 +762,23 @@ def test_a_report_says_that_a_search_ended_early(quick):
     assert _ended(SimpleNamespace(ended=False, quick=quick)) == []
     note, = _ended(SimpleNamespace(ended=True, quick=quick))
     assert "before it was done" in note and ("without --quick" in note) == quick
+
+
+@pytest.mark.parametrize("moved", [0.0, 0.3], ids=["as thought", "elsewhere"])
+def test_where_runs_began_elsewhere_the_effect_that_led_there_is_weighed_against_the_others(monkeypatch, moved):
+    """A gyro's gain promises most while headings are wrong, and sets them right: by these a driver's gain explains more."""
+    weak = make_case(lambda m: (m.scale("voltage_gain", 0.9, (0,)), m.scale("gyro_gain", 1.1)))
+    search = Search(Problem(weak), quick=True)
+    gyro, driver = ("gyro_gain", "both"), ("driver_gain", "left")
+    nothing = search.fits[()] = search.refitted()
+    promised = iter([gyro, driver])
+    aligned = iter([moved])
+
+    def grow(fit, count):
+        member = next(promised, None) if fit.hypothesis == () else None
+        return member and search.try_fit((member,), scaled(search.effects, (member,), [{"ratio": 0.95}]), fit)
+
+    monkeypatch.setattr(search, "grow", grow)
+    monkeypatch.setattr(search.problem, "align", lambda model: next(aligned, 0.0))
+    found = search._climb(nothing)
+    assert found.hypothesis == ((driver,) if moved else (gyro,))
