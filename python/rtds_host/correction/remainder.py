@@ -74,7 +74,7 @@ class Remainder:
 
         Parameters
         ----------
-        start : (11,) as of `run_inputs`: the wheels' angles as the run begins.
+        start : (15,) as of `run_inputs`: the wheels' angles as the run begins.
 
         Raises
         ------

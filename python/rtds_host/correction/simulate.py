@@ -83,7 +83,7 @@ def simulate(log: RunLog, robot: Robot, model: Model | None = None, setting: Set
 
     Parameters
     ----------
-    model : the robot as a diagnosis has it; None: the nominal one. start : (11,) as of `row_inputs`, for a heading that
+    model : the robot as a diagnosis has it; None: the nominal one. start : (15,) as of `row_inputs`, for a heading that
         the log does not hold. change : a last change of the correction, given the start, as by a table. progress : called with the time.
 
     Raises

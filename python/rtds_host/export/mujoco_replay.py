@@ -141,7 +141,7 @@ class ExportedRobot:
 
         Parameters
         ----------
-        log : commands and `run.json`. start : (11,) as of `rtds_host.diagnosis.replay.model.run_inputs`.
+        log : commands and `run.json`. start : (15,) as of `rtds_host.diagnosis.replay.model.run_inputs`.
         measured_bus : (n,) V at the log's times; the file's own supply without.
 
         Returns

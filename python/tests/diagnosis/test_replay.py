@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from axis_machine import write_axis_case
 from diagnosis_cases import commands, make_case, make_run
 from scipy.integrate import solve_ivp
 
-from rtds_host.contract import GRAVITY_M_S2, Axis, Case, RunLog, RunMeta, builtin_robot
+from rtds_host.contract import GRAVITY_M_S2, Axis, Case, RunLog, RunMeta, builtin_robot, read_case
 from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
 from rtds_host.diagnosis.fit import apply
 from rtds_host.diagnosis.problem import CHANNELS, Problem
@@ -20,6 +21,7 @@ from rtds_host.diagnosis.replay.model import (
     STEP_S,
     Abreast,
     nominal_model,
+    piece_inputs,
     replay_run,
     row_inputs,
     run_inputs,
@@ -483,3 +485,31 @@ def test_an_amplifier_commands_no_more_torque_than_its_limit_allows(load):
     model.put("limit", 5.0)
     limited = replay_run(model, run_inputs(asked, robot))
     assert np.allclose(limited, less) and np.abs(limited - free)[:, OUTPUT_INDEX["w_l"]].max() > 10.0 * ROBOT.noise("w_l")
+
+
+@pytest.mark.parametrize(("gain", "bias"), [(1.0, -0.0551), (0.5, 0.2), (-1.0, 0.1)])
+@pytest.mark.parametrize("delay_s", [0.0, 0.009])
+def test_a_current_at_the_start_is_what_its_sensor_makes_of_it(gain, bias, delay_s):
+    """The first row's current is the starting state (contract, section 7) as the sensor reports it: its bias is in it once, and stays the
+    report until the first later one is through."""
+    log = run()
+    log.columns["i_r"] = np.full(len(log.t), bias)
+    model = nominal_model(ROBOT)
+    model.put("current_bias", bias, (1,))
+    model.scale("current_gain", gain, (1,))
+    model.put("measurement_delay", delay_s)
+    inputs = run_inputs(log, ROBOT)
+    alone = replay_run(model, inputs)[:, OUTPUT_INDEX["i_r"]]
+    still = log.t <= delay_s
+    assert alone[still] == pytest.approx(bias, abs=1e-12)
+    assert Abreast([inputs]).replay([model] * 4)[2][still, OUTPUT_INDEX["i_r"]] == pytest.approx(bias, abs=1e-12)
+
+
+def test_a_piece_begins_with_the_current_that_its_winding_carries(tmp_path):
+    """Estimated from voltage and speed, not read: a sensor's bias is no part of it."""
+    case = read_case(write_axis_case(tmp_path / "case", "inertia", "voltage"))
+    log, model = case.runs[0], nominal_model(case.robot)
+    inputs = piece_inputs(log, case.robot, 100, 160)
+    model.put("current_bias", 0.5, (0,))
+    plain, biased = (replay_run(m, inputs) for m in (nominal_model(case.robot), model))
+    assert biased[:, OUTPUT_INDEX["i_l"]] == pytest.approx(plain[:, OUTPUT_INDEX["i_l"]] + 0.5, abs=1e-9)

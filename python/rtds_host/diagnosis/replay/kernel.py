@@ -31,6 +31,8 @@ FLAT = 0.02
 SLIDING = 20.0
 # Numerical: flanks that meet more slowly stay together.
 BOUNCE_RAD_S = 0.05
+# Numerical: of a current sensor's gain below this no current is told.
+LEAST_GAIN = 0.1
 # Numerical: how often a step is taken whose friction or bus hangs on its own currents and forces.
 TRIALS = 3
 
@@ -90,6 +92,16 @@ def behind(side, speed, reported):
     return speed + (reported - speed) * side[W_TAU] / lag if lag > 0.0 else reported
 
 
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def begun(side, current, reported, noise):
+    """A current at a start, where the sensor reported so much: what its gain and its bias make that, none where that is noise. `current`
+    where it reported nothing, NaN, or hardly reports at all."""
+    if not (abs(reported) < np.inf and abs(side[I_GAIN]) > LEAST_GAIN):
+        return current
+    beyond = reported - side[I_BIAS]
+    return beyond / side[I_GAIN] if abs(beyond) > noise else 0.0
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, out):
     """Replay one run.
@@ -103,7 +115,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
         and what repeats twelve times a turn is soon out of step.
     side : (2, len(SIDE)); com : (len(COMMON),), see `slots`.
     run : (4,) payload kg, slope rad, uphill yaw rad, time s at which the run began.
-    start : (11,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at t[0], and the speeds w_l, w_r as reported there.
+    start : (15,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at t[0], w_l, w_r, i_l, i_r as reported there (currents: NaN where not), and what
+        of these currents noise may be.
     h_max : s, longest step; h_play : s, the same while a rotor is within its free play, where it meets a flank next.
     out : (n, 11) filled with what the sensors would report, columns as `slots.OUTPUTS`.
 
@@ -147,7 +160,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
         w[k] = start[5 + k] / side[k, W_GAIN]
         wm[k] = w[k]
         wf[k] = behind(side[k], w[k], start[9 + k] / side[k, W_GAIN])
-        cur[k] = start[7 + k]
+        cur[k] = begun(side[k], start[7 + k], start[11 + k], start[13 + k])
         if side[k, STIFF] > 0.0:
             contact[k] = _SPRING
             flexible = True

@@ -97,7 +97,7 @@ def _begin(s, l, side, com, run, start):
         s[o + TH] = start[3 + k] / side[k, one.W_GAIN]
         s[o + W] = s[o + WM] = start[5 + k] / side[k, one.W_GAIN]
         s[o + WF] = one.behind(side[k], s[o + W], start[9 + k] / side[k, one.W_GAIN])
-        s[o + CUR] = start[7 + k]
+        s[o + CUR] = one.begun(side[k], start[7 + k], start[11 + k], start[13 + k])
         s[o + BACKLASH], s[o + RESTITUTION] = side[k, one.BACKLASH], side[k, one.RESTITUTION]
         s[o + STIFF], s[o + DAMP] = side[k, one.STIFF], side[k, one.DAMP]
         s[o + PLAY] = s[o + APART] = s[o + BOUNCES] = 0.0
@@ -160,7 +160,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     ts : (sum n,) s, times of all runs' samples, one run after another; t_first : (runs + 1,) where each run's begin.
     cmds_t, cmds, buses : (sum m,), (sum m, 2), (sum m,) their commands; cmd_first : (runs + 1,) likewise.
     angles : (a, 2), angle_first : (runs + 1,) angles that a ripple follows, of no rows or of m.
-    runs : (runs, 4), starts : (runs, 11); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), h_max : (models,) s, longest
+    runs : (runs, 4), starts : (runs, 15); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), h_max : (models,) s, longest
         steps; h_play : s, the longest within free play, see `kernel.replay`.
     which : (jobs, 2) model and run of each; out : (rows, 11) filled, job by job from rows out_first (jobs,).
     """

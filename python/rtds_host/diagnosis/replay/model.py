@@ -191,12 +191,13 @@ def _filled(log: RunLog, name: str, default: float) -> np.ndarray:
 
 
 def start_state(log: RunLog, robot: Robot) -> np.ndarray:
-    """State at the first row (11,): x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r, and w_l, w_r as reported.
+    """State at the first row (15,): x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r; w_l, w_r, i_l, i_r as reported, a current that was not, or is
+    no more than noise, NaN; and what of either current noise may be.
 
     A robot starts at rest unless its first samples say otherwise by more than noise reaches (contract,
     section 2); a single axis starts as its first row says (section 7).
     """
-    start = np.zeros(11)
+    start = np.zeros(15)
     for k, name in enumerate(("x", "y", "yaw", "th_l", "th_r")):
         if log.has(name):
             start[k] = _filled(log, name, 0.0)[0]
@@ -207,13 +208,16 @@ def start_state(log: RunLog, robot: Robot) -> np.ndarray:
         noise = robot.noise(name) or 0.0
         if robot.axis is not None or abs(values[0]) > MOVES * noise + 1e-9:
             start[5 + k] = values[0]
-    start[9:] = start[5:7]
+    start[9:11] = start[5:7]
+    start[11:13] = np.where(start[7:9] != 0.0, start[7:9], np.nan)
+    if robot.axis is None:
+        start[13:] = [MOVES * (robot.noise(name) or 0.0) for name in ("i_l", "i_r")]
     return start
 
 
 def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
     """What the kernel needs of a run: sample times (n,), command times (m,), commands (m, 2), bus (m,), angles to follow (0, 2),
-    run (4,), start (11,).
+    run (4,), start (15,).
 
     Times count from the run's first row: since 1970 a double has a quarter of a microsecond, and steps add up. A robot that
     moves in the first row was under command before: under that row's, for as long as a command may act late.
@@ -292,6 +296,7 @@ def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.n
             held = max(first - 1, 0)
             volts = commands[held, k] * (bus[held] / robot.supply_v if robot.driver.bus == "measured" else 1.0)
             # Across the few electrical time constants that a start lasts, the winding is in its steady state.
+            start[11 + k] = np.nan
             start[7 + k] = (volts - motor.back_emf_constant_v_s_per_rad * motor.gear_ratio * start[5 + k]) / motor.resistance_ohm
     before = _known(t, first)
     return (np.ascontiguousarray(t[first:last]), np.ascontiguousarray(t[before:last]),
