@@ -184,7 +184,7 @@ def test_an_encoders_scale_counts_from_its_zero():
     scaled = nominal_model(robot)
     scaled.put("speed_gain", 1.5)
     out = replay_run(scaled, (*inputs[:6], start))
-    plain = replay_run(nominal_model(robot), (*inputs[:6], np.where(np.arange(11) == 3, 6.0, inputs[6])))
+    plain = replay_run(nominal_model(robot), (*inputs[:6], np.where(np.arange(len(start)) == 3, 6.0, inputs[6])))
     th = OUTPUT_INDEX["th_l"]
     assert out[0, th] == pytest.approx(9.0)
     np.testing.assert_allclose(out[:, th], 1.5 * plain[:, th], atol=1e-9)
