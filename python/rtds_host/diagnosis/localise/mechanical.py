@@ -85,8 +85,8 @@ def torque_block(run: Signals, k: int) -> None:
     torque = torque - model.get("asymmetry", k) * np.abs(sign_mid) - model.get("asymmetry_viscous", k) * np.abs(mid)
     angle = filled(t, run.th[k]) if run.th[k] is not None else cumulated(mid, dt)
     if model.get("ripple", k):
-        torque = torque + model.get("ripple", k) * np.sin(
-            model.get("ripple_cycles", k) * middles(angle) + model.get("ripple_phase", k))
+        bites = np.sin(model.get("ripple_cycles", k) * middles(angle) + model.get("ripple_phase", k))
+        torque = torque + model.get("ripple", k) * bites
     momentum = run.inertia[k] * w + (run.cross * run.w[1 - k] if run.body else 0.0)
     residual = run.cut(momentum - cumulated(torque, dt)) / run.inertia[k]
     steps = float(np.median(dt))
@@ -115,6 +115,12 @@ def torque_block(run: Signals, k: int) -> None:
     put(f"drivetrain:load_{s}", -np.abs(drive - fluid * mid) * sign_mid)
     put(f"drivetrain:place_{s}", -sign_mid * np.sin(middles(angle)))
     put(f"drivetrain:place_{s}b", -sign_mid * np.cos(middles(angle)))
+    if model.get("ripple", k):
+        # One that is of another size at another place of the turn, and may be in another phase there.
+        turned = np.cos(model.get("ripple_cycles", k) * middles(angle) + model.get("ripple_phase", k))
+        for ahead, wave in (("", bites), ("@1", turned)):
+            put(f"drivetrain:detent{ahead}_{s}", wave * np.sin(middles(angle)))
+            put(f"drivetrain:detent{ahead}_{s}b", wave * np.cos(middles(angle)))
     put(f"drivetrain:growing_{s}", -sign_mid * middles(t - t[0]))
     run.put(f"drivetrain:inertia_{s}", f"torque_{s}", -run.cut(gear**2 * model.get("rotor_inertia", k) * w)
               / run.inertia[k])

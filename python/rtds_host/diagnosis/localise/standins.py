@@ -7,11 +7,13 @@ cause explains most of what is left, and an effect shrinks to less than half bes
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rtds_host.contract import Case
 from rtds_host.diagnosis.chance import MOST, SLIGHT, sigmas
+from rtds_host.diagnosis.effects.base import SIDES
 from rtds_host.diagnosis.localise.blocks import excess_energy, own_blocks
 from rtds_host.diagnosis.localise.electrical import DRIFTS_S, SLEWS
 from rtds_host.diagnosis.localise.ground import extent
@@ -27,13 +29,17 @@ NAMELESS = {
     "driver:relax": "a battery that follows its load late", **{f"driver:slew{slew:g}": "a driver that slews" for slew in SLEWS},
     "winding:saturation": "a torque that falls behind its current",
     "drivetrain:quadratic": "a drag by the square of the speed", "drivetrain:growing": "a friction that grows",
-    "drivetrain:place": "a friction at one place of the turn",
+    "drivetrain:place": "a friction at one place of the turn", "drivetrain:detent": "a ripple at one place of the turn",
     "wheel_ground:turn_drag": "a drag by the yaw rate", "wheel_ground:patch_x": "a patch of the floor",
     "wheel_ground:patch_y": "a patch of the floor", **{f"wheel_ground:traction{part:g}": "a tyre that gives way" for part in TRACTIONS},
     "chassis:drag": "a drag on the body", "chassis:tether": "a tether",
     "sensing:current_bend": "a current sensor that bends", "sensing:current_lag": "a current sensor that lags",
     "timing:pose_drift": "clocks that drift", **{f"timing:drift{drift:g}": "clocks that drift" for drift in DRIFTS_S},
 }
+# Of these, what is of another size at another place of the turn, the effects that it is a constant of elsewhere, and the sizes in a model
+# (N m) that the constant is the sum of. A friction pushes nowhere: where one changes by so much over the turn, so much of its mean is not constant.
+OVER_A_TURN = {"drivetrain:place": {"coulomb_friction": ("coulomb",), "stribeck_friction": ("coulomb", "stribeck")},
+               "drivetrain:detent": {"torque_ripple": ("ripple",)}}
 # Signatures that could be anything of a block: whatever a sensor or a torque does, a floor's bumps, a wheel out of true, any delay.
 ANYTHING = ("drivetrain:steady", "sensing:current_fault", "sensing:speed_fault", "sensing:speed_wobble", "wheel_ground:eccentric",
             "wheel_ground:bumps", "timing:", "driver:bus", "effect:")
@@ -65,10 +71,10 @@ def absences(case: Case, model: Model, gone: Mapping[Member, Model]) -> Absences
         runs.append(run)
     left, count = excess_energy(runs)
     opened = {member: left - excess_energy(found)[0] for member, found in without.items()}
-    return Absences(left, count, opened, *_kept(Sums(runs, known=True), names))
+    return Absences(left, count, opened, *_kept(Sums(runs, known=True), names, model))
 
 
-def _kept(sums: Sums, names: Mapping[Member, str]) -> tuple[dict[Member, float], str]:
+def _kept(sums: Sums, names: Mapping[Member, str], model: Model) -> tuple[dict[Member, float], str]:
     """`kept` and `cause` of `Absences`, of the effects that show in the blocks at all."""
     shown = {j for columns in sums.groups.values() for j in columns}
     effects = {member: j for member, name in names.items() if (j := sums.names.index(name)) in shown}
@@ -85,8 +91,17 @@ def _kept(sums: Sums, names: Mapping[Member, str]) -> tuple[dict[Member, float],
     best = max(sorted(gains), key=gains.get, default="")
     if not best or gains[best] < max(MOST * left, sigmas(len(gains)) ** 2):
         return {}, ""
-    _, sizes = sums.explained([*picked, *sums.groups[best]], set())
-    return {member: 1.0 + float(sizes[picked.index(j)]) for member, j in effects.items()}, NAMELESS[best]
+    beside = [*picked, *sums.groups[best]]
+    sizes = dict(zip(beside, sums.explained(beside, set())[1]))
+    changes = {side: math.hypot(*(sizes[j] for j in sums.groups[best] if sums.names[j].endswith((f"_{side}", f"_{side}b")))) for side in "lr"}
+    return {member: min(1.0 + float(sizes[j]), _constant(best, member, changes, model)) for member, j in effects.items()}, NAMELESS[best]
+
+
+def _constant(cause: str, member: Member, changes: Mapping[str, float], model: Model) -> float:
+    """The share of an effect that is the same all over the turn, where it is one of those that a cause changes by so much, side -> N m."""
+    slots = OVER_A_TURN.get(cause, {}).get(member[0], ())
+    sizes = {k: sum(abs(model.get(slot, k)) for slot in slots) for k in SIDES[member[1]]}
+    return min((1.0 - changes["lr"[k]] / size for k, size in sizes.items() if size), default=1.0)
 
 
 def _its_own(sums: Sums, columns: list[int], others: list[int], picked: list[int]) -> bool:
