@@ -26,18 +26,10 @@ def predict(
     import os
     import sys
 
-    from rtds_host.contract import (
-        Case,
-        check_writable_file,
-        load_robot,
-        places_of_run,
-        read_run,
-        refuse_inputs,
-        write_atomic,
-    )
+    from rtds_host.contract import check_writable_file, load_robot, places_of_run, read_run, refuse_inputs, write_atomic
     from rtds_host.contract.clock import moment
     from rtds_host.contract.runlog import COMMANDS
-    from rtds_host.diagnosis.predict import on_its_clock, predicted_columns, read_diagnosis
+    from rtds_host.diagnosis.predict import predicted, predicted_columns, read_diagnosis
     from rtds_host.errors import OutputError, visible
 
     check_writable_file(out)
@@ -48,8 +40,7 @@ def predict(
     log = read_run(run, nominal)
     if mcap is not None and os.path.realpath(mcap) == os.path.realpath(out):
         raise OutputError(f"{mcap}: --out and --mcap name one file; choose another")
-    model = read_diagnosis(diagnosis, nominal) if diagnosis else None
-    columns = predicted_columns(log, nominal, model)
+    columns, clock = predicted(log, nominal, read_diagnosis(diagnosis, nominal) if diagnosis else None)
     text = io.StringIO()
     names = list(columns)
     text.write(",".join(names) + "\n")
@@ -63,7 +54,6 @@ def predict(
 
         replayed = {"corrected": columns, "nominal": predicted_columns(log, nominal)} if diagnosis else {"nominal": columns}
         write_comparison(mcap, [Compared(log, replayed)])
-    clock = on_its_clock(Case(log.name, nominal, (log,)), model)[1]
     notices = [*nominal.notices, *log.notices, *(f"{run}: {told.text}" for told in clock)]
     lost = (columns["w_l"] == LOST) & (columns["i_l"] == LOST)
     if lost.any():

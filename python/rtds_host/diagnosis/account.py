@@ -214,7 +214,7 @@ def account(search: Search, fit: Fit) -> Account:
         fallen = _fallen(search, fit, standing, steady)
         if fallen is not None:
             one, dropped[one.member] = fallen
-            doubted += [one.member] if fallen == _unlikely(standing) else []
+            doubted += [one.member] if _unlikely(standing) else []
             fit = search.try_fit(one.without.hypothesis, one.without.u, one.without)
         elif len(fit.hypothesis) < fewest:
             # Those that are left may have leant on one that is gone; another of as many may explain more.
@@ -230,8 +230,8 @@ def account(search: Search, fit: Fit) -> Account:
             break
     spare = [member for member, reason in dropped.items() if reason == NOTHING]
     alike, rivals = lookalikes(search, fit, [(s.member, s.without) for s in standing], spare)
-    rivals_there = [f for f in rivals if not dropped.keys() & set(f.hypothesis)]
-    for better in _foretelling(search, fit, [*rivals_there, *_with_doubted(search, rivals_there, doubted)]):
+    possible = [f for f in rivals if not dropped.keys() & set(f.hypothesis)]
+    for better in _foretelling(search, fit, [*possible, *_with_doubted(search, possible, doubted)]):
         own = _standing(search, better, False)
         if _fallen(search, better, own, set(steady)) is None:
             fit, standing = better, own

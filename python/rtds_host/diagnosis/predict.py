@@ -153,12 +153,17 @@ def on_its_clock(case: Case, model: Model | None = None) -> tuple[Case, list[Fin
 
 
 def predicted_columns(log: RunLog, robot: Robot, model: Model | None = None) -> dict[str, np.ndarray]:
+    """The columns of `predicted` alone, with its errors."""
+    return predicted(log, robot, model)[0]
+
+
+def predicted(log: RunLog, robot: Robot, model: Model | None = None) -> tuple[dict[str, np.ndarray], list[Finding]]:
     """Replay a run from its commands, at the times when its rows were taken (`on_its_clock`).
 
     Returns
     -------
-    Column -> (n,): `t`, the commands, and every channel of the contract's section 1 except `w_ref_*`, without noise,
-    at the run's times; a single axis has the left side's alone.
+    (columns, findings) : column -> (n,): `t`, the commands, and every channel of the contract's section 1 except `w_ref_*`, without
+    noise, at the run's times, of a single axis the left side's alone; and what is said of the run's clock.
 
     Raises
     ------
@@ -166,8 +171,8 @@ def predicted_columns(log: RunLog, robot: Robot, model: Model | None = None) -> 
     """
     model = model or nominal_model(robot)
     check_body(model, log)
-    clocked = on_its_clock(Case(log.name, robot, (log,)), model)[0].runs[0]
-    out = replay_run(model, run_inputs(clocked, robot), min(REPORT_STEP_S, model.step_s))
+    clocked, told = on_its_clock(Case(log.name, robot, (log,)), model)
+    out = replay_run(model, run_inputs(clocked.runs[0], robot), min(REPORT_STEP_S, model.step_s))
     columns = {"t": log.t}
     commands = ("w_cmd_l", "w_cmd_r") if robot.driver.mode == "speed" else ("v_cmd_l", "v_cmd_r")
     for name in commands:
@@ -177,4 +182,4 @@ def predicted_columns(log: RunLog, robot: Robot, model: Model | None = None) -> 
         if robot.axis is not None and (name.endswith("_r") or name in ("gyro_z", "x", "y", "yaw")):
             continue
         columns[name] = out[:, k]
-    return columns
+    return columns, told

@@ -476,7 +476,7 @@ class Problem:
         """
         steps = steps or [model.step_s for model in models]
         found = [np.empty(self.size) for _ in models]
-        self.work += sum(self._taken(step_s) * (WAITING if model.waits else 1.0 if model.abreast else ALONE) + WHITENED * self.size for model, step_s in zip(models, steps))
+        self.work += sum(self._taken(model, step_s) + WHITENED * self.size for model, step_s in zip(models, steps))
         # Those with springs or free play beside each other: what one lane has is computed in all.
         abreast = sorted((k for k, model in enumerate(models) if model.abreast), key=lambda k: (models[k].slow, steps[k]))
         runs = self._abreast(self.runs)
@@ -506,9 +506,10 @@ class Problem:
             other.result()
         return found
 
-    def _taken(self, step_s: float) -> float:
-        """Steps that replays of all runs take: one from row to row at the least."""
-        return sum(max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in self.runs)
+    def _taken(self, model: Model, step_s: float) -> float:
+        """Work that replays of all runs are: a step from row to row at the least. It hangs on the model, not on how many cores there are."""
+        each = WAITING if model.waits else 1.0 if model.abreast else ALONE
+        return each * sum(max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in self.runs)
 
     def _alone(self, model: Model, data: RunData, into: np.ndarray, step_s: float) -> None:
         self.run_residual(data, replay_run(model, data.inputs, step_s), into)

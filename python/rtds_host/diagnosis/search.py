@@ -545,13 +545,11 @@ class Search:
         return self.renamed(self._better(fit, [self.best()]) if self.closed(fit) else self._plain(fit))
 
     def _spent(self) -> bool:
-        """Whether the search has done the work that it may do: it then ends with what it has found."""
-        if self.problem.work < self._until:
-            return False
-        if not self.ended:
+        """Whether the search has done the work that it may do: it then ends with what it has found, which is noted (`ended`)."""
+        if self.problem.work >= self._until and not self.ended:
             self.trace.append("ends before it is done")
-        self.ended = True
-        return True
+            self.ended = True
+        return self.problem.work >= self._until
 
     def _plain(self, fit: Fit) -> Fit:
         """The explanation, or one of fewer effects that was met and leaves less than half of its rest, with what can be added to it.
@@ -612,8 +610,9 @@ class Search:
         """Add effects while they are believed. One may only be believed once another is in; but one after another that is not
         leads nowhere, and none of them stays."""
         stands, doubtful, closest = fit, 0, self.gap(fit)
+        looked_at = 5 if self.quick else 10
         while len(fit.hypothesis) < MOST_EFFECTS and not self._spent():
-            grown = self.grow(fit, 5 if self.quick else 10)
+            grown = self.grow(fit, looked_at)
             if grown is None or (doubtful == DOUBTFUL and not self._believed(grown, stands, closest)):
                 other = self._next(stands, closest) if not self.closed(stands) else None
                 if other is not None:
@@ -638,7 +637,7 @@ class Search:
                 self.fits = {h: self.fitter.fit(h, f.u, f.z, f.noise, ITERATIONS) for h, f in kept.items()}
                 stands, fit = self.fits[stands.hypothesis], self.fits[fit.hypothesis]
                 # Where runs began wrongly, what made up for that promised most.
-                other = self.grow(stands, 5 if self.quick else 10) if fit is not stands else None
+                other = self.grow(stands, looked_at) if fit is not stands else None
                 fit = min((f for f in (fit, other) if f is not None), key=self.score)
             if self._believed(fit, stands, closest):
                 stands, doubtful, closest = fit, 0, min(closest, self.gap(fit))
