@@ -73,7 +73,7 @@ def _fitting(search: Search, fit: Fit, swaps: dict[Member, Fit],
 def _further(search: Search, one: Member, without: Fit, like: Iterable[Member]) -> dict[Member, Candidate]:
     """What look-alikes of an effect are confused with, as far as it could be in its place, and where a fit of it begins."""
     wanted = {search.in_place(other, member) for member in like for other in search.effects[member[0]].confused_with}
-    if not wanted:
+    if not wanted or search.exhausted():
         return {}
     # What holds the effect is the same with a further parameter, for no better fit.
     return {c.member: c for c in search.rivals(without, one, len(search.effects))
@@ -89,7 +89,7 @@ def _swaps(search: Search, fit: Fit, one: Member, without: Fit) -> dict[Member, 
         # What holds the effect is the same with a further parameter, for no better fit.
         return member not in swaps and one[0] not in search.effects[member[0]].contains
 
-    for candidate in search.rivals(without, one, LARGEST_SET):
+    for candidate in search.rivals(without, one, LARGEST_SET) if not search.exhausted() else ():
         if other(candidate.member):
             swaps[candidate.member] = search.swapped(fit, without, candidate)
     beside = set(fit.hypothesis) - {one}

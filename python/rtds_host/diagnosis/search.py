@@ -87,8 +87,8 @@ class Search:
         self._flat: Screen | None = None         # the last screening by no discrepancy
         self.looked: set[Hypothesis] = set()     # explanations on top of which slow effects were looked for
         self._refitted: Fit | None = None
-        self._until = math.inf                   # work at which the search ends
-        self.ended = False                       # whether it did before it was done
+        self._until = self._over = math.inf      # work at which the search ends, and at which the account looks for no more
+        self.ended = False                       # whether one of them did before it was done
         self.trace: list[str] = []
 
     # ---- scores
@@ -530,7 +530,8 @@ class Search:
         problem = self.problem
         noise = problem.discrepancy().estimated(problem.residual(problem.nominal), thorough=True)
         self.slow_moves, self.afresh, self.looked = {}, True, {()}
-        self._until = problem.work + (QUICK_WORK if self.quick else MOST_WORK)
+        most = QUICK_WORK if self.quick else MOST_WORK
+        self._until, self._over = problem.work + most, problem.work + 2.0 * most
         fit = self.fits[()] = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, 4)
         for _ in range(EXCHANGES):
             fit = self._climb(fit)
@@ -546,10 +547,17 @@ class Search:
 
     def _spent(self) -> bool:
         """Whether the search has done the work that it may do: it then ends with what it has found, which is noted (`ended`)."""
-        if self.problem.work >= self._until and not self.ended:
+        return self._done(self._until)
+
+    def exhausted(self) -> bool:
+        """Whether the account has done as much again: no look-alike is then looked for that was not met, which is noted likewise."""
+        return self._done(self._over)
+
+    def _done(self, work: float) -> bool:
+        if self.problem.work >= work and not self.ended:
             self.trace.append("ends before it is done")
             self.ended = True
-        return self.problem.work >= self._until
+        return self.problem.work >= work
 
     def _plain(self, fit: Fit) -> Fit:
         """The explanation, or one of fewer effects that was met and leaves less than half of its rest, with what can be added to it.

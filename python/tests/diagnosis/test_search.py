@@ -745,6 +745,28 @@ def test_a_search_ends_with_what_its_work_has_found(monkeypatch, share):
     assert bool(less.hypothesis) == bool(share)
 
 
+def test_an_account_that_has_done_as_much_again_looks_for_no_look_alike_that_was_not_met(monkeypatch):
+    """What is alike in principle is declared all the same; a search that did not end early is said to have, since its account did."""
+    screened = []
+
+    class Counted(Search):
+        def rivals(self, *args):
+            screened.append(args[1])
+            return super().rivals(*args)
+
+    late = without(make_case(lambda m: m.put("measurement_delay", 0.05)), *POSE)
+    for share, ended in ((1e9, False), (0.5, True)):
+        search = Counted(Problem(late), quick=True)
+        fit = search.run()
+        found, = fit.hypothesis
+        assert not search.ended
+        monkeypatch.setattr(search, "_over", share * search.problem.work)
+        screened.clear()
+        alike, _ = lookalikes(search, fit, [(found, search.fits[()])], ())
+        assert bool(screened) is not ended and search.ended is ended
+        assert alike[0] == (found, twins(late, found)[0])
+
+
 def test_work_is_the_same_on_any_number_of_cores():
     """Where a search ends must not hang on the machine."""
     done = []
