@@ -72,9 +72,9 @@ def _examine(job: tuple[str, str, str, bool, str | None]) -> dict:
     truth = json.loads(Path(truth_file).read_text())
     began = time.process_time()
     case = read_case(folder)
-    found = investigate(taken(case, examine(case)), quick=quick, threads=1,
-                        without=frozenset([removed]) if removed else frozenset())
-    diagnosis, _ = conclude(found, None)
+    gate = examine(case)
+    found = investigate(taken(case, gate), quick=quick, threads=1, without=frozenset([removed]) if removed else frozenset())
+    diagnosis, _ = conclude(found, gate)
     seconds = time.process_time() - began
     others = {} if removed else {METHODS[1]: _bic(found), METHODS[2]: _largest(found)}
     return {"tier": tier, "case": Path(folder).name, "truth": truth, "diagnosis": diagnosis, "seconds": seconds,

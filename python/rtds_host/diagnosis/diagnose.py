@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from rtds_host.contract import Case
@@ -16,19 +15,18 @@ from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import Account, Standing, account
 from rtds_host.diagnosis.chance import SLIGHT
 from rtds_host.diagnosis.experiment import next_experiment
-from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
+from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.heldout import HeldOut, held_out
+from rtds_host.diagnosis.intervals import Key, intervals
 from rtds_host.diagnosis.localise import localise
 from rtds_host.diagnosis.localise.shares import FAINT
-from rtds_host.diagnosis.nuisances import LATENCY, LATENCY_S, SETUP
+from rtds_host.diagnosis.nuisances import SETUP
 from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.search import Search
 
 SCHEMA = "rtds-diagnosis/2"
-# Standard deviations to either side of 90 % of a normal (contract: 90 % intervals).
-Z90 = 1.6448536269514722
 # Named effects that leave no more than this of the gap explain it (contract, section 5).
 REST_OF_KNOWN = 0.3
 # Numerical: a nuisance that moved by less than so many of its sigmas did not move.
@@ -115,7 +113,7 @@ def _searched(problem: Problem, quick: bool, say: Callable[[str, float], None], 
     return Investigation(problem, search, account(search, best))
 
 
-def conclude(found: Investigation, gate: Gate | None,
+def conclude(found: Investigation, gate: Gate,
              say: Callable[[str, float], None] = lambda *_: None) -> tuple[dict, Details]:
     """What an account means in the contract's terms: gap on held-out runs, shares, alternatives, next experiment."""
     problem, weighed = found.problem, found.account
@@ -132,6 +130,7 @@ def conclude(found: Investigation, gate: Gate | None,
     rest = min(max(1.0 - effect_closed, 0.0), 1.0) if effect_closed is not None else 0.0
     structured = _beyond_noise(problem, weighed.fit, total["after"]) and _coloured(weighed.fit)
     verdict = _verdict(total, bool(weighed.standing), structured, rest)
+    known = intervals(problem, weighed.fit, gate.timing.stamps_s)
     localisation = localise(problem.looked_at, weighed.base.model(problem))
     after = localise(problem.looked_at, weighed.fit.model(problem), held=True) if weighed.standing else localisation
     rows = [] if verdict == "none" else budget.shares(problem, weighed.fit, total["after"], after)
@@ -143,7 +142,7 @@ def conclude(found: Investigation, gate: Gate | None,
         "schema": SCHEMA,
         "verdict": verdict,
         "located": [{**row, "share": _round(row["share"])} for row in located],
-        "effects": [_effect(problem, weighed, one, held, gate.timing.stamps_s) for one in weighed.standing],
+        "effects": [_effect(problem, weighed, one, held, known) for one in weighed.standing],
         "budget": [{**row, "share": _round(row["share"])} for row in rows],
         "nominal_fit": _nominal_fit(problem, weighed.fit),
         **_setup(problem, weighed.fit),
@@ -210,84 +209,16 @@ def _round(value: float, digits: int = 5) -> float:
     return float(f"{value:.{digits}g}")
 
 
-def _sandwich(problem: Problem, fit: Fit, groups: np.ndarray) -> np.ndarray:
-    """Variances of (z, u) that follow from how the residuals really scatter between groups of them, (k + p,).
-
-    H. White, Econometrica 48, 1980, clustered: residuals may be correlated within a group.
-    """
-    white, jacobian = fit.whitened()
-    keep = np.flatnonzero(fit.free)
-    sums = np.zeros((int(groups.max(initial=0)) + 1, len(keep)))
-    np.add.at(sums, groups, jacobian[:, keep].astype(float) * white[:, None])
-    count = len(np.unique(groups))
-    sums *= math.sqrt(count / max(count - 1, 1))
-    bread = np.linalg.inv(fit.precision[np.ix_(keep, keep)])
-    result = np.zeros(len(fit.free))
-    result[keep] = np.diag(bread @ (sums.T @ sums) @ bread)
-    return result
-
-
-def _shift(fit: Fit) -> np.ndarray:
-    """How far (z, u) move, (k + p,), if residuals count as white noise in place of a discrepancy.
-
-    J. A. Hausman, Econometrica 46, 1978: two estimates that weigh slow and fast misfits otherwise agree where the explanation is
-    whole; what parts them is the rest that one of them took for an effect. Prior and dispersion are those of the fit.
-    """
-    keep = np.flatnonzero(fit.free)
-    prior = np.diag(prior_weight(fit.z, fit.u)[keep])
-    pull = prior @ np.concatenate([fit.z, fit.u])[keep]
-    jacobian = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep].astype(float)
-    white, whitened = fit.whitened()
-    whitened = whitened[:, keep].astype(float)
-    dispersion = max(float(fit.residual @ fit.residual) / len(fit.residual), 1.0)
-    moved = [np.linalg.solve(j.T @ j / scale + prior, j.T @ r / scale + pull)
-             for j, r, scale in ((whitened, white, 1.0), (jacobian, fit.residual, dispersion))]
-    result = np.zeros(len(fit.free))
-    result[keep] = moved[0] - moved[1]
-    # A slope says nothing of where steps that come late would end.
-    free = dict(zip(_keys(fit), fit.free[len(fit.z):]))
-    late = {(effect.id, side) for effect, side, p in parameters(fit.effects, fit.hypothesis) if p.steep and free[(effect.id, side), p.name]}
-    result[len(fit.z):][[member in late for member, _ in _keys(fit)]] = 0.0
-    return result
-
-
-def _sigmas(problem: Problem, fit: Fit) -> np.ndarray:
-    """One sigma of each parameter, in spreads: the largest of what the likelihood says, what the scatter between blocks of
-    time says, and what that between runs does; and what it hangs on how the rest is weighed."""
-    variances = [np.diag(fit.covariance), _sandwich(problem, fit, problem.blocks)]
-    if len(problem.whole) > 2:
-        variances.append(_sandwich(problem, fit, problem.runs_of))
-    return np.sqrt(np.max(variances, axis=0) + _shift(fit) ** 2)[len(fit.z):]
-
-
-def _effect(problem: Problem, weighed: Account, one: Standing, held: HeldOut, stamps_s: float) -> dict:
-    fit = weighed.fit
-    sigma = dict(zip(_keys(fit), _sigmas(problem, fit)))
-    free = dict(zip(_keys(fit), fit.free[len(fit.z):]))
-    values = fit.values[fit.hypothesis.index(one.member)]
-    effect = problem.effects[one.member[0]]
+def _effect(problem: Problem, weighed: Account, one: Standing, held: HeldOut, known: dict[Key, tuple[float, float] | None]) -> dict:
+    effect, values = problem.effects[one.member[0]], dict(zip(weighed.fit.hypothesis, weighed.fit.values))[one.member]
     entry = {}
-    # Commands have the same stamps as samples: a delay is known no better than these are, or than it is one in all runs, or than
-    # the latency of a servo's board, which it is one sum with.
-    latency_s = LATENCY_S if any(LATENCY.keys() & n.keys.keys() for n in problem.nuisances) else 0.0
-    stamps = math.hypot(stamps_s, problem.lag_s, latency_s) if effect.subsystem == "timing" else 0.0
     for p in effect.parameters:
-        key = (one.member, p.name)
-        # Of what is absent far off, a stiff spring, a high limit, the size is the value itself.
-        size = abs(values[p.name] - p.null) if p.null in (0.0, 1.0) else abs(values[p.name])
-        spread = Z90 * math.hypot(sigma[key] * p.slope(values[p.name]), effect.form * size, stamps)
         name, _, unit = p.reported(problem.robot.axis)
-        low, high = max(values[p.name] - spread, p.low), min(values[p.name] + spread, p.high)
-        # Of what may be anything that it can be, the runs say nothing.
-        pinned = free[key] and (low > p.low or high < p.high)
-        entry[name] = {"value": _round(unit * values[p.name]), "ci90": [_round(unit * low), _round(unit * high)] if pinned else None}
+        within = known[one.member, p.name]
+        entry[name] = {"value": _round(unit * values[p.name]), "ci90": None if within is None else [_round(unit * end) for end in within]}
     probability = one.probability * weighed.share(one.member)
     return {**_named(problem, one.member), "subsystem": effect.subsystem, "probability": _round(probability, 4), "parameters": entry,
             "gap_without": _round(held.without[one.member])}
-
-
-def _keys(fit: Fit) -> list[tuple[tuple[str, str], str]]:
-    return [((e.id, side), p.name) for e, side, p in parameters(fit.effects, fit.hypothesis)]
 
 
 def _nominal_fit(problem: Problem, fit: Fit) -> dict:

@@ -14,10 +14,11 @@ from rtds_host.diagnosis import search as search_module
 from rtds_host.diagnosis.account import _contradicted, _poor, _standing, _uneven, account
 from rtds_host.diagnosis.carried import carried, ratio, scatter, scattered
 from rtds_host.diagnosis.chance import MOST, SAME
-from rtds_host.diagnosis.diagnose import _ended, _shift, _sigmas, diagnose
+from rtds_host.diagnosis.diagnose import _ended, diagnose
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, excess, told_apart
 from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side, to_values
+from rtds_host.diagnosis.intervals import Z90, _shift, _sigmas, intervals
 from rtds_host.diagnosis.likelihood import Discrepancy, Series, _nll_of_all
 from rtds_host.diagnosis.lookalikes import _likened, _opens, _swaps, lookalikes
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
@@ -502,8 +503,13 @@ def test_a_gain_that_stands_in_for_a_bend_scatters_and_a_gain_does_not():
     gain = (("current_gain", "both"), {"ratio": 1.1})
     search, fit = fitted(changed(make_case(seconds=20.0), bent), gain)
     assert scattered(search.problem, fit)[gain[0]] > SAME
+    # Of such a gain no more is known than it scatters by.
+    low, high = intervals(search.problem, fit)[gain[0], "ratio"]
+    assert high - low > 2.0 * Z90 * SAME * abs(fit.values[0]["ratio"] - 1.0)
     search, fit = fitted(make_case(lambda m: m.scale("current_gain", 1.1), seconds=20.0), gain)
     assert scattered(search.problem, fit)[gain[0]] < 0.01
+    low, high = intervals(search.problem, fit)[gain[0], "ratio"]
+    assert low < 1.1 < high and high - low < 0.02
 
 
 @pytest.mark.parametrize(("beyond", "gap", "falls"), [(0.19, 1.0, False), (0.21, 1.0, True), (0.39, 3.0, False), (0.41, 3.0, True),
