@@ -73,7 +73,7 @@ registers: setup
 bench: setup
 	$(BIN)/python -m rtds_host.bench $(if $(AGAINST),--against $(AGAINST))
 
-# Sealed cases for the diagnosis, 60 in about 15 minutes or 310 for the figures in docs; both go on where they stopped.
+# Sealed cases for the diagnosis, 60 in about 15 minutes or 310; both go on where they stopped.
 blind: setup
 	@test -f build/blind/public/SEALS.json || $(BIN)/rtds blind make --out build/blind --n 60
 	$(BIN)/rtds blind answer --out build/blind --quick
@@ -82,7 +82,7 @@ blind: setup
 blind-long: setup
 	@test -f build/blind-long/public/SEALS.json || $(BIN)/rtds blind make --out build/blind-long --n 310
 	$(BIN)/rtds blind answer --out build/blind-long --quick
-	$(BIN)/rtds blind score --out build/blind-long --page docs/blind-results.md
+	$(BIN)/rtds blind score --out build/blind-long
 
 # Inputs that are almost right: logs, robots, diagnoses, mappings, tables, bags, frames. About ten minutes on an idle core.
 fuzz: setup
