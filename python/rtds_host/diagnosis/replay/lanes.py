@@ -20,6 +20,8 @@ from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT, SLIDING, TRIAL
 
 # Numerical: numbers in a vector register of the widest processors; narrower ones take two or four for it.
 LANES = 8
+# Numerical: s, the time of what does not come any more.
+NEVER = 1e300
 # Numerical: s over a span, what its steps may be longer or shorter and still count as alike.
 ALIKE_S = 1e-10
 
@@ -83,7 +85,7 @@ def _begin(s, l, side, com, run, start):
         s[o + RADIUS] = side[k, one.RADIUS]
         s[o + FRICTION] = side[k, one.COULOMB] + com[one.ROLLING] * mass * GRAVITY_M_S2 * 0.5 * side[k, one.RADIUS]
         s[o + ASYM] = side[k, one.ASYM]
-        s[o + SPEED_TAU] = side[k, one.W_TAU]
+        s[o + SPEED_TAU], s[o + FADE] = side[k, one.W_TAU], 0.0
         s[o + W_GAIN], s[o + I_GAIN], s[o + I_BIAS] = side[k, one.W_GAIN], side[k, one.I_GAIN], side[k, one.I_BIAS]
         s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN] = side[k, one.CURVE], side[k, one.DEADZONE], side[k, one.V_GAIN]
         s[o + STRIBECK], s[o + FADES] = side[k, one.STRIBECK], 1.0 / side[k, one.STRIBECK_W]
@@ -177,12 +179,15 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     # Rows of what comes next in a lane, a sample, its pose, a command, and where they end; and from a sample's row to that of `out`.
     sample, pose, last = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     command, last_command, to_out = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    # When these are due, s.
+    next_sample, next_pose, next_command = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
     # The next sample of a speed that comes later than that by its own delay, s, and where its run begins.
     held_s, lagging, begin = np.zeros((2, LANES)), np.zeros((2, LANES), np.int64), np.zeros(LANES, np.int64)
+    lags = np.zeros(LANES, np.bool_)
     ripples = np.zeros(LANES, np.bool_)
     given = 0
     running = 0
-    scrubbed = pulled = rippled = heated = faded = slipping = drawn = flexible = False
+    scrubbed = pulled = rippled = heated = faded = filtered = slipping = drawn = flexible = False
     # Free play asks for short steps between its flanks: whether a lane has any, the longest step then and now, and whether its flanks
     # part in this span; whether a step is taken once more, and what it began with.
     plays, fine, limit = np.zeros(LANES, np.bool_), np.zeros(LANES), np.zeros(LANES)
@@ -224,66 +229,84 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     last[l] = t_first[r + 1]
                     for i in range(2):
                         held_s[i, l] = sides[which[j, 0], i, one.W_LATE]
+                    lags[l] = held_s[0, l] > 0.0 or held_s[1, l] > 0.0
                     command[l], last_command[l] = cmd_first[r], cmd_first[r + 1]
+                    next_sample[l], next_pose[l] = ts[t_first[r]] - s[LATE + l], ts[t_first[r]] - s[POSE_LATE + l]
+                    next_command[l] = cmds_t[cmd_first[r]] + s[COMMAND_LATE + l] if command[l] < last_command[l] else NEVER
                     to_out[l] = out_first[j] - t_first[r]
                     now = ts[t_first[r]]
                     ripples[l] = sides[which[j, 0], 0, one.RIPPLE] != 0.0 or sides[which[j, 0], 1, one.RIPPLE] != 0.0
                     plays[l] = s[BACKLASH + l] > 0.0 or s[_SIDE + BACKLASH + l] > 0.0
-                    rippled = heated = scrubbed = pulled = faded = slipping = drawn = flexible = False
+                    rippled = heated = scrubbed = pulled = faded = filtered = slipping = drawn = flexible = False
                     for i in range(lanes):
                         rippled |= ripples[i]
                         heated |= s[HEAT + i] != 0.0 or s[_SIDE + HEAT + i] != 0.0
                         scrubbed |= s[SCRUB + i] != 0.0
                         pulled |= s[PULL + i] != 0.0
                         faded |= s[STRIBECK + i] != 0.0 or s[_SIDE + STRIBECK + i] != 0.0
+                        filtered |= s[SPEED_TAU + i] > 0.0 or s[_SIDE + SPEED_TAU + i] > 0.0
                         slipping |= s[SLIP + i] != 0.0 or s[_SIDE + SLIP + i] != 0.0
                         flexible |= s[CONTACT + i] != _RIGID or s[_SIDE + CONTACT + i] != _RIGID
                         drawn |= s[SOURCE + i] != 0.0 or s[LOAD + i] != 0.0 or s[_SIDE + LOAD + i] != 0.0
-                if not (abs(s[W + l]) < 1e6 and abs(s[_SIDE + W + l]) < 1e6 and abs(s[CUR + l]) < 1e6
-                        and abs(s[_SIDE + CUR + l]) < 1e6 and abs(s[V + l]) < 1e6 and abs(s[RATE + l]) < 1e6):
-                    for k in range(min(sample[l], pose[l]), last[l]):
-                        out[to_out[l] + k] = 1e6
-                    sample[l] = pose[l] = lagging[0, l] = lagging[1, l] = last[l]
+                due = now + 1e-9
                 end = last[l]
-                k = pose[l]
-                while k < end and ts[k] - s[POSE_LATE + l] <= now + 1e-9:
-                    row = to_out[l] + k
-                    out[row, 8] = s[X + l]
-                    out[row, 9] = s[Y + l]
-                    out[row, 10] = s[YAW + l]
-                    k += 1
-                pose[l] = k
-                k = sample[l]
-                while k < end and ts[k] - s[LATE + l] <= now + 1e-9:
-                    row = to_out[l] + k
-                    draw = (s[CUR + l] * s[VA + l] + s[_SIDE + CUR + l] * s[_SIDE + VA + l]) / s[SUPPLY + l]
-                    bus = s[SUPPLY + l] - s[SOURCE + l] * draw - s[DECLINE + l] * (now - s[BEGUN + l])
-                    out[row, 0] = s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus
+                reports = next_sample[l] <= due or next_pose[l] <= due
+                if (reports or lags[l]) and not (
+                        abs(s[W + l]) < 1e6 and abs(s[_SIDE + W + l]) < 1e6 and abs(s[CUR + l]) < 1e6
+                        and abs(s[_SIDE + CUR + l]) < 1e6 and abs(s[V + l]) < 1e6 and abs(s[RATE + l]) < 1e6):
+                    for k in range(min(sample[l], pose[l]), end):
+                        out[to_out[l] + k] = 1e6
+                    sample[l] = pose[l] = lagging[0, l] = lagging[1, l] = end
+                    next_sample[l] = next_pose[l] = NEVER
+                    reports = True
+                if next_pose[l] <= due:
+                    k = pose[l]
+                    while True:
+                        row = to_out[l] + k
+                        out[row, 8] = s[X + l]
+                        out[row, 9] = s[Y + l]
+                        out[row, 10] = s[YAW + l]
+                        k += 1
+                        at = ts[k] - s[POSE_LATE + l] if k < end else NEVER
+                        if not at <= due:
+                            break
+                    pose[l], next_pose[l] = k, at
+                if next_sample[l] <= due:
+                    k = sample[l]
+                    while True:
+                        row = to_out[l] + k
+                        draw = (s[CUR + l] * s[VA + l] + s[_SIDE + CUR + l] * s[_SIDE + VA + l]) / s[SUPPLY + l]
+                        bus = s[SUPPLY + l] - s[SOURCE + l] * draw - s[DECLINE + l] * (now - s[BEGUN + l])
+                        out[row, 0] = s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus
+                        for i in range(2):
+                            o = i * _SIDE + l
+                            out[row, 1 + i] = s[o + CUR] * s[o + I_GAIN] + s[o + I_BIAS]
+                            if held_s[i, l] <= 0.0:
+                                out[row, 3 + i] = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + WM]) * s[o + W_GAIN]
+                            # The encoder sits at the gear's output, before any play or spring (contract, section 7).
+                            out[row, 5 + i] = (s[o + TH] + s[o + PLAY]) * s[o + W_GAIN]
+                        out[row, 7] = s[RATE + l] * s[GYRO_GAIN + l] + s[GYRO_BIAS + l]
+                        k += 1
+                        at = ts[k] - s[LATE + l] if k < end else NEVER
+                        if not at <= due:
+                            break
+                    sample[l], next_sample[l] = k, at
+                if lags[l]:
                     for i in range(2):
-                        o = i * _SIDE + l
-                        out[row, 1 + i] = s[o + CUR] * s[o + I_GAIN] + s[o + I_BIAS]
-                        if held_s[i, l] <= 0.0:
-                            out[row, 3 + i] = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + WM]) * s[o + W_GAIN]
-                        # The encoder sits at the gear's output, before any play or spring (contract, section 7).
-                        out[row, 5 + i] = (s[o + TH] + s[o + PLAY]) * s[o + W_GAIN]
-                    out[row, 7] = s[RATE + l] * s[GYRO_GAIN + l] + s[GYRO_BIAS + l]
-                    k += 1
-                sample[l] = k
-                for i in range(2):
-                    if held_s[i, l] > 0.0:
-                        later = s[LATE + l] + held_s[i, l]
-                        o = i * _SIDE + l
-                        k = lagging[i, l]
-                        while k < end and ts[k] - later <= now + 1e-9:
-                            speed = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + WM]) * s[o + W_GAIN]
-                            if ts[k] - later < ts[begin[l]]:
-                                # As in `kernel.replay`.
-                                begun = starts[which[job[l], 1], 9 + i]
-                                speed = begun + (speed - begun) * (ts[k] - ts[begin[l]]) / later
-                            out[to_out[l] + k, 3 + i] = speed
-                            k += 1
-                        lagging[i, l] = k
-                if sample[l] >= end and pose[l] >= end:
+                        if held_s[i, l] > 0.0:
+                            later = s[LATE + l] + held_s[i, l]
+                            o = i * _SIDE + l
+                            k = lagging[i, l]
+                            while k < end and ts[k] - later <= due:
+                                speed = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + WM]) * s[o + W_GAIN]
+                                if ts[k] - later < ts[begin[l]]:
+                                    # As in `kernel.replay`.
+                                    begun = starts[which[job[l], 1], 9 + i]
+                                    speed = begun + (speed - begun) * (ts[k] - ts[begin[l]]) / later
+                                out[to_out[l] + k, 3 + i] = speed
+                                k += 1
+                            lagging[i, l] = k
+                if reports and sample[l] >= end and pose[l] >= end:
                     # Idle lanes stand still: at rest, with nothing that drives them.
                     job[l] = -1
                     running -= 1
@@ -299,17 +322,18 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     ripples[l] = False
                     plays[l] = False
                     continue
-                k = command[l]
-                changed = False
-                supply = s[SUPPLY + l]
-                while k < last_command[l] and cmds_t[k] + s[COMMAND_LATE + l] <= now + 1e-9:
-                    changed = True
-                    s[BUS_ROW + l] = buses[k]
-                    s[VA + l] = min(max(cmds[k, 0], -supply), supply)
-                    s[_SIDE + VA + l] = min(max(cmds[k, 1], -supply), supply)
-                    k += 1
-                command[l] = k
-                if changed:
+                if next_command[l] <= due:
+                    k = command[l]
+                    supply = s[SUPPLY + l]
+                    while True:
+                        k += 1
+                        at = cmds_t[k] + s[COMMAND_LATE + l] if k < last_command[l] else NEVER
+                        if not at <= due:
+                            break
+                    s[BUS_ROW + l] = buses[k - 1]
+                    s[VA + l] = min(max(cmds[k - 1, 0], -supply), supply)
+                    s[_SIDE + VA + l] = min(max(cmds[k - 1, 1], -supply), supply)
+                    command[l], next_command[l] = k, at
                     for i in range(2):
                         o = i * _SIDE + l
                         a = s[o + VA]
@@ -319,16 +343,11 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                         if dz != 0.0:
                             a -= math.copysign(min(abs(a), dz), a) if dz > 0.0 else (math.copysign(dz, a) if a != 0.0 else 0.0)
                         s[o + VD] = a * s[o + V_GAIN]
-                ahead = 1e300
-                if pose[l] < end:
-                    ahead = min(ahead, ts[pose[l]] - s[POSE_LATE + l])
-                if sample[l] < end:
-                    ahead = min(ahead, ts[sample[l]] - s[LATE + l])
-                for i in range(2):
-                    if held_s[i, l] > 0.0 and lagging[i, l] < end:
-                        ahead = min(ahead, ts[lagging[i, l]] - s[LATE + l] - held_s[i, l])
-                if k < last_command[l]:
-                    ahead = min(ahead, cmds_t[k] + s[COMMAND_LATE + l])
+                ahead = min(min(next_pose[l], next_sample[l]), next_command[l])
+                if lags[l]:
+                    for i in range(2):
+                        if held_s[i, l] > 0.0 and lagging[i, l] < end:
+                            ahead = min(ahead, ts[lagging[i, l]] - s[LATE + l] - held_s[i, l])
                 span = ahead - now
                 if span <= 1e-9:
                     now = ahead
@@ -339,7 +358,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 limit[l] = fine[l] if plays[l] and _is_free(s, l) else s[H_MAX + l]
                 # Most spans are a step: they need not wait for divisions.
                 count, h = 1, span
-                if span > limit[l]:
+                if span > limit[l] * (1.0 + 1e-9):
                     count = math.ceil(span / limit[l] - 1e-9)
                     h = span / count
                 # Spans differ in their last digits.
@@ -356,17 +375,27 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
-                    h, ke, ind, tau, shear_tau = s[H + l], s[o + KE + l], s[o + IND + l], s[o + SPEED_TAU + l], s[o + SHEAR_TAU + l]
+                    h, ke, ind = s[H + l], s[o + KE + l], s[o + IND + l]
                     per_res = 1.0 / (s[o + RES + l] * (1.0 + s[o + RISE + l]))
                     mean_i = ind * per_res / h
                     e = exp_minus(1.0 / mean_i)
                     c1 = ke * per_res * (1.0 - (1.0 - e) * mean_i)
                     s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l], s[o + MEAN_I + l] = e, (1.0 - e) * per_res, per_res, mean_i
                     s[o + C1 + l], s[o + M1 + l] = c1, 0.5 * ke * per_res - mean_i * c1
-                    fade = exp_minus(h / (tau if tau > 0.0 else 1.0))
-                    s[o + FADE + l] = fade if tau > 0.0 else 0.0
-                    late = max(0.5, 1.0 - shear_tau / h)
-                    s[o + LATE_SHEAR + l], s[o + PER_SHEAR + l] = late, 1.0 / (late * h + shear_tau)
+            if filtered:
+                for k in range(2):
+                    o = k * _SIDE
+                    for l in range(lanes):
+                        tau = s[o + SPEED_TAU + l]
+                        fade = exp_minus(s[H + l] / (tau if tau > 0.0 else 1.0))
+                        s[o + FADE + l] = fade if tau > 0.0 else 0.0
+            if slipping:
+                for k in range(2):
+                    o = k * _SIDE
+                    for l in range(lanes):
+                        h, shear_tau = s[H + l], s[o + SHEAR_TAU + l]
+                        late = max(0.5, 1.0 - shear_tau / h)
+                        s[o + LATE_SHEAR + l], s[o + PER_SHEAR + l] = late, 1.0 / (late * h + shear_tau)
         # ---- what few lanes have, one after another
         if rippled:
             for l in range(lanes):
