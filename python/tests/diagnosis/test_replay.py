@@ -96,6 +96,31 @@ def test_halving_the_step_brings_the_replay_four_times_nearer():
     assert errors[0] / errors[1] > 3.3 and errors[1] / errors[2] > 3.3
 
 
+def test_a_bus_that_sags_is_that_of_its_differential_equation():
+    log, source = run("steps", slope=0.0, payload=0.0), 0.3
+    m, c = ROBOT.motor, ROBOT.chassis
+    n, r, half = m.gear_ratio, c.wheel_radius_m, 0.5 * c.track_width_m
+    spin = n * n * m.rotor_inertia_kg_m2 + c.wheel_inertia_kg_m2
+    own, cross = (r * r / 4 * (c.mass_kg + sign * c.yaw_inertia_kg_m2 / half**2) for sign in (1, -1))
+    inverse = np.linalg.inv([[spin + own, cross], [cross, spin + own]])
+
+    def rates(_, s, volts):
+        current, w = s[:2], s[2:]
+        level = 1.0 - source * current @ volts / ROBOT.supply_v**2
+        di = (volts * level - m.resistance_ohm * current - m.back_emf_constant_v_s_per_rad * n * w) / m.inductance_h
+        return [*di, *inverse @ (n * m.torque_constant_nm_per_a * current - n * n * m.viscous_friction_nm_s_per_rad * w)]
+
+    s = integrated(log, rates, np.zeros(4), method="DOP853", rtol=1e-10, atol=1e-12)
+    model = nominal_model(ROBOT)
+    model.put("source_resistance", source)
+    inputs = run_inputs(log, ROBOT)
+    for step, share in ((STEP_S, 0.3), (REPORT_STEP_S, 0.1)):
+        for out in (replay_run(model, inputs, step), Abreast([inputs]).replay([model], [step])[0]):
+            for k, name in enumerate(("i_l", "i_r", "w_l", "w_r")):
+                worst = np.abs(out[:, OUTPUT_INDEX[name]] - s[:, k]).max()
+                assert worst < share * ROBOT.noise(name), (name, step, worst)
+
+
 def scipy_slip(log, slip, length, damping, grip):
     """Yaw rate (n,) rad/s and way (n,) m of a robot whose tyres slip: Pacejka's transient slip in its differential form."""
     m, c = ROBOT.motor, ROBOT.chassis

@@ -34,7 +34,7 @@ BOUNCE_RAD_S = 0.05
 # Numerical: of a current sensor's gain below this no current is told.
 LEAST_GAIN = 0.1
 # Numerical: how often a step is taken whose friction or bus hangs on its own currents and forces.
-TRIALS = 3
+TRIALS = 2
 
 R, L, KM, KB, J, B = (SIDE_INDEX[n] for n in ("resistance", "inductance", "torque_constant", "back_emf",
                                               "rotor_inertia", "viscous"))
@@ -100,6 +100,16 @@ def begun(side, current, reported, noise):
         return current
     beyond = reported - side[I_BIAS]
     return beyond / side[I_GAIN] if abs(beyond) > noise else 0.0
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def behind_driver(volts, emf, limit, drop):
+    """Voltage at a winding, V, of what a driver is asked for: within its limit, less its drop. Above zero that goes as far as stopping the
+    current; below it stands for one of that size whatever it does to the current."""
+    volts = min(max(volts, -limit), limit)
+    u = volts - emf
+    against = -drop if u > 0.0 else (drop if u < 0.0 else 0.0)
+    return volts - (min(max(u, -drop), drop) if drop > 0.0 else against)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -237,6 +247,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     kp = 0                    # next pose sample, at t[kp] - dp
     servo_next = t[0]
     bus = supply
+    level = 1.0               # bus over its nominal voltage
     row_bus = bus_log[0]
     wcmd0 = 0.0
     wcmd1 = 0.0
@@ -364,9 +375,25 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
             for k in range(sides):
                 wn[k] = w[k]
                 wmn[k] = wm[k]
-                im[k] = cur[k]
                 bounces[k] = (contact[k] == _FREE and side[k, RESTITUTION] > 0.0
                               and abs(wmn[k] - wn[k]) > BOUNCE_RAD_S)
+                if mode != 1:
+                    ke = side[k, KB] * gear
+                    res = side[k, R] * (1.0 + rise[k])
+                    if of_h[k] != h or of_r[k] != res:
+                        of_h[k], of_r[k] = h, res
+                        e = math.exp(-h * res / side[k, L])
+                        decay[k] = e
+                        rise_v[k] = (1.0 - e) / res
+                        mean_v[k] = 1.0 / res
+                        mean_i[k] = side[k, L] / (h * res)
+                        c1[k] = ke / res * (1.0 - (1.0 - e) * mean_i[k])
+                        m1[k] = 0.5 * ke / res - mean_i[k] * c1[k]
+                    if com[SOURCE_R] != 0.0:
+                        # What the current comes to at the bus before and an even speed.
+                        volts = behind_driver(vd[k] * level, ke * wm[k], side[k, LIMIT], side[k, DROP])
+                        now_i = decay[k] * cur[k] + rise_v[k] * (volts - ke * wm[k])
+                        im[k] = mean_i[k] * (cur[k] - now_i) + mean_v[k] * (volts - ke * wm[k])
             for trial in range(outer):
                 # ---- driver and armature: mean current = m0 - m1 * rotor speed at the end of the step
                 if com[BUS_MEAS] > 0.0:
@@ -374,10 +401,12 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                 else:
                     bus = supply - com[DECLINE] * (elapsed + 0.5 * h)
                     if com[SOURCE_R] != 0.0:
-                        draw = 0.0
+                        # Newton's step: a higher bus drives more current, which lowers it.
+                        draw, lowers = 0.0, 0.0
                         for k in range(sides):
                             draw += im[k] * va[k] / supply
-                        bus -= com[SOURCE_R] * draw
+                            lowers += (mean_v[k] - mean_i[k] * rise_v[k]) * vd[k] * va[k] / supply
+                        bus = level * supply + (bus - com[SOURCE_R] * draw - level * supply) / (1.0 + com[SOURCE_R] * lowers / supply)
                 level = bus / supply
                 for k in range(sides):
                     if mode == 1:
@@ -385,26 +414,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         c0[k], c1[k], m0[k], m1[k] = 0.0, 0.0, 0.0, 0.0
                     else:
                         ke = side[k, KB] * gear
-                        res = side[k, R] * (1.0 + rise[k])
-                        if of_h[k] != h or of_r[k] != res:
-                            of_h[k], of_r[k] = h, res
-                            e = math.exp(-h * res / side[k, L])
-                            decay[k] = e
-                            rise_v[k] = (1.0 - e) / res
-                            mean_v[k] = 1.0 / res
-                            mean_i[k] = side[k, L] / (h * res)
-                            c1[k] = ke / res * (1.0 - (1.0 - e) * mean_i[k])
-                            m1[k] = 0.5 * ke / res - mean_i[k] * c1[k]
-                        volts = vd[k] * level
-                        lim = side[k, LIMIT]
-                        volts = min(max(volts, -lim), lim)
-                        if side[k, DROP] != 0.0:
-                            drop = side[k, DROP]
-                            u = volts - ke * wmn[k]
-                            if drop > 0.0:
-                                volts -= min(max(u, -drop), drop)
-                            else:
-                                volts -= math.copysign(drop, u) if u != 0.0 else 0.0
+                        volts = behind_driver(vd[k] * level, ke * wmn[k], side[k, LIMIT], side[k, DROP])
                         c0[k] = decay[k] * cur[k] + rise_v[k] * (volts - ke * wmn[k]) + c1[k] * wmn[k]
                         m0[k] = mean_i[k] * (cur[k] - c0[k]) + mean_v[k] * (volts - 0.5 * ke * wmn[k])
                         drive, slope_w = gear * side[k, KM] * m0[k], gear * side[k, KM] * m1[k]

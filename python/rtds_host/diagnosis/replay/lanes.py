@@ -16,7 +16,7 @@ import numpy as np
 from rtds_host.contract import GRAVITY_M_S2
 from rtds_host.diagnosis.elementary import cos_less_one, exp_minus, sin, tanh
 from rtds_host.diagnosis.replay import kernel as one
-from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT, SLIDING, TRIALS
+from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT, SLIDING, TRIALS, behind_driver
 
 # Numerical: numbers in a vector register of the widest processors; narrower ones take two or four for it.
 LANES = 8
@@ -106,6 +106,7 @@ def _begin(s, l, side, com, run, start):
         s[o + CONTACT] = _SPRING if side[k, one.STIFF] > 0.0 else (_FREE if side[k, one.BACKLASH] > 0.0 else _RIGID)
         s[o + RISE] = s[o + VA] = s[o + VD] = s[o + STICK] = s[o + RIPPLE] = s[o + EXTRA] = 0.0
     s[H + l] = s[DONE + l] = 0.0
+    s[LEVEL + l] = 1.0
     s[POSE_LATE + l] = com[one.LATENCY]
     s[LATE + l] = com[one.MEAS_DELAY] + com[one.LATENCY]
     s[COMMAND_LATE + l] = com[one.CMD_DELAY]
@@ -447,8 +448,18 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
             o = k * _SIDE
             for l in range(lanes):
                 w = s[o + WM + l]
-                s[o + WN + l], s[o + WMN + l], s[o + MEAN + l] = s[o + W + l], w, s[o + CUR + l]
+                s[o + WN + l], s[o + WMN + l] = s[o + W + l], w
                 s[o + STICK + l] = 1.0 if w > 0.0 else (-1.0 if w < 0.0 else 0.0)
+        if drawn:
+            # What the current comes to at the bus before and an even speed.
+            for k in range(2):
+                o = k * _SIDE
+                for l in range(lanes):
+                    w, cur = s[o + WMN + l], s[o + CUR + l]
+                    emf = s[o + KE + l] * w
+                    volts = behind_driver(s[o + VD + l] * s[LEVEL + l], emf, s[o + LIM + l], s[o + DROP + l])
+                    now_i = s[o + DECAY + l] * cur + s[o + RISE_V + l] * (volts - emf)
+                    s[o + MEAN + l] = s[o + MEAN_I + l] * (cur - now_i) + s[o + MEAN_V + l] * (volts - emf)
         if flexible:
             for k in range(2):
                 o = k * _SIDE
@@ -479,9 +490,16 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
         while True:
             # ---- driver, armature and rotor of each side: mean current = m0 - m1 * rotor speed at the end of the step
             for l in range(lanes):
-                draw = (s[MEAN + l] * s[VA + l] + s[_SIDE + MEAN + l] * s[_SIDE + VA + l]) / s[SUPPLY + l]
+                supply, source, level = s[SUPPLY + l], s[SOURCE + l], s[LEVEL + l]
                 # `DONE` is the time at the step's end.
-                bus = s[SUPPLY + l] - s[SOURCE + l] * draw - s[DECLINE + l] * (s[NOW + l] + s[DONE + l] - s[BEGUN + l] - 0.5 * s[H + l])
+                bus = supply - s[DECLINE + l] * (s[NOW + l] + s[DONE + l] - s[BEGUN + l] - 0.5 * s[H + l])
+                # Newton's step: a higher bus drives more current, which lowers it.
+                draw = (s[MEAN + l] * s[VA + l] + s[_SIDE + MEAN + l] * s[_SIDE + VA + l]) / supply
+                lowers = ((s[MEAN_V + l] - s[MEAN_I + l] * s[RISE_V + l]) * s[VD + l] * s[VA + l]
+                          + (s[_SIDE + MEAN_V + l] - s[_SIDE + MEAN_I + l] * s[_SIDE + RISE_V + l]) * s[_SIDE + VD + l] * s[_SIDE + VA + l]
+                          ) / supply
+                stepped = level * supply + (bus - source * draw - level * supply) / (1.0 + source * lowers / supply)
+                bus = stepped if source != 0.0 else bus
                 s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / s[SUPPLY + l]
             for k in range(2):
                 o = k * _SIDE
@@ -489,12 +507,7 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     h = s[H + l]
                     w = s[o + WMN + l]
                     ke = s[o + KE + l]
-                    volts = s[o + VD + l] * s[LEVEL + l]
-                    volts = min(max(volts, -s[o + LIM + l]), s[o + LIM + l])
-                    drop = s[o + DROP + l]
-                    u = volts - ke * w
-                    against = -drop if u > 0.0 else (drop if u < 0.0 else 0.0)
-                    volts -= min(max(u, -drop), drop) if drop > 0.0 else against
+                    volts = behind_driver(s[o + VD + l] * s[LEVEL + l], ke * w, s[o + LIM + l], s[o + DROP + l])
                     c0 = s[o + DECAY + l] * s[o + CUR + l] + s[o + RISE_V + l] * (volts - ke * w) + s[o + C1 + l] * w
                     m0 = s[o + MEAN_I + l] * (s[o + CUR + l] - c0) + s[o + MEAN_V + l] * (volts - 0.5 * ke * w)
                     s[o + C0 + l], s[o + M0 + l] = c0, m0
