@@ -155,8 +155,7 @@ class Fit:
 
     def whitened(self) -> tuple[np.ndarray, np.ndarray]:
         """Whitened residual (N,) and derivatives (N, k + p) float32."""
-        jacobian = np.concatenate([self.by_nuisance, self.by_effect], axis=1)
-        return self.noise.whiten(self.residual), self.noise.whiten(jacobian)
+        return self.noise.whiten(self.residual), self.noise.whitened([*self.by_nuisance.T, *self.by_effect.T])
 
     @cached_property
     def precision(self) -> np.ndarray:
@@ -320,7 +319,7 @@ class Fitter:
         free = np.ones(len(x), bool)
         for _ in range(iterations):
             by_effect = self._assembled(hypothesis, known, (yield from self._derivatives(hypothesis, x, r, own, high)))
-            jacobian = noise.whiten(np.concatenate([by_nuisance, by_effect], axis=1))
+            jacobian = noise.whitened([*by_nuisance.T, *by_effect.T])
             white = noise.whiten(r)
             weight = prior_weight(x[:k], x[k:])
             gradient = (jacobian.T @ white.astype(np.float32)).astype(float) + weight * x

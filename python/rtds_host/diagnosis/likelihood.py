@@ -130,6 +130,9 @@ def _nll_of_all(residual, t, first, last, s2, tau):
 def _gains(t, s2, tau, keep, take, i_out, log_out):
     """Filter of one series: of each sample 1 / sqrt(S) and log S, and how the next one's expectation follows from its own and from
     the sample, keep * expectation + take * sample; nothing follows from the last."""
+    if s2 == 0.0:
+        keep[:], take[:], i_out[:], log_out[:] = 0.0, 0.0, 1.0, 0.0
+        return
     p = s2
     last_dt = -1.0
     a = 1.0
@@ -224,17 +227,18 @@ class Discrepancy:
             _gains(one.t, self.s[one.channel] ** 2, self.tau[one.channel], self.keep[rows], self.take[rows], self.i[rows],
                    self.log[rows])
 
-    def whiten(self, columns: np.ndarray) -> np.ndarray:
-        """Whitened columns, (N,) or (N, p), in the type they come in; themselves where there is no discrepancy."""
+    def whiten(self, column: np.ndarray) -> np.ndarray:
+        """A whitened column, (N,), in the type it comes in; itself where there is no discrepancy."""
         if not self.s.any():
-            return columns
-        if columns.ndim == 1:
-            out = np.empty_like(columns)
-            _whiten(columns, self.keep, self.take, self.i, out)
-            return out
-        columns = np.asfortranarray(columns)
-        out = np.empty_like(columns, order="F")
-        self.whiten_into(list(columns.T), list(out.T))
+            return column
+        out = np.empty_like(column)
+        _whiten(column, self.keep, self.take, self.i, out)
+        return out
+
+    def whitened(self, columns: Sequence[np.ndarray]) -> np.ndarray:
+        """Whitened columns, (N,) each, beside one another: (N, p) float32, each in one piece."""
+        out = np.empty((self.count, len(columns)), np.float32, order="F")
+        self.whiten_into(columns, list(out.T))
         return out
 
     def whiten_into(self, columns: Sequence[np.ndarray], out: Sequence[np.ndarray]) -> None:

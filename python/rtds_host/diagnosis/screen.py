@@ -111,8 +111,8 @@ class Screen:
         self._taken = dict(zip(fit.hypothesis, fit.values))
         # A nuisance on its bound makes no more room: what it would imitate if it could is an effect's to explain.
         keep = np.flatnonzero(fit.free)
-        columns = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep]
-        jacobian = noise.whiten(columns)
+        columns = [*fit.by_nuisance.T, *fit.by_effect.T]
+        jacobian = noise.whitened([columns[k] for k in keep])
         weight = prior_weight(fit.z, fit.u)[keep]
         at = np.concatenate([fit.z, fit.u])[keep]
         white = noise.whiten(fit.residual).astype(np.float32)

@@ -218,7 +218,7 @@ def test_columns_are_whitened_alike_alone_and_together():
     t = np.cumsum(rng.uniform(0.005, 0.02, 500))
     noise = Discrepancy([Series(0, 0, 500, t)], 500, 1, np.array([3.0]), np.array([0.1]))
     columns = rng.standard_normal((500, 7)).astype(np.float32)
-    together = noise.whiten(columns)
+    together = noise.whitened(list(columns.T))
     assert not np.allclose(together, columns)
     np.testing.assert_array_equal(together, np.column_stack([noise.whiten(np.ascontiguousarray(c)) for c in columns.T]))
 
