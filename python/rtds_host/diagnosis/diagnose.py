@@ -130,7 +130,7 @@ def conclude(found: Investigation, gate: Gate,
     rest = min(max(1.0 - effect_closed, 0.0), 1.0) if effect_closed is not None else 0.0
     structured = _beyond_noise(problem, weighed.fit, total["after"]) and _coloured(weighed.fit)
     verdict = _verdict(total, bool(weighed.standing), structured, rest)
-    known = intervals(problem, weighed.fit, gate.timing.stamps_s)
+    known = intervals(problem, weighed.fit, gate.timing.stamps_s, gate.timing.step_s)
     localisation = localise(problem.looked_at, weighed.base.model(problem))
     after = localise(problem.looked_at, weighed.fit.model(problem), held=True) if weighed.standing else localisation
     rows = [] if verdict == "none" else budget.shares(problem, weighed.fit, total["after"], after)

@@ -7,7 +7,8 @@ One sigma is the root of the sum of
     + (what formulations of the effect differ by)^2
     + (what the size scatters by over the settings that it was met in, beyond chance)^2
 
-and, of a delay, what stamps, links and a servo's latency leave open. A size that hangs on the setting is no constant that is known better
+and, of a delay, what stamps, links and a servo's latency leave open; of a sensor's lag, where within a row it measures: a driver that takes
+its speed from one row's counts is late by half of that already. A size that hangs on the setting is no constant that is known better
 than it scatters; on a machine that is described to its noise nothing scatters.
 """
 
@@ -29,10 +30,10 @@ Z90 = 1.6448536269514722
 Key = tuple[tuple[str, str], str]
 
 
-def intervals(problem: Problem, fit: Fit, stamps_s: float = 0.0) -> dict[Key, tuple[float, float] | None]:
+def intervals(problem: Problem, fit: Fit, stamps_s: float = 0.0, row_s: float = 0.0) -> dict[Key, tuple[float, float] | None]:
     """The 90 % interval of each parameter of each effect, within its bounds; None of what may be anything that it can be.
 
-    stamps_s : by how much stamps are off, s.
+    stamps_s : by how much stamps are off, s; row_s : from row to row, s.
     """
     if not fit.hypothesis:
         return {}
@@ -49,7 +50,9 @@ def intervals(problem: Problem, fit: Fit, stamps_s: float = 0.0) -> dict[Key, tu
             key, value = (member, p.name), values[p.name]
             # Of what is absent far off, a stiff spring, a high limit, the size is the value itself.
             size = abs(value - p.null) if p.null in (0.0, 1.0) else abs(value)
-            spread = Z90 * math.hypot(sigma[key] * p.slope(value), effect.form * size, late if effect.subsystem == "timing" else 0.0,
+            # Where in its row a sensor measures is known to the row.
+            timed = late if effect.subsystem == "timing" else row_s / math.sqrt(12.0) if effect.subsystem == "sensing" and p.unit == "s" else 0.0
+            spread = Z90 * math.hypot(sigma[key] * p.slope(value), effect.form * size, timed,
                                       0.0 if p.shape else uneven[member] * size)
             low, high = max(value - spread, p.low), min(value + spread, p.high)
             result[key] = (low, high) if free[key] and (low > p.low or high < p.high) else None

@@ -293,6 +293,20 @@ def test_intervals_of_what_is_so_by_definition_are_as_narrow_as_the_data_allow()
     assert high - low < 0.03 * 0.06
 
 
+def test_the_interval_of_a_speeds_lag_has_room_for_half_a_row_that_counting_takes():
+    def change(model):
+        model.put("speed_tau", 0.03)
+        model.put("speed_late", 0.005)
+
+    # Rows of 10 ms: the counts of one are on average half of it old.
+    diagnosis, _ = run(make_case(change, seed=31))
+    assert blamed(diagnosis) == [("speed_filter", "both")]
+    entry = diagnosis["effects"][0]["parameters"]["time_constant_s"]
+    low, high = entry["ci90"]
+    assert entry["value"] == pytest.approx(0.035, abs=0.001)
+    assert low < 0.0305 and high - low < 0.012
+
+
 def swinging_gear(slot, value, stiffness):
     """A change of the truth: a spring in the right gear, and another effect."""
     def change(model):
