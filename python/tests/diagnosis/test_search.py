@@ -17,6 +17,7 @@ from rtds_host.diagnosis.chance import MOST, SAME
 from rtds_host.diagnosis.diagnose import _ended, diagnose
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, excess, told_apart
+from rtds_host.diagnosis.explanations import FAR
 from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side, to_values
 from rtds_host.diagnosis.intervals import Z90, _shift, _sigmas, intervals
 from rtds_host.diagnosis.likelihood import Discrepancy, Series, _nll_of_all
@@ -25,7 +26,7 @@ from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.diagnosis.screen import Candidate, Screen, moves_of
-from rtds_host.diagnosis.search import FAR, Search
+from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.twins import near_twins, twins
 
 POSE = ("x", "y", "yaw")

@@ -1,0 +1,209 @@
+"""Explanations, sets of (effect, side): how probable each is, and the fits of those that were met.
+
+Their score is -2 log of evidence and prior (`fit`, `log_prior`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from rtds_host.diagnosis import ripple
+from rtds_host.diagnosis.carried import carried
+from rtds_host.diagnosis.chance import MOST, SLIGHT
+from rtds_host.diagnosis.effects import Effect
+from rtds_host.diagnosis.effects.base import WRITTEN
+from rtds_host.diagnosis.evidence import believed, compared, excess, worth_adding
+from rtds_host.diagnosis.fit import (
+    ROUGH_GAIN,
+    STEP_GAIN,
+    Asking,
+    Fit,
+    Fitter,
+    Hypothesis,
+    apply,
+    joined,
+    scaled,
+    side_by_side,
+    split,
+    to_values,
+)
+from rtds_host.diagnosis.gap import LEAST
+from rtds_host.diagnosis.nuisances import BAND
+from rtds_host.diagnosis.problem import Problem
+
+# Probability: effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's guess.
+EXPECTED_EFFECTS = 2.0
+SIDE_PRIOR = {"both": 0.5, "left": 0.25, "right": 0.25}
+# Numerical: how far behind in score a rough fit is certainly the worse one.
+FAR = 200.0
+# Numerical: steps of a fit in earnest, and of a rough one.
+ITERATIONS, ROUGH_ITERATIONS = 8, 4
+# Numerical: sizes to look at about one whose misfit is rough (impacts, resonances, steps that come late), as factors.
+ROUGH_FACTORS = tuple(sorted({*np.geomspace(0.125, 8.0, 25), 0.88, 0.92, 0.96, 1.04, 1.08, 1.13}))
+
+# An explanation, scaled parameters to fit it from, and the fit whose nuisances and discrepancy to begin with.
+Start = tuple[Hypothesis, np.ndarray, Fit]
+
+
+class Explanations:
+    """Explanations of one case; `fits` holds the best fit of each that was tried."""
+
+    def __init__(self, problem: Problem):
+        self.problem = problem
+        self.effects = problem.effects
+        self.fitter = Fitter(problem)
+        self.fits: dict[Hypothesis, Fit] = {}
+        self._begun: dict[tuple, float] = {}     # explanations that were fitted, what each fit began from, and its score
+        self._refitted: Fit | None = None
+
+    # ---- scores
+
+    def log_prior(self, hypothesis: Hypothesis) -> float:
+        """Log prior probability of a set: each effect is in or out by itself."""
+        each = EXPECTED_EFFECTS / len(self.effects)
+        return sum(math.log(each * (SIDE_PRIOR[side] if self.effects[e].sided else 1.0)) for e, side in hypothesis)
+
+    def score(self, fit: Fit) -> float:
+        """-2 log of evidence times prior."""
+        return fit.score - 2.0 * self.log_prior(fit.hypothesis)
+
+    def takes_off(self, fit: Fit, other: Fit) -> float:
+        """What one explanation takes off another's excess over white noise, a share of it."""
+        return (self.score(other) - self.score(fit)) / max(excess(self.problem, other), 1.0)
+
+    def named(self, fit: Fit) -> bool:
+        """Whether each effect is big enough to be named, and no larger than can be: a `ratio` within 3 % of 1 on R, K, J or B
+        is a nuisance, and a size that rests on its bound stands in for something else."""
+        return all(not (self.effects[e].nuisance and abs(values["ratio"] - 1.0) <= BAND)
+                   and not self._at_its_bound(e, values) for (e, _), values in zip(fit.hypothesis, fit.values))
+
+    def _at_its_bound(self, effect: str, values: dict[str, float]) -> bool:
+        p = self.effects[effect].parameters[0]
+        # As a logarithm comes back.
+        return values[p.name] >= p.high * (1.0 - WRITTEN) or (p.logarithmic and values[p.name] <= p.low * (1.0 + WRITTEN))
+
+    def best(self) -> Fit:
+        """The most probable explanation so far."""
+        return min((f for f in self.fits.values() if self.named(f)), key=self.score)
+
+    def gap(self, fit: Fit) -> float:
+        return self.problem.gap(fit.model(self.problem))
+
+    def closed(self, fit: Fit) -> bool:
+        """Whether an explanation leaves no gap to speak of."""
+        return self.gap(fit) < LEAST
+
+    def _believed(self, grown: Fit, fit: Fit, closest: float) -> bool:
+        """Whether an explanation is more likely than a part of it, as far as its gain can be believed, takes off no small part of
+        what that leaves beyond noise, or of the gap, and carries over to other runs.
+
+        closest : the smallest gap before. Of the two measures of what is left either may say little before others are in.
+        """
+        prior = self.log_prior(grown.hypothesis) - self.log_prior(fit.hypothesis)
+        if prior + believed(*compared(self.problem, grown, fit)) < 0.0:
+            return False
+        if (self.score(fit) - self.score(grown) < SLIGHT * excess(self.problem, fit)
+                and not worth_adding(closest, self.gap(grown))):
+            return False
+        over = carried(self.problem, grown)
+        return all(over[member] >= MOST for member in set(grown.hypothesis) - set(fit.hypothesis))
+
+    # ---- fits
+
+    def try_fit(self, hypothesis: Hypothesis, start: np.ndarray, beside: Fit, rough: bool = False) -> Fit:
+        """Fit an explanation, starting from the nuisances and the discrepancy of another; the better of this and
+        an earlier fit. `rough`: with the other's derivatives by the effects that both hold at the same size."""
+        return self.try_fits([(hypothesis, start, beside)], rough)[0]
+
+    def try_fits(self, starts: Iterable[Start], rough: bool = False) -> list[Fit]:
+        """The same of several explanations and what each starts from, side by side."""
+        starts = list(starts)
+        self._reached(starts, rough)
+        return [self.fits[hypothesis] for hypothesis, _, _ in starts]
+
+    def _reached(self, starts: list[Start], rough: bool) -> list[float]:
+        """The same, and the scores of these very fits."""
+        keys = [(hypothesis, start.tobytes(), beside.hypothesis, beside.cost, rough) for hypothesis, start, beside in starts]
+        new = {key: one for key, one in zip(keys, starts) if key not in self._begun or one[0] not in self.fits}
+        for key, fit in zip(new, side_by_side(self.problem, [self._fitting(*one, rough) for one in new.values()])):
+            best = self.fits.get(fit.hypothesis)
+            if best is None or fit.cost < best.cost:
+                self.fits[fit.hypothesis] = fit
+            self._begun[key] = self.score(fit)
+        return [self._begun[key] for key in keys]
+
+    def _fitting(self, hypothesis: Hypothesis, start: np.ndarray, beside: Fit, rough: bool) -> Asking[Fit]:
+        z = beside.z
+        if len(z):
+            # Nuisances that bent to stand in for an effect are a poor place to start from.
+            starts = [z, np.zeros_like(z)]
+            values = to_values(self.effects, hypothesis, start)
+            models = [apply(self.effects, self.problem.with_nuisances(s), hypothesis, values) for s in starts]
+            z = starts[int(np.argmin([float(r @ r) for r in (yield models, [m.coarse_s for m in models])]))]
+        known = None
+        if rough:
+            parts = split(self.effects, hypothesis, start)
+            known = {m: c for m, c in beside.columns.items() if m in parts and np.array_equal(parts[m], beside.parts[m])}
+        return (yield from self.fitter.fitting(hypothesis, start, z, beside.noise, ROUGH_ITERATIONS if rough else ITERATIONS, known,
+                                               by_nuisance=beside.by_nuisance, least=ROUGH_GAIN if rough else STEP_GAIN))
+
+    def refitted(self) -> Fit:
+        """The nominal robot with nuisances that bring its replay as close as their tolerance allows, whatever is missing: no
+        discrepancy, so that what they could explain is not taken for one."""
+        if self._refitted is None:
+            flat = self.problem.discrepancy()
+            self._refitted = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), flat, fixed=True)
+        return self._refitted
+
+    def polished(self, fit: Fit, members: Iterable[tuple[str, str]]) -> Fit:
+        """Look about an optimum of some effects whose misfit has many minima, and fit again from what is found there."""
+        for member in members:
+            for values in self.effects[member[0]].restarts if not self.closed(fit) else ():
+                hypothesis, start = joined({**fit.parts, member: scaled(self.effects, (member,), [dict(values)])})
+                if self._reached([(hypothesis, start, fit)], rough=True)[0] < self.score(fit) + FAR:
+                    fit = self.try_fit(hypothesis, start, fit)
+            for _ in range(3):
+                moved = min(self.try_fits((fit.hypothesis, start, fit) for start in self._lower(fit, member)), key=self.score, default=fit)
+                if self.score(moved) >= self.score(fit):
+                    break
+                fit = moved
+        return fit
+
+    def _lower(self, fit: Fit, member: tuple[str, str]) -> list[np.ndarray]:
+        """Starts about an optimum from which its misfit may fall further: the best with the nuisances that were fitted beside
+        it, and the best without any, since these bend to a size in the wrong valley."""
+        problem = self.problem
+        trials = [joined({**fit.parts, member: part})[1] for part in self._about(fit, member)]
+        values = [to_values(self.effects, fit.hypothesis, u) for u in trials]
+        found = {}
+        for z in (fit.z, np.zeros_like(fit.z)) if trials else ():
+            models = [apply(self.effects, problem.with_nuisances(z), fit.hypothesis, v) for v in [*values, fit.values]]
+            costs = [fit.noise.cost(r) for r in problem.residuals(models, [m.coarse_s for m in models])]
+            k = int(np.argmin(costs))
+            if k < len(trials):
+                found[k] = trials[k]
+        return list(found.values())
+
+    def _about(self, fit: Fit, member: tuple[str, str]) -> list[np.ndarray]:
+        """Other parameters of an effect from which its misfit may fall further, scaled; none where it is smooth."""
+        effect, values = self.effects[member[0]], fit.values[fit.hypothesis.index(member)]
+        found = []
+        if effect.rough:
+            found = sizes(effect, values, ROUGH_FACTORS)
+        if effect.periodic:
+            outs = self.problem.replay(fit.model(self.problem))
+            found = ripple.neighbours(values, ripple.turned(outs, member[1]))
+        return [scaled(self.effects, (member,), [trial]) for trial in found]
+
+    def _named_values(self, fit: Fit, member: tuple[str, str], start: np.ndarray) -> tuple[Hypothesis, list[dict[str, float]]]:
+        hypothesis, u = joined({**fit.parts, member: start})
+        return hypothesis, to_values(self.effects, hypothesis, u)
+
+
+def sizes(effect: Effect, values: dict[str, float], factors: Iterable[float]) -> list[dict[str, float]]:
+    """Parameters with the effect's size multiplied by each factor, within its bounds."""
+    p = effect.parameters[0]
+    return [{**values, p.name: min(max(factor * values[p.name], p.low), p.high)} for factor in factors]
