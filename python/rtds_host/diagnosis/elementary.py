@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numba
 
 
@@ -15,6 +17,20 @@ def cos_less_one(q):
 def sin(angle, q):
     """sin of a small angle whose square is q."""
     return angle * (1.0 - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0))))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def sine(x):
+    """sin(x) of any angle that a machine turns through, to 1e-11 and what the angle's own last digit is: of half the angle less whole turns."""
+    # A number so large has no digits behind the point left.
+    turns = (x * (0.5 / math.pi) + 6755399441055744.0) - 6755399441055744.0
+    y = 0.5 * ((x - turns * 6.28318530717958623200) - turns * 2.44929359829470635445e-16)
+    q = y * y
+    s = y * (1.0 - q * (1.0 / 6.0) * (1.0 - q * (1.0 / 20.0) * (1.0 - q * (1.0 / 42.0) * (1.0 - q * (1.0 / 72.0) * (1.0 - q * (1.0 / 110.0) * (
+        1.0 - q * (1.0 / 156.0) * (1.0 - q * (1.0 / 210.0) * (1.0 - q * (1.0 / 272.0)))))))))
+    c = 1.0 - q * (1.0 / 2.0) * (1.0 - q * (1.0 / 12.0) * (1.0 - q * (1.0 / 30.0) * (1.0 - q * (1.0 / 56.0) * (1.0 - q * (1.0 / 90.0) * (
+        1.0 - q * (1.0 / 132.0) * (1.0 - q * (1.0 / 182.0) * (1.0 - q * (1.0 / 240.0))))))))
+    return 2.0 * s * c
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")

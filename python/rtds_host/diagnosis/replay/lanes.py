@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2
-from rtds_host.diagnosis.elementary import cos_less_one, exp_minus, sin, tanh
+from rtds_host.diagnosis.elementary import cos_less_one, exp_minus, sin, sine, tanh
 from rtds_host.diagnosis.replay import kernel as one
 from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT, SLIDING, TRIALS, behind_driver
 
@@ -31,11 +31,12 @@ _SIDE_ROWS = ("res", "ind", "ke", "gkm", "lim", "drop", "inertia", "fluid", "asy
               "c1", "m1", "fade", "late_shear", "per_shear", "am", "bm", "rigid", "hi", "lo", "ripple", "force", "alpha", "beta", "speed_gain", "current_gain", "current_bias",
               "pwm_curve", "deadzone", "voltage_gain", "slip", "length", "shear_tau", "grip", "tyre", "whole", "give", "yields", "tangent",
               "taken", "asked", "load", "mean", "input", "output", "wm", "wmn", "play", "contact", "was", "held", "backlash", "restitution", "stiffness",
-              "damping", "kap", "free_i", "spring_i", "held_i", "behind_i", "turn", "apart", "bounces", "tangled")
+              "damping", "kap", "free_i", "spring_i", "held_i", "behind_i", "turn", "apart", "bounces", "tangled", "amplitude", "cycles", "phase",
+              "at", "ahead")
 _ROWS = ("h", "begun", "now", "done", "supply", "decline", "bus_row", "measured", "load_j", "mass", "i11", "i12", "i22", "half", "pull",
          "up_x", "up_y", "com_x", "com_y", "scrub", "dry", "level", "gx", "gz", "x", "y", "yaw", "v", "rate", "dir_x", "dir_y", "rate_n",
          "v_n", "dv", "dr", "a00", "a11", "wx", "det", "spin", "h_max", "late", "pose_late",
-         "command_late", "gyro_gain", "gyro_bias", "source")
+         "command_late", "gyro_gain", "gyro_bias", "source", "follows", "since", "per_span")
 _SIDE = len(_SIDE_ROWS) * LANES
 # Regimes of a side's gear, as in `kernel`.
 _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0.0, 1.0, 2.0, 3.0, 4.0
@@ -46,11 +47,11 @@ SIZE = 2 * _SIDE + len(_ROWS) * LANES
  VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V, MEAN_I, C1, M1, FADE, LATE_SHEAR, PER_SHEAR, AM, BM, RIGID, HI, LO, RIPPLE, FORCE, ALPHA, BETA,
  W_GAIN, I_GAIN, I_BIAS, CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, SHEAR_TAU, GRIP, TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, LOAD,
  MEAN, INPUT, OUTPUT, WM, WMN, PLAY, CONTACT, WAS, HELD, BACKLASH, RESTITUTION, STIFF, DAMP, KAP, FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART,
- BOUNCES, TANGLED) = (
+ BOUNCES, TANGLED, AMPLITUDE, CYCLES, PHASE, AT, AHEAD) = (
     k * LANES for k in range(len(_SIDE_ROWS)))
 (H, BEGUN, NOW, DONE, SUPPLY, DECLINE, BUS_ROW, MEASURED, LOAD_J, MASS, I11, I12, I22, HALF, PULL, UP_X, UP_Y, COM_X, COM_Y, SCRUB, DRY,
  LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X, DIR_Y, RATE_N, V_N, DV, DR, A00, A11, WX, DET, SPIN, H_MAX, LATE, POSE_LATE, COMMAND_LATE, GYRO_GAIN,
- GYRO_BIAS, SOURCE) = (
+ GYRO_BIAS, SOURCE, FOLLOWS, SINCE, PER_SPAN) = (
     2 * _SIDE + k * LANES for k in range(len(_ROWS)))
 
 
@@ -88,6 +89,7 @@ def _begin(s, l, side, com, run, start):
         s[o + SPEED_TAU], s[o + FADE] = side[k, one.W_TAU], 0.0
         s[o + W_GAIN], s[o + I_GAIN], s[o + I_BIAS] = side[k, one.W_GAIN], side[k, one.I_GAIN], side[k, one.I_BIAS]
         s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN] = side[k, one.CURVE], side[k, one.DEADZONE], side[k, one.V_GAIN]
+        s[o + AMPLITUDE], s[o + CYCLES], s[o + PHASE] = side[k, one.RIPPLE], side[k, one.RIPPLE_N], side[k, one.RIPPLE_PHI]
         s[o + STRIBECK], s[o + FADES] = side[k, one.STRIBECK], 1.0 / side[k, one.STRIBECK_W]
         if (side[k, one.COULOMB] != 0.0 or side[k, one.STRIBECK] != 0.0 or side[k, one.ASYM] != 0.0 or side[k, one.LOAD] != 0.0
                 or com[one.ROLLING] != 0.0):
@@ -107,6 +109,7 @@ def _begin(s, l, side, com, run, start):
         s[o + RISE] = s[o + VA] = s[o + VD] = s[o + STICK] = s[o + RIPPLE] = s[o + EXTRA] = 0.0
     s[H + l] = s[DONE + l] = 0.0
     s[LEVEL + l] = 1.0
+    s[FOLLOWS + l] = s[SINCE + l] = s[PER_SPAN + l] = 0.0
     s[POSE_LATE + l] = com[one.LATENCY]
     s[LATE + l] = com[one.MEAS_DELAY] + com[one.LATENCY]
     s[COMMAND_LATE + l] = com[one.CMD_DELAY]
@@ -335,6 +338,17 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     s[VA + l] = min(max(cmds[k - 1, 0], -supply), supply)
                     s[_SIDE + VA + l] = min(max(cmds[k - 1, 1], -supply), supply)
                     command[l], next_command[l] = k, at
+                    r = which[job[l], 1]
+                    if ripples[l] and angle_first[r + 1] > angle_first[r]:
+                        # Between the measured angles of this command's row and the next one's.
+                        nearer, to_angle = min(k, last_command[l] - 1), angle_first[r] - cmd_first[r]
+                        span_a = cmds_t[nearer] - cmds_t[k - 1]
+                        s[FOLLOWS + l], s[SINCE + l] = 1.0, cmds_t[k - 1] + s[COMMAND_LATE + l]
+                        s[PER_SPAN + l] = 1.0 / span_a if span_a > 0.0 else 0.0
+                        for i in range(2):
+                            o = i * _SIDE + l
+                            begins, ends = angles[to_angle + k - 1, i], angles[to_angle + nearer, i]
+                            s[o + AT], s[o + AHEAD] = begins / s[o + W_GAIN], (ends - begins) / s[o + W_GAIN]
                     for i in range(2):
                         o = i * _SIDE + l
                         a = s[o + VA]
@@ -397,31 +411,16 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                         h, shear_tau = s[H + l], s[o + SHEAR_TAU + l]
                         late = max(0.5, 1.0 - shear_tau / h)
                         s[o + LATE_SHEAR + l], s[o + PER_SHEAR + l] = late, 1.0 / (late * h + shear_tau)
-        # ---- what few lanes have, one after another
+        # ---- one step of all lanes: ripples, the body's forces and the bus
         if rippled:
-            for l in range(lanes):
-                if not ripples[l]:
-                    continue
-                h = s[H + l]
-                side, com, r = sides[which[job[l], 0]], coms[which[job[l], 0]], which[job[l], 1]
-                for k in range(2):
-                    o = k * _SIDE + l
-                    if side[k, one.RIPPLE] != 0.0:
-                        at = s[o + TH] + 0.5 * h * s[o + W]
-                        first = cmd_first[r]
-                        kc = command[l] - first
-                        if angle_first[r + 1] > angle_first[r] and kc > 0:
-                            nearer = min(kc, cmd_first[r + 1] - first - 1)
-                            before, after = cmds_t[first + kc - 1], cmds_t[first + nearer]
-                            span_a = after - before
-                            share = 0.0
-                            if span_a > 0.0:
-                                share = min(max((s[NOW + l] + s[DONE + l] + 0.5 * h - com[one.CMD_DELAY] - before) / span_a, 0.0), 1.0)
-                            a0 = angles[angle_first[r] + kc - 1, k]
-                            at = a0 + share * (angles[angle_first[r] + nearer, k] - a0)
-                            at /= side[k, one.W_GAIN]
-                        s[o + RIPPLE] = side[k, one.RIPPLE] * math.sin(side[k, one.RIPPLE_N] * at + side[k, one.RIPPLE_PHI])
-        # ---- one step of all lanes: the body's forces and the bus
+            for k in range(2):
+                o = k * _SIDE
+                for l in range(lanes):
+                    half = 0.5 * s[H + l]
+                    share = min(max((s[NOW + l] + s[DONE + l] + half - s[SINCE + l]) * s[PER_SPAN + l], 0.0), 1.0)
+                    own, measured = s[o + TH + l] + half * s[o + W + l], s[o + AT + l] + share * s[o + AHEAD + l]
+                    at = measured if s[FOLLOWS + l] > 0.0 else own
+                    s[o + RIPPLE + l] = s[o + AMPLITUDE + l] * sine(s[o + CYCLES + l] * at + s[o + PHASE + l])
         for l in range(lanes):
             rate, v = s[RATE + l], s[V + l]
             s[GX + l] = s[MASS + l] * s[COM_X + l] * rate * rate
