@@ -421,15 +421,25 @@ class Problem:
         """By how much later than `delay` the commands of a run act, s; 0 where that does not explain most of its misfit."""
         was = self.lates.get(data.log.name, 0.0)
 
-        def beyond(late: float) -> float:
-            residual = self.run_residual(data, replay_run(model, (data.inputs[0], data.inputs[1] + late - was, *data.inputs[2:])))
+        def missed(out: np.ndarray) -> float:
+            residual = self.run_residual(data, out)
             return float(residual @ residual) - len(residual)
+
+        def beyond(late: float) -> float:
+            return missed(replay_run(model, (data.inputs[0], data.inputs[1] + late - was, *data.inputs[2:])))
 
         as_others = beyond(0.0)
         if as_others < CHI2:
             return 0.0
         lates = delay * (LAGS - 1.0)
-        k = int(np.argmin(list(self.pool.map(beyond, lates))))
+        if model.abreast:
+            later = [model.copy() for _ in lates]
+            for one, late in zip(later, lates):
+                one.add("command_delay", late - was)
+            values = [missed(out) for out in Abreast([data.inputs]).replay(later)]
+        else:
+            values = list(self.pool.map(beyond, lates))
+        k = int(np.argmin(values))
         from scipy.optimize import minimize_scalar  # a third of a second, which few cases have to spend
 
         best = minimize_scalar(beyond, bounds=(lates[max(k - 1, 0)], lates[min(k + 1, len(lates) - 1)]), method="bounded",
