@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from rtds_host.contract import GRAVITY_M_S2, Axis, Case, RunLog, RunMeta, builtin_robot, read_case
 from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
+from rtds_host.diagnosis.elementary import sine
 from rtds_host.diagnosis.fit import apply
 from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.replay.model import (
@@ -250,6 +251,11 @@ def test_any_two_effects_together_keep_the_replay_finite(side):
             effect.apply(model, SIDES[side if effect.sided else "both"], start_values(effect)[-1])
         out = replay_run(model, inputs)
         assert np.abs(out[:, [OUTPUT_INDEX["w_l"], OUTPUT_INDEX["w_r"], OUTPUT_INDEX["gyro_z"]]]).max() < 100.0, pair
+
+
+def test_the_sine_of_lanes_is_that_of_the_library_within_ten_thousand_turns():
+    x = np.random.default_rng(2).uniform(-6e4, 6e4, 10000)
+    assert max(abs(sine(v) - math.sin(v)) for v in x) < 1e-11
 
 
 @pytest.mark.parametrize("side", ["left", "both"])
