@@ -26,7 +26,7 @@ from rtds_host.importers.messages import definition, full_name
 
 SEED = 20260611
 NS = 1_000_000_000
-EPOCH_S = 1_781_164_800          # 2026-06-11 08:00:00 UTC
+EPOCH_S = 1_781_164_800  # 2026-06-11 08:00:00 UTC
 
 # The nominal robot (robots/burger.toml), written down again so that this file stands alone.
 R, KM, J, B, N = 8.6, 6.538e-3, 1.0e-7, 4.372e-7, 258.5
@@ -38,7 +38,8 @@ ENCODER = 2.0 * math.pi / 4096.0
 # What the nominal robot does not have: dry friction in the left gear, N*m at the wheel.
 TIGHT = (0.12, 0.0)
 
-SENSOR_STATE = {"turtlebot3_msgs/SensorState": """std_msgs/Header header
+SENSOR_STATE = {
+    "turtlebot3_msgs/SensorState": """std_msgs/Header header
 uint8 bumper
 float32 cliff
 float32 sonar
@@ -48,7 +49,8 @@ uint8 button
 bool torque
 int32 left_encoder
 int32 right_encoder
-float32 battery"""}
+float32 battery"""
+}
 
 
 class Robot:
@@ -61,8 +63,9 @@ class Robot:
         self.current = np.zeros(2)
         inertia = N * N * J + WHEEL_INERTIA
         forward, spin = MASS * RADIUS**2 / 4.0, YAW_INERTIA * RADIUS**2 / TRACK**2
-        self.inverse = np.linalg.inv([[inertia + forward + spin, forward - spin],
-                                      [forward - spin, inertia + forward + spin]])
+        self.inverse = np.linalg.inv(
+            [[inertia + forward + spin, forward - spin], [forward - spin, inertia + forward + spin]]
+        )
 
     def step(self, volts: np.ndarray, dt: float) -> None:
         """Advance by dt (s) under armature voltages (2,)."""
@@ -95,10 +98,24 @@ def plan(name: str, rng: np.random.Generator) -> list[tuple[float, float, float]
     if name == "square":
         return [(1.0, 0.0, 0.0)] + [(2.6, 0.153, 0.0), (0.6, 0.0, 0.0), (1.5, 0.0, 1.047), (0.6, 0.0, 0.0)] * 4
     if name == "spin":
-        return [(1.0, 0.0, 0.0), (3.0, 0.0, 1.2), (1.5, 0.0, -1.2), (1.0, 0.0, 0.0), (3.0, 0.0, -2.05),
-                (1.5, 0.0, 0.6), (1.5, 0.0, -0.6), (1.0, 0.0, 0.0)] * 2
-    return [(1.0, 0.0, 0.0)] + [(float(rng.uniform(0.5, 1.6)), float(rng.uniform(-0.19, 0.19)),
-                                 float(rng.uniform(-0.9, 0.9))) for _ in range(22)] + [(1.0, 0.0, 0.0)]
+        return [
+            (1.0, 0.0, 0.0),
+            (3.0, 0.0, 1.2),
+            (1.5, 0.0, -1.2),
+            (1.0, 0.0, 0.0),
+            (3.0, 0.0, -2.05),
+            (1.5, 0.0, 0.6),
+            (1.5, 0.0, -0.6),
+            (1.0, 0.0, 0.0),
+        ] * 2
+    return (
+        [(1.0, 0.0, 0.0)]
+        + [
+            (float(rng.uniform(0.5, 1.6)), float(rng.uniform(-0.19, 0.19)), float(rng.uniform(-0.9, 0.9)))
+            for _ in range(22)
+        ]
+        + [(1.0, 0.0, 0.0)]
+    )
 
 
 def record(name: str, rng: np.random.Generator, start_s: int) -> bytes:
@@ -136,52 +153,121 @@ def record(name: str, rng: np.random.Generator, start_s: int) -> bytes:
                 speeds = [round((w + rng.normal(0.0, 0.02)) / COUNT) for w in robot.w]
                 rate = RADIUS * (robot.w[1] - robot.w[0]) / TRACK + rng.normal(0.0, 0.003)
                 volt = round(SUPPLY + rng.normal(0.0, 0.03), 2)
-                put("/battery_state", "sensor_msgs/BatteryState", {
-                    "header": {"stamp": stamp, "frame_id": ""}, "voltage": volt, "temperature": 0.0, "current": 0.0,
-                    "charge": 0.0, "capacity": 0.0, "design_capacity": 1.8,
-                    "percentage": (volt - 10.5) / 1.8 * 100.0, "power_supply_status": 0, "power_supply_health": 0,
-                    "power_supply_technology": 0, "present": True, "cell_voltage": [], "cell_temperature": [],
-                    "location": "", "serial_number": ""}, arrived)
+                put(
+                    "/battery_state",
+                    "sensor_msgs/BatteryState",
+                    {
+                        "header": {"stamp": stamp, "frame_id": ""},
+                        "voltage": volt,
+                        "temperature": 0.0,
+                        "current": 0.0,
+                        "charge": 0.0,
+                        "capacity": 0.0,
+                        "design_capacity": 1.8,
+                        "percentage": (volt - 10.5) / 1.8 * 100.0,
+                        "power_supply_status": 0,
+                        "power_supply_health": 0,
+                        "power_supply_technology": 0,
+                        "present": True,
+                        "cell_voltage": [],
+                        "cell_temperature": [],
+                        "location": "",
+                        "serial_number": "",
+                    },
+                    arrived,
+                )
                 half = robot.pose[2] / 2.0
-                put("/imu", "sensor_msgs/Imu", {
-                    "header": {"stamp": stamp, "frame_id": "imu_link"},
-                    "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)},
-                    "orientation_covariance": [0.0] * 9,
-                    "angular_velocity": {"x": rng.normal(0.0, 0.003), "y": rng.normal(0.0, 0.003), "z": rate},
-                    "angular_velocity_covariance": [0.0] * 9,
-                    "linear_acceleration": {"x": rng.normal(0.0, 0.05), "y": rng.normal(0.0, 0.05),
-                                            "z": 9.81 + rng.normal(0.0, 0.05)},
-                    "linear_acceleration_covariance": [0.0] * 9}, arrived + 20_000)
-                put("/sensor_state", "turtlebot3_msgs/SensorState", {
-                    "header": {"stamp": stamp, "frame_id": ""}, "bumper": 0, "cliff": 0.0, "sonar": 0.0,
-                    "illumination": 0.0, "led": 0, "button": 0, "torque": True, "left_encoder": counts[0],
-                    "right_encoder": counts[1], "battery": volt}, arrived + 40_000)
+                put(
+                    "/imu",
+                    "sensor_msgs/Imu",
+                    {
+                        "header": {"stamp": stamp, "frame_id": "imu_link"},
+                        "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)},
+                        "orientation_covariance": [0.0] * 9,
+                        "angular_velocity": {"x": rng.normal(0.0, 0.003), "y": rng.normal(0.0, 0.003), "z": rate},
+                        "angular_velocity_covariance": [0.0] * 9,
+                        "linear_acceleration": {
+                            "x": rng.normal(0.0, 0.05),
+                            "y": rng.normal(0.0, 0.05),
+                            "z": 9.81 + rng.normal(0.0, 0.05),
+                        },
+                        "linear_acceleration_covariance": [0.0] * 9,
+                    },
+                    arrived + 20_000,
+                )
+                put(
+                    "/sensor_state",
+                    "turtlebot3_msgs/SensorState",
+                    {
+                        "header": {"stamp": stamp, "frame_id": ""},
+                        "bumper": 0,
+                        "cliff": 0.0,
+                        "sonar": 0.0,
+                        "illumination": 0.0,
+                        "led": 0,
+                        "button": 0,
+                        "torque": True,
+                        "left_encoder": counts[0],
+                        "right_encoder": counts[1],
+                        "battery": volt,
+                    },
+                    arrived + 40_000,
+                )
                 # The node publishes the positions of the read-out before this one.
                 late, robot_position = robot_position, np.array(counts) * ENCODER
-                put("/joint_states", "sensor_msgs/JointState", {
-                    "header": {"stamp": stamp, "frame_id": "base_link"},
-                    "name": ["wheel_left_joint", "wheel_right_joint"], "position": late.tolist(),
-                    "velocity": [RADIUS * COUNT * s for s in speeds], "effort": []}, arrived + 60_000)
+                put(
+                    "/joint_states",
+                    "sensor_msgs/JointState",
+                    {
+                        "header": {"stamp": stamp, "frame_id": "base_link"},
+                        "name": ["wheel_left_joint", "wheel_right_joint"],
+                        "position": late.tolist(),
+                        "velocity": [RADIUS * COUNT * s for s in speeds],
+                        "effort": [],
+                    },
+                    arrived + 60_000,
+                )
                 rolled = np.zeros(2) if last_late is None else RADIUS * (late - last_late)
                 last_late = late if next_read > 1 else None
                 turned = float(rolled[1] - rolled[0]) / TRACK
-                odometry = odometry + [rolled.mean() * math.cos(odometry[2] + turned / 2.0),
-                                       rolled.mean() * math.sin(odometry[2] + turned / 2.0), turned]
+                odometry = odometry + [
+                    rolled.mean() * math.cos(odometry[2] + turned / 2.0),
+                    rolled.mean() * math.sin(odometry[2] + turned / 2.0),
+                    turned,
+                ]
                 half = odometry[2] / 2.0
-                put("/odom", "nav_msgs/Odometry", {
-                    "header": {"stamp": stamp, "frame_id": "odom"}, "child_frame_id": "base_footprint",
-                    "pose": {"pose": {"position": {"x": float(odometry[0]), "y": float(odometry[1]), "z": 0.0},
-                                      "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)}},
-                             "covariance": [0.0] * 36},
-                    "twist": {"twist": {"linear": {"x": float(rolled.mean()) / 0.05, "y": 0.0, "z": 0.0},
-                                        "angular": {"x": 0.0, "y": 0.0, "z": turned / 0.05}},
-                              "covariance": [0.0] * 36}}, arrived + 400_000)
+                put(
+                    "/odom",
+                    "nav_msgs/Odometry",
+                    {
+                        "header": {"stamp": stamp, "frame_id": "odom"},
+                        "child_frame_id": "base_footprint",
+                        "pose": {
+                            "pose": {
+                                "position": {"x": float(odometry[0]), "y": float(odometry[1]), "z": 0.0},
+                                "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)},
+                            },
+                            "covariance": [0.0] * 36,
+                        },
+                        "twist": {
+                            "twist": {
+                                "linear": {"x": float(rolled.mean()) / 0.05, "y": 0.0, "z": 0.0},
+                                "angular": {"x": 0.0, "y": 0.0, "z": turned / 0.05},
+                            },
+                            "covariance": [0.0] * 36,
+                        },
+                    },
+                    arrived + 400_000,
+                )
             if next_command < len(command_times) and t >= command_times[next_command]:
                 next_command += 1
                 _, linear, angular = phases[int(np.searchsorted(ends, t, side="right"))]
-                put("/cmd_vel", "geometry_msgs/Twist", {"linear": {"x": linear, "y": 0.0, "z": 0.0},
-                                                        "angular": {"x": 0.0, "y": 0.0, "z": angular}},
-                    start_s * NS + round(t * NS))
+                put(
+                    "/cmd_vel",
+                    "geometry_msgs/Twist",
+                    {"linear": {"x": linear, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": angular}},
+                    start_s * NS + round(t * NS),
+                )
                 wanted = goal(linear, angular)
             if k % 2 == 0:
                 miss = wanted - robot.w
@@ -195,8 +281,12 @@ def table(rng: np.random.Generator) -> str:
     """A logger of its own kind, on the same robot with a plain PWM driver: ms, counts, rpm, degrees, mA, mV."""
     robot = Robot()
     dt = 0.0005
-    lines = [("time_ms;pwm_left;pwm_right;rpm_left;rpm_right;angle_left_deg;angle_right_deg;"
-             "current_left_mA;current_right_mA;yaw_rate_dps;battery_mV")]
+    lines = [
+        (
+            "time_ms;pwm_left;pwm_right;rpm_left;rpm_right;angle_left_deg;angle_right_deg;"
+            "current_left_mA;current_right_mA;yaw_rate_dps;battery_mV"
+        )
+    ]
     pwm = np.zeros(2, dtype=int)
     for row in range(900):
         if row % 30 == 0 and row >= 30:
@@ -207,8 +297,10 @@ def table(rng: np.random.Generator) -> str:
         rate = math.degrees(RADIUS * (robot.w[1] - robot.w[0]) / TRACK + rng.normal(0.0, 0.003))
         # The current sensor is slower than the rest: every other row.
         currents = ";".join(f"{value:.1f}" if row % 2 == 0 else "" for value in milliamperes)
-        lines.append(f"{row * 20};{pwm[0]};{pwm[1]};{rpm[0]:.2f};{rpm[1]:.2f};{angle[0]:.3f};{angle[1]:.3f};"
-                     f"{currents};{rate:.2f};{1e3 * SUPPLY + rng.normal(0.0, 30.0):.0f}")
+        lines.append(
+            f"{row * 20};{pwm[0]};{pwm[1]};{rpm[0]:.2f};{rpm[1]:.2f};{angle[0]:.3f};{angle[1]:.3f};"
+            f"{currents};{rate:.2f};{1e3 * SUPPLY + rng.normal(0.0, 30.0):.0f}"
+        )
         for _ in range(40):
             robot.step(pwm / 255.0 * SUPPLY, dt)
     return "\n".join(lines) + "\n"

@@ -2,13 +2,18 @@
 
 Three kinds of statement are compared:
 
-- an answer of `rtds diagnose`, below its command: verdict, effects and sides exactly, sizes within the interval of today's
-  answer, gaps to 10 % (or 0.05 units of noise, whichever is more), shares and probabilities to 0.1. Today's answer is the
-  `diagnosis.json` that the command wrote, of any schema; the words on the page are read with the program's own names.
-- JSON inside of an output: the same, by its keys. The table of `rtds close`: its gaps and shares. Any other line of output:
+- an answer of `rtds diagnose`, below its command: verdict, effects and sides exactly, sizes within the interval of
+today's
+  answer, gaps to 10 % (or 0.05 units of noise, whichever is more), shares and probabilities to 0.1. Today's answer is
+  the `diagnosis.json` that the command wrote, of any schema; the words on the page are read with the program's own
+  names.
+- JSON inside of an output: the same, by its keys. The table of `rtds close`: its gaps and shares. Any other line of
+output:
   as it stands, though lines may be left out.
-- a figure in a sentence with a mark behind it, `11.5<!-- answer: report/diagnosis.json gap.refit -->`: figures as above,
-  words (a verdict, an effect's id, a side) exactly. A list's entry is named by its number: `effects.0.parameters.torque_nm.value`.
+- a figure in a sentence with a mark behind it, `11.5<!-- answer: report/diagnosis.json gap.refit -->`: figures as
+above,
+  words (a verdict, an effect's id, a side) exactly. A list's entry is named by its number:
+  `effects.0.parameters.torque_nm.value`.
 """
 
 from __future__ import annotations
@@ -47,8 +52,11 @@ def near_share(said: float, now: float | None) -> bool:
 
 def names() -> dict[str, tuple[str, str]]:
     """Every effect in the program's words, in lower case -> (id, side); the longest first."""
-    found = {effect_name({"id": name, "side": side}).lower(): (name, side if effect.sided else "both")
-             for name, effect in CATALOGUE.items() for side in ("left", "right", "both")}
+    found = {
+        effect_name({"id": name, "side": side}).lower(): (name, side if effect.sided else "both")
+        for name, effect in CATALOGUE.items()
+        for side in ("left", "right", "both")
+    }
     return dict(sorted(found.items(), key=lambda entry: -len(entry[0])))
 
 
@@ -69,7 +77,7 @@ def _effects(text: str) -> Iterator[tuple[tuple[str, str], str]]:
     pattern = re.compile("|".join(map(re.escape, known)), re.IGNORECASE)
     hits = list(pattern.finditer(text))
     for hit, after in zip(hits, [*(h.start() for h in hits[1:]), len(text)]):
-        yield known[hit[0].lower()], text[hit.end():after]
+        yield known[hit[0].lower()], text[hit.end() : after]
 
 
 def read_answers(text: str) -> list[Answer]:
@@ -84,7 +92,7 @@ def read_answers(text: str) -> list[Answer]:
             continue
         answer = Answer(head["case"], head["verdict"])
         sentence = [head["text"]]
-        for more in lines[number + 1:]:
+        for more in lines[number + 1 :]:
             if not more.strip() or DETAIL.match(more) or HEADLINE.fullmatch(more.rstrip()):
                 break
             sentence.append(more.strip())
@@ -135,10 +143,18 @@ def compare_answer(said: Answer, now: dict[str, Any]) -> list[str]:
             else:
                 wrong += _compare_size(f"{' '.join(effect)} {name}", value, parameters[name])
     gap = now["gap"]
-    wrong += [f"gap {key} {value:g}, now {gap.get(key)}" for key, value in said.gap.items() if not near_gap(value, gap.get(key))]
+    wrong += [
+        f"gap {key} {value:g}, now {gap.get(key)}"
+        for key, value in said.gap.items()
+        if not near_gap(value, gap.get(key))
+    ]
     sure = min((e["probability"] for e in now["effects"]), default=None)
     shares = {"probability": sure, "effect_closed": gap.get("effect_closed")}
-    wrong += [f"{key} {value:g}, now {shares[key]}" for key, value in said.shares.items() if not near_share(value, shares[key])]
+    wrong += [
+        f"{key} {value:g}, now {shares[key]}"
+        for key, value in said.shares.items()
+        if not near_share(value, shares[key])
+    ]
     return wrong
 
 
@@ -152,13 +168,20 @@ def _compare_size(name: str, said: float, now: dict[str, Any]) -> list[str]:
 
 
 def compare_json(said: Any, now: Any, where: str = "") -> list[str]:
-    """What JSON on a page says that today's does not. Sizes with an interval, gaps and shares as everywhere, the rest exactly."""
+    """What JSON on a page says that today's does not. Sizes with an interval, gaps and shares as everywhere, the rest
+    exactly.
+    """
     if isinstance(said, dict) and isinstance(now, dict):
         if "value" in said and "ci90" in now:
             return _compare_size(where, said["value"], now)
-        wrong = [f"{where}: {key} {how}" for keys, how in ((said.keys() - now.keys(), "is gone"), (now.keys() - said.keys(), "is new"))
-                 for key in sorted(keys)]
-        return wrong + [w for key in said if key in now for w in compare_json(said[key], now[key], f"{where}.{key}".strip("."))]
+        wrong = [
+            f"{where}: {key} {how}"
+            for keys, how in ((said.keys() - now.keys(), "is gone"), (now.keys() - said.keys(), "is new"))
+            for key in sorted(keys)
+        ]
+        return wrong + [
+            w for key in said if key in now for w in compare_json(said[key], now[key], f"{where}.{key}".strip("."))
+        ]
     if isinstance(said, list) and isinstance(now, list):
         if len(said) != len(now):
             return [f"{where}: {len(said)} entries, now {len(now)}"]
@@ -185,7 +208,7 @@ def _pieces(text: str) -> tuple[list[str], list[Any]]:
             continue
         if not isinstance(value, (dict, list)):
             continue
-        words.append(text[at:start.start()])
+        words.append(text[at : start.start()])
         values.append(value)
         at = end
     words.append(text[at:])
@@ -206,7 +229,9 @@ def compare_output(command: str, said: str, printed: str, folder: Path) -> list[
         answers = read_answers(said)
         wrong = [] if answers else ["no answer below the command"]
         for answer in answers:
-            place = next((p for p in (out / answer.case / "diagnosis.json", out / "diagnosis.json") if p.is_file()), None)
+            place = next(
+                (p for p in (out / answer.case / "diagnosis.json", out / "diagnosis.json") if p.is_file()), None
+            )
             if place is None:
                 wrong.append(f"{answer.case}: the command leaves no diagnosis.json")
             else:
@@ -225,15 +250,19 @@ def compare_output(command: str, said: str, printed: str, folder: Path) -> list[
     rest = iter(lines_now)
     # What an export writes are a diagnosis' sizes and gaps: figures that another machine's last digits move.
     same = _same_but_for_figures if words[:2] == ["rtds", "export"] else str.__eq__
-    return wrong + [f"{line!r} is not printed" for line in lines
-                    if not SECONDS.fullmatch(line) and not any(same(line, now) for now in rest)]
+    return wrong + [
+        f"{line!r} is not printed"
+        for line in lines
+        if not SECONDS.fullmatch(line) and not any(same(line, now) for now in rest)
+    ]
 
 
 def _same_but_for_figures(line: str, now: str) -> bool:
     """Whether two lines have the same words, and figures that are the same to a tenth."""
     figures = [[float(f) for f in re.findall(NUMBER, text)] for text in (line, now)]
     return re.sub(NUMBER, "#", line) == re.sub(NUMBER, "#", now) and all(
-        math.isclose(a, b, rel_tol=0.1) for a, b in zip(*figures))
+        math.isclose(a, b, rel_tol=0.1) for a, b in zip(*figures)
+    )
 
 
 def _compare_close(said: str, now: dict[str, Any]) -> list[str]:
@@ -242,10 +271,17 @@ def _compare_close(said: str, now: dict[str, Any]) -> list[str]:
         for m in re.finditer(rf"{words} +({NUMBER}|-) +({NUMBER}|-) +(?:({NUMBER}) %|-)", said):
             rows += 1
             gap = now["gap"][which]
-            wrong += [f"{words}: gap {key} {value}, now {gap[key]}" for key, value in zip(("before", "after"), m.groups())
-                      if (value == "-") != (gap[key] is None) or value != "-" and not near_gap(float(value), gap[key])]
+            wrong += [
+                f"{words}: gap {key} {value}, now {gap[key]}"
+                for key, value in zip(("before", "after"), m.groups())
+                if (value == "-") != (gap[key] is None) or value != "-" and not near_gap(float(value), gap[key])
+            ]
             closed = None if m[3] is None else float(m[3]) / 100.0
-            if (closed is None) != (gap["closed"] is None) or closed is not None and not near_share(closed, gap["closed"]):
+            if (
+                (closed is None) != (gap["closed"] is None)
+                or closed is not None
+                and not near_share(closed, gap["closed"])
+            ):
                 wrong.append(f"{words}: closed {closed}, now {gap['closed']}")
     return wrong if rows else ["no gap below the command"]
 

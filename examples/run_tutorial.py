@@ -4,10 +4,11 @@
     .venv/bin/python examples/run_tutorial.py docs/tutorial-bag.md --print    # only show it
 
 In a page every block that starts with ```console holds commands after "$ ", and whatever stood below a command is
-replaced by what it prints now. The commands of ```sh blocks are run too; a ```text block that follows one shows what matters of
-its last command's output, and gets today's lines of the same kind. A figure with a mark behind it (see page_answers.py) gets
-today's value. Blocks with a comment "test: REASON" before them are left alone. Commands run one after the other in one scratch
-folder that holds a copy of examples/, so that a page reads like a session in the repository and leaves nothing behind.
+replaced by what it prints now. The commands of ```sh blocks are run too; a ```text block that follows one shows what
+matters of its last command's output, and gets today's lines of the same kind. A figure with a mark behind it (see
+page_answers.py) gets today's value. Blocks with a comment "test: REASON" before them are left alone. Commands run one
+after the other in one scratch folder that holds a copy of examples/, so that a page reads like a session in the
+repository and leaves nothing behind.
 """
 
 from __future__ import annotations
@@ -28,16 +29,29 @@ ROOT = Path(__file__).resolve().parents[1]
 
 def run(command: str, folder: Path) -> str:
     """Output of a command (both streams), and its exit status where that is not 0."""
-    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "110",
-                   "NO_COLOR": "1"}
-    done = subprocess.run(["bash", "-c", command], cwd=folder, env=environment, text=True, stdout=subprocess.PIPE,
-                          stderr=subprocess.STDOUT, check=False)
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        "COLUMNS": "110",
+        "NO_COLOR": "1",
+    }
+    done = subprocess.run(
+        ["bash", "-c", command],
+        cwd=folder,
+        env=environment,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        check=False,
+    )
     text = "\n".join(line.rstrip() for line in done.stdout.splitlines())
     return text + (f"\n[exit status {done.returncode}]" if done.returncode else "")
 
 
 def cut(shown: str, output: str) -> str:
-    """Of an output what a page shows: the headlines of answers, else the lines that differ from those shown in figures alone."""
+    """Of an output what a page shows: the headlines of answers, else the lines that differ from those shown in figures
+    alone.
+    """
     if read_answers(shown):
         kept, inside = [], False
         for line in output.splitlines():
@@ -53,7 +67,9 @@ def cut(shown: str, output: str) -> str:
 
 
 def commands(body: list[str]) -> list[str]:
-    """Commands of a ```sh block: a line each; one that ends in a backslash or inside of a quote goes on in the next line."""
+    """Commands of a ```sh block: a line each; one that ends in a backslash or inside of a quote goes on in the next
+    line.
+    """
     found: list[str] = []
     for line in body:
         if found and (found[-1].endswith("\\") or found[-1].count('"') % 2):
@@ -65,6 +81,7 @@ def commands(body: list[str]) -> list[str]:
 
 def in_prose(line: str, folder: Path) -> str:
     """A line whose marked figures and words are today's, figures with as many digits as before."""
+
     def today(m: re.Match[str]) -> str:
         value, _ = value_at(folder, m["file"], m["key"])
         if isinstance(value, str):
@@ -78,7 +95,9 @@ def in_prose(line: str, folder: Path) -> str:
 
 
 def refreshed(page: str, only: str = "") -> str:
-    """The page with the output of its commands; console commands that do not start with `only` keep what stands there."""
+    """The page with the output of its commands; console commands that do not start with `only` keep what stands
+    there.
+    """
     result: list[str] = []
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)

@@ -1,4 +1,5 @@
-"""A mobile robot's motors simulated in real time, and the instrument that says why the simulator differs from the robot.
+"""A mobile robot's motors simulated in real time, and the instrument that says why the simulator differs from the
+robot.
 
 The functions of this package, each described in `rtds_host.api`:
 

@@ -1,8 +1,8 @@
 """The functions for Python programs and notebooks: the sub-commands of `rtds` without a terminal.
 
-All raise `rtds_host.RtdsError`, whose text is one line that names the place and what is wrong: `InputError` for unusable
-input, `OutputError` where a result cannot be written (nothing is left half-written), `LinkError` where a simulator of the
-Verilog cannot be built or started. Units are SI; the formats are those of the command line.
+All raise `rtds_host.RtdsError`, whose text is one line that names the place and what is wrong: `InputError` for
+unusable input, `OutputError` where a result cannot be written (nothing is left half-written), `LinkError` where a
+simulator of the Verilog cannot be built or started. Units are SI; the formats are those of the command line.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ def read_case(folder: Path_) -> Case:
 
     Returns
     -------
-    Case with `robot` and `runs`; a run's `t` (n,) is in s, its `columns` are (n,) arrays by channel, NaN where a channel
-    has no sample at that time.
+    Case with `robot` and `runs`; a run's `t` (n,) is in s, its `columns` are (n,) arrays by channel, NaN where a
+    channel has no sample at that time.
 
     Raises
     ------
@@ -41,7 +41,9 @@ def read_case(folder: Path_) -> Case:
     return contract.read_case(folder)
 
 
-def diagnose(case: Case | Path_, *, quick: bool = False, threads: int = 0, seed: int = 1, out: Path_ | None = None) -> dict[str, Any]:
+def diagnose(
+    case: Case | Path_, *, quick: bool = False, threads: int = 0, seed: int = 1, out: Path_ | None = None
+) -> dict[str, Any]:
     """Say where the gap between simulation and robot lies, and which effects cause it (`rtds diagnose`).
 
     Parameters
@@ -79,7 +81,9 @@ def diagnose(case: Case | Path_, *, quick: bool = False, threads: int = 0, seed:
     return result
 
 
-def predict(run: RunLog | Path_, robot: Robot | Path_, diagnosis: Mapping[str, Any] | Path_ | None = None) -> dict[str, np.ndarray]:
+def predict(
+    run: RunLog | Path_, robot: Robot | Path_, diagnosis: Mapping[str, Any] | Path_ | None = None
+) -> dict[str, np.ndarray]:
     """Replay a run from its commands, by the nominal robot or with a diagnosis in it (`rtds predict`).
 
     Parameters
@@ -109,10 +113,22 @@ def predict(run: RunLog | Path_, robot: Robot | Path_, diagnosis: Mapping[str, A
     return predicted_columns(log, nominal, model)
 
 
-def run(scenario: str, *, robot: Path_ = "burger", link: str = "rtl", sim: str = "verilator", engine: str | None = None,
-        values: Mapping[str, float] | None = None, effects: Path_ | None = None, effect: Sequence[str] = (),
-        compare: bool = False, figure: bool = True, out: Path_ | None = None) -> Outcome:
-    """Drive a scenario in the real-time simulator: motors in Verilog or its model, robot in a physics engine (`rtds run`).
+def run(
+    scenario: str,
+    *,
+    robot: Path_ = "burger",
+    link: str = "rtl",
+    sim: str = "verilator",
+    engine: str | None = None,
+    values: Mapping[str, float] | None = None,
+    effects: Path_ | None = None,
+    effect: Sequence[str] = (),
+    compare: bool = False,
+    figure: bool = True,
+    out: Path_ | None = None,
+) -> Outcome:
+    """Drive a scenario in the real-time simulator: motors in Verilog or its model, robot in a physics engine (`rtds
+    run`).
 
     Parameters
     ----------
@@ -129,8 +145,8 @@ def run(scenario: str, *, robot: Path_ = "burger", link: str = "rtl", sim: str =
 
     Returns
     -------
-    Outcome: `record` has times, (n, 2) speeds in rad/s and currents in A [left, right], poses, and the log's rows; `summary`
-    errors, peaks and energies.
+    Outcome: `record` has times, (n, 2) speeds in rad/s and currents in A [left, right], poses, and the log's rows;
+    `summary` errors, peaks and energies.
 
     Raises
     ------
@@ -152,7 +168,9 @@ def run(scenario: str, *, robot: Path_ = "burger", link: str = "rtl", sim: str =
         from rtds_host.correction.translate import translate
 
         chosen = choose(plan.robot, None if effects is None else Path(effects), list(effect))
-        change = Effects(translate(chosen.model, plan.robot, plan.body.payload_kg, step_s=plan.simulator_step_s), chosen.names)
+        change = Effects(
+            translate(chosen.model, plan.robot, plan.body.payload_kg, step_s=plan.simulator_step_s), chosen.names
+        )
     if out is not None:
         check_writable(Path(out))
     choice = LinkChoice(link, {"sim": sim, "step_clocks": "min"} if link == "rtl" else {})
@@ -162,19 +180,29 @@ def run(scenario: str, *, robot: Path_ = "burger", link: str = "rtl", sim: str =
     return outcome
 
 
-def close(case: Case | Path_, *, diagnosis: Mapping[str, Any] | Path_ | None = None, hold_out: Sequence[str] | None = None,
-          link: str = "model", engine: str | None = None, quick: bool = True, causes: bool = False, threads: int = 0,
-          seed: int = 1) -> Result:
+def close(
+    case: Case | Path_,
+    *,
+    diagnosis: Mapping[str, Any] | Path_ | None = None,
+    hold_out: Sequence[str] | None = None,
+    link: str = "model",
+    engine: str | None = None,
+    quick: bool = True,
+    causes: bool = False,
+    threads: int = 0,
+    seed: int = 1,
+) -> Result:
     """Put a diagnosis into the real-time simulator and measure the gap there before and after (`rtds close`).
 
     Parameters
     ----------
     case : as read, or its folder.
-    diagnosis : content of a `diagnosis.json`, or its path; without it the runs that are not held out are diagnosed, `quick` or
+    diagnosis : content of a `diagnosis.json`, or its path; without it the runs that are not held out are diagnosed,
+    `quick` or
         not.
     hold_out : runs to replay; by default the last one, with a given diagnosis all.
-    link, engine : as of `run`. causes : vary the simulator one thing at a time, to say where it differs from the replay.
-    threads : cores for the diagnosis; 0 = all. seed : changes nothing, kept for callers.
+    link, engine : as of `run`. causes : vary the simulator one thing at a time, to say where it differs from the
+    replay. threads : cores for the diagnosis; 0 = all. seed : changes nothing, kept for callers.
 
     Returns
     -------
@@ -203,9 +231,20 @@ def close(case: Case | Path_, *, diagnosis: Mapping[str, Any] | Path_ | None = N
         read_diagnosis(path, read.robot)
         given = dict(read_json(path))  # type: ignore[call-overload]
     options: dict[str, Any] = {} if engine is None else {"engine": engine}
-    setting = Setting(link=link, link_options={"sim": "verilator", "step_clocks": "min"} if link == "rtl" else {}, **options)
-    return close_case(read, setting, given, path, list(hold_out) if hold_out else None, quick, causes,
-                      threads=threads or cores(), seed=seed)
+    setting = Setting(
+        link=link, link_options={"sim": "verilator", "step_clocks": "min"} if link == "rtl" else {}, **options
+    )
+    return close_case(
+        read,
+        setting,
+        given,
+        path,
+        list(hold_out) if hold_out else None,
+        quick,
+        causes,
+        threads=threads or cores(),
+        seed=seed,
+    )
 
 
 def _case(case: Case | Path_) -> Case:

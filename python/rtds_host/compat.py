@@ -1,4 +1,6 @@
-"""What the standard library has since Python 3.11, for 3.10 too (Ubuntu 22.04): `from rtds_host.compat import tomllib`."""
+"""What the standard library has since Python 3.11, for 3.10 too (Ubuntu 22.04): `from rtds_host.compat import
+tomllib`.
+"""
 
 from __future__ import annotations
 

@@ -7,14 +7,19 @@ import os
 import unicodedata
 from collections.abc import Iterable
 
-# Control and format characters, surrogates (bytes of a file name that are no text), characters without a meaning, line ends.
+# Control and format characters, surrogates (bytes of a file name that are no text), characters without a meaning, line
+# ends.
 _UNSEEN = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
 
 
 def visible(text: object) -> str:
-    """A text as one line that may go to a terminal: what would steer it, or cannot be written, is spelled out as `\\x1b`."""
-    return "".join(c if c.isprintable() or unicodedata.category(c) not in _UNSEEN
-                   else c.encode("unicode_escape").decode("ascii") for c in str(text))
+    """A text as one line that may go to a terminal: what would steer it, or cannot be written, is spelled out as
+    `\\x1b`.
+    """
+    return "".join(
+        c if c.isprintable() or unicodedata.category(c) not in _UNSEEN else c.encode("unicode_escape").decode("ascii")
+        for c in str(text)
+    )
 
 
 def said_of_file(error: OSError) -> str:
@@ -40,6 +45,6 @@ class OutputError(RtdsError):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """"; did you mean 'circle'?" where one of the known names is close, "" where none is."""
+    """ "; did you mean 'circle'?" where one of the known names is close, "" where none is."""
     close = difflib.get_close_matches(name.lower(), list(known), 1)
     return f"; did you mean {close[0]!r}?" if close else ""

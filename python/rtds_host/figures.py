@@ -21,7 +21,9 @@ def caption(figure: Figure, text: str) -> None:
 
 
 def name_ticks(axis: Axis, names: Sequence[str], **options) -> None:
-    """Ticks at 0, 1, 2, ... of an x or y axis with these names, as plain text as a caption; options are those of a text."""
+    """Ticks at 0, 1, 2, ... of an x or y axis with these names, as plain text as a caption; options are those of a
+    text.
+    """
     axis.set_ticks(range(len(names)), [visible(name) for name in names], parse_math=False, **options)
 
 

@@ -1,8 +1,8 @@
 """What a process that is killed leaves: scratch files and folders, which the next start takes away, and no processes.
 
-A scratch file or folder is locked by its owner (`flock`), and the kernel frees the lock when the owner dies, whatever the
-way. So what is not locked is nobody's any more. A program that is started runs beside a guard (`guard.py`), which ends it
-and all that it started when this process is gone.
+A scratch file or folder is locked by its owner (`flock`), and the kernel frees the lock when the owner dies, whatever
+the way. So what is not locked is nobody's any more. A program that is started runs beside a guard (`guard.py`), which
+ends it and all that it started when this process is gone.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ _lock = threading.Lock()
 
 
 # ---- scratch ---------------------------------------------------------------------------------------------------------
+
 
 def _hold(path: str | os.PathLike, handle: int) -> bool:
     """Lock what `handle` has open; False where a sweep was faster and `path` is not it any more."""
@@ -76,7 +77,9 @@ def new_folder(place: str | os.PathLike, name: str) -> tuple[Path, int]:
 
 
 def _held_folder(place: str | os.PathLike, prefix: str) -> tuple[Path, int]:
-    """(a new scratch folder, the handle that holds its lock). Another process's sweep may take it before it is locked."""
+    """(a new scratch folder, the handle that holds its lock). Another process's sweep may take it before it is
+    locked.
+    """
     while True:
         path = tempfile.mkdtemp(prefix=prefix, suffix=SUFFIX, dir=place)
         try:
@@ -100,7 +103,9 @@ def new_file(place: str | os.PathLike, name: str) -> tuple[str, int]:
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """A folder among the system's temporary files, removed at the end, or by the next such call where this process dies."""
+    """A folder among the system's temporary files, removed at the end, or by the next such call where this process
+    dies.
+    """
     place = tempfile.gettempdir()
     sweep(place, _TEMPORARY)
     path, handle = _held_folder(place, "rtds-")
@@ -113,11 +118,12 @@ def temporary_folder() -> Iterator[Path]:
 
 # ---- processes -------------------------------------------------------------------------------------------------------
 
+
 def guard() -> tuple[list[str], int]:
     """(what to put before a command, the descriptor to pass on to it), for a process in a session of its own.
 
-    The program then ends when this process is gone, with all that it started in its session. The descriptor is the reading
-    end of a pipe that this process keeps open to its end and tells nobody else of.
+    The program then ends when this process is gone, with all that it started in its session. The descriptor is the
+    reading end of a pipe that this process keeps open to its end and tells nobody else of.
     """
     global _lifeline
     with _lock:
@@ -126,8 +132,9 @@ def guard() -> tuple[list[str], int]:
         return [sys.executable, "-E", "-S", str(_GUARD), str(_lifeline[0])], _lifeline[0]
 
 
-def run_guarded(command: Sequence[str], timeout_s: float | None = None,
-                cwd: str | os.PathLike | None = None) -> subprocess.CompletedProcess[str]:
+def run_guarded(
+    command: Sequence[str], timeout_s: float | None = None, cwd: str | os.PathLike | None = None
+) -> subprocess.CompletedProcess[str]:
     """Run a program that ends with this process; its output comes back as text.
 
     Raises
@@ -135,9 +142,17 @@ def run_guarded(command: Sequence[str], timeout_s: float | None = None,
     subprocess.TimeoutExpired : it took longer than `timeout_s` and was ended. OSError : no process can be started.
     """
     before, descriptor = guard()
-    with subprocess.Popen([*before, *map(str, command)], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                          stderr=subprocess.PIPE, text=True, errors="replace", cwd=cwd, pass_fds=(descriptor,),
-                          start_new_session=True) as process:
+    with subprocess.Popen(
+        [*before, *map(str, command)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        cwd=cwd,
+        pass_fds=(descriptor,),
+        start_new_session=True,
+    ) as process:
         with _lock:
             _running.add(process)
         try:

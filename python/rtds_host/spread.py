@@ -76,6 +76,7 @@ def one_line(error: BaseException) -> str:
 
 # ---- cores of this machine -------------------------------------------------------------------------------------------
 
+
 def _start_worker() -> None:
     """A worker leaves Ctrl-C to its parent, and ends when the parent is gone, however it went."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -91,10 +92,13 @@ def _start_worker() -> None:
 
 @contextmanager
 def process_pool(processes: int) -> Iterator[concurrent.futures.ProcessPoolExecutor]:
-    """Processes that end with this one, however it ends, and leave Ctrl-C to it; ended where the block does not end well."""
+    """Processes that end with this one, however it ends, and leave Ctrl-C to it; ended where the block does not end
+    well.
+    """
     others = set(multiprocessing.active_children())
     pool = concurrent.futures.ProcessPoolExecutor(
-        processes, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker)
+        processes, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker
+    )
     finished = False
     try:
         yield pool
@@ -104,8 +108,8 @@ def process_pool(processes: int) -> Iterator[concurrent.futures.ProcessPoolExecu
             # Interrupted, or the results cannot be written: what still runs is of no use.
             for process in set(multiprocessing.active_children()) - others:
                 process.terminate()
-            # One that ends in the middle of a result leaves half of it in the pipe. The pool would wait for the other half for as long as
-            # anybody could write it, and that is this process itself.
+            # One that ends in the middle of a result leaves half of it in the pipe. The pool would wait for the other
+            # half for as long as anybody could write it, and that is this process itself.
             pool._result_queue._writer.close()
         pool.shutdown(wait=True, cancel_futures=True)
 
@@ -153,8 +157,11 @@ def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> I
                         # Also where no process can be started: no memory, no more processes allowed.
                         why = LOST if isinstance(error, BrokenProcessPool) else one_line(error)
                         lost.append(job)
-                done = concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED).done \
-                    if running else ()
+                done = (
+                    concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED).done
+                    if running
+                    else ()
+                )
                 for future in done:
                     job = running.pop(future)
                     error = future.exception()
@@ -172,7 +179,8 @@ def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> I
 
 
 def on_threads(function: Callable, jobs: Mapping[str, Callable[[], tuple]], width: int) -> Iterator[Outcome]:
-    """Like `on_cores` for jobs that start processes (`run_guarded`): a thread waits for each. Arguments as `on_cluster`'s.
+    """Like `on_cores` for jobs that start processes (`run_guarded`): a thread waits for each. Arguments as
+    `on_cluster`'s.
 
     When it is closed early, jobs that have not begun are dropped and the programs of those that have are ended.
     """
@@ -196,6 +204,7 @@ def on_threads(function: Callable, jobs: Mapping[str, Callable[[], tuple]], widt
 
 # ---- a Dask cluster --------------------------------------------------------------------------------------------------
 
+
 def _version() -> str:
     """Version of this package where it runs."""
     return __version__
@@ -210,7 +219,9 @@ def _reachable(scheduler: str) -> None:
     """
     found = re.fullmatch(r"(tcp|tls)://(\[[0-9A-Fa-f:.%]+\]|[^\s:/\[\]@]+):(\d{1,5})/?", scheduler)
     if found is None or not 0 < int(found[3]) < 65536:
-        raise InputError(f"--scheduler {scheduler}: is no address of a scheduler, tcp://host:8786 or tls://host:8786 is needed")
+        raise InputError(
+            f"--scheduler {scheduler}: is no address of a scheduler, tcp://host:8786 or tls://host:8786 is needed"
+        )
     answer: queue.SimpleQueue = queue.SimpleQueue()
 
     def ask() -> None:
@@ -232,7 +243,9 @@ def _reachable(scheduler: str) -> None:
 
 def _quiet() -> None:
     """Dask tells of a lost scheduler in tracebacks, also when its client is closed already; the caller gets a line."""
-    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in ("distributed", "tornado", "asyncio")]
+    names = [
+        name for name in logging.root.manager.loggerDict if name.split(".")[0] in ("distributed", "tornado", "asyncio")
+    ]
     # Dask gives loggers of its own levels and handlers, which what is said of their parents does not reach.
     for name in ("distributed", "tornado", "asyncio", *names):
         logger = logging.getLogger(name)
@@ -241,7 +254,9 @@ def _quiet() -> None:
 
 
 def _started(start: Callable[[], Any], scheduler: str) -> Any:
-    """A client that is connected. Somebody who takes the connection and says nothing would be waited for without end."""
+    """A client that is connected. Somebody who takes the connection and says nothing would be waited for
+    without end.
+    """
     answer: queue.SimpleQueue = queue.SimpleQueue()
 
     def run() -> None:
@@ -254,14 +269,17 @@ def _started(start: Callable[[], Any], scheduler: str) -> Any:
     try:
         client, error = answer.get(timeout=CONNECT_S + 0.5)
     except queue.Empty:
-        raise LinkError(f"scheduler {scheduler}: does not answer within {CONNECT_S:g} s, it may be no Dask scheduler") from None
+        raise LinkError(
+            f"scheduler {scheduler}: does not answer within {CONNECT_S:g} s, it may be no Dask scheduler"
+        ) from None
     if error is not None:
         raise LinkError(f"scheduler {scheduler}: does not answer ({' '.join(str(error).split())})") from error
     return client
 
 
 def _certified(scheduler: str) -> None:
-    """Whether this machine has what `tls://` needs of it; Dask reads the same configuration and says it in its own terms.
+    """Whether this machine has what `tls://` needs of it; Dask reads the same configuration and says it in its own
+    terms.
 
     Raises
     ------
@@ -274,11 +292,14 @@ def _certified(scheduler: str) -> None:
     try:
         known = Security().get_connection_args("client").get("ssl_context") is not None
     except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"--scheduler {scheduler}: the certificate of this machine cannot be used "
-                         f"({' '.join(str(error).split())})") from error
+        raise InputError(
+            f"--scheduler {scheduler}: the certificate of this machine cannot be used ({' '.join(str(error).split())})"
+        ) from error
     if not known:
-        raise InputError(f"--scheduler {scheduler}: no certificate of this machine is configured, DASK_DISTRIBUTED__COMM__TLS__"
-                         "CA_FILE, CLIENT__CERT and CLIENT__KEY name its files")
+        raise InputError(
+            f"--scheduler {scheduler}: no certificate of this machine is configured, DASK_DISTRIBUTED__COMM__TLS__"
+            "CA_FILE, CLIENT__CERT and CLIENT__KEY name its files"
+        )
 
 
 @contextmanager
@@ -289,12 +310,17 @@ def _client(scheduler: str) -> Iterator[Any]:
 
     class Client(distributed.Client):
         def __del__(self) -> None:
-            """One that never started is left as it is: Dask would wait for its end for seconds, and tell of it in a traceback."""
+            """One that never started is left as it is: Dask would wait for its end for seconds, and tell of it in a
+            traceback.
+            """
 
     _certified(scheduler)
     # A case travels inside its task, on purpose: scattered data would be lost with the worker that holds it.
-    settings = {"distributed.admin.large-graph-warning-threshold": "10GB", "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
-                "distributed.comm.retry.count": 0}
+    settings = {
+        "distributed.admin.large-graph-warning-threshold": "10GB",
+        "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
+        "distributed.comm.retry.count": 0,
+    }
     _quiet()
     with dask.config.set(settings), warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -310,8 +336,10 @@ def _client(scheduler: str) -> Iterator[Any]:
             except (OSError, concurrent.futures.CancelledError) as error:
                 raise LinkError(f"scheduler {scheduler}: is gone ({' '.join(str(error).split())[:200]})") from error
             if found - {__version__}:
-                raise LinkError(f"scheduler {scheduler}: a worker has version {min(found - {__version__})} of this "
-                                f"program, here is {__version__}")
+                raise LinkError(
+                    f"scheduler {scheduler}: a worker has version {min(found - {__version__})} of this "
+                    f"program, here is {__version__}"
+                )
             yield client
         finally:
             with suppress(concurrent.futures.CancelledError, OSError, TimeoutError, RuntimeError):
@@ -412,8 +440,9 @@ def on_cluster(function: Callable, jobs: Mapping[str, Callable[[], tuple]], sche
                         yield Outcome(name, future.result())
                     future.release()
         except (concurrent.futures.CancelledError, OSError) as error:
-            raise LinkError(f"scheduler {scheduler}: is gone ({' '.join(str(error).split())[:200]}); call again to go "
-                            "on") from error
+            raise LinkError(
+                f"scheduler {scheduler}: is gone ({' '.join(str(error).split())[:200]}); call again to go on"
+            ) from error
         finally:
             if client.status == "running":
                 with suppress(concurrent.futures.CancelledError, OSError, TimeoutError):

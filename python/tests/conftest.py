@@ -28,7 +28,9 @@ def wheel(tmp_path_factory):
         pytest.fail("the wheel needs setuptools 77, which `make setup` installs")
     folder = tmp_path_factory.mktemp("wheel")
     tree = folder / "tree"
-    files = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\0")
+    files = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split("\0")
     for name in filter(None, files):
         if (ROOT / name).is_file():
             (tree / name).parent.mkdir(parents=True, exist_ok=True)
@@ -45,14 +47,26 @@ class Installed:
 
     def __init__(self, prefix, cache):
         self.prefix = prefix
-        self.environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))}
-        self.environment |= {"PATH": f"{prefix}/bin:{os.environ['PATH']}", "XDG_CACHE_HOME": str(cache), "NO_COLOR": "1",
-                             "MPLBACKEND": "agg"}
+        self.environment = {
+            name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "VIRTUAL_ENV"))
+        }
+        self.environment |= {
+            "PATH": f"{prefix}/bin:{os.environ['PATH']}",
+            "XDG_CACHE_HOME": str(cache),
+            "NO_COLOR": "1",
+            "MPLBACKEND": "agg",
+        }
 
     def run(self, *command, cwd):
         """Run a program of the environment; its output. A program that fails fails the test."""
-        done = subprocess.run([f"{self.prefix}/bin/{command[0]}", *map(str, command[1:])], cwd=cwd, env=self.environment,
-                              capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            [f"{self.prefix}/bin/{command[0]}", *map(str, command[1:])],
+            cwd=cwd,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 

@@ -110,7 +110,9 @@ async def every_pad_delay_and_conversion_time(dut):
 
 @cocotb.test()
 async def pads_of_0_to_5_ns(dut):
-    """Each pin's pad anywhere from 0 to 5 ns, the same for both edges, conversions of 1.3 to 1.6 us: the window is just met."""
+    """Each pin's pad anywhere from 0 to 5 ns, the same for both edges, conversions of 1.3 to 1.6 us: the window is just
+    met.
+    """
     tb = await started(dut)
     ends = {"first_sck_min": set(), "acquisition_min": set()}
     for number, corner in enumerate(itertools.product((0, 2500, 5000), repeat=4)):

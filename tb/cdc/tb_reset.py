@@ -96,7 +96,9 @@ async def a_lost_lock_is_seen_however_short(dut):
 
 @cocotb.test()
 async def listeners_are_told_before_the_core_is_reset(dut):
-    """A lost lock closes open_o for a clock or more before rst_run_no falls, both with the clock; held_o says it has."""
+    """A lost lock closes open_o for a clock or more before rst_run_no falls, both with the clock; held_o says
+    it has.
+    """
     await start(dut)
     dut.ext_rst_ni.value = 1
     dut.pll_locked_i.value = 1

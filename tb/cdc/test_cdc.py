@@ -9,7 +9,13 @@ INFRA = "rtl/io/infra.f"
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_crossing_keeps_every_word(simulator):
     run_cocotb(
-        "cdc_handshake", [INFRA], "tb_cdc", "tb/cdc", simulator, parameters={"WIDTH": 62}, testcase=["random_clocks", "offered_too_early"]
+        "cdc_handshake",
+        [INFRA],
+        "tb_cdc",
+        "tb/cdc",
+        simulator,
+        parameters={"WIDTH": 62},
+        testcase=["random_clocks", "offered_too_early"],
     )
 
 
@@ -27,16 +33,22 @@ def test_resets(simulator):
 
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_pll_restart(simulator):
-    run_cocotb("pll_restart", [INFRA, "rtl/io/pll_restart.v"], "tb_pll_restart", "tb/cdc", simulator, parameters={"WAIT": 200})
+    run_cocotb(
+        "pll_restart", [INFRA, "rtl/io/pll_restart.v"], "tb_pll_restart", "tb/cdc", simulator, parameters={"WAIT": 200}
+    )
 
 
 # With its clock in Verilog the PLL takes Verilator a minute to build: one simulator is enough unless asked.
 @pytest.mark.parametrize(
     "simulator",
-    [
-        pytest.param(s, marks=[pytest.mark.long] if s == "verilator" and len(SIMULATORS) > 1 else [])
-        for s in SIMULATORS
-    ],
+    [pytest.param(s, marks=[pytest.mark.long] if s == "verilator" and len(SIMULATORS) > 1 else []) for s in SIMULATORS],
 )
 def test_pll(simulator):
-    run_cocotb("pll_adc", ["rtl/io/pll_adc.v"], "tb_pll", "tb/cdc", simulator, build_args=["--timing", "-CFLAGS", "-std=c++20 -fcoroutines"])
+    run_cocotb(
+        "pll_adc",
+        ["rtl/io/pll_adc.v"],
+        "tb_pll",
+        "tb/cdc",
+        simulator,
+        build_args=["--timing", "-CFLAGS", "-std=c++20 -fcoroutines"],
+    )

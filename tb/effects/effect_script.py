@@ -99,7 +99,9 @@ class Script:
 
 
 def sensible(rng: np.random.Generator, parts: int, strobes: int) -> Script:
-    """Random effects on random motors that are driven about, parameters, effects and tables changing while they turn."""
+    """Random effects on random motors that are driven about, parameters, effects and tables changing while they
+    turn.
+    """
     script = Script()
     for part in range(parts):
         step = float(rng.choice([1e-5, 1e-6, 3e-5]))
@@ -144,7 +146,13 @@ def wild(rng: np.random.Generator, parts: int) -> Script:
         return np.where(kinds > 3, ordinary, value).astype(np.uint32)
 
     nominal = words(NOMINAL)
-    every = [table_address(s, t, c, w) for s in range(SIDES) for t in range(len(TABLES)) for c in range(CELLS) for w in (0, 1)]
+    every = [
+        table_address(s, t, c, w)
+        for s in range(SIDES)
+        for t in range(len(TABLES))
+        for c in range(CELLS)
+        for w in (0, 1)
+    ]
     script.write(zip(every, arbitrary(len(every)).tolist(), strict=True))
     for part in range(parts):
         script.write(

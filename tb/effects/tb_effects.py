@@ -1,4 +1,5 @@
-"""cocotb tests of rtds_core with effects: latencies, clear, parameters and words under way, NaN; every word the model's.
+"""cocotb tests of rtds_core with effects: latencies, clear, parameters and words under way, NaN; every word the
+model's.
 
 `EFFECT_STEPS` in the environment sets the length of the random test.
 """
@@ -228,7 +229,9 @@ async def a_strobe_in_the_clock_after_a_clear_starts_from_rest(dut):
 
 @cocotb.test()
 async def strobes_as_soon_as_they_may_come_with_effects_and_without(dut):
-    """Every change between the two at the shortest distance: the first step with effects starts from what the plain one left."""
+    """Every change between the two at the shortest distance: the first step with effects starts from what the plain one
+    left.
+    """
     tb = await bench(dut, RICH, UnitEffects(limit_v=5.0), SUPPLY)
     await tb.step([6.0, -3.0], [0.0, 1e-4])
     for k, on in enumerate((1, 1, 0, 0, 1, 0, 1, 1, 1, 0, 1, 1, 0, 0, 0, 1)):

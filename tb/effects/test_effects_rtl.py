@@ -1,4 +1,6 @@
-"""The core with effects on both simulators: every word of every step against the model, and its ports clock by clock."""
+"""The core with effects on both simulators: every word of every step against the model, and its ports clock by
+clock.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,8 @@ def term(operation: str, *operands: tuple[object, int]) -> tuple:
 class Machine:
     """One side of the engine on terms instead of numbers: what the words of the ROM compute, clock by clock.
 
-    A term is a tuple (operation, operands); operands that stand nowhere any more, or not yet, are None and fail the test.
+    A term is a tuple (operation, operands); operands that stand nowhere any more, or not yet, are None and fail the
+    test.
     """
 
     def __init__(self) -> None:
@@ -80,11 +83,17 @@ class Machine:
                 stands[unit] = done or stands[unit]
             entering = dict.fromkeys(("product", "sum"))
             if f["mul"]:
-                factors = [take(effect_program.MUL_A, f["mul_a"], "mul_a", "mul"), take(effect_program.MUL_B, f["mul_b"], "mul_b", "mul")]
+                factors = [
+                    take(effect_program.MUL_A, f["mul_a"], "mul_a", "mul"),
+                    take(effect_program.MUL_B, f["mul_b"], "mul_b", "mul"),
+                ]
                 assert None not in factors, f"clock {clock}: a factor stands nowhere"
                 entering["product"] = term("mul", (factors[0], 0), (factors[1], 0))
             if f["add"]:
-                terms = [take(effect_program.ADD_A, f["add_a"], "add_a", "add"), take(effect_program.ADD_B, f["add_b"], "add_b", "add")]
+                terms = [
+                    take(effect_program.ADD_A, f["add_a"], "add_a", "add"),
+                    take(effect_program.ADD_B, f["add_b"], "add_b", "add"),
+                ]
                 assert None not in terms, f"clock {clock}: a term stands nowhere"
                 entering["sum"] = term("sum", (terms[0], f["minus_a"]), (terms[1], f["minus_b"]))
             pipes["product"].append(entering["product"])
@@ -96,7 +105,12 @@ class Machine:
                 put[effect_program.OUTPUTS[f["which"]]] = stands["sum"]
             stands["slope"], stands["intercept"] = line[0] or (stands["slope"], stands["intercept"])
             table = effect_program.TABLES[f["table"]] if f["look"] else ""
-            line = [tuple((f"{table}.{word}", repr(stands["product"])) for word in ("slope", "intercept")) if f["look"] else None, None]
+            line = [
+                tuple((f"{table}.{word}", repr(stands["product"])) for word in ("slope", "intercept"))
+                if f["look"]
+                else None,
+                None,
+            ]
             stands["direct"] = inputs[effect_program.DIRECT[min(f["direct"], 2)]] if clock >= 3 else None
             if clock < effect_program.DIRECT_FROM["i"] - 1 and f["direct"] < 2:
                 stands["direct"] = None
@@ -148,7 +162,9 @@ def meant(inputs: dict[str, tuple], states: dict[str, tuple]) -> dict[str, tuple
 
 
 def test_the_words_of_the_program_compute_what_the_list_of_operations_means():
-    """Two steps, 50 clocks apart, carried out on terms with the engine's latencies: every operand stands where it is taken."""
+    """Two steps, 50 clocks apart, carried out on terms with the engine's latencies: every operand stands where it is
+    taken.
+    """
     machine = Machine()
     states = {name: ("state", name) for name in effect_program.STATES}
     for step in range(2):

@@ -1,7 +1,7 @@
 """`make formal`: every proof with SymbiYosys, Yosys and z3, as a table; a status that is not success if one fails.
 
-Each task is proved (k-induction: for ever, not up to a depth) and covered (the interesting things can happen, so that no
-assumption makes the proof empty). Yosys sees its working folder only: sources are copied to build/formal/TASK.
+Each task is proved (k-induction: for ever, not up to a depth) and covered (the interesting things can happen, so that
+no assumption makes the proof empty). Yosys sees its working folder only: sources are copied to build/formal/TASK.
 """
 
 from __future__ import annotations
@@ -51,7 +51,9 @@ def write_sby(task: str, mode: str) -> Path:
     path.write_text(
         f"[options]\nmode {mode}\ndepth {prove_depth if mode == 'prove' else cover_depth}\n"
         f"multiclock {'on' if multiclock else 'off'}\n\n[engines]\nsmtbmc z3\n\n[script]\n"
-        f"read_verilog -formal {define} {' '.join(read)}\n{before}\nprep -flatten -top {task}\n\n[files]\n" + "\n".join(names) + "\n"
+        f"read_verilog -formal {define} {' '.join(read)}\n{before}\nprep -flatten -top {task}\n\n[files]\n"
+        + "\n".join(names)
+        + "\n"
     )
     return folder
 
@@ -74,7 +76,9 @@ def main(argv: list[str]) -> int:
     """Run the named tasks, or all."""
     chosen = argv[1:] or list(TASKS)
     failed = 0
-    print(f"| {'task':<16} | {'property':<72} | prove | cover | seconds |\n|{'-' * 18}|{'-' * 74}|-------|-------|--------:|")
+    print(
+        f"| {'task':<16} | {'property':<72} | prove | cover | seconds |\n|{'-' * 18}|{'-' * 74}|-------|-------|--------:|"
+    )
     for task in chosen:
         begin = time.monotonic()
         results = {}

@@ -81,7 +81,9 @@ _DIRECTED = (
 
 
 def directed() -> np.ndarray:
-    """(n, 2) uint32: every pair of the directed words with every pair of signs, small differences, integers at ties and ends."""
+    """(n, 2) uint32: every pair of the directed words with every pair of signs, small differences, integers at ties and
+    ends.
+    """
     words = [word | sign for word in _DIRECTED for sign in (0, 0x80000000)]
     pairs = np.array(list(itertools.product(words, words)), dtype=np.uint32)
     # Differences of near operands at small exponents: they would lose more places than the exponent has.

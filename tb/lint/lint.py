@@ -1,5 +1,5 @@
-"""`make lint`, the Verilog half: a strict elaborator, Verilator with -Wall and Verible on every source; a status that is not
-success on any word.
+"""`make lint`, the Verilog half: a strict elaborator, Verilator with -Wall and Verible on every source; a status that
+is not success on any word.
 
 Waivers: SLANG_WAIVERS here, waivers.vlt (Verilator) and verible.rules, each with its reason beside it.
 """
@@ -32,7 +32,9 @@ SLANG_WAIVERS = ("-Wno-unconnected-input-port", "-Wno-unconnected-output-port", 
 
 
 def slang(files: list[Path], top: str = "rtds_top") -> int:
-    """Elaborate with slang, which takes the standard (Verilog-2005) at its word: names before their use, sizes, ports."""
+    """Elaborate with slang, which takes the standard (Verilog-2005) at its word: names before their use, sizes,
+    ports.
+    """
     driver = pyslang.driver.Driver()
     driver.addStandardArgs()
     arguments = [

@@ -1,8 +1,8 @@
 """`make mutate`: deliberate faults of the RTL, each of which some test has to see.
 
 Every mutant of mutants.toml is made in a copy of the tree (with a build folder of its own) and run against the smallest
-relevant test. A mutant that lives is a hole in the tests: status 1. Before its first mutant each test is run without a fault:
-it has to pass, or a failure would prove nothing.
+relevant test. A mutant that lives is a hole in the tests: status 1. Before its first mutant each test is run without a
+fault: it has to pass, or a failure would prove nothing.
 """
 
 from __future__ import annotations

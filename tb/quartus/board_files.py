@@ -98,7 +98,8 @@ def yosys(script: str, folder: Path) -> None:
 
 
 def elaborate(folder: Path, faults: Mapping[str, tuple[str, str]] | None = None) -> tuple[Design, dict, dict]:
-    """Elaborate the top below `folder`: by hierarchy (Design), flat, and flat but for the reset_gates (Yosys's netlists).
+    """Elaborate the top below `folder`: by hierarchy (Design), flat, and flat but for the reset_gates (Yosys's
+    netlists).
 
     faults : file name -> (text that stands there, text instead), to see whether a check notices.
     """
@@ -234,11 +235,13 @@ def _register_names(netlist: dict) -> dict:
 def reset_crossings(gated: dict) -> set[tuple[str, str, str, str]]:
     """(source register, its reset, destination register, its reset) of all paths between two resets.
 
-    A path leads through logic, memories and registers without a reset to the data or enable of a register with one. It ends in
-    a reset_gate. Of the sources of a path one for each reset is named.
+    A path leads through logic, memories and registers without a reset to the data or enable of a register with one. It
+    ends in a reset_gate. Of the sources of a path one for each reset is named.
     """
     names = _register_names(gated)
-    cells = {n: c for n, c in gated["cells"].items() if c["type"].startswith("$") and not c["type"].startswith("$paramod")}
+    cells = {
+        n: c for n, c in gated["cells"].items() if c["type"].startswith("$") and not c["type"].startswith("$paramod")
+    }
     reset_of = {}  # output bit of a register with an asynchronous reset -> (its name, its reset's)
     for cell in cells.values():
         if cell["type"] in FLOPS and "ARST" in cell["connections"]:
@@ -316,7 +319,11 @@ def clears(flat: dict) -> set[tuple[str, str, str, str]]:
             return {bit}
         cell = driver[bit]
         return {
-            s for p, d in cell["port_directions"].items() if d == "input" for b in cell["connections"][p] for s in sources(b)
+            s
+            for p, d in cell["port_directions"].items()
+            if d == "input"
+            for b in cell["connections"][p]
+            for s in sources(b)
         }
 
     result = set()

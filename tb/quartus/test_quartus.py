@@ -56,7 +56,9 @@ def pin_problems(ports, qsf, board):
     used = [pin for _, pin in qsf.pins]
     problems += [f"{pin}: used {used.count(pin)} times" for pin in sorted(set(used)) if used.count(pin) > 1]
     assigned = [port for port, _ in qsf.pins]
-    problems += [f"{port}: placed {assigned.count(port)} times" for port in sorted(set(assigned)) if assigned.count(port) > 1]
+    problems += [
+        f"{port}: placed {assigned.count(port)} times" for port in sorted(set(assigned)) if assigned.count(port) > 1
+    ]
     for port, pin in qsf.pins:
         name, index = re.fullmatch(r"(\w+?)(?:\[(\d+)\])?", port).groups()
         signal, first = board["headers"].get(name, (name, 0))
@@ -98,8 +100,8 @@ def test_project_lists_exactly_the_design(qsf):
     assert found == {header.parent for header in headers([files.FILE_LIST])}
 
 
-# What Quartus may make of the name of a register: with the modules' names or the instances' alone, its copy (the fitter's), or
-# the one in an output cell.
+# What Quartus may make of the name of a register: with the modules' names or the instances' alone, its copy (the
+# fitter's), or the one in an output cell.
 NAMINGS = {
     "modules and instances": lambda name: name,
     "instances": lambda name: re.sub(r"\w+:", "", name),
@@ -147,11 +149,17 @@ def test_every_constraint_matches_something(design, sdc):
     [
         (("{ADC_SDI}", "{ADC_SDA}"), "get_ports ADC_SDA"),
         (("*cdc_meta_q*", "*cdc_meta_r*"), "get_registers *cdc_meta_r*"),
-        (("*cdc_meta_q*", "*cdc_sync:*|cdc_meta_q"), "get_registers *cdc_sync:*|cdc_meta_q"),  # Quartus may leave `cdc_sync:` out
+        (
+            ("*cdc_meta_q*", "*cdc_sync:*|cdc_meta_q"),
+            "get_registers *cdc_sync:*|cdc_meta_q",
+        ),  # Quartus may leave `cdc_sync:` out
         (("*cdc_hold_q*", "*cdc_*_q*"), "get_registers *cdc_*_q*"),
         (("*rst_out_q*", "*rst_out_q|clrn"), "get_registers *rst_out_q|clrn"),
         (("-clock adc_sck", "-clock adc_clk"), "clock adc_clk"),
-        (("*u_pll_adc|u_pll|", "*u_pll_adc|u_pll2|"), "get_pins *u_pll_adc|u_pll2|*general[0].gpll~PLL_OUTPUT_COUNTER|divclk"),
+        (
+            ("*u_pll_adc|u_pll|", "*u_pll_adc|u_pll2|"),
+            "get_pins *u_pll_adc|u_pll2|*general[0].gpll~PLL_OUTPUT_COUNTER|divclk",
+        ),
     ],
 )
 def test_a_constraint_that_matches_nothing_is_found(design, fault, finds):
@@ -164,7 +172,9 @@ def unbounded(commands, design):
     """Ports without a constraint: each is a clock, has the longest and the shortest delay, or is cut on purpose."""
     problems = []
     for port, direction in design.ports.items():
-        mine = [c for c in commands if any(k == "get_ports" and files.matches(p, port) for k, p in files.sdc_patterns(c))]
+        mine = [
+            c for c in commands if any(k == "get_ports" and files.matches(p, port) for k, p in files.sdc_patterns(c))
+        ]
         delays = {d for c in mine for d in ("-max", "-min") if c.startswith(f"set_{direction}_delay") and d in c}
         if not (delays == {"-max", "-min"} or any(re.match("create|set_false_path", c) for c in mine)):
             problems.append(port)
@@ -186,8 +196,9 @@ def test_a_pin_without_a_bound_is_found(design, sdc, port):
 def test_convst_stays_in_its_window(sdc):
     """Whatever the pads' delays within the bounds: SCK rises 1600 to 1610 ns after CONVST, 0.5 ns of board either way.
 
-    The bounds are those of ADC_CONVST against the clock at ADC_SCK's pad. With equal delays CONVST stands at the pad 7.5 ns
-    after clk_adc's edge, SCK rises 12.5 ns after it and then every 25 ns; the first pulse of a cycle is that of edge 64.
+    The bounds are those of ADC_CONVST against the clock at ADC_SCK's pad. With equal delays CONVST stands at the pad
+    7.5 ns after clk_adc's edge, SCK rises 12.5 ns after it and then every 25 ns; the first pulse of a cycle is that of
+    edge 64.
     """
     period, cnv, sck = 25.0, 7.5, 12.5
     largest, smallest = (
@@ -230,14 +241,12 @@ def covers(command, source, destination):
     ends = {"-from": source, "-to": destination}
     sides = re.findall(r"(-from|-to) \[get_registers \{([^}]*)\}\]", command)
     names = {side: name.replace(".", "|") for side, name in ends.items()}
-    return bool(sides) and all(
-        any(files.matches(p, names[side]) for p in patterns.split()) for side, patterns in sides
-    )
+    return bool(sides) and all(any(files.matches(p, names[side]) for p in patterns.split()) for side, patterns in sides)
 
 
 def test_every_crossing_goes_through_a_synchroniser(flat, sdc):
-    """No register of one clock is read by another one but through cdc_sync or the held word of cdc_handshake, and each of
-    these paths has its constraint."""
+    """No register of one clock is read by another one but through cdc_sync or the held word of cdc_handshake, and each
+    of these paths has its constraint."""
     found = files.crossings(flat)
     assert found, "there are crossings in this design"
     for source, from_clock, destination, to_clock in found:
@@ -256,7 +265,9 @@ def clear_problems(flat, sdc):
     """Asynchronous clears that nothing synchronises, or that are cut nowhere."""
     problems = []
     for source, from_clock, destination, to_clock in files.clears(flat):
-        entry = re.search(r"\brst_(meta|sync|out)_q$", destination)  # a reset synchroniser is there to be cleared at any time
+        entry = re.search(
+            r"\brst_(meta|sync|out)_q$", destination
+        )  # a reset synchroniser is there to be cleared at any time
         if source.endswith("rst_out_q"):
             # clk_adc's reset clears CONVST's register, too: the same PLL, timed.
             if from_clock != to_clock and not destination.endswith("convst_q"):
@@ -267,7 +278,10 @@ def clear_problems(flat, sdc):
             assert from_clock == to_clock  # falls with the clock: timed
         elif from_clock and not any(covers(c, source, destination) for c in sdc):
             problems.append(f"{source} clears {destination}: no constraint")
-        elif not from_clock and source not in ("KEY", "locked"):  # the button's port is cut, the PLL's lock has no clock
+        elif not from_clock and source not in (
+            "KEY",
+            "locked",
+        ):  # the button's port is cut, the PLL's lock has no clock
             problems.append(f"{source} clears {destination}: unknown")
     return problems
 
@@ -307,7 +321,11 @@ def test_no_register_hears_of_anothers_reset(gated):
 @pytest.mark.parametrize(
     "file, fault, finds",
     [
-        ("rtds_report.v", ("assign idle_o = gated_idle || held_i;", "assign idle_o = idle_i || held_i;"), "u_regs.take_q"),
+        (
+            "rtds_report.v",
+            ("assign idle_o = gated_idle || held_i;", "assign idle_o = idle_i || held_i;"),
+            "u_regs.take_q",
+        ),
         ("rtds_regs.v", ("readdata_d = observed_word_q;", "readdata_d = codes_i[31:0];"), "u_regs.readdata_q"),
     ],
 )
@@ -340,7 +358,11 @@ TOOLS = {
         ("exit 1\n", 1, "timing is not met"),
         ("echo 'Warning (332174): Ignored filter at rtds.sdc(44): *cdc_meta_q*'\n", 1, "a constraint matched nothing"),
         ("echo 'Warning (332049): Ignored set_max_delay at rtds.sdc(46)'\n", 1, "a constraint matched nothing"),
-        ("echo 'Warning (332060): Node: x was determined to be a clock but was found without one'\n", 1, "a clock has none"),
+        (
+            "echo 'Warning (332060): Node: x was determined to be a clock but was found without one'\n",
+            1,
+            "a clock has none",
+        ),
     ],
 )
 def test_compile_ends_with_an_error_on_missed_timing_and_unmatched_constraints(tmp_path, says, status, finds):
@@ -361,8 +383,8 @@ def test_compile_ends_with_an_error_on_missed_timing_and_unmatched_constraints(t
     assert finds in done.stderr and "worst setup slack" in done.stdout and "Logic utilization" in done.stdout
 
 
-# The part of quartus_sta's Tcl that report.tcl uses, with the documented collections: opaque, and only foreach_in_collection
-# looks into one.
+# The part of quartus_sta's Tcl that report.tcl uses, with the documented collections: opaque, and only
+# foreach_in_collection looks into one.
 STAND_IN = """
 package provide ::quartus::project 1.0
 package provide ::quartus::sta 1.0
@@ -391,6 +413,8 @@ def test_report_fails_on_a_negative_slack(tmp_path, worst, status):
     script.write_text(f"set worst {worst}\n{STAND_IN}\nsource {{{ROOT / 'quartus/report.tcl'}}}\n")
     done = subprocess.run(["tclsh", script], capture_output=True, text=True, check=False)
     assert done.returncode == status, done.stderr
-    assert "Fmax clk_sys       61.50 MHz" in done.stdout and f"worst recovery slack {float(worst):7.3f} ns" in done.stdout
+    assert (
+        "Fmax clk_sys       61.50 MHz" in done.stdout and f"worst recovery slack {float(worst):7.3f} ns" in done.stdout
+    )
     assert "removal" not in done.stdout
     assert ("a slack is negative" in done.stderr) == (status == 1)

@@ -172,14 +172,18 @@ async def config_changes_only_by_commit_and_at_once(dut):
 
 @cocotb.test()
 async def a_commit_takes_the_write_of_the_clock_before_it(dut):
-    """A word written in one clock, the command in the next, a read of the word in the third, nothing in hand: the set in force
-    has the word from the fourth edge on, and the read gives it."""
+    """A word written in one clock, the command in the next, a read of the word in the third, nothing in hand: the set
+    in force has the word from the fourth edge on, and the read gives it."""
     b = await bench(dut)
     register, word = MAP.named("R"), 0x41000000
     before = b.config()
     after = list(before)
     after[register.address - MAP.config[0].address] = word
-    requests = [("write", register.address, word), ("write", MAP.named("COMMAND").address, 1), ("read", register.address, 0)]
+    requests = [
+        ("write", register.address, word),
+        ("write", MAP.named("COMMAND").address, 1),
+        ("read", register.address, 0),
+    ]
     seen, read = [], []
     for clock in range(10):
         kind, address, data = requests[clock] if clock < len(requests) else ("", 0, 0)
@@ -319,7 +323,9 @@ async def observation(dut):
     assert await b.read("LATENCY") == 0x00450044
     assert await b.read("LIVE") == 0x2A
     dut.open_i.value = 0
-    assert {await b.read(r.name) for r in (*NOW, *CODES, MAP.named("LATENCY"))} == {0}, "what a reset may cut is not read"
+    assert {await b.read(r.name) for r in (*NOW, *CODES, MAP.named("LATENCY"))} == {0}, (
+        "what a reset may cut is not read"
+    )
     assert await b.read("LIVE") == 0x2A
     dut.open_i.value = 1
     dut.serial_error_i.value = 1

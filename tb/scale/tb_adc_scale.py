@@ -121,7 +121,9 @@ async def any_gain_and_offset_bit_for_bit(dut):
 
 @cocotb.test()
 async def what_does_not_come_from_the_adc_follows_its_register(dut):
-    """V and T apart: the word of values_i a clock later, whatever the record; after a change of source the next record's."""
+    """V and T apart: the word of values_i a clock later, whatever the record; after a change of source the next
+    record's.
+    """
     tb = TB(dut)
     await tb.start()
     await tb.convert([1, 2, 3, 4, 5], 0)

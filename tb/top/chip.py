@@ -95,7 +95,10 @@ class Chip:
         )
         codes = {"V_L": record.v_l, "V_R": record.v_r, "T_L": record.t_l, "T_R": record.t_r}
         v, t = (
-            [scaled(n, codes[n], True) if bits[f"{kind}_from_adc"] else cfg[n] for n in (f"{kind.upper()}_L", f"{kind.upper()}_R")]
+            [
+                scaled(n, codes[n], True) if bits[f"{kind}_from_adc"] else cfg[n]
+                for n in (f"{kind.upper()}_L", f"{kind.upper()}_R")
+            ]
             for kind in ("v", "t")
         )
         words = np.array([cfg["R"], cfg["L"], km, kb, j, b, cfg["H"]], np.uint32)

@@ -67,7 +67,8 @@ async def every_pad_and_conversion_time(dut):
         await chip.until_steps(2)
         assert chip.now == chip.predicted, f"pads {corner}"
         chip.check()
-    # What the clocks leave of the data sheet's window of 10 ns with pads 5 ns apart, as seen by the part: nothing, and no less.
+    # What the clocks leave of the data sheet's window of 10 ns with pads 5 ns apart, as seen by the part: nothing, and
+    # no less.
     seen = {name: int(getattr(dut.adc, name).value) for name in ("first_sck_min", "acquisition_min", "convst_high_min")}
     assert seen == {"first_sck_min": 1_600_000, "acquisition_min": 240_000, "convst_high_min": 25_000}
     assert set(chip.latencies) == {chip.latencies[0]}, "the parts' times are not the chip's"

@@ -142,8 +142,8 @@ async def moves_with_the_clock(dut, signal):
 
 
 async def commit_and_clear(dut, number):
-    """Another configuration into the shadow after the next record, then both commands; its words, {name: word}, and the sets
-    of before and after."""
+    """Another configuration into the shadow after the next record, then both commands; its words, {name: word}, and the
+    sets of before and after."""
     regs = dut.chip.u_port.u_regs
     await RisingEdge(dut.chip.record_valid)
     values = {"R": 8.6 * (1 + number % 5), "DAC_W_R_OFFSET": 50.0 * (-1) ** number}
@@ -169,13 +169,15 @@ async def clocks_to_the_take_over(dut, number):
 
 @cocotb.test()
 async def lock_lost_at_every_clock_of_a_commit(dut):
-    """A lock lost while a commit and a clear wait: what takes them over moves with the clock alone, and takes all of it."""
+    """A lock lost while a commit and a clear wait: what takes them over moves with the clock alone, and takes all of
+    it.
+    """
     chip = await running(dut)
     regs = dut.chip.u_port.u_regs
     for signal in (regs.commit_now, regs.clear_now, regs.fx_ready_i, regs.step_i):
         cocotb.start_soon(moves_with_the_clock(dut, signal))
-    # The commands are carried out when the step is done, 127 clocks after its record. The sweep follows that clock: of a lock lost
-    # 4 clocks before the take-over the reset comes as it is asked for, 3 before in its own clock.
+    # The commands are carried out when the step is done, 127 clocks after its record. The sweep follows that clock: of
+    # a lock lost 4 clocks before the take-over the reset comes as it is asked for, 3 before in its own clock.
     taken_over = await clocks_to_the_take_over(dut, 2)
     chip.core.clear()
     await chip.until_steps(1)
@@ -200,15 +202,18 @@ async def lock_lost_at_every_clock_of_a_commit(dut):
         await Timer(200, "ns")
         dut.forgive.value = 0
         dut.agent_clear.value = 0
-    assert done == [clock >= taken_over for clock in clocks], f"the take-over at {taken_over} was not where it was measured"
+    assert done == [clock >= taken_over for clock in clocks], (
+        f"the take-over at {taken_over} was not where it was measured"
+    )
     await chip.until_steps(2)
     assert chip.now == chip.predicted != SAFE
 
 
 @cocotb.test()
 async def one_lost_record_is_told_once(dut):
-    """A dead line for one sequence: one event, none after the line has been repaired. The clocks stand so that the crossing
-    takes now a clock more, now one less: then the next good record comes 20 us after the last one, or a clock later."""
+    """A dead line for one sequence: one event, none after the line has been repaired. The clocks stand so that the
+    crossing takes now a clock more, now one less: then the next good record comes 20 us after the last one, or a clock
+    later."""
     chip = await running(dut)
     await RisingEdge(dut.chip.u_front.valid_adc)
     request = round(get_sim_time("ps")) + 25_000
@@ -319,7 +324,9 @@ async def system_clock_falters(dut):
 
 @cocotb.test()
 async def nothing_is_begun_while_the_core_is_busy(dut):
-    """A core that is not ready for longer than any step: its records are not taken and told, a commit waits, then it goes on."""
+    """A core that is not ready for longer than any step: its records are not taken and told, a commit waits, then it
+    goes on.
+    """
     chip = await running(dut, steps=3)
     regs = dut.chip.u_port.u_regs
     await clear_status(dut)
@@ -422,7 +429,13 @@ async def unusable_parameters(dut):
 async def nonfinite_state(dut):
     """NaN or infinity in an input: steps stop, the safe value, the flag; COMMAND.clear starts from rest."""
     chip = await running(dut, steps=2)
-    for name, kind in (("V_L", "nan"), ("T_R", "inf"), ("V_R", "minus_inf"), ("ADC_V_L_GAIN", "nan"), ("ADC_T_L_OFFSET", "inf")):
+    for name, kind in (
+        ("V_L", "nan"),
+        ("T_R", "inf"),
+        ("V_R", "minus_inf"),
+        ("ADC_V_L_GAIN", "nan"),
+        ("ADC_T_L_OFFSET", "inf"),
+    ):
         await clear_status(dut)
         register = MAP.named(name)
         source = 0x3F00 if name.startswith("ADC") else 0x0F00

@@ -180,7 +180,9 @@ async def a_spike_in_every_bit_is_outvoted(dut):
 
 @cocotb.test()
 async def a_broken_byte_ends_its_request(dut):
-    """A framing error inside of a request: the next request, at once, is a request and not the rest of the broken one."""
+    """A framing error inside of a request: the next request, at once, is a request and not the rest of the
+    broken one.
+    """
     line = await start(dut)
     good = encode_request(4, OP_READ, 0)
     for length in range(2, 9):

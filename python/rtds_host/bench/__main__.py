@@ -12,7 +12,8 @@ from rtds_host.bench.measure import measure_latency, measure_model, measure_rtl
 from rtds_host.errors import RtdsError
 from rtds_host.link import open_link
 
-# simulator, clocks a step, steps an exchange (Icarus: short ones), effects, every clock evaluated, aim as multiple of real time
+# simulator, clocks a step, steps an exchange (Icarus: short ones), effects, every clock evaluated, aim as multiple of
+# real time
 LOOPS = (
     ("verilator", "min", 3200, False, False, 5.0),
     ("verilator", 500, 3200, False, True, None),
@@ -66,7 +67,9 @@ def main() -> int:
     """Entry point."""
     parser = argparse.ArgumentParser(prog="python -m rtds_host.bench", description=__doc__)
     parser.add_argument("--seconds", type=float, default=3.0, help="measuring time of each line")
-    parser.add_argument("--against", metavar="STATE", help="a commit or a source tree: its loops and the present ones in turn")
+    parser.add_argument(
+        "--against", metavar="STATE", help="a commit or a source tree: its loops and the present ones in turn"
+    )
     parser.add_argument("--pairs", type=int, default=5, help="of measurements a line with --against")
     options = parser.parse_args()
     try:

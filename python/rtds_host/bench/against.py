@@ -62,7 +62,13 @@ class Worker:
     """`worker.py` on the package of one tree."""
 
     def __init__(self, tree: Path, step_clocks: str, exchange_steps: int, effects: bool) -> None:
-        command = [sys.executable, Path(__file__).with_name("worker.py"), step_clocks, str(exchange_steps), str(int(effects))]
+        command = [
+            sys.executable,
+            Path(__file__).with_name("worker.py"),
+            step_clocks,
+            str(exchange_steps),
+            str(int(effects)),
+        ]
         environment = {**os.environ, "PYTHONPATH": str(tree / "python"), "PYTHONSAFEPATH": "1"}
         self.tree = tree
         self.process = subprocess.Popen(
@@ -109,9 +115,13 @@ def compare(tree: Path, step_clocks: str, exchange_steps: int, effects: bool, se
 def run(name: str, seconds: float, pairs: int) -> None:
     """Measure and print, a line a loop."""
     tree = earlier_tree(name)
-    print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} before the start; {pairs} pairs of {seconds:g} s a line")
+    print(
+        f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} before the start; {pairs} pairs of {seconds:g} s a line"
+    )
     print("x cpu: simulated over the simulator's processor time; medians, and the ratio's least and largest\n")
-    print(f"{'loop on Verilator':<44}{'clocks':>14}{'x cpu ' + name[:10]:>18}{'now':>9}{'ratio':>8}{'of pairs':>16}{'wanted':>8}")
+    print(
+        f"{'loop on Verilator':<44}{'clocks':>14}{'x cpu ' + name[:10]:>18}{'now':>9}{'ratio':>8}{'of pairs':>16}{'wanted':>8}"
+    )
     for loop, step_clocks, exchange_steps, effects, wanted in LOOPS:
         found = compare(tree, step_clocks, exchange_steps, effects, seconds, pairs)
         ratios = [pair.ratio for pair in found]

@@ -2,8 +2,8 @@
 
     worker.py STEP_CLOCKS EXCHANGE_STEPS EFFECTS
 
-Writes a line when the link is open. Each line that comes in is a number of seconds; the answer is a line with the steps made,
-the clocks and the processor time of the simulator. Only what every tree since the effect unit has is used here.
+Writes a line when the link is open. Each line that comes in is a number of seconds; the answer is a line with the steps
+made, the clocks and the processor time of the simulator. Only what every tree since the effect unit has is used here.
 """
 
 from __future__ import annotations
@@ -39,7 +39,9 @@ def main(step_clocks: str, exchange_steps: int, effects: bool) -> None:
         for line in sys.stdin:
             clocks, cpu, start, steps = link.clocks, processor_s(link.pid), time.perf_counter(), 0
             while time.perf_counter() - start < float(line):
-                link.exchange(rng.uniform(-12.0, 12.0, 2), rng.uniform(-1e-3, 1e-3, 2), exchange_steps * STEP_S, 100 * STEP_S)
+                link.exchange(
+                    rng.uniform(-12.0, 12.0, 2), rng.uniform(-1e-3, 1e-3, 2), exchange_steps * STEP_S, 100 * STEP_S
+                )
                 steps += exchange_steps
             print(steps, link.clocks - clocks, processor_s(link.pid) - cpu, flush=True)
 

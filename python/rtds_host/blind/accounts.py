@@ -23,13 +23,13 @@ from rtds_host.blind.kernel import SIDE_NAMES, WORLD_NAMES
 from rtds_host.blind.scales import draw_nameless, draw_sized, scale_of, strengthened
 from rtds_host.blind.vocabulary import EFFECTS
 
-ASKED_GAP = 1.5               # effects worth less are not asked for in the score
+ASKED_GAP = 1.5  # effects worth less are not asked for in the score
 LARGEST_GAP = 25.0
 COUNTED = ("i_l", "i_r", "w_l", "w_r", "gyro_z", "x", "y", "yaw", "th_l", "th_r")
 TRIAL_RUNS, TRIAL_S = 3, 8.0  # what the draw of sizes looks at
 ROUNDS = 30
 COUNTS = {"many": (3, 4, 5), "messy": (1, 2), "sizes": (0, 1, 1, 1, 1, 2, 2, 2), "loggers": (0, 1, 1, 1, 1, 2, 2, 2)}
-REST_SHARE = (0.05, 0.5)      # of the gap that a rest is worth
+REST_SHARE = (0.05, 0.5)  # of the gap that a rest is worth
 # Two that add to one and the same torque: no size of the one alone is the truth.
 SAME_TERM = ({"coulomb_friction", "stribeck_friction"},)
 
@@ -46,11 +46,14 @@ class Drive:
 
     def replay(self, machine, step_s: float) -> dict[str, np.ndarray]:
         """Error-free channels of a machine under these commands."""
-        return planar.run_machine(machine, self.t, self.v_cmd.copy(), self.start, **self.where, seed=self.seed,
-                                  step_s=step_s)
+        return planar.run_machine(
+            machine, self.t, self.v_cmd.copy(), self.start, **self.where, seed=self.seed, step_s=step_s
+        )
 
 
-def gap_between(noise: dict[str, float], drives: list[Drive], there: list[dict], other: list[dict], missing: set[str]) -> float:
+def gap_between(
+    noise: dict[str, float], drives: list[Drive], there: list[dict], other: list[dict], missing: set[str]
+) -> float:
     """Gap of a noise-free replay against noisy measurements of another machine, in expectation.
 
     Parameters
@@ -73,7 +76,9 @@ def gap_between(noise: dict[str, float], drives: list[Drive], there: list[dict],
     return math.sqrt(1.0 + float(np.mean([np.mean(values) for values in squares.values()]))) if squares else 1.0
 
 
-def worth(noise: dict[str, float], build, effects: list[dict], rest: dict | None, drives: list[Drive], missing: set[str]) -> dict:
+def worth(
+    noise: dict[str, float], build, effects: list[dict], rest: dict | None, drives: list[Drive], missing: set[str]
+) -> dict:
     """What each cause of a case is worth.
 
     Parameters
@@ -86,12 +91,17 @@ def worth(noise: dict[str, float], build, effects: list[dict], rest: dict | None
     effect, "known": gap with all effects and without the rest, "finite": bool}.
     """
     machines = [build(effects, rest, True), build([], None, False), build([], None, True), build(effects, None, True)]
-    machines += [build(effects[:k] + effects[k + 1:], rest, True) for k in range(len(effects))]
+    machines += [build(effects[:k] + effects[k + 1 :], rest, True) for k in range(len(effects))]
     step_s = min(machine.step_s for machine in machines)
     replays = [[drive.replay(machine, step_s) for drive in drives] for machine in machines]
     gaps = [gap_between(noise, drives, replays[0], other, missing) for other in replays[1:]]
-    return {"before": gaps[0], "refit": gaps[1], "known": gaps[2], "without": gaps[3:],
-            "finite": all(map(math.isfinite, gaps))}
+    return {
+        "before": gaps[0],
+        "refit": gaps[1],
+        "known": gaps[2],
+        "without": gaps[3:],
+        "finite": all(map(math.isfinite, gaps)),
+    }
 
 
 def _sound(machine, payload_kg: float) -> bool:
@@ -106,12 +116,15 @@ def possible(robot, missing: list[str]) -> list[str]:
     """Effects that a machine can have and its log's channels can show."""
     from rtds_host.blind.machines import menu
 
-    gone = [prefix for stem, prefix in (("i", "current_"), ("gyro_z", "gyro_"), ("w", "speed_filter")) if stem in missing]
+    gone = [
+        prefix for stem, prefix in (("i", "current_"), ("gyro_z", "gyro_"), ("w", "speed_filter")) if stem in missing
+    ]
     return [name for name in menu(robot) if not name.startswith(tuple(gone))]
 
 
-def draw_names(rng: np.random.Generator, count: int, taken: tuple[str, ...] = (), menu: list[str] | None = None
-               ) -> list[str]:
+def draw_names(
+    rng: np.random.Generator, count: int, taken: tuple[str, ...] = (), menu: list[str] | None = None
+) -> list[str]:
     """Names of `count` different effects of `menu` (all), in three of four cases each of a subsystem of its own."""
     allowed = menu or list(EFFECTS)
     subsystems = sorted({EFFECTS[name][0] for name in allowed})
@@ -123,7 +136,7 @@ def draw_names(rng: np.random.Generator, count: int, taken: tuple[str, ...] = ()
         name = str(rng.choice([item for item in allowed if EFFECTS[item][0] == subsystem]))
         if name not in names and not any(pair <= {*names, name} for pair in SAME_TERM):
             names.append(name)
-    return names[len(taken):]
+    return names[len(taken) :]
 
 
 def _trial(robot, spec: dict, machine, rng: np.random.Generator, whole: bool = False) -> list[Drive]:
@@ -136,8 +149,18 @@ def _trial(robot, spec: dict, machine, rng: np.random.Generator, whole: bool = F
         start = np.array([0.0, 0.0, run["uphill_yaw_rad"], rest, rest])
         drive = Drive(t, v_cmd, start, planar.place_of(run), int(rng.integers(2**31)))
         if run["name"] in planar.CLOSED:
-            planar.run_machine(machine, t, v_cmd, start, **drive.where, closed=True, w_ref=w_ref, robot=robot,
-                               period_rows=planar.control_rows(spec, run), seed=drive.seed)
+            planar.run_machine(
+                machine,
+                t,
+                v_cmd,
+                start,
+                **drive.where,
+                closed=True,
+                w_ref=w_ref,
+                robot=robot,
+                period_rows=planar.control_rows(spec, run),
+                seed=drive.seed,
+            )
         drives.append(drive)
     return drives
 

@@ -47,7 +47,7 @@ OTHERS = ("sizes", "loggers")
 ACCOUNTS = ("many", "messy", *OTHERS)
 KINDS = (*TIERS, *ACCOUNTS)
 WORLDS = ("planar", "mujoco")
-HELD_OUT = 2                  # runs of each sealed case that the diagnoser never sees
+HELD_OUT = 2  # runs of each sealed case that the diagnoser never sees
 SLOW_EFFECTS = ("winding_heating", "battery_decline")
 
 
@@ -56,10 +56,22 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
 
     `robot` (default the burger) gives the sizes of the kinds with several causes their scale.
     """
-    spec = {"tier": tier, "world": world, "effects": [], "outside": None, "rest": None,
-            "tolerance": tier in ("tol", "long", *ACCOUNTS), "normal_tolerance": tier in ACCOUNTS, "colour": (0.0, 0.0),
-            "rate": float(rng.choice([100.0, 200.0])), "jitter": 0.0, "dropped": 0.0, "missing": [], "slow": {},
-            "form": "parquet"}
+    spec = {
+        "tier": tier,
+        "world": world,
+        "effects": [],
+        "outside": None,
+        "rest": None,
+        "tolerance": tier in ("tol", "long", *ACCOUNTS),
+        "normal_tolerance": tier in ACCOUNTS,
+        "colour": (0.0, 0.0),
+        "rate": float(rng.choice([100.0, 200.0])),
+        "jitter": 0.0,
+        "dropped": 0.0,
+        "missing": [],
+        "slow": {},
+        "form": "parquet",
+    }
     if tier in ("all", "tol", "few"):
         spec["effects"] = [draw_effect(rng)]
     elif tier == "pair":
@@ -86,16 +98,29 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
     if rng.random() < 0.2:
         spec["slow"] = {"x": 50, "y": 50, "yaw": 50} if rng.random() < 0.6 else {"gyro_z": 50, "v_bus": 10}
     if tier == "few":
-        menus = [["v_bus", "i", "th", "gyro_z", "pose"], ["v_bus", "th", "gyro_z", "pose"], ["v_bus", "pose"],
-                 ["pose"], ["i", "v_bus"], ["v_bus", "i", "pose"], ["w", "i", "v_bus"], ["w", "v_bus"],
-                 ["gyro_z", "pose"], ["gyro_z"], ["th", "v_bus", "i", "gyro_z"]]
+        menus = [
+            ["v_bus", "i", "th", "gyro_z", "pose"],
+            ["v_bus", "th", "gyro_z", "pose"],
+            ["v_bus", "pose"],
+            ["pose"],
+            ["i", "v_bus"],
+            ["v_bus", "i", "pose"],
+            ["w", "i", "v_bus"],
+            ["w", "v_bus"],
+            ["gyro_z", "pose"],
+            ["gyro_z"],
+            ["th", "v_bus", "i", "gyro_z"],
+        ]
         spec["missing"] = menus[rng.integers(len(menus))]
         # An effect that only changes channels that are not there would be no case at all.
         gone = set(spec["missing"])
         for _ in range(200):
             effect = spec["effects"][0]["id"]
-            lost = ((effect.startswith("gyro") and "gyro_z" in gone) or (effect.startswith("current") and "i" in gone)
-                    or (effect == "speed_filter" and "w" in gone))
+            lost = (
+                (effect.startswith("gyro") and "gyro_z" in gone)
+                or (effect.startswith("current") and "i" in gone)
+                or (effect == "speed_filter" and "w" in gone)
+            )
             if not lost:
                 break
             spec["effects"] = [draw_effect(rng)]
@@ -115,8 +140,15 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
     for k, name in enumerate(names):
         uphill = float(rng.choice([0.0, math.pi / 2, rng.uniform(-math.pi, math.pi)]))
         low, high = {"prbs": (10, 13), "spin": (12, 18), "crawl": (14, 18), "steps": (14, 18)}.get(name, (16, 24))
-        runs.append({"name": str(name), "payload_kg": float(payload[k]), "slope_rad": float(slope[k]),
-                     "uphill_yaw_rad": round(uphill, 4), "duration": round(float(rng.uniform(low, high)), 1)})
+        runs.append(
+            {
+                "name": str(name),
+                "payload_kg": float(payload[k]),
+                "slope_rad": float(slope[k]),
+                "uphill_yaw_rad": round(uphill, 4),
+                "duration": round(float(rng.uniform(low, high)), 1),
+            }
+        )
     if tier == "long":
         runs = runs[:3]
         for run in runs:
@@ -124,17 +156,28 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
     spec["runs"] = sorted(runs, key=lambda run: run["name"])
     spec["held_out"] = []
     for k, name in enumerate(rng.permutation(["teleop", "steps", "coast", "spin", "eight", "prbs"])[:HELD_OUT]):
-        spec["held_out"].append({
-            "name": str(name), "payload_kg": float(k % 2) * 2.0, "slope_rad": float(rng.integers(2)) * 0.1,
-            "uphill_yaw_rad": round(float(rng.uniform(-math.pi, math.pi)), 4),
-            "duration": round(float(rng.uniform(40, 60) if tier == "long" else rng.uniform(12, 18)), 1)})
+        spec["held_out"].append(
+            {
+                "name": str(name),
+                "payload_kg": float(k % 2) * 2.0,
+                "slope_rad": float(rng.integers(2)) * 0.1,
+                "uphill_yaw_rad": round(float(rng.uniform(-math.pi, math.pi)), 4),
+                "duration": round(float(rng.uniform(40, 60) if tier == "long" else rng.uniform(12, 18)), 1),
+            }
+        )
     if tier in ACCOUNTS:
         spec["effects"], spec["rest"] = draw_causes(rng, robot or load_robot(builtin_robot_path("burger")), spec)
     return spec
 
 
-def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None = None, sizes: bool = True,
-              held_out: Path | None = None) -> dict:
+def make_case(
+    seed: int,
+    spec: dict | str,
+    folder: Path,
+    robot_path: Path | None = None,
+    sizes: bool = True,
+    held_out: Path | None = None,
+) -> dict:
     """Write one case folder and return its truth.
 
     Parameters
@@ -169,14 +212,20 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
     machine = build_machine(robot, spec, np.random.default_rng(scatter))
     plain = build_machine(robot, spec, np.random.default_rng(scatter), effects=False)
     changes, slopes = [], []
-    drives: dict[bool, list] = {False: [], True: []}      # by: held out
+    drives: dict[bool, list] = {False: [], True: []}  # by: held out
     planned = [(run, folder) for run in spec["runs"]]
     if held_out is not None:
         planned += [(run, Path(held_out)) for run in spec["held_out"]]
     for run, place in planned:
         seed_run = int(rng.integers(2**31))
-        t = sample_times(run["duration"], spec["rate"], spec["jitter"], spec["dropped"], rng,
-                         2e-4 if spec["world"] == "mujoco" else 1e-4)
+        t = sample_times(
+            run["duration"],
+            spec["rate"],
+            spec["jitter"],
+            spec["dropped"],
+            rng,
+            2e-4 if spec["world"] == "mujoco" else 1e-4,
+        )
         v_cmd, w_ref = commands_of(spec, run, t, rng, robot)
         closed = run["name"] in CLOSED
         heading = float(rng.choice([0.0, run["uphill_yaw_rad"], rng.uniform(-math.pi, math.pi)]))
@@ -191,8 +240,20 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
         own = math.sqrt(max(robot.noise("w_l") ** 2 - quantum_of("w_l", robot, counts) ** 2 / 12, 0))
         white_w = own * np.column_stack([coloured(rng.standard_normal(t.size), t, *spec["colour"]) for _ in range(2)])
         where = place_of(run)
-        raw = run_machine(machine, t, v_cmd, start, closed=closed, w_ref=w_ref, noise_w=white_w, robot=robot,
-                          period_rows=control_rows(spec, run), seed=seed_run, **where, world=spec["world"])
+        raw = run_machine(
+            machine,
+            t,
+            v_cmd,
+            start,
+            closed=closed,
+            w_ref=w_ref,
+            noise_w=white_w,
+            robot=robot,
+            period_rows=control_rows(spec, run),
+            seed=seed_run,
+            **where,
+            world=spec["world"],
+        )
         measured = add_noise(raw, t, robot, rng, white_w, spec["colour"], counts)
         if closed:
             for s, label in enumerate("lr"):
@@ -208,24 +269,37 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
             columns[name] = np.round(values, 6 if counts is None else 9)
         if logger is not None:
             columns = _logged(columns, logger, robot, rng, place == folder, rounding)
-        meta = RunMeta(scenario=run["name"], payload_kg=run["payload_kg"], slope_rad=run["slope_rad"],
-                       uphill_yaw_rad=run["uphill_yaw_rad"])
+        meta = RunMeta(
+            scenario=run["name"],
+            payload_kg=run["payload_kg"],
+            slope_rad=run["slope_rad"],
+            uphill_yaw_rad=run["uphill_yaw_rad"],
+        )
         write_run(place / run["name"], meta, columns, spec["form"])
         drives[place != folder].append((t, v_cmd, start, where, seed_run))
         if sizes and place == folder and (spec["effects"] or spec["outside"]):
-            if spec["world"] != "planar":      # both sides of the difference come from one world
+            if spec["world"] != "planar":  # both sides of the difference come from one world
                 raw = run_machine(machine, t, v_cmd, start, seed=seed_run, **where)
             a, b = _signature(machine, plain, robot, t, v_cmd, start, where, columns, seed_run, raw)
             changes.append(a)
             slopes.append(b)
-    truth = {"schema": "rtds-truth/1", "tier": spec["tier"], "world": spec["world"],
-             "verdict": "unknown" if spec["outside"] else ("known" if spec["effects"] else "none"),
-             "effects": spec["effects"]}
+    truth = {
+        "schema": "rtds-truth/1",
+        "tier": spec["tier"],
+        "world": spec["world"],
+        "verdict": "unknown" if spec["outside"] else ("known" if spec["effects"] else "none"),
+        "effects": spec["effects"],
+    }
     if machine.tolerance:
-        absent = () if robot.driver.mode != "torque" else ("resistance_ohm", "torque_constant_nm_per_a",
-                                                           "back_emf_constant_v_s_per_rad")
-        truth["nominal_fit"] = {label: {key: value for key, value in machine.tolerance[label].items() if key not in absent}
-                                for label in robot.sides}
+        absent = (
+            ()
+            if robot.driver.mode != "torque"
+            else ("resistance_ohm", "torque_constant_nm_per_a", "back_emf_constant_v_s_per_rad")
+        )
+        truth["nominal_fit"] = {
+            label: {key: value for key, value in machine.tolerance[label].items() if key not in absent}
+            for label in robot.sides
+        }
     if spec["outside"]:
         truth["outside"] = spec["outside"]
     if changes:
@@ -235,13 +309,17 @@ def make_case(seed: int, spec: dict | str, folder: Path, robot_path: Path | None
         seen = slope.T @ change
         truth["size_sigma"] = round(float(np.sqrt(max(change @ change - seen @ np.linalg.solve(gram, seen), 0))), 3)
     if rounding:
-        truth["noise"] = {name: float(f"{math.hypot(robot.noise(name), math.sqrt(np.mean(squares))):.6g}")
-                          for name, squares in rounding.items()}
+        truth["noise"] = {
+            name: float(f"{math.hypot(robot.noise(name), math.sqrt(np.mean(squares))):.6g}")
+            for name, squares in rounding.items()
+        }
     if sizes and spec["effects"]:
         truth.update(_account(robot, spec, scatter, drives, truth.get("noise")))
-        if logger is not None and held_out is not None:       # late stamps are no effect: the truth itself leaves a gap
-            truth["held_out_gap"] |= {"known": _left(machine, robot, held_out, truth["noise"]),
-                                      "before": _left(nominal_machine(robot), robot, held_out, truth["noise"])}
+        if logger is not None and held_out is not None:  # late stamps are no effect: the truth itself leaves a gap
+            truth["held_out_gap"] |= {
+                "known": _left(machine, robot, held_out, truth["noise"]),
+                "before": _left(nominal_machine(robot), robot, held_out, truth["noise"]),
+            }
     if "machine" in spec:
         truth["machine"] = spec["machine"]
         truth["logger"] = None if logger is None else asdict(logger)
@@ -258,8 +336,14 @@ def _left(machine: Machine, robot, held_out: Path, rounded: dict) -> float:
     return round(math.sqrt(np.mean([np.mean(values) for values in gaps.values()])), 4)
 
 
-def _logged(columns: dict[str, np.ndarray], logger, robot, rng: np.random.Generator, shown: bool,
-            rounding: dict[str, list[float]]) -> dict[str, np.ndarray]:
+def _logged(
+    columns: dict[str, np.ndarray],
+    logger,
+    robot,
+    rng: np.random.Generator,
+    shown: bool,
+    rounding: dict[str, list[float]],
+) -> dict[str, np.ndarray]:
     """What a logger writes of exact columns; adds each channel's mean squared rounding error to `rounding`.
 
     Glitches are in the runs that are shown only: what cannot be counted says nothing about a prediction.
@@ -281,16 +365,18 @@ def _logged(columns: dict[str, np.ndarray], logger, robot, rng: np.random.Genera
     keep = np.ones(t.size, bool)
     if logger.hole_rows and t.size > 10 * logger.hole_rows:
         at = int(rng.integers(t.size // 4, 3 * t.size // 4))
-        keep[at:at + logger.hole_rows] = False
+        keep[at : at + logger.hole_rows] = False
     if shown:
         names = [name for name in out if name[0] in "iw" or name.startswith(("gyro", "th"))]
         for _ in range(logger.glitches):
             name, row = str(rng.choice(names)), int(rng.integers(t.size // 8, t.size - 2))
             out[name] = out[name].copy()
             out[name][row] += float(rng.choice([-1, 1]) * rng.uniform(2, 10)) * (np.nanmax(np.abs(out[name])) + 1e-9)
-    if not keep.all():        # the command of the lost rows acts all the same: a log that loses none of its changes
-        changed = np.any([np.diff(values, prepend=values[0]) != 0 for name, values in out.items()
-                          if name.startswith("v_cmd")], axis=0)
+    if not keep.all():  # the command of the lost rows acts all the same: a log that loses none of its changes
+        changed = np.any(
+            [np.diff(values, prepend=values[0]) != 0 for name, values in out.items() if name.startswith("v_cmd")],
+            axis=0,
+        )
         keep |= changed
     out = {name: values[keep] for name, values in out.items()}
     return out
@@ -305,23 +391,36 @@ def _account(robot, spec: dict, scatter: int, drives: dict[bool, list], noise: d
     nominal robot, of one with the right tolerances, and of one with all named effects. `rest` holds the subsystem, the
     gap without it, and the share of the gap that is left where everything with a name is known.
     """
+
     def build(effects, rest, tolerance):
-        return build_machine(robot, {**spec, "effects": effects, "rest": rest, "tolerance": tolerance},
-                             np.random.default_rng(scatter))
+        return build_machine(
+            robot, {**spec, "effects": effects, "rest": rest, "tolerance": tolerance}, np.random.default_rng(scatter)
+        )
 
     out = {}
     for held, name in ((False, "gap"), (True, "held_out_gap")):
         if not drives[held]:
             continue
-        gaps = worth(noises(robot, noise), build, spec["effects"], spec.get("rest"),
-                     [Drive(*drive) for drive in drives[held]], set(spec["missing"]))
+        gaps = worth(
+            noises(robot, noise),
+            build,
+            spec["effects"],
+            spec.get("rest"),
+            [Drive(*drive) for drive in drives[held]],
+            set(spec["missing"]),
+        )
         out[name] = {key: round(gaps[key], 4) for key in ("before", "refit", "known")}
         if not held:
-            out["effects"] = [{**effect, "gap_without": round(gap, 3)} for effect, gap in zip(spec["effects"], gaps["without"])]
+            out["effects"] = [
+                {**effect, "gap_without": round(gap, 3)} for effect, gap in zip(spec["effects"], gaps["without"])
+            ]
             if spec.get("rest"):
                 known, before = gaps["known"], gaps["before"]
-                out["rest"] = {**spec["rest"], "gap_without": round(known, 3),
-                               "share": round(max(known - 1, 0) / max(before - 1, 1e-9), 4)}
+                out["rest"] = {
+                    **spec["rest"],
+                    "gap_without": round(known, 3),
+                    "share": round(max(known - 1, 0) / max(before - 1, 1e-9), 4),
+                }
     return out
 
 
@@ -332,8 +431,12 @@ def _signature(machine, plain, robot, t, v_cmd, start, where, columns, seed, raw
     -------
     (m,), (m, 8); every tenth row, weighted so that sums stand for all rows.
     """
-    coarse = {"seed": seed, "step_s": 200e-6 if machine.base_step_s == STEP_S and robot.axis is None
-              and robot.chassis.mass_kg < 3.0 else machine.base_step_s}
+    coarse = {
+        "seed": seed,
+        "step_s": 200e-6
+        if machine.base_step_s == STEP_S and robot.axis is None and robot.chassis.mass_kg < 3.0
+        else machine.base_step_s,
+    }
     exact = run_machine(plain, t, v_cmd, start, **where, seed=seed, step_s=machine.step_s)
     base = run_machine(plain, t, v_cmd, start, **where, **coarse)
     rows = slice(0, None, 10)
@@ -348,7 +451,7 @@ def _signature(machine, plain, robot, t, v_cmd, start, where, columns, seed, raw
                     continue
             difference = other[name] - base[name]
             weight = math.sqrt(10.0)
-            if name in ("x", "y", "yaw", "th_l", "th_r"):     # moves in windows of 1 s, one of them a second
+            if name in ("x", "y", "yaw", "th_l", "th_r"):  # moves in windows of 1 s, one of them a second
                 step = round(1.0 / float(np.median(np.diff(t))))
                 difference = difference[step:] - difference[:-step]
                 difference = difference / math.sqrt(2.0)
@@ -391,7 +494,9 @@ def main(argv: list[str] | None = None) -> None:
         truth = make_case(int(rng.integers(2**31)), spec, args.out / "public" / name, sizes=not args.no_sizes)
         (args.out / "truth" / f"{name}.json").write_text(json.dumps(truth, indent=1) + "\n")
         what = ", ".join(f"{e['id']} {e['side']}" for e in truth["effects"]) or truth["verdict"]
-        print(f"{name}: {what}  size {truth.get('size_sigma', 0):g} sigma, gap {truth.get('size_gap', 0):g}", flush=True)
+        print(
+            f"{name}: {what}  size {truth.get('size_sigma', 0):g} sigma, gap {truth.get('size_gap', 0):g}", flush=True
+        )
 
 
 if __name__ == "__main__":

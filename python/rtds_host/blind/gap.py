@@ -9,8 +9,9 @@ import numpy as np
 SAMPLED = ("i_l", "i_r", "w_l", "w_r", "gyro_z")
 
 
-def moves(t: np.ndarray, columns: Mapping[str, np.ndarray], names: tuple[str, ...], heading: np.ndarray | None
-          ) -> dict[str, np.ndarray]:
+def moves(
+    t: np.ndarray, columns: Mapping[str, np.ndarray], names: tuple[str, ...], heading: np.ndarray | None
+) -> dict[str, np.ndarray]:
     """How far channels move in each complete consecutive window of 1 s.
 
     Parameters
@@ -44,8 +45,9 @@ def moves(t: np.ndarray, columns: Mapping[str, np.ndarray], names: tuple[str, ..
     return result
 
 
-def channel_gaps(t: np.ndarray, measured: Mapping[str, np.ndarray], replayed: Mapping[str, np.ndarray],
-                 noise: Mapping[str, float]) -> dict[str, float]:
+def channel_gaps(
+    t: np.ndarray, measured: Mapping[str, np.ndarray], replayed: Mapping[str, np.ndarray], noise: Mapping[str, float]
+) -> dict[str, float]:
     """Error of each channel that counts, in units of its noise.
 
     Parameters
@@ -63,6 +65,7 @@ def channel_gaps(t: np.ndarray, measured: Mapping[str, np.ndarray], replayed: Ma
             error = error[np.isfinite(error)]
             if error.size:
                 gaps[name] = float(np.sqrt(np.mean(error**2)) / noise[name])
+
     def counts(name: str) -> bool:
         return name in measured and name in noise and bool(np.isfinite(measured[name]).any())
 

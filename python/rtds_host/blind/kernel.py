@@ -22,49 +22,201 @@ from numba import njit
 GRAVITY_M_S2 = 9.80665
 
 SIDE_NAMES = (
-    "resistance", "inductance", "torque_constant", "back_emf", "inertia", "viscosity",
-    "gain", "deadzone", "drop", "limit", "heat_per_watt", "heat_tau",
-    "coulomb", "stribeck", "stribeck_speed", "viscous", "asym_torque", "asym_viscous", "load_friction",
-    "backlash", "stiffness", "damping", "ripple", "ripple_cycles", "ripple_phase",
-    "radius", "slip", "rolling", "filter_tau",
+    "resistance",
+    "inductance",
+    "torque_constant",
+    "back_emf",
+    "inertia",
+    "viscosity",
+    "gain",
+    "deadzone",
+    "drop",
+    "limit",
+    "heat_per_watt",
+    "heat_tau",
+    "coulomb",
+    "stribeck",
+    "stribeck_speed",
+    "viscous",
+    "asym_torque",
+    "asym_viscous",
+    "load_friction",
+    "backlash",
+    "stiffness",
+    "damping",
+    "ripple",
+    "ripple_cycles",
+    "ripple_phase",
+    "radius",
+    "slip",
+    "rolling",
+    "filter_tau",
     # outside of the catalogue
-    "hysteresis", "quantum", "rub_torque", "rub_angle", "rub_width", "eccentricity", "eccentric_phase",
-    "saturation", "quadratic", "slew", "friction_per_s", "crosstalk", "traction", "tyre", "tyre_damping",
-    "curve",                  # of the catalogue: pwm_curve
-    "dahl", "dahl_rad", "swing", "swing_phase", "grease", "grease_tau", "detent", "detent_cycles", "detent_phase",
+    "hysteresis",
+    "quantum",
+    "rub_torque",
+    "rub_angle",
+    "rub_width",
+    "eccentricity",
+    "eccentric_phase",
+    "saturation",
+    "quadratic",
+    "slew",
+    "friction_per_s",
+    "crosstalk",
+    "traction",
+    "tyre",
+    "tyre_damping",
+    "curve",  # of the catalogue: pwm_curve
+    "dahl",
+    "dahl_rad",
+    "swing",
+    "swing_phase",
+    "grease",
+    "grease_tau",
+    "detent",
+    "detent_cycles",
+    "detent_phase",
     "current_tau",
 )
 WORLD_NAMES = (
-    "voltage", "gear", "mass", "yaw_inertia", "track", "wheel_inertia", "slope", "uphill", "com_x", "com_y",
-    "sag", "decline", "scrub", "command_delay", "measurement_delay",
+    "voltage",
+    "gear",
+    "mass",
+    "yaw_inertia",
+    "track",
+    "wheel_inertia",
+    "slope",
+    "uphill",
+    "com_x",
+    "com_y",
+    "sag",
+    "decline",
+    "scrub",
+    "command_delay",
+    "measurement_delay",
     # outside of the catalogue
-    "cable", "patch_x", "patch_force", "lateral_slope", "bus_noise", "bus_tau", "gust", "gust_tau",
-    "turn_drag", "bumps", "bump_length", "clock_drift", "relax_ohm", "relax_tau",
+    "cable",
+    "patch_x",
+    "patch_force",
+    "lateral_slope",
+    "bus_noise",
+    "bus_tau",
+    "gust",
+    "gust_tau",
+    "turn_drag",
+    "bumps",
+    "bump_length",
+    "clock_drift",
+    "relax_ohm",
+    "relax_tau",
     # other machines than the burger: stiffness of teeth; an axis' gravity torque and its zero; torque mode
-    "stop", "stop_damping", "pendulum", "pendulum_zero", "torque_per_volt",
+    "stop",
+    "stop_damping",
+    "pendulum",
+    "pendulum_zero",
+    "torque_per_volt",
 )
 (
-    S_RESISTANCE, S_INDUCTANCE, S_TORQUE_CONSTANT, S_BACK_EMF, S_INERTIA, S_VISCOSITY, S_GAIN, S_DEADZONE, S_DROP,
-    S_LIMIT, S_HEAT_PER_WATT, S_HEAT_TAU, S_COULOMB, S_STRIBECK, S_STRIBECK_SPEED, S_VISCOUS, S_ASYM_TORQUE,
-    S_ASYM_VISCOUS, S_LOAD_FRICTION, S_BACKLASH, S_STIFFNESS, S_DAMPING, S_RIPPLE, S_RIPPLE_CYCLES, S_RIPPLE_PHASE,
-    S_RADIUS, S_SLIP, S_ROLLING, S_FILTER_TAU, S_HYSTERESIS, S_QUANTUM, S_RUB_TORQUE, S_RUB_ANGLE, S_RUB_WIDTH,
-    S_ECCENTRICITY, S_ECCENTRIC_PHASE, S_SATURATION, S_QUADRATIC, S_SLEW, S_FRICTION_PER_S, S_CROSSTALK, S_TRACTION, S_TYRE, S_TYRE_DAMPING,
-    S_CURVE, S_DAHL, S_DAHL_RAD, S_SWING, S_SWING_PHASE, S_GREASE, S_GREASE_TAU, S_DETENT, S_DETENT_CYCLES,
-    S_DETENT_PHASE, S_CURRENT_TAU,
+    S_RESISTANCE,
+    S_INDUCTANCE,
+    S_TORQUE_CONSTANT,
+    S_BACK_EMF,
+    S_INERTIA,
+    S_VISCOSITY,
+    S_GAIN,
+    S_DEADZONE,
+    S_DROP,
+    S_LIMIT,
+    S_HEAT_PER_WATT,
+    S_HEAT_TAU,
+    S_COULOMB,
+    S_STRIBECK,
+    S_STRIBECK_SPEED,
+    S_VISCOUS,
+    S_ASYM_TORQUE,
+    S_ASYM_VISCOUS,
+    S_LOAD_FRICTION,
+    S_BACKLASH,
+    S_STIFFNESS,
+    S_DAMPING,
+    S_RIPPLE,
+    S_RIPPLE_CYCLES,
+    S_RIPPLE_PHASE,
+    S_RADIUS,
+    S_SLIP,
+    S_ROLLING,
+    S_FILTER_TAU,
+    S_HYSTERESIS,
+    S_QUANTUM,
+    S_RUB_TORQUE,
+    S_RUB_ANGLE,
+    S_RUB_WIDTH,
+    S_ECCENTRICITY,
+    S_ECCENTRIC_PHASE,
+    S_SATURATION,
+    S_QUADRATIC,
+    S_SLEW,
+    S_FRICTION_PER_S,
+    S_CROSSTALK,
+    S_TRACTION,
+    S_TYRE,
+    S_TYRE_DAMPING,
+    S_CURVE,
+    S_DAHL,
+    S_DAHL_RAD,
+    S_SWING,
+    S_SWING_PHASE,
+    S_GREASE,
+    S_GREASE_TAU,
+    S_DETENT,
+    S_DETENT_CYCLES,
+    S_DETENT_PHASE,
+    S_CURRENT_TAU,
 ) = range(len(SIDE_NAMES))
 (
-    W_VOLTAGE, W_GEAR, W_MASS, W_YAW_INERTIA, W_TRACK, W_WHEEL_INERTIA, W_SLOPE, W_UPHILL, W_COM_X, W_COM_Y, W_SAG,
-    W_DECLINE, W_SCRUB, W_COMMAND_DELAY, W_MEASUREMENT_DELAY, W_CABLE, W_PATCH_X, W_PATCH_FORCE, W_LATERAL_SLOPE,
-    W_BUS_NOISE, W_BUS_TAU, W_GUST, W_GUST_TAU, W_TURN_DRAG, W_BUMPS, W_BUMP_LENGTH, W_CLOCK_DRIFT, W_RELAX_OHM,
-    W_RELAX_TAU, W_STOP, W_STOP_DAMPING, W_PENDULUM, W_PENDULUM_ZERO, W_TORQUE_PER_VOLT,
+    W_VOLTAGE,
+    W_GEAR,
+    W_MASS,
+    W_YAW_INERTIA,
+    W_TRACK,
+    W_WHEEL_INERTIA,
+    W_SLOPE,
+    W_UPHILL,
+    W_COM_X,
+    W_COM_Y,
+    W_SAG,
+    W_DECLINE,
+    W_SCRUB,
+    W_COMMAND_DELAY,
+    W_MEASUREMENT_DELAY,
+    W_CABLE,
+    W_PATCH_X,
+    W_PATCH_FORCE,
+    W_LATERAL_SLOPE,
+    W_BUS_NOISE,
+    W_BUS_TAU,
+    W_GUST,
+    W_GUST_TAU,
+    W_TURN_DRAG,
+    W_BUMPS,
+    W_BUMP_LENGTH,
+    W_CLOCK_DRIFT,
+    W_RELAX_OHM,
+    W_RELAX_TAU,
+    W_STOP,
+    W_STOP_DAMPING,
+    W_PENDULUM,
+    W_PENDULUM_ZERO,
+    W_TORQUE_PER_VOLT,
 ) = range(len(WORLD_NAMES))
 
-BRISTLE_RAD = 1e-4            # travel after which a bristle yields: far below an encoder count
-TYRE_N_PER_M = 3e6            # a third of a micrometre at 1 N: far below the pose's noise
+BRISTLE_RAD = 1e-4  # travel after which a bristle yields: far below an encoder count
+TYRE_N_PER_M = 3e6  # a third of a micrometre at 1 N: far below the pose's noise
 TYRE_N_S_PER_M = 600.0
-SOFT_TYRE = 200.0             # a tyre that creeps is softer by this
-SOFT_TYRE_DAMPING = 12.0      # and less damped by this
-STOP_NM_PER_RAD = 600.0       # gear teeth in contact, where nothing softer is asked for; they hardly bounce
+SOFT_TYRE = 200.0  # a tyre that creeps is softer by this
+SOFT_TYRE_DAMPING = 12.0  # and less damped by this
+STOP_NM_PER_RAD = 600.0  # gear teeth in contact, where nothing softer is asked for; they hardly bounce
 STOP_NM_S_PER_RAD = 0.8
 # Reduced inertia of rotor and wheel that they are meant for, the burger's; heavier ones meet stiffer teeth.
 STOP_REDUCED_KG_M2 = 2.07e-5 * (258.5**2 * 1.0e-7) / (2.07e-5 + 258.5**2 * 1.0e-7)
@@ -106,7 +258,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
     det = m * iz - (m * cy) ** 2
     delay_c = world[W_COMMAND_DELAY]
     delay_m = world[W_MEASUREMENT_DELAY]
-    pace = 1.0 - world[W_CLOCK_DRIFT]      # of the instruments' clock against the one that stamps commands and pose
+    pace = 1.0 - world[W_CLOCK_DRIFT]  # of the instruments' clock against the one that stamps commands and pose
 
     x, y, yaw = start[0], start[1], start[2]
     x0, y0 = x, y
@@ -117,9 +269,9 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
     bus_noise = 0.0
     gust = 0.0
     i = np.zeros(2)
-    wg = np.zeros(2)              # gear's output
+    wg = np.zeros(2)  # gear's output
     thg = np.array([start[3], start[4]])
-    ww = np.zeros(2)              # wheel, where play or a spring sits between
+    ww = np.zeros(2)  # wheel, where play or a spring sits between
     thw = thg.copy()
     tyre = np.zeros(2)
     force = np.zeros(2)
@@ -141,9 +293,9 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
 
     previous = np.zeros(8)
     current = np.zeros(8)
-    row = 0          # next row to record and to command
-    sample = 0       # next delayed sample
-    acting = -1      # row whose command reaches the driver
+    row = 0  # next row to record and to command
+    sample = 0  # next delayed sample
+    acting = -1  # row whose command reaches the driver
     steps = round(times[n - 1] / h) + 1
     for k in range(steps):
         t = k * h
@@ -198,8 +350,10 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             asked[s] = now
         bus = vn - world[W_DECLINE] * t
         if world[W_BUS_NOISE] > 0.0:
-            bus_noise += (-bus_noise * h / world[W_BUS_TAU]
-                          + world[W_BUS_NOISE] * math.sqrt(2.0 * h / world[W_BUS_TAU]) * np.random.normal())
+            bus_noise += (
+                -bus_noise * h / world[W_BUS_TAU]
+                + world[W_BUS_NOISE] * math.sqrt(2.0 * h / world[W_BUS_TAU]) * np.random.normal()
+            )
             bus += bus_noise
         for s in range(2):
             u = asked[s] + side[S_CROSSTALK, s] * asked[1 - s]
@@ -276,7 +430,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
 
             cap = side[S_COULOMB, s] + radius * side[S_ROLLING, s] * m * GRAVITY_M_S2 * 0.5
             if side[S_STRIBECK, s] != 0.0:
-                cap += side[S_STRIBECK, s] * math.exp(-(w / side[S_STRIBECK_SPEED, s]) ** 2)
+                cap += side[S_STRIBECK, s] * math.exp(-((w / side[S_STRIBECK_SPEED, s]) ** 2))
             cap += side[S_FRICTION_PER_S, s] * t
             cap += side[S_SWING, s] * 0.5 * (1.0 + math.cos(thg[s] - side[S_SWING_PHASE, s]))
             if side[S_RUB_TORQUE, s] > 0.0:
@@ -305,8 +459,12 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             if side[S_GREASE, s] > 0.0:
                 other -= side[S_GREASE, s] * math.exp(-t / side[S_GREASE_TAU, s]) * w
             if side[S_DETENT, s] != 0.0:
-                other += (side[S_DETENT, s] * 0.5 * (1.0 + math.cos(thg[s] - side[S_DETENT_PHASE, s]))
-                          * math.sin(side[S_DETENT_CYCLES, s] * thg[s]))
+                other += (
+                    side[S_DETENT, s]
+                    * 0.5
+                    * (1.0 + math.cos(thg[s] - side[S_DETENT_PHASE, s]))
+                    * math.sin(side[S_DETENT_CYCLES, s] * thg[s])
+                )
 
             if split[s]:
                 twist = thg[s] - thw[s]
@@ -352,8 +510,10 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
         if world[W_CABLE] != 0.0:
             gx -= world[W_CABLE] * ((x - x0) * math.cos(yaw) + (y - y0) * math.sin(yaw))
         if world[W_GUST] > 0.0:
-            gust += (-gust * h / world[W_GUST_TAU]
-                     + world[W_GUST] * math.sqrt(2.0 * h / world[W_GUST_TAU]) * np.random.normal())
+            gust += (
+                -gust * h / world[W_GUST_TAU]
+                + world[W_GUST] * math.sqrt(2.0 * h / world[W_GUST_TAU]) * np.random.normal()
+            )
             gx += gust * math.cos(yaw)
         if world[W_BUMPS] != 0.0:
             wave = 2.0 * math.pi / world[W_BUMP_LENGTH]

@@ -57,6 +57,7 @@ WIDER = {"stribeck_friction": "coulomb_friction"}
 
 def dump_toml(data: dict) -> str:
     """A robot.toml (tables of plain values) without the comments it may have had: they may tell the former value."""
+
     def text(value: object) -> str:
         return json.dumps(value) if isinstance(value, (str, bool)) else repr(value)
 
@@ -85,8 +86,9 @@ def _write_case(case: Case, plant: Plant | None, withheld: set[str], public: Pat
         _write_run(run, plant, (sealed / "held-out" if run.name in withheld else public) / run.name)
 
 
-def make_measured(out: Path, cases: list[Path], draws: int | None = None, seed: int | None = None,
-                  progress=None) -> dict[str, str]:
+def make_measured(
+    out: Path, cases: list[Path], draws: int | None = None, seed: int | None = None, progress=None
+) -> dict[str, str]:
     """Plant `draws` changes in each data set, seal what was planted, publish the seals.
 
     Parameters
@@ -101,15 +103,23 @@ def make_measured(out: Path, cases: list[Path], draws: int | None = None, seed: 
 
     Raises
     ------
-    InputError : a check is there already, a case cannot be read, or two have one name. OutputError : the check would take
+    InputError : a check is there already, a case cannot be read, or two have one name. OutputError : the check would
+    take
         the place of a case.
     """
     draws = DRAWS if draws is None else draws
     if draws < 1:
         raise InputError(f"{draws} draws: at least 1 is needed")
     refuse_again(out)
-    places = [folder / f"case-{number:03d}" for folder in (out / "public", out / "sealed") for number in range(1, len(cases) * (draws + 1) + 1)]
-    refuse_inputs([out, out / "public", out / "sealed", *places], [place for case in cases for place in places_of_case(Path(case))])
+    places = [
+        folder / f"case-{number:03d}"
+        for folder in (out / "public", out / "sealed")
+        for number in range(1, len(cases) * (draws + 1) + 1)
+    ]
+    refuse_inputs(
+        [out, out / "public", out / "sealed", *places],
+        [place for case in cases for place in places_of_case(Path(case))],
+    )
     sets = {}
     for folder in cases:
         case = read_case(folder)
@@ -133,13 +143,18 @@ def make_measured(out: Path, cases: list[Path], draws: int | None = None, seed: 
     for number, (name, plant) in enumerate(plan, 1):
         label = f"case-{number:03d}"
         public, hidden = out / "public" / label, out / "sealed" / label
-        shutil.rmtree(public, ignore_errors=True)                # remains of an interrupted make
+        shutil.rmtree(public, ignore_errors=True)  # remains of an interrupted make
         shutil.rmtree(hidden, ignore_errors=True)
         _write_case(sets[name], plant, withheld[name], public, hidden)
         truth = {"tier": KIND, "set": name, "kind": "base", "axis": sets[name].robot.axis is not None}
         if plant is not None:
-            truth.update(kind=plant.kind, side=plant.side, said=plant.said,
-                         same=[e.to_json() for e in plant.same], alike=[e.to_json() for e in plant.alike])
+            truth.update(
+                kind=plant.kind,
+                side=plant.side,
+                said=plant.said,
+                same=[e.to_json() for e in plant.same],
+                alike=[e.to_json() for e in plant.alike],
+            )
         seals[label] = lock(truth, public, hidden)
         if progress:
             progress(number, len(plan))
@@ -173,7 +188,9 @@ class _Answer:
         self.axis = axis
         self.verdict = answer["verdict"] if answer else None
         self.effects = {self.key(e["id"], e["side"]): e for e in (answer or {}).get("effects") or []}
-        sets = [{self.key(e["id"], e["side"]) for e in group} for group in (answer or {}).get("indistinguishable") or []]
+        sets = [
+            {self.key(e["id"], e["side"]) for e in group} for group in (answer or {}).get("indistinguishable") or []
+        ]
         self.sets = [group for group in sets if len(group) <= 3 and group & set(self.effects)]
 
     def key(self, effect: str, side: str) -> tuple[str, str]:
@@ -206,8 +223,16 @@ def _match(want: dict, side: str, answer: _Answer, base: _Answer) -> dict | None
     covered = None
     if interval and all(isinstance(x, (int, float)) for x in interval):
         covered = bool(interval[0] <= ends[1] and interval[1] >= ends[0])
-    return {"effect": want["id"], "named": True, "parameter": want["parameter"], "expected": ends, "value": value,
-            "ci90": interval, "covered": covered, "size_error": round(change / target - 1, 4)}
+    return {
+        "effect": want["id"],
+        "named": True,
+        "parameter": want["parameter"],
+        "expected": ends,
+        "value": value,
+        "ci90": interval,
+        "covered": covered,
+        "size_error": round(change / target - 1, 4),
+    }
 
 
 def judge_planted(truth: dict, said: dict | None, base_said: dict | None, entry: dict) -> dict:
@@ -228,20 +253,32 @@ def judge_planted(truth: dict, said: dict | None, base_said: dict | None, entry:
     alike = [m for want in truth["alike"] if (m := _match(want, truth["side"], answer, base))]
     named = [m for m in same if m["named"]]
     sharing = {want["id"] for want in (*truth["same"], *truth["alike"])}
-    forms = set(base.effects) | {(wide, side) for wide, part in WIDER.items() for name, side in base.effects if name == part}
+    forms = set(base.effects) | {
+        (wide, side) for wide, part in WIDER.items() for name, side in base.effects if name == part
+    }
     kept = set(answer.effects) | {(WIDER[name], side) for name, side in answer.effects if name in WIDER}
     new = [key[0] for key in answer.effects if key not in forms and key[0] not in sharing]
     return {
-        "set": truth["set"], "kind": truth["kind"], "said": truth["said"], "side": truth["side"],
-        "seconds": entry["seconds"], "answered": said is not None, "complaint": "" if said else entry["said"],
-        "verdict": answer.verdict, "blamed": sorted(key[0] for key in answer.effects),
+        "set": truth["set"],
+        "kind": truth["kind"],
+        "said": truth["said"],
+        "side": truth["side"],
+        "seconds": entry["seconds"],
+        "answered": said is not None,
+        "complaint": "" if said else entry["said"],
+        "verdict": answer.verdict,
+        "blamed": sorted(key[0] for key in answer.effects),
         "want": [want["id"] for want in truth["same"]],
-        "named": bool(named), "found": bool(same), "near": bool(same or any(m["named"] for m in alike)),
+        "named": bool(named),
+        "found": bool(same),
+        "near": bool(same or any(m["named"] for m in alike)),
         "match": (named or same or [m for m in alike if m["named"]] or [None])[0],
         "covered": named[0]["covered"] if named else None,
         "size_error": named[0]["size_error"] if named else None,
         "silent": answer.verdict == "known" and set(answer.effects) == set(base.effects) and not same,
-        "new_false": bool(new), "false": sorted(new), "unknown": answer.verdict == "unknown",
+        "new_false": bool(new),
+        "false": sorted(new),
+        "unknown": answer.verdict == "unknown",
         "base_kept": (set(base.effects) <= kept) if base.effects else None,
     }
 
@@ -252,14 +289,20 @@ FIGURES = (
     ("near", "found, or an effect named that stands in for it"),
     ("covered", "named: size within its 90 % interval"),
     ("base_kept", "all that the untouched case blames is still blamed"),
-    ("silent", "nothing new seen"), ("unknown", "called unknown"), ("new_false", "another effect blamed anew"),
+    ("silent", "nothing new seen"),
+    ("unknown", "called unknown"),
+    ("new_false", "another effect blamed anew"),
 )
 
 
 def carried_over(diagnosis: dict, base: Robot, planted: Robot) -> dict:
-    """The base's answer for the planted robot: what it refitted of R, K, J and B is kept relative to what is declared."""
-    fitted = {side: {key: value * getattr(planted.motor, key) / getattr(base.motor, key) for key, value in values.items()}
-              for side, values in (diagnosis.get("nominal_fit") or {}).items()}
+    """The base's answer for the planted robot: what it refitted of R, K, J and B is kept relative to what is
+    declared.
+    """
+    fitted = {
+        side: {key: value * getattr(planted.motor, key) / getattr(base.motor, key) for key, value in values.items()}
+        for side, values in (diagnosis.get("nominal_fit") or {}).items()
+    }
     return {**diagnosis, "nominal_fit": fitted}
 
 
@@ -273,13 +316,14 @@ def _gap(robot_path: Path, held_out: Path, diagnosis: Path, command: list[str] |
         if isinstance(columns, str):
             return columns
         noise = {name: robot.noise(name) for name in run.columns if robot.noise(name)}
-        columns.setdefault("yaw", np.zeros(len(run.t)))          # an axis has no heading
+        columns.setdefault("yaw", np.zeros(len(run.t)))  # an axis has no heading
         gaps.append(channel_gaps(run.t, run.columns, columns, noise))
     return total(pooled(gaps)) if gaps else None
 
 
-def score_measured(out: Path, jobs: int = 1, command: list[str] | None = None, with_gap: bool = True,
-                   progress=None) -> dict:
+def score_measured(
+    out: Path, jobs: int = 1, command: list[str] | None = None, with_gap: bool = True, progress=None
+) -> dict:
     """Open the truth of a check on measured data, check every hash, judge every answer, write `OUT/score/`.
 
     Returns
@@ -333,13 +377,22 @@ def score_measured(out: Path, jobs: int = 1, command: list[str] | None = None, w
                 progress(done, len(planted))
     drawn = what_was_drawn(out)
     result = {
-        "schema": SCHEMA, "seed": drawn["seed"], "draws": drawn["draws"],
-        "quick": any(entry.get("quick") for entry in ledger), "gaps": with_gap,
+        "schema": SCHEMA,
+        "seed": drawn["seed"],
+        "draws": drawn["draws"],
+        "quick": any(entry.get("quick") for entry in ledger),
+        "gaps": with_gap,
         "sets": {name: _group([r for r in records if r["set"] == name]) for name in drawn["sets"]},
         "all": _group(records),
-        "bases": {name: {"verdict": (answers.get(case) or {}).get("verdict"), "gap": rest[name], "case": case,
-                         "blamed": [e["id"] for e in (answers.get(case) or {}).get("effects", [])]}
-                  for name, case in bases.items()},
+        "bases": {
+            name: {
+                "verdict": (answers.get(case) or {}).get("verdict"),
+                "gap": rest[name],
+                "case": case,
+                "blamed": [e["id"] for e in (answers.get(case) or {}).get("effects", [])],
+            }
+            for name, case in bases.items()
+        },
         "cases": records,
     }
     write_atomic(out / "score" / "score.json", json.dumps(result, indent=1) + "\n")
@@ -351,12 +404,17 @@ def _group(records: list[dict]) -> dict:
     seen = [r for r in records if r["visible"] is not False]
     restored = [r["restored"] for r in records if r["restored"] is not None]
     errors = [abs(r["size_error"]) for r in seen if r["size_error"] is not None]
-    return {"cases": len(records), "answered": sum(r["answered"] for r in records), "visible": len(seen),
-            **{name: share(seen, name) for name, _ in FIGURES},
-            "size_error_median": round(float(np.median(errors)), 4) if errors else None,
-            "restored_median": round(float(np.median(restored)), 4) if restored else None,
-            "hidden_named": share([r for r in records if r["visible"] is False], "named"),
-            "all_found": share(records, "found"), "all_near": share(records, "near")}
+    return {
+        "cases": len(records),
+        "answered": sum(r["answered"] for r in records),
+        "visible": len(seen),
+        **{name: share(seen, name) for name, _ in FIGURES},
+        "size_error_median": round(float(np.median(errors)), 4) if errors else None,
+        "restored_median": round(float(np.median(restored)), 4) if restored else None,
+        "hidden_named": share([r for r in records if r["visible"] is False], "named"),
+        "all_found": share(records, "found"),
+        "all_near": share(records, "near"),
+    }
 
 
 def _cell(value: dict | None) -> str:
@@ -374,26 +432,54 @@ def page(result: dict) -> str:
     """The figures of a scored check on measured data, in Markdown."""
     sets = {**result["sets"], "all": result["all"]}
     sources = " ".join(f"--measured {name}" for name in result["sets"])
-    lines = [(f"`rtds blind make {sources} --n {result['draws']} --seed {result['seed']} --out check`, `rtds blind answer"
-             f"{' --quick' if result['quick'] else ''} --out check`, `rtds blind score{'' if result['gaps'] else ' --no-closure'} --out check`."), "",
-             "| | " + " | ".join(sets) + " |", "|---|" + "---|" * len(sets),
-             "| draws (answered) | " + " | ".join(f"{g['cases']} ({g['answered']})" for g in sets.values()) + " |",
-             *([] if not result["gaps"] else ["| of these the planted part outweighs what the machine leaves anyway | "
-                                              + " | ".join(str(g["visible"]) for g in sets.values()) + " |"])]
+    lines = [
+        (
+            f"`rtds blind make {sources} --n {result['draws']} --seed {result['seed']} --out check`, `rtds blind answer"
+            f"{' --quick' if result['quick'] else ''} --out check`, `rtds blind score{'' if result['gaps'] else ' --no-closure'} --out check`."
+        ),
+        "",
+        "| | " + " | ".join(sets) + " |",
+        "|---|" + "---|" * len(sets),
+        "| draws (answered) | " + " | ".join(f"{g['cases']} ({g['answered']})" for g in sets.values()) + " |",
+        *(
+            []
+            if not result["gaps"]
+            else [
+                "| of these the planted part outweighs what the machine leaves anyway | "
+                + " | ".join(str(g["visible"]) for g in sets.values())
+                + " |"
+            ]
+        ),
+    ]
     lines += [f"| {title} | " + " | ".join(_cell(g[name]) for g in sets.values()) + " |" for name, title in FIGURES]
-    lines.append("| error of the size, median | " + " | ".join(
-        "–" if g["size_error_median"] is None else f"{100 * g['size_error_median']:.0f} %" for g in sets.values()) + " |")
+    lines.append(
+        "| error of the size, median | "
+        + " | ".join(
+            "–" if g["size_error_median"] is None else f"{100 * g['size_error_median']:.0f} %" for g in sets.values()
+        )
+        + " |"
+    )
     if result["gaps"]:
-        lines.append("| of the gap opened on withheld runs, closed again (median) | " + " | ".join(
-            _number(g["restored_median"], ".2f") for g in sets.values()) + " |")
-        lines += [f"| of all draws: {title} | " + " | ".join(_cell(g[name]) for g in sets.values()) + " |"
-                  for name, title in (("all_found", "found"), ("all_near", "found, or a stand-in named"))]
+        lines.append(
+            "| of the gap opened on withheld runs, closed again (median) | "
+            + " | ".join(_number(g["restored_median"], ".2f") for g in sets.values())
+            + " |"
+        )
+        lines += [
+            f"| of all draws: {title} | " + " | ".join(_cell(g[name]) for g in sets.values()) + " |"
+            for name, title in (("all_found", "found"), ("all_near", "found, or a stand-in named"))
+        ]
     lines.append("")
     for name, base in result["bases"].items():
-        lines.append(f"{name} untouched: {base['verdict']}, blamed {', '.join(base['blamed']) or 'nothing'}, gap "
-                     f"{_number(base['gap'])} on the withheld runs.")
-    lines += ["", "| set | planted | blamed | named | in a set or near | size: expected, found | gap: opened, left |",
-              "|---|---|---|---|---|---|---|"]
+        lines.append(
+            f"{name} untouched: {base['verdict']}, blamed {', '.join(base['blamed']) or 'nothing'}, gap "
+            f"{_number(base['gap'])} on the withheld runs."
+        )
+    lines += [
+        "",
+        "| set | planted | blamed | named | in a set or near | size: expected, found | gap: opened, left |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for r in sorted(result["cases"], key=lambda r: (r["set"], r["kind"], r["case"])):
         m = r["match"]
         size = "–"
@@ -402,6 +488,8 @@ def page(result: dict) -> str:
             size = f"{m['effect']}: {ends}, {m['value']:.3g}"
         where = "yes" if r["found"] and not r["named"] else "near" if r["near"] and not r["found"] else ""
         blamed = ", ".join(r["blamed"]) or r["verdict"] or "no answer"
-        lines.append(f"| {r['set']} | {r['said']} | {blamed} | {'yes' if r['named'] else 'no'} | {where} | {size} | "
-                     f"{_number(r['gap_opened'])}, {_number(r['gap_left'])} |")
+        lines.append(
+            f"| {r['set']} | {r['said']} | {blamed} | {'yes' if r['named'] else 'no'} | {where} | {size} | "
+            f"{_number(r['gap_opened'])}, {_number(r['gap_left'])} |"
+        )
     return "\n".join(lines) + "\n"

@@ -12,17 +12,29 @@ from rtds_host.blind.gap import channel_gaps
 from rtds_host.blind.kernel import SIDE_NAMES, WORLD_NAMES
 
 STEP_S = 50e-6
-STEPS_S = (STEP_S, 25e-6, 20e-6, 10e-6)      # divisors of the log's grid of times
+STEPS_S = (STEP_S, 25e-6, 20e-6, 10e-6)  # divisors of the log's grid of times
 GRAVITY_M_S2 = kernel.GRAVITY_M_S2
 # Time constants and lengths of what is not there: nothing may be divided by 0.
 NEUTRAL = {"bus_tau": 1.0, "gust_tau": 1.0, "dahl_rad": 1.0, "grease_tau": 1.0, "bump_length": 1.0, "relax_tau": 1.0}
 CLOSED = ("spin", "circle", "eight", "linear", "teleop")
-CONTROLLED_V_S = 258.5 * 6.538e-3      # back-EMF at the gear's output that the controller's gains are meant for
-TOLERANCE_NAMES = {"resistance_ohm": ("resistance",), "torque_constant_nm_per_a": ("torque_constant", "back_emf"),
-                   "rotor_inertia_kg_m2": ("inertia",), "viscous_friction_nm_s_per_rad": ("viscosity",)}
+CONTROLLED_V_S = 258.5 * 6.538e-3  # back-EMF at the gear's output that the controller's gains are meant for
+TOLERANCE_NAMES = {
+    "resistance_ohm": ("resistance",),
+    "torque_constant_nm_per_a": ("torque_constant", "back_emf"),
+    "rotor_inertia_kg_m2": ("inertia",),
+    "viscous_friction_nm_s_per_rad": ("viscosity",),
+}
 # Counts of the instruments, as the logs of such robots show them.
-QUANTA = {"v_bus": 0.01, "i": 0.00269, "w": 0.001, "th": 2 * math.pi / 4096, "gyro_z": 1e-4, "x": 1e-4, "y": 1e-4,
-          "yaw": 1e-4}
+QUANTA = {
+    "v_bus": 0.01,
+    "i": 0.00269,
+    "w": 0.001,
+    "th": 2 * math.pi / 4096,
+    "gyro_z": 1e-4,
+    "x": 1e-4,
+    "y": 1e-4,
+    "yaw": 1e-4,
+}
 
 
 @dataclass
@@ -34,10 +46,10 @@ class Sensing:
     current_bias: np.ndarray = field(default_factory=lambda: np.zeros(2))
     gyro_bias: float = 0.0
     gyro_gain: float = 1.0
-    hold: list = field(default_factory=list)          # (share of the run from, seconds, channel)
+    hold: list = field(default_factory=list)  # (share of the run from, seconds, channel)
     clip_speed: float = math.inf
     encoder_wobble: np.ndarray = field(default_factory=lambda: np.zeros(2))
-    current_bend: np.ndarray = field(default_factory=lambda: np.zeros(2))      # 1 / A^2: i reported as i / (1 + c i^2)
+    current_bend: np.ndarray = field(default_factory=lambda: np.zeros(2))  # 1 / A^2: i reported as i / (1 + c i^2)
 
 
 @dataclass
@@ -49,10 +61,10 @@ class Machine:
     sensing: Sensing
     slope_extra: float = 0.0
     mass_extra: float = 0.0
-    brakes: tuple | None = None                        # (events a run, seconds, torque)
+    brakes: tuple | None = None  # (events a run, seconds, torque)
     tolerance: dict = field(default_factory=dict)
     base_step_s: float = STEP_S
-    lever: tuple[float, float] = (0.0, 0.0)            # of an axis: inertia and gravity torque a unit of payload
+    lever: tuple[float, float] = (0.0, 0.0)  # of an axis: inertia and gravity torque a unit of payload
 
     def set(self, name: str, value, sides=(0, 1)) -> None:
         """Set a kernel parameter by name."""
@@ -79,8 +91,11 @@ class Machine:
 
 def step_for(motor) -> float:
     """Longest step of `STEPS_S` that is a hundredth of the rotor's own mechanical time constant or less."""
-    lag = (motor.rotor_inertia_kg_m2 * motor.resistance_ohm
-           / (motor.torque_constant_nm_per_a * motor.back_emf_constant_v_s_per_rad))
+    lag = (
+        motor.rotor_inertia_kg_m2
+        * motor.resistance_ohm
+        / (motor.torque_constant_nm_per_a * motor.back_emf_constant_v_s_per_rad)
+    )
     return next((step for step in STEPS_S if step <= 0.01 * lag), STEPS_S[-1]) if math.isfinite(lag) else STEP_S
 
 
@@ -90,23 +105,40 @@ def nominal_axis(robot) -> Machine:
     The right side is there as well and stands still.
     """
     motor, axis, torque = robot.motor, robot.axis, robot.driver.mode == "torque"
-    machine = Machine(np.zeros((len(SIDE_NAMES), 2)), np.zeros(len(WORLD_NAMES)), Sensing(),
-                      base_step_s=step_for(motor))
-    lever = {"inertia": (1.0, 0.0), "linear": (axis.metres_per_rad**2, 0.0),
-             "pendulum": (axis.length_m**2, GRAVITY_M_S2 * axis.length_m)}[axis.kind]
+    machine = Machine(
+        np.zeros((len(SIDE_NAMES), 2)), np.zeros(len(WORLD_NAMES)), Sensing(), base_step_s=step_for(motor)
+    )
+    lever = {
+        "inertia": (1.0, 0.0),
+        "linear": (axis.metres_per_rad**2, 0.0),
+        "pendulum": (axis.length_m**2, GRAVITY_M_S2 * axis.length_m),
+    }[axis.kind]
     load = axis.inertia_kg_m2 + (0.0 if axis.kind == "inertia" else axis.mass_kg * lever[0])
     rotor = motor.gear_ratio**2 * motor.rotor_inertia_kg_m2
     teeth = load * rotor / (load + rotor) / kernel.STOP_REDUCED_KG_M2
     for name, value in {
-        "resistance": 1.0 if torque else motor.resistance_ohm, "inductance": 1e-3 if torque else motor.inductance_h,
+        "resistance": 1.0 if torque else motor.resistance_ohm,
+        "inductance": 1e-3 if torque else motor.inductance_h,
         "torque_constant": 0.0 if torque else motor.torque_constant_nm_per_a,
         "back_emf": 0.0 if torque else motor.back_emf_constant_v_s_per_rad,
         "torque_per_volt": robot.driver.torque_nm_per_v if torque else 0.0,
-        "inertia": motor.rotor_inertia_kg_m2, "viscosity": motor.viscous_friction_nm_s_per_rad,
-        "gain": 1.0, "limit": math.inf, "stribeck_speed": 1.0, "voltage": robot.supply_v, "gear": motor.gear_ratio,
-        "mass": 1.0, "yaw_inertia": 1.0, "track": 1.0, "wheel_inertia": load, "tyre": 1.0,
-        "pendulum": axis.mass_kg * lever[1], "pendulum_zero": axis.zero_rad, **NEUTRAL,
-        "stop": kernel.STOP_NM_PER_RAD * teeth, "stop_damping": kernel.STOP_NM_S_PER_RAD * teeth,
+        "inertia": motor.rotor_inertia_kg_m2,
+        "viscosity": motor.viscous_friction_nm_s_per_rad,
+        "gain": 1.0,
+        "limit": math.inf,
+        "stribeck_speed": 1.0,
+        "voltage": robot.supply_v,
+        "gear": motor.gear_ratio,
+        "mass": 1.0,
+        "yaw_inertia": 1.0,
+        "track": 1.0,
+        "wheel_inertia": load,
+        "tyre": 1.0,
+        "pendulum": axis.mass_kg * lever[1],
+        "pendulum_zero": axis.zero_rad,
+        **NEUTRAL,
+        "stop": kernel.STOP_NM_PER_RAD * teeth,
+        "stop_damping": kernel.STOP_NM_S_PER_RAD * teeth,
     }.items():
         machine.set(name, value)
     machine.lever = lever
@@ -121,8 +153,11 @@ def nominal_machine(robot) -> Machine:
     step = step_for(motor)
     # Tyres are as stiff as the lightest thing that they push lets an explicit step be.
     rotor = motor.gear_ratio**2 * motor.rotor_inertia_kg_m2
-    lightest = min(chassis.wheel_inertia_kg_m2 / chassis.wheel_radius_m**2, chassis.mass_kg / 2,
-                   chassis.yaw_inertia_kg_m2 / (chassis.track_width_m / 2) ** 2)
+    lightest = min(
+        chassis.wheel_inertia_kg_m2 / chassis.wheel_radius_m**2,
+        chassis.mass_kg / 2,
+        chassis.yaw_inertia_kg_m2 / (chassis.track_width_m / 2) ** 2,
+    )
     heavy = max(1.0, chassis.mass_kg)
     tyre = min(kernel.TYRE_N_PER_M * heavy, 0.1 * lightest / (step / 2) ** 2)
     tyre_damping = min(kernel.TYRE_N_S_PER_M * heavy, 0.8 * lightest / (step / 2))
@@ -130,14 +165,27 @@ def nominal_machine(robot) -> Machine:
     teeth = wheel * rotor / (wheel + rotor) / kernel.STOP_REDUCED_KG_M2
     machine = Machine(np.zeros((len(SIDE_NAMES), 2)), np.zeros(len(WORLD_NAMES)), Sensing())
     for name, value in {
-        "resistance": motor.resistance_ohm, "inductance": motor.inductance_h,
-        "torque_constant": motor.torque_constant_nm_per_a, "back_emf": motor.back_emf_constant_v_s_per_rad,
-        "inertia": motor.rotor_inertia_kg_m2, "viscosity": motor.viscous_friction_nm_s_per_rad,
-        "gain": 1.0, "limit": math.inf, "radius": chassis.wheel_radius_m, "stribeck_speed": 1.0,
-        "voltage": robot.supply_v, "gear": motor.gear_ratio, "mass": chassis.mass_kg,
-        "yaw_inertia": chassis.yaw_inertia_kg_m2, "track": chassis.track_width_m,
-        "wheel_inertia": chassis.wheel_inertia_kg_m2, "tyre": tyre, "tyre_damping": tyre_damping, **NEUTRAL,
-        "stop": kernel.STOP_NM_PER_RAD * teeth, "stop_damping": kernel.STOP_NM_S_PER_RAD * teeth,
+        "resistance": motor.resistance_ohm,
+        "inductance": motor.inductance_h,
+        "torque_constant": motor.torque_constant_nm_per_a,
+        "back_emf": motor.back_emf_constant_v_s_per_rad,
+        "inertia": motor.rotor_inertia_kg_m2,
+        "viscosity": motor.viscous_friction_nm_s_per_rad,
+        "gain": 1.0,
+        "limit": math.inf,
+        "radius": chassis.wheel_radius_m,
+        "stribeck_speed": 1.0,
+        "voltage": robot.supply_v,
+        "gear": motor.gear_ratio,
+        "mass": chassis.mass_kg,
+        "yaw_inertia": chassis.yaw_inertia_kg_m2,
+        "track": chassis.track_width_m,
+        "wheel_inertia": chassis.wheel_inertia_kg_m2,
+        "tyre": tyre,
+        "tyre_damping": tyre_damping,
+        **NEUTRAL,
+        "stop": kernel.STOP_NM_PER_RAD * teeth,
+        "stop_damping": kernel.STOP_NM_S_PER_RAD * teeth,
     }.items():
         machine.set(name, value)
     machine.base_step_s = step
@@ -149,43 +197,60 @@ def apply_effect(machine: Machine, effect: dict) -> None:
     p, sides = effect["parameters"], {"both": (0, 1), "left": (0,), "right": (1,)}[effect["side"]]
     name = effect["id"]
     simple = {
-        "supply_sag": (("sag", "resistance_ohm"),), "battery_decline": (("decline", "rate_v_per_s"),),
-        "driver_deadzone": (("deadzone", "volts"),), "bridge_drop": (("drop", "volts"),),
-        "voltage_limit": (("limit", "volts"),), "pwm_curve": (("curve", "curvature"),),
+        "supply_sag": (("sag", "resistance_ohm"),),
+        "battery_decline": (("decline", "rate_v_per_s"),),
+        "driver_deadzone": (("deadzone", "volts"),),
+        "bridge_drop": (("drop", "volts"),),
+        "voltage_limit": (("limit", "volts"),),
+        "pwm_curve": (("curve", "curvature"),),
         "winding_heating": (("heat_per_watt", "rise_per_watt"), ("heat_tau", "time_constant_s")),
         "coulomb_friction": (("coulomb", "torque_nm"),),
-        "stribeck_friction": (("coulomb", "torque_nm"), ("stribeck", "extra_torque_nm"),
-                              ("stribeck_speed", "speed_rad_s")),
+        "stribeck_friction": (
+            ("coulomb", "torque_nm"),
+            ("stribeck", "extra_torque_nm"),
+            ("stribeck_speed", "speed_rad_s"),
+        ),
         "viscous_friction": (("viscous", "nm_s_per_rad"),),
         "friction_asymmetry": (("asym_torque", "torque_nm"), ("asym_viscous", "nm_s_per_rad")),
-        "load_friction": (("load_friction", "ratio"),), "backlash": (("backlash", "angle_rad"),),
+        "load_friction": (("load_friction", "ratio"),),
+        "backlash": (("backlash", "angle_rad"),),
         "gear_compliance": (("stiffness", "stiffness_nm_per_rad"), ("damping", "damping_nm_s_per_rad")),
-        "torque_ripple": (("ripple", "amplitude_nm"), ("ripple_cycles", "cycles_per_rev"),
-                          ("ripple_phase", "phase_rad")),
-        "longitudinal_slip": (("slip", "slip_per_newton"),), "spin_scrub": (("scrub", "torque_nm"),),
-        "rolling_resistance": (("rolling", "coefficient"),), "com_offset": (("com_x", "x_m"), ("com_y", "y_m")),
-        "speed_filter": (("filter_tau", "time_constant_s"),), "command_delay": (("command_delay", "seconds"),),
+        "torque_ripple": (
+            ("ripple", "amplitude_nm"),
+            ("ripple_cycles", "cycles_per_rev"),
+            ("ripple_phase", "phase_rad"),
+        ),
+        "longitudinal_slip": (("slip", "slip_per_newton"),),
+        "spin_scrub": (("scrub", "torque_nm"),),
+        "rolling_resistance": (("rolling", "coefficient"),),
+        "com_offset": (("com_x", "x_m"), ("com_y", "y_m")),
+        "speed_filter": (("filter_tau", "time_constant_s"),),
+        "command_delay": (("command_delay", "seconds"),),
         "measurement_delay": (("measurement_delay", "seconds"),),
     }
     ratios = {
-        "driver_gain": ("gain",), "resistance_error": ("resistance",),
-        "torque_constant_error": ("torque_constant", "back_emf"), "rotor_inertia_error": ("inertia",),
-        "wheel_radius_error": ("radius",), "track_width_error": ("track",), "yaw_inertia_error": ("yaw_inertia",),
+        "driver_gain": ("gain",),
+        "resistance_error": ("resistance",),
+        "torque_constant_error": ("torque_constant", "back_emf"),
+        "rotor_inertia_error": ("inertia",),
+        "wheel_radius_error": ("radius",),
+        "track_width_error": ("track",),
+        "yaw_inertia_error": ("yaw_inertia",),
     }
     if name in ratios:
         for target in ratios[name]:
             machine.scale(target, p["ratio"], sides)
     elif name in simple:
-        if name == "longitudinal_slip":       # a tyre that creeps is soft, too
+        if name == "longitudinal_slip":  # a tyre that creeps is soft, too
             for target, softer in (("tyre", kernel.SOFT_TYRE), ("tyre_damping", kernel.SOFT_TYRE_DAMPING)):
                 machine.side[SIDE_NAMES.index(target), list(sides)] /= softer
         for target, key in simple[name]:
-            if target == "coulomb":       # two effects may both bring dry friction
+            if target == "coulomb":  # two effects may both bring dry friction
                 machine.side[SIDE_NAMES.index(target), list(sides)] += p[key]
             else:
                 machine.set(target, p[key], sides)
     elif name == "payload_error":
-        machine.mass_extra += next(iter(p.values()))       # kg, or of an inertia kg m2
+        machine.mass_extra += next(iter(p.values()))  # kg, or of an inertia kg m2
     elif name == "slope_error":
         machine.slope_extra += p["slope_rad"]
     elif name == "speed_gain":
@@ -231,8 +296,9 @@ def add_tolerance(machine: Machine, rng: np.random.Generator, size: float = 0.01
             ratio = 1.0 + size * float(np.clip(rng.standard_normal(), -2.5, 2.5) if normal else rng.uniform(-1, 1))
             for target in targets:
                 machine.scale(target, ratio, (s,))
-                nice = {"torque_constant": "torque_constant_nm_per_a",
-                        "back_emf": "back_emf_constant_v_s_per_rad"}.get(target, key)
+                nice = {"torque_constant": "torque_constant_nm_per_a", "back_emf": "back_emf_constant_v_s_per_rad"}.get(
+                    target, key
+                )
                 fit[nice] = float(machine.side[SIDE_NAMES.index(target), s])
         machine.tolerance[label] = fit
 
@@ -377,10 +443,23 @@ def place_of(run: dict) -> dict:
 CHANNELS = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
 
 
-def run_machine(machine: Machine, t: np.ndarray, v_cmd: np.ndarray, start: np.ndarray, payload_kg: float,
-                slope_rad: float, uphill: float, closed: bool = False, w_ref: np.ndarray | None = None,
-                noise_w: np.ndarray | None = None, robot=None, period_rows: int = 3, seed: int = 0,
-                step_s: float | None = None, world: str = "planar") -> dict[str, np.ndarray]:
+def run_machine(
+    machine: Machine,
+    t: np.ndarray,
+    v_cmd: np.ndarray,
+    start: np.ndarray,
+    payload_kg: float,
+    slope_rad: float,
+    uphill: float,
+    closed: bool = False,
+    w_ref: np.ndarray | None = None,
+    noise_w: np.ndarray | None = None,
+    robot=None,
+    period_rows: int = 3,
+    seed: int = 0,
+    step_s: float | None = None,
+    world: str = "planar",
+) -> dict[str, np.ndarray]:
     """Drive a machine once and return what error-free instruments of that machine would report.
 
     Parameters
@@ -403,8 +482,14 @@ def run_machine(machine: Machine, t: np.ndarray, v_cmd: np.ndarray, start: np.nd
     if machine.brakes is not None:
         count, seconds, torque = machine.brakes
         begin = rng.uniform(0.5, t[-1], int(count))
-        events = np.column_stack([begin, begin + rng.uniform(0.5, 1.5, begin.size) * seconds,
-                                  rng.integers(0, 2, begin.size), torque * rng.uniform(0.6, 1.4, begin.size)])
+        events = np.column_stack(
+            [
+                begin,
+                begin + rng.uniform(0.5, 1.5, begin.size) * seconds,
+                rng.integers(0, 2, begin.size),
+                torque * rng.uniform(0.6, 1.4, begin.size),
+            ]
+        )
     if w_ref is None:
         w_ref = np.zeros((t.size, 2))
     if noise_w is None:
@@ -416,8 +501,12 @@ def run_machine(machine: Machine, t: np.ndarray, v_cmd: np.ndarray, start: np.nd
         kt = motor.gear_ratio * motor.torque_constant_nm_per_a
         drag = motor.gear_ratio**2 * motor.viscous_friction_nm_s_per_rad
         # The burger's controller, in the machine's own volts a speed.
-        gains[:4] = (ke + motor.resistance_ohm * drag / kt, 0.35 * ke / CONTROLLED_V_S, 1.2 * ke / CONTROLLED_V_S,
-                     robot.supply_v)
+        gains[:4] = (
+            ke + motor.resistance_ohm * drag / kt,
+            0.35 * ke / CONTROLLED_V_S,
+            1.2 * ke / CONTROLLED_V_S,
+            robot.supply_v,
+        )
     rest = (closed, w_ref, noise_w, period_rows, gains, events, seed % (2**31))
     if world == "mujoco":
         from rtds_host.blind import world as second
@@ -437,8 +526,7 @@ def apply_sensors(raw: dict[str, np.ndarray], machine: Machine, t: np.ndarray) -
             angle = raw[f"th_{label}"]
             raw[f"w_{label}"] *= 1 + wobble * np.cos(angle)
             raw[f"th_{label}"] = angle + wobble * np.sin(angle)
-        raw[f"w_{label}"] = np.clip(raw[f"w_{label}"] * sensing.speed_gain[s], -sensing.clip_speed,
-                                    sensing.clip_speed)
+        raw[f"w_{label}"] = np.clip(raw[f"w_{label}"] * sensing.speed_gain[s], -sensing.clip_speed, sensing.clip_speed)
         raw[f"th_{label}"] = raw[f"th_{label}"] * sensing.speed_gain[s]
         raw[f"i_{label}"] = raw[f"i_{label}"] / (1.0 + sensing.current_bend[s] * raw[f"i_{label}"] ** 2)
         raw[f"i_{label}"] = raw[f"i_{label}"] * sensing.current_gain[s] + sensing.current_bias[s]
@@ -457,8 +545,15 @@ def quantum_of(name: str, robot, counts: dict | None = None) -> float:
     return QUANTA[short] if counts is None else counts[short] * robot.noise(name)
 
 
-def add_noise(raw: dict[str, np.ndarray], t: np.ndarray, robot, rng: np.random.Generator, white_w: np.ndarray,
-              colour: tuple[float, float] = (0.0, 0.0), counts: dict | None = None) -> dict[str, np.ndarray]:
+def add_noise(
+    raw: dict[str, np.ndarray],
+    t: np.ndarray,
+    robot,
+    rng: np.random.Generator,
+    white_w: np.ndarray,
+    colour: tuple[float, float] = (0.0, 0.0),
+    counts: dict | None = None,
+) -> dict[str, np.ndarray]:
     """What instruments report: noise of the declared size (white, or partly coloured) and counts.
 
     The count's own rounding noise is part of the declared standard deviation.
@@ -478,8 +573,9 @@ def add_noise(raw: dict[str, np.ndarray], t: np.ndarray, robot, rng: np.random.G
     return out
 
 
-def sample_times(duration: float, rate: float, jitter: float, dropped: float, rng: np.random.Generator,
-                 grid_s: float = 1e-4) -> np.ndarray:
+def sample_times(
+    duration: float, rate: float, jitter: float, dropped: float, rng: np.random.Generator, grid_s: float = 1e-4
+) -> np.ndarray:
     """Times of a log's rows, multiples of `grid_s`: uniform, or with jitter (share of the period), some rows lost."""
     n = round(duration * rate)
     t = np.arange(n + 1) / rate
@@ -534,12 +630,23 @@ def replay_gap(machine: Machine, robot, run, rounded: dict | None = None) -> dic
     `rounded` : see `noises`.
     """
     columns = run.columns
-    start = np.array([columns[name][0] if name in columns and np.isfinite(columns[name][0]) else 0.0
-                      for name in ("x", "y", "yaw", "th_l", "th_r")])
+    start = np.array(
+        [
+            columns[name][0] if name in columns and np.isfinite(columns[name][0]) else 0.0
+            for name in ("x", "y", "yaw", "th_l", "th_r")
+        ]
+    )
     start[3:] /= machine.sensing.speed_gain
     commands = run.commands()
     both = np.column_stack([commands[:, 0], np.zeros(run.t.size)]) if robot.axis is not None else commands.copy()
     # A clock that counts since 1970 resolves a quarter of a microsecond.
-    raw = run_machine(machine, np.round(run.t - run.t[0], 5), both, start, run.meta.payload_kg, run.meta.slope_rad,
-                      run.meta.uphill_yaw_rad)
+    raw = run_machine(
+        machine,
+        np.round(run.t - run.t[0], 5),
+        both,
+        start,
+        run.meta.payload_kg,
+        run.meta.slope_rad,
+        run.meta.uphill_yaw_rad,
+    )
     return channel_gaps(run.t, columns, raw, noises(robot, rounded))

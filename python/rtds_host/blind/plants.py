@@ -1,13 +1,14 @@
-"""What can be planted in measured data: a nominal value declared wrongly, or a column altered, and what either looks like.
+"""What can be planted in measured data: a nominal value declared wrongly, or a column altered, and what either looks
+like.
 
 A real machine has effects that nobody knows, so a planted change is the only part of its truth that is known. Each
 change comes with the effects of the catalogue that are the same thing: `same` makes the same replays (or the nearest
 ones the catalogue can make), `alike` those that stand in for it only roughly or on some data; see docs/blind.md.
 
-Where a declared value is k times the former one, the machine is 1/k times what is declared, which is the effect's ratio.
-On a load without gravity, a drive that is g times stronger and a speed that is reported g times too large differ by
-nothing but the size of the friction torques, which are free: m w' = g T - c sgn w - b w is, for g w,
-m (g w)' = g (g T) - ... and so on; `driver_gain` and `speed_gain` are then the same.
+Where a declared value is k times the former one, the machine is 1/k times what is declared, which is the effect's
+ratio. On a load without gravity, a drive that is g times stronger and a speed that is reported g times too large differ
+by nothing but the size of the friction torques, which are free: m w' = g T - c sgn w - b w is, for g w, m (g w)' = g (g
+T) - ... and so on; `driver_gain` and `speed_gain` are then the same.
 """
 
 from __future__ import annotations
@@ -47,8 +48,13 @@ class Equivalent:
 
     def to_json(self) -> dict:
         """As it stands in a sealed truth."""
-        return {"id": self.effect, "subsystem": EFFECTS[self.effect][0], "parameter": self.parameter,
-                "low": float(f"{self.low:.6g}"), "high": float(f"{self.high:.6g}")}
+        return {
+            "id": self.effect,
+            "subsystem": EFFECTS[self.effect][0],
+            "parameter": self.parameter,
+            "low": float(f"{self.low:.6g}"),
+            "high": float(f"{self.high:.6g}"),
+        }
 
 
 @dataclass(frozen=True)
@@ -101,12 +107,14 @@ def _columns_of(case: Case, names: tuple[str, ...], side: str) -> list[str]:
 def _gain(names: list[str], factor: float) -> Callable[[RunLog], tuple[np.ndarray, dict[str, np.ndarray]]]:
     def alter(run: RunLog) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         return run.t, {c: v * factor if c in names else v for c, v in run.columns.items()}
+
     return alter
 
 
 def _bias(names: list[str], offset: float) -> Callable[[RunLog], tuple[np.ndarray, dict[str, np.ndarray]]]:
     def alter(run: RunLog) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         return run.t, {c: v + offset if c in names else v for c, v in run.columns.items()}
+
     return alter
 
 
@@ -125,6 +133,7 @@ def _late(names: list[str], late_s: float) -> Callable[[RunLog], tuple[np.ndarra
         keep = run.t >= run.t[0] + late_s
         columns = {c: (shifted(run.t, v, late_s) if c in names else v)[keep] for c, v in run.columns.items()}
         return run.t[keep], columns
+
     return alter
 
 
@@ -178,17 +187,27 @@ def _mass(f: _Facts, rng: np.random.Generator) -> Plant:
     section = "axis" if f.axis is not None else "chassis"
     mass = (f.axis or f.robot.chassis).mass_kg
     declared = _declare(mass, _ratio(rng))
-    return Plant("mass", f.sides[0], f"mass declared {declared:g} kg in place of {mass:g} kg",
-                 tuple(f.beyond(mass - declared)), tuple(f.load_factor(declared / mass)),
-                 {(section, "mass_kg"): declared})
+    return Plant(
+        "mass",
+        f.sides[0],
+        f"mass declared {declared:g} kg in place of {mass:g} kg",
+        tuple(f.beyond(mass - declared)),
+        tuple(f.load_factor(declared / mass)),
+        {(section, "mass_kg"): declared},
+    )
 
 
 def _inertia(f: _Facts, rng: np.random.Generator) -> Plant:
     inertia = f.axis.inertia_kg_m2
     declared = _declare(inertia, _ratio(rng))
-    return Plant("inertia", "left", f"inertia declared {declared:g} kg m2 in place of {inertia:g} kg m2",
-                 tuple(f.beyond(inertia - declared)), tuple(f.load_factor(declared / inertia)),
-                 {("axis", "inertia_kg_m2"): declared})
+    return Plant(
+        "inertia",
+        "left",
+        f"inertia declared {declared:g} kg m2 in place of {inertia:g} kg m2",
+        tuple(f.beyond(inertia - declared)),
+        tuple(f.load_factor(declared / inertia)),
+        {("axis", "inertia_kg_m2"): declared},
+    )
 
 
 def _length(f: _Facts, rng: np.random.Generator) -> Plant:
@@ -196,9 +215,14 @@ def _length(f: _Facts, rng: np.random.Generator) -> Plant:
     declared = _declare(length, _ratio(rng))
     k = declared / length
     # No effect is a wrong arm. The nearest is the mass: 1/k makes gravity's torque right, 1/k^2 the inertia.
-    return Plant("length", "left", f"length declared {declared:g} m in place of {length:g} m",
-                 tuple(f.beyond(mass * (1 / k - 1), mass * (1 / k**2 - 1))), tuple(f.load_factor(k)),
-                 {("axis", "length_m"): declared})
+    return Plant(
+        "length",
+        "left",
+        f"length declared {declared:g} m in place of {length:g} m",
+        tuple(f.beyond(mass * (1 / k - 1), mass * (1 / k**2 - 1))),
+        tuple(f.load_factor(k)),
+        {("axis", "length_m"): declared},
+    )
 
 
 def _transmission(f: _Facts, rng: np.random.Generator) -> Plant:
@@ -206,31 +230,50 @@ def _transmission(f: _Facts, rng: np.random.Generator) -> Plant:
     declared = _declare(metres, _ratio(rng))
     k = declared / metres
     # Nothing but the mass is behind the transmission, so that it is the mass in all respects.
-    return Plant("length", "left", f"travel a radian declared {declared:g} m in place of {metres:g} m",
-                 tuple(f.beyond(mass * (1 / k**2 - 1))), tuple(f.load_factor(k**2)),
-                 {("axis", "metres_per_rad"): declared})
+    return Plant(
+        "length",
+        "left",
+        f"travel a radian declared {declared:g} m in place of {metres:g} m",
+        tuple(f.beyond(mass * (1 / k**2 - 1))),
+        tuple(f.load_factor(k**2)),
+        {("axis", "metres_per_rad"): declared},
+    )
 
 
 def _torque_per_volt(f: _Facts, rng: np.random.Generator) -> Plant:
     value = f.robot.driver.torque_nm_per_v
     declared = _declare(value, _ratio(rng))
     same, alike = f.drive(value / declared)
-    return Plant("torque constant", f.sides[0], f"torque a volt declared {declared:g} in place of {value:g} N m/V",
-                 tuple(same), tuple(alike), {("driver", "torque_nm_per_v"): declared})
+    return Plant(
+        "torque constant",
+        f.sides[0],
+        f"torque a volt declared {declared:g} in place of {value:g} N m/V",
+        tuple(same),
+        tuple(alike),
+        {("driver", "torque_nm_per_v"): declared},
+    )
 
 
 def _torque_constant(f: _Facts, rng: np.random.Generator) -> Plant:
     motor, k = f.robot.motor, _ratio(rng)
-    declared = {("motor", key): _declare(getattr(motor, key), k)
-                for key in ("torque_constant_nm_per_a", "back_emf_constant_v_s_per_rad")}
+    declared = {
+        ("motor", key): _declare(getattr(motor, key), k)
+        for key in ("torque_constant_nm_per_a", "back_emf_constant_v_s_per_rad")
+    }
     alike = [_exact("driver_gain", "ratio", 1 / k), _exact("speed_gain", "ratio", 1 / k)]
     if not f.current:
         alike.append(_exact("resistance_error", "ratio", k))
         if f.axis is not None:
             load = f.axis.inertia_kg_m2 if f.kind == "inertia" else f.axis.mass_kg
             alike += f.beyond(load * (k - 1))[:1]
-    return Plant("torque constant", f.sides[0], f"torque constant and back-EMF declared {k:.4g} times what they were",
-                 (_exact("torque_constant_error", "ratio", 1 / k),), tuple(alike), declared)
+    return Plant(
+        "torque constant",
+        f.sides[0],
+        f"torque constant and back-EMF declared {k:.4g} times what they were",
+        (_exact("torque_constant_error", "ratio", 1 / k),),
+        tuple(alike),
+        declared,
+    )
 
 
 def _resistance(f: _Facts, rng: np.random.Generator) -> Plant:
@@ -243,38 +286,61 @@ def _resistance(f: _Facts, rng: np.random.Generator) -> Plant:
         if f.axis is not None:
             load = f.axis.inertia_kg_m2 if f.kind == "inertia" else f.axis.mass_kg
             alike += f.beyond(load * (ratio - 1))[:1]
-    return Plant("resistance", f.sides[0], f"resistance declared {declared:g} ohm in place of {value:g} ohm",
-                 (_exact("resistance_error", "ratio", ratio),), tuple(alike), {("motor", "resistance_ohm"): declared})
+    return Plant(
+        "resistance",
+        f.sides[0],
+        f"resistance declared {declared:g} ohm in place of {value:g} ohm",
+        (_exact("resistance_error", "ratio", ratio),),
+        tuple(alike),
+        {("motor", "resistance_ohm"): declared},
+    )
 
 
 def _voltage(f: _Facts, rng: np.random.Generator) -> Plant:
     value, k = f.robot.supply_v, _ratio(rng)
     if k < 1 and any(np.nanmax(np.abs(run.commands())) > k * value for run in f.case.runs):
-        k = 1 / k                                    # commands would be clipped, which is another change
+        k = 1 / k  # commands would be clipped, which is another change
     declared = _declare(value, k)
     # V = v_cmd v_bus / voltage_v: declared too high, the replay's voltage is too low.
     same, alike = f.drive(declared / value)
-    return Plant("voltage", f.sides[0], f"supply declared {declared:g} V in place of {value:g} V", tuple(same),
-                 tuple(alike), {("supply", "voltage_v"): declared})
+    return Plant(
+        "voltage",
+        f.sides[0],
+        f"supply declared {declared:g} V in place of {value:g} V",
+        tuple(same),
+        tuple(alike),
+        {("supply", "voltage_v"): declared},
+    )
 
 
 def _command_gain(f: _Facts, rng: np.random.Generator) -> Plant:
     side, k = str(rng.choice(f.sides)), _ratio(rng)
     same, alike = f.drive(1 / k)
-    return Plant("command gain", side, f"v_cmd recorded {k:.4g} times what it was", tuple(same), tuple(alike),
-                 alter=_gain(_columns_of(f.case, ("v_cmd",), side), k))
+    return Plant(
+        "command gain",
+        side,
+        f"v_cmd recorded {k:.4g} times what it was",
+        tuple(same),
+        tuple(alike),
+        alter=_gain(_columns_of(f.case, ("v_cmd",), side), k),
+    )
 
 
 def _command_bias(f: _Facts, rng: np.random.Generator) -> Plant:
     volts = _rms(f.case, "v_cmd_l") * _log(rng, BIAS_SHARE) * (1 if rng.random() < 0.5 else -1)
     volts = float(f"{volts:.{ROUNDING}g}")
     motor = f.robot.motor
-    per_volt = (f.robot.driver.torque_nm_per_v if f.mode == "torque"
-                else motor.torque_constant_nm_per_a / motor.resistance_ohm) * motor.gear_ratio
+    per_volt = (
+        f.robot.driver.torque_nm_per_v if f.mode == "torque" else motor.torque_constant_nm_per_a / motor.resistance_ohm
+    ) * motor.gear_ratio
     # The machine gets less torque than the log says, whichever way it turns.
-    return Plant("command bias", "left", f"v_cmd recorded {volts:+.4g} V off",
-                 (_exact("friction_asymmetry", "torque_nm", volts * per_volt),),
-                 alter=_bias(["v_cmd_l"], volts))
+    return Plant(
+        "command bias",
+        "left",
+        f"v_cmd recorded {volts:+.4g} V off",
+        (_exact("friction_asymmetry", "torque_nm", volts * per_volt),),
+        alter=_bias(["v_cmd_l"], volts),
+    )
 
 
 def _speed_gain(f: _Facts, rng: np.random.Generator) -> Plant:
@@ -283,23 +349,39 @@ def _speed_gain(f: _Facts, rng: np.random.Generator) -> Plant:
     (alike if f.gravity else same).append(_exact("driver_gain", "ratio", k))
     if f.mode == "voltage" and not f.current:
         alike.append(_exact("torque_constant_error", "ratio", 1 / k))
-    return Plant("speed gain", side, f"speed and angle recorded {k:.4g} times what they were", tuple(same), tuple(alike),
-                 alter=_gain(_columns_of(f.case, ("w", "th"), side), k))
+    return Plant(
+        "speed gain",
+        side,
+        f"speed and angle recorded {k:.4g} times what they were",
+        tuple(same),
+        tuple(alike),
+        alter=_gain(_columns_of(f.case, ("w", "th"), side), k),
+    )
 
 
 def _current_gain(f: _Facts, rng: np.random.Generator) -> Plant:
     side, k = str(rng.choice(f.sides)), _ratio(rng)
-    return Plant("current gain", side, f"current recorded {k:.4g} times what it was",
-                 (_exact("current_gain", "ratio", k),), (_exact("torque_constant_error", "ratio", 1 / k),),
-                 alter=_gain(_columns_of(f.case, ("i",), side), k))
+    return Plant(
+        "current gain",
+        side,
+        f"current recorded {k:.4g} times what it was",
+        (_exact("current_gain", "ratio", k),),
+        (_exact("torque_constant_error", "ratio", 1 / k),),
+        alter=_gain(_columns_of(f.case, ("i",), side), k),
+    )
 
 
 def _current_bias(f: _Facts, rng: np.random.Generator) -> Plant:
     side = str(rng.choice(f.sides))
     names = _columns_of(f.case, ("i",), side)
     offset = float(f"{_rms(f.case, names[0]) * _log(rng, BIAS_SHARE) * (1 if rng.random() < 0.5 else -1):.{ROUNDING}g}")
-    return Plant("current bias", side, f"current recorded {offset:+.4g} A off",
-                 (_exact("current_bias", "amperes", offset),), alter=_bias(names, offset))
+    return Plant(
+        "current bias",
+        side,
+        f"current recorded {offset:+.4g} A off",
+        (_exact("current_bias", "amperes", offset),),
+        alter=_bias(names, offset),
+    )
 
 
 def _all_late(f: _Facts, rng: np.random.Generator) -> Plant:
@@ -309,17 +391,30 @@ def _all_late(f: _Facts, rng: np.random.Generator) -> Plant:
         names.append("v_bus")
     same = [_exact("measurement_delay", "seconds", late)]
     alike = [_exact("speed_filter", "time_constant_s", late)]
-    (alike if any(_has(f.case, c) for c in ("x", "y", "yaw")) else same).append(_exact("command_delay", "seconds", late))
-    return Plant("all late", "both", f"all measured columns {1e3 * late:.4g} ms late", tuple(same), tuple(alike),
-                 alter=_late(names, late))
+    (alike if any(_has(f.case, c) for c in ("x", "y", "yaw")) else same).append(
+        _exact("command_delay", "seconds", late)
+    )
+    return Plant(
+        "all late",
+        "both",
+        f"all measured columns {1e3 * late:.4g} ms late",
+        tuple(same),
+        tuple(alike),
+        alter=_late(names, late),
+    )
 
 
 def _speed_late(f: _Facts, rng: np.random.Generator) -> Plant:
     late = float(f"{_log(rng, SHIFT_S):.4g}")
     # The contract's filter has no delay; for motion slower than this one a filter of that time constant does the same.
-    return Plant("speed late", f.sides[0], f"speed alone {1e3 * late:.4g} ms late",
-                 (_exact("speed_filter", "time_constant_s", late),), (_exact("measurement_delay", "seconds", late),),
-                 alter=_late([f"w_{s}" for s in f.robot.sides], late))
+    return Plant(
+        "speed late",
+        f.sides[0],
+        f"speed alone {1e3 * late:.4g} ms late",
+        (_exact("speed_filter", "time_constant_s", late),),
+        (_exact("measurement_delay", "seconds", late),),
+        alter=_late([f"w_{s}" for s in f.robot.sides], late),
+    )
 
 
 def kinds(case: Case) -> dict[str, Callable[[np.random.Generator], Plant]]:

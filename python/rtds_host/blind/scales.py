@@ -1,7 +1,7 @@
 """Sizes of effects in the scales of a machine of any size: stall torque, no-load speed, stall current, weight, track.
 
-The planar world's catalogue (`vocabulary.py`) has ranges in the units of one small robot. Here the same effects, and the
-nameless ones that only a rest is made of, are drawn as shares of what the machine's own motors and mass can do.
+The planar world's catalogue (`vocabulary.py`) has ranges in the units of one small robot. Here the same effects, and
+the nameless ones that only a rest is made of, are drawn as shares of what the machine's own motors and mass can do.
 """
 
 from __future__ import annotations
@@ -16,15 +16,32 @@ from rtds_host.blind.vocabulary import EFFECTS, NAMELESS, OUTSIDE, PLANAR_ONLY, 
 GRAVITY_M_S2 = 9.80665
 # Nameless effect -> the parameter that says how much of it there is, and whether more of it means more effect.
 STRENGTH = {
-    "command_hysteresis": ("hysteresis", 1), "command_quantised": ("quantum", 1), "command_crosstalk": ("crosstalk", 1),
-    "slew_limit": ("slew", -1), "magnetic_saturation": ("saturation", -1), "rub_spot": ("rub_torque", 1),
-    "growing_friction": ("friction_per_s", 1), "quadratic_drag": ("quadratic", 1),
-    "wheel_eccentricity": ("eccentricity", 1), "traction_limit": ("traction", -1), "floor_patch": ("patch_force", 1),
-    "cable_drag": ("cable", 1), "lateral_slope": ("lateral_slope", 1), "gusts": ("gust", 1), "bus_noise": ("bus_noise", 1),
-    "encoder_wobble": ("encoder_wobble", 1), "bus_relaxation": ("relax_ohm", 1), "dahl_friction": ("dahl", 1),
-    "position_friction": ("swing", 1), "cold_grease": ("grease", 1), "detents": ("detent", 1),
-    "turn_drag": ("turn_drag", 1), "uneven_floor": ("bumps", 1), "current_antialias": ("current_tau", 1),
-    "current_bend": ("current_bend", 1), "clock_drift": ("clock_drift", 1),
+    "command_hysteresis": ("hysteresis", 1),
+    "command_quantised": ("quantum", 1),
+    "command_crosstalk": ("crosstalk", 1),
+    "slew_limit": ("slew", -1),
+    "magnetic_saturation": ("saturation", -1),
+    "rub_spot": ("rub_torque", 1),
+    "growing_friction": ("friction_per_s", 1),
+    "quadratic_drag": ("quadratic", 1),
+    "wheel_eccentricity": ("eccentricity", 1),
+    "traction_limit": ("traction", -1),
+    "floor_patch": ("patch_force", 1),
+    "cable_drag": ("cable", 1),
+    "lateral_slope": ("lateral_slope", 1),
+    "gusts": ("gust", 1),
+    "bus_noise": ("bus_noise", 1),
+    "encoder_wobble": ("encoder_wobble", 1),
+    "bus_relaxation": ("relax_ohm", 1),
+    "dahl_friction": ("dahl", 1),
+    "position_friction": ("swing", 1),
+    "cold_grease": ("grease", 1),
+    "detents": ("detent", 1),
+    "turn_drag": ("turn_drag", 1),
+    "uneven_floor": ("bumps", 1),
+    "current_antialias": ("current_tau", 1),
+    "current_bend": ("current_bend", 1),
+    "clock_drift": ("clock_drift", 1),
 }
 
 
@@ -33,17 +50,17 @@ class Scale:
     """What a machine can do, at the gear's output: torques N m, speed rad/s, everything SI."""
 
     volts: float
-    amps: float               # stall current
+    amps: float  # stall current
     ohm: float
-    torque: float             # stall torque
-    speed: float              # no-load speed
-    viscous: float            # nominal B at the gear's output
+    torque: float  # stall torque
+    speed: float  # no-load speed
+    viscous: float  # nominal B at the gear's output
     mass: float
     track: float
     radius: float
-    force: float              # on the body by one wheel at stall, what the rotor's inertia keeps to itself left out
-    period: float             # between two rows of the log
-    duration: float           # of a run
+    force: float  # on the body by one wheel at stall, what the rotor's inertia keeps to itself left out
+    period: float  # between two rows of the log
+    duration: float  # of a run
 
     @property
     def weight(self) -> float:
@@ -54,8 +71,8 @@ class Scale:
 def scale_of(robot, period: float, duration: float) -> Scale:
     """The scales of a nominal robot or axis logged every `period` seconds for about `duration` seconds.
 
-    Without a motor's electrics (torque mode) the speed is a third of what the full torque reaches against B. An axis has
-    its mass, or its inertia where it has no mass, in the mass's place.
+    Without a motor's electrics (torque mode) the speed is a third of what the full torque reaches against B. An axis
+    has its mass, or its inertia where it has no mass, in the mass's place.
     """
     motor, chassis = robot.motor, robot.chassis
     gear = motor.gear_ratio
@@ -64,18 +81,52 @@ def scale_of(robot, period: float, duration: float) -> Scale:
         drag = gear**2 * motor.viscous_friction_nm_s_per_rad
         if robot.driver.mode == "torque":
             torque = gear * robot.driver.torque_nm_per_v * robot.supply_v
-            return Scale(robot.supply_v, math.nan, math.nan, torque, torque / (3 * drag), drag, mass, 1.0, 1.0, 0.0, period, duration)
+            return Scale(
+                robot.supply_v,
+                math.nan,
+                math.nan,
+                torque,
+                torque / (3 * drag),
+                drag,
+                mass,
+                1.0,
+                1.0,
+                0.0,
+                period,
+                duration,
+            )
         amps = robot.supply_v / motor.resistance_ohm
-        return Scale(robot.supply_v, amps, motor.resistance_ohm, gear * motor.torque_constant_nm_per_a * amps,
-                     robot.supply_v / (gear * motor.back_emf_constant_v_s_per_rad), drag, mass, 1.0, 1.0, 0.0, period,
-                     duration)
+        return Scale(
+            robot.supply_v,
+            amps,
+            motor.resistance_ohm,
+            gear * motor.torque_constant_nm_per_a * amps,
+            robot.supply_v / (gear * motor.back_emf_constant_v_s_per_rad),
+            drag,
+            mass,
+            1.0,
+            1.0,
+            0.0,
+            period,
+            duration,
+        )
     amps = robot.supply_v / motor.resistance_ohm
     torque, radius, half = gear * motor.torque_constant_nm_per_a * amps, chassis.wheel_radius_m, chassis.mass_kg / 2
     force = torque / radius * half / (half + gear**2 * motor.rotor_inertia_kg_m2 / radius**2)
-    return Scale(robot.supply_v, amps, motor.resistance_ohm, torque,
-                 robot.supply_v / (gear * motor.back_emf_constant_v_s_per_rad),
-                 gear**2 * motor.viscous_friction_nm_s_per_rad, chassis.mass_kg, chassis.track_width_m, radius, force,
-                 period, duration)
+    return Scale(
+        robot.supply_v,
+        amps,
+        motor.resistance_ohm,
+        torque,
+        robot.supply_v / (gear * motor.back_emf_constant_v_s_per_rad),
+        gear**2 * motor.viscous_friction_nm_s_per_rad,
+        chassis.mass_kg,
+        chassis.track_width_m,
+        radius,
+        force,
+        period,
+        duration,
+    )
 
 
 def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
@@ -104,31 +155,48 @@ def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
         return ratio(0.05, 0.4)
     if name == "winding_heating":
         power = of.volts * of.amps / 4
-        return {"rise_per_watt": _log(rng, 0.2, 3.0) / power,
-                "time_constant_s": _log(rng, 0.15 * of.duration, 3.0 * of.duration)}
+        return {
+            "rise_per_watt": _log(rng, 0.2, 3.0) / power,
+            "time_constant_s": _log(rng, 0.15 * of.duration, 3.0 * of.duration),
+        }
     if name == "torque_constant_error":
         return ratio(0.04, 0.25)
     if name == "coulomb_friction":
         return {"torque_nm": of.torque * _log(rng, 0.002, 0.06)}
     if name == "stribeck_friction":
-        return {"torque_nm": of.torque * _log(rng, 0.003, 0.03), "extra_torque_nm": of.torque * _log(rng, 0.005, 0.04),
-                "speed_rad_s": of.speed * _log(rng, 0.02, 0.2)}
+        return {
+            "torque_nm": of.torque * _log(rng, 0.003, 0.03),
+            "extra_torque_nm": of.torque * _log(rng, 0.005, 0.04),
+            "speed_rad_s": of.speed * _log(rng, 0.02, 0.2),
+        }
     if name == "viscous_friction":
         value = drag * _log(rng, 0.004, 0.12)
-        return {"nm_s_per_rad": -min(value, 0.85 * of.viscous) if rng.random() < 0.25 and of.viscous > 0.01 * drag
-                else value}
+        return {
+            "nm_s_per_rad": -min(value, 0.85 * of.viscous)
+            if rng.random() < 0.25 and of.viscous > 0.01 * drag
+            else value
+        }
     if name == "friction_asymmetry":
         sign = 1 if rng.random() < 0.5 else -1
-        return {"torque_nm": sign * of.torque * _log(rng, 0.0015, 0.02), "nm_s_per_rad": sign * drag * _log(rng, 0.0015, 0.03)}
+        return {
+            "torque_nm": sign * of.torque * _log(rng, 0.0015, 0.02),
+            "nm_s_per_rad": sign * drag * _log(rng, 0.0015, 0.03),
+        }
     if name == "load_friction":
         return {"ratio": _log(rng, 0.05, 0.45)}
     if name == "backlash":
         return {"angle_rad": _log(rng, 0.006, 0.15)}
     if name == "gear_compliance":
-        return {"stiffness_nm_per_rad": of.torque * _log(rng, 0.15, 6.0), "damping_nm_s_per_rad": drag * _log(rng, 0.006, 0.1)}
+        return {
+            "stiffness_nm_per_rad": of.torque * _log(rng, 0.15, 6.0),
+            "damping_nm_s_per_rad": drag * _log(rng, 0.006, 0.1),
+        }
     if name == "torque_ripple":
-        return {"amplitude_nm": of.torque * _log(rng, 0.003, 0.08), "phase_rad": float(rng.uniform(-math.pi, math.pi)),
-                "cycles_per_rev": int(rng.choice([1, 2, 3, 4, 5, 6, 8, 10, 12]))}
+        return {
+            "amplitude_nm": of.torque * _log(rng, 0.003, 0.08),
+            "phase_rad": float(rng.uniform(-math.pi, math.pi)),
+            "cycles_per_rev": int(rng.choice([1, 2, 3, 4, 5, 6, 8, 10, 12])),
+        }
     if name == "rotor_inertia_error":
         return ratio(0.06, 0.6)
     if name == "wheel_radius_error":
@@ -157,8 +225,9 @@ def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
     if name == "current_bias":
         return {"amperes": of.amps * _signed(rng, 0.0015, 0.06)}
     if name == "speed_filter":
-        return {"time_constant_s": _log(rng, max(0.4 * of.period, 0.001),
-                                             max(min(0.08, 0.2 * of.duration), 4 * of.period))}
+        return {
+            "time_constant_s": _log(rng, max(0.4 * of.period, 0.001), max(min(0.08, 0.2 * of.duration), 4 * of.period))
+        }
     if name == "gyro_bias":
         return {"rad_s": _signed(rng, 0.002, 0.12)}
     if name == "gyro_gain":
@@ -184,14 +253,18 @@ def draw_sized(rng: np.random.Generator, name: str, of: Scale, axis: str | None 
 def _nameless(rng: np.random.Generator, name: str, of: Scale) -> dict:
     """Middle sizes; `strengthened` brings them to what a case asks for."""
     u, drag = rng.uniform, of.torque / of.speed
-    travel = of.speed * of.radius * of.duration           # what the machine could drive in a run
+    travel = of.speed * of.radius * of.duration  # what the machine could drive in a run
     return {
         "command_hysteresis": lambda: {"hysteresis": 0.06 * of.volts},
         "command_quantised": lambda: {"quantum": 0.1 * of.volts},
         "command_crosstalk": lambda: {"crosstalk": _signed(rng, 0.05, 0.1)},
         "slew_limit": lambda: {"slew": 5.0 * of.volts},
         "magnetic_saturation": lambda: {"saturation": 0.5 * of.amps},
-        "rub_spot": lambda: {"rub_torque": 0.04 * of.torque, "rub_angle": u(-math.pi, math.pi), "rub_width": u(0.15, 0.6)},
+        "rub_spot": lambda: {
+            "rub_torque": 0.04 * of.torque,
+            "rub_angle": u(-math.pi, math.pi),
+            "rub_width": u(0.15, 0.6),
+        },
         "growing_friction": lambda: {"friction_per_s": 0.01 * of.torque / of.duration},
         "quadratic_drag": lambda: {"quadratic": 0.02 * drag / of.speed},
         "wheel_eccentricity": lambda: {"eccentricity": 0.03, "eccentric_phase": u(-math.pi, math.pi)},
@@ -206,8 +279,11 @@ def _nameless(rng: np.random.Generator, name: str, of: Scale) -> dict:
         "dahl_friction": lambda: {"dahl": 0.02 * of.torque, "dahl_rad": _log(rng, 0.1, 1.0)},
         "position_friction": lambda: {"swing": 0.03 * of.torque, "swing_phase": u(-math.pi, math.pi)},
         "cold_grease": lambda: {"grease": 0.05 * drag, "grease_tau": of.duration * _log(rng, 0.1, 0.6)},
-        "detents": lambda: {"detent": 0.04 * of.torque, "detent_cycles": int(rng.integers(14, 31)),
-                            "detent_phase": u(-math.pi, math.pi)},
+        "detents": lambda: {
+            "detent": 0.04 * of.torque,
+            "detent_cycles": int(rng.integers(14, 31)),
+            "detent_phase": u(-math.pi, math.pi),
+        },
         "turn_drag": lambda: {"turn_drag": 0.2 * of.weight * of.track * of.track / (2 * of.speed * of.radius)},
         "uneven_floor": lambda: {"bumps": 0.02, "bump_length": max(of.track, 0.05 * travel) * _log(rng, 0.5, 2.0)},
         "current_antialias": lambda: {"current_tau": of.period * _log(rng, 1.0, 4.0)},

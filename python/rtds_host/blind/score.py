@@ -27,11 +27,11 @@ from rtds_host.errors import InputError
 from rtds_host.figures import name_ticks, save
 from rtds_host.remains import run_guarded, temporary_folder
 
-VISIBLE_SIGMA = 5.0          # smaller effects are reported apart
-ASKED_GAP = 1.5              # an effect whose absence leaves less is not asked for
-REST_GAP = 1.2               # nor is the place of a rest that is hardly there
-LEAST_CLOSABLE = 0.2         # of less, a share of what can be closed says nothing
-LARGEST_SET = 3              # larger declared sets count as no answer (contract, section 5)
+VISIBLE_SIGMA = 5.0  # smaller effects are reported apart
+ASKED_GAP = 1.5  # an effect whose absence leaves less is not asked for
+REST_GAP = 1.2  # nor is the place of a rest that is hardly there
+LEAST_CLOSABLE = 0.2  # of less, a share of what can be closed says nothing
+LARGEST_SET = 3  # larger declared sets count as no answer (contract, section 5)
 SCHEMA = "rtds-blind-score/1"
 PACKAGE = Path(__file__).parents[1]
 
@@ -68,8 +68,18 @@ def predicted(run: Path, robot: Path, diagnosis: Path, command: list[str] | None
     """A run replayed with a diagnosis by the program's own `rtds predict`: column -> (n,), or its last complaint."""
     with temporary_folder() as scratch:
         target = scratch / "pred.csv"
-        done = run_guarded([*(command or predict_command()), str(run), "--robot", str(robot), "--diagnosis",
-                            str(diagnosis), "--out", str(target)])
+        done = run_guarded(
+            [
+                *(command or predict_command()),
+                str(run),
+                "--robot",
+                str(robot),
+                "--diagnosis",
+                str(diagnosis),
+                "--out",
+                str(target),
+            ]
+        )
         if done.returncode or not target.is_file():
             return (done.stderr.strip().splitlines() or ["no prediction"])[-1][:300]
         return _read_prediction(target)
@@ -80,14 +90,15 @@ def share_closed(before: float, after: float) -> float | None:
     return round((before - after) / (before - 1), 4) if before >= 1.1 else None
 
 
-def closure(case: Path, held_out: Path, diagnosis: Path, command: list[str] | None = None,
-            rounded: dict | None = None) -> dict:
+def closure(
+    case: Path, held_out: Path, diagnosis: Path, command: list[str] | None = None, rounded: dict | None = None
+) -> dict:
     """Gap before and after on the held-out runs of a case; `rounded`: noise of channels that a logger rounds.
 
     Returns
     -------
-    {"before", "after", "closed" (None where before is below 1.1), "channels": {name: [before, after]}, "runs": closed of
-    each run} or {"error": last line of the prediction's complaint}.
+    {"before", "after", "closed" (None where before is below 1.1), "channels": {name: [before, after]}, "runs": closed
+    of each run} or {"error": last line of the prediction's complaint}.
     """
     robot = load_robot(case / "robot.toml")
     noise = noises(robot, rounded)
@@ -101,9 +112,13 @@ def closure(case: Path, held_out: Path, diagnosis: Path, command: list[str] | No
         after.append(channel_gaps(run.t, run.columns, columns, noise))
     b, a = pooled(before), pooled(after)
     start, end = total(b), total(a)
-    return {"before": round(start, 4), "after": round(end, 4), "closed": share_closed(start, end),
-            "runs": [share_closed(total(one), total(other)) for one, other in zip(before, after)],
-            "channels": {name: [round(b[name], 3), round(a[name], 3)] for name in b if name in a}}
+    return {
+        "before": round(start, 4),
+        "after": round(end, 4),
+        "closed": share_closed(start, end),
+        "runs": [share_closed(total(one), total(other)) for one, other in zip(before, after)],
+        "channels": {name: [round(b[name], 3), round(a[name], 3)] for name in b if name in a},
+    }
 
 
 def _parameters(truth: dict, blamed: dict) -> list[dict]:
@@ -126,8 +141,16 @@ def _parameters(truth: dict, blamed: dict) -> list[dict]:
             if name == "phase_rad":
                 middle, half = (interval[0] + interval[1]) / 2, (interval[1] - interval[0]) / 2
                 covered = bool(abs(math.remainder(value - middle, 2 * math.pi)) <= half)
-        out.append({"effect": truth["id"], "name": name, "truth": value, "value": given["value"],
-                    "relative_error": round(relative, 5), "covered": covered})
+        out.append(
+            {
+                "effect": truth["id"],
+                "name": name,
+                "truth": value,
+                "value": given["value"],
+                "relative_error": round(relative, 5),
+                "covered": covered,
+            }
+        )
     return out
 
 
@@ -160,12 +183,20 @@ def judge(truth: dict, answer: dict | None, entry: dict) -> dict:
     """
     actual = {(e["id"], e["side"]) for e in truth["effects"]}
     kind = truth["verdict"]
-    subsystems = {e["subsystem"] for e in truth["effects"]} | ({truth["outside"]["subsystem"]} if kind == "unknown"
-                                                               else set())
-    record = {"tier": truth["tier"], "world": truth.get("world", "planar"), "kind": kind,
-              "truth": sorted(map(list, actual)), "outside": truth.get("outside", {}).get("id"),
-              "size_sigma": truth.get("size_sigma"), "seconds": entry["seconds"], "answered": answer is not None,
-              "said": entry["said"] if answer is None else ""}
+    subsystems = {e["subsystem"] for e in truth["effects"]} | (
+        {truth["outside"]["subsystem"]} if kind == "unknown" else set()
+    )
+    record = {
+        "tier": truth["tier"],
+        "world": truth.get("world", "planar"),
+        "kind": kind,
+        "truth": sorted(map(list, actual)),
+        "outside": truth.get("outside", {}).get("id"),
+        "size_sigma": truth.get("size_sigma"),
+        "seconds": entry["seconds"],
+        "answered": answer is not None,
+        "said": entry["said"] if answer is None else "",
+    }
     answer = answer or {"verdict": None}
     effects = answer.get("effects") or []
     blamed = [(e["id"], e["side"]) for e in effects]
@@ -182,31 +213,51 @@ def judge(truth: dict, answer: dict | None, entry: dict) -> dict:
     # A blamed effect is false if it is neither true nor declared to be confusable with a true one.
     false = [b for b in blamed if b not in actual and not any(b in group and group & actual for group in good_sets)]
     sizes = [min((len(group) for group in good_sets if effect in group), default=1) for effect in reached]
-    record.update({
-        "verdict": answer.get("verdict"), "blamed": [list(b) for b in blamed], "located": located[:3],
-        "verdict_right": answer.get("verdict") in (("known", "partial") if rest else (kind,)),
-        "asked": [[*effect, effect in reached] for effect in
-                  ((e["id"], e["side"]) for e in truth["effects"] if e.get("gap_without", ASKED_GAP) >= ASKED_GAP)],
-        "named": [[*b, b not in false] for b in blamed],
-        "rest": rest and rest["id"], "rest_said": said_of_rest(answer),
-        "rest_right": said_of_rest(answer) == rest["subsystem"] if rest and rest["gap_without"] >= REST_GAP else None,
-        "closable": closable(truth), "closed_ci90": (answer.get("gap") or {}).get("closed_ci90"),
-        "cause_right": (set(blamed) == actual) if known else None,
-        "first_right": (bool(blamed) and blamed[0] in actual) if known else None,
-        "id_right": ({b[0] for b in blamed} == {a[0] for a in actual}) if known else None,
-        "in_set": (len(reached) == len(actual) and not false) if known else None,
-        "any_right": bool(set(blamed) & actual or reached) if known else None,
-        "set_size": max(sizes) if known and sizes else None,
-        "subsystem_right": (bool(located) and located[0] in subsystems) if kind != "none" else None,
-        "false_cause": bool(blamed) if kind == "none" else None,
-        "extra_cause": bool(false) if known else None,
-        "unknown_right": (answer.get("verdict") == "unknown") if kind == "unknown" else None,
-        "wrongly_unknown": (answer.get("verdict") == "unknown") if kind != "unknown" else None,
-        "parameters": [p for e in truth["effects"] for b in effects
-                       if (b["id"], b["side"]) == (e["id"], e["side"]) for p in _parameters(e, b)],
-        "calibration": [[e.get("probability"), (e["id"], e["side"]) in actual] for e in effects
-                        if e.get("probability") is not None],
-    })
+    record.update(
+        {
+            "verdict": answer.get("verdict"),
+            "blamed": [list(b) for b in blamed],
+            "located": located[:3],
+            "verdict_right": answer.get("verdict") in (("known", "partial") if rest else (kind,)),
+            "asked": [
+                [*effect, effect in reached]
+                for effect in (
+                    (e["id"], e["side"]) for e in truth["effects"] if e.get("gap_without", ASKED_GAP) >= ASKED_GAP
+                )
+            ],
+            "named": [[*b, b not in false] for b in blamed],
+            "rest": rest and rest["id"],
+            "rest_said": said_of_rest(answer),
+            "rest_right": said_of_rest(answer) == rest["subsystem"]
+            if rest and rest["gap_without"] >= REST_GAP
+            else None,
+            "closable": closable(truth),
+            "closed_ci90": (answer.get("gap") or {}).get("closed_ci90"),
+            "cause_right": (set(blamed) == actual) if known else None,
+            "first_right": (bool(blamed) and blamed[0] in actual) if known else None,
+            "id_right": ({b[0] for b in blamed} == {a[0] for a in actual}) if known else None,
+            "in_set": (len(reached) == len(actual) and not false) if known else None,
+            "any_right": bool(set(blamed) & actual or reached) if known else None,
+            "set_size": max(sizes) if known and sizes else None,
+            "subsystem_right": (bool(located) and located[0] in subsystems) if kind != "none" else None,
+            "false_cause": bool(blamed) if kind == "none" else None,
+            "extra_cause": bool(false) if known else None,
+            "unknown_right": (answer.get("verdict") == "unknown") if kind == "unknown" else None,
+            "wrongly_unknown": (answer.get("verdict") == "unknown") if kind != "unknown" else None,
+            "parameters": [
+                p
+                for e in truth["effects"]
+                for b in effects
+                if (b["id"], b["side"]) == (e["id"], e["side"])
+                for p in _parameters(e, b)
+            ],
+            "calibration": [
+                [e.get("probability"), (e["id"], e["side"]) in actual]
+                for e in effects
+                if e.get("probability") is not None
+            ],
+        }
+    )
     return record
 
 
@@ -219,12 +270,18 @@ def closable(truth: dict) -> float | None:
 # Beside the page of figures.
 PICTURES = ("confusion.png", "calibration.png")
 FIGURES = (
-    ("verdict_right", "verdict right"), ("cause_right", "cause and side right, nothing else blamed"),
-    ("first_right", "strongest blamed effect is true"), ("id_right", "cause right, side aside"),
-    ("in_set", "right or in a declared set of at most 3"), ("any_right", "at least one true effect found"),
-    ("subsystem_right", "subsystem right"), ("extra_cause", "an effect blamed that is not there"),
-    ("false_cause", "false cause on a case without effect"), ("unknown_right", "unknown recognised"),
-    ("wrongly_unknown", "wrongly unknown"), ("rest_right", "place of the rest right"),
+    ("verdict_right", "verdict right"),
+    ("cause_right", "cause and side right, nothing else blamed"),
+    ("first_right", "strongest blamed effect is true"),
+    ("id_right", "cause right, side aside"),
+    ("in_set", "right or in a declared set of at most 3"),
+    ("any_right", "at least one true effect found"),
+    ("subsystem_right", "subsystem right"),
+    ("extra_cause", "an effect blamed that is not there"),
+    ("false_cause", "false cause on a case without effect"),
+    ("unknown_right", "unknown recognised"),
+    ("wrongly_unknown", "wrongly unknown"),
+    ("rest_right", "place of the rest right"),
 )
 # Shares over effects and runs of all cases of a group.
 POOLED = (
@@ -242,28 +299,45 @@ def share(records: list[dict], figure: str) -> dict | None:
         return None
     hits = sum(map(bool, values))
     low, high = wilson(hits, len(values))
-    return {"hits": hits, "count": len(values), "share": round(hits / len(values), 4),
-            "wilson95": [round(low, 4), round(high, 4)]}
+    return {
+        "hits": hits,
+        "count": len(values),
+        "share": round(hits / len(values), 4),
+        "wilson95": [round(low, 4), round(high, 4)],
+    }
 
 
 def summarise(records: list[dict]) -> dict:
     """All figures of a group of records."""
-    closed = [r["closure"]["closed"] for r in records
-              if r["kind"] == "known" and r.get("closure") and r["closure"].get("closed") is not None]
+    closed = [
+        r["closure"]["closed"]
+        for r in records
+        if r["kind"] == "known" and r.get("closure") and r["closure"].get("closed") is not None
+    ]
     parameters = [p for r in records for p in r["parameters"]]
-    pools = {"asked": [e[-1] for r in records for e in r["asked"]], "named": [e[-1] for r in records for e in r["named"]],
-             "coverage90": [p["covered"] for p in parameters if p["covered"] is not None],
-             "fresh_held": [held for r in records for held in fresh_held(r)]}
-    reach = [r["closure"]["closed"] / r["closable"] for r in records if r.get("closure")
-             and r["closure"].get("closed") is not None and (r["closable"] or 0) >= LEAST_CLOSABLE]
+    pools = {
+        "asked": [e[-1] for r in records for e in r["asked"]],
+        "named": [e[-1] for r in records for e in r["named"]],
+        "coverage90": [p["covered"] for p in parameters if p["covered"] is not None],
+        "fresh_held": [held for r in records for held in fresh_held(r)],
+    }
+    reach = [
+        r["closure"]["closed"] / r["closable"]
+        for r in records
+        if r.get("closure") and r["closure"].get("closed") is not None and (r["closable"] or 0) >= LEAST_CLOSABLE
+    ]
     errors = [abs(p["relative_error"]) for p in parameters if math.isfinite(p["relative_error"])]
     seconds = [r["seconds"] for r in records if r["seconds"] is not None]
     return {
-        "cases": len(records), "answered": sum(r["answered"] for r in records),
+        "cases": len(records),
+        "answered": sum(r["answered"] for r in records),
         **{name: share(records, name) for name, _ in FIGURES},
         "predictions_failed": sum(bool(r.get("closure")) and "error" in r["closure"] for r in records),
-        "closure": {"count": len(closed), "median": _rounded(np.median(closed)) if closed else None,
-                    "quartiles": [_rounded(q) for q in np.percentile(closed, [25, 75])] if closed else None},
+        "closure": {
+            "count": len(closed),
+            "median": _rounded(np.median(closed)) if closed else None,
+            "quartiles": [_rounded(q) for q in np.percentile(closed, [25, 75])] if closed else None,
+        },
         "parameter_error_median": _rounded(np.median(errors)) if errors else None,
         **{name: share([{name: hit} for hit in pools[name]], name) for name, _ in POOLED},
         "of_closable": {"count": len(reach), "median": _rounded(np.median(reach)) if reach else None},
@@ -295,8 +369,14 @@ def calibration(records: list[dict], bins: int = 5) -> list[dict]:
         if count:
             hits = int(pairs[inside, 1].sum())
             low, high = wilson(hits, count)
-            out.append({"stated": _rounded(pairs[inside, 0].mean()), "true": _rounded(hits / count), "count": count,
-                        "wilson95": [_rounded(low), _rounded(high)]})
+            out.append(
+                {
+                    "stated": _rounded(pairs[inside, 0].mean()),
+                    "true": _rounded(hits / count),
+                    "count": count,
+                    "wilson95": [_rounded(low), _rounded(high)],
+                }
+            )
     return out
 
 
@@ -313,9 +393,13 @@ def confusion(records: list[dict]) -> tuple[list[str], list[str], np.ndarray]:
         if len(r["truth"]) > 1 or not r["answered"]:
             continue
         row = r["truth"][0][0] if r["truth"] else r["kind"]
-        column = r["blamed"][0][0] if r["blamed"] and r["verdict"] != "unknown" else (
-            "unknown" if r["verdict"] == "unknown" else "none")
+        column = (
+            r["blamed"][0][0]
+            if r["blamed"] and r["verdict"] != "unknown"
+            else ("unknown" if r["verdict"] == "unknown" else "none")
+        )
         cells[row, column] = cells.get((row, column), 0) + 1
+
     def place(name: str) -> int:
         return order.index(name) if name in order else len(order)
 
@@ -341,8 +425,15 @@ def draw(records: list[dict], folder: Path) -> None:
         axes.imshow(shown, cmap="Blues", vmin=0, vmax=1, aspect="auto")
         for (k, j), count in np.ndenumerate(counts):
             if count:
-                axes.text(j, k, str(count), ha="center", va="center", fontsize=7,
-                          color="white" if shown[k, j] > 0.6 else "black")
+                axes.text(
+                    j,
+                    k,
+                    str(count),
+                    ha="center",
+                    va="center",
+                    fontsize=7,
+                    color="white" if shown[k, j] > 0.6 else "black",
+                )
         # The columns are what a diagnoser, of whatever make, has named.
         name_ticks(axes.xaxis, columns, rotation=90, fontsize=7)
         name_ticks(axes.yaxis, rows, fontsize=7)
@@ -358,8 +449,9 @@ def draw(records: list[dict], folder: Path) -> None:
         spread = [[p["true"] - p["wilson95"][0] for p in points], [p["wilson95"][1] - p["true"] for p in points]]
         axes.errorbar(x, y, yerr=np.maximum(spread, 0), fmt="o", capsize=3)
         for p in points:
-            axes.annotate(f"n = {p['count']}", (p["stated"], p["true"]), xytext=(4, -10), textcoords="offset points",
-                          fontsize=7)
+            axes.annotate(
+                f"n = {p['count']}", (p["stated"], p["true"]), xytext=(4, -10), textcoords="offset points", fontsize=7
+            )
     axes.set(xlabel="stated probability", ylabel="share that is true (95 % Wilson)", xlim=(0, 1.02), ylim=(0, 1.02))
     save(figure, folder / "calibration.png", dpi=130, metadata={"Software": None})
     plt.close(figure)
@@ -375,8 +467,21 @@ def _write_table(records: list[dict], path: Path) -> None:
     rows = []
     for r in records:
         measured = r["closure"] or {}
-        row = {name: r[name] for name in ("case", "tier", "world", "kind", "verdict", "size_sigma", "seconds", "answered",
-                                          "set_size", *(name for name, _ in FIGURES))}
+        row = {
+            name: r[name]
+            for name in (
+                "case",
+                "tier",
+                "world",
+                "kind",
+                "verdict",
+                "size_sigma",
+                "seconds",
+                "answered",
+                "set_size",
+                *(name for name, _ in FIGURES),
+            )
+        }
         row["there"] = ", ".join(f"{i} {s}" for i, s in r["truth"]) or (r["outside"] or "")
         row["blamed"] = ", ".join(f"{i} {s}" for i, s in r["blamed"])
         row.update({name: measured.get(name) for name in ("before", "after", "closed")})
@@ -413,8 +518,15 @@ def open_answers(out: Path, diagnoses: Path) -> tuple[dict[str, dict], dict[str,
                 answers[case] = json.loads(path.read_text())
             except ValueError as error:
                 raise InputError(f"{path}: is no JSON ({error})") from error
-        ledger.append({"case": case, "seconds": seconds.get(case), "said": "", "quick": False,
-                       "sha256": hash_file(path) if path.is_file() else None})
+        ledger.append(
+            {
+                "case": case,
+                "seconds": seconds.get(case),
+                "said": "",
+                "quick": False,
+                "sha256": hash_file(path) if path.is_file() else None,
+            }
+        )
     if not answers:
         raise InputError(f"{diagnoses}: holds no diagnosis of a case of {out} ({next(iter(truths))}/diagnosis.json, …)")
     return truths, answers, ledger
@@ -426,8 +538,14 @@ def _program() -> str:
     return hashlib.sha256("".join(f"{p.relative_to(PACKAGE)} {hash_file(p)}\n" for p in sources).encode()).hexdigest()
 
 
-def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closure: bool = True, progress=None,
-          diagnoses: Path | None = None) -> dict:
+def score(
+    out: Path,
+    jobs: int = 1,
+    command: list[str] | None = None,
+    with_closure: bool = True,
+    progress=None,
+    diagnoses: Path | None = None,
+) -> dict:
     """Open the truth, check every hash, judge every answer, write `OUT/score/`.
 
     With `diagnoses`, a folder with a diagnosis a case, these are judged in place of the sealed answers, and
@@ -458,8 +576,13 @@ def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closu
                 if old.get("answer") == mark and "runs" in old["closure"]:
                     record["closure"] = old["closure"]
             if record["closure"] is None:
-                record["closure"] = closure(out / "public" / case, out / "sealed" / case / "held-out",
-                                            said / case / "diagnosis.json", command, truths[case].get("noise"))
+                record["closure"] = closure(
+                    out / "public" / case,
+                    out / "sealed" / case / "held-out",
+                    said / case / "diagnosis.json",
+                    command,
+                    truths[case].get("noise"),
+                )
                 write_atomic(store, json.dumps({"answer": mark, "closure": record["closure"]}) + "\n")
         return record
 
@@ -472,15 +595,26 @@ def score(out: Path, jobs: int = 1, command: list[str] | None = None, with_closu
     visible = [r for r in records if r["kind"] != "known" or (r["size_sigma"] or 0) >= VISIBLE_SIGMA]
     seed = what_was_drawn(out)
     result = {
-        "schema": SCHEMA, "seed": seed["seed"], "count": seed["count"], "made_by": made_by(seed),
-        "quick": any(entry.get("quick") for entry in ledger), "blind": diagnoses is None,
-        "everything": summarise(records), "visible": summarise(visible),
-        "tiers": {tier: summarise([r for r in visible if r["tier"] == tier]) for tier in KINDS
-                  if any(r["tier"] == tier for r in visible)},
-        "worlds": {world: summarise([r for r in visible if r["world"] == world])
-                   for world in sorted({r["world"] for r in visible})},
+        "schema": SCHEMA,
+        "seed": seed["seed"],
+        "count": seed["count"],
+        "made_by": made_by(seed),
+        "quick": any(entry.get("quick") for entry in ledger),
+        "blind": diagnoses is None,
+        "everything": summarise(records),
+        "visible": summarise(visible),
+        "tiers": {
+            tier: summarise([r for r in visible if r["tier"] == tier])
+            for tier in KINDS
+            if any(r["tier"] == tier for r in visible)
+        },
+        "worlds": {
+            world: summarise([r for r in visible if r["world"] == world])
+            for world in sorted({r["world"] for r in visible})
+        },
         "hardly_visible": summarise([r for r in records if r not in visible]),
-        "calibration": calibration(records), "cases": records,
+        "calibration": calibration(records),
+        "cases": records,
     }
     folder.mkdir(parents=True, exist_ok=True)
     write_atomic(folder / "score.json", json.dumps(result, indent=1) + "\n")
@@ -525,15 +659,25 @@ def page(result: dict) -> str:
     tables = {**result["tiers"], "visible": result["visible"], **result["worlds"]}
     titles = {"visible": "all tiers", "planar": "planar world", "mujoco": "MuJoCo world"}
     lines = [
-        "# Blind check: figures of one run", "",
-        (f"{result['count']} sealed cases, seed {result['seed']}, made by `{result['made_by']}`, "
-        + (f"answered by `rtds blind answer{' --quick' if result['quick'] else ''}`, scored by `rtds blind score`. "
-           if result["blind"] else "scored with open truths by `rtds blind score --diagnoses`: not a blind check. ")
-        + "Shares with hits, count and the 95 % Wilson interval. Effects below "
-        f"{VISIBLE_SIGMA:g} sigma after the motors' tolerance is projected off are left out here and reported below."), "",
-        "| | " + " | ".join(titles.get(g, g) for g in groups) + " |", "|---|" + "---|" * len(groups)]
-    lines.append("| cases (answered) | " + " | ".join(f"{tables[g]['cases']} ({tables[g]['answered']})"
-                                                      for g in groups) + " |")
+        "# Blind check: figures of one run",
+        "",
+        (
+            f"{result['count']} sealed cases, seed {result['seed']}, made by `{result['made_by']}`, "
+            + (
+                f"answered by `rtds blind answer{' --quick' if result['quick'] else ''}`, scored by `rtds blind score`. "
+                if result["blind"]
+                else "scored with open truths by `rtds blind score --diagnoses`: not a blind check. "
+            )
+            + "Shares with hits, count and the 95 % Wilson interval. Effects below "
+            f"{VISIBLE_SIGMA:g} sigma after the motors' tolerance is projected off are left out here and reported below."
+        ),
+        "",
+        "| | " + " | ".join(titles.get(g, g) for g in groups) + " |",
+        "|---|" + "---|" * len(groups),
+    ]
+    lines.append(
+        "| cases (answered) | " + " | ".join(f"{tables[g]['cases']} ({tables[g]['answered']})" for g in groups) + " |"
+    )
     for name, title in FIGURES:
         lines.append(f"| {title} | " + " | ".join(_cell(tables[g][name]) for g in groups) + " |")
 
@@ -545,32 +689,62 @@ def page(result: dict) -> str:
         return "–" if c["median"] is None else f"{c['median']:.2f} ({c['quartiles'][0]:.2f} to {c['quartiles'][1]:.2f})"
 
     lines.append(line("closure on unseen runs, median (quartiles)", closed))
-    lines.append(line("of what the known part can close, median",
-                      lambda t: "–" if t["of_closable"]["median"] is None else f"{t['of_closable']['median']:.2f}"))
+    lines.append(
+        line(
+            "of what the known part can close, median",
+            lambda t: "–" if t["of_closable"]["median"] is None else f"{t['of_closable']['median']:.2f}",
+        )
+    )
     lines.append(line("predictions that failed", lambda t: str(t["predictions_failed"])))
-    lines.append(line("parameter error, median", lambda t: "–" if t["parameter_error_median"] is None
-                      else f"{100 * t['parameter_error_median']:.1f} %"))
+    lines.append(
+        line(
+            "parameter error, median",
+            lambda t: "–" if t["parameter_error_median"] is None else f"{100 * t['parameter_error_median']:.1f} %",
+        )
+    )
     for name, title in POOLED:
         lines.append(line(title, lambda t, name=name: _cell(t[name])))
-    lines.append(line("time a case, median (longest)", lambda t: "–" if t["seconds_median"] is None
-                      else f"{t['seconds_median']:.0f} s ({t['seconds_max']:.0f} s)"))
+    lines.append(
+        line(
+            "time a case, median (longest)",
+            lambda t: "–" if t["seconds_median"] is None else f"{t['seconds_median']:.0f} s ({t['seconds_max']:.0f} s)",
+        )
+    )
     small = result["hardly_visible"]
-    lines += ["", (f"Hardly visible effects: {small['cases']} cases, cause and side right {_cell(small['cause_right'])}, "
-              f"in a set {_cell(small['in_set'])}, nothing blamed otherwise or something else."), "",
-              "![what was there against what was blamed](confusion.png)", "",
-              "![stated probability against truth](calibration.png)", "",
-              "| effect | asked for | named, or in a set | blamed | of these there, or in a set |", "|---|---|---|---|---|",
-              *(f"| {name} | {asked} | {reached} | {named} | {right} |"
-                for name, asked, reached, named, right in by_effect(result["cases"])), "",
-              "In bold what is worth asking for and was not reached.", "",
-              "| case | kind | world | there | blamed | verdict | size (sigma) | closed | time |", "|---|---|---|---|---|---|---|---|---|"]
+    lines += [
+        "",
+        (
+            f"Hardly visible effects: {small['cases']} cases, cause and side right {_cell(small['cause_right'])}, "
+            f"in a set {_cell(small['in_set'])}, nothing blamed otherwise or something else."
+        ),
+        "",
+        "![what was there against what was blamed](confusion.png)",
+        "",
+        "![stated probability against truth](calibration.png)",
+        "",
+        "| effect | asked for | named, or in a set | blamed | of these there, or in a set |",
+        "|---|---|---|---|---|",
+        *(
+            f"| {name} | {asked} | {reached} | {named} | {right} |"
+            for name, asked, reached, named, right in by_effect(result["cases"])
+        ),
+        "",
+        "In bold what is worth asking for and was not reached.",
+        "",
+        "| case | kind | world | there | blamed | verdict | size (sigma) | closed | time |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
     for r in result["cases"]:
         missed = {(name, side) for name, side, hit in r["asked"] if not hit}
-        there = ", ".join(f"**{i} {s}**" if (i, s) in missed else f"{i} {s}" for i, s in r["truth"]) or (f"outside: {r['outside']}" if r["outside"] else "nothing")
+        there = ", ".join(f"**{i} {s}**" if (i, s) in missed else f"{i} {s}" for i, s in r["truth"]) or (
+            f"outside: {r['outside']}" if r["outside"] else "nothing"
+        )
         there += f"; rest: {r['rest']}" if r["rest"] else ""
         blamed = ", ".join(f"{i} {s}" for i, s in r["blamed"]) or "nothing"
         c = r["closure"] or {}
-        lines.append(f"| {r['case']} | {r['tier']} | {r['world']} | {there} | {blamed} | {r['verdict'] or 'no answer'} | "
-                     f"{r['size_sigma'] if r['size_sigma'] is not None else '–'} | "
-                     f"{'–' if c.get('closed') is None else format(c['closed'], '.2f')} | {'–' if r['seconds'] is None else format(r['seconds'], '.0f')} s |")
+        lines.append(
+            f"| {r['case']} | {r['tier']} | {r['world']} | {there} | {blamed} | {r['verdict'] or 'no answer'} | "
+            f"{r['size_sigma'] if r['size_sigma'] is not None else '–'} | "
+            f"{'–' if c.get('closed') is None else format(c['closed'], '.2f')} | {'–' if r['seconds'] is None else format(r['seconds'], '.0f')} s |"
+        )
     return "\n".join(lines) + "\n"

@@ -37,10 +37,32 @@ from rtds_host.spread import cores, on_cluster, on_threads, process_pool
 SEALS_SCHEMA = "rtds-blind-seals/1"
 # Share of the cases a tier gets in a mixed check: one for everyone (60 cases), one for figures (310 cases, so that
 # every tier has 30 and "no effect" 60).
-WEIGHTS = {"all": 16, "tol": 8, "few": 8, "pair": 8, "none": 10, "unknown": 8, "long": 2, "many": 8, "messy": 8,
-           "sizes": 8, "loggers": 8}
-LONG_WEIGHTS = {"all": 60, "tol": 40, "few": 40, "pair": 40, "none": 60, "unknown": 40, "long": 30, "many": 40,
-                "messy": 40, "sizes": 40, "loggers": 40}
+WEIGHTS = {
+    "all": 16,
+    "tol": 8,
+    "few": 8,
+    "pair": 8,
+    "none": 10,
+    "unknown": 8,
+    "long": 2,
+    "many": 8,
+    "messy": 8,
+    "sizes": 8,
+    "loggers": 8,
+}
+LONG_WEIGHTS = {
+    "all": 60,
+    "tol": 40,
+    "few": 40,
+    "pair": 40,
+    "none": 60,
+    "unknown": 40,
+    "long": 30,
+    "many": 40,
+    "messy": 40,
+    "sizes": 40,
+    "loggers": 40,
+}
 LONG_CHECK = 300
 
 
@@ -98,8 +120,10 @@ def lock(truth: dict, case: Path, hidden: Path) -> str:
 def publish(out: Path, seals: dict[str, str], drawn: dict) -> None:
     """Publish the seals; what was drawn from (the seed among it) stays with the sealed truth."""
     write_atomic(out / "sealed" / "seed.json", json.dumps(drawn) + "\n")
-    write_atomic(out / "public" / "SEALS.json", json.dumps({"schema": SEALS_SCHEMA, "hash": "sha256(salt, newline, truth)",
-                                                            "cases": seals}, indent=1) + "\n")
+    write_atomic(
+        out / "public" / "SEALS.json",
+        json.dumps({"schema": SEALS_SCHEMA, "hash": "sha256(salt, newline, truth)", "cases": seals}, indent=1) + "\n",
+    )
 
 
 def refuse_again(out: Path) -> None:
@@ -108,14 +132,22 @@ def refuse_again(out: Path) -> None:
         raise InputError(f"{out / 'public' / 'SEALS.json'}: is there already, a sealed check is not made again")
 
 
-def make(out: Path, count: int, tiers: list[str] | None = None, worlds: list[str] | None = None,
-         seed: int | None = None, jobs: int | None = None, progress=None) -> dict[str, str]:
+def make(
+    out: Path,
+    count: int,
+    tiers: list[str] | None = None,
+    worlds: list[str] | None = None,
+    seed: int | None = None,
+    jobs: int | None = None,
+    progress=None,
+) -> dict[str, str]:
     """Draw and write `count` cases, seal their truths, publish the seals.
 
     Parameters
     ----------
     out : folder of the check; must not hold one already (an unfinished `make` is resumed with the same seed only).
-    tiers, worlds : default the tiers of `cases.TIERS`, and all worlds. seed : default drawn from the system; kept in `OUT/sealed/seed.json` and
+    tiers, worlds : default the tiers of `cases.TIERS`, and all worlds. seed : default drawn from the system; kept in
+    `OUT/sealed/seed.json` and
         nowhere a diagnoser looks. jobs : processes, default all cores. progress : called with (done, count).
 
     Returns
@@ -137,11 +169,11 @@ def make(out: Path, count: int, tiers: list[str] | None = None, worlds: list[str
     seed = secrets.randbits(63) if seed is None else seed
     rng = np.random.default_rng(seed)
     plan = shares(count, tiers)
-    plan = [plan[k] for k in rng.permutation(count)]       # order and names say nothing
+    plan = [plan[k] for k in rng.permutation(count)]  # order and names say nothing
     seeds = rng.integers(2**62, size=count)
     choice = [worlds[k % len(worlds)] for k in rng.permutation(count)]
     names = [f"case-{k + 1:03d}" for k in range(count)]
-    for name in names:                                     # remains of an interrupted make
+    for name in names:  # remains of an interrupted make
         shutil.rmtree(public / name, ignore_errors=True)
         shutil.rmtree(sealed / name, ignore_errors=True)
     work = [(int(seeds[k]), plan[k], choice[k], str(public / names[k]), str(sealed / names[k])) for k in range(count)]
@@ -213,9 +245,10 @@ def read_ledger(out: Path) -> list[dict]:
         except ValueError as error:
             raise InputError(f"{path}: line {number}: is no JSON ({error})") from error
         if entry.get("before") != before:
-            raise InputError(f"{path}: line {number}: does not follow what stands before it; "
-                             + ("the seals were changed after the first answer" if number == 1
-                                else "the ledger was changed"))
+            raise InputError(
+                f"{path}: line {number}: does not follow what stands before it; "
+                + ("the seals were changed after the first answer" if number == 1 else "the ledger was changed")
+            )
         before = hashlib.sha256(line.encode()).hexdigest()
         entries.append(entry)
     return entries
@@ -232,12 +265,20 @@ def _append(out: Path, entry: dict) -> None:
 
 def diagnoser_command(quick: bool, threads: int = 0) -> list[str]:
     """Command of the project's own diagnoser on so many cores (0 = all); the case and ``--out DIR`` come behind it."""
-    return [sys.executable, "-m", "rtds_host.cli.main", "diagnose", *(["--quick"] if quick else []),
-            "--jobs", str(threads)]
+    return [
+        sys.executable,
+        "-m",
+        "rtds_host.cli.main",
+        "diagnose",
+        *(["--quick"] if quick else []),
+        "--jobs",
+        str(threads),
+    ]
 
 
-def _ask(command: list[str] | None, quick: bool, threads: int, case: str, files: dict[str, bytes],
-         timeout_s: float) -> tuple[dict, bytes | None]:
+def _ask(
+    command: list[str] | None, quick: bool, threads: int, case: str, files: dict[str, bytes], timeout_s: float
+) -> tuple[dict, bytes | None]:
     """One case in a process of its own, which sees a copy of that case and nothing else of the check.
 
     Needs nothing but its arguments, so that it may run on another machine; returns the ledger's entry and the answer.
@@ -264,8 +305,15 @@ def _ask(command: list[str] | None, quick: bool, threads: int, case: str, files:
         return {**entry, "sha256": hashlib.sha256(content).hexdigest()}, content
 
 
-def answer(out: Path, quick: bool = False, jobs: int = 1, command: list[str] | None = None, timeout_s: float = 600.0,
-           progress=None, scheduler: str | None = None) -> list[dict]:
+def answer(
+    out: Path,
+    quick: bool = False,
+    jobs: int = 1,
+    command: list[str] | None = None,
+    timeout_s: float = 600.0,
+    progress=None,
+    scheduler: str | None = None,
+) -> list[dict]:
     """Let a diagnoser answer every case that has no answer yet.
 
     Each answer is in the ledger as soon as it is there, so that an interrupted call loses only what was in work.
@@ -300,8 +348,16 @@ def answer(out: Path, quick: bool = False, jobs: int = 1, command: list[str] | N
     outcomes = on_cluster(_ask, questions, scheduler) if scheduler else on_threads(_ask, questions, jobs)
     with closing(outcomes):
         for done, outcome in enumerate(outcomes if todo else (), 1):
-            entry, content = outcome.value or ({"case": outcome.name, "status": -1, "seconds": 0.0, "sha256": None,
-                                                "said": (outcome.error or "")[:300]}, None)
+            entry, content = outcome.value or (
+                {
+                    "case": outcome.name,
+                    "status": -1,
+                    "seconds": 0.0,
+                    "sha256": None,
+                    "said": (outcome.error or "")[:300],
+                },
+                None,
+            )
             if content is not None:
                 write_atomic(out / "answers" / entry["case"] / "diagnosis.json", content)
             _append(out, {**entry, "quick": quick})
@@ -327,8 +383,10 @@ def open_truths(out: Path) -> tuple[dict[str, dict], dict[str, dict], list[dict]
         raise InputError(f"{out / 'answers'}: no answers yet, the truth stays closed (rtds blind answer)")
     missing = sorted(set(seals) - {entry["case"] for entry in ledger})
     if missing:
-        raise InputError(f"{out / 'answers'}: {missing[0]} and {len(missing) - 1} more have not been asked yet, "
-                         "the truth stays closed")
+        raise InputError(
+            f"{out / 'answers'}: {missing[0]} and {len(missing) - 1} more have not been asked yet, "
+            "the truth stays closed"
+        )
     answers = {}
     for entry in ledger:
         path = out / "answers" / entry["case"] / "diagnosis.json"
@@ -359,8 +417,10 @@ def check_truths(out: Path) -> dict[str, dict]:
             raise InputError(f"{path}: cannot be opened ({error})") from error
         if value != expected:
             raise InputError(f"{path}: is not the truth that was sealed (SHA-256 differs)")
-        for folder, hashes in ((out / "sealed" / case / "held-out", data["truth"]["held_out"]),
-                               (out / "public" / case, data["truth"]["case"])):
+        for folder, hashes in (
+            (out / "sealed" / case / "held-out", data["truth"]["held_out"]),
+            (out / "public" / case, data["truth"]["case"]),
+        ):
             if hash_folder(folder) != hashes:
                 raise InputError(f"{folder}: files were changed after sealing")
         truths[case] = data["truth"]

@@ -11,44 +11,84 @@ import numpy as np
 
 # id -> (subsystem, has sides)
 EFFECTS = {
-    "supply_sag": ("driver", False), "battery_decline": ("driver", False), "driver_deadzone": ("driver", True),
-    "bridge_drop": ("driver", True), "driver_gain": ("driver", True), "voltage_limit": ("driver", True),
+    "supply_sag": ("driver", False),
+    "battery_decline": ("driver", False),
+    "driver_deadzone": ("driver", True),
+    "bridge_drop": ("driver", True),
+    "driver_gain": ("driver", True),
+    "voltage_limit": ("driver", True),
     "pwm_curve": ("driver", True),
-    "resistance_error": ("winding", True), "winding_heating": ("winding", True),
+    "resistance_error": ("winding", True),
+    "winding_heating": ("winding", True),
     "torque_constant_error": ("winding", True),
-    "coulomb_friction": ("drivetrain", True), "stribeck_friction": ("drivetrain", True),
-    "viscous_friction": ("drivetrain", True), "friction_asymmetry": ("drivetrain", True),
-    "load_friction": ("drivetrain", True), "backlash": ("drivetrain", True), "gear_compliance": ("drivetrain", True),
-    "torque_ripple": ("drivetrain", True), "rotor_inertia_error": ("drivetrain", True),
-    "wheel_radius_error": ("wheel_ground", True), "longitudinal_slip": ("wheel_ground", True),
-    "spin_scrub": ("wheel_ground", False), "rolling_resistance": ("wheel_ground", False),
-    "track_width_error": ("chassis", False), "payload_error": ("chassis", False), "com_offset": ("chassis", False),
-    "slope_error": ("chassis", False), "yaw_inertia_error": ("chassis", False),
-    "speed_gain": ("sensing", True), "current_gain": ("sensing", True), "current_bias": ("sensing", True),
-    "speed_filter": ("sensing", True), "gyro_bias": ("sensing", False), "gyro_gain": ("sensing", False),
-    "command_delay": ("timing", False), "measurement_delay": ("timing", False),
+    "coulomb_friction": ("drivetrain", True),
+    "stribeck_friction": ("drivetrain", True),
+    "viscous_friction": ("drivetrain", True),
+    "friction_asymmetry": ("drivetrain", True),
+    "load_friction": ("drivetrain", True),
+    "backlash": ("drivetrain", True),
+    "gear_compliance": ("drivetrain", True),
+    "torque_ripple": ("drivetrain", True),
+    "rotor_inertia_error": ("drivetrain", True),
+    "wheel_radius_error": ("wheel_ground", True),
+    "longitudinal_slip": ("wheel_ground", True),
+    "spin_scrub": ("wheel_ground", False),
+    "rolling_resistance": ("wheel_ground", False),
+    "track_width_error": ("chassis", False),
+    "payload_error": ("chassis", False),
+    "com_offset": ("chassis", False),
+    "slope_error": ("chassis", False),
+    "yaw_inertia_error": ("chassis", False),
+    "speed_gain": ("sensing", True),
+    "current_gain": ("sensing", True),
+    "current_bias": ("sensing", True),
+    "speed_filter": ("sensing", True),
+    "gyro_bias": ("sensing", False),
+    "gyro_gain": ("sensing", False),
+    "command_delay": ("timing", False),
+    "measurement_delay": ("timing", False),
 }
 
 # Effects that the catalogue does not hold: id -> (subsystem, has sides).
 OUTSIDE = {
-    "command_hysteresis": ("driver", True), "command_quantised": ("driver", True), "command_crosstalk": ("driver", True),
-    "slew_limit": ("driver", True), "bus_noise": ("driver", False), "magnetic_saturation": ("winding", True),
-    "rub_spot": ("drivetrain", True), "growing_friction": ("drivetrain", True), "quadratic_drag": ("drivetrain", True),
-    "random_brakes": ("drivetrain", False), "wheel_eccentricity": ("wheel_ground", True),
-    "traction_limit": ("wheel_ground", True), "floor_patch": ("wheel_ground", False),
-    "cable_drag": ("chassis", False), "lateral_slope": ("chassis", False), "gusts": ("chassis", False),
-    "speed_dropouts": ("sensing", False), "speed_clipped": ("sensing", False), "encoder_wobble": ("sensing", True),
+    "command_hysteresis": ("driver", True),
+    "command_quantised": ("driver", True),
+    "command_crosstalk": ("driver", True),
+    "slew_limit": ("driver", True),
+    "bus_noise": ("driver", False),
+    "magnetic_saturation": ("winding", True),
+    "rub_spot": ("drivetrain", True),
+    "growing_friction": ("drivetrain", True),
+    "quadratic_drag": ("drivetrain", True),
+    "random_brakes": ("drivetrain", False),
+    "wheel_eccentricity": ("wheel_ground", True),
+    "traction_limit": ("wheel_ground", True),
+    "floor_patch": ("wheel_ground", False),
+    "cable_drag": ("chassis", False),
+    "lateral_slope": ("chassis", False),
+    "gusts": ("chassis", False),
+    "speed_dropouts": ("sensing", False),
+    "speed_clipped": ("sensing", False),
+    "encoder_wobble": ("sensing", True),
 }
 
 # What the catalogue does not hold either, and what only the rest of a case with several causes is made of.
 NAMELESS = {
-    "bus_relaxation": ("driver", False), "dahl_friction": ("drivetrain", True), "position_friction": ("drivetrain", True),
-    "cold_grease": ("drivetrain", True), "detents": ("drivetrain", True), "turn_drag": ("wheel_ground", False),
-    "uneven_floor": ("wheel_ground", False), "current_antialias": ("sensing", True), "current_bend": ("sensing", True),
+    "bus_relaxation": ("driver", False),
+    "dahl_friction": ("drivetrain", True),
+    "position_friction": ("drivetrain", True),
+    "cold_grease": ("drivetrain", True),
+    "detents": ("drivetrain", True),
+    "turn_drag": ("wheel_ground", False),
+    "uneven_floor": ("wheel_ground", False),
+    "current_antialias": ("sensing", True),
+    "current_bend": ("sensing", True),
     "clock_drift": ("timing", False),
 }
 
-PLANAR_ONLY = ("wheel_eccentricity",)      # a wheel that is out of true would lift the other one off the second world's floor
+PLANAR_ONLY = (
+    "wheel_eccentricity",
+)  # a wheel that is out of true would lift the other one off the second world's floor
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:
@@ -88,8 +128,11 @@ def _parameters(rng: np.random.Generator, name: str) -> dict:
     if name == "coulomb_friction":
         return {"torque_nm": _log(rng, 0.003, 0.1)}
     if name == "stribeck_friction":
-        return {"torque_nm": _log(rng, 0.005, 0.06), "extra_torque_nm": _log(rng, 0.008, 0.08),
-                "speed_rad_s": _log(rng, 0.15, 1.5)}
+        return {
+            "torque_nm": _log(rng, 0.005, 0.06),
+            "extra_torque_nm": _log(rng, 0.008, 0.08),
+            "speed_rad_s": _log(rng, 0.15, 1.5),
+        }
     if name == "viscous_friction":
         value = _log(rng, 0.0015, 0.04)
         return {"nm_s_per_rad": -min(value, 0.025) if rng.random() < 0.3 else value}
@@ -104,8 +147,11 @@ def _parameters(rng: np.random.Generator, name: str) -> dict:
         stiffness = _log(rng, 0.3, 15.0)
         return {"stiffness_nm_per_rad": stiffness, "damping_nm_s_per_rad": _log(rng, 0.002, 0.03)}
     if name == "torque_ripple":
-        return {"amplitude_nm": _log(rng, 0.005, 0.08), "cycles_per_rev": int(rng.choice([1, 2, 3, 4, 5, 6, 8, 10, 12])),
-                "phase_rad": float(rng.uniform(-math.pi, math.pi))}
+        return {
+            "amplitude_nm": _log(rng, 0.005, 0.08),
+            "cycles_per_rev": int(rng.choice([1, 2, 3, 4, 5, 6, 8, 10, 12])),
+            "phase_rad": float(rng.uniform(-math.pi, math.pi)),
+        }
     if name == "rotor_inertia_error":
         return ratio(0.06, 0.6)
     if name == "wheel_radius_error":
@@ -166,8 +212,11 @@ def draw_outside(rng: np.random.Generator, name: str | None = None, world: str =
         "slew_limit": lambda: {"slew": _log(rng, 20.0, 150.0)},
         "bus_noise": lambda: {"bus_noise": _log(rng, 0.15, 0.8), "bus_tau": _log(rng, 0.05, 1.0)},
         "magnetic_saturation": lambda: {"saturation": _log(rng, 0.35, 1.2)},
-        "rub_spot": lambda: {"rub_torque": _log(rng, 0.03, 0.2), "rub_angle": u(-math.pi, math.pi),
-                             "rub_width": u(0.15, 0.6)},
+        "rub_spot": lambda: {
+            "rub_torque": _log(rng, 0.03, 0.2),
+            "rub_angle": u(-math.pi, math.pi),
+            "rub_width": u(0.15, 0.6),
+        },
         "growing_friction": lambda: {"friction_per_s": _log(rng, 0.0005, 0.005)},
         "quadratic_drag": lambda: {"quadratic": _log(rng, 0.002, 0.015)},
         "random_brakes": lambda: {"brakes": [int(rng.integers(3, 9)), _log(rng, 0.15, 0.8), _log(rng, 0.05, 0.4)]},
@@ -177,8 +226,12 @@ def draw_outside(rng: np.random.Generator, name: str | None = None, world: str =
         "cable_drag": lambda: {"cable": _log(rng, 0.4, 4.0)},
         "lateral_slope": lambda: {"lateral_slope": _signed(rng, 0.02, 0.1)},
         "gusts": lambda: {"gust": _log(rng, 0.3, 2.0), "gust_tau": _log(rng, 0.1, 1.0)},
-        "speed_dropouts": lambda: {"hold": [[u(0.02, 0.95), _log(rng, 0.15, 0.8), str(rng.choice(["w_l", "w_r"]))]
-                                            for _ in range(int(rng.integers(5, 15)))]},
+        "speed_dropouts": lambda: {
+            "hold": [
+                [u(0.02, 0.95), _log(rng, 0.15, 0.8), str(rng.choice(["w_l", "w_r"]))]
+                for _ in range(int(rng.integers(5, 15)))
+            ]
+        },
         "speed_clipped": lambda: {"clip_speed": u(2.0, 4.0)},
         "encoder_wobble": lambda: {"encoder_wobble": _log(rng, 0.015, 0.1)},
     }[name]()

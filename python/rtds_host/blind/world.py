@@ -116,8 +116,8 @@ from rtds_host.blind.kernel import (
 
 STEP_S = 2e-4
 GRAVITY_M_S2 = 9.80665
-WHEEL_KG = 0.0285             # URDF of the TurtleBot3 Burger; part of the declared mass
-WHEEL_TILT_KG_M2 = 1.1e-5     # about a diameter
+WHEEL_KG = 0.0285  # URDF of the TurtleBot3 Burger; part of the declared mass
+WHEEL_TILT_KG_M2 = 1.1e-5  # about a diameter
 BUS_FARAD = 470e-6
 COPPER_PER_K = 0.0039
 PRESLIDING_RAD = 2e-3
@@ -147,22 +147,30 @@ def model_xml(side: np.ndarray, world: np.ndarray) -> str:
         radius = p[S_RADIUS]
         grip = 1.5 if p[S_TRACTION] <= 0 else p[S_TRACTION] / (0.5 * mass * GRAVITY_M_S2)
         roll = p[S_ROLLING] * radius * 0.5 * mass * GRAVITY_M_S2 * abs(gz)
-        geom = (f'<geom type="sphere" size="{radius:.9g}" contype="2" conaffinity="1" mass="0" '
-                f'friction="{grip:.9g} 1e-5 1e-6" condim="3"/>')
-        full = (f'<inertial pos="0 0 0" mass="{WHEEL_KG}" diaginertia="{WHEEL_TILT_KG_M2} '
-                f'{world[W_WHEEL_INERTIA]:.9g} {WHEEL_TILT_KG_M2}"/>')
+        geom = (
+            f'<geom type="sphere" size="{radius:.9g}" contype="2" conaffinity="1" mass="0" '
+            f'friction="{grip:.9g} 1e-5 1e-6" condim="3"/>'
+        )
+        full = (
+            f'<inertial pos="0 0 0" mass="{WHEEL_KG}" diaginertia="{WHEEL_TILT_KG_M2} '
+            f'{world[W_WHEEL_INERTIA]:.9g} {WHEEL_TILT_KG_M2}"/>'
+        )
         small = '<inertial pos="0 0 0" mass="1e-4" diaginertia="1e-7 1e-7 1e-7"/>'
         inner = full + geom
         if p[S_SLIP] > 0:
             inner = f'{small}<body name="tread_{label}"><joint name="tread_{label}" axis="0 1 0" damping="1"/>{inner}</body>'
         if p[S_BACKLASH] > 0 and p[S_STIFFNESS] <= 0:
             half = 0.5 * p[S_BACKLASH]
-            joint = (f'<joint name="play_{label}" axis="0 1 0" limited="true" range="{-half:.9g} {half:.9g}" '
-                     'solreflimit="0.0015 1" solimplimit="0.95 0.999 0.0005" damping="1e-6"/>')
+            joint = (
+                f'<joint name="play_{label}" axis="0 1 0" limited="true" range="{-half:.9g} {half:.9g}" '
+                'solreflimit="0.0015 1" solimplimit="0.95 0.999 0.0005" damping="1e-6"/>'
+            )
             inner = f'{small}<body name="rim_{label}">{joint}{inner}</body>'
         elif p[S_STIFFNESS] > 0 and p[S_BACKLASH] <= 0:
-            joint = (f'<joint name="play_{label}" axis="0 1 0" stiffness="{p[S_STIFFNESS]:.9g}" '
-                     f'damping="{p[S_DAMPING]:.9g}"/>')
+            joint = (
+                f'<joint name="play_{label}" axis="0 1 0" stiffness="{p[S_STIFFNESS]:.9g}" '
+                f'damping="{p[S_DAMPING]:.9g}"/>'
+            )
             inner = f'{small}<body name="rim_{label}">{joint}{inner}</body>'
         elif p[S_STIFFNESS] > 0:
             inner = f'{small}<body name="rim_{label}"><joint name="play_{label}" axis="0 1 0"/>{inner}</body>'
@@ -170,25 +178,29 @@ def model_xml(side: np.ndarray, world: np.ndarray) -> str:
         wheels.append(
             f'<body name="gear_{label}" pos="0 {(1 - 2 * s) * track / 2:.9g} {radius:.9g}"><joint name="gear_{label}" '
             f'axis="0 1 0" armature="{gear * gear * p[S_INERTIA]:.9g}" damping="{max(damping, 0.0):.9g}" '
-            f'frictionloss="{roll:.9g}"/>{inner}</body>')
+            f'frictionloss="{roll:.9g}"/>{inner}</body>'
+        )
         thermal = ""
         if p[S_HEAT_TAU] > 0:
-            thermal = (f'thermal="{p[S_HEAT_PER_WATT] / COPPER_PER_K:.9g} 0 {p[S_HEAT_TAU]:.9g} {COPPER_PER_K} 25 25"')
+            thermal = f'thermal="{p[S_HEAT_PER_WATT] / COPPER_PER_K:.9g} 0 {p[S_HEAT_TAU]:.9g} {COPPER_PER_K} 25 25"'
         actuators.append(
             f'<dcmotor name="motor_{label}" joint="gear_{label}" gear="{gear:.9g}" resistance="{p[S_RESISTANCE]:.9g}" '
             f'motorconst="{p[S_TORQUE_CONSTANT]:.9g} {p[S_BACK_EMF]:.9g}" inductance="{p[S_INDUCTANCE]:.9g} 0" '
-            f'{thermal}/>')
+            f"{thermal}/>"
+        )
         coulomb, extra = p[S_COULOMB], p[S_STRIBECK]
         if coulomb + extra > 0:
             stiff = (coulomb + extra) / PRESLIDING_RAD
             actuators.append(
                 f'<dcmotor name="dry_{label}" joint="gear_{label}" input="none" motorconst="0 0" resistance="1" '
                 f'lugre="{stiff:.9g} {0.3 * math.sqrt(stiff * 7e-3):.9g} {max(coulomb, 1e-6):.9g} '
-                f'{coulomb + extra:.9g} {p[S_STRIBECK_SPEED]:.9g}"/>')
+                f'{coulomb + extra:.9g} {p[S_STRIBECK_SPEED]:.9g}"/>'
+            )
         if p[S_RIPPLE] != 0:
             actuators.append(
                 f'<dcmotor name="cogs_{label}" joint="gear_{label}" input="none" motorconst="0 0" resistance="1" '
-                f'cogging="{p[S_RIPPLE]:.9g} {round(p[S_RIPPLE_CYCLES])} {p[S_RIPPLE_PHASE]:.9g}"/>')
+                f'cogging="{p[S_RIPPLE]:.9g} {round(p[S_RIPPLE_CYCLES])} {p[S_RIPPLE_PHASE]:.9g}"/>'
+            )
     return (
         f'<mujoco model="second-world"><compiler angle="radian"/><option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" '
         f'impratio="10" iterations="30" tolerance="1e-10" gravity="{GRAVITY_M_S2 * gx:.9g} {GRAVITY_M_S2 * gy:.9g} '
@@ -200,7 +212,11 @@ def model_xml(side: np.ndarray, world: np.ndarray) -> str:
         f'<joint name="yaw" type="hinge" axis="0 0 1" frictionloss="{world[W_SCRUB]:.9g}" '
         f'damping="{world[W_TURN_DRAG]:.9g}"/>'
         f'<inertial pos="{cx:.9g} {cy:.9g} 0.055" mass="{body_kg:.9g}" diaginertia="{izz:.9g} {izz:.9g} {izz:.9g}"/>'
-        + "".join(wheels) + "</body></worldbody><actuator>" + "".join(actuators) + "</actuator></mujoco>")
+        + "".join(wheels)
+        + "</body></worldbody><actuator>"
+        + "".join(actuators)
+        + "</actuator></mujoco>"
+    )
 
 
 @njit(cache=True)
@@ -209,13 +225,16 @@ def _drive(t, h, asked, side, world, events, state, i, w, th, accel, x, y, yaw, 
 
     `state` (12,): bus after its capacitor, bus noise, gust, played l r, slewed l r, start x, start y, presliding l r,
     the cell's slow voltage drop.
-    Fills `volts` (2,) at the motors, `torques` (2,) at the gears' outputs and `pull` (2,) N on the body; returns the bus.
+    Fills `volts` (2,) at the motors, `torques` (2,) at the gears' outputs and `pull` (2,) N on the body; returns the
+    bus.
     """
     vn = world[W_VOLTAGE]
     cell = vn - world[W_DECLINE] * t
     if world[W_BUS_NOISE] > 0.0:
-        state[1] += (-state[1] * h / world[W_BUS_TAU]
-                     + world[W_BUS_NOISE] * math.sqrt(2.0 * h / world[W_BUS_TAU]) * np.random.normal())
+        state[1] += (
+            -state[1] * h / world[W_BUS_TAU]
+            + world[W_BUS_NOISE] * math.sqrt(2.0 * h / world[W_BUS_TAU]) * np.random.normal()
+        )
         cell += state[1]
     drawn = 0.0
     for s in range(2):
@@ -280,8 +299,12 @@ def _drive(t, h, asked, side, world, events, state, i, w, th, accel, x, y, yaw, 
         if side[S_GREASE, s] > 0.0:
             torque -= side[S_GREASE, s] * math.exp(-t / side[S_GREASE_TAU, s]) * w[s]
         if side[S_DETENT, s] != 0.0:
-            torque += (side[S_DETENT, s] * 0.5 * (1.0 + math.cos(th[s] - side[S_DETENT_PHASE, s]))
-                       * math.sin(side[S_DETENT_CYCLES, s] * th[s]))
+            torque += (
+                side[S_DETENT, s]
+                * 0.5
+                * (1.0 + math.cos(th[s] - side[S_DETENT_PHASE, s]))
+                * math.sin(side[S_DETENT_CYCLES, s] * th[s])
+            )
         km = gear * side[S_TORQUE_CONSTANT, s]
         if side[S_SATURATION, s] > 0.0:
             torque -= km * i[s] * (1.0 - 1.0 / (1.0 + (i[s] / side[S_SATURATION, s]) ** 2))
@@ -303,8 +326,10 @@ def _drive(t, h, asked, side, world, events, state, i, w, th, accel, x, y, yaw, 
         pull[0] -= tilt * math.cos(wave * x)
         pull[1] -= tilt * math.cos(wave * y)
     if world[W_GUST] > 0.0:
-        state[2] += (-state[2] * h / world[W_GUST_TAU]
-                     + world[W_GUST] * math.sqrt(2.0 * h / world[W_GUST_TAU]) * np.random.normal())
+        state[2] += (
+            -state[2] * h / world[W_GUST_TAU]
+            + world[W_GUST] * math.sqrt(2.0 * h / world[W_GUST_TAU]) * np.random.normal()
+        )
         pull[0] += state[2] * math.cos(yaw)
         pull[1] += state[2] * math.sin(yaw)
     return bus
@@ -317,19 +342,62 @@ def _seed(seed):
 
 def _needs_every_step(side: np.ndarray, world: np.ndarray, events: np.ndarray) -> bool:
     """Whether anything outside of MuJoCo acts within a row of the log."""
-    names = (S_HYSTERESIS, S_SLEW, S_DROP, S_FRICTION_PER_S, S_RUB_TORQUE, S_QUADRATIC, S_ASYM_TORQUE,
-             S_ASYM_VISCOUS, S_SATURATION, S_LOAD_FRICTION, S_FILTER_TAU, S_SLIP, S_DAHL, S_SWING, S_GREASE, S_DETENT,
-             S_CURRENT_TAU)
-    worldly = (W_SAG, W_DECLINE, W_BUS_NOISE, W_GUST, W_CABLE, W_PATCH_FORCE, W_COMMAND_DELAY, W_MEASUREMENT_DELAY,
-               W_BUMPS, W_CLOCK_DRIFT, W_RELAX_OHM)
+    names = (
+        S_HYSTERESIS,
+        S_SLEW,
+        S_DROP,
+        S_FRICTION_PER_S,
+        S_RUB_TORQUE,
+        S_QUADRATIC,
+        S_ASYM_TORQUE,
+        S_ASYM_VISCOUS,
+        S_SATURATION,
+        S_LOAD_FRICTION,
+        S_FILTER_TAU,
+        S_SLIP,
+        S_DAHL,
+        S_SWING,
+        S_GREASE,
+        S_DETENT,
+        S_CURRENT_TAU,
+    )
+    worldly = (
+        W_SAG,
+        W_DECLINE,
+        W_BUS_NOISE,
+        W_GUST,
+        W_CABLE,
+        W_PATCH_FORCE,
+        W_COMMAND_DELAY,
+        W_MEASUREMENT_DELAY,
+        W_BUMPS,
+        W_CLOCK_DRIFT,
+        W_RELAX_OHM,
+    )
     both = (side[S_STIFFNESS] > 0) & (side[S_BACKLASH] > 0)
-    return bool(np.any(side[list(names)] != 0) or np.any(world[list(worldly)] != 0) or len(events) or both.any()
-                or np.any(side[S_VISCOUS] < -world[W_GEAR] ** 2 * side[S_VISCOSITY]))
+    return bool(
+        np.any(side[list(names)] != 0)
+        or np.any(world[list(worldly)] != 0)
+        or len(events)
+        or both.any()
+        or np.any(side[S_VISCOUS] < -(world[W_GEAR] ** 2) * side[S_VISCOSITY])
+    )
 
 
-def simulate(times: np.ndarray, v_cmd: np.ndarray, side: np.ndarray, world: np.ndarray, start: np.ndarray,
-             closed: bool, w_ref: np.ndarray, w_noise: np.ndarray, period_rows: int, gains: np.ndarray,
-             events: np.ndarray, seed: int) -> np.ndarray:
+def simulate(
+    times: np.ndarray,
+    v_cmd: np.ndarray,
+    side: np.ndarray,
+    world: np.ndarray,
+    start: np.ndarray,
+    closed: bool,
+    w_ref: np.ndarray,
+    w_noise: np.ndarray,
+    period_rows: int,
+    gains: np.ndarray,
+    events: np.ndarray,
+    seed: int,
+) -> np.ndarray:
     """Run one scenario; arguments and result as in `kernel.simulate` (`times` in multiples of `STEP_S`)."""
     model = mujoco.MjModel.from_xml_string(model_xml(side, world))
     data = mujoco.MjData(model)
@@ -371,9 +439,16 @@ def simulate(times: np.ndarray, v_cmd: np.ndarray, side: np.ndarray, world: np.n
     bus = world[W_VOLTAGE]
 
     def reading() -> list[float]:
-        return [bus, seen[0] if current_keep[0] else act[current[0]], seen[1] if current_keep[1] else act[current[1]],
-                filtered[0] if filter_keep[0] else qvel[gear[0]],
-                filtered[1] if filter_keep[1] else qvel[gear[1]], qpos[gear[0]], qpos[gear[1]], qvel[pyaw]]
+        return [
+            bus,
+            seen[0] if current_keep[0] else act[current[0]],
+            seen[1] if current_keep[1] else act[current[1]],
+            filtered[0] if filter_keep[0] else qvel[gear[0]],
+            filtered[1] if filter_keep[1] else qvel[gear[1]],
+            qpos[gear[0]],
+            qpos[gear[1]],
+            qvel[pyaw],
+        ]
 
     def late(when: float, upto: int) -> np.ndarray:
         at = min(max(when / STEP_S, 0.0), float(upto))
@@ -404,8 +479,25 @@ def simulate(times: np.ndarray, v_cmd: np.ndarray, side: np.ndarray, world: np.n
             break
         count = row_step[row + 1] - k0
         if not dense:
-            _drive(k0 * STEP_S, STEP_S, v_cmd[row], side, world, events, state, act[current], qvel[gear], qpos[gear],
-                   qacc[gear], qpos[px], qpos[py], qpos[pyaw], volts, torques, pull)
+            _drive(
+                k0 * STEP_S,
+                STEP_S,
+                v_cmd[row],
+                side,
+                world,
+                events,
+                state,
+                act[current],
+                qvel[gear],
+                qpos[gear],
+                qacc[gear],
+                qpos[px],
+                qpos[py],
+                qpos[pyaw],
+                volts,
+                torques,
+                pull,
+            )
             ctrl[control] = volts
             mujoco.mj_step(model, data, count)
             continue
@@ -421,15 +513,33 @@ def simulate(times: np.ndarray, v_cmd: np.ndarray, side: np.ndarray, world: np.n
                 if change < STEP_S - 1e-9:
                     asked += (1.0 - change / STEP_S) * (v_cmd[acting + 1] - asked)
             w = qvel[gear]
-            bus = _drive(t, STEP_S, asked, side, world, events, state, act[current], w, qpos[gear], qacc[gear],
-                         qpos[px], qpos[py], qpos[pyaw], volts, torques, pull)
+            bus = _drive(
+                t,
+                STEP_S,
+                asked,
+                side,
+                world,
+                events,
+                state,
+                act[current],
+                w,
+                qpos[gear],
+                qacc[gear],
+                qpos[px],
+                qpos[py],
+                qpos[pyaw],
+                volts,
+                torques,
+                pull,
+            )
             ctrl[control] = volts
             applied[gear] = torques
             applied[px], applied[py] = pull
             for s in range(2):
                 if tread[s] is not None:
                     model.dof_damping[tread[s]] = side[S_RADIUS, s] ** 2 / (
-                        side[S_SLIP, s] * side[S_RADIUS, s] * max(abs(w[s]), 0.05))
+                        side[S_SLIP, s] * side[S_RADIUS, s] * max(abs(w[s]), 0.05)
+                    )
             for s in bothways:
                 twist, rate = -qpos[play[s]], -qvel[play[s]]
                 half = 0.5 * side[S_BACKLASH, s]

@@ -17,8 +17,11 @@ from rich.table import Table
 from rtds_host.contract import check_writable, check_writable_file, refuse_inputs, write_atomic
 from rtds_host.errors import InputError, visible
 
-app = typer.Typer(add_completion=False, no_args_is_help=True,
-                  help="Check the diagnosis on cases whose cause is sealed until the answers are in.")
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    help="Check the diagnosis on cases whose cause is sealed until the answers are in.",
+)
 CORES = os.cpu_count() or 1
 Folder = Annotated[Path, typer.Option("--out", "-o", help="Folder of the check.")]
 
@@ -33,16 +36,31 @@ def _bar(title: str) -> Iterator[Callable[[int, int], None]]:
 
 
 @app.command()
-def make(out: Folder, n: Annotated[int | None, typer.Option("--n", help="Number of cases (default 60); with --measured "
-                                                            "draws a data set (default 20).")] = None,
-         measured: Annotated[list[Path] | None, typer.Option(metavar="CASE", help="Plant changes in this case of measured "
-                                                             "data in place of simulating robots (repeatable).")] = None,
-         tier: Annotated[list[str] | None, typer.Option(help="Only these kinds of cases (repeatable, or with commas). "
-                                                        "many, messy, sizes and loggers are drawn only where they are "
-                                                        "named.")] = None,
-         world: Annotated[list[str] | None, typer.Option(help="Only these worlds: planar, mujoco (repeatable).")] = None,
-         seed: Annotated[int | None, typer.Option(help="Default: drawn, and kept with the sealed truth.")] = None,
-         jobs: Annotated[int, typer.Option(help="Processes.")] = CORES) -> None:
+def make(
+    out: Folder,
+    n: Annotated[
+        int | None,
+        typer.Option("--n", help="Number of cases (default 60); with --measured draws a data set (default 20)."),
+    ] = None,
+    measured: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="CASE",
+            help="Plant changes in this case of measured data in place of simulating robots (repeatable).",
+        ),
+    ] = None,
+    tier: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Only these kinds of cases (repeatable, or with commas). "
+            "many, messy, sizes and loggers are drawn only where they are "
+            "named."
+        ),
+    ] = None,
+    world: Annotated[list[str] | None, typer.Option(help="Only these worlds: planar, mujoco (repeatable).")] = None,
+    seed: Annotated[int | None, typer.Option(help="Default: drawn, and kept with the sealed truth.")] = None,
+    jobs: Annotated[int, typer.Option(help="Processes.")] = CORES,
+) -> None:
     """Draw cases, seal their truths and publish the seals."""
     from rtds_host.blind.measured import make_measured
     from rtds_host.blind.seal import make as make_cases
@@ -52,17 +70,26 @@ def make(out: Folder, n: Annotated[int | None, typer.Option("--n", help="Number 
         raise InputError("--measured: has neither tiers nor worlds")
     tier = [name.strip() for item in tier for name in item.split(",")] if tier else None
     with _bar("making cases") as report:
-        seals = (make_measured(out, measured, n, seed, report) if measured
-                 else make_cases(out, 60 if n is None else n, tier, world, seed, jobs, report))
-    Console().print(escape(visible(f"{len(seals)} cases in {out / 'public'}, sealed in {out / 'public' / 'SEALS.json'}")))
+        seals = (
+            make_measured(out, measured, n, seed, report)
+            if measured
+            else make_cases(out, 60 if n is None else n, tier, world, seed, jobs, report)
+        )
+    Console().print(
+        escape(visible(f"{len(seals)} cases in {out / 'public'}, sealed in {out / 'public' / 'SEALS.json'}"))
+    )
 
 
 @app.command()
-def answer(out: Folder, quick: Annotated[bool, typer.Option("--quick", help="The diagnoser's quick mode.")] = False,
-           jobs: Annotated[int, typer.Option(help="Cases at a time; they share the cores.")] = CORES,
-           timeout: Annotated[float, typer.Option(help="Seconds for a case.")] = 600.0,
-           scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask "
-                                                                                 "scheduler (tcp://host:8786).")] = None) -> None:
+def answer(
+    out: Folder,
+    quick: Annotated[bool, typer.Option("--quick", help="The diagnoser's quick mode.")] = False,
+    jobs: Annotated[int, typer.Option(help="Cases at a time; they share the cores.")] = CORES,
+    timeout: Annotated[float, typer.Option(help="Seconds for a case.")] = 600.0,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask scheduler (tcp://host:8786).")
+    ] = None,
+) -> None:
     """Let the diagnoser, as another process, answer every case that has no answer yet."""
     from rtds_host.blind.seal import answer as answer_cases
 
@@ -70,8 +97,14 @@ def answer(out: Folder, quick: Annotated[bool, typer.Option("--quick", help="The
     with _bar("diagnosing") as report:
         ledger = answer_cases(out, quick, jobs, timeout_s=timeout, progress=report, scheduler=scheduler)
     failed = [entry for entry in ledger if entry["sha256"] is None]
-    Console().print(escape(visible(f"{len(ledger) - len(failed)} of {len(ledger)} cases answered, hashes in "
-                                   f"{out / 'answers' / 'LEDGER.jsonl'}")))
+    Console().print(
+        escape(
+            visible(
+                f"{len(ledger) - len(failed)} of {len(ledger)} cases answered, hashes in "
+                f"{out / 'answers' / 'LEDGER.jsonl'}"
+            )
+        )
+    )
     for entry in failed:
         typer.echo(visible(f"{entry['case']}: exit status {entry['status']}: {entry['said']}"), err=True)
     if failed:
@@ -79,11 +112,18 @@ def answer(out: Folder, quick: Annotated[bool, typer.Option("--quick", help="The
 
 
 @app.command()
-def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time.")] = CORES,
-          page: Annotated[Path | None, typer.Option(help="Also write the page of figures (and its pictures) here.")] = None,
-          closure: Annotated[bool, typer.Option(help="Measure closure on the held-out runs.")] = True,
-          diagnoses: Annotated[Path | None, typer.Option(metavar="DIR", help="Judge DIR/<case>/diagnosis.json in place of "
-                                                         "the sealed answers, into DIR/score.")] = None) -> None:
+def score(
+    out: Folder,
+    jobs: Annotated[int, typer.Option(help="Cases at a time.")] = CORES,
+    page: Annotated[Path | None, typer.Option(help="Also write the page of figures (and its pictures) here.")] = None,
+    closure: Annotated[bool, typer.Option(help="Measure closure on the held-out runs.")] = True,
+    diagnoses: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Judge DIR/<case>/diagnosis.json in place of the sealed answers, into DIR/score."
+        ),
+    ] = None,
+) -> None:
     """Open the truth, check every hash, and judge the answers."""
     from rtds_host.blind.measured import is_measured, score_measured
     from rtds_host.blind.score import FIGURES, PICTURES, POOLED, _cell
@@ -117,14 +157,20 @@ def score(out: Folder, jobs: Annotated[int, typer.Option(help="Cases at a time."
         table.add_column(name)
     for name, title in FIGURES:
         table.add_row(title, *(_cell(group[name]) for group in groups.values()))
-    table.add_row("closure, median", *("–" if g["closure"]["median"] is None else f"{g['closure']['median']:.2f}"
-                                       for g in groups.values()))
-    table.add_row("of what the known part can close", *("–" if g["of_closable"]["median"] is None else
-                                                        f"{g['of_closable']['median']:.2f}" for g in groups.values()))
+    table.add_row(
+        "closure, median",
+        *("–" if g["closure"]["median"] is None else f"{g['closure']['median']:.2f}" for g in groups.values()),
+    )
+    table.add_row(
+        "of what the known part can close",
+        *("–" if g["of_closable"]["median"] is None else f"{g['of_closable']['median']:.2f}" for g in groups.values()),
+    )
     for name, title in POOLED:
         table.add_row(title, *(_cell(g[name]) for g in groups.values()))
-    table.add_row("time a case, median", *("–" if g["seconds_median"] is None else f"{g['seconds_median']:.0f} s"
-                                           for g in groups.values()))
+    table.add_row(
+        "time a case, median",
+        *("–" if g["seconds_median"] is None else f"{g['seconds_median']:.0f} s" for g in groups.values()),
+    )
     console.print(table)
     folder = (diagnoses or out) / "score"
     console.print(escape(visible(f"figures and pictures in {folder}")))

@@ -51,7 +51,9 @@ class _Commands(click.Group):
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
-            raise click.UsageError(f"no such command: {name!r} (known: {', '.join(COMMANDS)}){did_you_mean(name, COMMANDS)}")
+            raise click.UsageError(
+                f"no such command: {name!r} (known: {', '.join(COMMANDS)}){did_you_mean(name, COMMANDS)}"
+            )
         module = importlib.import_module(f"rtds_host.cli.{MODULES.get(name, name)}")
         command = typer.main.get_command(module.app)
         command.name = name

@@ -13,8 +13,8 @@ SHELLS = ("bash", "zsh", "fish")
 
 @dataclass(frozen=True)
 class Known:
-    """A command: its options with the words that may follow them (None: nothing follows; (): a file or free text), the words
-    that may stand by themselves, and its sub-commands."""
+    """A command: its options with the words that may follow them (None: nothing follows; (): a file or free text), the
+    words that may stand by themselves, and its sub-commands."""
 
     about: str
     options: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
@@ -35,11 +35,24 @@ def _choices() -> tuple[dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]:
     from rtds_host.scenario import scenarios
 
     names = tuple(scenarios())
-    after = {"--to": TARGETS, "--as": KINDS, "--engine": ENGINES, "--against": ENGINES, "--controller": tuple(CONTROLLERS),
-             "--coupling": COUPLINGS, "--mapping": tuple(builtin_mappings()), "--sim": ("verilator", "icarus"),
-             "--format": ("csv", "parquet"), "--link": ("rtl", "model", "chip", "ad2"), "close --link": CLOSE_LINKS,
-             "plan --scenario": names, "--effect": tuple(f"{effect.id}.{effect.parameters[0].name}=" for effect in CATALOGUE.values()),
-             "--support": ("skids", "caster"), "--method": ("backward_euler", "trapezoidal"), "--world": ("planar", "mujoco")}
+    after = {
+        "--to": TARGETS,
+        "--as": KINDS,
+        "--engine": ENGINES,
+        "--against": ENGINES,
+        "--controller": tuple(CONTROLLERS),
+        "--coupling": COUPLINGS,
+        "--mapping": tuple(builtin_mappings()),
+        "--sim": ("verilator", "icarus"),
+        "--format": ("csv", "parquet"),
+        "--link": ("rtl", "model", "chip", "ad2"),
+        "close --link": CLOSE_LINKS,
+        "plan --scenario": names,
+        "--effect": tuple(f"{effect.id}.{effect.parameters[0].name}=" for effect in CATALOGUE.values()),
+        "--support": ("skids", "caster"),
+        "--method": ("backward_euler", "trapezoidal"),
+        "--world": ("planar", "mujoco"),
+    }
     return after, {"run": (*names, "all"), "effects": tuple(sorted(CATALOGUE)), "completion": SHELLS}
 
 
@@ -60,21 +73,33 @@ def known_commands() -> dict[str, Known]:
                 if option.startswith("--"):
                     taken = after.get(f"{name} {option}", after.get(option, ()))
                     options[option] = None if parameter.is_flag else taken
-        children = {child: look(f"{name} {child}", one, (one.help or "").split("\n")[0])
-                    for child, one in getattr(command, "commands", {}).items()}
+        children = {
+            child: look(f"{name} {child}", one, (one.help or "").split("\n")[0])
+            for child, one in getattr(command, "commands", {}).items()
+        }
         return Known(about, options, alone.get(name, ()), children)
 
-    return {name: look(name, typer.main.get_command(importlib.import_module(f"rtds_host.cli.{MODULES.get(name, name)}").app), about)
-            for name, about in COMMANDS.items()}
+    return {
+        name: look(
+            name, typer.main.get_command(importlib.import_module(f"rtds_host.cli.{MODULES.get(name, name)}").app), about
+        )
+        for name, about in COMMANDS.items()
+    }
 
 
 def _bash(commands: dict[str, Known]) -> str:
     cases = []
 
     def case(path: str, one: Known) -> None:
-        following = "".join(f'      {option}) words="{" ".join(words)}";;\n' for option, words in one.options.items() if words is not None)
-        cases.append(f'  "{path}")\n    options="{" ".join(one.options)}"\n    alone="{" ".join((*one.commands, *one.words))}"\n'
-                     f'    case "$before" in\n{following}      *) values=no;;\n    esac;;\n')
+        following = "".join(
+            f'      {option}) words="{" ".join(words)}";;\n'
+            for option, words in one.options.items()
+            if words is not None
+        )
+        cases.append(
+            f'  "{path}")\n    options="{" ".join(one.options)}"\n    alone="{" ".join((*one.commands, *one.words))}"\n'
+            f'    case "$before" in\n{following}      *) values=no;;\n    esac;;\n'
+        )
         for name, child in one.commands.items():
             case(f"{path} {name}", child)
 
@@ -109,7 +134,10 @@ def _fish(commands: dict[str, Known]) -> str:
     def quoted(text: str) -> str:
         return "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
 
-    lines = ["complete -c rtds -f -n __fish_use_subcommand -l help", "complete -c rtds -f -n __fish_use_subcommand -l version"]
+    lines = [
+        "complete -c rtds -f -n __fish_use_subcommand -l help",
+        "complete -c rtds -f -n __fish_use_subcommand -l version",
+    ]
     for name, one in commands.items():
         lines.append(f"complete -c rtds -f -n __fish_use_subcommand -a {name} -d {quoted(one.about)}")
         here = quoted(f"__fish_seen_subcommand_from {name}")

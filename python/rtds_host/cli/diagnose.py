@@ -13,15 +13,28 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def diagnose(
     cases: Annotated[list[Path], typer.Argument(help="Case folders: robot.toml and a sub-folder a run.")],
-    out: Annotated[Path, typer.Option(help="Folder for diagnosis.json and report.html; with several cases, "
-                                           "a sub-folder each, cases.parquet and index.html.")],
-    quick: Annotated[bool, typer.Option("--quick", help="A narrower search; the full one takes 1.2 to 1.3 times as long.")] = False,
+    out: Annotated[
+        Path,
+        typer.Option(
+            help="Folder for diagnosis.json and report.html; with several cases, "
+            "a sub-folder each, cases.parquet and index.html."
+        ),
+    ],
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A narrower search; the full one takes 1.2 to 1.3 times as long.")
+    ] = False,
     seed: Annotated[int, typer.Option(help="Changes nothing: no chance is in a diagnosis. Kept for scripts.")] = 1,
     jobs: Annotated[int, typer.Option(help="Cores to use; 0 = all.", min=0)] = 0,
-    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask scheduler "
-                                                                          "(tcp://host:8786).")] = None,
-    mcap: Annotated[Path | None, typer.Option(metavar="FILE", help="One case: write measured, nominal and corrected channels side by "
-                                                                   "side, for Foxglove or PlotJuggler.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask scheduler (tcp://host:8786).")
+    ] = None,
+    mcap: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="One case: write measured, nominal and corrected channels side by side, for Foxglove or PlotJuggler.",
+        ),
+    ] = None,
 ) -> None:
     """Say where the gap between simulator and reality lies, and which effect causes it.
 
@@ -34,7 +47,9 @@ def diagnose(
     check_writable(out)
     if mcap is not None:
         if len(cases) > 1 or scheduler is not None:
-            raise InputError(f"--mcap {mcap}: one case, diagnosed here, goes into it; `rtds predict --mcap` writes any run's")
+            raise InputError(
+                f"--mcap {mcap}: one case, diagnosed here, goes into it; `rtds predict --mcap` writes any run's"
+            )
         check_writable_file(mcap)
         refuse_inputs([mcap], [*places_of_case(cases[0]), *(out / name for name in FILES)])
     if len(cases) == 1 and scheduler is None:
@@ -46,9 +61,19 @@ def diagnose(
 
             case = details.case
             corrected = model_of(result, case.robot)
-            write_comparison(mcap, [Compared(log, {"nominal": predicted_columns(log, case.robot),
-                                                   "corrected": predicted_columns(log, case.robot, corrected)})
-                                    for log in case.runs])
+            write_comparison(
+                mcap,
+                [
+                    Compared(
+                        log,
+                        {
+                            "nominal": predicted_columns(log, case.robot),
+                            "corrected": predicted_columns(log, case.robot, corrected),
+                        },
+                    )
+                    for log in case.runs
+                ],
+            )
         return
     failed = run_many(cases, out, quick=quick, seed=seed, jobs=jobs, scheduler=scheduler)
     if failed:

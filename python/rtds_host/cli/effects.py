@@ -33,19 +33,34 @@ def effects(
             if effect.subsystem != subsystem:
                 subsystem = effect.subsystem
                 table.add_row(Text(subsystem, style="bold"))
-            table.add_row(f"  {effect.id}", "each" if effect.sided else "both", PLACE_NAMES[effect.runs_in],
-                          Text("\n".join(f"{p.name} [{p.unit}]" for p in effect.parameters)))
+            table.add_row(
+                f"  {effect.id}",
+                "each" if effect.sided else "both",
+                PLACE_NAMES[effect.runs_in],
+                Text("\n".join(f"{p.name} [{p.unit}]" for p in effect.parameters)),
+            )
         console.print(table)
         console.print("each: on both sides, or on left or right alone")
         return
     if name not in CATALOGUE:
-        raise InputError(f"effect {name!r}: not in the catalogue (`rtds effects` lists it){did_you_mean(name, CATALOGUE)}")
+        raise InputError(
+            f"effect {name!r}: not in the catalogue (`rtds effects` lists it){did_you_mean(name, CATALOGUE)}"
+        )
     effect = catalogue(builtin_robot("burger"))[name]
-    lines = [f"{effect.id}: {effect.subsystem}, {' or '.join(effect.sides)}", f"  {effect.equation}",
-             f"  source: {effect.source}"]
-    lines += [f"  {p.name} [{p.unit}]: {p.meaning or 'see the equation'}; within {p.low:.4g} to {p.high:.4g}, absent at {p.null:.4g}"
-              for p in effect.parameters]
-    lines += [f"  taken for: {', '.join(effect.confused_with)}", f"  shown by: {effect.shown_by}",
-              f"  in the simulator: {PLACE_NAMES[effect.runs_in]}", f"  to check: {effect.check}",
-              f"  on the robot: {effect.advice}"]
+    lines = [
+        f"{effect.id}: {effect.subsystem}, {' or '.join(effect.sides)}",
+        f"  {effect.equation}",
+        f"  source: {effect.source}",
+    ]
+    lines += [
+        f"  {p.name} [{p.unit}]: {p.meaning or 'see the equation'}; within {p.low:.4g} to {p.high:.4g}, absent at {p.null:.4g}"
+        for p in effect.parameters
+    ]
+    lines += [
+        f"  taken for: {', '.join(effect.confused_with)}",
+        f"  shown by: {effect.shown_by}",
+        f"  in the simulator: {PLACE_NAMES[effect.runs_in]}",
+        f"  to check: {effect.check}",
+        f"  on the robot: {effect.advice}",
+    ]
     console.print("\n".join(lines), highlight=False, markup=False)

@@ -15,12 +15,21 @@ def export(
     diagnosis: Annotated[Path, typer.Argument(help="The diagnosis.json to put into the robot.")],
     to: Annotated[str, typer.Option(help="mjcf (MuJoCo), urdf, sdf (Gazebo), usd-json (Isaac Sim) or python.")],
     out: Annotated[Path, typer.Option(help="File to write; with --samples a folder.")],
-    robot: Annotated[Path | None, typer.Option(help="The nominal robot.toml. Default: the one beside the diagnosis, or in the "
-                                               "folder above.")] = None,
-    check: Annotated[list[Path] | None, typer.Option(metavar="RUN", help="mjcf: replay this run in MuJoCo from the file alone, and "
-                                                     "print the gap before and after; may be repeated.")] = None,
-    samples: Annotated[int, typer.Option(help="Write so many robots, their sizes drawn from the diagnosis' intervals.",
-                                         min=0)] = 0,
+    robot: Annotated[
+        Path | None,
+        typer.Option(help="The nominal robot.toml. Default: the one beside the diagnosis, or in the folder above."),
+    ] = None,
+    check: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="RUN",
+            help="mjcf: replay this run in MuJoCo from the file alone, and "
+            "print the gap before and after; may be repeated.",
+        ),
+    ] = None,
+    samples: Annotated[
+        int, typer.Option(help="Write so many robots, their sizes drawn from the diagnosis' intervals.", min=0)
+    ] = 0,
     seed: Annotated[int, typer.Option(help="Seed of --samples.", min=0)] = 1,
 ) -> None:
     """Write the robot with what is diagnosed in it for another simulator."""
@@ -83,10 +92,17 @@ def _samples(source, to: str, out: Path, count: int, seed: int, staged_folder) -
         values = []
         for k, content in enumerate(drawn):
             name = f"sample-{k:0{digits}d}"
-            text, parts = write(Source(content, model_of(content, source.robot), source.robot, f"{source.name}, {name} of seed {seed}"), to)
+            text, parts = write(
+                Source(content, model_of(content, source.robot), source.robot, f"{source.name}, {name} of seed {seed}"),
+                to,
+            )
             (scratch / (name + ENDINGS[to])).write_text(text, encoding="utf-8")
-            values.append({"name": name + ENDINGS[to], "effects": [
-                {"id": part.effect, "side": part.side, "parameters": part.values} for part in parts]})
+            values.append(
+                {
+                    "name": name + ENDINGS[to],
+                    "effects": [{"id": part.effect, "side": part.side, "parameters": part.values} for part in parts],
+                }
+            )
         content = {"schema": "rtds-samples/1", "seed": seed, "to": to, "not_drawn": fixed, "samples": values}
         (scratch / "samples.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     print(visible(f"{out}: {count} robots for {to}, seed {seed}"))

@@ -17,15 +17,31 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def import_(
-    sources: Annotated[list[Path], typer.Argument(metavar="BAG_OR_CSV", help="ROS 2 bags (a folder, .mcap or "
-                                                  ".db3), csv files, one run each, or SysId's .json.")],
+    sources: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="BAG_OR_CSV",
+            help="ROS 2 bags (a folder, .mcap or .db3), csv files, one run each, or SysId's .json.",
+        ),
+    ],
     out: Annotated[Path | None, typer.Option("--out", metavar="CASE", help="Folder of the case.")] = None,
-    robot: Annotated[str | None, typer.Option(help="Nominal robot: a built-in name or a robot.toml (default: the "
-                                              "mapping's; with --append the case's).")] = None,
-    mapping: Annotated[str | None, typer.Option(help="Mapping file, or the name of one that comes along "
-                                                f"({', '.join(builtin_mappings())}). Default: the one that fits.")] = None,
-    namespace: Annotated[str | None, typer.Option(help="Namespace of the robot's topics, as /tb3_0; needed where a bag "
-                                                  "holds several robots.")] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            help="Nominal robot: a built-in name or a robot.toml (default: the mapping's; with --append the case's)."
+        ),
+    ] = None,
+    mapping: Annotated[
+        str | None,
+        typer.Option(
+            help="Mapping file, or the name of one that comes along "
+            f"({', '.join(builtin_mappings())}). Default: the one that fits."
+        ),
+    ] = None,
+    namespace: Annotated[
+        str | None,
+        typer.Option(help="Namespace of the robot's topics, as /tb3_0; needed where a bag holds several robots."),
+    ] = None,
     append: Annotated[bool, typer.Option("--append", help="Add runs to a case that exists.")] = False,
     name: Annotated[list[str] | None, typer.Option(help="Name of a run; once a source.")] = None,
     scenario: Annotated[str, typer.Option(help="What was driven, for run.json (default: the run's name).")] = "",
@@ -41,8 +57,8 @@ def import_(
 ) -> None:
     """Import ROS 2 bags or csv files as the runs of a case.
 
-    Bags of a TurtleBot3 (also in Gazebo), a Create 3 or a Jackal and SysId's JSON files need no mapping. For other robots a small TOML file says which topic, field or column
-    holds what, and in which unit: docs/import.md.
+    Bags of a TurtleBot3 (also in Gazebo), a Create 3 or a Jackal and SysId's JSON files need no mapping. For other
+    robots a small TOML file says which topic, field or column holds what, and in which unit: docs/import.md.
     """
     if list_topics:
         from rtds_host.importers.bag import list_topics as topics_of
@@ -57,10 +73,20 @@ def import_(
     from rtds_host.importers.case import import_case
 
     check_writable(out)
-    runs = import_case(sources, out, robot=robot, mapping=mapping, append=append, names=name or [],
-                       meta=RunMeta(scenario, payload_kg, slope_rad, uphill_yaw_rad, notes),
-                       start_s=start_s, end_s=end_s, trust_units=trust_units, form="parquet" if parquet else "csv",
-                       namespace=namespace)
+    runs = import_case(
+        sources,
+        out,
+        robot=robot,
+        mapping=mapping,
+        append=append,
+        names=name or [],
+        meta=RunMeta(scenario, payload_kg, slope_rad, uphill_yaw_rad, notes),
+        start_s=start_s,
+        end_s=end_s,
+        trust_units=trust_units,
+        form="parquet" if parquet else "csv",
+        namespace=namespace,
+    )
     print(visible(runs[0].assumed))
     for run in runs:
         t = run.imported.columns["t"]

@@ -26,7 +26,8 @@ def main() -> None:
         with suppress(OSError):  # whoever read it has gone first
             print("rtds: interrupted", file=sys.stderr, flush=True)
             sys.stdout.flush()
-        # Had the signal struck while some import executed a string, Python would end by the signal, whatever status it is given.
+        # Had the signal struck while some import executed a string, Python would end by the signal, whatever status it
+        # is given.
         os._exit(130)
     sys.exit(status)
 

@@ -18,14 +18,21 @@ SHOWN = 40
 def plan(
     source: Annotated[Path, typer.Argument(metavar="SOURCE", help="A diagnosis.json, or a robot.toml.")],
     out: Annotated[Path, typer.Option(help="Folder for commands.csv, drive.py (ROS 2) and plan.json.")],
-    robot: Annotated[Path | None, typer.Option(help="The nominal robot.toml of a diagnosis. Default: the one beside it, or in the "
-                                               "folder above.")] = None,
+    robot: Annotated[
+        Path | None,
+        typer.Option(help="The nominal robot.toml of a diagnosis. Default: the one beside it, or in the folder above."),
+    ] = None,
     floor: Annotated[str, typer.Option(metavar="WxD", help="Free floor, m.")] = "3x3",
     margin: Annotated[float, typer.Option(help="To keep clear around the axle's mid-point, m.", min=0.0)] = 0.25,
-    speed: Annotated[float | None, typer.Option(help="What the robot may drive at most, m/s. Default: what its motors can.")] = None,
-    kind: Annotated[str | None, typer.Option("--as", help="voltage (each wheel) or cmd_vel. Default: what robot.toml is "
-                                             "driven by.")] = None,
-    scenario: Annotated[str | None, typer.Option(help="This manoeuvre (`rtds run --list`), not the one that tells most.")] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="What the robot may drive at most, m/s. Default: what its motors can.")
+    ] = None,
+    kind: Annotated[
+        str | None, typer.Option("--as", help="voltage (each wheel) or cmd_vel. Default: what robot.toml is driven by.")
+    ] = None,
+    scenario: Annotated[
+        str | None, typer.Option(help="This manoeuvre (`rtds run --list`), not the one that tells most.")
+    ] = None,
     payload: Annotated[float | None, typer.Option(help="Payload, kg. Default: the manoeuvre's.", min=0.0)] = None,
 ) -> None:
     """Plan the manoeuvre that would tell most: commands as a table, csv and a ROS 2 script, fitted to a floor."""
@@ -86,7 +93,9 @@ def _floor(text: str) -> tuple[float, float]:
 
 
 def _wanted(source: Path) -> tuple[str, float | None, str]:
-    """Scenario, payload and reason of a diagnosis' next experiment; where nothing is left to tell, a run to judge it on."""
+    """Scenario, payload and reason of a diagnosis' next experiment; where nothing is left to tell, a run to judge it
+    on.
+    """
     from rtds_host.contract.runlog import read_json
     from rtds_host.errors import InputError
 
@@ -116,15 +125,24 @@ def _show(made, robot, why: str, out: Path) -> None:
     console = Console(highlight=False)
     seen, alike, pairs = alike_pairs(made, robot)
     x, y, yaw = made.start
-    ground = "level ground" if not made.scenario.slope_rad else (
-        f"a slope of {made.scenario.slope_rad:g} rad that climbs towards {math.degrees(made.uphill) % 360:.0f}°")
+    ground = (
+        "level ground"
+        if not made.scenario.slope_rad
+        else (f"a slope of {made.scenario.slope_rad:g} rad that climbs towards {math.degrees(made.uphill) % 360:.0f}°")
+    )
     floor, tops = made.floor, made.tops
     lines = [f"{made.scenario.name}: {made.scenario.about}", f"  why      {why}"]
-    lines.append(f"  size     {made.scale:.2f} of the menu's; {made.commands.duration_s:.1f} s, payload {made.payload_kg:g} kg, {ground}")
-    lines.append(f"  floor    {floor.width_m:g} x {floor.depth_m:g} m, {floor.margin_m:g} m clear: start at x = {x:.2f} m, "
-                 f"y = {y:.2f} m from its corner, heading {math.degrees(yaw):.0f}° from its width")
-    lines.append(f"  replayed covers {made.extent_m[0]:.2f} x {made.extent_m[1]:.2f} m; at most {tops['voltage_v']:.3g} V, "
-                 f"{tops['forward_m_s']:.3g} m/s, {tops['turn_rad_s']:.3g} rad/s")
+    lines.append(
+        f"  size     {made.scale:.2f} of the menu's; {made.commands.duration_s:.1f} s, payload {made.payload_kg:g} kg, {ground}"
+    )
+    lines.append(
+        f"  floor    {floor.width_m:g} x {floor.depth_m:g} m, {floor.margin_m:g} m clear: start at x = {x:.2f} m, "
+        f"y = {y:.2f} m from its corner, heading {math.degrees(yaw):.0f}° from its width"
+    )
+    lines.append(
+        f"  replayed covers {made.extent_m[0]:.2f} x {made.extent_m[1]:.2f} m; at most {tops['voltage_v']:.3g} V, "
+        f"{tops['forward_m_s']:.3g} m/s, {tops['turn_rad_s']:.3g} rad/s"
+    )
     lines.append(f"  shows    {seen} effects of the catalogue, {alike} of {pairs} pairs of them look alike")
     for line in lines:
         console.print(Text(visible(line)))
@@ -134,8 +152,11 @@ def _show(made, robot, why: str, out: Path) -> None:
         table.add_column(title, justify="right")
     pieces = made.commands.pieces()
     for begin, end, first, last in pieces[:SHOWN]:
-        table.add_row(f"{begin:.2f}", f"{end:.2f}", *(f"{a:.3f}" if a == b else f"{a:.3f} to {b:.3f}"
-                                                      for a, b in zip(first, last, strict=True)))
+        table.add_row(
+            f"{begin:.2f}",
+            f"{end:.2f}",
+            *(f"{a:.3f}" if a == b else f"{a:.3f} to {b:.3f}" for a, b in zip(first, last, strict=True)),
+        )
     console.print(table)
     if len(pieces) > SHOWN:
         console.print(f"  and {len(pieces) - SHOWN} rows more")

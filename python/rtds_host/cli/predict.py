@@ -18,8 +18,14 @@ def predict(
     robot: Annotated[Path, typer.Option(help="The nominal robot.toml.")],
     out: Annotated[Path, typer.Option(help="The csv to write: t and every channel of the contract.")],
     diagnosis: Annotated[Path | None, typer.Option(help="A diagnosis.json to apply.")] = None,
-    mcap: Annotated[Path | None, typer.Option(metavar="FILE", help="Write measured, nominal and, with --diagnosis, corrected channels "
-                                                                   "side by side too, for Foxglove or PlotJuggler.")] = None,
+    mcap: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write measured, nominal and, with --diagnosis, corrected channels "
+            "side by side too, for Foxglove or PlotJuggler.",
+        ),
+    ] = None,
 ) -> None:
     """Replay a run from its commands, with or without a diagnosis."""
     import io
@@ -52,12 +58,16 @@ def predict(
     if mcap is not None:
         from rtds_host.importers.mcap_compare import Compared, write_comparison
 
-        replayed = {"corrected": columns, "nominal": predicted_columns(log, nominal)} if diagnosis else {"nominal": columns}
+        replayed = (
+            {"corrected": columns, "nominal": predicted_columns(log, nominal)} if diagnosis else {"nominal": columns}
+        )
         write_comparison(mcap, [Compared(log, replayed)])
     notices = [*nominal.notices, *log.notices, *(f"{run}: {told.text}" for told in clock)]
     lost = (columns["w_l"] == LOST) & (columns["i_l"] == LOST)
     if lost.any():
-        notices.append(f"{run}: from t = {moment(log.t[lost.argmax()])} s on the replay runs away beyond all bounds, its columns "
-                       f"hold {LOST:g}")
+        notices.append(
+            f"{run}: from t = {moment(log.t[lost.argmax()])} s on the replay runs away beyond all bounds, its columns "
+            f"hold {LOST:g}"
+        )
     for notice in notices:
         print(f"note: {visible(notice)}", file=sys.stderr)

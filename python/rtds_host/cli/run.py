@@ -53,8 +53,10 @@ def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[str, dict[str,
     known = {name for one in chosen for name in one.parameters}
     for name in given:
         if name not in known:
-            raise InputError(f"scenario 'all': none of {', '.join(one.name for one in chosen)} has a parameter "
-                             f"{name!r} (known: {', '.join(sorted(known))}){did_you_mean(name, known)}")
+            raise InputError(
+                f"scenario 'all': none of {', '.join(one.name for one in chosen)} has a parameter "
+                f"{name!r} (known: {', '.join(sorted(known))}){did_you_mean(name, known)}"
+            )
     return [(one.name, {name: value for name, value in given.items() if name in one.parameters}) for one in chosen]
 
 
@@ -62,8 +64,13 @@ def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[str, dict[str,
 def _bars(plans: list[Plan]) -> Iterator[Callable[[str, float], None]]:
     """A progress bar a run on standard error, where that is a terminal."""
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.1f} s of {task.total:.1f} s"),
-               TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.1f} s of {task.total:.1f} s"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     lengths = {plan.scenario.name: plan.duration_s for plan in plans}
     tasks: dict[str, int] = {}
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
@@ -77,7 +84,9 @@ def _bars(plans: list[Plan]) -> Iterator[Callable[[str, float], None]]:
 
 
 def _show(console: Console, summary: Summary, place: Path) -> None:
-    table = Table(title=escape(visible(f"{summary.scenario}  ->  {place}")), title_justify="left", show_header=False, box=None)
+    table = Table(
+        title=escape(visible(f"{summary.scenario}  ->  {place}")), title_justify="left", show_header=False, box=None
+    )
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
     for label, text in lines(summary):
@@ -88,55 +97,92 @@ def _show(console: Console, summary: Summary, place: Path) -> None:
 
 @app.command()
 def run(
-    scenario: Annotated[str, typer.Argument(help="linear, circle, eight, a manoeuvre, or all (the first three); "
-                                                 "--list shows every one.")] = "",
+    scenario: Annotated[
+        str,
+        typer.Argument(help="linear, circle, eight, a manoeuvre, or all (the first three); --list shows every one."),
+    ] = "",
     show_list: Annotated[bool, typer.Option("--list", help="List the scenarios with their parameters.")] = False,
-    link: Annotated[str, typer.Option(help="What computes the motors: rtl or model; chip (the whole chip in simulation, "
-                                           "through its pins) or ad2 (a board).")] = "rtl",
+    link: Annotated[
+        str,
+        typer.Option(
+            help="What computes the motors: rtl or model; chip (the whole chip in simulation, "
+            "through its pins) or ad2 (a board)."
+        ),
+    ] = "rtl",
     sim: Annotated[str, typer.Option(help="Simulator of the RTL: verilator or icarus.")] = "verilator",
     calibration: Annotated[Path | None, typer.Option(help="chip, ad2: file of `rtds calibrate`.")] = None,
-    wires: Annotated[Path | None, typer.Option(help="chip: gain and offset that the simulated wires have, a file of the "
-                                                    "same form.")] = None,
-    ad2: Annotated[list[str] | None, typer.Option(help="ad2: serial numbers of both Analog Discovery 2, the one "
-                                                       "with the voltages first; give it twice.")] = None,
+    wires: Annotated[
+        Path | None, typer.Option(help="chip: gain and offset that the simulated wires have, a file of the same form.")
+    ] = None,
+    ad2: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="ad2: serial numbers of both Analog Discovery 2, the one with the voltages first; give it twice."
+        ),
+    ] = None,
     serial: Annotated[str, typer.Option(help="ad2: serial port of the chip's registers.")] = "",
-    step_clocks: Annotated[str, typer.Option(help="Clocks of the RTL from step to step: a number (500 as on the "
-                                                  "board), or min.")] = "min",
+    step_clocks: Annotated[
+        str, typer.Option(help="Clocks of the RTL from step to step: a number (500 as on the board), or min.")
+    ] = "min",
     robot: Annotated[str, typer.Option(help=f"{', '.join(builtin_robots())}, or the path of a robot.toml.")] = "burger",
-    scaled: Annotated[bool, typer.Option("--scaled", help="Take lengths, payload and, where the motors are slow, the duration "
-                                                          "for a robot of this one's size.")] = False,
+    scaled: Annotated[
+        bool,
+        typer.Option(
+            "--scaled",
+            help="Take lengths, payload and, where the motors are slow, the duration for a robot of this one's size.",
+        ),
+    ] = False,
     controller: Annotated[str, typer.Option(help="exact or paper.")] = "exact",
-    coupling: Annotated[str, typer.Option(help="closed: the robot's wheels follow the motor units; paper: they "
-                                               "follow the reference.")] = "closed",
-    engine: Annotated[str | None, typer.Option(help="Physics engine: pybullet or mujoco. Default: pybullet, or mujoco "
-                                               "where PyBullet has no wheel.")] = None,
-    against: Annotated[str | None, typer.Option(help="Drive once more in this engine too and print how far apart "
-                                                    "both end.")] = None,
-    support: Annotated[str, typer.Option(help="What the robot stands on beside its wheels: skids or caster.")] = "skids",
-    out: Annotated[Path | None, typer.Option(help="Folder of the run; for `all`, of the case with a folder a "
-                                                     "run. Default: out/SCENARIO, or out.")] = None,
+    coupling: Annotated[
+        str, typer.Option(help="closed: the robot's wheels follow the motor units; paper: they follow the reference.")
+    ] = "closed",
+    engine: Annotated[
+        str | None,
+        typer.Option(
+            help="Physics engine: pybullet or mujoco. Default: pybullet, or mujoco where PyBullet has no wheel."
+        ),
+    ] = None,
+    against: Annotated[
+        str | None, typer.Option(help="Drive once more in this engine too and print how far apart both end.")
+    ] = None,
+    support: Annotated[
+        str, typer.Option(help="What the robot stands on beside its wheels: skids or caster.")
+    ] = "skids",
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of the run; for `all`, of the case with a folder a run. Default: out/SCENARIO, or out."
+        ),
+    ] = None,
     payload: Annotated[float | None, typer.Option(help="Payload, kg.")] = None,
     slope: Annotated[float | None, typer.Option(help="Slope, rad.")] = None,
     uphill_yaw: Annotated[float | None, typer.Option(help="Heading that climbs, rad.")] = None,
     duration: Annotated[float | None, typer.Option(help="Length of the run, s.")] = None,
     radius: Annotated[float | None, typer.Option(help="Radius of the circle, m.")] = None,
     length: Annotated[float | None, typer.Option(help="Length of the way, m.")] = None,
-    setting: Annotated[list[str] | None, typer.Option("--set", help="Any parameter of the scenario, "
-                                                                      "name=number; may be repeated.")] = None,
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="Any parameter of the scenario, name=number; may be repeated.")
+    ] = None,
     exchange: Annotated[float | None, typer.Option(help="Exchange interval, s.")] = None,
     log_interval: Annotated[float | None, typer.Option(help="Time between two rows of the log, s.")] = None,
     effects: Annotated[Path | None, typer.Option(help="A diagnosis.json: drive the robot it describes.")] = None,
-    effect: Annotated[list[str] | None, typer.Option(
-        help="An effect of the catalogue, as driver_gain.ratio=0.9 or, of one side, with ,side=left behind it (`rtds effects` "
-             "lists them); may be repeated.")] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="An effect of the catalogue, as driver_gain.ratio=0.9 or, of one side, with ,side=left behind it (`rtds effects` "
+            "lists them); may be repeated."
+        ),
+    ] = None,
     step: Annotated[float, typer.Option(help="Step of the motor units, s.")] = 1e-5,
     method: Annotated[str, typer.Option(help="backward_euler or trapezoidal.")] = "backward_euler",
-    compare: Annotated[bool, typer.Option(help="Drive once more with the other controller and print both errors.")]
-    = True,
+    compare: Annotated[
+        bool, typer.Option(help="Drive once more with the other controller and print both errors.")
+    ] = True,
     figure: Annotated[bool, typer.Option(help="Draw the six-panel figure.")] = True,
     form: Annotated[str, typer.Option("--format", help="Format of the log: csv or parquet.")] = "csv",
-    mcap: Annotated[bool, typer.Option("--mcap", help="Write run.mcap too, for Foxglove, PlotJuggler or ros2 bag.")]
-    = False,
+    mcap: Annotated[
+        bool, typer.Option("--mcap", help="Write run.mcap too, for Foxglove, PlotJuggler or ros2 bag.")
+    ] = False,
 ) -> None:
     """Drive SCENARIO with the motors in RTL (or the bit-exact model) and write a run folder."""
     console = Console(highlight=False)
@@ -154,9 +200,21 @@ def run(
         if value is not None:
             given[SHORT_CUTS[name]] = value
     engine = engine or default_engine(lambda line: print(line, file=sys.stderr))
-    options = Options(robot=robot, controller=controller, coupling=coupling, engine=engine, support=support,
-                      payload_kg=payload, slope_rad=slope, uphill_yaw_rad=uphill_yaw, exchange_s=exchange,
-                      log_s=log_interval, simulator_step_s=step, method=method, scaled=scaled)
+    options = Options(
+        robot=robot,
+        controller=controller,
+        coupling=coupling,
+        engine=engine,
+        support=support,
+        payload_kg=payload,
+        slope_rad=slope,
+        uphill_yaw_rad=uphill_yaw,
+        exchange_s=exchange,
+        log_s=log_interval,
+        simulator_step_s=step,
+        method=method,
+        scaled=scaled,
+    )
     if against is not None:
         check_engine(against, "--against")
     plans = [make_plan(name, values, options) for name, values in _wanted(scenario, given)]
@@ -195,7 +253,9 @@ def _effects(plan: Plan, diagnosis: Path | None, effects: list[str] | None) -> E
     from rtds_host.correction.translate import translate
 
     chosen = choose(plan.robot, diagnosis, effects)
-    return Effects(translate(chosen.model, plan.robot, plan.body.payload_kg, step_s=plan.simulator_step_s), chosen.names)
+    return Effects(
+        translate(chosen.model, plan.robot, plan.body.payload_kg, step_s=plan.simulator_step_s), chosen.names
+    )
 
 
 def _link(link: str, sim: str, step_clocks: str, more: dict) -> LinkChoice:
@@ -218,7 +278,9 @@ def _link(link: str, sim: str, step_clocks: str, more: dict) -> LinkChoice:
 def _list(console: Console) -> None:
     for one in scenarios().values():
         console.print(f"[bold]{one.name}[/bold]  {one.about}")
-        console.print(f"    payload {one.payload_kg:g} kg, slope {one.slope_rad:g} rad, uphill at "
-                      f"{one.uphill_yaw_rad:.4g} rad; separates {one.separates}")
+        console.print(
+            f"    payload {one.payload_kg:g} kg, slope {one.slope_rad:g} rad, uphill at "
+            f"{one.uphill_yaw_rad:.4g} rad; separates {one.separates}"
+        )
         for name, parameter in one.parameters.items():
             console.print(f"    {name} = {parameter.default:g}: {parameter.about}")

@@ -7,11 +7,19 @@ import numpy as np
 # Rates at which robots are logged (5 Hz to 2 kHz), with room to either side; outside them a clock's unit is asked for.
 FASTEST_HZ, SLOWEST_HZ = 10_000.0, 3.0
 # Units that people write times in, and how many of them a second has.
-PER_SECOND = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9, "minutes": 1.0 / 60.0, "hours": 1.0 / 3600.0}
+PER_SECOND = {
+    "milliseconds": 1e3,
+    "microseconds": 1e6,
+    "nanoseconds": 1e9,
+    "minutes": 1.0 / 60.0,
+    "hours": 1.0 / 3600.0,
+}
 
 
 def moment(t: float) -> str:
-    """A time of a log's clock, s, as it stands in the log, so that it can be searched for there: no exponent, to 1 µs."""
+    """A time of a log's clock, s, as it stands in the log, so that it can be searched for there: no exponent,
+    to 1 µs.
+    """
     # A Unix time in binary64 has no more digits.
     return np.format_float_positional(np.round(t, 6), trim="-")
 

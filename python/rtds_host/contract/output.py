@@ -20,7 +20,9 @@ def _reason(error: OSError) -> str:
 
 
 def _scratch_place(target: Path) -> Path:
-    """Where a scratch folder can be moved from: beside the target, or inside where it is a mount or its parent is shut."""
+    """Where a scratch folder can be moved from: beside the target, or inside where it is a mount or its parent
+    is shut.
+    """
     if target.is_dir():
         beside = os.access(target.parent, os.W_OK | os.X_OK) and target.parent.stat().st_dev == target.stat().st_dev
         return target.parent if beside else target
@@ -28,7 +30,9 @@ def _scratch_place(target: Path) -> Path:
 
 
 def _keep(folder: Path) -> None:
-    """Have all that is below a folder on the disk: else a machine that goes down may leave a name without its content."""
+    """Have all that is below a folder on the disk: else a machine that goes down may leave a name without its
+    content.
+    """
     for top, _, files in os.walk(folder):
         for path in (top, *(os.path.join(top, name) for name in files)):
             handle = os.open(path, os.O_RDONLY)
@@ -77,7 +81,8 @@ def refuse_inputs(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> Non
 
     Parameters
     ----------
-    outputs : files to be written, and folders to be filled. inputs : files and folders to be read; None is passed over. None
+    outputs : files to be written, and folders to be filled. inputs : files and folders to be read; None is passed over.
+    None
         of all need exist.
 
     Raises
@@ -111,7 +116,8 @@ def staged_folder(target: str | os.PathLike, replace: bool = False, owned: Colle
     target : folder to fill; made if missing. Files already there that the block did not write are kept,
         unless `replace`.
     replace : drop what was in `target` before.
-    owned : names of files that go when the block did not write them: an earlier output's, which would pass for this one's.
+    owned : names of files that go when the block did not write them: an earlier output's, which would pass for this
+    one's.
 
     Raises
     ------
@@ -185,14 +191,15 @@ def write_atomic(path: str | os.PathLike, data: str | bytes) -> None:
         stream = os.fdopen(handle, "wb", buffering=0)
         view = memoryview(content)
         while view:
-            view = view[stream.write(view):]
+            view = view[stream.write(view) :]
         os.fsync(handle)
         os.chmod(scratch, 0o644)
         os.replace(scratch, path)
         scratch = None
     except OSError as error:
-        raise OutputError(f"{error.filename if isinstance(error, (FileExistsError, NotADirectoryError)) else path}: "
-                          f"{_reason(error)}") from error
+        raise OutputError(
+            f"{error.filename if isinstance(error, (FileExistsError, NotADirectoryError)) else path}: {_reason(error)}"
+        ) from error
     finally:
         if scratch is not None and os.path.exists(scratch):
             os.unlink(scratch)

@@ -19,8 +19,17 @@ TINY = 1e-15
 
 # Channel of a log -> key of its noise in [sensors] (contract, section 2).
 NOISE_KEYS = {
-    "i_l": "i_a", "i_r": "i_a", "w_l": "w_rad_s", "w_r": "w_rad_s", "th_l": "th_rad", "th_r": "th_rad",
-    "gyro_z": "gyro_rad_s", "x": "xy_m", "y": "xy_m", "yaw": "yaw_rad", "v_bus": "v_bus_v",
+    "i_l": "i_a",
+    "i_r": "i_a",
+    "w_l": "w_rad_s",
+    "w_r": "w_rad_s",
+    "th_l": "th_rad",
+    "th_r": "th_rad",
+    "gyro_z": "gyro_rad_s",
+    "x": "xy_m",
+    "y": "xy_m",
+    "yaw": "yaw_rad",
+    "v_bus": "v_bus_v",
 }
 
 
@@ -126,8 +135,14 @@ class _Section:
     def fail(self, key: str, what: str) -> InputError:
         return InputError(f"{self.path}: [{self.name}] {key}: {what}")
 
-    def number(self, key: str, default: float | None = None, low: float = -math.inf, high: float = math.inf,
-               positive: bool = False) -> float:
+    def number(
+        self,
+        key: str,
+        default: float | None = None,
+        low: float = -math.inf,
+        high: float = math.inf,
+        positive: bool = False,
+    ) -> float:
         if key not in self.table:
             if default is not None:
                 return default
@@ -191,15 +206,19 @@ def builtin_robot_path(name: str) -> Path:
     path = folder / f"{name}.toml"
     if not path.is_file():
         known = builtin_robots()
-        raise InputError(f"robot {name!r}: unknown (known: {', '.join(known)}; or give the path of a robot.toml)"
-                         f"{did_you_mean(name, known)}")
+        raise InputError(
+            f"robot {name!r}: unknown (known: {', '.join(known)}; or give the path of a robot.toml)"
+            f"{did_you_mean(name, known)}"
+        )
     return path
 
 
 def builtin_robots() -> tuple[str, ...]:
     """Names of the robots that come with the package: the contract's two, then the others by name."""
     found = {path.stem for path in (Path(str(resources.files("rtds_host.contract"))) / "robots").glob("*.toml")}
-    return tuple(sorted(found, key=lambda name: (("burger", "paper").index(name) if name in ("burger", "paper") else 2, name)))
+    return tuple(
+        sorted(found, key=lambda name: (("burger", "paper").index(name) if name in ("burger", "paper") else 2, name))
+    )
 
 
 def _parse(path: Path, data: dict) -> Robot:
@@ -276,8 +295,11 @@ def _parse(path: Path, data: dict) -> Robot:
             metres_per_rad=table.number("metres_per_rad", None if kind == "linear" else 0.0, low=-1e3, high=1e3),
             zero_rad=table.number("zero_rad", 0.0, low=-1e6, high=1e6),
         )
-        load = {"inertia": axis.inertia_kg_m2, "pendulum": axis.inertia_kg_m2 + axis.mass_kg * axis.length_m**2,
-                "linear": axis.mass_kg * axis.metres_per_rad**2}[kind]
+        load = {
+            "inertia": axis.inertia_kg_m2,
+            "pendulum": axis.inertia_kg_m2 + axis.mass_kg * axis.length_m**2,
+            "linear": axis.mass_kg * axis.metres_per_rad**2,
+        }[kind]
         if load + motor.rotor_inertia_kg_m2 * motor.gear_ratio**2 <= 0:
             raise InputError(f"{path}: [axis]: load and rotor have no inertia at all")
 
@@ -285,29 +307,56 @@ def _parse(path: Path, data: dict) -> Robot:
     if driver.mode == "speed":
         table = section("servo")
         declared = {"kp_v_s_per_rad", "ki_v_per_rad"} <= table.table.keys()
-        # A loop that asks for the whole supply at an error of the no-load speed, and takes a fifth of a second to settle.
+        # A loop that asks for the whole supply at an error of the no-load speed, and takes a fifth of a second to
+        # settle.
         guess = motor.back_emf_constant_v_s_per_rad * motor.gear_ratio
         servo = Servo(
             kp_v_s_per_rad=table.number("kp_v_s_per_rad", guess, low=0.0, high=1e9),
             ki_v_per_rad=table.number("ki_v_per_rad", 5.0 * guess, low=0.0, high=1e9),
             limit_v=table.number("limit_v", positive=True, high=1e4),
-            # The replay takes each of the loop's steps: a period in other units than seconds would keep it busy for ever.
+            # The replay takes each of the loop's steps: a period in other units than seconds would keep it busy for
+            # ever.
             period_s=table.number("period_s", positive=True, low=1e-5, high=10.0),
             declared=declared,
         )
 
     table = section("sensors")
-    sensors = {key: table.number(key, positive=True, high=1e9) for key in sorted(set(NOISE_KEYS.values())) if key in table.table}
-    return Robot(name=str(data.get("name", path.parent.name or path.stem)), motor=motor, supply_v=supply_v,
-                 chassis=chassis, axis=axis, driver=driver, servo=servo, sensors=sensors, notices=_strange(path, data))
+    sensors = {
+        key: table.number(key, positive=True, high=1e9)
+        for key in sorted(set(NOISE_KEYS.values()))
+        if key in table.table
+    }
+    return Robot(
+        name=str(data.get("name", path.parent.name or path.stem)),
+        motor=motor,
+        supply_v=supply_v,
+        chassis=chassis,
+        axis=axis,
+        driver=driver,
+        servo=servo,
+        sensors=sensors,
+        notices=_strange(path, data),
+    )
 
 
 def _strange(path: Path, data: dict) -> tuple[str, ...]:
     """Notices of tables and keys that the contract does not name: a slip of the pen would pass for a default."""
-    known = {name: {f.name for f in fields(kind)}
-             for name, kind in (("motor", Motor), ("chassis", Chassis), ("axis", Axis), ("driver", Driver), ("servo", Servo))}
+    known = {
+        name: {f.name for f in fields(kind)}
+        for name, kind in (("motor", Motor), ("chassis", Chassis), ("axis", Axis), ("driver", Driver), ("servo", Servo))
+    }
     known |= {"supply": {"voltage_v"}, "sensors": set(NOISE_KEYS.values())}
-    found = [f"{path.name}: {name!r} is not in the contract, ignored" for name in data
-             if name not in known and name not in ("schema", "name")]
-    return tuple(found + [f"{path.name}: [{name}] {key} is not in the contract, ignored"
-                          for name in known for key in data.get(name, ()) if key not in known[name]])
+    found = [
+        f"{path.name}: {name!r} is not in the contract, ignored"
+        for name in data
+        if name not in known and name not in ("schema", "name")
+    ]
+    return tuple(
+        found
+        + [
+            f"{path.name}: [{name}] {key} is not in the contract, ignored"
+            for name in known
+            for key in data.get(name, ())
+            if key not in known[name]
+        ]
+    )

@@ -52,8 +52,14 @@ class RunMeta:
 
     def to_json(self) -> dict:
         """The content of `run.json`."""
-        return {"schema": SCHEMA, "scenario": self.scenario, "payload_kg": self.payload_kg,
-                "slope_rad": self.slope_rad, "uphill_yaw_rad": self.uphill_yaw_rad, "notes": self.notes}
+        return {
+            "schema": SCHEMA,
+            "scenario": self.scenario,
+            "payload_kg": self.payload_kg,
+            "slope_rad": self.slope_rad,
+            "uphill_yaw_rad": self.uphill_yaw_rad,
+            "notes": self.notes,
+        }
 
 
 @dataclass(frozen=True)
@@ -61,9 +67,10 @@ class RunLog:
     """One recorded run.
 
     `t` (n,) s, strictly increasing; `columns`: name -> (n,) float64 with NaN where a row has no sample
-    (commands never have NaN: an empty cell keeps the last); `notices`: what was ignored or repaired; `unsure`: what a sample has
-    beyond its channel's noise, name -> (n,) one standard deviation in the channel's unit, where it has any; `since_s`: how long the
-    recording had gone on when this run began, s: of one that was cut, what it lost of its battery by then.
+    (commands never have NaN: an empty cell keeps the last); `notices`: what was ignored or repaired; `unsure`: what a
+    sample has beyond its channel's noise, name -> (n,) one standard deviation in the channel's unit, where it has any;
+    `since_s`: how long the recording had gone on when this run began, s: of one that was cut, what it lost of its
+    battery by then.
     """
 
     name: str
@@ -83,8 +90,12 @@ class RunLog:
     def rows(self, first: int, last: int) -> RunLog:
         """Rows first <= k < last as a run of the same name, with the times they have."""
         part = slice(first, last)
-        return replace(self, t=self.t[part], columns={c: v[part] for c, v in self.columns.items()},
-                       unsure={c: v[part] for c, v in self.unsure.items()})
+        return replace(
+            self,
+            t=self.t[part],
+            columns={c: v[part] for c, v in self.columns.items()},
+            unsure={c: v[part] for c, v in self.unsure.items()},
+        )
 
     def noise(self, channel: str, sigma: float, rows: np.ndarray) -> np.ndarray:
         """One standard deviation of a channel's samples in some rows, of one that is `sigma` everywhere else."""
@@ -129,8 +140,10 @@ def read_json(path: Path) -> object:
 def _meta_content(path: Path) -> dict:
     data = read_json(path)
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
-        raise InputError(f"{path}: schema: is {data.get('schema') if isinstance(data, dict) else data!r}, "
-                         f"this program reads {SCHEMA!r}")
+        raise InputError(
+            f"{path}: schema: is {data.get('schema') if isinstance(data, dict) else data!r}, "
+            f"this program reads {SCHEMA!r}"
+        )
     return data
 
 
@@ -161,9 +174,13 @@ def _meta(path: Path, data: dict) -> RunMeta:
             raise InputError(f"{path}: {key}: is {value!r}, a text is needed")
         return value or ""
 
-    return RunMeta(scenario=text("scenario"), payload_kg=number("payload_kg", 0.0, 1e4),
-                   slope_rad=number("slope_rad", -1.2, 1.2), uphill_yaw_rad=number("uphill_yaw_rad", -100.0, 100.0),
-                   notes=text("notes"))
+    return RunMeta(
+        scenario=text("scenario"),
+        payload_kg=number("payload_kg", 0.0, 1e4),
+        slope_rad=number("slope_rad", -1.2, 1.2),
+        uphill_yaw_rad=number("uphill_yaw_rad", -100.0, 100.0),
+        notes=text("notes"),
+    )
 
 
 def _value(cell: str) -> float:
@@ -246,10 +263,10 @@ def _read_csv(path: Path) -> _Table:
             final = number + len(lines) - 1
             if lines[-1].count(",") != len(names) - 1:
                 raise InputError(f"{path}: row {final}: ends in the middle, the file is truncated")
-            before = [*last, *(line.rsplit(",", 1)[-1] for line in lines[-CELLS_BEFORE - 1:-1] if line)]
+            before = [*last, *(line.rsplit(",", 1)[-1] for line in lines[-CELLS_BEFORE - 1 : -1] if line)]
             if before and len(lines[-1].rsplit(",", 1)[-1]) < max(map(len, before)):
                 cut = final
-                lines[-1] = "" if names[-1] == "t" else lines[-1][:lines[-1].rfind(",") + 1]
+                lines[-1] = "" if names[-1] == "t" else lines[-1][: lines[-1].rfind(",") + 1]
                 notices.append(f"{path.name}: row {final} ends inside its last cell, it is set aside")
         full = np.flatnonzero([bool(line) for line in lines])
         if full.size:
@@ -257,19 +274,23 @@ def _read_csv(path: Path) -> _Table:
             rows.append(full + number)
             count += full.size
             if count * max(len(wanted), 1) * 8 > LARGEST_BYTES:
-                raise InputError(f"{path}: row {number}: too long, more than {LARGEST_BYTES / 2**30:.2g} GiB of numbers "
-                                 "in one run; make several runs of it")
+                raise InputError(
+                    f"{path}: row {number}: too long, more than {LARGEST_BYTES / 2**30:.2g} GiB of numbers "
+                    "in one run; make several runs of it"
+                )
         last.extend(line.rsplit(",", 1)[-1] for line in lines[-CELLS_BEFORE:] if line)
         number += len(lines)
         more = None if cut else next(blocks, None)
         if more is None:
             break
         lines, ended = more
-    columns = {name: np.concatenate([part[:, k] for part in parts]) if parts else np.empty(0)
-               for k, name in enumerate(wanted)}
+    columns = {
+        name: np.concatenate([part[:, k] for part in parts]) if parts else np.empty(0) for k, name in enumerate(wanted)
+    }
     found = np.concatenate(rows) if rows else np.empty(0, int)
-    return _Table(columns, [name for name in names if name not in COLUMNS], found, notices,
-                  cut is not None and cut in found[-1:])
+    return _Table(
+        columns, [name for name in names if name not in COLUMNS], found, notices, cut is not None and cut in found[-1:]
+    )
 
 
 def _block(path: Path, names: list[str], wanted: list[str], lines: list[str], numbers: np.ndarray) -> np.ndarray:
@@ -283,8 +304,10 @@ def _block(path: Path, names: list[str], wanted: list[str], lines: list[str], nu
             table = arrow.read_csv(
                 io.BytesIO(body.encode()),
                 read_options=arrow.ReadOptions(column_names=names, use_threads=False, block_size=len(body) + 1),
-                convert_options=arrow.ConvertOptions(include_columns=wanted, null_values=[""],
-                                                     column_types={name: pa.float64() for name in wanted}))
+                convert_options=arrow.ConvertOptions(
+                    include_columns=wanted, null_values=[""], column_types={name: pa.float64() for name in wanted}
+                ),
+            )
             result = np.column_stack([table.column(name).to_numpy() for name in wanted])
             empty = sum(table.column(name).null_count for name in wanted)
             if table.num_rows == len(lines) and np.isfinite(result).sum() == result.size - empty:
@@ -297,8 +320,10 @@ def _block(path: Path, names: list[str], wanted: list[str], lines: list[str], nu
     for k, line in enumerate(lines):
         row = _cells(path, int(numbers[k]), line)
         if len(row) != len(names):
-            raise InputError(f"{path}: row {numbers[k]}: has {len(row)} cells, the header names {len(names)}"
-                             + (", the file is truncated" if k == len(lines) - 1 else ""))
+            raise InputError(
+                f"{path}: row {numbers[k]}: has {len(row)} cells, the header names {len(names)}"
+                + (", the file is truncated" if k == len(lines) - 1 else "")
+            )
         for j, column in enumerate(at):
             cell = row[column].strip()
             if not cell:
@@ -308,8 +333,9 @@ def _block(path: Path, names: list[str], wanted: list[str], lines: list[str], nu
             except ValueError as error:
                 raise InputError(f"{path}: row {numbers[k]}: {wanted[j]} is {cell!r}, no number") from error
             if not math.isfinite(value):
-                raise InputError(f"{path}: row {numbers[k]}: {wanted[j]} is {cell}, leave a cell empty where there is "
-                                 "no sample")
+                raise InputError(
+                    f"{path}: row {numbers[k]}: {wanted[j]} is {cell}, leave a cell empty where there is no sample"
+                )
             result[k, j] = value
     return result
 
@@ -348,18 +374,28 @@ def _read_parquet(path: Path) -> _Table:
                     raise InputError(f"{path}: column {name}: holds {kind}, numbers are needed")
             # A few bytes may unpack to anything: what the file says of itself is looked at before it is unpacked.
             groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
-            unpacked = max(sum(g.column(k).total_uncompressed_size for g in groups for k in range(g.num_columns)
-                               if g.column(k).path_in_schema in wanted),
-                           8 * file.metadata.num_rows * max(len(wanted), 1))
+            unpacked = max(
+                sum(
+                    g.column(k).total_uncompressed_size
+                    for g in groups
+                    for k in range(g.num_columns)
+                    if g.column(k).path_in_schema in wanted
+                ),
+                8 * file.metadata.num_rows * max(len(wanted), 1),
+            )
             if unpacked > LARGEST_BYTES:
-                raise InputError(f"{path}: would unpack to {unpacked / 2**30:.3g} GiB ({file.metadata.num_rows} rows), at "
-                                 f"most {LARGEST_BYTES / 2**30:.2g} GiB are read; make several runs of it")
+                raise InputError(
+                    f"{path}: would unpack to {unpacked / 2**30:.3g} GiB ({file.metadata.num_rows} rows), at "
+                    f"most {LARGEST_BYTES / 2**30:.2g} GiB are read; make several runs of it"
+                )
             table = file.read(columns=wanted, use_threads=False)
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from error
     # Integers of nanoseconds are no doubles to the last digit.
-    columns = {name: np.asarray(table.column(name).cast(pa.float64(), safe=False).to_numpy(), dtype=float).copy()
-               for name in wanted}
+    columns = {
+        name: np.asarray(table.column(name).cast(pa.float64(), safe=False).to_numpy(), dtype=float).copy()
+        for name in wanted
+    }
     return _Table(columns, [name for name in names if name not in COLUMNS], np.arange(1, table.num_rows + 1), [])
 
 
@@ -385,7 +421,10 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
     table = _read_csv(path) if path.suffix == ".csv" else _read_parquet(path)
     columns, rows = table.columns, table.rows
     notices = [f"run.json: key {key!r} is not in the contract, ignored" for key in about if key not in META_KEYS]
-    notices += [f"{path.name}: column {name!r} is not in the contract, ignored{did_you_mean(name, COLUMNS)}" for name in table.ignored]
+    notices += [
+        f"{path.name}: column {name!r} is not in the contract, ignored{did_you_mean(name, COLUMNS)}"
+        for name in table.ignored
+    ]
     notices += table.notices
 
     mode = robot.driver.mode if robot else "voltage"
@@ -395,7 +434,9 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
         if name not in columns:
             raise InputError(f"{path}: column {name}: missing")
     if robot and robot.driver.bus == "measured" and not np.isfinite(columns.get("v_bus", np.array([]))).any():
-        notices.append(f"{path.name}: no v_bus, though [driver] bus is \"measured\": the nominal voltage stands in for it")
+        notices.append(
+            f'{path.name}: no v_bus, though [driver] bus is "measured": the nominal voltage stands in for it'
+        )
     if need_measured and not any(f"{c}_{s}" in columns for c in ("w", "th") for s in sides):
         raise InputError(f"{path}: neither w_* nor th_* is there, a diagnosis needs at least one of them")
 
@@ -411,20 +452,24 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
         k = back[0]
         # Unix times in single precision stand still for two minutes, with six digits for a quarter of an hour.
         few = ": too few digits for times since 1970?" if t[k] > SINCE_2000_S else ""
-        raise InputError(f"{path}: row {rows[k + 1]}: time goes back or stands still ({t[k]:.12g} s, then "
-                         f"{t[k + 1]:.12g} s){few}")
+        raise InputError(
+            f"{path}: row {rows[k + 1]}: time goes back or stands still ({t[k]:.12g} s, then {t[k + 1]:.12g} s){few}"
+        )
     late = np.flatnonzero(t / 2 - t[0] / 2 > LONGEST_S / 2)
     if late.size:
         unit = likely_unit(2.0 * float(np.median(np.diff(t / 2))))
-        raise InputError(f"{path}: row {rows[late[0]]}: t is {t[late[0]]:.12g}, more than {LONGEST_S:g} s after the "
-                         f"first row ({f'is it in {unit}?' if unit else 'a jump of the clock, or not in seconds?'})")
+        raise InputError(
+            f"{path}: row {rows[late[0]]}: t is {t[late[0]]:.12g}, more than {LONGEST_S:g} s after the "
+            f"first row ({f'is it in {unit}?' if unit else 'a jump of the clock, or not in seconds?'})"
+        )
     for name, values in columns.items():
         limit = ABSURD_COMMAND if name in required else ABSURD
         wrong = np.flatnonzero(np.abs(values) > limit)
         if wrong.size:
             volts = ", in millivolts?" if name.startswith("v_") and abs(values[wrong[0]]) < 1e3 * limit else ""
-            raise InputError(f"{path}: row {rows[wrong[0]]}: {name} is {values[wrong[0]]:g}, beyond anything "
-                             f"possible{volts}")
+            raise InputError(
+                f"{path}: row {rows[wrong[0]]}: {name} is {values[wrong[0]]:g}, beyond anything possible{volts}"
+            )
     t, columns = t[:whole], {name: values[:whole] for name, values in columns.items()}
     for name in required:
         values = columns[name]
@@ -458,16 +503,19 @@ def read_case(folder: str | os.PathLike, need_measured: bool = True) -> Case:
             continue
         own = sub / "robot.toml"
         if own.is_file() and load_robot(own) != robot:
-            raise InputError(f"{own}: describes another robot than {folder / 'robot.toml'}; "
-                             "all runs of a case belong to one robot")
+            raise InputError(
+                f"{own}: describes another robot than {folder / 'robot.toml'}; all runs of a case belong to one robot"
+            )
         runs.append(read_run(sub, robot, need_measured))
         notices += [f"{sub.name}/{notice}" for notice in runs[-1].notices]
     if not runs:
         raise InputError(f"{folder}: holds no run (a sub-folder with run.json)")
     wheels = [f"{c}_{s}" for c in ("w", "th") for s in robot.sides]
     if need_measured and not any(robot.noise(c) for run in runs for c in wheels if c in run.columns):
-        raise InputError(f"{folder / 'robot.toml'}: [sensors] names the noise of no w_* or th_* that the runs hold, a "
-                         "diagnosis has no unit to count in")
+        raise InputError(
+            f"{folder / 'robot.toml'}: [sensors] names the noise of no w_* or th_* that the runs hold, a "
+            "diagnosis has no unit to count in"
+        )
     return Case(name=folder.resolve().name, robot=robot, runs=tuple(runs), path=folder, notices=tuple(notices))
 
 
@@ -538,8 +586,9 @@ def write_run(folder: str | os.PathLike, meta: RunMeta, columns: Mapping[str, np
             import pyarrow as pa
             import pyarrow.parquet as pq
 
-            arrays = {name: pa.array(np.asarray(values, dtype=float), from_pandas=True)
-                      for name, values in columns.items()}
+            arrays = {
+                name: pa.array(np.asarray(values, dtype=float), from_pandas=True) for name, values in columns.items()
+            }
             pq.write_table(pa.table(arrays), scratch / "log.parquet", compression="zstd")
         else:
             write_csv(scratch / "log.csv", columns)

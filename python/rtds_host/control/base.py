@@ -29,8 +29,9 @@ class Controller(Protocol):
 
     name: str
 
-    def command(self, seen: Observation, now_rad_s: np.ndarray, wanted_rad_s: np.ndarray,
-                interval_s: float) -> np.ndarray:
+    def command(
+        self, seen: Observation, now_rad_s: np.ndarray, wanted_rad_s: np.ndarray, interval_s: float
+    ) -> np.ndarray:
         """Voltages (2,) V to hold over the coming interval.
 
         `now_rad_s` (2,) is the reference at its start, `wanted_rad_s` (2,) the one at its end.

@@ -1,4 +1,6 @@
-"""The default controller: exact inverse of the motor with inputs held, and an estimate of the torque it did not know."""
+"""The default controller: exact inverse of the motor with inputs held, and an estimate of the torque it did not
+know.
+"""
 
 from __future__ import annotations
 
@@ -33,10 +35,15 @@ class ExactController:
     name = "exact"
 
     def __init__(self, motor: Motor, limit_v: float):
-        a = np.array([[-motor.resistance_ohm / motor.inductance_h,
-                       -motor.back_emf_constant_v_s_per_rad / motor.inductance_h],
-                      [motor.torque_constant_nm_per_a / motor.rotor_inertia_kg_m2,
-                       -motor.viscous_friction_nm_s_per_rad / motor.rotor_inertia_kg_m2]])
+        a = np.array(
+            [
+                [-motor.resistance_ohm / motor.inductance_h, -motor.back_emf_constant_v_s_per_rad / motor.inductance_h],
+                [
+                    motor.torque_constant_nm_per_a / motor.rotor_inertia_kg_m2,
+                    -motor.viscous_friction_nm_s_per_rad / motor.rotor_inertia_kg_m2,
+                ],
+            ]
+        )
         b = np.array([[1.0 / motor.inductance_h, 0.0], [0.0, -1.0 / motor.rotor_inertia_kg_m2]])
         self._generator = np.block([[a, b], [np.zeros((2, 4))]])
         electrical = motor.torque_constant_nm_per_a * motor.back_emf_constant_v_s_per_rad / motor.resistance_ohm
@@ -57,8 +64,9 @@ class ExactController:
         decay = np.exp(-interval_s / self._mechanical_s)
         return interval_s / (1.0 - decay) - self._mechanical_s - 0.5 * interval_s
 
-    def command(self, seen: Observation, now_rad_s: np.ndarray, wanted_rad_s: np.ndarray,
-                interval_s: float) -> np.ndarray:
+    def command(
+        self, seen: Observation, now_rad_s: np.ndarray, wanted_rad_s: np.ndarray, interval_s: float
+    ) -> np.ndarray:
         if self._foretold is not None:
             self._missed_nm = self._missed_nm + TRUST * (seen.speeds_rad_s - self._foretold) / self._gain
         step = self._step(interval_s)

@@ -24,13 +24,17 @@ class PaperController:
     def __init__(self, motor: Motor, limit_v: float):
         self._motor, self._limit = motor, limit_v
 
-    def command(self, seen: Observation, now_rad_s: np.ndarray, wanted_rad_s: np.ndarray,
-                interval_s: float) -> np.ndarray:
+    def command(
+        self, seen: Observation, now_rad_s: np.ndarray, wanted_rad_s: np.ndarray, interval_s: float
+    ) -> np.ndarray:
         m, h = self._motor, interval_s
         electrical = m.inductance_h + h * m.resistance_ohm
-        determinant = (electrical * (m.rotor_inertia_kg_m2 + h * m.viscous_friction_nm_s_per_rad)
-                       + h * h * m.back_emf_constant_v_s_per_rad * m.torque_constant_nm_per_a)
+        determinant = (
+            electrical * (m.rotor_inertia_kg_m2 + h * m.viscous_friction_nm_s_per_rad)
+            + h * h * m.back_emf_constant_v_s_per_rad * m.torque_constant_nm_per_a
+        )
         free = electrical * (m.rotor_inertia_kg_m2 * seen.speeds_rad_s - h * seen.torques_nm)
-        volts = ((wanted_rad_s * determinant - free) / (h * m.torque_constant_nm_per_a)
-                 - m.inductance_h * seen.currents_a) / h
+        volts = (
+            (wanted_rad_s * determinant - free) / (h * m.torque_constant_nm_per_a) - m.inductance_h * seen.currents_a
+        ) / h
         return np.clip(volts, -self._limit, self._limit)

@@ -2,9 +2,9 @@
 
     python -m rtds_host.correction.agreement --help
 
-Every effect of the catalogue is switched on at a size met in practice, and one designed run is driven from its commands twice:
-in the real-time simulator (motor units in a link, robot in a physics engine) and in the replay, at a fine step. The
-difference is a gap as the contract's section 4 measures it: 1 is the sensors' own noise.
+Every effect of the catalogue is switched on at a size met in practice, and one designed run is driven from its commands
+twice: in the real-time simulator (motor units in a link, robot in a physics engine) and in the replay, at a fine step.
+The difference is a gap as the contract's section 4 measures it: 1 is the sensors' own noise.
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ from rtds_host.robot import default_engine
 BOUND = 0.1
 # Wider where a reason is known.
 WIDER = {
-    "backlash": (2.0, "a sample that falls on an impact shows the speed before it in the one and after it in the other"),
+    "backlash": (
+        2.0,
+        "a sample that falls on an impact shows the speed before it in the one and after it in the other",
+    ),
 }
 # Sizes where the catalogue's middle start would not be met on this run.
 SIZES = {
@@ -60,8 +63,8 @@ START, END = "<!-- agreement: begin -->", "<!-- agreement: end -->"
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table. `size`: how far the effect itself moves the replay; `apart`: simulator against replay; `worst`:
-    the channel that differs most, and by how much; all in units of noise."""
+    """One line of the table. `size`: how far the effect itself moves the replay; `apart`: simulator against replay;
+    `worst`: the channel that differs most, and by how much; all in units of noise."""
 
     effect: str
     side: str
@@ -79,8 +82,8 @@ class Row:
 
 
 def designed_run(seconds: float = SECONDS) -> RunLog:
-    """A run that shows every effect: steps with reversals, a slow crawl through zero, turning on the spot; on a slope, with
-    payload, from wheel angles that are not zero."""
+    """A run that shows every effect: steps with reversals, a slow crawl through zero, turning on the spot; on a slope,
+    with payload, from wheel angles that are not zero."""
     t = np.arange(round(seconds / STEP_S) + 1) * STEP_S
     rng = np.random.default_rng(7)
     levels = np.array([[8.0, 8.0], [-5.0, -7.0], [9.0, 6.0], [3.0, 4.0], [-8.0, -8.0], [0.0, 0.0]])
@@ -108,8 +111,10 @@ def measured(log: RunLog, out: np.ndarray) -> RunLog:
 def values_of(effect: str) -> dict[str, float]:
     """The size at which an effect is compared."""
     given = SIZES.get(effect, {})
-    return {p.name: given.get(p.name, p.starts[len(p.starts) // 2])
-            for p in catalogue(builtin_robot("burger"))[effect].parameters}
+    return {
+        p.name: given.get(p.name, p.starts[len(p.starts) // 2])
+        for p in catalogue(builtin_robot("burger"))[effect].parameters
+    }
 
 
 def sides_of(effect: str) -> tuple[str, ...]:
@@ -139,7 +144,9 @@ def compare(effect: str, side: str, log: RunLog, robot: Robot, setting: Setting)
     return Row(effect, side, values, CATALOGUE[effect].runs_in, size, apart, (worst, channels[worst]), bound, reason)
 
 
-def rows(effects: Iterable[str] | None = None, setting: Setting | None = None, seconds: float = SECONDS) -> Iterator[Row]:
+def rows(
+    effects: Iterable[str] | None = None, setting: Setting | None = None, seconds: float = SECONDS
+) -> Iterator[Row]:
     """The table's lines, in the catalogue's order by subsystem.
 
     Raises
@@ -149,8 +156,9 @@ def rows(effects: Iterable[str] | None = None, setting: Setting | None = None, s
     names = list(effects or sorted(CATALOGUE, key=lambda e: (CATALOGUE[e].subsystem, e)))
     for name in names:
         if name not in CATALOGUE:
-            raise InputError(f"effect {name!r}: not in the catalogue (`rtds effects` lists it)"
-                             f"{did_you_mean(name, CATALOGUE)}")
+            raise InputError(
+                f"effect {name!r}: not in the catalogue (`rtds effects` lists it){did_you_mean(name, CATALOGUE)}"
+            )
     robot, log = builtin_robot("burger"), designed_run(seconds)
     for name in names:
         for side in sides_of(name):
@@ -161,12 +169,16 @@ def markdown(found: list[Row]) -> str:
     """The table as Markdown."""
     from rtds_host.correction.translate import PLACE_NAMES
 
-    lines = ["| effect | side | size | runs in | moves the run by | simulator less replay | most in | bound |",
-             "|---|---|---|---|---|---|---|---|"]
+    lines = [
+        "| effect | side | size | runs in | moves the run by | simulator less replay | most in | bound |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
     for row in found:
         size = ", ".join(f"{name} {value:g}" for name, value in row.values.items())
-        lines.append(f"| `{row.effect}` | {row.side} | {size} | {PLACE_NAMES[row.runs_in]} | {row.size:.3g} | {row.apart:.2g} | "
-                     f"`{row.worst[0]}` {row.worst[1]:.2g} | {row.bound:g}{'' if row.within else ' (missed)'} |")
+        lines.append(
+            f"| `{row.effect}` | {row.side} | {size} | {PLACE_NAMES[row.runs_in]} | {row.size:.3g} | {row.apart:.2g} | "
+            f"`{row.worst[0]}` {row.worst[1]:.2g} | {row.bound:g}{'' if row.within else ' (missed)'} |"
+        )
     reasons = dict.fromkeys((row.effect, row.reason) for row in found if row.reason)
     lines += [f"\n`{effect}`: {reason}." for effect, reason in reasons]
     return "\n".join(lines) + "\n"
@@ -183,14 +195,19 @@ def main(
     into: Annotated[Path | None, typer.Option(help="Page to put the table into, between its marks.")] = None,
 ) -> None:
     """Compare the simulator with the replay for every effect; status 1 where a bound is missed."""
-    setting = Setting(link=link, link_options={"sim": "verilator", "step_clocks": "min"} if link == "rtl" else {},
-                      engine=engine)
+    setting = Setting(
+        link=link, link_options={"sim": "verilator", "step_clocks": "min"} if link == "rtl" else {}, engine=engine
+    )
     try:
         found = []
         for row in rows(effect, setting):
             found.append(row)
-            print(f"{row.effect:24} {row.side:6} moves {row.size:8.3g}  apart {row.apart:8.2g}  most in {row.worst[0]} "
-                  f"{row.worst[1]:.2g}{'' if row.within else '  BOUND MISSED'}", file=sys.stderr, flush=True)
+            print(
+                f"{row.effect:24} {row.side:6} moves {row.size:8.3g}  apart {row.apart:8.2g}  most in {row.worst[0]} "
+                f"{row.worst[1]:.2g}{'' if row.within else '  BOUND MISSED'}",
+                file=sys.stderr,
+                flush=True,
+            )
         table = markdown(found)
         if into is None:
             print(table, end="")

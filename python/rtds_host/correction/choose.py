@@ -34,8 +34,10 @@ def parse_effect(text: str, effects: dict[str, Effect]) -> tuple[str, str, dict[
     name, dot, rest = text.partition(".")
     effect = effects.get(name.strip())
     if effect is None:
-        raise InputError(f"--effect {text}: {name.strip()!r} is not in the catalogue (`rtds effects` lists it)"
-                         f"{did_you_mean(name.strip(), effects)}")
+        raise InputError(
+            f"--effect {text}: {name.strip()!r} is not in the catalogue (`rtds effects` lists it)"
+            f"{did_you_mean(name.strip(), effects)}"
+        )
     known = {p.name: p for p in effect.parameters}
     values, side, given = {p.name: p.null for p in effect.parameters}, "both", False
     for part in rest.split(",") if dot else ():
@@ -48,8 +50,10 @@ def parse_effect(text: str, effects: dict[str, Effect]) -> tuple[str, str, dict[
             side = number
             continue
         if key not in known:
-            raise InputError(f"--effect {text}: {key!r} is no parameter of {effect.id} (it has {', '.join(known)})"
-                             f"{did_you_mean(key, known)}")
+            raise InputError(
+                f"--effect {text}: {key!r} is no parameter of {effect.id} (it has {', '.join(known)})"
+                f"{did_you_mean(key, known)}"
+            )
         try:
             value = float(number)
         except ValueError:
@@ -59,11 +63,15 @@ def parse_effect(text: str, effects: dict[str, Effect]) -> tuple[str, str, dict[
         p = known[key]
         held = inside(value, p.low, p.high)
         if held is None:
-            raise InputError(f"--effect {text}: {key}: is {value:g}, it must lie within {p.low:g} to {p.high:g} {p.unit}")
+            raise InputError(
+                f"--effect {text}: {key}: is {value:g}, it must lie within {p.low:g} to {p.high:g} {p.unit}"
+            )
         values[key], given = held, True
     if not given:
-        raise InputError(f"--effect {text}: no value given, as in --effect {effect.id}.{effect.parameters[0].name}="
-                         f"{effect.parameters[0].starts[0]:g}")
+        raise InputError(
+            f"--effect {text}: no value given, as in --effect {effect.id}.{effect.parameters[0].name}="
+            f"{effect.parameters[0].starts[0]:g}"
+        )
     return effect.id, side, values
 
 
@@ -86,8 +94,10 @@ def choose(robot: Robot, diagnosis: Path | None = None, effects: list[str] | Non
         model = read_diagnosis(diagnosis, robot)
         data = read_json(Path(diagnosis))
         for entry in data.get("effects") or []:
-            values = {key: value["value"] if isinstance(value, dict) else value
-                      for key, value in (entry.get("parameters") or {}).items()}
+            values = {
+                key: value["value"] if isinstance(value, dict) else value
+                for key, value in (entry.get("parameters") or {}).items()
+            }
             names.append(effect_text(entry["id"], entry["side"], values))
         for suffix, values in (data.get("nominal_fit") or {}).items():
             names.append(f"nominal_fit {suffix}: " + ", ".join(f"{key}={value:.6g}" for key, value in values.items()))

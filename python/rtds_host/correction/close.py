@@ -50,7 +50,9 @@ def held_out(case: Case, names: list[str] | None) -> tuple[str, ...]:
     known = [run.name for run in case.runs]
     for name in names or []:
         if name not in known:
-            raise InputError(f"--hold-out {name}: the case has no such run (it has {', '.join(known)}){did_you_mean(name, known)}")
+            raise InputError(
+                f"--hold-out {name}: the case has no such run (it has {', '.join(known)}){did_you_mean(name, known)}"
+            )
     chosen = tuple(dict.fromkeys(names or known[-1:]))
     if len(known) == 1:
         return chosen
@@ -89,14 +91,26 @@ def _round(value: float | None, digits: int = 5) -> float | None:
     return None if value is None else float(f"{value:.{digits}g}")
 
 
-def close(case: Case, setting: Setting | None = None, diagnosis: dict | None = None, diagnosis_path: Path | None = None,
-          hold_out: list[str] | None = None, quick: bool = True, causes: bool = True, table: bool = False,
-          remainder: Remainder | None = None, threads: int = 2, seed: int = 1, progress: Progress | None = None) -> Result:
+def close(
+    case: Case,
+    setting: Setting | None = None,
+    diagnosis: dict | None = None,
+    diagnosis_path: Path | None = None,
+    hold_out: list[str] | None = None,
+    quick: bool = True,
+    causes: bool = True,
+    table: bool = False,
+    remainder: Remainder | None = None,
+    threads: int = 2,
+    seed: int = 1,
+    progress: Progress | None = None,
+) -> Result:
     """Diagnose a case, or take its diagnosis, and replay held-out runs in the real simulator.
 
     Parameters
     ----------
-    setting : of the simulator. diagnosis : content of a diagnosis.json and the path it was read from; without it the runs that
+    setting : of the simulator. diagnosis : content of a diagnosis.json and the path it was read from; without it the
+    runs that
         are not held out are diagnosed (`quick`: by a narrower search).
     hold_out : names of the runs to replay; by default the last one, with a given diagnosis all.
     causes : vary the simulator one thing at a time on the first of them, to say where it differs from the replay.
@@ -118,8 +132,13 @@ def close(case: Case, setting: Setting | None = None, diagnosis: dict | None = N
         if len(kept) == len(case.runs):
             notes.append("one run only: it was diagnosed and replayed, nothing is held out")
         fitted = replace(case, runs=kept)
-        diagnosis, _ = diagnose(fitted, quick=quick, threads=threads, seed=seed,
-                                progress=lambda stage, share: say(f"diagnosis: {stage}", 0.5 * share))
+        diagnosis, _ = diagnose(
+            fitted,
+            quick=quick,
+            threads=threads,
+            seed=seed,
+            progress=lambda stage, share: say(f"diagnosis: {stage}", 0.5 * share),
+        )
     else:
         names = held_out(case, hold_out) if hold_out else tuple(run.name for run in case.runs)
         fitted = case
@@ -140,15 +159,25 @@ def close(case: Case, setting: Setting | None = None, diagnosis: dict | None = N
     for k, log in enumerate(logs):
         start = inputs[log.name][-1]
         step = min(REPORT_STEP_S, model.step_s)
-        replayed = {"before": replay_run(nominal_model(robot), inputs[log.name], step),
-                    "after": replay_run(model, inputs[log.name], step)}
+        replayed = {
+            "before": replay_run(nominal_model(robot), inputs[log.name], step),
+            "after": replay_run(model, inputs[log.name], step),
+        }
         simulated = {}
         for name, wanted in (("before", None), ("after", model)):
             stage = f"{log.name}: {'nominal' if wanted is None else 'corrected'}"
             base = 0.5 + 0.5 * (k + (name == "after") * 0.5) / len(logs)
-            got = simulate(log, robot, wanted, setting, start, change if wanted is not None else None,
-                           lambda t, stage=stage, base=base, log=log: say(stage, base + 0.25 / len(logs)
-                                                                          * t / max(log.t[-1] - log.t[0], 1e-9)))
+            got = simulate(
+                log,
+                robot,
+                wanted,
+                setting,
+                start,
+                change if wanted is not None else None,
+                lambda t, stage=stage, base=base, log=log: say(
+                    stage, base + 0.25 / len(logs) * t / max(log.t[-1] - log.t[0], 1e-9)
+                ),
+            )
             simulated[name] = got.out
             notes += [note for note in got.notes if note not in notes]
         runs.append(Run(log, start, replayed, simulated))
@@ -196,12 +225,23 @@ def _content(case: Case, setting: Setting, diagnosis: dict, names: tuple[str, ..
     for name in ("before", "after"):
         total, by_channel = distance(case, ((r.log, r.replayed[name], r.simulated[name]) for r in runs))
         difference["nominal" if name == "before" else "corrected"] = {
-            "gap": _round(total), "channels": {c: _round(v) for c, v in by_channel.items()}}
+            "gap": _round(total),
+            "channels": {c: _round(v) for c, v in by_channel.items()},
+        }
     return {
-        "schema": SCHEMA, "case": case.name, "runs": list(names), "verdict": diagnosis["verdict"],
-        "effects": diagnosis.get("effects") or [], "nominal_fit": diagnosis.get("nominal_fit") or {},
-        "simulator": {"link": setting.link, "engine": setting.engine, "exchange_s": setting.exchange_steps * 1e-3,
-                      "foretold": setting.foretell, "step_s": setting.step_s},
+        "schema": SCHEMA,
+        "case": case.name,
+        "runs": list(names),
+        "verdict": diagnosis["verdict"],
+        "effects": diagnosis.get("effects") or [],
+        "nominal_fit": diagnosis.get("nominal_fit") or {},
+        "simulator": {
+            "link": setting.link,
+            "engine": setting.engine,
+            "exchange_s": setting.exchange_steps * 1e-3,
+            "foretold": setting.foretell,
+            "step_s": setting.step_s,
+        },
         "gap": {**gap, "share_of_replays_closure": _round(share), "channels": channels},
         "difference": difference,
     }
@@ -217,16 +257,24 @@ def _varied(setting: Setting, change: dict) -> Setting:
     return replace(setting, link="model", link_options={}, **values)
 
 
-def _causes(case: Case, model: Model, run: Run, inputs: tuple[np.ndarray, ...], setting: Setting,
-            change: Callable[[Correction, np.ndarray], Correction] | None) -> list[dict]:
+def _causes(
+    case: Case,
+    model: Model,
+    run: Run,
+    inputs: tuple[np.ndarray, ...],
+    setting: Setting,
+    change: Callable[[Correction, np.ndarray], Correction] | None,
+) -> list[dict]:
     """What each variation of the simulator moves, and how far it then lies from a replay of a very fine step."""
     log, start = run.log, run.start
     fine = replay_run(model, inputs, FINE_STEP_S)
     here = run.simulated["after"]
     own, _ = distance(case, [(log, fine, run.replayed["after"])])
     total, _ = distance(case, [(log, fine, here)])
-    rows = [{"varied": "nothing", "cause": "all that is left", "moves": 0.0, "from_replay": _round(total)},
-            {"varied": "the replay's step", "cause": "step of the replay", "moves": _round(own), "from_replay": None}]
+    rows = [
+        {"varied": "nothing", "cause": "all that is left", "moves": 0.0, "from_replay": _round(total)},
+        {"varied": "the replay's step", "cause": "step of the replay", "moves": _round(own), "from_replay": None},
+    ]
     for text, cause, values in VARIATIONS:
         try:
             out = simulate(log, case.robot, model, _varied(setting, values), start, change).out
@@ -257,12 +305,17 @@ def close_folder(folder: Path, out: Path, diagnosis: Path | None = None, figure:
         read_diagnosis(diagnosis, case.robot)
         given = read_json(diagnosis)
         if given.get("verdict") not in ("none", "known", "partial", "unknown"):
-            raise InputError(f"{diagnosis}: verdict: is {given.get('verdict')!r}, it must be none, known, partial or unknown")
+            raise InputError(
+                f"{diagnosis}: verdict: is {given.get('verdict')!r}, it must be none, known, partial or unknown"
+            )
     result = close(case, diagnosis=given, diagnosis_path=diagnosis, **options)
     with staged_folder(out) as scratch:
-        (scratch / "close.json").write_text(json.dumps(result.content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        (scratch / "diagnosis.json").write_text(json.dumps(result.diagnosis, indent=1, ensure_ascii=False) + "\n",
-                                                encoding="utf-8")
+        (scratch / "close.json").write_text(
+            json.dumps(result.content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+        )
+        (scratch / "diagnosis.json").write_text(
+            json.dumps(result.diagnosis, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+        )
         if figure:
             from rtds_host.correction.figure import draw
 

@@ -47,10 +47,16 @@ class BodyValues:
         slope = body.slope_rad + self.slope_extra_rad
         if not abs(slope) <= 0.7:
             raise InputError(f"slope: is {slope:g} rad with the effects, it must lie within -0.7 to 0.7")
-        changed = replace(body, mass_kg=self.mass_kg, yaw_inertia_kg_m2=self.yaw_inertia_kg_m2,
-                          wheel_radius_m=self.wheel_radius_m, wheel_inertia_kg_m2=self.wheel_inertia_kg_m2,
-                          track_width_m=self.track_width_m, com_m=(self.com_x_m, self.com_y_m, body.com_m[2]),
-                          slope_rad=slope)
+        changed = replace(
+            body,
+            mass_kg=self.mass_kg,
+            yaw_inertia_kg_m2=self.yaw_inertia_kg_m2,
+            wheel_radius_m=self.wheel_radius_m,
+            wheel_inertia_kg_m2=self.wheel_inertia_kg_m2,
+            track_width_m=self.track_width_m,
+            com_m=(self.com_x_m, self.com_y_m, body.com_m[2]),
+            slope_rad=slope,
+        )
         if self.mass_kg <= 0:
             raise InputError(f"mass: is {self.mass_kg:g} kg with the effects, it must be above 0")
         # `Body` counts the yaw inertia about the axle without the payload's share of the centre's offset.
@@ -59,8 +65,9 @@ class BodyValues:
 
     def at_wheels(self, payload_kg: float) -> np.ndarray:
         """Inertia (2, 2) kg m² at the wheels, their own spin included."""
-        return (inertia_of(self.mass_kg + payload_kg, self.com_y_m, self.yaw_inertia_kg_m2, self.wheel_radius_m,
-                           self.track_width_m)[0] + self.wheel_inertia_kg_m2 * np.eye(2))
+        return inertia_of(
+            self.mass_kg + payload_kg, self.com_y_m, self.yaw_inertia_kg_m2, self.wheel_radius_m, self.track_width_m
+        )[0] + self.wheel_inertia_kg_m2 * np.eye(2)
 
     @staticmethod
     def _least(body: Body) -> float:
@@ -130,11 +137,19 @@ class Correction:
         """
         changed = self.body.on(body)
         if any(g.backlash_rad or g.stiffness_nm_per_rad for g in self.gears):
-            return replace(changed, com_m=(*changed.com_m[:2], 0.0), tyre_friction=JOLTED_FRICTION, skid_arm_m=JOLTED_ARM_M)
+            return replace(
+                changed, com_m=(*changed.com_m[:2], 0.0), tyre_friction=JOLTED_FRICTION, skid_arm_m=JOLTED_ARM_M
+            )
         return changed
 
     def links_effects(self) -> dict:
         """Arguments of `Link.set_effects`."""
-        loaded = (unit if motor is None else replace(unit, motor=motor) for unit, motor in zip(self.units, self.carrying))
+        loaded = (
+            unit if motor is None else replace(unit, motor=motor) for unit, motor in zip(self.units, self.carrying)
+        )
         left, right = (None if unit.absent else unit for unit in loaded)
-        return {"left": left, "right": right, "supply": None if self.supply.absent and left is right is None else self.supply}
+        return {
+            "left": left,
+            "right": right,
+            "supply": None if self.supply.absent and left is right is None else self.supply,
+        }

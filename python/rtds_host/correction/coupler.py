@@ -28,8 +28,8 @@ Piece = tuple[np.ndarray, float]
 
 @dataclass(frozen=True)
 class Motion:
-    """What the motors did over one exchange: times s from its start (n,), speeds (n, 2) rad/s at the wheel's side of the
-    gear, currents (n, 2) A. The last row is the end."""
+    """What the motors did over one exchange: times s from its start (n,), speeds (n, 2) rad/s at the wheel's side of
+    the gear, currents (n, 2) A. The last row is the end."""
 
     t_s: np.ndarray
     speeds: np.ndarray
@@ -61,16 +61,26 @@ class Coupler:
     correction : what differs from the nominal robot; None: nothing.
     exchange_steps : engine steps between two exchanges of torques.
     foretell : give the motors the torque of the coming exchange, foretold; without it, that of the one before.
-    carried_kg_m2 : without a correction, the inertia at each wheel that the link's motors carry for the body beside their
+    carried_kg_m2 : without a correction, the inertia at each wheel that the link's motors carry for the body beside
+    their
         rotor (`rtds_host.robot.split`); a correction says so itself.
 
-    `carried` (2,) kg m²: what they carry. `gained` (2,) rad/s²: mean change of the rotors' speeds over the last exchange.
-    `sent` (2,) float32 N m at the shaft: torques of the last exchange; `load` (2,) N m: what the wheels took.
+    `carried` (2,) kg m²: what they carry. `gained` (2,) rad/s²: mean change of the rotors' speeds over the last
+    exchange. `sent` (2,) float32 N m at the shaft: torques of the last exchange; `load` (2,) N m: what the wheels took.
     `in_force` (2,) V: commands that act at its end, `now` s. `after_step` is called after each engine step.
     """
 
-    def __init__(self, robot: Robot, body: Body, link: Link, engine: Engine, correction: Correction | None = None,
-                 exchange_steps: int = 1, foretell: bool = True, carried_kg_m2: float = 0.0):
+    def __init__(
+        self,
+        robot: Robot,
+        body: Body,
+        link: Link,
+        engine: Engine,
+        correction: Correction | None = None,
+        exchange_steps: int = 1,
+        foretell: bool = True,
+        carried_kg_m2: float = 0.0,
+    ):
         self.link, self.engine = link, engine
         self.exchange_steps, self.foretell = exchange_steps, foretell
         self.gear = robot.motor.gear_ratio
@@ -84,9 +94,15 @@ class Coupler:
         self.grip = np.ones(2)
         for k in range(2):
             if gears[k] is not None:
-                self.side[k, :7] = (gears[k].stiffness_nm_per_rad, gears[k].damping_nm_s_per_rad,
-                                    gears[k].backlash_rad, gears[k].restitution, gears[k].slip_per_newton,
-                                    gears[k].slip_relaxation_m, gears[k].slip_damping_n_s_per_m)
+                self.side[k, :7] = (
+                    gears[k].stiffness_nm_per_rad,
+                    gears[k].damping_nm_s_per_rad,
+                    gears[k].backlash_rad,
+                    gears[k].restitution,
+                    gears[k].slip_per_newton,
+                    gears[k].slip_relaxation_m,
+                    gears[k].slip_damping_n_s_per_m,
+                )
                 self.grip[k] = gears[k].grip * 0.5 * body.total_mass_kg * GRAVITY_M_S2 * body.wheel_radius_m[k]
             self.side[k, layer.RADIUS] = body.wheel_radius_m[k]
         self.wheel_j = body.wheel_inertia_kg_m2
@@ -94,14 +110,19 @@ class Coupler:
         self.inertia, self.lever = wheel_inertia(body, yaw_inertia_kg_m2(body))
         wanted = correction.body.yaw_inertia_kg_m2 if correction else yaw_inertia_kg_m2(body)
         if wanted <= body.total_mass_kg * body.com_m[1] ** 2:
-            raise InputError(f"com_y_m: {body.com_m[1]:g} m off the axle's mid-point needs more yaw inertia than "
-                             f"{wanted:g} kg m2")
+            raise InputError(
+                f"com_y_m: {body.com_m[1]:g} m off the axle's mid-point needs more yaw inertia than {wanted:g} kg m2"
+            )
         self.ground = np.linalg.inv(wheel_inertia(body, wanted)[0])
         self.rotor = np.array([self._rotor(robot, unit) for unit in units])
         self.carried = np.full(2, carried_kg_m2)
         if correction:
-            self.carried = np.array([0.0 if m is None else self.gear**2 * m.rotor_inertia_kg_m2 - self.rotor[k, layer.INERTIA]
-                                     for k, m in enumerate(correction.carrying)])
+            self.carried = np.array(
+                [
+                    0.0 if m is None else self.gear**2 * m.rotor_inertia_kg_m2 - self.rotor[k, layer.INERTIA]
+                    for k, m in enumerate(correction.carrying)
+                ]
+            )
         self.gained = np.zeros(2)
         self.runaway = RUNAWAY * robot.supply_v / (self.gear * robot.motor.back_emf_constant_v_s_per_rad)
         self.state = np.zeros((2, 6))
@@ -124,10 +145,19 @@ class Coupler:
     def _rotor(self, robot: Robot, unit: UnitEffects) -> list[float]:
         m: MotorParameters = unit.motor or robot.motor
         n = self.gear
-        levels = [n * max(curve.at(0.0), 0.0) if curve is not None else 0.0
-                  for curve in (unit.friction_forward, unit.friction_backward)]
-        return [n * n * m.rotor_inertia_kg_m2, n * n * m.viscous_friction_nm_s_per_rad, n * m.torque_constant_nm_per_a,
-                n * m.back_emf_constant_v_s_per_rad, m.resistance_ohm, m.inductance_h, *levels]
+        levels = [
+            n * max(curve.at(0.0), 0.0) if curve is not None else 0.0
+            for curve in (unit.friction_forward, unit.friction_backward)
+        ]
+        return [
+            n * n * m.rotor_inertia_kg_m2,
+            n * n * m.viscous_friction_nm_s_per_rad,
+            n * m.torque_constant_nm_per_a,
+            n * m.back_emf_constant_v_s_per_rad,
+            m.resistance_ohm,
+            m.inductance_h,
+            *levels,
+        ]
 
     def _bridge(self, volts: np.ndarray) -> np.ndarray:
         """Voltages (2,) at the nominal bus, of those asked for, as far as they are known."""
@@ -176,12 +206,28 @@ class Coupler:
             # A driven rotor is where it ought to be; a given one will be what the owed torque makes of it.
             brake = self.disturbance + np.where(self.known == layer.DRIVEN, 0.0, self.owed)
             state = self.state.copy()
-            # A given rotor's speed is found to rounding; one that friction holds must be seen to stand, or what is owed to it
-            # is counted as moving a rotor that is light beside the body.
+            # A given rotor's speed is found to rounding; one that friction holds must be seen to stand, or what is owed
+            # to it is counted as moving a rotor that is light beside the body.
             state[(self.carried > 0.0) & (self.speed == 0.0), layer.ROTOR] = 0.0
-            torque, spin = layer.roll(LAYER_S, _FORETOLD, known, self.rotor, self.current, known, brake,
-                                      state, self.contact.copy(), self.side, self.wheel_j, self.ground,
-                                      self.lever, self.scrub, 0.0, self.grip, self.external)
+            torque, spin = layer.roll(
+                LAYER_S,
+                _FORETOLD,
+                known,
+                self.rotor,
+                self.current,
+                known,
+                brake,
+                state,
+                self.contact.copy(),
+                self.side,
+                self.wheel_j,
+                self.ground,
+                self.lever,
+                self.scrub,
+                0.0,
+                self.grip,
+                self.external,
+            )
             load = torque + self.owed
             gain = (state[:, layer.ROTOR] - self.speed) / total_s
         else:
@@ -198,8 +244,10 @@ class Coupler:
         self.gained = (motion.speeds[-1] - before) / total_s
         if self.carried.any():
             if np.abs(motion.speeds[-1]).max() > self.runaway:
-                raise InputError(f"the wheels have lost the ground at {self.now:.3f} s: so hard a start, or stop, lifts the robot off "
-                                 "its wheels; ask for less voltage at once")
+                raise InputError(
+                    f"the wheels have lost the ground at {self.now:.3f} s: so hard a start, or stop, lifts the robot off "
+                    "its wheels; ask for less voltage at once"
+                )
             acted = acted + self.carried * self.gained
         self._observe(motion, volts, acted, total_s)
         happened = self._follow(motion, steps, spin, acted)
@@ -211,7 +259,9 @@ class Coupler:
         return motion
 
     def load_of(self, rise: np.ndarray) -> np.ndarray:
-        """Torques (2,) N m that the wheels take while their speeds change by `rise` (2,) rad/s², nothing giving between."""
+        """Torques (2,) N m that the wheels take while their speeds change by `rise` (2,) rad/s², nothing giving
+        between.
+        """
         return self.external + self.inertia @ rise + self.wheel_j * rise
 
     def _exchange(self, pieces: list[Piece], sent: np.ndarray) -> Motion:
@@ -223,8 +273,11 @@ class Coupler:
             speeds.append(got.speeds)
             currents.append(got.currents)
             now += seconds
-        return Motion(np.concatenate(times), np.concatenate(speeds).astype(float) / self.gear,
-                      np.concatenate(currents).astype(float))
+        return Motion(
+            np.concatenate(times),
+            np.concatenate(speeds).astype(float) / self.gear,
+            np.concatenate(currents).astype(float),
+        )
 
     def _observe(self, motion: Motion, volts: np.ndarray, load: np.ndarray, seconds: float) -> None:
         """Learn from an exchange what the motors have beyond their constants: a voltage, and a torque that brakes."""
@@ -236,11 +289,18 @@ class Coupler:
         mean_i = (0.5 * (current[1:] + current[:-1]) * width).sum(axis=0) / seconds
         mean_w = (0.5 * (speed[1:] + speed[:-1]) * width).sum(axis=0) / seconds
         rotor = self.rotor
-        seen = (rotor[:, layer.RESISTANCE] * mean_i + rotor[:, layer.KB] * mean_w
-                + rotor[:, layer.INDUCTANCE] * (current[-1] - current[0]) / seconds)
+        seen = (
+            rotor[:, layer.RESISTANCE] * mean_i
+            + rotor[:, layer.KB] * mean_w
+            + rotor[:, layer.INDUCTANCE] * (current[-1] - current[0]) / seconds
+        )
         self.offset_v = seen - volts.mean(axis=0)
-        self.disturbance = (rotor[:, layer.KM] * mean_i - rotor[:, layer.VISCOUS] * mean_w - load
-                            - rotor[:, layer.INERTIA] * (speed[-1] - speed[0]) / seconds)
+        self.disturbance = (
+            rotor[:, layer.KM] * mean_i
+            - rotor[:, layer.VISCOUS] * mean_w
+            - load
+            - rotor[:, layer.INERTIA] * (speed[-1] - speed[0]) / seconds
+        )
         self.current = current[-1].copy()
 
     def _follow(self, motion: Motion, steps: int, spin: float, sent: np.ndarray) -> np.ndarray:
@@ -252,8 +312,9 @@ class Coupler:
             given = motion.speeds.copy()
         else:
             t = np.concatenate([[0.0], motion.t_s])
-            given = np.column_stack([np.interp(at, t, np.concatenate([[before[k]], motion.speeds[:, k]]))
-                                     for k in range(2)])
+            given = np.column_stack(
+                [np.interp(at, t, np.concatenate([[before[k]], motion.speeds[:, k]])) for k in range(2)]
+            )
         for k in range(2):
             # A rotor that dry friction holds takes any blow without moving.
             held = before[k] == 0.0 and end[k] == 0.0
@@ -265,9 +326,25 @@ class Coupler:
         total = np.zeros(2)
         for k in range(steps):
             before = self.state[:, layer.GROUND].copy()
-            torque, _ = layer.roll(LAYER_S, self.known, given[k * per:(k + 1) * per], self.rotor, self.current,
-                                   np.zeros((per, 2)), self.disturbance, self.state, self.contact, self.side,
-                                   self.wheel_j, self.ground, self.lever, self.scrub, spin, self.grip, self.external)
+            torque, _ = layer.roll(
+                LAYER_S,
+                self.known,
+                given[k * per : (k + 1) * per],
+                self.rotor,
+                self.current,
+                np.zeros((per, 2)),
+                self.disturbance,
+                self.state,
+                self.contact,
+                self.side,
+                self.wheel_j,
+                self.ground,
+                self.lever,
+                self.scrub,
+                spin,
+                self.grip,
+                self.external,
+            )
             now = self.state[:, layer.GROUND]
             answer = self.engine.advance(now[None, :])
             gained = (now - before) / STEP_S

@@ -21,8 +21,16 @@ if TYPE_CHECKING:
     from rtds_host.correction.result import Result, Run
 
 MEASURED, NOMINAL, CORRECTED = "#222222", "#c8501e", "#1f5fa8"
-STYLE = {"font.size": 8, "axes.grid": True, "grid.alpha": 0.3, "lines.linewidth": 0.9, "legend.fontsize": 7,
-         "legend.frameon": False, "axes.spines.top": False, "axes.spines.right": False}
+STYLE = {
+    "font.size": 8,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "lines.linewidth": 0.9,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
 UNITS = {"i": ("current", "mA", 1e3), "w": ("wheel speed", "rad/s", 1.0), "g": ("yaw rate", "rad/s", 1.0)}
 ROWS = 4
 
@@ -37,10 +45,11 @@ def draw(case: Case, result: Result, path: Path) -> None:
     run = _worst(case, result.runs)
     before, after = (gaps.errors_at(run.log, case.robot, run.simulated[name]) for name in ("before", "after"))
     sizes = {c: float(np.sqrt(np.mean(e**2))) for c, (_, e) in before.items() if c in gaps.SAMPLED and len(e)}
-    shown = sorted(sorted(sizes, key=lambda c: -sizes[c])[:ROWS - 1], key=gaps.SAMPLED.index)
+    shown = sorted(sorted(sizes, key=lambda c: -sizes[c])[: ROWS - 1], key=gaps.SAMPLED.index)
     with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(len(shown) + 1, 2, figsize=(11.0, 2.0 * (len(shown) + 1)), layout="constrained",
-                                    squeeze=False)
+        figure, axes = plt.subplots(
+            len(shown) + 1, 2, figsize=(11.0, 2.0 * (len(shown) + 1)), layout="constrained", squeeze=False
+        )
         t = run.log.t
         for (left, right), channel in zip(axes, shown):
             title, unit, scale = UNITS[channel[0]]
@@ -53,8 +62,7 @@ def draw(case: Case, result: Result, path: Path) -> None:
             left.set(title=f"{title}{side}", ylabel=unit)
             for errors, colour in ((before, NOMINAL), (after, CORRECTED)):
                 rows, error = errors[channel]
-                right.plot(t[rows], error, color=colour, linewidth=0.6,
-                           label=f"rms {np.sqrt(np.mean(error**2)):.3g}")
+                right.plot(t[rows], error, color=colour, linewidth=0.6, label=f"rms {np.sqrt(np.mean(error**2)):.3g}")
             right.set(title=f"{title}{side}: simulated less measured", ylabel="units of noise")
             right.legend(loc="upper right", ncols=2)
             left.legend(loc="upper right", ncols=3)
@@ -62,7 +70,9 @@ def draw(case: Case, result: Result, path: Path) -> None:
         _bars(axes[-1, 1], result)
         effects = ", ".join(f"{e['id']} ({e['side']})" for e in result.content["effects"]) or "no effect"
         sim = result.content["simulator"]
-        caption(figure, f"{case.name}, run {run.log.name}: {effects}; motors in {sim['link']}, robot in {sim['engine']}")
+        caption(
+            figure, f"{case.name}, run {run.log.name}: {effects}; motors in {sim['link']}, robot in {sim['engine']}"
+        )
         save(figure, path, dpi=130, metadata={"Software": None})
         plt.close(figure)
 

@@ -29,8 +29,8 @@ from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT, SLIDING
 STIFFNESS, DAMPING, BACKLASH, RESTITUTION, SLIP, SLIP_LENGTH, SLIP_DAMPING, RADIUS = range(8)
 # Columns of a rotor's parameters; LEVEL_F and LEVEL_B hold it at rest against torques forwards and backwards.
 INERTIA, VISCOUS, KM, KB, RESISTANCE, INDUCTANCE, LEVEL_F, LEVEL_B = range(8)
-# Columns of a side's state: rotor's speed, wheel's, ground's, rotor's angle less the wheel's, shear of the tyre, and the
-# torque it would give with all the grip there could be.
+# Columns of a side's state: rotor's speed, wheel's, ground's, rotor's angle less the wheel's, shear of the tyre, and
+# the torque it would give with all the grip there could be.
 ROTOR, WHEEL, GROUND, PLAY, TYRE, WHOLE = range(6)
 
 _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0, 1, 2, 3, 4
@@ -53,8 +53,25 @@ def start_contact(side):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def roll(h, known, given, rotor, current, volts, disturbance, state, contact, side, wheel_j, ground, lever, scrub,
-         spin, grip, external):
+def roll(
+    h,
+    known,
+    given,
+    rotor,
+    current,
+    volts,
+    disturbance,
+    state,
+    contact,
+    side,
+    wheel_j,
+    ground,
+    lever,
+    scrub,
+    spin,
+    grip,
+    external,
+):
     """Integrate n steps of length h.
 
     Parameters
@@ -92,8 +109,7 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
     for step in range(n):
         for k in range(2):
             old_r[k], old_w[k] = state[k, ROTOR], state[k, WHEEL]
-            bounces[k] = (contact[k] == _FREE and side[k, RESTITUTION] > 0.0
-                          and abs(old_r[k] - old_w[k]) > BOUNCE_RAD_S)
+            bounces[k] = contact[k] == _FREE and side[k, RESTITUTION] > 0.0 and abs(old_r[k] - old_w[k]) > BOUNCE_RAD_S
             if known[k] == GIVEN:
                 am[k], bm[k] = _IMMOVABLE, _IMMOVABLE * given[step, k]
                 stick[k] = 2
@@ -123,9 +139,11 @@ def roll(h, known, given, rotor, current, volts, disturbance, state, contact, si
                 bent = math.tanh(state[k, WHOLE] / grip[k])
                 tangent[k], taken[k] = max(1.0 - bent * bent, FLAT), grip[k] * bent
                 give[k] = slack * path / tangent[k] / late[k]
-                shift[k] = (slack * path * (state[k, WHOLE] - taken[k] / tangent[k])
-                            + (rolled - path) * state[k, TYRE] / radius
-                            - (1.0 - late[k]) * (old_w[k] - state[k, GROUND])) / late[k]
+                shift[k] = (
+                    slack * path * (state[k, WHOLE] - taken[k] / tangent[k])
+                    + (rolled - path) * state[k, TYRE] / radius
+                    - (1.0 - late[k]) * (old_w[k] - state[k, GROUND])
+                ) / late[k]
         u0, u1 = state[0, GROUND], state[1, GROUND]
         rate = lever[0] * u0 + lever[1] * u1
         way = spin

@@ -1,11 +1,11 @@
 """What a diagnosis leaves, as a table: the gap shrinks even where its cause has no name.
 
-Each block of the localisation (command and speed -> current, current -> speed) is driven by measured signals, so what it
-leaves is, to first order, linear in a torque or a voltage that the model lacks. Such a torque is written as a curve over
-the speed or over the wheel's angle, such a voltage as one over the command or over the current: hat functions on
-fixed nodes, fitted by least squares with a mild prior on how much the curve bends (P. H. C. Eilers, B. D. Marx, "Flexible
-smoothing with B-splines and penalties", 1996). The kind of table is that of the located subsystem which explains most
-on blocks of time it was not fitted to.
+Each block of the localisation (command and speed -> current, current -> speed) is driven by measured signals, so what
+it leaves is, to first order, linear in a torque or a voltage that the model lacks. Such a torque is written as a curve
+over the speed or over the wheel's angle, such a voltage as one over the command or over the current: hat functions on
+fixed nodes, fitted by least squares with a mild prior on how much the curve bends (P. H. C. Eilers, B. D. Marx,
+"Flexible smoothing with B-splines and penalties", 1996). The kind of table is that of the located subsystem which
+explains most on blocks of time it was not fitted to.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ SLOPES = 3.0
 # A curve itself, where nothing was seen.
 SIZE_NM, SIZE_V = 0.5, 4.0
 FOLD_S = 1.0
-# A table is believed when it explains this share of what its block leaves above the noise, on times it was not fitted to.
+# A table is believed when it explains this share of what its block leaves above the noise, on times it was not fitted
+# to.
 BELIEVED = 0.3
 
 
@@ -54,8 +55,8 @@ class Remainder:
     """A table for each side that has one.
 
     `kind` of `KINDS`; `curves` side "l" or "r" -> curve: N m against turning forwards over rad/s at the wheel (negative
-    speeds: turning backwards), N m that drive over rad of the wheel, V beyond the command over V, or V lost over A. `explained`: share of
-    the blocks' excess on times a curve was not fitted to.
+    speeds: turning backwards), N m that drive over rad of the wheel, V beyond the command over V, or V lost over A.
+    `explained`: share of the blocks' excess on times a curve was not fitted to.
     """
 
     kind: str
@@ -65,9 +66,14 @@ class Remainder:
 
     def to_json(self) -> dict:
         """For close.json."""
-        return {"kind": self.kind, "explained": float(f"{self.explained:.4g}"),
-                "curves": {side: {"x": [float(f"{v:.6g}") for v in c.x], "y": [float(f"{v:.6g}") for v in c.y]}
-                           for side, c in self.curves.items()}}
+        return {
+            "kind": self.kind,
+            "explained": float(f"{self.explained:.4g}"),
+            "curves": {
+                side: {"x": [float(f"{v:.6g}") for v in c.x], "y": [float(f"{v:.6g}") for v in c.y]}
+                for side, c in self.curves.items()
+            },
+        }
 
     def load(self, correction: Correction, start: np.ndarray) -> Correction:
         """The correction with the tables in its motor units.
@@ -80,8 +86,10 @@ class Remainder:
         ------
         InputError : a motor unit cannot hold them.
         """
-        units = tuple(self._on(unit, self.curves[side], float(start[3 + k])) if side in self.curves else unit
-                      for k, (side, unit) in enumerate(zip("lr", correction.units, strict=True)))
+        units = tuple(
+            self._on(unit, self.curves[side], float(start[3 + k])) if side in self.curves else unit
+            for k, (side, unit) in enumerate(zip("lr", correction.units, strict=True))
+        )
         return replace(correction, units=units)
 
     def _on(self, unit: UnitEffects, curve: Curve, angle: float) -> UnitEffects:
@@ -92,12 +100,18 @@ class Remainder:
             half = len(x) // 2
             forward = Curve(tuple(n * x[half:]), tuple(y[half:] / n))
             backward = Curve(tuple(-n * x[:half][::-1]), tuple(-y[:half][::-1] / n))
-            return replace(unit, friction_forward=added(unit.friction_forward, forward),
-                           friction_backward=added(unit.friction_backward, backward))
+            return replace(
+                unit,
+                friction_forward=added(unit.friction_forward, forward),
+                friction_backward=added(unit.friction_backward, backward),
+            )
         if self.kind == "torque against wheel angle":
-            return replace(unit, ripple=Curve(curve.x, tuple(v / n for v in curve.y)),
-                           ripple_periods_per_rad=1.0 / (2.0 * math.pi * n),
-                           ripple_start_rad=angle % (2.0 * math.pi))
+            return replace(
+                unit,
+                ripple=Curve(curve.x, tuple(v / n for v in curve.y)),
+                ripple_periods_per_rad=1.0 / (2.0 * math.pi * n),
+                ripple_start_rad=angle % (2.0 * math.pi),
+            )
         if self.kind == "voltage against command":
             straight = unit.command or Curve((curve.x[0], curve.x[-1]), (curve.x[0], curve.x[-1]))
             return replace(unit, command=added(straight, curve))
@@ -184,9 +198,13 @@ def _blocks(log: RunLog, robot: Robot, model: Model, k: int, tops: dict[str, flo
         if f"{block}_{side}" not in s.blocks or not columns:
             continue
         residual, noise, rows = s.blocks[f"{block}_{side}"]
-        found.append(_Block(residual[rows] / noise[rows],
-                            {kind: c[rows] / noise[rows][:, None] for kind, c in columns.items()},
-                            ((s.t[rows] - s.t[0]) / FOLD_S).astype(int) % 2))
+        found.append(
+            _Block(
+                residual[rows] / noise[rows],
+                {kind: c[rows] / noise[rows][:, None] for kind, c in columns.items()},
+                ((s.t[rows] - s.t[0]) / FOLD_S).astype(int) % 2,
+            )
+        )
     return found
 
 
@@ -243,7 +261,9 @@ def _curve(kind: str, heights: np.ndarray, tops: dict[str, float]) -> Curve:
     if kind == "torque against wheel angle":
         nodes = np.linspace(0.0, 2.0 * math.pi, ANGLE_NODES + 1)
         return Curve(tuple(nodes), (*heights, heights[0]))
-    top, count = (tops["volts"], COMMAND_NODES) if kind == "voltage against command" else (tops["amperes"], CURRENT_NODES)
+    top, count = (
+        (tops["volts"], COMMAND_NODES) if kind == "voltage against command" else (tops["amperes"], CURRENT_NODES)
+    )
     return Curve(tuple(np.linspace(-top, top, count)), tuple(heights))
 
 
@@ -263,15 +283,20 @@ def estimate(case: Case, model: Model, diagnosis: dict) -> Remainder | None:
         places.append(rest)
     kinds = [kind for kind, subsystems in KINDS.items() if set(subsystems) & set(places)]
     robot = case.robot
-    kinds = [kind for kind in kinds if not (kind == "torque against wheel angle" and any(
-        model.get("ripple", k) for k in (0, 1)))]
+    kinds = [
+        kind
+        for kind in kinds
+        if not (kind == "torque against wheel angle" and any(model.get("ripple", k) for k in (0, 1)))
+    ]
     if not kinds:
         return None
     volts = max(float(np.abs(log.commands()).max()) for log in case.runs)
     currents = [np.nanmax(np.abs(log.columns[c])) for log in case.runs for c in ("i_l", "i_r") if log.has(c)]
     tops = {"volts": max(min(volts, robot.supply_v), 0.1), "amperes": max([*map(float, currents), 0.05])}
-    blocks = {side: [b for log in case.runs for b in _blocks(log, robot, model, k, tops, kinds)]
-              for k, side in enumerate(robot.sides)}
+    blocks = {
+        side: [b for log in case.runs for b in _blocks(log, robot, model, k, tops, kinds)]
+        for k, side in enumerate(robot.sides)
+    }
     best: tuple[float, str, float, float] | None = None
     for kind, stiffness in itertools.product(kinds, STIFFNESSES):
         before = after = 0.0
@@ -284,6 +309,9 @@ def estimate(case: Case, model: Model, diagnosis: dict) -> Remainder | None:
     if best is None or best[3] < BELIEVED:
         return None
     _, kind, stiffness, share = best
-    curves = {side: _curve(kind, _fit(found, kind, stiffness, None), tops) for side, found in blocks.items()
-              if any(kind in b.columns for b in found)}
+    curves = {
+        side: _curve(kind, _fit(found, kind, stiffness, None), tops)
+        for side, found in blocks.items()
+        if any(kind in b.columns for b in found)
+    }
     return Remainder(kind, curves, float(share), robot.motor.gear_ratio)

@@ -2,8 +2,8 @@
 
     python -m rtds_host.correction.scenarios diagnosis.json --figure effects.png
 
-prints a table (as Markdown) of how each run ends, how well it holds its speeds, and how far the engines lie apart, and draws paths,
-currents and speed errors.
+prints a table (as Markdown) of how each run ends, how well it holds its speeds, and how far the engines lie apart, and
+draws paths, currents and speed errors.
 """
 
 from __future__ import annotations
@@ -38,8 +38,15 @@ class Pair:
     changed: Outcome
 
 
-def drive(chosen: Chosen | None, robot: str, link: LinkChoice, engine: str, controller: str = "exact",
-          names: tuple[str, ...] = SCENARIOS, values: dict[str, float] | None = None) -> list[Pair]:
+def drive(
+    chosen: Chosen | None,
+    robot: str,
+    link: LinkChoice,
+    engine: str,
+    controller: str = "exact",
+    names: tuple[str, ...] = SCENARIOS,
+    values: dict[str, float] | None = None,
+) -> list[Pair]:
     """Drive each scenario twice, and once more in the other engine to compare; `values` as of `make_plan`.
 
     Raises
@@ -61,8 +68,10 @@ def drive(chosen: Chosen | None, robot: str, link: LinkChoice, engine: str, cont
 
 def markdown(pairs: list[Pair]) -> str:
     """The table."""
-    lines = ["| scenario | robot | end of the path | speed error, rms | peak current, left, right | engines end | engines, rms |",
-             "|---|---|---|---|---|---|---|"]
+    lines = [
+        "| scenario | robot | end of the path | speed error, rms | peak current, left, right | engines end | engines, rms |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for pair in pairs:
         for text, outcome in (("nominal", pair.nominal), ("with effects", pair.changed)):
             s = outcome.summary
@@ -71,7 +80,8 @@ def markdown(pairs: list[Pair]) -> str:
                 f"| {pair.scenario} | {text} | {1e3 * s.end_position_error_m:.2f} mm, {math.degrees(s.end_yaw_error_rad):.3f}° off | "
                 f"{1e3 * s.speed_error_rms_rad_s:.2f} mrad/s | {1e3 * s.peak_current_a[0]:.0f}, {1e3 * s.peak_current_a[1]:.0f} mA | "
                 f"{1e3 * g.end_position_m:.3f} mm, {math.degrees(g.end_yaw_rad):.4f}° apart | {1e3 * g.speed_rms_rad_s:.2g} mrad/s, "
-                f"{1e3 * g.current_rms_a:.2g} mA, {1e3 * g.load_rms_nm:.2g} mN·m |")
+                f"{1e3 * g.current_rms_a:.2g} mA, {1e3 * g.load_rms_nm:.2g} mN·m |"
+            )
     return "\n".join(lines) + "\n"
 
 
@@ -86,7 +96,9 @@ def draw(pairs: list[Pair], path: Path) -> None:
     from rtds_host.correction.figure import STYLE
 
     with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(len(pairs), 3, figsize=(11.0, 2.5 * len(pairs)), layout="constrained", squeeze=False)
+        figure, axes = plt.subplots(
+            len(pairs), 3, figsize=(11.0, 2.5 * len(pairs)), layout="constrained", squeeze=False
+        )
         for (way, current, error), pair in zip(axes, pairs):
             reference = pair.nominal.record.reference_poses
             if reference is not None:
@@ -96,8 +108,13 @@ def draw(pairs: list[Pair], path: Path) -> None:
                 poses = np.array([[s.x_m, s.y_m] for s in record.truth])
                 way.plot(poses[:, 0], poses[:, 1], color=colour, label=text)
                 for side, style in ((0, "-"), (1, ":")):
-                    current.plot(record.t_s, 1e3 * record.currents[:, side], style, color=colour,
-                                 label=f"{text}, {('left', 'right')[side]}")
+                    current.plot(
+                        record.t_s,
+                        1e3 * record.currents[:, side],
+                        style,
+                        color=colour,
+                        label=f"{text}, {('left', 'right')[side]}",
+                    )
                 if record.references is not None:
                     miss = 1e3 * (record.speeds - record.references)
                     error.plot(record.t_s, miss[:, 0], color=colour, label=f"{text}, left")
@@ -118,8 +135,12 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def main(
     diagnosis: Annotated[Path | None, typer.Argument(help="A diagnosis.json.")] = None,
-    effect: Annotated[list[str] | None, typer.Option(help="An effect, as of `rtds run --effect`; may be repeated.")] = None,
-    robot: Annotated[str, typer.Option(help="A robot that comes along (burger, jackal, ...), or a robot.toml.")] = "burger",
+    effect: Annotated[
+        list[str] | None, typer.Option(help="An effect, as of `rtds run --effect`; may be repeated.")
+    ] = None,
+    robot: Annotated[
+        str, typer.Option(help="A robot that comes along (burger, jackal, ...), or a robot.toml.")
+    ] = "burger",
     engine: Annotated[str, typer.Option(help="pybullet or mujoco; the other one is compared.")] = default_engine(),
     controller: Annotated[str, typer.Option(help="exact or paper.")] = "exact",
     link: Annotated[str, typer.Option(help="model or rtl.")] = "model",

@@ -69,22 +69,34 @@ def set_link(link: Link, robot: Robot, correction: Correction | None, setting: S
     """
     m = robot.motor
     (QuantisedLink(link) if setting.converters else link).set_parameters(
-        resistance_ohm=m.resistance_ohm, inductance_h=m.inductance_h, torque_constant_nm_per_a=m.torque_constant_nm_per_a,
-        back_emf_constant_v_s_per_rad=m.back_emf_constant_v_s_per_rad, rotor_inertia_kg_m2=m.rotor_inertia_kg_m2,
-        viscous_friction_nm_s_per_rad=m.viscous_friction_nm_s_per_rad, step_s=setting.step_s)
+        resistance_ohm=m.resistance_ohm,
+        inductance_h=m.inductance_h,
+        torque_constant_nm_per_a=m.torque_constant_nm_per_a,
+        back_emf_constant_v_s_per_rad=m.back_emf_constant_v_s_per_rad,
+        rotor_inertia_kg_m2=m.rotor_inertia_kg_m2,
+        viscous_friction_nm_s_per_rad=m.viscous_friction_nm_s_per_rad,
+        step_s=setting.step_s,
+    )
     if correction is not None:
         set_effects(link, correction)
 
 
-def simulate(log: RunLog, robot: Robot, model: Model | None = None, setting: Setting | None = None,
-             start: np.ndarray | None = None, change: Callable[[Correction, np.ndarray], Correction] | None = None,
-             progress: Callable[[float], None] | None = None) -> Simulated:
+def simulate(
+    log: RunLog,
+    robot: Robot,
+    model: Model | None = None,
+    setting: Setting | None = None,
+    start: np.ndarray | None = None,
+    change: Callable[[Correction, np.ndarray], Correction] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Simulated:
     """Drive the motors of a link and the robot of an engine with a log's commands.
 
     Parameters
     ----------
     model : the robot as a diagnosis has it; None: the nominal one. start : (15,) as of `row_inputs`, for a heading that
-        the log does not hold. change : a last change of the correction, given the start, as by a table. progress : called with the time.
+        the log does not hold. change : a last change of the correction, given the start, as by a table. progress :
+        called with the time.
 
     Raises
     ------
@@ -94,8 +106,9 @@ def simulate(log: RunLog, robot: Robot, model: Model | None = None, setting: Set
     t, _, commands, bus, _, run, known = row_inputs(log, robot)
     start = known if start is None else start
     if robot.driver.mode != "voltage":
-        raise InputError(f"robot {robot.name!r}: [driver] mode is {robot.driver.mode!r}, the real-time simulator drives by "
-                         "voltage")
+        raise InputError(
+            f"robot {robot.name!r}: [driver] mode is {robot.driver.mode!r}, the real-time simulator drives by voltage"
+        )
     body = make_body(robot, *map(float, run[:3]))
     notes: list[str] = []
     correction = None
@@ -125,8 +138,16 @@ def simulate(log: RunLog, robot: Robot, model: Model | None = None, setting: Set
 class _Replay:
     """One run: what is sent when, and what is seen when. Times are whole steps of the motor units."""
 
-    def __init__(self, t: np.ndarray, commands: np.ndarray, volts: np.ndarray, correction: Correction | None,
-                 setting: Setting, robot: Robot, body: Body):
+    def __init__(
+        self,
+        t: np.ndarray,
+        commands: np.ndarray,
+        volts: np.ndarray,
+        correction: Correction | None,
+        setting: Setting,
+        robot: Robot,
+        body: Body,
+    ):
         self.step_s, self.setting, self.robot, self.correction = setting.step_s, setting, robot, correction
         self.rows = np.round(t / self.step_s).astype(np.int64)
         self.commands, self.volts = commands, volts
@@ -156,7 +177,7 @@ class _Replay:
         coupler.after_step = look
         for begin in range(0, self.total * self.per_ms, block):
             end = min(begin + block, self.total * self.per_ms)
-            inside = self.cuts[np.searchsorted(self.cuts, begin, "right"):np.searchsorted(self.cuts, end, "left")]
+            inside = self.cuts[np.searchsorted(self.cuts, begin, "right") : np.searchsorted(self.cuts, end, "left")]
             marks = [begin, *inside.tolist(), end]
             pieces = []
             for a, b in itertools.pairwise(marks):

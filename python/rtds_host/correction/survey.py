@@ -2,8 +2,8 @@
 
     python -m rtds_host.correction.survey build/blind --n 12
 
-takes the folder of `rtds blind` after its score: each case's diagnosis as it was answered, and the runs that were held out of the
-case. Where the nominal gap is below 1.1 there is nothing to close.
+takes the folder of `rtds blind` after its score: each case's diagnosis as it was answered, and the runs that were held
+out of the case. Where the nominal gap is below 1.1 there is nothing to close.
 """
 
 from __future__ import annotations
@@ -51,7 +51,9 @@ def cases_of(out: Path, count: int | None = None) -> list[str]:
     """
     if not (out / "score" / "score.json").is_file():
         raise InputError(f"{out / 'score' / 'score.json'}: missing; held-out runs are opened by `rtds blind score`")
-    names = sorted(p.name for p in (out / "public").iterdir() if (out / "answers" / p.name / "diagnosis.json").is_file())
+    names = sorted(
+        p.name for p in (out / "public").iterdir() if (out / "answers" / p.name / "diagnosis.json").is_file()
+    )
     if count is None or count >= len(names):
         return names
     return [names[k] for k in np.unique(np.linspace(0, len(names) - 1, count).round().astype(int))]
@@ -69,7 +71,9 @@ def survey_one(out: Path, name: str, setting: Setting | None = None, runs: int |
     case = Case(name, robot, tuple(read_run(folder, robot) for folder in held))
     path = out / "answers" / name / "diagnosis.json"
     diagnosis = json.loads(path.read_text(encoding="utf-8"))
-    content = close(replace(case, path=out / "public" / name), setting or Setting(), diagnosis, path, causes=False).content
+    content = close(
+        replace(case, path=out / "public" / name), setting or Setting(), diagnosis, path, causes=False
+    ).content
     gap = content["gap"]
     effects = ", ".join(f"{e['id']} ({e['side']})" for e in content["effects"]) or "none"
     rows = [(gap[which]["before"], gap[which]["after"], gap[which]["closed"]) for which in ("replay", "simulator")]
@@ -78,8 +82,13 @@ def survey_one(out: Path, name: str, setting: Setting | None = None, runs: int |
     return Line(name, content["verdict"], effects, rows[0], rows[1], share, content["difference"]["corrected"]["gap"])
 
 
-def survey(out: Path, count: int | None = None, setting: Setting | None = None, runs: int | None = None,
-           say: Callable[[Line], None] = lambda line: None) -> list[Line]:
+def survey(
+    out: Path,
+    count: int | None = None,
+    setting: Setting | None = None,
+    runs: int | None = None,
+    say: Callable[[Line], None] = lambda line: None,
+) -> list[Line]:
     """Lines of several cases. Cases the simulator does not have (a single axis) are left out."""
     lines = []
     for name in cases_of(out, count):
@@ -94,8 +103,13 @@ def markdown(lines: list[Line]) -> str:
     """What the cases say together, and those the simulator closes less of than wanted."""
     shares = np.array([line.share for line in lines if line.share is not None])
     apart = np.array([line.apart for line in lines])
-    head = ("cases", "of them with a gap that the replay closes", "median share of the replay's closure", "least share",
-            "simulator less replay, median and largest")
+    head = (
+        "cases",
+        "of them with a gap that the replay closes",
+        "median share of the replay's closure",
+        "least share",
+        "simulator less replay, median and largest",
+    )
     text = [f"| {' | '.join(head)} |", "|---|---|---|---|---|"]
     if len(shares):
         middle, least = f"{np.median(shares):.3f}", f"{shares.min():.3f}"
@@ -103,8 +117,11 @@ def markdown(lines: list[Line]) -> str:
         middle = least = "-"
     text.append(f"| {len(lines)} | {len(shares)} | {middle} | {least} | {np.median(apart):.2g}, {apart.max():.2g} |")
     low = [line for line in lines if line.share is not None and line.share < WANTED_SHARE]
-    text += [f"\n{line.case}, {line.effects}: the replay's gap falls from {line.replay[0]:.3g} to {line.replay[1]:.3g}, the "
-             f"simulator's from {line.simulator[0]:.3g} to {line.simulator[1]:.3g}." for line in low]
+    text += [
+        f"\n{line.case}, {line.effects}: the replay's gap falls from {line.replay[0]:.3g} to {line.replay[1]:.3g}, the "
+        f"simulator's from {line.simulator[0]:.3g} to {line.simulator[1]:.3g}."
+        for line in low
+    ]
     return "\n".join(text) + "\n"
 
 
@@ -123,13 +140,18 @@ def main(
     """Replay held-out runs of sealed cases in the simulator; status 1 where the median share is below 0.9."""
     from rtds_host.correction.agreement import write_between
 
-    setting = Setting(link=link, link_options={"sim": "verilator", "step_clocks": "min"} if link == "rtl" else {},
-                      engine=engine)
+    setting = Setting(
+        link=link, link_options={"sim": "verilator", "step_clocks": "min"} if link == "rtl" else {}, engine=engine
+    )
 
     def say(line: Line) -> None:
         share = "-" if line.share is None else f"{line.share:.4f}"
-        print(f"{line.case}  {line.effects:44}  replay {line.replay[0]:.3g} -> {line.replay[1]:.3g}  simulator "
-              f"{line.simulator[0]:.3g} -> {line.simulator[1]:.3g}  share {share}", file=sys.stderr, flush=True)
+        print(
+            f"{line.case}  {line.effects:44}  replay {line.replay[0]:.3g} -> {line.replay[1]:.3g}  simulator "
+            f"{line.simulator[0]:.3g} -> {line.simulator[1]:.3g}  share {share}",
+            file=sys.stderr,
+            flush=True,
+        )
 
     try:
         lines = survey(out, n, setting, runs, say)

@@ -24,17 +24,94 @@ from rtds_host.robot.split import share
 # Where each slot acts: "rtl" in the motor unit, "robot" in the physics engine or in the layer before it, "signal" on
 # the way of the measured values, "log" outside of it, "refused" where the simulator has no such robot.
 PLACES = {
-    **dict.fromkeys(("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia", "viscous",
-                     "voltage_gain", "pwm_curve", "deadzone", "drop", "limit", "heat_rise", "heat_tau", "coulomb", "stribeck",
-                     "stribeck_speed", "viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share", "ripple",
-                     "ripple_cycles", "ripple_phase", "gear_ratio", "supply", "source_resistance", "decline",
-                     "command_delay", "rolling"), "rtl"),
-    **dict.fromkeys(("radius", "backlash", "restitution", "stiffness", "damping", "slip", "slip_relaxation",
-                     "slip_damping", "slip_grip", "mass", "yaw_inertia", "wheel_inertia", "track", "scrub", "com_x", "com_y", "slope_extra"), "robot"),
-    **dict.fromkeys(("speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late", "gyro_gain", "gyro_bias",
-                     "measurement_delay", "latency", "bus_measured"), "signal"),
-    **dict.fromkeys(("mode", "torque_per_volt", "servo_kp", "servo_ki", "servo_release", "servo_limit", "servo_period", "axis",
-                     "axis_inertia", "axis_mass", "axis_arm", "axis_zero"), "refused"),
+    **dict.fromkeys(
+        (
+            "resistance",
+            "inductance",
+            "torque_constant",
+            "back_emf",
+            "rotor_inertia",
+            "viscous",
+            "voltage_gain",
+            "pwm_curve",
+            "deadzone",
+            "drop",
+            "limit",
+            "heat_rise",
+            "heat_tau",
+            "coulomb",
+            "stribeck",
+            "stribeck_speed",
+            "viscous_wheel",
+            "asymmetry",
+            "asymmetry_viscous",
+            "load_share",
+            "ripple",
+            "ripple_cycles",
+            "ripple_phase",
+            "gear_ratio",
+            "supply",
+            "source_resistance",
+            "decline",
+            "command_delay",
+            "rolling",
+        ),
+        "rtl",
+    ),
+    **dict.fromkeys(
+        (
+            "radius",
+            "backlash",
+            "restitution",
+            "stiffness",
+            "damping",
+            "slip",
+            "slip_relaxation",
+            "slip_damping",
+            "slip_grip",
+            "mass",
+            "yaw_inertia",
+            "wheel_inertia",
+            "track",
+            "scrub",
+            "com_x",
+            "com_y",
+            "slope_extra",
+        ),
+        "robot",
+    ),
+    **dict.fromkeys(
+        (
+            "speed_gain",
+            "current_gain",
+            "current_bias",
+            "speed_tau",
+            "speed_late",
+            "gyro_gain",
+            "gyro_bias",
+            "measurement_delay",
+            "latency",
+            "bus_measured",
+        ),
+        "signal",
+    ),
+    **dict.fromkeys(
+        (
+            "mode",
+            "torque_per_volt",
+            "servo_kp",
+            "servo_ki",
+            "servo_release",
+            "servo_limit",
+            "servo_period",
+            "axis",
+            "axis_inertia",
+            "axis_mass",
+            "axis_arm",
+            "axis_zero",
+        ),
+        "refused",
+    ),
     # Clocks of a log that disagree: the simulator has one.
     **dict.fromkeys(("gyro_late", "pose_late"), "log"),
 }
@@ -69,8 +146,13 @@ class _Slots:
         return self(name, 0), self(name, 1)
 
 
-def translate(model: Model, robot: Robot, payload_kg: float = 0.0, start_angles: tuple[float, float] = (0.0, 0.0),
-              step_s: float = 1e-5) -> Correction:
+def translate(
+    model: Model,
+    robot: Robot,
+    payload_kg: float = 0.0,
+    start_angles: tuple[float, float] = (0.0, 0.0),
+    step_s: float = 1e-5,
+) -> Correction:
     """What makes the simulator the robot that a replay's model describes.
 
     Parameters
@@ -91,34 +173,65 @@ def translate(model: Model, robot: Robot, payload_kg: float = 0.0, start_angles:
         raise InputError("gear_ratio, supply: no effect changes them, they are the robot's own")
     mass = get("mass") + payload_kg
     units = tuple(_unit(get, k, robot, mass, start_angles[k]) for k in (0, 1))
-    supply = SupplyEffects(voltage_v=get("supply"), source_resistance_ohm=get("source_resistance"),
-                           decline_v_per_s=get("decline"),
-                           command_delay_s=round(get("command_delay") / step_s) * step_s)
-    body = BodyValues(mass_kg=get("mass"), yaw_inertia_kg_m2=get("yaw_inertia"), wheel_radius_m=get.pair("radius"),
-                      wheel_inertia_kg_m2=get("wheel_inertia"), track_width_m=get("track"), com_x_m=get("com_x"),
-                      com_y_m=get("com_y"), slope_extra_rad=get("slope_extra"))
-    gears = tuple(GearValues(stiffness_nm_per_rad=get("stiffness", k), damping_nm_s_per_rad=get("damping", k),
-                             backlash_rad=get("backlash", k), restitution=get("restitution", k),
-                             slip_per_newton=get("slip", k), slip_relaxation_m=get("slip_relaxation", k),
-                             slip_damping_n_s_per_m=get("slip_damping", k), grip=get("slip_grip", k))
-                  for k in (0, 1))
-    sensors = SensorValues(speed_gain=get.pair("speed_gain"), current_gain=get.pair("current_gain"),
-                           current_bias_a=get.pair("current_bias"), speed_filter_s=get.pair("speed_tau"),
-                           speed_late_s=get.pair("speed_late"),
-                           gyro_gain=get("gyro_gain"), gyro_bias_rad_s=get("gyro_bias"),
-                           delay_s=get("measurement_delay") + get("latency"))
-    correction = Correction(units=units, supply=supply, body=body, gears=gears, scrub_nm=get("scrub"),
-                            sensors=sensors, bus_measured=get("bus_measured") > 0,
-                            carrying=_carrying(units, gears, body, payload_kg, robot))
+    supply = SupplyEffects(
+        voltage_v=get("supply"),
+        source_resistance_ohm=get("source_resistance"),
+        decline_v_per_s=get("decline"),
+        command_delay_s=round(get("command_delay") / step_s) * step_s,
+    )
+    body = BodyValues(
+        mass_kg=get("mass"),
+        yaw_inertia_kg_m2=get("yaw_inertia"),
+        wheel_radius_m=get.pair("radius"),
+        wheel_inertia_kg_m2=get("wheel_inertia"),
+        track_width_m=get("track"),
+        com_x_m=get("com_x"),
+        com_y_m=get("com_y"),
+        slope_extra_rad=get("slope_extra"),
+    )
+    gears = tuple(
+        GearValues(
+            stiffness_nm_per_rad=get("stiffness", k),
+            damping_nm_s_per_rad=get("damping", k),
+            backlash_rad=get("backlash", k),
+            restitution=get("restitution", k),
+            slip_per_newton=get("slip", k),
+            slip_relaxation_m=get("slip_relaxation", k),
+            slip_damping_n_s_per_m=get("slip_damping", k),
+            grip=get("slip_grip", k),
+        )
+        for k in (0, 1)
+    )
+    sensors = SensorValues(
+        speed_gain=get.pair("speed_gain"),
+        current_gain=get.pair("current_gain"),
+        current_bias_a=get.pair("current_bias"),
+        speed_filter_s=get.pair("speed_tau"),
+        speed_late_s=get.pair("speed_late"),
+        gyro_gain=get("gyro_gain"),
+        gyro_bias_rad_s=get("gyro_bias"),
+        delay_s=get("measurement_delay") + get("latency"),
+    )
+    correction = Correction(
+        units=units,
+        supply=supply,
+        body=body,
+        gears=gears,
+        scrub_nm=get("scrub"),
+        sensors=sensors,
+        bus_measured=get("bus_measured") > 0,
+        carrying=_carrying(units, gears, body, payload_kg, robot),
+    )
     if get.unread:
         raise LookupError(f"slots of the replay's model that nothing translates: {', '.join(sorted(get.unread))}")
     return correction
 
 
-def _carrying(units: tuple[UnitEffects, ...], gears: tuple[GearValues, ...], body: BodyValues, payload_kg: float,
-              robot: Robot) -> tuple[MotorParameters | None, ...]:
-    """Motors of the units that carry a part of the body's inertia: where the body is heavy beside the rotor, and nothing
-    gives between them.
+def _carrying(
+    units: tuple[UnitEffects, ...], gears: tuple[GearValues, ...], body: BodyValues, payload_kg: float, robot: Robot
+) -> tuple[MotorParameters | None, ...]:
+    """Motors of the units that carry a part of the body's inertia: where the body is heavy beside the rotor, and
+    nothing gives between them.
 
     Raises
     ------
@@ -133,8 +246,10 @@ def _carrying(units: tuple[UnitEffects, ...], gears: tuple[GearValues, ...], bod
             found.append(None)
             continue
         if unit.load_share:
-            raise InputError(f"robot {robot.name!r}: gear friction that grows with the load cannot be simulated where the body "
-                             "is heavy beside the rotor: the motor unit carries a part of the body and sees the rest of its load")
+            raise InputError(
+                f"robot {robot.name!r}: gear friction that grows with the load cannot be simulated where the body "
+                "is heavy beside the rotor: the motor unit carries a part of the body and sees the rest of its load"
+            )
         found.append(replace(own, rotor_inertia_kg_m2=own.rotor_inertia_kg_m2 + carried / n**2))
     return tuple(found)
 
@@ -147,8 +262,9 @@ def _refuse(get: _Slots, robot: Robot) -> None:
     if axis != 0 or robot.chassis is None:
         raise InputError(f"robot {robot.name!r}: is a single axis, the real-time simulator has a robot on two wheels")
     if mode != 0:
-        raise InputError(f"robot {robot.name!r}: [driver] mode is {robot.driver.mode!r}, the real-time simulator drives by "
-                         "voltage")
+        raise InputError(
+            f"robot {robot.name!r}: [driver] mode is {robot.driver.mode!r}, the real-time simulator drives by voltage"
+        )
 
 
 def _unit(get: _Slots, k: int, robot: Robot, mass: float, start_angle: float) -> UnitEffects:
@@ -161,20 +277,40 @@ def _unit(get: _Slots, k: int, robot: Robot, mass: float, start_angle: float) ->
     size, cycles = get("ripple", k), get("ripple_cycles", k)
     start = (cycles * start_angle + get("ripple_phase", k)) % (2.0 * math.pi)
     return UnitEffects(
-        motor=_motor(get, k, robot, n), command=_command(get, k), limit_v=limit if limit < NO_LIMIT_V else math.inf,
-        drop=Curve((0.0, 0.0), (-drop, drop)) if drop else None, friction_forward=forward, friction_backward=backward,
+        motor=_motor(get, k, robot, n),
+        command=_command(get, k),
+        limit_v=limit if limit < NO_LIMIT_V else math.inf,
+        drop=Curve((0.0, 0.0), (-drop, drop)) if drop else None,
+        friction_forward=forward,
+        friction_backward=backward,
         torque=Curve((-fast, 0.0, fast), (fluid * fast, 0.0, fluid * fast)) if fluid else None,
-        load_share=get("load_share", k), ripple=_sine(size / n) if size else None,
-        ripple_periods_per_rad=cycles / (2.0 * math.pi * n) if size else 0.0, ripple_start_rad=start if size else 0.0,
-        heat_rise_per_w=heat, heat_tau_s=tau if heat else math.inf)
+        load_share=get("load_share", k),
+        ripple=_sine(size / n) if size else None,
+        ripple_periods_per_rad=cycles / (2.0 * math.pi * n) if size else 0.0,
+        ripple_start_rad=start if size else 0.0,
+        heat_rise_per_w=heat,
+        heat_tau_s=tau if heat else math.inf,
+    )
 
 
 def _motor(get: _Slots, k: int, robot: Robot, n: float) -> MotorParameters | None:
     m = robot.motor
-    own = (get("resistance", k), get("inductance", k), get("torque_constant", k), get("back_emf", k),
-           get("rotor_inertia", k), get("viscous", k) + get("viscous_wheel", k) / n**2)
-    nominal = (m.resistance_ohm, m.inductance_h, m.torque_constant_nm_per_a, m.back_emf_constant_v_s_per_rad,
-               m.rotor_inertia_kg_m2, m.viscous_friction_nm_s_per_rad)
+    own = (
+        get("resistance", k),
+        get("inductance", k),
+        get("torque_constant", k),
+        get("back_emf", k),
+        get("rotor_inertia", k),
+        get("viscous", k) + get("viscous_wheel", k) / n**2,
+    )
+    nominal = (
+        m.resistance_ohm,
+        m.inductance_h,
+        m.torque_constant_nm_per_a,
+        m.back_emf_constant_v_s_per_rad,
+        m.rotor_inertia_kg_m2,
+        m.viscous_friction_nm_s_per_rad,
+    )
     if own == nominal:
         return None
     # A unit's friction is above zero; a billionth of a typical one is none.

@@ -1,14 +1,16 @@
-"""From the most probable explanation to an account: which effects stand, how sure, how large, what cannot be told apart.
+"""From the most probable explanation to an account: which effects stand, how sure, how large, what cannot be told
+apart.
 
-An effect is taken out, the others are fitted again, and the two explanations are compared by what can be believed of the
-gain of likelihood between them (`evidence`):
+An effect is taken out, the others are fitted again, and the two explanations are compared by what can be believed of
+the gain of likelihood between them (`evidence`):
 
     log odds(present) = log prior odds + min(G, t^2 / 2)
 
-by the likelihood or by the gap's own measure, whichever misses it more: the first feels what is fast, the second what is slow.
+by the likelihood or by the gap's own measure, whichever misses it more: the first feels what is fast, the second what
+is slow.
 
-It must also be worth naming, on runs that it was not fitted to as well (`left_out`), be of one size in all runs and settings
-(`carried`), and not be contradicted by what measured signals say of the blocks that they drive (`localise`).
+It must also be worth naming, on runs that it was not fitted to as well (`left_out`), be of one size in all runs and
+settings (`carried`), and not be contradicted by what measured signals say of the blocks that they drive (`localise`).
 """
 
 from __future__ import annotations
@@ -43,9 +45,9 @@ NOTHING = "closes next to nothing of the gap"
 class Standing:
     """What speaks for one effect of an explanation.
 
-    without : the explanation fitted without it; gaps : without and with it; gain : of log likelihood by it; t : the gain over its
-    scatter between blocks; share : what it takes off the likelihood's excess over white noise, a share of that without it;
-    probability : that it is present.
+    without : the explanation fitted without it; gaps : without and with it; gain : of log likelihood by it; t : the
+    gain over its scatter between blocks; share : what it takes off the likelihood's excess over white noise, a share of
+    that without it; probability : that it is present.
     """
 
     member: tuple[str, str]
@@ -61,9 +63,10 @@ class Standing:
 class Account:
     """The effects that stand, in the fit that holds just these, and those that cannot be told from them.
 
-    base : nuisances refitted, no effect; dropped : (effect, side) -> why it was in the most probable explanation and does not
-    stand; alike : sets, each holding a blamed one first; alternatives : other explanations and how likely each is beside the
-    first, best first; shares : of each blamed effect that has look-alikes, its share of their common probability, by prior.
+    base : nuisances refitted, no effect; dropped : (effect, side) -> why it was in the most probable explanation and
+    does not stand; alike : sets, each holding a blamed one first; alternatives : other explanations and how likely each
+    is beside the first, best first; shares : of each blamed effect that has look-alikes, its share of their common
+    probability, by prior.
     """
 
     fit: Fit
@@ -93,7 +96,9 @@ def _weighed(search: Search, fit: Fit, member: tuple[str, str], without: Fit) ->
     without, gap = _closest(search, fit, without)
     odds = search.log_prior((member,)) + max(believed(gain, t), believed(*closer(search.problem, fit, without)))
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
-    return Standing(member, without, (gap, search.problem.gap_as_fitted(fit.model(search.problem))), gain, t, share, probability)
+    return Standing(
+        member, without, (gap, search.problem.gap_as_fitted(fit.model(search.problem))), gain, t, share, probability
+    )
 
 
 def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
@@ -107,51 +112,79 @@ def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
     return tried[k], gaps[k]
 
 
-def _fallen(search: Search, fit: Fit, standing: list[Standing], steady: set[tuple[str, str]]) -> tuple[Standing, str] | None:
+def _fallen(
+    search: Search, fit: Fit, standing: list[Standing], steady: set[tuple[str, str]]
+) -> tuple[Standing, str] | None:
     """The effect that stands least, and why it does not; None where all stand. `steady` as of `_uneven`."""
     if not standing:
         return None
-    return (_unlikely(standing) or _fickle(search, fit, standing) or _uneven(search, fit, standing, steady)
-            or _poor(search, fit, standing) or _unforetold(search, fit, standing)
-            or _contradicted(search, fit, standing))
+    return (
+        _unlikely(standing)
+        or _fickle(search, fit, standing)
+        or _uneven(search, fit, standing, steady)
+        or _poor(search, fit, standing)
+        or _unforetold(search, fit, standing)
+        or _contradicted(search, fit, standing)
+    )
 
 
 def _unlikely(standing: list[Standing]) -> tuple[Standing, str] | None:
     """The one that is least likely there, if it is less likely there than not."""
     one = min(standing, key=lambda s: s.probability)
-    return None if one.probability >= MOST else (
-        one, f"is missed too unevenly to be there (gain {one.gain:.0f}, {one.t:.1f} times its scatter over the runs)")
+    return (
+        None
+        if one.probability >= MOST
+        else (
+            one,
+            f"is missed too unevenly to be there (gain {one.gain:.0f}, {one.t:.1f} times its scatter over the runs)",
+        )
+    )
 
 
 def _fickle(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
     """The one that carries over to other runs least, if more of it does not than does."""
     over = carried(search.problem, fit)
     one = min(standing, key=lambda s: over[s.member])
-    return None if over[one.member] >= MOST else (
-        one, ("is of another size in every run (fitted to the others it takes off "
-              f"{100 * max(over[one.member], 0.0):.0f} % of what it does fitted to all)"))
+    return (
+        None
+        if over[one.member] >= MOST
+        else (
+            one,
+            (
+                "is of another size in every run (fitted to the others it takes off "
+                f"{100 * max(over[one.member], 0.0):.0f} % of what it does fitted to all)"
+            ),
+        )
+    )
 
 
-def _uneven(search: Search, fit: Fit, standing: list[Standing], steady: set[tuple[str, str]]) -> tuple[Standing, str] | None:
+def _uneven(
+    search: Search, fit: Fit, standing: list[Standing], steady: set[tuple[str, str]]
+) -> tuple[Standing, str] | None:
     """The one whose size scatters most over the settings, if it is no constant.
 
-    A machine that the models describe no better than to many times the noise scatters in its constants, by more the worse they are
-    described, but each is one for the larger part. steady : effects seen to be of one size beside more others, to which those seen now
-    are added. They stay so: what scatters once a stand-in is taken out is the rest that it stood for.
+    A machine that the models describe no better than to many times the noise scatters in its constants, by more the
+    worse they are described, but each is one for the larger part. steady : effects seen to be of one size beside more
+    others, to which those seen now are added. They stay so: what scatters once a stand-in is taken out is the rest that
+    it stood for.
     """
     beyond = scattered(search.problem, fit)
     gap = search.problem.gap(fit.model(search.problem))
     steady |= {member for member, much in beyond.items() if much <= min(SAME * max(gap - 1.0, 1.0), MOST)}
     one = max(standing, key=lambda s: (s.member not in steady, beyond[s.member]))
-    return None if one.member in steady else (
-        one, f"is of another size in other settings (it scatters by {100 * beyond[one.member]:.0f} %)")
+    return (
+        None
+        if one.member in steady
+        else (one, f"is of another size in other settings (it scatters by {100 * beyond[one.member]:.0f} %)")
+    )
 
 
 def _poor(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
     """The one that closes least, if it is not worth naming.
 
-    Where no more than noise is left the likelihood tells an effect from a tolerance that nearly takes its place: the gap is that
-    without it and all else as it is. One whose place is taken to within noise must open more than noise then.
+    Where no more than noise is left the likelihood tells an effect from a tolerance that nearly takes its place: the
+    gap is that without it and all else as it is. One whose place is taken to within noise must open more than noise
+    then.
     """
     poor = []
     exact = excess(search.problem, fit) == 0.0
@@ -169,38 +202,61 @@ def _poor(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing,
 
 
 def _unforetold(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
-    """Of those that do not bring runs closer that were not used for the fit (contract, section 5), the one without which these are
-    foretold best."""
+    """Of those that do not bring runs closer that were not used for the fit (contract, section 5), the one without
+    which these are foretold best."""
     if excess(search.problem, fit) == 0.0:
         return None
     gap = left_out_gap(search.problem, fit)
-    # The nuisances that bring the fitted runs closest are no optimum, and a step from there may lead away from the run left out.
-    without = {s.member: min(left_out_gap(search.problem, f) for f in {id(f): f for f in (s.without, search.fits[s.without.hypothesis])}.values())
-               for s in standing}
+    # The nuisances that bring the fitted runs closest are no optimum, and a step from there may lead away from the run
+    # left out.
+    without = {
+        s.member: min(
+            left_out_gap(search.problem, f)
+            for f in {id(f): f for f in (s.without, search.fits[s.without.hypothesis])}.values()
+        )
+        for s in standing
+    }
     failed = [s for s in standing if not worth_naming(without[s.member], gap, s.share)]
     one = min(failed, key=lambda s: without[s.member], default=None)
-    return None if one is None else (
-        one, f"does not bring runs closer that it was not fitted to (their gap is {without[one.member]:.3g} without it, {gap:.3g} with it)")
+    return (
+        None
+        if one is None
+        else (
+            one,
+            f"does not bring runs closer that it was not fitted to (their gap is {without[one.member]:.3g} without it, {gap:.3g} with it)",
+        )
+    )
 
 
 def _contradicted(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
-    """The one that opens the blocks which are driven by measured signals most, if any does beyond chance; else the one that is least its
-    own there, if it is more of a cause without a name.
+    """The one that opens the blocks which are driven by measured signals most, if any does beyond chance; else the one
+    that is least its own there, if it is more of a cause without a name.
 
-    A track that is wider than declared brings a replay's turns closer where a drag slows them; but then the measured wheels and
-    the gyro, which agree, would have to disagree.
+    A track that is wider than declared brings a replay's turns closer where a drag slows them; but then the measured
+    wheels and the gyro, which agree, would have to disagree.
     """
     problem = search.problem
-    found = absences(problem.looked_at, fit.model(problem), {s.member: absent(problem, fit, s.member) for s in standing})
+    found = absences(
+        problem.looked_at, fit.model(problem), {s.member: absent(problem, fit, s.member) for s in standing}
+    )
     if not found.count:
         return None
     one = max(standing, key=lambda s: found.opened[s.member])
     if found.opened[one.member] > 2.0 * math.log(CONVINCING) * (1.0 + found.left / found.count):
-        return one, "opens what measured signals close (it leaves more of the blocks that they drive than there is without it)"
+        return (
+            one,
+            "opens what measured signals close (it leaves more of the blocks that they drive than there is without it)",
+        )
     one = min(standing, key=lambda s: found.kept.get(s.member, 1.0))
     kept = found.kept.get(one.member, 1.0)
-    return None if kept >= MOST or excess(problem, fit) == 0.0 else (
-        one, f"stands in for {found.cause} (beside it {100 * max(kept, 0.0):.0f} % of what it does to the blocks is its own)")
+    return (
+        None
+        if kept >= MOST or excess(problem, fit) == 0.0
+        else (
+            one,
+            f"stands in for {found.cause} (beside it {100 * max(kept, 0.0):.0f} % of what it does to the blocks is its own)",
+        )
+    )
 
 
 def account(search: Search, fit: Fit) -> Account:
@@ -239,23 +295,32 @@ def account(search: Search, fit: Fit) -> Account:
             alike, rivals = lookalikes(search, fit, [(s.member, s.without) for s in standing], spare)
             break
     standing.sort(key=lambda s: -s.gain)
-    return Account(fit, search.refitted(), tuple(standing), dropped, alike, _alternatives(search, fit, standing, rivals),
-                   {members[0]: _share(search, members) for members in alike})
+    return Account(
+        fit,
+        search.refitted(),
+        tuple(standing),
+        dropped,
+        alike,
+        _alternatives(search, fit, standing, rivals),
+        {members[0]: _share(search, members) for members in alike},
+    )
 
 
 def _with_doubted(search: Search, rivals: list[Fit], doubted: list[tuple[str, str]]) -> list[Fit]:
-    """Look-alikes' fits with an effect that was too unlikely beside what they stand in the place of: a driver that bends does most of what
-    a gain and dry friction do, and beside it no friction is missed."""
+    """Look-alikes' fits with an effect that was too unlikely beside what they stand in the place of: a driver that
+    bends does most of what a gain and dry friction do, and beside it no friction is missed."""
     starts = []
     for member in doubted:
         size = min((f for f in search.fits.values() if member in f.hypothesis), key=search.score).parts[member]
-        starts += [(*joined({**rival.parts, member: size}), rival) for rival in rivals if not clashes(member, rival.hypothesis)]
+        starts += [
+            (*joined({**rival.parts, member: size}), rival) for rival in rivals if not clashes(member, rival.hypothesis)
+        ]
     return [f for f in search.try_fits(starts) if search.named(f)]
 
 
 def _foretelling(search: Search, fit: Fit, rivals: list[Fit]) -> list[Fit]:
-    """Of the fits that these runs cannot tell from another, those that foretell runs left out better by more than a gap and a tenth of
-    the rest, best first."""
+    """Of the fits that these runs cannot tell from another, those that foretell runs left out better by more than a gap
+    and a tenth of the rest, best first."""
     gaps = {f.hypothesis: left_out_gap(search.problem, f) for f in [fit, *rivals]} if rivals else {}
     better = [f for f in rivals if worth_adding(gaps[fit.hypothesis], gaps[f.hypothesis])]
     return sorted(better, key=lambda f: gaps[f.hypothesis])
@@ -267,7 +332,9 @@ def _share(search: Search, members: tuple[tuple[str, str], ...]) -> float:
     return priors[0] / sum(priors)
 
 
-def _alternatives(search: Search, fit: Fit, standing: list[Standing], rivals: list[Fit]) -> tuple[tuple[Hypothesis, float], ...]:
+def _alternatives(
+    search: Search, fit: Fit, standing: list[Standing], rivals: list[Fit]
+) -> tuple[tuple[Hypothesis, float], ...]:
     others = {f.hypothesis: f for f in [*rivals, *(s.without for s in standing), search.fits[()]] if f is not fit}
     weights = {fit.hypothesis: 1.0}
     for hypothesis, other in others.items():

@@ -58,6 +58,7 @@ def write_result(out: Path, result: dict, page: str) -> dict[str, str]:
 
 # ---- one case --------------------------------------------------------------------------------------------------------
 
+
 def write_diagnosis(folder: Path, out: Path, quick: bool, seed: int, threads: int, progress=None) -> tuple:
     """Diagnose one case folder and write both files, together or not at all. Returns (diagnosis, details)."""
     keep_freed()
@@ -72,16 +73,29 @@ def write_diagnosis(folder: Path, out: Path, quick: bool, seed: int, threads: in
 def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: int = 0) -> tuple:
     """`rtds diagnose` of one case: progress and a summary on the terminal. Returns (diagnosis, details)."""
     errors = Console(stderr=True)
-    with Progress(TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn(), console=errors,
-                  transient=True, disable=not sys.stderr.isatty()) as bar:
+    with Progress(
+        TextColumn("{task.description:<12}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        console=errors,
+        transient=True,
+        disable=not sys.stderr.isatty(),
+    ) as bar:
         task = bar.add_task("reading", total=1.0)
-        result, details = write_diagnosis(folder, out, quick, seed, jobs if jobs > 0 else cores(),
-                                          lambda stage, share: bar.update(task, description=stage, completed=share))
+        result, details = write_diagnosis(
+            folder,
+            out,
+            quick,
+            seed,
+            jobs if jobs > 0 else cores(),
+            lambda stage, share: bar.update(task, description=stage, completed=share),
+        )
     print_summary(Console(), result, details)
     return result, details
 
 
 # ---- many cases ------------------------------------------------------------------------------------------------------
+
 
 def explain(case: Case, quick: bool, seed: int, threads: int) -> tuple[dict, str, float]:
     """A case's diagnosis and report; runs in a process of its own, here or on a cluster, and writes nothing."""
@@ -102,7 +116,9 @@ def _explain_folder(work: Explain, folder: str, quick: bool, seed: int, threads:
 
 
 def fingerprint(folder: Path, quick: bool) -> str:
-    """SHA-256 over everything a result depends on: the case's name and files, how it is searched, the program's version."""
+    """SHA-256 over everything a result depends on: the case's name and files, how it is searched, the program's
+    version.
+    """
     digest = hashlib.sha256(json.dumps([__version__, name_of(folder), quick]).encode())
     found = [folder / "robot.toml"]
     for name in ("robot.toml", "run.json", "log.csv", "log.parquet"):
@@ -131,7 +147,8 @@ class _Results:
         try:
             note = json.loads((self.state / f"{name}.json").read_text(encoding="utf-8"))
             same = note["key"] == key and all(
-                _sha((self.out / name / file).read_bytes()) == note["files"][file] for file in FILES)
+                _sha((self.out / name / file).read_bytes()) == note["files"][file] for file in FILES
+            )
             return note["row"] if same else None
         except (OSError, ValueError, KeyError, TypeError):
             # No note, one of an older program, or files that are gone: done again.
@@ -215,8 +232,15 @@ def _checked(cases: list[Path], out: Path) -> dict[str, Path]:
     return by_name
 
 
-def run_many(cases: list[Path], out: Path, quick: bool = False, seed: int = 1, jobs: int = 0,
-             scheduler: str | None = None, work: Explain = explain) -> list[str]:
+def run_many(
+    cases: list[Path],
+    out: Path,
+    quick: bool = False,
+    seed: int = 1,
+    jobs: int = 0,
+    scheduler: str | None = None,
+    work: Explain = explain,
+) -> list[str]:
     """`rtds diagnose` of several cases: a process a core, or the workers of a Dask cluster.
 
     What an earlier call into `out` did from the same input with the same options is not done again. Ends with
@@ -234,14 +258,18 @@ def run_many(cases: list[Path], out: Path, quick: bool = False, seed: int = 1, j
     Raises
     ------
     InputError : two cases of the same name, or results that would fall into a case. OutputError : `out` cannot be
-    written at the start or at the end (what is done stays; a single result that cannot be written is that case's failure). LinkError : the cluster cannot be used, or is lost (what is done stays).
+    written at the start or at the end (what is done stays; a single result that cannot be written is that case's
+    failure). LinkError : the cluster cannot be used, or is lost (what is done stays).
     """
     by_name = _checked(cases, out)
     results = _Results(out)
     with results.locked():
         results.sweep(list(by_name))
-        rows = {name: row_of(visible(name), None, None, f"{visible(case)}: {why}")
-                for name, case in by_name.items() if (why := _unwritable(name)) is not None}
+        rows = {
+            name: row_of(visible(name), None, None, f"{visible(case)}: {why}")
+            for name, case in by_name.items()
+            if (why := _unwritable(name)) is not None
+        }
         for row in rows.values():
             print(f"rtds: {row['error']}", file=sys.stderr, flush=True)
         keys = {name: fingerprint(case, quick) for name, case in by_name.items() if name not in rows}
@@ -251,6 +279,7 @@ def run_many(cases: list[Path], out: Path, quick: bool = False, seed: int = 1, j
         if done:
             print(f"{len(done)} of {len(by_name)} cases are done already", flush=True)
         if scheduler is not None:
+
             def loaded(case: Path) -> tuple:
                 return read_writable_case(case), quick, seed, 1
 
@@ -258,12 +287,22 @@ def run_many(cases: list[Path], out: Path, quick: bool = False, seed: int = 1, j
         else:
             processes = jobs if jobs > 0 else cores()
             threads = max(1, processes // max(1, len(todo)))
-            outcomes = on_cores(_explain_folder, {name: (work, str(case), quick, seed, threads)
-                                                  for name, case in todo.items()}, processes)
-        columns = (TextColumn("diagnosing"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-                   TextColumn("{task.description}", markup=False))
-        with closing(outcomes), Progress(*columns, console=Console(stderr=True), transient=True,
-                                         disable=not sys.stderr.isatty()) as bar:
+            outcomes = on_cores(
+                _explain_folder,
+                {name: (work, str(case), quick, seed, threads) for name, case in todo.items()},
+                processes,
+            )
+        columns = (
+            TextColumn("diagnosing"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.description}", markup=False),
+        )
+        with (
+            closing(outcomes),
+            Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar,
+        ):
             task = bar.add_task("", total=len(by_name), completed=len(rows))
             for outcome in outcomes if todo else ():
                 name, error = outcome.name, outcome.error

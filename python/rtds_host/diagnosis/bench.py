@@ -1,8 +1,9 @@
 """How often the diagnosis is right: `python -m rtds_host.diagnosis.bench`, against what one would do today.
 
 Cases come from the independent planar world (`rtds_host.blind.cases`, as another process); the same searches are
-judged by two common methods: BIC over the candidates, and the largest improvement of fit. Prints a page in Markdown and writes it where `--page` says. What was examined is kept below
-`--out`: an interrupted run goes on where it stopped, a changed diagnosis begins anew.
+judged by two common methods: BIC over the candidates, and the largest improvement of fit. Prints a page in Markdown and
+writes it where `--page` says. What was examined is kept below `--out`: an interrupted run goes on where it stopped, a
+changed diagnosis begins anew.
 """
 
 from __future__ import annotations
@@ -73,12 +74,21 @@ def _examine(job: tuple[str, str, str, bool, str | None]) -> dict:
     began = time.process_time()
     case = read_case(folder)
     gate = examine(case)
-    found = investigate(taken(case, gate), quick=quick, threads=1, without=frozenset([removed]) if removed else frozenset())
+    found = investigate(
+        taken(case, gate), quick=quick, threads=1, without=frozenset([removed]) if removed else frozenset()
+    )
     diagnosis, _ = conclude(found, gate)
     seconds = time.process_time() - began
     others = {} if removed else {METHODS[1]: _bic(found), METHODS[2]: _largest(found)}
-    return {"tier": tier, "case": Path(folder).name, "truth": truth, "diagnosis": diagnosis, "seconds": seconds,
-            "others": others, "removed": removed}
+    return {
+        "tier": tier,
+        "case": Path(folder).name,
+        "truth": truth,
+        "diagnosis": diagnosis,
+        "seconds": seconds,
+        "others": others,
+        "removed": removed,
+    }
 
 
 def _named(diagnosis: dict) -> set[tuple[str, str]]:
@@ -92,8 +102,11 @@ def _true(truth: dict) -> set[tuple[str, str]]:
 def _in_set(diagnosis: dict, truth: dict) -> bool:
     named = _named(diagnosis)
     sets = [{(m["id"], m["side"]) for m in members} for members in diagnosis["indistinguishable"]]
-    return diagnosis["verdict"] in ("known", "partial") and len(named) == len(_true(truth)) and all(
-        t in named or any(t in s and len(s) <= 3 for s in sets) for t in _true(truth))
+    return (
+        diagnosis["verdict"] in ("known", "partial")
+        and len(named) == len(_true(truth))
+        and all(t in named or any(t in s and len(s) <= 3 for s in sets) for t in _true(truth))
+    )
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
@@ -135,10 +148,18 @@ def page(rows: list[dict], command: str) -> str:
     single = [r for r in strong if r["tier"] in ("all", "tol")]
     none = [r for r in main if r["tier"] == "none"]
     unknown = [r for r in main if r["tier"] == "unknown"]
-    lines = ["# How often the diagnosis is right", "",
-             (f"Made by `{command}`: {len(main)} cases of the planar world, and {len(rows) - len(main)} with their "
-              "effect taken out of the catalogue. Truths of at least 5 sigma (nuisances projected off) unless said "
-              "otherwise; 95 % intervals."), "", "| | |", "|---|---|"]
+    lines = [
+        "# How often the diagnosis is right",
+        "",
+        (
+            f"Made by `{command}`: {len(main)} cases of the planar world, and {len(rows) - len(main)} with their "
+            "effect taken out of the catalogue. Truths of at least 5 sigma (nuisances projected off) unless said "
+            "otherwise; 95 % intervals."
+        ),
+        "",
+        "| | |",
+        "|---|---|",
+    ]
 
     def row(name: str, value: str) -> None:
         lines.append(f"| {name} | {value} |")
@@ -148,40 +169,79 @@ def page(rows: list[dict], command: str) -> str:
 
     row("right cause and side, all channels, no tolerance", _share([exact(r) for r in strong if r["tier"] == "all"]))
     row("the same with motors off by 1 %", _share([exact(r) for r in strong if r["tier"] == "tol"]))
-    row("right or inside a declared set of at most 3 (both)", _share([exact(r) or _in_set(r["diagnosis"], r["truth"])
-                                                                     for r in single]))
-    row("few channels: right or inside a set", _share([exact(r) or _in_set(r["diagnosis"], r["truth"])
-                                                       for r in strong if r["tier"] == "few"]))
+    row(
+        "right or inside a declared set of at most 3 (both)",
+        _share([exact(r) or _in_set(r["diagnosis"], r["truth"]) for r in single]),
+    )
+    row(
+        "few channels: right or inside a set",
+        _share([exact(r) or _in_set(r["diagnosis"], r["truth"]) for r in strong if r["tier"] == "few"]),
+    )
     row("pairs: both", _share([exact(r) or _in_set(r["diagnosis"], r["truth"]) for r in strong if r["tier"] == "pair"]))
-    row("pairs: at least one", _share([bool(_named(r["diagnosis"]) & _true(r["truth"])) for r in strong
-                                       if r["tier"] == "pair"]))
-    row("right subsystem (largest share)", _share([
-        bool(r["diagnosis"]["located"]) and r["diagnosis"]["located"][0]["subsystem"]
-        in {e["subsystem"] for e in r["truth"]["effects"]} for r in single]))
+    row(
+        "pairs: at least one",
+        _share([bool(_named(r["diagnosis"]) & _true(r["truth"])) for r in strong if r["tier"] == "pair"]),
+    )
+    row(
+        "right subsystem (largest share)",
+        _share(
+            [
+                bool(r["diagnosis"]["located"])
+                and r["diagnosis"]["located"][0]["subsystem"] in {e["subsystem"] for e in r["truth"]["effects"]}
+                for r in single
+            ]
+        ),
+    )
     row("false cause where there is none", _share([bool(r["diagnosis"]["effects"]) for r in none]))
     row("unknown recognised (outside effects)", _share([r["diagnosis"]["verdict"] == "unknown" for r in unknown]))
     row("wrongly unknown", _share([r["diagnosis"]["verdict"] == "unknown" for r in single]))
     removed = [r for r in rows if r["removed"]]
     same = [r for r in removed if r["diagnosis"]["verdict"] == "known" and r["diagnosis"]["gap"]["after"] < 1.1]
     small = [r for r in removed if r["diagnosis"]["verdict"] == "none" and r["diagnosis"]["gap"]["refit"] < 1.1]
-    row("unknown, effect taken out of the catalogue, where that leaves a gap and no other effect does the same",
-        _share([r["diagnosis"]["verdict"] == "unknown" for r in removed if r not in same and r not in small]))
-    row("… others of these: another effect leaves a gap below 1.1; the refit alone does, and nothing is blamed",
-        f"{len(same)} and {len(small)} of {len(removed)}")
-    closed = [r["diagnosis"]["gap"]["closed"] for r in strong
-              if r["diagnosis"]["verdict"] == "known" and r["diagnosis"]["gap"]["closed"] is not None]
-    row("closure on held-out runs, median (5 % quantile)",
-        f"{np.median(closed):.3f} ({np.quantile(closed, 0.05):.3f}), {len(closed)} cases" if closed else "no case")
+    row(
+        "unknown, effect taken out of the catalogue, where that leaves a gap and no other effect does the same",
+        _share([r["diagnosis"]["verdict"] == "unknown" for r in removed if r not in same and r not in small]),
+    )
+    row(
+        "… others of these: another effect leaves a gap below 1.1; the refit alone does, and nothing is blamed",
+        f"{len(same)} and {len(small)} of {len(removed)}",
+    )
+    closed = [
+        r["diagnosis"]["gap"]["closed"]
+        for r in strong
+        if r["diagnosis"]["verdict"] == "known" and r["diagnosis"]["gap"]["closed"] is not None
+    ]
+    row(
+        "closure on held-out runs, median (5 % quantile)",
+        f"{np.median(closed):.3f} ({np.quantile(closed, 0.05):.3f}), {len(closed)} cases" if closed else "no case",
+    )
     row("90 % intervals that hold the truth", _share(_coverage([r for r in single if exact(r)])))
-    row(f"weak effects (below {SIZE_SIGMA:g} sigma): right, none, other", " / ".join(str(x) for x in (
-        sum(exact(r) for r in weak), sum(r["diagnosis"]["verdict"] == "none" for r in weak),
-        sum(not exact(r) and r["diagnosis"]["verdict"] != "none" for r in weak))))
+    row(
+        f"weak effects (below {SIZE_SIGMA:g} sigma): right, none, other",
+        " / ".join(
+            str(x)
+            for x in (
+                sum(exact(r) for r in weak),
+                sum(r["diagnosis"]["verdict"] == "none" for r in weak),
+                sum(not exact(r) and r["diagnosis"]["verdict"] != "none" for r in weak),
+            )
+        ),
+    )
     seconds = [r["seconds"] for r in main]
     row("CPU seconds a case, median (largest)", f"{np.median(seconds):.1f} ({max(seconds):.0f})")
 
-    lines += ["", "## Against what one would do today", "", "The same cases and the same fits.", "",
-              ("| method | right cause and side (all, tol) | pairs: both | false cause where there is none | "
-               "outside effect blamed on a catalogue effect |"), "|---|---|---|---|---|"]
+    lines += [
+        "",
+        "## Against what one would do today",
+        "",
+        "The same cases and the same fits.",
+        "",
+        (
+            "| method | right cause and side (all, tol) | pairs: both | false cause where there is none | "
+            "outside effect blamed on a catalogue effect |"
+        ),
+        "|---|---|---|---|---|",
+    ]
     pairs = [r for r in strong if r["tier"] == "pair"]
 
     def answer(r: dict, method: str) -> set[tuple[str, str]]:
@@ -191,13 +251,29 @@ def page(rows: list[dict], command: str) -> str:
         return f"{np.mean(hits):.0%}" if hits else "–"
 
     for method in METHODS:
-        lines.append("| " + " | ".join([
-            method, rate([answer(r, method) == _true(r["truth"]) for r in single]),
-            rate([answer(r, method) == _true(r["truth"]) for r in pairs]),
-            rate([bool(answer(r, method)) for r in none]), rate([bool(answer(r, method)) for r in unknown])]) + " |")
+        lines.append(
+            "| "
+            + " | ".join(
+                [
+                    method,
+                    rate([answer(r, method) == _true(r["truth"]) for r in single]),
+                    rate([answer(r, method) == _true(r["truth"]) for r in pairs]),
+                    rate([bool(answer(r, method)) for r in none]),
+                    rate([bool(answer(r, method)) for r in unknown]),
+                ]
+            )
+            + " |"
+        )
 
-    lines += ["", "## Confusions", "", "What single effects (all, tol) were taken for, right answers left out.", "",
-              "| truth | answer | cases |", "|---|---|---|"]
+    lines += [
+        "",
+        "## Confusions",
+        "",
+        "What single effects (all, tol) were taken for, right answers left out.",
+        "",
+        "| truth | answer | cases |",
+        "|---|---|---|",
+    ]
     wrong = Counter()
     for r in single:
         if not exact(r):
@@ -206,7 +282,11 @@ def page(rows: list[dict], command: str) -> str:
     lines += [f"| {a} | {b} | {n} |" for (a, b), n in sorted(wrong.items())] or ["| – | – | 0 |"]
     right = Counter(e for r in single if exact(r) for e, _ in _true(r["truth"]))
     total = Counter(e for r in single for e, _ in _true(r["truth"]))
-    lines += ["", "Right of all, by effect: " + ", ".join(f"{e} {right[e]}/{n}" for e, n in sorted(total.items())) + ".", ""]
+    lines += [
+        "",
+        "Right of all, by effect: " + ", ".join(f"{e} {right[e]}/{n}" for e, n in sorted(total.items())) + ".",
+        "",
+    ]
     return "\n".join(lines)
 
 
@@ -223,13 +303,28 @@ def main() -> None:
     for k, (tier, count) in enumerate(TIERS.items()):
         folder = options.out / f"{tier}-{options.seed}-{count}"
         if not (folder / "complete").exists():
-            subprocess.run([sys.executable, "-m", "rtds_host.blind.cases", "--n", str(count), "--tier", tier, "--seed",
-                            str(1000 * options.seed + k), "--out", str(folder)], check=True, stdout=subprocess.DEVNULL)
+            subprocess.run(
+                [
+                    sys.executable,
+                    "-m",
+                    "rtds_host.blind.cases",
+                    "--n",
+                    str(count),
+                    "--tier",
+                    tier,
+                    "--seed",
+                    str(1000 * options.seed + k),
+                    "--out",
+                    str(folder),
+                ],
+                check=True,
+                stdout=subprocess.DEVNULL,
+            )
             (folder / "complete").touch()
         cases = sorted(c for c in (folder / "public").iterdir() if c.is_dir())
-        for case in cases[:max(1, round(count * options.share))]:
+        for case in cases[: max(1, round(count * options.share))]:
             jobs.append((tier, str(case), str(folder / "truth" / f"{case.name}.json"), not options.full, None))
-    singles = [j for j in jobs if j[0] in ("all", "tol")][:options.removed]
+    singles = [j for j in jobs if j[0] in ("all", "tol")][: options.removed]
     for tier, case, truth, quick, _ in singles:
         jobs.append((tier, case, truth, quick, json.loads(Path(truth).read_text())["effects"][0]["id"]))
     rows = []
@@ -239,8 +334,12 @@ def main() -> None:
             rows.append(row)
             print(f"\r{len(rows)}/{len(jobs)}", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
-    command = "python -m rtds_host.diagnosis.bench" + (f" --seed {options.seed}" if options.seed != 1 else "") + (
-        " --full" if options.full else "") + (f" --share {options.share:g}" if options.share != 1 else "")
+    command = (
+        "python -m rtds_host.diagnosis.bench"
+        + (f" --seed {options.seed}" if options.seed != 1 else "")
+        + (" --full" if options.full else "")
+        + (f" --share {options.share:g}" if options.share != 1 else "")
+    )
     text = page(rows, command)
     print(text)
     if options.page:

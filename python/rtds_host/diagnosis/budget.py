@@ -1,8 +1,8 @@
 """The account of the gap: where before^2 - 1 comes from, and where the part without a name lies.
 
 Shares are Shapley values (L. S. Shapley, Contributions to the Theory of Games II, 1953): what an effect takes off the
-squared gap, averaged over all orders in which effects and tolerances could be put in. What they leave is the rest, placed
-by the blocks that are replayed from measured signals (`localise`).
+squared gap, averaged over all orders in which effects and tolerances could be put in. What they leave is the rest,
+placed by the blocks that are replayed from measured signals (`localise`).
 """
 
 from __future__ import annotations
@@ -34,9 +34,13 @@ def shapley(players: Sequence[Hashable], worth: Callable[[frozenset], float]) ->
     for player in players:
         others = [p for p in players if p != player]
         shares[player] = sum(
-            math.factorial(count) * math.factorial(n - count - 1) / math.factorial(n)
+            math.factorial(count)
+            * math.factorial(n - count - 1)
+            / math.factorial(n)
             * (of(frozenset(members) | {player}) - of(frozenset(members)))
-            for count in range(n) for members in itertools.combinations(others, count))
+            for count in range(n)
+            for members in itertools.combinations(others, count)
+        )
     return shares
 
 
@@ -49,20 +53,30 @@ def explained(problem: Problem, fit: Fit) -> dict[Hashable, float]:
         chosen = tuple(h for h in fit.hypothesis if h in members)
         model = apply(fit.effects, problem.with_nuisances(z), chosen, [values[h] for h in chosen])
         # A coalition that lets the replay run away is worth no more than the worst that a sensor could show.
-        return -min(problem.gap(model), 1e6) ** 2
+        return -(min(problem.gap(model), 1e6) ** 2)
 
     return shapley([*fit.hypothesis, TOLERANCE], worth)
 
 
 def shares(problem: Problem, fit: Fit, after: float, place: Localisation) -> list[dict]:
-    """The contract's `budget`: effects, tolerances and the rest by subsystem, at least 0, summing to 1; [] without a gap."""
+    """The contract's `budget`: effects, tolerances and the rest by subsystem, at least 0, summing to 1; [] without a
+    gap.
+    """
     parts = {key: max(value, 0.0) for key, value in explained(problem, fit).items()}
     rest = max(after**2 - 1.0, 0.0)
     total = sum(parts.values()) + rest
     if total <= 0.0:
         return []
-    rows = [{"what": "effect", "id": key[0], "side": fit.effects[key[0]].side_on(problem.robot.axis, key[1]),
-             "share": value / total} for key, value in sorted(parts.items(), key=lambda p: -p[1]) if key != TOLERANCE]
+    rows = [
+        {
+            "what": "effect",
+            "id": key[0],
+            "side": fit.effects[key[0]].side_on(problem.robot.axis, key[1]),
+            "share": value / total,
+        }
+        for key, value in sorted(parts.items(), key=lambda p: -p[1])
+        if key != TOLERANCE
+    ]
     rows.append({"what": TOLERANCE, "share": parts[TOLERANCE] / total})
     located = place.shares()
     rows += [{"what": "rest", "subsystem": row["subsystem"], "share": rest / total * row["share"]} for row in located]

@@ -1,21 +1,22 @@
 """Whether what an effect takes off the misfit carries over to runs that it was not fitted to.
 
-An effect is a constant of the machine: of one size, whatever the run. Between a replay without it and the one with it lie those
-with a share of it. Of one run g (or a stretch of one) alone the best share would be s_g, known to 1/I_g; of all the others
-together it is the mean o_g of theirs. With that, the effect takes I_g (s_g^2 - (s_g - o_g)^2) / 2 off the -log likelihood of run g,
-where the mean m of all takes I_g (s_g^2 - (s_g - m)^2) / 2. The ratio of their sums over the runs is 1 for what is of one size in
-all of them, and falls below 0 for what stands in for something else, large here and small there. What the other effects can take
-up over all runs is projected off; the tolerances stay as they are, since these are the machine's, too. What is left of it must know
-something: a filter is, to first order, the delay beside it, and what a step along that delay leaves of it is noise.
+An effect is a constant of the machine: of one size, whatever the run. Between a replay without it and the one with it
+lie those with a share of it. Of one run g (or a stretch of one) alone the best share would be s_g, known to 1/I_g; of
+all the others together it is the mean o_g of theirs. With that, the effect takes I_g (s_g^2 - (s_g - o_g)^2) / 2 off
+the -log likelihood of run g, where the mean m of all takes I_g (s_g^2 - (s_g - m)^2) / 2. The ratio of their sums over
+the runs is 1 for what is of one size in all of them, and falls below 0 for what stands in for something else, large
+here and small there. What the other effects can take up over all runs is projected off; the tolerances stay as they
+are, since these are the machine's, too. What is left of it must know something: a filter is, to first order, the delay
+beside it, and what a step along that delay leaves of it is noise.
 
-Nor does it change with the setting that a machine is met in (`scattered`): how fast, how loaded, which way, how late. The blocks of
-time are put in order of each setting and cut in groups that know as much as each other of the effect's size, relative to what was
-fitted; what the groups' sizes s_g scatter about their mean beyond chance, Q = sum_g I_g (s_g - m)^2 less what is expected and what
-convinces, is worth a relative scatter of sqrt(Q / sum_g I_g). What stands in for something of another form scatters: a gain for a
-bend, a delay for clocks that drift apart.
+Nor does it change with the setting that a machine is met in (`scattered`): how fast, how loaded, which way, how late.
+The blocks of time are put in order of each setting and cut in groups that know as much as each other of the effect's
+size, relative to what was fitted; what the groups' sizes s_g scatter about their mean beyond chance, Q = sum_g I_g (s_g
+- m)^2 less what is expected and what convinces, is worth a relative scatter of sqrt(Q / sum_g I_g). What stands in for
+something of another form scatters: a gain for a bend, a delay for clocks that drift apart.
 
-References: M. Stone, J. R. Stat. Soc. B 36, 1974 (cross-validation); J. Peters, P. Buehlmann, N. Meinshausen, J. R. Stat. Soc. B 78,
-2016 (a cause is what does not change from setting to setting).
+References: M. Stone, J. R. Stat. Soc. B 36, 1974 (cross-validation); J. Peters, P. Buehlmann, N. Meinshausen, J. R.
+Stat. Soc. B 78, 2016 (a cause is what does not change from setting to setting).
 """
 
 from __future__ import annotations
@@ -52,12 +53,14 @@ def groups(problem: Problem) -> np.ndarray:
 
 
 def carried(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
-    """Share of what each effect takes off that it takes off runs that it was not fitted to, per the module's head; 1 of one whose
-    sizes nothing would tell."""
+    """Share of what each effect takes off that it takes off runs that it was not fitted to, per the module's head; 1 of
+    one whose sizes nothing would tell."""
     where = groups(problem)
     count = int(where.max(initial=0)) + 1
-    taken = [fit.noise.whiten(fit.residual - other)
-             for other in problem.residuals([absent(problem, fit, member) for member in fit.hypothesis])]
+    taken = [
+        fit.noise.whiten(fit.residual - other)
+        for other in problem.residuals([absent(problem, fit, member) for member in fit.hypothesis])
+    ]
     white, jacobian = fit.whitened()
     owners = [(effect.id, side) for effect, side, _ in parameters(fit.effects, fit.hypothesis)]
     result = {}
@@ -71,7 +74,9 @@ def carried(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
 
 
 def scattered(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
-    """Relative scatter of each effect's size over the settings that it was met in, the largest, per the module's head."""
+    """Relative scatter of each effect's size over the settings that it was met in, the largest, per the
+    module's head.
+    """
     met = settings(problem, fit.model(problem))
     white, jacobian = fit.whitened()
     columns = list(enumerate(parameters(fit.effects, fit.hypothesis), len(fit.z)))
@@ -96,7 +101,9 @@ def _apart(fit: Fit, jacobian: np.ndarray, own: np.ndarray, at: list[int]) -> np
 
 
 def _size(p: Parameter, u: float) -> float:
-    """An effect's size in spreads: how far it is from absent; of what is absent far off, a stiff spring, the value itself."""
+    """An effect's size in spreads: how far it is from absent; of what is absent far off, a stiff spring, the value
+    itself.
+    """
     return u if p.null in (0.0, 1.0) else p.value(u) / p.slope(p.value(u))
 
 
@@ -120,11 +127,15 @@ def scatter(values: np.ndarray, weighed: np.ndarray, known: np.ndarray) -> float
 def absent(problem: Problem, fit: Fit, member: tuple[str, str]) -> Model:
     """The model of a fit with everything but one of its effects."""
     kept = [(other, values) for other, values in zip(fit.hypothesis, fit.values) if other != member]
-    return apply(fit.effects, problem.with_nuisances(fit.z), tuple(other for other, _ in kept), [values for _, values in kept])
+    return apply(
+        fit.effects, problem.with_nuisances(fit.z), tuple(other for other, _ in kept), [values for _, values in kept]
+    )
 
 
 def ratio(weighed: np.ndarray, known: np.ndarray) -> float:
-    """The ratio of the module's head, of I_g s_g (groups,) and I_g (groups,); 1 where one group alone knows anything."""
+    """The ratio of the module's head, of I_g s_g (groups,) and I_g (groups,); 1 where one group alone knows
+    anything.
+    """
     weighed, known = weighed[known > 0.0], known[known > 0.0]
     if len(known) < 2:
         return 1.0

@@ -1,4 +1,6 @@
-"""What chance alone does: how far noise reaches, how often a value repeats, how many samples say something; all from one probability."""
+"""What chance alone does: how far noise reaches, how often a value repeats, how many samples say something; all from
+one probability.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +9,15 @@ from statistics import NormalDist
 
 # Probability: that noise alone passes for something in a sound channel.
 FALSE_ALARM = 1e-6
-# A handful, as a share of the samples: what fewer do is an accident, what more do is how the channel or its logger works.
+# A handful, as a share of the samples: what fewer do is an accident, what more do is how the channel or its logger
+# works.
 HANDFUL = 0.01
 # The larger part: more is so than is not.
 MOST = 0.5
 # A tenth: a part of a thing that is slight beside it.
 SLIGHT = 0.1
-# What is of one size is so to a fifth where little else is wrong: real friction and dead zones scatter by up to a sixth from setting to
-# setting; a unit's factor that is missed by more is a gain.
+# What is of one size is so to a fifth where little else is wrong: real friction and dead zones scatter by up to a sixth
+# from setting to setting; a unit's factor that is missed by more is a gain.
 SAME = 0.2
 # What stands apart is so many times what is beside it.
 APART = 3.0
@@ -27,7 +30,13 @@ def sigmas(count: int = 1) -> float:
 
 def in_a_row(share: float, count: int = 1) -> float:
     """How often in a row what happens to a share of the samples does not happen by chance at any of `count` places."""
-    return math.log(FALSE_ALARM / max(count, 1)) / math.log(share) if 0.0 < share < 1.0 else math.inf if share >= 1.0 else 1.0
+    return (
+        math.log(FALSE_ALARM / max(count, 1)) / math.log(share)
+        if 0.0 < share < 1.0
+        else math.inf
+        if share >= 1.0
+        else 1.0
+    )
 
 
 def handful(count: int) -> float:
@@ -36,7 +45,11 @@ def handful(count: int) -> float:
 
 
 # Numerical: lower quarter, median and mean of the magnitude of a normal variable of unit variance.
-QUARTER_OF_NORMAL, MEDIAN_OF_NORMAL, MEAN_OF_NORMAL = NormalDist().inv_cdf(0.625), NormalDist().inv_cdf(0.75), math.sqrt(2.0 / math.pi)
+QUARTER_OF_NORMAL, MEDIAN_OF_NORMAL, MEAN_OF_NORMAL = (
+    NormalDist().inv_cdf(0.625),
+    NormalDist().inv_cdf(0.75),
+    math.sqrt(2.0 / math.pi),
+)
 # Numerical: correlation of what follows at all: most of it is explained.
 FOLLOWS = math.sqrt(MOST)
 # One sample that is so many standard deviations off is more than noise.

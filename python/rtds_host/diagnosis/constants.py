@@ -1,11 +1,12 @@
 """Every hand-set constant of the instrument with its reason: `python -m rtds_host.diagnosis.constants`.
 
-A table in Markdown, read off the sources: whatever a module names in capitals and sets to numbers alone, each name a row; what is worked
-out from another constant, or numbers cases from 0, is none. The comment above a constant is its reason, and the reason's first
-word its kind:
+A table in Markdown, read off the sources: whatever a module names in capitals and sets to numbers alone, each name a
+row; what is worked out from another constant, or numbers cases from 0, is none. The comment above a constant is its
+reason, and the reason's first word its kind:
 
 - Numerical: integration steps, grids, how finely something is looked for; how close to the answer a computation comes;
-- Physical: what machines, sensors, loggers and file formats are like; Probability: how likely something is before a run is seen, or how
+- Physical: what machines, sensors, loggers and file formats are like; Probability: how likely something is before a run
+is seen, or how
   often a rule may be wrong;
 - Layout: what a page or a table shows, which steers no answer;
 - what the contract sets names its section;
@@ -27,14 +28,36 @@ def _set_by_hand(value: ast.expr) -> bool:
     """Whether an expression is made of numbers alone, with arithmetic and functions of `math` on them."""
     names = [part.id for part in ast.walk(value) if isinstance(part, ast.Name)]
     leaves = [part.value for part in ast.walk(value) if isinstance(part, ast.Constant)]
-    fits = all(isinstance(part, (ast.Constant, ast.Tuple, ast.UnaryOp, ast.BinOp, ast.Call, ast.Attribute, ast.Name, ast.operator,
-                                 ast.unaryop, ast.expr_context)) for part in ast.walk(value))
-    return fits and set(names) <= {"math"} and bool(leaves) and all(
-        isinstance(leaf, (int, float)) and not isinstance(leaf, bool) for leaf in leaves)
+    fits = all(
+        isinstance(
+            part,
+            (
+                ast.Constant,
+                ast.Tuple,
+                ast.UnaryOp,
+                ast.BinOp,
+                ast.Call,
+                ast.Attribute,
+                ast.Name,
+                ast.operator,
+                ast.unaryop,
+                ast.expr_context,
+            ),
+        )
+        for part in ast.walk(value)
+    )
+    return (
+        fits
+        and set(names) <= {"math"}
+        and bool(leaves)
+        and all(isinstance(leaf, (int, float)) and not isinstance(leaf, bool) for leaf in leaves)
+    )
 
 
 def _named(statement: ast.stmt) -> list[tuple[str, ast.expr]]:
-    """Names in capitals that a statement sets, each with its value: of names set together to values, and of one alone."""
+    """Names in capitals that a statement sets, each with its value: of names set together to values, and of one
+    alone.
+    """
     if not isinstance(statement, ast.Assign) or len(statement.targets) != 1:
         return []
     target, value = statement.targets[0], statement.value
@@ -42,9 +65,13 @@ def _named(statement: ast.stmt) -> list[tuple[str, ast.expr]]:
         pairs = list(zip(target.elts, value.elts))
     else:
         pairs = [(target, value)]
-    if len(pairs) > 1 and [of.value if isinstance(of, ast.Constant) else None for _, of in pairs] == list(range(len(pairs))):
-        return []                           # names of cases
-    return [(name.id, of) for name, of in pairs if isinstance(name, ast.Name) and re.fullmatch("_?[A-Z][A-Z_0-9]*", name.id)]
+    if len(pairs) > 1 and [of.value if isinstance(of, ast.Constant) else None for _, of in pairs] == list(
+        range(len(pairs))
+    ):
+        return []  # names of cases
+    return [
+        (name.id, of) for name, of in pairs if isinstance(name, ast.Name) and re.fullmatch("_?[A-Z][A-Z_0-9]*", name.id)
+    ]
 
 
 def constants(root: Path) -> list[tuple[str, str, str, str]]:
@@ -63,10 +90,14 @@ def constants(root: Path) -> list[tuple[str, str, str, str]]:
             while above and lines[above - 1].startswith("# "):
                 above -= 1
             # A comment stands for the constants that follow it without an empty line, up to the next.
-            reasons[statement.end_lineno] = (" ".join(line[2:] for line in lines[above:first]) if above < first
-                                             else reasons.get(first, ""))
-            rows += [(str(path.relative_to(root)), name, ast.get_source_segment(text, value), reasons[statement.end_lineno])
-                     for name, value in named if _set_by_hand(value)]
+            reasons[statement.end_lineno] = (
+                " ".join(line[2:] for line in lines[above:first]) if above < first else reasons.get(first, "")
+            )
+            rows += [
+                (str(path.relative_to(root)), name, ast.get_source_segment(text, value), reasons[statement.end_lineno])
+                for name, value in named
+                if _set_by_hand(value)
+            ]
     return rows
 
 
@@ -90,7 +121,9 @@ def main() -> None:
     print("| module | constant | value | kind | reason |\n|---|---|---|---|---|")
     for row in rows:
         print("| " + " | ".join(cell.replace("|", "\\|") for cell in (*row[:3], kind(row[3]), row[3])) + " |")
-    print(f"\n| room | constants | {' | '.join(KINDS)} | beyond numerical, contract and layout |\n|---|{'---|' * (len(KINDS) + 2)}")
+    print(
+        f"\n| room | constants | {' | '.join(KINDS)} | beyond numerical, contract and layout |\n|---|{'---|' * (len(KINDS) + 2)}"
+    )
     for room, mine in {**by_room(rows), "all": rows}.items():
         counts = [sum(kind(row[3]) == which for row in mine) for which in KINDS]
         beyond = sum(count for which, count in zip(KINDS, counts) if which in ("physical", "probability", "judgement"))

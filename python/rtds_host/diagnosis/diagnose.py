@@ -33,16 +33,21 @@ REST_OF_KNOWN = 0.3
 MOVED = 0.01
 
 
-def diagnose(case: Case, quick: bool = False, threads: int = 2, seed: int = 1,
-             progress: Callable[[str, float], None] | None = None,
-             without: frozenset[str] = frozenset()) -> tuple[dict, Details]:
+def diagnose(
+    case: Case,
+    quick: bool = False,
+    threads: int = 2,
+    seed: int = 1,
+    progress: Callable[[str, float], None] | None = None,
+    without: frozenset[str] = frozenset(),
+) -> tuple[dict, Details]:
     """Diagnose a case.
 
     Parameters
     ----------
-    case : as read; quick : a narrower search; threads : cores to use; seed : kept for callers, nothing is drawn by chance.
-    progress : called with a stage and a share of the work done.
-    without : effects left out of the catalogue (to test that what is missing is called unknown).
+    case : as read; quick : a narrower search; threads : cores to use; seed : kept for callers, nothing is drawn by
+    chance. progress : called with a stage and a share of the work done. without : effects left out of the catalogue (to
+    test that what is missing is called unknown).
 
     Returns
     -------
@@ -66,7 +71,9 @@ def diagnose(case: Case, quick: bool = False, threads: int = 2, seed: int = 1,
 
 
 def taken(case: Case, gate: Gate) -> Case:
-    """The case as the gate leaves it: without what is certainly no measurement, and with its noise as it is measured."""
+    """The case as the gate leaves it: without what is certainly no measurement, and with its noise as it is
+    measured.
+    """
     noise = {channel: sigma for channel, sigma in gate.noise.items() if case.robot.noise(channel) is not None}
     return replace(gate.case or case, robot=replace(case.robot, measured_noise=noise))
 
@@ -85,27 +92,39 @@ class Investigation:
         return self.problem.gap(self.account.fit.model(self.problem))
 
 
-def investigate(case: Case, quick: bool = False, threads: int = 2, say: Callable[[str, float], None] = lambda *_: None,
-                without: frozenset[str] = frozenset()) -> Investigation:
+def investigate(
+    case: Case,
+    quick: bool = False,
+    threads: int = 2,
+    say: Callable[[str, float], None] = lambda *_: None,
+    without: frozenset[str] = frozenset(),
+) -> Investigation:
     """Search for the explanation of a case and weigh its effects; parameters as of `diagnose`."""
     say("replay", 0.05)
     found = _searched(Problem(case, threads), quick, say, without)
     if case.robot.axis is not None and found.gap >= gaps.LEAST:
-        # An axis integrates and sticks: over whole runs of a real one the misfit has many local minima, over pieces few. But a piece
-        # hardly shows what is slow, and starts from what a biased sensor says; which of the two holds, whole runs say.
+        # An axis integrates and sticks: over whole runs of a real one the misfit has many local minima, over pieces
+        # few. But a piece hardly shows what is slow, and starts from what a biased sensor says; which of the two holds,
+        # whole runs say.
         pieces = _searched(Problem(case, threads, pieces=True), quick, say, without)
         found = min(found, _anew(found, pieces), pieces, key=lambda one: one.gap)
     return found
 
 
 def _anew(whole: Investigation, pieces: Investigation) -> Investigation:
-    """The investigation of whole runs, its account made of the pieces' explanation if whole runs find that the more probable one."""
+    """The investigation of whole runs, its account made of the pieces' explanation if whole runs find that the more
+    probable one.
+    """
     search, found = whole.search, pieces.account.fit
     fit = search.prune(search.try_fit(found.hypothesis, found.u, whole.account.fit))
-    return replace(whole, account=account(search, fit)) if search.score(fit) < search.score(whole.account.fit) else whole
+    return (
+        replace(whole, account=account(search, fit)) if search.score(fit) < search.score(whole.account.fit) else whole
+    )
 
 
-def _searched(problem: Problem, quick: bool, say: Callable[[str, float], None], without: frozenset[str]) -> Investigation:
+def _searched(
+    problem: Problem, quick: bool, say: Callable[[str, float], None], without: frozenset[str]
+) -> Investigation:
     search = Search(problem, quick, without)
     say("candidates", 0.1)
     best = search.run()
@@ -113,8 +132,9 @@ def _searched(problem: Problem, quick: bool, say: Callable[[str, float], None], 
     return Investigation(problem, search, account(search, best))
 
 
-def conclude(found: Investigation, gate: Gate,
-             say: Callable[[str, float], None] = lambda *_: None) -> tuple[dict, Details]:
+def conclude(
+    found: Investigation, gate: Gate, say: Callable[[str, float], None] = lambda *_: None
+) -> tuple[dict, Details]:
     """What an account means in the contract's terms: gap on held-out runs, shares, alternatives, next experiment."""
     problem, weighed = found.problem, found.account
     say("gap", 0.85)
@@ -154,26 +174,39 @@ def conclude(found: Investigation, gate: Gate,
             "closed_ci90": None if closed is None or held.interval is None else [_round(v) for v in held.interval],
             "effect_closed": None if effect_closed is None else _round(effect_closed),
             "channels": {c: {name: _round(held.channels[name][c]) for name in total} for c in held.channels["before"]},
-            "rest": {"share": _round(rest), "structured": bool(structured),
-                     "subsystem": placed[0]["subsystem"] if structured and placed else None},
+            "rest": {
+                "share": _round(rest),
+                "structured": bool(structured),
+                "subsystem": placed[0]["subsystem"] if structured and placed else None,
+            },
         },
         "held_out_runs": [run.name for run in problem.case.runs],
         "next_experiment": None,
     }
     diagnosis["next_experiment"] = next_experiment(problem, found.search, weighed, diagnosis)
     details = Details(
-        case=problem.case, gate=gate, localisation=localisation, localisation_after=after if weighed.standing else None,
-        candidates=_candidates(found, weighed), traces=held.traces,
-        regimes={k: {n: _round(v) for n, v in e.items()} for k, e in held.regimes.items()}, run_gaps=held.runs,
+        case=problem.case,
+        gate=gate,
+        localisation=localisation,
+        localisation_after=after if weighed.standing else None,
+        candidates=_candidates(found, weighed),
+        traces=held.traces,
+        regimes={k: {n: _round(v) for n, v in e.items()} for k, e in held.regimes.items()},
+        run_gaps=held.runs,
         decided={tuple(_named(problem, member).values()): found for member, found in held.decided.items()},
-        notes=list(problem.case.notices) + held.notes + _ended(found.search) + _louder(problem, weighed.fit))
+        notes=list(problem.case.notices) + held.notes + _ended(found.search) + _louder(problem, weighed.fit),
+    )
     return diagnosis, details
 
 
 def _ended(search: Search) -> list[str]:
     """What is said of a search that ended before it was done."""
     further = "; without --quick it goes on three times as long" if search.quick else ""
-    return [f"the search has ended before it was done, and what it had found by then is shown{further}"] if search.ended else []
+    return (
+        [f"the search has ended before it was done, and what it had found by then is shown{further}"]
+        if search.ended
+        else []
+    )
 
 
 def _verdict(total: dict[str, float], named: bool, structured: bool, rest: float) -> str:
@@ -195,13 +228,22 @@ def _coloured(fit: Fit) -> bool:
 
 
 def _louder(problem: Problem, fit: Fit) -> list[str]:
-    """Channels whose rest is as short as a sample, told: noise that is larger than declared looks so, and makes a gap of its own."""
+    """Channels whose rest is as short as a sample, told: noise that is larger than declared looks so, and makes a gap
+    of its own.
+    """
     left, found = fit.noise.estimated(fit.residual, thorough=True), []
     for k, channel in left.channel.items():
         name, times = CHANNELS[k], math.sqrt(channel.square(fit.residual) / channel.count)
         # Of angles and poses moves are looked at, which have other samples than the log.
-        if name.startswith(("v_bus", "i_", "w_", "gyro_z")) and times >= gaps.LEAST and left.s[k] and left.tau[k] <= 2.0 * channel.shortest:
-            found.append(f"{name}: what is left of it is as short as a sample, as noise is that is {times:.2g} times as large as [sensors] says")
+        if (
+            name.startswith(("v_bus", "i_", "w_", "gyro_z"))
+            and times >= gaps.LEAST
+            and left.s[k]
+            and left.tau[k] <= 2.0 * channel.shortest
+        ):
+            found.append(
+                f"{name}: what is left of it is as short as a sample, as noise is that is {times:.2g} times as large as [sensors] says"
+            )
     return found
 
 
@@ -209,16 +251,26 @@ def _round(value: float, digits: int = 5) -> float:
     return float(f"{value:.{digits}g}")
 
 
-def _effect(problem: Problem, weighed: Account, one: Standing, held: HeldOut, known: dict[Key, tuple[float, float] | None]) -> dict:
+def _effect(
+    problem: Problem, weighed: Account, one: Standing, held: HeldOut, known: dict[Key, tuple[float, float] | None]
+) -> dict:
     effect, values = problem.effects[one.member[0]], dict(zip(weighed.fit.hypothesis, weighed.fit.values))[one.member]
     entry = {}
     for p in effect.parameters:
         name, _, unit = p.reported(problem.robot.axis)
         within = known[one.member, p.name]
-        entry[name] = {"value": _round(unit * values[p.name]), "ci90": None if within is None else [_round(unit * end) for end in within]}
+        entry[name] = {
+            "value": _round(unit * values[p.name]),
+            "ci90": None if within is None else [_round(unit * end) for end in within],
+        }
     probability = one.probability * weighed.share(one.member)
-    return {**_named(problem, one.member), "subsystem": effect.subsystem, "probability": _round(probability, 4), "parameters": entry,
-            "gap_without": _round(held.without[one.member])}
+    return {
+        **_named(problem, one.member),
+        "subsystem": effect.subsystem,
+        "probability": _round(probability, 4),
+        "parameters": entry,
+        "gap_without": _round(held.without[one.member]),
+    }
 
 
 def _nominal_fit(problem: Problem, fit: Fit) -> dict:
@@ -233,9 +285,16 @@ def _nominal_fit(problem: Problem, fit: Fit) -> dict:
 
 
 def _setup(problem: Problem, fit: Fit) -> dict:
-    """What was refitted of what surrounds the machine, its clocks and its servo's limit; nothing where all is as declared."""
-    found = {key: _round(value, 4) for z, nuisance in zip(fit.z, problem.nuisances) if abs(z) >= SLIGHT
-            for key, value in nuisance.values(z).items() if key in SETUP}
+    """What was refitted of what surrounds the machine, its clocks and its servo's limit; nothing where all is as
+    declared.
+    """
+    found = {
+        key: _round(value, 4)
+        for z, nuisance in zip(fit.z, problem.nuisances)
+        if abs(z) >= SLIGHT
+        for key, value in nuisance.values(z).items()
+        if key in SETUP
+    }
     return {"setup": found} if found else {}
 
 
@@ -244,12 +303,15 @@ def _named(problem: Problem, member: tuple[str, str]) -> dict[str, str]:
 
 
 def _alternatives(problem: Problem, weighed: Account, verdict: str) -> list[dict]:
-    """Explanations and "unknown", best first: what the catalogue lacks is one effect more, as likely as each of its own; where none of
-    these stands beside a gap, it is what is left. Doubt of an effect is in the explanations without it."""
+    """Explanations and "unknown", best first: what the catalogue lacks is one effect more, as likely as each of its
+    own; where none of these stands beside a gap, it is what is left. Doubt of an effect is in the explanations without
+    it."""
     one = 1.0 / (1.0 + len(problem.effects))
     outside = {"none": 0.0, "unknown": 1.0 - one}.get(verdict, one)
-    rows = [{"effects": [_named(problem, member) for member in hypothesis], "probability": p * (1.0 - outside)}
-            for hypothesis, p in weighed.alternatives]
+    rows = [
+        {"effects": [_named(problem, member) for member in hypothesis], "probability": p * (1.0 - outside)}
+        for hypothesis, p in weighed.alternatives
+    ]
     rows.append({"effects": "unknown", "probability": outside})
     first = rows[-1] if verdict == "unknown" else rows[0]
     rows.sort(key=lambda r: (-r["probability"], r is not first))
@@ -272,24 +334,38 @@ def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
     rows = []
     for fit in fits:
         if fit.hypothesis == chosen.hypothesis:
-            verdict, reason = "blamed", ("explains the runs best, each of its effects on its own evidence" if fit.hypothesis
-                                           else "no effect stands beside it on its own evidence")
+            verdict, reason = (
+                "blamed",
+                (
+                    "explains the runs best, each of its effects on its own evidence"
+                    if fit.hypothesis
+                    else "no effect stands beside it on its own evidence"
+                ),
+            )
         elif any(h in equals for h in fit.hypothesis) and fit.hypothesis in likely:
             verdict, reason = "alike", "fits these runs as well as what is blamed"
         elif out := [weighed.dropped[h] for h in fit.hypothesis if h in weighed.dropped]:
             verdict, reason = "rejected", f"one of its effects {out[0]}"
         else:
-            verdict, reason = "rejected", f"is {0.5 * (search.score(fit) - search.score(chosen)):.0f} units of log evidence behind"
-        rows.append(Candidate(
-            effects=[_named(problem, member) for member in fit.hypothesis],
-            parameters=[_reported(problem, member, values) for member, values in zip(fit.hypothesis, fit.values)],
-            improvement=_round((float(base.residual @ base.residual) - float(fit.residual @ fit.residual)) / problem.size, 4),
-            probability=_round(likely.get(fit.hypothesis, 0.0), 4), verdict=verdict, reason=reason))
+            verdict, reason = (
+                "rejected",
+                f"is {0.5 * (search.score(fit) - search.score(chosen)):.0f} units of log evidence behind",
+            )
+        rows.append(
+            Candidate(
+                effects=[_named(problem, member) for member in fit.hypothesis],
+                parameters=[_reported(problem, member, values) for member, values in zip(fit.hypothesis, fit.values)],
+                improvement=_round(
+                    (float(base.residual @ base.residual) - float(fit.residual @ fit.residual)) / problem.size, 4
+                ),
+                probability=_round(likely.get(fit.hypothesis, 0.0), 4),
+                verdict=verdict,
+                reason=reason,
+            )
+        )
     return rows
 
 
 def _reported(problem: Problem, member: tuple[str, str], values: dict[str, float]) -> dict[str, float]:
     shown = [(p.reported(problem.robot.axis), values[p.name]) for p in problem.effects[member[0]].parameters]
     return {name: _round(unit * value, 4) for (name, _, unit), value in shown}
-
-

@@ -1,14 +1,15 @@
 """What a gain of likelihood is worth where no explanation is exact.
 
-Two explanations are compared block by block of time. No block convinces by more than `CONVINCING` to one: beyond that it is the
-models' error that speaks. The gain of log likelihood G, the sum of these g_b over B blocks, is judged against its own
-scatter (Q. H. Vuong, Econometrica 57, 1989): with t = G / (sqrt(B) sd(g)), no more than exp(t^2 / 2) to one can be believed
-of it, however large it is. What is missed steadily, nearly wherever it acts, is there; what is missed in a few stretches
-stands in for something else.
+Two explanations are compared block by block of time. No block convinces by more than `CONVINCING` to one: beyond that
+it is the models' error that speaks. The gain of log likelihood G, the sum of these g_b over B blocks, is judged against
+its own scatter (Q. H. Vuong, Econometrica 57, 1989): with t = G / (sqrt(B) sd(g)), no more than exp(t^2 / 2) to one can
+be believed of it, however large it is. What is missed steadily, nearly wherever it acts, is there; what is missed in a
+few stretches stands in for something else.
 
-And an effect must be worth naming: what it takes off the squared gap is at least what counts as a gap at all, and beside a rest either
-half of that rest, or a tenth of the likelihood's excess: of a large rest any form takes a little. Where nothing stays, the residuals being no larger than their noise, the likelihood is exact, and tells it from a tolerance that would take its
-place (`account`).
+And an effect must be worth naming: what it takes off the squared gap is at least what counts as a gap at all, and
+beside a rest either half of that rest, or a tenth of the likelihood's excess: of a large rest any form takes a little.
+Where nothing stays, the residuals being no larger than their noise, the likelihood is exact, and tells it from a
+tolerance that would take its place (`account`).
 """
 
 from __future__ import annotations
@@ -29,13 +30,15 @@ WORTH = LEAST**2 - 1.0
 
 
 def worth_adding(without: float, gap: float) -> bool:
-    """Whether an effect that lowers the gap from `without` to `gap` takes off a gap and a tenth of the rest: enough to go on beside it."""
+    """Whether an effect that lowers the gap from `without` to `gap` takes off a gap and a tenth of the rest: enough to
+    go on beside it.
+    """
     return without**2 - gap**2 >= max(WORTH, SLIGHT * (gap**2 - 1.0))
 
 
 def worth_naming(without: float, gap: float, share: float = 0.0) -> bool:
-    """Whether an effect that lowers the gap from `without` to `gap` takes off more than a stand-in for the rest would; `share`: what
-    it takes off the likelihood's excess over white noise, of that without it."""
+    """Whether an effect that lowers the gap from `without` to `gap` takes off more than a stand-in for the rest would;
+    `share`: what it takes off the likelihood's excess over white noise, of that without it."""
     closes = without**2 - gap**2
     # What makes none of a gap, for the larger part.
     if without >= LEAST > gap and closes >= MOST * (without**2 - 1.0):
@@ -45,7 +48,9 @@ def worth_naming(without: float, gap: float, share: float = 0.0) -> bool:
 
 
 def excess(problem: Problem, fit: Fit) -> float:
-    """What a fit's -2 log likelihood has beyond that of white noise alone, whose mean is 1 a residual; 0 at the least."""
+    """What a fit's -2 log likelihood has beyond that of white noise alone, whose mean is 1 a residual; 0 at the
+    least.
+    """
     return max(fit.noise.cost(fit.residual) - problem.size, 0.0)
 
 
@@ -57,11 +62,14 @@ def compared(problem: Problem, fit: Fit, other: Fit) -> tuple[float, float]:
 def closer(problem: Problem, fit: Fit, other: Fit) -> tuple[float, float]:
     """The same by the gap's measure: noise as large as all that `fit` leaves, white.
 
-    A discrepancy that grows over a run or comes in strokes is no noise of one size: by it a likelihood may prefer in most blocks
-    what replays every run worse.
+    A discrepancy that grows over a run or comes in strokes is no noise of one size: by it a likelihood may prefer in
+    most blocks what replays every run worse.
     """
     size = max(float(np.mean(fit.residual**2)), 1.0)
-    return _summed(problem, *(np.bincount(problem.blocks, f.residual**2 / size, minlength=problem.block_count) for f in (fit, other)))
+    return _summed(
+        problem,
+        *(np.bincount(problem.blocks, f.residual**2 / size, minlength=problem.block_count) for f in (fit, other)),
+    )
 
 
 def _summed(problem: Problem, fit: np.ndarray, other: np.ndarray) -> tuple[float, float]:
@@ -83,8 +91,9 @@ def believed(gain: float, t: float) -> float:
 def told_apart(gain: float, t: float, part: float, blocks: int, least: float = 0.0) -> bool:
     """Whether an explanation is told from another, which has another effect in one's place.
 
-    gain, t : of log likelihood by it, as of `compared`; part : what it takes off the other's excess over white noise, a share of that,
-    `least` the smallest that tells; blocks : of time. A form that is not quite the machine's own misses the same in every block, which no scatter between blocks shows.
-    But of a rest that is spread over so many blocks any form takes one block's share by chance.
+    gain, t : of log likelihood by it, as of `compared`; part : what it takes off the other's excess over white noise, a
+    share of that, `least` the smallest that tells; blocks : of time. A form that is not quite the machine's own misses
+    the same in every block, which no scatter between blocks shows. But of a rest that is spread over so many blocks any
+    form takes one block's share by chance.
     """
     return believed(gain, t) >= math.log(CONVINCING) and part * blocks >= 1.0 and part >= least

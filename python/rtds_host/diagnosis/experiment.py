@@ -75,12 +75,16 @@ def _with_sensors(plan: RunLog, model: Model, problem: Problem) -> Problem:
 
 
 def _separation(plan: RunLog, problem: Problem, a: Fit, b: Fit, known: np.ndarray) -> float:
-    """Expected difference of two rivals on a manoeuvre, in sigma, nuisances refitted as far as they are not `known` (k, k)."""
+    """Expected difference of two rivals on a manoeuvre, in sigma, nuisances refitted as far as they are not `known` (k,
+    k).
+    """
     there = _with_sensors(plan, a.model(problem), problem)
     difference = there.residual(b.model(problem))
     k = len(b.z)
     models = [b.model_at(problem, b.z + step) for step in np.eye(k)]
-    jacobian = np.column_stack([r - difference for r in there.residuals(models)]) if k else np.empty((len(difference), 0))
+    jacobian = (
+        np.column_stack([r - difference for r in there.residuals(models)]) if k else np.empty((len(difference), 0))
+    )
     cross = jacobian.T @ difference
     left = difference @ difference - cross @ np.linalg.solve(jacobian.T @ jacobian + known, cross)
     return float(np.sqrt(max(left, 0.0)))
@@ -99,15 +103,23 @@ def _supposed(problem: Problem, fit: Fit, subsystem: str | None) -> list[Fit]:
     for effect in available(problem):
         side = effect.sides[0]
         values = start_values(effect)
-        if effect.subsystem != subsystem or effect.nonlinear or not values or clashes((effect.id, side), fit.hypothesis):
+        if (
+            effect.subsystem != subsystem
+            or effect.nonlinear
+            or not values
+            or clashes((effect.id, side), fit.hypothesis)
+        ):
             continue
-        hypothesis, u = joined({**fit.parts, (effect.id, side): scaled(problem.effects, ((effect.id, side),), values[-1:])})
+        hypothesis, u = joined(
+            {**fit.parts, (effect.id, side): scaled(problem.effects, ((effect.id, side),), values[-1:])}
+        )
         found.append(replace(fit, hypothesis=hypothesis, u=u))
     return found[:SUPPOSED]
 
 
 def next_experiment(problem: Problem, search: Search, weighed: Account, diagnosis: dict) -> dict | None:
-    """The manoeuvre to run next (contract, section 5): the one that parts twins, or that would tell most about the rest.
+    """The manoeuvre to run next (contract, section 5): the one that parts twins, or that would tell most about the
+    rest.
 
     Returns
     -------
@@ -121,7 +133,9 @@ def next_experiment(problem: Problem, search: Search, weighed: Account, diagnosi
     if weighed.alike:
         members = weighed.alike[0]
         kept = {h for h in weighed.fit.hypothesis if h != members[0]}
-        rivals = [search.fits.get(tuple(sorted({*kept, m}))) or _in_its_place(search, weighed, members[0], m) for m in members]
+        rivals = [
+            search.fits.get(tuple(sorted({*kept, m}))) or _in_its_place(search, weighed, members[0], m) for m in members
+        ]
         separates = [{"id": e, "side": problem.effects[e].side_on(problem.robot.axis, s)} for e, s in members]
     else:
         supposed = _supposed(problem, weighed.fit, place)
@@ -143,18 +157,27 @@ def next_experiment(problem: Problem, search: Search, weighed: Account, diagnosi
             if best is None or value > best[0]:
                 best = (value, scenario.name + (f" --payload {payload_kg:g}" if payload else ""), scenario)
     compared = best is not None
-    # Nothing of the menu can be replayed on this machine, or nothing is there to compare: the one that holds a bit of everything.
+    # Nothing of the menu can be replayed on this machine, or nothing is there to compare: the one that holds a bit of
+    # everything.
     value, text, scenario = best or (0.0, "teleop", scenarios()["teleop"])
-    return {"scenario": text, "separates": separates, "expected_separation": float(f"{value:.3g}"),
-            "why": f"{_purpose(bool(weighed.alike), place, compared)}: {scenario.about}"}
+    return {
+        "scenario": text,
+        "separates": separates,
+        "expected_separation": float(f"{value:.3g}"),
+        "why": f"{_purpose(bool(weighed.alike), place, compared)}: {scenario.about}",
+    }
 
 
 def _purpose(alike: bool, place: str | None, compared: bool) -> str:
-    """What the manoeuvre is for, in a clause: to part twins (`alike`), or to move a rest at `place`; `compared`: whether that of the menu
-    was chosen by replays."""
+    """What the manoeuvre is for, in a clause: to part twins (`alike`), or to move a rest at `place`; `compared`:
+    whether that of the menu was chosen by replays."""
     blind = "could not be worked out for this machine, and this manoeuvre holds a bit of everything"
     if alike:
-        return "parts what these runs cannot tell apart" if compared else f"what parts best what these runs cannot tell apart {blind}"
+        return (
+            "parts what these runs cannot tell apart"
+            if compared
+            else f"what parts best what these runs cannot tell apart {blind}"
+        )
     if place is None:
         return "where what has no name lies is not known, and this manoeuvre holds a bit of everything"
     where = f"most of what has no name lies in the {SUBSYSTEM_WORDS[place]}"

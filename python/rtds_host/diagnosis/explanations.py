@@ -34,7 +34,8 @@ from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.nuisances import BAND
 from rtds_host.diagnosis.problem import Problem
 
-# Probability: effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's guess.
+# Probability: effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's
+# guess.
 EXPECTED_EFFECTS = 2.0
 SIDE_PRIOR = {"both": 0.5, "left": 0.25, "right": 0.25}
 # Numerical: how far behind in score a rough fit is certainly the worse one.
@@ -56,7 +57,7 @@ class Explanations:
         self.effects = problem.effects
         self.fitter = Fitter(problem)
         self.fits: dict[Hypothesis, Fit] = {}
-        self._begun: dict[tuple, float] = {}     # explanations that were fitted, what each fit began from, and its score
+        self._begun: dict[tuple, float] = {}  # explanations that were fitted, what each fit began from, and its score
         self._refitted: Fit | None = None
 
     # ---- scores
@@ -75,15 +76,19 @@ class Explanations:
         return (self.score(other) - self.score(fit)) / max(excess(self.problem, other), 1.0)
 
     def named(self, fit: Fit) -> bool:
-        """Whether each effect is big enough to be named, and no larger than can be: a `ratio` within 3 % of 1 on R, K, J or B
-        is a nuisance, and a size that rests on its bound stands in for something else."""
-        return all(not (self.effects[e].nuisance and abs(values["ratio"] - 1.0) <= BAND)
-                   and not self._at_its_bound(e, values) for (e, _), values in zip(fit.hypothesis, fit.values))
+        """Whether each effect is big enough to be named, and no larger than can be: a `ratio` within 3 % of 1 on R, K,
+        J or B is a nuisance, and a size that rests on its bound stands in for something else."""
+        return all(
+            not (self.effects[e].nuisance and abs(values["ratio"] - 1.0) <= BAND) and not self._at_its_bound(e, values)
+            for (e, _), values in zip(fit.hypothesis, fit.values)
+        )
 
     def _at_its_bound(self, effect: str, values: dict[str, float]) -> bool:
         p = self.effects[effect].parameters[0]
         # As a logarithm comes back.
-        return values[p.name] >= p.high * (1.0 - WRITTEN) or (p.logarithmic and values[p.name] <= p.low * (1.0 + WRITTEN))
+        return values[p.name] >= p.high * (1.0 - WRITTEN) or (
+            p.logarithmic and values[p.name] <= p.low * (1.0 + WRITTEN)
+        )
 
     def best(self) -> Fit:
         """The most probable explanation so far."""
@@ -97,16 +102,18 @@ class Explanations:
         return self.gap(fit) < LEAST
 
     def _believed(self, grown: Fit, fit: Fit, closest: float) -> bool:
-        """Whether an explanation is more likely than a part of it, as far as its gain can be believed, takes off no small part of
-        what that leaves beyond noise, or of the gap, and carries over to other runs.
+        """Whether an explanation is more likely than a part of it, as far as its gain can be believed, takes off no
+        small part of what that leaves beyond noise, or of the gap, and carries over to other runs.
 
-        closest : the smallest gap before. Of the two measures of what is left either may say little before others are in.
+        closest : the smallest gap before. Of the two measures of what is left either may say little before others are
+        in.
         """
         prior = self.log_prior(grown.hypothesis) - self.log_prior(fit.hypothesis)
         if prior + believed(*compared(self.problem, grown, fit)) < 0.0:
             return False
-        if (self.score(fit) - self.score(grown) < SLIGHT * excess(self.problem, fit)
-                and not worth_adding(closest, self.gap(grown))):
+        if self.score(fit) - self.score(grown) < SLIGHT * excess(self.problem, fit) and not worth_adding(
+            closest, self.gap(grown)
+        ):
             return False
         over = carried(self.problem, grown)
         return all(over[member] >= MOST for member in set(grown.hypothesis) - set(fit.hypothesis))
@@ -126,7 +133,9 @@ class Explanations:
 
     def _reached(self, starts: list[Start], rough: bool) -> list[float]:
         """The same, and the scores of these very fits."""
-        keys = [(hypothesis, start.tobytes(), beside.hypothesis, beside.cost, rough) for hypothesis, start, beside in starts]
+        keys = [
+            (hypothesis, start.tobytes(), beside.hypothesis, beside.cost, rough) for hypothesis, start, beside in starts
+        ]
         new = {key: one for key, one in zip(keys, starts) if key not in self._begun or one[0] not in self.fits}
         for key, fit in zip(new, side_by_side(self.problem, [self._fitting(*one, rough) for one in new.values()])):
             best = self.fits.get(fit.hypothesis)
@@ -146,35 +155,53 @@ class Explanations:
         known = None
         if rough:
             parts = split(self.effects, hypothesis, start)
-            known = {m: c for m, c in beside.columns.items() if m in parts and np.array_equal(parts[m], beside.parts[m])}
-        return (yield from self.fitter.fitting(hypothesis, start, z, beside.noise, ROUGH_ITERATIONS if rough else ITERATIONS, known,
-                                               by_nuisance=beside.by_nuisance, least=ROUGH_GAIN if rough else STEP_GAIN))
+            known = {
+                m: c for m, c in beside.columns.items() if m in parts and np.array_equal(parts[m], beside.parts[m])
+            }
+        return (
+            yield from self.fitter.fitting(
+                hypothesis,
+                start,
+                z,
+                beside.noise,
+                ROUGH_ITERATIONS if rough else ITERATIONS,
+                known,
+                by_nuisance=beside.by_nuisance,
+                least=ROUGH_GAIN if rough else STEP_GAIN,
+            )
+        )
 
     def refitted(self) -> Fit:
-        """The nominal robot with nuisances that bring its replay as close as their tolerance allows, whatever is missing: no
-        discrepancy, so that what they could explain is not taken for one."""
+        """The nominal robot with nuisances that bring its replay as close as their tolerance allows, whatever is
+        missing: no discrepancy, so that what they could explain is not taken for one."""
         if self._refitted is None:
             flat = self.problem.discrepancy()
             self._refitted = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), flat, fixed=True)
         return self._refitted
 
     def polished(self, fit: Fit, members: Iterable[tuple[str, str]]) -> Fit:
-        """Look about an optimum of some effects whose misfit has many minima, and fit again from what is found there."""
+        """Look about an optimum of some effects whose misfit has many minima, and fit again from what is found
+        there.
+        """
         for member in members:
             for values in self.effects[member[0]].restarts if not self.closed(fit) else ():
                 hypothesis, start = joined({**fit.parts, member: scaled(self.effects, (member,), [dict(values)])})
                 if self._reached([(hypothesis, start, fit)], rough=True)[0] < self.score(fit) + FAR:
                     fit = self.try_fit(hypothesis, start, fit)
             for _ in range(3):
-                moved = min(self.try_fits((fit.hypothesis, start, fit) for start in self._lower(fit, member)), key=self.score, default=fit)
+                moved = min(
+                    self.try_fits((fit.hypothesis, start, fit) for start in self._lower(fit, member)),
+                    key=self.score,
+                    default=fit,
+                )
                 if self.score(moved) >= self.score(fit):
                     break
                 fit = moved
         return fit
 
     def _lower(self, fit: Fit, member: tuple[str, str]) -> list[np.ndarray]:
-        """Starts about an optimum from which its misfit may fall further: the best with the nuisances that were fitted beside
-        it, and the best without any, since these bend to a size in the wrong valley."""
+        """Starts about an optimum from which its misfit may fall further: the best with the nuisances that were fitted
+        beside it, and the best without any, since these bend to a size in the wrong valley."""
         problem = self.problem
         trials = [joined({**fit.parts, member: part})[1] for part in self._about(fit, member)]
         values = [to_values(self.effects, fit.hypothesis, u) for u in trials]
@@ -198,7 +225,9 @@ class Explanations:
             found = ripple.neighbours(values, ripple.turned(outs, member[1]))
         return [scaled(self.effects, (member,), [trial]) for trial in found]
 
-    def _named_values(self, fit: Fit, member: tuple[str, str], start: np.ndarray) -> tuple[Hypothesis, list[dict[str, float]]]:
+    def _named_values(
+        self, fit: Fit, member: tuple[str, str], start: np.ndarray
+    ) -> tuple[Hypothesis, list[dict[str, float]]]:
         hypothesis, u = joined({**fit.parts, member: start})
         return hypothesis, to_values(self.effects, hypothesis, u)
 

@@ -1,8 +1,8 @@
 """Fits of an explanation: nuisances and the parameters of its effects, jointly, at maximum posterior probability.
 
-The objective is -2 log of the likelihood (`likelihood`: white noise and a discrepancy a channel, estimated with the fit)
-times the prior: nuisances z are normal in units of their tolerance, effect parameters u, in units of their spread, are
-Cauchy about "absent", so that an effect ten times as large as usual is not impossible but ten squared times rarer.
+The objective is -2 log of the likelihood (`likelihood`: white noise and a discrepancy a channel, estimated with the
+fit) times the prior: nuisances z are normal in units of their tolerance, effect parameters u, in units of their spread,
+are Cauchy about "absent", so that an effect ten times as large as usual is not impossible but ten squared times rarer.
 Gauss-Newton with damping on whitened residuals; the discrepancy is estimated again after each step.
 """
 
@@ -23,13 +23,13 @@ from rtds_host.diagnosis.likelihood import Discrepancy
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 
-Hypothesis = tuple[tuple[str, str], ...]          # ((effect, side), ...), sorted
+Hypothesis = tuple[tuple[str, str], ...]  # ((effect, side), ...), sorted
 Effects = dict[str, Effect]
 
 # Numerical: what a step must still bring, in -2 log probability, in earnest and where a fit may be rough.
 STEP_GAIN, ROUGH_GAIN = 0.2, 2.0
-# Numerical: a step that brought no more than this shows that the nuisances' derivatives are out of date, or the end; how often they
-# are taken anew.
+# Numerical: a step that brought no more than this shows that the nuisances' derivatives are out of date, or the end;
+# how often they are taken anew.
 RENEWED, RENEWALS = 5.0, 1
 # Numerical: fits that go on side by side: a replay of each fills the lanes, and each keeps its derivatives.
 BESIDE = 8
@@ -56,8 +56,7 @@ def to_values(effects: Effects, hypothesis: Hypothesis, u: np.ndarray) -> list[d
 
 def scaled(effects: Effects, hypothesis: Hypothesis, values: list[dict[str, float]]) -> np.ndarray:
     """The inverse of `to_values`."""
-    return np.array([p.scaled(v[p.name]) for (e, _), v in zip(hypothesis, values)
-                     for p in effects[e].parameters])
+    return np.array([p.scaled(v[p.name]) for (e, _), v in zip(hypothesis, values) for p in effects[e].parameters])
 
 
 def apply(effects: Effects, model: Model, hypothesis: Hypothesis, values: list[dict[str, float]]) -> Model:
@@ -73,7 +72,7 @@ def split(effects: Effects, hypothesis: Hypothesis, u: np.ndarray) -> dict[tuple
     parts, k = {}, 0
     for member in hypothesis:
         n = len(effects[member[0]].parameters)
-        parts[member] = u[k:k + n]
+        parts[member] = u[k : k + n]
         k += n
     return parts
 
@@ -123,7 +122,7 @@ class Fit:
         """-2 log of the evidence (Laplace's approximation: D. J. C. MacKay, Neural Computation 4(3), 1992)."""
         keep = np.flatnonzero(self.free)
         occam = float(np.linalg.slogdet(self.precision[np.ix_(keep, keep)])[1])
-        held = np.flatnonzero(~self.free[len(self.z):])
+        held = np.flatnonzero(~self.free[len(self.z) :])
         return self.cost + occam + (len(self.u) - len(held)) * math.log(math.pi / 2.0)
 
     @property
@@ -141,7 +140,7 @@ class Fit:
         result, k = {}, 0
         for member in self.hypothesis:
             n = len(self.effects[member[0]].parameters)
-            result[member] = self.by_effect[:, k:k + n]
+            result[member] = self.by_effect[:, k : k + n]
             k += n
         return result
 
@@ -172,15 +171,15 @@ class Fit:
         return result
 
 
-# What asks for residuals while it works: it hands out models and the longest step of each (None: what each needs), and is handed their
-# residuals, (N,) each.
+# What asks for residuals while it works: it hands out models and the longest step of each (None: what each needs), and
+# is handed their residuals, (N,) each.
 T = TypeVar("T")
 Asking = Generator[tuple[list[Model], list[float] | None], list[np.ndarray], T]
 
 
 def side_by_side(problem: Problem, works: Iterable[Asking[T]]) -> list[T]:
-    """Do what asks for residuals side by side: what several ask for at a time is replayed abreast, where each alone would fill few
-    lanes."""
+    """Do what asks for residuals side by side: what several ask for at a time is replayed abreast, where each alone
+    would fill few lanes."""
     waiting, asked, results = deque(enumerate(works)), {}, {}
 
     def on(k: int, work: Asking[T], answer: list[np.ndarray] | None) -> None:
@@ -194,8 +193,12 @@ def side_by_side(problem: Problem, works: Iterable[Asking[T]]) -> list[T]:
         while waiting and len(asked) < BESIDE:
             on(*waiting.popleft(), None)
         now = list(asked.items())
-        found = iter(problem.residuals([model for _, (_, models, _) in now for model in models],
-                                       [step for _, (_, models, steps) in now for step in steps or [m.step_s for m in models]]))
+        found = iter(
+            problem.residuals(
+                [model for _, (_, models, _) in now for model in models],
+                [step for _, (_, models, steps) in now for step in steps or [m.step_s for m in models]],
+            )
+        )
         for k, (work, models, _) in now:
             on(k, work, list(itertools.islice(found, len(models))))
     return [results[k] for k in sorted(results)]
@@ -212,8 +215,9 @@ class Fitter:
 
     def model(self, hypothesis: Hypothesis, x: np.ndarray) -> Model:
         k = self.count
-        return apply(self.effects, self.problem.with_nuisances(x[:k]), hypothesis,
-                     to_values(self.effects, hypothesis, x[k:]))
+        return apply(
+            self.effects, self.problem.with_nuisances(x[:k]), hypothesis, to_values(self.effects, hypothesis, x[k:])
+        )
 
     def _bounds(self, hypothesis: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
         ps = [p for _, _, p in parameters(self.effects, hypothesis)]
@@ -221,13 +225,15 @@ class Fitter:
         high = np.array([n.high for n in self.problem.nuisances] + [p.scaled(p.high) for p in ps])
         return low, high
 
-    def _derivatives(self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: Iterable[int],
-                     high: np.ndarray) -> Asking[np.ndarray]:
+    def _derivatives(
+        self, hypothesis: Hypothesis, x: np.ndarray, r: np.ndarray, which: Iterable[int], high: np.ndarray
+    ) -> Asking[np.ndarray]:
         """Derivatives of the residuals r at x by some parameters, (N, count) float32."""
         models, steps = [], []
         differences = [p.difference for _, _, p in parameters(self.effects, hypothesis)]
         for j in which:
-            # A share of what the parameter is by now: what is ten times as large as usual bends its derivatives later, too.
+            # A share of what the parameter is by now: what is ten times as large as usual bends its derivatives later,
+            # too.
             step = 0.3 if j < self.count else differences[j - self.count] * max(1.0, 0.3 * abs(x[j]))
             if x[j] + step > high[j]:
                 step = -step
@@ -241,7 +247,9 @@ class Fitter:
             np.divide(moved, step, out=into[:, j], casting="same_kind")
         return into
 
-    def _assembled(self, hypothesis: Hypothesis, known: dict[tuple[str, str], np.ndarray], new: np.ndarray) -> np.ndarray:
+    def _assembled(
+        self, hypothesis: Hypothesis, known: dict[tuple[str, str], np.ndarray], new: np.ndarray
+    ) -> np.ndarray:
         """Derivatives by all effect parameters, (N, p), from those known and new ones."""
         if not known:
             return new
@@ -251,51 +259,80 @@ class Fitter:
                 columns.append(known[member])
             else:
                 count = len(self.effects[member[0]].parameters)
-                columns.append(new[:, at:at + count])
+                columns.append(new[:, at : at + count])
                 at += count
         return np.concatenate(columns, axis=1) if columns else new
 
-    def _tried(self, hypothesis: Hypothesis, x: np.ndarray, noise: Discrepancy) -> Asking[tuple[np.ndarray, np.ndarray, float]]:
+    def _tried(
+        self, hypothesis: Hypothesis, x: np.ndarray, noise: Discrepancy
+    ) -> Asking[tuple[np.ndarray, np.ndarray, float]]:
         """Parameters, their residuals and what they cost."""
-        moved, = yield [self.model(hypothesis, x)], None
-        return x, moved, noise.cost(moved) + prior_cost(x[:self.count], x[self.count:])
+        (moved,) = yield [self.model(hypothesis, x)], None
+        return x, moved, noise.cost(moved) + prior_cost(x[: self.count], x[self.count :])
 
     def _slid(self, hypothesis: Hypothesis, x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """The same robot with what a ratio's sides have of its tolerance in common in the ratio.
 
-        A resistance ten per cent off with no tolerance is one of seven per cent off with both tolerances at three: along this
-        line no residual changes and the prior alone speaks, too softly for steps whose derivatives are differences.
+        A resistance ten per cent off with no tolerance is one of seven per cent off with both tolerances at three:
+        along this line no residual changes and the prior alone speaks, too softly for steps whose derivatives are
+        differences.
         """
         for j, (effect, side, p) in enumerate(parameters(self.effects, hypothesis), self.count):
-            at = [i for i, n in enumerate(self.problem.nuisances)
-                  if effect.nuisance and n.side in SIDES[side] and p.of.removeprefix("motor.") in n.keys]
+            at = [
+                i
+                for i, n in enumerate(self.problem.nuisances)
+                if effect.nuisance and n.side in SIDES[side] and p.of.removeprefix("motor.") in n.keys
+            ]
             if at:
                 moved, common = x.copy(), float(x[at].mean())
                 moved[at] -= common
                 moved[j] += common * self.problem.nuisances[at[0]].sigma / p.spread
                 inside = np.all((moved >= low) & (moved <= high))
-                if inside and prior_cost(moved[:self.count], moved[self.count:]) < prior_cost(x[:self.count], x[self.count:]):
+                if inside and prior_cost(moved[: self.count], moved[self.count :]) < prior_cost(
+                    x[: self.count], x[self.count :]
+                ):
                     x = moved
         return x
 
-    def fit(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, noise: Discrepancy, iterations: int = 8,
-            known: dict[tuple[str, str], np.ndarray] | None = None, fixed: bool = False,
-            by_nuisance: np.ndarray | None = None, least: float = STEP_GAIN) -> Fit:
+    def fit(
+        self,
+        hypothesis: Hypothesis,
+        start: np.ndarray,
+        z: np.ndarray,
+        noise: Discrepancy,
+        iterations: int = 8,
+        known: dict[tuple[str, str], np.ndarray] | None = None,
+        fixed: bool = False,
+        by_nuisance: np.ndarray | None = None,
+        least: float = STEP_GAIN,
+    ) -> Fit:
         """Fit an explanation from a start, see `fitting`."""
-        return side_by_side(self.problem, [self.fitting(hypothesis, start, z, noise, iterations, known, fixed, by_nuisance, least)])[0]
+        return side_by_side(
+            self.problem, [self.fitting(hypothesis, start, z, noise, iterations, known, fixed, by_nuisance, least)]
+        )[0]
 
-    def fitting(self, hypothesis: Hypothesis, start: np.ndarray, z: np.ndarray, noise: Discrepancy, iterations: int = 8,
-            known: dict[tuple[str, str], np.ndarray] | None = None, fixed: bool = False,
-            by_nuisance: np.ndarray | None = None, least: float = STEP_GAIN) -> Asking[Fit]:
+    def fitting(
+        self,
+        hypothesis: Hypothesis,
+        start: np.ndarray,
+        z: np.ndarray,
+        noise: Discrepancy,
+        iterations: int = 8,
+        known: dict[tuple[str, str], np.ndarray] | None = None,
+        fixed: bool = False,
+        by_nuisance: np.ndarray | None = None,
+        least: float = STEP_GAIN,
+    ) -> Asking[Fit]:
         """Fit an explanation from a start.
 
         Parameters
         ----------
         start : (p,) scaled effect parameters; z : (k,) nuisances to start from; noise : a discrepancy to begin with.
-        known : derivatives by the parameters of some of its effects, (N, n) each, to do with: a rough fit, good enough to
-            see what another effect brings or what one that is gone leaves. fixed : keep the discrepancy. by_nuisance : (N, k)
-            derivatives by the nuisances to begin with, else those about the nominal robot. least : what a step must still bring,
-            in -2 log probability.
+        known : derivatives by the parameters of some of its effects, (N, n) each, to do with: a rough fit, good enough
+        to
+            see what another effect brings or what one that is gone leaves. fixed : keep the discrepancy. by_nuisance :
+            (N, k) derivatives by the nuisances to begin with, else those about the nominal robot. least : what a step
+            must still bring, in -2 log probability.
         """
         k = self.count
         known = known or {}
@@ -306,14 +343,14 @@ class Fitter:
             at += count
         low, high = self._bounds(hypothesis)
         x = np.clip(np.concatenate([z, start]), low, high)
-        r, = yield [self.model(hypothesis, x)], None
+        (r,) = yield [self.model(hypothesis, x)], None
         if by_nuisance is None:
             if self.by_nuisance is None:
                 self.by_nuisance = yield from self._derivatives(hypothesis, x, r, range(k), high)
             by_nuisance = self.by_nuisance
         noise = noise if fixed else noise.estimated(r)
         now = noise.cost(r) + prior_cost(x[:k], x[k:])
-        damping, since = 0.0, math.inf           # what was gained since the nuisances' derivatives were taken
+        damping, since = 0.0, math.inf  # what was gained since the nuisances' derivatives were taken
         renewals = RENEWALS if len(start) else 0
         by_effect = np.empty((len(r), 0), np.float32)
         free = np.ones(len(x), bool)
@@ -324,26 +361,27 @@ class Fitter:
             weight = prior_weight(x[:k], x[k:])
             gradient = (jacobian.T @ white.astype(np.float32)).astype(float) + weight * x
             hessian = (jacobian.T @ jacobian).astype(float) + np.diag(weight)
-            del jacobian, white                  # large, and there are others beside this fit
+            del jacobian, white  # large, and there are others beside this fit
             free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
             keep = np.flatnonzero(free)
             improved = 0.0
-            for attempt in DAMPINGS[DAMPINGS.index(damping):]:
+            for attempt in DAMPINGS[DAMPINGS.index(damping) :]:
                 damped = hessian[np.ix_(keep, keep)] + attempt * np.diag(np.diag(hessian)[keep])
                 step = np.zeros(len(x))
                 step[keep] = -np.linalg.solve(damped, gradient[keep])
                 promised = abs(gradient @ step)
                 trial, moved, new = yield from self._tried(hypothesis, np.clip(x + step, low, high), noise)
                 if new >= now and promised >= least and attempt == 0.0:
-                    # Along a bent valley a part of the step leads on where damping would hold it: to the least of the parabola
-                    # through what is known of the line.
+                    # Along a bent valley a part of the step leads on where damping would hold it: to the least of the
+                    # parabola through what is known of the line.
                     part = min(max(promised / (new - now + 2.0 * promised), SHORTEST), 0.5)
                     trial, moved, new = yield from self._tried(hypothesis, np.clip(x + part * step, low, high), noise)
                 if new < now:
                     x, r, damping = self._slid(hypothesis, trial, low, high), moved, attempt
                     improved = now - noise.cost(r) - prior_cost(x[:k], x[k:])
                     break
-                # What a step could still bring is below the noise of the choice; or the nuisances' derivatives are out of date.
+                # What a step could still bring is below the noise of the choice; or the nuisances' derivatives are out
+                # of date.
                 if promised < least or (renewals and not known and since >= ROUGH_GAIN):
                     break
             if improved > 0.0:
@@ -356,8 +394,8 @@ class Fitter:
             if improved < least and (known or not renewals or since < ROUGH_GAIN):
                 break
             if improved < RENEWED and not known and renewals and since >= ROUGH_GAIN:
-                # Far from where they were taken, the nuisances' derivatives point the wrong way, and hide the valley in which
-                # an effect and a tolerance of the same parameter lie.
+                # Far from where they were taken, the nuisances' derivatives point the wrong way, and hide the valley in
+                # which an effect and a tolerance of the same parameter lie.
                 by_nuisance = yield from self._derivatives(hypothesis, x, r, range(k), high)
                 renewals, since, damping = renewals - 1, 0.0, 0.0
         return Fit(self.effects, hypothesis, x[:k].copy(), x[k:].copy(), r, by_nuisance, by_effect, free, noise)

@@ -19,10 +19,14 @@ LEAST = 1.1
 
 
 def gap_channels(log: RunLog, robot: Robot) -> tuple[str, ...]:
-    """Channels of a run that count: measured, with a declared noise; `th_*` only on a side whose `w_*` does not count; no current where
-    torque is commanded, of which a replay knows none."""
+    """Channels of a run that count: measured, with a declared noise; `th_*` only on a side whose `w_*` does not count;
+    no current where torque is commanded, of which a replay knows none."""
     names = [c for c in SAMPLED if log.has(c) and not (c[0] == "i" and robot.driver.mode == "torque")]
-    names += [f"th_{s}" for s in robot.sides if log.has(f"th_{s}") and not (log.has(f"w_{s}") and robot.noise(f"w_{s}") is not None)]
+    names += [
+        f"th_{s}"
+        for s in robot.sides
+        if log.has(f"th_{s}") and not (log.has(f"w_{s}") and robot.noise(f"w_{s}") is not None)
+    ]
     if log.has("x") and log.has("y") and log.has("yaw"):
         names += ["x", "y"]
     if log.has("yaw"):
@@ -31,8 +35,8 @@ def gap_channels(log: RunLog, robot: Robot) -> tuple[str, ...]:
 
 
 def window_rows(t: np.ndarray, rows: np.ndarray, window_s: float = WINDOW_S) -> np.ndarray:
-    """Rows that bound the complete consecutive windows of `window_s`, of the rows (ascending) that have a sample; what is sampled less
-    often, or not for a while, has longer ones."""
+    """Rows that bound the complete consecutive windows of `window_s`, of the rows (ascending) that have a sample; what
+    is sampled less often, or not for a while, has longer ones."""
     if len(rows) < 2:
         return rows[:0]
     times = t[rows]
@@ -118,8 +122,11 @@ def pooled(parts: Sequence[Mapping[str, np.ndarray | Squares]]) -> dict[str, flo
         for channel, error in part.items():
             total.setdefault(channel, []).append(error if isinstance(error, Squares) else squares(error))
     counts = {channel: sum(one.count for one in found) for channel, found in total.items()}
-    return {channel: math.sqrt(sum(one.total for one in found) / counts[channel])
-            for channel, found in total.items() if counts[channel]}
+    return {
+        channel: math.sqrt(sum(one.total for one in found) / counts[channel])
+        for channel, found in total.items()
+        if counts[channel]
+    }
 
 
 def gap(channels: dict[str, float]) -> float:

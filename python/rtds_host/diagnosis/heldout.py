@@ -26,9 +26,9 @@ SHOWN = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y"
 
 @dataclass
 class HeldOut:
-    """Gaps on held-out runs: channels by model ("before", "refit", "after"); without : by effect, the gap without it; decided :
-    by effect, the channel that misses it most, and that channel's gap without and with it; runs,
-    regimes : by name, gap by model; interval : 90 % of the share closed on another run, None where it cannot be said."""
+    """Gaps on held-out runs: channels by model ("before", "refit", "after"); without : by effect, the gap without it;
+    decided : by effect, the channel that misses it most, and that channel's gap without and with it; runs, regimes : by
+    name, gap by model; interval : 90 % of the share closed on another run, None where it cannot be said."""
 
     channels: dict[str, dict[str, float]]
     without: dict[tuple[str, str], float]
@@ -53,18 +53,31 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
     parts: dict[object, list[dict[str, gaps.Squares]]] = {name: [] for name in ("before", *models)}
     by_regime: dict[str, dict[str, list[dict[str, gaps.Squares]]]] = {}
     runs, traces, stretches = {}, {}, []
-    notes = [f"{name}: no heading in the log; the slope's pull says that the run began at {heading:.2f} rad"
-             for name, heading in problem.headings.items()]
-    notes += [f"{name}: its commands act {late:+.2g} s later than those of the other runs; effects were fitted with that, every gap "
-              "shown is without it" for name, late in problem.lates.items()]
+    notes = [
+        f"{name}: no heading in the log; the slope's pull says that the run began at {heading:.2f} rad"
+        for name, heading in problem.headings.items()
+    ]
+    notes += [
+        f"{name}: its commands act {late:+.2g} s later than those of the other runs; effects were fitted with that, every gap "
+        "shown is without it"
+        for name, late in problem.lates.items()
+    ]
     if problem.searched < 1.0:
-        notes.append(f"these runs are long: effects were looked for in {100 * problem.searched:.2g} % of them, in stretches of "
-                     f"up to {STRETCH_S:g} s from all over; every gap shown is of all rows")
+        notes.append(
+            f"these runs are long: effects were looked for in {100 * problem.searched:.2g} % of them, in stretches of "
+            f"up to {STRETCH_S:g} s from all over; every gap shown is of all rows"
+        )
     pieces = parted(problem)
     if len(problem.whole) == 1:
-        notes.append("one run only: each half was held out in turn, which is weaker evidence than another run" if len(pieces[0]) > 1 else
-                     "one run, too short to hold a part of it out: every gap is of samples that were fitted")
-    fitted = {name: iter(left_out(problem, fit, [rows for mine in pieces for _, _, rows in mine])) for name, fit in models.items()}
+        notes.append(
+            "one run only: each half was held out in turn, which is weaker evidence than another run"
+            if len(pieces[0]) > 1
+            else "one run, too short to hold a part of it out: every gap is of samples that were fitted"
+        )
+    fitted = {
+        name: iter(left_out(problem, fit, [rows for mine in pieces for _, _, rows in mine]))
+        for name, fit in models.items()
+    }
     for data, mine in zip(problem.whole, pieces):
         nominal = replay_run(problem.nominal, data.inputs, step)
         own: dict[object, list[dict[str, gaps.Squares]]] = {name: [] for name in parts}
@@ -89,17 +102,25 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
         runs[data.log.name] = {name: gaps.gap(gaps.pooled(own[name])) for name in ("before", "refit", "after")}
         traces[data.log.name] = {
             c: Trace(data.log.t, data.log.columns[c], nominal[:, n], shown["refit"][:, n], shown["after"][:, n])
-            for n, c in enumerate(SHOWN) if data.log.has(c)}
+            for n, c in enumerate(SHOWN)
+            if data.log.has(c)
+        }
     channels = {name: gaps.pooled(parts[name]) for name in ("before", "refit", "after")}
     lacking = {s.member: gaps.pooled(parts[s.member]) for s in account.standing}
     without = {member: gaps.gap(found) for member, found in lacking.items()}
-    decided = {member: max(((c, value, channels["after"][c]) for c, value in found.items()), key=lambda d: d[1]**2 - d[2]**2)
-               for member, found in lacking.items()}
+    decided = {
+        member: max(
+            ((c, value, channels["after"][c]) for c, value in found.items()), key=lambda d: d[1] ** 2 - d[2] ** 2
+        )
+        for member, found in lacking.items()
+    }
     return HeldOut(channels, without, decided, runs, _by_regime(by_regime), traces, _for_another(stretches), notes)
 
 
 def _for_another(stretches: list[tuple[float, float]]) -> tuple[float, float] | None:
-    """90 % interval of the share closed on another run of the same robot: Student's prediction from the runs there are."""
+    """90 % interval of the share closed on another run of the same robot: Student's prediction from the runs
+    there are.
+    """
     counted = [(before, after) for before, after in stretches if before >= gaps.LEAST]
     if len(counted) < 2:
         return None
@@ -107,7 +128,9 @@ def _for_another(stretches: list[tuple[float, float]]) -> tuple[float, float] | 
     mean, spread = float(shares.mean()), float(shares.std(ddof=1)) * math.sqrt(1.0 + 1.0 / len(shares))
     low, high = (mean + float(stdtrit(len(shares) - 1, level)) * spread for level in LEVELS)
     # By chance a gap comes out below that of the noise, hardly by more than what counts as one.
-    return low, min(high, max(1.0 + (1.0 - 1.0 / gaps.LEAST) / (min(before for before, _ in counted) - 1.0), float(shares.max())))
+    return low, min(
+        high, max(1.0 + (1.0 - 1.0 / gaps.LEAST) / (min(before for before, _ in counted) - 1.0), float(shares.max()))
+    )
 
 
 def _regimes(problem: Problem, log: RunLog, out: np.ndarray) -> dict[str, np.ndarray]:
@@ -122,7 +145,12 @@ def _regimes(problem: Problem, log: RunLog, out: np.ndarray) -> dict[str, np.nda
 
 def _by_regime(parts: dict[str, dict[str, list[dict[str, gaps.Squares]]]]) -> dict[str, dict[str, float]]:
     """Gap of each regime, of those that hold some of the samples and not all of them."""
-    counts = {regime: sum(e.count for part in named["before"] for e in part.values()) for regime, named in parts.items()}
+    counts = {
+        regime: sum(e.count for part in named["before"] for e in part.values()) for regime, named in parts.items()
+    }
     whole = counts.get("first half", 0) + counts.get("second half", 0)
-    return {regime: {name: gaps.gap(gaps.pooled(p)) for name, p in named.items()}
-            for regime, named in parts.items() if max(1, min(50, 0.02 * whole)) <= counts[regime] < 0.98 * whole}
+    return {
+        regime: {name: gaps.gap(gaps.pooled(p)) for name, p in named.items()}
+        for regime, named in parts.items()
+        if max(1, min(50, 0.02 * whole)) <= counts[regime] < 0.98 * whole
+    }

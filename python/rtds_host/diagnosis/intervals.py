@@ -2,14 +2,14 @@
 
 One sigma is the root of the sum of
 
-    (the largest variance of three: the likelihood's, and what follows from how residuals scatter between blocks of time and between runs)
-    + (how far the size moves if residuals count as white noise in place of a discrepancy)^2
-    + (what formulations of the effect differ by)^2
-    + (what the size scatters by over the settings that it was met in, beyond chance)^2
+    (the largest variance of three: the likelihood's, and what follows from how residuals scatter between blocks of time
+    and between runs) + (how far the size moves if residuals count as white noise in place of a discrepancy)^2 + (what
+    formulations of the effect differ by)^2 + (what the size scatters by over the settings that it was met in, beyond
+    chance)^2
 
-and, of a delay, what stamps, links and a servo's latency leave open; of a sensor's lag, where within a row it measures: a driver that takes
-its speed from one row's counts is late by half of that already. A size that hangs on the setting is no constant that is known better
-than it scatters; on a machine that is described to its noise nothing scatters.
+and, of a delay, what stamps, links and a servo's latency leave open; of a sensor's lag, where within a row it measures:
+a driver that takes its speed from one row's counts is late by half of that already. A size that hangs on the setting is
+no constant that is known better than it scatters; on a machine that is described to its noise nothing scatters.
 """
 
 from __future__ import annotations
@@ -30,17 +30,20 @@ Z90 = 1.6448536269514722
 Key = tuple[tuple[str, str], str]
 
 
-def intervals(problem: Problem, fit: Fit, stamps_s: float = 0.0, row_s: float = 0.0) -> dict[Key, tuple[float, float] | None]:
-    """The 90 % interval of each parameter of each effect, within its bounds; None of what may be anything that it can be.
+def intervals(
+    problem: Problem, fit: Fit, stamps_s: float = 0.0, row_s: float = 0.0
+) -> dict[Key, tuple[float, float] | None]:
+    """The 90 % interval of each parameter of each effect, within its bounds; None of what may be anything that it can
+    be.
 
     stamps_s : by how much stamps are off, s; row_s : from row to row, s.
     """
     if not fit.hypothesis:
         return {}
-    sigma, free = dict(zip(_keys(fit), _sigmas(problem, fit))), dict(zip(_keys(fit), fit.free[len(fit.z):]))
+    sigma, free = dict(zip(_keys(fit), _sigmas(problem, fit))), dict(zip(_keys(fit), fit.free[len(fit.z) :]))
     uneven = scattered(problem, fit)
-    # Commands have the same stamps as samples: a delay is known no better than these are, or than it is one in all runs, or than
-    # the latency of a servo's board, which it is one sum with.
+    # Commands have the same stamps as samples: a delay is known no better than these are, or than it is one in all
+    # runs, or than the latency of a servo's board, which it is one sum with.
     latency_s = LATENCY_S if any(LATENCY.keys() & n.keys.keys() for n in problem.nuisances) else 0.0
     late = math.hypot(stamps_s, problem.lag_s, latency_s)
     result: dict[Key, tuple[float, float] | None] = {}
@@ -51,9 +54,16 @@ def intervals(problem: Problem, fit: Fit, stamps_s: float = 0.0, row_s: float = 
             # Of what is absent far off, a stiff spring, a high limit, the size is the value itself.
             size = abs(value - p.null) if p.null in (0.0, 1.0) else abs(value)
             # Where in its row a sensor measures is known to the row.
-            timed = late if effect.subsystem == "timing" else row_s / math.sqrt(12.0) if effect.subsystem == "sensing" and p.unit == "s" else 0.0
-            spread = Z90 * math.hypot(sigma[key] * p.slope(value), effect.form * size, timed,
-                                      0.0 if p.shape else uneven[member] * size)
+            timed = (
+                late
+                if effect.subsystem == "timing"
+                else row_s / math.sqrt(12.0)
+                if effect.subsystem == "sensing" and p.unit == "s"
+                else 0.0
+            )
+            spread = Z90 * math.hypot(
+                sigma[key] * p.slope(value), effect.form * size, timed, 0.0 if p.shape else uneven[member] * size
+            )
             low, high = max(value - spread, p.low), min(value + spread, p.high)
             result[key] = (low, high) if free[key] and (low > p.low or high < p.high) else None
     return result
@@ -83,8 +93,9 @@ def _sandwich(problem: Problem, fit: Fit, groups: np.ndarray) -> np.ndarray:
 def _shift(fit: Fit) -> np.ndarray:
     """How far (z, u) move, (k + p,), if residuals count as white noise in place of a discrepancy.
 
-    J. A. Hausman, Econometrica 46, 1978: two estimates that weigh slow and fast misfits otherwise agree where the explanation is
-    whole; what parts them is the rest that one of them took for an effect. Prior and dispersion are those of the fit.
+    J. A. Hausman, Econometrica 46, 1978: two estimates that weigh slow and fast misfits otherwise agree where the
+    explanation is whole; what parts them is the rest that one of them took for an effect. Prior and dispersion are
+    those of the fit.
     """
     keep = np.flatnonzero(fit.free)
     prior = np.diag(prior_weight(fit.z, fit.u)[keep])
@@ -93,21 +104,27 @@ def _shift(fit: Fit) -> np.ndarray:
     white, whitened = fit.whitened()
     whitened = whitened[:, keep].astype(float)
     dispersion = max(float(fit.residual @ fit.residual) / len(fit.residual), 1.0)
-    moved = [np.linalg.solve(j.T @ j / scale + prior, j.T @ r / scale + pull)
-             for j, r, scale in ((whitened, white, 1.0), (jacobian, fit.residual, dispersion))]
+    moved = [
+        np.linalg.solve(j.T @ j / scale + prior, j.T @ r / scale + pull)
+        for j, r, scale in ((whitened, white, 1.0), (jacobian, fit.residual, dispersion))
+    ]
     result = np.zeros(len(fit.free))
     result[keep] = moved[0] - moved[1]
     # A slope says nothing of where steps that come late would end.
-    free = dict(zip(_keys(fit), fit.free[len(fit.z):]))
-    late = {(effect.id, side) for effect, side, p in parameters(fit.effects, fit.hypothesis) if p.steep and free[(effect.id, side), p.name]}
-    result[len(fit.z):][[member in late for member, _ in _keys(fit)]] = 0.0
+    free = dict(zip(_keys(fit), fit.free[len(fit.z) :]))
+    late = {
+        (effect.id, side)
+        for effect, side, p in parameters(fit.effects, fit.hypothesis)
+        if p.steep and free[(effect.id, side), p.name]
+    }
+    result[len(fit.z) :][[member in late for member, _ in _keys(fit)]] = 0.0
     return result
 
 
 def _sigmas(problem: Problem, fit: Fit) -> np.ndarray:
-    """One sigma of each parameter, in spreads: the largest of what the likelihood says, what the scatter between blocks of
-    time says, and what that between runs does; and what it hangs on how the rest is weighed."""
+    """One sigma of each parameter, in spreads: the largest of what the likelihood says, what the scatter between blocks
+    of time says, and what that between runs does; and what it hangs on how the rest is weighed."""
     variances = [np.diag(fit.covariance), _sandwich(problem, fit, problem.blocks)]
     if len(problem.whole) > 2:
         variances.append(_sandwich(problem, fit, problem.runs_of))
-    return np.sqrt(np.max(variances, axis=0) + _shift(fit) ** 2)[len(fit.z):]
+    return np.sqrt(np.max(variances, axis=0) + _shift(fit) ** 2)[len(fit.z) :]

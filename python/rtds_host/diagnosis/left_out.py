@@ -27,8 +27,10 @@ def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Mo
     grams = [j.T @ j for j in columns]
     whole = sum(grams) + np.diag(prior_weight(fit.z, fit.u)[keep])
     sigma = np.sqrt(np.diag(np.linalg.inv(whole)))
-    return [_moved(problem, fit, keep, np.linalg.solve(whole - gram, j.T @ white[rows]), sigma)
-            for rows, j, gram in zip(parts, columns, grams, strict=True)]
+    return [
+        _moved(problem, fit, keep, np.linalg.solve(whole - gram, j.T @ white[rows]), sigma)
+        for rows, j, gram in zip(parts, columns, grams, strict=True)
+    ]
 
 
 def _moved(problem: Problem, fit: Fit, keep: np.ndarray, way: np.ndarray, sigma: np.ndarray) -> Model:
@@ -45,8 +47,8 @@ def _moved(problem: Problem, fit: Fit, keep: np.ndarray, way: np.ndarray, sigma:
 
 
 def parted(problem: Problem) -> list[list[tuple[int, int, np.ndarray]]]:
-    """What is left out at once, a list a run: first and last row of its log and the rows (m,) of the residuals that go with them; none
-    of a single run whose halves are too short to have a gap."""
+    """What is left out at once, a list a run: first and last row of its log and the rows (m,) of the residuals that go
+    with them; none of a single run whose halves are too short to have a gap."""
     runs = [np.flatnonzero(problem.runs_of == k) for k in range(len(problem.whole))]
     if len(runs) > 1:
         return [[(0, len(data.log.t), mine)] for data, mine in zip(problem.whole, runs, strict=True)]
@@ -61,7 +63,9 @@ def parted(problem: Problem) -> list[list[tuple[int, int, np.ndarray]]]:
 
 
 def left_out_gap(problem: Problem, fit: Fit) -> float:
-    """The gap of an explanation on runs left out in turn, at the search's steps, with commands as late in each as they were fitted."""
+    """The gap of an explanation on runs left out in turn, at the search's steps, with commands as late in each as they
+    were fitted.
+    """
     parts = parted(problem)
     models = iter(left_out(problem, fit, [rows for mine in parts for *_, rows in mine]))
     jobs = []

@@ -26,20 +26,24 @@ import numpy as np
 
 from rtds_host.diagnosis.elementary import exp_minus
 
-# A discrepancy comes and goes; what lasts longer than this is a scale, a bias or a load, which the catalogue has names for.
+# A discrepancy comes and goes; what lasts longer than this is a scale, a bias or a load, which the catalogue has names
+# for.
 LONGEST_S = 0.3
 # Numerical: sizes and correlation times that are told apart, and how finely they are looked for (in logarithms).
 LEAST_SIZE = 1e-3
 COARSE_TAUS = 5
 PATTERN_STEPS = (1.0, 0.4)
-# Numerical: discrepancies whose likelihoods are found abreast, steps that are looked at ahead, and the rows of the lanes' state.
+# Numerical: discrepancies whose likelihoods are found abreast, steps that are looked at ahead, and the rows of the
+# lanes' state.
 LANES, AHEAD = 4, 64
 S2, PER_TAU, TOTAL, M, P, A, S, PRODUCT, MOVED, KEEP, TAKE, SQUARES = (k * LANES for k in range(12))
 
 
 @dataclass(frozen=True)
 class Series:
-    """Residuals of one channel in one run, in order of time: rows `first` to `last` of the residuals, at times t (s)."""
+    """Residuals of one channel in one run, in order of time: rows `first` to `last` of the residuals, at times
+    t (s).
+    """
 
     channel: int
     first: int
@@ -49,8 +53,8 @@ class Series:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _nll(r, t, w, ahead):
-    """Add -2 log likelihood of one series, per the module's head, less its constant, in each lane of `w`; `ahead` (LANES * AHEAD,) is
-    room for what is left of a discrepancy after each of the next steps."""
+    """Add -2 log likelihood of one series, per the module's head, less its constant, in each lane of `w`; `ahead`
+    (LANES * AHEAD,) is room for what is left of a discrepancy after each of the next steps."""
     begun = filled = 0
     for l in range(LANES):
         w[M + l], w[P + l], w[S + l], w[PRODUCT + l], w[A + l] = 0.0, w[S2 + l], 1.0, 1.0, 1.0
@@ -87,7 +91,8 @@ def _nll(r, t, w, ahead):
             for l in range(LANES):
                 w[TOTAL + l] += math.log(w[PRODUCT + l])
                 w[PRODUCT + l] = 1.0
-        # At even sampling the gain soon stands still: one multiplication and addition lead from each expectation to the next.
+        # At even sampling the gain soon stands still: one multiplication and addition lead from each expectation to the
+        # next.
         if k > 2 and max(w[MOVED], w[MOVED + 1], w[MOVED + 2], w[MOVED + 3]) < 1e-9:
             first = k
             for l in range(LANES):
@@ -111,8 +116,8 @@ def _nll(r, t, w, ahead):
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _nll_of_all(residual, t, first, last, s2, tau):
-    """The same of several series by each of several discrepancies s2, tau (m,), four of them abreast, since in each a row waits for
-    the one before it: (m,), of rows first to last of residuals and times (N,)."""
+    """The same of several series by each of several discrepancies s2, tau (m,), four of them abreast, since in each a
+    row waits for the one before it: (m,), of rows first to last of residuals and times (N,)."""
     total = np.empty(s2.shape[0])
     w, ahead = np.empty(SQUARES + LANES), np.empty(LANES * AHEAD)
     for begin in range(0, s2.shape[0], LANES):
@@ -120,7 +125,7 @@ def _nll_of_all(residual, t, first, last, s2, tau):
             one = min(begin + l, s2.shape[0] - 1)
             w[S2 + l], w[PER_TAU + l], w[TOTAL + l] = s2[one], 1.0 / tau[one], 0.0
         for k in range(first.shape[0]):
-            _nll(residual[first[k]:last[k]], t[first[k]:last[k]], w, ahead)
+            _nll(residual[first[k] : last[k]], t[first[k] : last[k]], w, ahead)
         for l in range(min(LANES, s2.shape[0] - begin)):
             total[begin + l] = w[TOTAL + l]
     return total
@@ -128,8 +133,8 @@ def _nll_of_all(residual, t, first, last, s2, tau):
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _gains(t, s2, tau, keep, take, i_out, log_out):
-    """Filter of one series: of each sample 1 / sqrt(S) and log S, and how the next one's expectation follows from its own and from
-    the sample, keep * expectation + take * sample; nothing follows from the last."""
+    """Filter of one series: of each sample 1 / sqrt(S) and log S, and how the next one's expectation follows from its
+    own and from the sample, keep * expectation + take * sample; nothing follows from the last."""
     if s2 == 0.0:
         keep[:], take[:], i_out[:], log_out[:] = 0.0, 0.0, 1.0, 0.0
         return
@@ -183,7 +188,9 @@ def _whiten_four(c0, c1, c2, c3, keep, take, i, o0, o1, o2, o3):
 
 @dataclass(frozen=True)
 class _Channel:
-    """One channel's series: rows first to last (m,) of residuals, times t (N,), and the correlation times that it can show, s."""
+    """One channel's series: rows first to last (m,) of residuals, times t (N,), and the correlation times that it can
+    show, s.
+    """
 
     first: np.ndarray
     last: np.ndarray
@@ -195,7 +202,7 @@ class _Channel:
     def of(cls, series: list[Series], count: int) -> _Channel:
         t = np.zeros(count)
         for one in series:
-            t[one.first:one.last] = one.t
+            t[one.first : one.last] = one.t
         steps = np.concatenate([np.diff(one.t) for one in series])
         shortest = 0.5 * float(np.median(steps)) if len(steps) else 0.0
         span = max(float(one.t[-1] - one.t[0]) for one in series)
@@ -214,18 +221,38 @@ class _Channel:
 class Discrepancy:
     """Size s (C,) in units of noise and correlation time tau (C,) s of each channel's discrepancy, and its filter."""
 
-    def __init__(self, series: list[Series], count: int, channels: int, s: np.ndarray | None = None,
-                 tau: np.ndarray | None = None, channel: dict[int, _Channel] | None = None):
+    def __init__(
+        self,
+        series: list[Series],
+        count: int,
+        channels: int,
+        s: np.ndarray | None = None,
+        tau: np.ndarray | None = None,
+        channel: dict[int, _Channel] | None = None,
+    ):
         self.series, self.count = series, count
-        self.channel = channel if channel is not None else {
-            c: _Channel.of([one for one in series if one.channel == c], count) for c in sorted({one.channel for one in series})}
+        self.channel = (
+            channel
+            if channel is not None
+            else {
+                c: _Channel.of([one for one in series if one.channel == c], count)
+                for c in sorted({one.channel for one in series})
+            }
+        )
         self.s = np.zeros(channels) if s is None else s
         self.tau = np.ones(channels) if tau is None else tau
         self.keep, self.take, self.i, self.log = (np.empty(count) for _ in range(4))
         for one in series:
             rows = slice(one.first, one.last)
-            _gains(one.t, self.s[one.channel] ** 2, self.tau[one.channel], self.keep[rows], self.take[rows], self.i[rows],
-                   self.log[rows])
+            _gains(
+                one.t,
+                self.s[one.channel] ** 2,
+                self.tau[one.channel],
+                self.keep[rows],
+                self.take[rows],
+                self.i[rows],
+                self.log[rows],
+            )
 
     def whiten(self, column: np.ndarray) -> np.ndarray:
         """A whitened column, (N,), in the type it comes in; itself where there is no discrepancy."""
@@ -249,7 +276,7 @@ class Discrepancy:
             return
         whole = len(columns) // 4 * 4
         for k in range(0, whole, 4):
-            _whiten_four(*columns[k:k + 4], self.keep, self.take, self.i, *out[k:k + 4])
+            _whiten_four(*columns[k : k + 4], self.keep, self.take, self.i, *out[k : k + 4])
         for column, into in zip(columns[whole:], out[whole:], strict=True):
             _whiten(column, self.keep, self.take, self.i, into)
 
@@ -296,7 +323,10 @@ def _most_likely(residual: np.ndarray, mine: _Channel, s: float, tau: float, tho
     at, best = starts[k], values[k]
     for step in PATTERN_STEPS if thorough or len(starts) > 2 else PATTERN_STEPS[1:]:
         for _ in range(4):
-            trials = [(at[0] + ds, min(max(at[1] + dt, low), high)) for ds, dt in ((-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step))]
+            trials = [
+                (at[0] + ds, min(max(at[1] + dt, low), high))
+                for ds, dt in ((-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step))
+            ]
             values = costs(trials)
             k = int(np.argmin(values))
             if not values[k] < best - 1e-9:

@@ -17,35 +17,43 @@ Member = tuple[str, str]
 LARGEST_SET = 3
 
 
-def lookalikes(search: Search, fit: Fit, standing: Iterable[tuple[Member, Fit]],
-               spare: Iterable[Member]) -> tuple[tuple[tuple[Member, ...], ...], list[Fit]]:
+def lookalikes(
+    search: Search, fit: Fit, standing: Iterable[tuple[Member, Fit]], spare: Iterable[Member]
+) -> tuple[tuple[tuple[Member, ...], ...], list[Fit]]:
     """Effects that take a blamed one's place and fit as well, and the fits that show it.
 
-    What opens a gap does not, however few blocks of time there are to tell it by. standing : blamed effects and the explanation without
-    each; spare : effects that were likely there beside them but closed next to nothing: those that do most of what one does may be a part of it.
+    What opens a gap does not, however few blocks of time there are to tell it by. standing : blamed effects and the
+    explanation without each; spare : effects that were likely there beside them but closed next to nothing: those that
+    do most of what one does may be a part of it.
 
-    A set has room for few. Those that are alike in principle come first and need no fit to be in it; then what is nearly so, if it
-    fits as well, and whatever else does; what is nearly so and was not met comes last.
+    A set has room for few. Those that are alike in principle come first and need no fit to be in it; then what is
+    nearly so, if it fits as well, and whatever else does; what is nearly so and was not met comes last.
     """
     sets, rivals = [], []
     case, there = search.problem.case, {effect.id for effect in available(search.problem)} & search.wanted
     for one, without in standing:
         part = [member for member in spare if _likened(search, member, one)]
         part += [twin for member in part for twin in twins(case, member, fit.hypothesis)]
-        inherent, near, part = ([member for member in alike if member[0] in there and not clashes(member, fit.hypothesis)]
-                                for alike in (twins(case, one, fit.hypothesis), near_twins(case, one), part))
+        inherent, near, part = (
+            [member for member in alike if member[0] in there and not clashes(member, fit.hypothesis)]
+            for alike in (twins(case, one, fit.hypothesis), near_twins(case, one), part)
+        )
         swaps = _swaps(search, fit, one, without)
         known = {member for member in swaps if member in near or member[0] in search.effects[one[0]].confused_with}
         fitting = _fitting(search, fit, swaps, known)
-        # What a look-alike is confused with may be one, too: the motor's constant for viscous friction, and a gain for that.
-        further = {member: swaps.get(member) or search.swapped(fit, without, candidate)
-                   for member, candidate in _further(search, one, without, fitting).items() if member not in known}
+        # What a look-alike is confused with may be one, too: the motor's constant for viscous friction, and a gain for
+        # that.
+        further = {
+            member: swaps.get(member) or search.swapped(fit, without, candidate)
+            for member, candidate in _further(search, one, without, fitting).items()
+            if member not in known
+        }
         fitting |= _fitting(search, fit, further, further)
         found = sorted((member not in known, gain, member) for member, (gain, _) in fitting.items())
         rivals += [swapped for _, swapped in fitting.values()]
         others = list(dict.fromkeys([*inherent, *part, *(member for *_, member in found), *near]))
         if others:
-            sets.append((one, *others[:LARGEST_SET - 1]))
+            sets.append((one, *others[: LARGEST_SET - 1]))
     return tuple(sets), rivals
 
 
@@ -54,12 +62,14 @@ def _likened(search: Search, member: Member, other: Member) -> bool:
     return any(one[0] in search.effects[other[0]].likened for one in (member, *twins(search.problem.case, member)))
 
 
-def _fitting(search: Search, fit: Fit, swaps: dict[Member, Fit],
-             known: Container[Member]) -> dict[Member, tuple[float, Fit]]:
-    """Of effects in another one's place those that fit as well, and open no gap: what the likelihood gains without each, and its fit.
+def _fitting(
+    search: Search, fit: Fit, swaps: dict[Member, Fit], known: Container[Member]
+) -> dict[Member, tuple[float, Fit]]:
+    """Of effects in another one's place those that fit as well, and open no gap: what the likelihood gains without
+    each, and its fit.
 
-    What is `known` to be confused with it must be told from it by more than slight a part of what it leaves: the forms of a machine
-    that is described no better differ by as much.
+    What is `known` to be confused with it must be told from it by more than slight a part of what it leaves: the forms
+    of a machine that is described no better differ by as much.
     """
     found = {}
     for member, swapped in swaps.items():
@@ -71,18 +81,23 @@ def _fitting(search: Search, fit: Fit, swaps: dict[Member, Fit],
 
 
 def _further(search: Search, one: Member, without: Fit, like: Iterable[Member]) -> dict[Member, Candidate]:
-    """What look-alikes of an effect are confused with, as far as it could be in its place, and where a fit of it begins."""
+    """What look-alikes of an effect are confused with, as far as it could be in its place, and where a fit of it
+    begins.
+    """
     wanted = {search.in_place(other, member) for member in like for other in search.effects[member[0]].confused_with}
     if not wanted or search.exhausted():
         return {}
     # What holds the effect is the same with a further parameter, for no better fit.
-    return {c.member: c for c in search.rivals(without, one, len(search.effects))
-            if c.member in wanted and one[0] not in search.effects[c.member[0]].contains}
+    return {
+        c.member: c
+        for c in search.rivals(without, one, len(search.effects))
+        if c.member in wanted and one[0] not in search.effects[c.member[0]].contains
+    }
 
 
 def _swaps(search: Search, fit: Fit, one: Member, without: Fit) -> dict[Member, Fit]:
-    """What might be there in an effect's place, each with the fit that has it there: its namesakes, what a screening without it
-    promises, and what the search met."""
+    """What might be there in an effect's place, each with the fit that has it there: its namesakes, what a screening
+    without it promises, and what the search met."""
     swaps = search.namesakes(fit, one)
 
     def other(member: Member) -> bool:
@@ -95,7 +110,7 @@ def _swaps(search: Search, fit: Fit, one: Member, without: Fit) -> dict[Member, 
     beside = set(fit.hypothesis) - {one}
     for hypothesis, met in search.fits.items():
         if len(hypothesis) == len(fit.hypothesis) and beside <= set(hypothesis) and hypothesis != fit.hypothesis:
-            member, = set(hypothesis) - beside
+            (member,) = set(hypothesis) - beside
             if other(member):
                 swaps[member] = met
     return swaps

@@ -18,7 +18,8 @@ from rtds_host.diagnosis.chance import HANDFUL
 USUAL_RUN_S = 20.0
 
 
-# Scales that hang on how long runs last, and, where torque is commanded and no speed has a limit, on how fast they were.
+# Scales that hang on how long runs last, and, where torque is commanded and no speed has a limit, on how fast they
+# were.
 OF_RUNS, OF_SPEEDS_MET = {"run", "decline"}, {"speed", "viscous", "tread", "turn"}
 
 
@@ -29,10 +30,10 @@ class Machine:
     torque : N·m, at stall (torque mode: at the largest command); speed : rad/s, without load (torque mode: the largest
     met); viscous : N·m·s/rad, torque over speed; loss : N·m·s/rad, the nominal B; volts : V, supply; asked : V, the
     largest command of the runs (infinite where speeds are commanded, and without any); decline : V/s, all of the supply
-    over the longest run; ohm : winding; amps : A, at stall; per_watt : 1/W, of the power at stall; force : N, weight on a
-    wheel; give : 1/N, its inverse; tread : N·s/m, force over rim speed; mass : kg (of an axis: in shares of its load);
-    radius, track : m; spin : N·m, torque about the vertical of both wheels at stall; turn : rad/s, on the spot without
-    load; run : s, longest run.
+    over the longest run; ohm : winding; amps : A, at stall; per_watt : 1/W, of the power at stall; force : N, weight on
+    a wheel; give : 1/N, its inverse; tread : N·s/m, force over rim speed; mass : kg (of an axis: in shares of its
+    load); radius, track : m; spin : N·m, torque about the vertical of both wheels at stall; turn : rad/s, on the spot
+    without load; run : s, longest run.
     """
 
     torque: float
@@ -84,10 +85,16 @@ class Machine:
 
 
 def machine_of(robot: Robot, runs: Sequence[RunLog] = ()) -> Machine:
-    """Scales of a robot or an axis; `runs`: its logs, which say how fast and how long it ran where its file does not."""
+    """Scales of a robot or an axis; `runs`: its logs, which say how fast and how long it ran where its file
+    does not.
+    """
     motor, volts = robot.motor, robot.supply_v
     longest = max((float(log.t[-1] - log.t[0]) for log in runs), default=USUAL_RUN_S)
-    asked = max((float(np.abs(log.commands("voltage")).max()) for log in runs), default=0.0) if robot.driver.mode != "speed" else 0.0
+    asked = (
+        max((float(np.abs(log.commands("voltage")).max()) for log in runs), default=0.0)
+        if robot.driver.mode != "speed"
+        else 0.0
+    )
     asked = asked if asked > 0.0 else math.inf
     if robot.driver.mode == "torque":
         torque = motor.gear_ratio * robot.driver.torque_nm_per_v * min(asked, volts)
@@ -100,8 +107,20 @@ def machine_of(robot: Robot, runs: Sequence[RunLog] = ()) -> Machine:
     body = robot.chassis
     if body is None:
         return Machine(abs(torque), speed, volts, ohm, amps, loss, run=max(longest, 1e-3), asked=asked)
-    return Machine(abs(torque), speed, volts, ohm, amps, loss, body.mass_kg, 0.5 * body.mass_kg * GRAVITY_M_S2,
-                   body.wheel_radius_m, body.track_width_m, max(longest, 1e-3), asked)
+    return Machine(
+        abs(torque),
+        speed,
+        volts,
+        ohm,
+        amps,
+        loss,
+        body.mass_kg,
+        0.5 * body.mass_kg * GRAVITY_M_S2,
+        body.wheel_radius_m,
+        body.track_width_m,
+        max(longest, 1e-3),
+        asked,
+    )
 
 
 def _met(runs: Sequence[RunLog]) -> float:

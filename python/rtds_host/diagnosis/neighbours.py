@@ -1,5 +1,5 @@
-"""What lies next to an explanation: one effect more, one less, one or two in the place of others, and the same on other sides or
-under another name."""
+"""What lies next to an explanation: one effect more, one less, one or two in the place of others, and the same on other
+sides or under another name."""
 
 from __future__ import annotations
 
@@ -38,16 +38,19 @@ class Neighbours(Explanations):
         super().__init__(problem)
         self.quick = quick
         self.wanted = {e for e in problem.effects if e not in without}
-        self.afresh = True                       # whether the next screening takes every signature anew
+        self.afresh = True  # whether the next screening takes every signature anew
         self.slow_moves: dict[Signature, np.ndarray] = {}
         self.moves: dict[Signature, np.ndarray] = {}
-        self._flat: Screen | None = None         # the last screening by no discrepancy
+        self._flat: Screen | None = None  # the last screening by no discrepancy
         self.trace: list[str] = []
 
     # ---- screenings
 
-    def _screens(self, fit: Fit, moves: dict[Signature, np.ndarray], before: Sequence[Screen] = (None, None)) -> list[Screen]:
-        """What effects promise on top of a fit, by the discrepancy it leaves and by none; `before`: the same of other moves.
+    def _screens(
+        self, fit: Fit, moves: dict[Signature, np.ndarray], before: Sequence[Screen] = (None, None)
+    ) -> list[Screen]:
+        """What effects promise on top of a fit, by the discrepancy it leaves and by none; `before`: the same of other
+        moves.
 
         The first hardly feels what is slow, since it may be the discrepancy; the second hardly what is small.
         """
@@ -56,10 +59,11 @@ class Neighbours(Explanations):
         return [Screen(self.problem, fit, moves, fit.noise, first), self._flat]
 
     def _screened(self, fit: Fit) -> list[Screen]:
-        """Screenings of a fit. What promised little by the signatures of the screening before, and slow effects, keep these.
+        """Screenings of a fit. What promised little by the signatures of the screening before, and slow effects, keep
+        these.
 
-        What an effect promises hangs on the residuals much more than on the robot that it is added to. Before the search gives
-        up all signatures are taken anew (`afresh`).
+        What an effect promises hangs on the residuals much more than on the robot that it is added to. Before the
+        search gives up all signatures are taken anew (`afresh`).
         """
         problem = self.problem
         extra = ripple.starts(problem, problem.replay(fit.model(problem))) if "torque_ripple" in self.wanted else {}
@@ -69,14 +73,18 @@ class Neighbours(Explanations):
             ranked = [dict.fromkeys(c.member[0] for c in screen.candidates()) for screen in before]
             retaken = {effect for effects in ranked for effect in list(effects)[:RETAKEN]} | {"torque_ripple"}
             kept = {s: m for s, m in self.moves.items() if s.effect not in retaken}
-        moves = moves_of(self.fitter, fit, extra, self.wanted, {**kept, **self.slow_moves}, self.quick and not fit.hypothesis)
+        moves = moves_of(
+            self.fitter, fit, extra, self.wanted, {**kept, **self.slow_moves}, self.quick and not fit.hypothesis
+        )
         if not self.slow_moves:
             self.slow_moves = {s: m for s, m in moves.items() if self.effects[s.effect].nonlinear}
         self.moves, self.afresh = moves, False
         return self._screens(fit, moves, before)
 
     def promising(self, screens: list[Screen], count: int) -> list[Candidate]:
-        """The first effects of each screening, so many of each: the best side, and another that promises nearly as much."""
+        """The first effects of each screening, so many of each: the best side, and another that promises nearly as
+        much.
+        """
         picked: dict[tuple[str, str], Candidate] = {}
         for screen in screens:
             sides: dict[str, list[Candidate]] = {}
@@ -90,7 +98,9 @@ class Neighbours(Explanations):
         return list(picked.values())
 
     def _doubles(self, member: tuple[str, str], hypothesis: Hypothesis) -> bool:
-        """Whether an explanation holds this effect already, be it of another size, or one that these runs could as well be blamed on."""
+        """Whether an explanation holds this effect already, be it of another size, or one that these runs could as well
+        be blamed on.
+        """
         if clashes(member, hypothesis) and not splits(member, hypothesis):
             return True
         return any(twin in hypothesis for twin in twins(self.problem.case, member))
@@ -99,31 +109,45 @@ class Neighbours(Explanations):
 
     def grow(self, fit: Fit, count: int) -> Fit | None:
         """Add the effect that the evidence asks for most; None if there is none."""
-        starts = [joined(_with(fit, one.member, self._entered(fit, one))) for one in self.promising(self._screened(fit), count)]
+        starts = [
+            joined(_with(fit, one.member, self._entered(fit, one)))
+            for one in self.promising(self._screened(fit), count)
+        ]
         found = self.try_fits([(*start, fit) for start in starts], rough=True)
         found = sorted((f for f in found if self.score(f) < self.score(fit)), key=self.score)
         # The first two are fitted in earnest: what is rough about a fit may be more than what parts them.
         best = None
         for rough in found[:2]:
             if best is None or self.score(rough) < self.score(best) + FAR:
-                other = self.polished(self.try_fit(rough.hypothesis, rough.u, rough), set(rough.hypothesis) - set(fit.hypothesis))
+                other = self.polished(
+                    self.try_fit(rough.hypothesis, rough.u, rough), set(rough.hypothesis) - set(fit.hypothesis)
+                )
                 best = min([f for f in (best, other) if f is not None and self.named(f)], key=self.score, default=None)
         return best
 
     def _entered(self, fit: Fit, candidate: Candidate) -> np.ndarray:
-        """Scaled parameters from which to fit a candidate: its own, or a size about them from which less is left to fit."""
+        """Scaled parameters from which to fit a candidate: its own, or a size about them from which less is left to
+        fit.
+        """
         effect = self.effects[candidate.member[0]]
         if not (effect.rough or effect.steep):
             return candidate.start
-        values, = to_values(self.effects, (candidate.member,), candidate.start)
-        # What a delay does at one length says little of what it does at another: a signature may take it for a tenth of what it is.
+        (values,) = to_values(self.effects, (candidate.member,), candidate.start)
+        # What a delay does at one length says little of what it does at another: a signature may take it for a tenth of
+        # what it is.
         trials = [*sizes(effect, values, COARSE), *(start_values(effect) if effect.steep else [])]
         starts = [candidate.start, *(scaled(self.effects, (candidate.member,), [trial]) for trial in trials)]
-        models = [apply(self.effects, self.problem.with_nuisances(z), *self._named_values(fit, candidate.member, start))
-                  for start in starts for z in (fit.z, np.zeros_like(fit.z))]
-        # By a discrepancy of its own: beside one that makes up for a delay, a shorter one serves better than the right one.
-        costs = [(fit.noise.estimated(r) if effect.steep else fit.noise).cost(r)
-                 for r in self.problem.residuals(models, [m.coarse_s for m in models])]
+        models = [
+            apply(self.effects, self.problem.with_nuisances(z), *self._named_values(fit, candidate.member, start))
+            for start in starts
+            for z in (fit.z, np.zeros_like(fit.z))
+        ]
+        # By a discrepancy of its own: beside one that makes up for a delay, a shorter one serves better than the right
+        # one.
+        costs = [
+            (fit.noise.estimated(r) if effect.steep else fit.noise).cost(r)
+            for r in self.problem.residuals(models, [m.coarse_s for m in models])
+        ]
         return starts[int(np.argmin(costs)) // 2]
 
     # ---- one less
@@ -131,13 +155,18 @@ class Neighbours(Explanations):
     def without(self, fit: Fit, *members: tuple[str, str]) -> list[Fit]:
         """The explanation less each of some effects, the others fitted again."""
         less = [joined({h: u for h, u in fit.parts.items() if h != member}) for member in members]
-        met = {hypothesis: self.fits[hypothesis] for hypothesis, _ in less
-               if hypothesis in self.fits and self.fits[hypothesis].cost < fit.cost}
+        met = {
+            hypothesis: self.fits[hypothesis]
+            for hypothesis, _ in less
+            if hypothesis in self.fits and self.fits[hypothesis].cost < fit.cost
+        }
         self.try_fits([(*start, fit) for start in less if start[0] not in met], rough=True)
         return [met.get(hypothesis) or self.fits[hypothesis] for hypothesis, _ in less]
 
     def prune(self, fit: Fit) -> Fit:
-        """Take out effects that the evidence does not miss, and parameters; sides that came out alike become one effect."""
+        """Take out effects that the evidence does not miss, and parameters; sides that came out alike become one
+        effect.
+        """
         while fit.hypothesis:
             simpler = self.without(fit, *fit.hypothesis) if len(fit.hypothesis) > 1 else []
             simpler += self._merged(fit) + self._plainer(fit) + self._gathered(fit)
@@ -175,8 +204,14 @@ class Neighbours(Explanations):
     def _gathered(self, fit: Fit) -> list[Fit]:
         """The explanation with what two effects of much the same do as one of them: springs in a row."""
         parts = fit.parts
-        return self.try_fits([(*joined({**{h: u for h, u in parts.items() if h != member}, other: start}), fit)
-                              for member in fit.hypothesis for other, start in self._likened(fit, member).items() if other in parts])
+        return self.try_fits(
+            [
+                (*joined({**{h: u for h, u in parts.items() if h != member}, other: start}), fit)
+                for member in fit.hypothesis
+                for other, start in self._likened(fit, member).items()
+                if other in parts
+            ]
+        )
 
     # ---- others in their place
 
@@ -188,25 +223,33 @@ class Neighbours(Explanations):
             starts += [*self._sides(fit, member), *self._parted(alone, member), *self._halved(fit, member)]
             found += self.namesakes(fit, member).values()
             sure = believed(*compared(self.problem, fit, alone)) > SURE
-            swaps += [(*joined(_with(alone, one.member, one.start)), alone, member, one.member)
-                      for one in self.promising(self._screens(alone, self.moves), 1 if sure else count) if one.member != member]
+            swaps += [
+                (*joined(_with(alone, one.member, one.start)), alone, member, one.member)
+                for one in self.promising(self._screens(alone, self.moves), 1 if sure else count)
+                if one.member != member
+            ]
         swapped = self.try_fits([start[:3] for start in swaps], rough=True)
         found += [*self.try_fits(starts, rough=True), *swapped]
-        found += self.try_fits(mixed for (_, _, alone, member, other), one in zip(swaps, swapped)
-                               for mixed in self._mixed(fit, alone, one, member, other))
+        found += self.try_fits(
+            mixed
+            for (_, _, alone, member, other), one in zip(swaps, swapped)
+            for mixed in self._mixed(fit, alone, one, member, other)
+        )
         tried = sorted([fit, *(f for f in found if self.score(f) < self.score(fit) + ROUGHLY)], key=self.score)[:3]
         found = self.try_fits((f.hypothesis, f.u, f) for f in tried if f is not fit)
         found = [f for f in found if len(f.hypothesis) <= len(fit.hypothesis) or self._believed(f, fit, self.gap(fit))]
         better = self._better(fit, found)
         if better is not fit:
-            self.trace.append(f"exchange {set(fit.hypothesis) - set(better.hypothesis)} -> "
-                              f"{set(better.hypothesis) - set(fit.hypothesis)}")
+            self.trace.append(
+                f"exchange {set(fit.hypothesis) - set(better.hypothesis)} -> "
+                f"{set(better.hypothesis) - set(fit.hypothesis)}"
+            )
         return better
 
     def exchange_pairs(self, fit: Fit) -> Fit:
-        """Exchange two effects at once for two others that promise nearly as much together, if the evidence asks for it: a gain
-        of the driver and one of the current sensor do what a resistance and a torque constant do, and no exchange of one of them
-        for one of these leads there."""
+        """Exchange two effects at once for two others that promise nearly as much together, if the evidence asks for
+        it: a gain of the driver and one of the current sensor do what a resistance and a torque constant do, and no
+        exchange of one of them for one of these leads there."""
         starts = []
         pairs_out = list(itertools.combinations(fit.hypothesis, 2))
         rests = [joined({h: u for h, u in fit.parts.items() if h not in out}) for out in pairs_out]
@@ -216,26 +259,40 @@ class Neighbours(Explanations):
                 likely = [c.member for c in screen.candidates()[:PAIRED] if not self._doubles(c.member, rest)]
                 pairs = screen.pairs([*likely, *(m for m in (first, second) if m not in likely)])
                 own = next((gain for gain, a, b in pairs if {a.member, b.member} == {first, second}), math.inf)
-                for gain, a, b in [pair for pair in pairs if first not in (pair[1].member, pair[2].member)
-                                   and second not in (pair[1].member, pair[2].member)][:1]:
+                for gain, a, b in [
+                    pair
+                    for pair in pairs
+                    if first not in (pair[1].member, pair[2].member) and second not in (pair[1].member, pair[2].member)
+                ][:1]:
                     if gain >= NEARLY * own:
                         starts.append((*joined({**alone.parts, a.member: a.start, b.member: b.start}), alone))
-        tried = sorted((f for f in self.try_fits(starts, rough=True) if self.score(f) < self.score(fit) + FAR), key=self.score)[:2]
+        tried = sorted(
+            (f for f in self.try_fits(starts, rough=True) if self.score(f) < self.score(fit) + FAR), key=self.score
+        )[:2]
         better = self._better(fit, [f for f in self.try_fits((f.hypothesis, f.u, f) for f in tried) if self.named(f)])
         if better is not fit:
-            self.trace.append(f"exchange {set(fit.hypothesis) - set(better.hypothesis)} -> "
-                              f"{set(better.hypothesis) - set(fit.hypothesis)}")
+            self.trace.append(
+                f"exchange {set(fit.hypothesis) - set(better.hypothesis)} -> "
+                f"{set(better.hypothesis) - set(fit.hypothesis)}"
+            )
         return better
 
     def _better(self, fit: Fit, others: list[Fit]) -> Fit:
         """The most probable of an explanation and others; one that leaves no gap gives way to convincing odds alone."""
         best = min(others, key=self.score, default=fit)
-        return best if self.score(best) < self.score(fit) - (2.0 * math.log(CONVINCING) if self.closed(fit) else 0.0) else fit
+        return (
+            best
+            if self.score(best) < self.score(fit) - (2.0 * math.log(CONVINCING) if self.closed(fit) else 0.0)
+            else fit
+        )
 
     def rivals(self, without: Fit, member: tuple[str, str], count: int) -> list[Candidate]:
         """What else would take the place of an effect that was taken out, most promising first."""
-        return [c for c in self.promising(self._screens(without, self.moves), count)
-                if c.member != member and not clashes(c.member, without.hypothesis)]
+        return [
+            c
+            for c in self.promising(self._screens(without, self.moves), count)
+            if c.member != member and not clashes(c.member, without.hypothesis)
+        ]
 
     def swapped(self, fit: Fit, without: Fit, candidate: Candidate) -> Fit:
         """The fit with such a rival in the effect's place; a rough one where that is far behind already."""
@@ -245,8 +302,11 @@ class Neighbours(Explanations):
             return rough
         return self.try_fit(hypothesis, rough.u, rough)
 
-    def _mixed(self, fit: Fit, alone: Fit, swapped: Fit, member: tuple[str, str], other: tuple[str, str]) -> list[Start]:
-        """Where to start with both of two effects, each at half its size, where one does nearly what the other does: two delays, two gains.
+    def _mixed(
+        self, fit: Fit, alone: Fit, swapped: Fit, member: tuple[str, str], other: tuple[str, str]
+    ) -> list[Start]:
+        """Where to start with both of two effects, each at half its size, where one does nearly what the other does:
+        two delays, two gains.
 
         No small step leads there from either alone where the misfit is kinked, as it is at a delay of whole samples.
         """
@@ -258,24 +318,46 @@ class Neighbours(Explanations):
         return [(*joined(parts), swapped)]
 
     def _halved(self, fit: Fit, member: tuple[str, str]) -> list[Start]:
-        """A lag that may be two of half its length: what no screening on top of their sum promises, and no small step leads to."""
+        """A lag that may be two of half its length: what no screening on top of their sum promises, and no small step
+        leads to.
+        """
         others = {other: fit.parts[member] for other in self._alike(fit, member)}
-        others |= {other: start for other, start in self._likened(fit, member).items()
-                   if other not in fit.hypothesis and (self.effects[member[0]].steep or self.effects[other[0]].steep)}
-        return [(*joined({**fit.parts, member: 0.5 * fit.parts[member], other: 0.5 * start}), fit) for other, start in others.items()]
+        others |= {
+            other: start
+            for other, start in self._likened(fit, member).items()
+            if other not in fit.hypothesis and (self.effects[member[0]].steep or self.effects[other[0]].steep)
+        }
+        return [
+            (*joined({**fit.parts, member: 0.5 * fit.parts[member], other: 0.5 * start}), fit)
+            for other, start in others.items()
+        ]
 
     def _alike(self, fit: Fit, member: tuple[str, str]) -> list[tuple[str, str]]:
-        """Effects with the same parameters as a steep one of an explanation, on its side, that this could as well hold in its place."""
+        """Effects with the same parameters as a steep one of an explanation, on its side, that this could as well hold
+        in its place.
+        """
         effect, rest = self.effects[member[0]], tuple(h for h in fit.hypothesis if h != member)
         names = [p.name for p in effect.parameters]
-        others = [other for other in effect.confused_with if other in self.wanted and self.effects[other].steep
-                  and [p.name for p in self.effects[other].parameters] == names] if effect.steep else []
-        return [(other, member[1]) for other in others
-                if not clashes((other, member[1]), rest) and not self._doubles((other, member[1]), rest)]
+        others = (
+            [
+                other
+                for other in effect.confused_with
+                if other in self.wanted
+                and self.effects[other].steep
+                and [p.name for p in self.effects[other].parameters] == names
+            ]
+            if effect.steep
+            else []
+        )
+        return [
+            (other, member[1])
+            for other in others
+            if not clashes((other, member[1]), rest) and not self._doubles((other, member[1]), rest)
+        ]
 
     def _likened(self, fit: Fit, member: tuple[str, str]) -> dict[tuple[str, str], np.ndarray]:
-        """Effects that do most of what one of an explanation does, on its side where they have sides, and with which scaled parameters;
-        together with its own where they are in already."""
+        """Effects that do most of what one of an explanation does, on its side where they have sides, and with which
+        scaled parameters; together with its own where they are in already."""
         at = dict(zip(fit.hypothesis, fit.values))
         rest = tuple(h for h in fit.hypothesis if h != member)
         there = {effect.id for effect in available(self.problem)} & self.wanted
@@ -284,12 +366,17 @@ class Neighbours(Explanations):
             one = self.in_place(other, member)
             parameters = like(at[member], beside=at.get(one)) if other in there else None
             if parameters is not None and (one in at or not (clashes(one, rest) or self._doubles(one, rest))):
-                inside = {p.name: min(max(parameters.get(p.name, p.starts[0]), p.low), p.high) for p in self.effects[other].parameters}
+                inside = {
+                    p.name: min(max(parameters.get(p.name, p.starts[0]), p.low), p.high)
+                    for p in self.effects[other].parameters
+                }
                 found[one] = scaled(self.effects, (one,), [inside])
         return found
 
     def in_place(self, other: str, member: tuple[str, str]) -> tuple[str, str]:
-        """Another effect in one's place: on its side where both have sides, on all that there are where only the other has."""
+        """Another effect in one's place: on its side where both have sides, on all that there are where only the other
+        has.
+        """
         if not self.effects[other].sided:
             return other, "both"
         every = "both" if len(self.problem.robot.sides) == 2 else "left"
@@ -299,31 +386,38 @@ class Neighbours(Explanations):
         """The same explanation with one of its effects on other sides."""
         parts = fit.parts
         rest = {h: u for h, u in parts.items() if h != member}
-        return [(*joined({**rest, (member[0], side): parts[member]}), fit)
-                for side in self.effects[member[0]].sides
-                if side != member[1] and not clashes((member[0], side), tuple(rest))
-                and len(self.problem.robot.sides) == 2]
+        return [
+            (*joined({**rest, (member[0], side): parts[member]}), fit)
+            for side in self.effects[member[0]].sides
+            if side != member[1] and not clashes((member[0], side), tuple(rest)) and len(self.problem.robot.sides) == 2
+        ]
 
     def _parted(self, alone: Fit, member: tuple[str, str]) -> list[Start]:
-        """What is left without an effect of one side, with another one that is on both of a size of its own on each: the two
-        sides of a machine differ in one thing more often than in two."""
+        """What is left without an effect of one side, with another one that is on both of a size of its own on each:
+        the two sides of a machine differ in one thing more often than in two."""
         if member[1] == "both":
             return []
         rest = alone.parts
-        return [(*joined(_with(alone, (effect, member[1]), rest[effect, side])), alone)
-                for effect, side in alone.hypothesis if side == "both" and self.effects[effect].sided and self.effects[effect].sized]
+        return [
+            (*joined(_with(alone, (effect, member[1]), rest[effect, side])), alone)
+            for effect, side in alone.hypothesis
+            if side == "both" and self.effects[effect].sided and self.effects[effect].sized
+        ]
 
     def renamed(self, fit: Fit) -> Fit:
         """The explanation, or the better one that blames one of its effects' namesakes at the same size."""
         found = [f for member in fit.hypothesis for f in self.namesakes(fit, member).values()]
         better = min([fit, *(f for f in found if self.named(f))], key=self.score)
         if better is not fit:
-            self.trace.append(f"rename {set(fit.hypothesis) - set(better.hypothesis)} -> {set(better.hypothesis) - set(fit.hypothesis)}")
+            self.trace.append(
+                f"rename {set(fit.hypothesis) - set(better.hypothesis)} -> {set(better.hypothesis) - set(fit.hypothesis)}"
+            )
         return better
 
     def namesakes(self, fit: Fit, member: tuple[str, str]) -> dict[tuple[str, str], Fit]:
-        """The same size as another effect with the same parameters, or that of one that does most of the same, by that, where no
-        slope leads from one to the other: of two delays one gives way to the other only if it is as long from the start."""
+        """The same size as another effect with the same parameters, or that of one that does most of the same, by that,
+        where no slope leads from one to the other: of two delays one gives way to the other only if it is as long from
+        the start."""
         rest = {h: u for h, u in fit.parts.items() if h != member}
         found = {}
         starts = {other: fit.parts[member] for other in self._alike(fit, member)}

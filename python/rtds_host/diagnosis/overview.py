@@ -12,25 +12,35 @@ import pyarrow.parquet as pq
 
 from rtds_host.diagnosis.report.words import effect_name, number, percent, value_words
 
-_PARAMETER = pa.struct([("effect", pa.string()), ("side", pa.string()), ("name", pa.string()), ("value", pa.float64()),
-                        ("low", pa.float64()), ("high", pa.float64())])
-SCHEMA = pa.schema([
-    pa.field("case", pa.string(), nullable=False),
-    pa.field("verdict", pa.string()),
-    pa.field("effects", pa.list_(pa.string())),
-    pa.field("sides", pa.list_(pa.string())),
-    pa.field("subsystems", pa.list_(pa.string())),
-    pa.field("probabilities", pa.list_(pa.float64())),
-    pa.field("parameters", pa.list_(_PARAMETER)),
-    pa.field("probability", pa.float64()),
-    pa.field("gap_before", pa.float64()),
-    pa.field("gap_refit", pa.float64()),
-    pa.field("gap_after", pa.float64()),
-    pa.field("closed", pa.float64()),
-    pa.field("effect_closed", pa.float64()),
-    pa.field("seconds", pa.float64()),
-    pa.field("error", pa.string()),
-])
+_PARAMETER = pa.struct(
+    [
+        ("effect", pa.string()),
+        ("side", pa.string()),
+        ("name", pa.string()),
+        ("value", pa.float64()),
+        ("low", pa.float64()),
+        ("high", pa.float64()),
+    ]
+)
+SCHEMA = pa.schema(
+    [
+        pa.field("case", pa.string(), nullable=False),
+        pa.field("verdict", pa.string()),
+        pa.field("effects", pa.list_(pa.string())),
+        pa.field("sides", pa.list_(pa.string())),
+        pa.field("subsystems", pa.list_(pa.string())),
+        pa.field("probabilities", pa.list_(pa.float64())),
+        pa.field("parameters", pa.list_(_PARAMETER)),
+        pa.field("probability", pa.float64()),
+        pa.field("gap_before", pa.float64()),
+        pa.field("gap_refit", pa.float64()),
+        pa.field("gap_after", pa.float64()),
+        pa.field("closed", pa.float64()),
+        pa.field("effect_closed", pa.float64()),
+        pa.field("seconds", pa.float64()),
+        pa.field("error", pa.string()),
+    ]
+)
 
 
 def row_of(name: str, diagnosis: dict | None, seconds: float | None, error: str | None = None) -> dict:
@@ -48,13 +58,30 @@ def row_of(name: str, diagnosis: dict | None, seconds: float | None, error: str 
     for effect in effects:
         for parameter, entry in effect["parameters"].items():
             low, high = entry["ci90"] or (None, None)
-            parameters.append({"effect": effect["id"], "side": effect["side"], "name": parameter,
-                               "value": entry["value"], "low": low, "high": high})
-    row.update(verdict=diagnosis["verdict"], effects=[e["id"] for e in effects], sides=[e["side"] for e in effects],
-               subsystems=[e["subsystem"] for e in effects], probabilities=[e["probability"] for e in effects],
-               parameters=parameters, probability=(diagnosis["alternatives"] or [{}])[0].get("probability"),
-               gap_before=gap["before"], gap_refit=gap["refit"], gap_after=gap["after"], closed=gap["closed"],
-               effect_closed=gap["effect_closed"])
+            parameters.append(
+                {
+                    "effect": effect["id"],
+                    "side": effect["side"],
+                    "name": parameter,
+                    "value": entry["value"],
+                    "low": low,
+                    "high": high,
+                }
+            )
+    row.update(
+        verdict=diagnosis["verdict"],
+        effects=[e["id"] for e in effects],
+        sides=[e["side"] for e in effects],
+        subsystems=[e["subsystem"] for e in effects],
+        probabilities=[e["probability"] for e in effects],
+        parameters=parameters,
+        probability=(diagnosis["alternatives"] or [{}])[0].get("probability"),
+        gap_before=gap["before"],
+        gap_refit=gap["refit"],
+        gap_after=gap["after"],
+        closed=gap["closed"],
+        effect_closed=gap["effect_closed"],
+    )
     return row
 
 
@@ -91,34 +118,63 @@ main { max-width: 1400px; }
 th { cursor: pointer; user-select: none; } th[aria-sort]::after { content: " \\25B4"; }
 th[aria-sort="descending"]::after { content: " \\25BE"; }
 """
-_COLUMNS = (("case", False), ("verdict", False), ("blamed", False), ("probable", True), ("gap, nominal", True),
-            ("refitted", True), ("with effects", True), ("closed", True), ("seconds", True), ("error", False))
+_COLUMNS = (
+    ("case", False),
+    ("verdict", False),
+    ("blamed", False),
+    ("probable", True),
+    ("gap, nominal", True),
+    ("refitted", True),
+    ("with effects", True),
+    ("closed", True),
+    ("seconds", True),
+    ("error", False),
+)
 
 
 def _cells(row: dict) -> list[tuple[str, str]]:
     """(what is shown, what is sorted by) a column; "" sorts last."""
+
     def figure(value: float | None, show) -> tuple[str, str]:
         return ("", "") if value is None else (escape(show(value)), repr(value))
 
     if row["error"] is not None:
         name = escape(row["case"])
-        return [(name, name), ('<span class="fatal">failed</span>', "~failed"), ("", ""), *[("", "")] * 6,
-                (escape(row["error"]), escape(row["error"]))]
+        return [
+            (name, name),
+            ('<span class="fatal">failed</span>', "~failed"),
+            ("", ""),
+            *[("", "")] * 6,
+            (escape(row["error"]), escape(row["error"])),
+        ]
     blamed = []
     for effect, side in zip(row["effects"], row["sides"]):
         values = ", ".join(
-            f"{p['name']} = " + value_words(effect, p["name"], {
-                "value": p["value"], "ci90": None if p["low"] is None else [p["low"], p["high"]]})
-            for p in row["parameters"] if (p["effect"], p["side"]) == (effect, side))
-        blamed.append(f"{escape(effect_name({'id': effect, 'side': side}))} "
-                      f'<span class="soft small">{escape(values)}</span>')
+            f"{p['name']} = "
+            + value_words(
+                effect, p["name"], {"value": p["value"], "ci90": None if p["low"] is None else [p["low"], p["high"]]}
+            )
+            for p in row["parameters"]
+            if (p["effect"], p["side"]) == (effect, side)
+        )
+        blamed.append(
+            f'{escape(effect_name({"id": effect, "side": side}))} <span class="soft small">{escape(values)}</span>'
+        )
     name, verdict = row["case"], row["verdict"]
-    return [(f'<a href="{quote(name)}/report.html">{escape(name)}</a>', escape(name)),
-            (f'<span class="badge {verdict}">{verdict}</span>', verdict),
-            ("<br>".join(blamed), escape(" ".join(row["effects"]))),
-            figure(row["probability"], percent), figure(row["gap_before"], number), figure(row["gap_refit"], number),
-            *(figure(row[name], show) if blamed else ("", "") for name, show in (("gap_after", number), ("closed", percent))),
-            figure(row["seconds"], lambda s: f"{s:.1f}"), ("", "")]
+    return [
+        (f'<a href="{quote(name)}/report.html">{escape(name)}</a>', escape(name)),
+        (f'<span class="badge {verdict}">{verdict}</span>', verdict),
+        ("<br>".join(blamed), escape(" ".join(row["effects"]))),
+        figure(row["probability"], percent),
+        figure(row["gap_before"], number),
+        figure(row["gap_refit"], number),
+        *(
+            figure(row[name], show) if blamed else ("", "")
+            for name, show in (("gap_after", number), ("closed", percent))
+        ),
+        figure(row["seconds"], lambda s: f"{s:.1f}"),
+        ("", ""),
+    ]
 
 
 def overview_page(rows: list[dict]) -> str:
@@ -127,16 +183,24 @@ def overview_page(rows: list[dict]) -> str:
     verdicts = {v: sum(r["verdict"] == v for r in rows) for v in ("known", "partial", "unknown", "none")}
     failed = sum(r["error"] is not None for r in rows)
     figures = [(len(rows), "cases"), *[(n, v) for v, n in verdicts.items()], (failed, "failed")]
-    head = "".join(f'<th{" class=n" if n else ""}>{escape(title)}</th>' for title, n in _COLUMNS)
-    body = "\n".join("<tr>" + "".join(
-        f'<td{" class=n" if n else ""} data-h="{escape(title)}" data-v="{key}">{shown}</td>'
-        for (shown, key), (title, n) in zip(_cells(row), _COLUMNS, strict=True)) + "</tr>" for row in rows)
-    return ('<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" '
-            'content="width=device-width, initial-scale=1"><title>Diagnoses</title><link rel="icon" href="data:,">\n'
-            f"<style>{style}{_STYLE}</style></head><body><main><section><h1>Diagnoses</h1>"
-            '<div class="figures">'
-            + "".join(f"<div><b>{n}</b><span>{escape(word)}</span></div>" for n, word in figures)
-            + f'</div></section>\n<section style="overflow-x:auto"><table id="cases"><thead><tr>{head}</tr></thead>'
-            f"<tbody>\n{body}\n</tbody></table></section>\n<p class=\"soft small\">The same rows, with every parameter, "
-            "are in cases.parquet.</p></main>\n"
-            f"<script>{_SCRIPT}</script></body></html>\n")
+    head = "".join(f"<th{' class=n' if n else ''}>{escape(title)}</th>" for title, n in _COLUMNS)
+    body = "\n".join(
+        "<tr>"
+        + "".join(
+            f'<td{" class=n" if n else ""} data-h="{escape(title)}" data-v="{key}">{shown}</td>'
+            for (shown, key), (title, n) in zip(_cells(row), _COLUMNS, strict=True)
+        )
+        + "</tr>"
+        for row in rows
+    )
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" '
+        'content="width=device-width, initial-scale=1"><title>Diagnoses</title><link rel="icon" href="data:,">\n'
+        f"<style>{style}{_STYLE}</style></head><body><main><section><h1>Diagnoses</h1>"
+        '<div class="figures">'
+        + "".join(f"<div><b>{n}</b><span>{escape(word)}</span></div>" for n, word in figures)
+        + f'</div></section>\n<section style="overflow-x:auto"><table id="cases"><thead><tr>{head}</tr></thead>'
+        f'<tbody>\n{body}\n</tbody></table></section>\n<p class="soft small">The same rows, with every parameter, '
+        "are in cases.parquet.</p></main>\n"
+        f"<script>{_SCRIPT}</script></body></html>\n"
+    )

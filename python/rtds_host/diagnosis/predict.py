@@ -45,8 +45,9 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         for key, value in values.items():
             if key not in ENTRIES:
                 raise InputError(f"{path}: nominal_fit.{suffix}.{key}: is no nuisance of [motor]")
-            model.put(ENTRIES[key], _number(path, f"nominal_fit.{suffix}.{key}", value, positive=True),
-                      ("lr".index(suffix),))
+            model.put(
+                ENTRIES[key], _number(path, f"nominal_fit.{suffix}.{key}", value, positive=True), ("lr".index(suffix),)
+            )
     setup = data.get("setup") or {}
     if not isinstance(setup, dict):
         raise InputError(f"{path}: setup: is {setup!r}, an object is needed")
@@ -71,8 +72,10 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         name = entry.get("id") if isinstance(entry, dict) else None
         effect = effects_there.get(name) if isinstance(name, str) else None
         if effect is None:
-            raise InputError(f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in "
-                             f"the catalogue (see `rtds effects`){did_you_mean(name, effects_there) if isinstance(name, str) else ''}")
+            raise InputError(
+                f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in "
+                f"the catalogue (see `rtds effects`){did_you_mean(name, effects_there) if isinstance(name, str) else ''}"
+            )
         sides = [s for s in effect.sides if effect.side_on(robot.axis, s) == entry.get("side")]
         if not sides:
             known = dict.fromkeys(effect.side_on(robot.axis, s) for s in effect.sides)
@@ -93,8 +96,10 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         known = {p.reported(robot.axis)[0] for p in effect.parameters}
         for name in given:
             if name not in known:
-                raise InputError(f"{path}: {place}.parameters.{name}: is no parameter of {effect.id} "
-                                 f"(known: {', '.join(sorted(known))})")
+                raise InputError(
+                    f"{path}: {place}.parameters.{name}: is no parameter of {effect.id} "
+                    f"(known: {', '.join(sorted(known))})"
+                )
         for p in effect.parameters:
             name, unit, one = p.reported(robot.axis)
             if name not in given and p.optional:
@@ -103,11 +108,16 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
             if name not in given:
                 raise InputError(f"{path}: {place}.parameters.{name}: missing")
             written = _number(path, f"{place}.parameters.{name}", _value(given[name]))
-            low, high = (-math.inf if p.low < 0.0 else 0.0, math.inf) if relative[p.name].scale in unknown else (one * p.low, one * p.high)
+            low, high = (
+                (-math.inf if p.low < 0.0 else 0.0, math.inf)
+                if relative[p.name].scale in unknown
+                else (one * p.low, one * p.high)
+            )
             value = inside(written, low, high)
             if value is None:
-                raise InputError(f"{path}: {place}.parameters.{name}: is {written:g}, it must lie within {low:g} to "
-                                 f"{high:g} {unit}")
+                raise InputError(
+                    f"{path}: {place}.parameters.{name}: is {written:g}, it must lie within {low:g} to {high:g} {unit}"
+                )
             values[p.name] = value / one if one else p.null
         effect.apply(model, SIDES[sides[0]], values)
     return model
@@ -140,15 +150,19 @@ def check_body(model: Model, log: RunLog) -> None:
         return
     mass = model.get("mass") + log.meta.payload_kg
     if mass <= 0.0:
-        raise InputError(f"{log.path or log.name}: with what the diagnosis adds to it the body has {mass:g} kg, no mass is left")
+        raise InputError(
+            f"{log.path or log.name}: with what the diagnosis adds to it the body has {mass:g} kg, no mass is left"
+        )
     if model.get("yaw_inertia") <= mass * model.get("com_y") ** 2:
-        raise InputError(f"{log.path or log.name}: a yaw inertia of {model.get('yaw_inertia'):g} kg·m² cannot be that of {mass:g} "
-                         f"kg at y = {model.get('com_y'):g} m beside the axle's mid-point")
+        raise InputError(
+            f"{log.path or log.name}: a yaw inertia of {model.get('yaw_inertia'):g} kg·m² cannot be that of {mass:g} "
+            f"kg at y = {model.get('com_y'):g} m beside the axle's mid-point"
+        )
 
 
 def on_its_clock(case: Case, model: Model | None = None) -> tuple[Case, list[Finding]]:
-    """The case at the times when its rows were taken, as a diagnosis takes them: a stamp that is off must not count against a
-    prediction (`gate.stamps.evened`)."""
+    """The case at the times when its rows were taken, as a diagnosis takes them: a stamp that is off must not count
+    against a prediction (`gate.stamps.evened`)."""
     return evened(case, effective_noise(case)[0], model=model)
 
 
@@ -162,8 +176,9 @@ def predicted(log: RunLog, robot: Robot, model: Model | None = None) -> tuple[di
 
     Returns
     -------
-    (columns, findings) : column -> (n,): `t`, the commands, and every channel of the contract's section 1 except `w_ref_*`, without
-    noise, at the run's times, of a single axis the left side's alone; and what is said of the run's clock.
+    (columns, findings) : column -> (n,): `t`, the commands, and every channel of the contract's section 1 except
+    `w_ref_*`, without noise, at the run's times, of a single axis the left side's alone; and what is said of the run's
+    clock.
 
     Raises
     ------

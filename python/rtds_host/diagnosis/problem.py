@@ -35,20 +35,21 @@ from rtds_host.diagnosis.replay.model import (
 )
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
-# Numerical: stretches whose residuals are counted as one draw are as long as the gap's windows; shorter where all runs together
-# are, so that there are enough of them, of a few rows each.
+# Numerical: stretches whose residuals are counted as one draw are as long as the gap's windows; shorter where all runs
+# together are, so that there are enough of them, of a few rows each.
 LEAST_BLOCKS, ROWS_A_BLOCK = 100, 5
 # Numerical: half the span over which a window's end is averaged: long against a sample, short against the motion.
 AVERAGE_S = 0.05
-# Numerical: the same for angles where no speed is measured, which then have to show what moves fast, too, and for those of an axis, whose
-# pieces are shorter: they tell a speed that alone is late.
+# Numerical: the same for angles where no speed is measured, which then have to show what moves fast, too, and for those
+# of an axis, whose pieces are shorter: they tell a speed that alone is late.
 FINE_WINDOW_S, FINE_AVERAGE_S = 0.1, 0.01
-# Numerical: longer cases are searched in stretches: by then the models' errors, and not the samples, bound what can be learnt.
+# Numerical: longer cases are searched in stretches: by then the models' errors, and not the samples, bound what can be
+# learnt.
 SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 80_000, 20.0
 # Numerical: chi2 that chance alone does not bring.
 CHI2 = MOVES**2
-# Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a residual, in steps of
-# one abreast.
+# Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a
+# residual, in steps of one abreast.
 ALONE, WAITING, WHITENED = 8.0, 3.0, 0.35
 # Numerical: lags that are tried in a run, in delays of the others.
 LAGS = np.linspace(0.0, 3.0, 25)
@@ -75,8 +76,9 @@ class _Windows:
         return np.hypot(ends[1:], ends[:-1])
 
 
-def _windows(t: np.ndarray, good: np.ndarray, window_s: float = WINDOW_S,
-             average_s: float = AVERAGE_S) -> _Windows | None:
+def _windows(
+    t: np.ndarray, good: np.ndarray, window_s: float = WINDOW_S, average_s: float = AVERAGE_S
+) -> _Windows | None:
     rows = np.flatnonzero(good)
     if len(rows) < 2 or t[rows[-1]] - t[rows[0]] < window_s:
         return None
@@ -155,12 +157,12 @@ class Problem:
         self.pieces = pieces
         self._kept: list[Abreast] = []
         self._gaps: dict[tuple, float] = {}
-        self.work = 0.0                          # done on residuals so far, in steps of a replay abreast
+        self.work = 0.0  # done on residuals so far, in steps of a replay abreast
         self.pool = ThreadPoolExecutor(self.threads)
         self.whole = [RunData(log, run_inputs(log, case.robot)) for log in case.runs]
         self.searched = min(1.0, SEARCHED_S / lasted, SEARCHED_ROWS / sum(len(log.t) for log in case.runs))
         self.runs, owners = [], []
-        owed = 0.0                               # of what is to be searched, s, what the runs so far did not give
+        owed = 0.0  # of what is to be searched, s, what the runs so far did not give
         for k, log in enumerate(case.runs):
             if pieces:
                 parts = self._pieces(log)
@@ -194,8 +196,14 @@ class Problem:
             # Where the channel changes, or its times begin anew (windows of another length), another series begins.
             edges = np.flatnonzero((np.diff(run.channel, prepend=-1) != 0) | (np.diff(run.time, prepend=-np.inf) <= 0))
             for first, last in zip(edges, np.append(edges[1:], len(run.channel))):
-                found.append(Series(int(run.channel[first]), at + int(first), at + int(last),
-                                    np.ascontiguousarray(run.time[first:last], float)))
+                found.append(
+                    Series(
+                        int(run.channel[first]),
+                        at + int(first),
+                        at + int(last),
+                        np.ascontiguousarray(run.time[first:last], float),
+                    )
+                )
             at += len(run.channel)
         return found
 
@@ -204,8 +212,13 @@ class Problem:
         """The case as it is searched: its runs, of long ones the stretches."""
         if self.searched == 1.0 or self.pieces:
             return self.case
-        return replace(self.case, runs=tuple(replace(data.log, name=f"{data.log.name}, {data.log.t[0] - self.whole[k].log.t[0]:.3f} s")
-                                             for k, data in zip(self.owners, self.runs)))
+        return replace(
+            self.case,
+            runs=tuple(
+                replace(data.log, name=f"{data.log.name}, {data.log.t[0] - self.whole[k].log.t[0]:.3f} s")
+                for k, data in zip(self.owners, self.runs)
+            ),
+        )
 
     def discrepancy(self) -> Discrepancy:
         """None at all, to estimate one from."""
@@ -214,20 +227,27 @@ class Problem:
     def _pieces(self, log: RunLog) -> list[RunData]:
         """A run of a single axis in pieces that each start from the measured state.
 
-        An axis integrates and sticks: over a whole run the misfit has many local minima, over a piece few. A piece is as long as what
-        is missing is remembered. What is reported is judged on whole runs all the same.
+        An axis integrates and sticks: over a whole run the misfit has many local minima, over a piece few. A piece is
+        as long as what is missing is remembered. What is reported is judged on whole runs all the same.
         """
         length = max(LONGEST_S, 2 * ROWS_A_BLOCK * float(np.median(np.diff(log.t))))
         marks = np.searchsorted(log.t, np.arange(log.t[0], log.t[-1], length))
-        bounds = [(int(first), int(last)) for first, last in zip(marks, np.append(marks[1:], len(log.t))) if last - first >= ROWS_A_BLOCK]
-        return [self._prepare(log.rows(first, last), piece_inputs(log, self.robot, first, last))
-                for first, last in bounds or [(0, len(log.t))]]
+        bounds = [
+            (int(first), int(last))
+            for first, last in zip(marks, np.append(marks[1:], len(log.t)))
+            if last - first >= ROWS_A_BLOCK
+        ]
+        return [
+            self._prepare(log.rows(first, last), piece_inputs(log, self.robot, first, last))
+            for first, last in bounds or [(0, len(log.t))]
+        ]
 
     def _stretches(self, log: RunLog, owed: float) -> list[RunData]:
-        """Stretches from all over a long run, the run's beginning among them, so that a search takes no longer than of short ones.
+        """Stretches from all over a long run, the run's beginning among them, so that a search takes no longer than of
+        short ones.
 
-        owed : s, what is to be searched of it and was not of the runs before. No stretch is shorter than two windows of an angle: of
-        runs whose share is less some have one, short ones the whole of them, and the others none.
+        owed : s, what is to be searched of it and was not of the runs before. No stretch is shorter than two windows of
+        an angle: of runs whose share is less some have one, short ones the whole of them, and the others none.
         """
         lasted = float(log.t[-1] - log.t[0])
         share, shortest, parts = lasted * self.searched, min(2.0 * WINDOW_S, lasted), []
@@ -239,7 +259,11 @@ class Problem:
             if k > 0:
                 first = start_row(log, self.case, np.arange(first, last))
             if first is not None and last - first >= ROWS_A_BLOCK:
-                parts.append(self._prepare(log.rows(int(first), int(last)), stretch_inputs(log, self.robot, int(first), int(last))))
+                parts.append(
+                    self._prepare(
+                        log.rows(int(first), int(last)), stretch_inputs(log, self.robot, int(first), int(last))
+                    )
+                )
         return parts
 
     def _prepare(self, log: RunLog, inputs: tuple[np.ndarray, ...]) -> RunData:
@@ -271,7 +295,7 @@ class Problem:
                 continue
             lone = not log.has(f"w_{side}") or robot.noise(f"w_{side}") is None
             fine = lone or robot.axis is not None
-            for spans in ((WINDOW_S, AVERAGE_S), (FINE_WINDOW_S, FINE_AVERAGE_S))[:2 if fine else 1]:
+            for spans in ((WINDOW_S, AVERAGE_S), (FINE_WINDOW_S, FINE_AVERAGE_S))[: 2 if fine else 1]:
                 windows = _windows(log.t, np.isfinite(log.columns[channel]), *spans)
                 if windows is None:
                     continue
@@ -290,7 +314,10 @@ class Problem:
             if windows is not None:
                 spread = np.sqrt(1.0 / windows.counts[1:] + 1.0 / windows.counts[:-1])
                 columns = [log.columns[c] if full or c == "yaw" else np.zeros(len(log.t)) for c in ("x", "y", "yaw")]
-                noise = [np.hypot(robot.noise(c) * spread, windows.unsure(log, c)) if robot.noise(c) else spread for c in ("x", "y", "yaw")]
+                noise = [
+                    np.hypot(robot.noise(c) * spread, windows.unsure(log, c)) if robot.noise(c) else spread
+                    for c in ("x", "y", "yaw")
+                ]
                 counted = tuple(k for k, c in enumerate(("x", "y", "yaw")) if robot.noise(c) and (full or c == "yaw"))
                 data.pose = (counted, windows, self._moves(windows, *columns), noise)
                 for k in counted:
@@ -308,9 +335,12 @@ class Problem:
         counts = [len(rows) for _, rows, _, _ in parts]
         # The bus is the first channel there is.
         level = slice(0, counts[0]) if parts[0][0] == "v_bus" else None
-        return _Samples(np.concatenate([rows * len(OUTPUT_INDEX) + OUTPUT_INDEX[channel] for channel, rows, _, _ in parts]),
-                        np.concatenate([measured for _, _, measured, _ in parts]),
-                        np.concatenate([noise for *_, noise in parts]), level)
+        return _Samples(
+            np.concatenate([rows * len(OUTPUT_INDEX) + OUTPUT_INDEX[channel] for channel, rows, _, _ in parts]),
+            np.concatenate([measured for _, _, measured, _ in parts]),
+            np.concatenate([noise for *_, noise in parts]),
+            level,
+        )
 
     @staticmethod
     def _moves(windows: _Windows, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -331,13 +361,13 @@ class Problem:
                 # Its level is the supply's affair; only how it moves is evidence.
                 error[data.sampled.level] -= error[data.sampled.level].mean()
         for _, column, windows, measured, scale in data.angles:
-            result[at:at + len(measured)] = (np.diff(windows.mean(out[:, column])) - measured) / scale
+            result[at : at + len(measured)] = (np.diff(windows.mean(out[:, column])) - measured) / scale
             at += len(measured)
         if data.pose is not None:
             counted, windows, measured, noise = data.pose
             replayed = self._moves(windows, out[:, 8], out[:, 9], out[:, 10])
             for k in counted:
-                result[at:at + len(noise[k])] = (replayed[k] - measured[k]) / noise[k]
+                result[at : at + len(noise[k])] = (replayed[k] - measured[k]) / noise[k]
                 at += len(noise[k])
         return result
 
@@ -391,8 +421,9 @@ class Problem:
             k = int(np.argmin(list(self.pool.map(misfit, grid))))
             from scipy.optimize import minimize_scalar  # a third of a second, which few cases have to spend
 
-            found = minimize_scalar(misfit, bounds=(grid[k] - 0.3, grid[k] + 0.3), method="bounded",
-                                    options={"xatol": 1e-3})
+            found = minimize_scalar(
+                misfit, bounds=(grid[k] - 0.3, grid[k] + 0.3), method="bounded", options={"xatol": 1e-3}
+            )
             known = misfit(start[2])
             if found.fun < known - CHI2 * max(1.0, found.fun / max(len(data.block), 1)):
                 largest = max(largest, abs(found.x - start[2]))
@@ -402,10 +433,12 @@ class Problem:
         return largest
 
     def align_commands(self, model: Model) -> float:
-        """Estimate by how much later than in the others commands act in single runs, beside a delay; the largest change, s.
+        """Estimate by how much later than in the others commands act in single runs, beside a delay; the largest
+        change, s.
 
-        A link is set up anew for each run, and its lag is not always the same: one delay for all would be bent, and all else with
-        it. What is so in half of the runs is the delay. It serves the search alone: every gap of a diagnosis is with one delay.
+        A link is set up anew for each run, and its lag is not always the same: one delay for all would be bent, and all
+        else with it. What is so in half of the runs is the delay. It serves the search alone: every gap of a diagnosis
+        is with one delay.
         """
         delay = model.get("command_delay") + model.get("measurement_delay")
         if delay <= 0.0 or self.pieces or self.searched < 1.0:
@@ -413,12 +446,16 @@ class Problem:
         found = {data.log.name: late for data in self.runs if (late := self._later(data, model, delay))}
         if 2 * len(found) >= len(self.runs):
             return 0.0
-        moved = max((abs(found.get(name, 0.0) - self.lates.get(name, 0.0)) for name in {*found, *self.lates}), default=0.0)
+        moved = max(
+            (abs(found.get(name, 0.0) - self.lates.get(name, 0.0)) for name in {*found, *self.lates}), default=0.0
+        )
         self._shift(found)
         return moved
 
     def _later(self, data: RunData, model: Model, delay: float) -> float:
-        """By how much later than `delay` the commands of a run act, s; 0 where that does not explain most of its misfit."""
+        """By how much later than `delay` the commands of a run act, s; 0 where that does not explain most of its
+        misfit.
+        """
         was = self.lates.get(data.log.name, 0.0)
 
         def missed(out: np.ndarray) -> float:
@@ -442,8 +479,12 @@ class Problem:
         k = int(np.argmin(values))
         from scipy.optimize import minimize_scalar  # a third of a second, which few cases have to spend
 
-        best = minimize_scalar(beyond, bounds=(lates[max(k - 1, 0)], lates[min(k + 1, len(lates) - 1)]), method="bounded",
-                               options={"xatol": 1e-3})
+        best = minimize_scalar(
+            beyond,
+            bounds=(lates[max(k - 1, 0)], lates[min(k + 1, len(lates) - 1)]),
+            method="bounded",
+            options={"xatol": 1e-3},
+        )
         return float(best.x) if best.fun < (1.0 - MOST) * as_others else 0.0
 
     def _shift(self, lates: dict[str, float]) -> None:
@@ -462,7 +503,9 @@ class Problem:
         return float(np.std(each, ddof=1)) / math.sqrt(len(each))
 
     def begin(self, headings: dict[str, float], lates: dict[str, float]) -> None:
-        """Set the headings at which runs began, and how much later their commands act; zero for runs that are not named."""
+        """Set the headings at which runs began, and how much later their commands act; zero for runs that are not
+        named.
+        """
         self._shift(lates)
         for data, whole in zip(self.runs, self.whole, strict=False):
             # Only where runs are searched whole are there any, see `align`.
@@ -479,27 +522,38 @@ class Problem:
         return self.residuals([model])[0]
 
     def residuals(self, models: list[Model], steps: list[float] | None = None) -> list[np.ndarray]:
-        """Residuals of several models, on all cores: shared out by runs, since there are often no more models than cores.
+        """Residuals of several models, on all cores: shared out by runs, since there are often no more models than
+        cores.
 
-        steps : longest step of each, s, by default what it needs. What steps miss is nearly the same in models that are alike and
-        take the same: those that are only compared with one another do with longer ones.
+        steps : longest step of each, s, by default what it needs. What steps miss is nearly the same in models that are
+        alike and take the same: those that are only compared with one another do with longer ones.
         """
         steps = steps or [model.step_s for model in models]
         found = [np.empty(self.size) for _ in models]
         self.work += sum(self._taken(model, step_s) + WHITENED * self.size for model, step_s in zip(models, steps))
         # Those with springs or free play beside each other: what one lane has is computed in all.
-        abreast = sorted((k for k, model in enumerate(models) if model.abreast), key=lambda k: (models[k].slow, steps[k]))
+        abreast = sorted(
+            (k for k, model in enumerate(models) if model.abreast), key=lambda k: (models[k].slow, steps[k])
+        )
         runs = self._abreast(self.runs)
         if not runs.worth([models[k] for k in abreast], self.threads):
             abreast = []
         alone = sorted(set(range(len(models))) - set(abreast))
-        jobs = deque(functools.partial(self._alone, models[k], data, found[k][rows], steps[k]) for k in alone for data, rows in self.rows)
+        jobs = deque(
+            functools.partial(self._alone, models[k], data, found[k][rows], steps[k])
+            for k in alone
+            for data, rows in self.rows
+        )
         if abreast:
             # Lanes are to be full, and shares for all cores, but none so large that its replays leave the cache.
             lanes = len(abreast) * len(self.runs) // LANES
             count = min(len(abreast), max(lanes // 4, min(lanes, self.threads), 1))
-            jobs.extend(functools.partial(self._together, runs, [models[k] for k in part], [found[k] for k in part], [steps[k] for k in part])
-                        for part in np.array_split(abreast, count))
+            jobs.extend(
+                functools.partial(
+                    self._together, runs, [models[k] for k in part], [found[k] for k in part], [steps[k] for k in part]
+                )
+                for part in np.array_split(abreast, count)
+            )
 
         def work() -> None:
             # One wait a core: one a job would cost as much as a short replay.
@@ -517,9 +571,13 @@ class Problem:
         return found
 
     def _taken(self, model: Model, step_s: float) -> float:
-        """Work that replays of all runs are: a step from row to row at the least. It hangs on the model, not on how many cores there are."""
+        """Work that replays of all runs are: a step from row to row at the least. It hangs on the model, not on how
+        many cores there are.
+        """
         each = WAITING if model.waits else 1.0 if model.abreast else ALONE
-        return each * sum(max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in self.runs)
+        return each * sum(
+            max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in self.runs
+        )
 
     def _alone(self, model: Model, data: RunData, into: np.ndarray, step_s: float) -> None:
         self.run_residual(data, replay_run(model, data.inputs, step_s), into)
@@ -540,14 +598,18 @@ class Problem:
         return self._kept[0]
 
     def follow_angles(self, follow: bool) -> None:
-        """Whether a ripple follows the measured angles, as it does in a search, or the replay's own, as the gap is judged."""
+        """Whether a ripple follows the measured angles, as it does in a search, or the replay's own, as the gap is
+        judged.
+        """
         for k, data in enumerate(self.runs):
             log = self.whole[self.owners[k]].log
-            data.inputs = following(data.inputs, log) if follow else (*data.inputs[:4], np.empty((0, 2)), *data.inputs[5:])
+            data.inputs = (
+                following(data.inputs, log) if follow else (*data.inputs[:4], np.empty((0, 2)), *data.inputs[5:])
+            )
 
     def judged(self) -> list[tuple[RunData, int]]:
-        """What an effect's worth is judged on, and the run that each is of: whole runs, of long ones the stretches that are searched,
-        with commands as late in each run as they were fitted (`align_commands`)."""
+        """What an effect's worth is judged on, and the run that each is of: whole runs, of long ones the stretches that
+        are searched, with commands as late in each run as they were fitted (`align_commands`)."""
         if self.lates or (self.searched < 1.0 and not self.pieces):
             return list(zip(self.runs, self.owners, strict=True))
         return [(data, k) for k, data in enumerate(self.whole)]
@@ -557,7 +619,9 @@ class Problem:
         return self._gap(model, self.runs if self.searched < 1.0 and not self.pieces else self.whole)
 
     def gap_as_fitted(self, model: Model) -> float:
-        """The same with commands as late in each run as they were fitted, `align_commands`: what an effect is worth beside that."""
+        """The same with commands as late in each run as they were fitted, `align_commands`: what an effect is worth
+        beside that.
+        """
         return self._gap(model, [data for data, _ in self.judged()])
 
     def _gap(self, model: Model, judged: list[RunData]) -> float:
@@ -570,7 +634,7 @@ class Problem:
 
     def _gap_of(self, model: Model, judged: list[RunData], runs: Abreast) -> float:
         if model.abreast and runs.worth([model], self.threads):
-            out, = runs.replay([model])
+            (out,) = runs.replay([model])
             outs = np.split(out, runs.rows[1:-1])
         else:
             outs = self.pool.map(lambda data: replay_run(model, data.inputs), judged)

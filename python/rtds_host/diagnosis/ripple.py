@@ -1,8 +1,8 @@
 """Where a torque ripple would be: periodograms of the residuals over the wheel's angle.
 
-The number of cycles a turn has no useful derivative until it is nearly right, so it is read off a spectrum first: power over
-the measured (or replayed) angle, sorted into bins of it, which needs no even sampling. Runs of many turns have narrow peaks; the
-transform is as fine as they are.
+The number of cycles a turn has no useful derivative until it is nearly right, so it is read off a spectrum first: power
+over the measured (or replayed) angle, sorted into bins of it, which needs no even sampling. Runs of many turns have
+narrow peaks; the transform is as fine as they are.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 MOST_CYCLES = 400.0
 # Numerical: bins a cycle at the most cycles, lines a peak's width, longest transform.
 BINS, LINES, LONGEST = 6, 4, 2**21
-# Numerical: cycles about a peak that belong to it, and the power that a peak needs for a fit to be started there, in that of white
-# noise; the fit decides.
+# Numerical: cycles about a peak that belong to it, and the power that a peak needs for a fit to be started there, in
+# that of white noise; the fit decides.
 PEAK_CYCLES, LEAST_POWER = 1.0, 8.0
 # Numerical: how far off a found ripple neighbours are tried, in cycles a turn and in phase, rad.
 NEIGHBOURS, PHASES = (-0.08, -0.05, -0.03, -0.02, -0.01, 0.0, 0.01, 0.02, 0.03, 0.05, 0.08), (-0.5, 0.0, 0.5)
@@ -37,13 +37,18 @@ class Spectrum:
 
 def _channels(problem: Problem, suffix: str) -> list[str]:
     """Channels in which a side's ripple shows: its speed and current, else what the body makes of them."""
-    there = [c for c in (f"w_{suffix}", f"i_{suffix}", "gyro_z")
-             if problem.robot.noise(c) is not None and any(data.log.has(c) for data in problem.runs)]
+    there = [
+        c
+        for c in (f"w_{suffix}", f"i_{suffix}", "gyro_z")
+        if problem.robot.noise(c) is not None and any(data.log.has(c) for data in problem.runs)
+    ]
     return [c for c in there if c != "gyro_z"] or there
 
 
 def _series(problem: Problem, outs: list[np.ndarray], suffix: str) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Of each channel that shows a side's ripple: the wheel's angles (n,), rad, of all runs, and the residuals there (n,)."""
+    """Of each channel that shows a side's ripple: the wheel's angles (n,), rad, of all runs, and the residuals there
+    (n,).
+    """
     result = []
     for channel in _channels(problem, suffix):
         angles, values = [], []
@@ -70,7 +75,9 @@ def _series(problem: Problem, outs: list[np.ndarray], suffix: str) -> list[tuple
 
 def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, Spectrum]:
     """Spectra of the residuals by side ("left", "right", "both")."""
-    sides = {name: _series(problem, outs, "lr"[k]) for k, name in enumerate(("left", "right")[:len(problem.robot.sides)])}
+    sides = {
+        name: _series(problem, outs, "lr"[k]) for k, name in enumerate(("left", "right")[: len(problem.robot.sides)])
+    }
     angles = [angle for series in sides.values() for angle, _ in series]
     if not angles:
         return {}
@@ -94,7 +101,9 @@ def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, Spectrum]:
 
 
 def _power(angle: np.ndarray, value: np.ndarray, width: float, count: int) -> np.ndarray:
-    """Power of values (n,) at angles (n,) from 0, rad, in bins of a width, over the lines of a transform of `count` bins."""
+    """Power of values (n,) at angles (n,) from 0, rad, in bins of a width, over the lines of a transform of `count`
+    bins.
+    """
     scale = float(np.sqrt(np.mean(value**2))) or 1.0
     binned = np.bincount((angle / width).astype(int), value / scale, minlength=count)[:count]
     return np.abs(np.fft.rfft(binned)) ** 2 / len(value)
@@ -109,14 +118,21 @@ def turned(outs: list[np.ndarray], side: str) -> float:
 def neighbours(values: dict[str, float], angle: float) -> list[dict[str, float]]:
     """Ripples close by whose misfit may be lower beyond a rise.
 
-    Over a run a wrong number of cycles drifts out of step, and in again: the misfit has a minimum at each. The number is
-    moved with the phase that keeps step at `angle` rad, the middle of the runs. Poles and teeth of what turns with the wheel come
-    in whole numbers.
+    Over a run a wrong number of cycles drifts out of step, and in again: the misfit has a minimum at each. The number
+    is moved with the phase that keeps step at `angle` rad, the middle of the runs. Poles and teeth of what turns with
+    the wheel come in whole numbers.
     """
     whole = round(values["cycles_per_rev"]) - values["cycles_per_rev"]
-    return [{**values, "cycles_per_rev": values["cycles_per_rev"] + off,
-             "phase_rad": math.remainder(values["phase_rad"] - off * angle + shift, 2 * math.pi)}
-            for off in (*NEIGHBOURS, whole) for shift in PHASES if off or shift]
+    return [
+        {
+            **values,
+            "cycles_per_rev": values["cycles_per_rev"] + off,
+            "phase_rad": math.remainder(values["phase_rad"] - off * angle + shift, 2 * math.pi),
+        }
+        for off in (*NEIGHBOURS, whole)
+        for shift in PHASES
+        if off or shift
+    ]
 
 
 def starts(problem: Problem, outs: list[np.ndarray], peaks: int = 2) -> dict[tuple[str, str], list[dict]]:
@@ -136,6 +152,12 @@ def starts(problem: Problem, outs: list[np.ndarray], peaks: int = 2) -> dict[tup
         shared = found["left"] | found["right"]
         found = {"left": shared, "right": shared}
     size = problem.effects["torque_ripple"].parameters[0].starts[0]
-    return {("torque_ripple", side): [{"amplitude_nm": size, "cycles_per_rev": n, "phase_rad": phase}
-                                      for n in sorted(cycles) for phase in (0.0, np.pi / 2)]
-            for side, cycles in found.items() if side in lines}
+    return {
+        ("torque_ripple", side): [
+            {"amplitude_nm": size, "cycles_per_rev": n, "phase_rad": phase}
+            for n in sorted(cycles)
+            for phase in (0.0, np.pi / 2)
+        ]
+        for side, cycles in found.items()
+        if side in lines
+    }

@@ -1,8 +1,8 @@
 """Screening: which effects could explain what is left, by their signatures projected off what is in already.
 
 A signature is the change of all residuals when an effect of typical size enters the replay, a finite change and not
-a derivative, since gaps, friction and delays have no useful derivative at zero. Signatures are whitened as the residuals
-are (`likelihood`), so that what a candidate promises is a gain of likelihood.
+a derivative, since gaps, friction and delays have no useful derivative at zero. Signatures are whitened as the
+residuals are (`likelihood`), so that what a candidate promises is a gain of likelihood.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def start_values(effect: Effect, coarse: bool = False) -> list[dict[str, float]]
         null = {p.name: p.null for p in effect.parameters}
         return [{**null, p.name: p.starts[0]} for p in effect.parameters]
     if effect.periodic:
-        return []                   # its period must be looked up in a spectrum, see `ripple`
+        return []  # its period must be looked up in a spectrum, see `ripple`
     names = [p.name for p in effect.parameters]
     starts = [p.starts for p in effect.parameters]
     if coarse and effect.nonlinear:
@@ -61,13 +61,23 @@ def available(problem: Problem) -> list[Effect]:
     """Effects that exist on this machine and that its runs could show."""
     robot = problem.robot
     there = {c for log in problem.case.runs for c in log.columns if log.has(c)}
-    return [effect for effect in problem.effects.values()
-            if (robot.axis is None or effect.axis) and (robot.driver.mode != "torque" or effect.without_winding)
-            and (not effect.seen_by or any(c.split("_")[0] in effect.seen_by for c in there))]
+    return [
+        effect
+        for effect in problem.effects.values()
+        if (robot.axis is None or effect.axis)
+        and (robot.driver.mode != "torque" or effect.without_winding)
+        and (not effect.seen_by or any(c.split("_")[0] in effect.seen_by for c in there))
+    ]
 
 
-def moves_of(fitter: Fitter, fit: Fit, extra: dict[tuple[str, str], list[dict]], wanted: set[str],
-             known: dict[Signature, np.ndarray], coarse: bool = False) -> dict[Signature, np.ndarray]:
+def moves_of(
+    fitter: Fitter,
+    fit: Fit,
+    extra: dict[tuple[str, str], list[dict]],
+    wanted: set[str],
+    known: dict[Signature, np.ndarray],
+    coarse: bool = False,
+) -> dict[Signature, np.ndarray]:
     """Changes of the residuals about a fit, (N,) float32, by signature; `known`: those that are not replayed again."""
     problem = fitter.problem
     jobs = []
@@ -75,12 +85,14 @@ def moves_of(fitter: Fitter, fit: Fit, extra: dict[tuple[str, str], list[dict]],
     for effect in available(problem):
         if effect.id not in wanted:
             continue
-        sides = list(names[:len(problem.robot.sides)]) if effect.sided else ["both"]
+        sides = list(names[: len(problem.robot.sides)]) if effect.sided else ["both"]
         if effect.nonlinear and len(sides) == 2:
             sides.append("both")
         for side in sides:
-            jobs += [Signature(effect.id, side, tuple(values.items()))
-                     for values in start_values(effect, coarse) + extra.get((effect.id, side), [])]
+            jobs += [
+                Signature(effect.id, side, tuple(values.items()))
+                for values in start_values(effect, coarse) + extra.get((effect.id, side), [])
+            ]
     model = fit.model(problem)
     new = [job for job in jobs if job not in known]
     models = [apply(problem.effects, model, ((job.effect, job.side),), [dict(job.values)]) for job in new]
@@ -89,7 +101,7 @@ def moves_of(fitter: Fitter, fit: Fit, extra: dict[tuple[str, str], list[dict]],
     lengths = sorted({m.coarse_s for m in models})
     replayed = problem.residuals([*(model for _ in lengths), *models], [*lengths, *(m.coarse_s for m in models)])
     bases = dict(zip(lengths, replayed))
-    for job, moved, m in zip(new, replayed[len(lengths):], models):
+    for job, moved, m in zip(new, replayed[len(lengths) :], models):
         found[job] = (moved - bases[m.coarse_s]).astype(np.float32)
     return found
 
@@ -99,12 +111,18 @@ class Screen:
 
     Parameters
     ----------
-    moves : changes of the residuals by signature, from `moves_of`; noise : the discrepancy to whiten by; before : a screening
-    with the same discrepancy, of whose moves some may be among these.
+    moves : changes of the residuals by signature, from `moves_of`; noise : the discrepancy to whiten by; before : a
+    screening with the same discrepancy, of whose moves some may be among these.
     """
 
-    def __init__(self, problem: Problem, fit: Fit, moves: dict[Signature, np.ndarray], noise: Discrepancy,
-                 before: Screen | None = None):
+    def __init__(
+        self,
+        problem: Problem,
+        fit: Fit,
+        moves: dict[Signature, np.ndarray],
+        noise: Discrepancy,
+        before: Screen | None = None,
+    ):
         self.moves = moves
         self.effects = problem.effects
         self.taken = fit.hypothesis
@@ -121,26 +139,46 @@ class Screen:
         self.inner = np.linalg.inv((jacobian.T @ jacobian).astype(float) + np.diag(weight))
         cross = self.shared @ self.inner
         self.size = self.squares - np.einsum("ij,ij->i", cross, self.shared)
-        self.slope = self._summed((self.rows @ white).astype(float)) - cross @ ((jacobian.T @ white).astype(float) + weight * at)
+        self.slope = self._summed((self.rows @ white).astype(float)) - cross @ (
+            (jacobian.T @ white).astype(float) + weight * at
+        )
 
     def _take(self, moves: dict[Signature, np.ndarray], noise: Discrepancy, before: Screen | None) -> None:
-        """Whitened signatures, a row each; those of both sides are sums of two and have no row; and the squares of all."""
+        """Whitened signatures, a row each; those of both sides are sums of two and have no row; and the squares
+        of all.
+        """
         if before is not None and before.moves is moves:
-            self.signatures, self.sums, self.rows, self.squares = before.signatures, before.sums, before.rows, before.squares
+            self.signatures, self.sums, self.rows, self.squares = (
+                before.signatures,
+                before.sums,
+                before.rows,
+                before.squares,
+            )
             return
         left = {(s.effect, s.values): k for k, s in enumerate(moves) if s.side == "left"}
-        self.sums = [(left[s.effect, s.values], k) for k, s in enumerate(moves)
-                     if s.side == "right" and (s.effect, s.values) in left and not self.effects[s.effect].nonlinear]
+        self.sums = [
+            (left[s.effect, s.values], k)
+            for k, s in enumerate(moves)
+            if s.side == "right" and (s.effect, s.values) in left and not self.effects[s.effect].nonlinear
+        ]
         signatures = list(moves)
-        self.signatures = signatures + [Signature(signatures[k].effect, "both", signatures[k].values) for k, _ in self.sums]
+        self.signatures = signatures + [
+            Signature(signatures[k].effect, "both", signatures[k].values) for k, _ in self.sums
+        ]
         self.rows = np.empty((len(signatures), noise.count), np.float32)
-        known = {} if before is None else {s: row for s, row in zip(before.moves, before.rows) if moves.get(s) is before.moves[s]}
+        known = (
+            {}
+            if before is None
+            else {s: row for s, row in zip(before.moves, before.rows) if moves.get(s) is before.moves[s]}
+        )
         new = [k for k, s in enumerate(signatures) if s not in known]
         for k in sorted(set(range(len(signatures))) - set(new)):
             self.rows[k] = known[signatures[k]]
         noise.whiten_into([moves[signatures[k]] for k in new], [self.rows[k] for k in new])
         squares = np.einsum("ij,ij->i", self.rows, self.rows).astype(float)
-        self.squares = np.concatenate([squares, [squares[a] + squares[b] + 2.0 * float(self.rows[a] @ self.rows[b]) for a, b in self.sums]])
+        self.squares = np.concatenate(
+            [squares, [squares[a] + squares[b] + 2.0 * float(self.rows[a] @ self.rows[b]) for a, b in self.sums]]
+        )
 
     def _summed(self, products: np.ndarray) -> np.ndarray:
         """Products of the rows with something, (n,) or (n, p), and of the signatures that are sums of two."""
@@ -152,7 +190,9 @@ class Screen:
     def _rows_of(self, members: Sequence[int]) -> np.ndarray:
         """Some signatures, whitened, (n, N)."""
         count = len(self.rows)
-        return np.stack([self.rows[k] if k < count else np.add(*(self.rows[n] for n in self.sums[k - count])) for k in members])
+        return np.stack(
+            [self.rows[k] if k < count else np.add(*(self.rows[n] for n in self.sums[k - count])) for k in members]
+        )
 
     def _gram(self, members: Sequence[int]) -> np.ndarray:
         """Products of some signatures, projected, a little more than singular."""
@@ -179,8 +219,9 @@ class Screen:
         return step, -(2 * step * self.slope[k] + step * step * size)
 
     def _part(self, k: int) -> tuple[float, float]:
-        """A signature as it stands, 1, or the best part of it, and the gain it brings. Extrapolating a resonance or a limit is worth
-        nothing; but of what grows evenly from none a part may do: a fifth of a soft tyre's slip is a stiffer one's."""
+        """A signature as it stands, 1, or the best part of it, and the gain it brings. Extrapolating a resonance or a
+        limit is worth nothing; but of what grows evenly from none a part may do: a fifth of a soft tyre's slip is a
+        stiffer one's."""
         effect = self.effects[self.signatures[k].effect]
         even = not effect.rough and effect.parameters[0].null == 0.0
         step = min(max(-self.slope[k] / self.size[k], 0.0), 1.0) if even and self.size[k] > 1e-9 else 1.0
@@ -191,12 +232,17 @@ class Screen:
         groups: dict[tuple[str, str], list[int]] = {}
         for k, s in enumerate(self.signatures):
             groups.setdefault((s.effect, s.side), []).append(k)
-        result = [self._best((name, side), members) for (name, side), members in groups.items()
-                  if not clashes((name, side), self.taken) or (splits((name, side), self.taken) and self.effects[name].sized)]
+        result = [
+            self._best((name, side), members)
+            for (name, side), members in groups.items()
+            if not clashes((name, side), self.taken) or (splits((name, side), self.taken) and self.effects[name].sized)
+        ]
         return sorted(result, key=lambda c: -c.gain)
 
     def pairs(self, members: Sequence[tuple[str, str]]) -> list[tuple[float, Candidate, Candidate]]:
-        """What pairs of effects promise together, best first; of `members`, (effect, side), those that a size alone describes."""
+        """What pairs of effects promise together, best first; of `members`, (effect, side), those that a size alone
+        describes.
+        """
         at: dict[tuple[str, str], int] = {}
         for k, s in enumerate(self.signatures):
             member = s.effect, s.side
@@ -220,16 +266,24 @@ class Screen:
         return sorted(found, key=lambda pair: -pair[0])
 
     def _sized(self, k: int, step: float) -> np.ndarray:
-        """Scaled parameters of an effect by a step along its signature: size is the first parameter's affair; the others give its
-        shape."""
+        """Scaled parameters of an effect by a step along its signature: size is the first parameter's affair; the
+        others give its shape."""
         signature = self.signatures[k]
-        first, values, start = self.effects[signature.effect].parameters[0], dict(signature.values), self._start(signature)
-        values[first.name] = float(np.clip(start[first.name] + step * (values[first.name] - first.null), first.low, first.high))
+        first, values, start = (
+            self.effects[signature.effect].parameters[0],
+            dict(signature.values),
+            self._start(signature),
+        )
+        values[first.name] = float(
+            np.clip(start[first.name] + step * (values[first.name] - first.null), first.low, first.high)
+        )
         return scaled(self.effects, ((signature.effect, signature.side),), [values])
 
     def _start(self, signature: Signature) -> dict[str, float]:
         """The parameters that a signature leads away from: absent, or those of both sides."""
-        return self._taken.get((signature.effect, "both")) or {p.name: p.null for p in self.effects[signature.effect].parameters}
+        return self._taken.get((signature.effect, "both")) or {
+            p.name: p.null for p in self.effects[signature.effect].parameters
+        }
 
     def _best(self, member: tuple[str, str], members: list[int]) -> Candidate:
         effect = self.effects[member[0]]
@@ -263,8 +317,11 @@ class Screen:
             gain = float(-(steps @ self.slope[list(pair)]))
             if gain > best.gain:
                 values = dict(self.signatures[pair[0]].values)
-                values = {size: float(np.hypot(*steps)) * values[size], cycles: values[cycles],
-                          phase: float(np.arctan2(steps[1], steps[0]))}
+                values = {
+                    size: float(np.hypot(*steps)) * values[size],
+                    cycles: values[cycles],
+                    phase: float(np.arctan2(steps[1], steps[0])),
+                }
                 best = Candidate(member, gain, scaled(self.effects, (member,), [values]))
         return best
 

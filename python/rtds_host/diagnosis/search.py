@@ -1,5 +1,5 @@
-"""The search for explanations: effects are added while the evidence asks for them, taken out again, exchanged, and looked
-for anew from where the first ones are missing."""
+"""The search for explanations: effects are added while the evidence asks for them, taken out again, exchanged, and
+looked for anew from where the first ones are missing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ DOUBTFUL = 1
 MET = 8
 # Numerical: rounds of exchanging effects and looking for more.
 EXCHANGES = 3
-# Numerical: work (`Problem.work`) after which a search goes no further, and one that is to be quick: a minute and a half, and half a minute.
+# Numerical: work (`Problem.work`) after which a search goes no further, and one that is to be quick: a minute and a
+# half, and half a minute.
 MOST_WORK, QUICK_WORK = 1.2e9, 4e8
 
 
@@ -30,9 +31,9 @@ class Search(Neighbours):
 
     def __init__(self, problem: Problem, quick: bool = False, without: frozenset[str] = frozenset()):
         super().__init__(problem, quick, without)
-        self.looked: set[Hypothesis] = set()     # explanations on top of which slow effects were looked for
-        self._until = self._over = math.inf      # work at which the search ends, and at which the account looks for no more
-        self.ended = False                       # whether one of them did before it was done
+        self.looked: set[Hypothesis] = set()  # explanations on top of which slow effects were looked for
+        self._until = self._over = math.inf  # work at which the search ends, and at which the account looks for no more
+        self.ended = False  # whether one of them did before it was done
 
     def run(self) -> Fit:
         """Search; the most probable explanation."""
@@ -61,7 +62,9 @@ class Search(Neighbours):
             problem.begin({}, problem.lates)
             declared = self.fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise)
             if declared.cost < fit.cost + CHI2:
-                self.fits = {f.hypothesis: self.fitter.fit(f.hypothesis, f.u, f.z, f.noise) for f in (self.fits[()], declared)}
+                self.fits = {
+                    f.hypothesis: self.fitter.fit(f.hypothesis, f.u, f.z, f.noise) for f in (self.fits[()], declared)
+                }
                 return self.fits[fit.hypothesis]
             problem.begin(headings, problem.lates)
         return fit
@@ -86,11 +89,15 @@ class Search(Neighbours):
         return self.renamed(self._better(fit, [self.best()]) if self.closed(fit) else self._plain(fit))
 
     def _spent(self) -> bool:
-        """Whether the search has done the work that it may do: it then ends with what it has found, which is noted (`ended`)."""
+        """Whether the search has done the work that it may do: it then ends with what it has found, which is noted
+        (`ended`).
+        """
         return self._done(self._until)
 
     def exhausted(self) -> bool:
-        """Whether the account has done as much again: no look-alike is then looked for that was not met, which is noted likewise."""
+        """Whether the account has done as much again: no look-alike is then looked for that was not met, which is noted
+        likewise.
+        """
         return self._done(self._over)
 
     def _done(self, work: float) -> bool:
@@ -100,19 +107,29 @@ class Search(Neighbours):
         return self.problem.work >= work
 
     def _plain(self, fit: Fit) -> Fit:
-        """The explanation, or one of fewer effects that was met and leaves less than half of its rest, with what can be added to it.
+        """The explanation, or one of fewer effects that was met and leaves less than half of its rest, with what can be
+        added to it.
 
-        Beside a large discrepancy the likelihood looks at what is fast: several effects that whiten it can be more likely than the
-        one that closes the gap.
+        Beside a large discrepancy the likelihood looks at what is fast: several effects that whiten it can be more
+        likely than the one that closes the gap.
         """
-        met = [f for count in range(1, len(fit.hypothesis))
-               for f in sorted((f for f in self.fits.values() if len(f.hypothesis) == count and self.named(f)), key=self.score)[:MET]]
+        met = [
+            f
+            for count in range(1, len(fit.hypothesis))
+            for f in sorted(
+                (f for f in self.fits.values() if len(f.hypothesis) == count and self.named(f)), key=self.score
+            )[:MET]
+        ]
         closest = min(met, key=self.gap, default=fit)
         if self.gap(closest) ** 2 - 1.0 > MOST * (self.gap(fit) ** 2 - 1.0):
             return fit
         self.trace.append(f"begin anew from {set(closest.hypothesis)}")
         grown = self._climb(closest)
-        return grown if set(closest.hypothesis) <= set(grown.hypothesis) and self.gap(grown) < self.gap(closest) else closest
+        return (
+            grown
+            if set(closest.hypothesis) <= set(grown.hypothesis) and self.gap(grown) < self.gap(closest)
+            else closest
+        )
 
     def _open_loop(self, fit: Fit) -> Fit:
         """The explanation fitted with a ripple at the replay's own angle, as the gap is judged."""
@@ -123,18 +140,24 @@ class Search(Neighbours):
         return self.polished(self.try_fit(fit.hypothesis, fit.u, fit), fit.hypothesis)
 
     def _next(self, stands: Fit, closest: float) -> Fit | None:
-        """The most probable explanation met with one effect more that is believed; None if there is none. What promises most may
-        be a stand-in that no run but one asks for."""
-        met = [f for f in self.fits.values() if len(f.hypothesis) == len(stands.hypothesis) + 1 and self.named(f)
-               and set(stands.hypothesis) < set(f.hypothesis) and self.score(f) < self.score(stands)]
+        """The most probable explanation met with one effect more that is believed; None if there is none. What promises
+        most may be a stand-in that no run but one asks for."""
+        met = [
+            f
+            for f in self.fits.values()
+            if len(f.hypothesis) == len(stands.hypothesis) + 1
+            and self.named(f)
+            and set(stands.hypothesis) < set(f.hypothesis)
+            and self.score(f) < self.score(stands)
+        ]
         for fit in sorted(met, key=self.score):
             if self._believed(fit, stands, closest):
                 return self.try_fit(fit.hypothesis, fit.u, fit)
         return None
 
     def _climb(self, fit: Fit) -> Fit:
-        """Add effects while they are believed. One may only be believed once another is in; but one after another that is not
-        leads nowhere, and none of them stays."""
+        """Add effects while they are believed. One may only be believed once another is in; but one after another that
+        is not leads nowhere, and none of them stays."""
         stands, doubtful, closest = fit, 0, self.gap(fit)
         looked_at = 5 if self.quick else 10
         while len(fit.hypothesis) < MOST_EFFECTS and not self._spent():
@@ -153,7 +176,9 @@ class Search(Neighbours):
                 self.looked.add(fit.hypothesis)
                 self.slow_moves, self.afresh, doubtful = {}, True, 0
                 continue
-            self.trace.append(f"add {set(grown.hypothesis) - set(fit.hypothesis)} {self.score(fit):.0f} -> {self.score(grown):.0f}")
+            self.trace.append(
+                f"add {set(grown.hypothesis) - set(fit.hypothesis)} {self.score(fit):.0f} -> {self.score(grown):.0f}"
+            )
             fit = self.prune(grown)
             model = fit.model(self.problem)
             if max(self.problem.align(model), self.problem.align_commands(model)) > 0.0:

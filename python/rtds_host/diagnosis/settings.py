@@ -1,4 +1,6 @@
-"""The settings in which a machine was met: how fast, how loaded, which way, how late each block of time was, in a replay."""
+"""The settings in which a machine was met: how fast, how loaded, which way, how late each block of time was, in a
+replay.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ def _command(data: RunData) -> np.ndarray:
     return np.abs(data.log.commands(mode)).sum(axis=1)
 
 
-# Setting -> its value on each row of a run, from the run and its replay (n, 11); units do not matter, only the order does.
+# Setting -> its value on each row of a run, from the run and its replay (n, 11); units do not matter, only the order
+# does.
 SETTINGS: dict[str, Callable[[RunData, np.ndarray], np.ndarray]] = {
     "speed": lambda data, out: np.abs(_wheels(out, "w")).sum(axis=1),
     "direction": lambda data, out: _wheels(out, "w").sum(axis=1),

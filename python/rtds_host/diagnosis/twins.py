@@ -1,7 +1,8 @@
 """Effects that are alike in principle: what no algorithm tells apart on runs like these (contract, section 3).
 
-Each rule names effects and what the runs must lack for them to be one. Look-alikes that follow from the sizes met (bridge drop
-and dead zone while voltage and current agree in sign) are found by fitting them in each other's place, see `account`.
+Each rule names effects and what the runs must lack for them to be one. Look-alikes that follow from the sizes met
+(bridge drop and dead zone while voltage and current agree in sign) are found by fitting them in each other's place, see
+`account`.
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ def _straight(case: Case) -> bool:
     """Whether both wheels are commanded alike in all runs: a robot that drives straight, as far as it is sound."""
     return case.robot.chassis is not None and all(
         bool(np.all(np.ptp(commands, axis=1) <= STRAIGHT * float(np.abs(commands).max(initial=0.0))))
-        for log in case.runs for commands in (log.commands(case.robot.driver.mode),))
+        for log in case.runs
+        for commands in (log.commands(case.robot.driver.mode),)
+    )
 
 
 def _turns_unplaced(case: Case) -> bool:
@@ -67,18 +70,25 @@ def _ways(log: RunLog, robot: Robot, k: int, side: str) -> tuple[bool, bool]:
     """Whether a wheel turns backwards in a run, and forwards, by more than noise."""
     for channel in (f"w_{side}", f"th_{side}"):
         if log.has(channel):
-            values, noise = log.columns[channel][np.isfinite(log.columns[channel])], MOVES * (robot.noise(channel) or 0.0)
+            values, noise = (
+                log.columns[channel][np.isfinite(log.columns[channel])],
+                MOVES * (robot.noise(channel) or 0.0),
+            )
             if channel[0] == "w":
                 return bool((values < -noise).any()), bool((values > noise).any())
             noise *= math.sqrt(2.0)
-            return (bool((values < np.maximum.accumulate(values) - noise).any()),
-                    bool((values > np.minimum.accumulate(values) + noise).any()))
+            return (
+                bool((values < np.maximum.accumulate(values) - noise).any()),
+                bool((values > np.minimum.accumulate(values) + noise).any()),
+            )
     commands = log.commands(robot.driver.mode)[:, k]
     return bool((commands < 0.0).any()), bool((commands > 0.0).any())
 
 
 def _no_current_no_reversal(case: Case) -> bool:
-    """Whether no current is logged, and no wheel turns back within a run: forwards in one and backwards in another shows no more."""
+    """Whether no current is logged, and no wheel turns back within a run: forwards in one and backwards in another
+    shows no more.
+    """
     return not _logged(case, "i") and all(_one_way(replace(case, runs=(log,))) for log in case.runs)
 
 
@@ -87,7 +97,9 @@ def _axis_without_gravity(case: Case) -> bool:
 
 
 def _rotor_counts(case: Case) -> bool:
-    """Whether, on an axis without gravity, the rotor is more than a hundredth of the load, so that it can be mistaken for it."""
+    """Whether, on an axis without gravity, the rotor is more than a hundredth of the load, so that it can be mistaken
+    for it.
+    """
     robot = case.robot
     if not _axis_without_gravity(case):
         return False
@@ -105,7 +117,9 @@ def _no_current(case: Case) -> bool:
 
 
 def _same_load(case: Case) -> bool:
-    """Whether all runs have one payload: against the motion of its wheel, dry friction is what rolling resistance is, in a spin, too."""
+    """Whether all runs have one payload: against the motion of its wheel, dry friction is what rolling resistance is,
+    in a spin, too.
+    """
     return case.robot.axis is None and len({log.meta.payload_kg for log in case.runs}) == 1
 
 
@@ -127,8 +141,8 @@ SAME: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...] = (
     (("coulomb_friction", "rolling_resistance"), _same_load),
     (("payload_error", "rotor_inertia_error"), _rotor_counts),
 )
-# Beside section 3: a drive that is stronger, a load that is lighter and a speed that reads too high differ by the size of friction
-# alone, m w' = g T - c sgn w - b w, and are the same where an explanation has friction that no sheet knows.
+# Beside section 3: a drive that is stronger, a load that is lighter and a speed that reads too high differ by the size
+# of friction alone, m w' = g T - c sgn w - b w, and are the same where an explanation has friction that no sheet knows.
 FRICTION = {"coulomb_friction", "stribeck_friction", "viscous_friction", "friction_asymmetry"}
 WITH_FRICTION: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...] = (
     (("payload_error", "driver_gain", "speed_gain"), _torque_drives),
@@ -142,7 +156,9 @@ ALIKE: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...] = (
 )
 
 
-def _others(rules: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...], case: Case, member: Member) -> list[Member]:
+def _others(
+    rules: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...], case: Case, member: Member
+) -> list[Member]:
     effect, side = member
     found = []
     for names, holds in rules:
@@ -150,7 +166,13 @@ def _others(rules: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...], c
             continue
         for name in names:
             # What exists on both sides only is like what is on both; a single axis has the one side.
-            own = "left" if case.robot.axis is not None and CATALOGUE[name].sided else side if CATALOGUE[name].sided else "both"
+            own = (
+                "left"
+                if case.robot.axis is not None and CATALOGUE[name].sided
+                else side
+                if CATALOGUE[name].sided
+                else "both"
+            )
             fits = case.robot.axis is not None or own == side
             if name != effect and fits and (name, own) not in found:
                 found.append((name, own))
@@ -158,8 +180,8 @@ def _others(rules: tuple[tuple[tuple[str, ...], Callable[[Case], bool]], ...], c
 
 
 def twins(case: Case, member: Member, beside: Iterable[Member] = ()) -> list[Member]:
-    """The other effects that these runs could as well be blamed on, for the same replays, each on the member's side; `beside`: what
-    else is in the explanation. What is like a twin is one, too."""
+    """The other effects that these runs could as well be blamed on, for the same replays, each on the member's side;
+    `beside`: what else is in the explanation. What is like a twin is one, too."""
     rules = SAME + (WITH_FRICTION if FRICTION & {effect for effect, _ in beside} else ())
     found = _others(rules, case, member)
     for twin in found:

@@ -49,7 +49,8 @@ def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog]) -
 
     Parameters
     ----------
-    corrected : MJCF file of `rtds export`; the nominal one is written beside, by the same writer. model : what `corrected`
+    corrected : MJCF file of `rtds export`; the nominal one is written beside, by the same writer. model : what
+    `corrected`
         holds, for the diagnosis' own replay.
 
     Raises
@@ -61,16 +62,21 @@ def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog]) -
     # A heading that a log does not hold is found from the slope's pull, as in a diagnosis.
     problem.align(model)
     plain = nominal_model(robot)
-    parts: dict[str, list[dict[str, np.ndarray]]] = {name: [] for name in ("before", "after", "replay before", "replay after")}
+    parts: dict[str, list[dict[str, np.ndarray]]] = {
+        name: [] for name in ("before", "after", "replay before", "replay after")
+    }
     with temporary_folder() as folder:
         nominal = folder / "nominal.xml"
         nominal.write_text(WRITERS["mjcf"](figures_of(plain, robot), ""), encoding="utf-8")
         for data in problem.whole:
             log, start = data.log, data.inputs[-1]
             bus = row_inputs(log, robot)[3] if robot.driver.bus == "measured" else None
-            outs = {"before": ExportedRobot(nominal).replay(log, start, bus), "after": ExportedRobot(corrected).replay(log, start, bus),
-                    "replay before": replay_run(plain, data.inputs, REPORT_STEP_S),
-                    "replay after": replay_run(model, data.inputs, min(REPORT_STEP_S, model.step_s))}
+            outs = {
+                "before": ExportedRobot(nominal).replay(log, start, bus),
+                "after": ExportedRobot(corrected).replay(log, start, bus),
+                "replay before": replay_run(plain, data.inputs, REPORT_STEP_S),
+                "replay after": replay_run(model, data.inputs, min(REPORT_STEP_S, model.step_s)),
+            }
             for name, out in outs.items():
                 parts[name].append(gaps.errors(log, robot, out))
     total = {name: gaps.gap(gaps.pooled(errors)) for name, errors in parts.items()}

@@ -17,7 +17,12 @@ from rtds_host.export.figures import Figures, figures_of
 from rtds_host.export.table import BEHIND_SERVO, CARRIED, LOST, OWN, SERVO, TABLE, TARGETS, How
 
 WRITERS: dict[str, Callable[[Figures, str], str]] = {
-    "mjcf": mjcf.write, "urdf": urdf.write, "sdf": sdf.write, "usd-json": usd.write, "python": python.write}
+    "mjcf": mjcf.write,
+    "urdf": urdf.write,
+    "sdf": sdf.write,
+    "usd-json": usd.write,
+    "python": python.write,
+}
 ENDINGS = {"mjcf": ".xml", "urdf": ".urdf", "sdf": ".sdf", "usd-json": ".json", "python": ".py"}
 # Passive motors, for friction by speed and torque by angle.
 NEEDS = {"mjcf": {"stribeck_friction": "MuJoCo 4.0 or later", "torque_ripple": "MuJoCo 4.0 or later"}}
@@ -37,7 +42,9 @@ class Part:
     @property
     def text(self) -> str:
         """The effect with its values, as a line."""
-        return f"{self.effect} ({self.side}) " + ", ".join(f"{name} = {value:.5g}" for name, value in self.values.items())
+        return f"{self.effect} ({self.side}) " + ", ".join(
+            f"{name} = {value:.5g}" for name, value in self.values.items()
+        )
 
 
 def check_target(target: str) -> None:
@@ -58,7 +65,9 @@ def parts_of(diagnosis: dict, figures: Figures, target: str) -> list[Part]:
         special |= mjcf.exceptions(figures)
     found = []
     for entry in diagnosis.get("effects") or []:
-        values = {name: float(p["value"] if isinstance(p, dict) else p) for name, p in (entry.get("parameters") or {}).items()}
+        values = {
+            name: float(p["value"] if isinstance(p, dict) else p) for name, p in (entry.get("parameters") or {}).items()
+        }
         how = special.get(entry["id"], TABLE[entry["id"]][target])
         need = NEEDS.get(target, {}).get(entry["id"])
         where = f"{how.where} ({need})" if need and how.kind != LOST else how.where
@@ -66,8 +75,11 @@ def parts_of(diagnosis: dict, figures: Figures, target: str) -> list[Part]:
     return found
 
 
-TITLES = {OWN: "in the file, and it acts there", CARRIED: "in the file as numbers, for whoever feeds commands and reads sensors",
-          LOST: "not expressible, left out"}
+TITLES = {
+    OWN: "in the file, and it acts there",
+    CARRIED: "in the file as numbers, for whoever feeds commands and reads sensors",
+    LOST: "not expressible, left out",
+}
 
 
 def said_of_driver(robot: Robot, target: str) -> list[str]:
@@ -77,17 +89,23 @@ def said_of_driver(robot: Robot, target: str) -> list[str]:
         how, body = SERVO[target], robot.chassis
         there = "acts there" if how.kind == OWN else "stands in the file for whoever drives it"
         lines.append(f"Driven by wheel speeds, rad/s, through the servo's loop, which {there}: {how.where}.")
-        lines.append(f"The robot's firmware makes them of a twist v, u by its nominal sizes: (v - u b/2)/r left, (v + u b/2)/r "
-                     f"right, r = {body.wheel_radius_m:g} m, b = {body.track_width_m:g} m.")
+        lines.append(
+            f"The robot's firmware makes them of a twist v, u by its nominal sizes: (v - u b/2)/r left, (v + u b/2)/r "
+            f"right, r = {body.wheel_radius_m:g} m, b = {body.track_width_m:g} m."
+        )
     if robot.driver.bus == "measured":
         lines.append(f"The runs' measured bus is not in it: the supply holds {robot.supply_v:g} V.")
     return lines
 
 
 def comment_of(parts: list[Part], source: str, robot: Robot, target: str) -> str:
-    """The head of a file: where it comes from, and what is and is not in it. No double hyphen, which ends an XML comment."""
-    lines = [f"{robot.name}, by rtds {__version__} export of {source}. SI units; the x axis points forward.",
-             *said_of_driver(robot, target)]
+    """The head of a file: where it comes from, and what is and is not in it. No double hyphen, which ends an XML
+    comment.
+    """
+    lines = [
+        f"{robot.name}, by rtds {__version__} export of {source}. SI units; the x axis points forward.",
+        *said_of_driver(robot, target),
+    ]
     for kind, title in TITLES.items():
         mine = [part for part in parts if part.kind == kind]
         if mine:

@@ -1,4 +1,6 @@
-"""The robot of a diagnosis in an exporter's terms: numbers of body, wheels and motors, at the wheel's side of the gear."""
+"""The robot of a diagnosis in an exporter's terms: numbers of body, wheels and motors, at the wheel's side of
+the gear.
+"""
 
 from __future__ import annotations
 
@@ -65,8 +67,8 @@ class Side:
 
 @dataclass(frozen=True)
 class Loop:
-    """The servo's speed loop of a robot that is driven by wheel speeds: a PI controller that reads the reported speed each
-    `period_s`; its integrator and its voltage stay within `limit_v` (contract, section 7)."""
+    """The servo's speed loop of a robot that is driven by wheel speeds: a PI controller that reads the reported speed
+    each `period_s`; its integrator and its voltage stay within `limit_v` (contract, section 7)."""
 
     kp_v_s_per_rad: float
     ki_v_per_rad: float
@@ -76,8 +78,8 @@ class Loop:
 
 @dataclass(frozen=True)
 class Figures:
-    """A robot: `body` as an engine builds it, without payload on level ground, and two sides. `loop` is None where it is
-    driven by volts."""
+    """A robot: `body` as an engine builds it, without payload on level ground, and two sides. `loop` is None where it
+    is driven by volts."""
 
     name: str
     body: Body
@@ -111,12 +113,20 @@ def figures_of(model: Model, robot: Robot) -> Figures:
     if robot.chassis is None:
         raise InputError(f"robot {robot.name!r}: is a single axis, a robot on two wheels can be exported")
     if robot.driver.mode == "torque":
-        raise InputError(f"robot {robot.name!r}: [driver] mode is 'torque', the motors of an exported robot take volts or wheel speeds")
+        raise InputError(
+            f"robot {robot.name!r}: [driver] mode is 'torque', the motors of an exported robot take volts or wheel speeds"
+        )
     get = model.get
     n = get("gear_ratio")
-    body = BodyValues(mass_kg=get("mass"), yaw_inertia_kg_m2=get("yaw_inertia"),
-                      wheel_radius_m=(get("radius", 0), get("radius", 1)), wheel_inertia_kg_m2=get("wheel_inertia"),
-                      track_width_m=get("track"), com_x_m=get("com_x"), com_y_m=get("com_y")).on(make_body(robot))
+    body = BodyValues(
+        mass_kg=get("mass"),
+        yaw_inertia_kg_m2=get("yaw_inertia"),
+        wheel_radius_m=(get("radius", 0), get("radius", 1)),
+        wheel_inertia_kg_m2=get("wheel_inertia"),
+        track_width_m=get("track"),
+        com_x_m=get("com_x"),
+        com_y_m=get("com_y"),
+    ).on(make_body(robot))
     loop = None
     if robot.driver.mode == "speed":
         loop = Loop(get("servo_kp"), get("servo_ki"), min(get("servo_limit"), get("supply")), get("servo_period"))
@@ -124,22 +134,54 @@ def figures_of(model: Model, robot: Robot) -> Figures:
     for k in (0, 1):
         rolling = get("rolling") * get("mass") * GRAVITY_M_S2 * 0.5 * get("radius", k)
         limit = get("limit", k)
-        sides.append(Side(
-            resistance_ohm=get("resistance", k), gear_nm_per_a=n * get("torque_constant", k),
-            back_emf_v_s_per_rad=n * get("back_emf", k), rotor_kg_m2=n**2 * get("rotor_inertia", k),
-            viscous_nm_s_per_rad=max(n**2 * get("viscous", k) + get("viscous_wheel", k), 0.0),
-            voltage_gain=get("voltage_gain", k), limit_v=limit if limit < NO_LIMIT_V else math.inf,
-            deadzone_v=max(get("deadzone", k), 0.0), drop_v=get("drop", k), pwm_curve=get("pwm_curve", k),
-            heat_rise_per_w=get("heat_rise", k), heat_tau_s=get("heat_tau", k), dry_nm=get("coulomb", k) + rolling,
-            stribeck_nm=get("stribeck", k), stribeck_rad_s=abs(get("stribeck_speed", k)), asymmetry_nm=get("asymmetry", k),
-            asymmetry_nm_s_per_rad=get("asymmetry_viscous", k), load_share=get("load_share", k),
-            stiffness_nm_per_rad=get("stiffness", k), damping_nm_s_per_rad=get("damping", k), backlash_rad=get("backlash", k),
-            ripple_nm=get("ripple", k), ripple_cycles=get("ripple_cycles", k), ripple_phase_rad=get("ripple_phase", k),
-            radius_m=get("radius", k), speed_gain=get("speed_gain", k), current_gain=get("current_gain", k),
-            current_bias_a=get("current_bias", k), speed_filter_s=get("speed_tau", k),
-            speed_late_s=get("speed_late", k)))
-    return Figures(name=robot.name, body=body, sides=(sides[0], sides[1]), supply_v=get("supply"),
-                   source_resistance_ohm=get("source_resistance"), decline_v_per_s=get("decline"), rolling=get("rolling"),
-                   scrub_nm=get("scrub"), slope_extra_rad=get("slope_extra"), gyro_gain=get("gyro_gain"),
-                   gyro_bias_rad_s=get("gyro_bias"), command_delay_s=get("command_delay"),
-                   measurement_delay_s=get("measurement_delay"), noise=dict(robot.sensors), loop=loop)
+        sides.append(
+            Side(
+                resistance_ohm=get("resistance", k),
+                gear_nm_per_a=n * get("torque_constant", k),
+                back_emf_v_s_per_rad=n * get("back_emf", k),
+                rotor_kg_m2=n**2 * get("rotor_inertia", k),
+                viscous_nm_s_per_rad=max(n**2 * get("viscous", k) + get("viscous_wheel", k), 0.0),
+                voltage_gain=get("voltage_gain", k),
+                limit_v=limit if limit < NO_LIMIT_V else math.inf,
+                deadzone_v=max(get("deadzone", k), 0.0),
+                drop_v=get("drop", k),
+                pwm_curve=get("pwm_curve", k),
+                heat_rise_per_w=get("heat_rise", k),
+                heat_tau_s=get("heat_tau", k),
+                dry_nm=get("coulomb", k) + rolling,
+                stribeck_nm=get("stribeck", k),
+                stribeck_rad_s=abs(get("stribeck_speed", k)),
+                asymmetry_nm=get("asymmetry", k),
+                asymmetry_nm_s_per_rad=get("asymmetry_viscous", k),
+                load_share=get("load_share", k),
+                stiffness_nm_per_rad=get("stiffness", k),
+                damping_nm_s_per_rad=get("damping", k),
+                backlash_rad=get("backlash", k),
+                ripple_nm=get("ripple", k),
+                ripple_cycles=get("ripple_cycles", k),
+                ripple_phase_rad=get("ripple_phase", k),
+                radius_m=get("radius", k),
+                speed_gain=get("speed_gain", k),
+                current_gain=get("current_gain", k),
+                current_bias_a=get("current_bias", k),
+                speed_filter_s=get("speed_tau", k),
+                speed_late_s=get("speed_late", k),
+            )
+        )
+    return Figures(
+        name=robot.name,
+        body=body,
+        sides=(sides[0], sides[1]),
+        supply_v=get("supply"),
+        source_resistance_ohm=get("source_resistance"),
+        decline_v_per_s=get("decline"),
+        rolling=get("rolling"),
+        scrub_nm=get("scrub"),
+        slope_extra_rad=get("slope_extra"),
+        gyro_gain=get("gyro_gain"),
+        gyro_bias_rad_s=get("gyro_bias"),
+        command_delay_s=get("command_delay"),
+        measurement_delay_s=get("measurement_delay"),
+        noise=dict(robot.sensors),
+        loop=loop,
+    )

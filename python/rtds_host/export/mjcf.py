@@ -1,8 +1,9 @@
 """MJCF: a free robot on a plane whose wheels are driven by volts.
 
-`ctrl` is the commanded voltage of a motor, also behind a servo, whose loop stands in the file as numbers. The actuator's force is its current: with gear N·Km the joint feels N·Km·i and the
-actuator sees the speed N·Km·w, so that gain 1/R and bias -Kb/(R·Km) make it i = (V - N·Kb·w)/R (the inductance left out: its
-time constant is a fraction of the step). Elements and their meaning: MuJoCo, XML Reference (mujoco.readthedocs.io).
+`ctrl` is the commanded voltage of a motor, also behind a servo, whose loop stands in the file as numbers. The
+actuator's force is its current: with gear N·Km the joint feels N·Km·i and the actuator sees the speed N·Km·w, so that
+gain 1/R and bias -Kb/(R·Km) make it i = (V - N·Kb·w)/R (the inductance left out: its time constant is a fraction of the
+step). Elements and their meaning: MuJoCo, XML Reference (mujoco.readthedocs.io).
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ NO_MASS_KG = 1e-6
 # Friction and limits of joints as hard as the step allows.
 FIRM = 'solreffriction="0.001 1" solimpfriction="0.9999 0.9999 0.001"'
 CONTACT = 'solref="0.002 1" solimp="0.9999 0.9999 0.001"'
-# LuGre's bristle: it bends by so much before it slips, or by more where its swing with the rotor would be too fast for the
-# step. Without damping of its own: that would lag behind the speed.
+# LuGre's bristle: it bends by so much before it slips, or by more where its swing with the rotor would be too fast for
+# the step. Without damping of its own: that would lag behind the speed.
 BRISTLE_RAD, BRISTLE_SWING = 1e-4, 0.3
 
 
@@ -39,13 +40,17 @@ def _late(delay_s: float) -> str:
 
 
 def heats(side: Side) -> bool:
-    """Whether a winding's heat can be told MuJoCo's motor: it has one constant for torque and voltage, and no driver's gain."""
+    """Whether a winding's heat can be told MuJoCo's motor: it has one constant for torque and voltage, and no driver's
+    gain.
+    """
     same = math.isclose(side.gear_nm_per_a, side.back_emf_v_s_per_rad, rel_tol=1e-6)
     return side.heat_rise_per_w > 0.0 and same and side.voltage_gain == 1.0
 
 
 def holds_asymmetry(side: Side) -> bool:
-    """Whether friction that differs by direction is a torque beside dry friction: it is, as long as both keep their signs."""
+    """Whether friction that differs by direction is a torque beside dry friction: it is, as long as both keep their
+    signs.
+    """
     return abs(side.asymmetry_nm) <= side.dry_nm
 
 
@@ -68,27 +73,31 @@ def _hinges(name: str, side: Side) -> str:
     """The wheel's hinge; before it the gear's, where that yields: its rotor turns by both angles less."""
     lugre = side.stribeck_nm != 0.0
     dry = 0.0 if lugre else side.dry_nm
-    motor = (f'armature="{side.rotor_kg_m2:.9g}" damping="{side.viscous_nm_s_per_rad:.9g}" '
-             f'frictionloss="{dry:.9g}" {FIRM}')
+    motor = (
+        f'armature="{side.rotor_kg_m2:.9g}" damping="{side.viscous_nm_s_per_rad:.9g}" frictionloss="{dry:.9g}" {FIRM}'
+    )
     if not (side.stiffness_nm_per_rad or side.backlash_rad):
         return f'        <joint name="wheel_{name}" type="hinge" axis="0 1 0" {motor}/>\n'
     yields = f'stiffness="{side.stiffness_nm_per_rad:.9g}" damping="{side.damping_nm_s_per_rad:.9g}"'
     if not side.stiffness_nm_per_rad:
         half = 0.5 * side.backlash_rad
-        yields = (f'range="{vector(-half, half)}" limited="true" solreflimit="0.001 1" '
-                  'solimplimit="0.9999 0.9999 0.001"')
-    return (f'        <joint name="wheel_{name}" type="hinge" axis="0 1 0" {motor}/>\n'
-            f'        <joint name="gear_{name}" type="hinge" axis="0 1 0" {yields}/>\n')
+        yields = f'range="{vector(-half, half)}" limited="true" solreflimit="0.001 1" solimplimit="0.9999 0.9999 0.001"'
+    return (
+        f'        <joint name="wheel_{name}" type="hinge" axis="0 1 0" {motor}/>\n'
+        f'        <joint name="gear_{name}" type="hinge" axis="0 1 0" {yields}/>\n'
+    )
 
 
 def _wheel(figures: Figures, k: int) -> str:
     body, side, name = figures.body, figures.sides[k], SIDES[k]
     spin = body.wheel_inertia_kg_m2
-    return (f'      <body name="wheel_{name}" pos="{vector(0.0, (0.5 - k) * body.track_width_m, side.radius_m)}">\n'
-            f'        <inertial pos="0 0 0" mass="{body.wheel_mass_kg:.9g}" diaginertia="{vector(spin / 2, spin, spin / 2)}"/>\n'
-            f'{_hinges(name, side)}'
-            f'        <geom name="wheel_{name}" type="sphere" size="{side.radius_m:.9g}" condim="3" '
-            f'friction="{body.tyre_friction:g} 0 0" contype="2" conaffinity="1" {CONTACT}/>\n      </body>\n')
+    return (
+        f'      <body name="wheel_{name}" pos="{vector(0.0, (0.5 - k) * body.track_width_m, side.radius_m)}">\n'
+        f'        <inertial pos="0 0 0" mass="{body.wheel_mass_kg:.9g}" diaginertia="{vector(spin / 2, spin, spin / 2)}"/>\n'
+        f"{_hinges(name, side)}"
+        f'        <geom name="wheel_{name}" type="sphere" size="{side.radius_m:.9g}" condim="3" '
+        f'friction="{body.tyre_friction:g} 0 0" contype="2" conaffinity="1" {CONTACT}/>\n      </body>\n'
+    )
 
 
 def _motor(figures: Figures, k: int) -> str:
@@ -96,32 +105,44 @@ def _motor(figures: Figures, k: int) -> str:
     top = figures.limit_v(side)
     # Behind a servo the speeds asked for are late, its voltages are not.
     late = 0.0 if figures.loop is not None else figures.command_delay_s
-    common = (f'name="motor_{name}" joint="wheel_{name}" gear="{side.gear_nm_per_a:.9g}" ctrllimited="true" '
-              f'ctrlrange="{vector(-top, top)}"{_late(late)}')
+    common = (
+        f'name="motor_{name}" joint="wheel_{name}" gear="{side.gear_nm_per_a:.9g}" ctrllimited="true" '
+        f'ctrlrange="{vector(-top, top)}"{_late(late)}'
+    )
     if heats(side):
         # Resistance by temperature, R (1 + a (T - T0)): with a = 1/K the temperature's rise is that of the resistance.
-        return (f'    <dcmotor {common} motorconst="1 1" resistance="{side.resistance_ohm:.9g}" '
-                f'thermal="{vector(side.heat_rise_per_w, 0.0, side.heat_tau_s, 1.0, 0.0, 0.0)}"/>\n')
+        return (
+            f'    <dcmotor {common} motorconst="1 1" resistance="{side.resistance_ohm:.9g}" '
+            f'thermal="{vector(side.heat_rise_per_w, 0.0, side.heat_tau_s, 1.0, 0.0, 0.0)}"/>\n'
+        )
     back = side.back_emf_v_s_per_rad / (side.resistance_ohm * side.gear_nm_per_a)
-    return (f'    <general {common} gaintype="fixed" gainprm="{side.voltage_gain / side.resistance_ohm:.9g}" '
-            f'biastype="affine" biasprm="{vector(0.0, 0.0, -back)}"/>\n')
+    return (
+        f'    <general {common} gaintype="fixed" gainprm="{side.voltage_gain / side.resistance_ohm:.9g}" '
+        f'biastype="affine" biasprm="{vector(0.0, 0.0, -back)}"/>\n'
+    )
 
 
 def _passive(figures: Figures, k: int) -> str:
     """Torques that no command changes. They stand after the motors, which so are the first two controls."""
     side, name, text = figures.sides[k], SIDES[k], ""
     if side.asymmetry_nm and holds_asymmetry(side):
-        text += (f'    <general name="asymmetry_{name}" joint="wheel_{name}" gaintype="fixed" gainprm="0" biastype="affine" '
-                 f'biasprm="{vector(-side.asymmetry_nm, 0.0, 0.0)}"/>\n')
+        text += (
+            f'    <general name="asymmetry_{name}" joint="wheel_{name}" gaintype="fixed" gainprm="0" biastype="affine" '
+            f'biasprm="{vector(-side.asymmetry_nm, 0.0, 0.0)}"/>\n'
+        )
     passive = f'joint="wheel_{name}" input="none" motorconst="0 0" resistance="1"'
     if side.ripple_nm:
-        text += (f'    <dcmotor name="ripple_{name}" {passive} '
-                 f'cogging="{vector(side.ripple_nm, side.ripple_cycles, side.ripple_phase_rad)}"/>\n')
+        text += (
+            f'    <dcmotor name="ripple_{name}" {passive} '
+            f'cogging="{vector(side.ripple_nm, side.ripple_cycles, side.ripple_phase_rad)}"/>\n'
+        )
     if side.stribeck_nm:
         level = side.dry_nm + side.stribeck_nm
         stiffest = (BRISTLE_SWING / TIMESTEP_S) ** 2 * (side.rotor_kg_m2 + figures.body.wheel_inertia_kg_m2)
-        text += (f'    <dcmotor name="friction_{name}" {passive} '
-                 f'lugre="{vector(min(level / BRISTLE_RAD, stiffest), 0.0, side.dry_nm, level, side.stribeck_rad_s)}"/>\n')
+        text += (
+            f'    <dcmotor name="friction_{name}" {passive} '
+            f'lugre="{vector(min(level / BRISTLE_RAD, stiffest), 0.0, side.dry_nm, level, side.stribeck_rad_s)}"/>\n'
+        )
     return text
 
 
@@ -134,35 +155,53 @@ def _sensors(figures: Figures) -> str:
     text = ""
     for side, name, letter in zip(figures.sides, SIDES, "lr", strict=True):
         later = _late(figures.measurement_delay_s + side.speed_late_s)
-        text += (f'    <actuatorfrc name="i_{letter}" actuator="motor_{name}"{noise("i_a")}{late}/>\n'
-                 f'    <jointvel name="w_{letter}" joint="wheel_{name}"{noise("w_rad_s")}{later}/>\n'
-                 f'    <jointpos name="th_{letter}" joint="wheel_{name}"{noise("th_rad")}{late}/>\n')
-    return (text + f'    <gyro name="gyro" site="axle"{noise("gyro_rad_s")}{late}/>\n'
-            f'    <framepos name="position" objtype="site" objname="axle"{noise("xy_m")}/>\n'
-            f'    <framexaxis name="heading" objtype="site" objname="axle"{noise("yaw_rad")}/>\n')
+        text += (
+            f'    <actuatorfrc name="i_{letter}" actuator="motor_{name}"{noise("i_a")}{late}/>\n'
+            f'    <jointvel name="w_{letter}" joint="wheel_{name}"{noise("w_rad_s")}{later}/>\n'
+            f'    <jointpos name="th_{letter}" joint="wheel_{name}"{noise("th_rad")}{late}/>\n'
+        )
+    return (
+        text + f'    <gyro name="gyro" site="axle"{noise("gyro_rad_s")}{late}/>\n'
+        f'    <framepos name="position" objtype="site" objname="axle"{noise("xy_m")}/>\n'
+        f'    <framexaxis name="heading" objtype="site" objname="axle"{noise("yaw_rad")}/>\n'
+    )
 
 
 def _numbers(figures: Figures) -> dict[str, tuple[float, ...]]:
-    """What stands in the file for whoever feeds commands and reads sensors; only what differs from nothing, and the supply."""
+    """What stands in the file for whoever feeds commands and reads sensors; only what differs from nothing, and the
+    supply.
+    """
 
     def both(name: str) -> tuple[float, ...]:
         return tuple(getattr(side, name) for side in figures.sides)
 
     drop = both("drop_v")
-    there = {"drop_v": (drop, 0.0), "back_emf_v_s_per_rad": (both("back_emf_v_s_per_rad") if any(drop) else (0.0,), 0.0),
-             "voltage_gain": (both("voltage_gain") if any(drop) else (1.0,), 1.0),
-             "deadzone_v": (both("deadzone_v"), 0.0), "pwm_curve": (both("pwm_curve"), 0.0),
-             "source_resistance_ohm": ((figures.source_resistance_ohm,), 0.0),
-             "decline_v_per_s": ((figures.decline_v_per_s,), 0.0), "rolling_coefficient": ((figures.rolling,), 0.0),
-             "slope_extra_rad": ((figures.slope_extra_rad,), 0.0), "speed_gain": (both("speed_gain"), 1.0),
-             "speed_filter_s": (both("speed_filter_s"), 0.0), "current_gain": (both("current_gain"), 1.0),
-             "current_bias_a": (both("current_bias_a"), 0.0), "gyro_gain": ((figures.gyro_gain,), 1.0),
-             "gyro_bias_rad_s": ((figures.gyro_bias_rad_s,), 0.0)}
+    there = {
+        "drop_v": (drop, 0.0),
+        "back_emf_v_s_per_rad": (both("back_emf_v_s_per_rad") if any(drop) else (0.0,), 0.0),
+        "voltage_gain": (both("voltage_gain") if any(drop) else (1.0,), 1.0),
+        "deadzone_v": (both("deadzone_v"), 0.0),
+        "pwm_curve": (both("pwm_curve"), 0.0),
+        "source_resistance_ohm": ((figures.source_resistance_ohm,), 0.0),
+        "decline_v_per_s": ((figures.decline_v_per_s,), 0.0),
+        "rolling_coefficient": ((figures.rolling,), 0.0),
+        "slope_extra_rad": ((figures.slope_extra_rad,), 0.0),
+        "speed_gain": (both("speed_gain"), 1.0),
+        "speed_filter_s": (both("speed_filter_s"), 0.0),
+        "current_gain": (both("current_gain"), 1.0),
+        "current_bias_a": (both("current_bias_a"), 0.0),
+        "gyro_gain": ((figures.gyro_gain,), 1.0),
+        "gyro_bias_rad_s": ((figures.gyro_bias_rad_s,), 0.0),
+    }
     if figures.loop is not None:
         loop = figures.loop
-        there |= {"servo_kp_v_s_per_rad": ((loop.kp_v_s_per_rad,), None), "servo_ki_v_per_rad": ((loop.ki_v_per_rad,), None),
-                  "servo_limit_v": ((loop.limit_v,), None), "servo_period_s": ((loop.period_s,), None),
-                  "command_delay_s": ((figures.command_delay_s,), 0.0)}
+        there |= {
+            "servo_kp_v_s_per_rad": ((loop.kp_v_s_per_rad,), None),
+            "servo_ki_v_per_rad": ((loop.ki_v_per_rad,), None),
+            "servo_limit_v": ((loop.limit_v,), None),
+            "servo_period_s": ((loop.period_s,), None),
+            "command_delay_s": ((figures.command_delay_s,), 0.0),
+        }
     kept = {name: values for name, (values, nothing) in there.items() if any(value != nothing for value in values)}
     return {"supply_v": (figures.supply_v,), **kept}
 
@@ -172,23 +211,29 @@ def write(figures: Figures, comment: str) -> str:
     body = figures.body
     base = base_inertia(body)
     height = 0.5 * sum(body.wheel_radius_m)
-    skids = "".join(f'      <geom name="{name}" type="sphere" size="{SKID_RADIUS_M:g}" '
-                    f'pos="{vector(x, body.com_m[1], SKID_RADIUS_M)}" condim="1" contype="2" conaffinity="1" {CONTACT}/>\n'
-                    for name, x in supports(body))
-    numbers = "".join(f'    <numeric name="{name}" data="{vector(*values)}"/>\n' for name, values in _numbers(figures).items())
-    return (f'<?xml version="1.0"?>\n<!--\n{comment}-->\n<mujoco model={quoteattr(figures.name)}>\n'
-            '  <compiler angle="radian" autolimits="true"/>\n'
-            f'  <option timestep="{TIMESTEP_S:g}" gravity="{vector(*body.gravity_m_s2)}" integrator="implicitfast" '
-            'cone="elliptic" solver="Newton" iterations="50" tolerance="1e-12" impratio="10"/>\n'
-            f'  <custom>\n{numbers}  </custom>\n  <worldbody>\n'
-            f'    <geom name="ground" type="plane" size="0 0 1" condim="1" friction="{body.tyre_friction:g} 0 0" contype="1" '
-            f'conaffinity="2" {CONTACT}/>\n'
-            '    <body name="base">\n      <freejoint name="base"/>\n'
-            f'      <inertial pos="{vector(*base.com_m)}" mass="{base.mass_kg:.9g}" diaginertia="{vector(*base.inertia_kg_m2)}"/>\n'
-            f'      <site name="axle" pos="0 0 {height:.9g}"/>\n'
-            f'{skids}'
-            f'      <body name="payload" pos="{vector(*body.com_m)}">\n'
-            f'        <inertial pos="0 0 0" mass="{NO_MASS_KG:g}" diaginertia="1e-9 1e-9 1e-9"/>\n      </body>\n'
-            f'{_wheel(figures, 0)}{_wheel(figures, 1)}    </body>\n  </worldbody>\n'
-            f'  <actuator>\n{_motor(figures, 0)}{_motor(figures, 1)}{_passive(figures, 0)}{_passive(figures, 1)}  </actuator>\n'
-            f'  <sensor>\n{_sensors(figures)}  </sensor>\n</mujoco>\n')
+    skids = "".join(
+        f'      <geom name="{name}" type="sphere" size="{SKID_RADIUS_M:g}" '
+        f'pos="{vector(x, body.com_m[1], SKID_RADIUS_M)}" condim="1" contype="2" conaffinity="1" {CONTACT}/>\n'
+        for name, x in supports(body)
+    )
+    numbers = "".join(
+        f'    <numeric name="{name}" data="{vector(*values)}"/>\n' for name, values in _numbers(figures).items()
+    )
+    return (
+        f'<?xml version="1.0"?>\n<!--\n{comment}-->\n<mujoco model={quoteattr(figures.name)}>\n'
+        '  <compiler angle="radian" autolimits="true"/>\n'
+        f'  <option timestep="{TIMESTEP_S:g}" gravity="{vector(*body.gravity_m_s2)}" integrator="implicitfast" '
+        'cone="elliptic" solver="Newton" iterations="50" tolerance="1e-12" impratio="10"/>\n'
+        f"  <custom>\n{numbers}  </custom>\n  <worldbody>\n"
+        f'    <geom name="ground" type="plane" size="0 0 1" condim="1" friction="{body.tyre_friction:g} 0 0" contype="1" '
+        f'conaffinity="2" {CONTACT}/>\n'
+        '    <body name="base">\n      <freejoint name="base"/>\n'
+        f'      <inertial pos="{vector(*base.com_m)}" mass="{base.mass_kg:.9g}" diaginertia="{vector(*base.inertia_kg_m2)}"/>\n'
+        f'      <site name="axle" pos="0 0 {height:.9g}"/>\n'
+        f"{skids}"
+        f'      <body name="payload" pos="{vector(*body.com_m)}">\n'
+        f'        <inertial pos="0 0 0" mass="{NO_MASS_KG:g}" diaginertia="1e-9 1e-9 1e-9"/>\n      </body>\n'
+        f"{_wheel(figures, 0)}{_wheel(figures, 1)}    </body>\n  </worldbody>\n"
+        f"  <actuator>\n{_motor(figures, 0)}{_motor(figures, 1)}{_passive(figures, 0)}{_passive(figures, 1)}  </actuator>\n"
+        f"  <sensor>\n{_sensors(figures)}  </sensor>\n</mujoco>\n"
+    )

@@ -1,8 +1,8 @@
 """A recorded run once more in MuJoCo, from an exported MJCF file alone.
 
-Nothing of the project's own models acts here: the file is loaded, the log's voltages are its controls, or its wheel speeds those
-of the servo's loop, the log's channels are its sensors. What the file carries as numbers (`custom/numeric`) is applied to commands
-before they are fed and to readings.
+Nothing of the project's own models acts here: the file is loaded, the log's voltages are its controls, or its wheel
+speeds those of the servo's loop, the log's channels are its sensors. What the file carries as numbers
+(`custom/numeric`) is applied to commands before they are fed and to readings.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ WHEELS = ("wheel_left", "wheel_right")
 
 
 class Servo:
-    """The loop of a file that is driven by wheel speeds: a PI controller with limits on its integral and its voltage."""
+    """The loop of a file that is driven by wheel speeds: a PI controller with limits on its integral and its
+    voltage.
+    """
 
     def __init__(self, kp: float, ki: float, limit_v: float, period_s: float, delay_s: float):
         self.kp, self.ki, self.limit_v, self.period_s, self.delay_s = kp, ki, limit_v, period_s, delay_s
@@ -34,7 +36,8 @@ class Servo:
 
         Parameters
         ----------
-        times, asked : (n,) s and (n, 2) rad/s, the speeds asked for. reported : (2,) rad/s, the speeds that the encoders report.
+        times, asked : (n,) s and (n, 2) rad/s, the speeds asked for. reported : (2,) rad/s, the speeds that the
+        encoders report.
         """
         if self.next_s <= now_s + 1e-9:
             row = int(np.searchsorted(times, now_s - self.delay_s + 1e-9, side="right")) - 1
@@ -64,12 +67,16 @@ class ExportedRobot:
             self.model = mujoco.MjModel.from_xml_string(text)
             self.motors = [self.model.actuator(name).id for name in MOTORS]
             self.wheels = [self.model.joint(name) for name in WHEELS]
-            self.sensors = {name: int(self.model.sensor(name).adr[0])
-                            for name in ("i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro", "position", "heading")}
+            self.sensors = {
+                name: int(self.model.sensor(name).adr[0])
+                for name in ("i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro", "position", "heading")
+            }
             self.payload = self.model.body("payload").id
             self.supply_v = float(self.model.numeric("supply_v").data[0])
         except (ValueError, KeyError) as error:
-            raise InputError(f"{path}: is no robot of `rtds export --to mjcf` ({' '.join(str(error).split())})") from error
+            raise InputError(
+                f"{path}: is no robot of `rtds export --to mjcf` ({' '.join(str(error).split())})"
+            ) from error
         self.path = path
         self.gains = self.number("voltage_gain", 1.0)
         self.still = np.array([wheel.qposadr[0] for wheel in self.wheels])
@@ -87,20 +94,34 @@ class ExportedRobot:
         """The loop that the file carries, at its start; None in a file that is driven by volts."""
         if not self.number("servo_period_s", 0.0)[0]:
             return None
-        return Servo(*(float(self.number(name, 0.0)[0]) for name in (
-            "servo_kp_v_s_per_rad", "servo_ki_v_per_rad", "servo_limit_v", "servo_period_s", "command_delay_s")))
+        return Servo(
+            *(
+                float(self.number(name, 0.0)[0])
+                for name in (
+                    "servo_kp_v_s_per_rad",
+                    "servo_ki_v_per_rad",
+                    "servo_limit_v",
+                    "servo_period_s",
+                    "command_delay_s",
+                )
+            )
+        )
 
     def _place(self, payload_kg: float, slope_rad: float, uphill_yaw_rad: float) -> None:
         """What a run says of load and ground."""
         model = self.model
         slope = slope_rad + self.number("slope_extra_rad", 0.0)[0]
-        model.opt.gravity[:] = GRAVITY_M_S2 * np.array([-math.sin(slope) * math.cos(uphill_yaw_rad),
-                                                        -math.sin(slope) * math.sin(uphill_yaw_rad), -math.cos(slope)])
+        model.opt.gravity[:] = GRAVITY_M_S2 * np.array(
+            [-math.sin(slope) * math.cos(uphill_yaw_rad), -math.sin(slope) * math.sin(uphill_yaw_rad), -math.cos(slope)]
+        )
         model.body_mass[self.payload] += payload_kg
-        # A payload adds no yaw inertia about the axle's mid-point: where it lies beside that, the base has so much less.
+        # A payload adds no yaw inertia about the axle's mid-point: where it lies beside that, the base has so much
+        # less.
         base = model.body("base").id
         taken = payload_kg * float(np.sum(model.body_pos[self.payload][:2] ** 2))
-        model.body_inertia[base][2] = max(model.body_inertia[base][2] - taken, LEAST_BASE_SHARE * model.body_inertia[base][2])
+        model.body_inertia[base][2] = max(
+            model.body_inertia[base][2] - taken, LEAST_BASE_SHARE * model.body_inertia[base][2]
+        )
         rolling = self.number("rolling_coefficient", 0.0)[0] * payload_kg * GRAVITY_M_S2 * 0.5
         for wheel, dof in zip(WHEELS, self.moving, strict=True):
             model.dof_frictionloss[dof] += rolling * model.geom(wheel).size[0]
@@ -198,7 +219,11 @@ class ExportedRobot:
                 if measured_bus is not None:
                     bus = float(measured_bus[row])
                 else:
-                    bus = self.supply_v - decline * (data.time - delay) - source * float(read[current] @ asked) / self.supply_v
+                    bus = (
+                        self.supply_v
+                        - decline * (data.time - delay)
+                        - source * float(read[current] @ asked) / self.supply_v
+                    )
                 data.ctrl[self.motors] = self._less_drop(driven * bus / self.supply_v, data.qvel[self.moving])
                 # MuJoCo reads its sensors before it steps: this is the end of the step before.
                 mujoco.mj_step(model, data)
@@ -218,15 +243,18 @@ class ExportedRobot:
         return volts - np.clip(above, -drop, drop) / np.where(gain == 0.0, 1.0, gain)
 
     def _held_currents(self, data: mujoco.MjData) -> np.ndarray:
-        """Currents by the late commands of the step before: where one begins to act at this very time, a row does not show it."""
+        """Currents by the late commands of the step before: where one begins to act at this very time, a row does not
+        show it.
+        """
         step = self.model.opt.timestep
         data.time -= step
         mujoco.mj_forward(self.model, data)
         data.time += step
         return data.sensordata[[self.sensors["i_l"], self.sensors["i_r"]]].copy()
 
-    def _row(self, row: np.ndarray, read: np.ndarray, start: np.ndarray, yaw: float, filtered: np.ndarray,
-             tau: np.ndarray) -> float:
+    def _row(
+        self, row: np.ndarray, read: np.ndarray, start: np.ndarray, yaw: float, filtered: np.ndarray, tau: np.ndarray
+    ) -> float:
         """Fill one row of the answer; returns the yaw, not wrapped."""
         gain, bias = self.number("current_gain", 1.0), self.number("current_bias_a", 0.0)
         scale = self.number("speed_gain", 1.0)
@@ -234,9 +262,11 @@ class ExportedRobot:
             row[1 + k] = read[self.sensors[f"i_{letter}"]] * gain[k] + bias[k]
             row[3 + k] = (filtered[k] if tau[k] > 0.0 else read[self.sensors[f"w_{letter}"]]) * scale[k]
             row[5 + k] = start[3 + k] + (read[self.sensors[f"th_{letter}"]] - start[3 + k]) * scale[k]
-        row[7] = read[self.sensors["gyro"] + 2] * self.number("gyro_gain", 1.0)[0] + self.number("gyro_bias_rad_s", 0.0)[0]
+        row[7] = (
+            read[self.sensors["gyro"] + 2] * self.number("gyro_gain", 1.0)[0] + self.number("gyro_bias_rad_s", 0.0)[0]
+        )
         place, heading = self.sensors["position"], self.sensors["heading"]
-        row[8:10] = read[place:place + 2]
+        row[8:10] = read[place : place + 2]
         now = math.atan2(read[heading + 1], read[heading])
         row[10] = yaw + math.remainder(now - yaw, 2.0 * math.pi)
         return float(row[10])

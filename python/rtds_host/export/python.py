@@ -22,21 +22,59 @@ def parameters(figures: Figures) -> dict[str, float | list[float]]:
     def pair(name: str) -> list[float]:
         return [float(getattr(side, name)) for side in figures.sides]
 
-    dry = [side.dry_nm - figures.rolling * body.mass_kg * standalone.GRAVITY_M_S2 * 0.5 * side.radius_m for side in figures.sides]
+    dry = [
+        side.dry_nm - figures.rolling * body.mass_kg * standalone.GRAVITY_M_S2 * 0.5 * side.radius_m
+        for side in figures.sides
+    ]
     return {
-        "supply_v": figures.supply_v, "source_resistance_ohm": figures.source_resistance_ohm,
-        "decline_v_per_s": figures.decline_v_per_s, "command_delay_s": figures.command_delay_s,
-        "measurement_delay_s": figures.measurement_delay_s, "mass_kg": body.mass_kg,
-        "yaw_inertia_kg_m2": body.yaw_inertia_kg_m2, "wheel_inertia_kg_m2": body.wheel_inertia_kg_m2,
-        "track_m": body.track_width_m, "com_x_m": body.com_m[0], "com_y_m": body.com_m[1],
-        "slope_extra_rad": figures.slope_extra_rad, "rolling": figures.rolling, "scrub_nm": figures.scrub_nm,
-        "gyro_gain": figures.gyro_gain, "gyro_bias_rad_s": figures.gyro_bias_rad_s, "dry_nm": [max(f, 0.0) for f in dry],
+        "supply_v": figures.supply_v,
+        "source_resistance_ohm": figures.source_resistance_ohm,
+        "decline_v_per_s": figures.decline_v_per_s,
+        "command_delay_s": figures.command_delay_s,
+        "measurement_delay_s": figures.measurement_delay_s,
+        "mass_kg": body.mass_kg,
+        "yaw_inertia_kg_m2": body.yaw_inertia_kg_m2,
+        "wheel_inertia_kg_m2": body.wheel_inertia_kg_m2,
+        "track_m": body.track_width_m,
+        "com_x_m": body.com_m[0],
+        "com_y_m": body.com_m[1],
+        "slope_extra_rad": figures.slope_extra_rad,
+        "rolling": figures.rolling,
+        "scrub_nm": figures.scrub_nm,
+        "gyro_gain": figures.gyro_gain,
+        "gyro_bias_rad_s": figures.gyro_bias_rad_s,
+        "dry_nm": [max(f, 0.0) for f in dry],
         "limit_v": [NO_LIMIT_V if math.isinf(side.limit_v) else side.limit_v for side in figures.sides],
-        **{name: pair(name) for name in (
-            "resistance_ohm", "gear_nm_per_a", "back_emf_v_s_per_rad", "rotor_kg_m2", "viscous_nm_s_per_rad", "voltage_gain",
-            "deadzone_v", "drop_v", "pwm_curve", "heat_rise_per_w", "heat_tau_s", "stribeck_nm", "stribeck_rad_s",
-            "asymmetry_nm", "asymmetry_nm_s_per_rad", "load_share", "ripple_nm", "ripple_cycles", "ripple_phase_rad",
-            "radius_m", "speed_gain", "current_gain", "current_bias_a", "speed_filter_s", "speed_late_s")},
+        **{
+            name: pair(name)
+            for name in (
+                "resistance_ohm",
+                "gear_nm_per_a",
+                "back_emf_v_s_per_rad",
+                "rotor_kg_m2",
+                "viscous_nm_s_per_rad",
+                "voltage_gain",
+                "deadzone_v",
+                "drop_v",
+                "pwm_curve",
+                "heat_rise_per_w",
+                "heat_tau_s",
+                "stribeck_nm",
+                "stribeck_rad_s",
+                "asymmetry_nm",
+                "asymmetry_nm_s_per_rad",
+                "load_share",
+                "ripple_nm",
+                "ripple_cycles",
+                "ripple_phase_rad",
+                "radius_m",
+                "speed_gain",
+                "current_gain",
+                "current_bias_a",
+                "speed_filter_s",
+                "speed_late_s",
+            )
+        },
         "servo": asdict(figures.loop) if figures.loop else None,
         "noise": dict(figures.noise),
     }

@@ -16,9 +16,9 @@ NINETY = 1.6449
 def draw(diagnosis: dict, robot: Robot, count: int, seed: int) -> tuple[list[dict], list[str]]:
     """Diagnoses that differ in the effects' sizes.
 
-    Each size is normal about its value, with the two sides of its 90 % interval as 1.645 standard deviations (a factor that
-    cannot change its sign: its logarithm), and within the effect's bounds. Sizes are drawn apart: a diagnosis says nothing of
-    how they hang together.
+    Each size is normal about its value, with the two sides of its 90 % interval as 1.645 standard deviations (a factor
+    that cannot change its sign: its logarithm), and within the effect's bounds. Sizes are drawn apart: a diagnosis says
+    nothing of how they hang together.
 
     Parameters
     ----------

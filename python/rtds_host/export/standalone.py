@@ -4,10 +4,10 @@
     robot.step(6.0, 6.0, 0.01)          # left and right for so many seconds: volts, or rad/s where there is a servo
     print(robot.sensors())
 
-Model: wheels that roll without slip carry a body on a plane; each motor is a resistance with a back EMF (its inductance left
-out). Dry friction holds or slips: impulses within their bounds, found by projected Gauss-Seidel (J. J. Moreau, 1988).
-A servo is a saturated PI controller on the reported wheel speed. `PARAMETERS` holds the robot; units are SI, pairs are [left,
-right].
+Model: wheels that roll without slip carry a body on a plane; each motor is a resistance with a back EMF (its inductance
+left out). Dry friction holds or slips: impulses within their bounds, found by projected Gauss-Seidel (J. J. Moreau,
+1988). A servo is a saturated PI controller on the reported wheel speed. `PARAMETERS` holds the robot; units are SI,
+pairs are [left, right].
 """
 
 import math
@@ -22,10 +22,13 @@ SWEEPS = 30
 class Robot:
     """The robot of `PARAMETERS`, at rest at the start.
 
-    `pose` is (x, y, yaw, left angle, right angle); the plane climbs by `slope_rad` towards the heading `uphill_yaw_rad`.
+    `pose` is (x, y, yaw, left angle, right angle); the plane climbs by `slope_rad` towards the heading
+    `uphill_yaw_rad`.
     """
 
-    def __init__(self, parameters=None, pose=(0.0, 0.0, 0.0, 0.0, 0.0), payload_kg=0.0, slope_rad=0.0, uphill_yaw_rad=0.0):
+    def __init__(
+        self, parameters=None, pose=(0.0, 0.0, 0.0, 0.0, 0.0), payload_kg=0.0, slope_rad=0.0, uphill_yaw_rad=0.0
+    ):
         p = self.p = PARAMETERS if parameters is None else parameters
         self.t = 0.0
         self.x, self.y, self.yaw = pose[:3]
@@ -45,8 +48,16 @@ class Robot:
         self.turn = (-r[0] / b, r[1] / b)
         m, my, iz = self.mass, -self.mass * p["com_y_m"], p["yaw_inertia_kg_m2"]
         f, g = self.forward, self.turn
-        self.inertia = [[m * f[j] * f[k] + my * (f[j] * g[k] + g[j] * f[k]) + iz * g[j] * g[k]
-                         + (p["rotor_kg_m2"][k] + p["wheel_inertia_kg_m2"] if j == k else 0.0) for k in (0, 1)] for j in (0, 1)]
+        self.inertia = [
+            [
+                m * f[j] * f[k]
+                + my * (f[j] * g[k] + g[j] * f[k])
+                + iz * g[j] * g[k]
+                + (p["rotor_kg_m2"][k] + p["wheel_inertia_kg_m2"] if j == k else 0.0)
+                for k in (0, 1)
+            ]
+            for j in (0, 1)
+        ]
         self.asked = deque([(0.0, (0.0, 0.0))])
         self.integral = [0.0, 0.0]
         self.loop_at = 0.0
@@ -150,7 +161,9 @@ class Robot:
             fluid[k] = p["viscous_nm_s_per_rad"][k] + math.copysign(p["asymmetry_nm_s_per_rad"][k], w[k])
             # Half implicit: the middle of the step, of second order.
             damping = p["gear_nm_per_a"][k] * ke[k] / ohm[k] + fluid[k]
-            ripple = p["ripple_nm"][k] * math.sin(p["ripple_cycles"][k] * (self.th[k] + 0.5 * h * w[k]) + p["ripple_phase_rad"][k])
+            ripple = p["ripple_nm"][k] * math.sin(
+                p["ripple_cycles"][k] * (self.th[k] + 0.5 * h * w[k]) + p["ripple_phase_rad"][k]
+            )
             a[k][k] += 0.5 * h * damping
             b[k] += h * (p["gear_nm_per_a"][k] * volts[k] / ohm[k] + ripple - 0.5 * damping * w[k])
         speed, rate = self.forward[0] * w[0] + self.forward[1] * w[1], self._rate()
@@ -167,7 +180,9 @@ class Robot:
             current = (volts[k] - ke[k] * mean) / ohm[k]
             self.i[k] = (volts[k] - ke[k] * new[k]) / ohm[k]
             if p["heat_rise_per_w"][k]:
-                self.rise[k] += h * (p["heat_rise_per_w"][k] * current * current * ohm[k] - self.rise[k]) / p["heat_tau_s"][k]
+                self.rise[k] += (
+                    h * (p["heat_rise_per_w"][k] * current * current * ohm[k] - self.rise[k]) / p["heat_tau_s"][k]
+                )
             torque = p["gear_nm_per_a"][k] * current - fluid[k] * mean - p["rotor_kg_m2"][k] * (new[k] - w[k]) / h
             self.load[k] = max(abs(torque), abs(torque + impulses[k] / h))
             tau = p["speed_filter_s"][k]

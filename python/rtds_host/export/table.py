@@ -2,8 +2,8 @@
 
     python -m rtds_host.export.table docs/export.md
 
-writes it into a page. Whoever adds an effect to the catalogue adds a row here; `python/tests/export` compares the two, and the
-page with this.
+writes it into a page. Whoever adds an effect to the catalogue adds a row here; `python/tests/export` compares the two,
+and the page with this.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 TARGETS = ("mjcf", "urdf", "sdf", "usd-json", "python")
-# How a target has an effect: it acts on its own there; it stands in the file as a number that whoever feeds the commands
-# or reads the sensors applies; or it is left out.
+# How a target has an effect: it acts on its own there; it stands in the file as a number that whoever feeds the
+# commands or reads the sensors applies; or it is left out.
 OWN, CARRIED, LOST = "own", "carried", "lost"
 
 
@@ -55,8 +55,12 @@ def _map_of_commands(number: str) -> dict[str, How]:
 
 
 def _electrical() -> dict[str, How]:
-    return _row(_own("actuator/general gainprm, biasprm, gear"), _own(_TO_EFFORT), _own(_TO_EFFORT),
-                _carried(f"{_USD_FED} torque_nm_per_v, back_emf_nm_s_per_rad"))
+    return _row(
+        _own("actuator/general gainprm, biasprm, gear"),
+        _own(_TO_EFFORT),
+        _own(_TO_EFFORT),
+        _carried(f"{_USD_FED} torque_nm_per_v, back_emf_nm_s_per_rad"),
+    )
 
 
 def _of_body(usd: str = "physics:mass, physics:diagonalInertia, physics:centerOfMass") -> dict[str, How]:
@@ -64,8 +68,12 @@ def _of_body(usd: str = "physics:mass, physics:diagonalInertia, physics:centerOf
 
 
 def _reading(number: str, sdf: How | None = None) -> dict[str, How]:
-    return _row(_carried(f"custom/numeric {number}"), _NO_SENSOR, sdf or _lost("SDF has no such sensor of a joint"),
-                _carried(_USD_READ))
+    return _row(
+        _carried(f"custom/numeric {number}"),
+        _NO_SENSOR,
+        sdf or _lost("SDF has no such sensor of a joint"),
+        _carried(_USD_READ),
+    )
 
 
 TABLE: dict[str, dict[str, How]] = {
@@ -75,50 +83,92 @@ TABLE: dict[str, dict[str, How]] = {
     "driver_deadzone": _map_of_commands("deadzone_v"),
     "bridge_drop": _map_of_commands("drop_v, back_emf_v_s_per_rad"),
     "driver_gain": _electrical(),
-    "voltage_limit": _row(_own("actuator ctrlrange"), _own("limit effort and velocity"), _own("limit effort and velocity"),
-                          _own("drive maxForce, maxJointVelocity")),
+    "voltage_limit": _row(
+        _own("actuator ctrlrange"),
+        _own("limit effort and velocity"),
+        _own("limit effort and velocity"),
+        _own("drive maxForce, maxJointVelocity"),
+    ),
     "pwm_curve": _map_of_commands("pwm_curve"),
     # winding
     "resistance_error": _electrical(),
-    "winding_heating": _row(_own("actuator/dcmotor thermal"), _lost("a joint has no winding"), _lost("a joint has no winding"),
-                            _lost("a drive has no winding")),
+    "winding_heating": _row(
+        _own("actuator/dcmotor thermal"),
+        _lost("a joint has no winding"),
+        _lost("a joint has no winding"),
+        _lost("a drive has no winding"),
+    ),
     "torque_constant_error": _electrical(),
     # drivetrain
-    "coulomb_friction": _row(_own("joint frictionloss"), _own("dynamics friction"), _own("dynamics/friction"),
-                             _own("staticFrictionEffort, dynamicFrictionEffort")),
-    "stribeck_friction": _row(_own("actuator/dcmotor lugre"),
-                              _own("dynamics friction: the level at speed, without the rise at rest"),
-                              _own("dynamics/friction: the level at speed, without the rise at rest"),
-                              _own("staticFrictionEffort, dynamicFrictionEffort: two levels, no speed over which one fades")),
-    "viscous_friction": _row(_own("joint damping"), _own("dynamics damping"), _own("dynamics/damping"),
-                             _own("viscousFrictionCoefficient")),
-    "friction_asymmetry": _row(_own("actuator/general biasprm, where dry friction is at least as large; without its part by speed"),
-                               _lost("friction is the same in both directions"), _lost("friction is the same in both directions"),
-                               _lost("friction is the same in both directions")),
+    "coulomb_friction": _row(
+        _own("joint frictionloss"),
+        _own("dynamics friction"),
+        _own("dynamics/friction"),
+        _own("staticFrictionEffort, dynamicFrictionEffort"),
+    ),
+    "stribeck_friction": _row(
+        _own("actuator/dcmotor lugre"),
+        _own("dynamics friction: the level at speed, without the rise at rest"),
+        _own("dynamics/friction: the level at speed, without the rise at rest"),
+        _own("staticFrictionEffort, dynamicFrictionEffort: two levels, no speed over which one fades"),
+    ),
+    "viscous_friction": _row(
+        _own("joint damping"), _own("dynamics damping"), _own("dynamics/damping"), _own("viscousFrictionCoefficient")
+    ),
+    "friction_asymmetry": _row(
+        _own("actuator/general biasprm, where dry friction is at least as large; without its part by speed"),
+        _lost("friction is the same in both directions"),
+        _lost("friction is the same in both directions"),
+        _lost("friction is the same in both directions"),
+    ),
     "load_friction": _row(*[_lost("friction there does not grow with the torque that a gear transmits")] * 4),
-    "backlash": _row(_own("a second hinge with a range; its flanks do not rebound"),
-                     *[_lost("the joint is rigid")] * 3, _lost("its gear is rigid")),
-    "gear_compliance": _row(_own("a second hinge with stiffness and damping"), *[_lost("the joint is rigid")] * 3,
-                            _lost("its gear is rigid")),
-    "torque_ripple": _row(_own("actuator/dcmotor cogging"),
-                          *[_lost("no torque by the angle of a joint")] * 3),
-    "rotor_inertia_error": _row(_own("joint armature"), _lost("a joint has no armature"), _lost("a joint has no armature"),
-                                _own("physxJointAxis armature")),
+    "backlash": _row(
+        _own("a second hinge with a range; its flanks do not rebound"),
+        *[_lost("the joint is rigid")] * 3,
+        _lost("its gear is rigid"),
+    ),
+    "gear_compliance": _row(
+        _own("a second hinge with stiffness and damping"),
+        *[_lost("the joint is rigid")] * 3,
+        _lost("its gear is rigid"),
+    ),
+    "torque_ripple": _row(_own("actuator/dcmotor cogging"), *[_lost("no torque by the angle of a joint")] * 3),
+    "rotor_inertia_error": _row(
+        _own("joint armature"),
+        _lost("a joint has no armature"),
+        _lost("a joint has no armature"),
+        _own("physxJointAxis armature"),
+    ),
     # wheel and ground
-    "wheel_radius_error": _row(_own("geom size, wheels' pos"), _own("collision sphere, joint origin"),
-                               _own("collision sphere, joint pose"), _own("radius")),
-    "longitudinal_slip": _row(*[_lost("a contact creeps by force alone or slides, not by a share of the speed")] * 4,
-                              _lost("its tyre builds up over a length of rolling and saturates; the module rolls without slip")),
-    "spin_scrub": _row(*[_lost("a contact's torsional friction hangs on how the load is shared among the points of support")] * 4),
-    "rolling_resistance": _row(_own("joint frictionloss at the file's mass; custom/numeric rolling_coefficient for a payload"),
-                               _own("dynamics friction at the file's mass"), _own("dynamics/friction at the file's mass"),
-                               _own("staticFrictionEffort, dynamicFrictionEffort at the file's mass")),
+    "wheel_radius_error": _row(
+        _own("geom size, wheels' pos"),
+        _own("collision sphere, joint origin"),
+        _own("collision sphere, joint pose"),
+        _own("radius"),
+    ),
+    "longitudinal_slip": _row(
+        *[_lost("a contact creeps by force alone or slides, not by a share of the speed")] * 4,
+        _lost("its tyre builds up over a length of rolling and saturates; the module rolls without slip"),
+    ),
+    "spin_scrub": _row(
+        *[_lost("a contact's torsional friction hangs on how the load is shared among the points of support")] * 4
+    ),
+    "rolling_resistance": _row(
+        _own("joint frictionloss at the file's mass; custom/numeric rolling_coefficient for a payload"),
+        _own("dynamics friction at the file's mass"),
+        _own("dynamics/friction at the file's mass"),
+        _own("staticFrictionEffort, dynamicFrictionEffort at the file's mass"),
+    ),
     # chassis
     "track_width_error": _row(_own("wheels' pos"), _own("joint origin"), _own("joint pose"), _own("joint pos")),
     "payload_error": _of_body(),
     "com_offset": _of_body(),
-    "slope_error": _row(_own("option gravity; custom/numeric slope_extra_rad for a run on a slope"), _lost("URDF has no world"),
-                        _carried("comment: gravity belongs to the world, not to a model"), _carried("rtds.world")),
+    "slope_error": _row(
+        _own("option gravity; custom/numeric slope_extra_rad for a run on a slope"),
+        _lost("URDF has no world"),
+        _carried("comment: gravity belongs to the world, not to a model"),
+        _carried("rtds.world"),
+    ),
     "yaw_inertia_error": _of_body(),
     # sensing
     "speed_gain": _reading("speed_gain"),
@@ -128,19 +178,29 @@ TABLE: dict[str, dict[str, How]] = {
     "gyro_bias": _reading("gyro_bias_rad_s", _own("sensor imu, noise/bias_mean")),
     "gyro_gain": _reading("gyro_gain", _lost("an imu's noise has no scale")),
     # timing
-    "command_delay": _row(_own("actuator delay"), _NO_DRIVER, _lost("a joint's force acts at once"), _carried(_USD_FED)),
-    "measurement_delay": _row(_own("sensor delay"), _NO_SENSOR, _lost("sensors there are not late"), _carried(_USD_READ)),
+    "command_delay": _row(
+        _own("actuator delay"), _NO_DRIVER, _lost("a joint's force acts at once"), _carried(_USD_FED)
+    ),
+    "measurement_delay": _row(
+        _own("sensor delay"), _NO_SENSOR, _lost("sensors there are not late"), _carried(_USD_READ)
+    ),
 }
 
-# The loop of a robot that is driven by wheel speeds (`mode = "speed"`), and the effects that such a robot has otherwise.
-SERVO = _row(_carried("custom/numeric servo_kp_v_s_per_rad, servo_ki_v_per_rad, servo_limit_v, servo_period_s"),
-             _carried("comment: the loop's gains and limits as torques"), _own("plugin JointController"), _carried(f"{_USD_FED} servo"))
+# The loop of a robot that is driven by wheel speeds (`mode = "speed"`), and the effects that such a robot has
+# otherwise.
+SERVO = _row(
+    _carried("custom/numeric servo_kp_v_s_per_rad, servo_ki_v_per_rad, servo_limit_v, servo_period_s"),
+    _carried("comment: the loop's gains and limits as torques"),
+    _own("plugin JointController"),
+    _carried(f"{_USD_FED} servo"),
+)
 _SCALED = "the loop's gains have it, and the speeds asked for take the scale in the comment"
 BEHIND_SERVO: dict[str, dict[str, How]] = {
     "mjcf": {"command_delay": _carried("custom/numeric command_delay_s: the speeds asked for are late, not `ctrl`")},
     "urdf": {"speed_gain": _carried(_SCALED)},
     "sdf": {"speed_gain": _carried(_SCALED), "command_delay": _lost("JointController acts at once")},
-    "usd-json": {}, "python": {},
+    "usd-json": {},
+    "python": {},
 }
 
 START, END = "<!-- export: begin -->", "<!-- export: end -->"

@@ -42,9 +42,18 @@ class Imported:
     notices: tuple[str, ...] = field(default=())
 
 
-def assemble(path: Path, mapping: Mapping, robot: Robot, start_s: float = 0.0, end_s: float = math.inf,
-             trust_units: bool = False, sloped: bool = False, form: str = "csv", namespace: str | None = None,
-            part: str = "") -> Imported:
+def assemble(
+    path: Path,
+    mapping: Mapping,
+    robot: Robot,
+    start_s: float = 0.0,
+    end_s: float = math.inf,
+    trust_units: bool = False,
+    sloped: bool = False,
+    form: str = "csv",
+    namespace: str | None = None,
+    part: str = "",
+) -> Imported:
     """Read a bag or a table and bring it into the contract's columns.
 
     Parameters
@@ -69,20 +78,31 @@ def assemble(path: Path, mapping: Mapping, robot: Robot, start_s: float = 0.0, e
         requests.append(mapping.twist)
     file.read([r for r in requests if file.available(r)])
     notices = list(file.notices)
-    doubts = _clock(file, mapping) + (check_units(path, robot) if part and mapping.name.startswith("wpilib_sysid") else [])
+    doubts = _clock(file, mapping) + (
+        check_units(path, robot) if part and mapping.name.startswith("wpilib_sysid") else []
+    )
     if part and mapping.name == "wpilib_sysid" and not angle_is_told(path, robot):
         mapping = replace(mapping, signals={k: v for k, v in mapping.signals.items() if k != "gyro_z"})
-        notices.append(f"{path.name}: angle and angular rate are left out: the robot does not turn, and nothing else says whether "
-                       "they are in rad or degrees (a mapping of your own can)")
+        notices.append(
+            f"{path.name}: angle and angular rate are left out: the robot does not turn, and nothing else says whether "
+            "they are in rad or degrees (a mapping of your own can)"
+        )
     signals = _signals(file, mapping, robot, notices)
     mode = _commands(file, mapping, robot, signals, notices)
     sides = robot.sides
     commands = [f"{'w_cmd' if mode == 'speed' else 'v_cmd'}_{s}" for s in sides]
     if not any(f"{kind}_{s}" in signals for kind in ("w", "th") for s in sides):
-        lacking = "; ".join(dict.fromkeys(file.wanting(source) for kind in ("w", "th") for s in sides
-                                          for source in mapping.signals.get(f"{kind}_{s}", ())))
-        raise InputError(f"{path}: no measured wheel speed or angle (w_*, th_*): "
-                         f"{lacking or str(mapping.path) + ' maps none'}")
+        lacking = "; ".join(
+            dict.fromkeys(
+                file.wanting(source)
+                for kind in ("w", "th")
+                for s in sides
+                for source in mapping.signals.get(f"{kind}_{s}", ())
+            )
+        )
+        raise InputError(
+            f"{path}: no measured wheel speed or angle (w_*, th_*): {lacking or str(mapping.path) + ' maps none'}"
+        )
 
     for name in ("x", "y", "yaw"):
         used = [source for source in mapping.signals.get(name, ()) if source.use == "start"]
@@ -91,7 +111,9 @@ def assemble(path: Path, mapping: Mapping, robot: Robot, start_s: float = 0.0, e
                 signals[name] = signals[name].keep(np.arange(len(signals[name])) == 0)
             else:
                 del signals[name]
-    found = doubts + complaints({k: v for k, v in signals.items() if k not in ("x", "y", "yaw") or len(v) > 1}, robot, mode)
+    found = doubts + complaints(
+        {k: v for k, v in signals.items() if k not in ("x", "y", "yaw") or len(v) > 1}, robot, mode
+    )
     if found:
         if not trust_units:
             raise InputError(f"{path}: {'; '.join(found)} (mapping {mapping.path.name}; --trust-units if it is right)")
@@ -112,8 +134,9 @@ def assemble(path: Path, mapping: Mapping, robot: Robot, start_s: float = 0.0, e
         column = np.full(len(ticks), math.nan)
         column[np.searchsorted(ticks, (series.t_ns - start_ns + grid // 2) // grid)] = series.values
         columns[name] = column
-    return Imported(path, mode, columns, start_ns, {n: int(np.isfinite(c).sum()) for n, c in columns.items()},
-                    tuple(notices))
+    return Imported(
+        path, mode, columns, start_ns, {n: int(np.isfinite(c).sum()) for n, c in columns.items()}, tuple(notices)
+    )
 
 
 def _clock(file: Bag | Table, mapping: Mapping) -> list[str]:
@@ -125,8 +148,10 @@ def _clock(file: Bag | Table, mapping: Mapping) -> list[str]:
         return []
     raw = step / FIXED["time"][mapping.time_unit]
     fitting = [unit for unit, seconds in FIXED["time"].items() if is_rate(raw * seconds)]
-    return [f"{mapping.time_column} in {mapping.time_unit} is a row every {step:.3g} s: "
-            + (f"is it in {fitting[0]}?" if fitting else "no robot's log has such a rate")]
+    return [
+        f"{mapping.time_column} in {mapping.time_unit} is a row every {step:.3g} s: "
+        + (f"is it in {fitting[0]}?" if fitting else "no robot's log has such a rate")
+    ]
 
 
 def _signals(file: Bag | Table, mapping: Mapping, robot: Robot, notices: list[str]) -> dict[str, Series]:
@@ -138,19 +163,26 @@ def _signals(file: Bag | Table, mapping: Mapping, robot: Robot, notices: list[st
         there = [source for source in sources if file.available(source)]
         if not there:
             if not channel.startswith(("v_cmd", "w_cmd", "w_ref")):
-                notices.append(f"{file.path.name}: {channel} is left out, "
-                               f"{' and '.join(dict.fromkeys(file.wanting(s) for s in sources))}")
+                notices.append(
+                    f"{file.path.name}: {channel} is left out, "
+                    f"{' and '.join(dict.fromkeys(file.wanting(s) for s in sources))}"
+                )
             continue
         for n, source in enumerate(there):
-            rest = there[n + 1:]
+            rest = there[n + 1 :]
             if rest and source.topic in getattr(file, "broken", {}):
                 notices.append(f"{file.broken[source.topic]}; {channel} is taken from {rest[0].topic}")
                 continue
             raw = file.series(source)
             if len(raw) < 2:
-                notices.append(f"{raw.origin}: {source.field or channel} holds {'one sample' if len(raw) else 'nothing'}"
-                               + (f", {channel} is taken from {rest[0].topic or rest[0].column}" if rest
-                                  else f", {channel} is left out"))
+                notices.append(
+                    f"{raw.origin}: {source.field or channel} holds {'one sample' if len(raw) else 'nothing'}"
+                    + (
+                        f", {channel} is taken from {rest[0].topic or rest[0].column}"
+                        if rest
+                        else f", {channel} is left out"
+                    )
+                )
                 continue
             signals[channel] = _convert(raw, source, robot, notices)
             break
@@ -159,7 +191,9 @@ def _signals(file: Bag | Table, mapping: Mapping, robot: Robot, notices: list[st
             same = {s.where for s in mapping.signals[a]} & {s.where for s in mapping.signals[b]} - {None}
             if same:
                 source = next(s for s in mapping.signals[a] if s.where in same)
-                notices.append(f"{file.path.name}: {a} and {b} are the same {source.named}: both wheels are commanded alike")
+                notices.append(
+                    f"{file.path.name}: {a} and {b} are the same {source.named}: both wheels are commanded alike"
+                )
     return signals
 
 
@@ -175,14 +209,18 @@ def _unwrapped(raw: Series, source: Source, notices: list[str]) -> np.ndarray:
     if source.wraps_at is not None:
         # A counter that wraps at 4096 shows 0 to 4095; a rounded heading may show 360 beside 0.
         if span > source.wraps_at * (1.0 + 1e-3):
-            raise InputError(f"{source.place}: wraps_at is {source.wraps_at:g}, but {raw.origin} spans {span:.6g}, from "
-                             f"{float(values.min()):.6g} to {float(values.max()):.6g}: it starts anew elsewhere")
+            raise InputError(
+                f"{source.place}: wraps_at is {source.wraps_at:g}, but {raw.origin} spans {span:.6g}, from "
+                f"{float(values.min()):.6g} to {float(values.max()):.6g}: it starts anew elsewhere"
+            )
         return np.unwrap(values, period=source.wraps_at)
     steps = np.abs(np.diff(values))
     jumps = np.flatnonzero(steps > JUMP * span)
     if QUANTITY[source.channel] in ("angle", "heading") and jumps.size and float(np.median(steps)) < SMALL * span:
-        notices.append(f"{raw.origin}: jumps {jumps.size} time(s) by nearly its whole range ({span:.6g}): if it starts anew "
-                       f"there, say so in {source.place} (wraps_at)")
+        notices.append(
+            f"{raw.origin}: jumps {jumps.size} time(s) by nearly its whole range ({span:.6g}): if it starts anew "
+            f"there, say so in {source.place} (wraps_at)"
+        )
     return values
 
 
@@ -198,8 +236,16 @@ def _convert(raw: Series, source: Source, robot: Robot, notices: list[str]) -> S
     else:
         quaternion = source.channel == "yaw" and source.unit is None and source.wraps_at is None
         values = np.unwrap(values) if quaternion else _unwrapped(raw, source, notices)
-        gain = factor(place, quantity, source.unit or next(iter(FIXED[quantity])), robot, source.full_scale,
-                      source.counts_per_rev, source.wheel_radius_m, source.shaft)
+        gain = factor(
+            place,
+            quantity,
+            source.unit or next(iter(FIXED[quantity])),
+            robot,
+            source.full_scale,
+            source.counts_per_rev,
+            source.wheel_radius_m,
+            source.shaft,
+        )
     values = (values * source.scale + source.offset) * gain
     series = replace(raw, values=-values if source.reverse else values)
     return series.earlier(source.late_samples, source.late_s).last_of_equal_times()
@@ -213,6 +259,7 @@ def _geometry(source: Source | Twist, robot: Robot) -> tuple[float, float]:
 
 def wheel_speeds(twist: Twist, robot: Robot, linear: np.ndarray, angular: np.ndarray) -> np.ndarray:
     """Wheel speeds (n, 2) rad/s that the firmware asks of its servos for a twist, `linear` m/s, `angular` rad/s."""
+
     def cut(values: np.ndarray, step: float) -> np.ndarray:
         # As in C: multiply, drop the fraction. 0.29 * 100 is 28.999..., so 0.28 goes out, on the robot and here.
         return np.trunc(values * (1.0 / step)) * step if step else values
@@ -224,8 +271,7 @@ def wheel_speeds(twist: Twist, robot: Robot, linear: np.ndarray, angular: np.nda
     return np.clip(cut(wheels, twist.wheel_cut_rad_s), -twist.wheel_limit_rad_s, twist.wheel_limit_rad_s)
 
 
-def _commands(file: Bag | Table, mapping: Mapping, robot: Robot, signals: dict[str, Series],
-              notices: list[str]) -> str:
+def _commands(file: Bag | Table, mapping: Mapping, robot: Robot, signals: dict[str, Series], notices: list[str]) -> str:
     """Decide the mode and leave its commands in `signals`; names what is missing where there are none."""
     voltages = [f"v_cmd_{s}" for s in robot.sides]
     speeds = [f"w_cmd_{s}" for s in robot.sides]
@@ -239,12 +285,16 @@ def _commands(file: Bag | Table, mapping: Mapping, robot: Robot, signals: dict[s
                 signals[name] = replace(raw, values=values).last_of_equal_times()
             track = _geometry(twist, robot)[1]
             if abs(track / robot.chassis.track_width_m - 1.0) > 0.05:
-                notices.append(f"{file.path.name}: {twist.topic or 'twist'} became wheel speeds with the mapping's track "
-                               f"of {track:g} m, the nominal robot's is {robot.chassis.track_width_m:g} m")
+                notices.append(
+                    f"{file.path.name}: {twist.topic or 'twist'} became wheel speeds with the mapping's track "
+                    f"of {track:g} m, the nominal robot's is {robot.chassis.track_width_m:g} m"
+                )
     for names in (voltages, speeds):
         missing = [name for name in names if name not in signals]
         if missing and len(missing) < len(names):
-            raise InputError(f"{file.path}: {missing[0]} is missing while {names[1 - names.index(missing[0])]} is there")
+            raise InputError(
+                f"{file.path}: {missing[0]} is missing while {names[1 - names.index(missing[0])]} is there"
+            )
     if all(name in signals for name in voltages):
         for name in speeds:
             if name in signals:
@@ -260,12 +310,21 @@ def _commands(file: Bag | Table, mapping: Mapping, robot: Robot, signals: dict[s
     if isinstance(file, Bag):
         names = sorted(file.topics)
         there = f" (topics there: {', '.join(names[:12])}{', ...' if len(names) > 12 else ''})"
-    raise InputError(f"{file.path}: no command signal: neither voltages ({', '.join(voltages)}) nor wheel speeds "
-                     f"({', '.join(speeds)}) can be had: {'; '.join(dict.fromkeys(lacking)) or 'none is mapped'}{there}")
+    raise InputError(
+        f"{file.path}: no command signal: neither voltages ({', '.join(voltages)}) nor wheel speeds "
+        f"({', '.join(speeds)}) can be had: {'; '.join(dict.fromkeys(lacking)) or 'none is mapped'}{there}"
+    )
 
 
-def _span(path: Path, signals: dict[str, Series], commands: list[str], mapping: Mapping, start_s: float, end_s: float,
-          notices: list[str]) -> tuple[dict[str, Series], int]:
+def _span(
+    path: Path,
+    signals: dict[str, Series],
+    commands: list[str],
+    mapping: Mapping,
+    start_s: float,
+    end_s: float,
+    notices: list[str],
+) -> tuple[dict[str, Series], int]:
     """Cut to the part that has commands and measurements; give the first row its commands."""
     measured = {n: s for n, s in signals.items() if n not in commands and not n.startswith("w_ref") and len(s)}
     first = min(s.t_ns[0] for s in (*measured.values(), *(signals[c] for c in commands)))
@@ -284,18 +343,26 @@ def _span(path: Path, signals: dict[str, Series], commands: list[str], mapping: 
         moving = []
         for name, series in measured.items():
             before = series.values[(series.t_ns >= low) & (series.t_ns < known)]
-            if (name in ("w_l", "w_r") and np.abs(before).max(initial=0.0) > AT_REST_RAD_S
-                    or name in ("th_l", "th_r") and len(before) and np.ptp(before) > AT_REST_RAD):
+            if (
+                name in ("w_l", "w_r")
+                and np.abs(before).max(initial=0.0) > AT_REST_RAD_S
+                or name in ("th_l", "th_r")
+                and len(before)
+                and np.ptp(before) > AT_REST_RAD
+            ):
                 moving.append(name)
         if not moving:
             for name, series in held.items():
                 if series.t_ns[0] > low:
-                    held[name] = replace(series, t_ns=np.append(low, series.t_ns),
-                                         values=np.append(mapping.before_first, series.values))
+                    held[name] = replace(
+                        series, t_ns=np.append(low, series.t_ns), values=np.append(mapping.before_first, series.values)
+                    )
             known = low
         else:
-            notices.append(f"{path.name}: {', '.join(moving)} moves before the first command, so "
-                           f"{(known - low) / NS:.3g} s are left out")
+            notices.append(
+                f"{path.name}: {', '.join(moving)} moves before the first command, so "
+                f"{(known - low) / NS:.3g} s are left out"
+            )
     elif known > low and (known - low) / NS > 0.5:
         notices.append(f"{path.name}: {(known - low) / NS:.3g} s before the first command are left out")
     low = max(low, known)
@@ -303,21 +370,26 @@ def _span(path: Path, signals: dict[str, Series], commands: list[str], mapping: 
     wheel = next(measured[name] for name in ("w_l", "w_r", "th_l", "th_r") if name in measured)
     low = int(wheel.t_ns[min(np.searchsorted(wheel.t_ns, low), len(wheel) - 1)])
     if low >= high or low < known:
-        raise InputError(f"{path}: commands and measurements do not overlap in time (commands from "
-                         f"{(known - first) / NS:.3g} s, measurements until {(last - first) / NS:.3g} s)")
+        raise InputError(
+            f"{path}: commands and measurements do not overlap in time (commands from "
+            f"{(known - first) / NS:.3g} s, measurements until {(last - first) / NS:.3g} s)"
+        )
 
     result: dict[str, Series] = {}
     for name, series in {**signals, **held}.items():
         if name in commands:
             now = int(np.searchsorted(series.t_ns, low, side="right")) - 1
             inside = (series.t_ns > low) & (series.t_ns <= high)
-            result[name] = replace(series, t_ns=np.append(low, series.t_ns[inside]),
-                                   values=np.append(series.values[now], series.values[inside]))
+            result[name] = replace(
+                series,
+                t_ns=np.append(low, series.t_ns[inside]),
+                values=np.append(series.values[now], series.values[inside]),
+            )
             continue
         kept = series.keep((series.t_ns >= low) & (series.t_ns <= high))
         if len(kept):
             result[name] = kept
-        elif len(series) == 1:                    # where the robot started, read before the first command
+        elif len(series) == 1:  # where the robot started, read before the first command
             result[name] = replace(series, t_ns=np.asarray([low]))
     if not any(name in result for name in ("w_l", "w_r", "th_l", "th_r")):
         raise InputError(f"{path}: no sample of a wheel's speed or angle lies between {start_s:g} and {end_s:g} s")

@@ -25,8 +25,21 @@ from rtds_host.importers.series import NS, Series
 
 SUFFIXES = (".mcap", ".db3")
 # What a damaged file makes the reader raise, besides its own error: it trusts lengths, indices and texts it reads.
-DAMAGE = (ReaderError, apsw.Error, struct.error, zstd.ZstdError, AssertionError, IndexError, KeyError, TypeError,
-          ValueError, EOFError, MemoryError, OverflowError, RuntimeError)
+DAMAGE = (
+    ReaderError,
+    apsw.Error,
+    struct.error,
+    zstd.ZstdError,
+    AssertionError,
+    IndexError,
+    KeyError,
+    TypeError,
+    ValueError,
+    EOFError,
+    MemoryError,
+    OverflowError,
+    RuntimeError,
+)
 CLOCKS_APART_S = 0.5
 
 
@@ -114,8 +127,10 @@ class Bag:
         if not found:
             raise InputError(f"{path}: is no bag: neither metadata.yaml nor a .mcap or .db3 file is there")
         if len(found) > 1:
-            raise InputError(f"{path}: metadata.yaml is missing and there are {len(found)} files; restore it with "
-                             "`ros2 bag reindex`, or import the files one by one")
+            raise InputError(
+                f"{path}: metadata.yaml is missing and there are {len(found)} files; restore it with "
+                "`ros2 bag reindex`, or import the files one by one"
+            )
         self.notices.append(f"{path.name}: metadata.yaml is missing, {found[0].name} was read by itself")
         return self._storage(found[0])
 
@@ -136,14 +151,17 @@ class Bag:
                     for part in parts:
                         types.update(get_types_from_idl(part))
             except (TypesysError, IndexError) as error:
-                self.broken[connection.topic] = (f"{self.path}: topic {connection.topic}: the definition of "
-                                                 f"{connection.msgtype} in the bag cannot be read ({_one_line(error)})")
+                self.broken[connection.topic] = (
+                    f"{self.path}: topic {connection.topic}: the definition of "
+                    f"{connection.msgtype} in the bag cannot be read ({_one_line(error)})"
+                )
         for name, text in self.mapping.definitions.items():
             try:
                 parsed = get_types_from_msg(text, name)
             except TypesysError as error:
-                raise InputError(f"{self.mapping.path}: [definitions] {name}: cannot be read "
-                                 f"({_one_line(error)})") from error
+                raise InputError(
+                    f"{self.mapping.path}: [definitions] {name}: cannot be read ({_one_line(error)})"
+                ) from error
             types = {**parsed, **types}
         standard = get_typestore(Stores.ROS2_JAZZY).fielddefs
         # Only what is needed: registering all of ROS takes longer than reading a small bag.
@@ -157,7 +175,9 @@ class Bag:
         try:
             store.register(seen)
         except TypesysError as error:
-            raise InputError(f"{self.path}: its message definitions contradict each other ({_one_line(error)})") from error
+            raise InputError(
+                f"{self.path}: its message definitions contradict each other ({_one_line(error)})"
+            ) from error
         return store
 
     def read(self, requests: Iterable[Source | Twist]) -> None:
@@ -166,8 +186,10 @@ class Bag:
         for request in requests:
             if request.topic in self.topics:
                 wanted.setdefault(request.topic, []).append(request)
-        self._read = {topic: _Topic(self.topics[topic], np.empty(0, np.int64), None, {r: [] for r in requests})
-                      for topic, requests in wanted.items()}
+        self._read = {
+            topic: _Topic(self.topics[topic], np.empty(0, np.int64), None, {r: [] for r in requests})
+            for topic, requests in wanted.items()
+        }
         store = self._typestore({c.topic: c for c in self.connections if c.topic in wanted})
         logs: dict[str, list[int]] = {topic: [] for topic in wanted}
         stamps: dict[str, list[int]] = {topic: [] for topic in wanted}
@@ -191,8 +213,9 @@ class Bag:
                         self.broken[topic] = f"{self.path}: topic {topic}: {what}"
                         continue
                     if topic not in getters:
-                        getters[topic] = [(request, self._getter(request, message, connection.msgtype))
-                                          for request in wanted[topic]]
+                        getters[topic] = [
+                            (request, self._getter(request, message, connection.msgtype)) for request in wanted[topic]
+                        ]
                     logs[topic].append(log_ns)
                     header = getattr(message, "header", None)
                     if header is not None:
@@ -202,8 +225,10 @@ class Bag:
                 # An MCAP file's own count is exact. A folder's metadata.yaml counts what the recorder dropped, too.
                 for connection in connections if self.file.suffix == ".mcap" else ():
                     if counts.get(connection.id, 0) != connection.msgcount:
-                        raise ReaderError(f"topic {connection.topic}: {counts.get(connection.id, 0)} messages are there, its "
-                                          f"summary counts {connection.msgcount}")
+                        raise ReaderError(
+                            f"topic {connection.topic}: {counts.get(connection.id, 0)} messages are there, its "
+                            f"summary counts {connection.msgcount}"
+                        )
         except InputError:
             raise
         except OSError as error:
@@ -226,15 +251,19 @@ class Bag:
             apart = float(np.median(data.log_ns - data.stamp_ns)) / NS
             if abs(apart) > CLOCKS_APART_S:
                 self._use_record_time = True
-                self.notices.append(f"{self.path.name}: the stamps in {topic} lie {apart:.3g} s from the recorder's "
-                                    "clock, so the recorder's times were used for all topics")
+                self.notices.append(
+                    f"{self.path.name}: the stamps in {topic} lie {apart:.3g} s from the recorder's "
+                    "clock, so the recorder's times were used for all topics"
+                )
                 return
 
     def _getter(self, request: Source | Twist, example: object, msgtype: str) -> Callable:
         if isinstance(request, Twist):
             nested = hasattr(example, "twist")
-            names = (request.linear or ("twist.linear.x" if nested else "linear.x"),
-                     request.angular or ("twist.angular.z" if nested else "angular.z"))
+            names = (
+                request.linear or ("twist.linear.x" if nested else "linear.x"),
+                request.angular or ("twist.angular.z" if nested else "angular.z"),
+            )
         else:
             names = request.pair or (request.field,)
         paths = [self._path(request, name, example, msgtype) for name in names]
@@ -250,20 +279,25 @@ class Bag:
                 else:
                     value = getattr(value, step)
             if hasattr(value, "w") and hasattr(value, "z"):
-                return math.atan2(2.0 * (value.w * value.z + value.x * value.y),
-                                  1.0 - 2.0 * (value.y * value.y + value.z * value.z))
+                return math.atan2(
+                    2.0 * (value.w * value.z + value.x * value.y), 1.0 - 2.0 * (value.y * value.y + value.z * value.z)
+                )
             if joint is not None:
                 if joint not in message.name:
-                    raise InputError(f"{self.path}: topic {request.topic}, message {count}: holds no joint {joint!r}, "
-                                     f"joints there are {', '.join(message.name) or 'none'} ({request.place})")
+                    raise InputError(
+                        f"{self.path}: topic {request.topic}, message {count}: holds no joint {joint!r}, "
+                        f"joints there are {', '.join(message.name) or 'none'} ({request.place})"
+                    )
                 index = list(message.name).index(joint)
                 if index >= len(value):
                     return math.nan
                 value = value[index]
             if isinstance(value, (list, np.ndarray, str)):
-                raise InputError(f"{self.path}: topic {request.topic}: field {request.field!r} holds "
-                                 f"{type(value).__name__}, one number is needed: name an element, as in "
-                                 f"{request.field}[0], or a joint ({request.place})")
+                raise InputError(
+                    f"{self.path}: topic {request.topic}: field {request.field!r} holds "
+                    f"{type(value).__name__}, one number is needed: name an element, as in "
+                    f"{request.field}[0], or a joint ({request.place})"
+                )
             return float(value)
 
         if len(paths) == 1:
@@ -280,16 +314,20 @@ class Bag:
                 raise InputError(f"{request.place}: field {name!r} cannot be understood")
             names = [key for key in getattr(value, "__dataclass_fields__", {}) if not key.startswith("__")]
             if match[1] not in names:
-                raise InputError(f"{self.path}: topic {request.topic}: is {msgtype}, which has no field {name!r}; "
-                                 f"{'fields there are ' + ', '.join(names) if names else part + ' is no message'} "
-                                 f"({request.place})")
+                raise InputError(
+                    f"{self.path}: topic {request.topic}: is {msgtype}, which has no field {name!r}; "
+                    f"{'fields there are ' + ', '.join(names) if names else part + ' is no message'} "
+                    f"({request.place})"
+                )
             path.append(match[1])
             value = getattr(value, match[1])
             for index in re.findall(r"\d+", match[2]):
                 path.append(int(index))
                 if not isinstance(value, (list, np.ndarray)):
-                    raise InputError(f"{self.path}: topic {request.topic}: field {match[1]!r} of {msgtype} is no array "
-                                     f"({request.place})")
+                    raise InputError(
+                        f"{self.path}: topic {request.topic}: field {match[1]!r} of {msgtype} is no array "
+                        f"({request.place})"
+                    )
                 value = value[int(index)] if int(index) < len(value) else None
         return path
 
@@ -320,16 +358,18 @@ class Bag:
         back = np.flatnonzero(np.diff(t_ns) < 0)
         if back.size:
             k = int(back[0])
-            raise InputError(f"{self.path}: topic {topic}, message {k + 2}: time goes back by "
-                             f"{(t_ns[k] - t_ns[k + 1]) / NS:.6g} s")
+            raise InputError(
+                f"{self.path}: topic {topic}, message {k + 2}: time goes back by {(t_ns[k] - t_ns[k + 1]) / NS:.6g} s"
+            )
         values = np.asarray(data.values[request], dtype=float)
         shape = (len(t_ns), 2) if isinstance(request, Twist) or request.pair else (len(t_ns),)
         values = values.reshape(shape)
         rows = values.reshape(len(t_ns), 1 if values.ndim == 1 else 2)
         infinite = np.flatnonzero(np.isinf(rows).any(axis=1))
         if infinite.size:
-            raise InputError(f"{self.path}: topic {topic}, message {infinite[0] + 1}: a value is infinite "
-                             f"({request.place})")
+            raise InputError(
+                f"{self.path}: topic {topic}, message {infinite[0] + 1}: a value is infinite ({request.place})"
+            )
         return Series(t_ns, values, f"{self.path.name} {topic}").keep(np.isfinite(rows).all(axis=1))
 
 

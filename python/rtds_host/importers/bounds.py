@@ -15,8 +15,8 @@ from rosbags.rosbag2 import Reader
 
 from rtds_host.errors import InputError
 
-# A chunk or a message lies in memory as a whole; recorders write chunks of a megabyte, pictures have ten. A bag as a whole
-# is gone through chunk by chunk: what takes longer than some minutes to unpack is cut down by its owner first.
+# A chunk or a message lies in memory as a whole; recorders write chunks of a megabyte, pictures have ten. A bag as a
+# whole is gone through chunk by chunk: what takes longer than some minutes to unpack is cut down by its owner first.
 LARGEST_PIECE, LARGEST_BAG = 2**28, 2**34
 STEP = 2**20
 MCAP_MAGIC, ZSTD_MAGIC = b"\x89MCAP0\r\n", b"\x28\xb5\x2f\xfd"
@@ -24,11 +24,13 @@ CHUNK = 0x06
 
 
 def _size(compression: str, data: bytes, most: int) -> int:
-    """Bytes that some data unpack to, counted until there are more than `most`; damaged data count as what came of them."""
+    """Bytes that some data unpack to, counted until there are more than `most`; damaged data count as what came of
+    them.
+    """
     if not compression:
         return len(data)
     if compression not in ("zstd", "lz4"):
-        return 0                                   # the reader knows no other, and says so
+        return 0  # the reader knows no other, and says so
     count = 0
     while data and count <= most:
         unpack = zstd.ZstdDecompressor() if compression == "zstd" else LZ4FrameDecompressor()
@@ -89,8 +91,10 @@ def check_bag(path: Path) -> None:
             most = min(LARGEST_BAG, disk_usage(tempfile.gettempdir()).free)
             with open(file, "rb") as stream:
                 if _streamed(stream, most) > most:
-                    raise InputError(f"{file}: would unpack to more than {_gib(most)}, which is the most that is read; cut "
-                                     "it down with `ros2 bag convert`")
+                    raise InputError(
+                        f"{file}: would unpack to more than {_gib(most)}, which is the most that is read; cut "
+                        "it down with `ros2 bag convert`"
+                    )
     if path.is_dir() and (path / "metadata.yaml").is_file():
         _check_messages(path)
 
@@ -118,11 +122,15 @@ def _check_mcap(file: Path) -> None:
     for compression, declared, data in _chunks(file):
         size = declared if declared > LARGEST_PIECE else max(declared, _size(compression, data, LARGEST_PIECE))
         if size > LARGEST_PIECE:
-            raise InputError(f"{file}: a chunk of {len(data)} bytes would unpack to {_gib(size)} or more, at most "
-                             f"{_gib(LARGEST_PIECE)} are read at once")
+            raise InputError(
+                f"{file}: a chunk of {len(data)} bytes would unpack to {_gib(size)} or more, at most "
+                f"{_gib(LARGEST_PIECE)} are read at once"
+            )
         total += size
         if total > LARGEST_BAG:
-            raise InputError(f"{file}: would unpack to more than {_gib(LARGEST_BAG)}; cut it down with `ros2 bag convert`")
+            raise InputError(
+                f"{file}: would unpack to more than {_gib(LARGEST_BAG)}; cut it down with `ros2 bag convert`"
+            )
 
 
 def _check_sqlite(file: Path) -> None:
@@ -141,7 +149,10 @@ def _check_sqlite(file: Path) -> None:
 
 def _check_messages(path: Path) -> None:
     """Messages that are compressed one by one."""
-    if "message" not in (path / "metadata.yaml").read_text(errors="replace").lower().partition("compression_mode:")[2][:20]:
+    if (
+        "message"
+        not in (path / "metadata.yaml").read_text(errors="replace").lower().partition("compression_mode:")[2][:20]
+    ):
         return
     with Reader(path) as reader:
         total = 0
@@ -150,6 +161,8 @@ def _check_messages(path: Path) -> None:
                 size = _size("zstd", data, LARGEST_PIECE) if data[:4] == ZSTD_MAGIC else len(data)
                 total += size
                 if size > LARGEST_PIECE or total > LARGEST_BAG:
-                    raise InputError(f"{path}: topic {connection.topic}: a message of {len(data)} bytes would unpack to "
-                                     f"{_gib(size)} or more, at most {_gib(LARGEST_PIECE)} are read at once, "
-                                     f"{_gib(LARGEST_BAG)} in all")
+                    raise InputError(
+                        f"{path}: topic {connection.topic}: a message of {len(data)} bytes would unpack to "
+                        f"{_gib(size)} or more, at most {_gib(LARGEST_PIECE)} are read at once, "
+                        f"{_gib(LARGEST_BAG)} in all"
+                    )

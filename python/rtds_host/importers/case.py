@@ -26,8 +26,8 @@ SERVO_KEYS = ("kp_v_s_per_rad", "ki_v_per_rad", "limit_v", "period_s")
 
 @dataclass(frozen=True)
 class ImportedRun:
-    """What became of one recording: the run's name, its columns, the start on the recording's clock, notices; `assumed`: which
-    mapping and which nominal robot it was read with, and who said so."""
+    """What became of one recording: the run's name, its columns, the start on the recording's clock, notices;
+    `assumed`: which mapping and which nominal robot it was read with, and who said so."""
 
     name: str
     imported: Imported
@@ -35,10 +35,20 @@ class ImportedRun:
     assumed: str = ""
 
 
-def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, robot: str | None = None,
-                mapping: str | os.PathLike | None = None, append: bool = False, names: Sequence[str] = (),
-                meta: RunMeta | None = None, start_s: float = 0.0, end_s: float = math.inf,
-                trust_units: bool = False, form: str = "csv", namespace: str | None = None) -> list[ImportedRun]:
+def import_case(
+    sources: Sequence[str | os.PathLike],
+    out: str | os.PathLike,
+    robot: str | None = None,
+    mapping: str | os.PathLike | None = None,
+    append: bool = False,
+    names: Sequence[str] = (),
+    meta: RunMeta | None = None,
+    start_s: float = 0.0,
+    end_s: float = math.inf,
+    trust_units: bool = False,
+    form: str = "csv",
+    namespace: str | None = None,
+) -> list[ImportedRun]:
     """Import bags or tables as the runs of one case; the folder is complete afterwards, or untouched.
 
     Parameters
@@ -79,8 +89,10 @@ def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, ro
     mapped = load_mapping(mapping)
     parts = [(path, part) for path in paths for part in (tests_in(read_sysid(path)) if is_sysid(path) else [""])]
     # One file of several tests: the tests name the runs.
-    stems = [Path(part) if part and len(paths) == 1 else path.with_name(f"{path.stem}-{part}") if part else path
-             for path, part in parts]
+    stems = [
+        Path(part) if part and len(paths) == 1 else path.with_name(f"{path.stem}-{part}") if part else path
+        for path, part in parts
+    ]
     exists = out.is_dir() and any(out.iterdir())
     if exists and not append:
         raise InputError(f"{out}: exists already; --append adds runs to it")
@@ -94,7 +106,7 @@ def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, ro
             raise InputError(f"{out}: no nominal robot: give --robot NAME or --robot FILE (or robot = in the mapping)")
         if os.path.sep not in name and not name.endswith(".toml"):
             nominal_path = builtin_robot_path(name)
-        else:                       # a mapping's path is relative to the mapping
+        else:  # a mapping's path is relative to the mapping
             nominal_path = Path(name) if robot is not None else mapped.path.parent / name
     nominal = load_robot(nominal_path)
     whose = "given" if robot is not None else "the case's" if append else "the mapping's; --robot NAME for another"
@@ -104,12 +116,22 @@ def import_case(sources: Sequence[str | os.PathLike], out: str | os.PathLike, ro
     for (path, part), name in zip(parts, _names(stems, names, out if append else None), strict=True):
         said = replace(meta, **mapped.runs.get(name, {}))
         _check_meta(mapped.path, name, said)
-        imported = assemble(path, mapped, nominal, start_s, end_s, trust_units, said.slope_rad != 0.0, form, namespace, part)
+        imported = assemble(
+            path, mapped, nominal, start_s, end_s, trust_units, said.slope_rad != 0.0, form, namespace, part
+        )
         if runs and imported.mode != runs[0].imported.mode:
-            raise InputError(f"{path}: holds {imported.mode} commands, {runs[0].imported.path} holds "
-                             f"{runs[0].imported.mode} commands; all runs of a case need the same")
-        runs.append(ImportedRun(name, imported, replace(said, scenario=said.scenario or name,
-                                                        notes=said.notes or _origin(path, mapped, imported)), assumed))
+            raise InputError(
+                f"{path}: holds {imported.mode} commands, {runs[0].imported.path} holds "
+                f"{runs[0].imported.mode} commands; all runs of a case need the same"
+            )
+        runs.append(
+            ImportedRun(
+                name,
+                imported,
+                replace(said, scenario=said.scenario or name, notes=said.notes or _origin(path, mapped, imported)),
+                assumed,
+            )
+        )
 
     for k, run in enumerate(runs):
         if mapped.driver.get("bus") == "measured" and "v_bus" not in run.imported.columns:
@@ -161,8 +183,10 @@ def _check_meta(path: Path, name: str, meta: RunMeta) -> None:
     for key, (low, high) in bounds.items():
         value = getattr(meta, key)
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-            raise InputError(f"run {name}: {key} is {value!r}, a number within {low:g} to {high:g} is needed "
-                             f"(option, or [runs] in {path})")
+            raise InputError(
+                f"run {name}: {key} is {value!r}, a number within {low:g} to {high:g} is needed "
+                f"(option, or [runs] in {path})"
+            )
     for key in ("scenario", "notes"):
         if not isinstance(getattr(meta, key), str):
             raise InputError(f"run {name}: {key} is {getattr(meta, key)!r}, a text is needed ([runs] in {path})")
@@ -194,8 +218,10 @@ def case_robot(path: Path, nominal: Robot, mapping: Mapping, mode: str) -> str:
         servo = {"limit_v": nominal.supply_v, **data.get("servo", {}), **mapping.servo}
         missing = [key for key in SERVO_KEYS if key not in servo]
         if missing:
-            raise InputError(f"{mapping.path}: [servo] {missing[0]}: missing; a log without voltages needs the inner "
-                             "speed loop, in the mapping or in the robot")
+            raise InputError(
+                f"{mapping.path}: [servo] {missing[0]}: missing; a log without voltages needs the inner "
+                "speed loop, in the mapping or in the robot"
+            )
         blocks["servo"] = {key: servo[key] for key in SERVO_KEYS}
     dropped = {"driver", "servo"}
     if mapping.sensors:
@@ -212,18 +238,33 @@ def case_robot(path: Path, nominal: Robot, mapping: Mapping, mode: str) -> str:
     while kept and not kept[-1].strip():
         kept.pop()
     for name, table in blocks.items():
-        kept += ["", f"[{name}]" + {"driver": "                                    # set by rtds import",
-                                    "servo": "                                     # nominal inner speed loop"}.get(name, "")]
-        kept += [f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value!r}" for key, value in table.items()]
+        kept += [
+            "",
+            f"[{name}]"
+            + {
+                "driver": "                                    # set by rtds import",
+                "servo": "                                     # nominal inner speed loop",
+            }.get(name, ""),
+        ]
+        kept += [
+            f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value!r}" for key, value in table.items()
+        ]
     return "\n".join(kept) + "\n"
 
 
 def _same_robot(path: Path, there: Robot, new: Robot) -> None:
     if there.driver.mode != new.driver.mode:
-        raise InputError(f"{path}: the case holds {there.driver.mode} commands, the recording holds {new.driver.mode} "
-                         "commands; all runs of a case need the same")
+        raise InputError(
+            f"{path}: the case holds {there.driver.mode} commands, the recording holds {new.driver.mode} "
+            "commands; all runs of a case need the same"
+        )
     if replace(there, name="") != replace(new, name=""):
-        parts = [key for key in ("motor", "supply_v", "chassis", "axis", "driver", "servo", "sensors")
-                 if getattr(there, key) != getattr(new, key)]
-        raise InputError(f"{path}: the case's robot differs from the recording's in {', '.join(parts)}; "
-                         "all runs of a case belong to one robot")
+        parts = [
+            key
+            for key in ("motor", "supply_v", "chassis", "axis", "driver", "servo", "sensors")
+            if getattr(there, key) != getattr(new, key)
+        ]
+        raise InputError(
+            f"{path}: the case's robot differs from the recording's in {', '.join(parts)}; "
+            "all runs of a case belong to one robot"
+        )

@@ -1,7 +1,9 @@
-"""Checks of an MCAP file that its reader leaves out: the checksums outside of its chunks, and the summary within itself.
+"""Checks of an MCAP file that its reader leaves out: the checksums outside of its chunks, and the summary within
+itself.
 
-The reader finds topics and chunks by the summary at the end of the file and believes it: a flipped bit there takes a topic
-away without a word. Source: the MCAP format specification (mcap.dev/spec), records DataEnd, Footer and Statistics.
+The reader finds topics and chunks by the summary at the end of the file and believes it: a flipped bit there takes a
+topic away without a word. Source: the MCAP format specification (mcap.dev/spec), records DataEnd, Footer and
+Statistics.
 """
 
 from __future__ import annotations
@@ -15,9 +17,9 @@ from rosbags.rosbag2 import ReaderError
 MAGIC = b"\x89MCAP0\r\n"
 CHANNEL, STATISTICS = 0x04, 0x0B
 _STEP = 1 << 20
-_FOOTER = struct.Struct("<BQQQI8s")     # opcode, length, start of the summary, of its offsets, its CRC, magic
-_DATA_END = struct.Struct("<BQI")       # opcode, length, CRC of all before it
-_COUNTS_AT = 46                         # of a Statistics record: after the totals and the length of the map
+_FOOTER = struct.Struct("<BQQQI8s")  # opcode, length, start of the summary, of its offsets, its CRC, magic
+_DATA_END = struct.Struct("<BQI")  # opcode, length, CRC of all before it
+_COUNTS_AT = 46  # of a Statistics record: after the totals and the length of the map
 
 
 def check_mcap(file: Path) -> None:
@@ -55,7 +57,7 @@ def check_mcap(file: Path) -> None:
         summary = stream.read(size - len(MAGIC) - 4 - start)
     if expected and crc32(summary) != expected:
         raise ReaderError("the checksum of its summary is another")
-    _check_summary(summary[:-(_FOOTER.size - len(MAGIC) - 4)])
+    _check_summary(summary[: -(_FOOTER.size - len(MAGIC) - 4)])
 
 
 def _check_summary(summary: bytes) -> None:
@@ -63,12 +65,12 @@ def _check_summary(summary: bytes) -> None:
     channels, counted, at = set(), {}, 0
     while at + 9 <= len(summary):
         opcode, length = struct.unpack_from("<BQ", summary, at)
-        record, at = summary[at + 9:at + 9 + length], at + 9 + length
+        record, at = summary[at + 9 : at + 9 + length], at + 9 + length
         if opcode == CHANNEL and len(record) >= 2:
             channels.add(struct.unpack_from("<H", record)[0])
         elif opcode == STATISTICS:
             whole = record[_COUNTS_AT:]
-            counted = dict(struct.iter_unpack("<HQ", whole[:len(whole) // 10 * 10]))
+            counted = dict(struct.iter_unpack("<HQ", whole[: len(whole) // 10 * 10]))
     lost = [number for number, count in counted.items() if count and number not in channels]
     if channels and lost:
         raise ReaderError(f"its summary counts messages of channel {lost[0]}, of which it says nothing else")

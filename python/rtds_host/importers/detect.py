@@ -10,8 +10,13 @@ from rtds_host.importers.mapping import Mapping
 from rtds_host.importers.sysid import is_sysid, test_of
 
 # Topics (their ends, for they may be in a namespace) that only one kind of robot has; the first that is there counts.
-TELLING = (("create3", "/wheel_vels"), ("jackal", "/platform/feedback"), ("jackal", "/feedback"), ("turtlebot3", "/sensor_state"),
-           ("turtlebot3_gazebo", "/clock"))
+TELLING = (
+    ("create3", "/wheel_vels"),
+    ("jackal", "/platform/feedback"),
+    ("jackal", "/feedback"),
+    ("turtlebot3", "/sensor_state"),
+    ("turtlebot3_gazebo", "/clock"),
+)
 
 
 def likely_mapping(path: Path) -> str:

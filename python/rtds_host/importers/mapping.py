@@ -129,8 +129,10 @@ def load_mapping(path_or_name: str | os.PathLike, above: tuple[str, ...] = ()) -
     path = Path(path_or_name)
     if not path.exists() and path.name == str(path_or_name) and path.suffix != ".toml":
         if path.name not in builtin_mappings():
-            raise InputError(f"mapping {str(path_or_name)!r}: unknown (known: {', '.join(builtin_mappings())}; or give "
-                             f"the path of a .toml file){did_you_mean(path.name, builtin_mappings())}")
+            raise InputError(
+                f"mapping {str(path_or_name)!r}: unknown (known: {', '.join(builtin_mappings())}; or give "
+                f"the path of a .toml file){did_you_mean(path.name, builtin_mappings())}"
+            )
         path = _folder() / f"{path.name}.toml"
     try:
         data = tomllib.loads(regular_bytes(path).decode("utf-8-sig"))
@@ -160,23 +162,36 @@ class _Parser:
     def only(self, place: str, table: dict, allowed: tuple[str, ...]) -> None:
         for key in table:
             if key not in allowed:
-                raise self.fail(place, f"key {key!r} is unknown, known are {', '.join(allowed)}{did_you_mean(key, allowed)}")
+                raise self.fail(
+                    place, f"key {key!r} is unknown, known are {', '.join(allowed)}{did_you_mean(key, allowed)}"
+                )
 
-    def number(self, place: str, table: dict, key: str, default: float | None, positive: bool = False,
-               low: float = -math.inf, high: float = math.inf) -> float | None:
+    def number(
+        self,
+        place: str,
+        table: dict,
+        key: str,
+        default: float | None,
+        positive: bool = False,
+        low: float = -math.inf,
+        high: float = math.inf,
+    ) -> float | None:
         if key not in table:
             return default
         value = table[key]
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
             raise self.fail(place, f"{key} is {str(value)[:20]}, a finite number is needed")
         if positive and value <= 0 or value < low:
-            raise self.fail(place, f"{key} is {value:g}, it must be " + ("above 0" if positive else f"at least {low:g}"))
+            raise self.fail(
+                place, f"{key} is {value:g}, it must be " + ("above 0" if positive else f"at least {low:g}")
+            )
         if value > high:
             raise self.fail(place, f"{key} is {value:g}, it must be at most {high:g}")
         return float(value)
 
-    def text(self, place: str, table: dict, key: str, default: str | None,
-             choices: tuple[str, ...] | None = None) -> str | None:
+    def text(
+        self, place: str, table: dict, key: str, default: str | None, choices: tuple[str, ...] | None = None
+    ) -> str | None:
         if key not in table:
             return default
         value = table[key]
@@ -189,8 +204,26 @@ class _Parser:
     def mapping(self, data: dict) -> Mapping:
         if data.get("schema") != SCHEMA:
             raise InputError(f"{self.path}: schema: is {data.get('schema')!r}, this program reads {SCHEMA!r}")
-        self.only("top level", data, ("schema", "name", "robot", "base", "time", "table", "signal", "twist", "commands",
-                                      "driver", "servo", "sensors", "definitions", "runs"))
+        self.only(
+            "top level",
+            data,
+            (
+                "schema",
+                "name",
+                "robot",
+                "base",
+                "time",
+                "table",
+                "signal",
+                "twist",
+                "commands",
+                "driver",
+                "servo",
+                "sensors",
+                "definitions",
+                "runs",
+            ),
+        )
         base = self.text("base", data, "base", None)
         below = load_mapping(base, self.above) if base else Mapping(self.path, self.path.stem)
 
@@ -205,8 +238,11 @@ class _Parser:
         for channel, entry in self.table(data, "signal").items():
             place = f"[signal.{channel}]"
             if channel not in QUANTITY:
-                raise self.fail(place, f"is no channel of the contract, channels are {', '.join(QUANTITY)}"
-                                       f"{did_you_mean(channel, QUANTITY)}")
+                raise self.fail(
+                    place,
+                    f"is no channel of the contract, channels are {', '.join(QUANTITY)}"
+                    f"{did_you_mean(channel, QUANTITY)}",
+                )
             entries = entry if isinstance(entry, list) else [entry]
             if not all(isinstance(item, dict) for item in entries):
                 raise self.fail(place, "must be a table or a list of tables")
@@ -239,16 +275,25 @@ class _Parser:
         if len(delimiter) != 1 or delimiter in '"\r\n ' or delimiter == decimal:
             raise self.fail("[table]", f"delimiter is {delimiter!r}, one character is needed that stands in no number")
         return Mapping(
-            path=self.path, name=self.text("name", data, "name", self.path.stem),
-            robot=self.text("robot", data, "robot", below.robot), signals=signals, twist=twist,
+            path=self.path,
+            name=self.text("name", data, "name", self.path.stem),
+            robot=self.text("robot", data, "robot", below.robot),
+            signals=signals,
+            twist=twist,
             time_source=self.text("[time]", time, "source", below.time_source, ("header", "record")),
             time_column=self.text("[time]", time, "column", below.time_column),
             time_unit=self.text("[time]", time, "unit", below.time_unit, tuple(FIXED["time"])),
             delimiter=delimiter,
-            decimal=decimal, skip_rows=int(self.number("[table]", table, "skip_rows", below.skip_rows, low=0)),
+            decimal=decimal,
+            skip_rows=int(self.number("[table]", table, "skip_rows", below.skip_rows, low=0)),
             before_first=self.number("[commands]", commands, "before_first", below.before_first),
             timeout_s=self.number("[commands]", commands, "timeout_s", below.timeout_s, positive=True),
-            driver=driver, servo=servo, sensors=sensors, definitions=definitions, runs=runs)
+            driver=driver,
+            servo=servo,
+            sensors=sensors,
+            definitions=definitions,
+            runs=runs,
+        )
 
     def apart(self, signals: dict[str, tuple[Source, ...]]) -> None:
         """One number of a log cannot be two measurements, nor a command and what came of it."""
@@ -260,8 +305,10 @@ class _Parser:
                     continue
                 other = owner.setdefault(source.where, channel)
                 if other != channel and not {other[:5], channel[:5]} <= {"v_cmd", "w_cmd"}:
-                    raise self.fail(f"[signal.{channel}]", f"is the same {source.named} as [signal.{other}], one of the two "
-                                                           "is something else")
+                    raise self.fail(
+                        f"[signal.{channel}]",
+                        f"is the same {source.named} as [signal.{other}], one of the two is something else",
+                    )
 
     def source(self, place: str, channel: str, table: dict) -> Source:
         allowed = tuple(f.name for f in fields(Source) if f.name not in ("place", "channel"))
@@ -286,14 +333,22 @@ class _Parser:
         if number(place, table, "scale", 1.0) == 0:
             raise self.fail(place, "scale is 0, nothing would be left of the channel")
         return Source(
-            place=f"{self.path}: {place}", channel=channel, pair=pair,
+            place=f"{self.path}: {place}",
+            channel=channel,
+            pair=pair,
             **{key: self.text(place, table, key, None) for key in ("topic", "field", "joint", "column", "unit")},
-            scale=number(place, table, "scale", 1.0), offset=number(place, table, "offset", 0.0),
+            scale=number(place, table, "scale", 1.0),
+            offset=number(place, table, "offset", 0.0),
             reverse=table.get("reverse", False),
-            **{key: number(place, table, key, None, positive=True)
-               for key in ("full_scale", "counts_per_rev", "wheel_radius_m", "track_width_m", "wraps_at")},
-            shaft=self.text(place, table, "shaft", "wheel", ("wheel", "motor")), late_samples=int(late),
-            late_s=number(place, table, "late_s", 0.0, low=-LATEST_S, high=LATEST_S), use=self.text(place, table, "use", "all", ("all", "start")))
+            **{
+                key: number(place, table, key, None, positive=True)
+                for key in ("full_scale", "counts_per_rev", "wheel_radius_m", "track_width_m", "wraps_at")
+            },
+            shaft=self.text(place, table, "shaft", "wheel", ("wheel", "motor")),
+            late_samples=int(late),
+            late_s=number(place, table, "late_s", 0.0, low=-LATEST_S, high=LATEST_S),
+            use=self.text(place, table, "use", "all", ("all", "start")),
+        )
 
     def twist(self, table: dict) -> Twist:
         place = "[twist]"
@@ -303,8 +358,10 @@ class _Parser:
             raise self.fail(place, "needs a topic (bags), or the columns linear and angular (tables)")
         number = self.number
         return Twist(
-            place=f"{self.path}: {place}", topic=self.text(place, table, "topic", None),
-            linear=self.text(place, table, "linear", None), angular=self.text(place, table, "angular", None),
+            place=f"{self.path}: {place}",
+            topic=self.text(place, table, "topic", None),
+            linear=self.text(place, table, "linear", None),
+            angular=self.text(place, table, "angular", None),
             linear_unit=self.text(place, table, "linear_unit", "m/s", ("m/s", "mm/s")),
             angular_unit=self.text(place, table, "angular_unit", "rad/s", tuple(FIXED["rate"])),
             cut=number(place, table, "cut", 0.0, low=0.0),
@@ -313,4 +370,5 @@ class _Parser:
             wheel_radius_m=number(place, table, "wheel_radius_m", None, positive=True),
             track_width_m=number(place, table, "track_width_m", None, positive=True),
             wheel_cut_rad_s=number(place, table, "wheel_cut_rad_s", 0.0, low=0.0),
-            wheel_limit_rad_s=number(place, table, "wheel_limit_rad_s", math.inf, positive=True))
+            wheel_limit_rad_s=number(place, table, "wheel_limit_rad_s", math.inf, positive=True),
+        )

@@ -39,10 +39,10 @@ def topic_name(text: str) -> str:
 def write_comparison(path: str | os.PathLike, runs: Sequence[Compared]) -> None:
     """Write runs as one MCAP file of ROS 2 messages, whole or not at all.
 
-    Topics are /measured/w_l, /nominal/w_l, /corrected/w_l and so on, one std_msgs/Float64 a channel, with /measured/odom,
-    /nominal/odom, /corrected/odom (nav_msgs/Odometry, frame "odom") for the pose, and /command/v_cmd_l; of several runs
-    each under its own name (/spin/measured/w_l). Every run begins at time 0, so that they lie over each other. A row without a
-    sample of a channel leaves no message of it.
+    Topics are /measured/w_l, /nominal/w_l, /corrected/w_l and so on, one std_msgs/Float64 a channel, with
+    /measured/odom, /nominal/odom, /corrected/odom (nav_msgs/Odometry, frame "odom") for the pose, and /command/v_cmd_l;
+    of several runs each under its own name (/spin/measured/w_l). Every run begins at time 0, so that they lie over each
+    other. A row without a sample of a channel leaves no message of it.
 
     Raises
     ------
@@ -79,16 +79,29 @@ def write_comparison(path: str | os.PathLike, runs: Sequence[Compared]) -> None:
                             put(f"{space}/{source}/{channel}", "std_msgs/Float64", {"data": float(values[k])}, now)
                     pose = [float(columns[c][k]) for c in POSE if c in columns]
                     if len(pose) == len(POSE) and all(map(math.isfinite, pose)):
-                        put(f"{space}/{source}/odom", "nav_msgs/Odometry", _odometry(pose, now, f"{space}/{source}"), now)
+                        put(
+                            f"{space}/{source}/odom",
+                            "nav_msgs/Odometry",
+                            _odometry(pose, now, f"{space}/{source}"),
+                            now,
+                        )
     write_atomic(path, buffer.getvalue())
 
 
 def _odometry(pose: Sequence[float], now: int, frame: str) -> dict:
     x, y, yaw = pose
-    return {"header": {"stamp": {"sec": now // NS, "nanosec": now % NS}, "frame_id": "odom"},
-            "child_frame_id": frame.lstrip("/") + "/base_footprint",
-            "pose": {"pose": {"position": {"x": x, "y": y, "z": 0.0},
-                              "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(yaw / 2.0), "w": math.cos(yaw / 2.0)}},
-                     "covariance": NO_COVARIANCE},
-            "twist": {"twist": {"linear": {"x": 0.0, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}},
-                      "covariance": NO_COVARIANCE}}
+    return {
+        "header": {"stamp": {"sec": now // NS, "nanosec": now % NS}, "frame_id": "odom"},
+        "child_frame_id": frame.lstrip("/") + "/base_footprint",
+        "pose": {
+            "pose": {
+                "position": {"x": x, "y": y, "z": 0.0},
+                "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(yaw / 2.0), "w": math.cos(yaw / 2.0)},
+            },
+            "covariance": NO_COVARIANCE,
+        },
+        "twist": {
+            "twist": {"linear": {"x": 0.0, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}},
+            "covariance": NO_COVARIANCE,
+        },
+    }

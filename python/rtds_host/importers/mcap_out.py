@@ -17,7 +17,7 @@ JOINTS = {"l": "wheel_left_joint", "r": "wheel_right_joint"}
 # One plain number a topic: no standard message carries a commanded voltage or a motor's current.
 PLAIN = ("v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r", "i_l", "i_r", "w_ref_l", "w_ref_r")
 NO_COVARIANCE = [0.0] * 36
-UNKNOWN = [-1.0] + [0.0] * 8        # sensor_msgs/Imu: "no estimate of this"
+UNKNOWN = [-1.0] + [0.0] * 8  # sensor_msgs/Imu: "no estimate of this"
 
 
 def write_mcap(path: str | os.PathLike, run: RunLog, robot: Robot | None = None, start_ns: int = 0) -> None:
@@ -59,27 +59,57 @@ def write_mcap(path: str | os.PathLike, run: RunLog, robot: Robot | None = None,
                     put(f"/{name}", "std_msgs/Float64", {"data": float(columns[name][k])}, now)
             moving, turned = np.isfinite(speeds[k]).any(), np.isfinite(angles[k]).any()
             if moving or turned:
-                put("/joint_states", "sensor_msgs/JointState", {
-                    "header": {"stamp": stamp, "frame_id": "base_link"}, "name": [JOINTS[s] for s in sides],
-                    "position": angles[k].tolist() if turned else [],
-                    "velocity": speeds[k].tolist() if moving else [], "effort": []}, now)
+                put(
+                    "/joint_states",
+                    "sensor_msgs/JointState",
+                    {
+                        "header": {"stamp": stamp, "frame_id": "base_link"},
+                        "name": [JOINTS[s] for s in sides],
+                        "position": angles[k].tolist() if turned else [],
+                        "velocity": speeds[k].tolist() if moving else [],
+                        "effort": [],
+                    },
+                    now,
+                )
             rate = columns.get("gyro_z", empty)[k]
             if math.isfinite(rate):
-                put("/imu", "sensor_msgs/Imu", {
-                    "header": {"stamp": stamp, "frame_id": "imu_link"},
-                    "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}, "orientation_covariance": UNKNOWN,
-                    "angular_velocity": {"x": 0.0, "y": 0.0, "z": float(rate)},
-                    "angular_velocity_covariance": [0.0] * 9,
-                    "linear_acceleration": {"x": 0.0, "y": 0.0, "z": 0.0},
-                    "linear_acceleration_covariance": UNKNOWN}, now)
+                put(
+                    "/imu",
+                    "sensor_msgs/Imu",
+                    {
+                        "header": {"stamp": stamp, "frame_id": "imu_link"},
+                        "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+                        "orientation_covariance": UNKNOWN,
+                        "angular_velocity": {"x": 0.0, "y": 0.0, "z": float(rate)},
+                        "angular_velocity_covariance": [0.0] * 9,
+                        "linear_acceleration": {"x": 0.0, "y": 0.0, "z": 0.0},
+                        "linear_acceleration_covariance": UNKNOWN,
+                    },
+                    now,
+                )
             bus = columns.get("v_bus", empty)[k]
             if math.isfinite(bus):
-                put("/battery_state", "sensor_msgs/BatteryState", {
-                    "header": {"stamp": stamp, "frame_id": ""}, "voltage": float(bus), "present": True,
-                    **{key: math.nan for key in ("temperature", "current", "charge", "capacity", "design_capacity",
-                                                 "percentage")},
-                    "power_supply_status": 0, "power_supply_health": 0, "power_supply_technology": 0,
-                    "cell_voltage": [], "cell_temperature": [], "location": "", "serial_number": ""}, now)
+                put(
+                    "/battery_state",
+                    "sensor_msgs/BatteryState",
+                    {
+                        "header": {"stamp": stamp, "frame_id": ""},
+                        "voltage": float(bus),
+                        "present": True,
+                        **{
+                            key: math.nan
+                            for key in ("temperature", "current", "charge", "capacity", "design_capacity", "percentage")
+                        },
+                        "power_supply_status": 0,
+                        "power_supply_health": 0,
+                        "power_supply_technology": 0,
+                        "cell_voltage": [],
+                        "cell_temperature": [],
+                        "location": "",
+                        "serial_number": "",
+                    },
+                    now,
+                )
             x, y, yaw = (columns.get(name, empty)[k] for name in ("x", "y", "yaw"))
             if math.isfinite(x) and math.isfinite(y) and math.isfinite(yaw):
                 turn = {"x": 0.0, "y": 0.0, "z": math.sin(yaw / 2.0), "w": math.cos(yaw / 2.0)}
@@ -87,13 +117,38 @@ def write_mcap(path: str | os.PathLike, run: RunLog, robot: Robot | None = None,
                 forward = spin = math.nan
                 if robot is not None and robot.chassis is not None and len(sides) == 2:
                     forward = robot.chassis.wheel_radius_m * float(speeds[k].sum()) / 2.0
-                    spin = robot.chassis.wheel_radius_m * float(speeds[k, 1] - speeds[k, 0]) / robot.chassis.track_width_m
-                put("/odom", "nav_msgs/Odometry", {
-                    "header": {"stamp": stamp, "frame_id": "odom"}, "child_frame_id": "base_footprint",
-                    "pose": {"pose": {"position": place, "orientation": turn}, "covariance": NO_COVARIANCE},
-                    "twist": {"twist": {"linear": {"x": forward, "y": 0.0, "z": 0.0},
-                                        "angular": {"x": 0.0, "y": 0.0, "z": spin}}, "covariance": NO_COVARIANCE}}, now)
-                put("/tf", "tf2_msgs/TFMessage", {"transforms": [{
-                    "header": {"stamp": stamp, "frame_id": "odom"}, "child_frame_id": "base_footprint",
-                    "transform": {"translation": place, "rotation": turn}}]}, now)
+                    spin = (
+                        robot.chassis.wheel_radius_m * float(speeds[k, 1] - speeds[k, 0]) / robot.chassis.track_width_m
+                    )
+                put(
+                    "/odom",
+                    "nav_msgs/Odometry",
+                    {
+                        "header": {"stamp": stamp, "frame_id": "odom"},
+                        "child_frame_id": "base_footprint",
+                        "pose": {"pose": {"position": place, "orientation": turn}, "covariance": NO_COVARIANCE},
+                        "twist": {
+                            "twist": {
+                                "linear": {"x": forward, "y": 0.0, "z": 0.0},
+                                "angular": {"x": 0.0, "y": 0.0, "z": spin},
+                            },
+                            "covariance": NO_COVARIANCE,
+                        },
+                    },
+                    now,
+                )
+                put(
+                    "/tf",
+                    "tf2_msgs/TFMessage",
+                    {
+                        "transforms": [
+                            {
+                                "header": {"stamp": stamp, "frame_id": "odom"},
+                                "child_frame_id": "base_footprint",
+                                "transform": {"translation": place, "rotation": turn},
+                            }
+                        ]
+                    },
+                    now,
+                )
     write_atomic(path, buffer.getvalue())

@@ -19,21 +19,21 @@ FIELDS = {
     "geometry_msgs/TwistWithCovariance": "geometry_msgs/Twist twist\nfloat64[36] covariance",
     "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
     "geometry_msgs/TransformStamped": "std_msgs/Header header\nstring child_frame_id\n"
-                                      "geometry_msgs/Transform transform",
+    "geometry_msgs/Transform transform",
     "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "nav_msgs/Odometry": "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
-                         "geometry_msgs/TwistWithCovariance twist",
+    "geometry_msgs/TwistWithCovariance twist",
     "sensor_msgs/JointState": "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n"
-                              "float64[] effort",
+    "float64[] effort",
     "sensor_msgs/Imu": "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\n"
-                       "float64[9] orientation_covariance\ngeometry_msgs/Vector3 angular_velocity\n"
-                       "float64[9] angular_velocity_covariance\ngeometry_msgs/Vector3 linear_acceleration\n"
-                       "float64[9] linear_acceleration_covariance",
+    "float64[9] orientation_covariance\ngeometry_msgs/Vector3 angular_velocity\n"
+    "float64[9] angular_velocity_covariance\ngeometry_msgs/Vector3 linear_acceleration\n"
+    "float64[9] linear_acceleration_covariance",
     "sensor_msgs/BatteryState": "std_msgs/Header header\nfloat32 voltage\nfloat32 temperature\nfloat32 current\n"
-                                "float32 charge\nfloat32 capacity\nfloat32 design_capacity\nfloat32 percentage\n"
-                                "uint8 power_supply_status\nuint8 power_supply_health\n"
-                                "uint8 power_supply_technology\nbool present\nfloat32[] cell_voltage\n"
-                                "float32[] cell_temperature\nstring location\nstring serial_number",
+    "float32 charge\nfloat32 capacity\nfloat32 design_capacity\nfloat32 percentage\n"
+    "uint8 power_supply_status\nuint8 power_supply_health\n"
+    "uint8 power_supply_technology\nbool present\nfloat32[] cell_voltage\n"
+    "float32[] cell_temperature\nstring location\nstring serial_number",
 }
 
 

@@ -20,8 +20,10 @@ def mapped_topics(mapping: Mapping) -> set[str]:
 
 def within(mapping: Mapping, namespace: str) -> Mapping:
     """The mapping with all its topics under a namespace."""
-    signals = {channel: tuple(replace(s, topic=namespace + s.topic) if s.topic else s for s in sources)
-               for channel, sources in mapping.signals.items()}
+    signals = {
+        channel: tuple(replace(s, topic=namespace + s.topic) if s.topic else s for s in sources)
+        for channel, sources in mapping.signals.items()
+    }
     twist = mapping.twist
     if twist is not None and twist.topic:
         twist = replace(twist, topic=namespace + twist.topic)
@@ -46,10 +48,14 @@ def find_namespace(path: Path, topics: Iterable[str], mapping: Mapping, asked: s
         space = "" if asked in ("", "/") else "/" + asked.strip("/")
         if space not in counts:
             there = ", ".join(sorted(counts) or ["none"])
-            raise InputError(f"{path}: --namespace {asked}: no topic of the mapping {mapping.name} is there (namespaces: {there})")
+            raise InputError(
+                f"{path}: --namespace {asked}: no topic of the mapping {mapping.name} is there (namespaces: {there})"
+            )
         return space
     if not counts or "" in counts:
         return ""
     if len(counts) > 1:
-        raise InputError(f"{path}: holds the topics of several robots ({', '.join(sorted(counts))}): say which with --namespace")
+        raise InputError(
+            f"{path}: holds the topics of several robots ({', '.join(sorted(counts))}): say which with --namespace"
+        )
     return next(iter(counts))

@@ -62,7 +62,9 @@ def _guess(ratio: float, factors: dict[str, float]) -> str:
 
 
 def faint(signals: dict[str, Series], robot: Robot) -> list[str]:
-    """Channels that change, but by next to nothing: one clause each. A simulator without noise has such channels, too."""
+    """Channels that change, but by next to nothing: one clause each. A simulator without noise has such
+    channels, too.
+    """
     found = []
     for name, series in signals.items():
         noise, moved = robot.noise(name), float(np.ptp(series.values)) if len(series) > 1 else 0.0
@@ -80,8 +82,14 @@ def complaints(signals: dict[str, Series], robot: Robot, mode: str) -> list[str]
     electrical = mode != "torque" and math.isfinite(back_emf) and math.isfinite(motor.resistance_ohm)
     signals = {name: series for name, series in signals.items() if len(series) >= 2}
     radius = robot.chassis.wheel_radius_m if robot.chassis else math.nan
-    speed_factors = {"rpm": 1.0 / RPM, "deg/s": 1.0 / DEGREE, "rev/s": 1.0 / TURN, "m/s": radius, "mm/s": 1e3 * radius,
-                     "rad/s of the motor": motor.gear_ratio}
+    speed_factors = {
+        "rpm": 1.0 / RPM,
+        "deg/s": 1.0 / DEGREE,
+        "rev/s": 1.0 / TURN,
+        "m/s": radius,
+        "mm/s": 1e3 * radius,
+        "rad/s of the motor": motor.gear_ratio,
+    }
 
     if electrical:
         no_load = robot.supply_v / back_emf
@@ -101,8 +109,10 @@ def complaints(signals: dict[str, Series], robot: Robot, mode: str) -> list[str]
             if top > TOLERATED * robot.supply_v:
                 found.append(f"{name} reaches {top:.3g} V at a supply of {robot.supply_v:.3g} V")
             elif f"w_{s}" in signals and _top(signals[f"w_{s}"]) * back_emf > TOLERATED * top:
-                found.append(f"{name} never exceeds {top:.3g} V, too little for the speeds in w_{s}"
-                             + (": is it a duty?" if top <= 1.0 else ""))
+                found.append(
+                    f"{name} never exceeds {top:.3g} V, too little for the speeds in w_{s}"
+                    + (": is it a duty?" if top <= 1.0 else "")
+                )
     if "v_bus" in signals:
         bus = float(np.median(signals["v_bus"].values))
         if not robot.supply_v / TOLERATED < bus < TOLERATED * robot.supply_v:
@@ -142,13 +152,17 @@ def complaints(signals: dict[str, Series], robot: Robot, mode: str) -> list[str]
             left, right = (slope_of(wheel, edges) for wheel in wheels)
             ratio = _ratio(slope(series, edges), radius * (right - left) / robot.chassis.track_width_m)
             if ratio is not None and not 1.0 / TOLERATED < abs(ratio) < TOLERATED:
-                found.append(f"{name} is {ratio:.3g} times what the wheels' speeds make of it"
-                             + _guess(ratio, {"degrees": 1.0 / DEGREE}))
+                found.append(
+                    f"{name} is {ratio:.3g} times what the wheels' speeds make of it"
+                    + _guess(ratio, {"degrees": 1.0 / DEGREE})
+                )
     if "x" in signals and "y" in signals and len(edges := _edges(signals["x"], signals["y"], *wheels)):
         left, right = (slope_of(wheel, edges) for wheel in wheels)
         speed = np.hypot(_slopes(signals["x"], edges), _slopes(signals["y"], edges))
         ratio = _ratio(speed, np.abs(radius * (left + right) / 2.0))
         if ratio is not None and not 1.0 / TOLERATED < ratio < TOLERATED:
-            found.append(f"x and y move {ratio:.3g} times as far as the wheels roll"
-                         + _guess(ratio, {"millimetres": 1e3, "centimetres": 1e2, "kilometres": 1e-3}))
+            found.append(
+                f"x and y move {ratio:.3g} times as far as the wheels roll"
+                + _guess(ratio, {"millimetres": 1e3, "centimetres": 1e2, "kilometres": 1e-3})
+            )
     return found

@@ -39,7 +39,7 @@ class Series:
         elif samples:
             t_ns = t_ns[:0]
         t_ns = np.maximum.accumulate(t_ns) if len(t_ns) else t_ns
-        return replace(self, t_ns=t_ns - round(seconds * NS), values=self.values[len(self) - len(t_ns):])
+        return replace(self, t_ns=t_ns - round(seconds * NS), values=self.values[len(self) - len(t_ns) :])
 
     def last_of_equal_times(self) -> Series:
         """One sample a time: of several with the same time the last."""

@@ -1,9 +1,9 @@
 """WPILib SysId: its JSON files of up to four tests, each a table.
 
-Format: wpilibsuite/sysid, docs/data-collection.md. A test of a drivetrain has rows of time, voltages, positions, velocities
-(left, right), angle and its rate; any other mechanism's of time, voltage, position and velocity. Positions are to be in turns of the
-output, whatever `units` says; not every team's code does so, and the angle's unit is said nowhere. Both are found out here by what
-the nominal motor and the wheels say, or asked for.
+Format: wpilibsuite/sysid, docs/data-collection.md. A test of a drivetrain has rows of time, voltages, positions,
+velocities (left, right), angle and its rate; any other mechanism's of time, voltage, position and velocity. Positions
+are to be in turns of the output, whatever `units` says; not every team's code does so, and the angle's unit is said
+nowhere. Both are found out here by what the nominal motor and the wheels say, or asked for.
 """
 
 from __future__ import annotations
@@ -21,7 +21,17 @@ from rtds_host.importers.mapping import Mapping
 from rtds_host.importers.table import Table
 
 TESTS = ("slow-forward", "slow-backward", "fast-forward", "fast-backward")
-DRIVETRAIN = ("timestamp", "l voltage", "r voltage", "l position", "r position", "l velocity", "r velocity", "angle", "angular rate")
+DRIVETRAIN = (
+    "timestamp",
+    "l voltage",
+    "r voltage",
+    "l position",
+    "r position",
+    "l velocity",
+    "r velocity",
+    "angle",
+    "angular rate",
+)
 SIMPLE = ("timestamp", "voltage", "position", "velocity")
 # Units of `units`, as turns of a wheel of circumference c.
 LENGTHS_M = {"Meters": 1.0, "Feet": 0.3048, "Inches": 0.0254}
@@ -59,8 +69,10 @@ def read_sysid(path: Path) -> dict:
             raise InputError(f"{path}: {name} is no list of rows")
         for number, row in enumerate(rows, start=1):
             if not isinstance(row, list) or len(row) != len(columns):
-                raise InputError(f"{path}: {name}, row {number}: {len(columns)} numbers are needed ({', '.join(columns)}), test "
-                                 f"is {kind!r}")
+                raise InputError(
+                    f"{path}: {name}, row {number}: {len(columns)} numbers are needed ({', '.join(columns)}), test "
+                    f"is {kind!r}"
+                )
             for value in row:
                 if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                     raise InputError(f"{path}: {name}, row {number}: {str(value)[:20]} is no finite number")
@@ -103,12 +115,16 @@ class SysIdTable(Table):
 def check_units(path: Path, robot: Robot) -> list[str]:
     """What speaks against positions in turns of the output; and which unit they seem to be in.
 
-    At a slowly rising voltage a motor's speed is V / (N Kb), near enough: in turns, metres, feet and inches of the same wheel that is
-    another number each.
+    At a slowly rising voltage a motor's speed is V / (N Kb), near enough: in turns, metres, feet and inches of the same
+    wheel that is another number each.
     """
     data = read_sysid(path)
     columns = columns_of(data.get("test", ""))
-    sides = [("l voltage", "l velocity"), ("r voltage", "r velocity")] if columns is DRIVETRAIN else [("voltage", "velocity")]
+    sides = (
+        [("l voltage", "l velocity"), ("r voltage", "r velocity")]
+        if columns is DRIVETRAIN
+        else [("voltage", "velocity")]
+    )
     ratios = []
     motor = robot.motor
     for name in tests_in(data):
@@ -124,8 +140,15 @@ def check_units(path: Path, robot: Robot) -> list[str]:
     ratios = [r for r in ratios if math.isfinite(r) and r > 0]
     if not ratios:
         return [f"{path.name}: there is no slow test, so nothing says whether positions are in turns"]
-    expected = 1.0 / (2.0 * math.pi * motor.gear_ratio * (motor.back_emf_constant_v_s_per_rad + motor.resistance_ohm
-                      * motor.viscous_friction_nm_s_per_rad / motor.torque_constant_nm_per_a))
+    expected = 1.0 / (
+        2.0
+        * math.pi
+        * motor.gear_ratio
+        * (
+            motor.back_emf_constant_v_s_per_rad
+            + motor.resistance_ohm * motor.viscous_friction_nm_s_per_rad / motor.torque_constant_nm_per_a
+        )
+    )
     found = float(np.median(ratios)) / expected
     factors = {unit: 1.0 / turns for unit, turns in TURNS.items()}
     if robot.chassis is not None:

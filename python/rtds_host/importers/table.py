@@ -36,8 +36,10 @@ class Table:
             raise InputError(f"{path}: {'is no file' if path.exists() else 'does not exist'}")
         try:
             if path.stat().st_size > LARGEST_BYTES:
-                raise InputError(f"{path}: is {path.stat().st_size / 2**30:.3g} GiB long, at most {LARGEST_BYTES / 2**30:.2g} "
-                                 "GiB are read; import parts of it (runs of one case)")
+                raise InputError(
+                    f"{path}: is {path.stat().st_size / 2**30:.3g} GiB long, at most {LARGEST_BYTES / 2**30:.2g} "
+                    "GiB are read; import parts of it (runs of one case)"
+                )
             with open(path, "rb") as stream:
                 start = stream.read(4)
             for magic, kind in COMPRESSED.items():
@@ -48,10 +50,11 @@ class Table:
             raise InputError(f"{path}: cannot be read ({error.strerror})") from error
         except UnicodeDecodeError as error:
             raise InputError(f"{path}: is no text (byte {error.start})") from error
-        lines = text.splitlines()[mapping.skip_rows:]
+        lines = text.splitlines()[mapping.skip_rows :]
         if not lines or not lines[0].strip():
-            raise InputError(f"{path}: row {mapping.skip_rows + 1}: a header line with the names of the columns is "
-                             "needed")
+            raise InputError(
+                f"{path}: row {mapping.skip_rows + 1}: a header line with the names of the columns is needed"
+            )
         try:
             rows = list(csv.reader(lines, delimiter=mapping.delimiter))
         except csv.Error as error:
@@ -87,16 +90,20 @@ class Table:
         back = np.flatnonzero(np.diff(relative) < 0)
         if back.size:
             k = int(back[0])
-            raise InputError(f"{path}: row {self.rows[k + 1][0]}: time goes back ({mapping.time_column} is "
-                             f"{t[k]:.10g}, then {t[k + 1]:.10g})")
+            raise InputError(
+                f"{path}: row {self.rows[k + 1][0]}: time goes back ({mapping.time_column} is "
+                f"{t[k]:.10g}, then {t[k + 1]:.10g})"
+            )
         if relative[-1] <= 0:
             raise InputError(f"{path}: all rows have one and the same time")
         self.t_ns = np.round(relative * NS).astype(np.int64)
 
     def _numbers(self, name: str, place: str) -> np.ndarray:
         if name not in self.names:
-            raise InputError(f"{self.path}: column {name!r} ({place}): missing, columns are {', '.join(self.names)}"
-                             f"{did_you_mean(name, self.names)}")
+            raise InputError(
+                f"{self.path}: column {name!r} ({place}): missing, columns are {', '.join(self.names)}"
+                f"{did_you_mean(name, self.names)}"
+            )
         k = self.names.index(name)
         values = np.empty(len(self.rows))
         for n, (number, row) in enumerate(self.rows):

@@ -9,11 +9,23 @@ from rtds_host.errors import InputError
 
 # Column of the contract -> kind of quantity.
 QUANTITY = {
-    "v_cmd_l": "voltage", "v_cmd_r": "voltage", "v_bus": "voltage",
-    "i_l": "current", "i_r": "current",
-    "w_cmd_l": "speed", "w_cmd_r": "speed", "w_ref_l": "speed", "w_ref_r": "speed", "w_l": "speed", "w_r": "speed",
-    "th_l": "angle", "th_r": "angle",
-    "gyro_z": "rate", "x": "length", "y": "length", "yaw": "heading",
+    "v_cmd_l": "voltage",
+    "v_cmd_r": "voltage",
+    "v_bus": "voltage",
+    "i_l": "current",
+    "i_r": "current",
+    "w_cmd_l": "speed",
+    "w_cmd_r": "speed",
+    "w_ref_l": "speed",
+    "w_ref_r": "speed",
+    "w_l": "speed",
+    "w_r": "speed",
+    "th_l": "angle",
+    "th_r": "angle",
+    "gyro_z": "rate",
+    "x": "length",
+    "y": "length",
+    "yaw": "heading",
 }
 TURN = 2.0 * math.pi
 RPM = TURN / 60.0
@@ -25,7 +37,10 @@ FIXED = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "voltage": {"V": 1.0, "mV": 1e-3},
     "current": {"A": 1.0, "mA": 1e-3, "uA": 1e-6},
-    "speed": _RATES, "rate": _RATES, "angle": _ANGLES, "heading": _ANGLES,
+    "speed": _RATES,
+    "rate": _RATES,
+    "angle": _ANGLES,
+    "heading": _ANGLES,
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
 }
 # Units whose factor depends on the robot or on a key of the mapping.
@@ -41,8 +56,16 @@ def known_units(quantity: str) -> tuple[str, ...]:
     return (*FIXED[quantity], *RELATIVE.get(quantity, ()))
 
 
-def factor(place: str, quantity: str, unit: str, robot: Robot, full_scale: float | None = None,
-           counts_per_rev: float | None = None, wheel_radius_m: float | None = None, shaft: str = "wheel") -> float:
+def factor(
+    place: str,
+    quantity: str,
+    unit: str,
+    robot: Robot,
+    full_scale: float | None = None,
+    counts_per_rev: float | None = None,
+    wheel_radius_m: float | None = None,
+    shaft: str = "wheel",
+) -> float:
     """Factor that turns a raw number into the contract's unit of `quantity`.
 
     Parameters
@@ -57,14 +80,16 @@ def factor(place: str, quantity: str, unit: str, robot: Robot, full_scale: float
     ------
     InputError : a unit that does not exist for this quantity, or one whose key is missing.
     """
+
     def needs(key: str) -> InputError:
         return InputError(f"{place}: unit {unit!r} needs {key}")
 
     if unit in FIXED[quantity]:
         value = FIXED[quantity][unit]
     elif unit not in RELATIVE.get(quantity, ()):
-        raise InputError(f"{place}: unit {unit!r} is no unit of {quantity}, use one of "
-                         f"{', '.join(known_units(quantity))}")
+        raise InputError(
+            f"{place}: unit {unit!r} is no unit of {quantity}, use one of {', '.join(known_units(quantity))}"
+        )
     elif unit in ("duty", "%", "pwm"):
         if unit == "pwm" and full_scale is None:
             raise needs("full_scale (counts at full duty)")
@@ -86,6 +111,6 @@ def factor(place: str, quantity: str, unit: str, robot: Robot, full_scale: float
         value = (1e-3 if unit.startswith("mm") else 1.0) / radius
     if shaft == "motor":
         if quantity not in ("speed", "angle"):
-            raise InputError(f"{place}: shaft = \"motor\" has a meaning for a wheel's speed or angle only")
+            raise InputError(f'{place}: shaft = "motor" has a meaning for a wheel\'s speed or angle only')
         value /= robot.motor.gear_ratio
     return value

@@ -17,9 +17,11 @@ def open_link(kind: str, **options: Any) -> Link:
 
     Parameters
     ----------
-    kind : "model" (bit-exact model, in process), "rtl" (the motor units' Verilog in a simulator), "chip" (the whole chip
+    kind : "model" (bit-exact model, in process), "rtl" (the motor units' Verilog in a simulator), "chip" (the whole
+    chip
         in a simulator, through its pins) or "ad2" (a board behind two Analog Discovery 2).
-    **options : of `chip` see `rtds_host.link.chip.ChipLink`, of `ad2` `rtds_host.link.ad2.Ad2Link`; of `rtl` `rtds_host.link.rtl.RtlLink`: `sim` ("verilator" or "icarus"), `step_clocks`
+    **options : of `chip` see `rtds_host.link.chip.ChipLink`, of `ad2` `rtds_host.link.ad2.Ad2Link`; of `rtl`
+    `rtds_host.link.rtl.RtlLink`: `sim` ("verilator" or "icarus"), `step_clocks`
         (clocks from one step to the next, 500 as on the board, or "min": the next as soon as the unit is ready),
         `timeout_s`, `progress`. The model ignores `sim` and `step_clocks`: its results do not depend on them.
 

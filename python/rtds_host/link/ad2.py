@@ -3,13 +3,13 @@
 Device 1: outputs W1 = V_left, W2 = V_right, inputs 1 = I_left, 2 = speed_left.
 Device 2: outputs W1 = T_left, W2 = T_right, inputs 1 = I_right, 2 = speed_right.
 
-The outputs reach to 5 V and the ADC's pins do not: every voltage is clamped to 0 to 4.095 V here. The library is Digilent's
-WaveForms runtime behind pydwf.
+The outputs reach to 5 V and the ADC's pins do not: every voltage is clamped to 0 to 4.095 V here. The library is
+Digilent's WaveForms runtime behind pydwf.
 
-Time is real: exchange k is due one interval after exchange k - 1, whatever the host does in between. How late it began is
-kept. One that begins later than half its interval is an overrun: what was asked for belongs to a robot of long
-ago, so zero volts and zero torque go out instead, and the schedule starts anew. Three in a row, or a lost device, end
-the run with the outputs at zero.
+Time is real: exchange k is due one interval after exchange k - 1, whatever the host does in between. How late it began
+is kept. One that begins later than half its interval is an overrun: what was asked for belongs to a robot of long ago,
+so zero volts and zero torque go out instead, and the schedule starts anew. Three in a row, or a lost device, end the
+run with the outputs at zero.
 """
 
 from __future__ import annotations
@@ -257,7 +257,9 @@ class Ad2Link(ConfiguredLink):
         if words.on:
             self.registers.load_effects(words.writes())
         self.registers.configure(
-            parameter_registers(left, method_index) | self.front.scaling.register_values() | effect_registers(words, right)
+            parameter_registers(left, method_index)
+            | self.front.scaling.register_values()
+            | effect_registers(words, right)
         )
         self._clock.sleep_until(self._clock.now() + SETTLE_S)
         self.registers.take_status()

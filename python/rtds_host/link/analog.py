@@ -4,8 +4,8 @@
     volts -> DAC of the PC  -- gain, offset --> LTC2308, 0 to 4.095 V, 1 mV a step
     volts <- ADC of the PC  <-- gain, offset -- DAC7624 between its references
 
-A `Line` is what a wire, with the converter of the PC at its end, makes of a voltage: ``out = gain * in + offset``. Three
-sets of lines meet here: those that a simulated chip is given (deliberate errors), those that `rtds calibrate`
+A `Line` is what a wire, with the converter of the PC at its end, makes of a voltage: ``out = gain * in + offset``.
+Three sets of lines meet here: those that a simulated chip is given (deliberate errors), those that `rtds calibrate`
 measured, and the ideal ones. One file format holds any of them.
 """
 

@@ -1,8 +1,8 @@
 """Builds the simulators of the RTL, once for each state of sources and tools.
 
-A build stands in ``build/sim/<top>-<simulator>-<key>`` (of an installed package: in ``~/.cache/rtds/sim``); the key is a hash of everything that goes into it. It is
-made in a scratch folder and renamed when complete; a lock file lets a second process wait for the first. What the tools
-said of a build that failed is kept beside it, in ``<folder>.log``.
+A build stands in ``build/sim/<top>-<simulator>-<key>`` (of an installed package: in ``~/.cache/rtds/sim``); the key is
+a hash of everything that goes into it. It is made in a scratch folder and renamed when complete; a lock file lets a
+second process wait for the first. What the tools said of a build that failed is kept beside it, in ``<folder>.log``.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ class Top:
     sources : further Verilog files, relative to `root`; the top itself among them.
     clocks : (port, half period in ps) of each clock that the C++ main drives. On Icarus the top makes its own clocks
         (it is compiled with RTDS_CLOCK_INSIDE).
-    posedge_only : there is one clock, nothing depends on its falling edge or its level, and the design makes no event of
+    posedge_only : there is one clock, nothing depends on its falling edge or its level, and the design makes no event
+    of
         its own (a derived clock).
     sync : one-bit output that toggles when the bridge is wanted.
     control : Verilator control file that makes the bridge's ports public.
@@ -76,12 +77,14 @@ class Top:
         without cocotb (Verilator only, and then without `sync` and `control`).
     main : C++ main of the Verilator build, below the source tree.
     parameters : (name, value) of the top module's parameters that are not left at their defaults.
-    idle : (port, register, register, clocks) of a `posedge_only` top, or (): while the port is 1 nothing looks at the first
-        register, which counts clocks, but for whether it has reached the second, and after so many clocks nothing else moves.
-        The C++ main jumps such clocks.
-    usual : (net or register below the top, value) of a `posedge_only` top, or (): what these are in nearly every clock. The C++
-        main has the model's evaluation a second time, compiled for them, and looks at each clock whether they are. Names
-        that the generated code does not keep are passed over.
+    idle : (port, register, register, clocks) of a `posedge_only` top, or (): while the port is 1 nothing looks at the
+    first
+        register, which counts clocks, but for whether it has reached the second, and after so many clocks nothing else
+        moves. The C++ main jumps such clocks.
+    usual : (net or register below the top, value) of a `posedge_only` top, or (): what these are in nearly every clock.
+    The C++
+        main has the model's evaluation a second time, compiled for them, and looks at each clock whether they are.
+        Names that the generated code does not keep are passed over.
     root : folder to which the names are relative: the source tree.
     """
 
@@ -155,16 +158,27 @@ TOPS: Mapping[str, Top] = {
         bridge="bridge_core",
         parameters=(("EFFECTS", 0),),
         idle=("idle_o", "period_q", "step_clocks_q", 3),
-        # No reset, no coefficients computed or committed, no word for the effect unit on its way. __Vcellinp__* are Verilator's.
+        # No reset, no coefficients computed or committed, no word for the effect unit on its way. __Vcellinp__* are
+        # Verilator's.
         usual=(
             ("rst_ni", 1),
             ("fx_write_q", 0),
-            *((f"u_core.{name}", 0) for name in (
-                "u_param_unit.busy_q", "u_param_unit.first_q", "param_pending", "param_done", "commit", "refresh", "fx_rest_q",
-                "g_effects.u_effects.pending_q", "g_effects.u_effects.write",
-                "g_effects.u_effects.u_engine.__Vcellinp__u_left__wr_table_i",
-                "g_effects.u_effects.u_engine.__Vcellinp__u_right__wr_table_i",
-            )),
+            *(
+                (f"u_core.{name}", 0)
+                for name in (
+                    "u_param_unit.busy_q",
+                    "u_param_unit.first_q",
+                    "param_pending",
+                    "param_done",
+                    "commit",
+                    "refresh",
+                    "fx_rest_q",
+                    "g_effects.u_effects.pending_q",
+                    "g_effects.u_effects.write",
+                    "g_effects.u_effects.u_engine.__Vcellinp__u_left__wr_table_i",
+                    "g_effects.u_effects.u_engine.__Vcellinp__u_right__wr_table_i",
+                )
+            ),
         ),
     ),
     "chip": Top(
@@ -227,7 +241,16 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
         files += [top.root / top.control] if top.control else []
         files += [ROOT / top.main]
     files += top.headers()
-    for text in (top.module, repr(top.parameters), repr(top.clocks), repr(top.posedge_only), top.sync, repr(top.idle), repr(top.usual), *tools):
+    for text in (
+        top.module,
+        repr(top.parameters),
+        repr(top.clocks),
+        repr(top.posedge_only),
+        top.sync,
+        repr(top.idle),
+        repr(top.usual),
+        *tools,
+    ):
         digest.update(text.encode() + b"\0")
     for path in files:
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
@@ -236,7 +259,9 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
 
 def _hash(folder: Path) -> str:
     """SHA-256 of the simulator in a build's folder."""
-    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(folder.glob("sim*")) if path.is_file())).hexdigest()
+    return hashlib.sha256(
+        b"".join(path.read_bytes() for path in sorted(folder.glob("sim*")) if path.is_file())
+    ).hexdigest()
 
 
 def _is_whole(folder: Path) -> bool:
@@ -278,9 +303,14 @@ def _build_verilator(
             defines.append(f"-DRTDS_POSEDGE={top.clocks[0][0]}")
         if top.idle:
             port, count, limit, settles = top.idle
-            defines += [f"-DRTDS_IDLE={port}", f"-DRTDS_IDLE_SETTLES={settles}", *(
-                f"-DRTDS_IDLE_{what}={top.module}__DOT__{name}" for what, name in (("COUNT", count), ("LIMIT", limit))
-            )]
+            defines += [
+                f"-DRTDS_IDLE={port}",
+                f"-DRTDS_IDLE_SETTLES={settles}",
+                *(
+                    f"-DRTDS_IDLE_{what}={top.module}__DOT__{name}"
+                    for what, name in (("COUNT", count), ("LIMIT", limit))
+                ),
+            ]
         if top.usual:
             names = ((f"{top.module}.{name}".replace(".", "__DOT__"), value) for name, value in top.usual)
             defines.append("-DRTDS_USUAL(IS)=" + "".join(f"IS({name},{value})" for name, value in names))

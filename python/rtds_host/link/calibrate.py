@@ -1,9 +1,9 @@
 """Measures gain and offset of the eight wires between PC and chip.
 
-To the chip: known voltages go out, the chip's registers tell which codes its ADC reads. From the chip: the gain of the DAC's
-scaling is set to zero and its offset to known codes, the PC reads the voltage. A straight line through each set, by
-least squares. The voltages are spread so that they fall on all parts of a code: the rounding of 12 bits then averages out. At
-every point the four wires carry different voltages: swapped wires cannot pass.
+To the chip: known voltages go out, the chip's registers tell which codes its ADC reads. From the chip: the gain of the
+DAC's scaling is set to zero and its offset to known codes, the PC reads the voltage. A straight line through each set,
+by least squares. The voltages are spread so that they fall on all parts of a code: the rounding of 12 bits then
+averages out. At every point the four wires carry different voltages: swapped wires cannot pass.
 """
 
 from __future__ import annotations
@@ -116,7 +116,9 @@ def _to_chip(rig: Rig, points: int, reads: int) -> tuple[np.ndarray, np.ndarray]
 def _from_chip(rig: Rig, points: int, reads: int) -> tuple[np.ndarray, np.ndarray]:
     codes = MID_SCALE + np.rint(_spread(-LARGEST_STEPS, LARGEST_STEPS, points)).astype(np.int64)
     registers = [f"DAC_{name.upper()}" for name in FROM_CHIP]
-    before = {f"{name}_{what}": rig.registers.read(f"{name}_{what}") for name in registers for what in ("GAIN", "OFFSET")}
+    before = {
+        f"{name}_{what}": rig.registers.read(f"{name}_{what}") for name in registers for what in ("GAIN", "OFFSET")
+    }
     read = np.zeros(codes.shape)
     try:
         rig.registers.configure({f"{name}_GAIN": 0.0 for name in registers})

@@ -2,9 +2,9 @@
 
     voltages, torques -> volts -> wires -> LTC2308 -> chip -> DAC7624 -> wires -> volts -> currents, speeds
 
-The simulation (sim/chip_main.cpp) knows volts at the ADC, codes of the DAC and bytes of the serial line, nothing else. R, L,
-the step and the rest go through the serial protocol of the registers, as on a board. Simulated time stands still between
-two exchanges, and an exchange ends with an LDAC edge, before the chip samples the next voltages: so the only
+The simulation (sim/chip_main.cpp) knows volts at the ADC, codes of the DAC and bytes of the serial line, nothing else.
+R, L, the step and the rest go through the serial protocol of the registers, as on a board. Simulated time stands still
+between two exchanges, and an exchange ends with an LDAC edge, before the chip samples the next voltages: so the only
 differences to the ideal link are those of the converters and wires. The chip's sticky status is read while each
 exchange runs.
 """
@@ -83,7 +83,8 @@ class ChipLink(RtlLink):
 
     Parameters
     ----------
-    step_clocks : 500 simulates every clock of 50 MHz, "min" leaves out those in which nothing is in hand, which changes no
+    step_clocks : 500 simulates every clock of 50 MHz, "min" leaves out those in which nothing is in hand, which changes
+    no
         code (the 40 MHz clock of the ADC always runs).
     calibration : of the wires, used for what is sent and read; ideal wires without it.
     wires : what the simulated wires really are; ideal without it.
@@ -131,11 +132,11 @@ class ChipLink(RtlLink):
         self.registers = RegisterClient(_SimulatedLine(self), where="simulated chip")
 
     def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
-        """Write the parameters, and effects if there are any. The first call also sets currents and speeds to zero at its
-        end, as does every one with effects.
+        """Write the parameters, and effects if there are any. The first call also sets currents and speeds to zero at
+        its end, as does every one with effects.
 
-        About 3 ms pass in the chip meanwhile (19 requests over the serial line; 0.18 ms for each word of effects), with the
-        inputs of the last exchange, as on a board.
+        About 3 ms pass in the chip meanwhile (19 requests over the serial line; 0.18 ms for each word of effects), with
+        the inputs of the last exchange, as on a board.
         """
         if self._source == "adc" and words.own:
             raise InputError("set_effects: a motor of its own needs parameters from registers, not from the ADC")
@@ -189,9 +190,7 @@ class ChipLink(RtlLink):
         """Let the chip take what was written and show what follows of it."""
         self.run(_READ_ALL)
 
-    def run(
-        self, steps: int, every: int = 0, send: bytes = b"", expect: int = 0
-    ) -> np.ndarray:
+    def run(self, steps: int, every: int = 0, send: bytes = b"", expect: int = 0) -> np.ndarray:
         """Let the chip run; (n, 4) codes of the DAC, one row each `every` steps and one at the end.
 
         Raises
@@ -208,7 +207,9 @@ class ChipLink(RtlLink):
         at = protocol.CHIP_RAN_HEAD.size
         self._check_length(payload, at, least=True)
         flags, _, _, self.clocks, count, rows = protocol.CHIP_RAN_HEAD.unpack_from(payload)
-        self._check_length(payload, at + count + 8 * rows, f"for {count} bytes of the serial line and {rows} rows of codes")
+        self._check_length(
+            payload, at + count + 8 * rows, f"for {count} bytes of the serial line and {rows} rows of codes"
+        )
         self._received += payload[at : at + count]
         codes = np.frombuffer(payload, np.dtype("<u2"), offset=at + count).reshape(rows, 4)
         if steps and flags & protocol.CHIP_FLAG_TIMEOUT:

@@ -1,7 +1,7 @@
 """Compiles what Verilator has written, without its makefile: `verilator --make json`, then the compiler, file by file.
 
-Verilator's makefile needs a program named `python`, which Debian does not have, and GNU make refuses folders with a space
-in their path. The list of files and options in Verilator's JSON says all that is needed.
+Verilator's makefile needs a program named `python`, which Debian does not have, and GNU make refuses folders with a
+space in their path. The list of files and options in Verilator's JSON says all that is needed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,16 @@ COMPILER = "g++"
 _POLL_S = 0.02
 
 # What a line holds that says why a compiler or a linker gave up, best first.
-_REASONS = ("error:", "%error", "undefined reference", "cannot find", "multiple definition", "not found", "cannot be started", "error")
+_REASONS = (
+    "error:",
+    "%error",
+    "undefined reference",
+    "cannot find",
+    "multiple definition",
+    "not found",
+    "cannot be started",
+    "error",
+)
 
 
 def first_error(log: str) -> str:
@@ -39,13 +48,18 @@ def first_error(log: str) -> str:
 
 
 def run(
-    what: str, commands: Sequence[Sequence[str]], log: Path, timeout_s: float, environment: Mapping[str, str] | None = None
+    what: str,
+    commands: Sequence[Sequence[str]],
+    log: Path,
+    timeout_s: float,
+    environment: Mapping[str, str] | None = None,
 ) -> None:
     """Run build commands, as many at once as there are processors, with their output in `log`.
 
     Raises
     ------
-    LinkError : one of them failed, was killed, cannot be started, or all took longer than `timeout_s`; the message quotes
+    LinkError : one of them failed, was killed, cannot be started, or all took longer than `timeout_s`; the message
+    quotes
         the compiler's own line.
     """
     deadline = time.monotonic() + timeout_s
@@ -81,7 +95,9 @@ def run(
 
 @dataclass(frozen=True)
 class Compilation:
-    """The commands that make a program of what Verilator has written: the objects' (in any order), then the linker's."""
+    """The commands that make a program of what Verilator has written: the objects' (in any order), then the
+    linker's.
+    """
 
     objects: tuple[tuple[str, ...], ...]
     link: tuple[str, ...]
@@ -113,10 +129,12 @@ def compilation(
         model = [name for kind in lists for name in sources.get(kind, [])]
         users, library = sources["user_classes"], sources["global"]
     except (OSError, ValueError, KeyError) as error:
-        raise LinkError(f"{plan}: Verilator's list of what to compile is not usable ({error}); it needs 5.036") from error
+        raise LinkError(
+            f"{plan}: Verilator's list of what to compile is not usable ({error}); it needs 5.036"
+        ) from error
     # One C++ file for the whole model: the compiler sees all of it, and small designs compile faster.
     whole = folder / f"{plan.stem}__ALL.cpp"
-    text = '#define VL_INCLUDE_OPT include\n' + "".join(f'#include "{name}"\n' for name in model)
+    text = "#define VL_INCLUDE_OPT include\n" + "".join(f'#include "{name}"\n' for name in model)
     if not whole.is_file() or whole.read_text() != text:
         whole.write_text(text)
     kinds = {"COVERAGE": "coverage", "SC": "system_c", "TIMING": "use_timing", "TRACE": "trace", "TRACE_FST": "trace_fst",
@@ -152,7 +170,13 @@ def _up_to_date(target: Path, command: Sequence[str]) -> bool:
 
 
 def compile_all(
-    plan: Path, program: Path, optimise: str, defines: Sequence[str], libraries: Sequence[str], log: Path, timeout_s: float
+    plan: Path,
+    program: Path,
+    optimise: str,
+    defines: Sequence[str],
+    libraries: Sequence[str],
+    log: Path,
+    timeout_s: float,
 ) -> None:
     """Compile and link what is not up to date (for the parameters see `compilation`).
 

@@ -1,4 +1,6 @@
-"""What the links share that are told parameters and effects in any order: checks, compilation, one call to load both."""
+"""What the links share that are told parameters and effects in any order: checks, compilation, one call to load
+both.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The records at the ports of rtds_core, as integers; where a field stands is read from the Verilog header that says so."""
+"""The records at the ports of rtds_core, as integers; where a field stands is read from the Verilog header that says
+so.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,8 @@ from rtds_host.link.build import ROOT
 
 HEADER = "rtl/core/rtds_core_records.vh"
 PLACES = {
-    name: int(place) for name, place in re.findall(r"^localparam integer (\w+) = (\d+);", (ROOT / HEADER).read_text(), re.MULTILINE)
+    name: int(place)
+    for name, place in re.findall(r"^localparam integer (\w+) = (\d+);", (ROOT / HEADER).read_text(), re.MULTILINE)
 }
 
 

@@ -4,8 +4,8 @@ Two questions. *Open loop*: the voltages and torques of an ideal run are replaye
 each difference is theirs alone; one stage after the other, then all. *Closed loop*: the run is driven again through
 converters, so that controller and robot answer to them, as on the board.
 
-The converters here are ideal ones (nearest code, no noise, no offset) and the arithmetic is the chip's, bit for bit. R, L and the
-step are registers of the chip and are not converted.
+The converters here are ideal ones (nearest code, no noise, no offset) and the arithmetic is the chip's, bit for bit. R,
+L and the step are registers of the chip and are not converted.
 
     python -m rtds_host.link.quantisation --help
 """

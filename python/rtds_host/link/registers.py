@@ -193,8 +193,8 @@ def decode(frame: bytes, start: int) -> tuple[int, int, int, int] | None:
 class Transport(Protocol):
     """Carries bytes.
 
-    The time for an answer begins with `send`. `receive` returns fewer bytes than asked for when it is over, however many
-    came before: a line on which bytes trickle in has no more time than a silent one.
+    The time for an answer begins with `send`. `receive` returns fewer bytes than asked for when it is over, however
+    many came before: a line on which bytes trickle in has no more time than a silent one.
     """
 
     def send(self, data: bytes) -> None: ...
@@ -227,8 +227,9 @@ class SerialTransport:
         self._timeout_s = timeout_s
         self._until = 0.0
         try:
-            self._port = serial.Serial(device, baudrate=baud, timeout=min(_SLICE_S, timeout_s),
-                                       write_timeout=write_timeout_s)
+            self._port = serial.Serial(
+                device, baudrate=baud, timeout=min(_SLICE_S, timeout_s), write_timeout=write_timeout_s
+            )
         except (serial.SerialException, OSError, ValueError) as error:
             raise LinkError(f"{device}: cannot open the serial port ({error})") from error
 
@@ -305,13 +306,16 @@ class RegisterClient:
                 text = STATUS_TEXT.get(answer[1], f"status {answer[1]}")
                 raise LinkError(f"{self.where}: register address 0x{address:02X}: {text}")
             return answer[3]
-        raise LinkError(f"{self.where}: {NO_ANSWER}"
-                        + (f" to what was asked; {noise} other bytes came on its line" if noise else ""))
+        raise LinkError(
+            f"{self.where}: {NO_ANSWER}"
+            + (f" to what was asked; {noise} other bytes came on its line" if noise else "")
+        )
 
     def _receive_answer(self, tag: int, address: int) -> tuple[tuple[int, int, int, int] | None, int]:
         """(answer with this tag and address or None, bytes that were none of it).
 
-        Noise and answers to earlier requests are passed over. After a damaged answer nothing is waited for: it was this one.
+        Noise and answers to earlier requests are passed over. After a damaged answer nothing is waited for: it was this
+        one.
         """
         got, passed = b"", 0
         while passed <= NOISE_BYTES:

@@ -82,7 +82,8 @@ class RtlLink(ConfiguredLink):
     start_timeout_s : longest wait for its first sign of life, s.
     top : the simulation top, an entry of `rtds_host.link.build.TOPS` or a `Top`.
     progress : called with a line when the simulator has to be built first (default: to stderr).
-    every_clock : evaluate the idle clocks, too. Otherwise Verilator's main jumps them: states, clocks and results are the same.
+    every_clock : evaluate the idle clocks, too. Otherwise Verilator's main jumps them: states, clocks and results are
+    the same.
 
     Attributes
     ----------
@@ -132,7 +133,9 @@ class RtlLink(ConfiguredLink):
                 stdout=self._stderr,
                 stderr=self._stderr,
                 env={
-                    **os.environ, **built.environment, **_environment(top, theirs.fileno()),
+                    **os.environ,
+                    **built.environment,
+                    **_environment(top, theirs.fileno()),
                     **({"RTDS_EVERY_CLOCK": "1"} if self._evaluates_idle else {}),
                 },
                 pass_fds=(theirs.fileno(),),
@@ -252,9 +255,7 @@ class RtlLink(ConfiguredLink):
 
     def _request(self, inputs: list[int], steps: int, every: int) -> np.ndarray:
         """One request; (n, 4) float32 with columns i_l w_l i_r w_r."""
-        payload = self._ask(
-            protocol.EXCHANGE, protocol.EXCHANGE_PAYLOAD.pack(*inputs, steps, every), protocol.SAMPLES
-        )
+        payload = self._ask(protocol.EXCHANGE, protocol.EXCHANGE_PAYLOAD.pack(*inputs, steps, every), protocol.SAMPLES)
         self._check_length(payload, protocol.SAMPLES_HEAD.size, least=True)
         flags, step_count, clocks = protocol.SAMPLES_HEAD.unpack_from(payload)
         self._steps = (self._steps + steps) & 0xFFFFFFFF
@@ -273,8 +274,10 @@ class RtlLink(ConfiguredLink):
 
     def _check_length(self, payload: bytes, count: int, why: str = "", least: bool = False) -> None:
         if len(payload) < count or (len(payload) > count and not least):
-            raise self._failure(f"its answer has {len(payload)} bytes, {'at least ' if least else ''}{count} are due"
-                                + (f" {why}" if why else ""))
+            raise self._failure(
+                f"its answer has {len(payload)} bytes, {'at least ' if least else ''}{count} are due"
+                + (f" {why}" if why else "")
+            )
 
     def _ask(self, kind: int, payload: bytes, expected: int) -> bytes:
         try:
@@ -331,7 +334,8 @@ class RtlLink(ConfiguredLink):
 class _Starved:
     """How long a process has waited for a processor, s: on a busy machine a simulator is slow and not hung.
 
-    The kernel adds a wait to its figure when it ends, so one that lasts is told by what did not change since the last look.
+    The kernel adds a wait to its figure when it ends, so one that lasts is told by what did not change since the last
+    look.
     """
 
     def __init__(self, pid: int):

@@ -1,4 +1,5 @@
-"""How exact the motor unit is: ``python -m rtds_host.motor.accuracy [--seconds 300]`` prints docs/motor-unit.md's tables.
+"""How exact the motor unit is: ``python -m rtds_host.motor.accuracy [--seconds 300]`` prints docs/motor-unit.md's
+tables.
 
 Three figures: the model (which is the RTL, bit for bit) against the same difference equation in float64 with float64
 coefficients; both methods against the exact solution of the differential equation; the balance of energy.

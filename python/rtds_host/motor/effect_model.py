@@ -1,8 +1,8 @@
 """Bit-exact model of the motor units with the effect unit (rtl/effects).
 
-As in `rtds_host.motor.model` every operation is one binary32 operation, rounded to nearest even, in the RTL's order. The
-step itself ends with a projection: what dry friction can take of the speed that the free step would give. After each step
-the program of `effect_program` prepares what the next one works with.
+As in `rtds_host.motor.model` every operation is one binary32 operation, rounded to nearest even, in the RTL's order.
+The step itself ends with a projection: what dry friction can take of the speed that the free step would give. After
+each step the program of `effect_program` prepares what the next one works with.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _LAST_CELL = 255
 _COMMAND, _DROP, _TORQUE, _RIPPLE, _FORWARD, _BACKWARD = range(len(TABLES))
 _SIGNED_ORIGIN = TABLE_ORIGIN["command"]
 _SIZE_ORIGIN = TABLE_ORIGIN["ripple"]
-# Registers of the delay: where the next entry goes, entries so far (at most the delay), step within an entry. And whether a
-# step has prepared the next one.
+# Registers of the delay: where the next entry goes, entries so far (at most the delay), step within an entry. And
+# whether a step has prepared the next one.
 _DELAY_AT, _DELAY_FILLED, _DELAY_PHASE, _PREPARED = range(4)
 _COEFFICIENTS = 9  # R, Kb, Km, B, G11, G12, G21, G22, rho
 

@@ -1,11 +1,12 @@
 """The program of the effect unit, and the Verilog ROM and codes that are made from it.
 
 The effect unit (rtl/effects/effect_engine.v) carries out one list of operations in every step, on both sides at once: a
-side has one multiplier, one adder, one memory of registers and its tables, and hands a result straight on to the operation
-that waits for it. `OPERATIONS` says what is computed, in the names of docs/effect-unit.md; `SLOTS` says in which clock
-after the strobe each operation is issued. `schedule` finds out where each operand comes from at that clock and when a result
-is written for later, and refuses a list in which one cannot be had; `word` is what the ROM says in one clock.
-The bit-exact model (`effect_model`) does the same arithmetic, written out; the RTL's tests hold the two together.
+side has one multiplier, one adder, one memory of registers and its tables, and hands a result straight on to the
+operation that waits for it. `OPERATIONS` says what is computed, in the names of docs/effect-unit.md; `SLOTS` says in
+which clock after the strobe each operation is issued. `schedule` finds out where each operand comes from at that clock
+and when a result is written for later, and refuses a list in which one cannot be had; `word` is what the ROM says in
+one clock. The bit-exact model (`effect_model`) does the same arithmetic, written out; the RTL's tests hold the two
+together.
 
     python -m rtds_host.motor.effect_program rtl/effects
 """
@@ -66,9 +67,9 @@ def _sum_in_two_words(state: str, increment: str) -> list[tuple[str, ...]]:
     ]
 
 
-# (result, operation, a, b). `x.new` is what the state x will be, `table.slope` and `table.intercept` are the line that `table.u`
-# looked up; `other.draw` is the other side's. `limit`: a, of size b at most. `wrap`: a + 1 if a < 0, a - 1 if a >= 1, else a.
-# `by_sign`: which of two constants is decided by the sign of T.
+# (result, operation, a, b). `x.new` is what the state x will be, `table.slope` and `table.intercept` are the line that
+# `table.u` looked up; `other.draw` is the other side's. `limit`: a, of size b at most. `wrap`: a + 1 if a < 0, a - 1 if
+# a >= 1, else a. `by_sign`: which of two constants is decided by the sign of T.
 OPERATIONS: tuple[tuple[str, ...], ...] = (
     # what the supply would give without current: command * (1 - decline t / V)
     *_lookup("command", "vc"),
@@ -121,10 +122,13 @@ OPERATIONS: tuple[tuple[str, ...], ...] = (
     ("level_b", "sub", "backward.offset", "backward.product"),
 )
 # A sum in two words leaves its high word as the new state but where that is wrapped first.
-NEW_STATES = {"fall.sum": "fall", "rise.sum": "rise", "angle.new": "angle"} | {f"{s}_lo.new": f"{s}_lo" for s in ("fall", "rise", "angle")}
+NEW_STATES = {"fall.sum": "fall", "rise.sum": "rise", "angle.new": "angle"} | {
+    f"{s}_lo.new": f"{s}_lo" for s in ("fall", "rise", "angle")
+}
 
-# The clock in which each operation is issued (for `limit`: is done). Found by a search over list schedules for the shortest
-# step; that it is one the engine can carry out is checked by `schedule`, that it means OPERATIONS by the tests.
+# The clock in which each operation is issued (for `limit`: is done). Found by a search over list schedules for the
+# shortest step; that it is one the engine can carry out is checked by `schedule`, that it means OPERATIONS by the
+# tests.
 SLOTS: dict[str, int] = {
     "command.u": 4, "fall.t": 4, "cooled": 5, "more_f": 6, "fall.sum": 7, "more_b": 7, "command.product": 9,
     "command.offset": 9, "full": 10, "bridge": 12, "fall.z": 15, "unsagged": 16, "draw": 17, "fall_lo.new": 18,
@@ -187,8 +191,8 @@ class Issue:
     Attributes
     ----------
     clock : after the strobe. unit : "mul", "add" or "limit".
-    a, b : (source, which) of the operands, source a code of MUL_A .. ADD_B, which the address of a register or a code of DIRECT.
-    minus_a, minus_b : signs of a sum's operands.
+    a, b : (source, which) of the operands, source a code of MUL_A .. ADD_B, which the address of a register or a code
+    of DIRECT. minus_a, minus_b : signs of a sum's operands.
     """
 
     name: str
@@ -295,7 +299,13 @@ class _Scheduler:
                 if operand in self.kind and operand not in self.addresses:
                     taken = [address for address in self.addresses.values() if TEMPORARY_FIRST <= address < STATE_FIRST]
                     self.addresses[operand] = max(taken, default=TEMPORARY_FIRST - 1) + 1
-            code = self.addresses[operand] if source == "register" else DIRECT.index(operand) if source == "direct" else None
+            code = (
+                self.addresses[operand]
+                if source == "register"
+                else DIRECT.index(operand)
+                if source == "direct"
+                else None
+            )
             operands.append((source, code))
         return Issue(name, clock, _unit(op), operands[0], operands[1], *minus)
 
@@ -332,7 +342,9 @@ def schedule() -> Program:
     ScheduleError : an operation of `SLOTS` cannot have an operand in its clock, or a result comes too late.
     """
     scheduler = _Scheduler(SLOTS)
-    issues = sorted((scheduler.issue(operation) for operation in OPERATIONS), key=lambda issue: (issue.clock, issue.unit))
+    issues = sorted(
+        (scheduler.issue(operation) for operation in OPERATIONS), key=lambda issue: (issue.clock, issue.unit)
+    )
     for name, needed in NEEDED.items():
         if SLOTS[name] + LATENCY >= needed:
             raise ScheduleError(f"{name}: stands in clock {SLOTS[name] + LATENCY + 1}, needed in {needed}")
@@ -419,7 +431,9 @@ def verilog() -> str:
     ]
     for name in names:
         bits = FIELDS[name]
-        lines.append(f"  output wire {f'[{bits - 1}:0]' if bits > 1 else '':>6} {name}_o{',' if name != names[-1] else ''}")
+        lines.append(
+            f"  output wire {f'[{bits - 1}:0]' if bits > 1 else '':>6} {name}_o{',' if name != names[-1] else ''}"
+        )
     lines += [
         ");",
         f"  reg [{WORD_BITS - 1}:0] word;",
@@ -437,10 +451,23 @@ def verilog() -> str:
     for clock, fields in enumerate(rom):
         if fields:
             lines += [f"      // {comment}" for comment in comments.get(clock, [])]
-            lines.append(f"      6'd{clock - 1}:{' ' * (3 - len(str(clock - 1)))}word = {WORD_BITS}'h{word(fields):0{digits}X};")
-    lines += [f"      default: word = {WORD_BITS}'h0;", "    endcase", "  end", "",
-        "  always @(posedge clk_i or negedge rst_ni) begin", f"    if (!rst_ni) word_q <= {WORD_BITS}'h0;",
-        f"    else word_q <= rest_i ? {WORD_BITS}'h0 : word;", "  end", "endmodule", "", "`default_nettype wire", ""]
+            lines.append(
+                f"      6'd{clock - 1}:{' ' * (3 - len(str(clock - 1)))}word = {WORD_BITS}'h{word(fields):0{digits}X};"
+            )
+    lines += [
+        f"      default: word = {WORD_BITS}'h0;",
+        "    endcase",
+        "  end",
+        "",
+        "  always @(posedge clk_i or negedge rst_ni) begin",
+        f"    if (!rst_ni) word_q <= {WORD_BITS}'h0;",
+        f"    else word_q <= rest_i ? {WORD_BITS}'h0 : word;",
+        "  end",
+        "endmodule",
+        "",
+        "`default_nettype wire",
+        "",
+    ]
     return "\n".join(lines)
 
 
@@ -461,9 +488,15 @@ def codes() -> str:
     first = min(TABLES.index(table) for table, origin in TABLE_ORIGIN.items() if origin == 1)
     driving, driven = (constant_address(f"load_{which}") for which in ("driving", "driven"))
     lines += [
-        "", "// Tables below this one have arguments of both signs.", f"localparam [2:0] TABLE_UNSIGNED = 3'd{first};",
-        "", "// What the addresses of the two load constants differ in.", f"localparam [6:0] OTHER_LOAD = 7'd{driving ^ driven};",
-        "", "// verilator lint_restore", "",
+        "",
+        "// Tables below this one have arguments of both signs.",
+        f"localparam [2:0] TABLE_UNSIGNED = 3'd{first};",
+        "",
+        "// What the addresses of the two load constants differ in.",
+        f"localparam [6:0] OTHER_LOAD = 7'd{driving ^ driven};",
+        "",
+        "// verilator lint_restore",
+        "",
     ]
     return "\n".join(lines)
 

@@ -1,8 +1,8 @@
 """The float64 reference of the motor units with effects. Shares no arithmetic with `effect_model` or `effect_tables`.
 
 The difference equation x+ = x + C x + D u of `rtds_host.motor.reference`, with V and T changed by the curves themselves
-(no tables), the delay as a list, and dry friction f as a complementarity problem of every step (J. J. Moreau, "Unilateral
-contact and dry friction in finite freedom dynamics", 1988):
+(no tables), the delay as a list, and dry friction f as a complementarity problem of every step (J. J. Moreau,
+"Unilateral contact and dry friction in finite freedom dynamics", 1988):
 
     w+ = w_free + D22 f      f = level_f if w+ > 0,  f = -level_b if w+ < 0,  -level_b <= f <= level_f if w+ = 0
 
@@ -92,8 +92,9 @@ def _run(c, d, curves, n_curves, numbers, shared, late, volts, torques, out):
             turned[m] += periods * h * w
             phase = turned[m] + start / (2.0 * math.pi)
             phase -= math.floor(phase)
-            t_next[m] = (torques[k, m] + _curve_at(curves, base + 2, w)
-                         - _curve_at(curves, base + 3, phase * 2.0 * math.pi))
+            t_next[m] = (
+                torques[k, m] + _curve_at(curves, base + 2, w) - _curve_at(curves, base + 3, phase * 2.0 * math.pi)
+            )
             against, along = share / (1.0 - share) * abs(torques[k, m]), share * abs(torques[k, m])
             level_f[m] = _curve_at(curves, base + 4, max(w, 0.0)) + (against if torques[k, m] > 0.0 else along)
             level_b[m] = _curve_at(curves, base + 5, max(-w, 0.0)) + (against if torques[k, m] < 0.0 else along)

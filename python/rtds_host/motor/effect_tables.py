@@ -1,8 +1,8 @@
 """From effects to the words that the effect unit and its model take, and what these cannot hold exactly.
 
-A table has 256 cells of equal width, each a straight line (slope and intercept, binary32); the grid runs through zero. The
-width is chosen so that the points of a curve fall on the grid wherever they can; a jump that cannot is moved to the nearest
-line of the grid. `EffectWords.deviations` says by how much a table misses its curve.
+A table has 256 cells of equal width, each a straight line (slope and intercept, binary32); the grid runs through zero.
+The width is chosen so that the points of a curve fall on the grid wherever they can; a jump that cannot is moved to the
+nearest line of the grid. `EffectWords.deviations` says by how much a table misses its curve.
 """
 
 from __future__ import annotations
@@ -70,7 +70,9 @@ class EffectWords:
     delay_error_s: float
 
     def side_values(self, parameters: Sequence[float]) -> np.ndarray:
-        """(2, 7) the parameters of [left, right], SI: the sides' own, or those of `set_parameters`; the step is shared."""
+        """(2, 7) the parameters of [left, right], SI: the sides' own, or those of `set_parameters`; the step is
+        shared.
+        """
         shared = [float(value) for value in parameters]
         return np.array([(*motor.values, shared[6]) if motor else shared for motor in self.motors])
 
@@ -91,7 +93,10 @@ class EffectWords:
                 used = range(CELLS) if self.cells[side, table] else [TABLE_ORIGIN[name]]
                 for cell in used:
                     for word in range(2):
-                        yield table_address(side, table, cell, word), int(self.tables[side, table, cell, word].view(np.uint32))
+                        yield (
+                            table_address(side, table, cell, word),
+                            int(self.tables[side, table, cell, word].view(np.uint32)),
+                        )
         for side in range(SIDES):
             for k in range(len(CONSTANTS)):
                 yield constant_address(side, k), int(self.constants[side, k].view(np.uint32))

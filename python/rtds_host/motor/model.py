@@ -160,9 +160,7 @@ class EnergyTerms:
     @property
     def accounted_j(self) -> np.ndarray:
         """(2,) J, where it went: equals `drawn_j` but for the rounding of the model's arithmetic."""
-        return (
-            self.copper_j + self.viscous_j + self.shaft_j + self.stored_j + self.numerical_j + self.conversion_j
-        )
+        return self.copper_j + self.viscous_j + self.shaft_j + self.stored_j + self.numerical_j + self.conversion_j
 
     @property
     def imbalance(self) -> np.ndarray:
@@ -297,8 +295,19 @@ class MotorPair:
         active = self._active
         if self._energy:
             return _run_energy(
-                self._state, active.coefficients, active.words, active.theta, v, t, n_steps, every, done, total, out,
-                row, self._sums,
+                self._state,
+                active.coefficients,
+                active.words,
+                active.theta,
+                v,
+                t,
+                n_steps,
+                every,
+                done,
+                total,
+                out,
+                row,
+                self._sums,
             )
         return _run(self._state, active.coefficients, v, t, n_steps, every, done, total, out, row)
 
@@ -327,9 +336,7 @@ def _trace(state, c, v, t, out):
     for m in range(2):
         i, w, i_lo, w_lo = state[m, 0], state[m, 1], state[m, 2], state[m, 3]
         for k in range(len(out)):
-            i, w, i_lo, w_lo = _step(
-                i, w, i_lo, w_lo, c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], v[m], t[m]
-            )
+            i, w, i_lo, w_lo = _step(i, w, i_lo, w_lo, c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], v[m], t[m])
             out[k, m, 0], out[k, m, 1], out[k, m, 2], out[k, m, 3] = i, w, i_lo, w_lo
         state[m, 0], state[m, 1], state[m, 2], state[m, 3] = i, w, i_lo, w_lo
 

@@ -27,8 +27,11 @@ class Commands:
     def pieces(self) -> list[tuple[float, float, tuple[float, float], tuple[float, float]]]:
         """From, to, both values at the beginning and at the end, of each piece that is more than a step."""
         rows = zip(self.t, self.t[1:], self.values, self.values[1:])
-        return [(float(a), float(b), (float(u[0]), float(u[1])), (float(v[0]), float(v[1])))
-                for a, b, u, v in rows if b - a > 1.5 * STEP_S]
+        return [
+            (float(a), float(b), (float(u[0]), float(u[1])), (float(v[0]), float(v[1])))
+            for a, b, u, v in rows
+            if b - a > 1.5 * STEP_S
+        ]
 
     @property
     def duration_s(self) -> float:
@@ -59,8 +62,8 @@ def knots(t: np.ndarray, values: np.ndarray, names: tuple[str, str], held: bool 
         a, b = open_pieces.pop()
         if b - a < 2:
             continue
-        share = ((t[a + 1:b] - t[a]) / (t[b] - t[a]))[:, None]
-        away = np.abs(values[a + 1:b] - (values[a] + share * (values[b] - values[a]))).max(axis=1)
+        share = ((t[a + 1 : b] - t[a]) / (t[b] - t[a]))[:, None]
+        away = np.abs(values[a + 1 : b] - (values[a] + share * (values[b] - values[a]))).max(axis=1)
         worst = int(np.argmax(away))
         if away[worst] > TOLERANCE * top:
             kept[a + 1 + worst] = True

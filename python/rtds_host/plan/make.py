@@ -28,8 +28,8 @@ SAMPLE_S = 0.01
 LEAST_SCALE = 0.2
 HALVINGS = 7
 HEADINGS = np.radians(np.arange(0.0, 180.0, 5.0))
-# Signatures with a larger cosine look alike, since less than half of the one (its sine, 0.44) is left beside the other; one below so
-# many units of noise is not seen.
+# Signatures with a larger cosine look alike, since less than half of the one (its sine, 0.44) is left beside the other;
+# one below so many units of noise is not seen.
 ALIKE, SEEN = 0.9, 2.0
 
 
@@ -44,9 +44,9 @@ class Floor:
 
 @dataclass(frozen=True)
 class Plan:
-    """A manoeuvre that fits. `scale`: its size over the menu's; `start`: (x, y, yaw) on the floor, from its corner, x along
-    the width; `extent_m`: what the axle's mid-point covers; `path`: (n, 3) s, x, y on the floor; `tops`: largest voltage V,
-    wheel speed rad/s, forward speed m/s and yaw rate rad/s."""
+    """A manoeuvre that fits. `scale`: its size over the menu's; `start`: (x, y, yaw) on the floor, from its corner, x
+    along the width; `extent_m`: what the axle's mid-point covers; `path`: (n, 3) s, x, y on the floor; `tops`: largest
+    voltage V, wheel speed rad/s, forward speed m/s and yaw rate rad/s."""
 
     scenario: Scenario
     kind: str
@@ -103,7 +103,9 @@ def _commands(scenario: Scenario, robot: Robot, kind: str, scale: float, payload
     return knots(t, moved, NAMES["cmd_vel"])
 
 
-def _volts(robot: Robot, scenario: Scenario, commands: Commands, kind: str, payload_kg: float) -> tuple[np.ndarray, np.ndarray]:
+def _volts(
+    robot: Robot, scenario: Scenario, commands: Commands, kind: str, payload_kg: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Times (n,) and voltages (n, 2) that the commands are for the nominal motors."""
     t = np.append(np.arange(0.0, commands.duration_s, SAMPLE_S), commands.duration_s)
     if kind == "voltage":
@@ -119,17 +121,25 @@ class _Driven:
     tops: dict[str, float]
 
 
-def _drive(robot: Robot, scenario: Scenario, commands: Commands, kind: str, payload_kg: float, models: Sequence[Model]) -> list[_Driven]:
+def _drive(
+    robot: Robot, scenario: Scenario, commands: Commands, kind: str, payload_kg: float, models: Sequence[Model]
+) -> list[_Driven]:
     """The commands by each model: paths from the origin, headed along x."""
     t, volts = _volts(robot, scenario, commands, kind, payload_kg)
     found = []
     for model in models:
-        out = replay_run(model, run_inputs(as_run(scenario, robot, payload_kg, t, np.clip(volts, -robot.supply_v, robot.supply_v)), robot))
+        out = replay_run(
+            model,
+            run_inputs(as_run(scenario, robot, payload_kg, t, np.clip(volts, -robot.supply_v, robot.supply_v)), robot),
+        )
         speeds = _speeds(robot, out)
         x, y = out[:, OUTPUT_INDEX["x"]], out[:, OUTPUT_INDEX["y"]]
-        tops = {"voltage_v": float(np.abs(volts).max()),
-                "wheel_rad_s": float(np.abs(out[:, [OUTPUT_INDEX["w_l"], OUTPUT_INDEX["w_r"]]]).max()),
-                "forward_m_s": float(np.abs(speeds[:, 0]).max()), "turn_rad_s": float(np.abs(speeds[:, 1]).max())}
+        tops = {
+            "voltage_v": float(np.abs(volts).max()),
+            "wheel_rad_s": float(np.abs(out[:, [OUTPUT_INDEX["w_l"], OUTPUT_INDEX["w_r"]]]).max()),
+            "forward_m_s": float(np.abs(speeds[:, 0]).max()),
+            "turn_rad_s": float(np.abs(speeds[:, 1]).max()),
+        }
         found.append(_Driven(np.column_stack([t, x, y]), tops))
     return found
 
@@ -146,7 +156,11 @@ def _place(paths: Sequence[np.ndarray], floor: Floor) -> tuple[tuple[float, floa
         spare = float((room - (high - low)).min())
         if spare >= 0.0 and (best is None or spare > best[0] + 1e-9):
             middle = 0.5 * np.array([floor.width_m, floor.depth_m]) - 0.5 * (low + high)
-            best = (spare, (float(middle[0]), float(middle[1]), float(heading)), (float(high[0] - low[0]), float(high[1] - low[1])))
+            best = (
+                spare,
+                (float(middle[0]), float(middle[1]), float(heading)),
+                (float(high[0] - low[0]), float(high[1] - low[1])),
+            )
     return None if best is None else (best[1], best[2])
 
 
@@ -170,14 +184,21 @@ def driven_by_voltage(robot: Robot) -> Robot:
     return replace(robot, driver=Driver(), servo=None)
 
 
-def fit(scenario: Scenario, robot: Robot, kind: str, floor: Floor, models: Sequence[Model], payload_kg: float = 0.0,
-        speed_m_s: float = math.inf) -> Plan:
+def fit(
+    scenario: Scenario,
+    robot: Robot,
+    kind: str,
+    floor: Floor,
+    models: Sequence[Model],
+    payload_kg: float = 0.0,
+    speed_m_s: float = math.inf,
+) -> Plan:
     """A manoeuvre as large as floor, speed and supply let it be.
 
     Parameters
     ----------
-    kind : "voltage" or "cmd_vel". models : robots that must stay on the floor, as by a diagnosis; the first one's path is kept.
-    speed_m_s : what the robot may drive at most.
+    kind : "voltage" or "cmd_vel". models : robots that must stay on the floor, as by a diagnosis; the first one's path
+    is kept. speed_m_s : what the robot may drive at most.
 
     Raises
     ------
@@ -196,8 +217,10 @@ def fit(scenario: Scenario, robot: Robot, kind: str, floor: Floor, models: Seque
         if placed is None:
             points = np.vstack([one.path[:, 1:] for one in driven])
             size = points.max(axis=0) - points.min(axis=0) + 2.0 * floor.margin_m
-            return None, (f"it needs about {size[0]:.2f} x {size[1]:.2f} m with {floor.margin_m:g} m around the robot, the floor "
-                          f"has {floor.width_m:g} x {floor.depth_m:g} m")
+            return None, (
+                f"it needs about {size[0]:.2f} x {size[1]:.2f} m with {floor.margin_m:g} m around the robot, the floor "
+                f"has {floor.width_m:g} x {floor.depth_m:g} m"
+            )
         start, extent = placed
         c, s = math.cos(start[2]), math.sin(start[2])
         path = driven[0].path.copy()

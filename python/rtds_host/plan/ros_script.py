@@ -1,8 +1,8 @@
 """Drives one manoeuvre in ROS 2, and stops the robot at its end and when it is interrupted.
 
-KIND "cmd_vel": geometry_msgs/Twist on /cmd_vel (TwistStamped with `--ros-args -p stamped:=true`), forward speed in m/s and yaw rate in
-rad/s. KIND "voltage": std_msgs/Float64MultiArray on /wheel_voltages, left and right in V, for a driver of your own. Remap a topic
-by `--ros-args -r cmd_vel:=/robot/cmd_vel`. Record meanwhile: ros2 bag record -a.
+KIND "cmd_vel": geometry_msgs/Twist on /cmd_vel (TwistStamped with `--ros-args -p stamped:=true`), forward speed in m/s
+and yaw rate in rad/s. KIND "voltage": std_msgs/Float64MultiArray on /wheel_voltages, left and right in V, for a driver
+of your own. Remap a topic by `--ros-args -r cmd_vel:=/robot/cmd_vel`. Record meanwhile: ros2 bag record -a.
 """
 
 import itertools

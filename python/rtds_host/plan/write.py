@@ -35,12 +35,21 @@ def summary(plan: Plan, why: str) -> dict:
     """The content of plan.json."""
     x, y, yaw = plan.start
     return {
-        "schema": SCHEMA, "scenario": plan.scenario.name, "about": plan.scenario.about, "why": why, "kind": plan.kind,
-        "scale": round(plan.scale, 3), "duration_s": round(plan.commands.duration_s, 3), "payload_kg": plan.payload_kg,
-        "slope_rad": plan.scenario.slope_rad, "uphill_yaw_rad": plan.scenario.uphill_yaw_rad,
-        "floor_m": [plan.floor.width_m, plan.floor.depth_m], "margin_m": plan.floor.margin_m,
+        "schema": SCHEMA,
+        "scenario": plan.scenario.name,
+        "about": plan.scenario.about,
+        "why": why,
+        "kind": plan.kind,
+        "scale": round(plan.scale, 3),
+        "duration_s": round(plan.commands.duration_s, 3),
+        "payload_kg": plan.payload_kg,
+        "slope_rad": plan.scenario.slope_rad,
+        "uphill_yaw_rad": plan.scenario.uphill_yaw_rad,
+        "floor_m": [plan.floor.width_m, plan.floor.depth_m],
+        "margin_m": plan.floor.margin_m,
         "start": {"x_m": round(x, 3), "y_m": round(y, 3), "heading_rad": round(yaw, 4)},
-        "extent_m": [round(e, 3) for e in plan.extent_m], "largest": {name: round(v, 4) for name, v in plan.tops.items()},
+        "extent_m": [round(e, 3) for e in plan.extent_m],
+        "largest": {name: round(v, 4) for name, v in plan.tops.items()},
     }
 
 

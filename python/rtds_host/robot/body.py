@@ -18,8 +18,9 @@ SUPPORTS = ("skids", "caster")
 # Turtlebot3's caster (its URDF): behind the axle; the wheel's axis stands 23 mm above the base frame.
 CASTER_X_M = -0.081
 SKID_RADIUS_M = 0.005
-# The nominal model rolls without slip and does not pitch. A step of 20 V asks for 17 m/s^2: with the centre of mass 55 mm
-# up, skids nearer than 0.18 m would take the load off the wheels, and tyres below 3 would slide. Higher robots stand wider.
+# The nominal model rolls without slip and does not pitch. A step of 20 V asks for 17 m/s^2: with the centre of mass 55
+# mm up, skids nearer than 0.18 m would take the load off the wheels, and tyres below 3 would slide. Higher robots stand
+# wider.
 SKID_ARM_M = 0.25
 SKID_ARM_OF_HEIGHT = 4.5
 TYRE_FRICTION = 10.0
@@ -57,19 +58,24 @@ class Body:
         """Mass of one wheel as a solid disc of its inertia. How the mass is shared between wheels and base plays no
         part in the plane; the sum and the moments are kept. A robot of little yaw inertia gets lighter ones, so that
         a base is left for it."""
-        return min(2.0 * self.wheel_inertia_kg_m2 / max(self.wheel_radius_m) ** 2, 0.2 * self.mass_kg,
-                   0.5 * self.yaw_inertia_kg_m2 / self.track_width_m**2)
+        return min(
+            2.0 * self.wheel_inertia_kg_m2 / max(self.wheel_radius_m) ** 2,
+            0.2 * self.mass_kg,
+            0.5 * self.yaw_inertia_kg_m2 / self.track_width_m**2,
+        )
 
     @property
     def gravity_m_s2(self) -> np.ndarray:
         """Gravity (3,) in the axes of the tilted ground."""
         down = math.sin(self.slope_rad)
-        return GRAVITY_M_S2 * np.array([-down * math.cos(self.uphill_yaw_rad), -down * math.sin(self.uphill_yaw_rad),
-                                        -math.cos(self.slope_rad)])
+        return GRAVITY_M_S2 * np.array(
+            [-down * math.cos(self.uphill_yaw_rad), -down * math.sin(self.uphill_yaw_rad), -math.cos(self.slope_rad)]
+        )
 
 
-def make_body(robot: Robot, payload_kg: float = 0.0, slope_rad: float = 0.0, uphill_yaw_rad: float = 0.0,
-              support: str = "skids") -> Body:
+def make_body(
+    robot: Robot, payload_kg: float = 0.0, slope_rad: float = 0.0, uphill_yaw_rad: float = 0.0, support: str = "skids"
+) -> Body:
     """The body of a nominal robot.
 
     Raises
@@ -88,12 +94,19 @@ def make_body(robot: Robot, payload_kg: float = 0.0, slope_rad: float = 0.0, uph
     if support not in SUPPORTS:
         raise InputError(f"support {support!r}: unknown (known: {', '.join(SUPPORTS)})")
     chassis = robot.chassis
-    return Body(mass_kg=chassis.mass_kg, payload_kg=payload_kg, yaw_inertia_kg_m2=chassis.yaw_inertia_kg_m2,
-                wheel_radius_m=(chassis.wheel_radius_m, chassis.wheel_radius_m),
-                wheel_inertia_kg_m2=chassis.wheel_inertia_kg_m2, track_width_m=chassis.track_width_m,
-                com_m=(chassis.com_x_m, chassis.com_y_m, chassis.com_z_m), slope_rad=slope_rad,
-                uphill_yaw_rad=uphill_yaw_rad, support=support,
-                skid_arm_m=max(SKID_ARM_M, SKID_ARM_OF_HEIGHT * chassis.com_z_m))
+    return Body(
+        mass_kg=chassis.mass_kg,
+        payload_kg=payload_kg,
+        yaw_inertia_kg_m2=chassis.yaw_inertia_kg_m2,
+        wheel_radius_m=(chassis.wheel_radius_m, chassis.wheel_radius_m),
+        wheel_inertia_kg_m2=chassis.wheel_inertia_kg_m2,
+        track_width_m=chassis.track_width_m,
+        com_m=(chassis.com_x_m, chassis.com_y_m, chassis.com_z_m),
+        slope_rad=slope_rad,
+        uphill_yaw_rad=uphill_yaw_rad,
+        support=support,
+        skid_arm_m=max(SKID_ARM_M, SKID_ARM_OF_HEIGHT * chassis.com_z_m),
+    )
 
 
 def inertia_at_wheel_kg_m2(body: Body) -> float:

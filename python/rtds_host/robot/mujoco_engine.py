@@ -13,9 +13,9 @@ from rtds_host.robot.body import SKID_RADIUS_M, Body, inertia_at_wheel_kg_m2
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import base_inertia, supports
 
-# A wheel's speed is given, not found: an armature far above anything on the ground lets a wheel turn as it is told whatever
-# its contact does, and the contact's torque is read off the solver. 10 kg m2 is enough for what would see 0.005 kg m2; heavier
-# robots get more.
+# A wheel's speed is given, not found: an armature far above anything on the ground lets a wheel turn as it is told
+# whatever its contact does, and the contact's torque is read off the solver. 10 kg m2 is enough for what would see
+# 0.005 kg m2; heavier robots get more.
 ARMATURE_KG_M2 = 10.0
 ARMATURE_OF_BODY = 2000.0
 SETTLE_S = 0.5
@@ -38,7 +38,8 @@ def make_mjcf(body: Body, step_s: float) -> str:
     skids = "".join(
         f'<geom name="{name}" type="sphere" size="{SKID_RADIUS_M:g}" '
         f'pos="{vector((x, body.com_m[1], SKID_RADIUS_M))}" condim="1" contype="2" conaffinity="1" {CONTACT}/>\n'
-        for name, x in supports(body))
+        for name, x in supports(body)
+    )
     spin = body.wheel_inertia_kg_m2
     wheels = "".join(
         f'<body name="wheel_{name}" pos="{vector((0.0, side * body.track_width_m, radius))}">\n'
@@ -47,15 +48,18 @@ def make_mjcf(body: Body, step_s: float) -> str:
         'frictionloss="0"/>\n'
         f'<geom name="wheel_{name}" type="sphere" size="{radius:.12g}" condim="3" friction="{body.tyre_friction:g} 0 0" '
         f'contype="2" conaffinity="1" {CONTACT}/>\n</body>\n'
-        for name, side, radius in zip(("left", "right"), (0.5, -0.5), body.wheel_radius_m, strict=True))
-    return (f'<mujoco model="burger">\n<option timestep="{step_s:.12g}" gravity="{vector(body.gravity_m_s2)}" '
-            'integrator="Euler" cone="elliptic" solver="Newton" iterations="100" tolerance="1e-14" impratio="10">'
-            '</option>\n<worldbody>\n'
-            f'<geom name="ground" type="plane" size="0 0 1" condim="1" friction="{body.tyre_friction:g} 0 0" contype="1" '
-            f'conaffinity="2" {CONTACT}/>\n'
-            '<body name="base">\n<freejoint/>\n'
-            f'<inertial pos="{vector(base.com_m)}" mass="{base.mass_kg:.12g}" '
-            f'diaginertia="{vector(base.inertia_kg_m2)}"/>\n{skids}{wheels}</body>\n</worldbody>\n</mujoco>\n')
+        for name, side, radius in zip(("left", "right"), (0.5, -0.5), body.wheel_radius_m, strict=True)
+    )
+    return (
+        f'<mujoco model="burger">\n<option timestep="{step_s:.12g}" gravity="{vector(body.gravity_m_s2)}" '
+        'integrator="Euler" cone="elliptic" solver="Newton" iterations="100" tolerance="1e-14" impratio="10">'
+        "</option>\n<worldbody>\n"
+        f'<geom name="ground" type="plane" size="0 0 1" condim="1" friction="{body.tyre_friction:g} 0 0" contype="1" '
+        f'conaffinity="2" {CONTACT}/>\n'
+        '<body name="base">\n<freejoint/>\n'
+        f'<inertial pos="{vector(base.com_m)}" mass="{base.mass_kg:.12g}" '
+        f'diaginertia="{vector(base.inertia_kg_m2)}"/>\n{skids}{wheels}</body>\n</worldbody>\n</mujoco>\n'
+    )
 
 
 class MujocoEngine:
@@ -120,10 +124,14 @@ class MujocoEngine:
         velocity = linear + np.cross(angular, rotation @ np.array([0.0, 0.0, self._height]))
         turn = self._start[2] - self._origin[2]
         dx, dy = x - self._origin[0], y - self._origin[1]
-        return RobotState(x_m=self._start[0] + math.cos(turn) * dx - math.sin(turn) * dy,
-                          y_m=self._start[1] + math.sin(turn) * dx + math.cos(turn) * dy,
-                          yaw_rad=self._start[2] + self._turns, speed_m_s=float(velocity @ rotation[:, 0]),
-                          yaw_rate_rad_s=float(angular @ rotation[:, 2]), pitch_rad=-math.asin(rotation[2, 0]))
+        return RobotState(
+            x_m=self._start[0] + math.cos(turn) * dx - math.sin(turn) * dy,
+            y_m=self._start[1] + math.sin(turn) * dx + math.cos(turn) * dy,
+            yaw_rad=self._start[2] + self._turns,
+            speed_m_s=float(velocity @ rotation[:, 0]),
+            yaw_rate_rad_s=float(angular @ rotation[:, 2]),
+            pitch_rad=-math.asin(rotation[2, 0]),
+        )
 
     def wheel_speeds(self) -> np.ndarray:
         return self._data.qvel[self._wheels].copy()

@@ -6,8 +6,9 @@ from rtds_host.robot.body import Body
 from rtds_host.robot.engine import STEP_S, Engine, check_engine
 
 
-def open_engine(name: str, body: Body, pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
-                step_s: float = STEP_S) -> Engine:
+def open_engine(
+    name: str, body: Body, pose: tuple[float, float, float] = (0.0, 0.0, 0.0), step_s: float = STEP_S
+) -> Engine:
     """A physics engine with the robot standing at `pose` (x m, y m, yaw rad), settled, at rest.
 
     Raises

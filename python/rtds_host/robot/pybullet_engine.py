@@ -49,8 +49,13 @@ SETTLE_S = 0.5
 class PyBulletEngine:
     """See `rtds_host.robot.engine.Engine`."""
 
-    def __init__(self, body: Body, pose: tuple[float, float, float] = (0.0, 0.0, 0.0), step_s: float = STEP_S,
-                 iterations: int = ITERATIONS):
+    def __init__(
+        self,
+        body: Body,
+        pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        step_s: float = STEP_S,
+        iterations: int = ITERATIONS,
+    ):
         self.step_s = step_s
         self._body = body
         self._client = pybullet.connect(pybullet.DIRECT)
@@ -65,35 +70,69 @@ class PyBulletEngine:
 
     def _load(self, pose: tuple[float, float, float], iterations: int) -> None:
         p, client = pybullet, self._client
-        p.setPhysicsEngineParameter(fixedTimeStep=self.step_s, numSolverIterations=iterations, numSubSteps=0,
-                                    deterministicOverlappingPairs=1, solverResidualThreshold=RESIDUAL,
-                                    enableConeFriction=1, physicsClientId=client)
+        p.setPhysicsEngineParameter(
+            fixedTimeStep=self.step_s,
+            numSolverIterations=iterations,
+            numSubSteps=0,
+            deterministicOverlappingPairs=1,
+            solverResidualThreshold=RESIDUAL,
+            enableConeFriction=1,
+            physicsClientId=client,
+        )
         p.setGravity(*self._body.gravity_m_s2, physicsClientId=client)
-        ground = p.createMultiBody(0, p.createCollisionShape(p.GEOM_PLANE, physicsClientId=client),
-                                   physicsClientId=client)
-        p.changeDynamics(ground, -1, lateralFriction=1.0, rollingFriction=0.0, spinningFriction=0.0, restitution=0.0,
-                         physicsClientId=client)
+        ground = p.createMultiBody(
+            0, p.createCollisionShape(p.GEOM_PLANE, physicsClientId=client), physicsClientId=client
+        )
+        p.changeDynamics(
+            ground,
+            -1,
+            lateralFriction=1.0,
+            rollingFriction=0.0,
+            spinningFriction=0.0,
+            restitution=0.0,
+            physicsClientId=client,
+        )
         with temporary_folder() as folder:
             path = os.path.join(folder, "robot.urdf")
             with open(path, "w", encoding="ascii") as stream:
                 stream.write(make_urdf(self._body))
             flags = p.URDF_USE_INERTIA_FROM_FILE | p.URDF_MAINTAIN_LINK_ORDER
-            self._robot = p.loadURDF(path, [pose[0], pose[1], 0.0], p.getQuaternionFromEuler([0.0, 0.0, pose[2]]),
-                                     flags=flags, physicsClientId=client)
-        links = {p.getJointInfo(self._robot, k, physicsClientId=client)[12].decode(): k
-                 for k in range(p.getNumJoints(self._robot, physicsClientId=client))}
+            self._robot = p.loadURDF(
+                path,
+                [pose[0], pose[1], 0.0],
+                p.getQuaternionFromEuler([0.0, 0.0, pose[2]]),
+                flags=flags,
+                physicsClientId=client,
+            )
+        links = {
+            p.getJointInfo(self._robot, k, physicsClientId=client)[12].decode(): k
+            for k in range(p.getNumJoints(self._robot, physicsClientId=client))
+        }
         self._wheels = [links[joint.removesuffix("_joint")] for joint in WHEEL_JOINTS]
         slippery = [links[name] for name, _ in supports(self._body)]
         for link in range(-1, len(links)):
-            p.changeDynamics(self._robot, link, lateralFriction=0.0 if link in slippery else self._body.tyre_friction,
-                             rollingFriction=0.0, spinningFriction=0.0, restitution=0.0, linearDamping=0.0,
-                             angularDamping=0.0, jointDamping=0.0, physicsClientId=client)
+            p.changeDynamics(
+                self._robot,
+                link,
+                lateralFriction=0.0 if link in slippery else self._body.tyre_friction,
+                rollingFriction=0.0,
+                spinningFriction=0.0,
+                restitution=0.0,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                jointDamping=0.0,
+                physicsClientId=client,
+            )
         p.changeDynamics(self._robot, -1, activationState=p.ACTIVATION_STATE_DISABLE_SLEEPING, physicsClientId=client)
         spin = self._body.wheel_inertia_kg_m2
         self._flywheel = FLYWHEEL * inertia_at_wheel_kg_m2(self._body)
         for wheel in self._wheels:
-            p.changeDynamics(self._robot, wheel, localInertiaDiagonal=[0.5 * spin, spin + self._flywheel, 0.5 * spin],
-                             physicsClientId=client)
+            p.changeDynamics(
+                self._robot,
+                wheel,
+                localInertiaDiagonal=[0.5 * spin, spin + self._flywheel, 0.5 * spin],
+                physicsClientId=client,
+            )
         self._com_local = np.array(p.getDynamicsInfo(self._robot, -1, physicsClientId=client)[3])
 
     def hold(self) -> np.ndarray:
@@ -107,8 +146,9 @@ class PyBulletEngine:
         first = len(speeds_rad_s) - max(1, round(last * len(speeds_rad_s)))
         before = self.wheel_speeds()
         for k, targets in enumerate(np.asarray(speeds_rad_s, dtype=float).tolist()):
-            p.setJointMotorControlArray(robot, wheels, p.VELOCITY_CONTROL, targetVelocities=targets, forces=limit,
-                                        physicsClientId=client)
+            p.setJointMotorControlArray(
+                robot, wheels, p.VELOCITY_CONTROL, targetVelocities=targets, forces=limit, physicsClientId=client
+            )
             p.stepSimulation(physicsClientId=client)
             if k >= first:
                 one, two = p.getJointStates(robot, wheels, physicsClientId=client)
@@ -146,10 +186,14 @@ class PyBulletEngine:
         velocity = linear + np.cross(angular, arm)
         turn = self._start[2] - self._origin[2]
         dx, dy = x - self._origin[0], y - self._origin[1]
-        return RobotState(x_m=self._start[0] + math.cos(turn) * dx - math.sin(turn) * dy,
-                          y_m=self._start[1] + math.sin(turn) * dx + math.cos(turn) * dy,
-                          yaw_rad=self._start[2] + self._turns, speed_m_s=float(velocity @ rotation[:, 0]),
-                          yaw_rate_rad_s=float(angular @ rotation[:, 2]), pitch_rad=-math.asin(rotation[2, 0]))
+        return RobotState(
+            x_m=self._start[0] + math.cos(turn) * dx - math.sin(turn) * dy,
+            y_m=self._start[1] + math.sin(turn) * dx + math.cos(turn) * dy,
+            yaw_rad=self._start[2] + self._turns,
+            speed_m_s=float(velocity @ rotation[:, 0]),
+            yaw_rate_rad_s=float(angular @ rotation[:, 2]),
+            pitch_rad=-math.asin(rotation[2, 0]),
+        )
 
     def wheel_speeds(self) -> np.ndarray:
         states = pybullet.getJointStates(self._robot, self._wheels, physicsClientId=self._client)

@@ -1,13 +1,15 @@
 """Who carries the body's inertia: the physics engine alone, or the motor units a part of it.
 
-Motor units and engine meet once an exchange: the engine is told the wheels' speeds and answers with the torques that load
-the motors in the *next* exchange. With the body's inertia at the wheels M (2, 2) and the rotor's, I_r = N^2 J, a change of the
-speeds comes back one exchange late as -M/I_r times itself, less what the motor damps away (the shorter the exchange, the
-less). It dies out while the largest eigenvalue of M is below I_r: the *explicit* split, for robots of high gearing.
+Motor units and engine meet once an exchange: the engine is told the wheels' speeds and answers with the torques that
+load the motors in the *next* exchange. With the body's inertia at the wheels M (2, 2) and the rotor's, I_r = N^2 J, a
+change of the speeds comes back one exchange late as -M/I_r times itself, less what the motor damps away (the shorter
+the exchange, the less). It dies out while the largest eigenvalue of M is below I_r: the *explicit* split, for robots of
+high gearing.
 
-Elsewhere the motor units *carry* an inertia m at each wheel beside their rotor, as an armature: it takes part in every step
-of theirs, implicitly, and only the rest comes back late, as the correction (M - m) dw/dt and whatever else the engine
-answered with. The rest has the eigenvalues (lambda - m)/(I_r + m); with m half the trace of M, the mean of both lambda > 0,
+Elsewhere the motor units *carry* an inertia m at each wheel beside their rotor, as an armature: it takes part in every
+step of theirs, implicitly, and only the rest comes back late, as the correction (M - m) dw/dt and whatever else the
+engine answered with. The rest has the eigenvalues (lambda - m)/(I_r + m); with m half the trace of M, the mean of both
+lambda > 0,
 
     |lambda - m| / (I_r + m) = (lambda_max - lambda_min) / (2 I_r + lambda_max + lambda_min) < 1
 
@@ -34,8 +36,9 @@ def wheel_inertia(body: Body, yaw_inertia: float) -> tuple[np.ndarray, np.ndarra
     return inertia_of(body.total_mass_kg, body.com_m[1], yaw_inertia, body.wheel_radius_m, body.track_width_m)
 
 
-def inertia_of(mass: float, com_y: float, yaw_inertia: float, radius: tuple[float, float],
-               track: float) -> tuple[np.ndarray, np.ndarray]:
+def inertia_of(
+    mass: float, com_y: float, yaw_inertia: float, radius: tuple[float, float], track: float
+) -> tuple[np.ndarray, np.ndarray]:
     """As `wheel_inertia`, from plain figures."""
     r_l, r_r = radius
     ways = np.array([[0.5 * r_l, 0.5 * r_r], [-r_l / track, r_r / track]])
@@ -72,7 +75,9 @@ def make_split(robot: Robot, body: Body) -> Split:
 
 
 def share(whole: np.ndarray, rotor: float) -> Split:
-    """Share the inertia `whole` (2, 2) at the wheels, their own spin included, with a rotor's, all kg m² at the wheel."""
+    """Share the inertia `whole` (2, 2) at the wheels, their own spin included, with a rotor's, all kg m² at the
+    wheel.
+    """
     values = np.linalg.eigvalsh(whole)
     ratio = float(values[-1]) / rotor
     carried = 0.0 if ratio <= EXPLICIT_LIMIT else 0.5 * float(np.trace(whole))

@@ -31,8 +31,11 @@ def base_inertia(body: Body) -> BaseInertia:
     mass = body.mass_kg - 2.0 * wheel + body.payload_kg
     total = body.total_mass_kg
     height = 0.5 * sum(body.wheel_radius_m)
-    com = (total * body.com_m[0] / mass, total * body.com_m[1] / mass,
-           (total * body.com_m[2] - 2.0 * wheel * height) / mass)
+    com = (
+        total * body.com_m[0] / mass,
+        total * body.com_m[1] / mass,
+        (total * body.com_m[2] - 2.0 * wheel * height) / mass,
+    )
     # Each wheel is a disc that stands upright: m r^2/4 about the vertical through its centre.
     upright = 0.5 * body.wheel_inertia_kg_m2
     yaw = body.yaw_inertia_kg_m2 - 2.0 * (wheel * (0.5 * body.track_width_m) ** 2 + upright)
@@ -53,11 +56,12 @@ def yaw_inertia_kg_m2(body: Body) -> float:
 
 
 def supports(body: Body) -> list[tuple[str, float]]:
-    """Frictionless points of support: name and x [m]. Skids stand fore and aft of the centre of mass; the caster is the Turtlebot3's own, behind the axle alone."""
+    """Frictionless points of support: name and x [m]. Skids stand fore and aft of the centre of mass; the caster is the
+    Turtlebot3's own, behind the axle alone.
+    """
     if body.support == "caster":
         return [("caster", CASTER_X_M)]
-    return [("skid_front", body.com_m[0] + body.skid_arm_m),
-            ("skid_rear", body.com_m[0] - body.skid_arm_m)]
+    return [("skid_front", body.com_m[0] + body.skid_arm_m), ("skid_rear", body.com_m[0] - body.skid_arm_m)]
 
 
 def make_urdf(body: Body) -> str:
@@ -68,28 +72,38 @@ def make_urdf(body: Body) -> str:
         return " ".join(f"{value:.12g}" for value in values)
 
     def inertial(mass: float, origin, moments) -> str:
-        return (f'    <inertial><origin xyz="{vector(origin)}"/><mass value="{mass:.12g}"/>'
-                f'<inertia ixx="{moments[0]:.12g}" iyy="{moments[1]:.12g}" izz="{moments[2]:.12g}" '
-                'ixy="0" ixz="0" iyz="0"/></inertial>\n')
+        return (
+            f'    <inertial><origin xyz="{vector(origin)}"/><mass value="{mass:.12g}"/>'
+            f'<inertia ixx="{moments[0]:.12g}" iyy="{moments[1]:.12g}" izz="{moments[2]:.12g}" '
+            'ixy="0" ixz="0" iyz="0"/></inertial>\n'
+        )
 
-    text = ['<?xml version="1.0"?>\n<robot name="burger">\n', '  <link name="base">\n',
-            inertial(base.mass_kg, base.com_m, base.inertia_kg_m2)]
+    text = [
+        '<?xml version="1.0"?>\n<robot name="burger">\n',
+        '  <link name="base">\n',
+        inertial(base.mass_kg, base.com_m, base.inertia_kg_m2),
+    ]
     text.append("  </link>\n")
     for name, x in supports(body):
         # A link of its own gives it a friction of its own; its mass is nothing beside the robot's.
-        text.append(f'  <link name="{name}">\n    <inertial><mass value="1e-9"/><inertia ixx="1e-15" iyy="1e-15" '
-                    'izz="1e-15" ixy="0" ixz="0" iyz="0"/></inertial>\n'
-                    f'    <collision><geometry><sphere radius="{SKID_RADIUS_M:g}"/></geometry></collision>\n'
-                    "  </link>\n"
-                    f'  <joint name="{name}_joint" type="fixed"><parent link="base"/><child link="{name}"/>'
-                    f'<origin xyz="{vector((x, body.com_m[1], SKID_RADIUS_M))}"/></joint>\n')
+        text.append(
+            f'  <link name="{name}">\n    <inertial><mass value="1e-9"/><inertia ixx="1e-15" iyy="1e-15" '
+            'izz="1e-15" ixy="0" ixz="0" iyz="0"/></inertial>\n'
+            f'    <collision><geometry><sphere radius="{SKID_RADIUS_M:g}"/></geometry></collision>\n'
+            "  </link>\n"
+            f'  <joint name="{name}_joint" type="fixed"><parent link="base"/><child link="{name}"/>'
+            f'<origin xyz="{vector((x, body.com_m[1], SKID_RADIUS_M))}"/></joint>\n'
+        )
     for joint, side, radius in zip(WHEEL_JOINTS, (0.5, -0.5), body.wheel_radius_m, strict=True):
         link = joint.removesuffix("_joint")
         moments = (0.5 * body.wheel_inertia_kg_m2, body.wheel_inertia_kg_m2, 0.5 * body.wheel_inertia_kg_m2)
-        text.append(f'  <link name="{link}">\n' + inertial(body.wheel_mass_kg, (0, 0, 0), moments)
-                    + f'    <collision><geometry><sphere radius="{radius:.12g}"/></geometry></collision>\n  </link>\n'
-                    f'  <joint name="{joint}" type="continuous"><parent link="base"/><child link="{link}"/>'
-                    f'<origin xyz="{vector((0, side * body.track_width_m, radius))}"/><axis xyz="0 1 0"/>'
-                    '<dynamics damping="0" friction="0"/></joint>\n')
+        text.append(
+            f'  <link name="{link}">\n'
+            + inertial(body.wheel_mass_kg, (0, 0, 0), moments)
+            + f'    <collision><geometry><sphere radius="{radius:.12g}"/></geometry></collision>\n  </link>\n'
+            f'  <joint name="{joint}" type="continuous"><parent link="base"/><child link="{link}"/>'
+            f'<origin xyz="{vector((0, side * body.track_width_m, radius))}"/><axis xyz="0 1 0"/>'
+            '<dynamics damping="0" friction="0"/></joint>\n'
+        )
     text.append("</robot>\n")
     return "".join(text)

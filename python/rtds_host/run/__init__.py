@@ -12,8 +12,24 @@ from rtds_host.run.plan import COUPLINGS, Options, Plan, make_plan, other_contro
 from rtds_host.run.session import LinkChoice, Outcome, perform, write_outcome
 from rtds_host.run.summary import Effects, Summary
 
-__all__ = ["COUPLINGS", "Effects", "LinkChoice", "Options", "Outcome", "Plan", "Record", "Sample", "SignalPath",
-           "Summary", "drive", "drive_with", "make_plan", "other_controller", "perform", "write_outcome"]
+__all__ = [
+    "COUPLINGS",
+    "Effects",
+    "LinkChoice",
+    "Options",
+    "Outcome",
+    "Plan",
+    "Record",
+    "Sample",
+    "SignalPath",
+    "Summary",
+    "drive",
+    "drive_with",
+    "make_plan",
+    "other_controller",
+    "perform",
+    "write_outcome",
+]
 
 
 class _Callable(types.ModuleType):

@@ -30,7 +30,8 @@ class Audit:
     ----------
     terms : energy of both motors, summed at every simulator step.
     imbalance : drawn minus accounted over the largest term, the worse of the two motors.
-    robot_gap : (work at the shafts minus energy gained by the robot) over the work exchanged in both directions; None of a
+    robot_gap : (work at the shafts minus energy gained by the robot) over the work exchanged in both directions; None
+    of a
         robot that stood still (below `STILL_J`).
     throughput_j : work exchanged between motors and robot, in both directions.
     same : the model ends at the same 32-bit currents and speeds as the link did.
@@ -45,8 +46,10 @@ class Audit:
 
 def _same(plan: Plan, record: Record, last) -> bool:
     ratio = plan.robot.motor.gear_ratio
-    return bool(np.array_equal(last.speeds[-1].astype(np.float64) / ratio, record.speeds[-1])
-                and np.array_equal(last.currents[-1].astype(np.float64), record.currents[-1]))
+    return bool(
+        np.array_equal(last.speeds[-1].astype(np.float64) / ratio, record.speeds[-1])
+        and np.array_equal(last.currents[-1].astype(np.float64), record.currents[-1])
+    )
 
 
 def ends_alike(plan: Plan, record: Record, correction: Correction) -> bool:
@@ -54,8 +57,9 @@ def ends_alike(plan: Plan, record: Record, correction: Correction) -> bool:
     with ModelLink() as link:
         set_motors(link, plan, carry=False)
         set_effects(link, correction)
-        for start, end, volts, load in zip(record.starts, record.ends, record.applied, record.shaft_torques,
-                                           strict=True):
+        for start, end, volts, load in zip(
+            record.starts, record.ends, record.applied, record.shaft_torques, strict=True
+        ):
             last = link.exchange(volts, load, (end - start) * STEP_S)
     return _same(plan, record, last)
 
@@ -69,8 +73,9 @@ def audit(plan: Plan, record: Record) -> Audit:
         set_motors(link, plan)
         throughput, before = 0.0, np.zeros(2)
         carried = 0.5 * record.carried_kg_m2 / plan.robot.motor.gear_ratio**2
-        for start, end, volts, load in zip(record.starts, record.ends, record.applied, record.shaft_torques,
-                                           strict=True):
+        for start, end, volts, load in zip(
+            record.starts, record.ends, record.applied, record.shaft_torques, strict=True
+        ):
             last = link.exchange(volts, load, (end - start) * STEP_S)
             moving = carried * last.speeds[-1].astype(np.float64) ** 2
             work = link.pair.energy.shaft_j + moving
@@ -80,5 +85,10 @@ def audit(plan: Plan, record: Record) -> Audit:
     imbalance = float(terms.imbalance.max())
     terms = replace(terms, shaft_j=terms.shaft_j + moving, stored_j=terms.stored_j - moving)
     gap = float(terms.shaft_j.sum()) - record.engine_energy_j
-    return Audit(terms=terms, imbalance=imbalance, throughput_j=throughput,
-                 robot_gap=gap / throughput if throughput > STILL_J else None, same=_same(plan, record, last))
+    return Audit(
+        terms=terms,
+        imbalance=imbalance,
+        throughput_j=throughput,
+        robot_gap=gap / throughput if throughput > STILL_J else None,
+        same=_same(plan, record, last),
+    )

@@ -24,8 +24,16 @@ def draw(plan: Plan, record: Record, folder: Path) -> list[Path]:
     Panels: (a) path, (b) speed references and simulated speeds, (c) armature currents, (d) x, y and yaw over time,
     (e) speed errors, (f) load torques and supply voltages.
     """
-    style = {"font.size": 8, "axes.grid": True, "grid.alpha": 0.3, "lines.linewidth": 0.9, "legend.fontsize": 7,
-             "legend.frameon": False, "axes.spines.top": False, "axes.spines.right": False}
+    style = {
+        "font.size": 8,
+        "axes.grid": True,
+        "grid.alpha": 0.3,
+        "lines.linewidth": 0.9,
+        "legend.fontsize": 7,
+        "legend.frameon": False,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+    }
     with plt.rc_context(style):
         figure, axes = plt.subplots(2, 3, figsize=(12.0, 6.6), layout="constrained")
         _path(axes[0, 0], record)
@@ -35,8 +43,11 @@ def draw(plan: Plan, record: Record, folder: Path) -> list[Path]:
         _pose(axes[1, 0], record)
         _errors(axes[1, 1], record)
         _loads(axes[1, 2], plan, record)
-        caption(figure, f"{plan.scenario.name}: {plan.robot.name}, payload {plan.body.payload_kg:g} kg, slope "
-                        f"{plan.body.slope_rad:g} rad, {plan.controller or 'voltages given'}")
+        caption(
+            figure,
+            f"{plan.scenario.name}: {plan.robot.name}, payload {plan.body.payload_kg:g} kg, slope "
+            f"{plan.body.slope_rad:g} rad, {plan.controller or 'voltages given'}",
+        )
         paths = [folder / "figure.png", folder / "figure.pdf"]
         save(figure, paths[0], dpi=130, metadata={"Software": None})
         save(figure, paths[1], metadata={"CreationDate": None})
@@ -106,5 +117,6 @@ def _loads(axis, plan: Plan, record: Record) -> None:
     other.set_ylabel("voltage (V)")
     other.spines["right"].set_visible(True)
     handles = [line for one in (axis, other) for line in one.get_lines()]
-    axis.legend(handles, [line.get_label() for line in handles], loc="upper center", bbox_to_anchor=(0.5, -0.16),
-                ncols=4)
+    axis.legend(
+        handles, [line.get_label() for line in handles], loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=4
+    )

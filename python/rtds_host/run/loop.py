@@ -67,23 +67,33 @@ def set_motors(link: Link, plan: Plan, carry: bool = True) -> None:
     InputError : parameters the core refuses. LinkError : no answer.
     """
     motor = plan.unit_motor if carry else plan.robot.motor
-    link.set_parameters(resistance_ohm=motor.resistance_ohm, inductance_h=motor.inductance_h,
-                        torque_constant_nm_per_a=motor.torque_constant_nm_per_a,
-                        back_emf_constant_v_s_per_rad=motor.back_emf_constant_v_s_per_rad,
-                        rotor_inertia_kg_m2=motor.rotor_inertia_kg_m2,
-                        viscous_friction_nm_s_per_rad=motor.viscous_friction_nm_s_per_rad,
-                        step_s=plan.simulator_step_s, method=plan.method)
+    link.set_parameters(
+        resistance_ohm=motor.resistance_ohm,
+        inductance_h=motor.inductance_h,
+        torque_constant_nm_per_a=motor.torque_constant_nm_per_a,
+        back_emf_constant_v_s_per_rad=motor.back_emf_constant_v_s_per_rad,
+        rotor_inertia_kg_m2=motor.rotor_inertia_kg_m2,
+        viscous_friction_nm_s_per_rad=motor.viscous_friction_nm_s_per_rad,
+        step_s=plan.simulator_step_s,
+        method=plan.method,
+    )
 
 
-def drive(plan: Plan, link: Link, path: SignalPath | None = None, progress: Callable[[float], None] | None = None,
-          correction: Correction | None = None) -> Record:
+def drive(
+    plan: Plan,
+    link: Link,
+    path: SignalPath | None = None,
+    progress: Callable[[float], None] | None = None,
+    correction: Correction | None = None,
+) -> Record:
     """Drive one run through an open link.
 
     Parameters
     ----------
     path : what stands between controller, motors, robot and log; the nominal one by default.
     progress : is called with the simulated time, s, once an exchange.
-    correction : makes it another robot than the nominal one. With it, and where the body outweighs the rotors, motors and
+    correction : makes it another robot than the nominal one. With it, and where the body outweighs the rotors, motors
+    and
         robot exchange torques each engine step without lag, whatever the controller's interval.
 
     Raises
@@ -94,7 +104,9 @@ def drive(plan: Plan, link: Link, path: SignalPath | None = None, progress: Call
     body = plan.body
     if correction is not None:
         if plan.coupling != "closed":
-            raise InputError(f"coupling {plan.coupling!r}: effects need coupling 'closed', where the robot follows its motors")
+            raise InputError(
+                f"coupling {plan.coupling!r}: effects need coupling 'closed', where the robot follows its motors"
+            )
         body = correction.body_on(plan.body)
         set_effects(link, correction)
         path = path or CorrectedPath(plan.robot.supply_v, correction.sensors)
@@ -109,16 +121,29 @@ def drive(plan: Plan, link: Link, path: SignalPath | None = None, progress: Call
         return Record(**record, wall_s=time.perf_counter() - began, link_report=report() if report else None)
 
 
-def drive_with(plan: Plan, link_name: str, link_options: dict | None = None, path: SignalPath | None = None,
-               progress: Callable[[float], None] | None = None, correction: Correction | None = None) -> Record:
+def drive_with(
+    plan: Plan,
+    link_name: str,
+    link_options: dict | None = None,
+    path: SignalPath | None = None,
+    progress: Callable[[float], None] | None = None,
+    correction: Correction | None = None,
+) -> Record:
     """Open a link, drive one run through it, close it. See `drive` and `rtds_host.link.open_link`."""
     with open_link(link_name, **(link_options or {})) as link:
         return drive(plan, link, path, progress, correction)
 
 
 class _Loop:
-    def __init__(self, plan: Plan, link: Link, engine: Engine, path: SignalPath, coupler: Coupler | None = None,
-                 correction: Correction | None = None):
+    def __init__(
+        self,
+        plan: Plan,
+        link: Link,
+        engine: Engine,
+        path: SignalPath,
+        coupler: Coupler | None = None,
+        correction: Correction | None = None,
+    ):
         self.plan, self.link, self.engine, self.path = plan, link, engine, path
         self.coupler, self.correction = coupler, correction
         self.ratio = plan.robot.motor.gear_ratio
@@ -172,8 +197,8 @@ class _Loop:
                 continue
             interval = (end - start) * STEP_S
             got = self.link.exchange(applied[k], loads[k], interval, STEP_S)
-            self.speeds[start + 1:end + 1] = got.speeds.astype(np.float64) / self.ratio
-            self.currents[start + 1:end + 1] = got.currents
+            self.speeds[start + 1 : end + 1] = got.speeds.astype(np.float64) / self.ratio
+            self.currents[start + 1 : end + 1] = got.currents
             torque = self._move_robot(start, end, torque, look)
             if progress is not None:
                 progress(self.t[end])
@@ -181,36 +206,59 @@ class _Loop:
         if self.coupler is not None:
             often = ends - starts
             starts, loads = np.arange(total), np.array(sent)
-            ends, commanded, applied = starts + 1, np.repeat(commanded, often, axis=0), np.repeat(applied, often, axis=0)
-        return {"t_s": self.t, "speeds": self.speeds, "currents": self.currents, "references": self.references,
-                "reference_poses": self.poses, "starts": starts, "ends": ends, "commanded": commanded,
-                "applied": applied, "shaft_torques": loads, "rows": np.array(rows), "samples": samples,
-                "truth": truth, "engine_energy_j": engine.energy_j() - energy,
-                "carried_kg_m2": np.zeros(2) if self.coupler is None else self.coupler.carried}
+            ends, commanded, applied = (
+                starts + 1,
+                np.repeat(commanded, often, axis=0),
+                np.repeat(applied, often, axis=0),
+            )
+        return {
+            "t_s": self.t,
+            "speeds": self.speeds,
+            "currents": self.currents,
+            "references": self.references,
+            "reference_poses": self.poses,
+            "starts": starts,
+            "ends": ends,
+            "commanded": commanded,
+            "applied": applied,
+            "shaft_torques": loads,
+            "rows": np.array(rows),
+            "samples": samples,
+            "truth": truth,
+            "engine_energy_j": engine.energy_j() - energy,
+            "carried_kg_m2": np.zeros(2) if self.coupler is None else self.coupler.carried,
+        }
 
     def _command(self, start: int, end: int, measured: Sample, load: np.ndarray) -> np.ndarray:
         if self.controller is None:
             return self.voltages[start].astype(np.float32).astype(np.float64)
         if self.plan.carried_kg_m2:
-            # The controller's motors carry a part of the body; the rest loads them as they speed up, both wheels together.
+            # The controller's motors carry a part of the body; the rest loads them as they speed up, both wheels
+            # together.
             rise = (self.references[end] - measured.speeds_rad_s) / ((end - start) * STEP_S)
             load = (self.coupler.load_of(rise) - self.plan.carried_kg_m2 * rise) / self.ratio
-        seen = Observation(speeds_rad_s=measured.speeds_rad_s * self.ratio, currents_a=measured.currents_a,
-                           torques_nm=load.astype(np.float64))
-        volts = self.controller.command(seen, self.references[start] * self.ratio, self.references[end] * self.ratio,
-                                        (end - start) * STEP_S)
+        seen = Observation(
+            speeds_rad_s=measured.speeds_rad_s * self.ratio,
+            currents_a=measured.currents_a,
+            torques_nm=load.astype(np.float64),
+        )
+        volts = self.controller.command(
+            seen, self.references[start] * self.ratio, self.references[end] * self.ratio, (end - start) * STEP_S
+        )
         # The link works in single precision: the log then holds exactly what acted.
         return volts.astype(np.float32).astype(np.float64)
 
     def _move_robot(self, start: int, end: int, torque: np.ndarray, look: Callable) -> np.ndarray:
         """Let the robot follow over the exchange, with a row of the log where one is due; the mean torque."""
         lead = self.speeds if self.plan.coupling == "closed" else self.references
-        wheels = self.path.wheels(lead[start + 1:end + 1], torque)
+        wheels = self.path.wheels(lead[start + 1 : end + 1], torque)
         total, now = np.zeros(2), start
         while now < end:
             stop = min(end, (now // self.plan.log_steps + 1) * self.plan.log_steps)
-            total += (stop - now) * self.engine.advance(wheels[now - start:stop - start])
-            self.angles = self.angles + 0.5 * STEP_S * (self.speeds[now:stop] + self.speeds[now + 1:stop + 1]).sum(axis=0)
+            total += (stop - now) * self.engine.advance(wheels[now - start : stop - start])
+            self.angles = self.angles + 0.5 * STEP_S * (self.speeds[now:stop] + self.speeds[now + 1 : stop + 1]).sum(
+                axis=0
+            )
             now = stop
             if now < end:
                 look(now)
@@ -243,6 +291,13 @@ class _Loop:
 
     def _sample(self, step: int) -> Sample:
         state = self.engine.state()
-        return Sample(v_bus=self._bus(step), currents_a=self.currents[step], speeds_rad_s=self.speeds[step],
-                      angles_rad=self.angles, gyro_rad_s=state.yaw_rate_rad_s, x_m=state.x_m, y_m=state.y_m,
-                      yaw_rad=state.yaw_rad)
+        return Sample(
+            v_bus=self._bus(step),
+            currents_a=self.currents[step],
+            speeds_rad_s=self.speeds[step],
+            angles_rad=self.angles,
+            gyro_rad_s=state.yaw_rate_rad_s,
+            x_m=state.x_m,
+            y_m=state.y_m,
+            yaw_rad=state.yaw_rad,
+        )

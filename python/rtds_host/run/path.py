@@ -28,8 +28,8 @@ class Sample:
 class SignalPath:
     """The nominal path; subclass it and override what differs. Methods are called in the order of time.
 
-    Where motors and robot exchange torques each engine step (`rtds_host.correction.coupler`) `loads` and `wheels` play no
-    part. `watches`: `watch` is to be called with the truth at every engine step (for what remembers).
+    Where motors and robot exchange torques each engine step (`rtds_host.correction.coupler`) `loads` and `wheels` play
+    no part. `watches`: `watch` is to be called with the truth at every engine step (for what remembers).
     """
 
     watches = False

@@ -110,8 +110,7 @@ def _divisor(number: int, limit: int) -> int:
     return max(k for k in range(1, min(number, limit) + 1) if number % k == 0)
 
 
-def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None,
-              options: Options | None = None) -> Plan:
+def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None, options: Options | None = None) -> Plan:
     """Put a run together and check it.
 
     Raises
@@ -122,8 +121,10 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None,
     options = options or Options()
     if isinstance(scenario, str):
         scenario = find_scenario(scenario)
-    for name, value, known in (("controller", options.controller, tuple(CONTROLLERS)),
-                               ("coupling", options.coupling, COUPLINGS)):
+    for name, value, known in (
+        ("controller", options.controller, tuple(CONTROLLERS)),
+        ("coupling", options.coupling, COUPLINGS),
+    ):
         if value not in known:
             raise InputError(f"{name} {value!r}: unknown (known: {', '.join(known)}){did_you_mean(value, known)}")
     check_engine(options.engine)
@@ -139,34 +140,58 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None,
     if options.scaled:
         fitting, payload = scaled_values(scenario, robot)
         values = {**fitting, **(values or {})}
-    body = make_body(robot, pick(options.payload_kg, payload), pick(options.slope_rad, scenario.slope_rad),
-                     pick(options.uphill_yaw_rad, scenario.uphill_yaw_rad), options.support)
+    body = make_body(
+        robot,
+        pick(options.payload_kg, payload),
+        pick(options.slope_rad, scenario.slope_rad),
+        pick(options.uphill_yaw_rad, scenario.uphill_yaw_rad),
+        options.support,
+    )
     split = make_split(robot, body) if options.coupling == "closed" else None
     chosen = scenario.values(values)
     motion = check_reach(scenario, chosen, robot, body)
     voltage = isinstance(motion, VoltageMotion)
     if voltage and options.coupling == "paper":
-        raise InputError(f"scenario {scenario.name!r}: drives by voltage, there is no reference the robot could "
-                         "follow with coupling 'paper'")
-    exchange_s = pick(options.exchange_s, None if scenario.exchange_s is None or options.controller == "paper"
-                      else scenario.exchange_s)
+        raise InputError(
+            f"scenario {scenario.name!r}: drives by voltage, there is no reference the robot could "
+            "follow with coupling 'paper'"
+        )
+    exchange_s = pick(
+        options.exchange_s,
+        None if scenario.exchange_s is None or options.controller == "paper" else scenario.exchange_s,
+    )
     exchange = _steps("exchange", pick(exchange_s, CONTROLLERS[options.controller]))
     # A row must stand wherever the command may change.
     period = _steps("scenario's period", motion.period_s) if voltage else exchange
     grid = period if period % exchange == 0 else exchange
     log = _divisor(grid, LOG_LIMIT_STEPS) if options.log_s is None else _steps("log interval", options.log_s)
     if grid % log:
-        raise InputError(f"log interval: is {log * STEP_S:g} s, it must divide {grid * STEP_S:g} s, at which the "
-                         "voltages change, or the log could not hold them")
+        raise InputError(
+            f"log interval: is {log * STEP_S:g} s, it must divide {grid * STEP_S:g} s, at which the "
+            "voltages change, or the log could not hold them"
+        )
     if 0 < options.simulator_step_s < FINEST_STEP_S:
         raise InputError(f"step: is {options.simulator_step_s:g} s, it must be at least {FINEST_STEP_S:g} s")
     total = max(1, math.ceil(motion.duration_s / STEP_S - 1e-6))
     if total > MAX_STEPS:
         raise InputError(f"duration: is {motion.duration_s:g} s, at most {MAX_STEPS * STEP_S:g} s are possible")
-    return Plan(scenario=scenario, values=chosen, motion=motion, robot=robot, robot_path=path, body=body,
-                controller=None if voltage else options.controller, coupling=options.coupling, engine=options.engine,
-                exchange_steps=exchange, log_steps=log, total_steps=total,
-                simulator_step_s=options.simulator_step_s, method=options.method, split=split)
+    return Plan(
+        scenario=scenario,
+        values=chosen,
+        motion=motion,
+        robot=robot,
+        robot_path=path,
+        body=body,
+        controller=None if voltage else options.controller,
+        coupling=options.coupling,
+        engine=options.engine,
+        exchange_steps=exchange,
+        log_steps=log,
+        total_steps=total,
+        simulator_step_s=options.simulator_step_s,
+        method=options.method,
+        split=split,
+    )
 
 
 def other_controller(plan: Plan) -> Plan:

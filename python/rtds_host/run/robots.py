@@ -1,4 +1,6 @@
-"""Every ready robot on the paper's three scenarios, scaled to it, in every engine: the table of docs/ready-robots.md."""
+"""Every ready robot on the paper's three scenarios, scaled to it, in every engine: the table of
+docs/ready-robots.md.
+"""
 
 from __future__ import annotations
 
@@ -52,9 +54,13 @@ def survey(robots: Sequence[str] = (), engines: Sequence[str] = ()) -> Iterator[
 
 
 def table(drives: Sequence[Drive]) -> str:
-    """The drives as Markdown, a row a robot and scenario: the worse of both engines, or which of them forbids it and why."""
-    rows = ["| robot | scenario | payload, way, time | body / rotor | end of the path | speed error (rms) | energy: balance, robot |",
-            "|---|---|---|---|---|---|---|"]
+    """The drives as Markdown, a row a robot and scenario: the worse of both engines, or which of them forbids it and
+    why.
+    """
+    rows = [
+        "| robot | scenario | payload, way, time | body / rotor | end of the path | speed error (rms) | energy: balance, robot |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for key in dict.fromkeys((one.robot, one.scenario) for one in drives):
         same = [one for one in drives if (one.robot, one.scenario) == key]
         refused = {one.engine: one.refused for one in same if one.refused}
@@ -63,14 +69,18 @@ def table(drives: Sequence[Drive]) -> str:
             rows.append(f"| `{key[0]}` | {key[1]} | {why} | | | | |")
             continue
         plan, found = same[0].plan, [one.summary for one in same]
-        way = ", ".join(f"{name.removesuffix('_m')} {plan.values[name]:.3g}{' m' if name.endswith('_m') else ''}"
-                        for name in ("length_m", "radius_m", "scale") if name in plan.values)
+        way = ", ".join(
+            f"{name.removesuffix('_m')} {plan.values[name]:.3g}{' m' if name.endswith('_m') else ''}"
+            for name in ("length_m", "radius_m", "scale")
+            if name in plan.values
+        )
         rows.append(
             f"| `{key[0]}` | {key[1]} | {plan.body.payload_kg:.3g} kg, {way}, {plan.duration_s:g} s | {found[0].inertia_ratio:.2f} | "
             f"{1e3 * max(s.end_position_error_m for s in found):.2f} mm, "
             f"{max(abs(math.degrees(s.end_yaw_error_rad)) for s in found):.3f}° | "
             f"{1e3 * max(s.speed_error_rms_rad_s for s in found):.2f} mrad/s | "
-            f"{max(s.energy_imbalance for s in found):.0e}, {max(abs(s.robot_energy_gap) for s in found):.0e} |")
+            f"{max(s.energy_imbalance for s in found):.0e}, {max(abs(s.robot_energy_gap) for s in found):.0e} |"
+        )
     return "\n".join(rows) + "\n"
 
 
@@ -78,15 +88,19 @@ app = typer.Typer(add_completion=False)
 
 
 @app.command()
-def main(robot: Annotated[list[str] | None, typer.Argument(help="Ready robots; all of them without.")] = None,
-         into: Annotated[Path | None, typer.Option(help="Page to put the table into, between its marks.")] = None) -> None:
+def main(
+    robot: Annotated[list[str] | None, typer.Argument(help="Ready robots; all of them without.")] = None,
+    into: Annotated[Path | None, typer.Option(help="Page to put the table into, between its marks.")] = None,
+) -> None:
     """Drive every ready robot on linear, circle and eight, scaled to it, in every engine."""
     from rtds_host.correction.agreement import write_between
 
     drives = []
     for drive in survey(robot or ()):
         drives.append(drive)
-        print(f"{drive.robot} {drive.scenario} {drive.engine}: {drive.refused or 'driven'}", file=sys.stderr, flush=True)
+        print(
+            f"{drive.robot} {drive.scenario} {drive.engine}: {drive.refused or 'driven'}", file=sys.stderr, flush=True
+        )
     text = table(drives)
     if into is None:
         print(text, end="")

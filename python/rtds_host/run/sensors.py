@@ -53,13 +53,20 @@ class CorrectedPath(SignalPath):
             self._past.popleft()
 
     def _late(self, t_s: float, sample: Sample) -> Sample:
-        """What left the sensors' inputs `delay` ago, speeds by their own delay before; before the run began, what it began with."""
+        """What left the sensors' inputs `delay` ago, speeds by their own delay before; before the run began, what it
+        began with.
+        """
         if not self.watches:
             return sample
         others = self._between(t_s, self._delay)
         speeds = [others if late == self._delay else self._between(t_s, late) for late in self._lates.tolist()]
-        return replace(others, speeds_rad_s=np.array([seen.speeds_rad_s[k] for k, seen in enumerate(speeds)]), x_m=sample.x_m,
-                       y_m=sample.y_m, yaw_rad=sample.yaw_rad)
+        return replace(
+            others,
+            speeds_rad_s=np.array([seen.speeds_rad_s[k] for k, seen in enumerate(speeds)]),
+            x_m=sample.x_m,
+            y_m=sample.y_m,
+            yaw_rad=sample.yaw_rad,
+        )
 
     def _between(self, t_s: float, delay_s: float) -> Sample:
         """What was there `delay_s` before, between two engine steps."""
@@ -68,13 +75,21 @@ class CorrectedPath(SignalPath):
         k = bisect.bisect_right(self._past, t_s - delay_s, key=lambda one: one[0])
         (t0, before), (t1, after) = self._past[max(k - 1, 0)], self._past[min(k, len(self._past) - 1)]
         share = 0.0 if t1 <= t0 else min(max((t_s - delay_s - t0) / (t1 - t0), 0.0), 1.0)
-        return Sample(**{f.name: (1.0 - share) * getattr(before, f.name) + share * getattr(after, f.name) for f in fields(Sample)})
+        return Sample(
+            **{f.name: (1.0 - share) * getattr(before, f.name) + share * getattr(after, f.name) for f in fields(Sample)}
+        )
 
     def sensors(self, t_s: float, sample: Sample) -> Sample:
         """What is reported. The pose is measured from outside: neither late nor wrong."""
         seen, v = self._late(t_s, sample), self.values
         gain = np.array(v.speed_gain)
-        return Sample(v_bus=seen.v_bus, currents_a=seen.currents_a * np.array(v.current_gain) + np.array(v.current_bias_a),
-                      speeds_rad_s=seen.speeds_rad_s * gain, angles_rad=seen.angles_rad * gain,
-                      gyro_rad_s=seen.gyro_rad_s * v.gyro_gain + v.gyro_bias_rad_s, x_m=sample.x_m, y_m=sample.y_m,
-                      yaw_rad=sample.yaw_rad)
+        return Sample(
+            v_bus=seen.v_bus,
+            currents_a=seen.currents_a * np.array(v.current_gain) + np.array(v.current_bias_a),
+            speeds_rad_s=seen.speeds_rad_s * gain,
+            angles_rad=seen.angles_rad * gain,
+            gyro_rad_s=seen.gyro_rad_s * v.gyro_gain + v.gyro_bias_rad_s,
+            x_m=sample.x_m,
+            y_m=sample.y_m,
+            yaw_rad=sample.yaw_rad,
+        )

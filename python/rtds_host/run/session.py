@@ -42,13 +42,20 @@ class Outcome:
     summary: Summary
 
 
-def perform(plan: Plan, link: LinkChoice, compare: bool = True, path: SignalPath | None = None,
-            progress: Progress | None = None, against: str | None = None, effects: Effects | None = None) -> Outcome:
+def perform(
+    plan: Plan,
+    link: LinkChoice,
+    compare: bool = True,
+    path: SignalPath | None = None,
+    progress: Progress | None = None,
+    against: str | None = None,
+    effects: Effects | None = None,
+) -> Outcome:
     """Drive the plan and, where there is a controller and `compare`, once more with the other one.
 
-    The comparison is driven on the bit-exact model whatever the link: the RTL gives the same bits (`Summary.model_agrees`
-    says whether it did so here), and neither a simulator's time nor a board's is spent twice. Through converters (links
-    `chip` and `ad2`) the model's end differs from the run's.
+    The comparison is driven on the bit-exact model whatever the link: the RTL gives the same bits
+    (`Summary.model_agrees` says whether it did so here), and neither a simulator's time nor a board's is spent twice.
+    Through converters (links `chip` and `ad2`) the model's end differs from the run's.
 
     Raises
     ------
@@ -64,11 +71,24 @@ def perform(plan: Plan, link: LinkChoice, compare: bool = True, path: SignalPath
     compared = rival = None
     if compare and plan.controller is not None:
         other = other_controller(plan)
-        compared = (other, drive_with(other, twin.name, twin.options, None,
-                                      report(f"{plan.scenario.name} ({other.controller})"), change))
+        compared = (
+            other,
+            drive_with(
+                other, twin.name, twin.options, None, report(f"{plan.scenario.name} ({other.controller})"), change
+            ),
+        )
     if against is not None and against != plan.engine:
-        rival = (against, drive_with(replace(plan, engine=against), twin.name, twin.options, path,
-                                     report(f"{plan.scenario.name} ({against})"), change))
+        rival = (
+            against,
+            drive_with(
+                replace(plan, engine=against),
+                twin.name,
+                twin.options,
+                path,
+                report(f"{plan.scenario.name} ({against})"),
+                change,
+            ),
+        )
     return Outcome(plan, record, summarise(plan, record, link.text, compared, rival, effects))
 
 

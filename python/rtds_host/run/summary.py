@@ -40,7 +40,8 @@ class Effects:
 @dataclass(frozen=True)
 class Summary:
     """Figures of one run, SI; two-vectors are [left, right]. None where a run has no reference, or no comparison;
-    energies are those of ideal motor units, None with `effects`; `robot_energy_gap` is None of a robot that stood still."""
+    energies are those of ideal motor units, None with `effects`; `robot_energy_gap` is None of a robot that stood
+    still."""
 
     scenario: str
     robot: str
@@ -108,13 +109,24 @@ def engine_gap(plan: Plan, record: Record, engine: str, other: Record) -> Engine
         return float(np.sqrt(np.mean((a.astype(float) - b.astype(float)) ** 2)))
 
     here, there = record.truth[-1], other.truth[-1]
-    return EngineGap(engine, math.hypot(here.x_m - there.x_m, here.y_m - there.y_m), here.yaw_rad - there.yaw_rad,
-                     rms(record.speeds, other.speeds), rms(record.currents, other.currents),
-                     plan.robot.motor.gear_ratio * rms(record.shaft_torques, other.shaft_torques))
+    return EngineGap(
+        engine,
+        math.hypot(here.x_m - there.x_m, here.y_m - there.y_m),
+        here.yaw_rad - there.yaw_rad,
+        rms(record.speeds, other.speeds),
+        rms(record.currents, other.currents),
+        plan.robot.motor.gear_ratio * rms(record.shaft_torques, other.shaft_torques),
+    )
 
 
-def summarise(plan: Plan, record: Record, link: str, compared: tuple[Plan, Record] | None = None,
-              rival: tuple[str, Record] | None = None, effects: Effects | None = None) -> Summary:
+def summarise(
+    plan: Plan,
+    record: Record,
+    link: str,
+    compared: tuple[Plan, Record] | None = None,
+    rival: tuple[str, Record] | None = None,
+    effects: Effects | None = None,
+) -> Summary:
     """The figures of a run; `compared` is the same run with the other controller, `rival` in the other engine."""
     energy: Audit | None = audit(plan, record) if effects is None else None
     alike = energy.same if energy else ends_alike(plan, record, effects.correction)
@@ -124,12 +136,21 @@ def summarise(plan: Plan, record: Record, link: str, compared: tuple[Plan, Recor
 
     errors = path_errors(record) or (None, None, None)
     return Summary(
-        scenario=plan.scenario.name, robot=plan.robot.name, link=link, engine=plan.engine, coupling=plan.coupling,
-        controller=plan.controller, exchange_s=plan.exchange_s, simulated_s=plan.duration_s, wall_s=record.wall_s,
+        scenario=plan.scenario.name,
+        robot=plan.robot.name,
+        link=link,
+        engine=plan.engine,
+        coupling=plan.coupling,
+        controller=plan.controller,
+        exchange_s=plan.exchange_s,
+        simulated_s=plan.duration_s,
+        wall_s=record.wall_s,
         step_ratio=int(record.ends[0] - record.starts[0]) * STEP_S / plan.simulator_step_s,
         inertia_ratio=plan.split.ratio if plan.split else None,
         carried_inertia_kg_m2=record.carried_kg_m2.tolist(),
-        end_position_error_m=errors[0], end_yaw_error_rad=errors[1], path_error_max_m=errors[2],
+        end_position_error_m=errors[0],
+        end_yaw_error_rad=errors[1],
+        path_error_max_m=errors[2],
         speed_error_rms_rad_s=speed_error_rms(record),
         compared_controller=compared[0].controller if compared else None,
         compared_exchange_s=compared[0].exchange_s if compared else None,
@@ -137,12 +158,21 @@ def summarise(plan: Plan, record: Record, link: str, compared: tuple[Plan, Recor
         peak_current_a=np.abs(record.currents).max(axis=0).tolist(),
         peak_voltage_v=np.abs(record.applied).astype(float).max(axis=0).tolist(),
         current_negative_s=((record.currents < 0.0).sum(axis=0) * float(record.t_s[1])).tolist(),
-        drawn_j=term("supplied_j"), recovered_j=term("recovered_j"), copper_j=term("copper_j"),
-        viscous_j=term("viscous_j"), shaft_j=term("shaft_j"), stored_j=term("stored_j"),
-        numerical_j=term("numerical_j"), energy_imbalance=energy.imbalance if energy else None,
-        robot_energy_j=record.engine_energy_j, robot_energy_gap=energy.robot_gap if energy else None,
-        model_agrees=alike, engine_gap=engine_gap(plan, record, *rival) if rival else None,
-        link_report=record.link_report, effects=effects.names if effects else ())
+        drawn_j=term("supplied_j"),
+        recovered_j=term("recovered_j"),
+        copper_j=term("copper_j"),
+        viscous_j=term("viscous_j"),
+        shaft_j=term("shaft_j"),
+        stored_j=term("stored_j"),
+        numerical_j=term("numerical_j"),
+        energy_imbalance=energy.imbalance if energy else None,
+        robot_energy_j=record.engine_energy_j,
+        robot_energy_gap=energy.robot_gap if energy else None,
+        model_agrees=alike,
+        engine_gap=engine_gap(plan, record, *rival) if rival else None,
+        link_report=record.link_report,
+        effects=effects.names if effects else (),
+    )
 
 
 def lines(summary: Summary) -> list[tuple[str, str]]:
@@ -155,24 +185,41 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
     rows = [("robot, link", f"{s.robot}, motors in {s.link}, {s.engine}, coupling {s.coupling}")]
     rows += [("effects" if k == 0 else "", name) for k, name in enumerate(s.effects)]
     if any(s.carried_inertia_kg_m2):
-        rows.append(("inertia", (f"the body's at the wheel is {s.inertia_ratio:.3g} times the rotor's; the motor units carry "
-                                 + pair(s.carried_inertia_kg_m2, ".3g", "kg m2 of it"))))
+        rows.append(
+            (
+                "inertia",
+                (
+                    f"the body's at the wheel is {s.inertia_ratio:.3g} times the rotor's; the motor units carry "
+                    + pair(s.carried_inertia_kg_m2, ".3g", "kg m2 of it")
+                ),
+            )
+        )
     if s.controller is not None:
-        text = (f"{1e3 * s.end_position_error_m:.2f} mm and {math.degrees(s.end_yaw_error_rad):.3f} deg off; "
-                f"largest distance on the way {1e3 * s.path_error_max_m:.2f} mm")
+        text = (
+            f"{1e3 * s.end_position_error_m:.2f} mm and {math.degrees(s.end_yaw_error_rad):.3f} deg off; "
+            f"largest distance on the way {1e3 * s.path_error_max_m:.2f} mm"
+        )
         rows.append(("end of the path", text))
         text = f"{s.speed_error_rms_rad_s:.5f} rad/s with {s.controller!r} at {1e3 * s.exchange_s:g} ms"
         if s.compared_error_rms_rad_s is not None:
-            text += (f", {s.compared_error_rms_rad_s:.5f} with {s.compared_controller!r} at "
-                     f"{1e3 * s.compared_exchange_s:g} ms (ratio "
-                     f"{s.compared_error_rms_rad_s / s.speed_error_rms_rad_s:.3g})")
+            text += (
+                f", {s.compared_error_rms_rad_s:.5f} with {s.compared_controller!r} at "
+                f"{1e3 * s.compared_exchange_s:g} ms (ratio "
+                f"{s.compared_error_rms_rad_s / s.speed_error_rms_rad_s:.3g})"
+            )
         rows.append(("speed error (rms)", text))
     wall = f"{s.wall_s:.2f} s for {s.simulated_s:g} s simulated ({s.simulated_s / s.wall_s:.3g} times real time)"
     if s.engine_gap is not None:
         g = s.engine_gap
-        rows.append((f"{s.engine} - {g.engine}", (
-            f"end {1e3 * g.end_position_m:.3f} mm and {math.degrees(g.end_yaw_rad):.4f} deg apart; rms "
-            f"{1e3 * g.speed_rms_rad_s:.2g} mrad/s, {1e3 * g.current_rms_a:.2g} mA, {1e3 * g.load_rms_nm:.2g} mN m")))
+        rows.append(
+            (
+                f"{s.engine} - {g.engine}",
+                (
+                    f"end {1e3 * g.end_position_m:.3f} mm and {math.degrees(g.end_yaw_rad):.4f} deg apart; rms "
+                    f"{1e3 * g.speed_rms_rad_s:.2g} mrad/s, {1e3 * g.current_rms_a:.2g} mA, {1e3 * g.load_rms_nm:.2g} mN m"
+                ),
+            )
+        )
     differs = "the model's end differs from the link's"
     rows += [
         ("peak current, voltage", pair(s.peak_current_a, ".3f", "A") + ",  " + pair(s.peak_voltage_v, ".2f", "V")),
@@ -183,11 +230,20 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
             ("energy drawn", pair(s.drawn_j, ".3f", "J") + ", recovered " + pair(s.recovered_j, ".4f", "J")),
             ("  copper, viscous", pair(s.copper_j, ".3f", "J") + ",  " + pair(s.viscous_j, ".3f", "J")),
             ("  shafts, stored", pair(s.shaft_j, ".3f", "J") + ",  " + pair(s.stored_j, ".4f", "J")),
-            ("  balance", f"off by {s.energy_imbalance:.1e} of the largest term, every step summed"
-             + ("" if s.model_agrees else f"; {differs}")),
-            ("  robot", "stood still, nothing went to and fro" if s.robot_energy_gap is None else (
-                f"gained {s.robot_energy_j:.3f} J, the shafts gave {sum(s.shaft_j):.3f} J "
-                f"(off by {100 * s.robot_energy_gap:.3f} % of what went to and fro)")),
+            (
+                "  balance",
+                f"off by {s.energy_imbalance:.1e} of the largest term, every step summed"
+                + ("" if s.model_agrees else f"; {differs}"),
+            ),
+            (
+                "  robot",
+                "stood still, nothing went to and fro"
+                if s.robot_energy_gap is None
+                else (
+                    f"gained {s.robot_energy_j:.3f} J, the shafts gave {sum(s.shaft_j):.3f} J "
+                    f"(off by {100 * s.robot_energy_gap:.3f} % of what went to and fro)"
+                ),
+            ),
         ]
     elif not s.model_agrees:
         rows.append(("model", differs))
@@ -204,13 +260,17 @@ def _link_text(report: dict) -> str:
     """A link's report in words."""
     parts = []
     if "overruns" in report:
-        parts.append(f"{report['exchanges']} exchanges began {1e3 * report['lateness_mean_s']:.2f} ms late on average, "
-                     f"{1e3 * report['lateness_max_s']:.2f} ms at most, jitter {1e3 * report['jitter_s']:.2f} ms, "
-                     f"{report['overruns']} overruns")
+        parts.append(
+            f"{report['exchanges']} exchanges began {1e3 * report['lateness_mean_s']:.2f} ms late on average, "
+            f"{1e3 * report['lateness_max_s']:.2f} ms at most, jitter {1e3 * report['jitter_s']:.2f} ms, "
+            f"{report['overruns']} overruns"
+        )
         parts.append(f"{report['samples_held']} of {report['samples']} samples repeated")
     if "chip_steps" in report:
         clocks = "every clock" if report["every_clock"] else "idle clocks left out"
-        parts.append(f"{report['chip_steps']} steps of the chip, {report['clocks_50_mhz']} clocks of 50 MHz ({clocks}) in "
-                     f"{report['chip_wall_s']:.2f} s")
+        parts.append(
+            f"{report['chip_steps']} steps of the chip, {report['clocks_50_mhz']} clocks of 50 MHz ({clocks}) in "
+            f"{report['chip_wall_s']:.2f} s"
+        )
     parts.append("cut by a range: " + (", ".join(report["cut_by_range"]) or "nothing"))
     return "; ".join(parts)

@@ -89,14 +89,18 @@ class Scenario:
         for name, value in (given or {}).items():
             if name not in self.parameters:
                 known = ", ".join(self.parameters) or "none"
-                raise InputError(f"scenario {self.name!r}: has no parameter {name!r} (known: {known})"
-                                 f"{did_you_mean(name, self.parameters)}")
+                raise InputError(
+                    f"scenario {self.name!r}: has no parameter {name!r} (known: {known})"
+                    f"{did_you_mean(name, self.parameters)}"
+                )
             parameter = self.parameters[name]
             if not math.isfinite(value):
                 raise InputError(f"scenario {self.name!r}: {name} is {value:g}, a finite number is needed")
             if not parameter.low <= value <= parameter.high:
-                raise InputError(f"scenario {self.name!r}: {name} is {value:g}, it must lie within "
-                                 f"{parameter.low:g} to {parameter.high:g}")
+                raise InputError(
+                    f"scenario {self.name!r}: {name} is {value:g}, it must lie within "
+                    f"{parameter.low:g} to {parameter.high:g}"
+                )
             values[name] = float(value)
         return values
 
@@ -158,8 +162,10 @@ def check_ramps(name: str, values: Values, keys: tuple[str, ...]) -> None:
     """
     ramps = sum(values[key] for key in keys)
     if ramps > values["duration_s"]:
-        raise InputError(f"scenario {name!r}: ramps ({', '.join(keys)}) of {ramps:g} s together do not fit into a run "
-                         f"of {values['duration_s']:g} s")
+        raise InputError(
+            f"scenario {name!r}: ramps ({', '.join(keys)}) of {ramps:g} s together do not fit into a run "
+            f"of {values['duration_s']:g} s"
+        )
 
 
 def reference_poses(motion: SpeedMotion, step_s: float) -> np.ndarray:

@@ -16,8 +16,10 @@ def build(values: Values, robot: Robot) -> SpeedMotion:
     check_ramps("circle", values, ("ramp_s", "stop_s"))
     radius, half = values["radius_m"], 0.5 * robot.chassis.track_width_m
     if radius <= half:
-        raise InputError(f"scenario 'circle': radius_m is {radius:g}, it must be above half the track ({half:g} m): "
-                         "below, the inner wheel would have to turn backwards")
+        raise InputError(
+            f"scenario 'circle': radius_m is {radius:g}, it must be above half the track ({half:g} m): "
+            "below, the inner wheel would have to turn backwards"
+        )
     angle = 2.0 * math.pi * values["turns"]
 
     def speeds(t: np.ndarray) -> np.ndarray:
@@ -31,9 +33,16 @@ SCENARIO = Scenario(
     name="circle",
     about="one turn counter-clockwise of 0.5 m radius in 24 s, across a slope of 0.1 rad with 2 kg",
     build=build,
-    parameters={"duration_s": duration(24.0), "radius_m": Parameter(0.5, "radius of the circle"),
-                "turns": Parameter(1.0, "turns; negative ones go clockwise", -100.0, 100.0),
-                "ramp_s": Parameter(3.0, "time to speed up", 0.05, 1e3),
-                "stop_s": Parameter(0.0, "time to slow down; 0 ends the run at speed", 0.0, 1e3)},
-    payload_kg=2.0, slope_rad=0.1, uphill_yaw_rad=0.5 * math.pi, family="paper",
-    separates="left from right, track width, friction of a turn, the slope's share")
+    parameters={
+        "duration_s": duration(24.0),
+        "radius_m": Parameter(0.5, "radius of the circle"),
+        "turns": Parameter(1.0, "turns; negative ones go clockwise", -100.0, 100.0),
+        "ramp_s": Parameter(3.0, "time to speed up", 0.05, 1e3),
+        "stop_s": Parameter(0.0, "time to slow down; 0 ends the run at speed", 0.0, 1e3),
+    },
+    payload_kg=2.0,
+    slope_rad=0.1,
+    uphill_yaw_rad=0.5 * math.pi,
+    family="paper",
+    separates="left from right, track width, friction of a turn, the slope's share",
+)

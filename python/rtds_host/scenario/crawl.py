@@ -17,8 +17,14 @@ def build(values: Values, robot: Robot) -> VoltageMotion:
 
 
 SCENARIO = Scenario(
-    name="crawl", about="voltage in slow triangles through zero, wheels together, then against each other",
+    name="crawl",
+    about="voltage in slow triangles through zero, wheels together, then against each other",
     build=build,
-    parameters={"duration_s": duration(32.0), "peak_v": Parameter(1.6, "peak of the triangle", 0.01, 100.0),
-                "period_s": Parameter(8.0, "period of the triangle", 0.1, 600.0)}, exchange_s=0.002,
-    separates="Coulomb and Stribeck friction, dead zone, bridge drop, backlash, torque ripple")
+    parameters={
+        "duration_s": duration(32.0),
+        "peak_v": Parameter(1.6, "peak of the triangle", 0.01, 100.0),
+        "period_s": Parameter(8.0, "period of the triangle", 0.1, 600.0),
+    },
+    exchange_s=0.002,
+    separates="Coulomb and Stribeck friction, dead zone, bridge drop, backlash, torque ripple",
+)

@@ -30,8 +30,14 @@ SCENARIO = Scenario(
     name="eight",
     about="an infinity sign and a half from (0, -1) to (0, 0.75) in 60 s, on a slope of 0.1 rad without payload",
     build=build,
-    parameters={"duration_s": duration(60.0), "scale": Parameter(1.0, "size of the sign", 0.05, 100.0),
-                "ramp_s": Parameter(3.0, "time to speed up", 0.05, 1e3),
-                "stop_s": Parameter(3.0, "time to slow down; 0 ends the run at speed", 0.0, 1e3)},
-    slope_rad=0.1, uphill_yaw_rad=math.pi, family="paper",
-    separates="turning both ways at many speeds, uphill and downhill")
+    parameters={
+        "duration_s": duration(60.0),
+        "scale": Parameter(1.0, "size of the sign", 0.05, 100.0),
+        "ramp_s": Parameter(3.0, "time to speed up", 0.05, 1e3),
+        "stop_s": Parameter(3.0, "time to slow down; 0 ends the run at speed", 0.0, 1e3),
+    },
+    slope_rad=0.1,
+    uphill_yaw_rad=math.pi,
+    family="paper",
+    separates="turning both ways at many speeds, uphill and downhill",
+)

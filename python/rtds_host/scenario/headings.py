@@ -20,7 +20,11 @@ def build(values: Values, robot: Robot) -> SpeedMotion:
 
 
 SCENARIO = Scenario(
-    name="headings", about="on a slope of 0.1 rad: up, across, down and across again, forward and backward",
-    build=build, parameters={"speed_m_s": Parameter(0.12, "speed of a leg", 0.0, 10.0)}, slope_rad=0.1,
+    name="headings",
+    about="on a slope of 0.1 rad: up, across, down and across again, forward and backward",
+    build=build,
+    parameters={"speed_m_s": Parameter(0.12, "speed of a leg", 0.0, 10.0)},
+    slope_rad=0.1,
     exchange_s=0.004,
-    separates="slope error, centre of mass, payload, from friction and from one another")
+    separates="slope error, centre of mass, payload, from friction and from one another",
+)

@@ -23,8 +23,15 @@ SCENARIO = Scenario(
     name="linear",
     about="4 m straight on in 24 s, down a slope of 0.1 rad with 2 kg",
     build=build,
-    parameters={"duration_s": duration(24.0), "length_m": Parameter(4.0, "length of the way", -1e3, 1e3),
-                "ramp_s": Parameter(3.0, "time to speed up", 0.05, 1e3),
-                "stop_s": Parameter(3.0, "time to slow down; 0 ends the run at speed", 0.0, 1e3)},
-    payload_kg=2.0, slope_rad=0.1, uphill_yaw_rad=math.pi, family="paper",
-    separates="what acts at one steady speed: friction, gains, radius")
+    parameters={
+        "duration_s": duration(24.0),
+        "length_m": Parameter(4.0, "length of the way", -1e3, 1e3),
+        "ramp_s": Parameter(3.0, "time to speed up", 0.05, 1e3),
+        "stop_s": Parameter(3.0, "time to slow down; 0 ends the run at speed", 0.0, 1e3),
+    },
+    payload_kg=2.0,
+    slope_rad=0.1,
+    uphill_yaw_rad=math.pi,
+    family="paper",
+    separates="what acts at one steady speed: friction, gains, radius",
+)

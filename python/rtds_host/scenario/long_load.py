@@ -23,7 +23,12 @@ def build(values: Values, robot: Robot) -> SpeedMotion:
 
 
 SCENARIO = Scenario(
-    name="long_load", about="up and down a slope of 0.1 rad with 2 kg for 120 s", build=build,
+    name="long_load",
+    about="up and down a slope of 0.1 rad with 2 kg for 120 s",
+    build=build,
     parameters={"duration_s": duration(120.0), "speed_m_s": Parameter(0.15, "speed of a leg", 0.0, 10.0)},
-    payload_kg=2.0, slope_rad=0.1, exchange_s=0.004,
-    separates="winding heating, battery decline, sag, load friction")
+    payload_kg=2.0,
+    slope_rad=0.1,
+    exchange_s=0.004,
+    separates="winding heating, battery decline, sag, load friction",
+)

@@ -22,9 +22,16 @@ def build(values: Values, robot: Robot) -> VoltageMotion:
 
 
 SCENARIO = Scenario(
-    name="prbs", about="random switching between two voltages, each wheel for itself", build=build,
-    parameters={"duration_s": duration(12.0), "swing_v": Parameter(4.0, "half the difference of the levels", 0, 100),
-                "offset_v": Parameter(1.0, "middle of the levels", -100, 100),
-                "chip_s": Parameter(0.15, "shortest time between two switches", 0.01, 60.0),
-                "seed": Parameter(1.0, "seed of the random sequence", 0.0, 2**31)}, exchange_s=0.002,
-    separates="delays, filters, inertia of rotor and body, gear compliance, backlash")
+    name="prbs",
+    about="random switching between two voltages, each wheel for itself",
+    build=build,
+    parameters={
+        "duration_s": duration(12.0),
+        "swing_v": Parameter(4.0, "half the difference of the levels", 0, 100),
+        "offset_v": Parameter(1.0, "middle of the levels", -100, 100),
+        "chip_s": Parameter(0.15, "shortest time between two switches", 0.01, 60.0),
+        "seed": Parameter(1.0, "seed of the random sequence", 0.0, 2**31),
+    },
+    exchange_s=0.002,
+    separates="delays, filters, inertia of rotor and body, gear compliance, backlash",
+)

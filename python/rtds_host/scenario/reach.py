@@ -35,8 +35,11 @@ def needed_voltage(motion: SpeedMotion, robot: Robot, body: Body) -> tuple[np.nd
     force = np.column_stack([0.5 * push - turn / track, 0.5 * push + turn / track])
     torque = chassis.wheel_inertia_kg_m2 * change + radius * force
     ratio = motor.gear_ratio
-    current = (motor.rotor_inertia_kg_m2 * ratio * change + motor.viscous_friction_nm_s_per_rad * ratio * wheel
-               + torque / ratio) / motor.torque_constant_nm_per_a
+    current = (
+        motor.rotor_inertia_kg_m2 * ratio * change
+        + motor.viscous_friction_nm_s_per_rad * ratio * wheel
+        + torque / ratio
+    ) / motor.torque_constant_nm_per_a
     return motor.resistance_ohm * current + motor.back_emf_constant_v_s_per_rad * ratio * wheel, t
 
 
@@ -57,9 +60,11 @@ def check_reach(scenario: Scenario, values: Values, robot: Robot, body: Body) ->
         return motion
     wheel = wheel_references(motion, robot, t)[worst, side]
     free = no_load_speed(robot)
-    message = (f"scenario {scenario.name!r}: beyond the motors' reach: the {('left', 'right')[side]} wheel's "
-               f"{wheel:.3g} rad/s at t = {t[worst]:.2f} s needs {abs(volts[worst, side]):.1f} V, the supply has "
-               f"{robot.supply_v:g} V (no-load limit {free:.3g} rad/s = {free * robot.chassis.wheel_radius_m:.3g} m/s)")
+    message = (
+        f"scenario {scenario.name!r}: beyond the motors' reach: the {('left', 'right')[side]} wheel's "
+        f"{wheel:.3g} rad/s at t = {t[worst]:.2f} s needs {abs(volts[worst, side]):.1f} V, the supply has "
+        f"{robot.supply_v:g} V (no-load limit {free:.3g} rad/s = {free * robot.chassis.wheel_radius_m:.3g} m/s)"
+    )
     shortest = _shortest(scenario, values, robot, body)
     raise InputError(message + (f"; a duration from {shortest:.1f} s on would do" if shortest else ""))
 

@@ -11,6 +11,10 @@ def build(values: Values, robot: Robot) -> VoltageMotion:
 
 
 SCENARIO = Scenario(
-    name="standstill", about="no voltage on flat ground for 8 s", build=build,
-    parameters={"duration_s": duration(8.0)}, exchange_s=0.002,
-    separates="biases of the sensors, a battery that declines by itself, a slope nobody told of")
+    name="standstill",
+    about="no voltage on flat ground for 8 s",
+    build=build,
+    parameters={"duration_s": duration(8.0)},
+    exchange_s=0.002,
+    separates="biases of the sensors, a battery that declines by itself, a slope nobody told of",
+)

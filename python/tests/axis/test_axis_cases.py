@@ -58,25 +58,48 @@ def axis_case(tmp_path, kind, mode):
 FRICTION = ("coulomb_friction", "left")
 
 
-@pytest.mark.parametrize(("kind", "mode", "member", "beside", "expected"), [
-    ("linear", "torque", ("driver_gain", "left"), FRICTION,
-     [("speed_gain", "left"), ("payload_error", "both"), ("rotor_inertia_error", "left")]),
-    ("linear", "torque", ("payload_error", "both"), FRICTION,
-     [("rotor_inertia_error", "left"), ("driver_gain", "left"), ("speed_gain", "left")]),
-    ("linear", "torque", ("payload_error", "both"), ("gyro_bias", "both"), [("rotor_inertia_error", "left")]),
-    ("linear", "voltage", ("payload_error", "both"), FRICTION, [("rotor_inertia_error", "left")]),
-    ("pendulum", "torque", ("driver_gain", "left"), FRICTION, [("speed_gain", "left")]),
-    ("inertia", "torque", ("payload_error", "both"), ("gyro_bias", "both"), [("rotor_inertia_error", "left")]),
-    ("pendulum", "voltage", ("payload_error", "both"), FRICTION, []),
-], ids=str)
+@pytest.mark.parametrize(
+    ("kind", "mode", "member", "beside", "expected"),
+    [
+        (
+            "linear",
+            "torque",
+            ("driver_gain", "left"),
+            FRICTION,
+            [("speed_gain", "left"), ("payload_error", "both"), ("rotor_inertia_error", "left")],
+        ),
+        (
+            "linear",
+            "torque",
+            ("payload_error", "both"),
+            FRICTION,
+            [("rotor_inertia_error", "left"), ("driver_gain", "left"), ("speed_gain", "left")],
+        ),
+        ("linear", "torque", ("payload_error", "both"), ("gyro_bias", "both"), [("rotor_inertia_error", "left")]),
+        ("linear", "voltage", ("payload_error", "both"), FRICTION, [("rotor_inertia_error", "left")]),
+        ("pendulum", "torque", ("driver_gain", "left"), FRICTION, [("speed_gain", "left")]),
+        ("inertia", "torque", ("payload_error", "both"), ("gyro_bias", "both"), [("rotor_inertia_error", "left")]),
+        ("pendulum", "voltage", ("payload_error", "both"), FRICTION, []),
+    ],
+    ids=str,
+)
 def test_without_gravity_what_drives_cannot_be_told_from_what_is_driven(tmp_path, kind, mode, member, beside, expected):
-    """m w' = g T - friction: with friction free, g and 1 / m make the same replays; the rotor's inertia adds to the load's, and is
-    like what the load is like."""
+    """m w' = g T - friction: with friction free, g and 1 / m make the same replays; the rotor's inertia adds to the
+    load's, and is like what the load is like."""
     assert twins(axis_case(tmp_path, kind, mode), member, (member, beside)) == expected
 
 
-@pytest.mark.parametrize(("kind", "mode"), [("pendulum", "voltage"), ("pendulum", "speed"), ("linear", "torque"),
-                                            ("inertia", "voltage"), ("inertia", "speed")], ids=lambda key: key)
+@pytest.mark.parametrize(
+    ("kind", "mode"),
+    [
+        ("pendulum", "voltage"),
+        ("pendulum", "speed"),
+        ("linear", "torque"),
+        ("inertia", "voltage"),
+        ("inertia", "speed"),
+    ],
+    ids=lambda key: key,
+)
 def test_nothing_is_blamed_where_nothing_is_wrong(tmp_path, kind, mode):
     """Also with a servo whose integrator no log shows: whole runs begin where it does."""
     found, _ = diagnose(read_case(write_axis_case(tmp_path / "case", kind, mode)), quick=True)
@@ -108,38 +131,62 @@ def test_without_gravity_load_and_rotor_are_told_to_be_alike(tmp_path):
     assert alike == {"payload_error", "rotor_inertia_error"} and blamed["id"] in alike
     # Half the declared inertia, seen from the output, is the rotor's own once more.
     extra = 0.5 * AXES["inertia"]["inertia_kg_m2"]
-    wanted = {"rotor_inertia_error": ("ratio", 1 + extra / (GEAR**2 * MOTOR["rotor_inertia_kg_m2"])),
-              "payload_error": ("inertia_kg_m2", extra)}[blamed["id"]]
+    wanted = {
+        "rotor_inertia_error": ("ratio", 1 + extra / (GEAR**2 * MOTOR["rotor_inertia_kg_m2"])),
+        "payload_error": ("inertia_kg_m2", extra),
+    }[blamed["id"]]
     ((name, value),) = [(n, v["value"]) for n, v in blamed["parameters"].items()]
     assert (name, value) == (wanted[0], pytest.approx(wanted[1], rel=0.02))
 
 
-@pytest.mark.parametrize(("kind", "name"), [("inertia", "inertia_kg_m2"), ("pendulum", "mass_kg"), ("linear", "mass_kg")])
+@pytest.mark.parametrize(
+    ("kind", "name"), [("inertia", "inertia_kg_m2"), ("pendulum", "mass_kg"), ("linear", "mass_kg")]
+)
 def test_a_load_beyond_the_declared_one_is_predicted_in_the_unit_of_its_kind(tmp_path, kind, name):
     """Half of the declared load more in a diagnosis replays like a machine whose file declares half as much again."""
     case = read_case(write_axis_case(tmp_path / "case", kind, "voltage", seconds=1.0))
     path = tmp_path / "diagnosis.json"
-    entry = {"id": "payload_error", "side": "left", "parameters": {name: {"value": 0.5 * AXES[kind][name], "ci90": None}}}
+    entry = {
+        "id": "payload_error",
+        "side": "left",
+        "parameters": {name: {"value": 0.5 * AXES[kind][name], "ci90": None}},
+    }
     path.write_text(json.dumps({"schema": "rtds-diagnosis/1", "effects": [entry]}))
-    declared = dataclasses.replace(case.robot, axis=dataclasses.replace(case.robot.axis, **{name: 1.5 * AXES[kind][name]}))
+    declared = dataclasses.replace(
+        case.robot, axis=dataclasses.replace(case.robot.axis, **{name: 1.5 * AXES[kind][name]})
+    )
     assert read_diagnosis(path, case.robot).common == pytest.approx(nominal_model(declared).common)
 
 
 def test_a_size_found_by_the_speeds_of_runs_is_read_where_no_run_is_known(tmp_path):
-    """Torque has no speed without load: a Stribeck speed of 22 rad/s, found on runs that were that fast, is no absurd one."""
+    """Torque has no speed without load: a Stribeck speed of 22 rad/s, found on runs that were that fast, is no absurd
+    one.
+    """
     robot = axis_case(tmp_path, "linear", "torque").robot
     parameters = {"torque_nm": {"value": 0.0}, "extra_torque_nm": {"value": 0.001}, "speed_rad_s": {"value": 22.5}}
     path = tmp_path / "diagnosis.json"
-    path.write_text(json.dumps({"schema": "rtds-diagnosis/2",
-                                "effects": [{"id": "stribeck_friction", "side": "left", "parameters": parameters}]}))
+    path.write_text(
+        json.dumps(
+            {
+                "schema": "rtds-diagnosis/2",
+                "effects": [{"id": "stribeck_friction", "side": "left", "parameters": parameters}],
+            }
+        )
+    )
     assert read_diagnosis(path, robot).get("stribeck_speed") == 22.5
 
 
 def test_a_load_in_another_kinds_unit_is_refused(tmp_path):
     case = read_case(write_axis_case(tmp_path / "case", "inertia", "voltage", seconds=1.0))
     path = tmp_path / "diagnosis.json"
-    path.write_text(json.dumps({"schema": "rtds-diagnosis/1", "effects": [
-        {"id": "payload_error", "side": "left", "parameters": {"mass_kg": {"value": 0.1}}}]}))
+    path.write_text(
+        json.dumps(
+            {
+                "schema": "rtds-diagnosis/1",
+                "effects": [{"id": "payload_error", "side": "left", "parameters": {"mass_kg": {"value": 0.1}}}],
+            }
+        )
+    )
     with pytest.raises(InputError, match="mass_kg: is no parameter of payload_error .known: inertia_kg_m2"):
         read_diagnosis(path, case.robot)
 
@@ -153,7 +200,7 @@ def test_a_nominal_axis_replays_within_a_fraction_of_its_noise(tmp_path, kind, m
     free = 4.0 if (kind, mode) == ("pendulum", "torque") else 1.0
     for run in case.runs:
         out = replay_run(nominal_model(case.robot), run_inputs(run, case.robot), 5e-4)
-        for channel, share in (("i_l", 0.5), ("w_l", 0.5), ("th_l", 10.0)):    # 1 mrad, after turns
+        for channel, share in (("i_l", 0.5), ("w_l", 0.5), ("th_l", 10.0)):  # 1 mrad, after turns
             if run.has(channel):
                 error = (out[:, OUTPUT_INDEX[channel]] - run.columns[channel]) / case.robot.noise(channel)
                 assert np.sqrt(np.mean(error**2)) < free * share, (run.name, channel)
@@ -175,9 +222,15 @@ def test_a_measured_bus_is_the_drives_supply(tmp_path):
     assert half == pytest.approx(0.5 * full, abs=0.05)
 
 
-@pytest.mark.parametrize(("whole", "pieces", "kept"), [(1.05, 0.9, "whole"), (2.5, 9.1, "whole"), (39.8, 1.7, "pieces")])
-def test_of_an_axis_searched_whole_and_in_pieces_the_account_is_kept_that_whole_runs_bear_out(tmp_path, monkeypatch, whole, pieces, kept):
-    """A declared noise that is a little too small leaves a gap behind any account; it does not make the pieces' the better one."""
+@pytest.mark.parametrize(
+    ("whole", "pieces", "kept"), [(1.05, 0.9, "whole"), (2.5, 9.1, "whole"), (39.8, 1.7, "pieces")]
+)
+def test_of_an_axis_searched_whole_and_in_pieces_the_account_is_kept_that_whole_runs_bear_out(
+    tmp_path, monkeypatch, whole, pieces, kept
+):
+    """A declared noise that is a little too small leaves a gap behind any account; it does not make the pieces' the
+    better one.
+    """
     asked = []
 
     def searched(problem, *_):
@@ -191,10 +244,20 @@ def test_of_an_axis_searched_whole_and_in_pieces_the_account_is_kept_that_whole_
 
 
 def test_a_delay_of_a_servo_is_known_no_better_than_the_latency_beside_it(tmp_path):
-    """How much of what comes late is the board's latency, of some ten milliseconds, no log of commands and speeds tells."""
+    """How much of what comes late is the board's latency, of some ten milliseconds, no log of commands and speeds
+    tells.
+    """
     case, rows = axis_case(tmp_path, "linear", "speed"), 38
-    late = tuple(dataclasses.replace(log, columns={
-        c: v if c == "w_cmd_l" else np.concatenate([np.full(rows, v[0]), v[:-rows]]) for c, v in log.columns.items()}) for log in case.runs)
+    late = tuple(
+        dataclasses.replace(
+            log,
+            columns={
+                c: v if c == "w_cmd_l" else np.concatenate([np.full(rows, v[0]), v[:-rows]])
+                for c, v in log.columns.items()
+            },
+        )
+        for log in case.runs
+    )
     seconds = rows * float(case.runs[0].t[1] - case.runs[0].t[0])
     found, _ = diagnose(dataclasses.replace(case, runs=late), quick=True)
     (delay,) = [e for e in found["effects"] if e["subsystem"] == "timing"]

@@ -1,4 +1,6 @@
-"""Cases with several causes: every cause is worth what the truth says, the nameless one has no name in the catalogue."""
+"""Cases with several causes: every cause is worth what the truth says, the nameless one has no name in the
+catalogue.
+"""
 
 import json
 import math
@@ -53,9 +55,18 @@ def test_the_gap_in_expectation_is_that_of_a_noisy_log():
 
 
 def test_tolerances_are_not_a_cause():
-    gaps = accounts.worth(NOISE, lambda e, r, t: planar.build_machine(
-        ROBOT, {"tolerance": t, "normal_tolerance": True, "effects": e, "outside": None, "rest": r},
-        np.random.default_rng(4)), [], None, [drive()], set())
+    gaps = accounts.worth(
+        NOISE,
+        lambda e, r, t: planar.build_machine(
+            ROBOT,
+            {"tolerance": t, "normal_tolerance": True, "effects": e, "outside": None, "rest": r},
+            np.random.default_rng(4),
+        ),
+        [],
+        None,
+        [drive()],
+        set(),
+    )
     assert gaps["refit"] == 1.0 and gaps["before"] > 1.02
 
 
@@ -83,13 +94,28 @@ def test_every_nameless_effect_acts_more_the_stronger_it_is(world, name):
 @pytest.mark.parametrize("name", sorted(EFFECTS))
 def test_sizes_follow_the_machines_own_scales(name):
     """A machine with twice the torque and mass gets twice the friction, at the same voltage and current."""
-    large = scales.Scale(**{**OF.__dict__, "torque": 2 * OF.torque, "viscous": 2 * OF.viscous, "mass": 2 * OF.mass,
-                             "force": 2 * OF.force})
+    large = scales.Scale(
+        **{
+            **OF.__dict__,
+            "torque": 2 * OF.torque,
+            "viscous": 2 * OF.viscous,
+            "mass": 2 * OF.mass,
+            "force": 2 * OF.force,
+        }
+    )
     one = scales.draw_sized(np.random.default_rng(8), name, OF)
     two = scales.draw_sized(np.random.default_rng(8), name, large)
     assert one["subsystem"] == EFFECTS[name][0] and one["side"] == two["side"]
-    expected = {"torque_nm": 2, "extra_torque_nm": 2, "nm_s_per_rad": 2, "stiffness_nm_per_rad": 2, "amplitude_nm": 2,
-                "damping_nm_s_per_rad": 2, "mass_kg": 2, "slip_per_newton": 0.5}
+    expected = {
+        "torque_nm": 2,
+        "extra_torque_nm": 2,
+        "nm_s_per_rad": 2,
+        "stiffness_nm_per_rad": 2,
+        "amplitude_nm": 2,
+        "damping_nm_s_per_rad": 2,
+        "mass_kg": 2,
+        "slip_per_newton": 0.5,
+    }
     for key, value in one["parameters"].items():
         assert two["parameters"][key] == pytest.approx(expected.get(key, 1) * value, rel=1e-4), key
 
@@ -141,8 +167,9 @@ def test_a_folder_of_diagnoses_is_scored_without_a_ledger(cases, tmp_path):
     case, truth = truths["many"]
     (said / case).mkdir(parents=True)
     effects = [{**e, "probability": 0.9, "parameters": {}} for e in truth["effects"]]
-    (said / case / "diagnosis.json").write_text(json.dumps({"schema": "rtds-diagnosis/2", "verdict": "known",
-                                                            "effects": effects}))
+    (said / case / "diagnosis.json").write_text(
+        json.dumps({"schema": "rtds-diagnosis/2", "verdict": "known", "effects": effects})
+    )
     result = score.score(out, with_closure=False, diagnoses=said)
     assert result["tiers"]["many"]["cause_right"]["share"] == 1 and result["everything"]["answered"] == 1
     assert not result["blind"] and (said / "score" / "page.md").is_file() and not (out / "score").exists()

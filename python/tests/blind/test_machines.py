@@ -35,7 +35,9 @@ def driven(robot, name, machine, rate=500.0):
     return t, raw, RunLog("steps", RunMeta(scenario="steps"), t, columns)
 
 
-KINDS = [(name, None) for name in machines.ROBOTS] + [(name, torque) for name in machines.AXES for torque in (False, True)]
+KINDS = [(name, None) for name in machines.ROBOTS] + [
+    (name, torque) for name in machines.AXES for torque in (False, True)
+]
 
 
 @pytest.mark.parametrize(("name", "torque"), KINDS)
@@ -46,12 +48,22 @@ def test_the_world_and_the_programs_own_replay_agree_on_every_nominal_machine(na
         t, raw, log = driven(robot, name, planar.nominal_machine(robot))
         assert all(np.isfinite(values).all() for values in raw.values())
         assert np.ptp(raw["w_l"]) > 20 * robot.noise("w_l")
-        gaps = channel_gaps(t, {c: raw[c] for c in planar.noises(robot)}, predicted_columns(log, robot), planar.noises(robot))
+        gaps = channel_gaps(
+            t, {c: raw[c] for c in planar.noises(robot)}, predicted_columns(log, robot), planar.noises(robot)
+        )
         assert max(gaps.values()) < 0.35, gaps
 
 
-CAUSES = ("driver_deadzone", "coulomb_friction", "load_friction", "backlash", "gear_compliance", "payload_error",
-          "rotor_inertia_error", "command_delay")
+CAUSES = (
+    "driver_deadzone",
+    "coulomb_friction",
+    "load_friction",
+    "backlash",
+    "gear_compliance",
+    "payload_error",
+    "rotor_inertia_error",
+    "command_delay",
+)
 CASES = [(name, torque, CAUSES[k % len(CAUSES)]) for k, (name, torque) in enumerate(KINDS)]
 CASES += [(name, torque, CAUSES[(k + 3) % len(CAUSES)]) for k, (name, torque) in enumerate(KINDS)]
 
@@ -69,7 +81,9 @@ def test_effects_mean_the_same_at_every_size(name, torque, cause):
     values = {}
     for parameter in named.parameters:
         name_there, _, one = parameter.reported(robot.axis)
-        values[parameter.name] = effect["parameters"][name_there] / one if name_there in effect["parameters"] else parameter.null
+        values[parameter.name] = (
+            effect["parameters"][name_there] / one if name_there in effect["parameters"] else parameter.null
+        )
     side = next(side for side in named.sides if named.side_on(robot.axis, side) == effect["side"])
     named.apply(model, SIDES[side], values)
     other = predicted_columns(log, robot, model)
@@ -97,8 +111,10 @@ def test_every_drawn_machine_is_one_that_could_be_built(name):
 def test_the_burger_keeps_its_tyres_teeth_and_step():
     """The other sizes' rules give the figures that the present kinds were made with."""
     machine = planar.nominal_machine(builtin_robot("burger"))
-    names = {**{n: machine.side[k, 0] for k, n in enumerate(planar.SIDE_NAMES)},
-             **{n: machine.world[k] for k, n in enumerate(planar.WORLD_NAMES)}}
+    names = {
+        **{n: machine.side[k, 0] for k, n in enumerate(planar.SIDE_NAMES)},
+        **{n: machine.world[k] for k, n in enumerate(planar.WORLD_NAMES)},
+    }
     assert (names["tyre"], names["tyre_damping"]) == (planar.kernel.TYRE_N_PER_M, planar.kernel.TYRE_N_S_PER_M)
     assert (names["stop"], names["stop_damping"]) == (planar.kernel.STOP_NM_PER_RAD, planar.kernel.STOP_NM_S_PER_RAD)
     assert machine.step_s == planar.STEP_S
@@ -110,8 +126,10 @@ def test_a_machine_has_only_effects_that_it_can_have_and_its_log_can_show():
     assert "payload_error" in menu and "coulomb_friction" in menu
     assert not {"resistance_error", "current_gain", "gyro_bias", "speed_filter", "track_width_error"} & set(menu)
     assert set(accounts.possible(builtin_robot("burger"), [])) == set(EFFECTS)
-    assert "longitudinal_slip" not in accounts.possible(drawn("competition"), [])      # its tyres would slide
-    effect = scales.draw_sized(np.random.default_rng(1), "payload_error", scales.scale_of(drawn("inertia"), 0.01, 2.0), "inertia")
+    assert "longitudinal_slip" not in accounts.possible(drawn("competition"), [])  # its tyres would slide
+    effect = scales.draw_sized(
+        np.random.default_rng(1), "payload_error", scales.scale_of(drawn("inertia"), 0.01, 2.0), "inertia"
+    )
     assert set(effect["parameters"]) == {"inertia_kg_m2"}
 
 
@@ -132,8 +150,17 @@ def spec_of(tier, kind, seed=0):
     finally:
         machines.CLASSES = old
     side = "left" if kind in machines.AXES else "both"
-    spec.update(tier=tier, effects=[{"id": "coulomb_friction", "side": side, "subsystem": "drivetrain", "parameters": {
-        "torque_nm": 0.03 * scales.scale_of(machines.robot_of(spec["robot"]), 0.01, 1.0).torque}}])
+    spec.update(
+        tier=tier,
+        effects=[
+            {
+                "id": "coulomb_friction",
+                "side": side,
+                "subsystem": "drivetrain",
+                "parameters": {"torque_nm": 0.03 * scales.scale_of(machines.robot_of(spec["robot"]), 0.01, 1.0).torque},
+            }
+        ],
+    )
     return spec
 
 

@@ -29,8 +29,10 @@ out.mkdir(parents=True)
 def sources(tmp_path_factory):
     """Two data sets of machines with dry friction: a pendulum on a measured bus, a linear axis in torque mode."""
     root = tmp_path_factory.mktemp("measured")
-    return [write_axis_case(root / "arm", "pendulum", "voltage", bus="measured", coulomb=0.03, seconds=3.0),
-            write_axis_case(root / "slide", "linear", "torque", coulomb=0.03, seconds=3.0)]
+    return [
+        write_axis_case(root / "arm", "pendulum", "voltage", bus="measured", coulomb=0.03, seconds=3.0),
+        write_axis_case(root / "slide", "linear", "torque", coulomb=0.03, seconds=3.0),
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +57,16 @@ def test_each_data_set_gives_its_draws_and_one_untouched_case_in_no_order(check)
     assert kinds.count(("arm", "base")) == kinds.count(("slide", "base")) == 1
     assert kinds != sorted(kinds)
     assert {kind for name, kind in kinds if name == "slide"} == {
-        "base", "mass", "length", "torque constant", "command gain", "command bias", "speed gain", "speed late", "all late"}
+        "base",
+        "mass",
+        "length",
+        "torque constant",
+        "command gain",
+        "command bias",
+        "speed gain",
+        "speed late",
+        "all late",
+    }
 
 
 def test_a_public_case_holds_robot_and_runs_and_nothing_that_tells(check, sources):
@@ -87,8 +98,10 @@ def test_every_planted_case_differs_from_the_untouched_one_in_what_the_truth_say
         planted, plain = read_case(check / "public" / case), base[truth["set"]]
         declared = truth["kind"] in ("mass", "length", "torque constant", "voltage", "resistance")
         assert (planted.robot != plain.robot) == declared, truth["said"]
-        same = all(len(a.t) == len(b.t) and all(np.array_equal(a.columns[c], b.columns[c]) for c in b.columns)
-                   for a, b in zip(planted.runs, plain.runs))
+        same = all(
+            len(a.t) == len(b.t) and all(np.array_equal(a.columns[c], b.columns[c]) for c in b.columns)
+            for a, b in zip(planted.runs, plain.runs)
+        )
         assert same == declared, truth["said"]
 
 
@@ -169,7 +182,8 @@ def test_the_same_seed_plants_the_same(check, sources, tmp_path):
     measured.make_measured(tmp_path / "again", sources, 9, seed=4)
     for case, truth in truths(tmp_path / "again").items():
         assert {k: v for k, v in truth.items() if k not in ("case", "held_out")} == {
-            k: v for k, v in truths(check)[case].items() if k not in ("case", "held_out")}
+            k: v for k, v in truths(check)[case].items() if k not in ("case", "held_out")
+        }
 
 
 def test_bad_requests_end_in_one_line(check, sources, tmp_path):
@@ -183,23 +197,41 @@ def test_bad_requests_end_in_one_line(check, sources, tmp_path):
 
 # What an answer is worth.
 
-MASS = {"set": "arm", "kind": "mass", "side": "left", "said": "mass", "axis": True,
-        "same": [{"id": "payload_error", "subsystem": "chassis", "parameter": "mass_kg", "low": 0.1, "high": 0.1}],
-        "alike": [{"id": "driver_gain", "subsystem": "driver", "parameter": "ratio", "low": 0.8, "high": 0.8}]}
-GAIN = {**MASS, "kind": "command gain", "alike": [],
-        "same": [{"id": "driver_gain", "subsystem": "driver", "parameter": "ratio", "low": 0.8, "high": 0.8}]}
+MASS = {
+    "set": "arm",
+    "kind": "mass",
+    "side": "left",
+    "said": "mass",
+    "axis": True,
+    "same": [{"id": "payload_error", "subsystem": "chassis", "parameter": "mass_kg", "low": 0.1, "high": 0.1}],
+    "alike": [{"id": "driver_gain", "subsystem": "driver", "parameter": "ratio", "low": 0.8, "high": 0.8}],
+}
+GAIN = {
+    **MASS,
+    "kind": "command gain",
+    "alike": [],
+    "same": [{"id": "driver_gain", "subsystem": "driver", "parameter": "ratio", "low": 0.8, "high": 0.8}],
+}
 ENTRY = {"seconds": 1.0, "said": ""}
 
 
 def effect(name, side="left", **parameters):
-    return {"id": name, "side": side, "parameters": {
-        k: {"value": v[0], "ci90": v[1]} if isinstance(v, tuple) else {"value": v, "ci90": None}
-        for k, v in parameters.items()}}
+    return {
+        "id": name,
+        "side": side,
+        "parameters": {
+            k: {"value": v[0], "ci90": v[1]} if isinstance(v, tuple) else {"value": v, "ci90": None}
+            for k, v in parameters.items()
+        },
+    }
 
 
 def says(*effects, verdict="known", sets=()):
-    return {"verdict": verdict, "effects": list(effects), "indistinguishable": [
-        [{"id": i, "side": s} for i, s in group] for group in sets]}
+    return {
+        "verdict": verdict,
+        "effects": list(effects),
+        "indistinguishable": [[{"id": i, "side": s} for i, s in group] for group in sets],
+    }
 
 
 COULOMB = effect("coulomb_friction", torque_nm=0.03)
@@ -208,8 +240,9 @@ BASE = says(COULOMB)
 
 def test_the_planted_cause_beside_the_machines_own_is_right_on_whichever_side_an_axis_has():
     for side in ("left", "both"):
-        r = measured.judge_planted(MASS, says(COULOMB, effect("payload_error", side, mass_kg=(0.12, [0.09, 0.15]))),
-                                   BASE, ENTRY)
+        r = measured.judge_planted(
+            MASS, says(COULOMB, effect("payload_error", side, mass_kg=(0.12, [0.09, 0.15]))), BASE, ENTRY
+        )
         assert r["named"] and r["found"] and r["covered"] and r["base_kept"] and not r["new_false"]
         assert r["size_error"] == pytest.approx(0.2)
 
@@ -261,9 +294,11 @@ def test_answers_are_sealed_and_scored_like_all_others(check, tmp_path):
     seal.answer(out, command=[sys.executable, str(script)])
     # The prediction of a test: the machine stands still.
     still = tmp_path / "still.py"
-    still.write_text("import sys\nfrom pathlib import Path\nimport numpy as np\nfrom rtds_host.contract import *\n"
-                     "robot = load_robot(sys.argv[3])\nrun = read_run(sys.argv[1], robot)\n"
-                     "write_csv(Path(sys.argv[7]), {'t': run.t, **{c: 0 * run.t for c in ('i_l', 'w_l', 'th_l')}})\n")
+    still.write_text(
+        "import sys\nfrom pathlib import Path\nimport numpy as np\nfrom rtds_host.contract import *\n"
+        "robot = load_robot(sys.argv[3])\nrun = read_run(sys.argv[1], robot)\n"
+        "write_csv(Path(sys.argv[7]), {'t': run.t, **{c: 0 * run.t for c in ('i_l', 'w_l', 'th_l')}})\n"
+    )
     result = measured.score_measured(out, command=[sys.executable, str(still)])
     assert result["all"]["cases"] == 18 and not any(r["named"] or r["new_false"] for r in result["cases"])
     assert result["bases"]["arm"]["blamed"] == ["coulomb_friction"]
@@ -281,8 +316,12 @@ def test_answers_are_sealed_and_scored_like_all_others(check, tmp_path):
 
 def test_the_command_line_makes_draws_and_scores_them(sources, tmp_path):
     def rtds(*arguments):
-        return subprocess.run([sys.executable, "-m", "rtds_host.cli.main", "blind", *map(str, arguments)],
-                              capture_output=True, text=True, check=False)
+        return subprocess.run(
+            [sys.executable, "-m", "rtds_host.cli.main", "blind", *map(str, arguments)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
 
     out = tmp_path / "out"
     done = rtds("make", "--measured", sources[1], "--n", 1, "--seed", 6, "--out", out)
@@ -298,8 +337,12 @@ def test_the_command_line_makes_draws_and_scores_them(sources, tmp_path):
 
 
 def test_a_delay_that_takes_the_place_of_the_bases_filter_holds_both_sizes():
-    late = {**MASS, "kind": "all late", "alike": [], "same": [
-        {"id": "measurement_delay", "subsystem": "timing", "parameter": "seconds", "low": 0.01, "high": 0.01}]}
+    late = {
+        **MASS,
+        "kind": "all late",
+        "alike": [],
+        "same": [{"id": "measurement_delay", "subsystem": "timing", "parameter": "seconds", "low": 0.01, "high": 0.01}],
+    }
     base = says(effect("speed_filter", time_constant_s=0.02))
     r = measured.judge_planted(late, says(effect("measurement_delay", seconds=(0.031, [0.029, 0.033]))), base, ENTRY)
     assert r["named"] and r["covered"] and r["match"]["expected"] == pytest.approx([0.03, 0.03])

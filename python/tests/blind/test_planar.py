@@ -39,11 +39,25 @@ def output_constants():
 def test_nothing_is_shared_with_the_diagnoser():
     for path in Path(rtds_host.blind.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
-            names = ([a.name for a in node.names] if isinstance(node, ast.Import)
-                     else [node.module or ""] if isinstance(node, ast.ImportFrom) else [])
+            names = (
+                [a.name for a in node.names]
+                if isinstance(node, ast.Import)
+                else [node.module or ""]
+                if isinstance(node, ast.ImportFrom)
+                else []
+            )
             for name in names:
                 if name.startswith("rtds_host"):
-                    assert name.split(".")[1] in ("blind", "contract", "errors", "figures", "cli", "spread", "remains", "compat"), (path.name, name)
+                    assert name.split(".")[1] in (
+                        "blind",
+                        "contract",
+                        "errors",
+                        "figures",
+                        "cli",
+                        "spread",
+                        "remains",
+                        "compat",
+                    ), (path.name, name)
 
 
 def test_no_load_speed_is_that_of_the_motor_equations():
@@ -75,7 +89,7 @@ def test_dry_friction_costs_current_and_holds_on_a_slope():
     machine = with_effect("coulomb_friction", torque_nm=0.05)
     _, out = settled(machine, (6.0, 6.0))
     assert k * out["i_l"][-1] - b * out["w_l"][-1] == pytest.approx(0.05, rel=1e-4)
-    _, out = settled(machine, (0, 0), payload=2.0, slope=0.1)          # 0.0485 N m a wheel would be needed
+    _, out = settled(machine, (0, 0), payload=2.0, slope=0.1)  # 0.0485 N m a wheel would be needed
     assert abs(out["x"][-1]) < 1e-5
 
 

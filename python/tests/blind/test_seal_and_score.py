@@ -1,4 +1,6 @@
-"""Sealing and scoring: tampering is noticed, the truth stays closed until every case is asked, figures mean what they say."""
+"""Sealing and scoring: tampering is noticed, the truth stays closed until every case is asked, figures mean what they
+say.
+"""
 
 import json
 import shutil
@@ -152,7 +154,7 @@ def test_the_same_seed_makes_the_same_public_cases(checked, tmp_path):
     seal.make(tmp_path / "again", 3, ["all", "none", "unknown"], ["planar"], seed=5, jobs=1)
     for case in seal.read_seals(checked):
         assert seal.hash_folder(tmp_path / "again" / "public" / case) == seal.hash_folder(checked / "public" / case)
-    assert seal.read_seals(tmp_path / "again") != seal.read_seals(checked)          # the salt is new
+    assert seal.read_seals(tmp_path / "again") != seal.read_seals(checked)  # the salt is new
 
 
 def test_the_silent_diagnoser_scores_what_it_deserves(checked):
@@ -184,14 +186,22 @@ def test_closures_are_kept_until_the_answer_or_the_program_is_another(copied, mo
 
 def truth(*effects, verdict="known", **more):
     subsystems = {"coulomb_friction": "drivetrain", "rolling_resistance": "wheel_ground", "driver_gain": "driver"}
-    return {"tier": "all", "verdict": verdict, "size_sigma": 50.0,
-            "effects": [{"id": i, "side": s, "subsystem": subsystems[i], "parameters": p} for i, s, p in effects], **more}
+    return {
+        "tier": "all",
+        "verdict": verdict,
+        "size_sigma": 50.0,
+        "effects": [{"id": i, "side": s, "subsystem": subsystems[i], "parameters": p} for i, s, p in effects],
+        **more,
+    }
 
 
 def answer(*effects, verdict="known", sets=(), located=("drivetrain",)):
-    return {"verdict": verdict, "located": [{"subsystem": x, "share": 1.0} for x in located],
-            "effects": [{"id": i, "side": s, "probability": 0.9, "parameters": p} for i, s, p in effects],
-            "indistinguishable": [[{"id": i, "side": s} for i, s in group] for group in sets]}
+    return {
+        "verdict": verdict,
+        "located": [{"subsystem": x, "share": 1.0} for x in located],
+        "effects": [{"id": i, "side": s, "probability": 0.9, "parameters": p} for i, s, p in effects],
+        "indistinguishable": [[{"id": i, "side": s} for i, s in group] for group in sets],
+    }
 
 
 ENTRY = {"seconds": 3.0, "said": ""}
@@ -254,7 +264,9 @@ def test_wilson_intervals_are_those_of_the_literature():
 
 
 def test_calibration_bins_stated_probability_against_truth():
-    records = [{"calibration": [[0.9, True]]}] * 8 + [{"calibration": [[0.9, False]]}] * 2 + [{"calibration": [[0.1, False]]}]
+    records = (
+        [{"calibration": [[0.9, True]]}] * 8 + [{"calibration": [[0.9, False]]}] * 2 + [{"calibration": [[0.1, False]]}]
+    )
     points = score.calibration(records)
     assert [(p["stated"], p["true"], p["count"]) for p in points] == [(0.1, 0.0, 1), (0.9, 0.8, 10)]
 
@@ -274,43 +286,79 @@ def test_closure_is_measured_on_unseen_runs_through_a_prediction(tmp_path):
         "m = planar.nominal_machine(robot)\nm.scale('gain', ratio)\n"
         "start = np.array([run.columns[c][0] for c in ('x', 'y', 'yaw', 'th_l', 'th_r')])\n"
         "raw = planar.run_machine(m, run.t, run.commands().copy(), start, run.meta.payload_kg, run.meta.slope_rad,"
-        " run.meta.uphill_yaw_rad)\nwrite_csv(Path(out), {'t': run.t, **raw})\n")
+        " run.meta.uphill_yaw_rad)\nwrite_csv(Path(out), {'t': run.t, **raw})\n"
+    )
 
     def closed(ratio):
-        return score.closure(tmp_path / "case", tmp_path / "held", tmp_path / "d.json",
-                             [sys.executable, str(script), str(ratio)])
+        return score.closure(
+            tmp_path / "case", tmp_path / "held", tmp_path / "d.json", [sys.executable, str(script), str(ratio)]
+        )
 
     assert closed(1.2)["closed"] == pytest.approx(1.0, abs=0.02)
     assert closed(1.0)["closed"] == pytest.approx(0.0, abs=0.02)
-    assert "error" in score.closure(tmp_path / "case", tmp_path / "held", tmp_path / "d.json",
-                                    [sys.executable, "-c", FAILING])
+    assert "error" in score.closure(
+        tmp_path / "case", tmp_path / "held", tmp_path / "d.json", [sys.executable, "-c", FAILING]
+    )
 
 
 def test_the_command_line_makes_and_reports_in_one_line(tmp_path):
     run = [sys.executable, "-m", "rtds_host.cli.main", "blind"]
     done = subprocess.run([*run, "score", "--out", str(tmp_path / "none")], capture_output=True, text=True, check=False)
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and "rtds blind make" in done.stderr
-    done = subprocess.run([*run, "make", "--out", str(tmp_path / "b"), "--n", "1", "--tier", "none", "--world",
-                           "planar", "--jobs", "1", "--seed", "3"], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [
+            *run,
+            "make",
+            "--out",
+            str(tmp_path / "b"),
+            "--n",
+            "1",
+            "--tier",
+            "none",
+            "--world",
+            "planar",
+            "--jobs",
+            "1",
+            "--seed",
+            "3",
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert read_case(tmp_path / "b" / "public" / "case-001").runs
 
 
-MANY = [{**e, "gap_without": gap} for e, gap in (
-    ({"id": "coulomb_friction", "side": "left", "subsystem": "drivetrain", "parameters": {"torque_nm": 0.05}}, 6.0),
-    ({"id": "driver_gain", "side": "both", "subsystem": "driver", "parameters": {"ratio": 1.1}}, 3.0),
-    ({"id": "gyro_bias", "side": "both", "subsystem": "sensing", "parameters": {"rad_s": 0.01}}, 1.3))]
+MANY = [
+    {**e, "gap_without": gap}
+    for e, gap in (
+        ({"id": "coulomb_friction", "side": "left", "subsystem": "drivetrain", "parameters": {"torque_nm": 0.05}}, 6.0),
+        ({"id": "driver_gain", "side": "both", "subsystem": "driver", "parameters": {"ratio": 1.1}}, 3.0),
+        ({"id": "gyro_bias", "side": "both", "subsystem": "sensing", "parameters": {"rad_s": 0.01}}, 1.3),
+    )
+]
 
 
 def many(rest=None):
     more = {"rest": rest} if rest else {}
-    return {"tier": "messy" if rest else "many", "verdict": "known", "effects": MANY, "size_sigma": 90.0,
-            "held_out_gap": {"before": 9.0, "refit": 8.5, "known": 5.0 if rest else 1.0}, **more}
+    return {
+        "tier": "messy" if rest else "many",
+        "verdict": "known",
+        "effects": MANY,
+        "size_sigma": 90.0,
+        "held_out_gap": {"before": 9.0, "refit": 8.5, "known": 5.0 if rest else 1.0},
+        **more,
+    }
 
 
 def test_only_effects_that_matter_are_asked_for_and_each_name_counts():
-    said = answer(("rolling_resistance", "both", {}), ("driver_gain", "both", {}), ("payload_error", "both", {}),
-                  sets=[[("rolling_resistance", "both"), ("coulomb_friction", "left")]])
+    said = answer(
+        ("rolling_resistance", "both", {}),
+        ("driver_gain", "both", {}),
+        ("payload_error", "both", {}),
+        sets=[[("rolling_resistance", "both"), ("coulomb_friction", "left")]],
+    )
     r = score.judge(many(), said, ENTRY)
     assert r["asked"] == [["coulomb_friction", "left", True], ["driver_gain", "both", True]]
     assert [hit for *_, hit in r["named"]] == [True, True, False]
@@ -331,18 +379,21 @@ def test_a_case_with_a_rest_may_be_called_known_or_partial_and_the_rest_has_a_pl
         r = score.judge(many(rest), said, ENTRY)
         assert r["verdict_right"] is right and r["rest_right"]
     said["gap"] = {"rest": {"subsystem": None}}
-    said["budget"] = [{"what": "rest", "subsystem": "driver", "share": 0.1}, {"what": "rest", "subsystem": None, "share": 0.3}]
+    said["budget"] = [
+        {"what": "rest", "subsystem": "driver", "share": 0.1},
+        {"what": "rest", "subsystem": None, "share": 0.3},
+    ]
     assert score.judge(many(rest), said, ENTRY)["rest_said"] == "driver"
     assert score.judge(many({**rest, "gap_without": 1.05}), said, ENTRY)["rest_right"] is None
     first = answer(("driver_gain", "both", {}), located=("driver", "chassis"))
-    assert score.judge(many(rest), first, ENTRY)["rest_right"]              # schema 1: the next place
+    assert score.judge(many(rest), first, ENTRY)["rest_right"]  # schema 1: the next place
 
 
 def test_closure_is_measured_against_what_names_can_close_and_against_the_stated_interval():
     rest = {"id": "cable_drag", "subsystem": "chassis", "gap_without": 2.0, "share": 0.2}
     said = {**answer(("driver_gain", "both", {})), "gap": {"closed_ci90": [0.3, 0.5]}}
     r = score.judge(many(rest), said, ENTRY)
-    assert r["closable"] == 0.5                                             # from 9 to 5, of 9 to 1
+    assert r["closable"] == 0.5  # from 9 to 5, of 9 to 1
     r["closure"] = {"before": 9.0, "after": 5.8, "closed": 0.4, "runs": [0.45, 0.6, None]}
     assert score.fresh_held(r) == [True, False]
     summary = score.summarise([r])

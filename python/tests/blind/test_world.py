@@ -58,13 +58,15 @@ def test_the_second_world_has_the_effects_outside_of_the_catalogue(name):
 
 def test_motors_are_dcmotors_with_their_own_states():
     machine = planar.nominal_machine(ROBOT)
-    for effect in ({"id": "winding_heating", "parameters": {"rise_per_watt": 0.2, "time_constant_s": 10.0}},
-                   {"id": "coulomb_friction", "parameters": {"torque_nm": 0.03}},
-                   {"id": "torque_ripple", "parameters": {"amplitude_nm": 0.02, "cycles_per_rev": 3, "phase_rad": 0.4}}):
+    for effect in (
+        {"id": "winding_heating", "parameters": {"rise_per_watt": 0.2, "time_constant_s": 10.0}},
+        {"id": "coulomb_friction", "parameters": {"torque_nm": 0.03}},
+        {"id": "torque_ripple", "parameters": {"amplitude_nm": 0.02, "cycles_per_rev": 3, "phase_rad": 0.4}},
+    ):
         planar.apply_effect(machine, {**effect, "side": "both"})
     model = mujoco.MjModel.from_xml_string(world.model_xml(machine.side, machine.world))
     assert set(model.actuator_dyntype) <= {int(mujoco.mjtDyn.mjDYN_DCMOTOR), int(mujoco.mjtDyn.mjDYN_NONE)}
-    assert model.na == 2 * (2 + 1)          # current and temperature, and a bristle, each side
+    assert model.na == 2 * (2 + 1)  # current and temperature, and a bristle, each side
 
 
 def test_a_case_of_the_second_world_is_readable_and_repeatable(tmp_path):

@@ -1,5 +1,5 @@
-"""A name that is nearly right is recognised, a place that cannot hold the result is refused before the work, nothing is cut on a
-narrow terminal, and shells complete."""
+"""A name that is nearly right is recognised, a place that cannot hold the result is refused before the work, nothing is
+cut on a narrow terminal, and shells complete."""
 
 import re
 import subprocess
@@ -70,7 +70,9 @@ def test_every_command_looks_at_its_output_before_the_work(words, tmp_path, monk
     (["import", "no.csv", "--mapping", "bad.toml", "--out", "case"], "gyro_z"),
     (["import", "no.csv", "--mapping", "turtlebot", "--out", "case"], "turtlebot3"),
 ])  # fmt: skip
-def test_parameters_engines_and_channels_that_are_nearly_right_are_recognised(words, meant, tmp_path, monkeypatch, capsys):
+def test_parameters_engines_and_channels_that_are_nearly_right_are_recognised(
+    words, meant, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "no.csv").write_text("t\n0\n")
     (tmp_path / "bad.toml").write_text('schema = "rtds-mapping/1"\n[signal]\ngyroz = {column = "g", unit = "rad/s"}\n')
@@ -104,8 +106,11 @@ def commands():
     return found
 
 
-@pytest.mark.parametrize("words", [*([*c, "--help"] for c in commands()), ["effects"], ["run", "--list"],
-                                   ["effects", "longitudinal_slip"]], ids=" ".join)
+@pytest.mark.parametrize(
+    "words",
+    [*([*c, "--help"] for c in commands()), ["effects"], ["run", "--list"], ["effects", "longitudinal_slip"]],
+    ids=" ".join,
+)
 def test_nothing_is_cut_at_eighty_columns(words, monkeypatch, capsys):
     narrow = shown(words, monkeypatch, capsys, 80)
     assert max(map(len, narrow.splitlines())) <= 80
@@ -121,7 +126,9 @@ def test_a_shell_completes_commands_options_scenarios_and_effects():
     def complete(*words, part=""):
         """What may stand behind these words, beginning with `part`."""
         told = 'source /dev/stdin; COMP_WORDS=(rtds "$@"); COMP_CWORD=$#; _rtds; printf "%s\\n" "${COMPREPLY[@]}"'
-        done = subprocess.run(["bash", "-c", told, "bash", *words, part], input=script("bash"), capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            ["bash", "-c", told, "bash", *words, part], input=script("bash"), capture_output=True, text=True, check=True
+        )
         return done.stdout.split()
 
     assert set(complete()) == set(COMMANDS)

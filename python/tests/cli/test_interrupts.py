@@ -1,4 +1,6 @@
-"""Ctrl-C at any moment of the process `rtds`: one line and status 130, or the end that the command had already come to."""
+"""Ctrl-C at any moment of the process `rtds`: one line and status 130, or the end that the command had already
+come to.
+"""
 
 import os
 import subprocess
@@ -13,8 +15,14 @@ INTERRUPTED = (130, "rtds: interrupted\n")
 def struck(tmp_path, program, *arguments):
     """(status, standard error) of `rtds` with a signal that the program sends to its own process; what it printed."""
     (tmp_path / "struck.py").write_text(STRIKE + program + "command.main()\n")
-    done = subprocess.run([sys.executable, "-m", "struck", *arguments], capture_output=True, text=True, cwd=tmp_path, check=False,
-                          env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+    done = subprocess.run(
+        [sys.executable, "-m", "struck", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
     # Click begins a new line behind the ^C that a terminal shows.
     return (done.returncode, done.stderr.lstrip("\n")), done.stdout
 
@@ -50,14 +58,15 @@ commands.visible = lambda text: (strike(), said(text))[1]
 LAST_MOMENTS = {
     "when Python begins to leave": "import atexit\natexit.register(strike)\n",
     "while threads are waited for": "import threading, time\n"
-                                    "threading.Thread(target=lambda: (threading.main_thread().join(), strike())).start()\n",
+    "threading.Thread(target=lambda: (threading.main_thread().join(), strike())).start()\n",
     # Python has given up its own handling of signals by then.
     "while modules are taken down": """
 class Last:
     def __del__(self, kill=os.kill, me=os.getpid(), signal=signal.SIGINT):
         kill(me, signal)
 sys.last_of_all = Last()
-"""}
+""",
+}
 
 
 @pytest.mark.parametrize("program", LAST_MOMENTS.values(), ids=LAST_MOMENTS.keys())

@@ -32,17 +32,25 @@ def rows(count, w=lambda k: f"{0.001 * k:.6f}"):
 
 # ---- a row cut inside its last cell --------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize("left", [0, 1, 3, 7])
 def test_a_row_cut_inside_its_last_cell_is_set_aside_with_a_notice(run, left):
     text = HEADER + "\n".join(rows(20))
-    (run / "log.csv").write_text(text[:len(text) - 8 + left])
+    (run / "log.csv").write_text(text[: len(text) - 8 + left])
     log = read_run(run)
     assert len(log.t) == 19 and log.notices == ("log.csv: row 21 ends inside its last cell, it is set aside",)
     assert log.columns["w_r"][-1] == 0.018
 
 
-@pytest.mark.parametrize(("row", "words"), [("0.1,1,1,0.001,0", "time goes back"), (",1,1,0.001,0", "t is missing"),
-                                            ("0.2,x,1,0.001,0", "v_cmd_l is 'x'"), ("0.2,1,1,1e308,0", "w_l is 1e+308")])
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("0.1,1,1,0.001,0", "time goes back"),
+        (",1,1,0.001,0", "t is missing"),
+        ("0.2,x,1,0.001,0", "v_cmd_l is 'x'"),
+        ("0.2,1,1,1e308,0", "w_l is 1e+308"),
+    ],
+)
 def test_a_cut_row_hides_nothing_that_is_wrong_with_it(run, row, words):
     (run / "log.csv").write_text(HEADER + "\n".join(rows(20)) + "\n" + row)
     with pytest.raises(InputError, match=re.escape(words)):
@@ -56,7 +64,9 @@ def test_rows_are_counted_without_the_cut_one(run):
 
 
 def test_a_time_in_the_last_column_may_be_the_cut_cell(run):
-    (run / "log.csv").write_text("v_cmd_l,v_cmd_r,w_l,t\n" + "\n".join(f"1,1,0.1,{0.01 * k:.2f}" for k in range(20))[:-2])
+    (run / "log.csv").write_text(
+        "v_cmd_l,v_cmd_r,w_l,t\n" + "\n".join(f"1,1,0.1,{0.01 * k:.2f}" for k in range(20))[:-2]
+    )
     assert len(read_run(run).t) == 19
 
 
@@ -80,6 +90,7 @@ def test_the_last_row_is_judged_by_rows_of_an_earlier_block(run, monkeypatch):
 
 # ---- blocks --------------------------------------------------------------------------------------------------------
 
+
 @pytest.mark.parametrize("size", [7, 64, 1000])
 @pytest.mark.parametrize("ends", ["\n", "\r\n", "\r"])
 def test_a_log_reads_alike_in_blocks_of_any_size(run, monkeypatch, size, ends):
@@ -94,10 +105,16 @@ def test_a_log_reads_alike_in_blocks_of_any_size(run, monkeypatch, size, ends):
         assert np.array_equal(whole.columns[c], parts.columns[c], equal_nan=True)
 
 
-@pytest.mark.parametrize(("row", "text", "words"), [
-    (30, "0.28,1,1,x,0", "row 30: w_l is 'x', no number"), (30, "0.28,1,1,0", "row 30: has 4 cells"),
-    (30, "0.01,1,1,0,0", "row 30: time goes back"), (30, "0.28,1,1,inf,0", "row 30: w_l is inf"),
-    (30, "0.28,1,1,\udce4,0", "is no text")])
+@pytest.mark.parametrize(
+    ("row", "text", "words"),
+    [
+        (30, "0.28,1,1,x,0", "row 30: w_l is 'x', no number"),
+        (30, "0.28,1,1,0", "row 30: has 4 cells"),
+        (30, "0.01,1,1,0,0", "row 30: time goes back"),
+        (30, "0.28,1,1,inf,0", "row 30: w_l is inf"),
+        (30, "0.28,1,1,\udce4,0", "is no text"),
+    ],
+)
 def test_a_complaint_names_the_row_in_a_later_block(run, monkeypatch, row, text, words):
     monkeypatch.setattr(runlog, "BLOCK_BYTES", 100)
     lines = [HEADER.strip(), *rows(60)]
@@ -107,10 +124,11 @@ def test_a_complaint_names_the_row_in_a_later_block(run, monkeypatch, row, text,
     with pytest.raises(InputError, match=words) as error:
         read_run(run)
     if "text" in words:
-        assert f"byte {data.index(0xe4)}" in str(error.value)
+        assert f"byte {data.index(0xE4)}" in str(error.value)
 
 
 # ---- times ---------------------------------------------------------------------------------------------------------
+
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_times_since_1970_keep_their_microseconds_and_replay_alike(run, form):
@@ -154,6 +172,7 @@ def test_short_and_slow_logs_are_readable(run, count):
 
 # ---- size ----------------------------------------------------------------------------------------------------------
 
+
 def test_a_parquet_file_that_would_unpack_to_too_much_is_refused_before(run, monkeypatch):
     """Millions of zeros are a few thousand bytes; the file says so itself."""
     monkeypatch.setattr(runlog, "LARGEST_BYTES", 2**24)
@@ -185,11 +204,13 @@ def test_a_log_of_half_a_million_rows_is_read_within_bounded_memory(run):
     count = 500_000
     body = "".join(f"{0.01 * k:.2f},1.5,-1.5,{0.001 * (k % 977):.6f},0.25\n" for k in range(count))
     (run / "log.csv").write_text(HEADER + body)
-    code = ("import resource, sys; from rtds_host.contract import read_run\n"
-            "import pyarrow.csv, pyarrow.parquet\n"
-            "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
-            "rows = len(read_run(sys.argv[1]).t)\n"
-            "print(rows, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)")
+    code = (
+        "import resource, sys; from rtds_host.contract import read_run\n"
+        "import pyarrow.csv, pyarrow.parquet\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "rows = len(read_run(sys.argv[1]).t)\n"
+        "print(rows, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)"
+    )
     done = subprocess.run([sys.executable, "-c", code, str(run)], capture_output=True, text=True, check=True)
     number, kib = map(int, done.stdout.split())
     assert number == count and kib < 120_000

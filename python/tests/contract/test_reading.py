@@ -33,33 +33,36 @@ def refuse(folder, *words):
         assert word in line, line
 
 
-@pytest.mark.parametrize("text,words", [
-    ("t,v_cmd_l,w_l\n0,1,0\n1,1,0\n", ["log.csv", "v_cmd_r", "missing"]),
-    ("t,v_cmd_l,v_cmd_r\n0,1,1\n1,1,1\n", ["w_*", "th_*"]),
-    (HEADER + "0,1,1,0,0\n0.01,1,1,0,0\n0.005,1,1,0,0\n", ["row 4", "time goes back"]),
-    (HEADER + "0,1,1,0,0\n0,1,1,0,0\n", ["row 3", "stands still"]),
-    (HEADER + "0,1,1,nan,0\n1,1,1,0,0\n", ["row 2", "w_l"]),
-    (HEADER + "0,1,1,inf,0\n1,1,1,0,0\n", ["row 2", "w_l"]),
-    (HEADER + "0,1,1,fast,0\n1,1,1,0,0\n", ["row 2", "w_l", "fast"]),
-    (HEADER + "0,,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l", "empty"]),
-    (HEADER + "0,1,1,0,0\n1,1,1,0\n", ["row 3", "truncated"]),
-    (HEADER + "0,1,1,0,0\n1,1,1,0", ["row 3", "truncated"]),
-    (HEADER + "0,1,1,0,0\n", ["at least 2"]),
-    (HEADER + "0,1e6,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l"]),
-    ("t,t,v_cmd_l,v_cmd_r,w_l\n0,0,1,1,1\n", ["twice"]),
-    ("", ["empty"]),
-    (HEADER + "# begin\n0,1,1,0,0\n1,1,1,0,0\n", ["row 2", "cells"]),
-    (HEADER + "0,1,1,0,0 # first\n1,1,1,0,0\n", ["row 2", "w_r", "no number"]),
-    (HEADER + "0,1_0,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l", "1_0"]),
-    (HEADER + "0,\uff13,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l", "no number"]),
-    (HEADER + '"0\n",1,1,0,0\n1,1,1,0,0\n', ["row 2", "cells"]),
-    (HEADER + "0,1,1,0,0\n1,1,1,1e300,0\n", ["row 3", "w_l", "beyond anything"]),
-    (HEADER + "0,1,1,0,0\n\n1,1,1,0,0\n0.5,1,1,0,0\n", ["row 5", "time goes back"]),
-    (HEADER + "0,1,1,0,0\n20000000,1,1,0,0\n", ["row 3", "t is", "seconds"]),
-    (HEADER + "-1e308,1,1,0,0\n1e308,1,1,0,0\n", ["row 3", "t is", "seconds"]),
-    ((HEADER + "0,1,1,0,0\n1,1,1,0,0\n").replace(",", ";"), ["row 1", "semicolons"]),
-    ("0,1,1,0,0\n1,1,1,0,0\n", ["row 1", "header"]),
-])
+@pytest.mark.parametrize(
+    "text,words",
+    [
+        ("t,v_cmd_l,w_l\n0,1,0\n1,1,0\n", ["log.csv", "v_cmd_r", "missing"]),
+        ("t,v_cmd_l,v_cmd_r\n0,1,1\n1,1,1\n", ["w_*", "th_*"]),
+        (HEADER + "0,1,1,0,0\n0.01,1,1,0,0\n0.005,1,1,0,0\n", ["row 4", "time goes back"]),
+        (HEADER + "0,1,1,0,0\n0,1,1,0,0\n", ["row 3", "stands still"]),
+        (HEADER + "0,1,1,nan,0\n1,1,1,0,0\n", ["row 2", "w_l"]),
+        (HEADER + "0,1,1,inf,0\n1,1,1,0,0\n", ["row 2", "w_l"]),
+        (HEADER + "0,1,1,fast,0\n1,1,1,0,0\n", ["row 2", "w_l", "fast"]),
+        (HEADER + "0,,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l", "empty"]),
+        (HEADER + "0,1,1,0,0\n1,1,1,0\n", ["row 3", "truncated"]),
+        (HEADER + "0,1,1,0,0\n1,1,1,0", ["row 3", "truncated"]),
+        (HEADER + "0,1,1,0,0\n", ["at least 2"]),
+        (HEADER + "0,1e6,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l"]),
+        ("t,t,v_cmd_l,v_cmd_r,w_l\n0,0,1,1,1\n", ["twice"]),
+        ("", ["empty"]),
+        (HEADER + "# begin\n0,1,1,0,0\n1,1,1,0,0\n", ["row 2", "cells"]),
+        (HEADER + "0,1,1,0,0 # first\n1,1,1,0,0\n", ["row 2", "w_r", "no number"]),
+        (HEADER + "0,1_0,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l", "1_0"]),
+        (HEADER + "0,\uff13,1,0,0\n1,1,1,0,0\n", ["row 2", "v_cmd_l", "no number"]),
+        (HEADER + '"0\n",1,1,0,0\n1,1,1,0,0\n', ["row 2", "cells"]),
+        (HEADER + "0,1,1,0,0\n1,1,1,1e300,0\n", ["row 3", "w_l", "beyond anything"]),
+        (HEADER + "0,1,1,0,0\n\n1,1,1,0,0\n0.5,1,1,0,0\n", ["row 5", "time goes back"]),
+        (HEADER + "0,1,1,0,0\n20000000,1,1,0,0\n", ["row 3", "t is", "seconds"]),
+        (HEADER + "-1e308,1,1,0,0\n1e308,1,1,0,0\n", ["row 3", "t is", "seconds"]),
+        ((HEADER + "0,1,1,0,0\n1,1,1,0,0\n").replace(",", ";"), ["row 1", "semicolons"]),
+        ("0,1,1,0,0\n1,1,1,0,0\n", ["row 1", "header"]),
+    ],
+)
 def test_a_bad_log_is_named_by_file_row_and_column(case, text, words):
     (case / "run-1" / "log.csv").write_text(text)
     refuse(case, "run-1", *words)
@@ -75,27 +78,35 @@ def test_a_truncated_parquet_file_is_named(case):
     refuse(case, "log.parquet", "Parquet")
 
 
-@pytest.mark.parametrize("column,words", [
-    ({"t": [1700000000000000000, 1700000000020000000]}, ["row 2", "t is", "seconds"]),
-    ({"t": [1.0, 0.5]}, ["row 2", "time goes back"]),
-    ({"w_l": [0.0, math.inf]}, ["row 2", "w_l"]),
-    ({"w_l": ["0", "1"]}, ["w_l", "string"]),
-])
+@pytest.mark.parametrize(
+    "column,words",
+    [
+        ({"t": [1700000000000000000, 1700000000020000000]}, ["row 2", "t is", "seconds"]),
+        ({"t": [1.0, 0.5]}, ["row 2", "time goes back"]),
+        ({"w_l": [0.0, math.inf]}, ["row 2", "w_l"]),
+        ({"w_l": ["0", "1"]}, ["w_l", "string"]),
+    ],
+)
 def test_a_bad_parquet_value_is_named_by_its_row_counted_without_a_header(case, column, words):
     (case / "run-1" / "log.csv").unlink()
-    pq.write_table(pa.table({"t": [0.0, 0.1], "v_cmd_l": [1, 1], "v_cmd_r": [1, 1], "w_l": [0.0, 0.1], **column}),
-                   case / "run-1" / "log.parquet")
+    pq.write_table(
+        pa.table({"t": [0.0, 0.1], "v_cmd_l": [1, 1], "v_cmd_r": [1, 1], "w_l": [0.0, 0.1], **column}),
+        case / "run-1" / "log.parquet",
+    )
     refuse(case, "log.parquet", *words)
 
 
-@pytest.mark.parametrize("edit,words", [
-    (lambda d: d.update(schema="rtds-run/9"), ["schema"]),
-    (lambda d: d.update(payload_kg=10**400), ["payload_kg", "within"]),
-    (lambda d: d.update(scenario={"name": "eight"}), ["scenario", "text"]),
-    (lambda d: d.update(slope_rad=5.7), ["slope_rad", "degrees"]),
-    (lambda d: d.update(payload_kg=-1), ["payload_kg"]),
-    (lambda d: d.update(uphill_yaw_rad="north"), ["uphill_yaw_rad"]),
-])
+@pytest.mark.parametrize(
+    "edit,words",
+    [
+        (lambda d: d.update(schema="rtds-run/9"), ["schema"]),
+        (lambda d: d.update(payload_kg=10**400), ["payload_kg", "within"]),
+        (lambda d: d.update(scenario={"name": "eight"}), ["scenario", "text"]),
+        (lambda d: d.update(slope_rad=5.7), ["slope_rad", "degrees"]),
+        (lambda d: d.update(payload_kg=-1), ["payload_kg"]),
+        (lambda d: d.update(uphill_yaw_rad="north"), ["uphill_yaw_rad"]),
+    ],
+)
 def test_a_bad_run_json_is_named_by_key(case, edit, words):
     path = case / "run-1" / "run.json"
     data = json.loads(path.read_text())
@@ -104,24 +115,33 @@ def test_a_bad_run_json_is_named_by_key(case, edit, words):
     refuse(case, "run.json", *words)
 
 
-@pytest.mark.parametrize("old,new,words", [
-    ("resistance_ohm = 8.6", "", ["[motor]", "resistance_ohm", "missing"]),
-    ("resistance_ohm = 8.6", "resistance_ohm = 0", ["resistance_ohm", "above 0"]),
-    ("resistance_ohm = 8.6", "resistance_ohm = nan", ["resistance_ohm", "finite"]),
-    ("resistance_ohm = 8.6", "resistance_ohm = '8.6'", ["resistance_ohm", "number"]),
-    ("wheel_radius_m = 0.033", "wheel_radius_m = 33", ["wheel_radius_m", "within"]),
-    ("gear_ratio = 258.5", "gear_ratio = -258.5", ["gear_ratio", "above 0"]),
-    ("[supply]", "[suply]", ["[supply]", "missing"]),
-    ('schema = "rtds-robot/1"', 'schema = "rtds-robot/2"', ["schema"]),
-    ("[motor]", "[motor", ["TOML"]),
-    ("resistance_ohm = 8.6", f"resistance_ohm = {10**400}", ["resistance_ohm", "finite"]),
-    ("mass_kg = 1.0", "mass_kg = 1e-300", ["mass_kg", "within"]),
-    ("w_rad_s = 0.02", "w_rad_s = 1e300", ["w_rad_s", "within"]),
-    ("[motor]", "[driver]\nmode = 'torque'\ntorque_nm_per_v = 0\n[motor]", ["torque_nm_per_v", "is 0"]),
-    ("[motor]", ("[servo]\nkp_v_s_per_rad = 1\nki_v_per_rad = 1\nlimit_v = 12\nperiod_s = 1e-9\n"
-                 "[driver]\nmode = 'speed'\n[motor]"), ["period_s", "within"]),
-    ("[motor]", f"a = {'[' * 5000}{']' * 5000}\n[motor]", ["TOML"]),
-])
+@pytest.mark.parametrize(
+    "old,new,words",
+    [
+        ("resistance_ohm = 8.6", "", ["[motor]", "resistance_ohm", "missing"]),
+        ("resistance_ohm = 8.6", "resistance_ohm = 0", ["resistance_ohm", "above 0"]),
+        ("resistance_ohm = 8.6", "resistance_ohm = nan", ["resistance_ohm", "finite"]),
+        ("resistance_ohm = 8.6", "resistance_ohm = '8.6'", ["resistance_ohm", "number"]),
+        ("wheel_radius_m = 0.033", "wheel_radius_m = 33", ["wheel_radius_m", "within"]),
+        ("gear_ratio = 258.5", "gear_ratio = -258.5", ["gear_ratio", "above 0"]),
+        ("[supply]", "[suply]", ["[supply]", "missing"]),
+        ('schema = "rtds-robot/1"', 'schema = "rtds-robot/2"', ["schema"]),
+        ("[motor]", "[motor", ["TOML"]),
+        ("resistance_ohm = 8.6", f"resistance_ohm = {10**400}", ["resistance_ohm", "finite"]),
+        ("mass_kg = 1.0", "mass_kg = 1e-300", ["mass_kg", "within"]),
+        ("w_rad_s = 0.02", "w_rad_s = 1e300", ["w_rad_s", "within"]),
+        ("[motor]", "[driver]\nmode = 'torque'\ntorque_nm_per_v = 0\n[motor]", ["torque_nm_per_v", "is 0"]),
+        (
+            "[motor]",
+            (
+                "[servo]\nkp_v_s_per_rad = 1\nki_v_per_rad = 1\nlimit_v = 12\nperiod_s = 1e-9\n"
+                "[driver]\nmode = 'speed'\n[motor]"
+            ),
+            ["period_s", "within"],
+        ),
+        ("[motor]", f"a = {'[' * 5000}{']' * 5000}\n[motor]", ["TOML"]),
+    ],
+)
 def test_a_bad_robot_is_named_by_table_and_key(case, old, new, words):
     path = case / "robot.toml"
     text = path.read_text()
@@ -188,8 +208,7 @@ def test_times_of_a_clock_that_counts_since_1970_stay_apart_when_written(tmp_pat
 
 
 def test_empty_cells_keep_commands_and_leave_measurements_out_and_strange_columns_are_ignored_with_a_notice(case):
-    (case / "run-1" / "log.csv").write_text(
-        "t,v_cmd_l,v_cmd_r,w_l,mood\n0,1,2,0,9\n0.01,,,,\n0.03,3,,0.2,good\n")
+    (case / "run-1" / "log.csv").write_text("t,v_cmd_l,v_cmd_r,w_l,mood\n0,1,2,0,9\n0.01,,,,\n0.03,3,,0.2,good\n")
     run = read_case(case).runs[0]
     assert list(run.columns["v_cmd_l"]) == [1, 1, 3] and list(run.columns["v_cmd_r"]) == [2, 2, 2]
     assert np.isnan(run.columns["w_l"][1]) and "mood" not in run.columns
@@ -200,8 +219,12 @@ def test_what_is_written_is_read_back_the_same(tmp_path):
     t = np.arange(5) * 0.01
     w = np.array([0, np.nan, 0.1, np.nan, 0.25])
     for form in ("csv", "parquet"):
-        write_run(tmp_path / form, RunMeta("x", 2.0, 0.1, 1.5, "n"), {"t": t, "v_cmd_l": t, "v_cmd_r": -t, "w_l": w},
-                  form=form)
+        write_run(
+            tmp_path / form,
+            RunMeta("x", 2.0, 0.1, 1.5, "n"),
+            {"t": t, "v_cmd_l": t, "v_cmd_r": -t, "w_l": w},
+            form=form,
+        )
         run = read_run(tmp_path / form)
         assert run.meta == RunMeta("x", 2.0, 0.1, 1.5, "n")
         assert np.array_equal(run.columns["w_l"], w, equal_nan=True) and np.array_equal(run.t, t)

@@ -54,7 +54,11 @@ def test_what_cannot_be_written_is_named_by_its_place_and_not_by_the_scratch_fol
 
     with pytest.raises(OutputError) as outer, staged_folder(tmp_path / "out") as scratch:
         full(scratch / "run" / "log.csv")
-    with pytest.raises(OutputError) as inner, staged_folder(tmp_path / "out") as scratch, staged_folder(scratch / "run") as deeper:
+    with (
+        pytest.raises(OutputError) as inner,
+        staged_folder(tmp_path / "out") as scratch,
+        staged_folder(scratch / "run") as deeper,
+    ):
         full(deeper / "log.csv")
     wanted = f"{tmp_path / 'out' / 'run' / 'log.csv'}: cannot write (No space left on device)"
     assert [str(e.value) for e in (outer, inner)] == [wanted, wanted]
@@ -63,7 +67,9 @@ def test_what_cannot_be_written_is_named_by_its_place_and_not_by_the_scratch_fol
 def test_files_are_on_the_disk_before_they_have_their_names(tmp_path, monkeypatch):
     done = []
     sync, move = os.fsync, os.replace
-    monkeypatch.setattr(output.os, "fsync", lambda handle: (sync(handle), done.append(os.readlink(f"/proc/self/fd/{handle}"))))
+    monkeypatch.setattr(
+        output.os, "fsync", lambda handle: (sync(handle), done.append(os.readlink(f"/proc/self/fd/{handle}")))
+    )
     monkeypatch.setattr(output.os, "replace", lambda a, b: (move(a, b), done.append("named")))
     with staged_folder(tmp_path / "out") as scratch:
         (scratch / "run").mkdir()
@@ -108,8 +114,9 @@ def test_a_prediction_does_not_overwrite_its_own_log(tmp_path, monkeypatch, caps
     write_run(tmp_path / "run", RunMeta("x"), COLUMNS)
     log = tmp_path / "run" / "log.csv"
     before = log.read_text()
-    status, said = _call(monkeypatch, capsys, "predict", tmp_path / "run", "--robot", builtin_robot_path("burger"),
-                         "--out", log)
+    status, said = _call(
+        monkeypatch, capsys, "predict", tmp_path / "run", "--robot", builtin_robot_path("burger"), "--out", log
+    )
     assert status == 2 and "input" in said.err and log.read_text() == before
 
 

@@ -17,17 +17,26 @@ class ExactMotors:
     """Two motors, exactly, inputs held; a torque may act that nobody is told of."""
 
     def __init__(self, motor=MOTOR, hidden_nm=0.0):
-        r, l, km, kb = (motor.resistance_ohm, motor.inductance_h, motor.torque_constant_nm_per_a,
-                        motor.back_emf_constant_v_s_per_rad)
+        r, l, km, kb = (
+            motor.resistance_ohm,
+            motor.inductance_h,
+            motor.torque_constant_nm_per_a,
+            motor.back_emf_constant_v_s_per_rad,
+        )
         j, b = motor.rotor_inertia_kg_m2, motor.viscous_friction_nm_s_per_rad
-        self.generator = np.block([[np.array([[-r / l, -kb / l], [km / j, -b / j]]), np.diag([1 / l, -1 / j])],
-                                   [np.zeros((2, 4))]])
+        self.generator = np.block(
+            [[np.array([[-r / l, -kb / l], [km / j, -b / j]]), np.diag([1 / l, -1 / j])], [np.zeros((2, 4))]]
+        )
         self.state, self.hidden = np.zeros((2, 2)), hidden_nm
 
     def hold(self, volts, torques, seconds):
         step = expm(seconds * self.generator)
-        self.state = np.array([step[:2, :2] @ x + step[:2, 2:] @ [v, t + self.hidden]
-                               for x, v, t in zip(self.state, volts, torques, strict=True)])
+        self.state = np.array(
+            [
+                step[:2, :2] @ x + step[:2, 2:] @ [v, t + self.hidden]
+                for x, v, t in zip(self.state, volts, torques, strict=True)
+            ]
+        )
 
     def seen(self, torques):
         return Observation(self.state[:, 1], self.state[:, 0], np.asarray(torques, dtype=float))
@@ -62,7 +71,7 @@ def test_exact_hits_a_steady_reference_from_any_state():
 def test_exact_keeps_its_error_on_a_ramp_on_both_sides_of_zero():
     motors, controller = ExactMotors(), make_controller("exact", MOTOR, 12.0)
     speeds, asked = follow(controller, motors, ramp(30, 400.0, 0.032), 0.032)
-    error = (speeds - asked)[-5 * 32:]
+    error = (speeds - asked)[-5 * 32 :]
     assert np.abs(error.mean(axis=0)).max() < 0.05 * np.sqrt((error**2).mean(axis=0)).max()
 
 
@@ -74,12 +83,19 @@ def test_paper_inverts_one_step_of_backward_euler():
     wanted = np.array([250.0, -80.0])
     volts = controller.command(seen, wanted, wanted, h)
     for side in range(2):
-        matrix = np.eye(2) - h * np.array([[-m.resistance_ohm / m.inductance_h,
-                                            -m.back_emf_constant_v_s_per_rad / m.inductance_h],
-                                           [m.torque_constant_nm_per_a / m.rotor_inertia_kg_m2,
-                                            -m.viscous_friction_nm_s_per_rad / m.rotor_inertia_kg_m2]])
-        right = [seen.currents_a[side] + h * volts[side] / m.inductance_h,
-                 seen.speeds_rad_s[side] - h * seen.torques_nm[side] / m.rotor_inertia_kg_m2]
+        matrix = np.eye(2) - h * np.array(
+            [
+                [-m.resistance_ohm / m.inductance_h, -m.back_emf_constant_v_s_per_rad / m.inductance_h],
+                [
+                    m.torque_constant_nm_per_a / m.rotor_inertia_kg_m2,
+                    -m.viscous_friction_nm_s_per_rad / m.rotor_inertia_kg_m2,
+                ],
+            ]
+        )
+        right = [
+            seen.currents_a[side] + h * volts[side] / m.inductance_h,
+            seen.speeds_rad_s[side] - h * seen.torques_nm[side] / m.rotor_inertia_kg_m2,
+        ]
         assert np.linalg.solve(matrix, right)[1] == pytest.approx(wanted[side], rel=1e-9)
 
 
@@ -94,8 +110,13 @@ def test_exact_is_ten_times_better_than_paper_on_a_ramp_each_at_its_interval():
     errors = {}
     for name, interval in CONTROLLERS.items():
         count = round(2.048 / interval) + 1
-        speeds, asked = follow(make_controller(name, MOTOR, 12.0), ExactMotors(), ramp(count, 400.0, interval),
-                               interval, parts=round(interval / 1e-3))
+        speeds, asked = follow(
+            make_controller(name, MOTOR, 12.0),
+            ExactMotors(),
+            ramp(count, 400.0, interval),
+            interval,
+            parts=round(interval / 1e-3),
+        )
         errors[name] = np.sqrt(((speeds - asked) ** 2).mean())
     assert errors["paper"] > 10.0 * errors["exact"]
 
@@ -117,7 +138,9 @@ def test_exact_finds_a_torque_nobody_told_it_of():
 
 def test_exact_withstands_a_motor_that_is_not_the_nominal_one():
     weak = replace(MOTOR, torque_constant_nm_per_a=0.9 * MOTOR.torque_constant_nm_per_a, resistance_ohm=9.5)
-    speeds, _ = follow(make_controller("exact", MOTOR, 12.0), ExactMotors(weak), np.full((80, 2), 300.0), 0.032, parts=1)
+    speeds, _ = follow(
+        make_controller("exact", MOTOR, 12.0), ExactMotors(weak), np.full((80, 2), 300.0), 0.032, parts=1
+    )
     assert speeds[-1] == pytest.approx([300.0, 300.0], abs=1e-3)
 
 

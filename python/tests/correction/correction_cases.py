@@ -57,10 +57,17 @@ def simulated_case(change, seconds=4.0, count=3, model=None, **options):
 
 def diagnosis_of(*effects, verdict="known", located="drivetrain"):
     """The content of a diagnosis.json."""
-    return {"schema": "rtds-diagnosis/1", "verdict": verdict, "located": [{"subsystem": located, "share": 1.0}],
-            "effects": [{"id": e, "side": side, "parameters": {n: {"value": v, "ci90": None} for n, v in values.items()}}
-                        for e, side, values in effects],
-            "nominal_fit": {}, "gap": {"rest": {"share": 0.0, "structured": verdict == "unknown", "subsystem": None}}}
+    return {
+        "schema": "rtds-diagnosis/1",
+        "verdict": verdict,
+        "located": [{"subsystem": located, "share": 1.0}],
+        "effects": [
+            {"id": e, "side": side, "parameters": {n: {"value": v, "ci90": None} for n, v in values.items()}}
+            for e, side, values in effects
+        ],
+        "nominal_fit": {},
+        "gap": {"rest": {"share": 0.0, "structured": verdict == "unknown", "subsystem": None}},
+    }
 
 
 def write_case(case, folder):

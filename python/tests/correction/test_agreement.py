@@ -24,8 +24,20 @@ from rtds_host.robot import available_engines
 CATALOGUE = catalogue(builtin_robot("burger"))
 
 # One of each kind of place: own parameters, tables, thermal state, supply, delay; body, gear, tyre, scrub; sensors.
-LIGHT = ("resistance_error", "stribeck_friction", "winding_heating", "bridge_drop", "supply_sag", "command_delay",
-         "com_offset", "gear_compliance", "longitudinal_slip", "spin_scrub", "measurement_delay", "torque_ripple")
+LIGHT = (
+    "resistance_error",
+    "stribeck_friction",
+    "winding_heating",
+    "bridge_drop",
+    "supply_sag",
+    "command_delay",
+    "com_offset",
+    "gear_compliance",
+    "longitudinal_slip",
+    "spin_scrub",
+    "measurement_delay",
+    "torque_ripple",
+)
 
 
 @pytest.fixture(scope="module")
@@ -39,14 +51,22 @@ def test_simulator_agrees_with_the_replay(effect, log):
     assert row.within, f"{row.apart} above {row.bound}, most in {row.worst}"
 
 
-# A centre of mass far ahead of the axle makes the robot yaw at a hard reversal in MuJoCo, and neither in PyBullet nor in
-# the replay: docs/known-limits.md.
+# A centre of mass far ahead of the axle makes the robot yaw at a hard reversal in MuJoCo, and neither in PyBullet nor
+# in the replay: docs/known-limits.md.
 APART = [pytest.param("mujoco", "com_offset", marks=pytest.mark.xfail(strict=True, reason="docs/known-limits.md"))]
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("engine", "effect"), APART + [
-    (engine, effect) for engine in available_engines() for effect in CATALOGUE if (engine, effect) != APART[0].values])
+@pytest.mark.parametrize(
+    ("engine", "effect"),
+    APART
+    + [
+        (engine, effect)
+        for engine in available_engines()
+        for effect in CATALOGUE
+        if (engine, effect) != APART[0].values
+    ],
+)
 def test_every_effect_agrees_on_the_whole_run(engine, effect):
     for row in rows([effect], Setting(engine=engine)):
         assert row.within, f"{row.side}: {row.apart} above {row.bound}, most in {row.worst}"

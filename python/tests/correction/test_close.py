@@ -56,7 +56,9 @@ def test_late_stamps_are_put_right_before_runs_are_replayed(case, found):
         late = np.maximum.accumulate(log.t + 0.001 * rng.standard_normal(len(log.t))) + 1e-9 * np.arange(len(log.t))
         return replace(log, t=late)
 
-    late = close(replace(case, runs=tuple(stamped(log) for log in case.runs)), diagnosis=diagnosis_of(FRICTION), causes=False)
+    late = close(
+        replace(case, runs=tuple(stamped(log) for log in case.runs)), diagnosis=diagnosis_of(FRICTION), causes=False
+    )
     assert any("rows come evenly" in note for note in late.notes)
     for which in ("simulator", "replay"):
         assert late.content["gap"][which]["after"] == pytest.approx(found.content["gap"][which]["after"], abs=0.1)
@@ -92,12 +94,15 @@ def test_files_are_written_whole(case, tmp_path):
     assert content["runs"] == ["run0"]
 
 
-@pytest.mark.parametrize(("options", "words"), [
-    (["--link", "chip"], "--link chip: unknown"),
-    (["--engine", "dart"], "--engine 'dart': unknown"),
-    (["--diagnosis", "missing.json"], "missing.json: cannot be read"),
-    (["--hold-out", "nobody"], "--hold-out nobody"),
-])
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--link", "chip"], "--link chip: unknown"),
+        (["--engine", "dart"], "--engine 'dart': unknown"),
+        (["--diagnosis", "missing.json"], "missing.json: cannot be read"),
+        (["--hold-out", "nobody"], "--hold-out nobody"),
+    ],
+)
 def test_bad_input_is_one_line_and_nothing_is_written(case, tmp_path, options, words):
     folder = write_case(Case(case.name, case.robot, case.runs[:1]), tmp_path / "case")
     got = CliRunner().invoke(app, [str(folder), "--out", str(tmp_path / "out"), *options])
@@ -108,7 +113,9 @@ def test_bad_input_is_one_line_and_nothing_is_written(case, tmp_path, options, w
 
 @pytest.mark.parametrize("engine", available_engines())
 def test_uneven_times_delays_and_slow_channels_are_taken_as_they_are(engine):
-    model = model_with(("command_delay", "both", {"seconds": 0.0137}), ("measurement_delay", "both", {"seconds": 0.0061}))
+    model = model_with(
+        ("command_delay", "both", {"seconds": 0.0137}), ("measurement_delay", "both", {"seconds": 0.0061})
+    )
     log = commands(1.5, 5)
     rng = np.random.default_rng(0)
     t = np.round(np.cumsum(rng.uniform(0.003, 0.007, len(log.t))), 4)

@@ -24,13 +24,21 @@ M = ROBOT.motor
 
 def body_values(**changes):
     chassis = ROBOT.chassis
-    values = {"mass_kg": chassis.mass_kg, "yaw_inertia_kg_m2": chassis.yaw_inertia_kg_m2,
-              "wheel_radius_m": (chassis.wheel_radius_m,) * 2, "wheel_inertia_kg_m2": chassis.wheel_inertia_kg_m2,
-              "track_width_m": chassis.track_width_m, "com_x_m": 0.0, "com_y_m": 0.0} | changes
+    values = {
+        "mass_kg": chassis.mass_kg,
+        "yaw_inertia_kg_m2": chassis.yaw_inertia_kg_m2,
+        "wheel_radius_m": (chassis.wheel_radius_m,) * 2,
+        "wheel_inertia_kg_m2": chassis.wheel_inertia_kg_m2,
+        "track_width_m": chassis.track_width_m,
+        "com_x_m": 0.0,
+        "com_y_m": 0.0,
+    } | changes
     return BodyValues(**values)
 
 
-def drive(volts, seconds=0.4, payload=0.0, exchange_steps=1, foretell=True, engine=ENGINE, slope=0.0, effects=(), robot=ROBOT):
+def drive(
+    volts, seconds=0.4, payload=0.0, exchange_steps=1, foretell=True, engine=ENGINE, slope=0.0, effects=(), robot=ROBOT
+):
     """Speeds (n, 2) rad/s at the wheel each millisecond, with voltages (2,) from rest."""
     body = make_body(robot, payload, slope)
     model = nominal_model(robot)
@@ -40,13 +48,22 @@ def drive(volts, seconds=0.4, payload=0.0, exchange_steps=1, foretell=True, engi
     correction = translate(model, robot, payload)
     body = correction.body_on(body)
     with open_link("model") as link:
-        link.set_parameters(M.resistance_ohm, M.inductance_h, M.torque_constant_nm_per_a,
-                            M.back_emf_constant_v_s_per_rad, rotor, M.viscous_friction_nm_s_per_rad, 1e-5)
+        link.set_parameters(
+            M.resistance_ohm,
+            M.inductance_h,
+            M.torque_constant_nm_per_a,
+            M.back_emf_constant_v_s_per_rad,
+            rotor,
+            M.viscous_friction_nm_s_per_rad,
+            1e-5,
+        )
         set_effects(link, correction)
         with open_engine(engine, body) as world:
             coupler = Coupler(robot, body, link, world, correction, exchange_steps, foretell)
-            rows = [coupler.advance([(np.array(volts, float), 1e-3 * exchange_steps)]).speeds[-1]
-                    for _ in range(round(seconds / 1e-3 / exchange_steps))]
+            rows = [
+                coupler.advance([(np.array(volts, float), 1e-3 * exchange_steps)]).speeds[-1]
+                for _ in range(round(seconds / 1e-3 / exchange_steps))
+            ]
             return np.array(rows), world.state()
 
 
@@ -59,7 +76,7 @@ def exact(volts, seconds, inertia, rotor=M.rotor_inertia_kg_m2):
     values, vectors = np.linalg.eig(a)
     still = np.linalg.solve(-a, [volts / inductance, 0.0])
     t = (np.arange(round(seconds / 1e-3)) + 1)[:, None] * 1e-3
-    free = (vectors * np.linalg.solve(vectors, -still)) [1] * np.exp(values * t)
+    free = (vectors * np.linalg.solve(vectors, -still))[1] * np.exp(values * t)
     return (still[1] + free.sum(axis=1).real) / n
 
 
@@ -106,8 +123,10 @@ def test_light_rotors_that_friction_holds_keep_still_and_turn_free_again():
     # Coulomb friction takes its share of the voltage, R T / (N Km), and none of the body's inertia stays behind.
     n = M.gear_ratio
     left = 1.0 - M.resistance_ohm * 0.05 / (n * M.torque_constant_nm_per_a)
-    slope = n * (M.back_emf_constant_v_s_per_rad
-                 + M.resistance_ohm * M.viscous_friction_nm_s_per_rad / M.torque_constant_nm_per_a)
+    slope = n * (
+        M.back_emf_constant_v_s_per_rad
+        + M.resistance_ohm * M.viscous_friction_nm_s_per_rad / M.torque_constant_nm_per_a
+    )
     assert moving[-1] == pytest.approx([left / slope] * 2, rel=1e-3)
 
 
@@ -143,7 +162,9 @@ def test_wheels_that_stick_hold_the_turn_without_the_scrub(volts):
 
 
 def test_a_spring_lets_the_wheel_swing_about_the_rotor():
-    soft, _ = drive((6.0, 6.0), effects=[("gear_compliance", {"stiffness_nm_per_rad": 2.0, "damping_nm_s_per_rad": 0.0})])
+    soft, _ = drive(
+        (6.0, 6.0), effects=[("gear_compliance", {"stiffness_nm_per_rad": 2.0, "damping_nm_s_per_rad": 0.0})]
+    )
     stiff, _ = drive((6.0, 6.0))
     assert 0.05 < np.abs(soft - stiff).max() < 1.0
     assert soft[200:, 0].mean() == pytest.approx(stiff[200:, 0].mean(), abs=0.02)

@@ -33,21 +33,27 @@ def test_what_is_not_given_stays_as_if_absent():
 def test_names_of_effects_can_be_given_back(effect):
     values = {p.name: p.starts[0] for p in effect.parameters}
     assert parse_effect(effect_text(effect.id, effect.sides[-1], values), CATALOGUE) == (
-        effect.id, effect.sides[-1], pytest.approx(values, rel=1e-5))
+        effect.id,
+        effect.sides[-1],
+        pytest.approx(values, rel=1e-5),
+    )
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("friction.torque_nm=1", "'friction' is not in the catalogue"),
-    ("coulomb_friction.torque=1", "'torque' is no parameter of coulomb_friction"),
-    ("coulomb_friction.torque_nm=11", "within 0 to 4.7"),
-    ("coulomb_friction.torque_nm=nan", "not a finite number"),
-    ("coulomb_friction.torque_nm=much", "'much' is not a finite number"),
-    ("coulomb_friction.torque_nm=1,side=front", "side 'front' must be one of both, left, right"),
-    ("gyro_bias.rad_s=0.01,side=left", "side 'left' must be one of both"),
-    ("coulomb_friction.torque_nm", "must be parameter=number"),
-    ("coulomb_friction", "no value given"),
-    ("coulomb_friction.side=left", "no value given"),
-])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("friction.torque_nm=1", "'friction' is not in the catalogue"),
+        ("coulomb_friction.torque=1", "'torque' is no parameter of coulomb_friction"),
+        ("coulomb_friction.torque_nm=11", "within 0 to 4.7"),
+        ("coulomb_friction.torque_nm=nan", "not a finite number"),
+        ("coulomb_friction.torque_nm=much", "'much' is not a finite number"),
+        ("coulomb_friction.torque_nm=1,side=front", "side 'front' must be one of both, left, right"),
+        ("gyro_bias.rad_s=0.01,side=left", "side 'left' must be one of both"),
+        ("coulomb_friction.torque_nm", "must be parameter=number"),
+        ("coulomb_friction", "no value given"),
+        ("coulomb_friction.side=left", "no value given"),
+    ],
+)
 def test_what_cannot_be_meant_is_refused_in_one_line(text, words):
     with pytest.raises(InputError, match="--effect") as error:
         parse_effect(text, CATALOGUE)
@@ -57,9 +63,21 @@ def test_what_cannot_be_meant_is_refused_in_one_line(text, words):
 
 def test_a_diagnosis_brings_its_nominal_fit_and_its_effects(tmp_path):
     path = tmp_path / "diagnosis.json"
-    path.write_text(json.dumps({"schema": "rtds-diagnosis/1", "effects": [
-        {"id": "coulomb_friction", "side": "right", "parameters": {"torque_nm": {"value": 0.05, "ci90": None}}}],
-        "nominal_fit": {"l": {"resistance_ohm": 8.7}}}))
+    path.write_text(
+        json.dumps(
+            {
+                "schema": "rtds-diagnosis/1",
+                "effects": [
+                    {
+                        "id": "coulomb_friction",
+                        "side": "right",
+                        "parameters": {"torque_nm": {"value": 0.05, "ci90": None}},
+                    }
+                ],
+                "nominal_fit": {"l": {"resistance_ohm": 8.7}},
+            }
+        )
+    )
     chosen = choose(ROBOT, path, ["gyro_bias.rad_s=0.01"])
     assert chosen.model.get("resistance", 0) == 8.7
     assert chosen.model.get("coulomb", 1) == 0.05
@@ -97,8 +115,13 @@ def test_without_effects_a_run_is_what_it_was():
 def test_sensors_report_late_filtered_scaled_and_the_pose_as_it_is(delay, held):
     """Speeds by a delay of their own as well, of `held` s."""
     plan = make_plan("linear", SHORT)
-    names = [f"measurement_delay.seconds={delay}", f"speed_filter.time_constant_s={0.02 + held},delay_s={held}", "speed_gain.ratio=1.1,side=left",
-             "current_bias.amperes=0.2,side=right", "gyro_bias.rad_s=0.3"]
+    names = [
+        f"measurement_delay.seconds={delay}",
+        f"speed_filter.time_constant_s={0.02 + held},delay_s={held}",
+        "speed_gain.ratio=1.1,side=left",
+        "current_bias.amperes=0.2,side=right",
+        "gyro_bias.rad_s=0.3",
+    ]
     correction = _effects(plan, None, names).correction
     record = drive_with(plan, "model", correction=correction)
     t = record.t_s[record.rows]
@@ -108,7 +131,9 @@ def test_sensors_report_late_filtered_scaled_and_the_pose_as_it_is(delay, held):
         middle = 0.5 * (record.speeds[k] + record.speeds[k - 1])
         lagging[k] = lagging[k - 1] + (1 - np.exp(-1e-3 / 0.02)) * (middle - lagging[k - 1])
     for side, gain in ((0, 1.1), (1, 1.0)):
-        assert seen[:, side] == pytest.approx(gain * np.interp(t - delay - held, record.t_s, lagging[:, side]), abs=2e-3)
+        assert seen[:, side] == pytest.approx(
+            gain * np.interp(t - delay - held, record.t_s, lagging[:, side]), abs=2e-3
+        )
     current = np.array([s.currents_a[1] for s in record.samples])
     assert current == pytest.approx(np.interp(t - delay, record.t_s, record.currents[:, 1]) + 0.2, abs=1e-3)
     assert record.samples[0].gyro_rad_s == pytest.approx(0.3, abs=1e-6)

@@ -19,17 +19,22 @@ def drag(correction, start):
     """Friction that grows with the square of the speed: none of the catalogue's."""
     w = np.linspace(0.0, 8.0, 33)
     curve = Curve(tuple(N * w), tuple(0.004 * w**2 / N))
-    return replace(correction, units=tuple(replace(u, friction_forward=curve, friction_backward=curve)
-                                           for u in correction.units))
+    return replace(
+        correction, units=tuple(replace(u, friction_forward=curve, friction_backward=curve) for u in correction.units)
+    )
 
 
 def bump(correction, start):
     """A torque that depends on the wheel's angle, in no sine's shape."""
     x = np.linspace(0.0, 2 * np.pi, 129)
     curve = Curve(tuple(x), tuple(0.12 * np.exp(-(((x - 3.0) / 0.5) ** 2)) / N))
-    return replace(correction, units=tuple(
-        replace(u, ripple=curve, ripple_periods_per_rad=1 / (2 * np.pi * N), ripple_start_rad=float(start[3 + k]))
-        for k, u in enumerate(correction.units)))
+    return replace(
+        correction,
+        units=tuple(
+            replace(u, ripple=curve, ripple_periods_per_rad=1 / (2 * np.pi * N), ripple_start_rad=float(start[3 + k]))
+            for k, u in enumerate(correction.units)
+        ),
+    )
 
 
 def bent(correction, start):
@@ -46,18 +51,25 @@ def steps(correction, start):
     return replace(correction, units=tuple(replace(u, command=Curve(tuple(x), tuple(y))) for u in correction.units))
 
 
-@pytest.mark.parametrize(("change", "located", "kind"), [
-    (drag, "drivetrain", "torque against speed"),
-    (bump, "drivetrain", "torque against wheel angle"),
-    (bent, "driver", "voltage against command"),
-])
+@pytest.mark.parametrize(
+    ("change", "located", "kind"),
+    [
+        (drag, "drivetrain", "torque against speed"),
+        (bump, "drivetrain", "torque against wheel angle"),
+        (bent, "driver", "voltage against command"),
+    ],
+)
 def test_the_right_table_is_found_and_the_gap_shrinks(change, located, kind):
     case = simulated_case(change, hold_s=0.35)
     learn = replace(case, runs=case.runs[:2])
     found = estimate(learn, nominal_model(ROBOT), diagnosis_of(verdict="unknown", located=located))
     assert found.kind == kind
-    gap = close(replace(case, runs=case.runs[2:]), diagnosis=diagnosis_of(verdict="unknown", located=located),
-                causes=False, remainder=found).content["gap"]["simulator"]
+    gap = close(
+        replace(case, runs=case.runs[2:]),
+        diagnosis=diagnosis_of(verdict="unknown", located=located),
+        causes=False,
+        remainder=found,
+    ).content["gap"]["simulator"]
     assert gap["before"] > 1.5
     assert gap["closed"] > 0.5
 

@@ -49,7 +49,9 @@ def test_a_survey_tells_the_share_of_the_replays_closure(scored):
 
 def test_cases_the_simulator_closes_less_of_are_named():
     line = Line("case-009", "known", "backlash (left)", (5.0, 1.0, 1.0), (5.0, 2.0, 0.75), 0.75, 1.3)
-    assert "case-009, backlash (left): the replay's gap falls from 5 to 1, the simulator's from 5 to 2." in markdown([line])
+    assert "case-009, backlash (left): the replay's gap falls from 5 to 1, the simulator's from 5 to 2." in markdown(
+        [line]
+    )
 
 
 def test_held_out_runs_stay_closed_until_the_score(tmp_path):

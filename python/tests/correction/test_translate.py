@@ -16,8 +16,12 @@ from rtds_host.errors import InputError
 ROBOT = builtin_robot("burger")
 CATALOGUE = catalogue(ROBOT)
 # Values at which a slot matters: beside a slot that gives it a meaning, or away from its nominal value.
-WITH = {"stribeck_speed": {"stribeck": 0.02}, "ripple_cycles": {"ripple": 0.02}, "ripple_phase": {"ripple": 0.02},
-        "heat_tau": {"heat_rise": 0.1}}
+WITH = {
+    "stribeck_speed": {"stribeck": 0.02},
+    "ripple_cycles": {"ripple": 0.02},
+    "ripple_phase": {"ripple": 0.02},
+    "heat_tau": {"heat_rise": 0.1},
+}
 ODD = {"limit": 6.0, "heat_tau": 20.0}
 SMALL = ("stribeck_speed", "ripple_cycles")
 
@@ -33,7 +37,9 @@ def nudged(name, side=0):
     return model, other
 
 
-@pytest.mark.parametrize("name", [n for n, place in PLACES.items() if place not in ("refused", "log") and n not in ("gear_ratio", "supply")])
+@pytest.mark.parametrize(
+    "name", [n for n, place in PLACES.items() if place not in ("refused", "log") and n not in ("gear_ratio", "supply")]
+)
 def test_every_slot_changes_the_simulator(name):
     for side in (0, 1) if name in SIDE else (0,):
         before, after = (translate(m, ROBOT, payload_kg=1.0) for m in nudged(name, side))
@@ -85,8 +91,10 @@ def test_torques_at_the_wheel_become_torques_at_the_shaft():
 
 
 def test_rolling_resistance_is_dry_friction_of_the_shaft_and_grows_with_payload():
-    light, heavy = (corrected("rolling_resistance", payload=kg, coefficient=0.02).units[0].friction_forward.at(0.0)
-                    for kg in (0.0, 2.0))
+    light, heavy = (
+        corrected("rolling_resistance", payload=kg, coefficient=0.02).units[0].friction_forward.at(0.0)
+        for kg in (0.0, 2.0)
+    )
     assert heavy == pytest.approx(3.0 * light)
     assert light == pytest.approx(0.02 * 1.0 * 9.80665 / 2 * 0.033 / ROBOT.motor.gear_ratio)
 
@@ -106,8 +114,10 @@ def test_stribecks_curve_is_followed_between_its_points():
 
 
 def test_ripple_counts_from_the_angle_at_which_the_run_begins():
-    here, there = (corrected("torque_ripple", angles=(angle, 0.0), amplitude_nm=0.02, cycles_per_rev=4.37, phase_rad=0.3)
-                   for angle in (0.0, 1.1))
+    here, there = (
+        corrected("torque_ripple", angles=(angle, 0.0), amplitude_nm=0.02, cycles_per_rev=4.37, phase_rad=0.3)
+        for angle in (0.0, 1.1)
+    )
     turn = there.units[0].ripple_start_rad - here.units[0].ripple_start_rad
     assert math.remainder(turn - 4.37 * 1.1, 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
     assert here.units[0].ripple_periods_per_rad * 2 * math.pi * ROBOT.motor.gear_ratio == pytest.approx(4.37)

@@ -29,8 +29,17 @@ def commands(kind: str, seconds: float, seed: int = 0, step_s: float = STEP_S) -
     return t, v
 
 
-def make_run(name: str, model, robot, kind: str, seconds: float = 8.0, seed: int = 0, slope: float = 0.0,
-             payload: float = 0.0, step_s: float = STEP_S) -> RunLog:
+def make_run(
+    name: str,
+    model,
+    robot,
+    kind: str,
+    seconds: float = 8.0,
+    seed: int = 0,
+    slope: float = 0.0,
+    payload: float = 0.0,
+    step_s: float = STEP_S,
+) -> RunLog:
     """A run of `model`, with the white noise that the robot's sensors declare."""
     t, v = commands(kind, seconds, seed, step_s)
     meta = RunMeta(scenario=kind, slope_rad=slope, payload_kg=payload)
@@ -48,16 +57,19 @@ def make_case(change=None, seed: int = 0, seconds: float = 8.0, step_s: float = 
     model = nominal_model(robot)
     if change is not None:
         change(model)
-    runs = (make_run("spin", model, robot, "spin", seconds, seed, step_s=step_s),
-            make_run("steps", model, robot, "steps", seconds, seed + 1, slope=0.1, step_s=step_s),
-            make_run("weave", model, robot, "weave", seconds, seed + 2, payload=1.0, step_s=step_s))
+    runs = (
+        make_run("spin", model, robot, "spin", seconds, seed, step_s=step_s),
+        make_run("steps", model, robot, "steps", seconds, seed + 1, slope=0.1, step_s=step_s),
+        make_run("weave", model, robot, "weave", seconds, seed + 2, payload=1.0, step_s=step_s),
+    )
     return Case("example", robot, runs)
 
 
 def without(case: Case, *channels: str) -> Case:
     """The case without some channels."""
-    runs = tuple(RunLog(r.name, r.meta, r.t, {c: v for c, v in r.columns.items() if c not in channels})
-                 for r in case.runs)
+    runs = tuple(
+        RunLog(r.name, r.meta, r.t, {c: v for c, v in r.columns.items() if c not in channels}) for r in case.runs
+    )
     return Case(case.name, case.robot, runs)
 
 
@@ -75,24 +87,48 @@ def example_diagnosis() -> dict:
     """A `known` diagnosis of the form that section 5 of the contract shows."""
     coulomb = {"id": "coulomb_friction", "side": "both"}
     return {
-        "schema": "rtds-diagnosis/2", "verdict": "known",
+        "schema": "rtds-diagnosis/2",
+        "verdict": "known",
         "located": [{"subsystem": "drivetrain", "share": 0.91}, {"subsystem": "driver", "share": 0.09}],
-        "effects": [{**coulomb, "subsystem": "drivetrain", "probability": 0.96,
-                     "parameters": {"torque_nm": {"value": 0.048, "ci90": [0.046, 0.050]}}, "gap_without": 13.9}],
-        "budget": [{"what": "effect", **coulomb, "share": 0.95}, {"what": "tolerance", "share": 0.04},
-                   {"what": "rest", "subsystem": None, "share": 0.01}],
+        "effects": [
+            {
+                **coulomb,
+                "subsystem": "drivetrain",
+                "probability": 0.96,
+                "parameters": {"torque_nm": {"value": 0.048, "ci90": [0.046, 0.050]}},
+                "gap_without": 13.9,
+            }
+        ],
+        "budget": [
+            {"what": "effect", **coulomb, "share": 0.95},
+            {"what": "tolerance", "share": 0.04},
+            {"what": "rest", "subsystem": None, "share": 0.01},
+        ],
         "nominal_fit": {"l": {"resistance_ohm": 8.66}, "r": {"resistance_ohm": 8.57}},
-        "alternatives": [{"effects": [coulomb], "probability": 0.95},
-                         {"effects": [{"id": "rolling_resistance", "side": "both"}], "probability": 0.03},
-                         {"effects": [coulomb, {"id": "speed_filter", "side": "both"}], "probability": 0.01},
-                         {"effects": "unknown", "probability": 0.01}],
+        "alternatives": [
+            {"effects": [coulomb], "probability": 0.95},
+            {"effects": [{"id": "rolling_resistance", "side": "both"}], "probability": 0.03},
+            {"effects": [coulomb, {"id": "speed_filter", "side": "both"}], "probability": 0.01},
+            {"effects": "unknown", "probability": 0.01},
+        ],
         "indistinguishable": [],
-        "gap": {"before": 14.2, "refit": 13.9, "after": 1.08, "closed": 0.994, "closed_ci90": [0.991, 0.997],
-                "effect_closed": 0.994, "channels": {"w_l": {"before": 20.1, "refit": 19.8, "after": 1.05}},
-                "rest": {"share": 0.006, "structured": False, "subsystem": None}},
+        "gap": {
+            "before": 14.2,
+            "refit": 13.9,
+            "after": 1.08,
+            "closed": 0.994,
+            "closed_ci90": [0.991, 0.997],
+            "effect_closed": 0.994,
+            "channels": {"w_l": {"before": 20.1, "refit": 19.8, "after": 1.05}},
+            "rest": {"share": 0.006, "structured": False, "subsystem": None},
+        },
         "held_out_runs": ["steps"],
-        "next_experiment": {"scenario": "crawl", "separates": [coulomb, {"id": "rolling_resistance", "side": "both"}],
-                            "expected_separation": 7.5, "why": "payload changes the one and not the other."},
+        "next_experiment": {
+            "scenario": "crawl",
+            "separates": [coulomb, {"id": "rolling_resistance", "side": "both"}],
+            "expected_separation": 7.5,
+            "why": "payload changes the one and not the other.",
+        },
     }
 
 
@@ -101,22 +137,48 @@ def example_of(verdict: str) -> dict:
     diagnosis = example_diagnosis()
     diagnosis["verdict"] = verdict
     if verdict == "none":
-        diagnosis.update(effects=[], next_experiment=None, located=[], budget=[],
-                         alternatives=[{"effects": [], "probability": 0.99}, {"effects": "unknown", "probability": 0.01}])
-        diagnosis["gap"].update(before=1.2, refit=1.02, after=1.02, closed=None, closed_ci90=None, effect_closed=None,
-                                channels={"w_l": {"before": 1.3, "refit": 1.02, "after": 1.02}})
+        diagnosis.update(
+            effects=[],
+            next_experiment=None,
+            located=[],
+            budget=[],
+            alternatives=[{"effects": [], "probability": 0.99}, {"effects": "unknown", "probability": 0.01}],
+        )
+        diagnosis["gap"].update(
+            before=1.2,
+            refit=1.02,
+            after=1.02,
+            closed=None,
+            closed_ci90=None,
+            effect_closed=None,
+            channels={"w_l": {"before": 1.3, "refit": 1.02, "after": 1.02}},
+        )
     elif verdict == "partial":
-        diagnosis["budget"] = [{"what": "effect", "id": "coulomb_friction", "side": "both", "share": 0.55},
-                               {"what": "tolerance", "share": 0.05}, {"what": "rest", "subsystem": "wheel_ground", "share": 0.4}]
-        diagnosis["gap"].update(after=9.0, closed=0.6, closed_ci90=[0.5, 0.7], effect_closed=0.6,
-                                channels={"w_l": {"before": 20.1, "refit": 19.8, "after": 12.4}},
-                                rest={"share": 0.4, "structured": True, "subsystem": "wheel_ground"})
+        diagnosis["budget"] = [
+            {"what": "effect", "id": "coulomb_friction", "side": "both", "share": 0.55},
+            {"what": "tolerance", "share": 0.05},
+            {"what": "rest", "subsystem": "wheel_ground", "share": 0.4},
+        ]
+        diagnosis["gap"].update(
+            after=9.0,
+            closed=0.6,
+            closed_ci90=[0.5, 0.7],
+            effect_closed=0.6,
+            channels={"w_l": {"before": 20.1, "refit": 19.8, "after": 12.4}},
+            rest={"share": 0.4, "structured": True, "subsystem": "wheel_ground"},
+        )
     elif verdict == "unknown":
-        diagnosis.update(effects=[], budget=[{"what": "tolerance", "share": 0.1},
-                                             {"what": "rest", "subsystem": "drivetrain", "share": 0.9}])
-        diagnosis["gap"].update(after=13.9, effect_closed=0.0, closed=0.02,
-                                channels={"w_l": {"before": 20.1, "refit": 19.8, "after": 19.8}},
-                                rest={"share": 0.9, "structured": True, "subsystem": "drivetrain"})
+        diagnosis.update(
+            effects=[],
+            budget=[{"what": "tolerance", "share": 0.1}, {"what": "rest", "subsystem": "drivetrain", "share": 0.9}],
+        )
+        diagnosis["gap"].update(
+            after=13.9,
+            effect_closed=0.0,
+            closed=0.02,
+            channels={"w_l": {"before": 20.1, "refit": 19.8, "after": 19.8}},
+            rest={"share": 0.9, "structured": True, "subsystem": "drivetrain"},
+        )
     return diagnosis
 
 
@@ -130,18 +192,44 @@ def example_details() -> Details:
     for run in case.runs:
         inputs = run_inputs(run, case.robot)
         before, after = replay_run(nominal, inputs), replay_run(truth, inputs)
-        traces[run.name] = {c: Trace(run.t, run.columns[c], before[:, k], before[:, k], after[:, k])
-                            for k, c in enumerate(OUTPUTS)}
+        traces[run.name] = {
+            c: Trace(run.t, run.columns[c], before[:, k], before[:, k], after[:, k]) for k, c in enumerate(OUTPUTS)
+        }
     candidates = [
-        Candidate([{"id": "coulomb_friction", "side": "both"}], [{"torque_nm": {"value": 0.048, "ci90": [0.046, 0.05]}}],
-                  190.0, 0.95, "blamed", "explains most and nothing beside it earns its place"),
-        Candidate([{"id": "rolling_resistance", "side": "both"}], [{"coefficient": 0.2}], 150.0, 0.03, "rejected",
-                  "misses the runs with payload"),
-        Candidate([{"id": "supply_sag", "side": "both"}], [], 3.0, None, "rejected",
-                  "gains less than two standard errors <on other runs>"),
+        Candidate(
+            [{"id": "coulomb_friction", "side": "both"}],
+            [{"torque_nm": {"value": 0.048, "ci90": [0.046, 0.05]}}],
+            190.0,
+            0.95,
+            "blamed",
+            "explains most and nothing beside it earns its place",
+        ),
+        Candidate(
+            [{"id": "rolling_resistance", "side": "both"}],
+            [{"coefficient": 0.2}],
+            150.0,
+            0.03,
+            "rejected",
+            "misses the runs with payload",
+        ),
+        Candidate(
+            [{"id": "supply_sag", "side": "both"}],
+            [],
+            3.0,
+            None,
+            "rejected",
+            "gains less than two standard errors <on other runs>",
+        ),
     ]
-    return Details(case=case, gate=examine(case), localisation=localise(case, nominal),
-                   localisation_after=localise(case, truth), candidates=candidates, traces=traces,
-                   regimes={"slow": {"before": 20.0, "refit": 19.0, "after": 1.1}},
-                   run_gaps={"steps": {"before": 14.2, "refit": 13.9, "after": 1.08}},
-                   decided={("coulomb_friction", "both"): ("w_l", 19.8, 1.05)}, seconds=1.0)
+    return Details(
+        case=case,
+        gate=examine(case),
+        localisation=localise(case, nominal),
+        localisation_after=localise(case, truth),
+        candidates=candidates,
+        traces=traces,
+        regimes={"slow": {"before": 20.0, "refit": 19.0, "after": 1.1}},
+        run_gaps={"steps": {"before": 14.2, "refit": 13.9, "after": 1.08}},
+        decided={("coulomb_friction", "both"): ("w_l", 19.8, 1.05)},
+        seconds=1.0,
+    )

@@ -48,25 +48,34 @@ def test_no_effect_is_none_even_with_motors_that_scatter():
 
 
 def test_clocks_of_gyro_and_pose_that_are_some_milliseconds_off_are_no_cause():
-    """At a fifth of a metre a second a millimetre of noise is five milliseconds of a sample's, half of one of a run's."""
+    """At a fifth of a metre a second a millimetre of noise is five milliseconds of a sample's, half of one of a
+    run's.
+    """
+
     def skewed(model):
         model.put("gyro_late", 0.004)
         model.put("pose_late", -0.003)
 
     diagnosis, _ = run(make_case(skewed, seed=21))
     assert diagnosis["verdict"] == "none" and diagnosis["gap"]["before"] > 1.2 and diagnosis["gap"]["refit"] < 1.05
-    assert diagnosis["setup"] == {"gyro_late_s": pytest.approx(0.004, abs=2e-4), "pose_late_s": pytest.approx(-0.003, abs=1e-3)}
+    assert diagnosis["setup"] == {
+        "gyro_late_s": pytest.approx(0.004, abs=2e-4),
+        "pose_late_s": pytest.approx(-0.003, abs=1e-3),
+    }
 
 
-@pytest.mark.parametrize("slot,amount,sides,effect,side,parameter", [
-    ("coulomb", 0.03, (0, 1), "coulomb_friction", "both", "torque_nm"),
-    ("command_delay", 0.006, (0, 1), "command_delay", "both", "seconds"),
-    ("current_bias", 0.012, (1,), "current_bias", "right", "amperes"),
-])
+@pytest.mark.parametrize(
+    "slot,amount,sides,effect,side,parameter",
+    [
+        ("coulomb", 0.03, (0, 1), "coulomb_friction", "both", "torque_nm"),
+        ("command_delay", 0.006, (0, 1), "command_delay", "both", "seconds"),
+        ("current_bias", 0.012, (1,), "current_bias", "right", "amperes"),
+    ],
+)
 def test_one_effect_is_named_with_its_side_and_size(slot, amount, sides, effect, side, parameter):
     diagnosis, details = run(make_case(lambda m: m.add(slot, amount, sides), seed=22))
     assert diagnosis["verdict"] == "known" and blamed(diagnosis) == [(effect, side)]
-    (who, (channel, lacking, explained)), = details.decided.items()
+    ((who, (channel, lacking, explained)),) = details.decided.items()
     assert who == (effect, side) and lacking > 2.0 and explained == pytest.approx(1.0, abs=0.1)
     assert channel == "i_r" or slot != "current_bias"
     assert lacking == pytest.approx(diagnosis["gap"]["channels"][channel]["refit"], rel=0.02)
@@ -97,7 +106,9 @@ def test_two_effects_are_both_named():
 
 
 def test_how_a_servos_integral_gives_way_at_its_limit_is_no_cause():
-    """The replay clamps the integral (`[servo]` says nothing of it); this servo draws it back by 0.7 of what the limit cuts."""
+    """The replay clamps the integral (`[servo]` says nothing of it); this servo draws it back by 0.7 of what the limit
+    cuts.
+    """
     burger = builtin_robot("burger")
     servo = Servo(kp_v_s_per_rad=0.44, ki_v_per_rad=8.6, limit_v=6.0, period_s=0.002, declared=True)
     robot = dataclasses.replace(burger, driver=dataclasses.replace(burger.driver, mode="speed"), servo=servo)
@@ -125,7 +136,10 @@ def test_a_speed_that_alone_is_late_is_the_speeds_lag_and_no_delay_of_all():
     diagnosis, _ = run(make_case(lambda m: m.put("speed_late", 0.02), seed=61))
     assert diagnosis["verdict"] == "known" and blamed(diagnosis) == [("speed_filter", "both")]
     parameters = diagnosis["effects"][0]["parameters"]
-    assert parameters["time_constant_s"]["value"] == pytest.approx(0.02, rel=0.03) and parameters["delay_s"]["value"] > 0.018
+    assert (
+        parameters["time_constant_s"]["value"] == pytest.approx(0.02, rel=0.03)
+        and parameters["delay_s"]["value"] > 0.018
+    )
 
 
 def test_a_filter_of_the_speeds_and_a_delay_of_all_are_two():
@@ -138,7 +152,10 @@ def test_a_filter_of_the_speeds_and_a_delay_of_all_are_two():
 
 
 def test_two_small_effects_that_tolerances_nearly_make_stand_where_they_do_not():
-    """Tolerances leave less than a gap in the place of either, but more than noise; in that of both they leave a gap."""
+    """Tolerances leave less than a gap in the place of either, but more than noise; in that of both they leave
+    a gap.
+    """
+
     def change(model):
         model.scale("resistance", 0.9, (1,))
         for slot, value in (("ripple", 0.007), ("ripple_cycles", 4.0), ("ripple_phase", -1.9)):
@@ -157,7 +174,8 @@ def test_an_effect_that_the_catalogue_lacks_is_unknown():
 
 
 def test_what_a_stand_in_leaves_is_said_to_have_structure():
-    # Larger wheels turn as a wider track does, and drive further than the pose says: nine tenths of the gap go, not all.
+    # Larger wheels turn as a wider track does, and drive further than the pose says: nine tenths of the gap go, not
+    # all.
     diagnosis, _ = run(make_case(lambda m: m.scale("track", 1.08), seed=53), without=frozenset(["track_width_error"]))
     rest = diagnosis["gap"]["rest"]
     assert rest["structured"] and diagnosis["gap"]["after"] > 1.1
@@ -171,7 +189,9 @@ def test_several_effects_stand_beside_a_rest_without_a_name():
         model.add("coulomb", 0.06)
         model.scale("gyro_gain", 0.93)
 
-    diagnosis, _ = run(make_case(change, seed=56), without=frozenset({"speed_filter", "measurement_delay", "gear_compliance"}))
+    diagnosis, _ = run(
+        make_case(change, seed=56), without=frozenset({"speed_filter", "measurement_delay", "gear_compliance"})
+    )
     assert {("coulomb_friction", "both"), ("gyro_gain", "both")} <= set(blamed(diagnosis))
     assert diagnosis["verdict"] == "partial" and diagnosis["gap"]["rest"]["structured"]
     assert diagnosis["next_experiment"] is not None
@@ -187,8 +207,9 @@ def test_headings_that_a_wrong_robot_suggests_do_not_hold_its_explanation():
     model = nominal_model(robot)
     model.scale("voltage_gain", 0.95, (1,))
     kinds = (("steps", 0.1), ("weave", 0.1), ("spin", 0.0), ("weave", 0.0))
-    runs = tuple(make_run(f"{kind}-{n}", model, robot, kind, seed=51 + n, slope=slope)
-                 for n, (kind, slope) in enumerate(kinds))
+    runs = tuple(
+        make_run(f"{kind}-{n}", model, robot, kind, seed=51 + n, slope=slope) for n, (kind, slope) in enumerate(kinds)
+    )
     diagnosis, details = run(without(Case("askew", robot, runs), "x", "y", "yaw", "gyro_z"))
     assert blamed(diagnosis) == [("driver_gain", "right")]
     assert not any("heading" in note for note in details.notes)
@@ -236,7 +257,9 @@ def test_ripple_is_found_by_its_spectrum():
 def test_a_neighbouring_ripple_keeps_step_in_the_middle_of_the_runs():
     """Otherwise a change of the number of cycles alone would leave the runs out of step, however right it is."""
     values = {"amplitude_nm": 0.06, "cycles_per_rev": 9.98, "phase_rad": -1.26}
-    steps = [(n["cycles_per_rev"] * 11.6 + n["phase_rad"] - 9.98 * 11.6 + 1.26) for n in ripple.neighbours(values, 11.6)]
+    steps = [
+        (n["cycles_per_rev"] * 11.6 + n["phase_rad"] - 9.98 * 11.6 + 1.26) for n in ripple.neighbours(values, 11.6)
+    ]
     assert sorted({round(math.remainder(s, 2 * math.pi), 6) for s in steps}) == [-0.5, 0.0, 0.5]
     assert all(n["amplitude_nm"] == 0.06 and abs(n["phase_rad"]) <= math.pi for n in ripple.neighbours(values, 11.6))
 
@@ -264,7 +287,8 @@ def test_a_blemish_beside_a_large_effect_is_not_blamed():
 
 @pytest.mark.parametrize("slot,gain", [("gyro_gain", 1.001), ("speed_gain", 1.002), ("current_gain", 1.004)])
 def test_a_blemish_without_a_gap_is_none(slot, gain):
-    # Samples enough show a scale that is off by a few thousandths, as any two simulators of one robot are, however sure it is.
+    # Samples enough show a scale that is off by a few thousandths, as any two simulators of one robot are, however sure
+    # it is.
     diagnosis, _ = run(make_case(lambda m: m.scale(slot, gain), seed=32))
     assert diagnosis["verdict"] == "none" and diagnosis["effects"] == []
     assert diagnosis["gap"]["refit"] < 1.1 and diagnosis["alternatives"][0]["effects"] == []
@@ -309,17 +333,21 @@ def test_the_interval_of_a_speeds_lag_has_room_for_half_a_row_that_counting_take
 
 def swinging_gear(slot, value, stiffness):
     """A change of the truth: a spring in the right gear, and another effect."""
+
     def change(model):
         model.put("stiffness", stiffness, (1,))
         model.put("damping", 0.004, (1,))
         model.add(slot, value)
+
     return change
 
 
 def test_a_swinging_gear_is_found_under_a_delay_that_hides_it():
     diagnosis, _ = run(make_case(swinging_gear("command_delay", 0.012, stiffness=3.0), seed=41))
     assert {(e["id"], e["side"]) for e in diagnosis["effects"]} == {
-        ("gear_compliance", "right"), ("command_delay", "both")}
+        ("gear_compliance", "right"),
+        ("command_delay", "both"),
+    }
 
 
 def test_a_small_effect_beside_a_large_one_is_named_where_it_takes_all_of_a_rest_that_is_a_gap():
@@ -328,10 +356,17 @@ def test_a_small_effect_beside_a_large_one_is_named_where_it_takes_all_of_a_rest
 
 
 def test_what_is_too_unlikely_beside_a_stand_in_is_tried_beside_its_look_alikes():
-    """A driver that bends does most of what a gain and a bridge's drop do: beside it no drop is missed, beside a gain it is."""
+    """A driver that bends does most of what a gain and a bridge's drop do: beside it no drop is missed, beside a gain
+    it is.
+    """
     both = make_case(lambda m: (m.scale("voltage_gain", 0.8), m.put("drop", 0.4)))
     search = Search(Problem(both), quick=True)
-    nothing, drop, gain, bend = search.refitted(), ("bridge_drop", "both"), ("driver_gain", "both"), ("pwm_curve", "both")
+    nothing, drop, gain, bend = (
+        search.refitted(),
+        ("bridge_drop", "both"),
+        ("driver_gain", "both"),
+        ("pwm_curve", "both"),
+    )
 
     def fitted(*members):
         starts = {("driver_gain", "both"): {"ratio": 0.9}, drop: {"volts": 0.1}, bend: {"curvature": -0.1}}
@@ -339,7 +374,7 @@ def test_what_is_too_unlikely_beside_a_stand_in_is_tried_beside_its_look_alikes(
 
     fitted(drop, bend)
     rivals = [fitted(gain), fitted(drop)]
-    found, = _with_doubted(search, rivals, [drop])
+    (found,) = _with_doubted(search, rivals, [drop])
     assert set(found.hypothesis) == {gain, drop} and search.score(found) < search.score(rivals[0])
     assert dict(zip(found.hypothesis, found.values))[drop]["volts"] == pytest.approx(0.4, abs=0.05)
     assert _with_doubted(search, rivals, []) == []

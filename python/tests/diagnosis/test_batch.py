@@ -1,4 +1,6 @@
-"""Many cases: one bad case costs no other, an interrupted run goes on, a cluster's worker may die, nothing is half-written."""
+"""Many cases: one bad case costs no other, an interrupted run goes on, a cluster's worker may die, nothing is
+half-written.
+"""
 
 import errno
 import gc
@@ -73,10 +75,16 @@ def complete(*names: str) -> set[str]:
 
 # ---- a bad case ----------------------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(("spoil", "said"), [
-    (lambda case: shutil.rmtree(case), "is no case folder"),
-    (lambda case: tell(case, do="raise"), "internal error at batch_work.py:"),
-    (lambda case: tell(case, do="die"), "its process died")], ids=["unreadable", "exception", "dying process"])
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda case: shutil.rmtree(case), "is no case folder"),
+        (lambda case: tell(case, do="raise"), "internal error at batch_work.py:"),
+        (lambda case: tell(case, do="die"), "its process died"),
+    ],
+    ids=["unreadable", "exception", "dying process"],
+)
 def test_one_bad_case_is_named_and_the_others_are_complete(cases, tmp_path, capsys, spoil, said):
     spoil(cases[1])
     out = tmp_path / "out"
@@ -110,6 +118,7 @@ def test_results_never_fall_into_a_case(cases):
 
 
 # ---- again ---------------------------------------------------------------------------------------------------------
+
 
 def test_only_what_changed_is_done_again(cases, tmp_path):
     out, log = tmp_path / "out", tmp_path / "log"
@@ -234,7 +243,10 @@ def test_a_disk_that_stays_full_ends_it_with_nothing_half_written(cases, tmp_pat
 
 # ---- names and memory ------------------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize("name", ["latin-\udce9", "n" * 250, "index.html", batch.STATE], ids=["no text", "long", "page", "state"])
+
+@pytest.mark.parametrize(
+    "name", ["latin-\udce9", "n" * 250, "index.html", batch.STATE], ids=["no text", "long", "page", "state"]
+)
 def test_a_name_that_cannot_be_written_is_refused_first_and_costs_that_case_alone(cases, tmp_path, tiny, capsys, name):
     bad = write_case(tmp_path / "in" / name, tiny)
     out = tmp_path / "out"
@@ -267,7 +279,9 @@ def test_names_that_would_steer_a_terminal_are_spelled_out(tmp_path, tiny, capsy
     assert "\x1b" not in said.out + said.err
 
 
-@pytest.mark.parametrize(("job", "why"), [("memory", "out of memory"), ("die", "its process died"), ("no file", "No such file")])
+@pytest.mark.parametrize(
+    ("job", "why"), [("memory", "out of memory"), ("die", "its process died"), ("no file", "No such file")]
+)
 def test_a_job_without_memory_and_a_lost_worker_cost_themselves_alone(job, why):
     found = {o.name: o for o in on_cores(in_trouble, {"a": ("fine",), "b": (job,), "c": ("fine",), "d": ("fine",)}, 2)}
     assert {name: o.value for name, o in found.items()} == {"a": "fine", "b": None, "c": "fine", "d": "fine"}
@@ -276,19 +290,42 @@ def test_a_job_without_memory_and_a_lost_worker_cost_themselves_alone(job, why):
 
 # ---- table and page ------------------------------------------------------------------------------------------------
 
+
 def test_a_row_holds_what_the_diagnosis_says():
     row = pq.read_table(io.BytesIO(table_bytes([row_of("a", example_diagnosis(), 2.5)]))).to_pylist()[0]
-    assert row == {"case": "a", "verdict": "known", "effects": ["coulomb_friction"], "sides": ["both"],
-                   "subsystems": ["drivetrain"], "probabilities": [0.96], "probability": 0.95,
-                   "parameters": [{"effect": "coulomb_friction", "side": "both", "name": "torque_nm", "value": 0.048,
-                                   "low": 0.046, "high": 0.050}],
-                   "gap_before": 14.2, "gap_refit": 13.9, "gap_after": 1.08, "closed": 0.994, "effect_closed": 0.994,
-                   "seconds": 2.5, "error": None}
+    assert row == {
+        "case": "a",
+        "verdict": "known",
+        "effects": ["coulomb_friction"],
+        "sides": ["both"],
+        "subsystems": ["drivetrain"],
+        "probabilities": [0.96],
+        "probability": 0.95,
+        "parameters": [
+            {
+                "effect": "coulomb_friction",
+                "side": "both",
+                "name": "torque_nm",
+                "value": 0.048,
+                "low": 0.046,
+                "high": 0.050,
+            }
+        ],
+        "gap_before": 14.2,
+        "gap_refit": 13.9,
+        "gap_after": 1.08,
+        "closed": 0.994,
+        "effect_closed": 0.994,
+        "seconds": 2.5,
+        "error": None,
+    }
     assert list(row) == SCHEMA.names
 
 
 def test_the_page_links_the_reports_and_carries_everything_itself():
-    page = overview_page([row_of("a <b>", example_diagnosis(), 2.5), row_of("c", None, None, "c: robot.toml <missing>")])
+    page = overview_page(
+        [row_of("a <b>", example_diagnosis(), 2.5), row_of("c", None, None, "c: robot.toml <missing>")]
+    )
     assert 'href="a%20%3Cb%3E/report.html"' in page and "a &lt;b&gt;" in page and "<b>" not in page.split("<tbody>")[1]
     assert "robot.toml &lt;missing&gt;" in page and 'href="c/' not in page
     assert "http" not in page and "src=" not in page
@@ -328,6 +365,7 @@ def test_a_click_on_a_head_sorts_by_its_column(tmp_path):
 
 
 # ---- a cluster -----------------------------------------------------------------------------------------------------
+
 
 @pytest.fixture(scope="module")
 def cluster():
@@ -386,16 +424,33 @@ def test_cluster_processes_and_a_single_call_give_the_same_bytes(cluster, cases,
 def test_a_blind_check_is_answered_on_a_cluster(cluster, tmp_path):
     out, script = tmp_path / "check", tmp_path / "silent.py"
     seal.make(out, 3, ["none"], ["planar"], seed=5, jobs=1)
-    script.write_text("import pathlib, sys\nout = pathlib.Path(sys.argv[3])\nout.mkdir()\n"
-                      "(out / 'diagnosis.json').write_text('{}')\n")
+    script.write_text(
+        "import pathlib, sys\nout = pathlib.Path(sys.argv[3])\nout.mkdir()\n(out / 'diagnosis.json').write_text('{}')\n"
+    )
     ledger = seal.answer(out, command=[sys.executable, str(script)], scheduler=cluster.scheduler_address)
     assert sorted(entry["case"] for entry in ledger) == ["case-001", "case-002", "case-003"]
     assert all(entry["status"] == 0 for entry in ledger)
     seal.open_truths(out)
 
 
-@pytest.mark.parametrize("address", ["", "host", "host:8786", "tcp://host", "tcp://:8786", "tcp://host:0", "tcp://host:99999",
-                                     "udp://host:1", "inproc://1/2/3", "http://host:80", "tcp://a b:1", "tcp://h:1/x", "\x1b[31m"])
+@pytest.mark.parametrize(
+    "address",
+    [
+        "",
+        "host",
+        "host:8786",
+        "tcp://host",
+        "tcp://:8786",
+        "tcp://host:0",
+        "tcp://host:99999",
+        "udp://host:1",
+        "inproc://1/2/3",
+        "http://host:80",
+        "tcp://a b:1",
+        "tcp://h:1/x",
+        "\x1b[31m",
+    ],
+)
 def test_what_is_no_address_is_refused_before_anything_is_asked(cases, tmp_path, monkeypatch, address):
     monkeypatch.setattr("socket.create_connection", lambda *a, **k: pytest.fail("asked"))
     with pytest.raises(InputError, match=r"is no address of a scheduler, tcp://host:8786 or tls://host:8786 is needed"):
@@ -421,30 +476,46 @@ def test_somebody_who_says_nothing_at_the_address_is_given_up(cases, tmp_path, m
 def certificates(place: Path) -> dict[str, str]:
     """Dask's configuration with a CA and a certificate of its own."""
     key = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes"
-    for command in (f"req -x509 {key} -days 2 -subj /CN=ca -keyout ca.key -out ca.pem",
-                    f"req {key} -subj /CN=localhost -keyout host.key -out host.csr",
-                    "x509 -req -in host.csr -CA ca.pem -CAkey ca.key -CAcreateserial -days 2 -out host.pem"):
+    for command in (
+        f"req -x509 {key} -days 2 -subj /CN=ca -keyout ca.key -out ca.pem",
+        f"req {key} -subj /CN=localhost -keyout host.key -out host.csr",
+        "x509 -req -in host.csr -CA ca.pem -CAkey ca.key -CAcreateserial -days 2 -out host.pem",
+    ):
         subprocess.run(["openssl", *command.split()], cwd=place, check=True, capture_output=True)
     files = {"cert": str(place / "host.pem"), "key": str(place / "host.key")}
-    return {"distributed.comm.require-encryption": True, "distributed.comm.tls.ca-file": str(place / "ca.pem"),
-            **{f"distributed.comm.tls.{role}.{kind}": path for role in ("scheduler", "worker", "client")
-               for kind, path in files.items()}}
+    return {
+        "distributed.comm.require-encryption": True,
+        "distributed.comm.tls.ca-file": str(place / "ca.pem"),
+        **{
+            f"distributed.comm.tls.{role}.{kind}": path
+            for role in ("scheduler", "worker", "client")
+            for kind, path in files.items()
+        },
+    }
 
 
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="makes certificates with openssl")
 def test_over_tls_with_certificates_and_not_without(cases, tmp_path, capfd):
     configuration = certificates(tmp_path)
-    with dask.config.set(configuration), LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None, protocol="tls://",
-                                                      security=Security()) as cluster:
+    with (
+        dask.config.set(configuration),
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, dashboard_address=None, protocol="tls://", security=Security()
+        ) as cluster,
+    ):
         address = cluster.scheduler_address
         assert address.startswith("tls://")
         assert batch.run_many(cases, tmp_path / "out", scheduler=address, work=fake) == []
         capfd.readouterr()
-        with dask.config.set({"distributed.comm.tls.client.cert": None, "distributed.comm.tls.client.key": None}), \
-                pytest.raises(InputError, match=f"^--scheduler {address}: no certificate of this machine is configured"):
+        with (
+            dask.config.set({"distributed.comm.tls.client.cert": None, "distributed.comm.tls.client.key": None}),
+            pytest.raises(InputError, match=f"^--scheduler {address}: no certificate of this machine is configured"),
+        ):
             batch.run_many(cases, tmp_path / "no", scheduler=address, work=fake)
-        with dask.config.set({"distributed.comm.tls.client.key": str(tmp_path / "gone")}), \
-                pytest.raises(InputError, match=f"^--scheduler {address}: the certificate of this machine cannot be used"):
+        with (
+            dask.config.set({"distributed.comm.tls.client.key": str(tmp_path / "gone")}),
+            pytest.raises(InputError, match=f"^--scheduler {address}: the certificate of this machine cannot be used"),
+        ):
             batch.run_many(cases, tmp_path / "no", scheduler=address, work=fake)
         with pytest.raises(LinkError, match="^scheduler tcp://.*: does not answer"):
             batch.run_many(cases, tmp_path / "no", scheduler=address.replace("tls", "tcp"), work=fake)
@@ -469,9 +540,15 @@ def test_a_scheduler_that_is_killed_ends_it_in_one_line_and_the_next_call_goes_o
     script, log, out = tmp_path / "scheduler.py", tmp_path / "log", tmp_path / "out"
     tests = str(Path(__file__).parent)
     script.write_text(SCHEDULER.format(tests=tests))
-    scheduler = subprocess.Popen([sys.executable, str(script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                 stderr=subprocess.DEVNULL, text=True, start_new_session=True,
-                                 env={**os.environ, "PYTHONPATH": os.pathsep.join([tests, *sys.path])})
+    scheduler = subprocess.Popen(
+        [sys.executable, str(script)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([tests, *sys.path])},
+    )
     try:
         address = scheduler.stdout.readline().strip()
         tell(cases[0], log=str(log), wait=0.0)

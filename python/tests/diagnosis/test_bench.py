@@ -10,10 +10,17 @@ from rtds_host.contract import builtin_robot_path, write_run
 from rtds_host.diagnosis import bench
 
 
-@pytest.mark.parametrize(("change", "truth"), [
-    (lambda m: m.add("coulomb", 0.03), [{"id": "coulomb_friction", "side": "both", "subsystem": "drivetrain", "parameters": {"torque_nm": 0.03}}]),
-    (None, []),
-], ids=["friction", "nothing"])
+@pytest.mark.parametrize(
+    ("change", "truth"),
+    [
+        (
+            lambda m: m.add("coulomb", 0.03),
+            [{"id": "coulomb_friction", "side": "both", "subsystem": "drivetrain", "parameters": {"torque_nm": 0.03}}],
+        ),
+        (None, []),
+    ],
+    ids=["friction", "nothing"],
+)
 def test_a_case_is_answered_by_each_method_and_counted_on_the_page(tmp_path, change, truth):
     for run in make_case(change).runs:
         write_run(tmp_path / "case" / run.name, run.meta, {"t": run.t, **run.columns})

@@ -43,7 +43,9 @@ def test_a_motion_just_beyond_its_noise_is_followed_closely():
 
 def test_the_magnitude_of_noise_has_its_median_and_its_mean():
     noise = np.abs(np.random.default_rng(3).standard_normal(400_000))
-    assert np.median(noise) == pytest.approx(MEDIAN_OF_NORMAL, abs=5e-3) and noise.mean() == pytest.approx(MEAN_OF_NORMAL, abs=5e-3)
+    assert np.median(noise) == pytest.approx(MEDIAN_OF_NORMAL, abs=5e-3) and noise.mean() == pytest.approx(
+        MEAN_OF_NORMAL, abs=5e-3
+    )
 
 
 def test_one_sample_is_a_handful_of_any_number():

@@ -29,18 +29,36 @@ def test_a_constant_without_a_comment_has_no_reason(tmp_path):
     assert constants(tmp_path) == [("one.py", "STEP", "0.1", "Numerical: a step."), ("one.py", "OTHER", "3", "")]
 
 
-@pytest.mark.parametrize(("reason", "which"), [
-    ("Numerical: a step.", "numerical"), ("Physical: a sensor's bandwidth.", "physical"), ("Probability: of a false alarm.", "probability"),
-    ("Layout: pixels.", "layout"), ("So near that it counts (contract, section 4).", "contract"),
-    ("The contract's delays reach a second.", "judgement"), ("Numerically it hardly matters.", "judgement"), ("", "judgement")])
+@pytest.mark.parametrize(
+    ("reason", "which"),
+    [
+        ("Numerical: a step.", "numerical"),
+        ("Physical: a sensor's bandwidth.", "physical"),
+        ("Probability: of a false alarm.", "probability"),
+        ("Layout: pixels.", "layout"),
+        ("So near that it counts (contract, section 4).", "contract"),
+        ("The contract's delays reach a second.", "judgement"),
+        ("Numerically it hardly matters.", "judgement"),
+        ("", "judgement"),
+    ],
+)
 def test_the_kind_of_a_constant_is_the_first_word_of_its_reason_or_the_section_that_sets_it(reason, which):
     assert kind(reason) == which and which in KINDS
 
 
-@pytest.mark.parametrize(("line", "found"), [
-    ("ONE, OTHER = 0.1, (1, 2)", [("ONE", "0.1"), ("OTHER", "(1, 2)")]), ("HALF = -1.0 / 2", [("HALF", "-1.0 / 2")]),
-    ("PRIOR = math.log(2.0)", [("PRIOR", "math.log(2.0)")]), ("DERIVED = 2.0 * ONE", []), ("FEWEST = of_chance(0.5)", []),
-    ('NAME = "x"', []), ("FREE, HELD, LOST = 0, 1, 2", []), ("YES = True", [])])
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("ONE, OTHER = 0.1, (1, 2)", [("ONE", "0.1"), ("OTHER", "(1, 2)")]),
+        ("HALF = -1.0 / 2", [("HALF", "-1.0 / 2")]),
+        ("PRIOR = math.log(2.0)", [("PRIOR", "math.log(2.0)")]),
+        ("DERIVED = 2.0 * ONE", []),
+        ("FEWEST = of_chance(0.5)", []),
+        ('NAME = "x"', []),
+        ("FREE, HELD, LOST = 0, 1, 2", []),
+        ("YES = True", []),
+    ],
+)
 def test_what_is_set_to_numbers_alone_is_a_constant_and_each_name_counts(tmp_path, line, found):
     (tmp_path / "one.py").write_text(f"# Why.\n{line}\n")
     assert [row[1:] for row in constants(tmp_path)] == [(*pair, "Why.") for pair in found]
@@ -49,16 +67,25 @@ def test_what_is_set_to_numbers_alone_is_a_constant_and_each_name_counts(tmp_pat
 def test_the_rooms_counts_add_up_to_the_table(capsys):
     main()
     table = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines() if line.startswith("| ")]
-    head, *rooms = table[len(ROWS) + 1:]
+    head, *rooms = table[len(ROWS) + 1 :]
     *rooms, whole = [[int(cell) for cell in row[1:]] for row in rooms]
     assert whole == [sum(column) for column in zip(*rooms)] and whole[0] == sum(whole[1:-1]) == len(ROWS)
     assert whole[-1] == sum(whole[head.index(which) - 1] for which in ("physical", "probability", "judgement"))
 
 
 def test_the_gate_s_thresholds_follow_from_what_chance_and_a_robot_do():
-    judged = {(module, name) for module, name, _, reason in ROWS if kind(reason) == "judgement" and module.startswith(("chance", "gate"))}
-    assert judged <= {("chance.py", "HANDFUL"), ("chance.py", "SLIGHT"), ("chance.py", "APART"), ("chance.py", "MOST"),
-                      ("chance.py", "SAME")}
+    judged = {
+        (module, name)
+        for module, name, _, reason in ROWS
+        if kind(reason) == "judgement" and module.startswith(("chance", "gate"))
+    }
+    assert judged <= {
+        ("chance.py", "HANDFUL"),
+        ("chance.py", "SLIGHT"),
+        ("chance.py", "APART"),
+        ("chance.py", "MOST"),
+        ("chance.py", "SAME"),
+    }
 
 
 def test_what_is_beyond_numerics_contract_and_layout_stands_in_twenty_constants_at_most():

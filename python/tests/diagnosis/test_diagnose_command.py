@@ -63,6 +63,7 @@ def _edit(name, old, new):
         text = path.read_text()
         assert old in text
         path.write_text(text.replace(old, new, 1))
+
     return spoil
 
 
@@ -70,12 +71,14 @@ def _rows(edit):
     def spoil(case):
         path = case / "steps" / "log.csv"
         path.write_text("\n".join(edit(path.read_text().splitlines())) + "\n")
+
     return spoil
 
 
 def _rename_columns(*names):
     def edit(lines):
         return [",".join("other_" + c if c in names else c for c in lines[0].split(",")), *lines[1:]]
+
     return _rows(edit)
 
 
@@ -100,8 +103,10 @@ def _other_robot(case):
 def _still(case):
     for path in case.glob("*/log.csv"):
         lines = path.read_text().splitlines()
-        path.write_text("\n".join([lines[0], *[",".join([line.split(",")[0]] + ["0"] * line.count(","))
-                                               for line in lines[1:]]]) + "\n")
+        path.write_text(
+            "\n".join([lines[0], *[",".join([line.split(",")[0]] + ["0"] * line.count(",")) for line in lines[1:]]])
+            + "\n"
+        )
 
 
 def _moment(case):
@@ -109,26 +114,48 @@ def _moment(case):
         path.write_text("\n".join(path.read_text().splitlines()[:6]) + "\n")
 
 
-@pytest.mark.parametrize(("spoil", "words"), [
-    (_edit("robot.toml", "resistance_ohm", "resistance"), ("robot.toml", "[motor] resistance_ohm", "missing")),
-    (_edit("robot.toml", "mass_kg = ", "mass_kg = -"), ("robot.toml", "[chassis] mass_kg", "above 0")),
-    (_edit("robot.toml", "[motor]", "[motor"), ("robot.toml", "not valid TOML")),
-    (lambda case: (case / "robot.toml").unlink(), ("robot.toml", "cannot be read")),
-    (_edit("steps/run.json", "rtds-run/1", "rtds-run/9"), ("run.json", "schema")),
-    (_rename_columns("v_cmd_r"), ("steps/log.csv", "column v_cmd_r", "missing")),
-    (_rename_columns("w_l", "w_r", "th_l", "th_r"), ("steps/log.csv", "neither w_* nor th_*")),
-    (_rows(lambda lines: [*lines[:40], lines[39], *lines[40:]]), ("steps/log.csv", "row 41", "time goes back")),
-    (_rows(lambda lines: [*lines[:40], lines[40].replace(lines[40].split(",")[1], "fast", 1), *lines[41:]]),
-     ("steps/log.csv", "row 41", "v_cmd_l", "'fast'")),
-    (_rows(lambda lines: [*lines[:-1], lines[-1][:9]]), ("steps/log.csv", "truncated")),
-    (_no_log, ("steps", "neither log.csv nor log.parquet")),
-    (_other_robot, ("steps/robot.toml", "another robot")),
-    (_empty, ("case", "is empty")),
-    (_no_runs, ("case", "no run")),
-    (_still, ("nothing",)),
-    (_moment, ("spin/log.csv", "0.04 s")),
-], ids=["missing key", "impossible value", "no TOML", "no robot", "schema", "no command", "nothing measured", "time back",
-        "no number", "truncated", "no log", "other robot", "empty folder", "no runs", "nothing moves", "too short"])
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (_edit("robot.toml", "resistance_ohm", "resistance"), ("robot.toml", "[motor] resistance_ohm", "missing")),
+        (_edit("robot.toml", "mass_kg = ", "mass_kg = -"), ("robot.toml", "[chassis] mass_kg", "above 0")),
+        (_edit("robot.toml", "[motor]", "[motor"), ("robot.toml", "not valid TOML")),
+        (lambda case: (case / "robot.toml").unlink(), ("robot.toml", "cannot be read")),
+        (_edit("steps/run.json", "rtds-run/1", "rtds-run/9"), ("run.json", "schema")),
+        (_rename_columns("v_cmd_r"), ("steps/log.csv", "column v_cmd_r", "missing")),
+        (_rename_columns("w_l", "w_r", "th_l", "th_r"), ("steps/log.csv", "neither w_* nor th_*")),
+        (_rows(lambda lines: [*lines[:40], lines[39], *lines[40:]]), ("steps/log.csv", "row 41", "time goes back")),
+        (
+            _rows(lambda lines: [*lines[:40], lines[40].replace(lines[40].split(",")[1], "fast", 1), *lines[41:]]),
+            ("steps/log.csv", "row 41", "v_cmd_l", "'fast'"),
+        ),
+        (_rows(lambda lines: [*lines[:-1], lines[-1][:9]]), ("steps/log.csv", "truncated")),
+        (_no_log, ("steps", "neither log.csv nor log.parquet")),
+        (_other_robot, ("steps/robot.toml", "another robot")),
+        (_empty, ("case", "is empty")),
+        (_no_runs, ("case", "no run")),
+        (_still, ("nothing",)),
+        (_moment, ("spin/log.csv", "0.04 s")),
+    ],
+    ids=[
+        "missing key",
+        "impossible value",
+        "no TOML",
+        "no robot",
+        "schema",
+        "no command",
+        "nothing measured",
+        "time back",
+        "no number",
+        "truncated",
+        "no log",
+        "other robot",
+        "empty folder",
+        "no runs",
+        "nothing moves",
+        "too short",
+    ],
+)
 def test_bad_input_ends_with_one_line_status_2_and_nothing_written(case, tmp_path, monkeypatch, capsys, spoil, words):
     """The entry point itself, in this process: sixteen interpreters would take longer than all the rest."""
     spoil(case)
@@ -155,10 +182,15 @@ def test_one_bad_case_of_two_ends_with_status_1_and_the_other_is_complete(case, 
     bad.mkdir()
     done = called(bad, case, "--out", tmp_path / "out")
     assert done.returncode == 1
-    assert done.stderr.splitlines() == [f"rtds: {bad}: is empty, a case needs robot.toml and at least one run folder",
-                                        "rtds: 1 of 2 cases failed: bad"]
+    assert done.stderr.splitlines() == [
+        f"rtds: {bad}: is empty, a case needs robot.toml and at least one run folder",
+        "rtds: 1 of 2 cases failed: bad",
+    ]
     assert sorted(p.name for p in (tmp_path / "out").iterdir() if p.name[0] != ".") == [
-        "case", "cases.parquet", "index.html"]
+        "case",
+        "cases.parquet",
+        "index.html",
+    ]
     assert sorted(p.name for p in (tmp_path / "out" / "case").iterdir()) == ["diagnosis.json", "report.html"]
 
 
@@ -196,9 +228,13 @@ def test_ctrl_c_leaves_nothing_half_written_and_ends_with_130(case, tmp_path, ma
     script = tmp_path / "held.py"
     script.write_text(HELD)
     cases = [case, shutil.copytree(case, tmp_path / "second")] if many else [case]
-    process = subprocess.Popen([sys.executable, str(script), "diagnose", "--quick", *map(str, cases), "--out",
-                                str(tmp_path / "out")], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                               start_new_session=True)
+    process = subprocess.Popen(
+        [sys.executable, str(script), "diagnose", "--quick", *map(str, cases), "--out", str(tmp_path / "out")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
     assert process.stdout.readline() == "writing\n"
     # As a terminal does it: to the whole group.
     os.killpg(process.pid, signal.SIGINT)
@@ -213,8 +249,13 @@ def test_ctrl_c_leaves_nothing_half_written_and_ends_with_130(case, tmp_path, ma
 
 def test_ctrl_c_in_the_middle_of_the_search_ends_with_130(case, tmp_path):
     """Early on, while modules load, or in the search: wherever it strikes, one line and no output."""
-    process = subprocess.Popen([*COMMAND, str(case), "--out", str(tmp_path / "out")], stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(
+        [*COMMAND, str(case), "--out", str(tmp_path / "out")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
     # The first thread of the search's own tells that it has begun.
     while len(os.listdir(f"/proc/{process.pid}/task")) < 2:
         assert process.poll() is None

@@ -29,26 +29,46 @@ def asked(problem, place, alike=()):
 
 def by_speed(problem):
     robot = problem.robot
-    return SimpleNamespace(robot=replace(robot, driver=replace(robot.driver, mode="speed"), servo=Servo(0.44, 8.6, 12.0, 0.001)),
-                           effects=problem.effects)
+    return SimpleNamespace(
+        robot=replace(robot, driver=replace(robot.driver, mode="speed"), servo=Servo(0.44, 8.6, 12.0, 0.001)),
+        effects=problem.effects,
+    )
 
 
 def test_of_a_rest_without_a_place_nothing_is_promised(problem):
     plan = asked(problem, None)
     assert (plan["scenario"], plan["separates"], plan["expected_separation"]) == ("teleop", [], 0.0)
-    assert plan["why"] == ("where what has no name lies is not known, and this manoeuvre holds a bit of everything: driven as a person "
-                           "would: forward, back, round corners, stops")
+    assert plan["why"] == (
+        "where what has no name lies is not known, and this manoeuvre holds a bit of everything: driven as a person "
+        "would: forward, back, round corners, stops"
+    )
 
 
 def test_no_manoeuvre_is_said_to_part_what_none_was_tried_on(problem):
     plan = asked(by_speed(problem), None, DELAYS)
     assert plan["expected_separation"] == 0.0 and [m["id"] for m in plan["separates"]] == [name for name, _ in DELAYS]
-    assert plan["why"].startswith("what parts best what these runs cannot tell apart could not be worked out for this machine, and")
+    assert plan["why"].startswith(
+        "what parts best what these runs cannot tell apart could not be worked out for this machine, and"
+    )
 
 
-@pytest.mark.parametrize(("alike", "place", "compared", "said"), [
-    (True, None, True, "parts what these runs cannot tell apart"),
-    (False, "wheel_ground", True, "most of what has no name lies in the wheel and ground, and this manoeuvre moves it most"),
-    (False, "wheel_ground", False, "most of what has no name lies in the wheel and ground; what moves it most could not be worked out")])
+@pytest.mark.parametrize(
+    ("alike", "place", "compared", "said"),
+    [
+        (True, None, True, "parts what these runs cannot tell apart"),
+        (
+            False,
+            "wheel_ground",
+            True,
+            "most of what has no name lies in the wheel and ground, and this manoeuvre moves it most",
+        ),
+        (
+            False,
+            "wheel_ground",
+            False,
+            "most of what has no name lies in the wheel and ground; what moves it most could not be worked out",
+        ),
+    ],
+)
 def test_what_a_manoeuvre_is_for(alike, place, compared, said):
     assert _purpose(alike, place, compared).startswith(said)

@@ -29,8 +29,7 @@ def test_sensor_noise_alone_gives_one():
 def test_a_constant_error_counts_in_units_of_noise_and_a_shifted_start_does_not_count():
     case = make_case(seed=12)
     run, out = case.runs[0], truth(case)[0]
-    clean = RunLog(run.name, run.meta, run.t, {**run.columns, **{
-        c: out[:, k].copy() for c, k in OUTPUT_INDEX.items()}})
+    clean = RunLog(run.name, run.meta, run.t, {**run.columns, **{c: out[:, k].copy() for c, k in OUTPUT_INDEX.items()}})
     moved = out.copy()
     moved[:, OUTPUT_INDEX["w_l"]] += 3 * case.robot.noise("w_l")
     moved[:, OUTPUT_INDEX["x"]] += 5.0

@@ -26,20 +26,33 @@ def scaled(*channels, factor):
     def edit(_, columns):
         for c in channels:
             columns[c] *= factor
+
     return edit
 
 
 # ---- a sound log ---------------------------------------------------------------------------------------------------
 
+
 def test_a_sound_log_gives_no_finding(case):
     assert examine(case).findings == ()
 
 
-@pytest.mark.parametrize("change", [
-    lambda m: m.scale("speed_gain", 1.1), lambda m: m.scale("voltage_gain", -1.0), lambda m: m.add("coulomb", 0.05),
-    lambda m: m.scale("yaw_inertia", 8.0), lambda m: m.put("limit", 5.0), lambda m: m.add("source_resistance", 1.5),
-    lambda m: m.scale("current_gain", 1.8), lambda m: m.add("mass", 2.0), lambda m: m.put("speed_tau", 0.02),
-    lambda m: m.add("backlash", 0.05), lambda m: m.add("deadzone", 0.7)])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda m: m.scale("speed_gain", 1.1),
+        lambda m: m.scale("voltage_gain", -1.0),
+        lambda m: m.add("coulomb", 0.05),
+        lambda m: m.scale("yaw_inertia", 8.0),
+        lambda m: m.put("limit", 5.0),
+        lambda m: m.add("source_resistance", 1.5),
+        lambda m: m.scale("current_gain", 1.8),
+        lambda m: m.add("mass", 2.0),
+        lambda m: m.put("speed_tau", 0.02),
+        lambda m: m.add("backlash", 0.05),
+        lambda m: m.add("deadzone", 0.7),
+    ],
+)
 def test_effects_of_the_catalogue_are_no_fault_of_the_data(change):
     found = examine(make_case(change)).findings
     assert [f for f in found if f.severity != "note"] == []
@@ -48,23 +61,49 @@ def test_effects_of_the_catalogue_are_no_fault_of_the_data(change):
 
 # ---- units ---------------------------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(("channels", "factor", "unit"), [
-    (("w_l", "w_r"), 57.29578, "degrees per second"), (("w_l", "w_r"), 9.549297, "revolutions per minute"),
-    (("w_l", "w_r"), 0.033, "metres per second at the rim"), (("w_l", "w_r"), 258.5, "radians per second of the motor"),
-    (("th_l", "th_r"), 57.29578, "degrees"), (("i_l", "i_r"), 1000.0, "milliamperes"),
-    (("gyro_z",), 57.29578, "degrees per second"), (("yaw",), 57.29578, "degrees"),
-    (("x", "y"), 1000.0, "millimetres"), (("v_bus",), 1000.0, "millivolts"),
-    (("v_cmd_l", "v_cmd_r"), 1 / 12, r"shares of the supply \(a duty\)"), (("v_cmd_l", "v_cmd_r"), 1000.0, "millivolts")])
+
+@pytest.mark.parametrize(
+    ("channels", "factor", "unit"),
+    [
+        (("w_l", "w_r"), 57.29578, "degrees per second"),
+        (("w_l", "w_r"), 9.549297, "revolutions per minute"),
+        (("w_l", "w_r"), 0.033, "metres per second at the rim"),
+        (("w_l", "w_r"), 258.5, "radians per second of the motor"),
+        (("th_l", "th_r"), 57.29578, "degrees"),
+        (("i_l", "i_r"), 1000.0, "milliamperes"),
+        (("gyro_z",), 57.29578, "degrees per second"),
+        (("yaw",), 57.29578, "degrees"),
+        (("x", "y"), 1000.0, "millimetres"),
+        (("v_bus",), 1000.0, "millivolts"),
+        (("v_cmd_l", "v_cmd_r"), 1 / 12, r"shares of the supply \(a duty\)"),
+        (("v_cmd_l", "v_cmd_r"), 1000.0, "millivolts"),
+    ],
+)
 def test_a_wrong_unit_ends_a_diagnosis_and_is_named_with_its_channels(case, channels, factor, unit):
     with pytest.raises(InputError, match=rf"{' and '.join(channels)}: .*: in {unit}\?$"):
         examine(changed(case, scaled(*channels, factor=factor)))
 
 
-@pytest.mark.parametrize(("channels", "factor", "never"), [
-    (("x", "y"), 100.0, ""), (("w_l", "w_r"), 0.033, ""), (("w_l",), 60.0 / (2.0 * np.pi), "revolutions per minute"), (("i_r",), 1000.0, "milliamperes")])
+@pytest.mark.parametrize(
+    ("channels", "factor", "never"),
+    [
+        (("x", "y"), 100.0, ""),
+        (("w_l", "w_r"), 0.033, ""),
+        (("w_l",), 60.0 / (2.0 * np.pi), "revolutions per minute"),
+        (("i_r",), 1000.0, "milliamperes"),
+    ],
+)
 def test_what_is_in_its_unit_in_other_runs_is_in_no_other_in_one(case, channels, factor, never):
-    """A robot that slides down a slope goes as far in metres as its wheels say in centimetres. What no robot can do is refused for all that."""
-    one = dataclasses.replace(case, runs=(*case.runs[:2], *changed(dataclasses.replace(case, runs=case.runs[2:]), scaled(*channels, factor=factor)).runs))
+    """A robot that slides down a slope goes as far in metres as its wheels say in centimetres. What no robot can do is
+    refused for all that.
+    """
+    one = dataclasses.replace(
+        case,
+        runs=(
+            *case.runs[:2],
+            *changed(dataclasses.replace(case, runs=case.runs[2:]), scaled(*channels, factor=factor)).runs,
+        ),
+    )
     if never:
         with pytest.raises(InputError, match=never):
             examine(one)
@@ -88,32 +127,63 @@ def test_speeds_alone_give_away_a_clock_in_milliseconds(case):
 
 @pytest.mark.parametrize("kind", ["w", "th"])
 def test_wheels_alone_give_away_a_clock_in_minutes(case, kind):
-    alone = without(case, *({"w_l", "w_r", "th_l", "th_r"} - {f"{kind}_l", f"{kind}_r"}), "gyro_z", "x", "y", "yaw", "i_l", "i_r", "v_bus")
+    alone = without(
+        case,
+        *({"w_l", "w_r", "th_l", "th_r"} - {f"{kind}_l", f"{kind}_r"}),
+        "gyro_z",
+        "x",
+        "y",
+        "yaw",
+        "i_l",
+        "i_r",
+        "v_bus",
+    )
     with pytest.raises(InputError, match="t: is it in minutes"):
         examine(changed(alone, lambda t, _: t / 60.0))
 
 
-@pytest.mark.parametrize("change", [
-    lambda m: None, lambda m: m.scale("speed_gain", -1.0), lambda m: m.scale("voltage_gain", 0.4), lambda m: m.add("coulomb", 0.1),
-    lambda m: m.scale("rotor_inertia", 0.1), lambda m: m.put("command_delay", 0.3), lambda m: m.put("speed_tau", 0.1)])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda m: None,
+        lambda m: m.scale("speed_gain", -1.0),
+        lambda m: m.scale("voltage_gain", 0.4),
+        lambda m: m.add("coulomb", 0.1),
+        lambda m: m.scale("rotor_inertia", 0.1),
+        lambda m: m.put("command_delay", 0.3),
+        lambda m: m.put("speed_tau", 0.1),
+    ],
+)
 def test_a_fast_log_of_wheels_alone_is_left_as_it_is(change):
     """At 1 kHz, where minutes could be meant."""
     case = make_case(change, seconds=3.0, step_s=0.001)
     examine(without(case, "th_l", "th_r", "gyro_z", "x", "y", "yaw", "i_l", "i_r", "v_bus"))
 
 
-@pytest.mark.parametrize("change", [
-    lambda m: m.scale("speed_gain", 2.0), lambda m: m.scale("speed_gain", 0.4), lambda m: m.scale("voltage_gain", 2.0),
-    lambda m: m.scale("voltage_gain", 0.4), lambda m: m.scale("speed_gain", -1.0), lambda m: m.scale("gyro_gain", -1.0),
-    lambda m: m.scale("current_gain", 2.0), lambda m: m.scale("torque_constant", 0.4), lambda m: m.scale("radius", 2.0),
-    lambda m: (m.scale("voltage_gain", 2.0), m.scale("speed_gain", 2.0), m.scale("gyro_gain", 2.0)),
-    lambda m: m.add("coulomb", 0.5), lambda m: m.put("command_delay", 0.5),
-    lambda m: (m.add("coulomb", 0.1), m.add("viscous_wheel", 0.3), m.scale("speed_gain", 0.4))])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda m: m.scale("speed_gain", 2.0),
+        lambda m: m.scale("speed_gain", 0.4),
+        lambda m: m.scale("voltage_gain", 2.0),
+        lambda m: m.scale("voltage_gain", 0.4),
+        lambda m: m.scale("speed_gain", -1.0),
+        lambda m: m.scale("gyro_gain", -1.0),
+        lambda m: m.scale("current_gain", 2.0),
+        lambda m: m.scale("torque_constant", 0.4),
+        lambda m: m.scale("radius", 2.0),
+        lambda m: (m.scale("voltage_gain", 2.0), m.scale("speed_gain", 2.0), m.scale("gyro_gain", 2.0)),
+        lambda m: m.add("coulomb", 0.5),
+        lambda m: m.put("command_delay", 0.5),
+        lambda m: (m.add("coulomb", 0.1), m.add("viscous_wheel", 0.3), m.scale("speed_gain", 0.4)),
+    ],
+)
 def test_effects_as_large_as_they_come_are_not_refused(change):
     examine(make_case(change))
 
 
 # ---- sides and signs -----------------------------------------------------------------------------------------------
+
 
 def test_exchanged_wheels_end_a_diagnosis_and_are_named(case):
     def sensors(_, columns):
@@ -121,13 +191,16 @@ def test_exchanged_wheels_end_a_diagnosis_and_are_named(case):
 
     def commands(_, columns):
         columns["v_cmd_l"], columns["v_cmd_r"] = columns["v_cmd_r"], columns["v_cmd_l"]
+
     for edit, names in ((sensors, "w_l and w_r"), (commands, "v_cmd_l and v_cmd_r")):
         with pytest.raises(InputError, match=f"are {names} exchanged"):
             examine(changed(case, edit))
 
 
 def test_a_wheel_that_is_weaker_than_the_other_is_not_exchanged_with_it(case):
-    """On one gentle curve the stronger motor may stand on the side that should be slower: that is a gain, and no exchange."""
+    """On one gentle curve the stronger motor may stand on the side that should be slower: that is a gain, and no
+    exchange.
+    """
     robot, t = case.robot, np.arange(0.0, 4.0, 0.01)
     volts = np.stack([2.5 * t, 2.4 * t], axis=1)
     model = nominal_model(robot)
@@ -141,9 +214,11 @@ def test_a_wheel_that_is_weaker_than_the_other_is_not_exchanged_with_it(case):
 
 def test_a_short_move_is_seen_though_the_declared_noise_is_too_large(case):
     """The scatter from sample to sample says how noisy a channel is, whatever the file says."""
+
     def coasts(t, columns):
         for c in ("w_l", "w_r"):
             columns[c] = 0.04 * np.sin(2.0 * t) + 0.004 * np.random.default_rng(1).standard_normal(len(t))
+
     loud = dataclasses.replace(case.robot, sensors={"w_rad_s": 0.02})
     found = examine(dataclasses.replace(changed(without(case, "th_l", "th_r"), coasts), robot=loud))
     assert not found.of("still")
@@ -168,10 +243,12 @@ def test_a_wrong_sign_is_named(case, channel):
 
 # ---- sensors -------------------------------------------------------------------------------------------------------
 
+
 def test_a_dead_sensor_is_named_while_the_rest_goes_on(case):
     def edit(_, columns):
         columns["i_l"][:] = 0.012
         columns["gyro_z"][:] = 0.0
+
     dead = examine(changed(case, edit)).of("dead")
     assert {f.channel for f in dead} == {"i_l", "gyro_z"}
 
@@ -179,6 +256,7 @@ def test_a_dead_sensor_is_named_while_the_rest_goes_on(case):
 def test_a_clipped_channel_is_named_with_its_limit(case):
     def edit(_, columns):
         columns["w_l"] = np.clip(columns["w_l"], -3.0, 3.0)
+
     clipped = examine(changed(case, edit)).of("clipped")
     assert {f.channel for f in clipped} == {"w_l"} and "3" in clipped[0].text
 
@@ -186,6 +264,7 @@ def test_a_clipped_channel_is_named_with_its_limit(case):
 def test_held_samples_are_found(case):
     def edit(_, columns):
         columns["w_r"][200:240] = columns["w_r"][200]
+
     frozen = examine(changed(case, edit)).of("frozen")
     assert {f.channel for f in frozen} == {"w_r"} and "0.39 s" in frozen[0].text
 
@@ -193,21 +272,25 @@ def test_held_samples_are_found(case):
 def test_a_wrapped_yaw_is_found(case):
     def edit(_, columns):
         columns["yaw"] = np.angle(np.exp(1j * (3 * columns["yaw"])))
+
     assert ("yaw", "wrapped") in kinds(examine(changed(case, edit)))
 
 
 def test_a_channel_at_a_lower_rate_is_noted_with_its_rate(case):
     def edit(_, columns):
         columns["x"][np.arange(len(columns["x"])) % 5 > 0] = np.nan
+
     slow = examine(changed(case, edit)).of("slow")
     assert {f.channel for f in slow} == {"x"} and "20 Hz" in slow[0].text
 
 
 # ---- time ----------------------------------------------------------------------------------------------------------
 
+
 def thinned(case, keep):
-    runs = tuple(RunLog(r.name, r.meta, r.t[keep(r.t)], {c: v[keep(r.t)] for c, v in r.columns.items()})
-                 for r in case.runs)
+    runs = tuple(
+        RunLog(r.name, r.meta, r.t[keep(r.t)], {c: v[keep(r.t)] for c, v in r.columns.items()}) for r in case.runs
+    )
     return Case(case.name, case.robot, runs)
 
 
@@ -240,6 +323,7 @@ def test_an_answer_before_the_command_is_warned_of(case):
     def edit(t, columns):
         for c in ("w_l", "w_r"):
             columns[c] = np.interp(t + 0.04, t, columns[c])
+
     early = examine(changed(case, edit)).of("delay")
     assert early and all(f.severity == "warning" and "earlier" in f.text for f in early)
 
@@ -252,12 +336,15 @@ def test_runs_that_answer_later_and_earlier_are_told_apart(case):
         by = next(shift)
         for c in ("w_l", "w_r"):
             columns[c] = np.interp(t + by, t, columns[c])
+
     told = examine(changed(case, edit)).of("delay")
     assert {(f.run, f.severity) for f in told} == {("spin", "warning"), ("steps", "note"), ("weave", "warning")}
 
 
 def test_a_replay_that_begins_too_fast_makes_no_answer_early():
-    """A wheel under friction, in motion when the log begins, and a slow ramp: the nominal robot first runs up to its own speed."""
+    """A wheel under friction, in motion when the log begins, and a slow ramp: the nominal robot first runs up to its
+    own speed.
+    """
     robot = builtin_robot("burger")
     model = nominal_model(robot)
     model.put("coulomb", 0.1)
@@ -274,11 +361,13 @@ def test_a_replay_that_begins_too_fast_makes_no_answer_early():
 
 def test_a_wheel_that_turns_steadily_moves(case):
     """It scatters by no more than its noise, about a speed of many times that."""
+
     def edit(t, columns):
         for c in columns:
             columns[c] = np.full(len(t), 3.0 if c.startswith("v_cmd") else 4.0 if c.startswith("w_") else 0.0)
             if c.startswith("w_"):
                 columns[c] += case.robot.noise(c) * np.random.default_rng(1).standard_normal(len(t))
+
     steady = without(changed(case, edit), "th_l", "th_r", "i_l", "i_r", "gyro_z", "x", "y", "yaw", "v_bus")
     examine(steady)
 
@@ -297,10 +386,12 @@ def test_a_wheel_that_only_turns_forwards_is_noted(case):
     def edit(_, columns):
         for c in ("v_cmd_l", "w_l", "th_l"):
             columns[c] = np.abs(columns[c])
+
     assert ("w_l", "one_sign") in kinds(examine(changed(case, edit)))
 
 
 # ---- what ends a diagnosis -----------------------------------------------------------------------------------------
+
 
 def test_nothing_commanded_and_nothing_moving_ends_it(case):
     rng = np.random.default_rng(0)
@@ -308,6 +399,7 @@ def test_nothing_commanded_and_nothing_moving_ends_it(case):
     def edit(t, columns):
         for c in columns:
             columns[c] = np.zeros(len(t)) if c.startswith("v_cmd") else 0.0001 * rng.standard_normal(len(t))
+
     with pytest.raises(InputError, match=r"spin.*w_\*, th_\*.*nothing to diagnose"):
         examine(changed(case, edit))
 
@@ -316,6 +408,7 @@ def test_dead_wheel_sensors_end_it(case):
     def edit(t, columns):
         for c in ("w_l", "w_r", "th_l", "th_r"):
             columns[c] = np.zeros(len(t))
+
     with pytest.raises(InputError, match=r"w_\*, th_\*: constant"):
         examine(changed(case, edit))
 

@@ -1,4 +1,6 @@
-"""What the gate sets aside, cuts and measures: isolated samples, held and clipped stretches, holes, roundings, clocks."""
+"""What the gate sets aside, cuts and measures: isolated samples, held and clipped stretches, holes, roundings,
+clocks.
+"""
 
 import dataclasses
 import re
@@ -46,8 +48,20 @@ def spoiled(case, channel, size, rows=(300,), run=0):
 
 # ---- times in sentences --------------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(("t", "said"), [(0.0, "0"), (2.99, "2.99"), (0.1 + 0.2, "0.3"), (20000.125, "20000.125"),
-                                         (1.7e9, "1700000000"), (1700000003.0123456, "1700000003.012346"), (-1.5, "-1.5"), (2e-5, "0.00002")])
+
+@pytest.mark.parametrize(
+    ("t", "said"),
+    [
+        (0.0, "0"),
+        (2.99, "2.99"),
+        (0.1 + 0.2, "0.3"),
+        (20000.125, "20000.125"),
+        (1.7e9, "1700000000"),
+        (1700000003.0123456, "1700000003.012346"),
+        (-1.5, "-1.5"),
+        (2e-5, "0.00002"),
+    ],
+)
 def test_a_time_is_said_as_it_stands_in_the_log(t, said):
     assert moment(t) == said
 
@@ -76,22 +90,40 @@ def test_a_time_in_a_sentence_can_be_found_in_the_log(case, start):
 
 # ---- isolated samples ----------------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(("channel", "size"), [
-    ("x", 0.1), ("y", -0.1), ("yaw", 0.2), ("yaw", 2 * np.pi), ("th_l", 0.5), ("th_r", -30.0), ("w_l", 2.0), ("w_r", -40.0),
-    ("gyro_z", 0.5), ("i_l", 1.0), ("i_r", -20.0), ("v_bus", 100.0), ("v_bus", -9.0)])
+
+@pytest.mark.parametrize(
+    ("channel", "size"),
+    [
+        ("x", 0.1),
+        ("y", -0.1),
+        ("yaw", 0.2),
+        ("yaw", 2 * np.pi),
+        ("th_l", 0.5),
+        ("th_r", -30.0),
+        ("w_l", 2.0),
+        ("w_r", -40.0),
+        ("gyro_z", 0.5),
+        ("i_l", 1.0),
+        ("i_r", -20.0),
+        ("v_bus", 100.0),
+        ("v_bus", -9.0),
+    ],
+)
 @pytest.mark.parametrize("run", [0, 1, 2])
 def test_one_sample_far_off_is_set_aside_and_nothing_else(case, channel, size, run):
     bad = spoiled(case, channel, size, run=run)
     gate = examine(bad)
     name = case.runs[run].name
     assert aside(bad, gate) == {(name, channel): [300]}
-    glitch, = gate.of("glitch")
+    (glitch,) = gate.of("glitch")
     assert (glitch.run, glitch.channel) == (name, channel) and "at t = 3 s" in glitch.text
     assert glitch.share == 1 / len(case.runs[run].t) and "(0.12 %)" in glitch.text
 
 
 @pytest.mark.parametrize("row", [0, 1, 800])
-@pytest.mark.parametrize(("channel", "size"), [("x", 0.1), ("yaw", 0.2), ("th_l", 0.5), ("w_l", 100.0), ("v_bus", 100.0)])
+@pytest.mark.parametrize(
+    ("channel", "size"), [("x", 0.1), ("yaw", 0.2), ("th_l", 0.5), ("w_l", 100.0), ("v_bus", 100.0)]
+)
 def test_a_start_or_an_end_far_off_is_set_aside_where_the_robot_cannot_do_it(case, channel, size, row):
     bad = spoiled(case, channel, size, rows=(row,))
     assert aside(bad, examine(bad)) == {(case.runs[0].name, channel): [row]}
@@ -99,7 +131,9 @@ def test_a_start_or_an_end_far_off_is_set_aside_where_the_robot_cannot_do_it(cas
 
 @pytest.mark.parametrize("off_rad", [3.0, -2 * np.pi, 21.0, 1000.0])
 def test_an_angle_that_is_all_there_is_comes_back_within_two_samples_only_as_a_glitch(tmp_path, off_rad):
-    """Driven by torque nothing in the file bounds a speed, and no other channel saw the jump; nor is it a turn that was wrapped."""
+    """Driven by torque nothing in the file bounds a speed, and no other channel saw the jump; nor is it a turn that was
+    wrapped.
+    """
     case = read_case(write_axis_case(tmp_path / "case", "linear", "torque", currents=False))
     case = without(case, "w_l")
     assert set(aside(case, examine(case))) == set()
@@ -163,7 +197,7 @@ def rough(kind, seconds=6.0, step=1, name="run"):
         columns["x"][k:] += 0.3
         columns["yaw"][k:] += 0.5
     elif kind == "inrush":
-        columns["v_cmd_l"][k - 20:k] = 6.0
+        columns["v_cmd_l"][k - 20 : k] = 6.0
         columns["v_cmd_l"][k:] = -6.0
         columns["i_l"][k] -= 12.0 / 8.6
     rows = slice(None, None, step)
@@ -177,10 +211,19 @@ def test_what_a_robot_does_is_no_glitch(kind, step):
     assert aside(case, examine(case)) == {}
 
 
-@pytest.mark.parametrize("change", [
-    lambda m: m.add("backlash", 0.1), lambda m: m.add("coulomb", 0.2), lambda m: m.add("deadzone", 2.0),
-    lambda m: m.put("limit", 4.0), lambda m: m.add("source_resistance", 3.0), lambda m: m.put("measurement_delay", 0.2),
-    lambda m: (m.put("stiffness", 0.5), m.put("damping", 0.001)), lambda m: m.put("ripple", 0.05)])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda m: m.add("backlash", 0.1),
+        lambda m: m.add("coulomb", 0.2),
+        lambda m: m.add("deadzone", 2.0),
+        lambda m: m.put("limit", 4.0),
+        lambda m: m.add("source_resistance", 3.0),
+        lambda m: m.put("measurement_delay", 0.2),
+        lambda m: (m.put("stiffness", 0.5), m.put("damping", 0.001)),
+        lambda m: m.put("ripple", 0.05),
+    ],
+)
 def test_effects_are_no_glitches(change):
     case = make_case(change)
     assert aside(case, examine(case)) == {}
@@ -188,9 +231,11 @@ def test_effects_are_no_glitches(change):
 
 # ---- stretches -----------------------------------------------------------------------------------------------------
 
+
 def test_held_samples_are_set_aside_but_the_first(case):
     def edit(_, columns):
         columns["w_r"][200:240] = columns["w_r"][200]
+
     bad = changed(case, edit)
     assert aside(bad, examine(bad))["spin", "w_r"] == list(range(201, 240))
 
@@ -199,6 +244,7 @@ def test_a_sensor_read_twice_a_sample_was_held_only_where_it_repeats_far_longer(
     def edit(_, columns):
         columns["w_r"][1::2] = columns["w_r"][:-1:2]
         columns["w_r"][200:280] = columns["w_r"][200]
+
     bad = changed(case, edit)
     assert aside(bad, examine(bad))["spin", "w_r"] == list(range(201, 280))
     twice = changed(case, lambda _, columns: columns["w_r"].__setitem__(slice(1, None, 2), columns["w_r"][:-1:2]))
@@ -208,6 +254,7 @@ def test_a_sensor_read_twice_a_sample_was_held_only_where_it_repeats_far_longer(
 def test_a_few_equal_samples_of_a_noisy_channel_were_held(case):
     def edit(_, columns):
         columns["w_r"][200:208] = columns["w_r"][200]
+
     bad = changed(case, edit)
     assert aside(bad, examine(bad))["spin", "w_r"] == list(range(201, 208))
 
@@ -217,17 +264,22 @@ def test_a_robot_at_rest_whose_encoder_repeats_itself_keeps_every_sample(case):
         for c in columns:
             if c.startswith(("w_", "th_", "gyro")):
                 columns[c][t < 0.3] = 0.0
+
     still = changed(case, edit)
     assert aside(still, examine(still)) == {}
 
 
 def at_rest_until(seconds, channels, **offsets):
-    """An edit that makes channels repeat 0 exactly, and shifts others, for the first seconds: encoders at a standstill."""
+    """An edit that makes channels repeat 0 exactly, and shifts others, for the first seconds: encoders at a
+    standstill.
+    """
+
     def edit(t, columns):
         for c in channels:
             columns[c][t < seconds] = 0.0
         for c, offset in offsets.items():
             columns[c] += offset
+
     return edit
 
 
@@ -237,17 +289,27 @@ def standing(robot=None, **commands):
     t = np.arange(801) * 0.01
     v = 5.0 * np.sin(2 * np.pi * t / 2.7)[:, None] * np.array([commands.get("left", 1.0), commands.get("right", 1.0)])
     v[(t >= 3.0) & (t < 5.0)] = 0.0
-    run = RunLog("stand", make_run("stand", nominal_model(robot), robot, "steps").meta, t,
-                 {"v_cmd_l": v[:, 0], "v_cmd_r": v[:, 1]})
+    run = RunLog(
+        "stand",
+        make_run("stand", nominal_model(robot), robot, "steps").meta,
+        t,
+        {"v_cmd_l": v[:, 0], "v_cmd_r": v[:, 1]},
+    )
     out = replay_run(nominal_model(robot), run_inputs(run, robot))
-    return Case("stand", robot, (dataclasses.replace(run, columns={**run.columns, **dict(zip(OUTPUTS, out.T))}),)), robot
+    return Case(
+        "stand", robot, (dataclasses.replace(run, columns={**run.columns, **dict(zip(OUTPUTS, out.T))}),)
+    ), robot
 
 
 def noisy(case, robot, seed=3):
     """The case with the sensors' noise."""
     rng = np.random.default_rng(seed)
-    return changed(case, lambda t, columns: columns.update(
-        {c: columns[c] + robot.noise(c) * rng.standard_normal(len(t)) for c in OUTPUTS}))
+    return changed(
+        case,
+        lambda t, columns: columns.update(
+            {c: columns[c] + robot.noise(c) * rng.standard_normal(len(t)) for c in OUTPUTS}
+        ),
+    )
 
 
 def test_a_gyro_with_an_offset_does_not_make_a_standing_robot_move(case):
@@ -287,8 +349,9 @@ def test_a_log_without_noise_that_settles_was_not_held():
     robot = builtin_robot("burger")
     t = np.arange(3001) * 0.004
     v = 5.0 + np.where((t > 5.0) & (t < 7.0), 0.0, 2.0 * np.sin(1.7 * (t - 5.0)))
-    run = RunLog("steady", make_run("steady", nominal_model(robot), robot, "steps").meta, t,
-                 {"v_cmd_l": v, "v_cmd_r": 0.9 * v})
+    run = RunLog(
+        "steady", make_run("steady", nominal_model(robot), robot, "steps").meta, t, {"v_cmd_l": v, "v_cmd_r": 0.9 * v}
+    )
     out = replay_run(nominal_model(robot), run_inputs(run, robot)).astype(np.float32).astype(float)
     steady = Case("steady", robot, (dataclasses.replace(run, columns={**run.columns, **dict(zip(OUTPUTS, out.T))}),))
     same = np.diff(steady.runs[0].columns["w_l"]) == 0
@@ -299,6 +362,7 @@ def test_a_log_without_noise_that_settles_was_not_held():
 def test_clipped_samples_are_set_aside(case):
     def edit(_, columns):
         columns["w_l"] = np.clip(columns["w_l"], -3.0, 3.0)
+
     bad = changed(case, edit)
     found = aside(bad, examine(bad))
     assert set(found) == {(r.name, "w_l") for r in bad.runs if (r.columns["w_l"] == 3.0).sum() > 20}
@@ -309,9 +373,12 @@ def test_clipped_samples_are_set_aside(case):
 
 # ---- holes ---------------------------------------------------------------------------------------------------------
 
+
 def thinned(case, keep):
-    runs = tuple(dataclasses.replace(r, t=r.t[keep(r.t)], columns={c: v[keep(r.t)] for c, v in r.columns.items()})
-                 for r in case.runs)
+    runs = tuple(
+        dataclasses.replace(r, t=r.t[keep(r.t)], columns={c: v[keep(r.t)] for c, v in r.columns.items()})
+        for r in case.runs
+    )
     return dataclasses.replace(case, runs=runs)
 
 
@@ -334,6 +401,7 @@ def test_a_part_is_replayed_from_its_measured_state(case):
 def test_the_part_after_a_hole_starts_where_every_speed_is_measured(case):
     def edit(t, columns):
         columns["w_r"][(t > 3.5) & (t < 4.25)] = np.nan
+
     gate = examine(thinned(changed(case, edit), lambda t: (t < 3.0) | (t > 4.0)))
     assert all(4.25 <= r.t[0] < 4.27 for r in gate.case.runs[1::2])
     assert "% of the rows left out" in gate.of("gap")[0].text
@@ -353,10 +421,20 @@ def test_a_hole_of_minutes_is_refused(case):
 
 # ---- noise ---------------------------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(("rounding", "step"), [
-    (lambda v: np.round(v, 2), 0.01), (lambda v: np.round(v, 1), 0.1), (lambda v: np.round(v * 4), 1.0),
-    (lambda v: np.round(v * 651.9) / 651.9, 1 / 651.9), (lambda v: np.round(v / 0.024) * 0.024 + 0.007, 0.024),
-    (lambda v: np.round(np.round(v * 50) / 50, 6), 0.02), (lambda v: v, 0.0), (lambda v: v.astype(np.float32), 0.0)])
+
+@pytest.mark.parametrize(
+    ("rounding", "step"),
+    [
+        (lambda v: np.round(v, 2), 0.01),
+        (lambda v: np.round(v, 1), 0.1),
+        (lambda v: np.round(v * 4), 1.0),
+        (lambda v: np.round(v * 651.9) / 651.9, 1 / 651.9),
+        (lambda v: np.round(v / 0.024) * 0.024 + 0.007, 0.024),
+        (lambda v: np.round(np.round(v * 50) / 50, 6), 0.02),
+        (lambda v: v, 0.0),
+        (lambda v: v.astype(np.float32), 0.0),
+    ],
+)
 def test_the_step_of_a_rounding_is_found(rounding, step):
     rng = np.random.default_rng(1)
     values = 3.0 * np.sin(np.linspace(0, 20, 2000)) + 0.02 * rng.standard_normal(2000)
@@ -401,12 +479,17 @@ def test_few_levels_on_no_even_grid_and_few_values_show_no_step():
 def test_counts_over_uneven_times_show_their_step_behind_decimals():
     rng = np.random.default_rng(2)
     t = np.cumsum(0.05 + 0.01 * rng.random(600))
-    assert step_of(np.round(counted(t, 20.0 * np.sin(t), 60), 2), t) == pytest.approx(2 * np.pi / 60 / np.median(np.diff(t)), rel=0.05)
+    assert step_of(np.round(counted(t, 20.0 * np.sin(t), 60), 2), t) == pytest.approx(
+        2 * np.pi / 60 / np.median(np.diff(t)), rel=0.05
+    )
 
 
 def test_a_speed_by_few_counts_is_coarse_and_not_clipped(case):
     """Between two of its levels a coarse sensor stands still while the robot moves on; that is no limit."""
-    coarse = changed(case, lambda t, columns: columns.update(w_l=counted(t, columns["th_l"], 24), w_r=counted(t, columns["th_r"], 24)))
+    coarse = changed(
+        case,
+        lambda t, columns: columns.update(w_l=counted(t, columns["th_l"], 24), w_r=counted(t, columns["th_r"], 24)),
+    )
     gate = examine(coarse)
     assert not gate.of("clipped") and not gate.of("frozen")
     assert gate.noise["w_l"] == pytest.approx(2.0 * np.pi / 24 / 0.01 / np.sqrt(12), rel=0.05)
@@ -420,6 +503,7 @@ def test_rounding_adds_to_the_declared_noise(case):
 
 
 # ---- clock ---------------------------------------------------------------------------------------------------------
+
 
 def test_jitter_of_the_stamps_is_measured(case):
     rng = np.random.default_rng(5)
@@ -438,8 +522,9 @@ def test_a_lag_is_measured_where_it_is_certain():
 def test_commands_logged_more_seldom_than_the_motor_answers_are_named(case):
     assert examine(case).timing.commands_enough
     log = case.runs[2]
-    seldom = dataclasses.replace(case, runs=(dataclasses.replace(
-        log, t=log.t[::5], columns={c: v[::5] for c, v in log.columns.items()}),))
+    seldom = dataclasses.replace(
+        case, runs=(dataclasses.replace(log, t=log.t[::5], columns={c: v[::5] for c, v in log.columns.items()}),)
+    )
     gate = examine(seldom)
     assert not gate.timing.commands_enough and gate.timing.command_step_s == pytest.approx(0.05)
     assert "between rows is not known" in gate.of("command_rate")[0].text
@@ -453,13 +538,19 @@ def test_the_origin_of_time_changes_nothing(case):
 
 
 def stamped(case, seconds, seed=5):
-    """The case with stamps that are off by so much, one standard deviation, of rows that were taken when they should be."""
+    """The case with stamps that are off by so much, one standard deviation, of rows that were taken when they should
+    be.
+    """
     rng = np.random.default_rng(seed)
-    return changed(case, lambda t, _: np.maximum.accumulate(t + seconds * rng.standard_normal(len(t))) + 1e-9 * np.arange(len(t)))
+    return changed(
+        case, lambda t, _: np.maximum.accumulate(t + seconds * rng.standard_normal(len(t))) + 1e-9 * np.arange(len(t))
+    )
 
 
 def uneven(change=None, scatter_s=0.0, drift_s=0.0, seed=2):
-    """Three runs that were taken when the stamps say, of rows 10 ms apart: `scatter_s` about a grid, each `drift_s` after the last."""
+    """Three runs that were taken when the stamps say, of rows 10 ms apart: `scatter_s` about a grid, each `drift_s`
+    after the last.
+    """
     robot = builtin_robot("burger")
     model = nominal_model(robot)
     if change is not None:
@@ -468,7 +559,9 @@ def uneven(change=None, scatter_s=0.0, drift_s=0.0, seed=2):
     runs = []
     for run in make_case().runs:
         n = len(run.t)
-        t = np.maximum.accumulate(run.t + scatter_s * rng.standard_normal(n) + np.cumsum(drift_s * rng.random(n))) + 1e-9 * np.arange(n)
+        t = np.maximum.accumulate(
+            run.t + scatter_s * rng.standard_normal(n) + np.cumsum(drift_s * rng.random(n))
+        ) + 1e-9 * np.arange(n)
         columns = {c: v for c, v in run.columns.items() if c.startswith("v_cmd")}
         out = replay_run(model, run_inputs(RunLog(run.name, run.meta, t, columns), robot))
         columns |= {c: out[:, k] + robot.noise(c) * rng.standard_normal(n) for k, c in enumerate(OUTPUTS)}
@@ -554,7 +647,9 @@ def test_what_a_stamp_is_off_counts_as_noise_where_a_channel_changes():
     assert left(examine(late).case.runs, late.robot) == pytest.approx(1.0, abs=0.1)
 
 
-# ---- two glitches beside each other -----------------------------------------------------------------------------------
+# ---- two glitches beside each other
+# -----------------------------------------------------------------------------------
+
 
 @pytest.mark.parametrize("apart", [1, 2])
 def test_glitches_of_two_channels_beside_each_other_are_no_witnesses(case, apart):
@@ -563,7 +658,9 @@ def test_glitches_of_two_channels_beside_each_other_are_no_witnesses(case, apart
     assert aside(case, examine(both)) == {("spin", "w_r"): [300], ("spin", "gyro_z"): [300 - apart]}
 
 
-# ---- glitches among steps of the commands -----------------------------------------------------------------------------
+# ---- glitches among steps of the commands
+# -----------------------------------------------------------------------------
+
 
 def restless(delay=0.0):
     """A run whose commands jump every 0.1 s between two levels, of which every other one turns a wheel about."""
@@ -582,7 +679,9 @@ def restless(delay=0.0):
 @pytest.mark.parametrize(("channel", "size"), [("i_r", 3.0), ("gyro_z", 6.0), ("w_l", -30.0)])
 @pytest.mark.parametrize("row", [300, 301, 305])
 def test_a_glitch_among_steps_of_the_commands_stands_out_of_what_the_replay_leaves(channel, size, row):
-    """The commands could have driven the robot there and back; but they did so elsewhere, too, and the replay was there."""
+    """The commands could have driven the robot there and back; but they did so elsewhere, too, and the replay was
+    there.
+    """
     clean = restless()
     assert aside(clean, examine(clean)) == {}
     assert aside(clean, examine(spoiled(clean, channel, size, rows=(row,)))) == {("prbs", channel): [row]}

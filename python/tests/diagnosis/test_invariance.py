@@ -1,4 +1,6 @@
-"""The same drive, another logger: what the gate hands on stays, whatever was done to the log; and so does the answer."""
+"""The same drive, another logger: what the gate hands on stays, whatever was done to the log; and so does the
+answer.
+"""
 
 from __future__ import annotations
 
@@ -44,8 +46,18 @@ def base(case):
     return gate, gaps(gate)
 
 
-@pytest.mark.parametrize("name", ["time from 1000 s", "time since 1970", "turned and shifted world", "mirrored robot",
-                                  "other names and order", "parquet", "csv"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "time from 1000 s",
+        "time since 1970",
+        "turned and shifted world",
+        "mirrored robot",
+        "other names and order",
+        "parquet",
+        "csv",
+    ],
+)
 def test_frames_names_and_formats_change_nothing_that_the_gate_hands_on(case, base, name):
     gate, known = base
     other = examine(BY_NAME[name].apply(case))
@@ -61,7 +73,7 @@ def test_frames_names_and_formats_change_nothing_that_the_gate_hands_on(case, ba
 def test_a_glitch_is_taken_out_and_moves_no_channel(case, base, change):
     _, known = base
     gate = examine(change.apply(case))
-    glitch, = gate.of("glitch")
+    (glitch,) = gate.of("glitch")
     assert glitch.channel == change.name.split()[-1]
     for c, value in gaps(gate).items():
         assert value == pytest.approx(known[c], rel=0.01), c
@@ -92,10 +104,15 @@ def test_less_information_raises_no_alarm(case, name):
 
 # ---- what a cell of the table means -------------------------------------------------------------------------------
 
+
 def answer(verdict="known", side="left", value=0.1, effect="coulomb_friction", alike=()):
-    return {"verdict": verdict, "indistinguishable": [list(alike)] if alike else [],
-            "effects": [] if effect is None else [
-                {"id": effect, "side": side, "parameters": {"torque_nm": {"value": value, "ci90": [0.09, 0.11]}}}]}
+    return {
+        "verdict": verdict,
+        "indistinguishable": [list(alike)] if alike else [],
+        "effects": []
+        if effect is None
+        else [{"id": effect, "side": side, "parameters": {"torque_nm": {"value": value, "ci90": [0.09, 0.11]}}}],
+    }
 
 
 TWINS = ({"id": "driver_deadzone", "side": "left"}, {"id": "coulomb_friction", "side": "left"})
@@ -110,21 +127,35 @@ def test_of_declared_twins_either_may_stand_for_both():
     assert len(differences(base, answer(effect="driver_deadzone"), SAME)) == 2
 
 
-@pytest.mark.parametrize(("other", "change", "words"), [
-    (answer(), SAME, []), (answer(value=0.095), SAME, []), (answer(value=0.12), SAME, ["outside of 0.09 to 0.11"]),
-    (answer(value=0.113), NOISIER, []), (answer(value=0.12), NOISIER, ["outside of 0.0859 to 0.114"]),
-    (answer("partial"), SAME, ["known became partial"]), (answer(side="right"), SAME, ["left is lost", "right is named"]),
-    (answer(side="right"), FLIPPED, []), (answer(), FLIPPED, ["left is lost", "right is named"]),
-    (answer(effect="driver_deadzone", alike=TWINS), SAME, ["coulomb_friction left is lost", "driver_deadzone left is named"]),
-    (answer("unknown", effect=None), LESS, []), (answer(effect="driver_deadzone"), LESS, ["driver_deadzone left is named"]),
-    (answer(effect="driver_deadzone", alike=TWINS), LESS, [])])
+@pytest.mark.parametrize(
+    ("other", "change", "words"),
+    [
+        (answer(), SAME, []),
+        (answer(value=0.095), SAME, []),
+        (answer(value=0.12), SAME, ["outside of 0.09 to 0.11"]),
+        (answer(value=0.113), NOISIER, []),
+        (answer(value=0.12), NOISIER, ["outside of 0.0859 to 0.114"]),
+        (answer("partial"), SAME, ["known became partial"]),
+        (answer(side="right"), SAME, ["left is lost", "right is named"]),
+        (answer(side="right"), FLIPPED, []),
+        (answer(), FLIPPED, ["left is lost", "right is named"]),
+        (
+            answer(effect="driver_deadzone", alike=TWINS),
+            SAME,
+            ["coulomb_friction left is lost", "driver_deadzone left is named"],
+        ),
+        (answer("unknown", effect=None), LESS, []),
+        (answer(effect="driver_deadzone"), LESS, ["driver_deadzone left is named"]),
+        (answer(effect="driver_deadzone", alike=TWINS), LESS, []),
+    ],
+)
 def test_a_cell_is_good_where_the_answer_stays_or_only_says_less(other, change, words):
     found = differences(answer(), other, change)
     assert len(found) == len(words) and all(word in text for word, text in zip(words, found))
 
 
-# A driver that gives a tenth less one way has no name; a gain that stands in for half of that closes about a tenth of the rest, and is named
-# or not by how logs are rounded (known limits).
+# A driver that gives a tenth less one way has no name; a gain that stands in for half of that closes about a tenth of
+# the rest, and is named or not by how logs are rounded (known limits).
 NOT_YET = {"friction, one without a name": {"two decimals", "no current"}}
 
 

@@ -1,4 +1,6 @@
-"""What an explanation foretells of runs that it was not fitted to: as a fit without them does, and no better by what they lack."""
+"""What an explanation foretells of runs that it was not fitted to: as a fit without them does, and no better by what
+they lack.
+"""
 
 from dataclasses import replace
 
@@ -24,7 +26,9 @@ def fitted(case: Case, parts: dict[tuple[str, str], dict[str, float]]) -> tuple[
     search = Search(Problem(case, 1))
     noise = search.problem.discrepancy()
     search.fits[()] = search.fitter.fit((), np.empty(0), np.zeros(search.fitter.count), noise)
-    hypothesis, start = joined({member: scaled(search.effects, (member,), [values]) for member, values in parts.items()})
+    hypothesis, start = joined(
+        {member: scaled(search.effects, (member,), [values]) for member, values in parts.items()}
+    )
     return search, search.try_fit(hypothesis, start, search.fits[()])
 
 
@@ -49,20 +53,27 @@ def test_a_run_left_out_is_foretold_as_by_a_fit_without_it():
 
 @pytest.mark.parametrize("searched", [1.0, 0.5], ids=["whole", "in stretches"])
 def test_of_a_single_run_each_half_is_left_out_in_turn(monkeypatch, searched):
-    """Its friction grows by a half on the way: each half is foretold by what the other says, and that is worse than what both say."""
+    """Its friction grows by a half on the way: each half is foretold by what the other says, and that is worse than
+    what both say.
+    """
     robot = builtin_robot("burger")
     light, heavy = nominal_model(robot), nominal_model(robot)
     light.add("coulomb", 0.024)
     heavy.add("coulomb", 0.036)
     runs = [make_run("steps", model, robot, "steps", 24.0, 7) for model in (light, heavy)]
     late = runs[0].t >= 12.0
-    run = replace(runs[0], columns={c: np.where(late, runs[1].columns[c], v) for c, v in runs[0].columns.items() if c not in ("x", "y", "yaw")})
+    run = replace(
+        runs[0],
+        columns={
+            c: np.where(late, runs[1].columns[c], v) for c, v in runs[0].columns.items() if c not in ("x", "y", "yaw")
+        },
+    )
     if searched < 1.0:
         monkeypatch.setattr("rtds_host.diagnosis.problem.SEARCHED_S", searched * 24.0)
         monkeypatch.setattr("rtds_host.diagnosis.problem.STRETCH_S", 4.0)
     search, fit = fitted(Case("halves", robot, (run,)), {COULOMB: {"torque_nm": 0.02}})
     assert search.problem.searched == searched
-    (first, second), = parted(search.problem)
+    ((first, second),) = parted(search.problem)
     assert first[:2] == (0, second[0]) and second[1] == len(run.t)
     assert np.array_equal(np.sort(np.concatenate([first[2], second[2]])), np.arange(search.problem.size))
     together = search.problem.gap(fit.model(search.problem))
@@ -70,36 +81,55 @@ def test_of_a_single_run_each_half_is_left_out_in_turn(monkeypatch, searched):
 
 
 def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_does_not_stand():
-    """A driver that was weak in one run of four: its gain follows that run, and the others are foretold worse with it."""
+    """A driver that was weak in one run of four: its gain follows that run, and the others are foretold worse
+    with it.
+    """
     robot = builtin_robot("burger")
     sound, heavy = nominal_model(robot), nominal_model(robot)
     for model in (sound, heavy):
         model.add("coulomb", 0.05)
     heavy.scale("voltage_gain", 0.8)
-    runs = tuple(make_run(f"{kind}-{seed}", heavy if seed == 3 else sound, robot, kind, seed=seed)
-                 for seed, kind in enumerate(("steps", "weave", "steps", "weave")))
-    search, fit = fitted(Case("one of four", robot, runs), {COULOMB: {"torque_nm": 0.04}, ("driver_gain", "both"): {"ratio": 0.9}})
+    runs = tuple(
+        make_run(f"{kind}-{seed}", heavy if seed == 3 else sound, robot, kind, seed=seed)
+        for seed, kind in enumerate(("steps", "weave", "steps", "weave"))
+    )
+    search, fit = fitted(
+        Case("one of four", robot, runs), {COULOMB: {"torque_nm": 0.04}, ("driver_gain", "both"): {"ratio": 0.9}}
+    )
     standing = _standing(search, fit, rough=False)
     one, reason = _unforetold(search, fit, standing)
     assert one.member == ("driver_gain", "both") and "not fitted to" in reason
 
 
-@pytest.mark.parametrize("without,gap,share,worth", [
-    (1.2, 1.0, 0.0, True),        # makes a gap of 1.2 out of none
-    (1.05, 1.0, 0.5, False),      # makes none
-    (1.12, 1.04, 0.0, True),      # makes none of a gap, for the larger part
-    (1.12, 1.09, 0.0, False),     # takes less than half of what a small gap has beyond noise
-    (3.0, 2.0, 0.0, True),        # outweighs what is left
-    (9.0, 8.0, 0.01, False),      # a quarter of what is left: any form may take that
-    (9.0, 8.0, 0.4, True),        # little of the gap, but much of what the likelihood sees
-])
-def test_an_effect_is_worth_naming_if_it_outweighs_half_of_the_rest_or_is_much_of_what_the_likelihood_sees(without, gap, share, worth):
+@pytest.mark.parametrize(
+    "without,gap,share,worth",
+    [
+        (1.2, 1.0, 0.0, True),  # makes a gap of 1.2 out of none
+        (1.05, 1.0, 0.5, False),  # makes none
+        (1.12, 1.04, 0.0, True),  # makes none of a gap, for the larger part
+        (1.12, 1.09, 0.0, False),  # takes less than half of what a small gap has beyond noise
+        (3.0, 2.0, 0.0, True),  # outweighs what is left
+        (9.0, 8.0, 0.01, False),  # a quarter of what is left: any form may take that
+        (9.0, 8.0, 0.4, True),  # little of the gap, but much of what the likelihood sees
+    ],
+)
+def test_an_effect_is_worth_naming_if_it_outweighs_half_of_the_rest_or_is_much_of_what_the_likelihood_sees(
+    without, gap, share, worth
+):
     assert worth_naming(without, gap, share) is worth
 
 
-def test_of_what_fits_as_well_that_comes_first_which_foretells_runs_left_out_best_and_by_more_than_makes_a_gap(monkeypatch):
-    search, fit = fitted(Case("one", builtin_robot("burger"), (make_run("a", nominal_model(builtin_robot("burger")), builtin_robot("burger"),
-                                                                            "steps", 4.0),)), {COULOMB: {"torque_nm": 0.01}})
+def test_of_what_fits_as_well_that_comes_first_which_foretells_runs_left_out_best_and_by_more_than_makes_a_gap(
+    monkeypatch,
+):
+    search, fit = fitted(
+        Case(
+            "one",
+            builtin_robot("burger"),
+            (make_run("a", nominal_model(builtin_robot("burger")), builtin_robot("burger"), "steps", 4.0),),
+        ),
+        {COULOMB: {"torque_nm": 0.01}},
+    )
     names = ("driver_deadzone", "bridge_drop", "viscous_friction")
     rivals = [replace(fit, hypothesis=((name, "both"),)) for name in names]
     foretold = dict(zip([fit.hypothesis, *(f.hypothesis for f in rivals)], (3.3, 2.9, 2.5, 3.29)))

@@ -1,4 +1,6 @@
-"""Logs that the contract allows and hardly anybody has: one wheel measured, no friction, sparse poses, many short runs, holes."""
+"""Logs that the contract allows and hardly anybody has: one wheel measured, no friction, sparse poses, many short runs,
+holes.
+"""
 
 from dataclasses import replace
 
@@ -35,7 +37,11 @@ def scores(case: Case, model) -> dict[str, float]:
     return {block.name: block.score for block in localise(case, model).blocks if block.n}
 
 
-@pytest.mark.parametrize("channels", [("w_r",), ("w_r", "i_r"), ("w_r", "i_l"), ("w_r", "i_l", "i_r", "yaw"), ("th_l", "i_r", "gyro_z")], ids=" ".join)
+@pytest.mark.parametrize(
+    "channels",
+    [("w_r",), ("w_r", "i_r"), ("w_r", "i_l"), ("w_r", "i_l", "i_r", "yaw"), ("th_l", "i_r", "gyro_z")],
+    ids=" ".join,
+)
 def test_a_robot_of_which_one_wheel_is_measured_is_localised(channels):
     case = with_only(make_case(seconds=4.0), *channels)
     assert all(score < 1.3 for score in scores(case, nominal_model(ROBOT)).values())
@@ -43,7 +49,9 @@ def test_a_robot_of_which_one_wheel_is_measured_is_localised(channels):
 
 def test_a_speed_that_nothing_brakes_is_half_way_between_its_ends():
     values, dt = np.array([0.0, 1.0, 3.0]), np.array([0.01, 0.01])
-    assert relaxed(values, dt, 1e9) == pytest.approx([0.5, 2.0]) and relaxed(values, dt, 1e2) == pytest.approx([0.5, 2.0], rel=1e-4)
+    assert relaxed(values, dt, 1e9) == pytest.approx([0.5, 2.0]) and relaxed(values, dt, 1e2) == pytest.approx(
+        [0.5, 2.0], rel=1e-4
+    )
     # Of an interval of many time constants the speed is what it came to.
     assert relaxed(values, dt, 1e-6) == pytest.approx([1.0, 3.0], rel=1e-3)
 
@@ -102,16 +110,21 @@ def test_a_pose_that_comes_every_other_second_has_windows_as_long():
     sparse = {c: np.where(np.arange(len(run.t)) % 200 == 0, run.columns[c], np.nan) for c in ("x", "y", "yaw")}
     log = replace(run, columns={**run.columns, **sparse})
     found = gaps.errors(log, ROBOT, replay_run(nominal_model(ROBOT), run_inputs(run, ROBOT)))
-    assert all(len(found[c]) == 20 and found[c].all() and 0.6 < np.sqrt(np.mean(found[c]**2)) < 1.4 for c in ("x", "y", "yaw"))
+    assert all(
+        len(found[c]) == 20 and found[c].all() and 0.6 < np.sqrt(np.mean(found[c] ** 2)) < 1.4
+        for c in ("x", "y", "yaw")
+    )
 
 
 def test_a_place_counts_in_the_fit_where_headings_have_no_declared_noise():
     case = make_case(seconds=4.0)
     robot = replace(ROBOT, sensors={key: value for key, value in ROBOT.sensors.items() if key != "yaw_rad"})
     problem = Problem(replace(case, robot=robot), 1)
-    names = {("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")[k] for k in problem.channels_of}
+    names = {
+        ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")[k] for k in problem.channels_of
+    }
     assert {"x", "y"} <= names and "yaw" not in names
-    assert np.sqrt(np.mean(problem.residual(problem.nominal)**2)) == pytest.approx(1.0, abs=0.05)
+    assert np.sqrt(np.mean(problem.residual(problem.nominal) ** 2)) == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_run_that_was_cut_has_the_battery_that_the_hole_left():
@@ -128,7 +141,10 @@ def test_a_run_that_was_cut_has_the_battery_that_the_hole_left():
 
 def test_a_run_without_a_sample_that_counts_is_passed_over():
     case = make_case(seconds=4.0)
-    empty = replace(case.runs[0], columns={c: v if c.startswith("v_cmd") else np.full_like(v, np.nan) for c, v in case.runs[0].columns.items()})
+    empty = replace(
+        case.runs[0],
+        columns={c: v if c.startswith("v_cmd") else np.full_like(v, np.nan) for c, v in case.runs[0].columns.items()},
+    )
     problem = Problem(replace(case, runs=(empty, *case.runs[1:])), 1)
     assert len(groups(problem)) == problem.size > 0
 
@@ -155,7 +171,9 @@ def test_the_first_stretch_of_a_run_that_begins_moving_has_the_command_from_befo
     run = replace(run.rows(250, 600), t=run.t[250:600] - run.t[250])
     model = nominal_model(ROBOT)
     model.put("command_delay", 0.3)
-    whole, stretch = (replay_run(model, inputs) for inputs in (run_inputs(run, ROBOT), stretch_inputs(run, ROBOT, 0, 200)))
+    whole, stretch = (
+        replay_run(model, inputs) for inputs in (run_inputs(run, ROBOT), stretch_inputs(run, ROBOT, 0, 200))
+    )
     assert np.allclose(whole[:200], stretch)
 
 
@@ -175,7 +193,7 @@ def test_a_wheel_without_inertia_is_replayed_with_free_play():
 def test_a_single_run_whose_halves_have_no_gap_has_nothing_left_out():
     case = with_only(make_case(seconds=1.5), "th_l", "th_r")
     problem = Problem(replace(case, runs=case.runs[1:2]), 1)
-    (first, last, rows), = parted(problem)[0]
+    ((first, last, rows),) = parted(problem)[0]
     assert (first, last) == (0, len(case.runs[1].t)) and not len(rows)
     diagnosis, details = diagnose(replace(case, runs=case.runs[1:2]), quick=True, threads=1)
     assert np.isfinite(diagnosis["gap"]["after"]) and any("too short to hold a part" in note for note in details.notes)
@@ -195,7 +213,9 @@ def test_speeds_that_are_commanded_are_a_setting():
     run = make_run("run", nominal_model(ROBOT), ROBOT, "steps", 4.0)
     speeds = {f"w_cmd_{s}": run.columns[f"v_cmd_{s}"] for s in "lr"}
     problem = Problem(Case("case", ROBOT, (run,)), 1)
-    problem.runs[0].log = replace(run, columns={**{c: v for c, v in run.columns.items() if not c.startswith("v_cmd")}, **speeds})
+    problem.runs[0].log = replace(
+        run, columns={**{c: v for c, v in run.columns.items() if not c.startswith("v_cmd")}, **speeds}
+    )
     assert np.ptp(settings(problem, problem.nominal)["command"]) > 1.0
 
 
@@ -217,7 +237,11 @@ def test_what_brings_nearly_all_of_a_run_closer_is_missed_by_the_gap_s_measure_w
         blocks, block_count = np.repeat(np.arange(40), 50), 40
 
     left = rng.standard_normal(2000) * 3.0
-    fit, other, elsewhere = _Left(left, np.full(40, 1.0)), _Left(left + 4.0, np.zeros(40)), _Left(left + 40.0 * (Forty.blocks == 7), np.zeros(40))
+    fit, other, elsewhere = (
+        _Left(left, np.full(40, 1.0)),
+        _Left(left + 4.0, np.zeros(40)),
+        _Left(left + 40.0 * (Forty.blocks == 7), np.zeros(40)),
+    )
     assert compared(Forty, fit, other)[0] < 0.0
     gain, t = closer(Forty, fit, other)
     assert gain > 40.0 and t > 5.0

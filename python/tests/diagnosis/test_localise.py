@@ -46,6 +46,7 @@ def test_nuisances_within_their_prior_are_no_place_of_a_gap():
         m.scale("rotor_inertia", 0.99, (1,))
         m.scale("torque_constant", 1.008, (0,))
         m.scale("back_emf", 1.008, (0,))
+
     assert located(make_case(scatter)).shares() == []
 
 
@@ -118,17 +119,25 @@ def saturated(_, columns):
         columns[c] /= 1.0 + (columns[c] / 0.3) ** 2
 
 
-@pytest.mark.parametrize("fault", [wobbly, bent, saturated],
-                         ids=["a speed that wobbles with the angle", "a current that bends", "a current sensor that saturates"])
+@pytest.mark.parametrize(
+    "fault",
+    [wobbly, bent, saturated],
+    ids=["a speed that wobbles with the angle", "a current that bends", "a current sensor that saturates"],
+)
 def test_a_sensor_without_a_name_for_its_fault_is_told_from_the_machine(fault):
     assert located(changed(make_case(), fault)).shares()[0]["subsystem"] == "sensing"
 
 
-@pytest.mark.parametrize("loose,subsystem", [(False, "wheel_ground"), (True, "drivetrain")], ids=["rigid gears", "free play"])
+@pytest.mark.parametrize(
+    "loose,subsystem", [(False, "wheel_ground"), (True, "drivetrain")], ids=["rigid gears", "free play"]
+)
 def test_a_turn_that_the_wheels_do_not_show_is_the_grounds_unless_gears_are_known_to_be_loose(loose, subsystem):
     """A twitch too short for the pose to see: either a tyre lets go for a moment, or a wheel shakes behind its gear."""
+
     def twitch(t, columns):
-        columns["gyro_z"] = columns["gyro_z"] + 0.05 * np.sign(np.sin(40.0 * t)) * (np.abs(columns["w_l"] - columns["w_r"]) > 2.0)
+        columns["gyro_z"] = columns["gyro_z"] + 0.05 * np.sign(np.sin(40.0 * t)) * (
+            np.abs(columns["w_l"] - columns["w_r"]) > 2.0
+        )
 
     case = changed(make_case(), twitch)
     model = nominal_model(case.robot)
@@ -152,7 +161,8 @@ def test_faults_that_no_signature_knows_stay_with_their_block():
 
     def dropouts(_, columns):
         for start in rng.integers(100, 700, 6):
-            columns["w_l"][start:start + 25] = columns["w_l"][start]
+            columns["w_l"][start : start + 25] = columns["w_l"][start]
+
     assert located(changed(make_case(), dropouts)).shares()[0]["subsystem"] == "sensing"
 
 
@@ -164,8 +174,17 @@ def test_what_missing_channels_cost_is_said_and_the_rest_still_works():
     assert "current_l" not in scores(result) and scores(result)["torque_l"] > 3
 
 
-@pytest.mark.parametrize("gone", [("w_l", "w_r"), ("th_l", "th_r"), ("gyro_z",), ("v_bus", "i_l", "i_r"),
-                                  ("w_l", "w_r", "i_l", "i_r", "v_bus", "gyro_z"), ("x", "y", "yaw", "gyro_z")])
+@pytest.mark.parametrize(
+    "gone",
+    [
+        ("w_l", "w_r"),
+        ("th_l", "th_r"),
+        ("gyro_z",),
+        ("v_bus", "i_l", "i_r"),
+        ("w_l", "w_r", "i_l", "i_r", "v_bus", "gyro_z"),
+        ("x", "y", "yaw", "gyro_z"),
+    ],
+)
 def test_a_perfect_robot_without_some_channels_has_no_gap_anywhere(perfect, gone):
     result = located(without(perfect[0], *gone))
     assert result.shares() == [], (result.shares(), scores(result))
@@ -185,23 +204,38 @@ def test_a_replay_that_runs_away_leaves_the_blocks_as_they_are(monkeypatch):
 
 
 NAMELESS = {
-    "a wheel that is not centred": ("wheel_ground", {"id": "wheel_eccentricity", "side": "left", "parameters": {
-        "eccentricity": 0.05, "eccentric_phase": 0.7}}),
-    "a patch of floor that drags": ("wheel_ground", {"id": "floor_patch", "side": "both", "parameters": {
-        "patch_x": 0.1, "patch_force": 1.0}}),
-    "a tyre that loses its grip": ("wheel_ground", {"id": "traction_limit", "side": "both", "parameters": {"traction": 0.4}}),
+    "a wheel that is not centred": (
+        "wheel_ground",
+        {"id": "wheel_eccentricity", "side": "left", "parameters": {"eccentricity": 0.05, "eccentric_phase": 0.7}},
+    ),
+    "a patch of floor that drags": (
+        "wheel_ground",
+        {"id": "floor_patch", "side": "both", "parameters": {"patch_x": 0.1, "patch_force": 1.0}},
+    ),
+    "a tyre that loses its grip": (
+        "wheel_ground",
+        {"id": "traction_limit", "side": "both", "parameters": {"traction": 0.4}},
+    ),
     "a driver that slews": ("driver", {"id": "slew_limit", "side": "both", "parameters": {"slew": 60.0}}),
-    "a battery that relaxes": ("driver", {"id": "bus_relaxation", "side": "both", "parameters": {
-        "relax_ohm": 1.5, "relax_tau": 1.0}}),
-    "a torque that falls behind its current": ("winding", {"id": "magnetic_saturation", "side": "both", "parameters": {"saturation": 0.6}}),
-    "commands with hysteresis": ("driver", {"id": "command_hysteresis", "side": "both", "parameters": {"hysteresis": 1.2}}),
+    "a battery that relaxes": (
+        "driver",
+        {"id": "bus_relaxation", "side": "both", "parameters": {"relax_ohm": 1.5, "relax_tau": 1.0}},
+    ),
+    "a torque that falls behind its current": (
+        "winding",
+        {"id": "magnetic_saturation", "side": "both", "parameters": {"saturation": 0.6}},
+    ),
+    "commands with hysteresis": (
+        "driver",
+        {"id": "command_hysteresis", "side": "both", "parameters": {"hysteresis": 1.2}},
+    ),
     "clocks that drift apart": ("timing", {"id": "clock_drift", "side": "both", "parameters": {"clock_drift": 0.002}}),
 }
 
 
 def driven(machine, commanded=None):
-    """Three flat runs of a machine of another world than the replay's, with the white noise that the robot's sensors declare;
-    `commanded(t, columns)` puts other commands into a run."""
+    """Three flat runs of a machine of another world than the replay's, with the white noise that the robot's sensors
+    declare; `commanded(t, columns)` puts other commands into a run."""
 
     def of_that_machine(t, columns):
         rng = np.random.default_rng(3)
@@ -214,7 +248,11 @@ def driven(machine, commanded=None):
                 columns[channel] = values + builtin_robot("burger").noise(channel) * rng.standard_normal(len(t))
 
     flat = make_case(seconds=12.0)
-    flat = Case(flat.name, flat.robot, tuple(replace(run, meta=replace(run.meta, slope_rad=0.0, payload_kg=0.0)) for run in flat.runs))
+    flat = Case(
+        flat.name,
+        flat.robot,
+        tuple(replace(run, meta=replace(run.meta, slope_rad=0.0, payload_kg=0.0)) for run in flat.runs),
+    )
     return changed(flat, of_that_machine)
 
 
@@ -233,7 +271,9 @@ SATURATION = NAMELESS["a torque that falls behind its current"][1]
 
 
 def kept_of_the_inertia(ratio, cause=None):
-    """What the blocks leave of a rotor 1.4 times as heavy as declared, on a machine whose rotor is `ratio` times, and beside what."""
+    """What the blocks leave of a rotor 1.4 times as heavy as declared, on a machine whose rotor is `ratio` times, and
+    beside what.
+    """
     robot = builtin_robot("burger")
     machine = planar.nominal_machine(robot)
     if ratio != 1.0:
@@ -266,7 +306,9 @@ BEND, VISCOUS = ("pwm_curve", "both"), ("viscous_friction", "both")
 
 @pytest.mark.parametrize("drags", [True, False], ids=["a drag by the square", "a bend and viscous friction"])
 def test_two_effects_that_make_a_drag_by_the_square_stand_in_for_it_where_it_leaves_nothing(drags):
-    """A bend and viscous friction make nine tenths of such a drag: of what they leave, it takes all where it is there."""
+    """A bend and viscous friction make nine tenths of such a drag: of what they leave, it takes all where it is
+    there.
+    """
     robot = builtin_robot("burger")
     machine, model, parts = planar.nominal_machine(robot), nominal_model(robot), {}
     if drags:
@@ -292,15 +334,22 @@ DETENTS = {"id": "detents", "side": "both", "parameters": {"detent": 0.04, "dete
 
 
 @pytest.mark.parametrize("constant", [0.0, 0.04])
-@pytest.mark.parametrize(("effect", "cause", "told"), [
-    (COULOMB, SWING, "a friction at one place of the turn"), (RIPPLE, DETENTS, "a ripple at one place of the turn")],
-    ids=["friction", "ripple"])
+@pytest.mark.parametrize(
+    ("effect", "cause", "told"),
+    [(COULOMB, SWING, "a friction at one place of the turn"), (RIPPLE, DETENTS, "a ripple at one place of the turn")],
+    ids=["friction", "ripple"],
+)
 def test_what_changes_over_the_turn_is_no_constant(effect, cause, told, constant):
-    """A friction that is there at one place of the turn alone has a mean, and no part of it is the same all over the turn."""
+    """A friction that is there at one place of the turn alone has a mean, and no part of it is the same all over the
+    turn.
+    """
     robot = builtin_robot("burger")
     machine, model = planar.nominal_machine(robot), nominal_model(robot)
     planar.apply_outside(machine, cause)
-    sizes = {COULOMB: {"torque_nm": constant}, RIPPLE: {"amplitude_nm": constant, "cycles_per_rev": 17.0, "phase_rad": 0.0}}
+    sizes = {
+        COULOMB: {"torque_nm": constant},
+        RIPPLE: {"amplitude_nm": constant, "cycles_per_rev": 17.0, "phase_rad": 0.0},
+    }
     if constant:
         planar.apply_effect(machine, {"id": effect[0], "side": "both", "parameters": sizes[effect]})
     if effect == COULOMB:
@@ -316,6 +365,7 @@ def test_what_changes_over_the_turn_is_no_constant(effect, cause, told, constant
 @pytest.mark.parametrize("rises", [True, False], ids=["commands that only rise", "commands to and fro"])
 def test_a_driver_hangs_on_the_way_its_command_came_only_where_that_way_turns(rises):
     """Up a ramp such a driver gives less by a constant, as one with a dead zone does."""
+
     def ramps(t, columns):
         columns["v_cmd_l"], columns["v_cmd_r"] = 8.0 * t / t[-1], 7.0 * t / t[-1]
 
@@ -342,5 +392,7 @@ def test_each_cause_without_a_name_has_a_signature():
     run, model = driven(planar.nominal_machine(builtin_robot("burger"))).runs[2], nominal_model(builtin_robot("burger"))
     # At one place of the turn a ripple that is in the model may be of another size.
     model.put("ripple", 0.01)
-    names = {group_of(name) for name in blocks.replay_blocks(run, builtin_robot("burger"), model, extent([run])).columns}
+    names = {
+        group_of(name) for name in blocks.replay_blocks(run, builtin_robot("burger"), model, extent([run])).columns
+    }
     assert set(NAMELESS_CAUSES) <= names

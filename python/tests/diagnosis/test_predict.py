@@ -30,12 +30,30 @@ def run_folder(tmp_path):
 
 def test_a_run_without_any_measurement_is_predicted_from_rest(run_folder, tmp_path):
     out = tmp_path / "pred.csv"
-    done = subprocess.run(RTDS + ["predict", str(run_folder), "--robot", str(builtin_robot_path("burger")), "--out",
-                                  str(out)], check=False, capture_output=True, text=True)
+    done = subprocess.run(
+        RTDS + ["predict", str(run_folder), "--robot", str(builtin_robot_path("burger")), "--out", str(out)],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
     names = out.read_text().splitlines()[0].split(",")
-    assert names == ["t", "v_cmd_l", "v_cmd_r", "v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x",
-                     "y", "yaw"]
+    assert names == [
+        "t",
+        "v_cmd_l",
+        "v_cmd_r",
+        "v_bus",
+        "i_l",
+        "i_r",
+        "w_l",
+        "w_r",
+        "th_l",
+        "th_r",
+        "gyro_z",
+        "x",
+        "y",
+        "yaw",
+    ]
     table = np.loadtxt(out, delimiter=",", skiprows=1)
     assert np.isfinite(table).all() and np.all(table[0, 4:] == 0)
     assert len(table) == len(read_run(run_folder).t)
@@ -45,11 +63,16 @@ def test_times_come_back_to_the_last_digit_and_what_was_ignored_is_told(run_fold
     lines = (run_folder / "log.csv").read_text().splitlines()[:12]
     rows = [line.split(",")[1:] for line in lines[1:]]
     times = [f"{1700000000 + 0.02 * k:.2f}" for k in range(len(rows))]
-    (run_folder / "log.csv").write_text("\n".join([lines[0] + ",W_L", *(",".join([t, *row, "1"])
-                                                                        for t, row in zip(times, rows))]) + "\n")
+    (run_folder / "log.csv").write_text(
+        "\n".join([lines[0] + ",W_L", *(",".join([t, *row, "1"]) for t, row in zip(times, rows))]) + "\n"
+    )
     out = tmp_path / "pred.csv"
-    done = subprocess.run(RTDS + ["predict", str(run_folder), "--robot", str(builtin_robot_path("burger")), "--out",
-                                  str(out)], check=False, capture_output=True, text=True)
+    done = subprocess.run(
+        RTDS + ["predict", str(run_folder), "--robot", str(builtin_robot_path("burger")), "--out", str(out)],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
     assert [float(line.split(",")[0]) for line in out.read_text().splitlines()[1:]] == list(map(float, times))
     assert "'W_L'" in done.stderr and "ignored" in done.stderr
@@ -58,11 +81,16 @@ def test_times_come_back_to_the_last_digit_and_what_was_ignored_is_told(run_fold
 def late(run_case, seconds=0.002):
     """The case with stamps that scatter by so much about the times when rows were taken."""
     rng = np.random.default_rng(5)
-    return changed(run_case, lambda t, _: np.maximum.accumulate(t + seconds * rng.standard_normal(len(t))) + 1e-9 * np.arange(len(t)))
+    return changed(
+        run_case,
+        lambda t, _: np.maximum.accumulate(t + seconds * rng.standard_normal(len(t))) + 1e-9 * np.arange(len(t)),
+    )
 
 
 def test_late_stamps_do_not_count_against_a_prediction():
-    """A diagnosis puts the clock of its runs right; what it predicts of another run of the same logger must not be worse for that."""
+    """A diagnosis puts the clock of its runs right; what it predicts of another run of the same logger must not be
+    worse for that.
+    """
     exact = make_case(lambda m: m.put("command_delay", 0.05))
     model = nominal_model(exact.robot)
     model.put("command_delay", 0.05)
@@ -79,18 +107,36 @@ def test_late_stamps_do_not_count_against_a_prediction():
 def test_the_command_line_tells_of_a_clock_that_it_put_right(tmp_path):
     run = late(make_case()).runs[1]
     write_run(tmp_path / "steps", run.meta, {"t": run.t, **run.columns})
-    done = subprocess.run(RTDS + ["predict", str(tmp_path / "steps"), "--robot", str(builtin_robot_path("burger")), "--out",
-                                  str(tmp_path / "pred.csv")], check=False, capture_output=True, text=True)
+    done = subprocess.run(
+        RTDS
+        + [
+            "predict",
+            str(tmp_path / "steps"),
+            "--robot",
+            str(builtin_robot_path("burger")),
+            "--out",
+            str(tmp_path / "pred.csv"),
+        ],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0 and "rows come evenly" in done.stderr
     times = np.loadtxt(tmp_path / "pred.csv", delimiter=",", skiprows=1)[:, 0]
     assert np.array_equal(times, read_run(tmp_path / "steps").t)
 
 
 def test_a_replay_that_runs_away_is_told(run_folder, tmp_path):
-    (tmp_path / "robot.toml").write_text(builtin_robot_path("burger").read_text() +
-                                         "\n[driver]\nmode = 'torque'\ntorque_nm_per_v = 1000\n")
-    done = subprocess.run(RTDS + ["predict", str(run_folder), "--robot", str(tmp_path / "robot.toml"), "--out",
-                                  str(tmp_path / "pred.csv")], check=False, capture_output=True, text=True)
+    (tmp_path / "robot.toml").write_text(
+        builtin_robot_path("burger").read_text() + "\n[driver]\nmode = 'torque'\ntorque_nm_per_v = 1000\n"
+    )
+    done = subprocess.run(
+        RTDS
+        + ["predict", str(run_folder), "--robot", str(tmp_path / "robot.toml"), "--out", str(tmp_path / "pred.csv")],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
     assert "runs away" in done.stderr
 
 
@@ -105,16 +151,31 @@ def test_a_diagnosis_brings_its_effects_and_its_refit(run_folder, tmp_path):
 
 
 def test_a_tyre_of_an_earlier_diagnosis_is_the_same_tyre(tmp_path):
-    """Earlier ones hold the length over which its traction builds up, later ones what it gives a newton: length times slip, up to the
-    largest of both that there could be."""
+    """Earlier ones hold the length over which its traction builds up, later ones what it gives a newton: length times
+    slip, up to the largest of both that there could be."""
     robot = make_case(seconds=1.0).robot
     diagnosis = example_diagnosis()
-    diagnosis["effects"] = [{"id": "longitudinal_slip", "side": "left", "probability": 0.9, "parameters": {
-        "slip_per_newton": {"value": 0.02, "ci90": [0.01, 0.03]}, "relaxation_m": {"value": 0.003, "ci90": None}}}]
+    diagnosis["effects"] = [
+        {
+            "id": "longitudinal_slip",
+            "side": "left",
+            "probability": 0.9,
+            "parameters": {
+                "slip_per_newton": {"value": 0.02, "ci90": [0.01, 0.03]},
+                "relaxation_m": {"value": 0.003, "ci90": None},
+            },
+        }
+    ]
     (tmp_path / "d.json").write_text(json.dumps(diagnosis))
     assert read_diagnosis(tmp_path / "d.json", robot).get("slip_relaxation", 0) == pytest.approx(0.003)
-    slip, length = diagnosis["effects"][0]["parameters"]["slip_per_newton"], diagnosis["effects"][0]["parameters"]["relaxation_m"]
-    slip["value"], length["value"] = catalogue(robot)["longitudinal_slip"].parameters[0].high, 1.5 * robot.chassis.wheel_radius_m
+    slip, length = (
+        diagnosis["effects"][0]["parameters"]["slip_per_newton"],
+        diagnosis["effects"][0]["parameters"]["relaxation_m"],
+    )
+    slip["value"], length["value"] = (
+        catalogue(robot)["longitudinal_slip"].parameters[0].high,
+        1.5 * robot.chassis.wheel_radius_m,
+    )
     (tmp_path / "d.json").write_text(json.dumps(diagnosis))
     assert read_diagnosis(tmp_path / "d.json", robot).get("slip_relaxation", 0) == pytest.approx(length["value"])
     length["value"] = "long"
@@ -129,28 +190,39 @@ def test_a_size_on_its_bound_is_read_as_a_report_writes_it(tmp_path):
     for effect in catalogue(robot).values():
         for at in ("low", "high"):
             diagnosis = example_diagnosis()
-            diagnosis["effects"] = [{"id": effect.id, "side": effect.sides[0], "probability": 0.9, "parameters": {
-                p.name: {"value": float(f"{getattr(p, at):.5g}"), "ci90": None} for p in effect.parameters}}]
+            diagnosis["effects"] = [
+                {
+                    "id": effect.id,
+                    "side": effect.sides[0],
+                    "probability": 0.9,
+                    "parameters": {
+                        p.name: {"value": float(f"{getattr(p, at):.5g}"), "ci90": None} for p in effect.parameters
+                    },
+                }
+            ]
             (tmp_path / "d.json").write_text(json.dumps(diagnosis))
             read_diagnosis(tmp_path / "d.json", robot)
 
 
-@pytest.mark.parametrize("edit,words", [
-    (lambda d: d["effects"][0].update(id="gremlins"), "effects[0].id"),
-    (lambda d: d["effects"][0].update(side="front"), "effects[0].side"),
-    (lambda d: d["effects"][0]["parameters"].clear(), "torque_nm"),
-    (lambda d: d["effects"][0]["parameters"]["torque_nm"].update(value=-1.0), "torque_nm"),
-    (lambda d: d["nominal_fit"]["l"].update(resistance_ohm="much"), "nominal_fit.l.resistance_ohm"),
-    (lambda d: d["nominal_fit"]["l"].update(resistance_ohm=10**400), "nominal_fit.l.resistance_ohm"),
-    (lambda d: d["effects"][0]["parameters"].update(torque=0.1), "effects[0].parameters.torque"),
-    (lambda d: d["effects"][0].update(parameters=3), "effects[0].parameters"),
-    (lambda d: d["effects"][0].update(id=["coulomb_friction"]), "effects[0].id"),
-    (lambda d: d.update(effects=5), "effects"),
-    (lambda d: d.update(nominal_fit=[1]), "nominal_fit"),
-    (lambda d: d.update(schema="other"), "schema"),
-    (lambda d: d.update(setup={"gyro": 0.001}), "setup.gyro"),
-    (lambda d: d.update(setup={"latency_s": -0.01}), "setup.latency_s"),
-])
+@pytest.mark.parametrize(
+    "edit,words",
+    [
+        (lambda d: d["effects"][0].update(id="gremlins"), "effects[0].id"),
+        (lambda d: d["effects"][0].update(side="front"), "effects[0].side"),
+        (lambda d: d["effects"][0]["parameters"].clear(), "torque_nm"),
+        (lambda d: d["effects"][0]["parameters"]["torque_nm"].update(value=-1.0), "torque_nm"),
+        (lambda d: d["nominal_fit"]["l"].update(resistance_ohm="much"), "nominal_fit.l.resistance_ohm"),
+        (lambda d: d["nominal_fit"]["l"].update(resistance_ohm=10**400), "nominal_fit.l.resistance_ohm"),
+        (lambda d: d["effects"][0]["parameters"].update(torque=0.1), "effects[0].parameters.torque"),
+        (lambda d: d["effects"][0].update(parameters=3), "effects[0].parameters"),
+        (lambda d: d["effects"][0].update(id=["coulomb_friction"]), "effects[0].id"),
+        (lambda d: d.update(effects=5), "effects"),
+        (lambda d: d.update(nominal_fit=[1]), "nominal_fit"),
+        (lambda d: d.update(schema="other"), "schema"),
+        (lambda d: d.update(setup={"gyro": 0.001}), "setup.gyro"),
+        (lambda d: d.update(setup={"latency_s": -0.01}), "setup.latency_s"),
+    ],
+)
 def test_a_broken_diagnosis_is_named_by_file_and_key(tmp_path, edit, words):
     diagnosis = example_diagnosis()
     edit(diagnosis)

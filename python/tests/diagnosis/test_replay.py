@@ -45,7 +45,7 @@ def integrated(log, rates, state, **how):
     rows = [state]
     for k in range(len(log.t) - 1):
         volts = np.array([log.columns["v_cmd_l"][k], log.columns["v_cmd_r"][k]])
-        rows.append(solve_ivp(rates, log.t[k:k + 2], rows[-1], args=(volts,), **how).y[:, -1])
+        rows.append(solve_ivp(rates, log.t[k : k + 2], rows[-1], args=(volts,), **how).y[:, -1])
     return np.array(rows)
 
 
@@ -92,8 +92,14 @@ def test_nominal_replay_is_within_a_fraction_of_the_noise_of_scipy(kind):
 def test_halving_the_step_brings_the_replay_four_times_nearer():
     log = run("steps")
     reference = scipy_reference(log)[:, OUTPUT_INDEX["w_l"]]
-    errors = [np.sqrt(np.mean((replay_run(nominal_model(ROBOT), run_inputs(log, ROBOT), h)[:, OUTPUT_INDEX["w_l"]]
-                               - reference) ** 2)) for h in (2e-3, 1e-3, 5e-4)]
+    errors = [
+        np.sqrt(
+            np.mean(
+                (replay_run(nominal_model(ROBOT), run_inputs(log, ROBOT), h)[:, OUTPUT_INDEX["w_l"]] - reference) ** 2
+            )
+        )
+        for h in (2e-3, 1e-3, 5e-4)
+    ]
     assert errors[0] / errors[1] > 3.3 and errors[1] / errors[2] > 3.3
 
 
@@ -109,7 +115,10 @@ def test_a_bus_that_sags_is_that_of_its_differential_equation():
         current, w = s[:2], s[2:]
         level = 1.0 - source * current @ volts / ROBOT.supply_v**2
         di = (volts * level - m.resistance_ohm * current - m.back_emf_constant_v_s_per_rad * n * w) / m.inductance_h
-        return [*di, *inverse @ (n * m.torque_constant_nm_per_a * current - n * n * m.viscous_friction_nm_s_per_rad * w)]
+        return [
+            *di,
+            *inverse @ (n * m.torque_constant_nm_per_a * current - n * n * m.viscous_friction_nm_s_per_rad * w),
+        ]
 
     s = integrated(log, rates, np.zeros(4), method="DOP853", rtol=1e-10, atol=1e-12)
     model = nominal_model(ROBOT)
@@ -123,7 +132,9 @@ def test_a_bus_that_sags_is_that_of_its_differential_equation():
 
 
 def scipy_slip(log, slip, length, damping, grip):
-    """Yaw rate (n,) rad/s and way (n,) m of a robot whose tyres slip: Pacejka's transient slip in its differential form."""
+    """Yaw rate (n,) rad/s and way (n,) m of a robot whose tyres slip: Pacejka's transient slip in its differential
+    form.
+    """
     m, c = ROBOT.motor, ROBOT.chassis
     n, r, half = m.gear_ratio, c.wheel_radius_m, 0.5 * c.track_width_m
     mass = c.mass_kg + log.meta.payload_kg
@@ -138,23 +149,37 @@ def scipy_slip(log, slip, length, damping, grip):
         di = (volts - m.resistance_ohm * current - m.back_emf_constant_v_s_per_rad * n * w) / m.inductance_h
         torque = n * m.torque_constant_nm_per_a * current - n * n * m.viscous_friction_nm_s_per_rad * w
         dv = (force.sum() - pull * math.cos(yaw - log.meta.uphill_yaw_rad)) / mass
-        return [*di, *((torque - r * force) / spin), *dz, dv, half * (force[1] - force[0]) / c.yaw_inertia_kg_m2, rate, v]
+        return [
+            *di,
+            *((torque - r * force) / spin),
+            *dz,
+            dv,
+            half * (force[1] - force[0]) / c.yaw_inertia_kg_m2,
+            rate,
+            v,
+        ]
 
     s = integrated(log, rates, np.zeros(10), method="LSODA", rtol=1e-8, atol=1e-10)
     return s[:, 7], s[:, 9]
 
 
-@pytest.mark.parametrize("slip,length,damping,grip", [
-    (0.03, 0.002, 60.0, 0.9),       # reversals at full voltage exceed the grip
-    (0.006, 0.011, 50.0, 4.0),      # a soft tyre that never slides
-])
+@pytest.mark.parametrize(
+    "slip,length,damping,grip",
+    [
+        (0.03, 0.002, 60.0, 0.9),  # reversals at full voltage exceed the grip
+        (0.006, 0.011, 50.0, 4.0),  # a soft tyre that never slides
+    ],
+)
 def test_slip_is_that_of_its_differential_equation(slip, length, damping, grip):
     log = run("steps", seconds=2.0, payload=0.0)
     for side, period in (("l", 0.3), ("r", 0.45)):
         log.columns[f"v_cmd_{side}"][:] = np.where(log.t // period % 2 == 0, 9.0, -7.0)
     model = nominal_model(ROBOT)
-    CATALOGUE["longitudinal_slip"].apply(model, (0, 1), {
-        "slip_per_newton": slip, "softness_m_per_n": slip * length, "damping_n_s_per_m": damping, "grip": grip})
+    CATALOGUE["longitudinal_slip"].apply(
+        model,
+        (0, 1),
+        {"slip_per_newton": slip, "softness_m_per_n": slip * length, "damping_n_s_per_m": damping, "grip": grip},
+    )
     rate, way = scipy_slip(log, slip, length, damping, grip)
     inputs = run_inputs(log, ROBOT)
     effect = replay_run(nominal_model(ROBOT), inputs)[:, OUTPUT_INDEX["gyro_z"]] - rate
@@ -172,8 +197,11 @@ def test_a_wheel_that_climbs_slowly_slips_by_the_share_the_contract_says():
     for side in "lr":
         log.columns[f"v_cmd_{side}"][:] = 6.0
     model = nominal_model(ROBOT)
-    CATALOGUE["longitudinal_slip"].apply(model, (0, 1), {
-        "slip_per_newton": slip, "softness_m_per_n": slip * 0.002, "damping_n_s_per_m": 50.0, "grip": 100.0})
+    CATALOGUE["longitudinal_slip"].apply(
+        model,
+        (0, 1),
+        {"slip_per_newton": slip, "softness_m_per_n": slip * 0.002, "damping_n_s_per_m": 50.0, "grip": 100.0},
+    )
     out = replay_run(model, run_inputs(log, ROBOT))
     last = np.flatnonzero(log.t > 5.0)
     speed = np.polyfit(log.t[last], out[last, OUTPUT_INDEX["x"]], 1)[0]
@@ -189,8 +217,11 @@ def test_a_tyre_gives_no_more_than_its_grip_however_short_it_is(length, slip, gr
     for side in "lr":
         log.columns[f"v_cmd_{side}"][:] = np.where(log.t // 0.5 % 2 == 0, 12.0, -12.0)
     model = nominal_model(ROBOT)
-    CATALOGUE["longitudinal_slip"].apply(model, (0, 1), {
-        "slip_per_newton": slip, "softness_m_per_n": slip * length, "damping_n_s_per_m": 50.0, "grip": grip})
+    CATALOGUE["longitudinal_slip"].apply(
+        model,
+        (0, 1),
+        {"slip_per_newton": slip, "softness_m_per_n": slip * length, "damping_n_s_per_m": 50.0, "grip": grip},
+    )
     inputs = run_inputs(log, ROBOT)
     for step in (model.step_s, 1e-4):
         x = replay_run(model, inputs, step)[:, OUTPUT_INDEX["x"]]
@@ -228,7 +259,7 @@ def test_every_effect_is_absent_at_its_null_and_seen_at_its_start(effect, side):
         entry.apply(model, SIDES[side], values)
         return replay_run(model, inputs)
 
-    if effect not in ("gear_compliance", "voltage_limit"):       # their null is a bound at infinity
+    if effect not in ("gear_compliance", "voltage_limit"):  # their null is a bound at infinity
         null = with_values({p.name: p.null for p in entry.parameters})
         assert np.allclose(null, nominal, atol=1e-9)
     starts = start_values(entry) or [{"amplitude_nm": 0.02, "cycles_per_rev": 12.0, "phase_rad": 0.5}]
@@ -237,7 +268,9 @@ def test_every_effect_is_absent_at_its_null_and_seen_at_its_start(effect, side):
     assert largest > 1.0
 
 
-PAIRS = [pair for pair in itertools.combinations(CATALOGUE.values(), 2) if start_values(pair[0]) and start_values(pair[1])]
+PAIRS = [
+    pair for pair in itertools.combinations(CATALOGUE.values(), 2) if start_values(pair[0]) and start_values(pair[1])
+]
 
 
 @pytest.mark.parametrize("side", ["right", "both"])
@@ -285,7 +318,7 @@ def test_replays_abreast_are_those_one_by_one(side):
 
 def test_a_body_that_cannot_be_runs_away_within_the_finite_numbers():
     model = nominal_model(ROBOT)
-    model.put("com_y", 0.22)        # more than its yaw inertia allows
+    model.put("com_y", 0.22)  # more than its yaw inertia allows
     out = replay_run(model, run_inputs(run("weave"), ROBOT))
     assert np.isfinite(out).all() and np.abs(out).max() < 1e9
 
@@ -365,7 +398,7 @@ def test_flanks_part_after_an_impact_at_the_stated_share_of_the_speed_at_which_t
     out = replay_run(model, run_inputs(log, ROBOT))
     wheel = np.gradient(out[:, OUTPUT_INDEX["x"]], t) / ROBOT.chassis.wheel_radius_m
     rotor = out[:, OUTPUT_INDEX["w_l"]]
-    before = int(np.argmax(wheel > 0.05))          # the last sample before the blow
+    before = int(np.argmax(wheel > 0.05))  # the last sample before the blow
     met, rotor_after, wheel_after = rotor[before], rotor[before + 1], wheel[before + 3]
     gained = 2 * (rotor[before] - rotor[before - 1])  # by the motor, over the samples between
     assert wheel_after - rotor_after == pytest.approx(restitution * met, abs=gained)
@@ -394,8 +427,12 @@ def test_a_run_that_begins_in_motion_was_under_its_first_command_before():
     t = np.arange(0.0, 0.2, 0.01)
     columns = {"v_cmd_l": np.full(len(t), 6.0), "v_cmd_r": np.full(len(t), 6.0)}
     # The speed that six volts hold, without friction but the nominal one.
-    steady = replay_run(nominal_model(robot), run_inputs(RunLog("steady", RunMeta(), np.arange(0.0, 5.0, 0.01), {
-        c: np.full(500, 6.0) for c in columns}), robot))[-1, 3:5]
+    steady = replay_run(
+        nominal_model(robot),
+        run_inputs(
+            RunLog("steady", RunMeta(), np.arange(0.0, 5.0, 0.01), {c: np.full(500, 6.0) for c in columns}), robot
+        ),
+    )[-1, 3:5]
     moving = {**columns, "w_l": np.full(len(t), steady[0]), "w_r": np.full(len(t), steady[1])}
     log = RunLog("moving", RunMeta(), t, moving)
     assert np.allclose(replay_run(model, run_inputs(log, robot))[5:, 3], steady[0], rtol=0.02)
@@ -404,7 +441,9 @@ def test_a_run_that_begins_in_motion_was_under_its_first_command_before():
 
 
 def test_friction_that_falls_with_speed_does_not_drive_a_robot_far_beyond_its_free_speed():
-    """What turns twice as fast as its motor can has another gain; friction that differs by direction gives no energy back."""
+    """What turns twice as fast as its motor can has another gain; friction that differs by direction gives no energy
+    back.
+    """
     robot = builtin_robot("burger")
     effect = catalogue(robot)["friction_asymmetry"]
     t = np.arange(0.0, 6.0, 0.01)
@@ -434,11 +473,16 @@ def test_no_delay_is_looked_for_beyond_what_a_replay_knows(effect):
 def test_what_an_effect_changes_is_seen_by_longer_steps_too():
     problem = Problem(make_case(), threads=1)
     model = problem.nominal
-    models = [apply(problem.effects, model, ((effect.id, "left" if effect.sided else "both"),), [values])
-              for effect in available(problem) for values in start_values(effect)]
+    models = [
+        apply(problem.effects, model, ((effect.id, "left" if effect.sided else "both"),), [values])
+        for effect in available(problem)
+        for values in start_values(effect)
+    ]
     coarse = [m.coarse_s for m in models]
     base, *moved = problem.residuals([model, *models])
-    for m, short, long, long_base in zip(models, moved, problem.residuals(models, coarse), problem.residuals([model] * len(models), coarse)):
+    for m, short, long, long_base in zip(
+        models, moved, problem.residuals(models, coarse), problem.residuals([model] * len(models), coarse)
+    ):
         change = short - base
         assert np.linalg.norm(change - (long - long_base)) <= 0.2 * np.linalg.norm(change), m
 
@@ -470,14 +514,18 @@ def test_what_of_a_speeds_lag_is_a_delay_shifts_what_its_filter_gives_and_leaves
 
     def reported(log, delay, lag):
         values = {"time_constant_s": lag, "delay_s": delay}
-        return replay_run(apply(CATALOGUE, nominal_model(ROBOT), (("speed_filter", side),), [values]), run_inputs(log, ROBOT))
+        return replay_run(
+            apply(CATALOGUE, nominal_model(ROBOT), (("speed_filter", side),), [values]), run_inputs(log, ROBOT)
+        )
 
     filtered, late = reported(fine, 0.0, (1.0 - share) * lag), reported(coarse, share * lag, lag)
     on_time = reported(coarse, 0.0, (1.0 - share) * lag)
     inside = coarse.t > 0.5
     for k, w in enumerate(("w_l", "w_r")):
         column = OUTPUT_INDEX[w]
-        expected = np.interp(coarse.t - share * lag, fine.t, filtered[:, column]) if k in SIDES[side] else on_time[:, column]
+        expected = (
+            np.interp(coarse.t - share * lag, fine.t, filtered[:, column]) if k in SIDES[side] else on_time[:, column]
+        )
         assert np.abs(late[inside, column] - expected[inside]).max() < 0.3 * ROBOT.noise(w)
     for name in OUTPUT_INDEX.keys() - {"w_l", "w_r"}:
         # Samples between the rows part the integration's steps.
@@ -485,7 +533,9 @@ def test_what_of_a_speeds_lag_is_a_delay_shifts_what_its_filter_gives_and_leaves
 
 
 def test_pieces_of_an_axis_begin_with_what_its_late_speed_reports():
-    """A piece starts at the angle's slope; what the speed was before is known by what is reported of it as the piece begins."""
+    """A piece starts at the angle's slope; what the speed was before is known by what is reported of it as the piece
+    begins.
+    """
     robot = replace(ROBOT, chassis=None, axis=Axis("inertia", 1e-3))
     model = nominal_model(robot)
     model.put("speed_late", 0.02, (0,))
@@ -505,7 +555,12 @@ def test_pieces_of_an_axis_begin_with_what_its_late_speed_reports():
 
 @pytest.mark.parametrize("load", [0.0, 0.2], ids=["no load friction", "load friction"])
 def test_an_amplifier_commands_no_more_torque_than_its_limit_allows(load):
-    robot = replace(ROBOT, chassis=None, axis=Axis("inertia", 1e-3), driver=replace(ROBOT.driver, mode="torque", torque_nm_per_v=0.001))
+    robot = replace(
+        ROBOT,
+        chassis=None,
+        axis=Axis("inertia", 1e-3),
+        driver=replace(ROBOT.driver, mode="torque", torque_nm_per_v=0.001),
+    )
     t = np.arange(0.0, 3.0, 0.01)
     volts = 9.0 * np.sin(2.0 * np.pi * t / 1.1)
     asked, clipped = (RunLog("swing", RunMeta(), t, {"v_cmd_l": v}) for v in (volts, np.clip(volts, -5.0, 5.0)))
@@ -515,14 +570,16 @@ def test_an_amplifier_commands_no_more_torque_than_its_limit_allows(load):
     less = replay_run(model, run_inputs(clipped, robot))
     model.put("limit", 5.0)
     limited = replay_run(model, run_inputs(asked, robot))
-    assert np.allclose(limited, less) and np.abs(limited - free)[:, OUTPUT_INDEX["w_l"]].max() > 10.0 * ROBOT.noise("w_l")
+    assert np.allclose(limited, less) and np.abs(limited - free)[:, OUTPUT_INDEX["w_l"]].max() > 10.0 * ROBOT.noise(
+        "w_l"
+    )
 
 
 @pytest.mark.parametrize(("gain", "bias"), [(1.0, -0.0551), (0.5, 0.2), (-1.0, 0.1)])
 @pytest.mark.parametrize("delay_s", [0.0, 0.009])
 def test_a_current_at_the_start_is_what_its_sensor_makes_of_it(gain, bias, delay_s):
-    """The first row's current is the starting state (contract, section 7) as the sensor reports it: its bias is in it once, and stays the
-    report until the first later one is through."""
+    """The first row's current is the starting state (contract, section 7) as the sensor reports it: its bias is in it
+    once, and stays the report until the first later one is through."""
     log = run()
     log.columns["i_r"] = np.full(len(log.t), bias)
     model = nominal_model(ROBOT)

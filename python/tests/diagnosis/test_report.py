@@ -26,6 +26,7 @@ def details():
 
 # ---- diagnosis.json ------------------------------------------------------------------------------------------------
 
+
 def test_the_contracts_example_is_valid():
     validate(example_diagnosis())
 
@@ -33,36 +34,45 @@ def test_the_contracts_example_is_valid():
 def _without(key):
     def edit(d):
         del d[key]
+
     return edit
 
 
 def _with(**values):
     def edit(d):
         d.update(values)
+
     return edit
 
 
-@pytest.mark.parametrize(("edit", "place"), [
-    (_without("gap"), "gap"),
-    (_with(verdict="perhaps"), "verdict"),
-    (_with(schema="rtds-diagnosis/1"), "schema"),
-    (_with(extra=1), "extra"),
-    (_with(located=[{"subsystem": "drivetrain", "share": 0.7}]), "located"),
-    (_with(located=[{"subsystem": "motor", "share": 1.0}]), "located/0/subsystem"),
-    (_with(effects=[]), "effects"),
-    (_with(verdict="unknown"), "effects"),
-    (_with(budget=[{"what": "tolerance", "share": 0.5}]), "budget"),
-    (_with(budget=[{"what": "rest", "share": 1.0}]), "budget/0"),
-    (_with(verdict="partial", next_experiment=None), "next_experiment"),
-    (_with(indistinguishable=[[{"id": "spin_scrub", "side": "both"}, {"id": "gyro_gain", "side": "both"}]]),
-     "indistinguishable"),
-    (_with(verdict="none"), "verdict"),
-    (_with(alternatives=[{"effects": [], "probability": 0.4}]), "alternatives"),
-    (_with(alternatives=[{"effects": [], "probability": 0.1}, {"effects": "unknown", "probability": 0.9}]),
-     "alternatives"),
-    (_with(indistinguishable=[[{"id": "coulomb_friction", "side": "both"}]]), "indistinguishable/0"),
-    (_with(nominal_fit={"left": {}}), "nominal_fit"),
-])
+@pytest.mark.parametrize(
+    ("edit", "place"),
+    [
+        (_without("gap"), "gap"),
+        (_with(verdict="perhaps"), "verdict"),
+        (_with(schema="rtds-diagnosis/1"), "schema"),
+        (_with(extra=1), "extra"),
+        (_with(located=[{"subsystem": "drivetrain", "share": 0.7}]), "located"),
+        (_with(located=[{"subsystem": "motor", "share": 1.0}]), "located/0/subsystem"),
+        (_with(effects=[]), "effects"),
+        (_with(verdict="unknown"), "effects"),
+        (_with(budget=[{"what": "tolerance", "share": 0.5}]), "budget"),
+        (_with(budget=[{"what": "rest", "share": 1.0}]), "budget/0"),
+        (_with(verdict="partial", next_experiment=None), "next_experiment"),
+        (
+            _with(indistinguishable=[[{"id": "spin_scrub", "side": "both"}, {"id": "gyro_gain", "side": "both"}]]),
+            "indistinguishable",
+        ),
+        (_with(verdict="none"), "verdict"),
+        (_with(alternatives=[{"effects": [], "probability": 0.4}]), "alternatives"),
+        (
+            _with(alternatives=[{"effects": [], "probability": 0.1}, {"effects": "unknown", "probability": 0.9}]),
+            "alternatives",
+        ),
+        (_with(indistinguishable=[[{"id": "coulomb_friction", "side": "both"}]]), "indistinguishable/0"),
+        (_with(nominal_fit={"left": {}}), "nominal_fit"),
+    ],
+)
 def test_a_diagnosis_that_breaks_the_contract_is_refused_by_place(edit, place):
     diagnosis = example_diagnosis()
     edit(diagnosis)
@@ -77,6 +87,7 @@ def test_an_interval_may_be_null_for_not_pinned():
 
 
 # ---- the page as text ----------------------------------------------------------------------------------------------
+
 
 def test_the_same_input_gives_the_same_bytes(details):
     first = report_page(example_diagnosis(), details)
@@ -99,8 +110,16 @@ def test_text_from_outside_cannot_become_markup(details):
 
 
 # Names as a recording of somebody else may carry them: runs, robot, case, channels.
-HOSTILE = ("</script><script>window.owned=1</script>", "<!--<script>", "]]><svg/onload=window.owned=1>",
-           "\"><img src=x onerror=window.owned=1>", "' onclick='window.owned=1", "__proto__", "${window.owned=1}", "a&lt;b")
+HOSTILE = (
+    "</script><script>window.owned=1</script>",
+    "<!--<script>",
+    "]]><svg/onload=window.owned=1>",
+    '"><img src=x onerror=window.owned=1>',
+    "' onclick='window.owned=1",
+    "__proto__",
+    "${window.owned=1}",
+    "a&lt;b",
+)
 
 
 def hostile(details):
@@ -115,8 +134,15 @@ def hostile(details):
     diagnosis["held_out_runs"] = list(HOSTILE)
     gap = {"before": 14.2, "refit": 13.9, "after": 1.08}
     diagnosis["gap"]["channels"] = {name: gap for name in HOSTILE}
-    return diagnosis, replace(details, case=case, traces=traces, gate=examine(case), notes=list(HOSTILE),
-                              run_gaps={name: gap for name in HOSTILE}, regimes={name: gap for name in HOSTILE})
+    return diagnosis, replace(
+        details,
+        case=case,
+        traces=traces,
+        gate=examine(case),
+        notes=list(HOSTILE),
+        run_gaps={name: gap for name in HOSTILE},
+        regimes={name: gap for name in HOSTILE},
+    )
 
 
 def test_no_name_can_end_a_script_or_open_a_comment_in_it(details):
@@ -128,8 +154,11 @@ def test_no_name_can_end_a_script_or_open_a_comment_in_it(details):
 
 def test_escape_codes_in_names_do_not_reach_a_terminal(details):
     codes = "\x1b[2J\x1b]0;owned\x07\u202e\x9b31m\udcff"
-    run = replace(details.case.runs[0], name=f"run{codes}", columns={**details.case.runs[0].columns,
-                                                                   "w_l": np.zeros(len(details.case.runs[0].t))})
+    run = replace(
+        details.case.runs[0],
+        name=f"run{codes}",
+        columns={**details.case.runs[0].columns, "w_l": np.zeros(len(details.case.runs[0].t))},
+    )
     case = replace(details.case, name=f"case{codes}", runs=(run, *details.case.runs[1:]))
     console = Console(file=io.StringIO(), width=400, force_terminal=False)
     print_summary(console, example_diagnosis(), replace(details, case=case, gate=examine(case)))
@@ -146,9 +175,14 @@ def traces_of(text):
 
 @pytest.mark.parametrize("start", [20_000.0, 1.7e9])
 def test_times_are_shown_from_the_runs_start_whatever_the_logs_clock(details, start):
-    later = replace(details, case=replace(details.case, runs=tuple(replace(run, t=start + run.t) for run in details.case.runs)),
-                    traces={run: {name: replace(trace, t=start + trace.t) for name, trace in channels.items()}
-                            for run, channels in details.traces.items()})
+    later = replace(
+        details,
+        case=replace(details.case, runs=tuple(replace(run, t=start + run.t) for run in details.case.runs)),
+        traces={
+            run: {name: replace(trace, t=start + trace.t) for name, trace in channels.items()}
+            for run, channels in details.traces.items()
+        },
+    )
     text = report_page(example_diagnosis(), later)
     assert traces_of(text) == traces_of(report_page(example_diagnosis(), details))
     for trace in (trace for channels in traces_of(text).values() for trace in channels.values()):
@@ -162,7 +196,9 @@ VERDICTS = ("known", "partial", "unknown", "none")
 
 def words_of(html):
     """What a piece of a page says."""
-    return " ".join(unescape(re.sub(r"<style.*?</style>|<script.*?</script>|<[^>]+>", " ", html, flags=re.DOTALL)).split())
+    return " ".join(
+        unescape(re.sub(r"<style.*?</style>|<script.*?</script>|<[^>]+>", " ", html, flags=re.DOTALL)).split()
+    )
 
 
 def sections(verdict, details, **changes):
@@ -181,19 +217,31 @@ def test_every_verdict_has_its_page_and_summary(details, verdict):
     shown = " ".join(console.file.getvalue().split())
     assert verdict in shown and verdict in first
     headline, step, summary = {
-        "known": ("Coulomb friction (both sides) makes this robot differ", "If this shows it: grease or change the gear", "0.048 N·m"),
-        "partial": ("explains a part of the difference", "40 % of the difference has no name; most of it shows in the wheel and ground",
-                    "40 % of it has no name, most of that in the wheel and ground"),
-        "unknown": ("no effect of the catalogue explains it. Most of the difference shows in the drivetrain",
-                    "Change nothing on the robot yet", "no name, drivetrain 90 %"),
+        "known": (
+            "Coulomb friction (both sides) makes this robot differ",
+            "If this shows it: grease or change the gear",
+            "0.048 N·m",
+        ),
+        "partial": (
+            "explains a part of the difference",
+            "40 % of the difference has no name; most of it shows in the wheel and ground",
+            "40 % of it has no name, most of that in the wheel and ground",
+        ),
+        "unknown": (
+            "no effect of the catalogue explains it. Most of the difference shows in the drivetrain",
+            "Change nothing on the robot yet",
+            "no name, drivetrain 90 %",
+        ),
         "none": ("Nothing is missing", "Use the simulator as it is", "Nothing is missing"),
     }[verdict]
     assert headline in first and step in do and summary in shown
     assert ("Record the manoeuvre crawl next" in do) == (verdict != "none")
 
 
-@pytest.mark.parametrize(("verdict", "export", "close"), [("known", True, True), ("partial", True, True), ("unknown", False, False),
-                                                          ("none", True, False)])
+@pytest.mark.parametrize(
+    ("verdict", "export", "close"),
+    [("known", True, True), ("partial", True, True), ("unknown", False, False), ("none", True, False)],
+)
 def test_the_advice_names_the_commands_of_the_next_step(details, verdict, export, close):
     do = words_of(sections(verdict, details)[1])
     assert ("rtds export diagnosis.json" in do, "rtds close CASE" in do) == (export, close)
@@ -207,19 +255,36 @@ def test_no_command_is_advised_that_would_refuse_the_robot(details):
 
     robot = details.case.robot
     by_speed = on(replace(robot, driver=replace(robot.driver, mode="speed"), servo=Servo(0.44, 8.6, 12.0, 0.001)))
-    assert "rtds export" in by_speed and "rtds plan" in by_speed and "rtds close" not in by_speed and "--effects" not in by_speed
-    for other in (replace(robot, driver=replace(robot.driver, mode="torque", torque_nm_per_v=0.1)),
-                  replace(robot, chassis=None, axis=Axis("inertia", 1e-5))):
+    assert (
+        "rtds export" in by_speed
+        and "rtds plan" in by_speed
+        and "rtds close" not in by_speed
+        and "--effects" not in by_speed
+    )
+    for other in (
+        replace(robot, driver=replace(robot.driver, mode="torque", torque_nm_per_v=0.1)),
+        replace(robot, chassis=None, axis=Axis("inertia", 1e-5)),
+    ):
         text = on(other)
         assert "rtds predict RUN" in text
         assert not any(name in text for name in ("rtds export", "rtds plan", "rtds close", "rtds run"))
 
 
-@pytest.mark.parametrize(("held", "page_says", "terminal_says"), [
-    (["steps"], "Each half of the run is judged with motor values and sizes worked out without it; which causes are named rests on the whole run.",
-     "On halves of the run not used for the fit the gap falls"),
-    (["spin", "steps"], "Each run is judged with motor values and sizes worked out without it; which causes are named rests on all runs together.",
-     "On runs not used for the fit the gap falls")])
+@pytest.mark.parametrize(
+    ("held", "page_says", "terminal_says"),
+    [
+        (
+            ["steps"],
+            "Each half of the run is judged with motor values and sizes worked out without it; which causes are named rests on the whole run.",
+            "On halves of the run not used for the fit the gap falls",
+        ),
+        (
+            ["spin", "steps"],
+            "Each run is judged with motor values and sizes worked out without it; which causes are named rests on all runs together.",
+            "On runs not used for the fit the gap falls",
+        ),
+    ],
+)
 def test_what_the_gap_was_judged_on_is_said(details, held, page_says, terminal_says):
     assert page_says in words_of(sections("known", details, held_out_runs=held)[0])
     assert terminal_says in verdict_sentence({**example_diagnosis(), "held_out_runs": held})
@@ -229,7 +294,9 @@ def test_what_the_gap_was_judged_on_is_said(details, held, page_says, terminal_s
 STATISTICS = re.compile(
     r"probab|likelihood|posterior|prior\b|\bodds\b|sigma|standard (deviation|error)|varian|confiden|interval|percentile|quantile|"
     r"significan|regress|correlat|covarian|residual|root mean|\brms\b|held.out|\bfit(s|ted)?\b|refit|Shapley|bayes|evidence|"
-    r"hypothes|estimat|distribut|null\b|\bbias(ed)?\b|\bmean\b|median", re.IGNORECASE)
+    r"hypothes|estimat|distribut|null\b|\bbias(ed)?\b|\bmean\b|median",
+    re.IGNORECASE,
+)
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
@@ -247,7 +314,9 @@ def test_the_first_picture_is_what_the_gap_is_made_of(details, verdict):
     assert [float(width) / 100.0 for *_, width in drawn] == pytest.approx([row["share"] for row in rows], abs=1e-4)
     assert re.findall(r"<(?:svg|canvas)[^>]*", first)[:1] == (re.findall(r'<svg id="budget"[^>]*', first))
     nameless = sum(row["share"] for row in rows if row["what"] == "rest")
-    assert verdict != "partial" or f"{100 * nameless:.0f} % of the difference has no name" in words_of(sections(verdict, details)[1])
+    assert verdict != "partial" or f"{100 * nameless:.0f} % of the difference has no name" in words_of(
+        sections(verdict, details)[1]
+    )
     assert ("url(#nameless)" in first) == any(row["what"] == "rest" for row in rows)
 
 
@@ -259,7 +328,13 @@ def test_nothing_is_shown_with_effects_where_none_is_blamed(details, verdict):
         assert words not in page
     traces = traces_of(text)
     assert {line for channels in traces.values() for trace in channels.values() for line in trace} == {
-        "unit", "noise", "t", "measured", "nominal", "refit"}
+        "unit",
+        "noise",
+        "t",
+        "measured",
+        "nominal",
+        "refit",
+    }
     console = Console(file=io.StringIO(), width=100)
     print_summary(console, example_of(verdict), details)
     assert "with effects" not in console.file.getvalue() and "closed" not in console.file.getvalue()
@@ -267,8 +342,13 @@ def test_nothing_is_shown_with_effects_where_none_is_blamed(details, verdict):
 
 def test_causes_that_look_alike_are_checked_and_none_of_them_is_mended(details):
     resistance, gain = {"id": "rolling_resistance", "side": "both"}, {"id": "speed_gain", "side": "both"}
-    effect = {**resistance, "subsystem": "wheel_ground", "probability": 0.97, "gap_without": 13.9,
-              "parameters": {"coefficient": {"value": 0.02, "ci90": [0.01, 0.03]}}}
+    effect = {
+        **resistance,
+        "subsystem": "wheel_ground",
+        "probability": 0.97,
+        "gap_without": 13.9,
+        "parameters": {"coefficient": {"value": 0.02, "ci90": [0.01, 0.03]}},
+    }
     budget = [{"what": "effect", **resistance, "share": 0.95}, {"what": "rest", "subsystem": None, "share": 0.05}]
     alone = words_of(sections("known", details, effects=[effect], budget=budget)[1])
     assert "If this shows it: inflate" in alone and CATALOGUE["rolling_resistance"].check in alone
@@ -276,7 +356,11 @@ def test_causes_that_look_alike_are_checked_and_none_of_them_is_mended(details):
     do, everything = words_of(twins[1]), words_of(" ".join(twins))
     assert "rolling resistance or speed gain (both sides) would look the same in these runs" in do
     assert "Rolling resistance or speed gain (both sides) makes this robot differ" in everything
-    assert "These runs cannot tell which." in everything and "certain" not in everything and "ikely" not in words_of(twins[0])
+    assert (
+        "These runs cannot tell which." in everything
+        and "certain" not in everything
+        and "ikely" not in words_of(twins[0])
+    )
     for one in (resistance, gain):
         assert CATALOGUE[one["id"]].check in do and CATALOGUE[one["id"]].advice not in everything
     assert "nflate" not in everything
@@ -286,8 +370,13 @@ def test_causes_that_look_alike_are_checked_and_none_of_them_is_mended(details):
 
 def test_a_block_as_good_as_a_perfect_one_has_hardly_a_bar(details):
     blocks = re.search(r'<table id="blocks">.*?</table>', sections("known", details)[2], re.DOTALL)[0]
-    width = {float(score): int(wide) for wide, score in re.findall(r'width:(\d+)px"></span><span class="value">([\d.]+)', blocks)}
-    assert max(width.values()) == 120 == width[max(width)] and all(wide <= 2 for score, wide in width.items() if score < 1.05)
+    width = {
+        float(score): int(wide)
+        for wide, score in re.findall(r'width:(\d+)px"></span><span class="value">([\d.]+)', blocks)
+    }
+    assert max(width.values()) == 120 == width[max(width)] and all(
+        wide <= 2 for score, wide in width.items() if score < 1.05
+    )
 
 
 def test_each_effect_has_a_check_of_its_own():
@@ -298,8 +387,14 @@ def test_each_effect_has_a_check_of_its_own():
 
 
 def test_a_factor_is_shown_as_the_value_it_makes_with_nominal_and_unit(details):
-    effect = {"id": "resistance_error", "side": "both", "subsystem": "winding", "probability": 0.8, "gap_without": 13.9,
-              "parameters": {"ratio": {"value": 0.8, "ci90": [0.79, 0.81]}}}
+    effect = {
+        "id": "resistance_error",
+        "side": "both",
+        "subsystem": "winding",
+        "probability": 0.8,
+        "gap_without": 13.9,
+        "parameters": {"ratio": {"value": 0.8, "ci90": [0.79, 0.81]}},
+    }
     first, _, _, causes = sections("known", details, effects=[effect])[:4]
     assert "6.88 Ω in place of 8.6 Ω (resistance_ohm). Likely." in words_of(first)
     row = re.search(r'<tr class="effect".*?</tr>', causes, re.DOTALL)[0]
@@ -318,12 +413,19 @@ def test_the_summary_names_effect_value_gap_and_next_run(details):
     console = Console(file=io.StringIO(), width=120)
     print_summary(console, example_diagnosis(), details)
     shown = console.file.getvalue()
-    for piece in ("Coulomb friction, both sides", "0.048 N·m (0.046 to 0.05)", "14.2", "1.08", "record crawl (rtds plan"):
+    for piece in (
+        "Coulomb friction, both sides",
+        "0.048 N·m (0.046 to 0.05)",
+        "14.2",
+        "1.08",
+        "record crawl (rtds plan",
+    ):
         assert piece in shown
     assert len(shown.splitlines()) < 20
 
 
 # ---- the page in a browser -----------------------------------------------------------------------------------------
+
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
@@ -331,9 +433,18 @@ def browser(tmp_path_factory):
 
     options = webdriver.ChromeOptions()
     options.binary_location = shutil.which("chromium")
-    for flag in ("--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
-                 "--disable-component-update", "--disable-sync", "--no-first-run", "--disable-dev-shm-usage",
-                 "--window-size=1200,1400", f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
+    for flag in (
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
+        "--no-first-run",
+        "--disable-dev-shm-usage",
+        "--window-size=1200,1400",
+        f"--user-data-dir={tmp_path_factory.mktemp('profile')}",
+    ):
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
@@ -399,8 +510,10 @@ def test_the_text_on_the_page_matches_the_json(opened):
     assert figures["before"].startswith("14.2") and figures["after"].startswith("1.08")
     closed = opened.find_element("id", "closed").text
     assert closed.startswith("99.4 %") and "99.1 % to 99.7 %" in closed
-    shares = {g.get_attribute("data-subsystem"): float(g.get_attribute("data-share"))
-              for g in opened.find_elements("css selector", "#chain .block")}
+    shares = {
+        g.get_attribute("data-subsystem"): float(g.get_attribute("data-share"))
+        for g in opened.find_elements("css selector", "#chain .block")
+    }
     assert shares["drivetrain"] == 0.91 and shares["driver"] == 0.09 and len(shares) == 7
     rows = opened.find_elements("css selector", "#alternatives tbody tr")
     assert [float(r.get_attribute("data-probability")) for r in rows] == [0.95, 0.03, 0.01, 0.01]
@@ -476,20 +589,25 @@ return [seen, found];
 
 def emulate(browser, width=1200, height=1400, media="", scheme="light"):
     """Give the browser's page a size, a medium and a colour scheme."""
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride",
-                            {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500})
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia",
-                            {"media": media, "features": [{"name": "prefers-color-scheme", "value": scheme}]})
+    browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500},
+    )
+    browser.execute_cdp_cmd(
+        "Emulation.setEmulatedMedia", {"media": media, "features": [{"name": "prefers-color-scheme", "value": scheme}]}
+    )
 
 
 @pytest.fixture
 def page(browser, details, tmp_path):
     """Open the report of a verdict in a window of a size and a colour scheme."""
+
     def show(verdict, width=1200, height=1400, **media):
         emulate(browser, width, height, **media)
         (tmp_path / "report.html").write_text(report_page(example_of(verdict), details), encoding="utf-8")
         browser.get((tmp_path / "report.html").as_uri())
         return browser
+
     yield show
     browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "", "features": []})
@@ -568,8 +686,9 @@ def test_the_wheel_zooms_all_plots_and_the_button_shows_the_whole_run(opened):
 def test_another_run_and_another_line_can_be_shown(opened):
     shot = "return document.querySelector('#plots canvas[data-channel=w_l]').toDataURL()"
     first = opened.execute_script(shot)
-    opened.execute_script("const s = document.getElementById('run'); s.value = 'weave'; "
-                          "s.dispatchEvent(new Event('change'))")
+    opened.execute_script(
+        "const s = document.getElementById('run'); s.value = 'weave'; s.dispatchEvent(new Event('change'))"
+    )
     second = opened.execute_script(shot)
     assert second != first
     opened.execute_script("document.querySelector('#keys input[value=nominal]').click()")

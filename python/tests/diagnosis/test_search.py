@@ -35,14 +35,23 @@ POSE = ("x", "y", "yaw")
 def forwards(case: Case) -> Case:
     """The case with every command and speed made positive, and no angle that goes back: no reversal."""
     of = {"v": np.abs, "w": np.abs, "t": np.maximum.accumulate}
-    runs = tuple(replace(r, columns={c: of.get(c[0], np.asarray)(v) if c != "v_bus" else v for c, v in r.columns.items()}) for r in case.runs)
+    runs = tuple(
+        replace(r, columns={c: of.get(c[0], np.asarray)(v) if c != "v_bus" else v for c, v in r.columns.items()})
+        for r in case.runs
+    )
     return replace(case, runs=runs)
 
 
 def there_and_back(case: Case) -> Case:
     """Two runs of it, one all forwards and one all backwards: no reversal within either."""
     on, back = forwards(case).runs[:2]
-    return replace(case, runs=(on, replace(back, columns={c: -v if c[0] in "vwt" and c != "v_bus" else v for c, v in back.columns.items()})))
+    return replace(
+        case,
+        runs=(
+            on,
+            replace(back, columns={c: -v if c[0] in "vwt" and c != "v_bus" else v for c, v in back.columns.items()}),
+        ),
+    )
 
 
 def straight(case: Case) -> Case:
@@ -51,43 +60,75 @@ def straight(case: Case) -> Case:
     return replace(case, runs=runs)
 
 
-@pytest.mark.parametrize("case,member,expected", [
-    (make_case(), ("command_delay", "both"), []),
-    (without(make_case(), *POSE), ("command_delay", "both"), [("measurement_delay", "both")]),
-    (without(make_case(), *POSE, "i_l", "i_r", "gyro_z"), ("speed_gain", "left"), [("driver_gain", "left")]),
-    (without(make_case(), *POSE, "gyro_z"), ("speed_gain", "left"), []),
-    (without(make_case(), "x", "y"), ("wheel_radius_error", "both"), [("track_width_error", "both")]),
-    (without(make_case(), "x", "y"), ("wheel_radius_error", "left"), []),
-    (without(make_case(), *POSE), ("gyro_gain", "both"), [("track_width_error", "both"), ("wheel_radius_error", "both")]),
-    (without(straight(make_case()), *POSE), ("wheel_radius_error", "both"), [("track_width_error", "both")]),
-    (without(make_case(), "i_l", "i_r"), ("driver_deadzone", "right"), []),
-    (without(forwards(make_case()), "i_l", "i_r"), ("driver_deadzone", "right"),
-     [("coulomb_friction", "right"), ("bridge_drop", "right"), ("friction_asymmetry", "right")]),
-    (without(there_and_back(make_case()), "i_l", "i_r"), ("driver_deadzone", "right"),
-     [("coulomb_friction", "right"), ("bridge_drop", "right")]),
-    (without(there_and_back(make_case()), "i_l", "i_r"), ("rolling_resistance", "both"),
-     [("coulomb_friction", "both"), ("driver_deadzone", "both"), ("bridge_drop", "both")]),
-    (there_and_back(make_case()), ("friction_asymmetry", "right"), []),
-    (forwards(make_case()), ("friction_asymmetry", "both"), [("coulomb_friction", "both")]),
-    (replace(forwards(make_case()), runs=forwards(make_case()).runs[:2]), ("rolling_resistance", "both"),
-     [("coulomb_friction", "both"), ("friction_asymmetry", "both")]),
-    (replace(make_case(), runs=make_case().runs[:2]), ("rolling_resistance", "both"), [("coulomb_friction", "both")]),
-    (make_case(), ("rolling_resistance", "both"), []),
-], ids=lambda v: v[0] if isinstance(v, tuple) else "")
+@pytest.mark.parametrize(
+    "case,member,expected",
+    [
+        (make_case(), ("command_delay", "both"), []),
+        (without(make_case(), *POSE), ("command_delay", "both"), [("measurement_delay", "both")]),
+        (without(make_case(), *POSE, "i_l", "i_r", "gyro_z"), ("speed_gain", "left"), [("driver_gain", "left")]),
+        (without(make_case(), *POSE, "gyro_z"), ("speed_gain", "left"), []),
+        (without(make_case(), "x", "y"), ("wheel_radius_error", "both"), [("track_width_error", "both")]),
+        (without(make_case(), "x", "y"), ("wheel_radius_error", "left"), []),
+        (
+            without(make_case(), *POSE),
+            ("gyro_gain", "both"),
+            [("track_width_error", "both"), ("wheel_radius_error", "both")],
+        ),
+        (without(straight(make_case()), *POSE), ("wheel_radius_error", "both"), [("track_width_error", "both")]),
+        (without(make_case(), "i_l", "i_r"), ("driver_deadzone", "right"), []),
+        (
+            without(forwards(make_case()), "i_l", "i_r"),
+            ("driver_deadzone", "right"),
+            [("coulomb_friction", "right"), ("bridge_drop", "right"), ("friction_asymmetry", "right")],
+        ),
+        (
+            without(there_and_back(make_case()), "i_l", "i_r"),
+            ("driver_deadzone", "right"),
+            [("coulomb_friction", "right"), ("bridge_drop", "right")],
+        ),
+        (
+            without(there_and_back(make_case()), "i_l", "i_r"),
+            ("rolling_resistance", "both"),
+            [("coulomb_friction", "both"), ("driver_deadzone", "both"), ("bridge_drop", "both")],
+        ),
+        (there_and_back(make_case()), ("friction_asymmetry", "right"), []),
+        (forwards(make_case()), ("friction_asymmetry", "both"), [("coulomb_friction", "both")]),
+        (
+            replace(forwards(make_case()), runs=forwards(make_case()).runs[:2]),
+            ("rolling_resistance", "both"),
+            [("coulomb_friction", "both"), ("friction_asymmetry", "both")],
+        ),
+        (
+            replace(make_case(), runs=make_case().runs[:2]),
+            ("rolling_resistance", "both"),
+            [("coulomb_friction", "both")],
+        ),
+        (make_case(), ("rolling_resistance", "both"), []),
+    ],
+    ids=lambda v: v[0] if isinstance(v, tuple) else "",
+)
 def test_twins_are_what_the_runs_lack_the_channels_or_motions_to_part(case, member, expected):
     assert twins(case, member) == expected
 
 
-@pytest.mark.parametrize("case,member,expected", [
-    (without(make_case(), "i_l", "i_r"), ("resistance_error", "both"), [("torque_constant_error", "both"), ("payload_error", "both")]),
-    (without(make_case(), "i_l", "i_r"), ("resistance_error", "left"), [("torque_constant_error", "left")]),
-    (make_case(), ("resistance_error", "both"), []),
-    (make_case(), ("payload_error", "both"), []),
-    (straight(make_case()), ("wheel_radius_error", "both"), []),
-    (without(straight(make_case()), *POSE), ("wheel_radius_error", "both"), [("payload_error", "both")]),
-    (without(straight(make_case()), *POSE), ("payload_error", "both"), [("wheel_radius_error", "both")]),
-    (replace(make_case(), runs=make_case().runs[1:2]), ("payload_error", "both"), [("slope_error", "both")]),
-], ids=lambda v: v[0] if isinstance(v, tuple) else "")
+@pytest.mark.parametrize(
+    "case,member,expected",
+    [
+        (
+            without(make_case(), "i_l", "i_r"),
+            ("resistance_error", "both"),
+            [("torque_constant_error", "both"), ("payload_error", "both")],
+        ),
+        (without(make_case(), "i_l", "i_r"), ("resistance_error", "left"), [("torque_constant_error", "left")]),
+        (make_case(), ("resistance_error", "both"), []),
+        (make_case(), ("payload_error", "both"), []),
+        (straight(make_case()), ("wheel_radius_error", "both"), []),
+        (without(straight(make_case()), *POSE), ("wheel_radius_error", "both"), [("payload_error", "both")]),
+        (without(straight(make_case()), *POSE), ("payload_error", "both"), [("wheel_radius_error", "both")]),
+        (replace(make_case(), runs=make_case().runs[1:2]), ("payload_error", "both"), [("slope_error", "both")]),
+    ],
+    ids=lambda v: v[0] if isinstance(v, tuple) else "",
+)
 def test_near_twins_are_what_the_runs_lack_the_current_or_a_second_slope_to_part(case, member, expected):
     assert near_twins(case, member) == expected
 
@@ -107,7 +148,9 @@ def late_case(lates: dict[str, float]) -> Case:
 
 
 def test_a_run_whose_commands_act_later_than_the_others_does_not_bend_the_delay():
-    """One link in four was set up 0.2 s late: the delay is that of the three, the one run's is noted, and gaps are judged without."""
+    """One link in four was set up 0.2 s late: the delay is that of the three, the one run's is noted, and gaps are
+    judged without.
+    """
     problem = Problem(late_case({"r1": 0.2}))
     model = problem.nominal.copy()
     model.put("command_delay", 0.15)
@@ -117,15 +160,18 @@ def test_a_run_whose_commands_act_later_than_the_others_does_not_bend_the_delay(
     assert problem.gap_as_fitted(model) < 0.5 * before
     assert problem.gap(model) == before
     diagnosis, details = diagnose(late_case({"r1": 0.2}), quick=True)
-    delay, = diagnosis["effects"]
+    (delay,) = diagnosis["effects"]
     assert delay["id"] == "command_delay"
     low, high = delay["parameters"]["seconds"]["ci90"]
     assert low < 0.15 < high and delay["parameters"]["seconds"]["value"] == pytest.approx(0.15, abs=0.005)
     assert any(note.startswith("r1: its commands act") for note in details.notes)
 
 
-@pytest.mark.parametrize("lates,delay", [({}, 0.15), ({"r1": 0.2, "r2": 0.2}, 0.15), ({"r1": 0.2}, 0.0)],
-                         ids=["all alike", "half of them: no delay is common", "no delay known"])
+@pytest.mark.parametrize(
+    "lates,delay",
+    [({}, 0.15), ({"r1": 0.2, "r2": 0.2}, 0.15), ({"r1": 0.2}, 0.0)],
+    ids=["all alike", "half of them: no delay is common", "no delay known"],
+)
 def test_commands_are_late_in_single_runs_only_beside_the_delay_of_most(lates, delay):
     problem = Problem(late_case(lates))
     model = problem.nominal.copy()
@@ -152,17 +198,23 @@ def test_a_ripples_cycles_are_fitted_to_a_share_of_what_a_run_turns(off):
 
     start = {"amplitude_nm": 0.015, "cycles_per_rev": 12.0 + off, "phase_rad": 0.5}
     _, fit = fitted(make_case(change, seconds=20.0), (("torque_ripple", "both"), start))
-    values, = fit.values
-    assert values["cycles_per_rev"] == pytest.approx(12.0, abs=0.003) and values["amplitude_nm"] == pytest.approx(0.02, rel=0.02)
+    (values,) = fit.values
+    assert values["cycles_per_rev"] == pytest.approx(12.0, abs=0.003) and values["amplitude_nm"] == pytest.approx(
+        0.02, rel=0.02
+    )
 
 
 def test_only_factors_are_searched_by_their_logarithm():
     """A number of cycles is no factor: over a run it is wrong by so many cycles."""
-    assert {p.name for effect in catalogue(builtin_robot("burger")).values() for p in effect.parameters if p.logarithmic} == {"ratio", "grip"}
+    assert {
+        p.name for effect in catalogue(builtin_robot("burger")).values() for p in effect.parameters if p.logarithmic
+    } == {"ratio", "grip"}
 
 
 def test_the_spectrum_of_a_ripple_is_as_fine_as_its_peak():
-    """Over many turns a peak is narrower than any round number of cycles: here 11.63, as an encoder's scale would make it."""
+    """Over many turns a peak is narrower than any round number of cycles: here 11.63, as an encoder's scale would make
+    it.
+    """
     robot = builtin_robot("burger")
     model = nominal_model(robot)
     for slot, value in (("ripple", 0.02), ("ripple_cycles", 11.63)):
@@ -177,7 +229,9 @@ def test_the_spectrum_of_a_ripple_is_as_fine_as_its_peak():
 
 
 def test_an_encoders_scale_counts_from_its_zero():
-    """Contract, section 3: the angle is reported as ratio times the true one, so a run that begins at 9 rad began at 9 / ratio."""
+    """Contract, section 3: the angle is reported as ratio times the true one, so a run that begins at 9 rad began at 9
+    / ratio.
+    """
     robot = builtin_robot("burger")
     log = make_run("r", nominal_model(robot), robot, "steps", 2.0)
     inputs = run_inputs(log, robot)
@@ -192,13 +246,16 @@ def test_an_encoders_scale_counts_from_its_zero():
     np.testing.assert_allclose(out[:, th], 1.5 * plain[:, th], atol=1e-9)
 
 
-@pytest.mark.parametrize("times", [
-    np.arange(80) * 0.01,
-    np.concatenate([np.arange(40), np.arange(55, 95)]) * 0.01,                  # a hole
-    np.concatenate([np.arange(40) * 0.01, 0.4 + np.arange(40) * 0.025]),        # another rate
-    np.cumsum(np.random.default_rng(8).uniform(0.005, 0.02, 80)),
-    np.zeros(1),
-])
+@pytest.mark.parametrize(
+    "times",
+    [
+        np.arange(80) * 0.01,
+        np.concatenate([np.arange(40), np.arange(55, 95)]) * 0.01,  # a hole
+        np.concatenate([np.arange(40) * 0.01, 0.4 + np.arange(40) * 0.025]),  # another rate
+        np.cumsum(np.random.default_rng(8).uniform(0.005, 0.02, 80)),
+        np.zeros(1),
+    ],
+)
 def test_the_likelihood_is_that_of_noise_and_an_ornstein_uhlenbeck_process(times):
     """The filter's innovations against the covariance of all samples at once, by both of its implementations."""
     size, tau = 3.0, 0.1
@@ -210,7 +267,9 @@ def test_the_likelihood_is_that_of_noise_and_an_ornstein_uhlenbeck_process(times
     assert noise.cost(residual) == pytest.approx(expected, rel=1e-9)
     first, last = np.array([0, len(times)]), np.array([len(times), 2 * len(times)])
     # Another discrepancy beside it changes nothing.
-    found = _nll_of_all(residual, np.tile(times, 2), first, last, np.array([0.5, size**2, 1e4]), np.array([0.02, tau, 0.3]))
+    found = _nll_of_all(
+        residual, np.tile(times, 2), first, last, np.array([0.5, size**2, 1e4]), np.array([0.02, tau, 0.3])
+    )
     assert found[1] == pytest.approx(expected, rel=1e-6)
 
 
@@ -251,18 +310,27 @@ def fitted(case: Case, *members: tuple[tuple[str, str], dict[str, float]]):
     search = Search(problem, quick=True)
     search.fits[()] = search.fitter.fit((), np.empty(0), np.zeros(search.fitter.count), problem.discrepancy())
     hypothesis = tuple(member for member, _ in members)
-    return search, search.try_fit(hypothesis, scaled(search.effects, hypothesis, [values for _, values in members]), search.fits[()])
+    return search, search.try_fit(
+        hypothesis, scaled(search.effects, hypothesis, [values for _, values in members]), search.fits[()]
+    )
 
 
 def test_the_lag_of_the_speeds_may_be_one_of_all_that_is_measured_in_part():
-    search, fit = fitted(make_case(lambda m: m.put("speed_tau", 0.04)), (("speed_filter", "both"), {"time_constant_s": 0.04, "delay_s": 0.0}))
+    search, fit = fitted(
+        make_case(lambda m: m.put("speed_tau", 0.04)),
+        (("speed_filter", "both"), {"time_constant_s": 0.04, "delay_s": 0.0}),
+    )
     lag, delay = ("speed_filter", "both"), ("measurement_delay", "both")
-    (hypothesis, u, _), = search._halved(fit, lag)
+    ((hypothesis, u, _),) = search._halved(fit, lag)
     values = dict(zip(hypothesis, to_values(search.effects, hypothesis, u)))
-    assert values[lag]["time_constant_s"] == pytest.approx(0.02, rel=0.05) and values[delay]["seconds"] == pytest.approx(0.02, rel=0.05)
+    assert values[lag]["time_constant_s"] == pytest.approx(0.02, rel=0.05) and values[delay][
+        "seconds"
+    ] == pytest.approx(0.02, rel=0.05)
 
 
-@pytest.mark.parametrize("case,like", [(without(make_case(), *POSE), True), (make_case(), False)], ids=["no pose", "pose"])
+@pytest.mark.parametrize(
+    "case,like", [(without(make_case(), *POSE), True), (make_case(), False)], ids=["no pose", "pose"]
+)
 def test_what_no_run_tells_from_a_delay_of_all_does_most_of_what_a_lag_of_the_speeds_does(case, like):
     search = SimpleNamespace(problem=SimpleNamespace(case=case), effects=catalogue(case.robot))
     assert _likened(search, ("measurement_delay", "both"), ("speed_filter", "both"))
@@ -270,10 +338,16 @@ def test_what_no_run_tells_from_a_delay_of_all_does_most_of_what_a_lag_of_the_sp
 
 
 def test_a_delay_under_the_other_delays_name_is_renamed():
-    """8.3 ms of the commands read as 8.3 ms of the samples: next to no gap is left, and no slope leads from one to the other."""
-    search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("measurement_delay", "both"), {"seconds": 0.0083}))
+    """8.3 ms of the commands read as 8.3 ms of the samples: next to no gap is left, and no slope leads from one to the
+    other.
+    """
+    search, fit = fitted(
+        make_case(lambda m: m.put("command_delay", 0.0083)), (("measurement_delay", "both"), {"seconds": 0.0083})
+    )
     assert search.renamed(fit).hypothesis == (("command_delay", "both"),)
-    search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083}))
+    search, fit = fitted(
+        make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083})
+    )
     assert search.renamed(fit) is fit
 
 
@@ -287,7 +361,9 @@ SLIP, GEAR = ("longitudinal_slip", "left"), ("gear_compliance", "left")
 
 
 def test_a_soft_tyre_is_found_under_a_soft_gear():
-    """A tread of 15 N a millimetre is, about the axle, a spring of 16.5 N m a radian: most of what it does; the slip is the rest."""
+    """A tread of 15 N a millimetre is, about the axle, a spring of 16.5 N m a radian: most of what it does; the slip is
+    the rest.
+    """
     search, fit = fitted(make_case(soft_tyre), (GEAR, {"stiffness_nm_per_rad": 16.5, "damping_nm_s_per_rad": 0.054}))
     found = search.namesakes(fit, GEAR)[SLIP]
     assert search.score(found) < search.score(fit) - 2.0 * np.log(CONVINCING)
@@ -300,7 +376,10 @@ def test_a_soft_gear_is_found_under_a_soft_tyre():
         model.put("stiffness", 7.4, (0,))
         model.put("damping", 0.008, (0,))
 
-    search, fit = fitted(make_case(soft_gear), (SLIP, {"slip_per_newton": 0.005, "softness_m_per_n": 1.5e-4, "damping_n_s_per_m": 7.0, "grip": 4.0}))
+    search, fit = fitted(
+        make_case(soft_gear),
+        (SLIP, {"slip_per_newton": 0.005, "softness_m_per_n": 1.5e-4, "damping_n_s_per_m": 7.0, "grip": 4.0}),
+    )
     found = search.namesakes(fit, SLIP)[GEAR]
     assert search.score(found) < search.score(fit)
     assert found.values[0]["stiffness_nm_per_rad"] == pytest.approx(7.4, rel=0.02)
@@ -308,13 +387,17 @@ def test_a_soft_gear_is_found_under_a_soft_tyre():
 
 def test_two_springs_in_a_row_become_one_where_one_does():
     """Half the tread's softness in the gear: neither can be taken out by itself, both together are the tyre's."""
-    search, fit = fitted(make_case(soft_tyre), (GEAR, {"stiffness_nm_per_rad": 33.0, "damping_nm_s_per_rad": 0.1}),
-                         (SLIP, {"slip_per_newton": 0.005, "softness_m_per_n": 3.3e-5, "damping_n_s_per_m": 100.0, "grip": 20.0}))
+    search, fit = fitted(
+        make_case(soft_tyre),
+        (GEAR, {"stiffness_nm_per_rad": 33.0, "damping_nm_s_per_rad": 0.1}),
+        (SLIP, {"slip_per_newton": 0.005, "softness_m_per_n": 3.3e-5, "damping_n_s_per_m": 100.0, "grip": 20.0}),
+    )
     assert search.prune(fit).hypothesis == (SLIP,)
 
 
 def test_a_part_of_a_slip_is_promised_where_all_of_it_would_be_too_much():
     """A half of the only one that a first, quick screening looks at."""
+
     def slippery(model):
         soft_tyre(model)
         model.put("slip", 0.0076, (0,))
@@ -330,7 +413,10 @@ def test_a_part_of_a_slip_is_promised_where_all_of_it_would_be_too_much():
 
 
 def test_one_delay_that_is_two_is_told_apart():
-    """A command late by 20 ms and samples by 30 read as samples late by 50: on top of their sum no screening promises the other."""
+    """A command late by 20 ms and samples by 30 read as samples late by 50: on top of their sum no screening promises
+    the other.
+    """
+
     def late(model):
         model.put("command_delay", 0.02)
         model.put("measurement_delay", 0.03)
@@ -344,22 +430,29 @@ def test_one_delay_that_is_two_is_told_apart():
 
 @pytest.mark.parametrize("start", [0.0025, 0.05])
 def test_free_play_is_found_from_the_wrong_valley(start):
-    """Impacts come at other times with every angle: from a fourth or five times of it no slope leads to the right one."""
-    search, fit = fitted(make_case(lambda m: m.put("backlash", 0.01, (0,))),
-                         (("backlash", "left"), {"angle_rad": start, "restitution": 0.0}))
+    """Impacts come at other times with every angle: from a fourth or five times of it no slope leads to the
+    right one.
+    """
+    search, fit = fitted(
+        make_case(lambda m: m.put("backlash", 0.01, (0,))),
+        (("backlash", "left"), {"angle_rad": start, "restitution": 0.0}),
+    )
     found = search.polished(fit, fit.hypothesis)
     assert found.values[0]["angle_rad"] == pytest.approx(0.01, rel=0.05)
 
 
 def test_two_effects_are_exchanged_for_two_others_at_once():
-    """A winding of less resistance and a weaker torque constant read as two gains, a driver's and a current sensor's: exchanging
-    one of them leads nowhere, exchanging both to the truth."""
+    """A winding of less resistance and a weaker torque constant read as two gains, a driver's and a current sensor's:
+    exchanging one of them leads nowhere, exchanging both to the truth."""
+
     def weak(model):
         model.scale("resistance", 0.8)
         model.scale("torque_constant", 0.92)
         model.scale("back_emf", 0.92)
 
-    search, fit = fitted(make_case(weak), (("current_gain", "both"), {"ratio": 1.12}), (("driver_gain", "both"), {"ratio": 1.1}))
+    search, fit = fitted(
+        make_case(weak), (("current_gain", "both"), {"ratio": 1.12}), (("driver_gain", "both"), {"ratio": 1.1})
+    )
     search._screened(fit)
     assert search.exchange(fit, 4).hypothesis == fit.hypothesis
     found = search.exchange_pairs(fit)
@@ -368,8 +461,12 @@ def test_two_effects_are_exchanged_for_two_others_at_once():
 
 
 def test_a_ratio_takes_over_what_its_sides_have_of_its_tolerance_in_common():
-    """A resistance of 0.8 with both tolerances three sigmas down reads as 0.824: the residuals are those of the truth."""
-    search, fit = fitted(make_case(lambda m: m.scale("resistance", 0.8)), (("resistance_error", "both"), {"ratio": 0.8}))
+    """A resistance of 0.8 with both tolerances three sigmas down reads as 0.824: the residuals are those of the
+    truth.
+    """
+    search, fit = fitted(
+        make_case(lambda m: m.scale("resistance", 0.8)), (("resistance_error", "both"), {"ratio": 0.8})
+    )
     mine = [k for k, nuisance in enumerate(search.problem.nuisances) if nuisance.name == "resistance"]
     leaning = fit.z.copy()
     leaning[mine] -= 3.0
@@ -381,7 +478,9 @@ def test_a_ratio_takes_over_what_its_sides_have_of_its_tolerance_in_common():
 
 
 def test_an_explanation_begun_twice_alike_is_fitted_once():
-    search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083}))
+    search, fit = fitted(
+        make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083})
+    )
     begun, fitting = [], search.fitter.fitting
     search.fitter.fitting = lambda *given, **named: begun.append(given) or fitting(*given, **named)
     start, other = (scaled(search.effects, fit.hypothesis, [{"seconds": seconds}]) for seconds in (0.0083, 0.0084))
@@ -392,10 +491,22 @@ def test_an_explanation_begun_twice_alike_is_fitted_once():
 
 
 def test_fits_go_side_by_side_as_they_go_alone():
-    """More fits than go on at a time, one of which asks for nothing at all: the same fits, in their order, of fewer calls for residuals."""
-    members = [("resistance_error", "both"), ("driver_gain", "both"), ("coulomb_friction", "both"), ("command_delay", "both"), ("gyro_gain", "both")]
+    """More fits than go on at a time, one of which asks for nothing at all: the same fits, in their order, of fewer
+    calls for residuals.
+    """
+    members = [
+        ("resistance_error", "both"),
+        ("driver_gain", "both"),
+        ("coulomb_friction", "both"),
+        ("command_delay", "both"),
+        ("gyro_gain", "both"),
+    ]
     search, none = fitted(make_case(lambda m: m.scale("resistance", 1.1)))
-    starts = [((member,), u, none) for member in members for u in (np.full(len(search.effects[member[0]].parameters), size) for size in (0.1, 0.2))]
+    starts = [
+        ((member,), u, none)
+        for member in members
+        for u in (np.full(len(search.effects[member[0]].parameters), size) for size in (0.1, 0.2))
+    ]
     asked, residuals = [], search.problem.residuals
     search.problem.residuals = lambda *given: asked.append(given) or residuals(*given)
 
@@ -407,7 +518,11 @@ def test_fits_go_side_by_side_as_they_go_alone():
     calls = len(asked)
     together = side_by_side(search.problem, works())
     assert len(starts) > BESIDE and len(asked) - calls < 0.5 * calls
-    assert [fit and fit.hypothesis for fit in together] == [starts[0][0], None, *(hypothesis for hypothesis, _, _ in starts[1:])]
+    assert [fit and fit.hypothesis for fit in together] == [
+        starts[0][0],
+        None,
+        *(hypothesis for hypothesis, _, _ in starts[1:]),
+    ]
     for one, other in zip(alone, together):
         if one is not None:
             np.testing.assert_allclose(other.u, one.u, atol=1e-3)
@@ -417,7 +532,9 @@ def test_fits_go_side_by_side_as_they_go_alone():
 def test_a_rough_fit_keeps_the_derivatives_of_what_stays_as_it_is():
     """Those of an effect that begins at another size are taken anew there."""
     gain, friction = ("driver_gain", "both"), ("coulomb_friction", "both")
-    search, fit = fitted(make_case(lambda m: m.scale("voltage_gain", 0.9)), (friction, {"torque_nm": 0.001}), (gain, {"ratio": 0.9}))
+    search, fit = fitted(
+        make_case(lambda m: m.scale("voltage_gain", 0.9)), (friction, {"torque_nm": 0.001}), (gain, {"ratio": 0.9})
+    )
     kept, fitting = [], search.fitter.fitting
     search.fitter.fitting = lambda *given, **named: kept.append(set(given[5])) or fitting(*given, **named)
     for parts in (fit.parts, {**fit.parts, gain: scaled(search.effects, (gain,), [{"ratio": 0.7}])}):
@@ -428,7 +545,10 @@ def test_a_rough_fit_keeps_the_derivatives_of_what_stays_as_it_is():
 @pytest.mark.parametrize(("behind", "earnest"), [(-1.0, True), (1.0, False)])
 def test_a_restart_that_is_far_behind_in_a_rough_fit_is_left(monkeypatch, behind, earnest):
     member = ("longitudinal_slip", "both")
-    search, fit = fitted(make_case(lambda m: m.scale("resistance", 1.1)), (member, {"slip_per_newton": 0.05, "softness_m_per_n": 0.0005, "damping_n_s_per_m": 2.4, "grip": 0.9}))
+    search, fit = fitted(
+        make_case(lambda m: m.scale("resistance", 1.1)),
+        (member, {"slip_per_newton": 0.05, "softness_m_per_n": 0.0005, "damping_n_s_per_m": 2.4, "grip": 0.9}),
+    )
     monkeypatch.setattr(search, "closed", lambda fit: False)
     monkeypatch.setattr(search, "_reached", lambda starts, rough: [search.score(fit) + FAR + behind])
     monkeypatch.setattr(search, "_lower", lambda fit, member: [])
@@ -439,28 +559,47 @@ def test_a_restart_that_is_far_behind_in_a_rough_fit_is_left(monkeypatch, behind
 
 
 def test_what_is_no_larger_than_its_noise_leaves_nothing_without_a_name():
-    """The true explanation has next to no excess over white noise, a wrong one at least half as much as noise itself."""
-    search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083}))
+    """The true explanation has next to no excess over white noise, a wrong one at least half as much as noise
+    itself.
+    """
+    search, fit = fitted(
+        make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083})
+    )
     assert excess(search.problem, fit) < 0.02 * search.problem.size
     assert excess(search.problem, search.fits[()]) > 0.5 * search.problem.size
 
 
 def late_in(runs: tuple[int, ...], case: Case, seconds: float = 0.03) -> Case:
     """The case with all that is measured late in some of its runs, as if their commands had been."""
+
     def delayed(log):
         shift = round(seconds / float(log.t[1] - log.t[0]))
-        columns = {c: v if c.startswith("v_cmd") else np.concatenate([np.repeat(v[:1], shift), v[:-shift]]) for c, v in log.columns.items()}
+        columns = {
+            c: v if c.startswith("v_cmd") else np.concatenate([np.repeat(v[:1], shift), v[:-shift]])
+            for c, v in log.columns.items()
+        }
         return replace(log, columns=columns)
+
     return replace(case, runs=tuple(delayed(log) if k in runs else log for k, log in enumerate(case.runs)))
 
 
-@pytest.mark.parametrize("shares,known,low,high", [
-    ([1.0, 1.0, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0], 1.0, 1.0),
-    ([0.9, 1.1, 1.0, 0.8], [1.0, 2.0, 1.0, 3.0], 0.95, 1.0),
-    ([0.0, 0.0, 0.0, 1.0], [1.0, 1.0, 1.0, 1.0], -np.inf, 0.0),
-    ([0.92, 2.13], [0.9, 0.1], -np.inf, MOST),
-    ([1.0, -1.0], [1.0, 1.0], -np.inf, 0.0),
-], ids=["of one size", "nearly of one size", "in one run alone", "held by one run, of another size in the next", "against itself"])
+@pytest.mark.parametrize(
+    "shares,known,low,high",
+    [
+        ([1.0, 1.0, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0], 1.0, 1.0),
+        ([0.9, 1.1, 1.0, 0.8], [1.0, 2.0, 1.0, 3.0], 0.95, 1.0),
+        ([0.0, 0.0, 0.0, 1.0], [1.0, 1.0, 1.0, 1.0], -np.inf, 0.0),
+        ([0.92, 2.13], [0.9, 0.1], -np.inf, MOST),
+        ([1.0, -1.0], [1.0, 1.0], -np.inf, 0.0),
+    ],
+    ids=[
+        "of one size",
+        "nearly of one size",
+        "in one run alone",
+        "held by one run, of another size in the next",
+        "against itself",
+    ],
+)
 def test_what_is_of_one_size_carries_over(shares, known, low, high):
     found = ratio(np.array(shares) * known, np.array(known))
     assert low - 1e-12 <= found <= high + 1e-12
@@ -477,19 +616,25 @@ def test_an_effect_is_of_one_size_in_every_run(runs, there):
 
 def test_a_share_is_taken_run_by_run():
     """A delay of all runs fitted to them carries over whole."""
-    search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083}))
+    search, fit = fitted(
+        make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083})
+    )
     assert carried(search.problem, fit)["command_delay", "both"] == pytest.approx(1.0, abs=0.01)
 
 
 BLOCKS, KNOWN = np.arange(100.0), np.full(100, 50.0)
 
 
-@pytest.mark.parametrize("shares,low,high", [
-    (np.ones(100), 0.0, 0.0),
-    (1.0 + 0.3 * np.sign(BLOCKS - 49.5), 0.28, 0.31),
-    (1.0 + 0.3 * np.sin(37.0 * BLOCKS), 0.0, 0.0),
-    (1.0 + np.random.default_rng(1).normal(size=100) / np.sqrt(KNOWN), 0.0, 0.0),
-], ids=["of one size", "of another where the setting is higher", "of any size in any setting", "known no better"])
+@pytest.mark.parametrize(
+    "shares,low,high",
+    [
+        (np.ones(100), 0.0, 0.0),
+        (1.0 + 0.3 * np.sign(BLOCKS - 49.5), 0.28, 0.31),
+        (1.0 + 0.3 * np.sin(37.0 * BLOCKS), 0.0, 0.0),
+        (1.0 + np.random.default_rng(1).normal(size=100) / np.sqrt(KNOWN), 0.0, 0.0),
+    ],
+    ids=["of one size", "of another where the setting is higher", "of any size in any setting", "known no better"],
+)
 def test_a_size_scatters_where_it_follows_a_setting(shares, low, high):
     assert low <= scatter(BLOCKS, KNOWN * shares, KNOWN) <= high
 
@@ -513,9 +658,20 @@ def test_a_gain_that_stands_in_for_a_bend_scatters_and_a_gain_does_not():
     assert low < 1.1 < high and high - low < 0.02
 
 
-@pytest.mark.parametrize(("beyond", "gap", "falls"), [(0.19, 1.0, False), (0.21, 1.0, True), (0.39, 3.0, False), (0.41, 3.0, True),
-                                                      (0.49, 30.0, False), (0.51, 30.0, True)])
-def test_an_effect_may_scatter_by_a_fifth_for_each_noise_that_is_left_and_by_half_at_most(monkeypatch, beyond, gap, falls):
+@pytest.mark.parametrize(
+    ("beyond", "gap", "falls"),
+    [
+        (0.19, 1.0, False),
+        (0.21, 1.0, True),
+        (0.39, 3.0, False),
+        (0.41, 3.0, True),
+        (0.49, 30.0, False),
+        (0.51, 30.0, True),
+    ],
+)
+def test_an_effect_may_scatter_by_a_fifth_for_each_noise_that_is_left_and_by_half_at_most(
+    monkeypatch, beyond, gap, falls
+):
     member = ("current_gain", "both")
     monkeypatch.setattr("rtds_host.diagnosis.account.scattered", lambda problem, fit: {member: beyond})
     problem = SimpleNamespace(gap=lambda model: gap)
@@ -525,7 +681,11 @@ def test_an_effect_may_scatter_by_a_fifth_for_each_noise_that_is_left_and_by_hal
 
 @pytest.mark.parametrize("beside", [(), ("command_delay",)], ids=["alone", "beside a delay"])
 def test_a_delay_that_closes_nothing_is_declared_beside_a_lag_and_its_twin_unless_that_is_in_already(beside):
-    case, lag, spare = without(make_case(lambda m: m.put("speed_tau", 0.04)), *POSE), ("speed_filter", "both"), ("measurement_delay", "both")
+    case, lag, spare = (
+        without(make_case(lambda m: m.put("speed_tau", 0.04)), *POSE),
+        ("speed_filter", "both"),
+        ("measurement_delay", "both"),
+    )
     members = [((name, "both"), {"seconds": 0.002}) for name in beside]
     search, fit = fitted(case, *members, (lag, {"time_constant_s": 0.04, "delay_s": 0.0}))
     alone = search.without(fit, lag)[0]
@@ -535,15 +695,22 @@ def test_a_delay_that_closes_nothing_is_declared_beside_a_lag_and_its_twin_unles
     assert spare in declared and (("command_delay", "both") in declared) is not bool(beside)
 
 
-@pytest.mark.parametrize(("refitted", "left", "absent", "falls"), [
-    (1.11, 0.0, 1.13, False),     # without it tolerances leave a gap
-    (1.05, 500.0, 1.13, False),   # they leave none, but more than noise
-    (1.05, 0.0, 1.13, True),      # no more than noise, and it opens less than that
-    (1.05, 0.0, 1.60, False),     # and it opens more
-    (1.05, 500.0, 1.08, True),    # it opens no gap
-])
-def test_a_small_effect_stands_where_tolerances_do_not_take_its_place_to_noise(monkeypatch, refitted, left, absent, falls):
-    """Where the explanation leaves nothing. `refitted`, `left`: the gap and what is beyond noise without it; `absent`: the gap with all else as is."""
+@pytest.mark.parametrize(
+    ("refitted", "left", "absent", "falls"),
+    [
+        (1.11, 0.0, 1.13, False),  # without it tolerances leave a gap
+        (1.05, 500.0, 1.13, False),  # they leave none, but more than noise
+        (1.05, 0.0, 1.13, True),  # no more than noise, and it opens less than that
+        (1.05, 0.0, 1.60, False),  # and it opens more
+        (1.05, 500.0, 1.08, True),  # it opens no gap
+    ],
+)
+def test_a_small_effect_stands_where_tolerances_do_not_take_its_place_to_noise(
+    monkeypatch, refitted, left, absent, falls
+):
+    """Where the explanation leaves nothing. `refitted`, `left`: the gap and what is beyond noise without it; `absent`:
+    the gap with all else as is.
+    """
     fit, without = SimpleNamespace(), SimpleNamespace(hypothesis=())
     monkeypatch.setattr("rtds_host.diagnosis.account.excess", lambda problem, one: 0.0 if one is fit else left)
     monkeypatch.setattr("rtds_host.diagnosis.account.absent", lambda problem, one, member: None)
@@ -553,7 +720,9 @@ def test_a_small_effect_stands_where_tolerances_do_not_take_its_place_to_noise(m
 
 
 def test_the_other_delay_is_tried_in_a_delay_s_place_at_its_size():
-    """No screening promises it: a delay's misfit falls only near the right size. Where clocks may be off it can be the one that is there."""
+    """No screening promises it: a delay's misfit falls only near the right size. Where clocks may be off it can be the
+    one that is there.
+    """
     delay, other = ("command_delay", "both"), ("measurement_delay", "both")
     search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (delay, {"seconds": 0.0083}))
     standing = _standing(search, fit, True)[0]
@@ -572,7 +741,9 @@ def test_a_fit_of_a_delay_begins_where_a_discrepancy_of_its_own_leaves_least():
 def test_what_the_search_met_is_weighed_in_an_effects_place():
     """An effect that gave way to a look-alike is one of that, whether or not a screening promises it."""
     gain, other, beside = ("driver_gain", "both"), ("gyro_bias", "both"), ("coulomb_friction", "left")
-    search, fit = fitted(make_case(lambda m: m.scale("voltage_gain", 0.95)), (gain, {"ratio": 0.95}), (beside, {"torque_nm": 0.001}))
+    search, fit = fitted(
+        make_case(lambda m: m.scale("voltage_gain", 0.95)), (gain, {"ratio": 0.95}), (beside, {"torque_nm": 0.001})
+    )
     standing = next(one for one in _standing(search, fit, True) if one.member == gain)
     assert other not in _swaps(search, fit, standing.member, standing.without)
     met = search.try_fit(*joined({other: np.zeros(1), beside: fit.parts[beside]}), fit, rough=True)
@@ -597,7 +768,10 @@ def test_a_track_that_stands_in_for_a_drag_is_contradicted_by_wheels_and_gyro_th
 def test_one_effect_that_closes_the_gap_is_taken_before_two_that_do_not():
     case = make_case(lambda m: (m.scale("torque_constant", 1.1, (1,)), m.scale("back_emf", 1.1, (1,))))
     search, one = fitted(case, (("torque_constant_error", "right"), {"ratio": 1.1}))
-    two = search.try_fit(*joined({("current_gain", "right"): np.array([0.1]), ("viscous_friction", "right"): np.array([0.1])}), search.fits[()])
+    two = search.try_fit(
+        *joined({("current_gain", "right"): np.array([0.1]), ("viscous_friction", "right"): np.array([0.1])}),
+        search.fits[()],
+    )
     assert search.problem.gap(two.model(search.problem)) > 2.0
     assert search._plain(two).hypothesis == one.hypothesis and search._plain(one) is one
 
@@ -611,16 +785,23 @@ def test_the_next_effect_is_one_that_every_run_asks_for():
     gain, delay = ("gyro_gain", "both"), ("command_delay", "both")
     search, wanted = fitted(late_in((1,), Case("example", robot, logs), 0.01), (gain, {"ratio": 0.8}))
     nothing = search.fits[()]
-    search.fits = {f.hypothesis: f for f in (nothing, search.try_fit((delay,), scaled(search.effects, (delay,), [{"seconds": 0.003}]), nothing))}
+    search.fits = {
+        f.hypothesis: f
+        for f in (nothing, search.try_fit((delay,), scaled(search.effects, (delay,), [{"seconds": 0.003}]), nothing))
+    }
     assert search._next(nothing, search.gap(nothing)) is None
     search.fits[wanted.hypothesis] = wanted
     assert search._next(nothing, search.gap(nothing)).hypothesis == (gain,)
 
 
-@pytest.mark.parametrize("rest,least,most", [(0.0, 0.0, 0.1), (0.02, 2.0, np.inf)], ids=["nothing left", "a slope that has no name"])
+@pytest.mark.parametrize(
+    "rest,least,most", [(0.0, 0.0, 0.1), (0.02, 2.0, np.inf)], ids=["nothing left", "a slope that has no name"]
+)
 def test_a_size_is_known_no_better_than_two_ways_to_weigh_the_rest_agree(rest, least, most):
     gain = ("gyro_gain", "both")
-    search, fit = fitted(make_case(lambda m: (m.scale("gyro_gain", 0.95), m.add("slope_extra", rest))), (gain, {"ratio": 0.95}))
+    search, fit = fitted(
+        make_case(lambda m: (m.scale("gyro_gain", 0.95), m.add("slope_extra", rest))), (gain, {"ratio": 0.95})
+    )
     fit = search.fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise.estimated(fit.residual, thorough=True))
     shift, own = abs(_shift(fit)[-1]), np.sqrt(fit.covariance[-1, -1])
     assert least * own <= shift <= most * own
@@ -665,8 +846,8 @@ def uneven(model):
 
 
 def test_an_effect_of_both_sides_is_parted_where_they_differ():
-    """One gain for both leaves half of what they differ by on each side; the screening proposes a gain of its own for one, from
-    that of both, and with the other's kept."""
+    """One gain for both leaves half of what they differ by on each side; the screening proposes a gain of its own for
+    one, from that of both, and with the other's kept."""
     search, fit = fitted(make_case(uneven), (("driver_gain", "both"), {"ratio": 0.72}))
     grown = search.grow(fit, 5)
     assert grown.hypothesis == (("driver_gain", "left"), ("driver_gain", "right"))
@@ -677,16 +858,23 @@ def test_what_one_side_has_beside_an_effect_of_both_may_be_that_effect_of_anothe
     """Whatever stands on the right beside a gain of both: without it, each side has a gain of its own, roughly
     fitted. What stands on both may not."""
     search, alone = fitted(make_case(uneven), (("driver_gain", "both"), {"ratio": 0.8}))
-    found, = search.try_fits(search._parted(alone, ("pwm_curve", "right")), rough=True)
+    (found,) = search.try_fits(search._parted(alone, ("pwm_curve", "right")), rough=True)
     assert found.hypothesis == (("driver_gain", "left"), ("driver_gain", "right"))
     assert [values["ratio"] for values in found.values] == pytest.approx([0.8, 0.64], rel=0.05)
     assert search._parted(alone, ("pwm_curve", "both")) == []
 
 
-@pytest.mark.parametrize("left,fickle", [(1e-3, False), (1.0, True)], ids=["next to nothing is left of it", "it is known"])
+@pytest.mark.parametrize(
+    "left,fickle", [(1e-3, False), (1.0, True)], ids=["next to nothing is left of it", "it is known"]
+)
 def test_an_effect_that_another_takes_up_to_first_order_is_not_called_fickle_for_that(monkeypatch, left, fickle):
-    """A filter is, to first order, the delay beside it: of its sizes run by run what is left then knows nothing, and they scatter."""
-    search, fit = fitted(make_case(lambda m: m.put("speed_tau", 0.05)), (("speed_filter", "both"), {"time_constant_s": 0.05, "delay_s": 0.0}))
+    """A filter is, to first order, the delay beside it: of its sizes run by run what is left then knows nothing, and
+    they scatter.
+    """
+    search, fit = fitted(
+        make_case(lambda m: m.put("speed_tau", 0.05)),
+        (("speed_filter", "both"), {"time_constant_s": 0.05, "delay_s": 0.0}),
+    )
     signs = np.where(search.problem.runs_of == 0, -1.0, 1.0)
     monkeypatch.setattr(carried_module, "_apart", lambda fit, jacobian, own, at: left * signs * own)
     monkeypatch.setattr(carried_module, "ratio", lambda weighed, known: -1.0)
@@ -694,21 +882,33 @@ def test_an_effect_that_another_takes_up_to_first_order_is_not_called_fickle_for
 
 
 def test_no_dead_zone_exceeds_the_largest_command():
-    """A driver that passes none of the commands on is one without gain; beyond them every dead zone is as good as another."""
+    """A driver that passes none of the commands on is one without gain; beyond them every dead zone is as good as
+    another.
+    """
     case = make_case()
     asked = max(float(np.abs(run.commands("voltage")).max()) for run in case.runs)
-    bound = {name: catalogue(case.robot, case.runs)[name].parameters[0].high for name in ("driver_deadzone", "bridge_drop")}
+    bound = {
+        name: catalogue(case.robot, case.runs)[name].parameters[0].high for name in ("driver_deadzone", "bridge_drop")
+    }
     assert bound == {name: pytest.approx(min(asked, 0.7 * case.robot.supply_v)) for name in bound}
     weak = changed(case, lambda t, columns: [columns[c].__imul__(0.1) for c in ("v_cmd_l", "v_cmd_r")] and None)
     assert catalogue(case.robot, weak.runs)["driver_deadzone"].parameters[0].high == pytest.approx(0.1 * asked)
 
 
-@pytest.mark.parametrize(("gain", "t", "part", "told"), [
-    (60.0, 4.1, 0.05, True),              # in most blocks, and five blocks' share of the rest
-    (60.0, 4.1, 0.003, False),            # in most blocks, and less of the rest than chance takes
-    (60.0, 4.1, -0.01, False),            # blocks that convince too much count as twenty to one: all in all the other is as likely
-    (60.0, 1.0, 0.05, False),             # in a few stretches
-])
+@pytest.mark.parametrize(
+    ("gain", "t", "part", "told"),
+    [
+        (60.0, 4.1, 0.05, True),  # in most blocks, and five blocks' share of the rest
+        (60.0, 4.1, 0.003, False),  # in most blocks, and less of the rest than chance takes
+        (
+            60.0,
+            4.1,
+            -0.01,
+            False,
+        ),  # blocks that convince too much count as twenty to one: all in all the other is as likely
+        (60.0, 1.0, 0.05, False),  # in a few stretches
+    ],
+)
 def test_what_tells_two_effects_apart_is_more_of_the_rest_than_chance_takes(gain, t, part, told):
     assert told_apart(gain, t, part, 100) is told
     # What is known to be confused is told apart by more than a slight part of what the other leaves.
@@ -716,9 +916,13 @@ def test_what_tells_two_effects_apart_is_more_of_the_rest_than_chance_takes(gain
     assert told_apart(60.0, 4.1, 0.15, 100, least=0.1)
 
 
-@pytest.mark.parametrize("other,gap,opens", [(1.05, 0.5, False), (15.0, 0.5, True), (9.5, 9.0, False), (20.0, 9.0, True)])
+@pytest.mark.parametrize(
+    "other,gap,opens", [(1.05, 0.5, False), (15.0, 0.5, True), (9.5, 9.0, False), (20.0, 9.0, True)]
+)
 def test_a_look_alike_opens_no_gap(other, gap, opens):
-    """Of noise alone (a gap of 1) one explanation leaves no more than another; beside a rest no more than half of that comes on top."""
+    """Of noise alone (a gap of 1) one explanation leaves no more than another; beside a rest no more than half of that
+    comes on top.
+    """
     assert _opens(other, gap) is opens
 
 
@@ -740,7 +944,14 @@ def test_noise_that_is_larger_than_declared_is_told_with_its_size():
 @pytest.mark.parametrize("share", [0.0, 0.2], ids=["none", "some"])
 def test_a_search_ends_with_what_its_work_has_found(monkeypatch, share):
     """Beside a large rest, or where much slips and swings, there is always something more to try."""
-    several = make_case(lambda m: (m.put("command_delay", 0.05), m.add("coulomb", 0.03), m.scale("resistance", 1.3), m.put("gyro_bias", 0.05)))
+    several = make_case(
+        lambda m: (
+            m.put("command_delay", 0.05),
+            m.add("coulomb", 0.03),
+            m.scale("resistance", 1.3),
+            m.put("gyro_bias", 0.05),
+        )
+    )
     whole = Search(Problem(several), quick=True)
     found = whole.run()
     assert not whole.ended and len(found.hypothesis) == 4
@@ -753,7 +964,9 @@ def test_a_search_ends_with_what_its_work_has_found(monkeypatch, share):
 
 
 def test_an_account_that_has_done_as_much_again_looks_for_no_look_alike_that_was_not_met(monkeypatch):
-    """What is alike in principle is declared all the same; a search that did not end early is said to have, since its account did."""
+    """What is alike in principle is declared all the same; a search that did not end early is said to have, since its
+    account did.
+    """
     screened = []
 
     class Counted(Search):
@@ -765,7 +978,7 @@ def test_an_account_that_has_done_as_much_again_looks_for_no_look_alike_that_was
     for share, ended in ((1e9, False), (0.5, True)):
         search = Counted(Problem(late), quick=True)
         fit = search.run()
-        found, = fit.hypothesis
+        (found,) = fit.hypothesis
         assert not search.ended
         monkeypatch.setattr(search, "_over", share * search.problem.work)
         screened.clear()
@@ -789,13 +1002,15 @@ def test_work_is_the_same_on_any_number_of_cores():
 @pytest.mark.parametrize("quick", [True, False])
 def test_a_report_says_that_a_search_ended_early(quick):
     assert _ended(SimpleNamespace(ended=False, quick=quick)) == []
-    note, = _ended(SimpleNamespace(ended=True, quick=quick))
+    (note,) = _ended(SimpleNamespace(ended=True, quick=quick))
     assert "before it was done" in note and ("without --quick" in note) == quick
 
 
 @pytest.mark.parametrize("moved", [0.0, 0.3], ids=["as thought", "elsewhere"])
 def test_where_runs_began_elsewhere_the_effect_that_led_there_is_weighed_against_the_others(monkeypatch, moved):
-    """A gyro's gain promises most while headings are wrong, and sets them right: by these a driver's gain explains more."""
+    """A gyro's gain promises most while headings are wrong, and sets them right: by these a driver's gain explains
+    more.
+    """
     weak = make_case(lambda m: (m.scale("voltage_gain", 0.9, (0,)), m.scale("gyro_gain", 1.1)))
     search = Search(Problem(weak), quick=True)
     gyro, driver = ("gyro_gain", "both"), ("driver_gain", "left")

@@ -28,7 +28,8 @@ def test_every_wire_of_both_headers_is_on_the_page_with_its_pin():
     for header, title in (("GPIO_0", "DAC board on GPIO_0"), ("GPIO_1", "Serial adapter on GPIO_1")):
         table = rows(title)
         assert {signal for signal, *_ in table} == {
-            s for s in SIGNALS if board["headers"].get(s.split("[")[0], [""])[0] == header}
+            s for s in SIGNALS if board["headers"].get(s.split("[")[0], [""])[0] == header
+        }
         for signal, index, pin, fpga in table:
             assert SIGNALS[signal] == fpga == board[header][index], signal
             assert pin == header_pin(index), signal

@@ -1,13 +1,14 @@
 """Every command in the documentation is run, or says why not.
 
-Commands stand in blocks that begin with ```sh (a command a line) or ```console (a command after "$ "). The blocks of a page
-run in their order, in one folder that holds a copy of examples/ and the environment as `.venv`. A comment before a block,
-<!-- test: REASON -->, keeps it from being run; <!-- test: long --> leaves it to the long tests, where the page runs
-whole. Commands inside of sentences are not run, but options, targets, modules and paths in them must exist.
+Commands stand in blocks that begin with ```sh (a command a line) or ```console (a command after "$ "). The blocks of a
+page run in their order, in one folder that holds a copy of examples/ and the environment as `.venv`. A comment before a
+block, <!-- test: REASON -->, keeps it from being run; <!-- test: long --> leaves it to the long tests, where the page
+runs whole. Commands inside of sentences are not run, but options, targets, modules and paths in them must exist.
 
 What a page shows as a command's output is compared with what the command prints (see examples/page_answers.py for how
-exactly): the lines below a command in a console block, a ```text block that follows a block of commands (it belongs to the
-last of them), and figures in sentences that carry a mark. A block marked "run in docs/PAGE" must show what that page shows.
+exactly): the lines below a command in a console block, a ```text block that follows a block of commands (it belongs to
+the last of them), and figures in sentences that carry a mark. A block marked "run in docs/PAGE" must show what that
+page shows.
 """
 
 from __future__ import annotations
@@ -99,7 +100,9 @@ def blocks(page: Path) -> list[Block]:
             elif language == "text" and follows and found[-1].commands and not found[-1].mark:
                 found[-1] = replace(found[-1], said=(*found[-1].said[:-1], "\n".join(body)))
             elif language == "text":
-                assert mark or not read_answers("\n".join(body)), f"{page.name}:{start}: an answer that no command gives"
+                assert mark or not read_answers("\n".join(body)), (
+                    f"{page.name}:{start}: an answer that no command gives"
+                )
             elif not language:
                 stray = [x for x in body if command_word(x)]
                 assert not stray, f"{page.name}:{start}: a block of commands needs sh or console: {stray[0]}"
@@ -128,7 +131,7 @@ def options_of(words: list[str]) -> set[str] | None:
     command = typer.main.get_command(importlib.import_module(f"rtds_host.cli.{MODULES.get(name, name)}").app)
     children = getattr(command, "commands", None)
     if children:
-        child = next((w for w in words[words.index(name) + 1:] if not w.startswith("-")), None)
+        child = next((w for w in words[words.index(name) + 1 :] if not w.startswith("-")), None)
         if child is None:
             return {"--help"}
         if child not in children:
@@ -178,22 +181,37 @@ def run_page(page: Path, scratch: Path, long: bool, installed=None) -> None:
         for name in ("python", "tb", "sim", "rtl", "quartus", "docs", "Makefile", "pyproject.toml", "mkdocs.yml"):
             (scratch / name).symlink_to(ROOT / name)
     (scratch / ".venv").symlink_to(installed.prefix if installed else sys.prefix)
-    environment = {**(installed.environment if installed else os.environ | {"PATH": f"{sys.prefix}/bin:{os.environ['PATH']}"}),
-                   "NO_COLOR": "1", "COLUMNS": "110"}
+    environment = {
+        **(installed.environment if installed else os.environ | {"PATH": f"{sys.prefix}/bin:{os.environ['PATH']}"}),
+        "NO_COLOR": "1",
+        "COLUMNS": "110",
+    }
     wrong: list[str] = []
     for block in blocks(page):
         if block.mark and not (long and block.mark.startswith("long")):
             continue
         for command, said in zip(block.commands, block.said, strict=True):
-            done = subprocess.run(["bash", "-c", command], cwd=scratch, env=environment, text=True, check=False,
-                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-            assert done.returncode == 0, (f"{page.name}:{block.line}: {command}\n[exit status {done.returncode}]\n"
-                                          + done.stdout[-2000:])
+            done = subprocess.run(
+                ["bash", "-c", command],
+                cwd=scratch,
+                env=environment,
+                text=True,
+                check=False,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+            )
+            assert done.returncode == 0, (
+                f"{page.name}:{block.line}: {command}\n[exit status {done.returncode}]\n" + done.stdout[-2000:]
+            )
             if said.strip():
-                wrong += [f"{page.name}:{block.line}: {command[:60]}: {w}" for w in
-                          compare_output(command, said, done.stdout, scratch)]
+                wrong += [
+                    f"{page.name}:{block.line}: {command[:60]}: {w}"
+                    for w in compare_output(command, said, done.stdout, scratch)
+                ]
     wrong += [f"{page.name}: {w}" for w in compare_prose(page.read_text(), scratch)]
-    assert not wrong, "the page says what is not so (examples/run_tutorial.py PAGE brings it up to date):\n" + "\n".join(wrong)
+    assert not wrong, (
+        "the page says what is not so (examples/run_tutorial.py PAGE brings it up to date):\n" + "\n".join(wrong)
+    )
 
 
 def marks(page: Path) -> set[str]:
@@ -236,16 +254,25 @@ def test_a_block_that_is_not_run_says_why():
 
 def test_nothing_escapes_the_collector(tmp_path):
     page = tmp_path / "page.md"
-    for text, complaint in (("```\nrtds run linear\n```\n", "needs sh or console"),
-                            ("Like this:\n\n    rtds run linear\n", "need a fence")):
+    for text, complaint in (
+        ("```\nrtds run linear\n```\n", "needs sh or console"),
+        ("Like this:\n\n    rtds run linear\n", "need a fence"),
+    ):
         page.write_text(text)
         with pytest.raises(AssertionError, match=complaint):
             blocks(page)
     page.write_text("<!-- test: needs the board -->\n```sh\nrtds run a \\\n  b\n```\n```console\n$ ls\nout\n```\n")
     assert [(b.commands, b.mark, b.said) for b in blocks(page)] == [
-        (("rtds run a    b",), "needs the board", ("",)), (("ls",), "", ("out",))]
-    for wrong in ("rtds runn linear", "rtds run linear --lnk model", "make tset", "pytest python/tests/nowhere",
-                  "python -m rtds_host.nothing"):
+        (("rtds run a    b",), "needs the board", ("",)),
+        (("ls",), "", ("out",)),
+    ]
+    for wrong in (
+        "rtds runn linear",
+        "rtds run linear --lnk model",
+        "make tset",
+        "pytest python/tests/nowhere",
+        "python -m rtds_host.nothing",
+    ):
         with pytest.raises(AssertionError):
             check_words(wrong)
 
@@ -254,12 +281,20 @@ def test_a_block_that_is_run_on_another_page_shows_what_that_page_shows():
     for page in PAGES:
         for block in blocks(page):
             if m := re.fullmatch(r"run in (docs/\S+\.md)", block.mark):
-                there = [answer for other in blocks(ROOT / m[1]) for said in other.said for answer in read_answers(said)]
+                there = [
+                    answer for other in blocks(ROOT / m[1]) for said in other.said for answer in read_answers(said)
+                ]
                 for said in block.said:
                     for answer in read_answers(said):
-                        same = [o for o in there if (o.case, o.verdict, o.effects.keys()) ==
-                                (answer.case, answer.verdict, answer.effects.keys())]
-                        assert any(answer.gap.items() <= o.gap.items() for o in same), f"{page.name}:{block.line}: {answer}"
+                        same = [
+                            o
+                            for o in there
+                            if (o.case, o.verdict, o.effects.keys())
+                            == (answer.case, answer.verdict, answer.effects.keys())
+                        ]
+                        assert any(answer.gap.items() <= o.gap.items() for o in same), (
+                            f"{page.name}:{block.line}: {answer}"
+                        )
 
 
 def test_the_start_page_of_the_repository_begins_with_the_two_commands():
@@ -269,9 +304,14 @@ def test_the_start_page_of_the_repository_begins_with_the_two_commands():
 
 def test_every_link_in_the_site_leads_somewhere(tmp_path):
     """`make docs`: strict, so that a link, anchor or page of the navigation that is missing fails."""
-    done = subprocess.run([f"{sys.prefix}/bin/mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")],
-                          cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}, capture_output=True, text=True,
-                          check=False)
+    done = subprocess.run(
+        [f"{sys.prefix}/bin/mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")],
+        cwd=ROOT,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / "site" / "index.html").is_file()
 

@@ -14,9 +14,13 @@ KNOWN = {
                  "parameters": {"torque_nm": {"value": 0.1202, "ci90": [0.1180, 0.1224]}}}],
     "gap": {"before": 13.8, "refit": 11.5, "after": 1.03, "closed": 0.998, "effect_closed": 0.997},
 }  # fmt: skip
-HEADLINE = ("rover known  Coulomb friction, left side (0.1202 N·m): 98 % probable. On runs not\n"
-            "used for the fit the gap falls from 11.5 to 1.03 times the sensors' noise, 99.7 %\nof it closed.\n")
-WHOLE = HEADLINE + """  located  drivetrain 100 %
+HEADLINE = (
+    "rover known  Coulomb friction, left side (0.1202 N·m): 98 % probable. On runs not\n"
+    "used for the fit the gap falls from 11.5 to 1.03 times the sensors' noise, 99.7 %\nof it closed.\n"
+)
+WHOLE = (
+    HEADLINE
+    + """  located  drivetrain 100 %
   effect   Coulomb friction, left side: torque_nm = 0.1202 N·m (0.118 to 0.1224)
   odds     Coulomb friction, left side 98 %; driver deadzone, left side 1 %; none of the catalogue 1 %
   gap       nominal  refitted  with effects  closed
@@ -24,6 +28,7 @@ WHOLE = HEADLINE + """  located  drivetrain 100 %
   next     record spin (rtds plan gives its commands): it would tell Coulomb friction, left side from spin scrub
   6.1 s
 """
+)
 # Two effects and a rest without a name, in the second schema: what was added there must not disturb.
 PARTIAL = {
     "schema": "rtds-diagnosis/2", "verdict": "partial",
@@ -40,8 +45,12 @@ PARTIAL = {
 PARTIAL_PAGE = """truck partial  Coulomb friction, both sides (0.05 N·m); command delay (0.03 s): 93 % probable. On runs not used for
 the fit the gap falls from 14.0 to 6.1 times the sensors' noise, 61 % of it closed.
 """
-UNKNOWN = {"schema": "rtds-diagnosis/1", "verdict": "unknown", "effects": [],
-           "gap": {"before": 13.8, "refit": 11.5, "after": 11.5, "closed": 0.18, "effect_closed": 0.0}}
+UNKNOWN = {
+    "schema": "rtds-diagnosis/1",
+    "verdict": "unknown",
+    "effects": [],
+    "gap": {"before": 13.8, "refit": 11.5, "after": 11.5, "closed": 0.18, "effect_closed": 0.0},
+}
 UNKNOWN_TERMINAL = "rover unknown  Something that the catalogue does not hold makes the gap.\n"
 
 
@@ -69,7 +78,9 @@ def test_the_answer_that_is_given_is_let_through(said, now, tmp_path):
 
 def test_a_page_that_promises_a_cause_where_the_program_knows_none_is_caught(tmp_path):
     assert complaints(HEADLINE, UNKNOWN, tmp_path, UNKNOWN_TERMINAL)[:2] == [
-        "rover: verdict known, now unknown", "rover: effect coulomb_friction left, now not blamed"]
+        "rover: verdict known, now unknown",
+        "rover: effect coulomb_friction left, now not blamed",
+    ]
 
 
 TORQUE = ("effects", 0, "parameters", "torque_nm")
@@ -121,7 +132,9 @@ def test_many_cases_are_compared_each_with_its_own_file(tmp_path):
     said = HEADLINE + PARTIAL_PAGE
     assert compare_output("rtds diagnose rover truck --out out", said, said, tmp_path) == []
     swapped = said.replace("rover known", "truck known").replace("truck partial", "rover partial")
-    assert "truck: verdict known, now partial" in compare_output("rtds diagnose rover truck --out out", swapped, said, tmp_path)
+    assert "truck: verdict known, now partial" in compare_output(
+        "rtds diagnose rover truck --out out", swapped, said, tmp_path
+    )
 
 
 def test_a_page_without_an_answer_where_one_is_printed_is_caught(tmp_path):
@@ -139,20 +152,27 @@ def test_json_on_a_page_is_compared_by_its_keys(tmp_path):
     assert against(KNOWN) == []
     assert against(changed(KNOWN, (*TORQUE, "value"), 0.1210)) == []
     assert against(changed(KNOWN, (*TORQUE,), {"value": 0.13, "ci90": [0.125, 0.135]})) == [
-        "JSON.0.0.parameters.torque_nm = 0.1202, now 0.13 in [0.125, 0.135]"]
+        "JSON.0.0.parameters.torque_nm = 0.1202, now 0.13 in [0.125, 0.135]"
+    ]
     assert against(changed(KNOWN, ("effects", 0, "side"), "right")) == ["JSON.0.0.side: 'left', now 'right'"]
     assert against(changed(KNOWN, ("gap", "refit"), 13.0)) == ["JSON.1.refit: 11.5, now 13"]
     assert against(changed(KNOWN, ("gap", "rest"), 0.1)) == ["JSON.1: rest is new"]
 
 
 def test_the_table_of_close_is_compared_with_its_file(tmp_path):
-    table = ("  gap                       nominal  corrected  closed\n  in the simulator             13.8       1.03  99.8 %\n"
-             "  in the diagnosis' replay     13.8       1.03  99.8 %\n")
+    table = (
+        "  gap                       nominal  corrected  closed\n  in the simulator             13.8       1.03  99.8 %\n"
+        "  in the diagnosis' replay     13.8       1.03  99.8 %\n"
+    )
     (tmp_path / "closed").mkdir()
-    for after, closed, complaint in ((1.06, 0.99, []), (11.5, 0.18, [
-            "in the simulator: gap after 1.03, now 11.5", "in the simulator: closed 0.998, now 0.18"])):
-        gap = {"simulator": {"before": 13.8, "after": after, "closed": closed},
-               "replay": {"before": 13.8, "after": 1.03, "closed": 0.998}}
+    for after, closed, complaint in (
+        (1.06, 0.99, []),
+        (11.5, 0.18, ["in the simulator: gap after 1.03, now 11.5", "in the simulator: closed 0.998, now 0.18"]),
+    ):
+        gap = {
+            "simulator": {"before": 13.8, "after": after, "closed": closed},
+            "replay": {"before": 13.8, "after": 1.03, "closed": 0.998},
+        }
         (tmp_path / "closed" / "close.json").write_text(json.dumps({"gap": gap}))
         assert compare_output("rtds close rover --out closed", table, "", tmp_path) == complaint
 
@@ -162,16 +182,19 @@ def test_other_output_must_be_printed_as_it_stands_though_lines_may_be_left_out(
     said = "case/square:   speed mode, 635 rows\ncase/wander: speed mode, 712 rows\n"
     assert compare_output("rtds import x", said, printed, tmp_path) == []
     assert compare_output("rtds import x", said.replace("712", "711"), printed, tmp_path) == [
-        "'case/wander: speed mode, 711 rows' is not printed"]
+        "'case/wander: speed mode, 711 rows' is not printed"
+    ]
 
 
 def test_marked_figures_and_words_in_sentences_are_compared(tmp_path):
     (tmp_path / "report").mkdir()
     (tmp_path / "report" / "diagnosis.json").write_text(json.dumps(KNOWN))
     mark = "<!-- answer: report/diagnosis.json {} -->"
-    page = (f"It is `known`{mark.format('verdict')}, on the left{mark.format('effects.0.side')} side, "
-            f"of **0.1202**{mark.format('effects.0.parameters.torque_nm.value')} N·m; the gap falls from "
-            f"11.5{mark.format('gap.refit')} by 99.7 %{mark.format('gap.effect_closed')}.")
+    page = (
+        f"It is `known`{mark.format('verdict')}, on the left{mark.format('effects.0.side')} side, "
+        f"of **0.1202**{mark.format('effects.0.parameters.torque_nm.value')} N·m; the gap falls from "
+        f"11.5{mark.format('gap.refit')} by 99.7 %{mark.format('gap.effect_closed')}."
+    )
     assert compare_prose(page, tmp_path) == []
     for old, new, complaint in (
         ("`known`", "`unknown`", "verdict: unknown, now known"),
@@ -186,13 +209,17 @@ def test_marked_figures_and_words_in_sentences_are_compared(tmp_path):
 
 def test_what_stands_below_a_command_belongs_to_it(tmp_path):
     page = tmp_path / "page.md"
-    page.write_text(f"```sh\ncp a b\nrtds diagnose rover --out report\n```\n\n```text\n{HEADLINE}```\n"
-                    f"```console\n$ ls\nout\n$ rtds diagnose rover --out report\n{WHOLE}```\n")
+    page.write_text(
+        f"```sh\ncp a b\nrtds diagnose rover --out report\n```\n\n```text\n{HEADLINE}```\n"
+        f"```console\n$ ls\nout\n$ rtds diagnose rover --out report\n{WHOLE}```\n"
+    )
     first, second = blocks(page)
     assert first.said == ("", HEADLINE.rstrip("\n"))
     assert second.said == ("out", WHOLE.rstrip("\n"))
     assert [a.effects for said in (first.said[1], second.said[1]) for a in read_answers(said)] == [
-        {("coulomb_friction", "left"): {0: 0.1202}}, {("coulomb_friction", "left"): {"torque_nm": 0.1202}}]
+        {("coulomb_friction", "left"): {0: 0.1202}},
+        {("coulomb_friction", "left"): {"torque_nm": 0.1202}},
+    ]
 
 
 def test_an_answer_that_no_command_gives_is_caught(tmp_path):
@@ -240,9 +267,16 @@ old
 EXPORTED = "burger.xml: burger-nominal for mjcf\n  own       coulomb_friction (left) torque_nm = 0.119\nin MuJoCo, from the files  5.73  1.09  0.980\n"
 
 
-@pytest.mark.parametrize(("old", "new", "wrong"), [
-    ("0.119", "0.11901", False), ("1.09", "1.12", False), ("1.09", "1.31", True), ("coulomb_friction", "driver_deadzone", True),
-    ("(left)", "(both)", True)])
+@pytest.mark.parametrize(
+    ("old", "new", "wrong"),
+    [
+        ("0.119", "0.11901", False),
+        ("1.09", "1.12", False),
+        ("1.09", "1.31", True),
+        ("coulomb_friction", "driver_deadzone", True),
+        ("(left)", "(both)", True),
+    ],
+)
 def test_what_an_export_prints_may_differ_by_a_tenth_of_a_figure_and_no_word(tmp_path, old, new, wrong):
     command = "rtds export report/diagnosis.json --robot robot.toml --to mjcf --out burger.xml"
     assert bool(compare_output(command, EXPORTED, EXPORTED.replace(old, new), tmp_path)) == wrong

@@ -1,4 +1,6 @@
-"""Robots and runs for the tests of the export: effects in the replay's model, and small labelled runs of the independent planar world."""
+"""Robots and runs for the tests of the export: effects in the replay's model, and small labelled runs of the
+independent planar world.
+"""
 
 import json
 from dataclasses import replace
@@ -17,8 +19,10 @@ ROBOT = builtin_robot("burger")
 # The same behind a servo, with a loop as a TurtleBot3's.
 SERVO = replace(ROBOT, driver=Driver(mode="speed"), servo=Servo(0.44, 8.6, 12.0, 0.001))
 # Where the size at which effects are compared elsewhere cannot be had by a target.
-SIZES = {"torque_ripple": {"amplitude_nm": 0.03, "cycles_per_rev": 4.0, "phase_rad": 0.7},
-         "com_offset": {"x_m": 0.0, "y_m": 0.03}}
+SIZES = {
+    "torque_ripple": {"amplitude_nm": 0.03, "cycles_per_rev": 4.0, "phase_rad": 0.7},
+    "com_offset": {"x_m": 0.0, "y_m": 0.03},
+}
 # Labelled cases of the planar world: an effect alone, two on one side, three of several subsystems.
 LABELLED = {
     "friction": [("coulomb_friction", "left", {"torque_nm": 0.06})],
@@ -42,12 +46,16 @@ def model_of_one(effect):
     values = SIZES.get(effect) or values_of(effect)
     if effect == "friction_asymmetry":
         # A torque beside dry friction that is at least as large.
-        return model_with((effect, "both", {**values, "nm_s_per_rad": 0.0}), ("coulomb_friction", "both", {"torque_nm": 0.03}))
+        return model_with(
+            (effect, "both", {**values, "nm_s_per_rad": 0.0}), ("coulomb_friction", "both", {"torque_nm": 0.03})
+        )
     return model_with((effect, CATALOGUE[effect].sides[0], values))
 
 
 def apart(log, model, out, robot=ROBOT):
-    """How far an answer lies from the diagnosis' replay of a model, and how far the model from the nominal one; in units of noise."""
+    """How far an answer lies from the diagnosis' replay of a model, and how far the model from the nominal one; in
+    units of noise.
+    """
     inputs = run_inputs(log, robot)
     truth = replay_run(model, inputs, FINE_STEP_S)
     plain = replay_run(nominal_model(robot), inputs, FINE_STEP_S)
@@ -65,13 +73,31 @@ def speed_run(seconds=3.3):
 
 
 def diagnosis_of(effects, intervals=0.05):
-    """The content of a diagnosis.json; `intervals`: half of each 90 % interval, as a share of its value (None: no interval)."""
-    def size(value):
-        return {"value": value, "ci90": None if intervals is None else sorted((value * (1 - intervals), value * (1 + intervals)))}
+    """The content of a diagnosis.json; `intervals`: half of each 90 % interval, as a share of its value (None: no
+    interval).
+    """
 
-    return {"schema": "rtds-diagnosis/2", "verdict": "known", "nominal_fit": {},
-            "effects": [{"id": e, "side": side, "subsystem": CATALOGUE[e].subsystem, "probability": 1.0,
-                         "parameters": {name: size(value) for name, value in values.items()}} for e, side, values in effects]}
+    def size(value):
+        return {
+            "value": value,
+            "ci90": None if intervals is None else sorted((value * (1 - intervals), value * (1 + intervals))),
+        }
+
+    return {
+        "schema": "rtds-diagnosis/2",
+        "verdict": "known",
+        "nominal_fit": {},
+        "effects": [
+            {
+                "id": e,
+                "side": side,
+                "subsystem": CATALOGUE[e].subsystem,
+                "probability": 1.0,
+                "parameters": {name: size(value) for name, value in values.items()},
+            }
+            for e, side, values in effects
+        ],
+    }
 
 
 def measured_run(effects, seconds=6.0, seed=0):

@@ -59,11 +59,14 @@ def test_draws_are_files_with_their_sizes(tmp_path):
         assert f'friction="{value:.9g}"' in (tmp_path / "many" / sample["name"]).read_text()
 
 
-@pytest.mark.parametrize(("words", "complaint"), [
-    (["--to", "mjfc"], "--to mjfc: unknown"),
-    (["--to", "urdf", "--check", "run"], "only what is exported --to mjcf"),
-    (["--to", "mjcf", "--samples", "2", "--check", "run"], "--check: not with --samples"),
-])
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--to", "mjfc"], "--to mjfc: unknown"),
+        (["--to", "urdf", "--check", "run"], "only what is exported --to mjcf"),
+        (["--to", "mjcf", "--samples", "2", "--check", "run"], "--check: not with --samples"),
+    ],
+)
 def test_a_wrong_option_is_refused_and_nothing_written(words, complaint, tmp_path):
     case = write_labelled("friction", tmp_path / "case")
     done = export(case / "diagnosis.json", *words, "--out", tmp_path / "robot.xml")

@@ -1,4 +1,6 @@
-"""Robots that are driven by wheel speeds: what each target has of the servo's loop, and that it does what the replay does."""
+"""Robots that are driven by wheel speeds: what each target has of the servo's loop, and that it does what the replay
+does.
+"""
 
 import json
 import runpy
@@ -58,8 +60,12 @@ def test_the_python_robot_follows_speeds_as_the_replay_does(name, tmp_path):
     file.write_text(python.write(figures_of(model, SERVO), "a robot"))
     log = speed_run(1.65)
     start = run_inputs(log, SERVO)[-1]
-    robot = runpy.run_path(str(file))["Robot"](pose=tuple(start[:5]), payload_kg=log.meta.payload_kg, slope_rad=log.meta.slope_rad,
-                                               uphill_yaw_rad=log.meta.uphill_yaw_rad)
+    robot = runpy.run_path(str(file))["Robot"](
+        pose=tuple(start[:5]),
+        payload_kg=log.meta.payload_kg,
+        slope_rad=log.meta.slope_rad,
+        uphill_yaw_rad=log.meta.uphill_yaw_rad,
+    )
     rows = []
     for k, speeds in enumerate(log.commands("speed")):
         rows.append([robot.sensors()[channel] for channel in OUTPUTS])
@@ -111,7 +117,12 @@ def test_gazebo_has_the_loop_as_torques_and_a_scaled_encoder_in_it():
     text = urdf.write(figures, "")
     assert f"left: p = {0.8 * 0.44 * volt:.9g} N·m·s/rad" in text and "scale 1.25" in text
     content = json.loads(usd.write(figures, ""))
-    assert content["rtds"]["actuators"]["servo"] == {"kp_v_s_per_rad": 0.44, "ki_v_per_rad": 8.6, "limit_v": 12.0, "period_s": 0.001}
+    assert content["rtds"]["actuators"]["servo"] == {
+        "kp_v_s_per_rad": 0.44,
+        "ki_v_per_rad": 8.6,
+        "limit_v": 12.0,
+        "period_s": 0.001,
+    }
 
 
 def test_gazebos_loop_drives_a_wheel_as_the_replay_does():
@@ -154,13 +165,20 @@ def test_the_lists_say_how_the_loop_and_what_lies_before_it_are_there():
         kinds[target] = tuple(part.kind for part in parts)
         assert "Driven by wheel speeds, rad/s, through the servo's loop" in text
         assert "r = 0.033 m, b = 0.16 m" in text
-    assert kinds == {"mjcf": (CARRIED, CARRIED), "urdf": (LOST, CARRIED), "sdf": (LOST, CARRIED), "usd-json": (CARRIED, CARRIED),
-                     "python": (OWN, OWN)}
+    assert kinds == {
+        "mjcf": (CARRIED, CARRIED),
+        "urdf": (LOST, CARRIED),
+        "sdf": (LOST, CARRIED),
+        "usd-json": (CARRIED, CARRIED),
+        "python": (OWN, OWN),
+    }
 
 
 def test_torque_driven_robots_are_refused_with_the_reason():
     robot = replace(ROBOT, driver=Driver(mode="torque", torque_nm_per_v=0.1))
-    with pytest.raises(InputError, match=r"mode is 'torque', the motors of an exported robot take volts or wheel speeds"):
+    with pytest.raises(
+        InputError, match=r"mode is 'torque', the motors of an exported robot take volts or wheel speeds"
+    ):
         figures_of(model_with(robot=robot), robot)
 
 
@@ -170,9 +188,14 @@ def test_the_command_exports_and_checks_a_case_in_speed_mode(tmp_path):
     rng = np.random.default_rng(1)
     true = replay_run(model, run_inputs(LOG, SERVO))
     columns = {name: values for name, values in LOG.columns.items() if name.startswith("w_cmd")}
-    columns |= {name: true[:, k] + ROBOT.noise(name) * rng.standard_normal(len(LOG.t))
-                for k, name in enumerate(OUTPUTS) if name in ("w_l", "w_r", "gyro_z")}
-    (tmp_path / "robot.toml").write_text(builtin_robot_path("burger").read_text() + """
+    columns |= {
+        name: true[:, k] + ROBOT.noise(name) * rng.standard_normal(len(LOG.t))
+        for k, name in enumerate(OUTPUTS)
+        if name in ("w_l", "w_r", "gyro_z")
+    }
+    (tmp_path / "robot.toml").write_text(
+        builtin_robot_path("burger").read_text()
+        + """
 [driver]
 mode = "speed"
 [servo]
@@ -180,11 +203,25 @@ kp_v_s_per_rad = 0.44
 ki_v_per_rad = 8.6
 limit_v = 12.0
 period_s = 0.001
-""")
+"""
+    )
     (tmp_path / "diagnosis.json").write_text(json.dumps(diagnosis_of(effects)))
     write_run(tmp_path / "run", LOG.meta, {"t": LOG.t, **columns})
-    done = CliRunner().invoke(app, [str(tmp_path / "diagnosis.json"), "--to", "mjcf", "--out", str(tmp_path / "robot.xml"),
-                                    "--check", str(tmp_path / "run")])
+    done = CliRunner().invoke(
+        app,
+        [
+            str(tmp_path / "diagnosis.json"),
+            "--to",
+            "mjcf",
+            "--out",
+            str(tmp_path / "robot.xml"),
+            "--check",
+            str(tmp_path / "run"),
+        ],
+    )
     assert done.exit_code == 0, done.output
-    assert "driven by wheel speeds, rad/s, through the servo's loop, which stands in the file for whoever drives it: custom" in done.output
+    assert (
+        "driven by wheel speeds, rad/s, through the servo's loop, which stands in the file for whoever drives it: custom"
+        in done.output
+    )
     assert float(done.output.rpartition("MuJoCo closes ")[2].split()[0]) >= 0.9

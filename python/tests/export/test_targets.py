@@ -74,8 +74,12 @@ def test_the_python_robot_does_what_the_replay_does(effect, tmp_path):
     robot_class = runpy.run_path(str(file))["Robot"]
     log = designed_run(1.65)
     start = run_inputs(log, ROBOT)[-1]
-    robot = robot_class(pose=tuple(start[:5]), payload_kg=log.meta.payload_kg, slope_rad=log.meta.slope_rad,
-                        uphill_yaw_rad=log.meta.uphill_yaw_rad)
+    robot = robot_class(
+        pose=tuple(start[:5]),
+        payload_kg=log.meta.payload_kg,
+        slope_rad=log.meta.slope_rad,
+        uphill_yaw_rad=log.meta.uphill_yaw_rad,
+    )
     rows = []
     for k, volts in enumerate(log.commands("voltage")):
         rows.append([robot.sensors()[name] for name in OUTPUTS])
@@ -86,13 +90,22 @@ def test_the_python_robot_does_what_the_replay_does(effect, tmp_path):
     assert effect == "nominal" or far < 0.7 * size
 
 
-@pytest.mark.parametrize(("target", "writer"), [("urdf", urdf.write), ("sdf", sdf.write), ("usd-json", usd.write), ("mjcf", mjcf.write),
-                                                ("python", python.write)])
+@pytest.mark.parametrize(
+    ("target", "writer"),
+    [("urdf", urdf.write), ("sdf", sdf.write), ("usd-json", usd.write), ("mjcf", mjcf.write), ("python", python.write)],
+)
 def test_what_is_in_a_file_changes_it_and_what_is_left_out_does_not(target, writer):
     plain = writer(figures_of(nominal_model(ROBOT), ROBOT), "")
     for effect, row in TABLE.items():
-        text = writer(figures_of(model_of_one(effect) if effect != "friction_asymmetry" else model_with(
-            (effect, "both", {"torque_nm": 0.02, "nm_s_per_rad": 0.004})), ROBOT), "")
+        text = writer(
+            figures_of(
+                model_of_one(effect)
+                if effect != "friction_asymmetry"
+                else model_with((effect, "both", {"torque_nm": 0.02, "nm_s_per_rad": 0.004})),
+                ROBOT,
+            ),
+            "",
+        )
         if row[target].kind != LOST:
             # An asymmetry needs dry friction beside it in MuJoCo; `test_the_mujoco_robot…` has both.
             assert text != plain or (effect, target) == ("friction_asymmetry", "mjcf"), effect
@@ -101,14 +114,19 @@ def test_what_is_in_a_file_changes_it_and_what_is_left_out_does_not(target, writ
 
 
 def test_urdf_and_sdf_say_what_drives_a_wheel():
-    model = model_with(("coulomb_friction", "left", {"torque_nm": 0.05}), ("wheel_radius_error", "both", {"ratio": 1.1}))
+    model = model_with(
+        ("coulomb_friction", "left", {"torque_nm": 0.05}), ("wheel_radius_error", "both", {"ratio": 1.1})
+    )
     figures, motor = figures_of(model, ROBOT), ROBOT.motor
     constant = motor.gear_ratio * motor.torque_constant_nm_per_a
     braking = constant * motor.gear_ratio * motor.back_emf_constant_v_s_per_rad / motor.resistance_ohm
     viscous = motor.gear_ratio**2 * motor.viscous_friction_nm_s_per_rad
     root = ElementTree.fromstring(urdf.write(figures, "by a test\n"))
     left, right = root.findall("joint")
-    assert float(left.find("dynamics").get("friction")) == pytest.approx(0.05) and float(right.find("dynamics").get("friction")) == 0
+    assert (
+        float(left.find("dynamics").get("friction")) == pytest.approx(0.05)
+        and float(right.find("dynamics").get("friction")) == 0
+    )
     assert float(right.find("dynamics").get("damping")) == pytest.approx(braking + viscous)
     assert float(right.find("limit").get("effort")) == pytest.approx(constant * 12.0 / motor.resistance_ohm)
     assert float(root.find("link[@name='wheel_left']/collision/geometry/sphere").get("radius")) == pytest.approx(0.0363)
@@ -134,7 +152,9 @@ def test_usd_attributes_are_in_degrees_where_the_schema_says_so():
     joint = content["prims"]["/robot/joints/wheel_left"]
     viscous = ROBOT.motor.gear_ratio**2 * ROBOT.motor.viscous_friction_nm_s_per_rad + 0.01
     assert joint["physxJointAxis:angular:viscousFrictionCoefficient"] == pytest.approx(viscous * math.pi / 180)
-    assert joint["physxJointAxis:angular:armature"] == pytest.approx(ROBOT.motor.gear_ratio**2 * ROBOT.motor.rotor_inertia_kg_m2)
+    assert joint["physxJointAxis:angular:armature"] == pytest.approx(
+        ROBOT.motor.gear_ratio**2 * ROBOT.motor.rotor_inertia_kg_m2
+    )
     assert content["notes"] == ["one", "two"]
 
 
@@ -143,10 +163,17 @@ def source_of(*effects, robot: Robot = ROBOT):
 
 
 def test_what_a_target_cannot_have_stands_in_its_file_and_in_the_list():
-    source = source_of(("load_friction", "left", {"ratio": 0.2}), ("coulomb_friction", "both", {"torque_nm": 0.05}),
-                       ("speed_gain", "right", {"ratio": 1.02}))
+    source = source_of(
+        ("load_friction", "left", {"ratio": 0.2}),
+        ("coulomb_friction", "both", {"torque_nm": 0.05}),
+        ("speed_gain", "right", {"ratio": 1.02}),
+    )
     text, parts = export(source, "mjcf")
-    assert {part.effect: part.kind for part in parts} == {"load_friction": LOST, "coulomb_friction": OWN, "speed_gain": CARRIED}
+    assert {part.effect: part.kind for part in parts} == {
+        "load_friction": LOST,
+        "coulomb_friction": OWN,
+        "speed_gain": CARRIED,
+    }
     head = text.partition("-->")[0]
     assert "Not expressible, left out:\n  load_friction (left) ratio = 0.2: friction there" in head
     text, parts = export(source, "urdf")

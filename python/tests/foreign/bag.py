@@ -30,33 +30,73 @@ POINT = "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z"
 TWIST = "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular"
 TYPES = {
     "geometry_msgs/msg/Twist": LINE.join([TWIST, VECTOR]),
-    "sensor_msgs/msg/JointState": LINE.join([
-        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort", HEADER, TIME]),
-    "sensor_msgs/msg/Imu": LINE.join([
-        ("std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
-        "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
-        "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance"),
-        HEADER, TIME, QUATERNION, VECTOR]),
-    "sensor_msgs/msg/BatteryState": LINE.join([
-        ("std_msgs/Header header\nfloat32 voltage\nfloat32 temperature\nfloat32 current\nfloat32 charge\nfloat32 capacity\n"
-        "float32 design_capacity\nfloat32 percentage\nuint8 power_supply_status\nuint8 power_supply_health\n"
-        "uint8 power_supply_technology\nbool present\nfloat32[] cell_voltage\nfloat32[] cell_temperature\nstring location\n"
-        "string serial_number"), HEADER, TIME]),
-    "turtlebot3_msgs/msg/SensorState": LINE.join([
-        ("std_msgs/Header header\nuint8 bumper\nfloat32 cliff\nfloat32 sonar\nfloat32 illumination\nuint8 led\nuint8 button\n"
-        "bool torque\nint32 left_encoder\nint32 right_encoder\nfloat32 battery"), HEADER, TIME]),
-    "nav_msgs/msg/Odometry": LINE.join([
-        ("std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
-        "geometry_msgs/TwistWithCovariance twist"), HEADER, TIME,
-        "MSG: geometry_msgs/PoseWithCovariance\ngeometry_msgs/Pose pose\nfloat64[36] covariance",
-        "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation", POINT, QUATERNION,
-        "MSG: geometry_msgs/TwistWithCovariance\ngeometry_msgs/Twist twist\nfloat64[36] covariance",
-        "MSG: geometry_msgs/Twist\n" + TWIST, VECTOR])}
+    "sensor_msgs/msg/JointState": LINE.join(
+        [
+            "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort",
+            HEADER,
+            TIME,
+        ]
+    ),
+    "sensor_msgs/msg/Imu": LINE.join(
+        [
+            (
+                "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
+                "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
+                "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance"
+            ),
+            HEADER,
+            TIME,
+            QUATERNION,
+            VECTOR,
+        ]
+    ),
+    "sensor_msgs/msg/BatteryState": LINE.join(
+        [
+            (
+                "std_msgs/Header header\nfloat32 voltage\nfloat32 temperature\nfloat32 current\nfloat32 charge\nfloat32 capacity\n"
+                "float32 design_capacity\nfloat32 percentage\nuint8 power_supply_status\nuint8 power_supply_health\n"
+                "uint8 power_supply_technology\nbool present\nfloat32[] cell_voltage\nfloat32[] cell_temperature\nstring location\n"
+                "string serial_number"
+            ),
+            HEADER,
+            TIME,
+        ]
+    ),
+    "turtlebot3_msgs/msg/SensorState": LINE.join(
+        [
+            (
+                "std_msgs/Header header\nuint8 bumper\nfloat32 cliff\nfloat32 sonar\nfloat32 illumination\nuint8 led\nuint8 button\n"
+                "bool torque\nint32 left_encoder\nint32 right_encoder\nfloat32 battery"
+            ),
+            HEADER,
+            TIME,
+        ]
+    ),
+    "nav_msgs/msg/Odometry": LINE.join(
+        [
+            (
+                "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
+                "geometry_msgs/TwistWithCovariance twist"
+            ),
+            HEADER,
+            TIME,
+            "MSG: geometry_msgs/PoseWithCovariance\ngeometry_msgs/Pose pose\nfloat64[36] covariance",
+            "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+            POINT,
+            QUATERNION,
+            "MSG: geometry_msgs/TwistWithCovariance\ngeometry_msgs/Twist twist\nfloat64[36] covariance",
+            "MSG: geometry_msgs/Twist\n" + TWIST,
+            VECTOR,
+        ]
+    ),
+}
 
 
 @dataclass(frozen=True)
 class Clock:
-    """How a recording is stamped: the latest a read-out is stamped after it happened, s; when it began, s since 1970."""
+    """How a recording is stamped: the latest a read-out is stamped after it happened, s; when it began, s since
+    1970.
+    """
 
     late_s: float = 0.002
     start_s: int = 1_760_000_000
@@ -67,7 +107,9 @@ def _firmware(linear: float, angular: float) -> list[float]:
     linear = max(-TOP_M_S, min(TOP_M_S, math.trunc(linear * 100.0) / 100.0))
     most = TOP_M_S / (TRACK / 2.0)
     angular = max(-most, min(most, math.trunc(angular * 100.0) / 100.0))
-    return [math.trunc((linear + sign * angular * TRACK / 2.0) / RADIUS / RPM_COUNT) * RPM_COUNT for sign in (-1.0, 1.0)]
+    return [
+        math.trunc((linear + sign * angular * TRACK / 2.0) / RADIUS / RPM_COUNT) * RPM_COUNT for sign in (-1.0, 1.0)
+    ]
 
 
 def _flat(yaw: float) -> dict:
@@ -82,17 +124,22 @@ def plan(kind: str, chance: random.Random) -> list[tuple[float, float, float]]:
     """Parts of a drive: seconds, m/s, rad/s."""
     rest = [(1.2, 0.0, 0.0)]
     if kind == "lanes":
-        return rest + [(2.0, 0.17, 0.0), (0.7, 0.0, 0.0), (1.6, -0.12, 0.0), (0.7, 0.0, 0.0), (1.2, 0.05, 0.0)] * 3 + rest
+        return (
+            rest + [(2.0, 0.17, 0.0), (0.7, 0.0, 0.0), (1.6, -0.12, 0.0), (0.7, 0.0, 0.0), (1.2, 0.05, 0.0)] * 3 + rest
+        )
     if kind == "turns":
         return rest + [(1.8, 0.0, 1.5), (0.7, 0.0, 0.0), (1.6, 0.0, -0.8), (0.7, 0.0, 0.0), (1.0, 0.0, 0.4)] * 3 + rest
-    return rest + [(chance.uniform(0.6, 1.7), chance.uniform(-0.18, 0.18), chance.uniform(-0.9, 0.9))
-                   for _ in range(16)] + rest
+    return (
+        rest
+        + [(chance.uniform(0.6, 1.7), chance.uniform(-0.18, 0.18), chance.uniform(-0.9, 0.9)) for _ in range(16)]
+        + rest
+    )
 
 
 def record(path: Path, robot: Burger, kind: str, clock: Clock, chance: random.Random) -> None:
     """Drive a plan and write the bag."""
     parts = plan(kind, chance)
-    ends = [sum(seconds for seconds, _, _ in parts[:k + 1]) for k in range(len(parts))]
+    ends = [sum(seconds for seconds, _, _ in parts[: k + 1]) for k in range(len(parts))]
     latency = chance.uniform(0.001, 0.004)
     commands = [0.4 + COMMAND_S * k + chance.uniform(0.0, 0.005) for k in range(int((ends[-1] - 0.5) / COMMAND_S))]
     acting = [(t + latency + robot.fault.delay_s, t) for t in commands]
@@ -128,36 +175,103 @@ def record(path: Path, robot: Burger, kind: str, clock: Clock, chance: random.Ra
             heard = stamped + chance.uniform(0.0005, 0.002)
             ticks = [math.floor(a / ENCODER) for a in robot.angle]
             volts = round(robot.bus_v + chance.gauss(0.0, BUS), 2)
-            put("/sensor_state", "turtlebot3_msgs/msg/SensorState", {
-                "header": head, "bumper": 0, "cliff": 0.0, "sonar": 0.0, "illumination": 0.0, "led": 0, "button": 0,
-                "torque": True, "left_encoder": ticks[0], "right_encoder": ticks[1], "battery": volts}, heard)
+            put(
+                "/sensor_state",
+                "turtlebot3_msgs/msg/SensorState",
+                {
+                    "header": head,
+                    "bumper": 0,
+                    "cliff": 0.0,
+                    "sonar": 0.0,
+                    "illumination": 0.0,
+                    "led": 0,
+                    "button": 0,
+                    "torque": True,
+                    "left_encoder": ticks[0],
+                    "right_encoder": ticks[1],
+                    "battery": volts,
+                },
+                heard,
+            )
             # The node divides by nothing: metres a second at the rim. Positions are those of the read-out before.
-            put("/joint_states", "sensor_msgs/msg/JointState", {
-                "header": head, "name": ["wheel_left_joint", "wheel_right_joint"], "position": list(before),
-                "velocity": [RADIUS * RPM_COUNT * round(w / RPM_COUNT + chance.gauss(0.0, 0.5)) for w in robot.speed],
-                "effort": []}, heard)
-            put("/imu", "sensor_msgs/msg/Imu", {
-                "header": head, "orientation": _flat(robot.pose[2]), "orientation_covariance": [0.0] * 9,
-                "angular_velocity": _vector(chance.gauss(0.0, GYRO), chance.gauss(0.0, GYRO),
-                                            robot.yaw_rate + chance.gauss(0.0, GYRO)),
-                "angular_velocity_covariance": [0.0] * 9, "linear_acceleration": _vector(z=9.81),
-                "linear_acceleration_covariance": [0.0] * 9}, heard)
-            put("/battery_state", "sensor_msgs/msg/BatteryState", {
-                "header": head, "voltage": volts, "temperature": 0.0, "current": 0.0, "charge": 0.0, "capacity": 0.0,
-                "design_capacity": 1.8, "percentage": 100.0 * (volts - 10.5) / 2.1, "power_supply_status": 0,
-                "power_supply_health": 0, "power_supply_technology": 0, "present": True, "cell_voltage": [],
-                "cell_temperature": [], "location": "", "serial_number": ""}, heard)
+            put(
+                "/joint_states",
+                "sensor_msgs/msg/JointState",
+                {
+                    "header": head,
+                    "name": ["wheel_left_joint", "wheel_right_joint"],
+                    "position": list(before),
+                    "velocity": [
+                        RADIUS * RPM_COUNT * round(w / RPM_COUNT + chance.gauss(0.0, 0.5)) for w in robot.speed
+                    ],
+                    "effort": [],
+                },
+                heard,
+            )
+            put(
+                "/imu",
+                "sensor_msgs/msg/Imu",
+                {
+                    "header": head,
+                    "orientation": _flat(robot.pose[2]),
+                    "orientation_covariance": [0.0] * 9,
+                    "angular_velocity": _vector(
+                        chance.gauss(0.0, GYRO), chance.gauss(0.0, GYRO), robot.yaw_rate + chance.gauss(0.0, GYRO)
+                    ),
+                    "angular_velocity_covariance": [0.0] * 9,
+                    "linear_acceleration": _vector(z=9.81),
+                    "linear_acceleration_covariance": [0.0] * 9,
+                },
+                heard,
+            )
+            put(
+                "/battery_state",
+                "sensor_msgs/msg/BatteryState",
+                {
+                    "header": head,
+                    "voltage": volts,
+                    "temperature": 0.0,
+                    "current": 0.0,
+                    "charge": 0.0,
+                    "capacity": 0.0,
+                    "design_capacity": 1.8,
+                    "percentage": 100.0 * (volts - 10.5) / 2.1,
+                    "power_supply_status": 0,
+                    "power_supply_health": 0,
+                    "power_supply_technology": 0,
+                    "present": True,
+                    "cell_voltage": [],
+                    "cell_temperature": [],
+                    "location": "",
+                    "serial_number": "",
+                },
+                heard,
+            )
             if last is not None:
                 rolled = [RADIUS * (b - a) for a, b in zip(last, before)]
                 turned, way = (rolled[1] - rolled[0]) / TRACK, 0.5 * (rolled[0] + rolled[1])
-                odometry = [odometry[0] + way * math.cos(odometry[2] + turned / 2.0),
-                            odometry[1] + way * math.sin(odometry[2] + turned / 2.0), odometry[2] + turned]
-                put("/odom", "nav_msgs/msg/Odometry", {
-                    "header": head, "child_frame_id": "base_footprint",
-                    "pose": {"pose": {"position": _vector(odometry[0], odometry[1]), "orientation": _flat(odometry[2])},
-                             "covariance": [0.0] * 36},
-                    "twist": {"twist": {"linear": _vector(x=way / READ_S), "angular": _vector(z=turned / READ_S)},
-                              "covariance": [0.0] * 36}}, heard)
+                odometry = [
+                    odometry[0] + way * math.cos(odometry[2] + turned / 2.0),
+                    odometry[1] + way * math.sin(odometry[2] + turned / 2.0),
+                    odometry[2] + turned,
+                ]
+                put(
+                    "/odom",
+                    "nav_msgs/msg/Odometry",
+                    {
+                        "header": head,
+                        "child_frame_id": "base_footprint",
+                        "pose": {
+                            "pose": {"position": _vector(odometry[0], odometry[1]), "orientation": _flat(odometry[2])},
+                            "covariance": [0.0] * 36,
+                        },
+                        "twist": {
+                            "twist": {"linear": _vector(x=way / READ_S), "angular": _vector(z=turned / READ_S)},
+                            "covariance": [0.0] * 36,
+                        },
+                    },
+                    heard,
+                )
                 last = list(before)
             elif any(before):
                 last = list(before)

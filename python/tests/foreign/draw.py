@@ -1,4 +1,6 @@
-"""Robots drawn by chance: half of them nominal, the others with one cause; bags and truth. Nothing of the program is used."""
+"""Robots drawn by chance: half of them nominal, the others with one cause; bags and truth. Nothing of the program is
+used.
+"""
 
 from __future__ import annotations
 
@@ -48,13 +50,22 @@ def draw(folder: Path, number: int, seed: int) -> dict:
     chance = random.Random(f"{seed}/{number}")
     cause = None if number % 2 == 0 else CAUSES[number // 2 % len(CAUSES)]
     made, effects = fault(cause, chance)
-    servo = Servo(kp=0.4417 * chance.uniform(0.75, 1.33), ki=8.628 * chance.uniform(0.75, 1.33),
-                  smooth=chance.uniform(0.0, 0.6), release=chance.uniform(0.2, 0.9))
+    servo = Servo(
+        kp=0.4417 * chance.uniform(0.75, 1.33),
+        ki=8.628 * chance.uniform(0.75, 1.33),
+        smooth=chance.uniform(0.0, 0.6),
+        release=chance.uniform(0.2, 0.9),
+    )
     battery, late = chance.uniform(10.8, 12.6), chance.uniform(0.001, 0.020)
     folder.mkdir(parents=True)
     for k, kind in enumerate(DRIVES):
-        robot = Burger(made, servo, battery_v=battery - 0.05 * k, battery_ohm=chance.uniform(0.03, 0.12),
-                       drop_v_per_s=chance.uniform(0.0, 0.001))
+        robot = Burger(
+            made,
+            servo,
+            battery_v=battery - 0.05 * k,
+            battery_ohm=chance.uniform(0.03, 0.12),
+            drop_v_per_s=chance.uniform(0.0, 0.001),
+        )
         record(folder / f"{kind}.mcap", robot, kind, Clock(late, 1_760_000_000 + 300 * k), chance)
     truth = {"effects": effects, "battery_v": battery, "stamps_late_s": late, "kp": servo.kp, "ki": servo.ki}
     (folder / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 OHM, KM, ROTOR, VISCOUS, GEAR = 8.6, 6.538e-3, 1.0e-7, 4.372e-7, 258.5
 MASS, YAW_INERTIA, WHEEL_INERTIA, RADIUS, TRACK = 1.0, 2.5e-3, 2.07e-5, 0.033, 0.160
 NOMINAL_V = 12.0
-RPM_COUNT = 0.229 * 2.0 * math.pi / 60.0       # a count of present and goal velocity, rad/s
-DUTY_COUNTS = 885                              # a full duty
+RPM_COUNT = 0.229 * 2.0 * math.pi / 60.0  # a count of present and goal velocity, rad/s
+DUTY_COUNTS = 885  # a full duty
 STEP_S, SERVO_S = 0.0004, 0.002
 STILL = 1e-9
 
@@ -67,8 +67,13 @@ class Burger:
         own = GEAR**2 * ROTOR + WHEEL_INERTIA
         radii = [RADIUS * r for r in self.fault.radius]
         # Kinetic energy of body and wheels in the two wheel speeds.
-        self._m = [[own + MASS * radii[0] ** 2 / 4 + YAW_INERTIA * radii[0] ** 2 / TRACK**2,
-                    (MASS / 4 - YAW_INERTIA / TRACK**2) * radii[0] * radii[1]], [0.0, 0.0]]
+        self._m = [
+            [
+                own + MASS * radii[0] ** 2 / 4 + YAW_INERTIA * radii[0] ** 2 / TRACK**2,
+                (MASS / 4 - YAW_INERTIA / TRACK**2) * radii[0] * radii[1],
+            ],
+            [0.0, 0.0],
+        ]
         self._m[1] = [self._m[0][1], own + MASS * radii[1] ** 2 / 4 + YAW_INERTIA * radii[1] ** 2 / TRACK**2]
         self._radii = radii
 

@@ -43,26 +43,35 @@ FINDINGS: dict[str, dict[str, bytes]] = {
         "lists without end": b"[" * 100000,
         "integer beyond a double": b'{"schema": "rtds-run/1", "payload_kg": 1' + b"0" * 400 + b"}",
         "half a character": b'{"schema": "rtds-run/1", "scenario": "\\ud800"}',
-        "a list": b"[1]", "nan": b'{"schema": "rtds-run/1", "payload_kg": NaN}',
+        "a list": b"[1]",
+        "nan": b'{"schema": "rtds-run/1", "payload_kg": NaN}',
     },
     "diagnosis": {
-        "without effects": _diagnosis(), "effects null": _diagnosis(effects=None),
+        "without effects": _diagnosis(),
+        "effects null": _diagnosis(effects=None),
         "an effect twice": _diagnosis(effects=[_COULOMB, _COULOMB]),
         "an effect on both sides and on one": _diagnosis(effects=[_COULOMB, {**_COULOMB, "side": "left"}]),
-        "a body without mass": _diagnosis(effects=[{"id": "payload_error", "side": "both", "parameters": {"mass_kg": -3.0}}]),
+        "a body without mass": _diagnosis(
+            effects=[{"id": "payload_error", "side": "both", "parameters": {"mass_kg": -3.0}}]
+        ),
         "a centre of mass beyond its inertia": _diagnosis(
-            effects=[{"id": "com_offset", "side": "both", "parameters": {"x_m": 0.0, "y_m": 0.15}}]),
+            effects=[{"id": "com_offset", "side": "both", "parameters": {"x_m": 0.0, "y_m": 0.15}}]
+        ),
         "a byte order mark": b"\xef\xbb\xbf" + _diagnosis(effects=[_COULOMB]),
         "a list for an id": _diagnosis(effects=[{**_COULOMB, "id": ["coulomb_friction"]}]),
     },
-    "table": {"nothing": b"", "only a head": b"time_ms,u_l,u_r,n_l,n_r,c_l\n", "null bytes": b"\x00" * 100,
-              "digits of another script": b"time_ms,u_l,u_r,n_l,n_r,c_l\n" + "".join(
-                  f"{10 * k},1000,1000,\u0663,0,0\n" for k in range(50)).encode(),
-              "a field without end": b"time_ms,u_l,u_r,n_l,n_r,c_l\n" + b"1" * 200_000},
+    "table": {
+        "nothing": b"",
+        "only a head": b"time_ms,u_l,u_r,n_l,n_r,c_l\n",
+        "null bytes": b"\x00" * 100,
+        "digits of another script": b"time_ms,u_l,u_r,n_l,n_r,c_l\n"
+        + "".join(f"{10 * k},1000,1000,\u0663,0,0\n" for k in range(50)).encode(),
+        "a field without end": b"time_ms,u_l,u_r,n_l,n_r,c_l\n" + b"1" * 200_000,
+    },
     "mapping": {
         "no delimiter": b'schema = "rtds-mapping/1"\nname = "m"\nrobot = "burger"\n[table]\ndelimiter = ""\n',
         "two delimiters": b'schema = "rtds-mapping/1"\nname = "m"\nrobot = "burger"\n[table]\ndelimiter = ",,"\n',
-        "a quote as delimiter": b"schema = \"rtds-mapping/1\"\nname = \"m\"\n[table]\ndelimiter = '\"'\n",
+        "a quote as delimiter": b'schema = "rtds-mapping/1"\nname = "m"\n[table]\ndelimiter = \'"\'\n',
         "a line end as delimiter": b'schema = "rtds-mapping/1"\nname = "m"\n[table]\ndelimiter = "\\n"\n',
         "itself as base": b'schema = "rtds-mapping/1"\nname = "m"\nbase = "mapping.toml"\n',
     },

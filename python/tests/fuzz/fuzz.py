@@ -1,9 +1,9 @@
 """Feeds the program inputs that are almost right, and counts what it makes of them: `make fuzz`.
 
-Every input must end in a right answer or in one clear line with status 2, within a minute, with nothing half-written and
-nothing left beside it. What is accepted is compared with what a reader of the harness' own (`reference.py`) sees in it: an
-answer to something that is not there is a silent misreading. An input is known by seed and number, `--only SEED NUMBER`
-shows it; `findings.py` holds what was found before, and comes first.
+Every input must end in a right answer or in one clear line with status 2, within a minute, with nothing half-written
+and nothing left beside it. What is accepted is compared with what a reader of the harness' own (`reference.py`) sees in
+it: an answer to something that is not there is a silent misreading. An input is known by seed and number, `--only SEED
+NUMBER` shows it; `findings.py` holds what was found before, and comes first.
 """
 
 from __future__ import annotations
@@ -50,8 +50,14 @@ from rtds_host.link.registers import NOISE_BYTES, RegisterClient, encode_answer
 from rtds_host.link.rtl import RtlLink
 
 HANG_S = 60.0
-RIGHT, REFUSED, OPEN, MISREAD, TROUBLE, HANG = ("right answer", "clean error", "accepted, not judged", "SILENT MISREADING",
-                                                "TROUBLE", "HANG")
+RIGHT, REFUSED, OPEN, MISREAD, TROUBLE, HANG = (
+    "right answer",
+    "clean error",
+    "accepted, not judged",
+    "SILENT MISREADING",
+    "TROUBLE",
+    "HANG",
+)
 BAD = (MISREAD, TROUBLE, HANG)
 # Numbers of nine digits.
 CLOSE = {"rel_tol": 2e-8, "abs_tol": 1e-12}
@@ -90,8 +96,9 @@ def one_line(text: str) -> str | None:
     return None
 
 
-def told(place: Path, status: int, said: str, outputs: tuple[str, ...], before: set[str],
-         judge: Callable[[], Result | None]) -> Result:
+def told(
+    place: Path, status: int, said: str, outputs: tuple[str, ...], before: set[str], judge: Callable[[], Result | None]
+) -> Result:
     """What a command's end is worth; `outputs` are there all or not at all, and nothing else may be new."""
     new = inputs.listing(place) - before
     there = [name for name in outputs if name in new]
@@ -124,11 +131,17 @@ def alike(name: str, got: np.ndarray, wanted: list[float]) -> Result | None:
     return None
 
 
-# ---- kinds of input ----------------------------------------------------------------------------------------------------
+# ---- kinds of input
+# ----------------------------------------------------------------------------------------------------
+
 
 def case_files(rng: random.Random) -> dict[str, bytes]:
     """A right case of one run."""
-    return {"case/robot.toml": inputs.robot_toml(), "case/run/run.json": inputs.run_json(rng), "case/run/log.csv": inputs.log_csv()}
+    return {
+        "case/robot.toml": inputs.robot_toml(),
+        "case/run/run.json": inputs.run_json(rng),
+        "case/run/log.csv": inputs.log_csv(),
+    }
 
 
 def predicted(place: Path, files: dict[str, bytes], *more: object) -> Result:
@@ -147,8 +160,13 @@ def predicted(place: Path, files: dict[str, bytes], *more: object) -> Result:
             if getattr(read_meta(place / "case/run/run.json"), key) != value or getattr(log.meta, key) != value:
                 return MISREAD, f"{key} of run.json"
         for (section, key), value in machine.items():
-            got = robot.supply_v if section == "supply" else robot.sensors.get(key) if section == "sensors" \
+            got = (
+                robot.supply_v
+                if section == "supply"
+                else robot.sensors.get(key)
+                if section == "sensors"
                 else getattr(getattr(robot, section), key)
+            )
             if got != value:
                 return MISREAD, f"[{section}] {key} is {got}, in the file stands {value}"
         if not machine:
@@ -223,17 +241,27 @@ def imported(place: Path, mapping: bytes, table: bytes) -> Result:
         signals = content["signal"]
         plain = {"column", "unit", "reverse", "scale"}
         units = {"mV": 1e-3, "V": 1.0, "mA": 1e-3, "A": 1.0, "rpm": math.pi / 30, "rad/s": 1.0}
-        if set(content) - {"schema", "name", "robot", "table", "time", "signal"} or content["robot"] != "burger" or \
-                set(content["table"]) - {"delimiter"} or content["time"].get("unit") != "ms" or \
-                any(set(entry) - plain or entry.get("unit") not in units for entry in signals.values()):
+        if (
+            set(content) - {"schema", "name", "robot", "table", "time", "signal"}
+            or content["robot"] != "burger"
+            or set(content["table"]) - {"delimiter"}
+            or content["time"].get("unit") != "ms"
+            or any(set(entry) - plain or entry.get("unit") not in units for entry in signals.values())
+        ):
             return OPEN, "more of a mapping than the reference knows"
         time_column = content["time"]["column"]
-        raw = reference.foreign_csv(table, content["table"].get("delimiter", ","),
-                                    tuple(dict.fromkeys((time_column, *(e["column"] for e in signals.values())))))
+        raw = reference.foreign_csv(
+            table,
+            content["table"].get("delimiter", ","),
+            tuple(dict.fromkeys((time_column, *(e["column"] for e in signals.values())))),
+        )
         got = read_run(place / "case/log", load_robot(place / "case/robot.toml"))
         # A run begins where both commands are known.
-        known = [next((k for k, v in enumerate(raw[signals[name]["column"]]) if not math.isnan(v)), 0)
-                 for name in ("v_cmd_l", "v_cmd_r") if name in signals]
+        known = [
+            next((k for k, v in enumerate(raw[signals[name]["column"]]) if not math.isnan(v)), 0)
+            for name in ("v_cmd_l", "v_cmd_r")
+            if name in signals
+        ]
         start = raw[time_column][max(known, default=0)] * 1e-3
         # Rows: the last sample of each microsecond, to which the importer rounds.
         at = {round((v * 1e-3 - start) * 1e6): k for k, v in enumerate(raw[time_column])}
@@ -241,8 +269,14 @@ def imported(place: Path, mapping: bytes, table: bytes) -> Result:
         # Up to 999 s a row's time is told to the microsecond, then to ten and more.
         times = {round(t * 1e6) - offset for t in got.t}
         for time_us, k in at.items():
-            if 0 <= time_us < 999e6 and max(at) < 999e6 and time_us not in times and any(
-                    not math.isnan(raw[entry["column"]][k]) for name, entry in signals.items() if name in got.columns):
+            if (
+                0 <= time_us < 999e6
+                and max(at) < 999e6
+                and time_us not in times
+                and any(
+                    not math.isnan(raw[entry["column"]][k]) for name, entry in signals.items() if name in got.columns
+                )
+            ):
                 return MISREAD, f"row {k} of the file, at {1e-6 * time_us:g} s, is not there"
         for name, entry in signals.items():
             factor = units[entry["unit"]] * entry.get("scale", 1.0) * (-1 if entry.get("reverse") else 1)
@@ -254,8 +288,11 @@ def imported(place: Path, mapping: bytes, table: bytes) -> Result:
                     continue
                 wanted = raw[entry["column"]][k] * factor
                 if not math.isnan(wanted) and not math.isclose(value, wanted, rel_tol=1e-6, abs_tol=1e-9):
-                    return (OPEN, "rows of one time") if len(at) < len(raw[time_column]) else \
-                        (MISREAD, f"{name} at {t:g} s is {value!r}, in the file stands {wanted!r}")
+                    return (
+                        (OPEN, "rows of one time")
+                        if len(at) < len(raw[time_column])
+                        else (MISREAD, f"{name} at {t:g} s is {value!r}, in the file stands {wanted!r}")
+                    )
         return None
 
     return told(place, status, said, ("case/robot.toml", "case/log/run.json", "case/log/log.csv"), before, judge)
@@ -264,14 +301,20 @@ def imported(place: Path, mapping: bytes, table: bytes) -> Result:
 def table(place: Path, rng: random.Random, given: bytes | None = None) -> Result:
     """A table of another logger."""
     delimiter = rng.choice(",;\t") if given is None else ","
-    return imported(place, (inputs.MAPPING % delimiter.replace("\t", "\\t")).encode(),
-                    inputs.spoiled_text(inputs.foreign_csv(delimiter), rng) if given is None else given)
+    return imported(
+        place,
+        (inputs.MAPPING % delimiter.replace("\t", "\\t")).encode(),
+        inputs.spoiled_text(inputs.foreign_csv(delimiter), rng) if given is None else given,
+    )
 
 
 def mapping(place: Path, rng: random.Random, given: bytes | None = None) -> Result:
     """A mapping."""
-    return imported(place, inputs.spoiled_text((inputs.MAPPING % ",").encode(), rng) if given is None else given,
-                    inputs.foreign_csv(","))
+    return imported(
+        place,
+        inputs.spoiled_text((inputs.MAPPING % ",").encode(), rng) if given is None else given,
+        inputs.foreign_csv(","),
+    )
 
 
 @functools.cache
@@ -290,8 +333,11 @@ def bag(place: Path, rng: random.Random, given: bytes | None = None) -> Result:
     whole_bag(form)
     files = dict(inputs.bag(form))
     victim = rng.choice(list(files))
-    files[victim] = inputs.spoiled_text(files[victim], rng) if victim.endswith(".yaml") \
+    files[victim] = (
+        inputs.spoiled_text(files[victim], rng)
+        if victim.endswith(".yaml")
         else inputs.spoiled_bytes(files[victim], rng)
+    )
     inputs.fill(place, files)
     before = inputs.listing(place)
     status, said = command(place, "import", next(iter(files)).split("/")[0], "--out", "case")
@@ -336,16 +382,30 @@ def serial(place: Path, rng: random.Random, given: bytes | None = None) -> Resul
     """What comes on a serial line."""
     word, address = rng.randrange(2**32), rng.choice((0, 1, 7, 0x20))
     stream = b"".join(
-        rng.choice((b"", bytes(rng.randrange(20)), rng.randbytes(rng.randrange(30)), b"\x5a" * rng.randrange(4),
-                    encode_answer(rng.randrange(16), 0, address, rng.randrange(2**32))))
-        + (inputs.spoiled_bytes(encode_answer(tag, 0, address, word), rng) if rng.random() < 0.6
-           else encode_answer(tag, 0, address, word)) for tag in (1, 2, 3))
+        rng.choice(
+            (
+                b"",
+                bytes(rng.randrange(20)),
+                rng.randbytes(rng.randrange(30)),
+                b"\x5a" * rng.randrange(4),
+                encode_answer(rng.randrange(16), 0, address, rng.randrange(2**32)),
+            )
+        )
+        + (
+            inputs.spoiled_bytes(encode_answer(tag, 0, address, word), rng)
+            if rng.random() < 0.6
+            else encode_answer(tag, 0, address, word)
+        )
+        for tag in (1, 2, 3)
+    )
     stream = stream if rng.random() < 0.9 else stream + rng.randbytes(NOISE_BYTES * 2)
     try:
         got = RegisterClient(Line(stream, rng), where="line").transfer(1, address)
     except LinkError as error:
         return (REFUSED, str(error)) if "\n" not in str(error) else (TROUBLE, repr(error))
-    words = {value for tag in (1, 2, 3) for status, value in reference.serial_words(stream, tag, address) if status == 0}
+    words = {
+        value for tag in (1, 2, 3) for status, value in reference.serial_words(stream, tag, address) if status == 0
+    }
     return (RIGHT, "") if got in words else (MISREAD, f"{got:#x} stands in no right answer")
 
 
@@ -367,8 +427,11 @@ def simulator(place: Path, rng: random.Random, given: bytes | None = None) -> Re
     rows, every = rng.randrange(1, 9), rng.randrange(1, 4)
     steps = rows * every
     values = [rng.uniform(-10, 10) for _ in range(4 * rows)]
-    right = protocol.HEADER.pack(protocol.SAMPLES, 16 + 16 * rows) + protocol.SAMPLES_HEAD.pack(0, steps, 7) + \
-        struct.pack(f"<{4 * rows}f", *values)
+    right = (
+        protocol.HEADER.pack(protocol.SAMPLES, 16 + 16 * rows)
+        + protocol.SAMPLES_HEAD.pack(0, steps, 7)
+        + struct.pack(f"<{4 * rows}f", *values)
+    )
     data = inputs.spoiled_bytes(right, rng) if rng.random() < 0.85 else right
     ours, theirs = socket.socketpair()
     theirs.sendall(data)
@@ -395,9 +458,18 @@ def simulator(place: Path, rng: random.Random, given: bytes | None = None) -> Re
 
 def place_of(place: Path, rng: random.Random, given: bytes | None = None) -> Result:
     """Something that is no file where a file is wanted, for any of the arguments that name one."""
-    inputs.fill(place, {**case_files(rng), "d.json": inputs.diagnosis_json(random.Random(0)), "log.csv": inputs.foreign_csv(","),
-                        "mapping.toml": (inputs.MAPPING % ",").encode()})
-    victim = rng.choice(("case/robot.toml", "case/run/run.json", "case/run/log.csv", "case/run", "d.json", "log.csv", "mapping.toml"))
+    inputs.fill(
+        place,
+        {
+            **case_files(rng),
+            "d.json": inputs.diagnosis_json(random.Random(0)),
+            "log.csv": inputs.foreign_csv(","),
+            "mapping.toml": (inputs.MAPPING % ",").encode(),
+        },
+    )
+    victim = rng.choice(
+        ("case/robot.toml", "case/run/run.json", "case/run/log.csv", "case/run", "d.json", "log.csv", "mapping.toml")
+    )
     target, kind = place / victim, rng.choice(findings.PLACES)
     shutil.rmtree(target) if target.is_dir() else target.unlink()
     if kind == "a pipe":
@@ -412,7 +484,9 @@ def place_of(place: Path, rng: random.Random, given: bytes | None = None) -> Res
     if victim in ("log.csv", "mapping.toml"):
         status, said = command(place, "import", "log.csv", "--mapping", "mapping.toml", "--out", "out")
     else:
-        status, said = command(place, "predict", "case/run", "--robot", "case/robot.toml", "--diagnosis", "d.json", "--out", "out")
+        status, said = command(
+            place, "predict", "case/run", "--robot", "case/robot.toml", "--diagnosis", "d.json", "--out", "out"
+        )
     return told(place, status, said, ("out",), before, lambda: (MISREAD, f"{kind} in place of {victim} is accepted"))
 
 
@@ -432,19 +506,46 @@ def full(place: Path, rng: random.Random, given: bytes | None = None) -> Result:
     return told(place, status, said, ("out/diagnosis.json", "out/report.html"), before, judge)
 
 
-KINDS = {"log": log, "robot": robot, "run.json": run_json, "diagnosis": diagnosis, "table": table, "mapping": mapping, "bag": bag,
-         "serial": serial, "simulator": simulator, "place": place_of, "full": full}
+KINDS = {
+    "log": log,
+    "robot": robot,
+    "run.json": run_json,
+    "diagnosis": diagnosis,
+    "table": table,
+    "mapping": mapping,
+    "bag": bag,
+    "serial": serial,
+    "simulator": simulator,
+    "place": place_of,
+    "full": full,
+}
 # How often each comes, and how many go through the whole diagnosis (seconds each).
-SHARES = {"log": 6, "robot": 4, "run.json": 2, "diagnosis": 4, "table": 4, "mapping": 3, "bag": 4, "serial": 3, "simulator": 3,
-          "place": 1}
+SHARES = {
+    "log": 6,
+    "robot": 4,
+    "run.json": 2,
+    "diagnosis": 4,
+    "table": 4,
+    "mapping": 3,
+    "bag": 4,
+    "serial": 3,
+    "simulator": 3,
+    "place": 1,
+}
 
 
 def plan(count: int, whole: int) -> list[tuple[str, str | None]]:
-    """(kind, name of a finding or None) of every input; the findings first, then the kinds in turn, the slow ones last."""
+    """(kind, name of a finding or None) of every input; the findings first, then the kinds in turn, the slow
+    ones last.
+    """
     known = [(kind, name) for kind, found in findings.FINDINGS.items() for name in found]
     turn = [kind for kind, share in SHARES.items() for _ in range(share)]
     random.Random(0).shuffle(turn)
-    return known + [(turn[k % len(turn)], None) for k in range(max(0, count - len(known) - whole))] + [("full", None)] * whole
+    return (
+        known
+        + [(turn[k % len(turn)], None) for k in range(max(0, count - len(known) - whole))]
+        + [("full", None)] * whole
+    )
 
 
 def attempt(seed: int, number: int, kind: str, name: str | None, place: Path) -> Result:
@@ -456,7 +557,9 @@ def attempt(seed: int, number: int, kind: str, name: str | None, place: Path) ->
         return TROUBLE, traceback.format_exc(limit=-4).strip()[-600:]
 
 
-def work(pipe: multiprocessing.connection.Connection, seed: int, first: int, steps: list[tuple[str, str | None]], folder: str) -> None:
+def work(
+    pipe: multiprocessing.connection.Connection, seed: int, first: int, steps: list[tuple[str, str | None]], folder: str
+) -> None:
     """Inputs from number `first` on; tells the number before each and the result after it."""
     for number in range(first, len(steps)):
         kind, name = steps[number]
@@ -470,7 +573,10 @@ def work(pipe: multiprocessing.connection.Connection, seed: int, first: int, ste
 
 
 def answers(pipe: multiprocessing.connection.Connection, pid: int, seconds: float) -> bool:
-    """Whether something comes within a time, in which what a busy machine lets the process wait for a processor is not counted."""
+    """Whether something comes within a time, in which what a busy machine lets the process wait for a processor is not
+    counted.
+    """
+
     def starved() -> float:
         try:
             return 1e-9 * int(Path(f"/proc/{pid}/schedstat").read_text().split()[1])
@@ -484,15 +590,21 @@ def answers(pipe: multiprocessing.connection.Connection, pid: int, seconds: floa
     return True
 
 
-def campaign(seed: int, steps: list[tuple[str, str | None]], seconds: float, show: Callable[[str], None]) -> dict[str, Counter]:
-    """All inputs in a process of its own, which is begun anew where one hangs or kills it; kind -> counts of what came of them."""
+def campaign(
+    seed: int, steps: list[tuple[str, str | None]], seconds: float, show: Callable[[str], None]
+) -> dict[str, Counter]:
+    """All inputs in a process of its own, which is begun anew where one hangs or kills it; kind -> counts of what came
+    of them.
+    """
     counts: dict[str, Counter] = {}
     until = time.monotonic() + seconds
     number, context = 0, multiprocessing.get_context("spawn")
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
         while number < len(steps) and time.monotonic() < until:
             ours, theirs = context.Pipe()
-            process = context.Process(target=work, args=(theirs, seed, number, steps, f"{folder}/{number}"), daemon=True)
+            process = context.Process(
+                target=work, args=(theirs, seed, number, steps, f"{folder}/{number}"), daemon=True
+            )
             process.start()
             theirs.close()
             # The first input also waits for the program to be loaded.

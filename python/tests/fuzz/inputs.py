@@ -20,8 +20,43 @@ from rtds_host.diagnosis.predict import DIAGNOSIS_SCHEMAS, predicted_columns
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "importers"))
 
-NASTY = ("1e308", "-1e308", "1e-308", "nan", "NaN", "inf", "-Infinity", "", " ", "-", "0", "-0", "1_000", "0x10", "1,5", "1e400", "9" * 400,
-         "\u0663", "\u00bd", "true", "null", "\"", "'", "\x00", "\x1b[2J", "</script>", "1 2", "+1", "1.", ".5", "1e3", "#", ";", "\t", "=")
+NASTY = (
+    "1e308",
+    "-1e308",
+    "1e-308",
+    "nan",
+    "NaN",
+    "inf",
+    "-Infinity",
+    "",
+    " ",
+    "-",
+    "0",
+    "-0",
+    "1_000",
+    "0x10",
+    "1,5",
+    "1e400",
+    "9" * 400,
+    "\u0663",
+    "\u00bd",
+    "true",
+    "null",
+    '"',
+    "'",
+    "\x00",
+    "\x1b[2J",
+    "</script>",
+    "1 2",
+    "+1",
+    "1.",
+    ".5",
+    "1e3",
+    "#",
+    ";",
+    "\t",
+    "=",
+)
 KEYS = ("t", "v_cmd_l", "v_cmd_r", "w_l", "w_r", "th_l", "i_r", "gyro_z", "x", "yaw", "w_cmd_l", "schema", "scenario")
 
 
@@ -52,8 +87,17 @@ def robot_toml() -> bytes:
 
 def run_json(rng: random.Random) -> bytes:
     """A run.json."""
-    return json.dumps({"schema": "rtds-run/1", "scenario": "run", "payload_kg": round(rng.uniform(0, 2), 3),
-                       "slope_rad": round(rng.uniform(-0.2, 0.2), 4), "uphill_yaw_rad": 0.5, "notes": "n"}, indent=1).encode()
+    return json.dumps(
+        {
+            "schema": "rtds-run/1",
+            "scenario": "run",
+            "payload_kg": round(rng.uniform(0, 2), 3),
+            "slope_rad": round(rng.uniform(-0.2, 0.2), 4),
+            "uphill_yaw_rad": 0.5,
+            "notes": "n",
+        },
+        indent=1,
+    ).encode()
 
 
 def diagnosis_json(rng: random.Random) -> bytes:
@@ -61,12 +105,28 @@ def diagnosis_json(rng: random.Random) -> bytes:
     effects = []
     for _ in range(rng.randint(0, 4)):
         effect = rng.choice(list(catalogue(builtin_robot("burger")).values()))
-        values = {p.name: {"value": rng.uniform(p.low, p.high) if rng.random() < 0.1 else rng.choice(p.starts), "ci90": None}
-                  for p in effect.parameters}
-        effects.append({"id": effect.id, "side": rng.choice(effect.sides), "subsystem": effect.subsystem, "probability": 0.9,
-                        "parameters": values})
-    return json.dumps({"schema": DIAGNOSIS_SCHEMAS[0], "verdict": "known", "effects": effects,
-                       "nominal_fit": {"l": {"resistance_ohm": 8.7}}}, indent=1).encode()
+        values = {
+            p.name: {"value": rng.uniform(p.low, p.high) if rng.random() < 0.1 else rng.choice(p.starts), "ci90": None}
+            for p in effect.parameters
+        }
+        effects.append(
+            {
+                "id": effect.id,
+                "side": rng.choice(effect.sides),
+                "subsystem": effect.subsystem,
+                "probability": 0.9,
+                "parameters": values,
+            }
+        )
+    return json.dumps(
+        {
+            "schema": DIAGNOSIS_SCHEMAS[0],
+            "verdict": "known",
+            "effects": effects,
+            "nominal_fit": {"l": {"resistance_ohm": 8.7}},
+        },
+        indent=1,
+    ).encode()
 
 
 MAPPING = """schema = "rtds-mapping/1"
@@ -87,8 +147,14 @@ w_l = { column = "n_l", unit = "rpm" }
 w_r = { column = "n_r", unit = "rpm", reverse = true }
 i_l = { column = "c_l", unit = "mA" }
 """
-FOREIGN = {"time_ms": ("t", 1e3), "u_l": ("v_cmd_l", 1e3), "u_r": ("v_cmd_r", 1e3), "n_l": ("w_l", 30 / np.pi),
-           "n_r": ("w_r", -30 / np.pi), "c_l": ("i_l", 1e3)}
+FOREIGN = {
+    "time_ms": ("t", 1e3),
+    "u_l": ("v_cmd_l", 1e3),
+    "u_r": ("v_cmd_r", 1e3),
+    "n_l": ("w_l", 30 / np.pi),
+    "n_r": ("w_r", -30 / np.pi),
+    "c_l": ("i_l", 1e3),
+}
 
 
 def foreign_csv(delimiter: str) -> bytes:
@@ -127,13 +193,17 @@ def recompressed(data: bytes, compression: str) -> bytes:
         if schema.name not in schemas:
             schemas[schema.name] = writer.register_schema(schema.name, schema.encoding, schema.data)
         if channel.topic not in channels:
-            channels[channel.topic] = writer.register_channel(channel.topic, channel.message_encoding, schemas[schema.name])
+            channels[channel.topic] = writer.register_channel(
+                channel.topic, channel.message_encoding, schemas[schema.name]
+            )
         writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
     writer.finish()
     return out.getvalue()
 
 
-# ---- what spoils them --------------------------------------------------------------------------------------------------
+# ---- what spoils them
+# --------------------------------------------------------------------------------------------------
+
 
 def spoiled_text(data: bytes, rng: random.Random) -> bytes:
     """One to three slips of a pen, an editor, a logger or a disk, in a text file."""
@@ -148,7 +218,7 @@ def _at(data: bytes, rng: random.Random) -> int:
 
 def _splice(data: bytes, rng: random.Random, new: bytes, drop: int) -> bytes:
     k = _at(data, rng)
-    return data[:k] + new + data[k + drop:]
+    return data[:k] + new + data[k + drop :]
 
 
 def _nasty_number(data: bytes, rng: random.Random) -> bytes:
@@ -156,7 +226,7 @@ def _nasty_number(data: bytes, rng: random.Random) -> bytes:
     if not found:
         return data
     one = rng.choice(found)
-    return data[:one.start()] + rng.choice(NASTY).encode() + data[one.end():]
+    return data[: one.start()] + rng.choice(NASTY).encode() + data[one.end() :]
 
 
 def _lines(change):
@@ -164,6 +234,7 @@ def _lines(change):
         lines = data.split(b"\n")
         change(lines, rng)
         return b"\n".join(lines)
+
     return slip
 
 
@@ -192,11 +263,15 @@ def _cells(lines, rng):
 
 
 TEXT_SLIPS = (
-    _nasty_number, _nasty_number, _nasty_number,
-    _lines(_swap), _lines(_cells), _lines(_cells),
+    _nasty_number,
+    _nasty_number,
+    _nasty_number,
+    _lines(_swap),
+    _lines(_cells),
+    _lines(_cells),
     _lines(lambda lines, rng: lines.insert(rng.randrange(len(lines) + 1), rng.choice(lines))),
     _lines(lambda lines, rng: lines.pop(rng.randrange(len(lines))) if len(lines) > 1 else None),
-    lambda data, rng: data[:_at(data, rng)],
+    lambda data, rng: data[: _at(data, rng)],
     lambda data, rng: _splice(data, rng, bytes([rng.randrange(256)]), 1),
     lambda data, rng: _splice(data, rng, rng.choice((*NASTY, *KEYS)).encode(), 0),
     lambda data, rng: _splice(data, rng, b"", rng.randrange(1, 40)),
@@ -215,13 +290,13 @@ def spoiled_bytes(data: bytes, rng: random.Random) -> bytes:
     what = rng.randrange(6)
     damaged = bytearray(data)
     if what == 0:
-        return data[:rng.randrange(len(data) + 1)]
+        return data[: rng.randrange(len(data) + 1)]
     if what == 1 and data:
         a, b = sorted((rng.randrange(len(data)), rng.randrange(len(data))))
-        return data[:a] + data[min(b, a + 500):]
+        return data[:a] + data[min(b, a + 500) :]
     if what == 2 and data:
         a = rng.randrange(len(data))
-        damaged[a:a + rng.randrange(1, 64)] = bytes(rng.randrange(1, 64))
+        damaged[a : a + rng.randrange(1, 64)] = bytes(rng.randrange(1, 64))
         return bytes(damaged)
     if what == 3:
         a = _at(data, rng)
@@ -241,5 +316,8 @@ def fill(place: Path, files: dict[str, bytes]) -> None:
 
 def listing(place: Path) -> set[str]:
     """All that is below a folder."""
-    return {os.path.relpath(os.path.join(top, name), place) for top, folders, files in os.walk(place)
-            for name in (*folders, *files)}
+    return {
+        os.path.relpath(os.path.join(top, name), place)
+        for top, folders, files in os.walk(place)
+        for name in (*folders, *files)
+    }

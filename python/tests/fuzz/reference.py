@@ -1,6 +1,7 @@
 """Readers of the fuzz harness' own: what an input says, or why it says nothing. They share no code with the program.
 
-Each raises `Refused` for an input that must not be accepted. They judge what the contract pins down and leave the rest open.
+Each raises `Refused` for an input that must not be accepted. They judge what the contract pins down and leave the rest
+open.
 """
 
 from __future__ import annotations
@@ -13,8 +14,26 @@ import struct
 
 from rtds_host.compat import tomllib
 
-KNOWN = ("t", "v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r", "v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y",
-         "yaw", "w_ref_l", "w_ref_r")
+KNOWN = (
+    "t",
+    "v_cmd_l",
+    "v_cmd_r",
+    "w_cmd_l",
+    "w_cmd_r",
+    "v_bus",
+    "i_l",
+    "i_r",
+    "w_l",
+    "w_r",
+    "th_l",
+    "th_r",
+    "gyro_z",
+    "x",
+    "y",
+    "yaw",
+    "w_ref_l",
+    "w_ref_r",
+)
 DIGITS = set("0123456789+-.eE")
 
 
@@ -46,8 +65,8 @@ def number(cell: str) -> float:
 def log_csv(data: bytes) -> dict[str, list[float]]:
     """Columns of a log.csv that the contract names, NaN where a cell is empty; commands hold their last value.
 
-    A last row without an end, whose last cell is shorter than one of the hundred before, was cut: it is no row, but what is
-    left of it must be right.
+    A last row without an end, whose last cell is shorter than one of the hundred before, was cut: it is no row, but
+    what is left of it must be right.
     """
     text = text_of(data)
     lines = [line for line in text.replace("\r\n", "\n").replace("\r", "\n").split("\n")]
@@ -55,10 +74,10 @@ def log_csv(data: bytes) -> dict[str, list[float]]:
     if len(set(names)) != len(names):
         raise Refused("a column twice")
     columns: dict[str, list[float]] = {name: [] for name in names if name in KNOWN}
-    ends = [len(line[line.rfind(",") + 1:]) for line in lines[1:] if line]
+    ends = [len(line[line.rfind(",") + 1 :]) for line in lines[1:] if line]
     cut = bool(lines[-1]) and len(ends) > 1 and ends[-1] < max(ends[-101:-1])
     if cut:
-        lines[-1] = lines[-1][:len(lines[-1]) - ends[-1]]
+        lines[-1] = lines[-1][: len(lines[-1]) - ends[-1]]
         if names[-1] == "t":
             lines.pop()
     for line in lines[1:]:
@@ -119,9 +138,18 @@ def run_json(data: bytes) -> dict[str, float]:
     return {key: real(content.get(key, 0.0)) for key in ("payload_kg", "slope_rad", "uphill_yaw_rad")}
 
 
-POSITIVE = {"motor": ("resistance_ohm", "inductance_h", "torque_constant_nm_per_a", "back_emf_constant_v_s_per_rad",
-                      "rotor_inertia_kg_m2", "gear_ratio"),
-            "supply": ("voltage_v",), "chassis": ("mass_kg", "yaw_inertia_kg_m2", "wheel_radius_m", "track_width_m")}
+POSITIVE = {
+    "motor": (
+        "resistance_ohm",
+        "inductance_h",
+        "torque_constant_nm_per_a",
+        "back_emf_constant_v_s_per_rad",
+        "rotor_inertia_kg_m2",
+        "gear_ratio",
+    ),
+    "supply": ("voltage_v",),
+    "chassis": ("mass_kg", "yaw_inertia_kg_m2", "wheel_radius_m", "track_width_m"),
+}
 NOT_NEGATIVE = {"motor": ("viscous_friction_nm_s_per_rad",), "chassis": ("wheel_inertia_kg_m2",)}
 SENSORS = ("i_a", "w_rad_s", "th_rad", "gyro_rad_s", "xy_m", "yaw_rad", "v_bus_v")
 
@@ -159,7 +187,9 @@ def robot_toml(data: bytes) -> dict[tuple[str, str], float]:
     return found
 
 
-def diagnosis(data: bytes, schemas: tuple[str, ...], effects: dict[str, tuple[tuple[str, ...], tuple[str, ...]]]) -> list[tuple]:
+def diagnosis(
+    data: bytes, schemas: tuple[str, ...], effects: dict[str, tuple[tuple[str, ...], tuple[str, ...]]]
+) -> list[tuple]:
     """[(id, side, {parameter: value})]; `effects`: id -> (its sides, its parameters)."""
     content = json_object(data, *schemas)
     if not isinstance(content.get("effects"), list):
@@ -221,9 +251,13 @@ def serial_words(data: bytes, tag: int, address: int) -> set[tuple[int, int]]:
     """(status, word) of every right answer to a request in a stream of bytes; the CRC is the standard library's."""
     found = set()
     for at in range(len(data) - 8):
-        frame = data[at:at + 9]
-        if frame[0] == 0x5A and binascii.crc_hqx(frame[:7], 0xFFFF) == int.from_bytes(frame[7:], "big") and \
-                frame[1] >> 4 == tag and frame[2] == address:
+        frame = data[at : at + 9]
+        if (
+            frame[0] == 0x5A
+            and binascii.crc_hqx(frame[:7], 0xFFFF) == int.from_bytes(frame[7:], "big")
+            and frame[1] >> 4 == tag
+            and frame[2] == address
+        ):
             found.add((frame[1] & 15, int.from_bytes(frame[3:7], "little")))
     return found
 

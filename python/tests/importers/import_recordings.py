@@ -30,8 +30,8 @@ EXTRA = {
     "jackal_msgs/DriveFeedback": "float32 current\nfloat32 duty_cycle\nfloat32 measured_velocity\nfloat32 measured_travel\n",
     "jackal_msgs/Feedback": "std_msgs/Header header\njackal_msgs/DriveFeedback[2] drivers\n",
     "turtlebot3_msgs/SensorState": "std_msgs/Header header\nuint8 bumper\nfloat32 cliff\nfloat32 sonar\n"
-                                   "float32 illumination\nuint8 led\nuint8 button\nbool torque\nint32 left_encoder\n"
-                                   "int32 right_encoder\nfloat32 battery",
+    "float32 illumination\nuint8 led\nuint8 button\nbool torque\nint32 left_encoder\n"
+    "int32 right_encoder\nfloat32 battery",
     "std_msgs/String": "string data",
     "std_msgs/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data",
     "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset",
@@ -102,10 +102,13 @@ class Recording:
         for schema, channel, message in make_reader(io.BytesIO(data)).iter_messages():
             if channel.topic not in ids:
                 ids[channel.topic] = len(ids) + 1
-                base.execute("INSERT INTO topics VALUES (?, ?, ?, 'cdr', '')",
-                             (ids[channel.topic], channel.topic, schema.name))
-            base.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)",
-                         (ids[channel.topic], message.log_time, message.data))
+                base.execute(
+                    "INSERT INTO topics VALUES (?, ?, ?, 'cdr', '')", (ids[channel.topic], channel.topic, schema.name)
+                )
+            base.execute(
+                "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)",
+                (ids[channel.topic], message.log_time, message.data),
+            )
         base.commit()
         base.close()
         _metadata(folder, "sqlite3", file, data)
@@ -118,13 +121,16 @@ def _metadata(folder: Path, storage: str, file: str, data: bytes) -> None:
     for schema, channel, message in make_reader(io.BytesIO(data)).iter_messages():
         counts[channel.topic, schema.name] = counts.get((channel.topic, schema.name), 0) + 1
         times.append(message.log_time)
-    topics = "".join(f"""
+    topics = "".join(
+        f"""
     - topic_metadata:
         name: {topic}
         type: {kind}
         serialization_format: cdr
         offered_qos_profiles: ""
-      message_count: {count}""" for (topic, kind), count in counts.items())
+      message_count: {count}"""
+        for (topic, kind), count in counts.items()
+    )
     (folder / "metadata.yaml").write_text(f"""rosbag2_bagfile_information:
   version: 5
   storage_identifier: {storage}
@@ -164,8 +170,9 @@ def wheel(t: float, side: int) -> tuple[float, float]:
     return top * math.sin(t - 0.5), (10.0, 20.0)[side] + top * (1 - math.cos(t - 0.5))
 
 
-def turtlebot(seconds: float = 5.0, lost: tuple[int, ...] = (), log_delay_s: float = 0.002,
-              stamp_epoch_ns: int = EPOCH_NS) -> Recording:
+def turtlebot(
+    seconds: float = 5.0, lost: tuple[int, ...] = (), log_delay_s: float = 0.002, stamp_epoch_ns: int = EPOCH_NS
+) -> Recording:
     """What a stock TurtleBot3 whose wheels follow `wheel` records; read-outs `lost` never reach the bag."""
     recording = Recording()
     times = np.arange(0.0, seconds, 0.05)
@@ -177,29 +184,90 @@ def turtlebot(seconds: float = 5.0, lost: tuple[int, ...] = (), log_delay_s: flo
         if k in lost:
             continue
         log = t + log_delay_s
-        recording.add(log, "/joint_states", "sensor_msgs/JointState", {
-            "header": head, "name": ["wheel_left_joint", "wheel_right_joint"], "position": positions,
-            "velocity": [wl * RADIUS, wr * RADIUS], "effort": []})
-        recording.add(log, "/sensor_state", "turtlebot3_msgs/SensorState", {
-            "header": head, "bumper": 0, "cliff": 0.0, "sonar": 0.0, "illumination": 0.0, "led": 0, "button": 0,
-            "torque": True, "left_encoder": round(al / TICK), "right_encoder": round(ar / TICK), "battery": 11.9})
-        recording.add(log, "/imu", "sensor_msgs/Imu", {
-            "header": head, "orientation": turned(0.0), "orientation_covariance": [0.0] * 9,
-            "angular_velocity": {"x": 0.0, "y": 0.0, "z": RADIUS * (wr - wl) / TRACK},
-            "angular_velocity_covariance": [0.0] * 9, "linear_acceleration": {"x": 0.0, "y": 0.0, "z": 9.8},
-            "linear_acceleration_covariance": [0.0] * 9})
-        recording.add(log, "/battery_state", "sensor_msgs/BatteryState", {
-            "header": head, "voltage": 11.9, "temperature": 0.0, "current": 0.0, "charge": 0.0, "capacity": 0.0,
-            "design_capacity": 1.8, "percentage": 87.0, "power_supply_status": 0, "power_supply_health": 0,
-            "power_supply_technology": 0, "present": True, "cell_voltage": [], "cell_temperature": [],
-            "location": "", "serial_number": ""})
-        recording.add(log, "/odom", "nav_msgs/Odometry", {
-            "header": head, "child_frame_id": "base_footprint",
-            "pose": {"pose": {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": turned(0.7)},
-                     "covariance": [0.0] * 36},
-            "twist": {"twist": twist(RADIUS * (wl + wr) / 2, RADIUS * (wr - wl) / TRACK), "covariance": [0.0] * 36}})
+        recording.add(
+            log,
+            "/joint_states",
+            "sensor_msgs/JointState",
+            {
+                "header": head,
+                "name": ["wheel_left_joint", "wheel_right_joint"],
+                "position": positions,
+                "velocity": [wl * RADIUS, wr * RADIUS],
+                "effort": [],
+            },
+        )
+        recording.add(
+            log,
+            "/sensor_state",
+            "turtlebot3_msgs/SensorState",
+            {
+                "header": head,
+                "bumper": 0,
+                "cliff": 0.0,
+                "sonar": 0.0,
+                "illumination": 0.0,
+                "led": 0,
+                "button": 0,
+                "torque": True,
+                "left_encoder": round(al / TICK),
+                "right_encoder": round(ar / TICK),
+                "battery": 11.9,
+            },
+        )
+        recording.add(
+            log,
+            "/imu",
+            "sensor_msgs/Imu",
+            {
+                "header": head,
+                "orientation": turned(0.0),
+                "orientation_covariance": [0.0] * 9,
+                "angular_velocity": {"x": 0.0, "y": 0.0, "z": RADIUS * (wr - wl) / TRACK},
+                "angular_velocity_covariance": [0.0] * 9,
+                "linear_acceleration": {"x": 0.0, "y": 0.0, "z": 9.8},
+                "linear_acceleration_covariance": [0.0] * 9,
+            },
+        )
+        recording.add(
+            log,
+            "/battery_state",
+            "sensor_msgs/BatteryState",
+            {
+                "header": head,
+                "voltage": 11.9,
+                "temperature": 0.0,
+                "current": 0.0,
+                "charge": 0.0,
+                "capacity": 0.0,
+                "design_capacity": 1.8,
+                "percentage": 87.0,
+                "power_supply_status": 0,
+                "power_supply_health": 0,
+                "power_supply_technology": 0,
+                "present": True,
+                "cell_voltage": [],
+                "cell_temperature": [],
+                "location": "",
+                "serial_number": "",
+            },
+        )
+        recording.add(
+            log,
+            "/odom",
+            "nav_msgs/Odometry",
+            {
+                "header": head,
+                "child_frame_id": "base_footprint",
+                "pose": {
+                    "pose": {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": turned(0.7)},
+                    "covariance": [0.0] * 36,
+                },
+                "twist": {"twist": twist(RADIUS * (wl + wr) / 2, RADIUS * (wr - wl) / TRACK), "covariance": [0.0] * 36},
+            },
+        )
     for t in np.arange(0.51, seconds, 0.1):
         (wl, _), (wr, _) = wheel(float(t), 0), wheel(float(t), 1)
-        recording.add(float(t), "/cmd_vel", "geometry_msgs/Twist",
-                      twist(RADIUS * (wl + wr) / 2, RADIUS * (wr - wl) / TRACK))
+        recording.add(
+            float(t), "/cmd_vel", "geometry_msgs/Twist", twist(RADIUS * (wl + wr) / 2, RADIUS * (wr - wl) / TRACK)
+        )
     return recording

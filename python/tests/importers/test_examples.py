@@ -38,7 +38,8 @@ def misses(case):
 
 def test_the_committed_files_are_what_the_script_makes(make_bag):
     assert (EXAMPLES / "square.mcap").read_bytes() == make_bag.record(
-        "square", np.random.default_rng([make_bag.SEED, 0]), make_bag.EPOCH_S)
+        "square", np.random.default_rng([make_bag.SEED, 0]), make_bag.EPOCH_S
+    )
     assert (EXAMPLES / "rover.csv").read_text() == make_bag.table(np.random.default_rng([make_bag.SEED, 9]))
     truth = json.loads((EXAMPLES / "truth.json").read_text())
     assert truth["effects"][0]["parameters"]["torque_nm"] == make_bag.TIGHT[0]
@@ -67,8 +68,18 @@ def test_the_csv_example(make_bag, tmp_path):
     import_case([EXAMPLES / "rover.csv"], tmp_path / "case", mapping=EXAMPLES / "rover.toml")
     case = read_case(tmp_path / "case")
     assert case.robot.driver.mode == "voltage"
-    assert set(case.runs[0].columns) == {"v_cmd_l", "v_cmd_r", "v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r",
-                                         "gyro_z"}
+    assert set(case.runs[0].columns) == {
+        "v_cmd_l",
+        "v_cmd_r",
+        "v_bus",
+        "i_l",
+        "i_r",
+        "w_l",
+        "w_r",
+        "th_l",
+        "th_r",
+        "gyro_z",
+    }
     found = misses(case)
     assert found["rover", "w_l"] > 4.0 and found["rover", "w_r"] < 1.2
 

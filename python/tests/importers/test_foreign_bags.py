@@ -39,23 +39,29 @@ def nominal(tmp_path_factory):
 
 
 def bring(folder, fault, battery=11.1, late=0.001):
-    record(folder / "turns.mcap", Burger(fault, Servo(smooth=0.0), battery_v=battery), "turns", Clock(late),
-           random.Random(7))
+    record(
+        folder / "turns.mcap",
+        Burger(fault, Servo(smooth=0.0), battery_v=battery),
+        "turns",
+        Clock(late),
+        random.Random(7),
+    )
     import_case([folder / "turns.mcap"], folder / "case")
     return read_case(folder / "case")
 
 
 def missed(case):
     """The gap of the nominal replay, by channel."""
-    return pooled([errors(r, case.robot, replay_run(nominal_model(case.robot), run_inputs(r, case.robot)))
-                   for r in case.runs])
+    return pooled(
+        [errors(r, case.robot, replay_run(nominal_model(case.robot), run_inputs(r, case.robot))) for r in case.runs]
+    )
 
 
 def test_a_foreign_bag_imports_in_speed_mode_on_its_own_battery(nominal):
-    run, = nominal.runs
+    (run,) = nominal.runs
     assert (nominal.robot.driver.mode, nominal.robot.driver.bus) == ("speed", "measured")
     assert np.nanmedian(run.columns["v_bus"]) == pytest.approx(11.1, abs=0.05)
-    assert np.nanmax(run.columns["w_l"]) == pytest.approx(2.0, rel=0.05)   # rad/s: 0.8 rad/s of yaw, not m/s at the rim
+    assert np.nanmax(run.columns["w_l"]) == pytest.approx(2.0, rel=0.05)  # rad/s: 0.8 rad/s of yaw, not m/s at the rim
     assert [f.kind for f in examine(nominal).warnings] == ["rate", "one_run"]
 
 
@@ -68,9 +74,10 @@ def test_a_cause_that_is_planted_shows_in_the_bag(nominal, tmp_path):
 
 def test_a_bag_without_a_battery_takes_the_nominal_bus_and_says_so(tmp_path):
     from import_recordings import turtlebot
+
     recording = turtlebot().drop("/battery_state", "/sensor_state")
     recording.mcap(tmp_path / "bare.mcap")
-    run, = import_case([tmp_path / "bare.mcap"], tmp_path / "case")
+    (run,) = import_case([tmp_path / "bare.mcap"], tmp_path / "case")
     case = read_case(tmp_path / "case")
     assert (run_inputs(case.runs[0], case.robot)[3] == 12.0).all()
     assert any("v_bus is not there" in notice for notice in run.imported.notices)
@@ -79,12 +86,20 @@ def test_a_bag_without_a_battery_takes_the_nominal_bus_and_says_so(tmp_path):
 @pytest.mark.parametrize("cause", CAUSES)
 def test_the_truth_says_what_was_planted(cause):
     made, (effect,) = fault(cause, random.Random(3))
-    value, = effect["parameters"].values()
-    told = {"coulomb_friction": made.coulomb_nm, "driver_deadzone": made.deadzone_v, "driver_gain": made.gain,
-            "wheel_radius_error": made.radius, "command_delay": (made.delay_s, made.delay_s)}[cause]
+    (value,) = effect["parameters"].values()
+    told = {
+        "coulomb_friction": made.coulomb_nm,
+        "driver_deadzone": made.deadzone_v,
+        "driver_gain": made.gain,
+        "wheel_radius_error": made.radius,
+        "command_delay": (made.delay_s, made.delay_s),
+    }[cause]
     assert effect["id"] == cause and value in told
-    assert {"left": told[0] == value != told[1], "right": told[1] == value != told[0],
-            "both": told[0] == told[1] == value}[effect["side"]]
+    assert {
+        "left": told[0] == value != told[1],
+        "right": told[1] == value != told[0],
+        "both": told[0] == told[1] == value,
+    }[effect["side"]]
 
 
 def test_an_answer_is_right_where_the_cause_is_named_or_in_its_set():

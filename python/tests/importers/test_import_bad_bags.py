@@ -39,7 +39,7 @@ def whole(tmp_path_factory):
 def test_a_truncated_mcap_is_named_whatever_its_length(whole, tmp_path, share):
     data = (whole / "drive.mcap").read_bytes()
     bag = tmp_path / "drive.mcap"
-    bag.write_bytes(data[:int(share * len(data))])
+    bag.write_bytes(data[: int(share * len(data))])
     message = refused(bag, tmp_path)
     assert "drive.mcap: is truncated or damaged" in message or "drive.mcap: is empty" in message
 
@@ -48,7 +48,7 @@ def test_a_truncated_mcap_is_named_whatever_its_length(whole, tmp_path, share):
 def test_a_truncated_sqlite_file_is_named_whatever_its_length(whole, tmp_path, share):
     shutil.copytree(whole / "humble", tmp_path / "humble")
     file = tmp_path / "humble" / "humble_0.db3"
-    file.write_bytes(file.read_bytes()[:int(share * file.stat().st_size)])
+    file.write_bytes(file.read_bytes()[: int(share * file.stat().st_size)])
     assert "humble: is truncated or damaged" in refused(tmp_path / "humble", tmp_path)
 
 
@@ -108,7 +108,7 @@ def channels(data: bytes) -> list[int]:
     while data[at] != 0x02:
         if data[at] == 0x04:
             found.append(at + 9)
-        at += 9 + int.from_bytes(data[at + 1:at + 9], "little")
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
     return found
 
 
@@ -127,8 +127,10 @@ def test_fewer_messages_than_the_summary_counts_are_refused(whole, tmp_path):
     data = without_checksum((whole / "drive.mcap").read_bytes())
     at = summary(data)
     while data[at] != 0x0B:
-        at += 9 + int.from_bytes(data[at + 1:at + 9], "little")
-    number = int.from_bytes(data[at + 57:at + 65], "little")  # of the first channel: after 46 bytes and the channel's number
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    number = int.from_bytes(
+        data[at + 57 : at + 65], "little"
+    )  # of the first channel: after 46 bytes and the channel's number
     data[at + 57] ^= 1
     (tmp_path / "drive.mcap").write_bytes(data)
     assert f"{number} messages are there, its summary counts {number ^ 1}" in refused(tmp_path / "drive.mcap", tmp_path)
@@ -138,7 +140,7 @@ def test_a_checksum_of_all_data_is_checked(whole, tmp_path):
     data = bytearray((whole / "drive.mcap").read_bytes())
     end = summary(data) - 13
     assert data[end] == 0x0F
-    data[end + 9:end + 13] = binascii.crc32(data[:end]).to_bytes(4, "little")
+    data[end + 9 : end + 13] = binascii.crc32(data[:end]).to_bytes(4, "little")
     (tmp_path / "drive.mcap").write_bytes(data)
     import_case([tmp_path / "drive.mcap"], tmp_path / "whole")
     data[30] ^= 1  # in the name of the library that wrote it
@@ -202,17 +204,20 @@ def test_what_else_is_missing_is_only_noted(tmp_path):
     turtlebot(2.0).drop("/imu", "/battery_state").mcap(tmp_path / "drive.mcap")
     run = import_case([tmp_path / "drive.mcap"], tmp_path / "case")[0]
     assert any("gyro_z is left out, no topic /imu" in notice for notice in run.imported.notices)
-    assert run.imported.counts["v_bus"] == 40          # from /sensor_state
+    assert run.imported.counts["v_bus"] == 40  # from /sensor_state
 
 
 def test_a_topic_of_another_type_is_named_with_its_fields(tmp_path):
     recording = turtlebot(2.0)
-    recording.messages = [(t, topic, "std_msgs/String" if topic == "/imu" else kind,
-                           {"data": "x"} if topic == "/imu" else message)
-                          for t, topic, kind, message in recording.messages]
+    recording.messages = [
+        (t, topic, "std_msgs/String" if topic == "/imu" else kind, {"data": "x"} if topic == "/imu" else message)
+        for t, topic, kind, message in recording.messages
+    ]
     recording.mcap(tmp_path / "drive.mcap")
     message = refused(tmp_path / "drive.mcap", tmp_path)
-    assert "topic /imu: is std_msgs/msg/String, which has no field 'angular_velocity.z'; fields there are data" in message
+    assert (
+        "topic /imu: is std_msgs/msg/String, which has no field 'angular_velocity.z'; fields there are data" in message
+    )
 
 
 def test_a_joint_that_does_not_exist_is_named(tmp_path):
@@ -221,16 +226,21 @@ def test_a_joint_that_does_not_exist_is_named(tmp_path):
         if topic == "/joint_states":
             message["name"] = ["left", "right"]
     recording.mcap(tmp_path / "drive.mcap")
-    assert "holds no joint 'wheel_left_joint', joints there are left, right" in refused(tmp_path / "drive.mcap", tmp_path)
+    assert "holds no joint 'wheel_left_joint', joints there are left, right" in refused(
+        tmp_path / "drive.mcap", tmp_path
+    )
 
 
 def test_a_whole_array_is_no_number(tmp_path):
     turtlebot(2.0).mcap(tmp_path / "drive.mcap")
     mapping = tmp_path / "map.toml"
-    mapping.write_text('schema = "rtds-mapping/1"\nbase = "turtlebot3"\n[signal.w_l]\ntopic = "/joint_states"\n'
-                       'field = "velocity"\nunit = "m/s"\n')
-    assert "name an element, as in velocity[0], or a joint" in refused(tmp_path / "drive.mcap", tmp_path,
-                                                                       mapping=mapping)
+    mapping.write_text(
+        'schema = "rtds-mapping/1"\nbase = "turtlebot3"\n[signal.w_l]\ntopic = "/joint_states"\n'
+        'field = "velocity"\nunit = "m/s"\n'
+    )
+    assert "name an element, as in velocity[0], or a joint" in refused(
+        tmp_path / "drive.mcap", tmp_path, mapping=mapping
+    )
 
 
 def test_stamps_that_go_back_are_named(tmp_path):
@@ -267,6 +277,7 @@ def _scaled(topic, change):
             if name == topic:
                 change(message, t)
         return recording
+
     return make
 
 
@@ -277,20 +288,28 @@ def _twist_in_degrees(message, t):
 def _velocities(factor):
     def change(message, t):
         message["velocity"] = [factor * v for v in message["velocity"]]
+
     return change
 
 
-@pytest.mark.parametrize("topic, change, complaint", [
-    ("/joint_states", _velocities(1 / RADIUS), "w_l reaches 90.* rad/s, 12.* times the nominal no-load speed"),
-    ("/joint_states", _velocities(RADIUS), r"w_l is 0.033 times the slope of th_l: is it in m/s\?"),
-    ("/joint_states", _velocities(-1.0), "w_l has the opposite sign of the slope of th_l"),
-    ("/imu", lambda m, t: m["angular_velocity"].__setitem__("z", math.degrees(m["angular_velocity"]["z"])),
-     r"gyro_z is 57.3 times what the wheels' speeds make of it: is it in degrees\?"),
-    ("/battery_state", lambda m, t: m.__setitem__("voltage", 87.0), "v_bus is 87 V, the nominal supply is 12 V"),
-    ("/battery_state", lambda m, t: m.__setitem__("voltage", 11900.0), "v_bus is 1.19e"),
-])
+@pytest.mark.parametrize(
+    "topic, change, complaint",
+    [
+        ("/joint_states", _velocities(1 / RADIUS), "w_l reaches 90.* rad/s, 12.* times the nominal no-load speed"),
+        ("/joint_states", _velocities(RADIUS), r"w_l is 0.033 times the slope of th_l: is it in m/s\?"),
+        ("/joint_states", _velocities(-1.0), "w_l has the opposite sign of the slope of th_l"),
+        (
+            "/imu",
+            lambda m, t: m["angular_velocity"].__setitem__("z", math.degrees(m["angular_velocity"]["z"])),
+            r"gyro_z is 57.3 times what the wheels' speeds make of it: is it in degrees\?",
+        ),
+        ("/battery_state", lambda m, t: m.__setitem__("voltage", 87.0), "v_bus is 87 V, the nominal supply is 12 V"),
+        ("/battery_state", lambda m, t: m.__setitem__("voltage", 11900.0), "v_bus is 1.19e"),
+    ],
+)
 def test_units_that_cannot_be_right_stop_the_import(tmp_path, topic, change, complaint):
     import re
+
     _scaled(topic, change)().mcap(tmp_path / "drive.mcap")
     message = refused(tmp_path / "drive.mcap", tmp_path)
     assert re.search(complaint, message), message
@@ -305,16 +324,25 @@ def test_a_pose_in_millimetres_is_noticed(tmp_path):
     for k in range(120):
         t = 0.05 * k
         x += 0.05 * RADIUS * (wheel(t, 0)[0] + wheel(t, 1)[0]) / 2
-        recording.add(t, "/mocap", "geometry_msgs/PoseStamped", {
-            "header": {"stamp": stamp(t), "frame_id": "hall"},
-            "pose": {"position": {"x": 1e3 * x, "y": 0.0, "z": 0.0}, "orientation": turned(0.0)}})
+        recording.add(
+            t,
+            "/mocap",
+            "geometry_msgs/PoseStamped",
+            {
+                "header": {"stamp": stamp(t), "frame_id": "hall"},
+                "pose": {"position": {"x": 1e3 * x, "y": 0.0, "z": 0.0}, "orientation": turned(0.0)},
+            },
+        )
     recording.mcap(tmp_path / "drive.mcap")
     mapping = tmp_path / "map.toml"
-    mapping.write_text('schema = "rtds-mapping/1"\nbase = "turtlebot3"\n[signal]\nyaw = []\n'
-                       'x = { topic = "/mocap", field = "pose.position.x" }\n'
-                       'y = { topic = "/mocap", field = "pose.position.y" }\n')
-    assert "times as far as the wheels roll: is it in millimetres?" in refused(tmp_path / "drive.mcap", tmp_path,
-                                                                              mapping=mapping)
+    mapping.write_text(
+        'schema = "rtds-mapping/1"\nbase = "turtlebot3"\n[signal]\nyaw = []\n'
+        'x = { topic = "/mocap", field = "pose.position.x" }\n'
+        'y = { topic = "/mocap", field = "pose.position.y" }\n'
+    )
+    assert "times as far as the wheels roll: is it in millimetres?" in refused(
+        tmp_path / "drive.mcap", tmp_path, mapping=mapping
+    )
 
 
 def test_a_robot_that_is_merely_wrong_is_not_complained_about(tmp_path):
@@ -354,5 +382,5 @@ def test_a_count_of_messages_that_is_no_number_is_one_clear_line(whole, tmp_path
     file = tmp_path / "humble" / "metadata.yaml"
     text = file.read_text()
     start = text.index("message_count:", text.index("topics_with_message_count"))
-    file.write_text(text[:start] + f"message_count: {count}" + text[text.index("\n", start):])
+    file.write_text(text[:start] + f"message_count: {count}" + text[text.index("\n", start) :])
     assert "humble: is truncated or damaged" in refused(tmp_path / "humble", tmp_path)

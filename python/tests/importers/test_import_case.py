@@ -31,12 +31,26 @@ def rtds(monkeypatch, capsys, *arguments):
 
 def test_several_bags_are_runs_of_one_case_and_more_can_follow(bags, monkeypatch, capsys):
     case = bags / "case"
-    code, out, err = rtds(monkeypatch, capsys, "import", bags / "one.mcap", bags / "two.mcap", "--out", case,
-                          "--payload-kg", 0.5)
+    code, out, err = rtds(
+        monkeypatch, capsys, "import", bags / "one.mcap", bags / "two.mcap", "--out", case, "--payload-kg", 0.5
+    )
     assert (code, err) == (0, "")
     assert "speed mode" in out and "w_l 60" in out
-    code, _, err = rtds(monkeypatch, capsys, "import", bags / "three.mcap", "--out", case, "--append", "--name", "hill",
-                        "--slope-rad", 0.1, "--scenario", "ramp")
+    code, _, err = rtds(
+        monkeypatch,
+        capsys,
+        "import",
+        bags / "three.mcap",
+        "--out",
+        case,
+        "--append",
+        "--name",
+        "hill",
+        "--slope-rad",
+        0.1,
+        "--scenario",
+        "ramp",
+    )
     assert (code, err) == (0, "")
     runs = {run.name: run for run in read_case(case).runs}
     assert sorted(runs) == ["hill", "one", "two"]
@@ -50,23 +64,27 @@ def test_a_case_is_never_overwritten_by_accident(bags, monkeypatch, capsys):
     import_case([bags / "one.mcap"], case)
     before = (case / "one" / "log.csv").read_bytes()
     for arguments, complaint in (
-            (("import", bags / "two.mcap", "--out", case), "exists already; --append adds runs"),
-            (("import", bags / "one.mcap", "--out", case, "--append"), "the case has this run already"),
-            (("import", bags / "two.mcap", bags / "two.mcap", "--out", case, "--append"), "two recordings"),
-            (("import", bags / "two.mcap", "--out", bags / "none", "--append"), "no case to append to"),
-            (("import", bags / "two.mcap", "--out", case, "--append", "--name", "../up"), "letters, digits"),
-            (("import", bags / "two.mcap", "--out", case, "--append", "--name", "a", "--name", "b"), "2 names"),
-            (("import", bags / "two.mcap", "--out", case, "--append", "--slope-rad", "5"), "slope_rad is 5"),
-            (("import", bags / "two.mcap", "--out", case, "--append", "--robot", "paper"), "differs .* in motor"),
-            (("import", bags / "two.mcap", "--out", bags / "new", "--robot", "crane"), "known: burger, paper"),
-            (("import", bags / "two.mcap"), "--out CASE: missing"),
-            (("import", bags / "four.mcap", "--out", case, "--append"), "four.mcap: does not exist"),
-            (("import", bags / "two.mcap", "--out", case, "--append", "--mapping", "lunar"), "known: create3, jackal, rtds, turtlebot3"),
+        (("import", bags / "two.mcap", "--out", case), "exists already; --append adds runs"),
+        (("import", bags / "one.mcap", "--out", case, "--append"), "the case has this run already"),
+        (("import", bags / "two.mcap", bags / "two.mcap", "--out", case, "--append"), "two recordings"),
+        (("import", bags / "two.mcap", "--out", bags / "none", "--append"), "no case to append to"),
+        (("import", bags / "two.mcap", "--out", case, "--append", "--name", "../up"), "letters, digits"),
+        (("import", bags / "two.mcap", "--out", case, "--append", "--name", "a", "--name", "b"), "2 names"),
+        (("import", bags / "two.mcap", "--out", case, "--append", "--slope-rad", "5"), "slope_rad is 5"),
+        (("import", bags / "two.mcap", "--out", case, "--append", "--robot", "paper"), "differs .* in motor"),
+        (("import", bags / "two.mcap", "--out", bags / "new", "--robot", "crane"), "known: burger, paper"),
+        (("import", bags / "two.mcap"), "--out CASE: missing"),
+        (("import", bags / "four.mcap", "--out", case, "--append"), "four.mcap: does not exist"),
+        (
+            ("import", bags / "two.mcap", "--out", case, "--append", "--mapping", "lunar"),
+            "known: create3, jackal, rtds, turtlebot3",
+        ),
     ):
         code, _, err = rtds(monkeypatch, capsys, *arguments)
         assert code == 2
         assert err.count("\n") == 1 and err.startswith("rtds: ")
         import re
+
         assert re.search(complaint, err), err
     assert (case / "one" / "log.csv").read_bytes() == before
     assert sorted(p.name for p in case.iterdir()) == ["one", "robot.toml"]
@@ -85,8 +103,10 @@ def test_voltage_and_speed_commands_do_not_mix_in_a_case(bags):
     table = bags / "log.csv"
     table.write_text("t,v,w\n" + "".join(f"{0.02 * k},1.0,0.5\n" for k in range(20)))
     mapping = bags / "map.toml"
-    mapping.write_text('schema = "rtds-mapping/1"\n[time]\ncolumn = "t"\n[signal]\nv_cmd_l = { column = "v" }\n'
-                       'v_cmd_r = { column = "v" }\nw_l = { column = "w" }\n')
+    mapping.write_text(
+        'schema = "rtds-mapping/1"\n[time]\ncolumn = "t"\n[signal]\nv_cmd_l = { column = "v" }\n'
+        'v_cmd_r = { column = "v" }\nw_l = { column = "w" }\n'
+    )
     with pytest.raises(InputError, match="the case holds speed commands, the recording holds voltage commands"):
         import_case([table], bags / "case", mapping=mapping, append=True)
     with pytest.raises(InputError, match="no nominal robot"):

@@ -35,12 +35,21 @@ def rover(n: int = 200) -> Recording:
         for side, name in enumerate(("left", "right")):
             speed = (2.0, -1.5)[side] * math.sin(t)
             angle = (2.0, -1.5)[side] * (1 - math.cos(t)) + 160.0
-            recording.add(t, f"/{name}/wheel", "rover_msgs/Wheel", {
-                "header": {"stamp": stamp(t), "frame_id": ""}, "pwm": round(100 * speed),
-                "rpm": speed * 258.5 * 60 / (2 * math.pi), "milliamps": round(80 * speed),
-                "ticks": round(angle / (2 * math.pi) * 4096) % 65536})
-        recording.add(t, "/volts", "std_msgs/Float64MultiArray",
-                      {"layout": {"dim": [], "data_offset": 0}, "data": [0.0, 11.5]})
+            recording.add(
+                t,
+                f"/{name}/wheel",
+                "rover_msgs/Wheel",
+                {
+                    "header": {"stamp": stamp(t), "frame_id": ""},
+                    "pwm": round(100 * speed),
+                    "rpm": speed * 258.5 * 60 / (2 * math.pi),
+                    "milliamps": round(80 * speed),
+                    "ticks": round(angle / (2 * math.pi) * 4096) % 65536,
+                },
+            )
+        recording.add(
+            t, "/volts", "std_msgs/Float64MultiArray", {"layout": {"dim": [], "data_offset": 0}, "data": [0.0, 11.5]}
+        )
     return recording
 
 
@@ -78,8 +87,10 @@ def test_a_sqlite_bag_without_definitions_needs_them_in_the_mapping(tmp_path):
     bag = rover().sqlite(tmp_path / "drive")
     with pytest.raises(InputError, match=r"rover_msgs/msg/Wheel is not defined in the bag, add it to \[definitions\]"):
         import_case([bag], tmp_path / "case", mapping=write(tmp_path, ROVER))
-    more = ROVER + ('[definitions]\n"rover_msgs/msg/Wheel" = """\nstd_msgs/Header header\nint16 pwm\nfloat32 rpm\n'
-                    'int32 milliamps\nuint16 ticks\n"""\n')
+    more = ROVER + (
+        '[definitions]\n"rover_msgs/msg/Wheel" = """\nstd_msgs/Header header\nint16 pwm\nfloat32 rpm\n'
+        'int32 milliamps\nuint16 ticks\n"""\n'
+    )
     run, _ = run_of(bag, tmp_path, write(tmp_path, more))
     assert run.columns["w_l"] == pytest.approx(2.0 * np.sin(run.t), abs=1e-5)
 
@@ -107,18 +118,21 @@ def test_a_command_runs_out_where_the_base_says_so(tmp_path):
         return run.columns["w_cmd_l"][np.flatnonzero(run.t <= t + 1e-9)[-1]]
 
     assert [at(t) for t in (0.3, 0.5, 0.8, 1.19, 1.25, 3.9, 4.2, 4.6)] == pytest.approx(
-        [0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0])
+        [0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0]
+    )
 
 
 def test_a_twist_uses_the_robots_own_geometry_unless_told(tmp_path):
     turtlebot().mcap(tmp_path / "drive.mcap")
-    text = ('[signal]\nw_l = { topic = "/joint_states", field = "velocity[0]", unit = "m/s" }\n'
-            'w_r = { topic = "/joint_states", field = "velocity[1]", unit = "m/s" }\n'
-            '[twist]\ntopic = "/cmd_vel"\n[servo]\nkp_v_s_per_rad = 1.0\nki_v_per_rad = 10.0\nperiod_s = 0.01\n'
-            '[driver]\nbus = "measured"\n[sensors]\nw_rad_s = 0.5\n')
+    text = (
+        '[signal]\nw_l = { topic = "/joint_states", field = "velocity[0]", unit = "m/s" }\n'
+        'w_r = { topic = "/joint_states", field = "velocity[1]", unit = "m/s" }\n'
+        '[twist]\ntopic = "/cmd_vel"\n[servo]\nkp_v_s_per_rad = 1.0\nki_v_per_rad = 10.0\nperiod_s = 0.01\n'
+        '[driver]\nbus = "measured"\n[sensors]\nw_rad_s = 0.5\n'
+    )
     run, _ = run_of(tmp_path / "drive.mcap", tmp_path, write(tmp_path, text))
     sent = np.unique(run.columns["w_cmd_l"])
-    assert len(sent) > 20                     # not cut
+    assert len(sent) > 20  # not cut
     robot = read_case(tmp_path / "case").robot
     assert (robot.servo.kp_v_s_per_rad, robot.servo.limit_v, robot.servo.period_s) == (1.0, 12.0, 0.01)
     assert robot.driver.bus == "measured"
@@ -137,14 +151,18 @@ def test_speed_mode_without_an_inner_loop_is_refused(tmp_path):
 
 def test_a_single_axis_in_torque_mode(tmp_path):
     robot = tmp_path / "axis.toml"
-    robot.write_text('schema = "rtds-robot/1"\nname = "arm"\n[motor]\nrotor_inertia_kg_m2 = 0.0\n'
-                     'viscous_friction_nm_s_per_rad = 0.0\ngear_ratio = 1.0\n[supply]\nvoltage_v = 24.0\n'
-                     '[axis]\nkind = "pendulum"\nmass_kg = 0.1\nlength_m = 0.2\n'
-                     '[driver]\nmode = "torque"\ntorque_nm_per_v = 0.1\n[sensors]\nth_rad = 0.001\n')
+    robot.write_text(
+        'schema = "rtds-robot/1"\nname = "arm"\n[motor]\nrotor_inertia_kg_m2 = 0.0\n'
+        "viscous_friction_nm_s_per_rad = 0.0\ngear_ratio = 1.0\n[supply]\nvoltage_v = 24.0\n"
+        '[axis]\nkind = "pendulum"\nmass_kg = 0.1\nlength_m = 0.2\n'
+        '[driver]\nmode = "torque"\ntorque_nm_per_v = 0.1\n[sensors]\nth_rad = 0.001\n'
+    )
     table = tmp_path / "arm.csv"
     table.write_text("t,torque,angle\n" + "".join(f"{0.01 * k},{0.05 * math.sin(k)},{k % 360}\n" for k in range(900)))
-    text = ('[time]\ncolumn = "t"\n[signal]\nv_cmd_l = { column = "torque", unit = "N*m" }\n'
-            'th_l = { column = "angle", unit = "deg", wraps_at = 360 }\n')
+    text = (
+        '[time]\ncolumn = "t"\n[signal]\nv_cmd_l = { column = "torque", unit = "N*m" }\n'
+        'th_l = { column = "angle", unit = "deg", wraps_at = 360 }\n'
+    )
     run, _ = run_of(table, tmp_path, write(tmp_path, text), robot=str(robot))
     case = read_case(tmp_path / "case")
     assert case.robot == load_robot(robot)
@@ -172,34 +190,41 @@ def test_factors_of_common_units():
     assert factor("", "speed", "m/s", robot, wheel_radius_m=0.05) == pytest.approx(20.0)
     assert factor("", "voltage", "pwm", robot, full_scale=885.0) * 885 == pytest.approx(12.0)
     assert factor("", "angle", "counts", robot, counts_per_rev=48.0, shaft="motor") * 48 * 258.5 == pytest.approx(
-        2 * math.pi)
+        2 * math.pi
+    )
 
 
-@pytest.mark.parametrize("text, complaint", [
-    ("[signal.w_l]\ntopic = '/left/wheel'\nfield = 'rpm'\nunit = 'furlongs'", "unit 'furlongs' is no unit of speed"),
-    ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nunits = 'rpm'", "key 'units' is unknown"),
-    ("[signal.w_l]\nfield = 'x'", "needs a topic .* or a column"),
-    ("[signal.w_l]\ntopic = '/a'", "needs the field"),
-    ("[signal.speed]\ntopic = '/a'\nfield = 'x'", "is no channel of the contract"),
-    ("[signal.v_bus]\ntopic = '/a'\nfield = 'x'\nreverse = 1", "true or false"),
-    ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nlate_samples = 0.5", "whole number"),
-    ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nscale = 'two'", "finite number"),
-    (f"[signal.w_l]\ntopic = '/a'\nfield = 'x'\nscale = {10**400}", "finite number"),
-    ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nscale = 0", "scale is 0"),
-    ("[runs]\nsquare = 3", r"\[runs.square\]: is 3"),
-    (f"a = {'[' * 5000}{']' * 5000}", "TOML"),
-    ("[signal.x]\ntopic = '/a'\npair = ['v', 'w']", "wheel's speed only"),
-    ("[twist]\ncut = 0.01", "needs a topic"),
-    ("[twist]\ntopic = '/cmd_vel'\ncut = -1", "at least 0"),
-    ("[servo]\nkp = 3", "key 'kp' is unknown"),
-    ("[time]\nsource = 'sun'", "header, record"),
-    ("[time]\nunit = 'days'", "s, ms, us, ns"),
-    ("[wheels]\nradius = 1", "key 'wheels' is unknown"),
-    ("base = 'turtlebot9'", "known: create3, jackal, rtds, turtlebot3, "),
-    ("[definitions]\n'a/msg/B' = 'float99 x['", r"\[definitions\] a/msg/B: cannot be read"),
-    ("signal = 3", "table"),
-    ("= 3", "not valid TOML"),
-])
+@pytest.mark.parametrize(
+    "text, complaint",
+    [
+        (
+            "[signal.w_l]\ntopic = '/left/wheel'\nfield = 'rpm'\nunit = 'furlongs'",
+            "unit 'furlongs' is no unit of speed",
+        ),
+        ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nunits = 'rpm'", "key 'units' is unknown"),
+        ("[signal.w_l]\nfield = 'x'", "needs a topic .* or a column"),
+        ("[signal.w_l]\ntopic = '/a'", "needs the field"),
+        ("[signal.speed]\ntopic = '/a'\nfield = 'x'", "is no channel of the contract"),
+        ("[signal.v_bus]\ntopic = '/a'\nfield = 'x'\nreverse = 1", "true or false"),
+        ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nlate_samples = 0.5", "whole number"),
+        ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nscale = 'two'", "finite number"),
+        (f"[signal.w_l]\ntopic = '/a'\nfield = 'x'\nscale = {10**400}", "finite number"),
+        ("[signal.w_l]\ntopic = '/a'\nfield = 'x'\nscale = 0", "scale is 0"),
+        ("[runs]\nsquare = 3", r"\[runs.square\]: is 3"),
+        (f"a = {'[' * 5000}{']' * 5000}", "TOML"),
+        ("[signal.x]\ntopic = '/a'\npair = ['v', 'w']", "wheel's speed only"),
+        ("[twist]\ncut = 0.01", "needs a topic"),
+        ("[twist]\ntopic = '/cmd_vel'\ncut = -1", "at least 0"),
+        ("[servo]\nkp = 3", "key 'kp' is unknown"),
+        ("[time]\nsource = 'sun'", "header, record"),
+        ("[time]\nunit = 'days'", "s, ms, us, ns"),
+        ("[wheels]\nradius = 1", "key 'wheels' is unknown"),
+        ("base = 'turtlebot9'", "known: create3, jackal, rtds, turtlebot3, "),
+        ("[definitions]\n'a/msg/B' = 'float99 x['", r"\[definitions\] a/msg/B: cannot be read"),
+        ("signal = 3", "table"),
+        ("= 3", "not valid TOML"),
+    ],
+)
 def test_a_wrong_mapping_is_named_with_its_place(tmp_path, text, complaint):
     rover(20).mcap(tmp_path / "drive.mcap")
     path = write(tmp_path, text + "\n")

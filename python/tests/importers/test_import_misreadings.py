@@ -19,7 +19,7 @@ def said(tmp_path, path, mapping):
     """Notices of an import."""
     file = tmp_path / "map.toml"
     file.write_text(mapping)
-    run, = import_case([path], tmp_path / "case", mapping=file)
+    (run,) = import_case([path], tmp_path / "case", mapping=file)
     return run.imported.notices
 
 
@@ -39,10 +39,20 @@ def test_whoever_insists_on_a_unit_gets_it_with_a_note(tmp_path):
     assert run.t[-1] == pytest.approx(59 * 2e-5, abs=1e-6)
 
 
-@pytest.mark.parametrize(("line", "channels"), [
-    ('w_r = { column = "rpm_l", unit = "rpm" }', "[signal.w_r]: is the same column 'rpm_l' as [signal.w_l]"),
-    ('th_l = { column = "duty_l", unit = "deg" }', "[signal.th_l]: is the same column 'duty_l' as [signal.v_cmd_l]"),
-    ('i_r = { column = "mA_l", unit = "mA", reverse = true }', "[signal.i_r]: is the same column 'mA_l' as [signal.i_l]")])
+@pytest.mark.parametrize(
+    ("line", "channels"),
+    [
+        ('w_r = { column = "rpm_l", unit = "rpm" }', "[signal.w_r]: is the same column 'rpm_l' as [signal.w_l]"),
+        (
+            'th_l = { column = "duty_l", unit = "deg" }',
+            "[signal.th_l]: is the same column 'duty_l' as [signal.v_cmd_l]",
+        ),
+        (
+            'i_r = { column = "mA_l", unit = "mA", reverse = true }',
+            "[signal.i_r]: is the same column 'mA_l' as [signal.i_l]",
+        ),
+    ],
+)
 def test_one_column_cannot_be_two_channels(tmp_path, line, channels):
     text = MAPPING.replace('w_r = { column = "deg_s_r", unit = "deg/s" }\n', "") + line + "\n"
     with pytest.raises(InputError) as error:
@@ -52,7 +62,8 @@ def test_one_column_cannot_be_two_channels(tmp_path, line, channels):
 
 def test_one_command_for_both_wheels_is_read_and_said(tmp_path):
     assert "log.csv: v_cmd_l and v_cmd_r are the same column 'duty_l': both wheels are commanded alike" in said(
-        tmp_path, table(tmp_path, rows()), MAPPING.replace('"duty_r"', '"duty_l"'))
+        tmp_path, table(tmp_path, rows()), MAPPING.replace('"duty_r"', '"duty_l"')
+    )
 
 
 @pytest.mark.parametrize("period", ["1e-300", "180", "-360", "0"])
@@ -69,7 +80,8 @@ def test_an_angle_that_starts_anew_unsaid_is_noted(tmp_path):
 def test_a_declared_unit_that_leaves_nothing_of_a_channel_is_said(tmp_path):
     lines = [[*row[:5], 100 + k % 7, *row[6:]] for k, row in enumerate(rows())]
     assert "log.csv: i_l changes by 6e-06 in all, its sensor's noise is 0.004: unit or scale?" in said(
-        tmp_path, table(tmp_path, lines), MAPPING.replace('unit = "mA"', 'unit = "uA"'))
+        tmp_path, table(tmp_path, lines), MAPPING.replace('unit = "mA"', 'unit = "uA"')
+    )
 
 
 @pytest.mark.parametrize(("key", "value"), [("late_s", "1e300"), ("late_s", "-61"), ("late_samples", "1e9")])

@@ -1,4 +1,6 @@
-"""Recordings of robots that come along: namespaces, Gazebo, Create 3, Jackal, and WPILib's SysId; no unit silently wrong."""
+"""Recordings of robots that come along: namespaces, Gazebo, Create 3, Jackal, and WPILib's SysId; no unit silently
+wrong.
+"""
 
 import json
 import math
@@ -22,7 +24,7 @@ def renamed(recording, prefix):
 
 
 def columns_of(folder):
-    run, = read_case(folder).runs
+    (run,) = read_case(folder).runs
     return {"t": run.t, **run.columns}
 
 
@@ -38,7 +40,7 @@ def test_topics_in_a_namespace_are_found_and_said(tmp_path):
     turtlebot().mcap(tmp_path / "plain.mcap")
     renamed(turtlebot(), "/tb3_0").mcap(tmp_path / "spaced.mcap")
     import_case([tmp_path / "plain.mcap"], tmp_path / "plain")
-    run, = import_case([tmp_path / "spaced.mcap"], tmp_path / "spaced")
+    (run,) = import_case([tmp_path / "spaced.mcap"], tmp_path / "spaced")
     assert "spaced.mcap: topics are those in /tb3_0" in run.imported.notices
     one, two = columns_of(tmp_path / "plain"), columns_of(tmp_path / "spaced")
     assert one.keys() == two.keys()
@@ -53,7 +55,7 @@ def test_two_robots_in_a_bag_are_asked_for(tmp_path):
         import_case([tmp_path / "two.mcap"], tmp_path / "case")
     with pytest.raises(InputError, match=r"--namespace tb3_9: no topic of the mapping turtlebot3 .*/tb3_0, /tb3_1"):
         import_case([tmp_path / "two.mcap"], tmp_path / "case", namespace="tb3_9")
-    run, = import_case([tmp_path / "two.mcap"], tmp_path / "case", namespace="tb3_1")
+    (run,) = import_case([tmp_path / "two.mcap"], tmp_path / "case", namespace="tb3_1")
     assert "two.mcap: topics are those in /tb3_1" in run.imported.notices
 
 
@@ -69,10 +71,14 @@ def test_the_import_says_which_mapping_and_robot_it_assumed(tmp_path, capsys, mo
 
     assert said("--out", str(tmp_path / "a")) == (
         "mapping turtlebot3 (taken for this recording; --mapping NAME for another); nominal robot burger-nominal (the mapping's; "
-        "--robot NAME for another)")
+        "--robot NAME for another)"
+    )
     assert said("--out", str(tmp_path / "b"), "--mapping", "turtlebot3", "--robot", "paper") == (
-        "mapping turtlebot3 (given); nominal robot burger-paper (given)")
-    assert said("--out", str(tmp_path / "a"), "--append", "--name", "again").endswith("nominal robot burger-nominal (the case's)")
+        "mapping turtlebot3 (given); nominal robot burger-paper (given)"
+    )
+    assert said("--out", str(tmp_path / "a"), "--append", "--name", "again").endswith(
+        "nominal robot burger-nominal (the case's)"
+    )
 
 
 def gazebo(velocity_scale=1.0):
@@ -81,17 +87,28 @@ def gazebo(velocity_scale=1.0):
     for k, t in enumerate(np.arange(0.0, 5.0, 0.05).tolist()):
         (wl, al), (wr, ar) = wheel(t, 0), wheel(t, 1)
         recording.add(t, "/clock", "rosgraph_msgs/Clock", {"clock": stamp(t)})
-        recording.add(t, "/joint_states", "sensor_msgs/JointState", {
-            "header": {"stamp": stamp(t), "frame_id": ""}, "name": ["wheel_left_joint", "wheel_right_joint"],
-            "position": [al, ar], "velocity": [velocity_scale * wl, velocity_scale * wr], "effort": []})
+        recording.add(
+            t,
+            "/joint_states",
+            "sensor_msgs/JointState",
+            {
+                "header": {"stamp": stamp(t), "frame_id": ""},
+                "name": ["wheel_left_joint", "wheel_right_joint"],
+                "position": [al, ar],
+                "velocity": [velocity_scale * wl, velocity_scale * wr],
+                "effort": [],
+            },
+        )
         if k % 2 == 0:
-            recording.add(t, "/cmd_vel", "geometry_msgs/Twist", twist(RADIUS * (wl + wr) / 2, RADIUS * (wr - wl) / TRACK))
+            recording.add(
+                t, "/cmd_vel", "geometry_msgs/Twist", twist(RADIUS * (wl + wr) / 2, RADIUS * (wr - wl) / TRACK)
+            )
     return recording
 
 
 def test_gazebos_turtlebot3_is_told_from_the_real_one_and_its_speeds_are_rad_per_second(tmp_path):
     gazebo().mcap(tmp_path / "sim.mcap")
-    run, = import_case([tmp_path / "sim.mcap"], tmp_path / "case")
+    (run,) = import_case([tmp_path / "sim.mcap"], tmp_path / "case")
     assert run.assumed.startswith("mapping turtlebot3_gazebo (taken")
     columns = columns_of(tmp_path / "case")
     has = np.isfinite(columns["w_l"])
@@ -113,13 +130,27 @@ def test_a_create_3_in_a_namespace_is_known_by_its_topics(tmp_path):
     for t in np.arange(0.0, 5.0, 0.05).tolist():
         (wl, al), (wr, ar) = wheel(t, 0), wheel(t, 1)
         head = {"stamp": stamp(t), "frame_id": ""}
-        recording.add(t, "/bot/wheel_vels", "irobot_create_msgs/WheelVels",
-                      {"header": head, "velocity_left": wl, "velocity_right": wr})
-        recording.add(t, "/bot/wheel_ticks", "irobot_create_msgs/WheelTicks",
-                      {"header": head, "ticks_left": round(al / (2 * math.pi) * 508.8), "ticks_right": round(ar / (2 * math.pi) * 508.8)})
-        recording.add(t, "/bot/cmd_vel", "geometry_msgs/Twist", twist(0.03575 * (wl + wr) / 2, 0.03575 * (wr - wl) / 0.233))
+        recording.add(
+            t,
+            "/bot/wheel_vels",
+            "irobot_create_msgs/WheelVels",
+            {"header": head, "velocity_left": wl, "velocity_right": wr},
+        )
+        recording.add(
+            t,
+            "/bot/wheel_ticks",
+            "irobot_create_msgs/WheelTicks",
+            {
+                "header": head,
+                "ticks_left": round(al / (2 * math.pi) * 508.8),
+                "ticks_right": round(ar / (2 * math.pi) * 508.8),
+            },
+        )
+        recording.add(
+            t, "/bot/cmd_vel", "geometry_msgs/Twist", twist(0.03575 * (wl + wr) / 2, 0.03575 * (wr - wl) / 0.233)
+        )
     recording.mcap(tmp_path / "tb4.mcap")
-    run, = import_case([tmp_path / "tb4.mcap"], tmp_path / "case", robot="turtlebot4")
+    (run,) = import_case([tmp_path / "tb4.mcap"], tmp_path / "case", robot="turtlebot4")
     assert run.assumed.startswith("mapping create3 (taken") and run.assumed.endswith("nominal robot turtlebot4 (given)")
     columns = columns_of(tmp_path / "case")
     assert columns["w_cmd_l"][-1] == pytest.approx(wheel(columns["t"][-1], 0)[0], abs=0.2)
@@ -129,11 +160,20 @@ def test_a_create_3_in_a_namespace_is_known_by_its_topics(tmp_path):
 def test_a_jackals_feedback_gives_voltages(tmp_path):
     recording = Recording()
     for t in np.arange(0.0, 5.0, 0.05).tolist():
-        drivers = [{"current": 1.0, "duty_cycle": 0.05 * wheel(t, side)[0], "measured_velocity": wheel(t, side)[0],
-                    "measured_travel": wheel(t, side)[1]} for side in (0, 1)]
-        recording.add(t, "/feedback", "jackal_msgs/Feedback", {"header": {"stamp": stamp(t), "frame_id": ""}, "drivers": drivers})
+        drivers = [
+            {
+                "current": 1.0,
+                "duty_cycle": 0.05 * wheel(t, side)[0],
+                "measured_velocity": wheel(t, side)[0],
+                "measured_travel": wheel(t, side)[1],
+            }
+            for side in (0, 1)
+        ]
+        recording.add(
+            t, "/feedback", "jackal_msgs/Feedback", {"header": {"stamp": stamp(t), "frame_id": ""}, "drivers": drivers}
+        )
     recording.mcap(tmp_path / "j.mcap")
-    run, = import_case([tmp_path / "j.mcap"], tmp_path / "case")
+    (run,) = import_case([tmp_path / "j.mcap"], tmp_path / "case")
     assert run.assumed.startswith("mapping jackal (taken") and run.imported.mode == "voltage"
     columns = columns_of(tmp_path / "case")
     assert columns["v_cmd_r"] == pytest.approx(24.0 * 0.05 * columns["w_r"], abs=1e-5)
@@ -155,9 +195,21 @@ def sysid(units="Rotations", factor=1.0, turning=False, angle_factor=1.0, test="
         log = RunLog(name, RunMeta(name), t, {"v_cmd_l": left, "v_cmd_r": right})
         c = predicted_columns(log, ROBOT)
         turns = factor / (2.0 * math.pi)
-        columns = ([t + 3.0, left, right, turns * c["th_l"], turns * c["th_r"], turns * c["w_l"], turns * c["w_r"],
-                    0.0 * t, angle_factor * c["gyro_z"]] if test.startswith("Drivetrain") else
-                   [t + 3.0, left, turns * c["th_l"], turns * c["w_l"]])
+        columns = (
+            [
+                t + 3.0,
+                left,
+                right,
+                turns * c["th_l"],
+                turns * c["th_r"],
+                turns * c["w_l"],
+                turns * c["w_r"],
+                0.0 * t,
+                angle_factor * c["gyro_z"],
+            ]
+            if test.startswith("Drivetrain")
+            else [t + 3.0, left, turns * c["th_l"], turns * c["w_l"]]
+        )
         data[name] = np.column_stack(columns).tolist()
     return data
 
@@ -171,8 +223,9 @@ def written(tmp_path, data):
 def test_a_sysid_file_becomes_a_run_a_test(tmp_path):
     runs = import_case([written(tmp_path, sysid())], tmp_path / "case", robot="frc_cim")
     assert [run.name for run in runs] == ["slow-forward", "slow-backward", "fast-forward", "fast-backward"]
-    assert runs[0].assumed == ("mapping wpilib_sysid (taken for this recording; --mapping NAME for another); nominal robot "
-                               "frc-kit-cim (given)")
+    assert runs[0].assumed == (
+        "mapping wpilib_sysid (taken for this recording; --mapping NAME for another); nominal robot frc-kit-cim (given)"
+    )
     assert any("angle and angular rate are left out" in notice for notice in runs[0].imported.notices)
     case = read_case(tmp_path / "case")
     fast = next(run for run in case.runs if run.name == "fast-forward")
@@ -186,8 +239,15 @@ def test_a_robot_must_be_named_for_it(tmp_path):
         import_case([written(tmp_path, sysid())], tmp_path / "case")
 
 
-@pytest.mark.parametrize("unit, factor", [("meters", 2 * math.pi * 0.0762), ("inches", 2 * math.pi * 0.0762 / 0.0254),
-                                          ("radians", 2 * math.pi), ("degrees", 360.0)])
+@pytest.mark.parametrize(
+    "unit, factor",
+    [
+        ("meters", 2 * math.pi * 0.0762),
+        ("inches", 2 * math.pi * 0.0762 / 0.0254),
+        ("radians", 2 * math.pi),
+        ("degrees", 360.0),
+    ],
+)
 def test_positions_in_anything_but_turns_stop_the_import_with_the_unit(tmp_path, unit, factor):
     with pytest.raises(InputError, match=f"times what turns of the wheel would be at these voltages: is it in {unit}"):
         import_case([written(tmp_path, sysid(factor=factor))], tmp_path / "case", robot="frc_cim")
@@ -198,15 +258,20 @@ def test_an_angle_is_taken_where_the_wheels_tell_its_unit(tmp_path):
     import_case([written(tmp_path, sysid(turning=True))], tmp_path / "case", robot="frc_cim")
     assert all("gyro_z" in run.columns for run in read_case(tmp_path / "case").runs)
     with pytest.raises(InputError, match="gyro_z is .* is it in degrees"):
-        import_case([written(tmp_path, sysid(turning=True, angle_factor=180.0 / math.pi))], tmp_path / "other", robot="frc_cim")
+        import_case(
+            [written(tmp_path, sysid(turning=True, angle_factor=180.0 / math.pi))], tmp_path / "other", robot="frc_cim"
+        )
 
 
-@pytest.mark.parametrize("change, words", [
-    ({"slow-forward": [[0.0, 1.0]]}, "slow-forward, row 1: 9 numbers are needed"),
-    ({"slow-forward": [[0.0] * 8 + ["x"]] * 2}, "slow-forward, row 1: x is no finite number"),
-    ({"slow-forward": "none"}, "slow-forward is no list of rows"),
-    ({"test": 3}, "test and units must be texts"),
-])
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ({"slow-forward": [[0.0, 1.0]]}, "slow-forward, row 1: 9 numbers are needed"),
+        ({"slow-forward": [[0.0] * 8 + ["x"]] * 2}, "slow-forward, row 1: x is no finite number"),
+        ({"slow-forward": "none"}, "slow-forward is no list of rows"),
+        ({"test": 3}, "test and units must be texts"),
+    ],
+)
 def test_a_damaged_sysid_file_is_named_with_the_place(tmp_path, change, words):
     with pytest.raises(InputError, match=words):
         import_case([written(tmp_path, {**sysid(), **change})], tmp_path / "case", robot="frc_cim")

@@ -75,7 +75,7 @@ period_s = 0.01
 w_l = { pair = ["v", "omega"] }
 w_r = { pair = ["v", "omega"] }
 """
-    (tmp_path / "burger.toml").write_text(builtin_robot_path("burger").read_text())     # beside the mapping
+    (tmp_path / "burger.toml").write_text(builtin_robot_path("burger").read_text())  # beside the mapping
     lines = [f"{0.05 * k},66,{math.degrees(0.5):.9f},0.066,0.5" for k in range(30)]
     run = bring(tmp_path, table(tmp_path, None, text="\n".join(["s,v_mm,turn,v,omega", *lines])), mapping)
     for side, sign in (("l", -1), ("r", 1)):
@@ -93,7 +93,9 @@ def test_words_for_no_sample(tmp_path):
 
 def test_semicolons_decimal_commas_and_lines_before_the_header(tmp_path):
     lines = [";".join(str(cell).replace(".", ",") for cell in row) for row in rows()]
-    path = table(tmp_path, None, text="\ufeffLogger 2.1\nserial 77\n" + HEADER.replace(",", ";") + "\n" + "\n".join(lines))
+    path = table(
+        tmp_path, None, text="\ufeffLogger 2.1\nserial 77\n" + HEADER.replace(",", ";") + "\n" + "\n".join(lines)
+    )
     run = bring(tmp_path, path, MAPPING + '[table]\ndecimal = ","\nskip_rows = 2\n')
     assert run.columns["w_l"] == pytest.approx(0.2 * math.pi)
 
@@ -106,22 +108,28 @@ def test_an_epoch_in_nanoseconds_keeps_its_digits(tmp_path):
     assert run.t == pytest.approx(0.02 * np.arange(60), abs=1e-6)
 
 
-@pytest.mark.parametrize("change, complaint", [
-    (lambda r: r[7].__setitem__(0, 20), r"row 9: time goes back \(ms is 120, then 20\)"),
-    (lambda r: r[7].__setitem__(0, ""), "row 9: ms is empty"),
-    (lambda r: r[7].__setitem__(3, "six"), "row 9: rpm_l is 'six', no number"),
-    (lambda r: r[7].__setitem__(3, "1_0"), "row 9: rpm_l is '1_0', no number"),
-    (lambda r: r[7].__setitem__(3, "\u0663"), "row 9: rpm_l is '\u0663', no number"),
-    (lambda r: r[7].__setitem__(3, "inf"), "row 9: rpm_l is infinite"),
-    (lambda r: r[7].pop(), "row 9: has 7 cells, the header names 8"),
-    (lambda r: r[-1].__delitem__(slice(3, None)), "row 61: has 3 cells, the header names 8, the file is truncated"),
-    (lambda r: r.__delitem__(slice(1, None)), "has 1 rows of numbers"),
-    (lambda r: [row.__setitem__(0, 5) for row in r], "one and the same time"),
-    (lambda r: [row.__setitem__(3, 900.0) for row in r], "w_l reaches 94.2 rad/s, 13.3 times the nominal no-load"),
-    (lambda r: [row.__setitem__(5, 150e3) for row in r], "i_l reaches 150 A"),
-    (lambda r: [row.__setitem__(1, 1000) for row in r], "v_cmd_l reaches 120 V at a supply of 12 V"),
-    (lambda r: [row.__setitem__(1, 0.05) for row in r], "v_cmd_l never exceeds 0.006 V, too little .* is it a duty"),
-])
+@pytest.mark.parametrize(
+    "change, complaint",
+    [
+        (lambda r: r[7].__setitem__(0, 20), r"row 9: time goes back \(ms is 120, then 20\)"),
+        (lambda r: r[7].__setitem__(0, ""), "row 9: ms is empty"),
+        (lambda r: r[7].__setitem__(3, "six"), "row 9: rpm_l is 'six', no number"),
+        (lambda r: r[7].__setitem__(3, "1_0"), "row 9: rpm_l is '1_0', no number"),
+        (lambda r: r[7].__setitem__(3, "\u0663"), "row 9: rpm_l is '\u0663', no number"),
+        (lambda r: r[7].__setitem__(3, "inf"), "row 9: rpm_l is infinite"),
+        (lambda r: r[7].pop(), "row 9: has 7 cells, the header names 8"),
+        (lambda r: r[-1].__delitem__(slice(3, None)), "row 61: has 3 cells, the header names 8, the file is truncated"),
+        (lambda r: r.__delitem__(slice(1, None)), "has 1 rows of numbers"),
+        (lambda r: [row.__setitem__(0, 5) for row in r], "one and the same time"),
+        (lambda r: [row.__setitem__(3, 900.0) for row in r], "w_l reaches 94.2 rad/s, 13.3 times the nominal no-load"),
+        (lambda r: [row.__setitem__(5, 150e3) for row in r], "i_l reaches 150 A"),
+        (lambda r: [row.__setitem__(1, 1000) for row in r], "v_cmd_l reaches 120 V at a supply of 12 V"),
+        (
+            lambda r: [row.__setitem__(1, 0.05) for row in r],
+            "v_cmd_l never exceeds 0.006 V, too little .* is it a duty",
+        ),
+    ],
+)
 def test_a_bad_table_is_named_with_its_row(tmp_path, change, complaint):
     lines = rows()
     change(lines)
@@ -131,12 +139,17 @@ def test_a_bad_table_is_named_with_its_row(tmp_path, change, complaint):
     assert not (tmp_path / "case").exists()
 
 
-@pytest.mark.parametrize("text, complaint", [
-    ("", "header line"),
-    (HEADER.replace("rpm_l", "rpm") + "\n" + "1,2,3,4,5,6,7,8\n2,2,3,4,5,6,7,8\n",
-     r"column 'rpm_l' \(.*signal.w_l.*\): missing, columns are ms, duty_l"),
-    (HEADER.replace("rpm_l", "duty_l") + "\n1,2,3,4,5,6,7,8\n", "column 'duty_l' stands twice"),
-])
+@pytest.mark.parametrize(
+    "text, complaint",
+    [
+        ("", "header line"),
+        (
+            HEADER.replace("rpm_l", "rpm") + "\n" + "1,2,3,4,5,6,7,8\n2,2,3,4,5,6,7,8\n",
+            r"column 'rpm_l' \(.*signal.w_l.*\): missing, columns are ms, duty_l",
+        ),
+        (HEADER.replace("rpm_l", "duty_l") + "\n1,2,3,4,5,6,7,8\n", "column 'duty_l' stands twice"),
+    ],
+)
 def test_a_table_without_what_is_mapped(tmp_path, text, complaint):
     with pytest.raises(InputError, match=complaint):
         bring(tmp_path, table(tmp_path, None, text=text))
@@ -169,10 +182,15 @@ def test_a_table_needs_a_mapping_and_a_time(tmp_path):
         bring(tmp_path, path, MAPPING.replace('column = "ms"', ""))
 
 
-@pytest.mark.parametrize("options, complaint", [
-    ({"start_s": math.nan}, "--start-s nan"), ({"start_s": math.inf}, "--start-s inf"), ({"end_s": -1.0}, "--end-s -1"),
-    ({"start_s": 5.0, "end_s": 1.0}, "lies not before"),
-])
+@pytest.mark.parametrize(
+    "options, complaint",
+    [
+        ({"start_s": math.nan}, "--start-s nan"),
+        ({"start_s": math.inf}, "--start-s inf"),
+        ({"end_s": -1.0}, "--end-s -1"),
+        ({"start_s": 5.0, "end_s": 1.0}, "lies not before"),
+    ],
+)
 def test_a_part_that_is_none_is_refused(tmp_path, options, complaint):
     with pytest.raises(InputError, match=complaint):
         bring(tmp_path, table(tmp_path, rows()), **options)

@@ -144,8 +144,9 @@ def test_without_joint_states_speeds_come_from_the_odometry(tmp_path):
 
 def test_bags_of_three_writers_give_the_same_run(bag, tmp_path):
     columns = []
-    for n, source in enumerate((bag, turtlebot().mcap_folder(tmp_path / "folder"),
-                                turtlebot().sqlite(tmp_path / "humble"))):
+    for n, source in enumerate(
+        (bag, turtlebot().mcap_folder(tmp_path / "folder"), turtlebot().sqlite(tmp_path / "humble"))
+    ):
         _, run, _ = run_of(source, tmp_path / str(n))
         columns.append(run)
     for other in columns[1:]:
@@ -164,22 +165,27 @@ def test_a_bag_of_a_newer_ros_with_definitions_in_sqlite3(tmp_path, version):
         command = writer.add_connection("/cmd_vel", "geometry_msgs/msg/TwistStamped", typestore=store)
         for k in range(60):
             now = EPOCH_NS + k * 50_000_000
-            head = kinds["std_msgs/msg/Header"](
-                kinds["builtin_interfaces/msg/Time"](now // NS, now % NS), "")
+            head = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](now // NS, now % NS), "")
             message = kinds["sensor_msgs/msg/JointState"](
-                head, ["wheel_right_joint", "wheel_left_joint"], np.array([2.0, 1.0]) + 0.05 * k * np.array([1.5, 1.0]),
-                np.array([1.5, 1.0]) * RADIUS, np.array([]))
+                head,
+                ["wheel_right_joint", "wheel_left_joint"],
+                np.array([2.0, 1.0]) + 0.05 * k * np.array([1.5, 1.0]),
+                np.array([1.5, 1.0]) * RADIUS,
+                np.array([]),
+            )
             writer.write(joints, now + 1_000_000, store.serialize_cdr(message, message.__msgtype__))
             vector = kinds["geometry_msgs/msg/Vector3"]
             message = kinds["geometry_msgs/msg/TwistStamped"](
-                head, kinds["geometry_msgs/msg/Twist"](vector(0.04, 0.0, 0.0), vector(0.0, 0.0, 0.1)))
+                head, kinds["geometry_msgs/msg/Twist"](vector(0.04, 0.0, 0.0), vector(0.0, 0.0, 0.1))
+            )
             writer.write(command, now, store.serialize_cdr(message, message.__msgtype__))
     _, run, _ = run_of(tmp_path / "jazzy", tmp_path)
     assert np.nanmedian(run.columns["w_l"]) == pytest.approx(1.0)
     assert np.nanmedian(run.columns["w_r"]) == pytest.approx(1.5)
     assert run.columns["th_l"][0] == pytest.approx(1.05)
-    assert run.columns["w_cmd_r"][0] == pytest.approx(math.floor((0.04 + 0.1 * TRACK / 2) / RADIUS / COUNT) * COUNT,
-                                                      abs=1e-6)
+    assert run.columns["w_cmd_r"][0] == pytest.approx(
+        math.floor((0.04 + 0.1 * TRACK / 2) / RADIUS / COUNT) * COUNT, abs=1e-6
+    )
 
 
 @pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
@@ -187,8 +193,10 @@ def test_compressed_bags(bag, tmp_path, mode):
     writer = Writer(tmp_path / "small", version=8)
     writer.set_compression(mode, CompressionFormat.ZSTD)
     with Reader(bag) as reader, writer:
-        there = {c.id: writer.add_connection(c.topic, c.msgtype, msgdef=c.msgdef.data, rihs01="RIHS01_0")
-                 for c in reader.connections}
+        there = {
+            c.id: writer.add_connection(c.topic, c.msgtype, msgdef=c.msgdef.data, rihs01="RIHS01_0")
+            for c in reader.connections
+        }
         for connection, when, raw in reader.messages():
             writer.write(there[connection.id], when, raw)
     _, whole, _ = run_of(bag, tmp_path / "a")
@@ -201,8 +209,16 @@ def test_compressed_bags(bag, tmp_path, mode):
 def test_a_stamped_command_counts_when_it_arrives_not_when_another_computer_thinks_it_left(tmp_path):
     recording = turtlebot()
     recording.messages = [
-        (t, topic, "geometry_msgs/TwistStamped", {"header": {"stamp": stamp(t - 0.3), "frame_id": ""}, "twist": message})
-        if topic == "/cmd_vel" else (t, topic, kind, message) for t, topic, kind, message in recording.messages]
+        (
+            t,
+            topic,
+            "geometry_msgs/TwistStamped",
+            {"header": {"stamp": stamp(t - 0.3), "frame_id": ""}, "twist": message},
+        )
+        if topic == "/cmd_vel"
+        else (t, topic, kind, message)
+        for t, topic, kind, message in recording.messages
+    ]
     recording.mcap(tmp_path / "stamped.mcap")
     turtlebot().mcap(tmp_path / "plain.mcap")
     _, stamped, _ = run_of(tmp_path / "stamped.mcap", tmp_path / "a")
@@ -238,11 +254,18 @@ def test_a_robot_that_moves_before_the_first_command_is_cut_to_it(tmp_path, with
 def test_a_message_that_does_not_fit_its_type_is_passed_over_where_another_topic_serves(tmp_path):
     recording = turtlebot()
     # The message of ROS 1 has another layout; the bag of Humble carries no definition that could tell.
-    recording.messages = [(t, topic, "std_msgs/String" if topic == "/sensor_state" else kind,
-                           {"data": "x"} if topic == "/sensor_state" else message)
-                          for t, topic, kind, message in recording.messages]
+    recording.messages = [
+        (
+            t,
+            topic,
+            "std_msgs/String" if topic == "/sensor_state" else kind,
+            {"data": "x"} if topic == "/sensor_state" else message,
+        )
+        for t, topic, kind, message in recording.messages
+    ]
     folder = recording.sqlite(tmp_path / "old")
     import sqlite3
+
     base = sqlite3.connect(folder / "old_0.db3")
     base.execute("UPDATE topics SET type = 'turtlebot3_msgs/msg/SensorState' WHERE name = '/sensor_state'")
     base.commit()
@@ -265,8 +288,10 @@ def test_effort_may_be_empty_or_mapped(tmp_path):
     path = tmp_path / "drive.mcap"
     turtlebot().mcap(path)
     more = tmp_path / "more.toml"
-    more.write_text('schema = "rtds-mapping/1"\nbase = "turtlebot3"\n[signal.i_l]\ntopic = "/joint_states"\n'
-                    'field = "effort"\njoint = "wheel_left_joint"\nunit = "mA"\n')
+    more.write_text(
+        'schema = "rtds-mapping/1"\nbase = "turtlebot3"\n[signal.i_l]\ntopic = "/joint_states"\n'
+        'field = "effort"\njoint = "wheel_left_joint"\nunit = "mA"\n'
+    )
     _, run, notices = run_of(path, tmp_path, mapping=more)
     assert "i_l" not in run.columns
     assert any("effort holds nothing, i_l is left out" in notice for notice in notices)
@@ -284,16 +309,24 @@ def test_a_pose_from_outside_is_taken_where_the_mapping_names_it(tmp_path):
     recording: Recording = turtlebot()
     for k in range(100):
         yaw = 3.0 + 0.02 * k
-        recording.add(0.05 * k, "/mocap", "geometry_msgs/PoseStamped", {
-            "header": {"stamp": stamp(0.05 * k), "frame_id": "hall"},
-            "pose": {"position": {"x": 0.1, "y": -0.2, "z": 0.3}, "orientation": turned(yaw)}})
+        recording.add(
+            0.05 * k,
+            "/mocap",
+            "geometry_msgs/PoseStamped",
+            {
+                "header": {"stamp": stamp(0.05 * k), "frame_id": "hall"},
+                "pose": {"position": {"x": 0.1, "y": -0.2, "z": 0.3}, "orientation": turned(yaw)},
+            },
+        )
     path = tmp_path / "drive.mcap"
     recording.mcap(path)
     more = tmp_path / "more.toml"
-    more.write_text('schema = "rtds-mapping/1"\nbase = "turtlebot3"\n[signal]\n'
-                    'x = { topic = "/mocap", field = "pose.position.x" }\n'
-                    'y = { topic = "/mocap", field = "pose.position.y", unit = "m" }\n'
-                    'yaw = { topic = "/mocap", field = "pose.orientation" }\n')
+    more.write_text(
+        'schema = "rtds-mapping/1"\nbase = "turtlebot3"\n[signal]\n'
+        'x = { topic = "/mocap", field = "pose.position.x" }\n'
+        'y = { topic = "/mocap", field = "pose.position.y", unit = "m" }\n'
+        'yaw = { topic = "/mocap", field = "pose.orientation" }\n'
+    )
     _, run, _ = run_of(path, tmp_path, mapping=more, trust_units=True)
     yaw = run.columns["yaw"][np.isfinite(run.columns["yaw"])]
     # The heading goes on beyond pi: a quaternion wraps, the contract's yaw does not.

@@ -20,8 +20,19 @@ def log(name="spin"):
     """A run with a Unix time, gaps in the speed and a pose."""
     t = 1.7e9 + 0.1 * np.arange(6)
     w = np.array([0.0, 1.0, np.nan, 3.0, np.nan, 5.0])
-    return RunLog(name, RunMeta(), t, {"v_cmd_l": np.full(6, 2.0), "v_cmd_r": np.full(6, -2.0), "w_l": w,
-                                       "x": 0.1 * np.arange(6), "y": np.zeros(6), "yaw": np.full(6, np.pi / 2)})
+    return RunLog(
+        name,
+        RunMeta(),
+        t,
+        {
+            "v_cmd_l": np.full(6, 2.0),
+            "v_cmd_r": np.full(6, -2.0),
+            "w_l": w,
+            "x": 0.1 * np.arange(6),
+            "y": np.zeros(6),
+            "yaw": np.full(6, np.pi / 2),
+        },
+    )
 
 
 def topics(path):
@@ -35,21 +46,32 @@ def topics(path):
 
 
 def test_a_channel_stands_side_by_side_and_holes_stay_holes(tmp_path):
-    replayed = {name: {"w_l": np.arange(6) + k, "x": np.ones(6), "y": np.ones(6), "yaw": np.zeros(6)}
-                for k, name in enumerate(("nominal", "corrected"), 1)}
+    replayed = {
+        name: {"w_l": np.arange(6) + k, "x": np.ones(6), "y": np.ones(6), "yaw": np.zeros(6)}
+        for k, name in enumerate(("nominal", "corrected"), 1)
+    }
     write_comparison(tmp_path / "spin.mcap", [Compared(log(), replayed)])
     found, kinds = topics(tmp_path / "spin.mcap")
-    assert [(pytest.approx(t), m.data) for t, m in found["/measured/w_l"]] == [(0.0, 0.0), (0.1, 1.0), (0.3, 3.0), (0.5, 5.0)]
+    assert [(pytest.approx(t), m.data) for t, m in found["/measured/w_l"]] == [
+        (0.0, 0.0),
+        (0.1, 1.0),
+        (0.3, 3.0),
+        (0.5, 5.0),
+    ]
     assert [m.data for _, m in found["/nominal/w_l"]] == [1, 2, 3, 4, 5, 6]
     assert [m.data for _, m in found["/corrected/w_l"]] == [2, 3, 4, 5, 6, 7]
     assert found["/command/v_cmd_r"][0][1].data == -2.0
     assert kinds["/measured/w_l"] == "std_msgs/msg/Float64" and kinds["/corrected/odom"] == "nav_msgs/msg/Odometry"
     _, pose = found["/measured/odom"][3]
-    assert pose.pose.pose.position.x == pytest.approx(0.3) and pose.pose.pose.orientation.z == pytest.approx(np.sqrt(0.5))
+    assert pose.pose.pose.position.x == pytest.approx(0.3) and pose.pose.pose.orientation.z == pytest.approx(
+        np.sqrt(0.5)
+    )
 
 
 def test_several_runs_stand_apart_and_begin_together(tmp_path):
-    write_comparison(tmp_path / "all.mcap", [Compared(log("teleop-2"), {}), Compared(log("teleop_2"), {}), Compared(log("2nd"), {})])
+    write_comparison(
+        tmp_path / "all.mcap", [Compared(log("teleop-2"), {}), Compared(log("teleop_2"), {}), Compared(log("2nd"), {})]
+    )
     found, _ = topics(tmp_path / "all.mcap")
     assert {topic.split("/")[1] for topic in found} == {"teleop_2", "teleop_2_2", "run_2nd"}
     assert {messages[0][0] for topic, messages in found.items() if topic.endswith("/measured/x")} == {0.0}
@@ -68,8 +90,16 @@ def case(tmp_path):
     (folder / "robot.toml").write_bytes(builtin_robot_path("burger").read_bytes())
     run = log()
     write_run(folder / "spin", run.meta, {"t": run.t, **run.columns})
-    (folder / "diagnosis.json").write_text(json.dumps({"schema": "rtds-diagnosis/2", "effects": [
-        {"id": "driver_gain", "side": "both", "parameters": {"ratio": {"value": 0.5, "ci90": None}}}]}))
+    (folder / "diagnosis.json").write_text(
+        json.dumps(
+            {
+                "schema": "rtds-diagnosis/2",
+                "effects": [
+                    {"id": "driver_gain", "side": "both", "parameters": {"ratio": {"value": 0.5, "ci90": None}}}
+                ],
+            }
+        )
+    )
     return folder
 
 
@@ -102,4 +132,8 @@ def test_a_place_that_cannot_be_is_refused_before_the_work(words, complaint, cas
     before = (case / "robot.toml").read_bytes()
     assert rtds(words, monkeypatch) == 2
     assert complaint in capsys.readouterr().err
-    assert not (tmp_path / "out").exists() and not (tmp_path / "p.csv").exists() and (case / "robot.toml").read_bytes() == before
+    assert (
+        not (tmp_path / "out").exists()
+        and not (tmp_path / "p.csv").exists()
+        and (case / "robot.toml").read_bytes() == before
+    )

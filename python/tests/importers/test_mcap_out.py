@@ -23,12 +23,26 @@ def log(mode="voltage", n=120):
     t = np.round(0.01 * np.arange(n) + 0.001 * rng.integers(0, 5, n), 6)
     speed = 3.0 * np.sin(2 * t)
     command = "v_cmd" if mode == "voltage" else "w_cmd"
-    columns = {f"{command}_l": 1.7 * speed, f"{command}_r": 1.2 * speed, "w_l": speed, "w_r": 0.7 * speed,
-               "th_l": 1.5 * (1 - np.cos(2 * t)), "th_r": 1.05 * (1 - np.cos(2 * t)),
-               "gyro_z": 0.033 * (0.7 - 1.0) * speed / 0.16}
+    columns = {
+        f"{command}_l": 1.7 * speed,
+        f"{command}_r": 1.2 * speed,
+        "w_l": speed,
+        "w_r": 0.7 * speed,
+        "th_l": 1.5 * (1 - np.cos(2 * t)),
+        "th_r": 1.05 * (1 - np.cos(2 * t)),
+        "gyro_z": 0.033 * (0.7 - 1.0) * speed / 0.16,
+    }
     if mode == "voltage":
-        columns |= {"i_l": 0.1 * speed, "i_r": 0.2 * speed, "v_bus": np.full(n, 11.75), "x": 0.3 + 0.01 * t,
-                    "y": -0.02 * t, "yaw": 3.0 + t, "w_ref_l": speed, "w_ref_r": speed}
+        columns |= {
+            "i_l": 0.1 * speed,
+            "i_r": 0.2 * speed,
+            "v_bus": np.full(n, 11.75),
+            "x": 0.3 + 0.01 * t,
+            "y": -0.02 * t,
+            "yaw": 3.0 + t,
+            "w_ref_l": speed,
+            "w_ref_r": speed,
+        }
         for name in ("i_l", "x", "y", "yaw", "v_bus"):
             columns[name] = np.where(np.arange(n) % 2 == 0, columns[name], math.nan)
         columns["th_r"] = np.where(np.arange(n) % 3 == 0, columns["th_r"], math.nan)
@@ -40,8 +54,9 @@ def test_a_run_survives_the_way_through_a_bag(tmp_path, mode):
     run = log(mode)
     write_mcap(tmp_path / "run.mcap", run)
     extra = tmp_path / "rtds-servo.toml"
-    extra.write_text('schema = "rtds-mapping/1"\nbase = "rtds"\n[servo]\nkp_v_s_per_rad = 1.0\nki_v_per_rad = 1.0\n'
-                     'period_s = 0.01\n')
+    extra.write_text(
+        'schema = "rtds-mapping/1"\nbase = "rtds"\n[servo]\nkp_v_s_per_rad = 1.0\nki_v_per_rad = 1.0\nperiod_s = 0.01\n'
+    )
     import_case([tmp_path / "run.mcap"], tmp_path / "case", mapping=extra, trust_units=True, form="parquet")
     case = read_case(tmp_path / "case")
     back = case.runs[0]
@@ -49,7 +64,7 @@ def test_a_run_survives_the_way_through_a_bag(tmp_path, mode):
     assert back.t == pytest.approx(run.t - run.t[0], abs=1e-9)
     assert set(back.columns) == set(run.columns)
     for name, values in run.columns.items():
-        exact = 1e-6 if name == "v_bus" else 1e-12           # BatteryState.voltage is a float32
+        exact = 1e-6 if name == "v_bus" else 1e-12  # BatteryState.voltage is a float32
         assert back.columns[name] == pytest.approx(values, abs=exact, nan_ok=True), name
 
 
@@ -57,8 +72,10 @@ def decoded(path):
     """(topic, type, log time, message) as the `mcap` library itself reads them."""
     with open(path, "rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        return [(channel.topic, schema.name, message.log_time, value)
-                for schema, channel, message, value in reader.iter_decoded_messages()]
+        return [
+            (channel.topic, schema.name, message.log_time, value)
+            for schema, channel, message, value in reader.iter_decoded_messages()
+        ]
 
 
 def test_viewers_find_standard_messages_with_times_and_frames(tmp_path):
@@ -67,9 +84,13 @@ def test_viewers_find_standard_messages_with_times_and_frames(tmp_path):
     messages = decoded(tmp_path / "run.mcap")
     kinds = {topic: kind for topic, kind, _, _ in messages}
     assert kinds == {
-        "/joint_states": "sensor_msgs/msg/JointState", "/imu": "sensor_msgs/msg/Imu", "/odom": "nav_msgs/msg/Odometry",
-        "/tf": "tf2_msgs/msg/TFMessage", "/battery_state": "sensor_msgs/msg/BatteryState",
-        **{f"/{name}": "std_msgs/msg/Float64" for name in ("v_cmd_l", "v_cmd_r", "i_l", "i_r", "w_ref_l", "w_ref_r")}}
+        "/joint_states": "sensor_msgs/msg/JointState",
+        "/imu": "sensor_msgs/msg/Imu",
+        "/odom": "nav_msgs/msg/Odometry",
+        "/tf": "tf2_msgs/msg/TFMessage",
+        "/battery_state": "sensor_msgs/msg/BatteryState",
+        **{f"/{name}": "std_msgs/msg/Float64" for name in ("v_cmd_l", "v_cmd_r", "i_l", "i_r", "w_ref_l", "w_ref_r")},
+    }
     joints = [m for topic, _, _, m in messages if topic == "/joint_states"]
     assert len(joints) == 120 and joints[0].name == ["wheel_left_joint", "wheel_right_joint"]
     assert list(joints[0].effort) == []
@@ -110,8 +131,26 @@ def test_the_file_is_complete_for_readers_that_stream(tmp_path):
 
 
 def test_rtds_run_writes_a_bag_that_comes_back_as_the_run_it_wrote(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["rtds", "run", "linear", "--link", "model", "--length", "0.5", "--duration",
-                                      "9", "--no-compare", "--no-figure", "--mcap", "--out", str(tmp_path / "run")])
+    monkeypatch.setattr(
+        sys,
+        "argv",
+        [
+            "rtds",
+            "run",
+            "linear",
+            "--link",
+            "model",
+            "--length",
+            "0.5",
+            "--duration",
+            "9",
+            "--no-compare",
+            "--no-figure",
+            "--mcap",
+            "--out",
+            str(tmp_path / "run"),
+        ],
+    )
     with pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == 0, capsys.readouterr().err

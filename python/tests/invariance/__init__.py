@@ -1,1 +1,3 @@
-"""The same robot, another logger: transformations of a case and what must stay of its answer, `python -m invariance`."""
+"""The same robot, another logger: transformations of a case and what must stay of its answer, `python -m
+invariance`.
+"""

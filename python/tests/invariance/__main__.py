@@ -20,7 +20,11 @@ from rtds_host.errors import InputError
 def cells(case: Case, quick: bool, threads: int, only: str = ""):
     """Name and verdict of each cell of a case: "same", "-" where there is nothing to change, or what differs."""
     base, _ = diagnose(case, quick=quick, threads=threads)
-    yield "as it is", f"{base['verdict']}: " + (", ".join(f"{e['id']} {e['side']}" for e in base["effects"]) or "-"), True
+    yield (
+        "as it is",
+        f"{base['verdict']}: " + (", ".join(f"{e['id']} {e['side']}" for e in base["effects"]) or "-"),
+        True,
+    )
     for change in TABLE:
         if only not in change.name:
             continue
@@ -44,8 +48,15 @@ def main() -> None:
     parser.add_argument("--full", action="store_true", help="the full search in place of the quick one")
     parser.add_argument("--threads", type=int, default=1)
     args = parser.parse_args()
-    folders = [f for given in args.cases for f in ([given] if (given / "robot.toml").is_file() else
-                                                   sorted(p for p in given.iterdir() if (p / "robot.toml").is_file()))]
+    folders = [
+        f
+        for given in args.cases
+        for f in (
+            [given]
+            if (given / "robot.toml").is_file()
+            else sorted(p for p in given.iterdir() if (p / "robot.toml").is_file())
+        )
+    ]
     made = {name: make for name, make in KINDS.items() if not folders and args.kind in name}
     good = total = 0
     print("| case | transformation | cell | as it should be |\n|---|---|---|---|")

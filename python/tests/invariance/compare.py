@@ -23,14 +23,18 @@ def differences(base: dict, other: dict, change: Transformation) -> list[str]:
     """What of the answer `other` is not as it should be beside `base`, one clause each; [] is a good cell.
 
     Where the answer must stay: the verdict, the effects with their sides, and each size within the base's 90 % interval
-    (a null interval bounds nothing; of what changes its sign in a mirror the magnitude counts; where samples get other noise,
-    within both intervals together; effects that both answers declare as twins may stand for each other). Where information is
-    lost: no effect may be named that the base does not name or hold for a twin of what it names.
+    (a null interval bounds nothing; of what changes its sign in a mirror the magnitude counts; where samples get other
+    noise, within both intervals together; effects that both answers declare as twins may stand for each other). Where
+    information is lost: no effect may be named that the base does not name or hold for a twin of what it names.
     """
     told, known = _named(other["effects"], change.mirrored), _named(base["effects"], False)
     if not change.same:
-        twins = {(e["id"], e["side"]) for members in (*base["indistinguishable"], *other["indistinguishable"])
-                 if any((m["id"], m["side"]) in known for m in members) for e in members}
+        twins = {
+            (e["id"], e["side"])
+            for members in (*base["indistinguishable"], *other["indistinguishable"])
+            if any((m["id"], m["side"]) in known for m in members)
+            for e in members
+        }
         return [f"{effect} {side} is named" for effect, side in told if (effect, side) not in {*known, *twins}]
     found = []
     if other["verdict"] != base["verdict"]:

@@ -1,4 +1,6 @@
-"""Ten cases of different kinds for the table: sound, one cause of each subsystem, several at once, few channels, one without a name."""
+"""Ten cases of different kinds for the table: sound, one cause of each subsystem, several at once, few channels, one
+without a name.
+"""
 
 from __future__ import annotations
 
@@ -54,6 +56,7 @@ KINDS: dict[str, Callable[[], Case]] = {
     "dead zone right, delay": _one(_two),
     "friction, current gain left, track": _one(_three),
     "viscous friction, few channels": lambda: without(
-        make_case(lambda m: m.add("viscous_wheel", 0.02), seconds=SECONDS), "i_l", "i_r", "x", "y", "yaw"),
+        make_case(lambda m: m.add("viscous_wheel", 0.02), seconds=SECONDS), "i_l", "i_r", "x", "y", "yaw"
+    ),
     "friction, one without a name": _weak_forwards,
 }

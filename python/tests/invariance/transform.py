@@ -1,4 +1,6 @@
-"""Transformations of a case in memory: what a logger, a clock, a frame or a name may change of one and the same drive."""
+"""Transformations of a case in memory: what a logger, a clock, a frame or a name may change of one and the same
+drive.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,8 @@ MIRROR = {"left": "right", "right": "left", "both": "both"}
 
 @dataclass(frozen=True)
 class Transformation:
-    """A change of a case; `same`: the answer must stay (else only less may be said, nothing else); `mirrored`: sides change;
-    `noisier`: samples get other noise than they had.
+    """A change of a case; `same`: the answer must stay (else only less may be said, nothing else); `mirrored`: sides
+    change; `noisier`: samples get other noise than they had.
 
     `apply` gives None where a case has nothing to change (no such channel).
     """
@@ -71,6 +73,7 @@ def turned(case: Case) -> Case | None:
         if log.has("yaw"):
             columns["yaw"] = log.columns["yaw"] + TURN_RAD
         return replace(log, columns=columns, meta=replace(log.meta, uphill_yaw_rad=log.meta.uphill_yaw_rad + TURN_RAD))
+
     return _each(case, change)
 
 
@@ -85,23 +88,27 @@ def mirrored(case: Case) -> Case | None:
             other = name[:-1] + {"l": "r", "r": "l"}[name[-1]] if name[-2:] in ("_l", "_r") else name
             columns[other] = -values if name in ("gyro_z", "y", "yaw") else values
         return replace(log, columns=columns, meta=replace(log.meta, uphill_yaw_rad=-log.meta.uphill_yaw_rad))
+
     body = replace(case.robot.chassis, com_y_m=-case.robot.chassis.com_y_m)
     return replace(_each(case, change), robot=replace(case.robot, chassis=body))
 
 
 def renamed(case: Case) -> Case:
     """Runs in another order under other names."""
-    return replace(case, name="another", runs=tuple(replace(log, name=f"drive-{k}")
-                                                    for k, log in enumerate(reversed(case.runs))))
+    return replace(
+        case, name="another", runs=tuple(replace(log, name=f"drive-{k}") for k, log in enumerate(reversed(case.runs)))
+    )
 
 
 def stored(case: Case, form: str) -> Case:
     """Written and read again."""
     with tempfile.TemporaryDirectory() as scratch:
+
         def change(log: RunLog) -> RunLog:
             folder = Path(scratch) / log.name
             write_run(folder, log.meta, {"t": log.t, **log.columns}, form)
             return replace(read_run(folder, case.robot), name=log.name)
+
         return _each(case, change)
 
 
@@ -112,10 +119,12 @@ def decimals(case: Case, count: int) -> Case:
 
 def digits(case: Case, count: int) -> Case:
     """Every value but the time rounded to so many significant digits."""
+
     def change(v: np.ndarray) -> np.ndarray:
         with np.errstate(divide="ignore", invalid="ignore"):
             steps = 10.0 ** (np.floor(np.log10(np.abs(v))) - count + 1)
         return np.where((v == 0) | ~np.isfinite(v), v, np.round(v / steps) * steps)
+
     return _each(case, lambda log: replace(log, columns={c: change(v) for c, v in log.columns.items()}))
 
 
@@ -136,12 +145,14 @@ def glitch(case: Case, channel: str) -> Case | None:
 
 def jittered(case: Case) -> Case:
     """Stamps a millisecond off, or a quarter of a step where that is less."""
+
     def change(log: RunLog) -> RunLog:
         most = min(JITTER_S, 0.25 * float(np.median(np.diff(log.t))))
         noise = np.clip(_rng(log, "jitter").standard_normal(len(log.t)), -1.9, 1.9) * most
         noise[0] = 0.0
         t = np.maximum.accumulate(log.t + noise)
         return replace(log, t=t + 1e-7 * np.arange(len(t)))
+
     return _each(case, change)
 
 
@@ -172,14 +183,19 @@ def skewed(case: Case) -> Case | None:
             else:
                 columns[c] = values[held]
         return replace(log, t=log.t[0] + union * 1e-6, columns=columns)
+
     return _each(case, change)
 
 
 def every_second(case: Case) -> Case:
     """Sensors logged in every other row, commands in all."""
+
     def change(log: RunLog) -> RunLog:
         odd = np.arange(len(log.t)) % 2 == 1
-        return replace(log, columns={c: np.where(odd, np.nan, v) if c in MEASURED else v for c, v in log.columns.items()})
+        return replace(
+            log, columns={c: np.where(odd, np.nan, v) if c in MEASURED else v for c, v in log.columns.items()}
+        )
+
     return _each(case, change)
 
 
@@ -196,6 +212,7 @@ def cut_short(case: Case, start: bool) -> Case | None:
             good = np.all([np.isfinite(log.columns[f"w_{s}"]) for s in case.robot.sides], axis=0)
             rows = slice(count + int(np.argmax(good[count:])), None)
         return replace(log, t=log.t[rows], columns={c: v[rows] for c, v in log.columns.items()})
+
     return _each(case, change)
 
 

@@ -40,7 +40,12 @@ class Board:
 def test_voltages_and_torques_reach_the_pins_that_stand_for_them(dwf):
     board = Board(dwf)
     board.exchange((3.0, -2.0), (1e-4, -1e-4))
-    expected = [ZERO_V + 3.0 / 7.8125, ZERO_V - 2.0 / 7.8125, 2.048 + 1e-7 / 9.5367431640625e-07, 2.048 - 1e-7 / 9.5367431640625e-07]
+    expected = [
+        ZERO_V + 3.0 / 7.8125,
+        ZERO_V - 2.0 / 7.8125,
+        2.048 + 1e-7 / 9.5367431640625e-07,
+        2.048 - 1e-7 / 9.5367431640625e-07,
+    ]
     assert board.chip.pins() == pytest.approx(expected, abs=1e-6)
 
 
@@ -120,7 +125,12 @@ class TestPacing:
     def test_a_sample_whose_successor_is_due_already_repeats_the_last(self, dwf):
         board = Board(dwf)
         board.exchange()
-        board.clock.delays = [0.0, 0.0, 0.0, 0.0035]  # the wait for 4 ms ends at 7.5: 5 and 6 ms are over, 7 is taken late
+        board.clock.delays = [
+            0.0,
+            0.0,
+            0.0,
+            0.0035,
+        ]  # the wait for 4 ms ends at 7.5: 5 and 6 ms are over, 7 is taken late
         assert len(board.exchange().t_s) == 32
         assert board.link.report()["samples_held"] == 2
 

@@ -7,7 +7,9 @@ from rtds_host.link.analog import Line, Paths, load_paths, save_paths
 
 
 def test_what_is_saved_is_read(tmp_path):
-    paths = Paths((Line(1.1, 0.1), Line(), Line(0.9, -0.2), Line()), (Line(1.01, 1e-3),) * 4, {"link": 'a "b"', "n": 3.0})
+    paths = Paths(
+        (Line(1.1, 0.1), Line(), Line(0.9, -0.2), Line()), (Line(1.01, 1e-3),) * 4, {"link": 'a "b"', "n": 3.0}
+    )
     save_paths(tmp_path / "c.toml", paths)
     assert load_paths(tmp_path / "c.toml") == paths
     assert [p.name for p in tmp_path.iterdir()] == ["c.toml"]

@@ -1,4 +1,6 @@
-"""The whole chip through its pins against the ideal link: what is different is what 12-bit converters do, and no more."""
+"""The whole chip through its pins against the ideal link: what is different is what 12-bit converters do, and
+no more.
+"""
 
 from dataclasses import replace
 
@@ -65,7 +67,9 @@ def linear(duration_s, steps=None):
 
 
 def check(figures, both, report):
-    assert both.different == 0, f"{both.different} of {both.samples} samples are not those of the model between converters"
+    assert both.different == 0, (
+        f"{both.different} of {both.samples} samples are not those of the model between converters"
+    )
     # Half a step of the DAC, and what half a step of each voltage and torque makes of a motor until the controller
     # sees it: docs/adc-dac.md, closed loop. Steps: 0.98 mA and 3.9 mrad/s of the wheel.
     assert figures.current_max_a < 2 * 0.977e-3
@@ -136,7 +140,9 @@ def test_calibration_takes_the_errors_of_the_wires_out():
             rows = []
             for v, t in points:
                 got, expected = (one.exchange(v, t, 0.05) for one in (link, model))
-                rows.append([np.abs(got.currents - expected.currents).max(), np.abs(got.speeds - expected.speeds).max()])
+                rows.append(
+                    [np.abs(got.currents - expected.currents).max(), np.abs(got.speeds - expected.speeds).max()]
+                )
         return np.max(rows, axis=0)
 
     with ChipLink(wires=WIRES) as rig:

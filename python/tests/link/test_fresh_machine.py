@@ -1,4 +1,6 @@
-"""The simulator of the RTL is built where a machine offers little: few programs, no environment, a space in every path."""
+"""The simulator of the RTL is built where a machine offers little: few programs, no environment, a space in
+every path.
+"""
 
 import json
 import os
@@ -52,7 +54,9 @@ def test_a_build_needs_no_make_no_program_named_python_and_no_path_without_space
     for name in ("rtl", "sim"):
         shutil.copytree(Path(__file__).parents[3] / name, folder / "tree" / name)
     command = [sys.executable, "-c", BUILD_AND_STEP, str(folder)]
-    done = subprocess.run(command, env=bare_environment(folder), cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, env=bare_environment(folder), cwd=folder, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "True"
     (built,) = [path for path in (folder / "builds").iterdir() if path.is_dir()]
@@ -110,7 +114,9 @@ def test_only_what_changed_is_compiled_again_headers_included(tmp_path):
 
 def test_a_compiler_that_fails_leaves_its_line_in_the_message_and_all_of_it_in_the_log(tmp_path):
     plan = write_plan(tmp_path, "int main() { return nothing; }\n")
-    with pytest.raises(LinkError, match=r"compiling the simulator failed \(exit status 1\): .*model.cpp:1:21: error: .nothing. was not"):
+    with pytest.raises(
+        LinkError, match=r"compiling the simulator failed \(exit status 1\): .*model.cpp:1:21: error: .nothing. was not"
+    ):
         compile_it(plan)
     assert "int main() { return nothing; }" in (tmp_path / "log").read_text()
 

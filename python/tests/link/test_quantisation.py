@@ -1,4 +1,6 @@
-"""The link with 12-bit converters: each stage rounds its own quantity, by half a step at most, and tells of clipping."""
+"""The link with 12-bit converters: each stage rounds its own quantity, by half a step at most, and tells of
+clipping.
+"""
 
 from __future__ import annotations
 

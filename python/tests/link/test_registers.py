@@ -156,7 +156,10 @@ CHATTER = {
     "the request itself": (lambda: itertools.repeat(encode_request(1, OP_READ, 0)), 0.0),
     "a byte now and then": (lambda: itertools.repeat(b"\x5a"), 0.2),
     "a byte of noise now and then": (lambda: itertools.repeat(b"\x00"), 0.2),
-    "a right answer, too slowly": (lambda: (encode_answer(1, 0, 0, MAP.identity)[k % 9:][:1] for k in itertools.count()), 0.1),
+    "a right answer, too slowly": (
+        lambda: (encode_answer(1, 0, 0, MAP.identity)[k % 9 :][:1] for k in itertools.count()),
+        0.1,
+    ),
 }
 
 
@@ -205,7 +208,9 @@ def test_a_line_that_does_not_stop_talking_ends_in_one_line_within_the_stated_ti
     transport._port.close()
     transport._port = Chatter(clock, pieces(), every_s, registers._SLICE_S)
     client = RegisterClient(transport, where="line")
-    with pytest.raises(LinkError, match=r"^line: bus does not answer to what was asked; \d+ other bytes came on its line$"):
+    with pytest.raises(
+        LinkError, match=r"^line: bus does not answer to what was asked; \d+ other bytes came on its line$"
+    ):
         client.read("ID")
     assert clock.t <= 3 * (0.25 + registers._SLICE_S)
 

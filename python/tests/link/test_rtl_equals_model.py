@@ -110,8 +110,8 @@ def test_jumped_clocks_change_neither_states_nor_counts(step_clocks, effects):
 
 @pytest.mark.parametrize("effects", [False, True])
 def test_an_idle_clock_moves_nothing_but_the_period(monkeypatch, effects):
-    """The simulator compares its whole model after each clock that would be jumped with the one before; it ends when a byte
-    has moved that is not the count of clocks."""
+    """The simulator compares its whole model after each clock that would be jumped with the one before; it ends when a
+    byte has moved that is not the count of clocks."""
     monkeypatch.setenv("RTDS_EVERY_CLOCK", "check")
     level = Curve((0.0, 0.0), (1e-4, 1e-4))
     with open_link("rtl", step_clocks=500) as checked, open_link("model") as model:
@@ -135,7 +135,16 @@ def test_an_exchange_longer_than_one_request_is_put_together_again(monkeypatch):
     with open_link("rtl") as rtl, open_link("model") as model:
         for link in (rtl, model):
             link.set_parameters(**BURGER)
-        for steps, every in ((1000, None), (1000, 1), (1000, 7), (1000, 130), (1000, 333), (49, 50), (51, 50), (50, 50)):
+        for steps, every in (
+            (1000, None),
+            (1000, 1),
+            (1000, 7),
+            (1000, 130),
+            (1000, 333),
+            (49, 50),
+            (51, 50),
+            (50, 50),
+        ):
             sample_s = None if every is None else every * STEP_S
             answers = [link.exchange([9.0, -7.0], [1e-4, -1e-4], steps * STEP_S, sample_s) for link in (rtl, model)]
             assert_same(*answers)
@@ -162,7 +171,9 @@ def test_a_clip_of_a_long_run_sampled_every_millisecond_is_byte_equal():
 
 
 def test_the_top_without_the_effect_unit_has_the_same_states_and_clocks():
-    """What runs where no effect is on, against the whole core with its effects off: bytes and clocks of every exchange."""
+    """What runs where no effect is on, against the whole core with its effects off: bytes and clocks of every
+    exchange.
+    """
     results = []
     for top in (TOPS["core"], dataclasses.replace(TOPS["core"], parameters=())):
         with RtlLink(top=top) as link:
@@ -173,8 +184,8 @@ def test_the_top_without_the_effect_unit_has_the_same_states_and_clocks():
 @pytest.mark.parametrize("effects", [False, True])
 @pytest.mark.parametrize("step_clocks", ["min", 500])
 def test_the_usual_clocks_evaluation_has_the_same_states_and_clocks(step_clocks, effects):
-    """The evaluation that is compiled for the usual clock against the model's own alone: bytes and clocks of every exchange,
-    among changes of parameters and of the method."""
+    """The evaluation that is compiled for the usual clock against the model's own alone: bytes and clocks of every
+    exchange, among changes of parameters and of the method."""
     whole = TOPS["core"] if not effects else dataclasses.replace(TOPS["core"], parameters=())
     level = Curve((0.0, 0.0), (1e-4, 1e-4))
     results = []

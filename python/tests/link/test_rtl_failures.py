@@ -128,7 +128,9 @@ DONE = "protocol.send_frame(sock, protocol.DONE); "
 
 def samples(rows, steps=1):
     """An answer to an exchange, of so many rows."""
-    return f"protocol.send_frame(sock, protocol.SAMPLES, protocol.SAMPLES_HEAD.pack(0, {steps}, 0) + bytes(16 * {rows})); "
+    return (
+        f"protocol.send_frame(sock, protocol.SAMPLES, protocol.SAMPLES_HEAD.pack(0, {steps}, 0) + bytes(16 * {rows})); "
+    )
 
 
 HELLO = f"""protocol.send_frame(sock, protocol.HELLO, b'{{"version": {protocol.VERSION}, "simulator": "fake"}}'); """
@@ -145,7 +147,7 @@ HELLO = f"""protocol.send_frame(sock, protocol.HELLO, b'{{"version": {protocol.V
         (SILENT, "no answer for 1.5 s; it has been ended"),
         ("sys.stderr.write('first\\nlast words\\n'); sys.stderr.flush(); os._exit(3)", "exit status 3; it said:"),
         (
-            "protocol.send_frame(sock, protocol.HELLO, b'{\"version\": 99, \"simulator\": \"x\"}'); time.sleep(60)",
+            'protocol.send_frame(sock, protocol.HELLO, b\'{"version": 99, "simulator": "x"}\'); time.sleep(60)',
             f"it speaks version 99 of the link, not {protocol.VERSION}",
         ),
         ("protocol.send_frame(sock, protocol.HELLO, b'{\"version\"'); time.sleep(60)", "no greeting of the link"),
@@ -153,12 +155,16 @@ HELLO = f"""protocol.send_frame(sock, protocol.HELLO, b'{{"version": {protocol.V
         ("protocol.send_frame(sock, protocol.HELLO, b'[2]'); time.sleep(60)", "no greeting of the link"),
         (TRICKLE, "no answer for 1.5 s; it has been ended"),
         (HELLO + NEXT + TRICKLE, "no answer for 1.5 s; it has been ended"),
-        (HELLO + NEXT + "protocol.send_frame(sock, protocol.DONE, bytes(3)); time.sleep(60)",
-         "its answer has 3 bytes, 0 are due"),
+        (
+            HELLO + NEXT + "protocol.send_frame(sock, protocol.DONE, bytes(3)); time.sleep(60)",
+            "its answer has 3 bytes, 0 are due",
+        ),
         (HELLO + NEXT + DONE + NEXT + samples(0) + "time.sleep(60)", "has 16 bytes, 32 are due for 1 rows of samples"),
         (HELLO + NEXT + DONE + NEXT + samples(2) + "time.sleep(60)", "has 48 bytes, 32 are due for 1 rows of samples"),
-        (HELLO + NEXT + DONE + NEXT + "protocol.send_frame(sock, protocol.SAMPLES, bytes(5)); time.sleep(60)",
-         "has 5 bytes, at least 16 are due"),
+        (
+            HELLO + NEXT + DONE + NEXT + "protocol.send_frame(sock, protocol.SAMPLES, bytes(5)); time.sleep(60)",
+            "has 5 bytes, at least 16 are due",
+        ),
         (HELLO + NEXT + DONE + NEXT + samples(1, steps=2) + "time.sleep(60)", "counted 2 steps where 1 were asked for"),
         (HELLO + NEXT + "protocol.send_frame(sock, protocol.FAILED, b'two\\nlines'); time.sleep(60)", "two lines"),
     ],
@@ -299,6 +305,7 @@ def test_options_out_of_range_are_refused_before_anything_is_built(options, says
 
 
 # ---- the time limit of an answer -------------------------------------------------------------------------------------
+
 
 class Starving:
     """What a simulator has waited for a processor: so much at each look, up to a limit."""

@@ -20,7 +20,9 @@ DRY = Curve((0.0,), (2e-4,))
 BREAKAWAY_V = 2e-4 / KM * R
 
 
-def drive(left, volts, torques=(0.0, 0.0), seconds=0.2, sample_s=1e-4, right=None, supply=None, method="backward_euler"):
+def drive(
+    left, volts, torques=(0.0, 0.0), seconds=0.2, sample_s=1e-4, right=None, supply=None, method="backward_euler"
+):
     """Speeds and currents of both sides with effects on the left (and right), inputs held."""
     with open_link("model") as link:
         link.set_effects(left, right, supply)
@@ -28,7 +30,8 @@ def drive(left, volts, torques=(0.0, 0.0), seconds=0.2, sample_s=1e-4, right=Non
         return link.exchange(volts, torques, seconds, sample_s)
 
 
-# ---- dry friction ------------------------------------------------------------------------------------------------------
+# ---- dry friction
+# ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -118,7 +121,8 @@ def test_a_gear_loses_a_share_of_the_torque_before_the_loss(volts, loss):
     assert got[0] == pytest.approx(got[1] - lost, rel=1e-4)
 
 
-# ---- torque ------------------------------------------------------------------------------------------------------------
+# ---- torque
+# ------------------------------------------------------------------------------------------------------------
 
 
 def test_torque_against_speed_differs_by_direction():
@@ -156,7 +160,8 @@ def test_a_run_may_begin_within_a_period_of_the_ripple():
     assert got[1] == -got[0]
 
 
-# ---- voltage -----------------------------------------------------------------------------------------------------------
+# ---- voltage
+# -----------------------------------------------------------------------------------------------------------
 
 
 def test_a_dead_zone_and_a_limit_act_on_the_command():
@@ -219,7 +224,10 @@ def test_a_delay_longer_than_the_memory_is_held_in_coarser_entries_and_says_so()
 
 def test_a_winding_warms_with_its_loss_and_a_time_constant():
     held = UnitEffects(
-        friction_forward=Curve((0.0,), (1.0,)), friction_backward=Curve((0.0,), (1.0,)), heat_rise_per_w=0.1, heat_tau_s=0.2
+        friction_forward=Curve((0.0,), (1.0,)),
+        friction_backward=Curve((0.0,), (1.0,)),
+        heat_rise_per_w=0.1,
+        heat_tau_s=0.2,
     )
     got = drive(held, (6.0, 0.0), seconds=2.0, sample_s=1e-2).currents[:, 0].astype(float)
     # rise' = (rise_w i^2 R (1 + rise) - rise) / tau with i = V / (R (1 + rise)), solved finely
@@ -235,7 +243,8 @@ def test_a_winding_warms_with_its_loss_and_a_time_constant():
     assert got[-1] == pytest.approx(exact[-1], rel=1e-6)
 
 
-# ---- motors that differ ------------------------------------------------------------------------------------------------
+# ---- motors that differ
+# ------------------------------------------------------------------------------------------------
 
 
 def test_each_side_has_a_motor_of_its_own():
@@ -265,7 +274,8 @@ def test_effects_come_before_the_first_exchange():
             link.set_effects(None, None, None)
 
 
-# ---- accuracy ----------------------------------------------------------------------------------------------------------
+# ---- accuracy
+# ----------------------------------------------------------------------------------------------------------
 
 _SPEEDS = np.linspace(0.0, 600.0, 201)
 STRIBECK = Curve(tuple(_SPEEDS), tuple(2e-5 + 3e-5 * np.exp(-((_SPEEDS / 75.0) ** 2))))
@@ -322,7 +332,8 @@ def test_the_unit_keeps_to_the_float64_reference_with_the_effect_on(effect, step
     assert speed < SPEED_BOUND
 
 
-# ---- what a table holds ------------------------------------------------------------------------------------------------
+# ---- what a table holds
+# ------------------------------------------------------------------------------------------------
 
 
 def test_points_on_a_grid_through_zero_are_held_exactly_but_for_the_rounding():

@@ -1,4 +1,6 @@
-"""The wheel, away from the checkout: what it holds, and that import, diagnosis, prediction, driving and the notebook work."""
+"""The wheel, away from the checkout: what it holds, and that import, diagnosis, prediction, driving and the notebook
+work.
+"""
 
 import ast
 import inspect
@@ -22,7 +24,9 @@ FUNCTIONS = ("close", "diagnose", "predict", "read_case", "run")
 
 @pytest.fixture(scope="session")
 def installed(wheel, tmp_path_factory):
-    """Run Python with the wheel's package in the place of the checkout's, in a folder with nothing but the examples' files."""
+    """Run Python with the wheel's package in the place of the checkout's, in a folder with nothing but the examples'
+    files.
+    """
     folder = tmp_path_factory.mktemp("away")
     site = folder / "site"
     with zipfile.ZipFile(wheel) as packed:
@@ -32,11 +36,18 @@ def installed(wheel, tmp_path_factory):
         (folder / "work" / name).write_bytes((ROOT / "examples" / name).read_bytes())
 
     def python(*arguments):
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(site), sysconfig.get_paths()["purelib"]]),
-                       "XDG_CACHE_HOME": str(folder / "cache"), "NO_COLOR": "1", "MPLBACKEND": "agg"}
+        environment = {
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join([str(site), sysconfig.get_paths()["purelib"]]),
+            "XDG_CACHE_HOME": str(folder / "cache"),
+            "NO_COLOR": "1",
+            "MPLBACKEND": "agg",
+        }
         # -S: without the editable installation of the checkout, which a .pth file of the environment brings.
         command = [sys.executable, "-S", *map(str, arguments)]
-        done = subprocess.run(command, cwd=folder / "work", env=environment, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            command, cwd=folder / "work", env=environment, capture_output=True, text=True, check=False
+        )
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -57,8 +68,24 @@ def test_the_wheel_holds_the_verilog_what_builds_it_the_types_and_the_licence(wh
 
 
 def test_an_installed_package_builds_and_drives_the_verilog(installed):
-    out = installed("-m", "rtds_host.cli.main", "run", "linear", "--length", "0.1", "--duration", "1", "--set", "ramp_s=0.3",
-                    "--set", "stop_s=0.3", "--no-compare", "--no-figure", "--out", "drive")
+    out = installed(
+        "-m",
+        "rtds_host.cli.main",
+        "run",
+        "linear",
+        "--length",
+        "0.1",
+        "--duration",
+        "1",
+        "--set",
+        "ramp_s=0.3",
+        "--set",
+        "stop_s=0.3",
+        "--no-compare",
+        "--no-figure",
+        "--out",
+        "drive",
+    )
     assert installed("-c", "import rtds_host; print(rtds_host.__file__)").startswith(str(installed.folder / "site"))
     assert "rtl (verilator" in out
     assert (installed.folder / "work" / "drive" / "log.csv").is_file()
@@ -67,7 +94,9 @@ def test_an_installed_package_builds_and_drives_the_verilog(installed):
 
 def notebook_script(folder):
     """The notebook's cells and what must hold after them, as a program; the path of the program."""
-    cells = ["".join(cell["source"]) for cell in json.loads(NOTEBOOK.read_text())["cells"] if cell["cell_type"] == "code"]
+    cells = [
+        "".join(cell["source"]) for cell in json.loads(NOTEBOOK.read_text())["cells"] if cell["cell_type"] == "code"
+    ]
     check = """
 assert (work / "report" / "report.html").is_file()
 assert diagnosis["gap"]["before"] > 5.0 and distance(nominal, "w_l") > 5.0
@@ -125,8 +154,13 @@ def test_each_function_is_documented_and_typed(name):
 def test_run_is_a_function_whatever_was_imported_before(tmp_path):
     import rtds_host.run.plan  # gives the package an attribute `run`: the sub-package
 
-    outcome = rtds_host.run("linear", link="model", values={"duration_s": 0.5, "length_m": 0.02, "ramp_s": 0.1, "stop_s": 0.1},
-                            out=tmp_path / "drive", figure=False)
+    outcome = rtds_host.run(
+        "linear",
+        link="model",
+        values={"duration_s": 0.5, "length_m": 0.02, "ramp_s": 0.1, "stop_s": 0.1},
+        out=tmp_path / "drive",
+        figure=False,
+    )
     assert outcome.record.speeds.shape == (501, 2)
     assert (tmp_path / "drive" / "log.csv").is_file()
 

@@ -65,7 +65,9 @@ def test_a_smaller_floor_makes_a_smaller_manoeuvre_and_too_small_a_one_is_refuse
     wide = fit(find_scenario("teleop"), ROBOT, "cmd_vel", Floor(6, 6, 0.2), model)
     small = fit(find_scenario("teleop"), ROBOT, "cmd_vel", Floor(0.55, 0.55, 0.2), model)
     assert wide.scale == 1.0 and 0.2 <= small.scale < 1.0
-    with pytest.raises(InputError, match=r"teleop: at a fifth of its size it needs about .* the floor has 0.45 x 0.45 m"):
+    with pytest.raises(
+        InputError, match=r"teleop: at a fifth of its size it needs about .* the floor has 0.45 x 0.45 m"
+    ):
         fit(find_scenario("teleop"), ROBOT, "cmd_vel", Floor(0.45, 0.45, 0.2), model)
 
 
@@ -170,18 +172,34 @@ class FakeRos:
         node = types.ModuleType("rclpy.node")
         node.Node = Node
         rclpy = types.ModuleType("rclpy")
-        rclpy.init, rclpy.spin, rclpy.ok, rclpy.try_shutdown = (lambda args=None: None), spin, (lambda: True), (lambda: None)
+        rclpy.init, rclpy.spin, rclpy.ok, rclpy.try_shutdown = (
+            (lambda args=None: None),
+            spin,
+            (lambda: True),
+            (lambda: None),
+        )
         geometry, standard = types.ModuleType("geometry_msgs.msg"), types.ModuleType("std_msgs.msg")
         geometry.Twist = type("Twist", (Message,), {})
         geometry.TwistStamped = type("TwistStamped", (Stamped,), {})
         standard.Float64MultiArray = type("Float64MultiArray", (Message,), {})
-        return {"rclpy": rclpy, "rclpy.node": node, "geometry_msgs": types.ModuleType("geometry_msgs"),
-                "geometry_msgs.msg": geometry, "std_msgs": types.ModuleType("std_msgs"), "std_msgs.msg": standard}
+        return {
+            "rclpy": rclpy,
+            "rclpy.node": node,
+            "geometry_msgs": types.ModuleType("geometry_msgs"),
+            "geometry_msgs.msg": geometry,
+            "std_msgs": types.ModuleType("std_msgs"),
+            "std_msgs.msg": standard,
+        }
 
 
-@pytest.mark.parametrize(("kind", "stamped", "topic", "message"), [
-    ("voltage", False, "wheel_voltages", "Float64MultiArray"), ("cmd_vel", False, "cmd_vel", "Twist"),
-    ("cmd_vel", True, "cmd_vel", "TwistStamped")])
+@pytest.mark.parametrize(
+    ("kind", "stamped", "topic", "message"),
+    [
+        ("voltage", False, "wheel_voltages", "Float64MultiArray"),
+        ("cmd_vel", False, "cmd_vel", "Twist"),
+        ("cmd_vel", True, "cmd_vel", "TwistStamped"),
+    ],
+)
 def test_the_script_sends_the_plan_and_stops(kind, stamped, topic, message, tmp_path, monkeypatch):
     made = fit(find_scenario("steps"), ROBOT, kind, Floor(3, 3, 0.2), [nominal_model(ROBOT)])
     file = tmp_path / "drive.py"
@@ -212,10 +230,17 @@ def test_the_script_sends_the_plan_and_stops(kind, stamped, topic, message, tmp_
 def diagnosis(tmp_path):
     """A folder with a robot and a diagnosis that wants to see a spin with payload."""
     (tmp_path / "robot.toml").write_bytes(builtin_robot_path("burger").read_bytes())
-    content = {"schema": "rtds-diagnosis/2", "verdict": "known",
-               "effects": [{"id": "driver_gain", "side": "both", "parameters": {"ratio": {"value": 0.9, "ci90": None}}}],
-               "next_experiment": {"scenario": "spin --payload 2", "separates": [{"id": "spin_scrub", "side": "both"}],
-                                   "expected_separation": 5.0, "why": "parts what these runs cannot tell apart"}}
+    content = {
+        "schema": "rtds-diagnosis/2",
+        "verdict": "known",
+        "effects": [{"id": "driver_gain", "side": "both", "parameters": {"ratio": {"value": 0.9, "ci90": None}}}],
+        "next_experiment": {
+            "scenario": "spin --payload 2",
+            "separates": [{"id": "spin_scrub", "side": "both"}],
+            "expected_separation": 5.0,
+            "why": "parts what these runs cannot tell apart",
+        },
+    }
     (tmp_path / "diagnosis.json").write_text(json.dumps(content))
     return tmp_path / "diagnosis.json"
 
@@ -231,7 +256,9 @@ def test_the_command_plans_what_a_diagnosis_wants_to_see(diagnosis, tmp_path):
     assert float(rows[-1]["t"]) >= content["duration_s"] and float(rows[-1]["v_cmd_l"]) == 0.0
     names = runpy.run_path(str(tmp_path / "plan" / "drive.py"))
     for row in rows[:-1:25]:
-        assert names["command_at"](float(row["t"])) == pytest.approx((float(row["v_cmd_l"]), float(row["v_cmd_r"])), abs=1e-3)
+        assert names["command_at"](float(row["t"])) == pytest.approx(
+            (float(row["v_cmd_l"]), float(row["v_cmd_r"])), abs=1e-3
+        )
 
 
 def test_a_robot_driven_by_speed_gets_speeds(diagnosis, tmp_path):
@@ -246,13 +273,19 @@ def test_a_robot_driven_by_speed_gets_speeds(diagnosis, tmp_path):
     assert isinstance(refused.exception, RtdsError) and "use --as cmd_vel" in str(refused.exception)
 
 
-@pytest.mark.parametrize(("words", "complaint"), [
-    (["--floor", "3"], "--floor 3: width and depth in metres"), (["--floor", "0x3"], "--floor 0x3"),
-    (["--floor", "1.2.3x3"], "--floor 1.2.3x3"),
-    (["--as", "volts"], "--as volts: unknown"), (["--as", "cmd-vel"], "did you mean 'cmd_vel'?"),
-    (["--scenario", "spni"], "did you mean 'spin'?"), (["--speed", "0"], "--speed 0: it must be above 0"),
-    (["--floor", "0.3x0.3"], "the floor has 0.3 x 0.3 m"),
-])
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--floor", "3"], "--floor 3: width and depth in metres"),
+        (["--floor", "0x3"], "--floor 0x3"),
+        (["--floor", "1.2.3x3"], "--floor 1.2.3x3"),
+        (["--as", "volts"], "--as volts: unknown"),
+        (["--as", "cmd-vel"], "did you mean 'cmd_vel'?"),
+        (["--scenario", "spni"], "did you mean 'spin'?"),
+        (["--speed", "0"], "--speed 0: it must be above 0"),
+        (["--floor", "0.3x0.3"], "the floor has 0.3 x 0.3 m"),
+    ],
+)
 def test_what_cannot_be_is_refused_and_nothing_written(words, complaint, diagnosis, tmp_path):
     done = rtds_plan(diagnosis, *words, "--out", tmp_path / "plan")
     assert isinstance(done.exception, RtdsError) and complaint in str(done.exception)

@@ -1,9 +1,9 @@
 """A Dask cluster over TLS on named hosts, and what becomes of its parts: `python cluster.py`.
 
-Four hosts, each with a network of its own (Linux namespaces, which go with this program): `head` has the scheduler, `node1` and
-`node2` a worker each, `desk` calls `rtds diagnose`. Started by the lines of docs/many-cases.md, with certificates that openssl
-makes. It looks at what a call gives, at how long one waits for a refusal, and at which ports it listens. Needs Linux with
-iproute2, util-linux and openssl, and either root or user namespaces.
+Four hosts, each with a network of its own (Linux namespaces, which go with this program): `head` has the scheduler,
+`node1` and `node2` a worker each, `desk` calls `rtds diagnose`. Started by the lines of docs/many-cases.md, with
+certificates that openssl makes. It looks at what a call gives, at how long one waits for a refusal, and at which ports
+it listens. Needs Linux with iproute2, util-linux and openssl, and either root or user namespaces.
 """
 
 from __future__ import annotations
@@ -35,8 +35,21 @@ def inside() -> None:
     """Begin this program anew with networks, mounts and processes of its own: nothing of it stays."""
     user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
     os.environ[INSIDE] = "1"
-    os.execvp("unshare", ["unshare", *user, "--net", "--mount", "--pid", "--mount-proc", "--fork", "--kill-child", sys.executable,
-                          *sys.argv])
+    os.execvp(
+        "unshare",
+        [
+            "unshare",
+            *user,
+            "--net",
+            "--mount",
+            "--pid",
+            "--mount-proc",
+            "--fork",
+            "--kill-child",
+            sys.executable,
+            *sys.argv,
+        ],
+    )
 
 
 def call(*command: str, **options) -> None:
@@ -46,7 +59,9 @@ def call(*command: str, **options) -> None:
 def make_network() -> None:
     """A bridge with the hosts at it, and their names."""
     call("mount", "-t", "tmpfs", "tmpfs", "/run")
-    names = "127.0.0.1 localhost\n" + "".join(f"10.77.0.{k} {h}.{DOMAIN}\n" for k, h in enumerate((*HOSTS, "nobody"), 1))
+    names = "127.0.0.1 localhost\n" + "".join(
+        f"10.77.0.{k} {h}.{DOMAIN}\n" for k, h in enumerate((*HOSTS, "nobody"), 1)
+    )
     Path("/run/hosts").write_text(names)
     call("mount", "--bind", "/run/hosts", "/etc/hosts")
     call("ip", "link", "add", "br0", "type", "bridge")
@@ -64,21 +79,65 @@ def make_certificates(place: Path, authority: str, *hosts: str) -> None:
     """A CA, and a key with a certificate for each host."""
     key = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
     quiet = {"cwd": place, "stderr": subprocess.DEVNULL}
-    call("openssl", "req", "-x509", *key, "-days", "30", "-subj", f"/CN={authority}", "-keyout", f"{authority}.key",
-         "-out", f"{authority}.pem", **quiet)
+    call(
+        "openssl",
+        "req",
+        "-x509",
+        *key,
+        "-days",
+        "30",
+        "-subj",
+        f"/CN={authority}",
+        "-keyout",
+        f"{authority}.key",
+        "-out",
+        f"{authority}.pem",
+        **quiet,
+    )
     for host in hosts:
-        call("openssl", "req", *key, "-subj", f"/CN={host}.{DOMAIN}", "-keyout", f"{host}.key", "-out", f"{host}.csr", **quiet)
-        call("openssl", "x509", "-req", "-in", f"{host}.csr", "-CA", f"{authority}.pem", "-CAkey", f"{authority}.key",
-             "-CAcreateserial", "-days", "30", "-out", f"{host}.pem", **quiet)
+        call(
+            "openssl",
+            "req",
+            *key,
+            "-subj",
+            f"/CN={host}.{DOMAIN}",
+            "-keyout",
+            f"{host}.key",
+            "-out",
+            f"{host}.csr",
+            **quiet,
+        )
+        call(
+            "openssl",
+            "x509",
+            "-req",
+            "-in",
+            f"{host}.csr",
+            "-CA",
+            f"{authority}.pem",
+            "-CAkey",
+            f"{authority}.key",
+            "-CAcreateserial",
+            "-days",
+            "30",
+            "-out",
+            f"{host}.pem",
+            **quiet,
+        )
 
 
 def security(place: Path, host: str, authority: str = "ca") -> dict[str, str]:
     """The environment that docs/many-cases.md asks for, of one machine."""
-    pairs = {f"{role}__{kind}": str(place / f"{host}.{end}") for role in ("SCHEDULER", "WORKER", "CLIENT")
-             for kind, end in (("CERT", "pem"), ("KEY", "key"))}
-    return {"DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION": "true",
-            "DASK_DISTRIBUTED__COMM__TLS__CA_FILE": str(place / f"{authority}.pem"),
-            **{f"DASK_DISTRIBUTED__COMM__TLS__{name}": value for name, value in pairs.items()}}
+    pairs = {
+        f"{role}__{kind}": str(place / f"{host}.{end}")
+        for role in ("SCHEDULER", "WORKER", "CLIENT")
+        for kind, end in (("CERT", "pem"), ("KEY", "key"))
+    }
+    return {
+        "DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION": "true",
+        "DASK_DISTRIBUTED__COMM__TLS__CA_FILE": str(place / f"{authority}.pem"),
+        **{f"DASK_DISTRIBUTED__COMM__TLS__{name}": value for name, value in pairs.items()},
+    }
 
 
 class Bench:
@@ -98,8 +157,15 @@ class Bench:
     def start(self, host: str, *command: str, environment: dict[str, str] | None = None, **pipes) -> subprocess.Popen:
         plain = {name: value for name, value in os.environ.items() if not name.startswith("DASK_")}
         extra = security(self.place, host) if environment is None else environment
-        return subprocess.Popen(["ip", "netns", "exec", host, *command], env={**plain, **extra}, cwd=self.place,
-                                start_new_session=True, stdin=subprocess.DEVNULL, text=True, **pipes)
+        return subprocess.Popen(
+            ["ip", "netns", "exec", host, *command],
+            env={**plain, **extra},
+            cwd=self.place,
+            start_new_session=True,
+            stdin=subprocess.DEVNULL,
+            text=True,
+            **pipes,
+        )
 
     def dask(self, host: str, ready: str, *arguments: str) -> subprocess.Popen:
         """A scheduler or worker, once it has logged that it is ready: on a busy machine that takes its time."""
@@ -114,21 +180,54 @@ class Bench:
         return process
 
     def scheduler(self) -> subprocess.Popen:
-        return self.dask("head", "Scheduler at:", "scheduler", "--protocol", "tls", "--host", f"head.{DOMAIN}", "--no-dashboard")
+        return self.dask(
+            "head", "Scheduler at:", "scheduler", "--protocol", "tls", "--host", f"head.{DOMAIN}", "--no-dashboard"
+        )
 
     def worker(self, node: str) -> subprocess.Popen:
-        return self.dask(node, "Registered to:", "worker", ADDRESS, "--protocol", "tls", "--host", f"{node}.{DOMAIN}", "--nworkers", "1",
-                         "--nthreads", "1", "--no-dashboard")
+        return self.dask(
+            node,
+            "Registered to:",
+            "worker",
+            ADDRESS,
+            "--protocol",
+            "tls",
+            "--host",
+            f"{node}.{DOMAIN}",
+            "--nworkers",
+            "1",
+            "--nthreads",
+            "1",
+            "--no-dashboard",
+        )
 
-    def rtds(self, out: str, *more: str, environment: dict[str, str] | None = None,
-             meanwhile: Callable[[subprocess.Popen], None] = lambda process: None) -> tuple[int, str, str, float]:
+    def rtds(
+        self,
+        out: str,
+        *more: str,
+        environment: dict[str, str] | None = None,
+        meanwhile: Callable[[subprocess.Popen], None] = lambda process: None,
+    ) -> tuple[int, str, str, float]:
         """(status, standard output, standard error, seconds) of `rtds diagnose` on the desk.
 
         On a busy machine the seconds in which nobody lets it run do not count.
         """
         began = time.monotonic()
-        process = self.start("desk", sys.executable, "-m", "rtds_host.cli.main", "diagnose", *map(str, self.cases), "--quick",
-                             "--out", out, *more, environment=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        process = self.start(
+            "desk",
+            sys.executable,
+            "-m",
+            "rtds_host.cli.main",
+            "diagnose",
+            *map(str, self.cases),
+            "--quick",
+            "--out",
+            out,
+            *more,
+            environment=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
         meanwhile(process)
         if process.returncode is None:  # else `meanwhile` has met its end
             os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
@@ -142,8 +241,11 @@ class Bench:
             self.complaints.append(what)
 
     def same(self, out: str) -> bool:
-        return all((self.place / out / case.name / file).read_bytes() == (self.place / "alone" / case.name / file).read_bytes()
-                   for case in self.cases for file in FILES)
+        return all(
+            (self.place / out / case.name / file).read_bytes() == (self.place / "alone" / case.name / file).read_bytes()
+            for case in self.cases
+            for file in FILES
+        )
 
     def done(self, out: str) -> int:
         return len(list((self.place / out).glob("*/report.html")))
@@ -179,18 +281,27 @@ def refusals(bench: Bench) -> None:
     *_, loaded = bench.rtds("refused", "--scheduler", "nonsense")
     stranger = {**security(bench.place, "stranger", "other")}
     for what, address, environment in (
-            ("no such name", f"tls://no-such-host.{DOMAIN}:8786", None),
-            ("a host that is down", f"tls://nobody.{DOMAIN}:8786", None),
-            ("a port at which nobody listens", f"tls://node1.{DOMAIN}:1", None),
-            ("a worker's host in place of the scheduler's", f"tls://node1.{DOMAIN}:8786", None),
-            ("no certificate", ADDRESS, {}),
-            ("plain tcp", ADDRESS.replace("tls", "tcp"), {}),
-            ("a certificate of another CA", ADDRESS, stranger)):
+        ("no such name", f"tls://no-such-host.{DOMAIN}:8786", None),
+        ("a host that is down", f"tls://nobody.{DOMAIN}:8786", None),
+        ("a port at which nobody listens", f"tls://node1.{DOMAIN}:1", None),
+        ("a worker's host in place of the scheduler's", f"tls://node1.{DOMAIN}:8786", None),
+        ("no certificate", ADDRESS, {}),
+        ("plain tcp", ADDRESS.replace("tls", "tcp"), {}),
+        ("a certificate of another CA", ADDRESS, stranger),
+    ):
         status, _, said, seconds = bench.rtds("refused", "--scheduler", address, environment=environment)
         line = said.splitlines()
-        bench.expect(f"{what}: one line, status 2, in {seconds - loaded:.1f} s",
-                     status == 2 and len(line) == 1 and line[0].startswith("rtds: ") and address in line[0]
-                     and "internal error" not in said and seconds - loaded < PATIENCE_S and not (bench.place / "refused" / "index.html").exists(), said.strip())
+        bench.expect(
+            f"{what}: one line, status 2, in {seconds - loaded:.1f} s",
+            status == 2
+            and len(line) == 1
+            and line[0].startswith("rtds: ")
+            and address in line[0]
+            and "internal error" not in said
+            and seconds - loaded < PATIENCE_S
+            and not (bench.place / "refused" / "index.html").exists(),
+            said.strip(),
+        )
 
 
 def main() -> int:
@@ -213,8 +324,11 @@ def main() -> int:
                 time.sleep(0.1)
 
         status, _, said, seconds = bench.rtds("cluster", "--scheduler", ADDRESS, meanwhile=look)
-        bench.expect(f"over TLS on named hosts, {len(bench.cases)} cases in {seconds:.0f} s: the same bytes as without a cluster",
-                     status == 0 and said == "" and bench.same("cluster"), said)
+        bench.expect(
+            f"over TLS on named hosts, {len(bench.cases)} cases in {seconds:.0f} s: the same bytes as without a cluster",
+            status == 0 and said == "" and bench.same("cluster"),
+            said,
+        )
         bench.expect("the caller listens at no port", not ports, ports)
         refusals(bench)
 
@@ -223,8 +337,11 @@ def main() -> int:
             end(workers["node1"])
 
         status, _, said, _ = bench.rtds("lost worker", "--scheduler", ADDRESS, meanwhile=lose_worker)
-        bench.expect("a host with a worker goes down in the middle: all cases complete, the same bytes",
-                     status == 0 and said == "" and bench.same("lost worker"), said)
+        bench.expect(
+            "a host with a worker goes down in the middle: all cases complete, the same bytes",
+            status == 0 and said == "" and bench.same("lost worker"),
+            said,
+        )
 
         workers["node1"] = bench.worker("node1")
         ended: list[float] = []
@@ -238,16 +355,25 @@ def main() -> int:
 
         status, _, said, _ = bench.rtds("lost scheduler", "--scheduler", ADDRESS, meanwhile=lose_scheduler)
         after = ended[2] - (ended[0] - ended[1])
-        bench.expect(f"the scheduler goes down in the middle: one line, status 2, {after:.1f} s later",
-                     status == 2 and len(said.splitlines()) == 1 and "is gone" in said and after < PATIENCE_S, said.strip())
+        bench.expect(
+            f"the scheduler goes down in the middle: one line, status 2, {after:.1f} s later",
+            status == 2 and len(said.splitlines()) == 1 and "is gone" in said and after < PATIENCE_S,
+            said.strip(),
+        )
         kept = bench.done("lost scheduler")
         for process in workers.values():
             end(process)
         scheduler = bench.scheduler()
         workers = {node: bench.worker(node) for node in workers}
         status, said, errors, _ = bench.rtds("lost scheduler", "--scheduler", ADDRESS)
-        bench.expect("the same command goes on with a new scheduler", status == 0 and errors == "" and bench.same("lost scheduler")
-                     and f"{kept} of {len(bench.cases)} cases are done already" in said, errors)
+        bench.expect(
+            "the same command goes on with a new scheduler",
+            status == 0
+            and errors == ""
+            and bench.same("lost scheduler")
+            and f"{kept} of {len(bench.cases)} cases are done already" in said,
+            errors,
+        )
         for process in (*workers.values(), scheduler):
             end(process)
         status, _, said, _ = bench.rtds("nobody", "--scheduler", ADDRESS)

@@ -1,8 +1,8 @@
 """Kills commands at random moments and looks at what is left: `python kills.py --count 50 --seed 1`.
 
-A killed command must leave no process ten seconds later, no shared memory, and no output that is half there. Its scratch may
-stay until the same command starts again: when all kills are done each command runs once to its end, and then nothing but
-outputs may be left, neither beside them nor among the temporary files.
+A killed command must leave no process ten seconds later, no shared memory, and no output that is half there. Its
+scratch may stay until the same command starts again: when all kills are done each command runs once to its end, and
+then nothing but outputs may be left, neither beside them nor among the temporary files.
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ column = "t"
 
 @dataclass(frozen=True)
 class Command:
-    """Arguments of `rtds`, and each output that is there whole or not at all: its folder, and the files that belong together."""
+    """Arguments of `rtds`, and each output that is there whole or not at all: its folder, and the files that belong
+    together.
+    """
 
     arguments: tuple[str, ...]
     outputs: dict[str, tuple[str, ...]]
@@ -74,25 +76,57 @@ def make_inputs(place: Path) -> None:
                     columns[name] = values + robot.noise(name) * rng.standard_normal(len(t))
             write_run(place / case / run, RunMeta(run), columns)
         shutil.copy(builtin_robot_path("burger"), place / case / "robot.toml")
-    write_csv(place / "log.csv", {name: columns[name] for name in ("t", "v_cmd_l", "v_cmd_r", "w_l", "w_r", "i_l", "i_r")})
+    write_csv(
+        place / "log.csv", {name: columns[name] for name in ("t", "v_cmd_l", "v_cmd_r", "w_l", "w_r", "i_l", "i_r")}
+    )
     (place / "plain.toml").write_text(MAPPING)
 
 
 RUN_FILES = ("run.json", "log.csv", "summary.json", "robot.toml")
 DIAGNOSIS = ("diagnosis.json", "report.html")
 COMMANDS = {
-    "run": Command(("run", "steps", "--link", "rtl", "--no-compare", "--set", "stretch=0.3", "--out", "out/run"), {"out/run": RUN_FILES}),
-    "run all": Command(("run", "all", "--link", "rtl", "--robot", "paper", "--no-compare", "--no-figure", "--out", "out/all"),
-                       {"out/all": ("robot.toml", "linear/log.csv", "circle/log.csv", "eight/log.csv")}),
+    "run": Command(
+        ("run", "steps", "--link", "rtl", "--no-compare", "--set", "stretch=0.3", "--out", "out/run"),
+        {"out/run": RUN_FILES},
+    ),
+    "run all": Command(
+        ("run", "all", "--link", "rtl", "--robot", "paper", "--no-compare", "--no-figure", "--out", "out/all"),
+        {"out/all": ("robot.toml", "linear/log.csv", "circle/log.csv", "eight/log.csv")},
+    ),
     "diagnose one": Command(("diagnose", "one", "--quick", "--out", "out/one"), {"out/one": DIAGNOSIS}),
-    "diagnose many": Command(("diagnose", "one", "two", "--quick", "--out", "out/many"),
-                             {"out/many/one": DIAGNOSIS, "out/many/two": DIAGNOSIS}),
-    "close": Command(("close", "one", "--no-causes", "--no-figure", "--out", "out/close"),
-                     {"out/close": ("close.json", "diagnosis.json")}),
-    "import": Command(("import", "log.csv", "--mapping", "plain.toml", "--out", "out/imported"),
-                      {"out/imported": ("robot.toml", "log/run.json", "log/log.csv")}, exclusive=True),
-    "blind make": Command(("blind", "make", "--n", "3", "--tier", "none", "--world", "planar", "--seed", "1", "--jobs", "2",
-                           "--out", "out/made"), {"out/made/public": ("SEALS.json",)}, exclusive=True),
+    "diagnose many": Command(
+        ("diagnose", "one", "two", "--quick", "--out", "out/many"),
+        {"out/many/one": DIAGNOSIS, "out/many/two": DIAGNOSIS},
+    ),
+    "close": Command(
+        ("close", "one", "--no-causes", "--no-figure", "--out", "out/close"),
+        {"out/close": ("close.json", "diagnosis.json")},
+    ),
+    "import": Command(
+        ("import", "log.csv", "--mapping", "plain.toml", "--out", "out/imported"),
+        {"out/imported": ("robot.toml", "log/run.json", "log/log.csv")},
+        exclusive=True,
+    ),
+    "blind make": Command(
+        (
+            "blind",
+            "make",
+            "--n",
+            "3",
+            "--tier",
+            "none",
+            "--world",
+            "planar",
+            "--seed",
+            "1",
+            "--jobs",
+            "2",
+            "--out",
+            "out/made",
+        ),
+        {"out/made/public": ("SEALS.json",)},
+        exclusive=True,
+    ),
     "blind answer": Command(("blind", "answer", "--quick", "--jobs", "2", "--out", "check"), {}),
 }
 
@@ -104,9 +138,13 @@ def tagged(tag: str) -> list[str]:
         if not entry.name.isdigit():
             continue
         try:
-            if f"{TAG}={tag}".encode() in (entry / "environ").read_bytes().split(b"\0") and \
-                    (entry / "stat").read_text().rsplit(")", 1)[1].split()[0] != "Z":
-                found.append(f"{entry.name} {(entry / 'cmdline').read_bytes().replace(bytes(1), b' ').decode(errors='replace')[:80]}")
+            if (
+                f"{TAG}={tag}".encode() in (entry / "environ").read_bytes().split(b"\0")
+                and (entry / "stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+            ):
+                found.append(
+                    f"{entry.name} {(entry / 'cmdline').read_bytes().replace(bytes(1), b' ').decode(errors='replace')[:80]}"
+                )
         except OSError:
             continue
     return found
@@ -142,9 +180,15 @@ class Bench:
     def start(self, command: Command, tag: str) -> subprocess.Popen:
         environment = {**os.environ, TAG: tag, "TMPDIR": str(self.temporary)}
         with open(self.said, "w") as said:
-            return subprocess.Popen([sys.executable, "-m", "rtds_host.cli.main", *command.arguments], cwd=self.place,
-                                    env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-                                    stderr=said, start_new_session=True)
+            return subprocess.Popen(
+                [sys.executable, "-m", "rtds_host.cli.main", *command.arguments],
+                cwd=self.place,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=said,
+                start_new_session=True,
+            )
 
     def last_words(self) -> str:
         """Last line that the last command said on standard error."""
@@ -158,8 +202,12 @@ class Bench:
         if status != 0:
             self.complaints.append(f"{name}: does not go on after a kill, status {status}: {self.last_words()}")
         torn = COMMANDS[name].torn(self.place)
-        missing = [f for folder, files in COMMANDS[name].outputs.items() for f in files
-                   if not (self.place / folder / f).exists()]
+        missing = [
+            f
+            for folder, files in COMMANDS[name].outputs.items()
+            for f in files
+            if not (self.place / folder / f).exists()
+        ]
         self.complaints += [f"{name}: at its end {what}" for what in (*torn, *missing)]
         return time.monotonic() - began
 
@@ -190,12 +238,19 @@ class Bench:
         while (left := tagged(tag)) and time.monotonic() - began - max(0.0, starved_s(left) - starved) < GONE_S:
             time.sleep(0.1)
         self.complaints += [f"{name}: killed after {after_s:.2f} s leaves process {p}" for p in left]
-        more = {m for m in set(os.listdir(SHARED_MEMORY)) - memory if not m.startswith("sem.mp")} if memory or SHARED_MEMORY.is_dir() \
+        more = (
+            {m for m in set(os.listdir(SHARED_MEMORY)) - memory if not m.startswith("sem.mp")}
+            if memory or SHARED_MEMORY.is_dir()
             else set()
+        )
         self.complaints += [f"{name}: killed after {after_s:.2f} s leaves shared memory {m}" for m in more]
-        self.complaints += [f"{name}: killed after {after_s:.2f} s leaves {what}" for what in COMMANDS[name].torn(self.place)]
+        self.complaints += [
+            f"{name}: killed after {after_s:.2f} s leaves {what}" for what in COMMANDS[name].torn(self.place)
+        ]
         if how == signal.SIGINT:
-            self.complaints += [f"{name}: Ctrl-C after {after_s:.2f} s leaves {what}" for what in set(self.left()) - before]
+            self.complaints += [
+                f"{name}: Ctrl-C after {after_s:.2f} s leaves {what}" for what in set(self.left()) - before
+            ]
         return "done" if status == 0 else "ended"
 
     def left(self) -> list[str]:
@@ -215,8 +270,25 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="kills-") as folder:
         bench = Bench(Path(folder))
         if "blind answer" in names:
-            made = Command(("blind", "make", "--n", "4", "--tier", "none", "--world", "planar", "--seed", "2", "--jobs", "1",
-                            "--out", "check"), {})
+            made = Command(
+                (
+                    "blind",
+                    "make",
+                    "--n",
+                    "4",
+                    "--tier",
+                    "none",
+                    "--world",
+                    "planar",
+                    "--seed",
+                    "2",
+                    "--jobs",
+                    "1",
+                    "--out",
+                    "check",
+                ),
+                {},
+            )
             assert bench.start(made, "make").wait() == 0
             shutil.copytree(bench.place / "check", bench.place / "fresh")
         lengths = {name: bench.finish(name) for name in names}

@@ -1,7 +1,9 @@
-"""How much memory and time large inputs take: `python load.py cases --count 200`, `python load.py long --runs 20 --seconds 600`.
+"""How much memory and time large inputs take: `python load.py cases --count 200`, `python load.py long --runs 20
+--seconds 600`.
 
-`cases` gives so many small cases to one call of `rtds diagnose` and looks at the memory of its processes as they are worked off;
-`long` gives it one case of long runs. Every fourth case, and the long one, has friction that the nominal robot lacks.
+`cases` gives so many small cases to one call of `rtds diagnose` and looks at the memory of its processes as they are
+worked off; `long` gives it one case of long runs. Every fourth case, and the long one, has friction that the nominal
+robot lacks.
 """
 
 from __future__ import annotations
@@ -56,10 +58,27 @@ def session(leader: int) -> dict[int, float]:
 
 
 def watched(place: Path, *arguments: object) -> tuple[int, list[tuple[int, float, float]], float, float]:
-    """Run `rtds diagnose`: (status, [(cases done, MB of the caller, MB of its largest other process)], seconds, processor seconds)."""
+    """Run `rtds diagnose`: (status, [(cases done, MB of the caller, MB of its largest other process)], seconds,
+    processor seconds).
+    """
     began, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    process = subprocess.Popen([sys.executable, "-m", "rtds_host.cli.main", "diagnose", *map(str, arguments), "--quick", "--jobs", "1",
-                                "--out", str(place / "out")], stdout=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-m",
+            "rtds_host.cli.main",
+            "diagnose",
+            *map(str, arguments),
+            "--quick",
+            "--jobs",
+            "1",
+            "--out",
+            str(place / "out"),
+        ],
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
     done = 0
 
     def count() -> None:
@@ -90,7 +109,9 @@ def cases(place: Path, count: int, seconds: float) -> int:
     for first in range(0, count, step):
         part = [row for row in seen if first <= row[0] < first + step]
         print(f"| {first} to {first + step} | {max(row[1] for row in part):.0f} | {max(row[2] for row in part):.0f} |")
-    print(f"{count} cases of {seconds:g} s, status {status}: {wall:.0f} s, {used:.0f} s of a processor, {used / count:.2f} s a case")
+    print(
+        f"{count} cases of {seconds:g} s, status {status}: {wall:.0f} s, {used:.0f} s of a processor, {used / count:.2f} s a case"
+    )
     return status
 
 
@@ -98,7 +119,9 @@ def long(place: Path, runs: int, seconds: float) -> int:
     """One case of long runs."""
     make_case(place / "case-000", runs, seconds, 0, 0.05)
     status, seen, wall, used = watched(place, place / "case-000")
-    print(f"{runs} runs of {seconds:g} s, status {status}: {wall:.0f} s, {used:.0f} s of a processor, {max(row[1] for row in seen):.0f} MB")
+    print(
+        f"{runs} runs of {seconds:g} s, status {status}: {wall:.0f} s, {used:.0f} s of a processor, {max(row[1] for row in seen):.0f} MB"
+    )
     return status
 
 

@@ -2,7 +2,8 @@
 
     python python/tests/reliability/rows.py
 
-The run is the built-in robot's with friction on its left wheel, with noise; each row of the table is a process of its own.
+The run is the built-in robot's with friction on its left wheel, with noise; each row of the table is a process of its
+own.
 """
 
 import resource

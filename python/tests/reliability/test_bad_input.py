@@ -55,11 +55,22 @@ def test_escape_codes_of_a_name_are_spelled_out(rtds, tmp_path):
 
 # ---- names that are none -------------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize("arguments", [
-    ("diagnose", "{case}", "--out", ""), ("diagnose", "{case}", "--out="), ("predict", "{run}", "--robot", "", "--out", "p.csv"),
-    ("predict", "{run}", "--robot", "{robot}", "--out", ""), ("run", "linear", "--link", "model", "--out", ""),
-    ("import", "x.csv", "--mapping", "", "--out", "o"), ("close", "{case}", "--out", ""), ("blind", "make", "--out", ""),
-    ("blind", "answer", "--out="), ("diagnose", "", "--out", "o")])
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("diagnose", "{case}", "--out", ""),
+        ("diagnose", "{case}", "--out="),
+        ("predict", "{run}", "--robot", "", "--out", "p.csv"),
+        ("predict", "{run}", "--robot", "{robot}", "--out", ""),
+        ("run", "linear", "--link", "model", "--out", ""),
+        ("import", "x.csv", "--mapping", "", "--out", "o"),
+        ("close", "{case}", "--out", ""),
+        ("blind", "make", "--out", ""),
+        ("blind", "answer", "--out="),
+        ("diagnose", "", "--out", "o"),
+    ],
+)
 def test_an_empty_name_is_not_the_folder_one_is_in(rtds, case, tmp_path, monkeypatch, arguments):
     monkeypatch.chdir(tmp_path)
     before = sorted(tmp_path.rglob("*"))
@@ -78,17 +89,28 @@ def test_a_name_that_is_no_text_is_refused_before_any_work(rtds, case, tmp_path,
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("arguments", [
-    ("predict", "{bad}", "--robot", "{robot}", "--out", "{out}"), ("predict", "{run}", "--robot", "{bad}", "--out", "{out}"),
-    ("predict", "{run}", "--robot", "{robot}", "--diagnosis", "{bad}", "--out", "{out}"),
-    ("predict", "{run}", "--robot", "{robot}", "--out", "{bad}"),
-    ("diagnose", "{bad}", "--out", "{out}"), ("diagnose", "{case}", "--out", "{bad}"),
-    ("diagnose", "{case}", "{run}", "--out", "{bad}"), ("close", "{bad}", "--out", "{out}"), ("close", "{case}", "--out", "{bad}"),
-    ("run", "standstill", "--link", "model", "--out", "{bad}"),
-    ("run", "standstill", "--link", "model", "--robot", "{bad}", "--out", "{out}"),
-    ("import", "{bad}", "--out", "{out}"), ("import", "{bad}", "--mapping", "rtds", "--out", "{out}"),
-    ("import", "{case}/spin/log.csv", "--mapping", "{bad}", "--out", "{out}"),
-    ("blind", "answer", "--out", "{bad}"), ("blind", "score", "--out", "{bad}"), ("blind", "make", "--n", "1", "--out", "{bad}")])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("predict", "{bad}", "--robot", "{robot}", "--out", "{out}"),
+        ("predict", "{run}", "--robot", "{bad}", "--out", "{out}"),
+        ("predict", "{run}", "--robot", "{robot}", "--diagnosis", "{bad}", "--out", "{out}"),
+        ("predict", "{run}", "--robot", "{robot}", "--out", "{bad}"),
+        ("diagnose", "{bad}", "--out", "{out}"),
+        ("diagnose", "{case}", "--out", "{bad}"),
+        ("diagnose", "{case}", "{run}", "--out", "{bad}"),
+        ("close", "{bad}", "--out", "{out}"),
+        ("close", "{case}", "--out", "{bad}"),
+        ("run", "standstill", "--link", "model", "--out", "{bad}"),
+        ("run", "standstill", "--link", "model", "--robot", "{bad}", "--out", "{out}"),
+        ("import", "{bad}", "--out", "{out}"),
+        ("import", "{bad}", "--mapping", "rtds", "--out", "{out}"),
+        ("import", "{case}/spin/log.csv", "--mapping", "{bad}", "--out", "{out}"),
+        ("blind", "answer", "--out", "{bad}"),
+        ("blind", "score", "--out", "{bad}"),
+        ("blind", "make", "--n", "1", "--out", "{bad}"),
+    ],
+)
 @pytest.mark.parametrize("kind", ["a link to itself", "a pipe", "a device"])
 def test_what_is_no_file_and_no_folder_is_refused_at_once(rtds, case, tmp_path, kind, arguments):
     bad = tmp_path / "bad"
@@ -114,7 +136,12 @@ def test_a_pipe_within_a_case_is_named_and_not_waited_for(rtds, case, tmp_path, 
     os.mkfifo(case / place)
     for arguments in (("diagnose", case), ("predict", case / "spin", "--robot", case / "robot.toml")):
         status, _, said = rtds(*arguments, "--out", tmp_path / "out")
-        assert status == 2 and len(said) == 1 and "internal error" not in said[0] and str(case / place.split("/")[0]) in said[0]
+        assert (
+            status == 2
+            and len(said) == 1
+            and "internal error" not in said[0]
+            and str(case / place.split("/")[0]) in said[0]
+        )
     assert not (tmp_path / "out").exists()
 
 
@@ -124,25 +151,44 @@ def test_results_of_many_do_not_fall_into_one_of_them(rtds, case, tmp_path):
     assert status == 2 and said == [f"rtds: {case}: is an input of this very command; choose another folder"]
 
 
-@pytest.mark.parametrize("arguments", [
-    ("diagnose", "{case}", "--out", "{case}"), ("diagnose", "{case}", "--out", "{case}/spin"), ("diagnose", "{case}", "--out", "{link}"),
-    ("diagnose", "{case}", "--out", "{out}", "--mcap", "{case}/robot.toml"),
-    ("diagnose", "{case}", "--out", "{out}", "--mcap", "{link}/spin/log.csv"),
-    ("diagnose", "{case}", "--out", "{out}", "--mcap", "{out}/diagnosis.json"),
-    ("diagnose", "{case}", "{case}/../other", "--out", "{case}"), ("diagnose", "{case}", "{case}/../other", "--out", "{case}/.."),
-    ("diagnose", "{case}", "{case}/../other", "--out", "{case}/spin"),
-    ("close", "{case}", "--out", "{case}"), ("close", "{case}", "--out", "{case}/spin"),
-    ("close", "{case}", "--diagnosis", "{said}/diagnosis.json", "--out", "{said}"),
-    ("predict", "{case}/spin", "--robot", "{case}/robot.toml", "--out", "{link}/spin/log.csv"),
-    ("predict", "{case}/spin", "--robot", "{case}/robot.toml", "--out", "{case}/spin/log.parquet"),
-    ("predict", "{case}/spin", "--robot", "{case}/robot.toml", "--out", "{hard}"),
-    ("export", "{said}/diagnosis.json", "--robot", "{case}/robot.toml", "--to", "mjcf", "--out", "{hard}"),
-    ("export", "{said}/diagnosis.json", "--robot", "{case}/robot.toml", "--to", "mjcf", "--out", "{case}/spin/log.csv",
-     "--check", "{case}/spin"),
-    ("plan", "{said}/plan.json", "--robot", "{case}/robot.toml", "--out", "{said}"),
-    ("calibrate", "--link", "chip", "--wires", "{said}/diagnosis.json", "--out", "{said}/diagnosis.json"),
-    ("import", "{case}/spin/log.csv", "--mapping", "rtds", "--out", "{case}"),
-    ("blind", "make", "--measured", "{case}", "--out", "{case}"), ("blind", "make", "--measured", "{case}", "--out", "{case}/spin")])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("diagnose", "{case}", "--out", "{case}"),
+        ("diagnose", "{case}", "--out", "{case}/spin"),
+        ("diagnose", "{case}", "--out", "{link}"),
+        ("diagnose", "{case}", "--out", "{out}", "--mcap", "{case}/robot.toml"),
+        ("diagnose", "{case}", "--out", "{out}", "--mcap", "{link}/spin/log.csv"),
+        ("diagnose", "{case}", "--out", "{out}", "--mcap", "{out}/diagnosis.json"),
+        ("diagnose", "{case}", "{case}/../other", "--out", "{case}"),
+        ("diagnose", "{case}", "{case}/../other", "--out", "{case}/.."),
+        ("diagnose", "{case}", "{case}/../other", "--out", "{case}/spin"),
+        ("close", "{case}", "--out", "{case}"),
+        ("close", "{case}", "--out", "{case}/spin"),
+        ("close", "{case}", "--diagnosis", "{said}/diagnosis.json", "--out", "{said}"),
+        ("predict", "{case}/spin", "--robot", "{case}/robot.toml", "--out", "{link}/spin/log.csv"),
+        ("predict", "{case}/spin", "--robot", "{case}/robot.toml", "--out", "{case}/spin/log.parquet"),
+        ("predict", "{case}/spin", "--robot", "{case}/robot.toml", "--out", "{hard}"),
+        ("export", "{said}/diagnosis.json", "--robot", "{case}/robot.toml", "--to", "mjcf", "--out", "{hard}"),
+        (
+            "export",
+            "{said}/diagnosis.json",
+            "--robot",
+            "{case}/robot.toml",
+            "--to",
+            "mjcf",
+            "--out",
+            "{case}/spin/log.csv",
+            "--check",
+            "{case}/spin",
+        ),
+        ("plan", "{said}/plan.json", "--robot", "{case}/robot.toml", "--out", "{said}"),
+        ("calibrate", "--link", "chip", "--wires", "{said}/diagnosis.json", "--out", "{said}/diagnosis.json"),
+        ("import", "{case}/spin/log.csv", "--mapping", "rtds", "--out", "{case}"),
+        ("blind", "make", "--measured", "{case}", "--out", "{case}"),
+        ("blind", "make", "--measured", "{case}", "--out", "{case}/spin"),
+    ],
+)
 def test_no_output_takes_the_place_of_what_it_is_made_from(rtds, case, tmp_path, arguments):
     """In one line before the work, by whatever name or link, and nothing is written."""
     shutil.copytree(case, tmp_path / "other")
@@ -150,13 +196,17 @@ def test_no_output_takes_the_place_of_what_it_is_made_from(rtds, case, tmp_path,
     os.link(case / "robot.toml", tmp_path / "hard")
     (tmp_path / "said").mkdir()
     for name in ("diagnosis.json", "plan.json"):
-        (tmp_path / "said" / name).write_text(json.dumps({"schema": DIAGNOSIS_SCHEMAS[0], "verdict": "none", "effects": []}))
+        (tmp_path / "said" / name).write_text(
+            json.dumps({"schema": DIAGNOSIS_SCHEMAS[0], "verdict": "none", "effects": []})
+        )
     before = {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")}
     names = {"case": case, "out": tmp_path / "out", **{name: tmp_path / name for name in ("link", "hard", "said")}}
     began = time.process_time()
     status, _, said = rtds(*(a.format(**names) for a in arguments))
     assert status == 2 and len(said) == 1
-    assert ("exists already" if arguments[0] == "import" else "is an input of this very command; choose another f") in said[0]
+    assert (
+        "exists already" if arguments[0] == "import" else "is an input of this very command; choose another f"
+    ) in said[0]
     assert time.process_time() - began < 5.0  # modules load; a diagnosis takes longer
     assert {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")} == before
 
@@ -172,12 +222,18 @@ def test_the_function_diagnose_does_not_write_into_its_case_either(case, place, 
 
 def test_a_full_place_for_what_is_printed_is_one_line():
     with open("/dev/full", "w") as full:
-        done = subprocess.run([sys.executable, "-m", "rtds_host.cli.main", "effects"], check=False, stdout=full,
-                              stderr=subprocess.PIPE, text=True)
+        done = subprocess.run(
+            [sys.executable, "-m", "rtds_host.cli.main", "effects"],
+            check=False,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
     assert done.returncode == 2 and done.stderr == "rtds: No space left on device\n"
 
 
 # ---- values --------------------------------------------------------------------------------------------------------
+
 
 @pytest.mark.parametrize("column", range(14))
 def test_a_value_of_1e308_in_a_log_is_named(rtds, case, tmp_path, column):
@@ -214,9 +270,11 @@ def test_an_impossible_value_in_a_robot_is_named_by_its_key(rtds, case, tmp_path
 @pytest.mark.parametrize("delimiter", ["", ",,", '"', "\\n", "."])
 def test_a_delimiter_that_is_none_is_named(rtds, tmp_path, delimiter):
     (tmp_path / "log.csv").write_text("t,a\n0,1\n1,2\n")
-    (tmp_path / "m.toml").write_text(f"""schema = "rtds-mapping/1"\nname = "m"\n[table]\ndelimiter = '{delimiter}'\n"""
-                                     if delimiter != "\\n" else
-                                     'schema = "rtds-mapping/1"\nname = "m"\n[table]\ndelimiter = "\\n"\n')
+    (tmp_path / "m.toml").write_text(
+        f"""schema = "rtds-mapping/1"\nname = "m"\n[table]\ndelimiter = '{delimiter}'\n"""
+        if delimiter != "\\n"
+        else 'schema = "rtds-mapping/1"\nname = "m"\n[table]\ndelimiter = "\\n"\n'
+    )
     status, _, said = rtds("import", tmp_path / "log.csv", "--mapping", tmp_path / "m.toml", "--out", tmp_path / "out")
     assert status == 2 and len(said) == 1 and "m.toml: [table]: delimiter is" in said[0]
 
@@ -226,16 +284,38 @@ def test_a_delimiter_that_is_none_is_named(rtds, tmp_path, delimiter):
 COULOMB = {"id": "coulomb_friction", "side": "left", "parameters": {"torque_nm": 0.05}}
 
 
-@pytest.mark.parametrize(("diagnosis", "words"), [
-    ({}, "d.json: effects: missing"), ({"effects": None}, "d.json: effects: is None, a list is needed"),
-    ({"effects": [COULOMB, COULOMB]}, r"d.json: effects[1]: coulomb_friction on this side stands in effects[0] already"),
-    ({"effects": [{**COULOMB, "side": "both"}, COULOMB]}, "d.json: effects[1]: coulomb_friction on this side"),
-    ({"effects": [{"id": "payload_error", "side": "both", "parameters": {"mass_kg": -1.0}}]}, "parameters.mass_kg: is -1, it must lie"),
-    ({"effects": [{"id": "com_offset", "side": "both", "parameters": {"x_m": 0.0, "y_m": 0.15}}]}, "log.csv: a yaw inertia of")])
+@pytest.mark.parametrize(
+    ("diagnosis", "words"),
+    [
+        ({}, "d.json: effects: missing"),
+        ({"effects": None}, "d.json: effects: is None, a list is needed"),
+        (
+            {"effects": [COULOMB, COULOMB]},
+            r"d.json: effects[1]: coulomb_friction on this side stands in effects[0] already",
+        ),
+        ({"effects": [{**COULOMB, "side": "both"}, COULOMB]}, "d.json: effects[1]: coulomb_friction on this side"),
+        (
+            {"effects": [{"id": "payload_error", "side": "both", "parameters": {"mass_kg": -1.0}}]},
+            "parameters.mass_kg: is -1, it must lie",
+        ),
+        (
+            {"effects": [{"id": "com_offset", "side": "both", "parameters": {"x_m": 0.0, "y_m": 0.15}}]},
+            "log.csv: a yaw inertia of",
+        ),
+    ],
+)
 def test_a_diagnosis_that_cannot_be_applied_is_refused(rtds, case, tmp_path, diagnosis, words):
     (tmp_path / "d.json").write_text(json.dumps({"schema": DIAGNOSIS_SCHEMAS[0], **diagnosis}))
-    status, _, said = rtds("predict", case / "spin", "--robot", case / "robot.toml", "--diagnosis", tmp_path / "d.json",
-                           "--out", tmp_path / "p.csv")
+    status, _, said = rtds(
+        "predict",
+        case / "spin",
+        "--robot",
+        case / "robot.toml",
+        "--diagnosis",
+        tmp_path / "d.json",
+        "--out",
+        tmp_path / "p.csv",
+    )
     assert status == 2 and len(said) == 1 and words in said[0]
     assert not (tmp_path / "p.csv").exists()
 
@@ -243,6 +323,14 @@ def test_a_diagnosis_that_cannot_be_applied_is_refused(rtds, case, tmp_path, dia
 def test_one_effect_on_either_side_is_applied(rtds, case, tmp_path):
     both = {"effects": [COULOMB, {**COULOMB, "side": "right"}]}
     (tmp_path / "d.json").write_text(json.dumps({"schema": DIAGNOSIS_SCHEMAS[0], **both}))
-    status, _, said = rtds("predict", case / "spin", "--robot", case / "robot.toml", "--diagnosis", tmp_path / "d.json",
-                           "--out", tmp_path / "p.csv")
+    status, _, said = rtds(
+        "predict",
+        case / "spin",
+        "--robot",
+        case / "robot.toml",
+        "--diagnosis",
+        tmp_path / "d.json",
+        "--out",
+        tmp_path / "p.csv",
+    )
     assert (status, said) == (0, []) and (tmp_path / "p.csv").is_file()

@@ -25,8 +25,17 @@ def test_any_name_can_stand_in_a_caption(tmp_path, capfd, recwarn, name, form):
 
 
 def test_any_name_that_a_diagnoser_blames_can_stand_in_the_score(tmp_path, capfd, recwarn):
-    records = [{"truth": [("coulomb_friction", "both")], "answered": True, "verdict": "known", "kind": "known", "blamed": [(name, "both")],
-                "calibration": []} for name in NAMES]
+    records = [
+        {
+            "truth": [("coulomb_friction", "both")],
+            "answered": True,
+            "verdict": "known",
+            "kind": "known",
+            "blamed": [(name, "both")],
+            "calibration": [],
+        }
+        for name in NAMES
+    ]
     draw(records, tmp_path)
     assert (tmp_path / "confusion.png").stat().st_size > 1000
     assert list(recwarn) == [] and capfd.readouterr() == ("", "")

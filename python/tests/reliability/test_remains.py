@@ -113,11 +113,23 @@ def test_a_program_that_takes_too_long_is_ended():
         run_guarded([sys.executable, "-c", "import time; time.sleep(600)"], timeout_s=0.2)
 
 
-@pytest.mark.parametrize(("program", "status"), [("import sys; sys.exit(7)", 7), ("pass", 0),
-                                                 ("import os; os.kill(os.getpid(), 15)", -signal.SIGTERM),
-                                                 ("import os; os.kill(os.getpid(), 9)", -signal.SIGKILL)])
+@pytest.mark.parametrize(
+    ("program", "status"),
+    [
+        ("import sys; sys.exit(7)", 7),
+        ("pass", 0),
+        ("import os; os.kill(os.getpid(), 15)", -signal.SIGTERM),
+        ("import os; os.kill(os.getpid(), 9)", -signal.SIGKILL),
+    ],
+)
 def test_a_guarded_program_ends_as_it_would_alone(program, status):
-    done = run_guarded([sys.executable, "-c", f"import sys; print('out'); print('err', file=sys.stderr); sys.stdout.flush(); {program}"])
+    done = run_guarded(
+        [
+            sys.executable,
+            "-c",
+            f"import sys; print('out'); print('err', file=sys.stderr); sys.stdout.flush(); {program}",
+        ]
+    )
     assert (done.returncode, done.stdout, done.stderr) == (status, "out\n", "err\n")
 
 
@@ -127,12 +139,18 @@ def test_a_program_that_is_not_there_is_said():
 
 
 def wait_long(note: str) -> int:
-    return run_guarded([sys.executable, "-c", f"import os, time; open({note!r}, 'w').write(str(os.getpid())); time.sleep(60)"]).returncode
+    return run_guarded(
+        [sys.executable, "-c", f"import os, time; open({note!r}, 'w').write(str(os.getpid())); time.sleep(60)"]
+    ).returncode
 
 
 def test_programs_end_when_their_results_are_wanted_no_more(tmp_path):
     notes = [tmp_path / name for name in "ab"]
-    outcomes = on_threads(wait_long, {n.name: (lambda n=n: (str(n),)) for n in notes} | {"c": lambda: (_ for _ in ()).throw(OSError(2, "no"))}, 3)
+    outcomes = on_threads(
+        wait_long,
+        {n.name: (lambda n=n: (str(n),)) for n in notes} | {"c": lambda: (_ for _ in ()).throw(OSError(2, "no"))},
+        3,
+    )
     assert next(outcomes).name == "c"
     until(lambda: all(n.exists() and n.read_text() for n in notes))
     outcomes.close()

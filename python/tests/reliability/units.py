@@ -1,9 +1,9 @@
 """What a log in wrong units, with exchanged sides or a wrong sign is answered with, as a table: `python units.py`.
 
-A sound case of two runs is written wrong in one way at a time, and `rtds diagnose` is started on it. What cannot be the robot's
-must end with the unit named; what the catalogue of effects knows (swapped leads, the sign of a sensor's gain) must be noted by
-the gate, and is the diagnosis' to say. The time is the processor's, the start of the program included, of the whole command where it refuses, else of
-the same reading and gate that the command begins with.
+A sound case of two runs is written wrong in one way at a time, and `rtds diagnose` is started on it. What cannot be the
+robot's must end with the unit named; what the catalogue of effects knows (swapped leads, the sign of a sensor's gain)
+must be noted by the gate, and is the diagnosis' to say. The time is the processor's, the start of the program included,
+of the whole command where it refuses, else of the same reading and gate that the command begins with.
 """
 
 from __future__ import annotations
@@ -39,24 +39,30 @@ Columns = dict[str, np.ndarray]
 
 def times(*names: str, factor: float) -> Callable[[Columns], None]:
     """The channels of these names, or both sides' of a stem, times a factor."""
+
     def edit(columns: Columns) -> None:
         for name in columns:
             if name in names or name.removesuffix("_l").removesuffix("_r") in names:
                 columns[name] = columns[name] * factor
+
     return edit
 
 
 def exchanged(*stems: str) -> Callable[[Columns], None]:
     """Left and right of these channels exchanged."""
+
     def edit(columns: Columns) -> None:
         for stem in stems:
             columns[f"{stem}_l"], columns[f"{stem}_r"] = columns[f"{stem}_r"], columns[f"{stem}_l"]
+
     return edit
 
 
 @dataclass(frozen=True)
 class Wrong:
-    """One way to write a log wrong, and what must stand in the answer; `refused`, or named while the diagnosis goes on."""
+    """One way to write a log wrong, and what must stand in the answer; `refused`, or named while the diagnosis
+    goes on.
+    """
 
     what: str
     edit: Callable[[Columns], None]
@@ -70,19 +76,37 @@ WRONG = (
     Wrong("`t` in milliseconds", times("t", factor=1e3), "is it in milliseconds?"),
     Wrong("`t` in microseconds", times("t", factor=1e6), "is it in microseconds?"),
     Wrong("`t` in minutes", times("t", factor=1 / 60), "is it in minutes?"),
-    Wrong("`t` in milliseconds, commands and wheel speeds alone", times("t", factor=1e3), "is it in milliseconds?", only=ALONE),
-    Wrong("`t` in microseconds, commands and wheel speeds alone", times("t", factor=1e6), "is it in microseconds?", only=ALONE),
-    Wrong("`t` in minutes, commands and wheel speeds alone", times("t", factor=1 / 60), "is it in minutes?", only=ALONE),
+    Wrong(
+        "`t` in milliseconds, commands and wheel speeds alone",
+        times("t", factor=1e3),
+        "is it in milliseconds?",
+        only=ALONE,
+    ),
+    Wrong(
+        "`t` in microseconds, commands and wheel speeds alone",
+        times("t", factor=1e6),
+        "is it in microseconds?",
+        only=ALONE,
+    ),
+    Wrong(
+        "`t` in minutes, commands and wheel speeds alone", times("t", factor=1 / 60), "is it in minutes?", only=ALONE
+    ),
     Wrong("wheel angles in degrees", times("th", factor=DEGREES), "th_l and th_r: ... in degrees?"),
     Wrong("`yaw` in degrees", times("yaw", factor=DEGREES), "yaw: ... in degrees?"),
     Wrong("`gyro_z` in degrees per second", times("gyro_z", factor=DEGREES), "gyro_z: ... in degrees per second?"),
     Wrong("wheel speeds in degrees per second", times("w", factor=DEGREES), "w_l and w_r: ... in degrees per second?"),
     Wrong("wheel speeds in rpm", times("w", factor=RPM), "w_l and w_r: ... in revolutions per minute?"),
-    Wrong("wheel speeds in rpm, alone", times("w", factor=RPM), "w_l and w_r: ... in revolutions per minute?", only=ALONE),
+    Wrong(
+        "wheel speeds in rpm, alone", times("w", factor=RPM), "w_l and w_r: ... in revolutions per minute?", only=ALONE
+    ),
     Wrong("one wheel's speed in rpm", times("w_l", factor=RPM), "w_l: ... in revolutions per minute?"),
     Wrong("commands in millivolts", times("v_cmd", factor=1e3), "v_cmd_l and v_cmd_r: ... in millivolts?"),
     Wrong("`v_bus` in millivolts", times("v_bus", factor=1e3), "v_bus: ... in millivolts?"),
-    Wrong("commands as a duty", times("v_cmd", factor=1 / 12), "v_cmd_l and v_cmd_r: ... in shares of the supply (a duty)?"),
+    Wrong(
+        "commands as a duty",
+        times("v_cmd", factor=1 / 12),
+        "v_cmd_l and v_cmd_r: ... in shares of the supply (a duty)?",
+    ),
     Wrong("currents in milliamperes", times("i", factor=1e3), "i_l and i_r: ... in milliamperes?"),
     Wrong("`x`, `y` in millimetres", times("x", "y", factor=1e3), "x: ... in millimetres?"),
     Wrong("commands exchanged, left and right", exchanged("v_cmd"), "are v_cmd_l and v_cmd_r exchanged?"),
@@ -90,7 +114,11 @@ WRONG = (
     Wrong("one command's sign", times("v_cmd_l", factor=-1), "w_l runs against its command", refused=False),
     Wrong("one wheel speed's sign", times("w_l", factor=-1), "w_l runs against its command", refused=False),
     Wrong("`gyro_z`'s sign", times("gyro_z", factor=-1), "gyro_z has the opposite sign", refused=False),
-    Wrong("`yaw`'s sign", times("yaw", factor=-1), "yaw: runs against what the wheels and the gyro turn: counted to the right?"),
+    Wrong(
+        "`yaw`'s sign",
+        times("yaw", factor=-1),
+        "yaw: runs against what the wheels and the gyro turn: counted to the right?",
+    ),
     Wrong("a current's sign", times("i_l", factor=-1), "i_l has the opposite sign", refused=False),
 )
 
@@ -111,8 +139,11 @@ def write_case(folder: Path, wrong: Wrong | None) -> None:
             if robot.noise(name):
                 columns[name] = columns[name] + robot.noise(name) * rng.standard_normal(len(t))
         if wrong is not None:
-            columns = {name: values for name, values in columns.items()
-                       if not wrong.only or name == "t" or name[:-2] in wrong.only}
+            columns = {
+                name: values
+                for name, values in columns.items()
+                if not wrong.only or name == "t" or name[:-2] in wrong.only
+            }
             wrong.edit(columns)
         write_run(folder / run, RunMeta(run), columns)
 
@@ -159,8 +190,11 @@ def main() -> int:
         for k, wrong in enumerate(chosen):
             text, seconds, right = answer(wrong, Path(folder) / str(k))
             wrong_rows += not right
-            print(f"| {wrong.what} | {'refused' if wrong.refused else 'named'}{'' if right else ', NOT AS IT SHOULD BE'} | "
-                  f"{text} | {seconds:.1f} |", flush=True)
+            print(
+                f"| {wrong.what} | {'refused' if wrong.refused else 'named'}{'' if right else ', NOT AS IT SHOULD BE'} | "
+                f"{text} | {seconds:.1f} |",
+                flush=True,
+            )
     print(f"\n{len(chosen)} ways, {wrong_rows} not as they should be")
     return 1 if wrong_rows else 0
 

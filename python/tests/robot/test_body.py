@@ -24,8 +24,12 @@ def links_of(body):
         origin = inertial.find("origin")
         own = np.fromstring(origin.get("xyz"), sep=" ") if origin is not None else np.zeros(3)
         inertia = inertial.find("inertia")
-        found[link.get("name")] = (float(inertial.find("mass").get("value")), place[link.get("name")] + own,
-                                   float(inertia.get("izz")), float(inertia.get("iyy")))
+        found[link.get("name")] = (
+            float(inertial.find("mass").get("value")),
+            place[link.get("name")] + own,
+            float(inertia.get("izz")),
+            float(inertia.get("iyy")),
+        )
     return found
 
 
@@ -76,9 +80,16 @@ def test_inertia_seen_at_the_wheel(burger):
     assert inertia_at_wheel_kg_m2(body) == pytest.approx(3.0 * 0.033**2 / 2 + 2.07e-5, rel=1e-12)
 
 
-@pytest.mark.parametrize("given, words", [
-    ({"payload_kg": -1.0}, "payload: is -1 kg"), ({"payload_kg": math.nan}, "payload"), ({"slope_rad": 1.0}, "slope"),
-    ({"uphill_yaw_rad": math.inf}, "uphill"), ({"support": "stilts"}, "'stilts': unknown .known: skids, caster")])
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({"payload_kg": -1.0}, "payload: is -1 kg"),
+        ({"payload_kg": math.nan}, "payload"),
+        ({"slope_rad": 1.0}, "slope"),
+        ({"uphill_yaw_rad": math.inf}, "uphill"),
+        ({"support": "stilts"}, "'stilts': unknown .known: skids, caster"),
+    ],
+)
 def test_impossible_bodies_are_refused(burger, given, words):
     with pytest.raises(InputError, match=words):
         make_body(burger, **given)

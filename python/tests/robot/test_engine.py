@@ -21,8 +21,10 @@ def ramp(seconds, level, rise=0.5):
 
 
 @engines
-@pytest.mark.parametrize("slope, payload, yaw", [(math.radians(5), 0.0, 0.0), (0.1, 2.0, 0.0), (0.1, 2.0, math.pi),
-                                                 (0.1, 2.0, 0.7), (-0.1, 0.5, 2.0)])
+@pytest.mark.parametrize(
+    "slope, payload, yaw",
+    [(math.radians(5), 0.0, 0.0), (0.1, 2.0, 0.0), (0.1, 2.0, math.pi), (0.1, 2.0, 0.7), (-0.1, 0.5, 2.0)],
+)
 def test_hill_torque_is_exact(burger, engine, slope, payload, yaw):
     body = make_body(burger, payload, slope, uphill_yaw_rad=0.0)
     expected = 0.5 * 0.033 * (1.0 + payload) * GRAVITY_M_S2 * math.sin(slope) * math.cos(yaw)

@@ -17,13 +17,21 @@ def lighter(robot, times):
 
 
 def growth(robot, body, carried, interval_s):
-    """Spectral radius of an exchange: motors of (i, w) with their torques held, which the body answers with one exchange
-    later; both sides coupled through the body, the motors' exact solution, no voltage."""
+    """Spectral radius of an exchange: motors of (i, w) with their torques held, which the body answers with one
+    exchange later; both sides coupled through the body, the motors' exact solution, no voltage."""
     motor, n = robot.motor, robot.motor.gear_ratio
     inertia = motor.rotor_inertia_kg_m2 + carried / n**2
-    a = np.array([[-motor.resistance_ohm / motor.inductance_h, -motor.back_emf_constant_v_s_per_rad / motor.inductance_h, 0.0],
-                  [motor.torque_constant_nm_per_a / inertia, -motor.viscous_friction_nm_s_per_rad / inertia, -1.0 / inertia],
-                  [0.0, 0.0, 0.0]])
+    a = np.array(
+        [
+            [
+                -motor.resistance_ohm / motor.inductance_h,
+                -motor.back_emf_constant_v_s_per_rad / motor.inductance_h,
+                0.0,
+            ],
+            [motor.torque_constant_nm_per_a / inertia, -motor.viscous_friction_nm_s_per_rad / inertia, -1.0 / inertia],
+            [0.0, 0.0, 0.0],
+        ]
+    )
     step = expm(interval_s * a)
     whole = wheel_inertia(body, yaw_inertia_kg_m2(body))[0] + body.wheel_inertia_kg_m2 * np.eye(2)
     back = (whole - carried * np.eye(2)) / n**2 / interval_s

@@ -53,7 +53,10 @@ def test_a_calibrated_run_through_the_pins_of_the_chip(tmp_path, monkeypatch, ca
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("run", "linear", "--link", "model", "--calibration", "c.toml"), "--calibration: has no meaning with --link model"),
+        (
+            ("run", "linear", "--link", "model", "--calibration", "c.toml"),
+            "--calibration: has no meaning with --link model",
+        ),
         (("run", "linear", "--link", "ad2", "--wires", "c.toml"), "--wires: has no meaning with --link ad2"),
         (("run", "linear", "--link", "chip", "--ad2", "1"), "--ad2: has no meaning with --link chip"),
         (("run", "linear", "--link", "chip", "--serial", "p"), "--serial: has no meaning with --link chip"),

@@ -26,8 +26,19 @@ def rtds(*words, cwd=None):
 def test_a_run_prints_its_figures_and_leaves_a_run_folder(tmp_path):
     done = rtds("linear", "--link", "model", *SHORT, "--out", tmp_path / "run")
     assert (done.returncode, done.stderr) == (0, "")
-    for words in ("end of the path", "speed error (rms)", "'exact' at 32 ms", "'paper' at 128 ms", "peak current",
-                  "energy drawn", "recovered", "balance", "3200 simulator steps", "about 2000", "times real time"):
+    for words in (
+        "end of the path",
+        "speed error (rms)",
+        "'exact' at 32 ms",
+        "'paper' at 128 ms",
+        "peak current",
+        "energy drawn",
+        "recovered",
+        "balance",
+        "3200 simulator steps",
+        "about 2000",
+        "times real time",
+    ):
         assert words in done.stdout, words
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["scenario"] == "linear" and summary["simulated_s"] == 1.6
@@ -37,8 +48,27 @@ def test_a_run_prints_its_figures_and_leaves_a_run_folder(tmp_path):
 
 def test_all_writes_a_case(tmp_path):
     out = tmp_path / "case"
-    done = rtds("all", "--link", "model", "--duration", 14, "--length", 0.5, "--set", "scale=0.05", "--radius", 0.12,
-                "--set", "turns=0.5", "--robot", "paper", "--no-compare", "--no-figure", "--out", out)
+    done = rtds(
+        "all",
+        "--link",
+        "model",
+        "--duration",
+        14,
+        "--length",
+        0.5,
+        "--set",
+        "scale=0.05",
+        "--radius",
+        0.12,
+        "--set",
+        "turns=0.5",
+        "--robot",
+        "paper",
+        "--no-compare",
+        "--no-figure",
+        "--out",
+        out,
+    )
     assert (done.returncode, done.stderr) == (0, "")
     case = read_case(out)
     assert [run.name for run in case.runs] == ["circle", "eight", "linear"]
@@ -66,24 +96,27 @@ def test_list_names_every_scenario_with_its_parameters():
         assert words in done.stdout
 
 
-@pytest.mark.parametrize("words, said", [
-    (["waltz"], "scenario 'waltz': unknown (known: linear, circle, eight"),
-    ([], "no scenario given"),
-    (["circle", "--radius", "0"], "radius_m is 0, it must be above half the track"),
-    (["linear", "--duration", "10"], "beyond the motors' reach"),
-    (["linear", "--robot", "none.toml"], "none.toml: cannot be read"),
-    (["linear", "--set", "length_m"], "--set length_m: name=number is needed"),
-    (["linear", "--set", "colour=3"], "has no parameter 'colour'"),
-    (["all", "--set", "colour=3"], "none of linear, circle, eight has a parameter 'colour'"),
-    (["linear", "--link", "telepathy"], "'telepathy' is unknown"),
-    (["linear", "--step-clocks", "few"], "--step-clocks few"),
-    (["linear", "--against", "chaos"], "--against 'chaos': unknown (known: pybullet, mujoco)"),
-    (["linear", "--format", "xls"], "--format xls: unknown"),
-    (["linear", "--method", "magic", "--link", "model"], "method: 'magic'"),
-    (["linear", "--set", "length_m=nan"], "length_m is nan, a finite number is needed"),
-    (["linear", "--step", "1e-12", "--link", "model"], "step: is 1e-12 s, it must be at least 1e-07"),
-    (["linear", "--uphill-yaw", "180.5"], "uphill yaw: is 180.5 rad, it must lie within -100 to 100"),
-])
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (["waltz"], "scenario 'waltz': unknown (known: linear, circle, eight"),
+        ([], "no scenario given"),
+        (["circle", "--radius", "0"], "radius_m is 0, it must be above half the track"),
+        (["linear", "--duration", "10"], "beyond the motors' reach"),
+        (["linear", "--robot", "none.toml"], "none.toml: cannot be read"),
+        (["linear", "--set", "length_m"], "--set length_m: name=number is needed"),
+        (["linear", "--set", "colour=3"], "has no parameter 'colour'"),
+        (["all", "--set", "colour=3"], "none of linear, circle, eight has a parameter 'colour'"),
+        (["linear", "--link", "telepathy"], "'telepathy' is unknown"),
+        (["linear", "--step-clocks", "few"], "--step-clocks few"),
+        (["linear", "--against", "chaos"], "--against 'chaos': unknown (known: pybullet, mujoco)"),
+        (["linear", "--format", "xls"], "--format xls: unknown"),
+        (["linear", "--method", "magic", "--link", "model"], "method: 'magic'"),
+        (["linear", "--set", "length_m=nan"], "length_m is nan, a finite number is needed"),
+        (["linear", "--step", "1e-12", "--link", "model"], "step: is 1e-12 s, it must be at least 1e-07"),
+        (["linear", "--uphill-yaw", "180.5"], "uphill yaw: is 180.5 rad, it must lie within -100 to 100"),
+    ],
+)
 def test_bad_input_is_one_line_and_status_2_and_writes_nothing(tmp_path, monkeypatch, capfd, words, said):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["rtds", "run", *words])
@@ -103,8 +136,12 @@ def test_an_output_that_cannot_be_written_is_said_before_the_run(tmp_path):
 
 
 def test_interrupted_it_leaves_nothing_half_written(tmp_path):
-    child = subprocess.Popen(command("all", "--link", "model", "--out", tmp_path / "case"), stdout=subprocess.PIPE,
-                             stderr=subprocess.PIPE, text=True)
+    child = subprocess.Popen(
+        command("all", "--link", "model", "--out", tmp_path / "case"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     deadline = time.monotonic() + 120
     while not any(tmp_path.iterdir()) and time.monotonic() < deadline:
         time.sleep(0.05)

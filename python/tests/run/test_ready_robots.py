@@ -71,7 +71,8 @@ def test_a_robot_that_one_engine_refuses_has_the_reason_in_its_row():
     driven = Drive("3pi", "linear", "pybullet", make_plan("linear", options=Options(robot="3pi", scaled=True)))
     refused = Drive("3pi", "linear", "mujoco", refused="the wheels have lost the ground at 0.100 s")
     assert table([driven, refused]).splitlines()[2:] == [
-        "| `3pi` | linear | mujoco: the wheels have lost the ground at 0.100 s | | | | |"]
+        "| `3pi` | linear | mujoco: the wheels have lost the ground at 0.100 s | | | | |"
+    ]
 
 
 def test_what_forbids_a_drive_is_kept_wherever_it_shows(monkeypatch):

@@ -52,8 +52,9 @@ def test_speed_error_is_at_least_ten_times_below_the_papers_controller(outcomes,
 def test_energy_balances_at_every_step_and_with_the_robot(outcomes, name):
     summary = outcomes[name].summary
     drawn = np.subtract(summary.drawn_j, summary.recovered_j)
-    spent = np.sum([summary.copper_j, summary.viscous_j, summary.shaft_j, summary.stored_j, summary.numerical_j],
-                   axis=0)
+    spent = np.sum(
+        [summary.copper_j, summary.viscous_j, summary.shaft_j, summary.stored_j, summary.numerical_j], axis=0
+    )
     scale = np.max(np.abs([summary.drawn_j, summary.viscous_j, summary.shaft_j]), axis=0)
     assert np.all(np.abs(drawn - spent) < 1e-5 * scale)
     assert summary.energy_imbalance < 1e-5
@@ -95,7 +96,7 @@ def test_log_says_what_acted_and_when(outcomes):
     assert np.all(np.diff(columns["t"]) > 0) and columns["t"][-1] == 24.0
     for row in (0, 4, 1000, 2996):
         exchange = row // 4
-        assert columns["v_cmd_l"][row:row + 4].tolist() == [record.commanded[exchange, 0]] * 4
+        assert columns["v_cmd_l"][row : row + 4].tolist() == [record.commanded[exchange, 0]] * 4
         assert columns["w_l"][row] == record.speeds[round(columns["t"][row] * 1e3), 0], "just before v_cmd acts"
     assert columns["w_l"][0] == columns["i_l"][0] == columns["th_l"][0] == 0.0
     assert np.all(columns["v_cmd_r"] == columns["v_cmd_r"].astype(np.float32)), "exact in single precision"
@@ -111,8 +112,14 @@ def test_run_folder_is_the_contracts(tmp_path, outcomes):
     run = read_run(tmp_path / "linear", outcomes["linear"].plan.robot, need_measured=True)
     assert run.meta == RunMeta("linear", 2.0, 0.1, math.pi, run.meta.notes)
     assert run.notices == ()
-    assert {p.name for p in (tmp_path / "linear").iterdir()} == {"run.json", "log.csv", "robot.toml", "summary.json",
-                                                                "figure.png", "figure.pdf"}
+    assert {p.name for p in (tmp_path / "linear").iterdir()} == {
+        "run.json",
+        "log.csv",
+        "robot.toml",
+        "summary.json",
+        "figure.png",
+        "figure.pdf",
+    }
     written = log_columns(outcomes["linear"].record)
     for name in ("v_cmd_l", "w_r", "i_l", "x", "yaw"):
         assert run.columns[name] == pytest.approx(written[name], rel=1e-8, abs=1e-300)
@@ -158,8 +165,11 @@ def test_rtl_and_model_give_the_same_log_over_a_whole_scenario(tmp_path, name):
 @pytest.mark.long
 def test_icarus_gives_the_same_log_too(tmp_path):
     for link in (LinkChoice("rtl", {"sim": "icarus", "step_clocks": "min", "timeout_s": 120.0}), MODEL):
-        write_outcome(perform(short(duration_s=0.128, length_m=0.002, ramp_s=0.05, stop_s=0.05), link, compare=False),
-                      tmp_path / link.name, figure=False)
+        write_outcome(
+            perform(short(duration_s=0.128, length_m=0.002, ramp_s=0.05, stop_s=0.05), link, compare=False),
+            tmp_path / link.name,
+            figure=False,
+        )
     assert (tmp_path / "rtl" / "log.csv").read_bytes() == (tmp_path / "model" / "log.csv").read_bytes()
 
 
@@ -190,7 +200,8 @@ def test_paper_coupling_lets_the_robot_follow_the_reference_and_the_motors_besid
     assert record.truth[-1].x_m == pytest.approx(0.15, abs=1e-5), "whatever the motors do"
     closed = drive_with(short(options=Options(controller="paper")), "model")
     assert np.abs(record.speeds - record.references).max() == pytest.approx(
-        np.abs(closed.speeds - closed.references).max(), rel=0.3)
+        np.abs(closed.speeds - closed.references).max(), rel=0.3
+    )
 
 
 def test_voltages_are_held_as_the_log_says_in_an_open_loop_run():
@@ -262,7 +273,9 @@ def test_a_robot_of_low_gearing_comes_to_rest_without_ringing(low_geared):
 @pytest.mark.parametrize("engine", available_engines())
 def test_a_robot_that_is_thrown_off_its_wheels_is_refused_not_simulated(low_geared, engine):
     """8 V one way and 8 V the other: 160 m/s^2, at which the skids 0.25 m off cannot keep the wheels down."""
-    plan = make_plan("steps", {"stretch": 0.1, "peak_v": 8.0}, Options(robot=low_geared, exchange_s=0.002, engine=engine))
+    plan = make_plan(
+        "steps", {"stretch": 0.1, "peak_v": 8.0}, Options(robot=low_geared, exchange_s=0.002, engine=engine)
+    )
     with pytest.raises(InputError, match="the wheels have lost the ground at"):
         drive_with(plan, "model")
 
@@ -299,17 +312,20 @@ def test_signal_path_stands_between_controller_motors_robot_and_log():
     assert log_columns(trimmed)["w_l"] == pytest.approx(2.0 * trimmed.speeds[trimmed.rows, 0])
 
 
-@pytest.mark.parametrize("options, words", [
-    (Options(robot="r2d2"), "robot 'r2d2': unknown .known: burger, paper, 3pi, create3, "),
-    (Options(robot="jakal"), "robot 'jakal': unknown .*; did you mean 'jackal'"),
-    (Options(robot="no/such.toml"), "no/such.toml: cannot be read"),
-    (Options(controller="pid"), "controller 'pid': unknown"),
-    (Options(coupling="loose"), "coupling 'loose': unknown .known: closed, paper"),
-    (Options(engine="chaos"), "engine 'chaos': unknown"),
-    (Options(exchange_s=0.0325), r"exchange: is 0\.0325 s, it must be a whole number of 0\.001 s"),
-    (Options(exchange_s=-1.0), "exchange: is -1 s, it must be above 0"),
-    (Options(log_s=0.005), r"log interval: is 0\.005 s, it must divide 0\.032 s"),
-])
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (Options(robot="r2d2"), "robot 'r2d2': unknown .known: burger, paper, 3pi, create3, "),
+        (Options(robot="jakal"), "robot 'jakal': unknown .*; did you mean 'jackal'"),
+        (Options(robot="no/such.toml"), "no/such.toml: cannot be read"),
+        (Options(controller="pid"), "controller 'pid': unknown"),
+        (Options(coupling="loose"), "coupling 'loose': unknown .known: closed, paper"),
+        (Options(engine="chaos"), "engine 'chaos': unknown"),
+        (Options(exchange_s=0.0325), r"exchange: is 0\.0325 s, it must be a whole number of 0\.001 s"),
+        (Options(exchange_s=-1.0), "exchange: is -1 s, it must be above 0"),
+        (Options(log_s=0.005), r"log interval: is 0\.005 s, it must divide 0\.032 s"),
+    ],
+)
 def test_a_plan_that_cannot_be_driven_is_refused(options, words):
     with pytest.raises(InputError, match=words):
         make_plan("linear", options=options)

@@ -32,7 +32,17 @@ def motion_of(name, robot=BURGER, **values):
 def test_the_papers_three_come_first_and_every_manoeuvre_is_there():
     names = list(scenarios())
     assert names[:3] == ["linear", "circle", "eight"]
-    assert set(names[3:]) >= {"standstill", "crawl", "steps", "prbs", "spin", "coast", "teleop", "long_load", "headings"}
+    assert set(names[3:]) >= {
+        "standstill",
+        "crawl",
+        "steps",
+        "prbs",
+        "spin",
+        "coast",
+        "teleop",
+        "long_load",
+        "headings",
+    }
 
 
 @pytest.mark.parametrize("name", list(scenarios()))
@@ -101,20 +111,29 @@ def test_needed_voltage_is_the_nominal_models_at_steady_speed():
     assert volts[np.searchsorted(t, 12.0)] == pytest.approx([8.6 * current + 6.538e-3 * 258.5 * w] * 2, rel=1e-6)
 
 
-@pytest.mark.parametrize("name, values, words", [
-    ("linear", {"duration_s": 15.0}, (r"'linear': beyond the motors' reach.*needs 18\.\d V, the supply has 12 V "
-                                      r"\(no-load limit 6\.53 rad/s = 0\.215 m/s\); a duration from 21\.\d s on")),
-    ("linear", {"length_m": 8.0}, "beyond the motors' reach"),
-    ("circle", {"radius_m": 2.0}, "beyond the motors' reach"),
-    ("circle", {"radius_m": 0.05}, r"radius_m is 0\.05, it must be above half the track \(0\.08 m\)"),
-    ("circle", {"radius_m": -1.0}, "radius_m is -1"),
-    ("circle", {"ramp_s": 30.0}, r"ramps \(ramp_s, stop_s\) of 30 s together do not fit into a run of 24 s"),
-    ("eight", {"duration_s": 30.0}, "beyond the motors' reach"),
-    ("spin", {"rate_rad_s": 8.0}, "'spin': beyond the motors' reach"),
-    ("linear", {"radius_m": 1.0}, "'linear': has no parameter 'radius_m' .known: duration_s, length_m"),
-    ("linear", {"duration_s": math.nan}, "duration_s is nan"),
-    ("linear", {"duration_s": -3.0}, "duration_s is -3, it must lie within 0.1 to 3600"),
-])
+@pytest.mark.parametrize(
+    "name, values, words",
+    [
+        (
+            "linear",
+            {"duration_s": 15.0},
+            (
+                r"'linear': beyond the motors' reach.*needs 18\.\d V, the supply has 12 V "
+                r"\(no-load limit 6\.53 rad/s = 0\.215 m/s\); a duration from 21\.\d s on"
+            ),
+        ),
+        ("linear", {"length_m": 8.0}, "beyond the motors' reach"),
+        ("circle", {"radius_m": 2.0}, "beyond the motors' reach"),
+        ("circle", {"radius_m": 0.05}, r"radius_m is 0\.05, it must be above half the track \(0\.08 m\)"),
+        ("circle", {"radius_m": -1.0}, "radius_m is -1"),
+        ("circle", {"ramp_s": 30.0}, r"ramps \(ramp_s, stop_s\) of 30 s together do not fit into a run of 24 s"),
+        ("eight", {"duration_s": 30.0}, "beyond the motors' reach"),
+        ("spin", {"rate_rad_s": 8.0}, "'spin': beyond the motors' reach"),
+        ("linear", {"radius_m": 1.0}, "'linear': has no parameter 'radius_m' .known: duration_s, length_m"),
+        ("linear", {"duration_s": math.nan}, "duration_s is nan"),
+        ("linear", {"duration_s": -3.0}, "duration_s is -3, it must lie within 0.1 to 3600"),
+    ],
+)
 def test_what_cannot_be_done_is_refused_with_the_limit(name, values, words):
     with pytest.raises(InputError, match=words):
         motion_of(name, **values)
@@ -144,7 +163,7 @@ def test_seeded_manoeuvres_repeat_and_differ_by_seed():
 def test_steps_change_at_their_edges_whatever_the_rounding():
     motion = motion_of("steps")
     edge = round(0.5 / motion.period_s)
-    t = (np.arange(2 * edge) * motion.period_s)
+    t = np.arange(2 * edge) * motion.period_s
     volts = motion.voltages(t)
     assert np.all(volts[:edge] == 0.0) and np.all(volts[edge:] == 4.0)
 

@@ -21,7 +21,6 @@ for _module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
     CATALOGUE[_effect.id] = _effect
 
 
-
 def catalogue(robot: Robot, runs: Sequence[RunLog] = ()) -> dict[str, Effect]:
     """The effects with their numbers in SI on a machine; `runs`: its logs, see `machine_of`."""
     machine = machine_of(robot, runs)

@@ -18,12 +18,14 @@ SIDES = {"both": (0, 1), "left": (0,), "right": (1,)}
 class Parameter:
     """One number of an effect.
 
-    scale : what of a machine (an attribute of `Machine`) null, low, high, spread and starts are shares of; `on` makes them
-    SI. least : the scale below whose negative it cannot fall; most : the one that it cannot exceed. null : value at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice,
-    about `null` (sets the price of a free parameter); starts : values to start a fit from; difference : step of a
-    derivative, in spreads; optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form,
-    not its size; steep : by it steps of a signal come late, and a misfit falls only near its right value; of : the value of robot.toml that it is a factor of, as "table.key"; declared : by the kind of a single axis, the value of `[axis]` that it adds to, and its unit: a fit then
-    works in shares of that value, since loads of axes span many orders of magnitude.
+    scale : what of a machine (an attribute of `Machine`) null, low, high, spread and starts are shares of; `on` makes
+    them SI. least : the scale below whose negative it cannot fall; most : the one that it cannot exceed. null : value
+    at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice, about `null` (sets
+    the price of a free parameter); starts : values to start a fit from; difference : step of a derivative, in spreads;
+    optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form, not its size; steep
+    : by it steps of a signal come late, and a misfit falls only near its right value; of : the value of robot.toml that
+    it is a factor of, as "table.key"; declared : by the kind of a single axis, the value of `[axis]` that it adds to,
+    and its unit: a fit then works in shares of that value, since loads of axes span many orders of magnitude.
     """
 
     name: str
@@ -49,8 +51,17 @@ class Parameter:
         unit = getattr(machine, self.scale)
         low = max(unit * self.low, -getattr(machine, self.least)) if self.least else unit * self.low
         high = min(unit * self.high, getattr(machine, self.most)) if self.most else unit * self.high
-        return replace(self, scale="one", least="", most="", null=unit * self.null, low=low, high=high,
-                       spread=unit * self.spread, starts=tuple(min(max(unit * start, low), high) for start in self.starts))
+        return replace(
+            self,
+            scale="one",
+            least="",
+            most="",
+            null=unit * self.null,
+            low=low,
+            high=high,
+            spread=unit * self.spread,
+            starts=tuple(min(max(unit * start, low), high) for start in self.starts),
+        )
 
     @property
     def logarithmic(self) -> bool:
@@ -100,14 +111,16 @@ class Effect:
     of 1 (contract, section 2). `axis`: it exists on a single axis. `contains`: effects it turns into when its further
     parameters rest. `separate`: each parameter is a part of its own, absent where only
     another one is there. `nonlinear`: its signature changes its form with its size, and with what the other side does.
-    `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima. `without_winding`:
-    it exists on a machine whose torque is commanded. `check`: a measurement by hand that shows this effect and none of
-    `confused_with`; `advice`: what to do once it is shown. `seen_by`: channels (without side) of which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
-    "robot" or "signal". `restarts`: parameters to fit from as well, where the misfit has more than one minimum. `form`: what
-    share of its size formulations of it differ by, one sigma: next to nothing where a definition or a law stands behind it,
-    more where a model of friction or contact does. `former`: parameters that earlier diagnoses hold, and the two whose
-    quotient each was: the present one's name, and the one it was divided by. `likened`: other effects that do most of what it does, and with which
-    parameters, where no screening says so: a spring in front of the wheel, and one behind it.
+    `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima.
+    `without_winding`: it exists on a machine whose torque is commanded. `check`: a measurement by hand that shows this
+    effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`: channels (without side) of
+    which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl", "robot" or "signal".
+    `restarts`: parameters to fit from as well, where the misfit has more than one minimum. `form`: what share of its
+    size formulations of it differ by, one sigma: next to nothing where a definition or a law stands behind it, more
+    where a model of friction or contact does. `former`: parameters that earlier diagnoses hold, and the two whose
+    quotient each was: the present one's name, and the one it was divided by. `likened`: other effects that do most of
+    what it does, and with which parameters, where no screening says so: a spring in front of the wheel, and one behind
+    it.
     """
 
     id: str
@@ -144,10 +157,12 @@ class Effect:
     def on(self, machine: Machine) -> Effect:
         """The same with its numbers in SI on a machine."""
         units = {p.name: getattr(machine, p.scale) for p in self.parameters}
-        return replace(self, parameters=tuple(p.on(machine) for p in self.parameters),
-                       likened={other: partial(like, machine=machine) for other, like in self.likened.items()},
-                       restarts=tuple({name: units[name] * value for name, value in start.items()}
-                                      for start in self.restarts))
+        return replace(
+            self,
+            parameters=tuple(p.on(machine) for p in self.parameters),
+            likened={other: partial(like, machine=machine) for other, like in self.likened.items()},
+            restarts=tuple({name: units[name] * value for name, value in start.items()} for start in self.restarts),
+        )
 
     @property
     def steep(self) -> bool:

@@ -7,10 +7,20 @@ EFFECT = Effect(
     subsystem="chassis",
     sided=False,
     parameters=(
-        Parameter("x_m", "m", scale="track", null=0, low=-2, high=2, spread=0.12, starts=(0.06, -0.06),
-                  meaning="forward of the axle's mid-point"),
-        Parameter("y_m", "m", scale="track", null=0, low=-2, high=2, spread=0.12, starts=(0.03, -0.03),
-                  meaning="to the left"),
+        Parameter(
+            "x_m",
+            "m",
+            scale="track",
+            null=0,
+            low=-2,
+            high=2,
+            spread=0.12,
+            starts=(0.06, -0.06),
+            meaning="forward of the axle's mid-point",
+        ),
+        Parameter(
+            "y_m", "m", scale="track", null=0, low=-2, high=2, spread=0.12, starts=(0.03, -0.03), meaning="to the left"
+        ),
     ),
     apply=add(com_x="x_m", com_y="y_m"),
     equation="gravity turns the robot on a slope; m x yaw_rate^2 and m x v yaw_rate act",

@@ -7,8 +7,17 @@ EFFECT = Effect(
     subsystem="drivetrain",
     sided=True,
     parameters=(
-        Parameter("torque_nm", "N·m", scale="torque", null=0, low=0, high=2, spread=0.017, starts=(0.004, 0.025),
-                  meaning="dry friction, at the wheel"),
+        Parameter(
+            "torque_nm",
+            "N·m",
+            scale="torque",
+            null=0,
+            low=0,
+            high=2,
+            spread=0.017,
+            starts=(0.004, 0.025),
+            meaning="dry friction, at the wheel",
+        ),
     ),
     apply=add(coulomb="torque_nm"),
     equation="-tau sgn(w), sticking at rest",
@@ -16,7 +25,7 @@ EFFECT = Effect(
     confused_with=("driver_deadzone", "bridge_drop", "rolling_resistance", "friction_asymmetry", "load_friction"),
     shown_by="crawl with reversals, coasting to rest",
     check="Turn the wheel in the air by a slow command and measure voltage and current: friction takes current as soon as it "
-          "turns, a dead zone shows no voltage, and tyres play no part.",
+    "turns, a dead zone shows no voltage, and tyres play no part.",
     advice="Grease or change the gear; feed the friction torque forward in the controller.",
     runs_in="rtl",
     form=0.02,

@@ -7,8 +7,7 @@ EFFECT = Effect(
     subsystem="sensing",
     sided=True,
     parameters=(
-        Parameter("ratio", "1", null=1, low=-3, high=5, spread=0.1, starts=(0.93, 1.08),
-                  meaning="reported over true"),
+        Parameter("ratio", "1", null=1, low=-3, high=5, spread=0.1, starts=(0.93, 1.08), meaning="reported over true"),
     ),
     apply=scale("current_gain"),
     equation="i reported times ratio",

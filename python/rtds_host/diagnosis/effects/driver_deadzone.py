@@ -7,8 +7,18 @@ EFFECT = Effect(
     subsystem="driver",
     sided=True,
     parameters=(
-        Parameter("volts", "V", scale="volts", most="asked", null=0, low=0, high=0.7, spread=0.025, starts=(0.01, 0.04),
-                  meaning="voltage lost between command and bridge"),
+        Parameter(
+            "volts",
+            "V",
+            scale="volts",
+            most="asked",
+            null=0,
+            low=0,
+            high=0.7,
+            spread=0.025,
+            starts=(0.01, 0.04),
+            meaning="voltage lost between command and bridge",
+        ),
     ),
     apply=add(deadzone="volts"),
     equation="V = v_cmd - sgn(v_cmd) min(|v_cmd|, v)",
@@ -16,7 +26,7 @@ EFFECT = Effect(
     confused_with=("bridge_drop", "coulomb_friction"),
     shown_by="crawl and reversals with current logged",
     check="Raise the command slowly from 0 and measure the motor's terminals: in a dead zone there is no voltage, "
-          "under friction there is voltage and no motion.",
+    "under friction there is voltage and no motion.",
     advice="Compensate the bridge's dead time in the driver, or raise its PWM resolution.",
     runs_in="rtl",
 )

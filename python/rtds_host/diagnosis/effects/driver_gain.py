@@ -7,8 +7,16 @@ EFFECT = Effect(
     subsystem="driver",
     sided=True,
     parameters=(
-        Parameter("ratio", "1", null=1, low=-5, high=5, spread=0.1, starts=(0.93, 1.07),
-                  meaning="voltage that reaches the motor over the command"),
+        Parameter(
+            "ratio",
+            "1",
+            null=1,
+            low=-5,
+            high=5,
+            spread=0.1,
+            starts=(0.93, 1.07),
+            meaning="voltage that reaches the motor over the command",
+        ),
     ),
     apply=scale("voltage_gain"),
     equation="V = ratio v_cmd",
@@ -16,7 +24,7 @@ EFFECT = Effect(
     confused_with=("speed_gain", "torque_constant_error", "supply_sag"),
     shown_by="steps with current and speed logged",
     check="Measure the voltage at the motor's terminals at several commands, wheel in the air: the ratio is off by "
-          "the same factor at each.",
+    "the same factor at each.",
     advice="Measure the motor's voltage against the command; correct the supply's nominal value or the leads.",
     runs_in="rtl",
 )

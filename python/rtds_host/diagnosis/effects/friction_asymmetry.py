@@ -2,8 +2,9 @@
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
 
-# Of what a motor loses by its own back-EMF: friction that falls with speed falls by no more than there was, and a machine whose friction
-# takes more than a fourth of its stall torque is none. Beyond, it would drive one way, and pass for any gain.
+# Of what a motor loses by its own back-EMF: friction that falls with speed falls by no more than there was, and a
+# machine whose friction takes more than a fourth of its stall torque is none. Beyond, it would drive one way, and pass
+# for any gain.
 MOST_FALLING = 0.25
 
 EFFECT = Effect(
@@ -11,10 +12,28 @@ EFFECT = Effect(
     subsystem="drivetrain",
     sided=True,
     parameters=(
-        Parameter("torque_nm", "N·m", scale="torque", null=0, low=-2, high=2, spread=0.013, starts=(0.004, -0.004),
-                  meaning="half the difference of dry friction"),
-        Parameter("nm_s_per_rad", "N·m·s/rad", scale="viscous", null=0, low=-MOST_FALLING, high=MOST_FALLING, spread=0.03, starts=(0.009, -0.009),
-                  meaning="half the difference of viscous friction"),
+        Parameter(
+            "torque_nm",
+            "N·m",
+            scale="torque",
+            null=0,
+            low=-2,
+            high=2,
+            spread=0.013,
+            starts=(0.004, -0.004),
+            meaning="half the difference of dry friction",
+        ),
+        Parameter(
+            "nm_s_per_rad",
+            "N·m·s/rad",
+            scale="viscous",
+            null=0,
+            low=-MOST_FALLING,
+            high=MOST_FALLING,
+            spread=0.03,
+            starts=(0.009, -0.009),
+            meaning="half the difference of viscous friction",
+        ),
     ),
     apply=add(asymmetry="torque_nm", asymmetry_viscous="nm_s_per_rad"),
     equation="-tau_a |sgn(w)| - b_a |w|",

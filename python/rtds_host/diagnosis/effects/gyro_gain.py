@@ -7,8 +7,7 @@ EFFECT = Effect(
     subsystem="sensing",
     sided=False,
     parameters=(
-        Parameter("ratio", "1", null=1, low=-3, high=3, spread=0.05, starts=(0.96, 1.04),
-                  meaning="reported over true"),
+        Parameter("ratio", "1", null=1, low=-3, high=3, spread=0.05, starts=(0.96, 1.04), meaning="reported over true"),
     ),
     apply=scale("gyro_gain"),
     equation="gyro reported times ratio",
@@ -16,7 +15,7 @@ EFFECT = Effect(
     confused_with=("track_width_error",),
     shown_by="spinning on the spot with the pose measured",
     check="Turn the robot by hand through ten whole turns and add up the gyro: anything but 62.83 rad is the gyro's "
-          "scale, whatever the wheels do.",
+    "scale, whatever the wheels do.",
     advice="Set the gyro's scale from the ten turns.",
     seen_by=("gyro",),
     runs_in="signal",

@@ -7,8 +7,16 @@ EFFECT = Effect(
     subsystem="drivetrain",
     sided=True,
     parameters=(
-        Parameter("ratio", "1", null=0, low=0, high=0.95, spread=0.12, starts=(0.08, 0.3),
-                  meaning="share of the torque before the loss"),
+        Parameter(
+            "ratio",
+            "1",
+            null=0,
+            low=0,
+            high=0.95,
+            spread=0.12,
+            starts=(0.08, 0.3),
+            meaning="share of the torque before the loss",
+        ),
     ),
     apply=add(load_share="ratio"),
     equation="loss = c |torque at the gear's input| against the motion",
@@ -16,7 +24,7 @@ EFFECT = Effect(
     confused_with=("coulomb_friction", "torque_constant_error", "payload_error"),
     shown_by="hill climbing and descending with payload",
     check="Let the wheel lift a weight and lower it again, then twice the weight: the currents of lifting and "
-          "lowering part more with more weight.",
+    "lowering part more with more weight.",
     advice="Expect gear efficiency to fall with load; choose a gear of higher efficiency.",
     runs_in="rtl",
     form=0.02,

@@ -7,7 +7,9 @@ from rtds_host.diagnosis.machine import Machine
 from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
 
 
-def _speed_late(values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None) -> dict[str, float]:
+def _speed_late(
+    values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None
+) -> dict[str, float]:
     """The delay as one of the speed alone; after a lag that is there already."""
     lag, held = (beside["time_constant_s"], beside["delay_s"]) if beside else (0.0, 0.0)
     return {"time_constant_s": lag + values["seconds"], "delay_s": held + values["seconds"]}
@@ -18,8 +20,17 @@ EFFECT = Effect(
     subsystem="timing",
     sided=False,
     parameters=(
-        Parameter("seconds", "s", null=0, low=0, high=LONGEST_DELAY_S, spread=0.012, starts=(0.003, 0.015, 0.05, 0.15, 0.35),
-                  meaning="i, w, th, gyro and v_bus are reported late", steep=True),
+        Parameter(
+            "seconds",
+            "s",
+            null=0,
+            low=0,
+            high=LONGEST_DELAY_S,
+            spread=0.012,
+            starts=(0.003, 0.015, 0.05, 0.15, 0.35),
+            meaning="i, w, th, gyro and v_bus are reported late",
+            steep=True,
+        ),
     ),
     apply=add(measurement_delay="seconds"),
     equation="reported(t) = true(t - d); x, y, yaw are not delayed",
@@ -27,7 +38,7 @@ EFFECT = Effect(
     confused_with=("command_delay", "speed_filter"),
     shown_by="steps with the pose measured",
     check="Stop the wheel against a hard stop in view of a camera, or a light barrier, that shares the log's clock: "
-          "the log shows the stop late.",
+    "the log shows the stop late.",
     advice="Stamp the samples at the sensor, or shift them by the delay.",
     runs_in="signal",
     form=0.005,

@@ -7,8 +7,9 @@ EFFECT = Effect(
     subsystem="wheel_ground",
     sided=False,
     parameters=(
-        Parameter("coefficient", "1", null=0, low=0, high=1, spread=0.03, starts=(0.01, 0.05),
-                  meaning="of the normal force"),
+        Parameter(
+            "coefficient", "1", null=0, low=0, high=1, spread=0.03, starts=(0.01, 0.05), meaning="of the normal force"
+        ),
     ),
     apply=add(rolling="coefficient"),
     equation="c m g / 2 at each wheel's rim against the motion",
@@ -16,7 +17,7 @@ EFFECT = Effect(
     confused_with=("coulomb_friction", "spin_scrub"),
     shown_by="the same run with two payloads",
     check="Pull the robot over the level with a spring balance, motors disconnected, with payload and without: this "
-          "drag grows with the weight, a gear's does not.",
+    "drag grows with the weight, a gear's does not.",
     advice="Inflate or harden the tyres; expect more of it with payload.",
     runs_in="rtl",
     axis=False,

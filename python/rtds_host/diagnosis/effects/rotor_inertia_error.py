@@ -7,8 +7,17 @@ EFFECT = Effect(
     subsystem="drivetrain",
     sided=True,
     parameters=(
-        Parameter("ratio", "1", null=1, low=0.05, high=10, spread=0.2, starts=(0.85, 1.2),
-                  meaning="J over its nominal value", of="motor.rotor_inertia_kg_m2"),
+        Parameter(
+            "ratio",
+            "1",
+            null=1,
+            low=0.05,
+            high=10,
+            spread=0.2,
+            starts=(0.85, 1.2),
+            meaning="J over its nominal value",
+            of="motor.rotor_inertia_kg_m2",
+        ),
     ),
     apply=scale("rotor_inertia"),
     equation="J = ratio J_nominal",
@@ -16,7 +25,7 @@ EFFECT = Effect(
     confused_with=("command_delay", "measurement_delay", "payload_error"),
     shown_by="steps and pseudo-random voltage",
     check="Step the voltage with the wheel in the air: with more inertia the speed starts at once and rises slowly, "
-          "with a delay it starts late.",
+    "with a delay it starts late.",
     advice="Set J from the step response in the air.",
     runs_in="rtl",
     nuisance=True,

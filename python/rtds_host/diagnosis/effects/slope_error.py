@@ -7,8 +7,16 @@ EFFECT = Effect(
     subsystem="chassis",
     sided=False,
     parameters=(
-        Parameter("slope_rad", "rad", null=0, low=-0.5, high=0.5, spread=0.02, starts=(0.01, -0.01),
-                  meaning="beyond what the run says, along its uphill direction"),
+        Parameter(
+            "slope_rad",
+            "rad",
+            null=0,
+            low=-0.5,
+            high=0.5,
+            spread=0.02,
+            starts=(0.01, -0.01),
+            meaning="beyond what the run says, along its uphill direction",
+        ),
     ),
     apply=add(slope_extra="slope_rad"),
     equation="slope = slope_run + slope_rad",

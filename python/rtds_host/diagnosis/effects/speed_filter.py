@@ -14,7 +14,9 @@ def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) ->
     model.add("speed_late", late, sides)
 
 
-def _all_late(values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None) -> dict[str, float]:
+def _all_late(
+    values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None
+) -> dict[str, float]:
     """The lag as one of all that is measured, which the angle tells from it; after one that is there already."""
     return {"seconds": values["time_constant_s"] + (beside["seconds"] if beside else 0.0)}
 
@@ -24,11 +26,31 @@ EFFECT = Effect(
     subsystem="sensing",
     sided=True,
     parameters=(
-        Parameter("time_constant_s", "s", null=0, low=0, high=2, spread=0.02, starts=(0.004, 0.03, 0.15),
-                  meaning="lag of a first-order low-pass, a delay of the speed included"),
-        # A driver that counts over a fifth of a second is late by half of that; what is later comes over a link, with all the rest.
-        Parameter("delay_s", "s", null=0, low=0, high=0.1, spread=0.02, starts=(0.0,),
-                  optional=True, shape=True, steep=True, meaning="what of this lag is a delay of the speed alone"),
+        Parameter(
+            "time_constant_s",
+            "s",
+            null=0,
+            low=0,
+            high=2,
+            spread=0.02,
+            starts=(0.004, 0.03, 0.15),
+            meaning="lag of a first-order low-pass, a delay of the speed included",
+        ),
+        # A driver that counts over a fifth of a second is late by half of that; what is later comes over a link, with
+        # all the rest.
+        Parameter(
+            "delay_s",
+            "s",
+            null=0,
+            low=0,
+            high=0.1,
+            spread=0.02,
+            starts=(0.0,),
+            optional=True,
+            shape=True,
+            steep=True,
+            meaning="what of this lag is a delay of the speed alone",
+        ),
     ),
     apply=_apply,
     equation="reported(t) = w_f(t - d), (tau - d) w_f' = w - w_f",
@@ -36,7 +58,7 @@ EFFECT = Effect(
     confused_with=("measurement_delay", "rotor_inertia_error"),
     shown_by="steps and pseudo-random voltage with angle or current",
     check="Compare the logged speed with the slope of the logged angle after a step: a filter rounds the speed and "
-          "leaves the angle.",
+    "leaves the angle.",
     advice="Turn the driver's speed filter off, or model it in the controller.",
     seen_by=("w",),
     runs_in="signal",

@@ -7,8 +7,7 @@ EFFECT = Effect(
     subsystem="sensing",
     sided=True,
     parameters=(
-        Parameter("ratio", "1", null=1, low=-3, high=3, spread=0.04, starts=(0.97, 1.03),
-                  meaning="reported over true"),
+        Parameter("ratio", "1", null=1, low=-3, high=3, spread=0.04, starts=(0.97, 1.03), meaning="reported over true"),
     ),
     apply=scale("speed_gain"),
     equation="w and th reported times ratio",
@@ -16,7 +15,7 @@ EFFECT = Effect(
     confused_with=("wheel_radius_error", "driver_gain", "torque_constant_error"),
     shown_by="straight runs with the pose measured",
     check="Turn the wheel by hand through ten whole turns and read its logged angle: anything but 62.83 rad is the "
-          "encoder's scale, whatever the tyre.",
+    "encoder's scale, whatever the tyre.",
     advice="Set the counts a turn and the gear ratio in the driver.",
     runs_in="signal",
 )

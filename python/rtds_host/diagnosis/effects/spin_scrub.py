@@ -7,8 +7,17 @@ EFFECT = Effect(
     subsystem="wheel_ground",
     sided=False,
     parameters=(
-        Parameter("torque_nm", "N·m", scale="spin", null=0, low=0, high=1, spread=0.0035, starts=(0.0009, 0.007),
-                  meaning="against the yaw rate"),
+        Parameter(
+            "torque_nm",
+            "N·m",
+            scale="spin",
+            null=0,
+            low=0,
+            high=1,
+            spread=0.0035,
+            starts=(0.0009, 0.007),
+            meaning="against the yaw rate",
+        ),
     ),
     apply=add(scrub="torque_nm"),
     equation="-tau sgn(yaw rate)",
@@ -16,7 +25,7 @@ EFFECT = Effect(
     confused_with=("coulomb_friction", "rolling_resistance"),
     shown_by="spinning on the spot against straight runs",
     check="Turn the robot on the spot with its caster lifted or on a slippery plate: what scrubs is gone, what the "
-          "gears lose stays.",
+    "gears lose stays.",
     advice="Use narrower tyres or a freer caster.",
     runs_in="robot",
     axis=False,

@@ -7,8 +7,17 @@ EFFECT = Effect(
     subsystem="chassis",
     sided=False,
     parameters=(
-        Parameter("ratio", "1", null=1, low=0.3, high=3, spread=0.05, starts=(0.95, 1.05),
-                  meaning="b over its nominal value", of="chassis.track_width_m"),
+        Parameter(
+            "ratio",
+            "1",
+            null=1,
+            low=0.3,
+            high=3,
+            spread=0.05,
+            starts=(0.95, 1.05),
+            meaning="b over its nominal value",
+            of="chassis.track_width_m",
+        ),
     ),
     apply=scale("track"),
     equation="yaw rate = r (w_r - w_l) / (ratio b)",
@@ -16,7 +25,7 @@ EFFECT = Effect(
     confused_with=("wheel_radius_error", "gyro_gain"),
     shown_by="spinning on the spot with gyro and pose",
     check="Turn ten times on the spot against a mark on the floor: the way of each wheel (angle times radius) is 31.4 times "
-          "the track width, whatever the gyro says.",
+    "the track width, whatever the gyro says.",
     advice="Set the measured track width.",
     runs_in="robot",
     axis=False,

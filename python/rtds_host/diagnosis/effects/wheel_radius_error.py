@@ -7,8 +7,17 @@ EFFECT = Effect(
     subsystem="wheel_ground",
     sided=True,
     parameters=(
-        Parameter("ratio", "1", null=1, low=0.3, high=3, spread=0.05, starts=(0.96, 1.04),
-                  meaning="r over its nominal value", of="chassis.wheel_radius_m"),
+        Parameter(
+            "ratio",
+            "1",
+            null=1,
+            low=0.3,
+            high=3,
+            spread=0.05,
+            starts=(0.96, 1.04),
+            meaning="r over its nominal value",
+            of="chassis.wheel_radius_m",
+        ),
     ),
     apply=scale("radius"),
     equation="v = ratio r w",
@@ -16,7 +25,7 @@ EFFECT = Effect(
     confused_with=("speed_gain", "track_width_error"),
     shown_by="straight and turning runs with the pose measured",
     check="Mark tyre and floor, push the robot straight through ten whole turns of the wheel under its own weight, "
-          "and measure the way: it is 62.83 times the radius, whatever the encoder says.",
+    "and measure the way: it is 62.83 times the radius, whatever the encoder says.",
     advice="Set the measured radius.",
     runs_in="robot",
     axis=False,

@@ -60,27 +60,42 @@ def examine(case: Case) -> Gate:
         found += sensors.motions(cleaned)
     found = merged(found, len(cleaned.runs))
     if len(cleaned.runs) == 1:
-        found.append(Finding(cleaned.runs[0].name, "", "one_run", "warning",
-                             "The case has one run only: what is held out is a part of it, and comes from the same "
-                             "motion."))
+        found.append(
+            Finding(
+                cleaned.runs[0].name,
+                "",
+                "one_run",
+                "warning",
+                "The case has one run only: what is held out is a part of it, and comes from the same motion.",
+            )
+        )
     found.sort(key=lambda f: -SEVERITIES.index(f.severity))
     apart = [a for _, a, _ in commands if math.isfinite(a)]
     times = [timing.sampled(log, case) for log in stamped.runs]
-    clock = Timing(step_s=float(np.median([np.median(np.diff(t)) for t in times])),
-                   jitter_s=float(np.median([timing.jitter(t) for t in times])), stamps_s=stamps_s,
-                   lag_s=timing.lags_of(lags), command_step_s=float(np.median(apart)) if apart else math.nan,
-                   commands_enough=all(enough for _, _, enough in commands))
+    clock = Timing(
+        step_s=float(np.median([np.median(np.diff(t)) for t in times])),
+        jitter_s=float(np.median([timing.jitter(t) for t in times])),
+        stamps_s=stamps_s,
+        lag_s=timing.lags_of(lags),
+        command_step_s=float(np.median(apart)) if apart else math.nan,
+        commands_enough=all(enough for _, _, enough in commands),
+    )
     return Gate(tuple(found), cleaned, noise, clock)
 
 
 def _notices(case: Case) -> list[Finding]:
     """What reading a run ignored or repaired."""
-    return [Finding(log.name, "", "notice", "note", f"{text[0].upper()}{text[1:]}.")
-            for log in case.runs for text in log.notices]
+    return [
+        Finding(log.name, "", "notice", "note", f"{text[0].upper()}{text[1:]}.")
+        for log in case.runs
+        for text in log.notices
+    ]
 
 
 def _without_glitches(case: Case, bounds: Limits, noise: dict[str, float]) -> tuple[Case, list[Finding]]:
-    """The case without isolated samples, unless a channel has more than a handful of them, or of those that cannot be a tenth."""
+    """The case without isolated samples, unless a channel has more than a handful of them, or of those that cannot be a
+    tenth.
+    """
     per_run = [glitches.isolated(log, case, bounds, noise) for log in case.runs]
     found: list[Finding] = []
     aside: list[dict[str, np.ndarray]] = [{} for _ in case.runs]
@@ -90,9 +105,17 @@ def _without_glitches(case: Case, bounds: Limits, noise: dict[str, float]) -> tu
         if not count:
             continue
         if sure > max(1.0, SLIGHT * rows) or count - sure > handful(rows):
-            found.append(Finding("", c, "isolated", "warning",
-                                 f"{c} has {count} samples far off their neighbours ({percent(count / rows)}), too many "
-                                 "for glitches: none is set aside.", count / rows))
+            found.append(
+                Finding(
+                    "",
+                    c,
+                    "isolated",
+                    "warning",
+                    f"{c} has {count} samples far off their neighbours ({percent(count / rows)}), too many "
+                    "for glitches: none is set aside.",
+                    count / rows,
+                )
+            )
             continue
         for log, run, out in zip(case.runs, per_run, aside):
             if c in run and len(run[c][0]) + len(run[c][1]):
@@ -106,11 +129,20 @@ def _glitch(log: RunLog, c: str, rows: np.ndarray, of: int) -> Finding:
     """What is said of samples of a channel of so many that were set aside as glitches."""
     n = len(rows)
     some = ", ".join(moment(log.t[k]) for k in rows[:3]) + (" …" if n > 3 else "")
-    return Finding(log.name, c, "glitch", "warning", f"{n} isolated sample{'s' if n > 1 else ''} of {c} far off their neighbours set "
-                                                     f"aside ({percent(n / of)}), at t = {some} s.", n / of)
+    return Finding(
+        log.name,
+        c,
+        "glitch",
+        "warning",
+        f"{n} isolated sample{'s' if n > 1 else ''} of {c} far off their neighbours set "
+        f"aside ({percent(n / of)}), at t = {some} s.",
+        n / of,
+    )
 
 
-def _compared(case: Case, bounds: Limits, noise: dict[str, float]) -> tuple[Case, list[Finding], list[tuple[str, float]]]:
+def _compared(
+    case: Case, bounds: Limits, noise: dict[str, float]
+) -> tuple[Case, list[Finding], list[tuple[str, float]]]:
     """The case without clipped and frozen stretches, what a comparison with the nominal robot tells, and lags."""
     robot = case.robot
     # A sensor of few counts sits on each of them, its largest one, too.
@@ -147,18 +179,34 @@ def _commands(log: RunLog, case: Case) -> list[Finding]:
         values = np.abs(log.columns[name])
         beyond = float(np.mean(values > robot.supply_v * (1 + 1e-6)))
         if beyond > 0:
-            found.append(Finding(log.name, name, "beyond_supply", "warning" if beyond > SLIGHT else "note",
-                                 f"{name} asks for up to {float(values.max()):.3g} V, more than the supply's "
-                                 f"{robot.supply_v:g} V, in {percent(beyond)} of the rows; the replay clips it.", beyond))
+            found.append(
+                Finding(
+                    log.name,
+                    name,
+                    "beyond_supply",
+                    "warning" if beyond > SLIGHT else "note",
+                    f"{name} asks for up to {float(values.max()):.3g} V, more than the supply's "
+                    f"{robot.supply_v:g} V, in {percent(beyond)} of the rows; the replay clips it.",
+                    beyond,
+                )
+            )
     return found
 
 
 def _rounded(noise: dict[str, float], steps: dict[str, float], declared: dict[str, float | None]) -> list[Finding]:
     """Channels whose rounding counts beside their noise."""
-    return [Finding("", c, "rounded", "note",
-                    f"{c} is rounded to steps of {steps[c]:.3g}: its noise counts as {noise[c]:.3g} in place of "
-                    f"{declared[c]:.3g}.") for c in noise
-            if declared.get(c) and noise[c] > (1.0 + SLIGHT) * declared[c]]
+    return [
+        Finding(
+            "",
+            c,
+            "rounded",
+            "note",
+            f"{c} is rounded to steps of {steps[c]:.3g}: its noise counts as {noise[c]:.3g} in place of "
+            f"{declared[c]:.3g}.",
+        )
+        for c in noise
+        if declared.get(c) and noise[c] > (1.0 + SLIGHT) * declared[c]
+    ]
 
 
 def _enough(case: Case) -> None:
@@ -178,14 +226,22 @@ def _enough(case: Case) -> None:
     longest = max(float(log.t[-1] - log.t[0]) for log in case.runs)
     rows = max(len(log.t) for log in case.runs)
     if longest < timing.SHORTEST_S * (1 - 1e-9) or rows < cuts.FEWEST_ROWS:
-        raise InputError(f"{where}: the longest run of the case lasts {longest:.3g} s with {rows} rows, at least "
-                         f"{timing.SHORTEST_S:g} s and {cuts.FEWEST_ROWS} rows are needed")
+        raise InputError(
+            f"{where}: the longest run of the case lasts {longest:.3g} s with {rows} rows, at least "
+            f"{timing.SHORTEST_S:g} s and {cuts.FEWEST_ROWS} rows are needed"
+        )
     if not alive:
-        raise InputError(f"{where}: w_*, th_*: constant to the last digit in every run, the sensors are dead or "
-                         "nothing moves")
+        raise InputError(
+            f"{where}: w_*, th_*: constant to the last digit in every run, the sensors are dead or nothing moves"
+        )
     if not moving:
-        raise InputError(f"{where}: w_*, th_*: the wheels move in no run by more than their noise"
-                         + ("" if excited else " and every command is 0") + ", there is nothing to diagnose")
+        raise InputError(
+            f"{where}: w_*, th_*: the wheels move in no run by more than their noise"
+            + ("" if excited else " and every command is 0")
+            + ", there is nothing to diagnose"
+        )
     if not any(counts(log, robot) for log in case.runs):
-        raise InputError(f"{where}: nothing in it counts: no channel has both samples and a noise in [sensors], or of angles and poses "
-                         f"alone no run has a whole second")
+        raise InputError(
+            f"{where}: nothing in it counts: no channel has both samples and a noise in [sensors], or of angles and poses "
+            f"alone no run has a whole second"
+        )

@@ -60,13 +60,23 @@ def _cut(log: RunLog, case: Case) -> tuple[list[RunLog], list[Finding]]:
         return [log], []
     worst = int(holes[np.argmax(dt[holes])])
     one = holes.size == 1
-    text = (f"{'a hole' if one else f'{holes.size} holes'} without a row, {'' if one else 'the longest '}"
-            f"{dt[worst]:.3g} s at t = {moment(log.t[worst])} s")
+    text = (
+        f"{'a hole' if one else f'{holes.size} holes'} without a row, {'' if one else 'the longest '}"
+        f"{dt[worst]:.3g} s at t = {moment(log.t[worst])} s"
+    )
     missing = float(dt[holes].sum() / (log.t[-1] - log.t[0]))
     if holes.size > handful(len(log.t)):
-        return [log], [Finding(log.name, "t", "gap", "warning",
-                               f"{text}: too many to cut the run at ({percent(missing)} of its time); the last command "
-                               "is taken to hold in each.", missing)]
+        return [log], [
+            Finding(
+                log.name,
+                "t",
+                "gap",
+                "warning",
+                f"{text}: too many to cut the run at ({percent(missing)} of its time); the last command "
+                "is taken to hold in each.",
+                missing,
+            )
+        ]
     bounds = np.concatenate([[0], holes + 1, [len(log.t)]])
     starts = []
     for k, (a, b) in enumerate(itertools.pairwise(bounds)):
@@ -76,8 +86,9 @@ def _cut(log: RunLog, case: Case) -> tuple[list[RunLog], list[Finding]]:
         else:
             starts.append((first, int(b)))
     kept = [s for s in starts if s is not None]
-    unstarted = [k for k in range(1, len(starts)) if starts[k] is None
-                 and _long_enough(log, int(bounds[k]), int(bounds[k + 1]))]
+    unstarted = [
+        k for k in range(1, len(starts)) if starts[k] is None and _long_enough(log, int(bounds[k]), int(bounds[k + 1]))
+    ]
     if not kept:
         return [log], [Finding(log.name, "t", "gap", "warning", f"{text}: no part of it is long enough.", missing)]
     if unstarted:
@@ -85,7 +96,13 @@ def _cut(log: RunLog, case: Case) -> tuple[list[RunLog], list[Finding]]:
         ends = "" if len(kept) > 1 else ", the first part is kept"
         text += f"; without a measured speed a run cannot start moving{ends}"
     lost = len(log.t) - sum(b - a for a, b in kept)
-    text += f": cut there into {len(kept)} run(s)" + (f", {percent(lost / len(log.t))} of the rows left out" if lost else "")
-    parts = [replace(log.rows(a, b), name=log.name if k == 0 else f"{log.name} ({k + 1})", since_s=float(log.t[a] - log.t[0]))
-             for k, (a, b) in enumerate(kept)]
+    text += f": cut there into {len(kept)} run(s)" + (
+        f", {percent(lost / len(log.t))} of the rows left out" if lost else ""
+    )
+    parts = [
+        replace(
+            log.rows(a, b), name=log.name if k == 0 else f"{log.name} ({k + 1})", since_s=float(log.t[a] - log.t[0])
+        )
+        for k, (a, b) in enumerate(kept)
+    ]
     return parts, [Finding(log.name, "t", "gap", "warning", f"{text}.", lost / len(log.t))]

@@ -82,8 +82,16 @@ def merged(found: list[Finding], runs: int) -> list[Finding]:
         if runs > 1 and len(names) == runs or len(names) > TOLD:
             worst = max(group, key=lambda f: f.share)
             where = "every run" if len(names) == runs else f"{len(names)} of {runs} runs"
-            result.append(Finding("", worst.channel, worst.kind, worst.severity,
-                                  f"In {where}, as in {worst.run}: {worst.text}", worst.share))
+            result.append(
+                Finding(
+                    "",
+                    worst.channel,
+                    worst.kind,
+                    worst.severity,
+                    f"In {where}, as in {worst.run}: {worst.text}",
+                    worst.share,
+                )
+            )
         else:
             result += group
     return result

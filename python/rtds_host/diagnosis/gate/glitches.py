@@ -2,11 +2,11 @@
 
 A sample is judged by the two samples to either side of it, against the scatter about it, and by one of two further
 marks: the robot cannot do it (a pose or an angle would have to move faster than the motors turn, both ways; a value is
-beyond all bounds), or it stands alone (nothing else on the robot is off its neighbours then, commands do not go there and back by
-enough, and nothing else in its own channel comes near it). What moves a robot there and back shows in more than one channel: an impact
-in both wheels, the current and the gyro. A sample that the robot cannot do is no witness of one beside it. A step moves others too, but
-there alone; a current may follow one for a sample, and a turn, the difference of two wheels, so that nothing else may change at all
-where these are within what the last commands can do.
+beyond all bounds), or it stands alone (nothing else on the robot is off its neighbours then, commands do not go there
+and back by enough, and nothing else in its own channel comes near it). What moves a robot there and back shows in more
+than one channel: an impact in both wheels, the current and the gyro. A sample that the robot cannot do is no witness of
+one beside it. A step moves others too, but there alone; a current may follow one for a sample, and a turn, the
+difference of two wheels, so that nothing else may change at all where these are within what the last commands can do.
 """
 
 from __future__ import annotations
@@ -22,10 +22,19 @@ from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 # Channels of which one at least must be there, for what really moves a channel to show elsewhere, too.
-WITNESSES = {"v_bus": ("i_l", "i_r", "v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r"), "i_l": ("w_l",), "i_r": ("w_r",),
-             "w_l": ("i_l", "gyro_z"), "w_r": ("i_r", "gyro_z"), "th_l": ("w_l",), "th_r": ("w_r",),
-             "gyro_z": ("w_l", "w_r", "yaw"), "x": ("w_l", "w_r", "yaw"), "y": ("w_l", "w_r", "yaw"),
-             "yaw": ("w_l", "w_r", "gyro_z")}
+WITNESSES = {
+    "v_bus": ("i_l", "i_r", "v_cmd_l", "v_cmd_r", "w_cmd_l", "w_cmd_r"),
+    "i_l": ("w_l",),
+    "i_r": ("w_r",),
+    "w_l": ("i_l", "gyro_z"),
+    "w_r": ("i_r", "gyro_z"),
+    "th_l": ("w_l",),
+    "th_r": ("w_r",),
+    "gyro_z": ("w_l", "w_r", "yaw"),
+    "x": ("w_l", "w_r", "yaw"),
+    "y": ("w_l", "w_r", "yaw"),
+    "yaw": ("w_l", "w_r", "gyro_z"),
+}
 
 
 def _local(size: np.ndarray) -> np.ndarray:
@@ -34,7 +43,7 @@ def _local(size: np.ndarray) -> np.ndarray:
     blocks = max(1, n // FEWEST)
     if blocks == 1:
         return np.full(n, np.median(size))
-    level = np.median(size[:blocks * FEWEST].reshape(blocks, FEWEST), axis=1)
+    level = np.median(size[: blocks * FEWEST].reshape(blocks, FEWEST), axis=1)
     wide = np.maximum(level, np.maximum(np.append(level[1:], level[-1]), np.insert(level[:-1], 0, level[0])))
     return np.append(np.repeat(wide, FEWEST), np.full(n - blocks * FEWEST, wide[-1]))
 
@@ -46,7 +55,7 @@ def exceedance(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     n = len(v)
     padded = np.concatenate([[v[3], v[2]], v, [v[-3], v[-4]]])
-    around = np.stack([padded[:n], padded[1:n + 1], padded[3:n + 3], padded[4:n + 4]])
+    around = np.stack([padded[:n], padded[1 : n + 1], padded[3 : n + 3], padded[4 : n + 4]])
     low, high = around.min(axis=0), around.max(axis=0)
     return np.maximum(np.maximum(v - high, low - v), 0.0), high - low
 
@@ -84,11 +93,14 @@ def _candidates(log: RunLog, c: str, noise: float) -> tuple[np.ndarray, np.ndarr
     return rows, off, far, np.maximum(before, after)
 
 
-def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
-    """Channel -> rows of a run's isolated samples that cannot be (k,), of those that only stand alone (m,), and how many samples
-    the channel has.
+def isolated(
+    log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]
+) -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
+    """Channel -> rows of a run's isolated samples that cannot be (k,), of those that only stand alone (m,), and how
+    many samples the channel has.
 
-    What was found is taken out and the rest judged anew, until nothing more is found: a glitch is no witness of the one beside it.
+    What was found is taken out and the rest judged anew, until nothing more is found: a glitch is no witness of the one
+    beside it.
     """
     found = _found(log, case, bounds, noise)
     more = found
@@ -98,12 +110,16 @@ def isolated(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -
             columns[c] = columns[c].copy()
             columns[c][np.concatenate([sure, lone])] = np.nan
         more = _found(replace(log, columns=columns), case, bounds, noise)
-        found = {c: (*(np.concatenate([rows, more[c][k]]) if c in more else rows for k, rows in enumerate(parts)), count)
-                 for c, (*parts, count) in found.items()}
+        found = {
+            c: (*(np.concatenate([rows, more[c][k]]) if c in more else rows for k, rows in enumerate(parts)), count)
+            for c, (*parts, count) in found.items()
+        }
     return found
 
 
-def _found(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
+def _found(
+    log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]
+) -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
     """As `isolated`, of one look."""
     names = tuple(c for c in channels(case.robot) if log.has(c))
     events = None
@@ -123,12 +139,23 @@ def _found(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float]) -> 
             # Without a witness a speed or a current that is back within half a time constant still was no motion.
             seen = any(w in events for w in WITNESSES[c])
             usual = float(np.quantile(np.abs(np.diff(v[~far])), 1.0 - HANDFUL))
-            alone = np.array([_stands_alone(log, case, bounds, c, rows, k, off[k], span[k], events, spikes)
-                              and (seen or c[0] in "wi" and 2.0 * span[k] < bounds.time_constant_s
-                                   or c[0] == "i" and off[k] > bounds.values[c] / ROOM
-                                   or c[0] in "wt" and not bounds.time_constant_s > 0 and off[k] > MOVES * usual)
-                              and off[k] > _commanded(log, case, bounds, c, rows, k, span[k])
-                              for k in np.flatnonzero(doubtful)])
+            alone = np.array(
+                [
+                    _stands_alone(log, case, bounds, c, rows, k, off[k], span[k], events, spikes)
+                    and (
+                        seen
+                        or c[0] in "wi"
+                        and 2.0 * span[k] < bounds.time_constant_s
+                        or c[0] == "i"
+                        and off[k] > bounds.values[c] / ROOM
+                        or c[0] in "wt"
+                        and not bounds.time_constant_s > 0
+                        and off[k] > MOVES * usual
+                    )
+                    and off[k] > _commanded(log, case, bounds, c, rows, k, span[k])
+                    for k in np.flatnonzero(doubtful)
+                ]
+            )
             lone = np.flatnonzero(doubtful)[alone]
             rest = np.ones(len(rows), bool)
             # A sample far off makes its neighbours look off by part of its own way.
@@ -163,7 +190,8 @@ def _commanded(log: RunLog, case: Case, bounds: Limits, c: str, rows: np.ndarray
     first, last = max(int(rows[k - 2]) - 1, 0), int(rows[k + 2]) + 1
     about = commands[first:last]
     swing = np.ptp(about, axis=0)
-    # A speed there and back asks for a command there and back; a current follows a step alone, of which a time constant takes it back.
+    # A speed there and back asks for a command there and back; a current follows a step alone, of which a time constant
+    # takes it back.
     alone = _comes_back(span, bounds) if c[0] == "i" else 0.0
     swing = swing - (1.0 - alone) * np.abs(about[-1] - about[0])
     swing = float(np.max(swing))
@@ -174,7 +202,9 @@ def _commanded(log: RunLog, case: Case, bounds: Limits, c: str, rows: np.ndarray
 
 
 def _comes_back(span: float, bounds: Limits) -> float:
-    """Share of a motor's answer that is there and gone within two samples `span` seconds apart, at most; 1 where that is not known."""
+    """Share of a motor's answer that is there and gone within two samples `span` seconds apart, at most; 1 where that
+    is not known.
+    """
     return min(1.0, 2.0 * span / bounds.time_constant_s) if bounds.time_constant_s > 0.0 else 1.0
 
 
@@ -185,38 +215,71 @@ def _full(log: RunLog, case: Case, bounds: Limits) -> float:
     return full if np.isfinite(full) else float(np.max(np.abs(log.commands(case.robot.driver.mode)))) or 1.0
 
 
-def _stands_alone(log: RunLog, case: Case, bounds: Limits, c: str, rows: np.ndarray, k: int, off: float, span: float,
-                  events: dict[str, np.ndarray], spikes: dict[str, np.ndarray]) -> bool:
-    """Whether nothing else goes there and back with sample k; of what a late command could do, whether nothing else changes."""
+def _stands_alone(
+    log: RunLog,
+    case: Case,
+    bounds: Limits,
+    c: str,
+    rows: np.ndarray,
+    k: int,
+    off: float,
+    span: float,
+    events: dict[str, np.ndarray],
+    spikes: dict[str, np.ndarray],
+) -> bool:
+    """Whether nothing else goes there and back with sample k; of what a late command could do, whether nothing else
+    changes.
+    """
     # Within half a time constant the motor has not come up to speed, and its current stays.
     if kind_of(c) == "gyro" or (c[0] == "i" and not 2.0 * span < bounds.time_constant_s):
-        # A reversal of the motor, or of the turn, of the file, as far as the commands went since the longest delay before.
+        # A reversal of the motor, or of the turn, of the file, as far as the commands went since the longest delay
+        # before.
         first = int(np.searchsorted(log.t, log.t[rows[k]] - LONGEST_DELAY_S))
-        swing = float(np.max(np.ptp(log.commands(case.robot.driver.mode)[first:int(rows[min(k + 2, len(rows) - 1)]) + 1], axis=0)))
+        swing = float(
+            np.max(
+                np.ptp(log.commands(case.robot.driver.mode)[first : int(rows[min(k + 2, len(rows) - 1)]) + 1], axis=0)
+            )
+        )
         reversal = (1.0 if c[0] == "i" else 2.0) * bounds.values.get(c, np.inf) / ROOM
         if c[0] != "i":
             # A turn takes its time as a wheel does.
             reversal *= _comes_back(span, bounds)
         if off <= min(1.0, swing / _full(log, case, bounds)) * reversal:
             return _alone(log, rows, k, c, events)
-    # What moved the robot is in all its channels at once: one that was read in the same row and is not off there saw nothing.
-    return _alone(log, rows, k, c, {name: times[times == log.t[rows[k]]] if np.isfinite(log.columns[name][rows[k]]) else times
-                                    for name, times in spikes.items()})
+    # What moved the robot is in all its channels at once: one that was read in the same row and is not off there saw
+    # nothing.
+    return _alone(
+        log,
+        rows,
+        k,
+        c,
+        {
+            name: times[times == log.t[rows[k]]] if np.isfinite(log.columns[name][rows[k]]) else times
+            for name, times in spikes.items()
+        },
+    )
 
 
 def _alone(log: RunLog, rows: np.ndarray, k: int, c: str, events: dict[str, np.ndarray]) -> bool:
-    """Whether nothing happens to another channel about sample k of channel c, of `events`: their times by channel, ascending."""
+    """Whether nothing happens to another channel about sample k of channel c, of `events`: their times by channel,
+    ascending.
+    """
     first, last = log.t[rows[k - 2]], log.t[rows[k + 2]]
-    return not any(np.searchsorted(times, last, "right") > np.searchsorted(times, first, "left")
-                   for name, times in events.items() if name != c)
+    return not any(
+        np.searchsorted(times, last, "right") > np.searchsorted(times, first, "left")
+        for name, times in events.items()
+        if name != c
+    )
 
 
-def beside_replay(log: RunLog, case: Case, bounds: Limits, noise: dict[str, float], replayed: np.ndarray) -> dict[str, np.ndarray]:
+def beside_replay(
+    log: RunLog, case: Case, bounds: Limits, noise: dict[str, float], replayed: np.ndarray
+) -> dict[str, np.ndarray]:
     """Channel -> rows (k,) of samples that stand out of all else that the nominal robot leaves of a run.
 
-    What commands drive there and back is in the replay, too: what is left of it is small, or as large wherever they change as much. A
-    sample that is off by several times all that is left elsewhere, in a row where no other channel is off, was no motion; a current
-    beside a step only if it is more than the step can drive.
+    What commands drive there and back is in the replay, too: what is left of it is small, or as large wherever they
+    change as much. A sample that is off by several times all that is left elsewhere, in a row where no other channel is
+    off, was no motion; a current beside a step only if it is more than the step can drive.
 
     replayed : (n, 11) the nominal robot's, columns as `OUTPUTS`.
     """
@@ -232,20 +295,36 @@ def beside_replay(log: RunLog, case: Case, bounds: Limits, noise: dict[str, floa
         off[off < sigmas(len(rows)) * noise.get(c, 0.0)] = 0.0
         far = off > APART * way
         spikes[c] = rows[far]
-        standing[c] = np.array([rows[k] for k in _outstanding(measured, left, off, far)
-                                if off[k] > _driven(log, case, bounds, c, int(rows[k]), left[k])], int)
+        standing[c] = np.array(
+            [
+                rows[k]
+                for k in _outstanding(measured, left, off, far)
+                if off[k] > _driven(log, case, bounds, c, int(rows[k]), left[k])
+            ],
+            int,
+        )
     commands = log.commands(case.robot.driver.mode)
     change = np.abs(np.diff(commands, axis=0, prepend=commands[:1])).max(axis=1)
-    found = {c: np.array([k for k in rows if not any(k in others for name, others in spikes.items() if name != c)
-                          and _driven_elsewhere(log.t, change, int(k))], int) for c, rows in standing.items()}
+    found = {
+        c: np.array(
+            [
+                k
+                for k in rows
+                if not any(k in others for name, others in spikes.items() if name != c)
+                and _driven_elsewhere(log.t, change, int(k))
+            ],
+            int,
+        )
+        for c, rows in standing.items()
+    }
     return {c: rows for c, rows in found.items() if len(rows)}
 
 
 def _outstanding(measured: np.ndarray, left: np.ndarray, off: np.ndarray, far: np.ndarray) -> np.ndarray:
     """Samples, at most a handful, that stand out of all the others of a channel, (k,).
 
-    measured, left : the channel and what a replay leaves of it; off, far : how far and whether what is left lies outside what its
-    neighbours span; all (n,).
+    measured, left : the channel and what a replay leaves of it; off, far : how far and whether what is left lies
+    outside what its neighbours span; all (n,).
     """
     out, between = exceedance(measured)
     peaks = np.flatnonzero(far & (out > between) & (off >= np.maximum(np.roll(off, 1), np.roll(off, -1))))
@@ -264,18 +343,22 @@ def _outstanding(measured: np.ndarray, left: np.ndarray, off: np.ndarray, far: n
 
 
 def _driven(log: RunLog, case: Case, bounds: Limits, c: str, k: int, towards: float) -> float:
-    """The largest current that a step of its command beside row k can drive in a direction, either side of none; of speeds 0."""
+    """The largest current that a step of its command beside row k can drive in a direction, either side of none; of
+    speeds 0.
+    """
     if c[0] != "i":
         return 0.0
     command = log.commands(case.robot.driver.mode)[:, case.robot.sides.index(c[-1])]
-    step = float(np.max(np.sign(towards) * np.diff(command[max(k - 2, 0):k + 2])))
+    step = float(np.max(np.sign(towards) * np.diff(command[max(k - 2, 0) : k + 2])))
     stall = bounds.values.get(c, np.inf) / ROOM
     return 2.0 * stall * min(1.0, step / _full(log, case, bounds)) if step > 0.0 else 0.0
 
 
 def _driven_elsewhere(t: np.ndarray, change: np.ndarray, k: int) -> bool:
-    """Whether commands change (n,) by half as much as they do before row k, for as long as they may act late, in several other rows."""
+    """Whether commands change (n,) by half as much as they do before row k, for as long as they may act late, in
+    several other rows.
+    """
     first = int(np.searchsorted(t, t[k] - LONGEST_DELAY_S))
     about = np.zeros(len(t), bool)
-    about[first:k + 2] = True
+    about[first : k + 2] = True
     return int(np.sum(change[~about] >= MOST * float(change[about].max()))) >= APART

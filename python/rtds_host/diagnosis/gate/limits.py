@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from rtds_host.contract import Case, Robot
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 
-# Physical: a robot may be twice as fast as its file says and its sensor may report twice that, and the file's own values miss
-# a little.
+# Physical: a robot may be twice as fast as its file says and its sensor may report twice that, and the file's own
+# values miss a little.
 ROOM = 5.0
 
 
@@ -61,11 +61,17 @@ def limits(case: Case) -> Limits:
         turn = 2.0 * rim / robot.chassis.track_width_m
         values["gyro"] = turn
         rates.update(x=rim, y=rim, yaw=turn)
-    tau = (motor.resistance_ohm * inertia(robot) / (motor.torque_constant_nm_per_a * motor.gear_ratio * back_emf)
-           if electrical else math.nan)
+    tau = (
+        motor.resistance_ohm * inertia(robot) / (motor.torque_constant_nm_per_a * motor.gear_ratio * back_emf)
+        if electrical
+        else math.nan
+    )
     names = channels(robot)
-    return Limits({c: values[kind_of(c)] for c in names if kind_of(c) in values},
-                  {c: rates[kind_of(c)] for c in names if kind_of(c) in rates}, float(tau))
+    return Limits(
+        {c: values[kind_of(c)] for c in names if kind_of(c) in values},
+        {c: rates[kind_of(c)] for c in names if kind_of(c) in rates},
+        float(tau),
+    )
 
 
 def kind_of(channel: str) -> str:

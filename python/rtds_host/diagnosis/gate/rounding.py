@@ -13,7 +13,8 @@ from rtds_host.diagnosis.chance import HANDFUL, SLIGHT, in_a_row
 SAMPLES, PLACES = 20_000, 20
 # Numerical: how much of a step its values miss it by in the file's last digit.
 LAST_DIGIT = 1e-3
-# Numerical: parts of the gaps between levels that are tried as the step, and how many steps further a gap still tells it.
+# Numerical: parts of the gaps between levels that are tried as the step, and how many steps further a gap still tells
+# it.
 TRIED, FAR = (0.5, 0.25, 0.1, 0.02), 20.0
 # Digits beyond which nobody rounds by hand: single precision holds them.
 MOST_DIGITS = np.finfo(np.float32).precision
@@ -73,7 +74,10 @@ def _grid(values: np.ndarray, same: float = 0.0) -> float:
                 break
             step = float(counts @ gaps[near] / (counts @ counts))
         near = gaps < FAR * step
-        if near.sum() >= FEWEST and np.mean(np.abs(gaps[near] / step - np.round(gaps[near] / step)) < SLIGHT) >= FITTING:
+        if (
+            near.sum() >= FEWEST
+            and np.mean(np.abs(gaps[near] / step - np.round(gaps[near] / step)) < SLIGHT) >= FITTING
+        ):
             return step
     return 0.0
 
@@ -81,7 +85,8 @@ def _grid(values: np.ndarray, same: float = 0.0) -> float:
 def _coarse(values: np.ndarray, apart: np.ndarray) -> float:
     """Step of values on few levels that lie so far apart, 0 if these are not met again and again, or on no even grid.
 
-    A dozen counts a turn, read many times a second, make a speed of three or four levels: as few as they are, each is met often.
+    A dozen counts a turn, read many times a second, make a speed of three or four levels: as few as they are, each is
+    met often.
     """
     if not len(apart) or len(values) < FEWEST * (len(apart) + 1):
         return 0.0

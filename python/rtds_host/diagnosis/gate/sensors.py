@@ -30,15 +30,21 @@ def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Fi
     aside: dict[str, np.ndarray] = {}
     rows = len(log.t)
     names = [c for c in channels(robot) if log.has(c)]
-    moves = any(float(np.nanstd(log.columns[c])) > MOVES * (robot.noise(c) or 1e-9)
-                for c in names if c.startswith(("w_", "th_", "x", "y")))
+    moves = any(
+        float(np.nanstd(log.columns[c])) > MOVES * (robot.noise(c) or 1e-9)
+        for c in names
+        if c.startswith(("w_", "th_", "x", "y"))
+    )
     for c in names:
         good = np.flatnonzero(np.isfinite(log.columns[c]))
         v, t = log.columns[c][good], log.t[good]
         noise = robot.noise(c)
         if noise is None:
-            found.append(Finding(log.name, c, "no_noise", "note",
-                                 f"robot.toml declares no noise for {c}: it is shown, not used."))
+            found.append(
+                Finding(
+                    log.name, c, "no_noise", "note", f"robot.toml declares no noise for {c}: it is shown, not used."
+                )
+            )
             continue
         if len(v) < (1.0 - SLIGHT) * rows and len(v) > 1:
             found += _slow(log, c, t)
@@ -48,15 +54,32 @@ def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Fi
         if not np.ptp(v):
             expected = float(np.std(replayed[good, OUTPUT_INDEX[c]]))
             if c == "v_bus":
-                found.append(Finding(log.name, c, "constant", "note",
-                                     f"v_bus is {v[0]:.4g} V to the last digit: it was not measured, or held."))
+                found.append(
+                    Finding(
+                        log.name,
+                        c,
+                        "constant",
+                        "note",
+                        f"v_bus is {v[0]:.4g} V to the last digit: it was not measured, or held.",
+                    )
+                )
             elif (moves and expected > SHOWS * noise) or (c[0] == "i" and moves):
-                found.append(Finding(log.name, c, "dead", "warning",
-                                     f"{c} stays at {v[0]:.4g} to the last digit while the robot moves: a dead sensor?",
-                                     1.0))
+                found.append(
+                    Finding(
+                        log.name,
+                        c,
+                        "dead",
+                        "warning",
+                        f"{c} stays at {v[0]:.4g} to the last digit while the robot moves: a dead sensor?",
+                        1.0,
+                    )
+                )
             continue
         if np.isfinite(replayed).all() and not c.startswith("th_") and c not in ("x", "y", "yaw"):
-            for judge in (_clipped(log, c, v, replayed[good, OUTPUT_INDEX[c]], noise), _frozen(log, c, v, t, noise, robot, replayed)):
+            for judge in (
+                _clipped(log, c, v, replayed[good, OUTPUT_INDEX[c]], noise),
+                _frozen(log, c, v, t, noise, robot, replayed),
+            ):
                 if judge is not None:
                     found.append(judge[0])
                     aside[c] = np.union1d(aside.get(c, np.empty(0, int)), good[judge[1]])
@@ -64,22 +87,46 @@ def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Fi
             steps = np.diff(v)
             # Against the steps beside it: a fast wheel may turn by a whole turn from sample to sample.
             usual = float(np.quantile(np.abs(steps), 1.0 - HANDFUL))
-            turns = np.flatnonzero((np.abs(np.abs(steps) - 2 * math.pi) < max(usual, MOVES * noise))
-                                   & (np.abs(steps - np.append(steps[1:], steps[-2])) > math.pi))
+            turns = np.flatnonzero(
+                (np.abs(np.abs(steps) - 2 * math.pi) < max(usual, MOVES * noise))
+                & (np.abs(steps - np.append(steps[1:], steps[-2])) > math.pi)
+            )
             if turns.size and np.median(np.abs(steps)) < SLIGHT * 2 * math.pi:
-                found.append(Finding(log.name, c, "wrapped", "warning",
-                                     f"{c} jumps by a whole turn {turns.size} time(s), first at "
-                                     f"t = {moment(t[turns[0] + 1])} s: it is wrapped; unwrap it."))
+                found.append(
+                    Finding(
+                        log.name,
+                        c,
+                        "wrapped",
+                        "warning",
+                        f"{c} jumps by a whole turn {turns.size} time(s), first at "
+                        f"t = {moment(t[turns[0] + 1])} s: it is wrapped; unwrap it.",
+                    )
+                )
     return found, aside
 
 
 def _slow(log: RunLog, c: str, t: np.ndarray) -> list[Finding]:
     dt = np.diff(t)
-    found = [Finding(log.name, c, "slow", "note", f"{c} has a sample in {len(t)} of {len(log.t)} rows "
-                                                  f"({1 / float(np.median(dt)):.3g} Hz).")]
+    found = [
+        Finding(
+            log.name,
+            c,
+            "slow",
+            "note",
+            f"{c} has a sample in {len(t)} of {len(log.t)} rows ({1 / float(np.median(dt)):.3g} Hz).",
+        )
+    ]
     if float(dt.max()) > hole_s(t):
-        found.append(Finding(log.name, c, "gap", "warning", f"{c} has no sample for {float(dt.max()):.3g} s.",
-                             float(dt.max() / (log.t[-1] - log.t[0]))))
+        found.append(
+            Finding(
+                log.name,
+                c,
+                "gap",
+                "warning",
+                f"{c} has no sample for {float(dt.max()):.3g} s.",
+                float(dt.max() / (log.t[-1] - log.t[0])),
+            )
+        )
     return found
 
 
@@ -89,7 +136,9 @@ def _stretches(same: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return edges[::2], edges[1::2] - edges[::2]
 
 
-def _clipped(log: RunLog, c: str, v: np.ndarray, replayed: np.ndarray, noise: float) -> tuple[Finding, np.ndarray] | None:
+def _clipped(
+    log: RunLog, c: str, v: np.ndarray, replayed: np.ndarray, noise: float
+) -> tuple[Finding, np.ndarray] | None:
     for edge, word in ((v.max(), "above"), (v.min(), "below")):
         at = v == edge
         count = int(at.sum())
@@ -103,17 +152,24 @@ def _clipped(log: RunLog, c: str, v: np.ndarray, replayed: np.ndarray, noise: fl
         moved = float(np.std(replayed[at]))
         if count > APART * levels and moved > max(MOVES * noise, min(quantum, SHOWS * noise)):
             share = count / len(v)
-            return Finding(log.name, c, "clipped", "warning",
-                           f"{c} never goes {word} {edge:.4g} and sits there in {percent(share)} of its samples: it is clipped; "
-                           "they are set aside.", share), np.flatnonzero(at)
+            return Finding(
+                log.name,
+                c,
+                "clipped",
+                "warning",
+                f"{c} never goes {word} {edge:.4g} and sits there in {percent(share)} of its samples: it is clipped; "
+                "they are set aside.",
+                share,
+            ), np.flatnonzero(at)
     return None
 
 
 def _repeats_about(v: np.ndarray, same: np.ndarray, first: np.ndarray, long: np.ndarray, noise: float) -> np.ndarray:
-    """Of the samples (n,) about the value of each stretch (k,), the share that repeats the one before, without the stretch itself.
+    """Of the samples (n,) about the value of each stretch (k,), the share that repeats the one before, without the
+    stretch itself.
 
-    same : (n - 1,) which do. A channel of few significant digits is coarse where it is large. By the rule of succession: where
-    nothing else is about, half of them.
+    same : (n - 1,) which do. A channel of few significant digits is coarse where it is large. By the rule of
+    succession: where nothing else is about, half of them.
     """
     order = np.argsort(v[1:])
     values, repeats = v[1:][order], np.concatenate([[0], np.cumsum(same[order])])
@@ -188,8 +244,9 @@ def _at_rest(log: RunLog, robot: Robot, c: str, value: float, rows: slice, repla
     return not abs(expected - value) > max(SHOWS * noise, 0.5 * abs(beside))
 
 
-def _frozen(log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float, robot: Robot,
-            replayed: np.ndarray) -> tuple[Finding, np.ndarray] | None:
+def _frozen(
+    log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float, robot: Robot, replayed: np.ndarray
+) -> tuple[Finding, np.ndarray] | None:
     """A noisy channel that repeats one value for long while the robot moves."""
     same = np.diff(v) == 0
     if APART * float(np.min(np.diff(np.unique(v)))) > noise:
@@ -201,8 +258,11 @@ def _frozen(log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float, rob
         if n < in_a_row(float(share), len(v)):
             continue
         rows = slice(*np.searchsorted(log.t, [t[a], t[a + n] + 1e-12]))
-        if (_noisy_about(v, v[a], noise) and _moves_within(log, robot, c, rows)
-                and not _at_rest(log, robot, c, v[a], rows, replayed)):
+        if (
+            _noisy_about(v, v[a], noise)
+            and _moves_within(log, robot, c, rows)
+            and not _at_rest(log, robot, c, v[a], rows, replayed)
+        ):
             held.append((a, n))
     if not held:
         return None
@@ -210,9 +270,15 @@ def _frozen(log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float, rob
     # The first of equal samples was still a measurement.
     aside = np.concatenate([np.arange(a + 1, a + n + 1) for a, n in held])
     share = len(aside) / len(v)
-    return Finding(log.name, c, "frozen", "warning",
-                   f"{c} repeats {v[at]:.4g} for {t[at + n] - t[at]:.3g} s from t = {moment(t[at])} s while the robot moves: "
-                   f"samples were held; {percent(share)} of them are set aside.", share), aside
+    return Finding(
+        log.name,
+        c,
+        "frozen",
+        "warning",
+        f"{c} repeats {v[at]:.4g} for {t[at + n] - t[at]:.3g} s from t = {moment(t[at])} s while the robot moves: "
+        f"samples were held; {percent(share)} of them are set aside.",
+        share,
+    ), aside
 
 
 def without(log: RunLog, aside: dict[str, np.ndarray]) -> RunLog:
@@ -226,7 +292,9 @@ def without(log: RunLog, aside: dict[str, np.ndarray]) -> RunLog:
 
 
 def scatter(values: np.ndarray) -> float:
-    """Noise of a channel (n,) by how its samples scatter about their neighbours, which nobody had to declare; more where it moves fast."""
+    """Noise of a channel (n,) by how its samples scatter about their neighbours, which nobody had to declare; more
+    where it moves fast.
+    """
     v = values[np.isfinite(values)]
     return float(np.sqrt(np.mean((v[2:] - 2.0 * v[1:-1] + v[:-2]) ** 2) / 6.0)) if len(v) > 2 else math.inf
 
@@ -235,11 +303,16 @@ def motion(log: RunLog, robot: Robot) -> list[Finding]:
     """A run that shows little: wheels that stand still under a command, a command that never changes."""
     command = log.commands(robot.driver.mode)
     wheels = [c for c in channels(robot) if c.startswith(("w_", "th_")) and log.has(c)]
-    moves = any(float(np.nanstd(log.columns[c])) > MOVES * min(robot.noise(c) or math.inf, scatter(log.columns[c])) for c in wheels)
+    moves = any(
+        float(np.nanstd(log.columns[c])) > MOVES * min(robot.noise(c) or math.inf, scatter(log.columns[c]))
+        for c in wheels
+    )
     if not command.any():
         return []
     if wheels and not moves:
-        return [Finding(log.name, "", "still", "note", "The wheels do not move in this run although a command is given.")]
+        return [
+            Finding(log.name, "", "still", "note", "The wheels do not move in this run although a command is given.")
+        ]
     if not np.ptp(command, axis=0).any():
         return [Finding(log.name, "", "excitation", "note", "The command never changes in this run.")]
     return []
@@ -256,7 +329,14 @@ def motions(case: Case) -> list[Finding]:
         top = float(np.max(np.abs(w)))
         back = float(np.quantile(w, HANDFUL)) if np.mean(w) > 0 else -float(np.quantile(w, 1.0 - HANDFUL))
         if top > 0 and back > -SLIGHT * top:
-            found.append(Finding("", f"w_{side[0]}", "one_sign", "note",
-                                 f"The {side} wheel turns one way only: friction that depends on the direction cannot "
-                                 "be told from friction that does not."))
+            found.append(
+                Finding(
+                    "",
+                    f"w_{side[0]}",
+                    "one_sign",
+                    "note",
+                    f"The {side} wheel turns one way only: friction that depends on the direction cannot "
+                    "be told from friction that does not.",
+                )
+            )
     return found

@@ -1,12 +1,13 @@
-"""Time stamps that are wrong: rows that come evenly get an even clock, and what is off for all that adds to each sample's noise.
+"""Time stamps that are wrong: rows that come evenly get an even clock, and what is off for all that adds to each
+sample's noise.
 
-Rows that lie on a grid but for a scatter were either taken on the grid and stamped late or early, or taken when they say. The robot
-knows: replayed at the grid's times it differs by D from itself at the stamps', and what was measured differs by D, too, where
-the stamps are wrong, and by nothing along D where they are right.
+Rows that lie on a grid but for a scatter were either taken on the grid and stamped late or early, or taken when they
+say. The robot knows: replayed at the grid's times it differs by D from itself at the stamps', and what was measured
+differs by D, too, where the stamps are wrong, and by nothing along D where they are right.
 
-Between two samples at a steady speed w an angle turns by w times the time that really passed, so that the stamps' step less
-the angle's, over w, is the difference of two stamps' errors: adjacent ones have one stamp in common, with opposite sign,
-and their covariance is minus the variance of a stamp (less the angle's own noise, which stands in them alike).
+Between two samples at a steady speed w an angle turns by w times the time that really passed, so that the stamps' step
+less the angle's, over w, is the difference of two stamps' errors: adjacent ones have one stamp in common, with opposite
+sign, and their covariance is minus the variance of a stamp (less the angle's own noise, which stands in them alike).
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from rtds_host.diagnosis.gate.findings import Finding
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
-# Numerical: rows by which a grid's period is looked for first, and trials of it within the resolution of what is looked at.
+# Numerical: rows by which a grid's period is looked for first, and trials of it within the resolution of what is looked
+# at.
 FIRST_ROWS, TRIALS = 512, 4
 
 
@@ -32,8 +34,12 @@ def stamp_error(case: Case, noise: dict[str, float]) -> float:
 
     noise : channel -> one standard deviation of a sample, SI.
     """
-    found = [_variances(log, f"w_{s}", f"th_{s}", noise) for log in case.runs for s in case.robot.sides
-             if log.has(f"w_{s}") and log.has(f"th_{s}") and f"th_{s}" in noise]
+    found = [
+        _variances(log, f"w_{s}", f"th_{s}", noise)
+        for log in case.runs
+        for s in case.robot.sides
+        if log.has(f"w_{s}") and log.has(f"th_{s}") and f"th_{s}" in noise
+    ]
     every = np.concatenate(found) if found else np.empty(0)
     if len(every) < FEWEST:
         return 0.0
@@ -56,10 +62,11 @@ def _variances(log: RunLog, speed: str, angle: str, noise: dict[str, float]) -> 
 
 
 def unsure(log: RunLog, stamps_s: float, noise: dict[str, float]) -> RunLog:
-    """The run with what stamps that are off by `stamps_s` add to each sample's noise: as much as the channel changes in it.
+    """The run with what stamps that are off by `stamps_s` add to each sample's noise: as much as the channel changes in
+    it.
 
-    A current changes by jumps, at some instant between two samples: by all of one, as often as that instant lies between
-    the sample and its stamp.
+    A current changes by jumps, at some instant between two samples: by all of one, as often as that instant lies
+    between the sample and its stamp.
     """
     found = {}
     for channel, sigma in noise.items():
@@ -83,8 +90,8 @@ def unsure(log: RunLog, stamps_s: float, noise: dict[str, float]) -> RunLog:
 def even_times(t: np.ndarray, known_hz: float | None = None) -> np.ndarray | None:
     """Times (n,) s of the even grid that stamps scatter about; None where there is none, or no scatter worth the name.
 
-    The period is where the stamps' phases agree best (Rayleigh); rows are numbered by an isotonic regression, since some may be missing
-    and each comes after the one before.
+    The period is where the stamps' phases agree best (Rayleigh); rows are numbered by an isotonic regression, since
+    some may be missing and each comes after the one before.
 
     known_hz : the grid's rate where another run has told it.
     """
@@ -108,7 +115,9 @@ def even_times(t: np.ndarray, known_hz: float | None = None) -> np.ndarray | Non
 
 
 def _grid(t: np.ndarray, known_hz: float | None) -> tuple[float, float] | None:
-    """Rate, Hz, and phase, turns, that uneven stamps (n,) from 0 agree on beyond chance; None where they are even or agree on none."""
+    """Rate, Hz, and phase, turns, that uneven stamps (n,) from 0 agree on beyond chance; None where they are even or
+    agree on none.
+    """
     step = float(np.median(np.diff(t)))
     steps = np.diff(t) / step
     if float(np.std(steps - np.round(steps))) < HANDFUL:
@@ -130,17 +139,22 @@ def _grid(t: np.ndarray, known_hz: float | None) -> tuple[float, float] | None:
         rows, width = min(len(t), 2 * rows), 1.0 / span
 
 
-def evened(case: Case, noise: dict[str, float], lag_s: float = 0.0, model: Model | None = None) -> tuple[Case, list[Finding]]:
+def evened(
+    case: Case, noise: dict[str, float], lag_s: float = 0.0, model: Model | None = None
+) -> tuple[Case, list[Finding]]:
     """The case at the times its answers show where rows come evenly and stamps scatter, and what is said of it.
 
-    noise : channel -> one standard deviation of a sample, SI; lag_s : by which the robot answers later than the model, s;
-    model : the robot as far as it is known, nominal without it.
+    noise : channel -> one standard deviation of a sample, SI; lag_s : by which the robot answers later than the model,
+    s; model : the robot as far as it is known, nominal without it.
     """
     model, regular = model or nominal_model(case.robot), [even_times(log.t) for log in case.runs]
     rates = [1.0 / float(np.median(np.diff(even))) for even in regular if even is not None]
     if rates:
         # One logger wrote all runs: what a short one does not show by itself the others tell.
-        regular = [even_times(log.t, float(np.median(rates))) if even is None else even for log, even in zip(case.runs, regular)]
+        regular = [
+            even_times(log.t, float(np.median(rates))) if even is None else even
+            for log, even in zip(case.runs, regular)
+        ]
     along = across = 0.0
     for log, even in zip(case.runs, regular):
         if even is None:
@@ -161,9 +175,16 @@ def evened(case: Case, noise: dict[str, float], lag_s: float = 0.0, model: Model
         return case, []
     runs = tuple(log if even is None else replace(log, t=log.t[0] + even) for log, even in zip(case.runs, regular))
     moved_s = math.sqrt(float(np.mean(np.concatenate([(a.t - b.t) ** 2 for a, b in zip(runs, case.runs)]))))
-    return replace(case, runs=runs), [Finding(
-        "", "t", "even", "note", f"rows come evenly, but their time stamps scatter by {1e3 * moved_s:.2g} ms: the robot answers "
-        "as on an even clock, which is used.")]
+    return replace(case, runs=runs), [
+        Finding(
+            "",
+            "t",
+            "even",
+            "note",
+            f"rows come evenly, but their time stamps scatter by {1e3 * moved_s:.2g} ms: the robot answers "
+            "as on an even clock, which is used.",
+        )
+    ]
 
 
 def _share(left: np.ndarray, moved: np.ndarray, sigma: float) -> tuple[float, float]:
@@ -187,7 +208,12 @@ def settled(case: Case, noise: dict[str, float]) -> tuple[Case, float, list[Find
     stamps_s = stamp_error(case, noise)
     if stamps_s == 0.0:
         return case, 0.0, []
-    told = Finding("", "t", "stamps", "note",
-                   f"time stamps are off by {1e3 * stamps_s:.2g} ms (one standard deviation: the angles turn as if the rows were "
-                   "spaced otherwise): samples where a channel changes fast count less.")
+    told = Finding(
+        "",
+        "t",
+        "stamps",
+        "note",
+        f"time stamps are off by {1e3 * stamps_s:.2g} ms (one standard deviation: the angles turn as if the rows were "
+        "spaced otherwise): samples where a channel changes fast count less.",
+    )
     return replace(case, runs=tuple(unsure(log, stamps_s, noise) for log in case.runs)), stamps_s, [told]

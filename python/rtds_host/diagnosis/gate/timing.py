@@ -40,8 +40,9 @@ def rolled_over_turned(log: RunLog, case: Case) -> float | None:
         # Chords in place of steps: noise adds to the sum of every one.
         rows = np.flatnonzero(both)[:: max(1, int(both.sum()) // CHORDS)]
         if len(rows) > 1:
-            way[rows] = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(log.columns["x"][rows]),
-                                                                  np.diff(log.columns["y"][rows])))])
+            way[rows] = np.concatenate(
+                [[0.0], np.cumsum(np.hypot(np.diff(log.columns["x"][rows]), np.diff(log.columns["y"][rows])))]
+            )
             rim = 0.5 * case.robot.chassis.wheel_radius_m * np.abs(log.columns["w_l"] + log.columns["w_r"])
             ratios.append(clock_ratio(log, rim, way, (case.robot.noise("x") or 0.0) * CHORDS / STRETCHES))
     ratios = [r for r in ratios if r is not None]
@@ -61,7 +62,11 @@ def clock_ratio(log: RunLog, speed: np.ndarray, angle: np.ndarray, noise: float)
     rolled = np.diff(np.interp(log.t[rows] - log.t[0], t, integral))
     if float(np.max(np.abs(turned))) < MOVES * noise or not turned.any() or not rolled.any():
         return None
-    if len(turned) > 2 and np.std(turned) * np.std(rolled) > 0 and abs(float(np.corrcoef(turned, rolled)[0, 1])) < FOLLOWS:
+    if (
+        len(turned) > 2
+        and np.std(turned) * np.std(rolled) > 0
+        and abs(float(np.corrcoef(turned, rolled)[0, 1])) < FOLLOWS
+    ):
         return None
     return float(np.sqrt(np.sum(rolled**2) / np.sum(turned**2)))
 
@@ -82,20 +87,27 @@ def check_clock(case: Case) -> None:
         unit = None if clock is None else _nearest(clock)
         # A speed and its angle may also disagree by a unit of their own: then the rows' rate is a robot's as it stands.
         if unit is not None and (is_rate(step / PER_SECOND[unit]) or not is_rate(step)):
-            raise InputError(f"{where}: is it in {unit}? With seconds, speeds make {clock:.3g} times the ways and angles "
-                             "that were measured")
+            raise InputError(
+                f"{where}: is it in {unit}? With seconds, speeds make {clock:.3g} times the ways and angles "
+                "that were measured"
+            )
         if not is_rate(step):
             unit = likely_unit(step)
-            raise InputError(f"{where}: a row every {step:.3g} s, " + (
-                f"is it in {unit}?" if unit else f"at least {SLOWEST_HZ:g} rows a second are needed"))
+            raise InputError(
+                f"{where}: a row every {step:.3g} s, "
+                + (f"is it in {unit}?" if unit else f"at least {SLOWEST_HZ:g} rows a second are needed")
+            )
         if dt[hole] >= BREAK_S:
-            raise InputError(f"{where}: no row for {dt[hole]:.4g} s after {moment(log.t[hole])} s: two recordings in one "
-                             "file, or a jump of the clock? Make each a run of its own")
+            raise InputError(
+                f"{where}: no row for {dt[hole]:.4g} s after {moment(log.t[hole])} s: two recordings in one "
+                "file, or a jump of the clock? Make each a run of its own"
+            )
 
 
 def _nearest(ratio: float) -> str | None:
     """Unit that a ratio of clocks means, None where it means none."""
-    # Angles in degrees look nearly like minutes; the median of the pairs is known better than the twentieth between them.
+    # Angles in degrees look nearly like minutes; the median of the pairs is known better than the twentieth between
+    # them.
     sizes = {**PER_SECOND, "degrees": math.pi / 180.0}
     name = min(sizes, key=lambda u: abs(math.log(ratio / sizes[u])))
     return name if name != "degrees" and abs(math.log(ratio / sizes[name])) < math.log(CLOSE) else None
@@ -119,7 +131,9 @@ def jitter(t: np.ndarray) -> float:
 
 
 def hole_s(t: np.ndarray) -> float:
-    """Steps longer than this are holes, s: no shorter than the shortest run, for what a logger's buffers do is jitter."""
+    """Steps longer than this are holes, s: no shorter than the shortest run, for what a logger's buffers do is
+    jitter.
+    """
     return max(APART * float(np.median(np.diff(t))), SHORTEST_S)
 
 
@@ -142,20 +156,35 @@ def clock_findings(log: RunLog, case: Case) -> list[Finding]:
     # NaN, which no step exceeds, where torque is commanded.
     time_constant = limits(case).time_constant_s
     if step > time_constant * (1.0 + HANDFUL):
-        found.append(Finding(log.name, "t", "rate", "warning",
-                             f"{rate:.3g} rows a second are few beside a mechanical time constant of {1e3 * time_constant:.2g} ms: parameters of "
-                             "fast parts are biased."))
+        found.append(
+            Finding(
+                log.name,
+                "t",
+                "rate",
+                "warning",
+                f"{rate:.3g} rows a second are few beside a mechanical time constant of {1e3 * time_constant:.2g} ms: parameters of "
+                "fast parts are biased.",
+            )
+        )
     regular = dt[dt <= hole_s(t)]
     uneven = float(np.std(regular[np.round(regular / step) < 2])) / step if len(regular) > 2 else 0.0
     if uneven > HANDFUL:
         stamps = jitter(t)
         told = f", stamps jitter by {1e3 * stamps:.2g} ms" if stamps > uneven * step / APART else ""
-        found.append(Finding(log.name, "t", "jitter", "note",
-                             f"rows are unevenly spaced: {1e3 * step:.3g} ms ± {100 * uneven:.0f} %{told}."))
+        found.append(
+            Finding(
+                log.name,
+                "t",
+                "jitter",
+                "note",
+                f"rows are unevenly spaced: {1e3 * step:.3g} ms ± {100 * uneven:.0f} %{told}.",
+            )
+        )
     missed = float(np.sum(np.round(regular / step) - 1)) / len(dt)
     if uneven < 1.0 / APART and missed > HANDFUL:
-        found.append(Finding(log.name, "t", "dropped", "note", f"about {percent(missed)} of the rows are missing.",
-                             missed))
+        found.append(
+            Finding(log.name, "t", "dropped", "note", f"about {percent(missed)} of the rows are missing.", missed)
+        )
     length = float(log.t[-1] - log.t[0])
     if length < WINDOW_S:
         found.append(Finding(log.name, "t", "short", "warning", f"the run lasts {length:.3g} s only."))
@@ -179,10 +208,22 @@ def command_findings(log: RunLog, case: Case, time_constant_s: float) -> tuple[l
     few = len(changes) > 0.5 * len(log.t) and math.isfinite(time_constant_s) and apart > time_constant_s
     if not few:
         return [], apart, True
-    return [Finding(log.name, "", "command_rate", "warning",
-                    f"the command changes in {percent(len(changes) / len(log.t))} of the rows, {1e3 * apart:.3g} ms "
-                    f"apart, and the motor answers within {1e3 * time_constant_s:.2g} ms: what was commanded between "
-                    "rows is not known.", len(changes) / len(log.t))], apart, False
+    return (
+        [
+            Finding(
+                log.name,
+                "",
+                "command_rate",
+                "warning",
+                f"the command changes in {percent(len(changes) / len(log.t))} of the rows, {1e3 * apart:.3g} ms "
+                f"apart, and the motor answers within {1e3 * time_constant_s:.2g} ms: what was commanded between "
+                "rows is not known.",
+                len(changes) / len(log.t),
+            )
+        ],
+        apart,
+        False,
+    )
 
 
 def lags_of(found: list[tuple[str, float]]) -> dict[str, float]:

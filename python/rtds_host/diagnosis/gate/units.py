@@ -34,15 +34,29 @@ def _factors(robot: Robot) -> dict[str, dict[str, float]]:
     degrees = 180 / math.pi
     length = {"millimetres": 1000.0, "centimetres": 100.0}
     known = {
-        "w": {"degrees per second": degrees, "revolutions per minute": 30 / math.pi,
-              "metres per second at the rim": radius, "millimetres per second at the rim": 1e3 * radius,
-              "radians per second of the motor": gear, "revolutions per minute of the motor": gear * 30 / math.pi,
-              "revolutions per second": 0.5 / math.pi, "milliradians per second": 1e3},
+        "w": {
+            "degrees per second": degrees,
+            "revolutions per minute": 30 / math.pi,
+            "metres per second at the rim": radius,
+            "millimetres per second at the rim": 1e3 * radius,
+            "radians per second of the motor": gear,
+            "revolutions per minute of the motor": gear * 30 / math.pi,
+            "revolutions per second": 0.5 / math.pi,
+            "milliradians per second": 1e3,
+        },
         "th": {"degrees": degrees, "turns": 0.5 / math.pi, "radians of the motor": gear, "milliradians": 1e3},
-        "i": {"milliamperes": 1000.0}, "gyro": {"degrees per second": degrees, "milliradians per second": 1e3},
-        "yaw": {"degrees": degrees, "milliradians": 1e3}, "x": length, "y": length,
-        "v_bus": {"millivolts": 1000.0}, "v_cmd": {"millivolts": 1000.0}}
-    return {q: {u: f for u, f in units.items() if math.isfinite(f) and not 1.0 / ROOM < f < ROOM} for q, units in known.items()}
+        "i": {"milliamperes": 1000.0},
+        "gyro": {"degrees per second": degrees, "milliradians per second": 1e3},
+        "yaw": {"degrees": degrees, "milliradians": 1e3},
+        "x": length,
+        "y": length,
+        "v_bus": {"millivolts": 1000.0},
+        "v_cmd": {"millivolts": 1000.0},
+    }
+    return {
+        q: {u: f for u, f in units.items() if math.isfinite(f) and not 1.0 / ROOM < f < ROOM}
+        for q, units in known.items()
+    }
 
 
 def _unit(ratio: float, factors: dict[str, float]) -> str:
@@ -73,9 +87,13 @@ def check_commands(case: Case, bounds: Limits) -> None:
             free = bounds.values["w_l"] / ROOM
             if any(top > ROOM * free for top in tops.values()):
                 ratio = max(tops.values()) / free
-                raise _refusal(log, commands, f"reach {ratio:.3g} times the nominal no-load speed", _unit(ratio, factors["w"]))
+                raise _refusal(
+                    log, commands, f"reach {ratio:.3g} times the nominal no-load speed", _unit(ratio, factors["w"])
+                )
         elif robot.driver.mode == "voltage" and any(top > volts for top in tops.values()):
-            raise _refusal(log, commands, f"reach {max(tops.values()):.4g} at a supply of {robot.supply_v:g} V", "millivolts")
+            raise _refusal(
+                log, commands, f"reach {max(tops.values()):.4g} at a supply of {robot.supply_v:g} V", "millivolts"
+            )
         if log.has("v_bus"):
             level = float(np.nanmedian(np.abs(log.columns["v_bus"])))
             if level > volts:
@@ -91,7 +109,8 @@ def _scale_of(values: np.ndarray) -> float:
 class Compared:
     """What a comparison of one run with the nominal replay gave.
 
-    wrong : channel -> how many times the nominal it is, and the likely unit; right : channels that follow it closely at its scale.
+    wrong : channel -> how many times the nominal it is, and the likely unit; right : channels that follow it closely at
+    its scale.
     """
 
     findings: list[Finding] = field(default_factory=list)
@@ -108,8 +127,9 @@ def _match(t: np.ndarray, v: np.ndarray, grid: np.ndarray, replayed: np.ndarray,
     return float(np.sum(r * v)) / norm if norm > 0 else 0.0
 
 
-def lag_and_ratio(log: RunLog, channel: str, replayed: np.ndarray,
-                  search: bool) -> tuple[float | None, float, float] | None:
+def lag_and_ratio(
+    log: RunLog, channel: str, replayed: np.ndarray, search: bool
+) -> tuple[float | None, float, float] | None:
     """Lag (s, positive: the measured comes later), root-mean-square ratio and correlation to the nominal replay.
 
     The lag is None where it is not certain, or not searched for. None in place of all with too few samples.
@@ -122,14 +142,16 @@ def lag_and_ratio(log: RunLog, channel: str, replayed: np.ndarray,
     some, at = v[::thin], t[::thin]
     lag, certain = 0.0, False
     if search:
+
         def by(x: float) -> float:
             return abs(_match(at, some, log.t, replayed, x))
 
         # Clocks that disagree may do so by as much as a delay; of lags that serve alike the shortest.
         lag = max(sorted(np.arange(-LONGEST_DELAY_S, LONGEST_DELAY_S + 0.5 * GRID_S, GRID_S), key=abs), key=by)
         lag = float(max(lag + np.arange(FINE_S - GRID_S, GRID_S - 0.5 * FINE_S, FINE_S), key=by))
-        # A lag counts only if it explains much of what the replay misses: distortion shifts a peak a little, too. And it has to do
-        # so on the same samples of both: how a run begins in the replay, from a speed that no friction held, is in no lag's way.
+        # A lag counts only if it explains much of what the replay misses: distortion shifts a peak a little, too. And
+        # it has to do so on the same samples of both: how a run begins in the replay, from a speed that no friction
+        # held, is in no lag's way.
         shared = (at - abs(lag) >= log.t[0]) & (at + abs(lag) <= log.t[-1])
         if shared.sum() < FEWEST:
             shared[:] = True
@@ -155,12 +177,20 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
         if c == "v_bus":
             level = float(np.nanmedian(np.abs(values)))
             if not robot.supply_v / ROOM < level < ROOM * robot.supply_v:
-                result.findings.append(Finding(log.name, c, "level", "warning", f"v_bus is {level:.3g} V, the nominal "
-                                                                                f"supply {robot.supply_v:g} V."))
+                result.findings.append(
+                    Finding(
+                        log.name,
+                        c,
+                        "level",
+                        "warning",
+                        f"v_bus is {level:.3g} V, the nominal supply {robot.supply_v:g} V.",
+                    )
+                )
             continue
         column = replayed[:, OUTPUT_INDEX[c]]
         if c in ("gyro_z", "yaw"):
-            # A turn is a small difference of two sides: where one of them is weaker than nominal, the replay hardly turns.
+            # A turn is a small difference of two sides: where one of them is weaker than nominal, the replay hardly
+            # turns.
             column = turned_by_wheels(log, robot, c)
         beyond = _scale_of(values) / bounds.values.get(c, math.inf)
         if beyond > 1.0:
@@ -170,12 +200,15 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
         if noise is None or column is None or not np.isfinite(column).all() or float(np.std(column)) < MOVES * noise:
             continue
         way = c.startswith(("th", "x", "y"))
-        found = lag_and_ratio(log, c, column - column[0] if way else column, c[0] == "w" and robot.driver.mode == "voltage")
+        found = lag_and_ratio(
+            log, c, column - column[0] if way else column, c[0] == "w" and robot.driver.mode == "voltage"
+        )
         if found is None:
             continue
         lag, ratio, match = found
         if way:
-            # A straight drive has next to no y of its own, and a heading a little off brings some: lengths are compared in the plane.
+            # A straight drive has next to no y of its own, and a heading a little off brings some: lengths are compared
+            # in the plane.
             along = ["x", "y"] if c in ("x", "y") and log.has("x") and log.has("y") else [c]
             moved = _way_from_start(np.stack([log.columns[a] for a in along]))
             could = _way_from_start(np.stack([replayed[:, OUTPUT_INDEX[a]] for a in along]))
@@ -200,7 +233,9 @@ def _way_from_start(values: np.ndarray) -> float:
 
 
 def turned_by_wheels(log: RunLog, robot: Robot, channel: str) -> np.ndarray | None:
-    """Yaw rate, rad/s (of `yaw`: the heading gained, rad) by the measured wheels, (n,); None where one is not measured."""
+    """Yaw rate, rad/s (of `yaw`: the heading gained, rad) by the measured wheels, (n,); None where one is not
+    measured.
+    """
     speeds = []
     for side in "lr":
         w, th = log.columns.get(f"w_{side}"), log.columns.get(f"th_{side}")
@@ -223,9 +258,14 @@ def _side_by_side(result: Compared, log: RunLog, robot: Robot, factors: dict[str
         if th in result.wrong:
             # Both in a unit of one kind, which is the angle's.
             unit = _unit(result.wrong[th][0], factors["th"])
-            result.wrong[w] = result.wrong[w][0], {"degrees": "degrees per second", "milliradians": "milliradians per second",
-                                                   "radians of the motor": "radians per second of the motor"}.get(
-                                                       unit, result.wrong[w][1])
+            result.wrong[w] = (
+                result.wrong[w][0],
+                {
+                    "degrees": "degrees per second",
+                    "milliradians": "milliradians per second",
+                    "radians of the motor": "radians per second of the motor",
+                }.get(unit, result.wrong[w][1]),
+            )
             continue
         ratio = clock_ratio(log, log.columns[w], log.columns[th], robot.noise(th) or 0.0)
         if ratio is not None and abs(ratio) > ROOM:
@@ -269,7 +309,9 @@ def _turn(result: Compared, log: RunLog, robot: Robot, ratios: dict[str, float])
     sound = all(ratios.get(f"w_{s}", ratios.get(f"th_{s}", 0.0)) > 0.0 for s in robot.sides)
     if "yaw" in signs and sound and ratios.get("gyro_z", 1.0) > 0.0:
         seen = "the wheels and the gyro" if "gyro_z" in ratios else "the wheels"
-        raise InputError(f"{log.path or log.name}: yaw: runs against what {seen} turn: counted to the right? Left is positive")
+        raise InputError(
+            f"{log.path or log.name}: yaw: runs against what {seen} turn: counted to the right? Left is positive"
+        )
 
 
 def _lag(result: Compared, log: RunLog, c: str, lag: float) -> None:
@@ -278,10 +320,16 @@ def _lag(result: Compared, log: RunLog, c: str, lag: float) -> None:
     if abs(lag) > max(LATENCY_S, (1.0 + HANDFUL) * step):
         # The catalogue has delays, and nothing that answers before it is asked.
         late = lag > 0
-        result.findings.append(Finding(
-            log.name, c, "delay", "note" if late else "warning",
-            f"{c} answers the command {1e3 * abs(lag):.0f} ms {'later' if late else 'earlier'} than the nominal robot"
-            + ("." if late else ": clocks that do not agree?")))
+        result.findings.append(
+            Finding(
+                log.name,
+                c,
+                "delay",
+                "note" if late else "warning",
+                f"{c} answers the command {1e3 * abs(lag):.0f} ms {'later' if late else 'earlier'} than the nominal robot"
+                + ("." if late else ": clocks that do not agree?"),
+            )
+        )
 
 
 def _duty(result: Compared, log: RunLog, robot: Robot, ratios: dict[str, float]) -> None:
@@ -300,8 +348,9 @@ def _duty(result: Compared, log: RunLog, robot: Robot, ratios: dict[str, float])
 def refuse(compared: list[tuple[RunLog, Compared]], bounds: Limits) -> list[Finding]:
     """Refuse a case with a channel whose scale is certainly a unit's; what is said of channels whose scale is not.
 
-    One logger wrote all runs. Where a channel follows the nominal robot closely in another of them, it is in its unit there, and what
-    it shows here is what the robot did, unless no robot can: one that slides down a slope goes a hundred times as far as its wheels.
+    One logger wrote all runs. Where a channel follows the nominal robot closely in another of them, it is in its unit
+    there, and what it shows here is what the robot did, unless no robot can: one that slides down a slope goes a
+    hundred times as far as its wheels.
 
     Raises
     ------
@@ -310,13 +359,24 @@ def refuse(compared: list[tuple[RunLog, Compared]], bounds: Limits) -> list[Find
     right = set().union(*(found.right for _, found in compared))
     told = []
     for log, found in compared:
-        wrong = {c: one for c, one in found.wrong.items()
-                 if not right & _pose_of(c) or log.has(c) and _scale_of(log.columns[c]) > bounds.values.get(c, math.inf)}
+        wrong = {
+            c: one
+            for c, one in found.wrong.items()
+            if not right & _pose_of(c) or log.has(c) and _scale_of(log.columns[c]) > bounds.values.get(c, math.inf)
+        }
         if wrong:
             raise _wrong_unit(log, wrong)
-        told += [Finding(log.name, c, "scale", "warning", f"{c} shows {abs(ratio):.3g} times what the nominal robot would in this run, and in "
-                                                          f"others what it would: not in {unit}, unless in this run alone.")
-                 for c, (ratio, unit) in found.wrong.items()]
+        told += [
+            Finding(
+                log.name,
+                c,
+                "scale",
+                "warning",
+                f"{c} shows {abs(ratio):.3g} times what the nominal robot would in this run, and in "
+                f"others what it would: not in {unit}, unless in this run alone.",
+            )
+            for c, (ratio, unit) in found.wrong.items()
+        ]
     return told
 
 
@@ -340,8 +400,8 @@ def _wrong_unit(log: RunLog, wrong: dict[str, tuple[float, str]]) -> InputError:
 def check_minutes(log: RunLog, case: Case) -> None:
     """Refuse a run whose `t` counts minutes where neither its rate nor two channels of one motion show it.
 
-    Taken for seconds, its wheels answer commands of that pace as no motor of this robot does; taken for minutes, the nominal
-    robot follows them closely.
+    Taken for seconds, its wheels answer commands of that pace as no motor of this robot does; taken for minutes, the
+    nominal robot follows them closely.
 
     Raises
     ------
@@ -353,8 +413,11 @@ def check_minutes(log: RunLog, case: Case) -> None:
     commands = np.abs(log.commands(robot.driver.mode)).max(axis=1)
     first = max(0, int(np.argmax(commands > SLIGHT * commands.max())) - 1)
     part = log.rows(first, int(np.searchsorted(log.t, log.t[first] + 1.0 / PER_SECOND["minutes"] / minute)))
-    names = [c for c in (f"{kind}_{s}" for kind in ("w", "th") for s in robot.sides)
-             if c in part.columns and np.isfinite(part.columns[c]).sum() >= FEWEST and robot.noise(c)]
+    names = [
+        c
+        for c in (f"{kind}_{s}" for kind in ("w", "th") for s in robot.sides)
+        if c in part.columns and np.isfinite(part.columns[c]).sum() >= FEWEST and robot.noise(c)
+    ]
     if not names:
         return
     model, pace = nominal_model(robot), []
@@ -362,13 +425,24 @@ def check_minutes(log: RunLog, case: Case) -> None:
         taken = replace(part, t=factor * (part.t - part.t[0]))
         out = replay_run(model, run_inputs(taken, robot))
         columns = {c: out[:, OUTPUT_INDEX[c]] for c in names}
-        if not np.isfinite(out).all() or factor == minute and any(np.std(v) < MOVES * robot.noise(c) for c, v in columns.items()):
+        if (
+            not np.isfinite(out).all()
+            or factor == minute
+            and any(np.std(v) < MOVES * robot.noise(c) for c, v in columns.items())
+        ):
             return
-        pace.append([abs(_match(taken.t[good], part.columns[c][good], taken.t, v, 0.0)) for c, v in columns.items()
-                     for good in (np.isfinite(part.columns[c]),)])
+        pace.append(
+            [
+                abs(_match(taken.t[good], part.columns[c][good], taken.t, v, 0.0))
+                for c, v in columns.items()
+                for good in (np.isfinite(part.columns[c]),)
+            ]
+        )
     if max(pace[0]) < FOLLOWS and min(pace[1]) > CLOSELY:
-        raise InputError(f"{log.path or log.name}: t: is it in minutes? With seconds, the wheels answer commands as no motor of "
-                         "this robot does")
+        raise InputError(
+            f"{log.path or log.name}: t: is it in minutes? With seconds, the wheels answer commands as no motor of "
+            "this robot does"
+        )
 
 
 def refuse_exchanged(case: Case, replays: list[tuple[RunLog, np.ndarray]]) -> None:
@@ -394,21 +468,31 @@ def refuse_exchanged(case: Case, replays: list[tuple[RunLog, np.ndarray]]) -> No
         if log.has("gyro_z"):
             good &= np.isfinite(log.columns["gyro_z"])
             turns.append(np.stack([(right - left)[good], log.columns["gyro_z"][good]]))
-    if not sums or _together(sums) < FOLLOWS or _together(differences) > -FOLLOWS or _together(_apart(differences, sums)) > -FOLLOWS:
+    if (
+        not sums
+        or _together(sums) < FOLLOWS
+        or _together(differences) > -FOLLOWS
+        or _together(_apart(differences, sums)) > -FOLLOWS
+    ):
         return
     turn = _together(turns) if turns else 0.0
     which = "v_cmd_l and v_cmd_r" if turn > FOLLOWS else "w_l and w_r" if turn < -FOLLOWS else "left and right"
     log = replays[0][0]
-    raise InputError(f"{log.path or log.name}: the sum of both wheels follows the commands and their difference runs against them: "
-                     f"are {which} exchanged?")
+    raise InputError(
+        f"{log.path or log.name}: the sum of both wheels follows the commands and their difference runs against them: "
+        f"are {which} exchanged?"
+    )
 
 
 def _apart(differences: list[np.ndarray], sums: list[np.ndarray]) -> list[np.ndarray]:
-    """Differences of both wheels (2, n), measured and nominal, of each run, less what a wheel that is weaker than the other makes
-    of the sum; 0 where no more than half of the nominal ones is left, since on such runs a weak wheel does what an exchange does."""
+    """Differences of both wheels (2, n), measured and nominal, of each run, less what a wheel that is weaker than the
+    other makes of the sum; 0 where no more than half of the nominal ones is left, since on such runs a weak wheel does
+    what an exchange does."""
     found, left, whole = [], 0.0, 0.0
     total = [sum(float(s[k] @ s[k]) for s in sums) for k in range(2)]
-    share = [sum(float(d[k] @ s[k]) for d, s in zip(differences, sums)) / total[k] if total[k] > 0 else 0.0 for k in range(2)]
+    share = [
+        sum(float(d[k] @ s[k]) for d, s in zip(differences, sums)) / total[k] if total[k] > 0 else 0.0 for k in range(2)
+    ]
     for difference, both in zip(differences, sums):
         found.append(np.stack([difference[k] - share[k] * both[k] for k in range(2)]))
         left += float(found[-1][1] @ found[-1][1])

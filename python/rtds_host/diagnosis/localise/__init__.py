@@ -31,11 +31,15 @@ from rtds_host.diagnosis.localise.shares import BLOCKS, Sums, share
 from rtds_host.diagnosis.replay.model import Model
 
 TITLES = {
-    "bus": "supply voltage", "current_l": "command and speed → current, left",
-    "current_r": "command and speed → current, right", "torque_l": "current → speed, left",
+    "bus": "supply voltage",
+    "current_l": "command and speed → current, left",
+    "current_r": "command and speed → current, right",
+    "torque_l": "current → speed, left",
     "torque_r": "current → speed, right",
-    "turn": "wheel speeds → yaw rate", "way": "wheel angles → pose",
-    "speed_twice_l": "speed against angle, left", "speed_twice_r": "speed against angle, right",
+    "turn": "wheel speeds → yaw rate",
+    "way": "wheel angles → pose",
+    "speed_twice_l": "speed against angle, left",
+    "speed_twice_r": "speed against angle, right",
     "yaw_twice": "gyro against yaw",
 }
 
@@ -67,8 +71,11 @@ class Localisation:
 
     def shares(self) -> list[dict[str, object]]:
         """The contract's `located`: subsystems with their share, largest first, summing to 1; [] where no gap is."""
-        return [{"subsystem": s, "share": v}
-                for s, v in sorted(self.located.items(), key=lambda p: (-p[1], SUBSYSTEMS.index(p[0]))) if v > 0]
+        return [
+            {"subsystem": s, "share": v}
+            for s, v in sorted(self.located.items(), key=lambda p: (-p[1], SUBSYSTEMS.index(p[0])))
+            if v > 0
+        ]
 
 
 def localise(case: Case, model: Model, held: bool = False) -> Localisation:
@@ -76,8 +83,8 @@ def localise(case: Case, model: Model, held: bool = False) -> Localisation:
 
     Parameters
     ----------
-    case : the runs. model : the robot as far as it is known: nominal, with nuisances refitted, or with effects. held : take
-    off what blocks leave of the model's own replay, which must then be close: of a model with effects.
+    case : the runs. model : the robot as far as it is known: nominal, with nuisances refitted, or with effects. held :
+    take off what blocks leave of the model's own replay, which must then be close: of a model with effects.
 
     Returns
     -------
@@ -90,9 +97,15 @@ def localise(case: Case, model: Model, held: bool = False) -> Localisation:
     excess = {b: max(sums.energy[b] - sums.count[b], 0.0) for b in sums.blocks}
     whole = sum(excess.values())
     found = tuple(
-        Block(name=b, subsystem=BLOCKS[b], title=TITLES[b], n=sums.count[b],
-              score=float(np.sqrt(sums.energy[b] / sums.count[b])) if sums.count[b] else float("nan"),
-              regimes={r: float(np.sqrt(e / n)) for r, (e, n) in sums.regimes[b].items()},
-              share=excess[b] / whole if whole > 0 else 0.0)
-        for b in sums.blocks)
+        Block(
+            name=b,
+            subsystem=BLOCKS[b],
+            title=TITLES[b],
+            n=sums.count[b],
+            score=float(np.sqrt(sums.energy[b] / sums.count[b])) if sums.count[b] else float("nan"),
+            regimes={r: float(np.sqrt(e / n)) for r, (e, n) in sums.regimes[b].items()},
+            share=excess[b] / whole if whole > 0 else 0.0,
+        )
+        for b in sums.blocks
+    )
     return Localisation(found, located, tuple(chosen), lost(case), lag)

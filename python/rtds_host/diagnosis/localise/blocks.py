@@ -18,9 +18,11 @@ from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 
-def replay_blocks(log: RunLog, robot: Robot, model: Model, where: Extent | None = None, signatures: bool = True) -> Signals:
-    """All blocks of one run, each driven by measured signals, with every cause's signature in them unless it is not asked for;
-    `where`: where all runs went, for what a floor does at a place."""
+def replay_blocks(
+    log: RunLog, robot: Robot, model: Model, where: Extent | None = None, signatures: bool = True
+) -> Signals:
+    """All blocks of one run, each driven by measured signals, with every cause's signature in them unless it is not
+    asked for; `where`: where all runs went, for what a floor does at a place."""
     run = Signals(log, robot, model, signatures)
     bus_block(run)
     for k in run.sides:
@@ -40,16 +42,20 @@ def replay_blocks(log: RunLog, robot: Robot, model: Model, where: Extent | None 
 
 def _as_replayed(log: RunLog, out: np.ndarray) -> RunLog:
     """The run as its replay (n, 11) would have been logged, without noise."""
-    measured = {c: np.where(np.isfinite(log.columns[c]), out[:, k], np.nan) for c, k in OUTPUT_INDEX.items() if c in log.columns}
+    measured = {
+        c: np.where(np.isfinite(log.columns[c]), out[:, k], np.nan) for c, k in OUTPUT_INDEX.items() if c in log.columns
+    }
     return replace(log, columns={**log.columns, **measured})
 
 
-def own_blocks(log: RunLog, robot: Robot, model: Model, where: Extent | None = None, signatures: bool = True) -> Signals:
+def own_blocks(
+    log: RunLog, robot: Robot, model: Model, where: Extent | None = None, signatures: bool = True
+) -> Signals:
     """A run's blocks less what they leave of the model's own replay; parameters as of `replay_blocks`."""
     run = replay_blocks(log, robot, model, where, signatures)
     out = replay_run(model, run_inputs(log, robot))
     if not np.isfinite(out).all():
-        return run                          # a replay that ran away says nothing of the blocks
+        return run  # a replay that ran away says nothing of the blocks
     own = replay_blocks(_as_replayed(log, out), robot, model, signatures=False)
     for name, (residual, noise, rows) in run.blocks.items():
         run.blocks[name] = residual - own.blocks[name][0], noise, rows

@@ -14,8 +14,8 @@ DRIFTS_S = (0.005, 0.02, 0.08)
 # Numerical: largest voltages a second that a driver slews by, and parts of a run that a battery takes to relax.
 SLEWS = (1.0, 3.0, 10.0, 30.0)
 RELAXES = (0.05, 0.2)
-# Numerical: parts of the largest command that a driver is limited to, time constants of a winding's heat, s, and the share of the stall
-# current over which a current's sign turns over.
+# Numerical: parts of the largest command that a driver is limited to, time constants of a winding's heat, s, and the
+# share of the stall current over which a current's sign turns over.
 LIMITS = (0.5, 0.7, 0.85)
 HEATS_S = (8.0, 40.0)
 SIGN_CURRENT = 0.015
@@ -92,12 +92,16 @@ def current_block(run: Signals, k: int) -> None:
     grown = (t - t[0]) / max(t[-1] - t[0], 1e-9)
     for drift in DRIFTS_S:
         late_end, late_mean = run.held(volts, run.delay + drift)
-        run.volt_columns(f"timing:drift{drift:g}", k, grown * (late_end - end), middles(grown) * (late_mean - mean), late=True)
+        run.volt_columns(
+            f"timing:drift{drift:g}", k, grown * (late_end - end), middles(grown) * (late_mean - mean), late=True
+        )
     for slew in SLEWS:
         slow = slewed(end, slew * top * run.dt)
         run.volt_columns(f"driver:slew{slew:g}_{s}", k, slow - end, middles(slow) - mean, late=True)
     for part, relaxed in _relaxed(run):
-        run.volt_columns(f"driver:relax@{part:g}", k, -relaxed / run.supply * end, -middles(relaxed) / run.supply * mean)
+        run.volt_columns(
+            f"driver:relax@{part:g}", k, -relaxed / run.supply * end, -middles(relaxed) / run.supply * mean
+        )
 
     run.volt_columns(f"winding:resistance_{s}", k, -res * i, -middles(res * i))
     for seconds in HEATS_S:

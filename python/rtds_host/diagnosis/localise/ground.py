@@ -25,8 +25,11 @@ def turn_block(run: Signals) -> None:
     if run.gyro is not None and np.isfinite(run.wheel_rate).all():
         noise_gyro = run.robot.noise("gyro_z") / abs(model.get("gyro_gain"))
         true = (run.gyro - model.get("gyro_bias")) / model.get("gyro_gain")
-        noise = np.hypot(noise_gyro, np.hypot(r[0] * np.hypot(run.w_noise[0], run.w_extra[0]),
-                                            r[1] * np.hypot(run.w_noise[1], run.w_extra[1])) / track)
+        noise = np.hypot(
+            noise_gyro,
+            np.hypot(r[0] * np.hypot(run.w_noise[0], run.w_extra[0]), r[1] * np.hypot(run.w_noise[1], run.w_extra[1]))
+            / track,
+        )
         rows = np.isfinite(true) & run.w_rows[0] & run.w_rows[1]
         run.block("turn", true - run.wheel_rate, noise, rows)
     if not run.signatures:
@@ -51,7 +54,8 @@ def turn_block(run: Signals) -> None:
             for cycles in (1, 2):
                 for suffix, wave in (("", np.sin), ("b", np.cos)):
                     run.speed_columns(f"sensing:speed_wobble{cycles}_{s}{suffix}", k, w * wave(cycles * angle), True)
-            # A wheel that is not round or not centred rolls farther and less far by turns, and its sensor knows nothing of it.
+            # A wheel that is not round or not centred rolls farther and less far by turns, and its sensor knows nothing
+            # of it.
             for suffix, wave in (("", np.sin), ("b", np.cos)):
                 cause, error = f"wheel_ground:eccentric_{s}{suffix}", w * wave(angle)
                 run.way_columns(cause, k, error)
@@ -103,15 +107,16 @@ def way_block(run: Signals) -> None:
     forward = 0.5 * (r[0] * run.w[0] + r[1] * run.w[1])
     late = run.way_stack(np.diff(forward), np.diff(run.wheel_rate))
     run.put("timing:pose", "way", late)
-    run.put("timing:pose_drift", "way", late * np.tile(((t - t[0]) / max(t[-1] - t[0], 1e-9))[rows[:-1]], 3 if full else 1))
+    run.put(
+        "timing:pose_drift", "way", late * np.tile(((t - t[0]) / max(t[-1] - t[0], 1e-9))[rows[:-1]], 3 if full else 1)
+    )
     for k in (0, 1):
         s = run.robot.sides[k]
         run.way_columns(f"wheel_ground:radius_{s}", k, run.w[k])
         force = run.mass * 0.25 * (r[0] * run.acc[0] + r[1] * run.acc[1]) * 2
         climb = np.sin(run.slope) * np.cos(run.heading - run.log.meta.uphill_yaw_rad)
         force = (force + run.mass * GRAVITY_M_S2 * climb) * 0.5
-        force = force + (1 if k else -1) * model.get("yaw_inertia") / track**2 * (r[1] * run.acc[1]
-                                                                                  - r[0] * run.acc[0])
+        force = force + (1 if k else -1) * model.get("yaw_inertia") / track**2 * (r[1] * run.acc[1] - r[0] * run.acc[0])
         lost = -run.w[k] * force
         run.way_columns(f"wheel_ground:slip_{s}", k, lost)
         if run.gyro is not None:
@@ -120,8 +125,8 @@ def way_block(run: Signals) -> None:
 
 @dataclass(frozen=True)
 class Extent:
-    """Where a case's runs went: the places that a quarter, half and three quarters of the way along each axis lie at, and how far
-    it is from end to end, m."""
+    """Where a case's runs went: the places that a quarter, half and three quarters of the way along each axis lie at,
+    and how far it is from end to end, m."""
 
     quarters: dict[str, tuple[float, ...]]
     span: float
@@ -136,7 +141,9 @@ def extent(logs: Sequence[RunLog]) -> Extent | None:
     if min(len(values) for values in places.values()) < 3:
         return None
     span = max(float(np.ptp(values)) for values in places.values())
-    quarters = {c: tuple(float(values.min() + part * np.ptp(values)) for part in QUARTERS) for c, values in places.items()}
+    quarters = {
+        c: tuple(float(values.min() + part * np.ptp(values)) for part in QUARTERS) for c, values in places.items()
+    }
     return Extent(quarters, span) if span > 0.0 else None
 
 
@@ -147,9 +154,13 @@ def floor_columns(run: Signals, where: Extent) -> None:
         weight = GRAVITY_M_S2 * 0.5 * run.model.get("radius", k) * run.mass
         for axis, place in (("x", x), ("y", y)):
             for at in where.quarters[axis]:
-                run.torque_columns(f"wheel_ground:patch_{axis}@{at:g}", k, middles(-run.sign[k] * weight * (place > at)))
+                run.torque_columns(
+                    f"wheel_ground:patch_{axis}@{at:g}", k, middles(-run.sign[k] * weight * (place > at))
+                )
         for part in WAVES:
             wave = 2.0 * np.pi / (part * where.span)
             for axis, place, along in (("x", x, np.cos(run.heading)), ("y", y, np.sin(run.heading))):
                 for name, of in (("s", np.sin), ("c", np.cos)):
-                    run.torque_columns(f"wheel_ground:bumps{part:g}@{axis}{name}", k, middles(-weight * along * of(wave * place)))
+                    run.torque_columns(
+                        f"wheel_ground:bumps{part:g}@{axis}{name}", k, middles(-weight * along * of(wave * place))
+                    )

@@ -9,8 +9,8 @@ from rtds_host.diagnosis.chance import APART, MOVES
 from rtds_host.diagnosis.localise.series import cumulated, filled, first_order, middles, near, smooth
 from rtds_host.diagnosis.localise.signals import WINDOW_S, Signals
 
-# Numerical: parts of the largest force met that a tyre may pass on, and of the largest current beyond which a motor's torque falls
-# behind; and how long a tyre that lost its grip takes to regain it.
+# Numerical: parts of the largest force met that a tyre may pass on, and of the largest current beyond which a motor's
+# torque falls behind; and how long a tyre that lost its grip takes to regain it.
 TRACTIONS = (0.2, 0.4, 0.6, 0.8)
 SLIPPED_S = 0.1
 # Numerical: speeds over which friction fades, of the speed without load, and cycles a turn of a ripple.
@@ -36,13 +36,20 @@ def torque_block(run: Signals, k: int) -> None:
         if APART * tau < float(np.median(dt)):
             # Between rows the current follows voltage and speed; its measured end fixes the level.
             start = (run.v_mean[k] - ke * w[:-1]) / middles(res)
-            mean = (i[1:] + (run.v_mean[k] - run.v_end[k][1:]) / middles(res)
-                    + ke / middles(res) * (w[1:] - run.w_mean[k]) + tau / dt * (i[:-1] - start))
+            mean = (
+                i[1:]
+                + (run.v_mean[k] - run.v_end[k][1:]) / middles(res)
+                + ke / middles(res) * (w[1:] - run.w_mean[k])
+                + tau / dt * (i[:-1] - start)
+            )
         else:
             mean = middles(i)
         drive = run.km[k] * mean
-        current_noise = (run.robot.noise(f"i_{s}") / abs(model.get("current_gain", k)) if run.has_i[k]
-                         else float(np.mean(ke / res)) * run.w_noise[k])
+        current_noise = (
+            run.robot.noise(f"i_{s}") / abs(model.get("current_gain", k))
+            if run.has_i[k]
+            else float(np.mean(ke / res)) * run.w_noise[k]
+        )
     elif run.has_i[k]:
         drive = run.km[k] * middles(i)
         current_noise = run.robot.noise(f"i_{s}")
@@ -74,7 +81,7 @@ def torque_block(run: Signals, k: int) -> None:
         pull = -(model.get("axis_mass") + run.log.meta.payload_kg) * arm
     torque = drive - fluid * mid + middles(pull)
     # Effects that the model already holds.
-    dry = model.get("coulomb", k) + model.get("stribeck", k) * np.exp(-(mid / model.get("stribeck_speed", k)) ** 2)
+    dry = model.get("coulomb", k) + model.get("stribeck", k) * np.exp(-((mid / model.get("stribeck_speed", k)) ** 2))
     if run.body:
         dry = dry + model.get("rolling") * run.mass * GRAVITY_M_S2 * 0.5 * r
         torque = torque - lever * model.get("scrub") * yaw_sign_mid
@@ -107,7 +114,7 @@ def torque_block(run: Signals, k: int) -> None:
     put(f"drivetrain:coulomb_{s}", -sign_mid)
     put(f"drivetrain:steady_{s}", np.ones(run.n - 1))
     for fade in FADES:
-        put(f"drivetrain:stribeck{fade:g}_{s}", -sign_mid * np.exp(-(mid / (fade * run.machine.speed)) ** 2))
+        put(f"drivetrain:stribeck{fade:g}_{s}", -sign_mid * np.exp(-((mid / (fade * run.machine.speed)) ** 2)))
     put(f"drivetrain:viscous_{s}", -max(gear**2 * model.get("viscous", k), 1e-9) * mid)
     put(f"drivetrain:quadratic_{s}", -mid * np.abs(mid))
     put(f"drivetrain:direction_{s}", -np.abs(sign_mid))
@@ -122,8 +129,9 @@ def torque_block(run: Signals, k: int) -> None:
             put(f"drivetrain:detent{ahead}_{s}", wave * np.sin(middles(angle)))
             put(f"drivetrain:detent{ahead}_{s}b", wave * np.cos(middles(angle)))
     put(f"drivetrain:growing_{s}", -sign_mid * middles(t - t[0]))
-    run.put(f"drivetrain:inertia_{s}", f"torque_{s}", -run.cut(gear**2 * model.get("rotor_inertia", k) * w)
-              / run.inertia[k])
+    run.put(
+        f"drivetrain:inertia_{s}", f"torque_{s}", -run.cut(gear**2 * model.get("rotor_inertia", k) * w) / run.inertia[k]
+    )
     if load is not None:
         rate = np.gradient(smooth(load, run.half), t)
         knock = np.gradient(np.tanh(smooth(load, run.half) / (SIGN_LOAD * run.machine.torque)), t)
@@ -156,7 +164,8 @@ def torque_block(run: Signals, k: int) -> None:
         slope = np.diff(end, prepend=end[0])
         run.put(f"sensing:current_lag_{s}", f"current_{s}", -slope)
         put(f"sensing:current_lag_{s}", run.km[k] * middles(slope))
-        # One that lies in whatever way: what it reads beyond what voltage and speed ask for, in the current and in no torque.
+        # One that lies in whatever way: what it reads beyond what voltage and speed ask for, in the current and in no
+        # torque.
         read = smooth(i - end, run.half)
         run.put(f"sensing:current_fault_{s}", f"current_{s}", read)
         put(f"sensing:current_fault_{s}", -run.km[k] * middles(read))
@@ -164,7 +173,10 @@ def torque_block(run: Signals, k: int) -> None:
         put(f"winding:saturation_{s}", -run.km[k] * middles(i * np.abs(i)))
         largest = float(np.max(np.abs(smooth(i, run.half)), initial=0.0))
         for part in TRACTIONS:
-            put(f"winding:saturation@{part:g}_{s}", -run.km[k] * middles(i - np.clip(i, -part * largest, part * largest)))
+            put(
+                f"winding:saturation@{part:g}_{s}",
+                -run.km[k] * middles(i - np.clip(i, -part * largest, part * largest)),
+            )
     elif run.voltage_mode:
         put(f"winding:constant_{s}", drive)
     if run.body:
@@ -176,8 +188,12 @@ def torque_block(run: Signals, k: int) -> None:
         uphill = run.heading - run.log.meta.uphill_yaw_rad
         put("chassis:slope", -weight * run.mass * middles(np.cos(uphill)))
         put("chassis:slope_side", -weight * run.mass * middles(np.sin(uphill)))
-        put("chassis:com_x", lever * run.mass * (GRAVITY_M_S2 * middles(side_climb)
-                                                  - middles(0.5 * r * (run.w[0] + run.w[1]) * run.wheel_rate)))
+        put(
+            "chassis:com_x",
+            lever
+            * run.mass
+            * (GRAVITY_M_S2 * middles(side_climb) - middles(0.5 * r * (run.w[0] + run.w[1]) * run.wheel_rate)),
+        )
         put("chassis:com_x", 0.5 * r * run.mass * middles(run.wheel_rate) ** 2)
         put("chassis:com_y", lever * run.mass * GRAVITY_M_S2 * middles(climb))
         put("chassis:yaw_inertia", -middles(turn_acc))

@@ -15,13 +15,21 @@ from rtds_host.diagnosis.nuisances import BAND, PRIOR
 
 # Which subsystem a block's own, unexplained residual speaks of.
 BLOCKS = {
-    "bus": "driver", "current_l": "driver", "current_r": "driver", "torque_l": "drivetrain",
-    "torque_r": "drivetrain", "turn": "wheel_ground", "way": "wheel_ground",
-    "speed_twice_l": "sensing", "speed_twice_r": "sensing", "yaw_twice": "sensing",
+    "bus": "driver",
+    "current_l": "driver",
+    "current_r": "driver",
+    "torque_l": "drivetrain",
+    "torque_r": "drivetrain",
+    "turn": "wheel_ground",
+    "way": "wheel_ground",
+    "speed_twice_l": "sensing",
+    "speed_twice_r": "sensing",
+    "yaw_twice": "sensing",
 }
 # Signatures of the contract's nuisances, ratios all; beyond `BAND` a ratio is a cause of its own.
 NUISANCES = ("winding:resistance", "winding:constant", "drivetrain:inertia", "drivetrain:viscous")
-# Physical: a sensor's noise is known to this share of its energy; what is less, of the noise or of all there is, is not seen in it.
+# Physical: a sensor's noise is known to this share of its energy; what is less, of the noise or of all there is, is not
+# seen in it.
 FAINT = 0.05
 # The signature of a current sensor that lies in whatever way.
 CURRENT_FAULT = "sensing:current_fault"
@@ -41,7 +49,9 @@ def group_of(cause: str) -> str:
 
 
 def in_noise(run: Signals, b: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A block's residuals that count, over their noise, (m,); their places in the block and the rows of the log, both (m,)."""
+    """A block's residuals that count, over their noise, (m,); their places in the block and the rows of the log, both
+    (m,).
+    """
     residual, noise, rows = run.blocks[b]
     take = np.arange(len(residual)) if b == "way" else np.flatnonzero(rows)
     at = rows[take] if b == "way" else take
@@ -53,7 +63,8 @@ def in_noise(run: Signals, b: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 class Sums:
     """Normal equations of all blocks and runs: `gram[block]`, `cross[block]`, `energy[block]`, `count[block]`.
 
-    known : the model holds what was found, so that free play and springs, which a block does not know, are in it if anywhere.
+    known : the model holds what was found, so that free play and springs, which a block does not know, are in it if
+    anywhere.
     """
 
     def __init__(self, runs: list[Signals], known: bool = False):
@@ -125,11 +136,15 @@ class Sums:
 
     @property
     def floor(self) -> float:
-        """Energy of the noise: it is known to a few per cent only, and what no column at all can lower is not excess."""
+        """Energy of the noise: it is known to a few per cent only, and what no column at all can lower is not
+        excess.
+        """
         return sum(min(self.count[b], self.energy[b]) for b in self.blocks)
 
     def explained(self, columns: list[int], loose: set[int]) -> tuple[float, np.ndarray]:
-        """Energy that columns explain, and their sizes: nuisances, but for those in `loose`, within their prior and within `BAND`."""
+        """Energy that columns explain, and their sizes: nuisances, but for those in `loose`, within their prior and
+        within `BAND`.
+        """
         nuisance = set(self.always)
         fixed = np.zeros(len(columns))
         held = np.zeros(len(columns), bool)
@@ -198,8 +213,14 @@ class Sums:
 
 def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], float]:
     """Explain the residual energy by signatures, one at a time; the rest stays with its block."""
-    names, blocks, gram, cross, energy, count = (sums.names, sums.blocks, sums.gram, sums.cross, sums.energy,
-                                                 sums.count)
+    names, blocks, gram, cross, energy, count = (
+        sums.names,
+        sums.blocks,
+        sums.gram,
+        sums.cross,
+        sums.energy,
+        sums.count,
+    )
     excess = {b: max(energy[b] - count[b], 0.0) for b in blocks}
     groups = sums.groups
     # The column of a speed sensor's fault holds that sensor's noise: it counts only where the two readings disagree.
@@ -220,7 +241,11 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
     for _ in groups:
         best = None
         for group, members in groups.items():
-            if "steady" in group or (group == "sensing:speed_fault" and not twice) or any(group == g for g, _, _ in chosen):
+            if (
+                "steady" in group
+                or (group == "sensing:speed_fault" and not twice)
+                or any(group == g for g, _, _ in chosen)
+            ):
                 continue
             # Of delays one is there; all of them together would be any filter.
             for chosen_of in [[j] for j in members] if group == LATE else [members]:

@@ -11,17 +11,20 @@ from rtds_host.diagnosis.localise.series import Windows, cumulated, filled, firs
 from rtds_host.diagnosis.machine import machine_of
 from rtds_host.diagnosis.replay.model import Model
 
-# Blocks start anew from what is measured once a discrepancy has come and gone: the longer, the better small torques show, and the
-# farther a wrong start leads.
+# Blocks start anew from what is measured once a discrepancy has come and gone: the longer, the better small torques
+# show, and the farther a wrong start leads.
 WINDOW_S = LONGEST_S
-# Numerical: over how many volts of a bridge, and over what share of the largest speed or how many noises, a sign turns over.
+# Numerical: over how many volts of a bridge, and over what share of the largest speed or how many noises, a sign turns
+# over.
 SIGN_V, SIGN_SHARE, SIGN_NOISES = 0.05, 0.02, 2.0
 # Numerical: to either side of a row over which a speed is averaged.
 SMOOTH_S = 0.015
 
 
 class Signals:
-    """Signals of one run, brought to its rows, with each block's residual and, where asked for, the signatures' columns."""
+    """Signals of one run, brought to its rows, with each block's residual and, where asked for, the signatures'
+    columns.
+    """
 
     def __init__(self, log: RunLog, robot: Robot, model: Model, signatures: bool = True):
         self.log, self.robot, self.model, self.signatures = log, robot, model, signatures
@@ -150,8 +153,11 @@ class Signals:
                 self.heading = filled(t, self.yaw)
             else:
                 start = 0.0
-                turn = rate if self.gyro is None else ((filled(t, self.gyro) - model.get("gyro_bias"))
-                                                       / model.get("gyro_gain"))
+                turn = (
+                    rate
+                    if self.gyro is None
+                    else ((filled(t, self.gyro) - model.get("gyro_bias")) / model.get("gyro_gain"))
+                )
                 self.heading = start + cumulated(middles(turn), self.dt)
             self.mass = model.get("mass") + log.meta.payload_kg
             self.slope = log.meta.slope_rad + model.get("slope_extra")
@@ -160,8 +166,10 @@ class Signals:
         self.half = half
         self.acc = [np.gradient(smooth(w, half), t) for w in self.w]
         speed = max(float(np.nanmax(np.abs(w), initial=0.0)) for w in self.w)
-        self.sign = [np.tanh(smooth(w, half) / max(SIGN_SHARE * speed, SIGN_NOISES * noise, 1e-9))
-                     for w, noise in zip(self.w, self.w_noise)]
+        self.sign = [
+            np.tanh(smooth(w, half) / max(SIGN_SHARE * speed, SIGN_NOISES * noise, 1e-9))
+            for w, noise in zip(self.w, self.w_noise)
+        ]
 
     def _loads(self) -> None:
         """Inertia that each motor moves, and the speeds' means between the rows."""

@@ -1,8 +1,10 @@
-"""What the blocks say of each effect of a model: whether it opens them, and whether it stands in for a cause without a name.
+"""What the blocks say of each effect of a model: whether it opens them, and whether it stands in for a cause without a
+name.
 
-In the blocks, which measured signals drive, what an effect does is known exactly: the residual without it less the one with it. All these
-differences, the nuisances and the signature of a cause that no effect is named for are fitted to what the model leaves there. If that
-cause explains most of what is left, and an effect shrinks to less than half beside it, the effect was a part of that cause.
+In the blocks, which measured signals drive, what an effect does is known exactly: the residual without it less the one
+with it. All these differences, the nuisances and the signature of a cause that no effect is named for are fitted to
+what the model leaves there. If that cause explains most of what is left, and an effect shrinks to less than half beside
+it, the effect was a part of that cause.
 """
 
 from __future__ import annotations
@@ -25,30 +27,53 @@ Member = tuple[str, str]
 
 # Causes among the signatures that no effect of the catalogue is named for, and what a report calls them.
 NAMELESS = {
-    "driver:crosstalk": "the other side's command", "driver:hysteresis": "a driver that hangs on the way its command came",
-    "driver:relax": "a battery that follows its load late", **{f"driver:slew{slew:g}": "a driver that slews" for slew in SLEWS},
+    "driver:crosstalk": "the other side's command",
+    "driver:hysteresis": "a driver that hangs on the way its command came",
+    "driver:relax": "a battery that follows its load late",
+    **{f"driver:slew{slew:g}": "a driver that slews" for slew in SLEWS},
     "winding:saturation": "a torque that falls behind its current",
-    "drivetrain:quadratic": "a drag by the square of the speed", "drivetrain:growing": "a friction that grows",
-    "drivetrain:place": "a friction at one place of the turn", "drivetrain:detent": "a ripple at one place of the turn",
-    "wheel_ground:turn_drag": "a drag by the yaw rate", "wheel_ground:patch_x": "a patch of the floor",
-    "wheel_ground:patch_y": "a patch of the floor", **{f"wheel_ground:traction{part:g}": "a tyre that gives way" for part in TRACTIONS},
-    "chassis:drag": "a drag on the body", "chassis:tether": "a tether",
-    "sensing:current_bend": "a current sensor that bends", "sensing:current_lag": "a current sensor that lags",
-    "timing:pose_drift": "clocks that drift", **{f"timing:drift{drift:g}": "clocks that drift" for drift in DRIFTS_S},
+    "drivetrain:quadratic": "a drag by the square of the speed",
+    "drivetrain:growing": "a friction that grows",
+    "drivetrain:place": "a friction at one place of the turn",
+    "drivetrain:detent": "a ripple at one place of the turn",
+    "wheel_ground:turn_drag": "a drag by the yaw rate",
+    "wheel_ground:patch_x": "a patch of the floor",
+    "wheel_ground:patch_y": "a patch of the floor",
+    **{f"wheel_ground:traction{part:g}": "a tyre that gives way" for part in TRACTIONS},
+    "chassis:drag": "a drag on the body",
+    "chassis:tether": "a tether",
+    "sensing:current_bend": "a current sensor that bends",
+    "sensing:current_lag": "a current sensor that lags",
+    "timing:pose_drift": "clocks that drift",
+    **{f"timing:drift{drift:g}": "clocks that drift" for drift in DRIFTS_S},
 }
-# Of these, what is of another size at another place of the turn, the effects that it is a constant of elsewhere, and the sizes in a model
-# (N m) that the constant is the sum of. A friction pushes nowhere: where one changes by so much over the turn, so much of its mean is not constant.
-OVER_A_TURN = {"drivetrain:place": {"coulomb_friction": ("coulomb",), "stribeck_friction": ("coulomb", "stribeck")},
-               "drivetrain:detent": {"torque_ripple": ("ripple",)}}
-# Signatures that could be anything of a block: whatever a sensor or a torque does, a floor's bumps, a wheel out of true, any delay.
-ANYTHING = ("drivetrain:steady", "sensing:current_fault", "sensing:speed_fault", "sensing:speed_wobble", "wheel_ground:eccentric",
-            "wheel_ground:bumps", "timing:", "driver:bus", "effect:")
+# Of these, what is of another size at another place of the turn, the effects that it is a constant of elsewhere, and
+# the sizes in a model (N m) that the constant is the sum of. A friction pushes nowhere: where one changes by so much
+# over the turn, so much of its mean is not constant.
+OVER_A_TURN = {
+    "drivetrain:place": {"coulomb_friction": ("coulomb",), "stribeck_friction": ("coulomb", "stribeck")},
+    "drivetrain:detent": {"torque_ripple": ("ripple",)},
+}
+# Signatures that could be anything of a block: whatever a sensor or a torque does, a floor's bumps, a wheel out of
+# true, any delay.
+ANYTHING = (
+    "drivetrain:steady",
+    "sensing:current_fault",
+    "sensing:speed_fault",
+    "sensing:speed_wobble",
+    "wheel_ground:eccentric",
+    "wheel_ground:bumps",
+    "timing:",
+    "driver:bus",
+    "effect:",
+)
 
 
 @dataclass(frozen=True)
 class Absences:
-    """left : excess energy of all blocks with every effect in, of `count` residuals; opened : effect -> how much of it the effect brought;
-    kept : effect -> the share of it that is left beside `cause`, empty where no cause without a name explains most of what is left."""
+    """left : excess energy of all blocks with every effect in, of `count` residuals; opened : effect -> how much of it
+    the effect brought; kept : effect -> the share of it that is left beside `cause`, empty where no cause without a
+    name explains most of what is left."""
 
     left: float
     count: int
@@ -67,7 +92,9 @@ def absences(case: Case, model: Model, gone: Mapping[Member, Model]) -> Absences
         for member, other in gone.items():
             less = own_blocks(log, case.robot, other, signatures=False)
             without[member].append(less)
-            run.columns[names[member]] = {b: less.blocks[b][0] - run.blocks[b][0] for b in run.blocks if b in less.blocks}
+            run.columns[names[member]] = {
+                b: less.blocks[b][0] - run.blocks[b][0] for b in run.blocks if b in less.blocks
+            }
         runs.append(run)
     left, count = excess_energy(runs)
     opened = {member: left - excess_energy(found)[0] for member, found in without.items()}
@@ -82,7 +109,9 @@ def _kept(sums: Sums, names: Mapping[Member, str], model: Model) -> tuple[dict[M
     left = _left(sums, picked)
     if left < FAINT * sums.floor:
         return {}, ""
-    named = [columns for group, columns in sums.groups.items() if group not in NAMELESS and not group.startswith(ANYTHING)]
+    named = [
+        columns for group, columns in sums.groups.items() if group not in NAMELESS and not group.startswith(ANYTHING)
+    ]
     gains = {}
     for group in NAMELESS.keys() & sums.groups.keys():
         columns = sums.groups[group]
@@ -93,12 +122,19 @@ def _kept(sums: Sums, names: Mapping[Member, str], model: Model) -> tuple[dict[M
         return {}, ""
     beside = [*picked, *sums.groups[best]]
     sizes = dict(zip(beside, sums.explained(beside, set())[1]))
-    changes = {side: math.hypot(*(sizes[j] for j in sums.groups[best] if sums.names[j].endswith((f"_{side}", f"_{side}b")))) for side in "lr"}
-    return {member: min(1.0 + float(sizes[j]), _constant(best, member, changes, model)) for member, j in effects.items()}, NAMELESS[best]
+    changes = {
+        side: math.hypot(*(sizes[j] for j in sums.groups[best] if sums.names[j].endswith((f"_{side}", f"_{side}b"))))
+        for side in "lr"
+    }
+    return {
+        member: min(1.0 + float(sizes[j]), _constant(best, member, changes, model)) for member, j in effects.items()
+    }, NAMELESS[best]
 
 
 def _constant(cause: str, member: Member, changes: Mapping[str, float], model: Model) -> float:
-    """The share of an effect that is the same all over the turn, where it is one of those that a cause changes by so much, side -> N m."""
+    """The share of an effect that is the same all over the turn, where it is one of those that a cause changes by so
+    much, side -> N m.
+    """
     slots = OVER_A_TURN.get(cause, {}).get(member[0], ())
     sizes = {k: sum(abs(model.get(slot, k)) for slot in slots) for k in SIDES[member[1]]}
     return min((1.0 - changes["lr"[k]] / size for k, size in sizes.items() if size), default=1.0)
@@ -107,9 +143,10 @@ def _constant(cause: str, member: Member, changes: Mapping[str, float], model: M
 def _its_own(sums: Sums, columns: list[int], others: list[int], picked: list[int]) -> bool:
     """Whether a cause is more than what effects and tolerances (`others`) make.
 
-    On a robot that drives straight the other side's command is a gain; where none turns back within a run, a driver that hangs on the
-    way its command came is a dead zone. By a tenth that is its own a cause takes a part of any rest; but nearly all of it, beside those others
-    and all that is in (`picked`), only if it is there: a bend and viscous friction make most of a drag by the square.
+    On a robot that drives straight the other side's command is a gain; where none turns back within a run, a driver
+    that hangs on the way its command came is a dead zone. By a tenth that is its own a cause takes a part of any rest;
+    but nearly all of it, beside those others and all that is in (`picked`), only if it is there: a bend and viscous
+    friction make most of a drag by the square.
     """
     if max(sums.own(j, others) for j in columns) >= SLIGHT:
         return True

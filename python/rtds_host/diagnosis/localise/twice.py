@@ -38,8 +38,9 @@ def yaw_twice_block(run: Signals) -> None:
     rows &= run.cut_twice.whole(near(run.t, np.isfinite(run.gyro)))
     step = float(np.median(np.diff(run.t[np.isfinite(run.gyro)])))
     walk = run.robot.noise("gyro_z") ** 2 * step * gap.WINDOW_S / 6.0
-    run.block("yaw_twice", run.cut_twice(filled(run.t, run.yaw) - turned),
-                np.sqrt(run.robot.noise("yaw") ** 2 + walk), rows)
+    run.block(
+        "yaw_twice", run.cut_twice(filled(run.t, run.yaw) - turned), np.sqrt(run.robot.noise("yaw") ** 2 + walk), rows
+    )
     if not run.signatures:
         return
     run.put("sensing:gyro_gain", "yaw_twice", -run.cut_twice(turned))

@@ -25,7 +25,8 @@ import numpy as np
 from rtds_host.contract import GRAVITY_M_S2
 from rtds_host.diagnosis.replay.slots import COMMON_INDEX, SIDE_INDEX
 
-# Numerical: a tyre that slides counts as if its force still grew with its shear by this share, so that it is found again.
+# Numerical: a tyre that slides counts as if its force still grew with its shear by this share, so that it is found
+# again.
 FLAT = 0.02
 # Numerical: and its shear is that of so many times the grip at most.
 SLIDING = 20.0
@@ -36,31 +37,39 @@ LEAST_GAIN = 0.1
 # Numerical: how often a step is taken whose friction or bus hangs on its own currents and forces.
 TRIALS = 2
 
-R, L, KM, KB, J, B = (SIDE_INDEX[n] for n in ("resistance", "inductance", "torque_constant", "back_emf",
-                                              "rotor_inertia", "viscous"))
+R, L, KM, KB, J, B = (
+    SIDE_INDEX[n] for n in ("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia", "viscous")
+)
 CURVE = SIDE_INDEX["pwm_curve"]
-RADIUS, V_GAIN, DEADZONE, DROP, LIMIT = (SIDE_INDEX[n] for n in ("radius", "voltage_gain", "deadzone", "drop",
-                                                                 "limit"))
+RADIUS, V_GAIN, DEADZONE, DROP, LIMIT = (SIDE_INDEX[n] for n in ("radius", "voltage_gain", "deadzone", "drop", "limit"))
 HEAT_RISE, HEAT_TAU = SIDE_INDEX["heat_rise"], SIDE_INDEX["heat_tau"]
 COULOMB, STRIBECK, STRIBECK_W = (SIDE_INDEX[n] for n in ("coulomb", "stribeck", "stribeck_speed"))
-VISCOUS_W, ASYM, ASYM_V, LOAD = (SIDE_INDEX[n] for n in ("viscous_wheel", "asymmetry", "asymmetry_viscous",
-                                                         "load_share"))
+VISCOUS_W, ASYM, ASYM_V, LOAD = (
+    SIDE_INDEX[n] for n in ("viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share")
+)
 BACKLASH, RESTITUTION, STIFF, DAMP = (SIDE_INDEX[n] for n in ("backlash", "restitution", "stiffness", "damping"))
 RIPPLE, RIPPLE_N, RIPPLE_PHI = (SIDE_INDEX[n] for n in ("ripple", "ripple_cycles", "ripple_phase"))
-SLIP, SLIP_LENGTH, SLIP_DAMPING, SLIP_GRIP = (SIDE_INDEX[n] for n in ("slip", "slip_relaxation", "slip_damping",
-                                                                     "slip_grip"))
-W_GAIN, I_GAIN, I_BIAS, W_TAU, W_LATE = (SIDE_INDEX[n] for n in ("speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late"))
-GEAR, SUPPLY, MASS, IZ, JW, TRACK = (COMMON_INDEX[n] for n in ("gear_ratio", "supply", "mass", "yaw_inertia",
-                                                               "wheel_inertia", "track"))
-SOURCE_R, DECLINE, SCRUB, ROLLING, COM_X, COM_Y = (COMMON_INDEX[n] for n in (
-    "source_resistance", "decline", "scrub", "rolling", "com_x", "com_y"))
-SLOPE_X, GYRO_GAIN, GYRO_BIAS, CMD_DELAY, MEAS_DELAY = (COMMON_INDEX[n] for n in (
-    "slope_extra", "gyro_gain", "gyro_bias", "command_delay", "measurement_delay"))
+SLIP, SLIP_LENGTH, SLIP_DAMPING, SLIP_GRIP = (
+    SIDE_INDEX[n] for n in ("slip", "slip_relaxation", "slip_damping", "slip_grip")
+)
+W_GAIN, I_GAIN, I_BIAS, W_TAU, W_LATE = (
+    SIDE_INDEX[n] for n in ("speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late")
+)
+GEAR, SUPPLY, MASS, IZ, JW, TRACK = (
+    COMMON_INDEX[n] for n in ("gear_ratio", "supply", "mass", "yaw_inertia", "wheel_inertia", "track")
+)
+SOURCE_R, DECLINE, SCRUB, ROLLING, COM_X, COM_Y = (
+    COMMON_INDEX[n] for n in ("source_resistance", "decline", "scrub", "rolling", "com_x", "com_y")
+)
+SLOPE_X, GYRO_GAIN, GYRO_BIAS, CMD_DELAY, MEAS_DELAY = (
+    COMMON_INDEX[n] for n in ("slope_extra", "gyro_gain", "gyro_bias", "command_delay", "measurement_delay")
+)
 MODE, TORQUE_V, BUS_MEAS = (COMMON_INDEX[n] for n in ("mode", "torque_per_volt", "bus_measured"))
 KP, KI, SERVO_LIMIT, SERVO_T = (COMMON_INDEX[n] for n in ("servo_kp", "servo_ki", "servo_limit", "servo_period"))
 LATENCY, RELEASE = COMMON_INDEX["latency"], COMMON_INDEX["servo_release"]
-AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = (COMMON_INDEX[n] for n in ("axis", "axis_inertia", "axis_mass", "axis_arm",
-                                                               "axis_zero"))
+AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = (
+    COMMON_INDEX[n] for n in ("axis", "axis_inertia", "axis_mass", "axis_arm", "axis_zero")
+)
 
 # Regimes of a side's gear in the step: rigid, spring, free play (free, pushing forwards, pushing backwards).
 _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0, 1, 2, 3, 4
@@ -86,16 +95,16 @@ def _commanded(side, com, volts):
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def behind(side, speed, reported):
-    """A speed's filter at a start, where the speed and what is reported of it are known: of a steady change a filter's share of
-    the lag."""
+    """A speed's filter at a start, where the speed and what is reported of it are known: of a steady change a filter's
+    share of the lag."""
     lag = side[W_TAU] + side[W_LATE]
     return speed + (reported - speed) * side[W_TAU] / lag if lag > 0.0 else reported
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def begun(side, current, reported, noise):
-    """A current at a start, where the sensor reported so much: what its gain and its bias make that, none where that is noise. `current`
-    where it reported nothing, NaN, or hardly reports at all."""
+    """A current at a start, where the sensor reported so much: what its gain and its bias make that, none where that is
+    noise. `current` where it reported nothing, NaN, or hardly reports at all."""
     if not (abs(reported) < np.inf and abs(side[I_GAIN]) > LEAST_GAIN):
         return current
     beyond = reported - side[I_BIAS]
@@ -104,8 +113,8 @@ def begun(side, current, reported, noise):
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def behind_driver(volts, emf, limit, drop):
-    """Voltage at a winding, V, of what a driver is asked for: within its limit, less its drop. Above zero that goes as far as stopping the
-    current; below it stands for one of that size whatever it does to the current."""
+    """Voltage at a winding, V, of what a driver is asked for: within its limit, less its drop. Above zero that goes as
+    far as stopping the current; below it stands for one of that size whatever it does to the current."""
     volts = min(max(volts, -limit), limit)
     u = volts - emf
     against = -drop if u > 0.0 else (drop if u < 0.0 else 0.0)
@@ -121,11 +130,13 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     t : (n,) s, times of the samples wanted; the first is where the replay starts.
     t_cmd : (m,) s, times of the commands, which may begin before t; cmd : (m, 2) V (rad/s in speed mode), held until
         the next; bus_log : (m,) V at the same times, used where `bus_measured` is set.
-    angle : (m, 2) rad, the wheels' measured angles at the same times, which a ripple then follows, or (0, 2): a replay drifts,
+    angle : (m, 2) rad, the wheels' measured angles at the same times, which a ripple then follows, or (0, 2): a replay
+    drifts,
         and what repeats twelve times a turn is soon out of step.
     side : (2, len(SIDE)); com : (len(COMMON),), see `slots`.
     run : (4,) payload kg, slope rad, uphill yaw rad, time s at which the run began.
-    start : (15,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at t[0], w_l, w_r, i_l, i_r as reported there (currents: NaN where not), and what
+    start : (15,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at t[0], w_l, w_r, i_l, i_r as reported there (currents: NaN
+    where not), and what
         of these currents noise may be.
     h_max : s, longest step; h_play : s, the same while a rotor is within its free play, where it meets a flank next.
     out : (n, 11) filled with what the sensors would report, columns as `slots.OUTPUTS`.
@@ -150,13 +161,13 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     scrub = com[SCRUB]
 
     x, y, yaw = start[0], start[1], start[2]
-    th = np.empty(2)          # wheel angles
-    w = np.empty(2)           # wheel speeds
-    wm = np.empty(2)          # rotor speeds, at the wheel's side of the gear
-    play = np.zeros(2)        # rotor angle less wheel angle, at the wheel's side
+    th = np.empty(2)  # wheel angles
+    w = np.empty(2)  # wheel speeds
+    wm = np.empty(2)  # rotor speeds, at the wheel's side of the gear
+    play = np.zeros(2)  # rotor angle less wheel angle, at the wheel's side
     cur = np.empty(2)
     rise = np.zeros(2)
-    wf = np.empty(2)          # filtered speeds
+    wf = np.empty(2)  # filtered speeds
     contact = np.zeros(2, np.int64)
     stick = np.zeros(2, np.int64)
     force = np.zeros(2)
@@ -177,19 +188,24 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
         elif side[k, BACKLASH] > 0.0:
             contact[k] = _FREE
             flexible = True
-        if (side[k, COULOMB] != 0.0 or side[k, STRIBECK] != 0.0 or side[k, ASYM] != 0.0 or side[k, LOAD] != 0.0
-                or com[ROLLING] != 0.0):
+        if (
+            side[k, COULOMB] != 0.0
+            or side[k, STRIBECK] != 0.0
+            or side[k, ASYM] != 0.0
+            or side[k, LOAD] != 0.0
+            or com[ROLLING] != 0.0
+        ):
             dry = True
         if side[k, LOAD] != 0.0:
             outer = TRIALS
     slipping = side[0, SLIP] != 0.0 or side[1, SLIP] != 0.0
-    tyre = np.zeros(2)        # shear of the tyres over their relaxation length
-    whole = np.zeros(2)       # force that this shear would give with all the grip there could be
-    shear_tau = np.zeros(2)   # damping over stiffness
-    late = np.ones(2)         # where in a step its equation holds: half way, or at the end where damping is too little
+    tyre = np.zeros(2)  # shear of the tyres over their relaxation length
+    whole = np.zeros(2)  # force that this shear would give with all the grip there could be
+    shear_tau = np.zeros(2)  # damping over stiffness
+    late = np.ones(2)  # where in a step its equation holds: half way, or at the end where damping is too little
     give, tangent, taken, asked = np.zeros(2), np.ones(2), np.zeros(2), np.zeros(2)
     yield_z = np.zeros(2)
-    grip = np.ones(2)         # N, what a tyre's traction tends to
+    grip = np.ones(2)  # N, what a tyre's traction tends to
     if slipping:
         for k in range(2):
             shear_tau[k] = side[k, SLIP_DAMPING] * side[k, SLIP] * side[k, SLIP_LENGTH]
@@ -207,8 +223,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
         rate = (side[1, RADIUS] * w[1] - side[0, RADIUS] * w[0]) / com[TRACK]
 
     # What the step works with, a value a side.
-    va = np.zeros(2)          # command in force, clipped
-    vd = np.zeros(2)          # voltage behind dead zone and gain, at the nominal bus
+    va = np.zeros(2)  # command in force, clipped
+    vd = np.zeros(2)  # voltage behind dead zone and gain, at the nominal bus
     c0, c1, m0, m1 = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     im = np.zeros(2)
     am, bm = np.zeros(2), np.zeros(2)
@@ -218,7 +234,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     bounces = np.zeros(2, np.bool_)
     was = np.zeros(2, np.int64)  # regime and force as a step begins, to take it again
     held = np.zeros(2)
-    apart = np.zeros(2)       # rotor's speed less the wheel's after a step in contact
+    apart = np.zeros(2)  # rotor's speed less the wheel's after a step in contact
     # Constants of the armature's exact solution, of the step and the resistance they were taken for.
     usual, shear_i = 0.0, np.zeros(2)
     of_h, of_r = np.full(2, -1.0), np.full(2, -1.0)
@@ -240,14 +256,14 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     load_i = 1.0 / load_j
 
     now = t[0]
-    kc = 0                    # next command to act, at t_cmd[kc] + dc
-    ka = 0                    # next delayed sample, the state at t[ka] - dm
+    kc = 0  # next command to act, at t_cmd[kc] + dc
+    ka = 0  # next delayed sample, the state at t[ka] - dm
     kw = np.zeros(2, np.int64)  # next sample of a speed that is later than that by its own delay, where it is
     lagging = side[0, W_LATE] > 0.0 or side[1, W_LATE] > 0.0
-    kp = 0                    # next pose sample, at t[kp] - dp
+    kp = 0  # next pose sample, at t[kp] - dp
     servo_next = t[0]
     bus = supply
-    level = 1.0               # bus over its nominal voltage
+    level = 1.0  # bus over its nominal voltage
     row_bus = bus_log[0]
     wcmd0 = 0.0
     wcmd1 = 0.0
@@ -344,7 +360,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
         limit = 0.0
         h = span
         dir_x, dir_y = math.cos(yaw), math.sin(yaw)
-        parts = False             # whether flanks part in this span
+        parts = False  # whether flanks part in this span
         while span - done > 1e-9:
             bound = h_max
             for k in range(sides):
@@ -357,7 +373,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                 count = math.ceil((span - done) / limit - 1e-9)
                 h = (span - done) / count
                 if abs(h - usual) * count < 1e-10:
-                    h = usual     # spans differ in their last digits, and much is kept from step to step
+                    h = usual  # spans differ in their last digits, and much is kept from step to step
                 if usual != h:
                     usual = h
                     for k in range(2):
@@ -375,8 +391,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
             for k in range(sides):
                 wn[k] = w[k]
                 wmn[k] = wm[k]
-                bounces[k] = (contact[k] == _FREE and side[k, RESTITUTION] > 0.0
-                              and abs(wmn[k] - wn[k]) > BOUNCE_RAD_S)
+                bounces[k] = contact[k] == _FREE and side[k, RESTITUTION] > 0.0 and abs(wmn[k] - wn[k]) > BOUNCE_RAD_S
                 if mode != 1:
                     ke = side[k, KB] * gear
                     res = side[k, R] * (1.0 + rise[k])
@@ -406,7 +421,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         for k in range(sides):
                             draw += im[k] * va[k] / supply
                             lowers += (mean_v[k] - mean_i[k] * rise_v[k]) * vd[k] * va[k] / supply
-                        bus = level * supply + (bus - com[SOURCE_R] * draw - level * supply) / (1.0 + com[SOURCE_R] * lowers / supply)
+                        bus = level * supply + (bus - com[SOURCE_R] * draw - level * supply) / (
+                            1.0 + com[SOURCE_R] * lowers / supply
+                        )
                 level = bus / supply
                 for k in range(sides):
                     if mode == 1:
@@ -426,7 +443,11 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         if angle.shape[0] > 0 and kc > 0:
                             nearer = min(kc, m - 1)
                             span_a = t_cmd[nearer] - t_cmd[kc - 1]
-                            share = min(max((now + done - 0.5 * h - dc - t_cmd[kc - 1]) / span_a, 0.0), 1.0) if span_a > 0.0 else 0.0
+                            share = (
+                                min(max((now + done - 0.5 * h - dc - t_cmd[kc - 1]) / span_a, 0.0), 1.0)
+                                if span_a > 0.0
+                                else 0.0
+                            )
                             at = angle[kc - 1, k] + share * (angle[nearer, k] - angle[kc - 1, k])
                             at /= side[k, W_GAIN]
                         torque += side[k, RIPPLE] * math.sin(side[k, RIPPLE_N] * at + side[k, RIPPLE_PHI])
@@ -448,7 +469,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                     if dry:
                         f = side[k, COULOMB]
                         if side[k, STRIBECK] != 0.0:
-                            f += side[k, STRIBECK] * math.exp(-(wmn[k] / side[k, STRIBECK_W]) ** 2)
+                            f += side[k, STRIBECK] * math.exp(-((wmn[k] / side[k, STRIBECK_W]) ** 2))
                         if com[ROLLING] != 0.0 and axis == 0:
                             f += com[ROLLING] * mass * GRAVITY_M_S2 * 0.5 * side[k, RADIUS]
                         if side[k, LOAD] != 0.0:
@@ -473,8 +494,12 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         rad = side[k, RADIUS]
                         ext = 0.0
                         if axis == 2:
-                            ext = -(com[AX_M] + run[0]) * GRAVITY_M_S2 * com[AX_ARM] * math.sin(
-                                th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+                            ext = (
+                                -(com[AX_M] + run[0])
+                                * GRAVITY_M_S2
+                                * com[AX_ARM]
+                                * math.sin(th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+                            )
                         p[k] = 0.0
                         if dry:
                             p[k] = hi[k] if stick[k] > 0 else (lo[k] if stick[k] < 0 else 0.0)
@@ -519,10 +544,10 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         a00 = side[0, RADIUS] * beta[0] + w0
                         a11 = side[1, RADIUS] * beta[1] + w1
                         if slipping:
-                            # Transient slip: z' = slip speed - |r w| z / length, F0 = K (z + tau z'), K = 1 / (k length),
-                            # and the ground takes F = grip tanh(F0 / grip): in slow steady rolling F = slip / k. The
-                            # state is z / length, which stays finite as the length goes; tanh is taken as its tangent
-                            # at the F0 of the step before.
+                            # Transient slip: z' = slip speed - |r w| z / length, F0 = K (z + tau z'), K = 1 / (k
+                            # length), and the ground takes F = grip tanh(F0 / grip): in slow steady rolling F = slip /
+                            # k. The state is z / length, which stays finite as the length goes; tanh is taken as its
+                            # tangent at the F0 of the step before.
                             for k in range(2):
                                 yield_z[k] = 0.0
                                 if side[k, SLIP] > 0.0:
@@ -533,8 +558,11 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                                     taken[k] = grip[k] * bent
                                     slid = side[k, RADIUS] * wn[k] - v - (2 * k - 1) * half * rate
                                     give[k] = side[k, SLIP] * path / tangent[k] / late[k]
-                                    yield_z[k] = (side[k, SLIP] * path * (whole[k] - taken[k] / tangent[k])
-                                                  + (rolled - path) * tyre[k] - (1.0 - late[k]) * slid) / late[k]
+                                    yield_z[k] = (
+                                        side[k, SLIP] * path * (whole[k] - taken[k] / tangent[k])
+                                        + (rolled - path) * tyre[k]
+                                        - (1.0 - late[k]) * slid
+                                    ) / late[k]
                             a00 += give[0]
                             a11 += give[1]
                         if a00 != of_0 or a11 != of_1 or wx != of_w:
@@ -563,8 +591,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                                             force[0] = (b0 - wx * force[1]) / a00
                                 if side[0, SLIP] > 0.0:
                                     force[0] = min(max(force[0], -grip[0]), grip[0])
-                            rate_new = rate + dr + h * (i12 * (force[0] + force[1])
-                                                        + i22 * half * (force[1] - force[0]))
+                            rate_new = (
+                                rate + dr + h * (i12 * (force[0] + force[1]) + i22 * half * (force[1] - force[0]))
+                            )
                             if scrub == 0.0 or turn == 1 or spin * rate_new > 0.0:
                                 break
                             # The scrub would reverse the turn: find the impulse that stops it, within its bound.
@@ -589,8 +618,13 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                                 if stick[k] == 0:
                                     need = bm[k] + load_j * wn[k] - h * rad * force[k]
                                     if axis == 2:
-                                        need += -h * (com[AX_M] + run[0]) * GRAVITY_M_S2 * com[AX_ARM] * math.sin(
-                                            th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+                                        need += (
+                                            -h
+                                            * (com[AX_M] + run[0])
+                                            * GRAVITY_M_S2
+                                            * com[AX_ARM]
+                                            * math.sin(th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+                                        )
                                     if need > max(hi[k], 0.0):
                                         stick[k] = 1
                                         again = True
@@ -636,8 +670,12 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                                 # Impulse the rotor passes on; a gear can push but not pull.
                                 ext = 0.0
                                 if axis == 2:
-                                    ext = -(com[AX_M] + run[0]) * GRAVITY_M_S2 * com[AX_ARM] * math.sin(
-                                        th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+                                    ext = (
+                                        -(com[AX_M] + run[0])
+                                        * GRAVITY_M_S2
+                                        * com[AX_ARM]
+                                        * math.sin(th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+                                    )
                                 push = load_j * (w[k] - wn[k]) + h * rad * force[k] - h * ext
                                 need = bm[k] - push
                                 pulls = (kind == _PUSH_F and push < 0.0) or (kind == _PUSH_B and push > 0.0)
@@ -665,12 +703,19 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                             torque = gear * side[k, KM] * im[k]
                             if mode == 1:
                                 torque = _commanded(side[k], com, vd[k] * level) * gear
-                            tin[k] = (torque - 0.5 * fluid * (wmn[k] + wm[k])
-                                      - gear * gear * side[k, J] * (wm[k] - wmn[k]) / h)
+                            tin[k] = (
+                                torque
+                                - 0.5 * fluid * (wmn[k] + wm[k])
+                                - gear * gear * side[k, J] * (wm[k] - wmn[k]) / h
+                            )
                             tout[k] = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k]
                             if axis == 2:
-                                tout[k] += (com[AX_M] + run[0]) * GRAVITY_M_S2 * com[AX_ARM] * math.sin(
-                                    th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+                                tout[k] += (
+                                    (com[AX_M] + run[0])
+                                    * GRAVITY_M_S2
+                                    * com[AX_ARM]
+                                    * math.sin(th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
+                                )
 
             # ---- a long step ends where flanks part: once more, in short ones
             if flexible and bound > h_play:

@@ -1,9 +1,10 @@
 """The inner loop for robots driven by voltages, eight replays abreast.
 
-A step waits for itself: each of its operations needs the one before. Eight replays that do not wait for one another fill a
-processor's vector unit instead. Each lane goes through events and steps of its own and begins the next job when its run is
-through, so that models with other delays and runs of other lengths go together. Equations and method are those of
-`kernel.replay`; a regime that a lane is not in is computed all the same and passed over, and what no lane has is left out.
+A step waits for itself: each of its operations needs the one before. Eight replays that do not wait for one another
+fill a processor's vector unit instead. Each lane goes through events and steps of its own and begins the next job when
+its run is through, so that models with other delays and runs of other lengths go together. Equations and method are
+those of `kernel.replay`; a regime that a lane is not in is computed all the same and passed over, and what no lane has
+is left out.
 """
 
 from __future__ import annotations
@@ -25,34 +26,306 @@ NEVER = 1e300
 # Numerical: s over a span, what its steps may be longer or shorter and still count as alike.
 ALIKE_S = 1e-10
 
-# Rows of the lanes' state, each `LANES` long, at these offsets: of a side, twice; of the robot; and of what is the same in a run.
-_SIDE_ROWS = ("res", "ind", "ke", "gkm", "lim", "drop", "inertia", "fluid", "asym_v", "heat", "heat_tau", "friction", "asym", "radius",
-              "speed_tau", "stribeck", "fades", "extra", "th", "w", "cur", "rise", "wf", "va", "vd", "stick", "wn", "c0", "m0", "decay", "rise_v", "mean_v", "mean_i",
-              "c1", "m1", "fade", "late_shear", "per_shear", "am", "bm", "rigid", "hi", "lo", "ripple", "force", "alpha", "beta", "speed_gain", "current_gain", "current_bias",
-              "pwm_curve", "deadzone", "voltage_gain", "slip", "length", "shear_tau", "grip", "tyre", "whole", "give", "yields", "tangent",
-              "taken", "asked", "load", "mean", "input", "output", "wm", "wmn", "play", "contact", "was", "held", "backlash", "restitution", "stiffness",
-              "damping", "kap", "free_i", "spring_i", "held_i", "behind_i", "turn", "apart", "bounces", "tangled", "amplitude", "cycles", "phase",
-              "at", "ahead")
-_ROWS = ("h", "begun", "now", "done", "supply", "decline", "bus_row", "measured", "load_j", "mass", "i11", "i12", "i22", "half", "pull",
-         "up_x", "up_y", "com_x", "com_y", "scrub", "dry", "level", "gx", "gz", "x", "y", "yaw", "v", "rate", "dir_x", "dir_y", "rate_n",
-         "v_n", "dv", "dr", "a00", "a11", "wx", "det", "spin", "h_max", "late", "pose_late",
-         "command_late", "gyro_gain", "gyro_bias", "source", "follows", "since", "per_span")
+# Rows of the lanes' state, each `LANES` long, at these offsets: of a side, twice; of the robot; and of what is the same
+# in a run.
+_SIDE_ROWS = (
+    "res",
+    "ind",
+    "ke",
+    "gkm",
+    "lim",
+    "drop",
+    "inertia",
+    "fluid",
+    "asym_v",
+    "heat",
+    "heat_tau",
+    "friction",
+    "asym",
+    "radius",
+    "speed_tau",
+    "stribeck",
+    "fades",
+    "extra",
+    "th",
+    "w",
+    "cur",
+    "rise",
+    "wf",
+    "va",
+    "vd",
+    "stick",
+    "wn",
+    "c0",
+    "m0",
+    "decay",
+    "rise_v",
+    "mean_v",
+    "mean_i",
+    "c1",
+    "m1",
+    "fade",
+    "late_shear",
+    "per_shear",
+    "am",
+    "bm",
+    "rigid",
+    "hi",
+    "lo",
+    "ripple",
+    "force",
+    "alpha",
+    "beta",
+    "speed_gain",
+    "current_gain",
+    "current_bias",
+    "pwm_curve",
+    "deadzone",
+    "voltage_gain",
+    "slip",
+    "length",
+    "shear_tau",
+    "grip",
+    "tyre",
+    "whole",
+    "give",
+    "yields",
+    "tangent",
+    "taken",
+    "asked",
+    "load",
+    "mean",
+    "input",
+    "output",
+    "wm",
+    "wmn",
+    "play",
+    "contact",
+    "was",
+    "held",
+    "backlash",
+    "restitution",
+    "stiffness",
+    "damping",
+    "kap",
+    "free_i",
+    "spring_i",
+    "held_i",
+    "behind_i",
+    "turn",
+    "apart",
+    "bounces",
+    "tangled",
+    "amplitude",
+    "cycles",
+    "phase",
+    "at",
+    "ahead",
+)
+_ROWS = (
+    "h",
+    "begun",
+    "now",
+    "done",
+    "supply",
+    "decline",
+    "bus_row",
+    "measured",
+    "load_j",
+    "mass",
+    "i11",
+    "i12",
+    "i22",
+    "half",
+    "pull",
+    "up_x",
+    "up_y",
+    "com_x",
+    "com_y",
+    "scrub",
+    "dry",
+    "level",
+    "gx",
+    "gz",
+    "x",
+    "y",
+    "yaw",
+    "v",
+    "rate",
+    "dir_x",
+    "dir_y",
+    "rate_n",
+    "v_n",
+    "dv",
+    "dr",
+    "a00",
+    "a11",
+    "wx",
+    "det",
+    "spin",
+    "h_max",
+    "late",
+    "pose_late",
+    "command_late",
+    "gyro_gain",
+    "gyro_bias",
+    "source",
+    "follows",
+    "since",
+    "per_span",
+)
 _SIDE = len(_SIDE_ROWS) * LANES
 # Regimes of a side's gear, as in `kernel`.
 _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0.0, 1.0, 2.0, 3.0, 4.0
 # Numerical: numbers that the lanes' state has.
 SIZE = 2 * _SIDE + len(_ROWS) * LANES
 
-(RES, IND, KE, GKM, LIM, DROP, INERTIA, FLUID, ASYM_V, HEAT, HEAT_TAU, FRICTION, ASYM, RADIUS, SPEED_TAU, STRIBECK, FADES, EXTRA, TH, W, CUR, RISE, WF,
- VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V, MEAN_I, C1, M1, FADE, LATE_SHEAR, PER_SHEAR, AM, BM, RIGID, HI, LO, RIPPLE, FORCE, ALPHA, BETA,
- W_GAIN, I_GAIN, I_BIAS, CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, SHEAR_TAU, GRIP, TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, LOAD,
- MEAN, INPUT, OUTPUT, WM, WMN, PLAY, CONTACT, WAS, HELD, BACKLASH, RESTITUTION, STIFF, DAMP, KAP, FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART,
- BOUNCES, TANGLED, AMPLITUDE, CYCLES, PHASE, AT, AHEAD) = (
-    k * LANES for k in range(len(_SIDE_ROWS)))
-(H, BEGUN, NOW, DONE, SUPPLY, DECLINE, BUS_ROW, MEASURED, LOAD_J, MASS, I11, I12, I22, HALF, PULL, UP_X, UP_Y, COM_X, COM_Y, SCRUB, DRY,
- LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X, DIR_Y, RATE_N, V_N, DV, DR, A00, A11, WX, DET, SPIN, H_MAX, LATE, POSE_LATE, COMMAND_LATE, GYRO_GAIN,
- GYRO_BIAS, SOURCE, FOLLOWS, SINCE, PER_SPAN) = (
-    2 * _SIDE + k * LANES for k in range(len(_ROWS)))
+(
+    RES,
+    IND,
+    KE,
+    GKM,
+    LIM,
+    DROP,
+    INERTIA,
+    FLUID,
+    ASYM_V,
+    HEAT,
+    HEAT_TAU,
+    FRICTION,
+    ASYM,
+    RADIUS,
+    SPEED_TAU,
+    STRIBECK,
+    FADES,
+    EXTRA,
+    TH,
+    W,
+    CUR,
+    RISE,
+    WF,
+    VA,
+    VD,
+    STICK,
+    WN,
+    C0,
+    M0,
+    DECAY,
+    RISE_V,
+    MEAN_V,
+    MEAN_I,
+    C1,
+    M1,
+    FADE,
+    LATE_SHEAR,
+    PER_SHEAR,
+    AM,
+    BM,
+    RIGID,
+    HI,
+    LO,
+    RIPPLE,
+    FORCE,
+    ALPHA,
+    BETA,
+    W_GAIN,
+    I_GAIN,
+    I_BIAS,
+    CURVE,
+    DEADZONE,
+    V_GAIN,
+    SLIP,
+    LENGTH,
+    SHEAR_TAU,
+    GRIP,
+    TYRE,
+    WHOLE,
+    GIVE,
+    YIELDS,
+    TANGENT,
+    TAKEN,
+    ASKED,
+    LOAD,
+    MEAN,
+    INPUT,
+    OUTPUT,
+    WM,
+    WMN,
+    PLAY,
+    CONTACT,
+    WAS,
+    HELD,
+    BACKLASH,
+    RESTITUTION,
+    STIFF,
+    DAMP,
+    KAP,
+    FREE_I,
+    SPRING_I,
+    HELD_I,
+    BEHIND_I,
+    TURN,
+    APART,
+    BOUNCES,
+    TANGLED,
+    AMPLITUDE,
+    CYCLES,
+    PHASE,
+    AT,
+    AHEAD,
+) = (k * LANES for k in range(len(_SIDE_ROWS)))
+(
+    H,
+    BEGUN,
+    NOW,
+    DONE,
+    SUPPLY,
+    DECLINE,
+    BUS_ROW,
+    MEASURED,
+    LOAD_J,
+    MASS,
+    I11,
+    I12,
+    I22,
+    HALF,
+    PULL,
+    UP_X,
+    UP_Y,
+    COM_X,
+    COM_Y,
+    SCRUB,
+    DRY,
+    LEVEL,
+    GX,
+    GZ,
+    X,
+    Y,
+    YAW,
+    V,
+    RATE,
+    DIR_X,
+    DIR_Y,
+    RATE_N,
+    V_N,
+    DV,
+    DR,
+    A00,
+    A11,
+    WX,
+    DET,
+    SPIN,
+    H_MAX,
+    LATE,
+    POSE_LATE,
+    COMMAND_LATE,
+    GYRO_GAIN,
+    GYRO_BIAS,
+    SOURCE,
+    FOLLOWS,
+    SINCE,
+    PER_SPAN,
+) = (2 * _SIDE + k * LANES for k in range(len(_ROWS)))
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -76,8 +349,12 @@ def _begin(s, l, side, com, run, start):
     dry = 0.0
     for k in range(2):
         o = k * _SIDE + l
-        s[o + RES], s[o + IND], s[o + KE], s[o + GKM] = (side[k, one.R], side[k, one.L], side[k, one.KB] * gear,
-                                                        gear * side[k, one.KM])
+        s[o + RES], s[o + IND], s[o + KE], s[o + GKM] = (
+            side[k, one.R],
+            side[k, one.L],
+            side[k, one.KB] * gear,
+            gear * side[k, one.KM],
+        )
         s[o + LIM], s[o + DROP] = side[k, one.LIMIT], side[k, one.DROP]
         s[o + INERTIA] = gear * gear * side[k, one.J]
         s[o + FLUID] = gear * gear * side[k, one.B] + side[k, one.VISCOUS_W]
@@ -89,10 +366,19 @@ def _begin(s, l, side, com, run, start):
         s[o + SPEED_TAU], s[o + FADE] = side[k, one.W_TAU], 0.0
         s[o + W_GAIN], s[o + I_GAIN], s[o + I_BIAS] = side[k, one.W_GAIN], side[k, one.I_GAIN], side[k, one.I_BIAS]
         s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN] = side[k, one.CURVE], side[k, one.DEADZONE], side[k, one.V_GAIN]
-        s[o + AMPLITUDE], s[o + CYCLES], s[o + PHASE] = side[k, one.RIPPLE], side[k, one.RIPPLE_N], side[k, one.RIPPLE_PHI]
+        s[o + AMPLITUDE], s[o + CYCLES], s[o + PHASE] = (
+            side[k, one.RIPPLE],
+            side[k, one.RIPPLE_N],
+            side[k, one.RIPPLE_PHI],
+        )
         s[o + STRIBECK], s[o + FADES] = side[k, one.STRIBECK], 1.0 / side[k, one.STRIBECK_W]
-        if (side[k, one.COULOMB] != 0.0 or side[k, one.STRIBECK] != 0.0 or side[k, one.ASYM] != 0.0 or side[k, one.LOAD] != 0.0
-                or com[one.ROLLING] != 0.0):
+        if (
+            side[k, one.COULOMB] != 0.0
+            or side[k, one.STRIBECK] != 0.0
+            or side[k, one.ASYM] != 0.0
+            or side[k, one.LOAD] != 0.0
+            or com[one.ROLLING] != 0.0
+        ):
             dry = 1.0
         s[o + LOAD], s[o + SLIP], s[o + LENGTH] = side[k, one.LOAD], side[k, one.SLIP], side[k, one.SLIP_LENGTH]
         s[o + SHEAR_TAU] = side[k, one.SLIP_DAMPING] * side[k, one.SLIP] * side[k, one.SLIP_LENGTH]
@@ -157,8 +443,25 @@ def _kept_state(s, l, kept, back):
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_first, runs, starts, sides, coms, h_max, h_play, which, out,
-                 out_first):
+def replay_lanes(
+    ts,
+    t_first,
+    cmds_t,
+    cmds,
+    buses,
+    cmd_first,
+    angles,
+    angle_first,
+    runs,
+    starts,
+    sides,
+    coms,
+    h_max,
+    h_play,
+    which,
+    out,
+    out_first,
+):
     """Replay several jobs, each a model on a run.
 
     Parameters
@@ -166,7 +469,8 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     ts : (sum n,) s, times of all runs' samples, one run after another; t_first : (runs + 1,) where each run's begin.
     cmds_t, cmds, buses : (sum m,), (sum m, 2), (sum m,) their commands; cmd_first : (runs + 1,) likewise.
     angles : (a, 2), angle_first : (runs + 1,) angles that a ripple follows, of no rows or of m.
-    runs : (runs, 4), starts : (runs, 15); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), h_max : (models,) s, longest
+    runs : (runs, 4), starts : (runs, 15); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), h_max :
+    (models,) s, longest
         steps; h_play : s, the longest within free play, see `kernel.replay`.
     which : (jobs, 2) model and run of each; out : (rows, 11) filled, job by job from rows out_first (jobs,).
     """
@@ -174,13 +478,14 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     # A row of lanes within one line of the cache: rows across two take half as long again.
     unaligned = np.zeros(SIZE + LANES)
     skipped = (-unaligned.ctypes.data // 8) % LANES
-    s = unaligned[skipped:skipped + SIZE]
+    s = unaligned[skipped : skipped + SIZE]
     # Always all, but not known before: loops of a known few steps are unrolled, and are no longer abreast.
     lanes = LANES if jobs > 0 else 0
     job = np.full(LANES, -1)
-    left = np.zeros(LANES, np.int64)     # steps until the lane's next event
-    moment = np.zeros(LANES)             # time of the next event, s
-    # Rows of what comes next in a lane, a sample, its pose, a command, and where they end; and from a sample's row to that of `out`.
+    left = np.zeros(LANES, np.int64)  # steps until the lane's next event
+    moment = np.zeros(LANES)  # time of the next event, s
+    # Rows of what comes next in a lane, a sample, its pose, a command, and where they end; and from a sample's row to
+    # that of `out`.
     sample, pose, last = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     command, last_command, to_out = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     # When these are due, s.
@@ -192,8 +497,8 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
     given = 0
     running = 0
     scrubbed = pulled = rippled = heated = faded = filtered = slipping = drawn = flexible = False
-    # Free play asks for short steps between its flanks: whether a lane has any, the longest step then and now, and whether its flanks
-    # part in this span; whether a step is taken once more, and what it began with.
+    # Free play asks for short steps between its flanks: whether a lane has any, the longest step then and now, and
+    # whether its flanks part in this span; whether a step is taken once more, and what it began with.
     plays, fine, limit = np.zeros(LANES, np.bool_), np.zeros(LANES), np.zeros(LANES)
     parts, redone = np.zeros(LANES, np.bool_), np.zeros(LANES, np.bool_)
     as_begun = np.zeros((LANES, 21))
@@ -236,7 +541,9 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     lags[l] = held_s[0, l] > 0.0 or held_s[1, l] > 0.0
                     command[l], last_command[l] = cmd_first[r], cmd_first[r + 1]
                     next_sample[l], next_pose[l] = ts[t_first[r]] - s[LATE + l], ts[t_first[r]] - s[POSE_LATE + l]
-                    next_command[l] = cmds_t[cmd_first[r]] + s[COMMAND_LATE + l] if command[l] < last_command[l] else NEVER
+                    next_command[l] = (
+                        cmds_t[cmd_first[r]] + s[COMMAND_LATE + l] if command[l] < last_command[l] else NEVER
+                    )
                     to_out[l] = out_first[j] - t_first[r]
                     now = ts[t_first[r]]
                     ripples[l] = sides[which[j, 0], 0, one.RIPPLE] != 0.0 or sides[which[j, 0], 1, one.RIPPLE] != 0.0
@@ -256,8 +563,13 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 end = last[l]
                 reports = next_sample[l] <= due or next_pose[l] <= due
                 if (reports or lags[l]) and not (
-                        abs(s[W + l]) < 1e6 and abs(s[_SIDE + W + l]) < 1e6 and abs(s[CUR + l]) < 1e6
-                        and abs(s[_SIDE + CUR + l]) < 1e6 and abs(s[V + l]) < 1e6 and abs(s[RATE + l]) < 1e6):
+                    abs(s[W + l]) < 1e6
+                    and abs(s[_SIDE + W + l]) < 1e6
+                    and abs(s[CUR + l]) < 1e6
+                    and abs(s[_SIDE + CUR + l]) < 1e6
+                    and abs(s[V + l]) < 1e6
+                    and abs(s[RATE + l]) < 1e6
+                ):
                     for k in range(min(sample[l], pose[l]), end):
                         out[to_out[l] + k] = 1e6
                     sample[l] = pose[l] = lagging[0, l] = lagging[1, l] = end
@@ -314,12 +626,15 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     # Idle lanes stand still: at rest, with nothing that drives them.
                     job[l] = -1
                     running -= 1
-                    # A known number of rows, and the compiler unrolls this and finds all their places ahead, at each lane's every event.
+                    # A known number of rows, and the compiler unrolls this and finds all their places ahead, at each
+                    # lane's every event.
                     row = l
                     while row < len(s):
                         s[row] = 0.0
                         row += lanes
-                    s[H + l] = s[LOAD_J + l] = s[SUPPLY + l] = s[INERTIA + l] = s[_SIDE + INERTIA + l] = s[I11 + l] = s[I22 + l] = 1.0
+                    s[H + l] = s[LOAD_J + l] = s[SUPPLY + l] = s[INERTIA + l] = s[_SIDE + INERTIA + l] = s[I11 + l] = s[
+                        I22 + l
+                    ] = 1.0
                     for i in range(2):
                         s[i * _SIDE + GRIP + l] = s[i * _SIDE + LATE_SHEAR + l] = s[i * _SIDE + PER_SHEAR + l] = 1.0
                         s[i * _SIDE + RES + l] = s[i * _SIDE + IND + l] = 1.0
@@ -356,7 +671,11 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                             a *= 1.0 + s[o + CURVE] * (1.0 - min(abs(a) / supply, 1.0))
                         dz = s[o + DEADZONE]
                         if dz != 0.0:
-                            a -= math.copysign(min(abs(a), dz), a) if dz > 0.0 else (math.copysign(dz, a) if a != 0.0 else 0.0)
+                            a -= (
+                                math.copysign(min(abs(a), dz), a)
+                                if dz > 0.0
+                                else (math.copysign(dz, a) if a != 0.0 else 0.0)
+                            )
                         s[o + VD] = a * s[o + V_GAIN]
                 ahead = min(min(next_pose[l], next_sample[l]), next_command[l])
                 if lags[l]:
@@ -384,8 +703,9 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 break
         if running == 0:
             return
-        # ---- constants of armatures, filters and tyres for the step. One exponential after another in each lane took longer than all
-        # the rest of an event: all lanes go abreast, and one whose step is the same finds the same again.
+        # ---- constants of armatures, filters and tyres for the step. One exponential after another in each lane took
+        # longer than all the rest of an event: all lanes go abreast, and one whose step is the same finds the same
+        # again.
         if renewed:
             for k in range(2):
                 o = k * _SIDE
@@ -395,7 +715,12 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     mean_i = ind * per_res / h
                     e = exp_minus(1.0 / mean_i)
                     c1 = ke * per_res * (1.0 - (1.0 - e) * mean_i)
-                    s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l], s[o + MEAN_I + l] = e, (1.0 - e) * per_res, per_res, mean_i
+                    s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l], s[o + MEAN_I + l] = (
+                        e,
+                        (1.0 - e) * per_res,
+                        per_res,
+                        mean_i,
+                    )
                     s[o + C1 + l], s[o + M1 + l] = c1, 0.5 * ke * per_res - mean_i * c1
             if filtered:
                 for k in range(2):
@@ -464,16 +789,25 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 o = k * _SIDE
                 for l in range(lanes):
                     s[o + WAS + l], s[o + HELD + l] = s[o + CONTACT + l], s[o + FORCE + l]
-                    bounces = (s[o + CONTACT + l] == _FREE and s[o + RESTITUTION + l] > 0.0
-                               and abs(s[o + WMN + l] - s[o + WN + l]) > BOUNCE_RAD_S)
+                    bounces = (
+                        s[o + CONTACT + l] == _FREE
+                        and s[o + RESTITUTION + l] > 0.0
+                        and abs(s[o + WMN + l] - s[o + WN + l]) > BOUNCE_RAD_S
+                    )
                     s[o + BOUNCES + l] = 1.0 if bounces else 0.0
         if slipping:
             # As in `kernel.replay`; what its shear would be without slip is nothing.
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
-                    h, slip, late, per, grip, whole = (s[H + l], s[o + SLIP + l], s[o + LATE_SHEAR + l], s[o + PER_SHEAR + l], s[o + GRIP + l],
-                                                       s[o + WHOLE + l])
+                    h, slip, late, per, grip, whole = (
+                        s[H + l],
+                        s[o + SLIP + l],
+                        s[o + LATE_SHEAR + l],
+                        s[o + PER_SHEAR + l],
+                        s[o + GRIP + l],
+                        s[o + WHOLE + l],
+                    )
                     rim = s[o + RADIUS + l] * s[o + WN + l]
                     rolled = abs(rim)
                     path = (s[o + LENGTH + l] + late * h * rolled) * per
@@ -483,7 +817,11 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     slid = rim - s[V + l] - (2 * k - 1) * s[HALF + l] * s[RATE + l]
                     s[o + TANGENT + l], s[o + TAKEN + l] = tangent, taken
                     s[o + GIVE + l] = slip * path / (tangent * late)
-                    yields = (slip * path * (whole - taken / tangent) + (rolled - path) * s[o + TYRE + l] - (1.0 - late) * slid) / late
+                    yields = (
+                        slip * path * (whole - taken / tangent)
+                        + (rolled - path) * s[o + TYRE + l]
+                        - (1.0 - late) * slid
+                    ) / late
                     s[o + YIELDS + l] = yields if slip > 0.0 else 0.0
         trial = 0
         while True:
@@ -494,9 +832,12 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 bus = supply - s[DECLINE + l] * (s[NOW + l] + s[DONE + l] - s[BEGUN + l] - 0.5 * s[H + l])
                 # Newton's step: a higher bus drives more current, which lowers it.
                 draw = (s[MEAN + l] * s[VA + l] + s[_SIDE + MEAN + l] * s[_SIDE + VA + l]) / supply
-                lowers = ((s[MEAN_V + l] - s[MEAN_I + l] * s[RISE_V + l]) * s[VD + l] * s[VA + l]
-                          + (s[_SIDE + MEAN_V + l] - s[_SIDE + MEAN_I + l] * s[_SIDE + RISE_V + l]) * s[_SIDE + VD + l] * s[_SIDE + VA + l]
-                          ) / supply
+                lowers = (
+                    (s[MEAN_V + l] - s[MEAN_I + l] * s[RISE_V + l]) * s[VD + l] * s[VA + l]
+                    + (s[_SIDE + MEAN_V + l] - s[_SIDE + MEAN_I + l] * s[_SIDE + RISE_V + l])
+                    * s[_SIDE + VD + l]
+                    * s[_SIDE + VA + l]
+                ) / supply
                 stepped = level * supply + (bus - source * draw - level * supply) / (1.0 + source * lowers / supply)
                 bus = stepped if source != 0.0 else bus
                 s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / s[SUPPLY + l]
@@ -519,11 +860,16 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     s[o + BM + l] = s[o + INERTIA + l] * w + h * (torque - 0.5 * fluid * w)
                     s[o + RIGID + l] = 1.0 / (am + s[LOAD_J + l])
                     output = s[o + RADIUS + l] * s[o + FORCE + l] if trial == 0 else s[o + OUTPUT + l]
-                    f = s[o + FRICTION + l] + s[o + EXTRA + l] + s[o + LOAD + l] * max(abs(s[o + INPUT + l]), abs(output))
+                    f = (
+                        s[o + FRICTION + l]
+                        + s[o + EXTRA + l]
+                        + s[o + LOAD + l] * max(abs(s[o + INPUT + l]), abs(output))
+                    )
                     s[o + HI + l] = h * (f + s[o + ASYM + l])
                     s[o + LO + l] = -h * (f - s[o + ASYM + l])
             if flexible:
-                # Implicit mid-point for the spring: its mean torque = turn + kap * (rotor - wheel), at the end of the step.
+                # Implicit mid-point for the spring: its mean torque = turn + kap * (rotor - wheel), at the end of the
+                # step.
                 for k in range(2):
                     o = k * _SIDE
                     for l in range(lanes):
@@ -542,7 +888,12 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                         for l in range(lanes):
                             h, kind, stick, load_j = s[H + l], s[o + CONTACT + l], s[o + STICK + l], s[LOAD_J + l]
                             stuck = s[DRY + l] > 0.0 and stick == 0.0
-                            hi, lo, edge, rigid_i = s[o + HI + l], s[o + LO + l], 0.5 * s[o + BACKLASH + l], s[o + RIGID + l]
+                            hi, lo, edge, rigid_i = (
+                                s[o + HI + l],
+                                s[o + LO + l],
+                                0.5 * s[o + BACKLASH + l],
+                                s[o + RIGID + l],
+                            )
                             held_i, behind_i = s[o + HELD_I + l], s[o + BEHIND_I + l]
                             p = hi if stick > 0.0 else (lo if stick < 0.0 else 0.0)
                             bw, bm, turn, kap = load_j * s[o + WN + l], s[o + BM + l], s[o + TURN + l], s[o + KAP + l]
@@ -587,10 +938,18 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     dv = h * (i11 * s[GX + l] + i12 * s[GZ + l]) - i12 * q
                     dr = h * (i12 * s[GX + l] + i22 * s[GZ + l]) - i22 * q
                     b0 = s[RADIUS + l] * s[ALPHA + l] - (s[V + l] - half * s[RATE + l]) - dv + half * dr - s[YIELDS + l]
-                    b1 = s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l] - (s[V + l] + half * s[RATE + l]) - dv - half * dr - s[_SIDE + YIELDS + l]
+                    b1 = (
+                        s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l]
+                        - (s[V + l] + half * s[RATE + l])
+                        - dv
+                        - half * dr
+                        - s[_SIDE + YIELDS + l]
+                    )
                     f0, f1 = (a11 * b0 - wx * b1) * det, (a00 * b1 - wx * b0) * det
                     s[ASKED + l], s[_SIDE + ASKED + l] = f0, f1
-                    f0, f1 = _on_ground(f0, f1, b0, b1, a00, a11, wx, s[SLIP + l], s[_SIDE + SLIP + l], s[GRIP + l], s[_SIDE + GRIP + l])
+                    f0, f1 = _on_ground(
+                        f0, f1, b0, b1, a00, a11, wx, s[SLIP + l], s[_SIDE + SLIP + l], s[GRIP + l], s[_SIDE + GRIP + l]
+                    )
                     s[FORCE + l], s[_SIDE + FORCE + l], s[DV + l], s[DR + l] = f0, f1, dv, dr
                     s[A00 + l], s[A11 + l], s[WX + l], s[DET + l] = a00, a11, wx, det
                     s[RATE_N + l] = s[RATE + l] + dr + h * (i12 * (f0 + f1) + i22 * half * (f1 - f0))
@@ -604,20 +963,52 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                         f0, f1 = (a11 * q0 - wx * q1) * det, (a00 * q1 - wx * q0) * det
                         gain = h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) - i22
                         # Two wheels that stick hold the turn by themselves, and the scrub has nothing to do.
-                        q = min(max(s[SPIN + l] * most - s[RATE_N + l] / gain, -most), most) if gain < -1e-9 * i22 else 0.0
+                        q = (
+                            min(max(s[SPIN + l] * most - s[RATE_N + l] / gain, -most), most)
+                            if gain < -1e-9 * i22
+                            else 0.0
+                        )
                         dv = h * (i11 * s[GX + l] + i12 * s[GZ + l]) - i12 * q
                         dr = h * (i12 * s[GX + l] + i22 * s[GZ + l]) - i22 * q
-                        b0 = s[RADIUS + l] * s[ALPHA + l] - (s[V + l] - half * s[RATE + l]) - dv + half * dr - s[YIELDS + l]
-                        b1 = s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l] - (s[V + l] + half * s[RATE + l]) - dv - half * dr - s[_SIDE + YIELDS + l]
+                        b0 = (
+                            s[RADIUS + l] * s[ALPHA + l]
+                            - (s[V + l] - half * s[RATE + l])
+                            - dv
+                            + half * dr
+                            - s[YIELDS + l]
+                        )
+                        b1 = (
+                            s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l]
+                            - (s[V + l] + half * s[RATE + l])
+                            - dv
+                            - half * dr
+                            - s[_SIDE + YIELDS + l]
+                        )
                         f0, f1 = (a11 * b0 - wx * b1) * det, (a00 * b1 - wx * b0) * det
                         reverses = s[SCRUB + l] != 0.0 and s[SPIN + l] * s[RATE_N + l] <= 0.0
                         s[ASKED + l] = f0 if reverses else s[ASKED + l]
                         s[_SIDE + ASKED + l] = f1 if reverses else s[_SIDE + ASKED + l]
-                        f0, f1 = _on_ground(f0, f1, b0, b1, a00, a11, wx, s[SLIP + l], s[_SIDE + SLIP + l], s[GRIP + l], s[_SIDE + GRIP + l])
+                        f0, f1 = _on_ground(
+                            f0,
+                            f1,
+                            b0,
+                            b1,
+                            a00,
+                            a11,
+                            wx,
+                            s[SLIP + l],
+                            s[_SIDE + SLIP + l],
+                            s[GRIP + l],
+                            s[_SIDE + GRIP + l],
+                        )
                         s[FORCE + l] = f0 if reverses else s[FORCE + l]
                         s[_SIDE + FORCE + l] = f1 if reverses else s[_SIDE + FORCE + l]
                         s[DV + l] = dv if reverses else s[DV + l]
-                        s[RATE_N + l] = s[RATE + l] + dr + h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) if reverses else s[RATE_N + l]
+                        s[RATE_N + l] = (
+                            s[RATE + l] + dr + h * (i12 * (f0 + f1) + i22 * half * (f1 - f0))
+                            if reverses
+                            else s[RATE_N + l]
+                        )
                 for l in range(lanes):
                     h, half = s[H + l], s[HALF + l]
                     f0, f1 = s[FORCE + l], s[_SIDE + FORCE + l]
@@ -628,14 +1019,23 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     for k in range(2):
                         o = k * _SIDE
                         for l in range(lanes):
-                            h, kind, stick, load_j, kap = s[H + l], s[o + CONTACT + l], s[o + STICK + l], s[LOAD_J + l], s[o + KAP + l]
+                            h, kind, stick, load_j, kap = (
+                                s[H + l],
+                                s[o + CONTACT + l],
+                                s[o + STICK + l],
+                                s[LOAD_J + l],
+                                s[o + KAP + l],
+                            )
                             dry = s[DRY + l] > 0.0
                             hi, lo = s[o + HI + l], s[o + LO + l]
                             p = hi if stick > 0.0 else (lo if stick < 0.0 else 0.0)
                             w, bm, turn, play = s[o + W + l], s[o + BM + l], s[o + TURN + l], s[o + PLAY + l]
                             edge = 0.5 * s[o + BACKLASH + l]
-                            swung, freed, touched = ((bm - h * turn - p + h * kap * w) * s[o + SPRING_I + l], (bm - p) * s[o + FREE_I + l],
-                                                     w + s[o + APART + l])
+                            swung, freed, touched = (
+                                (bm - h * turn - p + h * kap * w) * s[o + SPRING_I + l],
+                                (bm - p) * s[o + FREE_I + l],
+                                w + s[o + APART + l],
+                            )
                             wm = swung if kind == _SPRING else freed
                             wm = 0.0 if dry and stick == 0.0 else wm
                             swings = kind == _SPRING or kind == _FREE
@@ -648,7 +1048,9 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                             need = bm - push
                             moved = play + h * (wm - w)
                             meets = _PUSH_F if moved > edge else (_PUSH_B if moved < -edge else _FREE)
-                            pulls = attempt < 10 and ((kind == _PUSH_F and push < 0.0) or (kind == _PUSH_B and push > 0.0))
+                            pulls = attempt < 10 and (
+                                (kind == _PUSH_F and push < 0.0) or (kind == _PUSH_B and push > 0.0)
+                            )
                             then = meets if kind == _FREE else (_FREE if pulls else kind)
                             breaks = 1.0 if need > max(hi, 0.0) else (-1.0 if need < min(lo, 0.0) else 0.0)
                             stops = stick * wm < 0.0 and (attempt < 10 or kind <= _SPRING)
@@ -686,7 +1088,9 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                     w, wn, wm, wmn = s[o + W + l], s[o + WN + l], s[o + WM + l], s[o + WMN + l]
                     mean, plain = s[o + M0 + l] - s[o + M1 + l] * wm, s[o + FLUID + l]
                     s[o + MEAN + l] = mean
-                    s[o + INPUT + l] = s[o + GKM + l] * mean - 0.5 * plain * (wmn + wm) - s[o + INERTIA + l] * (wm - wmn) / s[H + l]
+                    s[o + INPUT + l] = (
+                        s[o + GKM + l] * mean - 0.5 * plain * (wmn + wm) - s[o + INERTIA + l] * (wm - wmn) / s[H + l]
+                    )
                     s[o + OUTPUT + l] = s[LOAD_J + l] * (w - wn) / s[H + l] + s[o + RADIUS + l] * s[o + FORCE + l]
             trial += 1
             if trial == TRIALS:
@@ -695,7 +1099,11 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
         again = 0
         if flexible:
             for l in range(lanes):
-                redone[l] = plays[l] and limit[l] > fine[l] and (s[CONTACT + l] != s[WAS + l] or s[_SIDE + CONTACT + l] != s[_SIDE + WAS + l])
+                redone[l] = (
+                    plays[l]
+                    and limit[l] > fine[l]
+                    and (s[CONTACT + l] != s[WAS + l] or s[_SIDE + CONTACT + l] != s[_SIDE + WAS + l])
+                )
                 if redone[l]:
                     again = 1
                     _kept_state(s, l, as_begun[l], False)
@@ -746,7 +1154,9 @@ def replay_lanes(ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_firs
                 o = k * _SIDE
                 for l in range(lanes):
                     most = SLIDING * s[o + GRIP + l]
-                    whole = min(max(s[o + WHOLE + l] + (s[o + ASKED + l] - s[o + TAKEN + l]) / s[o + TANGENT + l], -most), most)
+                    whole = min(
+                        max(s[o + WHOLE + l] + (s[o + ASKED + l] - s[o + TAKEN + l]) / s[o + TANGENT + l], -most), most
+                    )
                     s[o + WHOLE + l] = whole
                     s[o + TYRE + l] += s[H + l] * (whole * s[o + SLIP + l] - s[o + TYRE + l]) * s[o + PER_SHEAR + l]
         if again > 0:

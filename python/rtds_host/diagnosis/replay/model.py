@@ -14,8 +14,8 @@ from rtds_host.diagnosis.replay import kernel
 from rtds_host.diagnosis.replay.lanes import replay_lanes
 from rtds_host.diagnosis.replay.slots import COMMON, COMMON_INDEX, OUTPUT_INDEX, OUTPUTS, SIDE, SIDE_INDEX
 
-# Numerical: longest step of the search: its error moves no sample by more than about a quarter of its noise (steps of 20 V), and
-# chi2 by a few units. What is reported is replayed at `REPORT_STEP_S`, at which these are a tenth of that.
+# Numerical: longest step of the search: its error moves no sample by more than about a quarter of its noise (steps of
+# 20 V), and chi2 by a few units. What is reported is replayed at `REPORT_STEP_S`, at which these are a tenth of that.
 STEP_S = 1.7e-3
 REPORT_STEP_S = 5.0e-4
 # Numerical: slip brings faster modes, springs may bring faster ones still, and so does free play between its flanks.
@@ -23,8 +23,8 @@ SLIP_STEP_S = 8.4e-4
 FINE_STEP_S = 4.0e-4
 # Numerical: how much longer steps are where replays are only compared with one another, and where one has a spring.
 COARSER, COARSER_SPRING = 3.0, 2.0
-# Numerical: from how many at a time, in the mean, replays are done sooner abreast than one by one; with springs, with free play, and
-# with free play and slip.
+# Numerical: from how many at a time, in the mean, replays are done sooner abreast than one by one; with springs, with
+# free play, and with free play and slip.
 FEWEST, FEWEST_OF_SPRINGS, FEWEST_OF_PLAY, FEWEST_OF_PLAY_AND_SLIP = 2.2, 2.6, 4.0, 3.0
 # Numerical: a spring's step in its fastest swing: the errors then are those above at any stiffness that swings visibly.
 SPRING_STEP_RAD = 0.1
@@ -35,7 +35,10 @@ WEIGHTLESS = 1e-6
 # Physical: no command and no measurement comes later than this, a radio link's included.
 LONGEST_DELAY_S = 1.0
 # Outputs of devices with a clock of their own.
-CLOCKS = {"gyro_late": slice(OUTPUT_INDEX["gyro_z"], OUTPUT_INDEX["gyro_z"] + 1), "pose_late": slice(OUTPUT_INDEX["x"], OUTPUT_INDEX["yaw"] + 1)}
+CLOCKS = {
+    "gyro_late": slice(OUTPUT_INDEX["gyro_z"], OUTPUT_INDEX["gyro_z"] + 1),
+    "pose_late": slice(OUTPUT_INDEX["x"], OUTPUT_INDEX["yaw"] + 1),
+}
 
 
 @dataclass
@@ -89,7 +92,9 @@ class Model:
         return min(max(SPRING_STEP_RAD / fastest, FINE_STEP_S), step)
 
     def _load_inertia(self) -> float:
-        """Inertia that a wheel feels which alone is accelerated, kg m2 (of an axis: its load's); 0 where there is none."""
+        """Inertia that a wheel feels which alone is accelerated, kg m2 (of an axis: its load's); 0 where there
+        is none.
+        """
         arm = self.get("axis_arm")
         if self.get("axis") > 0:
             return self.get("axis_inertia") + self.get("axis_mass") * arm**2
@@ -119,8 +124,8 @@ class Model:
 
     @property
     def fewest(self) -> float:
-        """How many of its replays must go on at a time, in the mean, to be done sooner abreast than one by one. A tyre's shear costs
-        little abreast; where lanes wait for one another's free play, much."""
+        """How many of its replays must go on at a time, in the mean, to be done sooner abreast than one by one. A
+        tyre's shear costs little abreast; where lanes wait for one another's free play, much."""
         if self.waits:
             return FEWEST_OF_PLAY_AND_SLIP if self._has("slip") else FEWEST_OF_PLAY
         return FEWEST_OF_SPRINGS if self._has("stiffness") else FEWEST
@@ -191,8 +196,8 @@ def _filled(log: RunLog, name: str, default: float) -> np.ndarray:
 
 
 def start_state(log: RunLog, robot: Robot) -> np.ndarray:
-    """State at the first row (15,): x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r; w_l, w_r, i_l, i_r as reported, a current that was not, or is
-    no more than noise, NaN; and what of either current noise may be.
+    """State at the first row (15,): x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r; w_l, w_r, i_l, i_r as reported, a
+    current that was not, or is no more than noise, NaN; and what of either current noise may be.
 
     A robot starts at rest unless its first samples say otherwise by more than noise reaches (contract,
     section 2); a single axis starts as its first row says (section 7).
@@ -216,18 +221,19 @@ def start_state(log: RunLog, robot: Robot) -> np.ndarray:
 
 
 def run_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
-    """What the kernel needs of a run: sample times (n,), command times (m,), commands (m, 2), bus (m,), angles to follow (0, 2),
-    run (4,), start (15,).
+    """What the kernel needs of a run: sample times (n,), command times (m,), commands (m, 2), bus (m,), angles to
+    follow (0, 2), run (4,), start (15,).
 
-    Times count from the run's first row: since 1970 a double has a quarter of a microsecond, and steps add up. A robot that
-    moves in the first row was under command before: under that row's, for as long as a command may act late.
+    Times count from the run's first row: since 1970 a double has a quarter of a microsecond, and steps add up. A robot
+    that moves in the first row was under command before: under that row's, for as long as a command may act late.
     """
     t, t_cmd, commands, bus, angle, run, start = row_inputs(log, robot)
     return (t, *_from_before(t_cmd, commands, bus, robot, start), angle, run, start)
 
 
-def _from_before(t_cmd: np.ndarray, commands: np.ndarray, bus: np.ndarray, robot: Robot, start: np.ndarray
-                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _from_before(
+    t_cmd: np.ndarray, commands: np.ndarray, bus: np.ndarray, robot: Robot, start: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Commands of a run from its first row on, with that from before of a robot that begins moving."""
     if robot.chassis is None or not start[5:7].any():
         return t_cmd, commands, bus
@@ -241,14 +247,23 @@ def row_inputs(log: RunLog, robot: Robot) -> tuple[np.ndarray, ...]:
         commands = np.column_stack([commands[:, 0], np.zeros(len(commands))])
     run = np.array([log.meta.payload_kg, log.meta.slope_rad, log.meta.uphill_yaw_rad, -log.since_s])
     t = log.t - log.t[0]
-    return (t, t, np.ascontiguousarray(commands), _filled(log, "v_bus", robot.supply_v), np.empty((0, 2)), run,
-            start_state(log, robot))
+    return (
+        t,
+        t,
+        np.ascontiguousarray(commands),
+        _filled(log, "v_bus", robot.supply_v),
+        np.empty((0, 2)),
+        run,
+        start_state(log, robot),
+    )
 
 
 def following(inputs: tuple[np.ndarray, ...], log: RunLog) -> tuple[np.ndarray, ...]:
     """The inputs of a run, or of a piece of it, with a ripple that follows the measured angles."""
     t_cmd, start = inputs[1], inputs[6]
-    angle = np.column_stack([np.interp(t_cmd, log.t - log.t[0], _angle(log, side, start[3 + k])) for k, side in enumerate("lr")])
+    angle = np.column_stack(
+        [np.interp(t_cmd, log.t - log.t[0], _angle(log, side, start[3 + k])) for k, side in enumerate("lr")]
+    )
     return (*inputs[:4], angle, *inputs[5:])
 
 
@@ -297,10 +312,19 @@ def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.n
             volts = commands[held, k] * (bus[held] / robot.supply_v if robot.driver.bus == "measured" else 1.0)
             # Across the few electrical time constants that a start lasts, the winding is in its steady state.
             start[11 + k] = np.nan
-            start[7 + k] = (volts - motor.back_emf_constant_v_s_per_rad * motor.gear_ratio * start[5 + k]) / motor.resistance_ohm
+            start[7 + k] = (
+                volts - motor.back_emf_constant_v_s_per_rad * motor.gear_ratio * start[5 + k]
+            ) / motor.resistance_ohm
     before = _known(t, first)
-    return (np.ascontiguousarray(t[first:last]), np.ascontiguousarray(t[before:last]),
-            np.ascontiguousarray(commands[before:last]), np.ascontiguousarray(bus[before:last]), angle, run, start)
+    return (
+        np.ascontiguousarray(t[first:last]),
+        np.ascontiguousarray(t[before:last]),
+        np.ascontiguousarray(commands[before:last]),
+        np.ascontiguousarray(bus[before:last]),
+        angle,
+        run,
+        start,
+    )
 
 
 def _known(t: np.ndarray, first: int) -> int:
@@ -341,7 +365,9 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     """
     t, t_cmd, commands, bus, angle, run, start = inputs
     out = np.empty((len(t), len(OUTPUTS)))
-    kernel.replay(t, t_cmd, commands, bus, angle, model.side, model.common, run, start, step_s or model.step_s, FINE_STEP_S, out)
+    kernel.replay(
+        t, t_cmd, commands, bus, angle, model.side, model.common, run, start, step_s or model.step_s, FINE_STEP_S, out
+    )
     _on_clocks(model, t, out)
     return out
 
@@ -355,7 +381,9 @@ def _on_clocks(model: Model, t: np.ndarray, out: np.ndarray) -> None:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _delay(t, late, values):
-    """Let values (n, k) at times t (n,) be those of `late` earlier, s, as `np.interp` has them: rows are found once for all columns."""
+    """Let values (n, k) at times t (n,) be those of `late` earlier, s, as `np.interp` has them: rows are found once for
+    all columns.
+    """
     before = values.copy()
     n, row = len(t), 0
     for i in range(n):
@@ -377,30 +405,50 @@ class Abreast:
     def __init__(self, inputs: list[tuple[np.ndarray, ...]]):
         self.inputs = inputs
         self.t, self.t_cmd, self.commands, self.bus, self.angle = (
-            np.ascontiguousarray(np.concatenate([run[k] for run in inputs])) for k in range(5))
+            np.ascontiguousarray(np.concatenate([run[k] for run in inputs])) for k in range(5)
+        )
         self.rows, self.at_cmd, self.at_angle = (
-            np.concatenate([[0], np.cumsum([len(run[k]) for run in inputs])]) for k in (0, 1, 4))
+            np.concatenate([[0], np.cumsum([len(run[k]) for run in inputs])]) for k in (0, 1, 4)
+        )
         self.runs = np.array([run[5] for run in inputs])
         # The longest first: those that come last go on by themselves.
         self.order = np.argsort(-np.diff(self.rows), kind="stable")
 
     def worth(self, models: list[Model], threads: int) -> bool:
-        """Whether replays of some models are done sooner abreast: how many go on at a time in the mean, with the longest run's to
-        wait for. One by one they are shared out by runs; abreast a core has whole models, and others may have none."""
+        """Whether replays of some models are done sooner abreast: how many go on at a time in the mean, with the
+        longest run's to wait for. One by one they are shared out by runs; abreast a core has whole models, and others
+        may have none."""
         fewest = max((model.fewest for model in models), default=math.inf) * max(threads / max(len(models), 1), 1.0)
         return len(models) * float(self.rows[-1]) >= fewest * max(float(np.diff(self.rows).max(initial=0)), 1.0)
 
     def replay(self, models: list[Model], steps: list[float | None] | None = None) -> np.ndarray:
-        """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `abreast`; steps : as of `replay_run`."""
+        """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `abreast`; steps : as of
+        `replay_run`.
+        """
         steps = steps or [None] * len(models)
         out = np.empty((len(models), self.rows[-1], len(OUTPUTS)))
         which = np.array([(k, run) for run in self.order for k in range(len(models))])
         # Where a run begins may have been estimated anew.
         starts = np.array([run[6] for run in self.inputs])
-        replay_lanes(self.t, self.rows, self.t_cmd, self.commands, self.bus, self.at_cmd, self.angle, self.at_angle, self.runs, starts,
-                     np.array([model.side for model in models]), np.array([model.common for model in models]),
-                     np.array([step or model.step_s for model, step in zip(models, steps)]), FINE_STEP_S, which, out.reshape(-1, len(OUTPUTS)),
-                     which[:, 0] * self.rows[-1] + self.rows[which[:, 1]])
+        replay_lanes(
+            self.t,
+            self.rows,
+            self.t_cmd,
+            self.commands,
+            self.bus,
+            self.at_cmd,
+            self.angle,
+            self.at_angle,
+            self.runs,
+            starts,
+            np.array([model.side for model in models]),
+            np.array([model.common for model in models]),
+            np.array([step or model.step_s for model, step in zip(models, steps)]),
+            FINE_STEP_S,
+            which,
+            out.reshape(-1, len(OUTPUTS)),
+            which[:, 0] * self.rows[-1] + self.rows[which[:, 1]],
+        )
         for model, mine in zip(models, out):
             for first, last in zip(self.rows, self.rows[1:]):
                 _on_clocks(model, self.t[first:last], mine[first:last])

@@ -22,30 +22,40 @@ from rtds_host.diagnosis.report.words import (
 # Where to look by hand, by the place of what has no name.
 LOOK = {
     "driver": "measure the voltage at the motor's terminals against the command: small and full, under load and with the wheel "
-              "in the air",
+    "in the air",
     "winding": "measure the winding's resistance cold and warm, and the voltage of the motor turned from outside",
     "drivetrain": "turn each wheel in the air, by hand and by a slow command, both ways: free play, tight spots and springs can "
-                  "be felt, friction shows in the current",
+    "be felt, friction shows in the current",
     "wheel_ground": "look at tyres, caster and floor, and measure the way of ten wheel turns: straight and on the spot, with "
-                    "payload and without",
+    "payload and without",
     "chassis": "weigh the robot as it was driven, put a level on the floor, and look for what drags or swings",
     "sensing": "hold each sensor against a measurement by hand: ten turns of a wheel, ten turns of the robot, current and gyro "
-               "at standstill",
+    "at standstill",
     "timing": "stop a wheel against a hard stop and compare the times in each channel: a bus or a logger may deliver late or "
-              "unevenly",
+    "unevenly",
 }
-UNLIKE = ("Does the robot still behave unlike its simulator? Record a run in which it does, with that load, speed and floor, and "
-          "diagnose it together with these.")
+UNLIKE = (
+    "Does the robot still behave unlike its simulator? Record a run in which it does, with that load, speed and floor, and "
+    "diagnose it together with these."
+)
 # Commands for what comes next; files by the names that rtds writes.
-EXPORT = ("Gazebo, MuJoCo, Isaac Sim: `rtds export diagnosis.json --robot robot.toml --to sdf --out robot.sdf` (or `mjcf`, `usd-json`, "
-          "`urdf`, `python`) writes the robot {}.")
+EXPORT = (
+    "Gazebo, MuJoCo, Isaac Sim: `rtds export diagnosis.json --robot robot.toml --to sdf --out robot.sdf` (or `mjcf`, `usd-json`, "
+    "`urdf`, `python`) writes the robot {}."
+)
 SAMPLES = "For domain randomisation `--samples N` draws N robots from the range of each size."
-CLOSE = ("The simulator of rtds: `rtds run SCENARIO --effects diagnosis.json` drives with it; "
-         "`rtds close CASE --diagnosis diagnosis.json` says how near it comes.")
-PREDICT = ("`rtds predict RUN --robot robot.toml --diagnosis diagnosis.json --out predicted.csv` replays a run with it; such a machine is "
-           "not exported.")
-PLAN = ("`rtds plan diagnosis.json --robot robot.toml --floor 3x3 --out plan` makes {} for this robot and your floor: "
-        "commands as a table, as csv and as a ROS 2 script.")
+CLOSE = (
+    "The simulator of rtds: `rtds run SCENARIO --effects diagnosis.json` drives with it; "
+    "`rtds close CASE --diagnosis diagnosis.json` says how near it comes."
+)
+PREDICT = (
+    "`rtds predict RUN --robot robot.toml --diagnosis diagnosis.json --out predicted.csv` replays a run with it; such a machine is "
+    "not exported."
+)
+PLAN = (
+    "`rtds plan diagnosis.json --robot robot.toml --floor 3x3 --out plan` makes {} for this robot and your floor: "
+    "commands as a table, as csv and as a ROS 2 script."
+)
 NOWHERE = "The runs do not show where: record current, gyro and pose besides, as far as the robot has them."
 
 
@@ -58,9 +68,13 @@ def _of_effect(diagnosis: dict[str, Any], effect: dict[str, Any]) -> tuple[str, 
         title = f"Find out which it is before you change anything: {names} would look the same in these runs."
         return title, [f"{listed_name(one)}: {CATALOGUE[one['id']].check}" for one in (effect, *twins)]
     others = enumerated([plain_name(other) for other in known.confused_with], "or")
-    return (f"{name[0].upper()}{name[1:]}: check it on the robot.",
-            [f"{known.check} This also tells it from what it is easily taken for: {others}.",
-             f"If this shows it: {known.advice[0].lower()}{known.advice[1:]}"])
+    return (
+        f"{name[0].upper()}{name[1:]}: check it on the robot.",
+        [
+            f"{known.check} This also tells it from what it is easily taken for: {others}.",
+            f"If this shows it: {known.advice[0].lower()}{known.advice[1:]}",
+        ],
+    )
 
 
 def _of_place(place: str | None) -> str:
@@ -76,8 +90,10 @@ def _into_simulators(robot: Robot) -> list[str]:
     """The commands that put what was found into a simulator."""
     if not exportable(robot):
         return [PREDICT]
-    return [f"{EXPORT.format('with it, and lists what that simulator cannot express')} {SAMPLES}",
-            *([CLOSE] if robot.driver.mode == "voltage" else [])]
+    return [
+        f"{EXPORT.format('with it, and lists what that simulator cannot express')} {SAMPLES}",
+        *([CLOSE] if robot.driver.mode == "voltage" else []),
+    ]
 
 
 def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, list[str]]]:
@@ -92,22 +108,34 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
     if verdict == "none":
         lost = details.localisation.lost if details.localisation is not None else ()
         possible = exportable(details.case.robot)
-        return [("Use the simulator as it is for driving of this kind.",
-                 [EXPORT.format("as it is, its motor values adjusted")] if possible else []),
-                (UNLIKE, [f"These runs cannot show everything: {text}." for text in lost]
-                 + ([PLAN.format("a run to judge the simulator on")] if possible else []))]
+        return [
+            (
+                "Use the simulator as it is for driving of this kind.",
+                [EXPORT.format("as it is, its motor values adjusted")] if possible else [],
+            ),
+            (
+                UNLIKE,
+                [f"These runs cannot show everything: {text}." for text in lost]
+                + ([PLAN.format("a run to judge the simulator on")] if possible else []),
+            ),
+        ]
     if verdict == "unknown":
         steps.append(("Change nothing on the robot yet: no cause is established.", []))
         warned = details.gate.warnings if details.gate is not None else ()
         if warned:
-            steps.append(("See first to what was found in the recordings; it may be all there is.", [f.text for f in warned[:3]]))
+            steps.append(
+                ("See first to what was found in the recordings; it may be all there is.", [f.text for f in warned[:3]])
+            )
     steps += [_of_effect(diagnosis, effect) for effect in by_share(diagnosis)]
     if verdict in ("partial", "unknown"):
         place = rest.get("subsystem")
         words = f"the {SUBSYSTEM_WORDS[place]}" if place else "a place that is not known"
         nameless = sum(row["share"] for row in diagnosis["budget"] if row["what"] == "rest")
-        title = (f"{percent(nameless)} of the difference has no name; most of it shows in {words}."
-                 if verdict == "partial" else f"The difference shows most in {words}.")
+        title = (
+            f"{percent(nameless)} of the difference has no name; most of it shows in {words}."
+            if verdict == "partial"
+            else f"The difference shows most in {words}."
+        )
         below = [_of_place(place)]
         key = "after" if verdict == "partial" else "refit"
         worst = max(gap.get("channels") or {}, key=lambda c: gap["channels"][c].get(key) or 0.0, default=None)
@@ -117,14 +145,25 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
     plan = diagnosis.get("next_experiment")
     if plan:
         why = str(plan.get("why", ""))
-        steps.append((f"Record the manoeuvre {manoeuvre(plan)} next, and diagnose again with it.",
-                      [f"{why[:1].upper()}{why[1:].rstrip('.')}.",
-                       *([PLAN.format("this manoeuvre")] if exportable(details.case.robot) else [])]))
+        steps.append(
+            (
+                f"Record the manoeuvre {manoeuvre(plan)} next, and diagnose again with it.",
+                [
+                    f"{why[:1].upper()}{why[1:].rstrip('.')}.",
+                    *([PLAN.format("this manoeuvre")] if exportable(details.case.robot) else []),
+                ],
+            )
+        )
     if diagnosis["effects"]:
-        title = "Or leave the robot as it is and give the simulator what was found" if verdict == "known" else (
-            "Meanwhile the simulator can have what was found")
+        title = (
+            "Or leave the robot as it is and give the simulator what was found"
+            if verdict == "known"
+            else ("Meanwhile the simulator can have what was found")
+        )
         below = _into_simulators(details.case.robot)
         if any(twins_of(diagnosis, effect) for effect in diagnosis["effects"]):
-            below.append("Causes that look the same here may differ in other driving: trust it for driving like these runs.")
+            below.append(
+                "Causes that look the same here may differ in other driving: trust it for driving like these runs."
+            )
         steps.append((f"{title}:", below))
     return steps

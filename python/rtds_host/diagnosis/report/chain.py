@@ -22,7 +22,9 @@ def chain(located: list[dict[str, Any]]) -> str:
     for subsystem, signal in zip(_ORDER, _SIGNALS, strict=True):
         share = shares.get(subsystem, 0.0)
         heat = round(100 * min(max(share, 0.0), 1.0) ** 0.7)
-        parts.append(f'<li class="block{" large" if share >= 0.2 else ""}" data-subsystem="{subsystem}" data-share="{share:.6g}" '
-                     f'style="--heat:{heat}%"><i>{escape(signal)}</i><div><span>{escape(SUBSYSTEM_WORDS[subsystem])}</span>'
-                     f'<b>{percent(share) if share >= 0.0005 else "·"}</b></div></li>')
+        parts.append(
+            f'<li class="block{" large" if share >= 0.2 else ""}" data-subsystem="{subsystem}" data-share="{share:.6g}" '
+            f'style="--heat:{heat}%"><i>{escape(signal)}</i><div><span>{escape(SUBSYSTEM_WORDS[subsystem])}</span>'
+            f"<b>{percent(share) if share >= 0.0005 else '·'}</b></div></li>"
+        )
     return f'<ol id="chain" aria-label="signal chain with the share of the gap at each block">{"".join(parts)}</ol>'

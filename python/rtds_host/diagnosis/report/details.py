@@ -36,7 +36,8 @@ class Candidate:
     effects : list of {"id", "side"}, [] for "no effect".
     parameters : the effects' fitted values, a dict an effect (same order), name -> value or
         {"value", "ci90"}.
-    improvement : what it explains, in units of noise squared per sample (mean fall of the squared error), None where it was
+    improvement : what it explains, in units of noise squared per sample (mean fall of the squared error), None where it
+    was
         not fitted.
     verdict : "blamed", "alike" (cannot be told from what is blamed) or "rejected".
     reason : one clause, why it was rejected or why it stands.
@@ -60,8 +61,8 @@ class Details:
     traces : run -> channel -> Trace; any number, the report decimates them.
     regimes : regime -> {"before", "refit", "after"}, gap in units of noise, on held-out runs.
     run_gaps : run -> {"before", "refit", "after"}.
-    decided : (id, side) of a blamed effect -> the channel that misses it most, and that channel's gap without and with it.
-    seconds : time the diagnosis took; printed on the terminal only, so that the report stays the same to the byte.
+    decided : (id, side) of a blamed effect -> the channel that misses it most, and that channel's gap without and with
+    it. seconds : time the diagnosis took; printed on the terminal only, so that the report stays the same to the byte.
     """
 
     case: Case

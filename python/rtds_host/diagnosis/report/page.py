@@ -47,10 +47,12 @@ DIGITS = 6
 TIME_DECIMALS = 6
 UNITS = {"v_bus": "V", "i": "A", "w": "rad/s", "th": "rad", "gyro_z": "rad/s", "x": "m", "y": "m", "yaw": "rad"}
 
-SETUP_WORDS = {"latency_s": ("what is read of a speed command comes later by", 1e3, "ms"),
-               "anti_windup": ("share of what its limit cuts by which the servo's integral gives way", 1.0, ""),
-               "gyro_late_s": ("the gyro's clock is behind the wheels' by", 1e3, "ms"),
-               "pose_late_s": ("the pose's clock is behind the wheels' by", 1e3, "ms")}
+SETUP_WORDS = {
+    "latency_s": ("what is read of a speed command comes later by", 1e3, "ms"),
+    "anti_windup": ("share of what its limit cuts by which the servo's integral gives way", 1.0, ""),
+    "gyro_late_s": ("the gyro's clock is behind the wheels' by", 1e3, "ms"),
+    "pose_late_s": ("the pose's clock is behind the wheels' by", 1e3, "ms"),
+}
 
 
 def _asset(name: str) -> str:
@@ -58,7 +60,9 @@ def _asset(name: str) -> str:
 
 
 def _json(data: Any) -> str:
-    """JSON that may stand inside a script element: no `<` in it, so that nothing ends the element or opens a comment."""
+    """JSON that may stand inside a script element: no `<` in it, so that nothing ends the element or opens a
+    comment.
+    """
     return json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
@@ -94,17 +98,26 @@ def _decimated(trace: Trace, unit: str, noise: float | None, blamed: bool) -> di
     return result
 
 
-def _table(head: Iterable[tuple[str, bool]], rows: Iterable[Iterable[str]], attributes: list[str] | None = None,
-           name: str = "") -> str:
+def _table(
+    head: Iterable[tuple[str, bool]], rows: Iterable[Iterable[str]], attributes: list[str] | None = None, name: str = ""
+) -> str:
     """A table; each cell carries its column's title, which a narrow page shows in place of the head."""
     head = list(head)
-    lines = [f'<table{f" id={chr(34)}{name}{chr(34)}" if name else ""}><thead><tr>'
-             + "".join(f'<th{" class=n" if n else ""}>{escape(h)}</th>' for h, n in head) + "</tr></thead><tbody>"]
+    lines = [
+        f"<table{f' id={chr(34)}{name}{chr(34)}' if name else ''}><thead><tr>"
+        + "".join(f"<th{' class=n' if n else ''}>{escape(h)}</th>" for h, n in head)
+        + "</tr></thead><tbody>"
+    ]
     for k, row in enumerate(rows):
         extra = " " + attributes[k] if attributes and attributes[k] else ""
-        lines.append(f"<tr{extra}>" + "".join(
-            f'<td{" class=n" if n else ""} data-h="{escape(h)}">{cell}</td>'
-            for cell, (h, n) in zip(row, head, strict=True)) + "</tr>")
+        lines.append(
+            f"<tr{extra}>"
+            + "".join(
+                f'<td{" class=n" if n else ""} data-h="{escape(h)}">{cell}</td>'
+                for cell, (h, n) in zip(row, head, strict=True)
+            )
+            + "</tr>"
+        )
     return "\n".join(lines) + "</tbody></table>"
 
 
@@ -129,9 +142,15 @@ def _gap_table(first: str, gaps: dict[str, dict[str, float | None]], name: str, 
     models = MODELS if blamed else MODELS[:2]
     values = [entry.get(k) for entry in gaps.values() for k, _ in models]
     top = max((v for v in values if v is not None and math.isfinite(v)), default=1.0)
-    rows = [[escape(label), *(number(e.get(k)) for k, _ in models), _gap_bars(e, top, models)] for label, e in gaps.items()]
-    return _table([(first, False), *((title, True) for _, title in models), ("(logarithmic)", False)], rows,
-                  [f'data-name="{escape(k)}"' for k in gaps], name)
+    rows = [
+        [escape(label), *(number(e.get(k)) for k, _ in models), _gap_bars(e, top, models)] for label, e in gaps.items()
+    ]
+    return _table(
+        [(first, False), *((title, True) for _, title in models), ("(logarithmic)", False)],
+        rows,
+        [f'data-name="{escape(k)}"' for k in gaps],
+        name,
+    )
 
 
 def _head(diagnosis: dict[str, Any], details: Details) -> str:
@@ -139,22 +158,31 @@ def _head(diagnosis: dict[str, Any], details: Details) -> str:
     gap, case, effects = diagnosis["gap"], details.case, diagnosis["effects"]
     held = diagnosis.get("held_out_runs") or []
     judged, by = ("Each half of the run", "the whole run") if len(held) == 1 else ("Each run", "all runs together")
-    figures = [("before", number(gap.get("before")), "simulator as it is"),
-               ("refit", number(gap.get("refit")), "motor values adjusted within their tolerance")]
+    figures = [
+        ("before", number(gap.get("before")), "simulator as it is"),
+        ("refit", number(gap.get("refit")), "motor values adjusted within their tolerance"),
+    ]
     if effects:
         figures += [("after", number(gap.get("after")), "with the named effects")]
-    named = "".join(f"<li><b>{escape(listed_name(e))}</b>: {escape('; '.join(_sizes(e, details)))}. "
-                    f"{escape(_sure(diagnosis, e))}.</li>" for e in by_share(diagnosis))
-    return (f"<section><h1>{escape(case.name)} · {escape(case.robot.name)} · {len(case.runs)} run"
-            f"{'s' if len(case.runs) != 1 else ''}</h1>"
-            f'<p id="verdict"><span class="badge {diagnosis["verdict"]}">{diagnosis["verdict"]}</span>'
-            f"{escape(headline(diagnosis))}</p>" + budget_bar(diagnosis)
-            + (f'<ul id="named">{named}</ul>' if named else "")
-            + '<h3>How far simulator and robot are apart</h3><div class="figures" id="gap">' + "".join(
-                f'<div data-name="{k}"><b>{v}</b><span>{escape(t)}</span></div>' for k, v, t in figures) + "</div>"
-            '<p class="soft small">In units of each sensor\'s own noise: 1 is as close as the sensors can tell. '
-            f"{judged} is judged with motor values and sizes worked out without it; which causes are named rests on {by}.</p>"
-            "</section>")
+    named = "".join(
+        f"<li><b>{escape(listed_name(e))}</b>: {escape('; '.join(_sizes(e, details)))}. "
+        f"{escape(_sure(diagnosis, e))}.</li>"
+        for e in by_share(diagnosis)
+    )
+    return (
+        f"<section><h1>{escape(case.name)} · {escape(case.robot.name)} · {len(case.runs)} run"
+        f"{'s' if len(case.runs) != 1 else ''}</h1>"
+        f'<p id="verdict"><span class="badge {diagnosis["verdict"]}">{diagnosis["verdict"]}</span>'
+        f"{escape(headline(diagnosis))}</p>"
+        + budget_bar(diagnosis)
+        + (f'<ul id="named">{named}</ul>' if named else "")
+        + '<h3>How far simulator and robot are apart</h3><div class="figures" id="gap">'
+        + "".join(f'<div data-name="{k}"><b>{v}</b><span>{escape(t)}</span></div>' for k, v, t in figures)
+        + "</div>"
+        '<p class="soft small">In units of each sensor\'s own noise: 1 is as close as the sensors can tell. '
+        f"{judged} is judged with motor values and sizes worked out without it; which causes are named rests on {by}.</p>"
+        "</section>"
+    )
 
 
 def _sizes(effect: dict[str, Any], details: Details) -> list[str]:
@@ -181,15 +209,19 @@ def _with_code(text: str) -> str:
 
 def _do(diagnosis: dict[str, Any], details: Details) -> str:
     steps = "".join(
-        f"<li>{escape(title)}" + ("<ul>" + "".join(f"<li>{_with_code(line)}</li>" for line in below) + "</ul>" if below else "") + "</li>"
-        for title, below in next_steps(diagnosis, details))
+        f"<li>{escape(title)}"
+        + ("<ul>" + "".join(f"<li>{_with_code(line)}</li>" for line in below) + "</ul>" if below else "")
+        + "</li>"
+        for title, below in next_steps(diagnosis, details)
+    )
     return f'<section><h2>What to do next</h2><ol id="do">{steps}</ol></section>'
 
 
-def _parameter(effect: dict[str, Any], name: str, value: float | None, details: Details,
-               digits: int = 4) -> tuple[str, str, str, str]:
-    """Name, nominal value, fitted value and unit of an effect's parameter: in the robot's own terms where it is a factor of
-    one of its values."""
+def _parameter(
+    effect: dict[str, Any], name: str, value: float | None, details: Details, digits: int = 4
+) -> tuple[str, str, str, str]:
+    """Name, nominal value, fitted value and unit of an effect's parameter: in the robot's own terms where it is a
+    factor of one of its values."""
     known = CATALOGUE.get(effect["id"])
     for p in known.parameters if known else ():
         if p.of and p.name == name and value is not None:
@@ -198,7 +230,12 @@ def _parameter(effect: dict[str, Any], name: str, value: float | None, details: 
             return key, number(nominal, digits), number(nominal * value, digits), key_unit(key)
         if name in (p.name, *(n for n, _ in (p.declared or {}).values())):
             nominal = "–" if p.shape or p.null not in (0.0, 1.0) else number(p.null)
-            return name, nominal, number(value, digits), unit_of(effect["id"], name) or ("times" if p.null == 1.0 else "")
+            return (
+                name,
+                nominal,
+                number(value, digits),
+                unit_of(effect["id"], name) or ("times" if p.null == 1.0 else ""),
+            )
     return name, "–", number(value, digits), unit_of(effect["id"], name)
 
 
@@ -217,21 +254,46 @@ def _where(diagnosis: dict[str, Any], details: Details) -> str:
         for b in local.blocks:
             regimes = sorted(b.regimes.items(), key=lambda p: -p[1])
             worst = ", ".join(f"{escape(r)} {number(v)}" for r, v in regimes[:3]) if b.score > 1.3 else ""
-            rows.append([escape(b.title), escape(SUBSYSTEM_WORDS[b.subsystem]), _bar(max(b.score - 1.0, 0.0), top) + f'<span class="value">{number(b.score)}</span>',
-                         *([number(after.get(b.name))] if after else []), worst])
-        parts.append("<h3>Each block on its own, driven by measured signals (units of noise; a perfect robot scores 1)"
-                     "</h3>")
-        parts.append(_table([("block", False), ("speaks of", False), ("score", True),
-                             *([("with effects", True)] if after else []), ("worst where", False)], rows,
-                            [f'data-block="{b.name}"' for b in local.blocks], "blocks"))
+            rows.append(
+                [
+                    escape(b.title),
+                    escape(SUBSYSTEM_WORDS[b.subsystem]),
+                    _bar(max(b.score - 1.0, 0.0), top) + f'<span class="value">{number(b.score)}</span>',
+                    *([number(after.get(b.name))] if after else []),
+                    worst,
+                ]
+            )
+        parts.append(
+            "<h3>Each block on its own, driven by measured signals (units of noise; a perfect robot scores 1)</h3>"
+        )
+        parts.append(
+            _table(
+                [
+                    ("block", False),
+                    ("speaks of", False),
+                    ("score", True),
+                    *([("with effects", True)] if after else []),
+                    ("worst where", False),
+                ],
+                rows,
+                [f'data-block="{b.name}"' for b in local.blocks],
+                "blocks",
+            )
+        )
         if local.lost:
             parts.append('<p class="small soft" id="lost">' + escape("; ".join(local.lost)).capitalize() + ".</p>")
     rest = diagnosis["gap"].get("rest") or {}
     if rest.get("share") is not None and diagnosis["verdict"] != "none":
-        text = "The gap is" if not diagnosis["effects"] else (
-            f"The blamed effects leave {percent(rest['share'])} of the refitted robot's gap beyond 1")
-        text += (", with structure" if rest.get("structured") else ", without structure") if diagnosis["effects"] else (
-            " structured" if rest.get("structured") else " without structure")
+        text = (
+            "The gap is"
+            if not diagnosis["effects"]
+            else (f"The blamed effects leave {percent(rest['share'])} of the refitted robot's gap beyond 1")
+        )
+        text += (
+            (", with structure" if rest.get("structured") else ", without structure")
+            if diagnosis["effects"]
+            else (" structured" if rest.get("structured") else " without structure")
+        )
         if rest.get("structured") and rest.get("subsystem"):
             text += f", mostly in the {SUBSYSTEM_WORDS.get(rest['subsystem'], rest['subsystem'])}"
         parts.append(f'<p id="rest">{escape(text)}.</p>')
@@ -247,19 +309,51 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
             for k, (name, p) in enumerate(effect["parameters"].items()):
                 shown, nominal, fitted, unit = _parameter(effect, name, p["value"], details)
                 interval = p.get("ci90")
-                pinned = "not pinned by these runs" if interval is None else " to ".join(
-                    _parameter(effect, name, v, details)[2] for v in interval)
+                pinned = (
+                    "not pinned by these runs"
+                    if interval is None
+                    else " to ".join(_parameter(effect, name, v, details)[2] for v in interval)
+                )
                 sure = percent(effect["probability"]) + (", beside its twins" if twins_of(diagnosis, effect) else "")
-                rows.append([escape(effect_name(effect)) if k == 0 else "", sure if k == 0 else "",
-                             escape(shown) + _meaning(effect, name), nominal, fitted, escape(unit), pinned,
-                             number(effect["gap_without"]) if k == 0 else "",
-                             escape(f"{channel_name(decided[0])}: {number(decided[1])} without it, {number(decided[2])} with it")
-                             if decided and k == 0 else ""])
-                attributes.append(f'class="effect" data-id="{effect["id"]}" data-side="{effect["side"]}" '
-                                  f'data-parameter="{escape(name)}"')
-        parts.append(_table([("effect", False), ("probability", True), ("parameter", False), ("nominal", True), ("fitted", True),
-                             ("unit", False), ("90 % interval", True), ("gap without it", True), ("channel that decided", False)],
-                            rows, attributes, "effects"))
+                rows.append(
+                    [
+                        escape(effect_name(effect)) if k == 0 else "",
+                        sure if k == 0 else "",
+                        escape(shown) + _meaning(effect, name),
+                        nominal,
+                        fitted,
+                        escape(unit),
+                        pinned,
+                        number(effect["gap_without"]) if k == 0 else "",
+                        escape(
+                            f"{channel_name(decided[0])}: {number(decided[1])} without it, {number(decided[2])} with it"
+                        )
+                        if decided and k == 0
+                        else "",
+                    ]
+                )
+                attributes.append(
+                    f'class="effect" data-id="{effect["id"]}" data-side="{effect["side"]}" '
+                    f'data-parameter="{escape(name)}"'
+                )
+        parts.append(
+            _table(
+                [
+                    ("effect", False),
+                    ("probability", True),
+                    ("parameter", False),
+                    ("nominal", True),
+                    ("fitted", True),
+                    ("unit", False),
+                    ("90 % interval", True),
+                    ("gap without it", True),
+                    ("channel that decided", False),
+                ],
+                rows,
+                attributes,
+                "effects",
+            )
+        )
         for effect in diagnosis["effects"]:
             known = CATALOGUE.get(effect["id"])
             if known:
@@ -276,10 +370,11 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
         seen.add(key)
         c = reasons.get(key)
         rows.append(_explanation(alternative["effects"], alternative["probability"], c))
-        attributes.append(f'data-probability="{alternative["probability"]:.6g}"'
-                          + (' class="blamed"' if key == blamed and diagnosis["verdict"] != "unknown" else ""))
-    head = [("explanation", False), ("probability", True), ("explains, noise²", True),
-            ("why", False)]
+        attributes.append(
+            f'data-probability="{alternative["probability"]:.6g}"'
+            + (' class="blamed"' if key == blamed and diagnosis["verdict"] != "unknown" else "")
+        )
+    head = [("explanation", False), ("probability", True), ("explains, noise²", True), ("why", False)]
     parts.append(_table(head, rows, attributes, "alternatives"))
     others = [c for c in details.candidates if _key(c.effects) not in seen]
     if others:
@@ -289,14 +384,31 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
     moved = {s: v for s, v in (diagnosis.get("nominal_fit") or {}).items() if v}
     if moved:
         parts.append("<h3>Motor values refitted within their tolerance (no cause)</h3>")
-        rows = [[{"l": "left", "r": "right"}.get(s, s), escape(name), number(_nominal(details, name), 5), number(value, 5),
-                 escape(key_unit(name))] for s, values in sorted(moved.items()) for name, value in values.items()]
-        parts.append(_table([("side", False), ("value", False), ("nominal", True), ("refitted", True), ("unit", False)], rows, None,
-                            "nominal_fit"))
+        rows = [
+            [
+                {"l": "left", "r": "right"}.get(s, s),
+                escape(name),
+                number(_nominal(details, name), 5),
+                number(value, 5),
+                escape(key_unit(name)),
+            ]
+            for s, values in sorted(moved.items())
+            for name, value in values.items()
+        ]
+        parts.append(
+            _table(
+                [("side", False), ("value", False), ("nominal", True), ("refitted", True), ("unit", False)],
+                rows,
+                None,
+                "nominal_fit",
+            )
+        )
     if setup := diagnosis.get("setup"):
         parts.append("<h3>Clocks and servo (no cause)</h3>")
-        rows = [[escape(text), number(one * value, 3), unit] for (text, one, unit), value in
-                ((SETUP_WORDS[name], value) for name, value in setup.items())]
+        rows = [
+            [escape(text), number(one * value, 3), unit]
+            for (text, one, unit), value in ((SETUP_WORDS[name], value) for name, value in setup.items())
+        ]
         parts.append(_table([("what", False), ("refitted", True), ("unit", False)], rows, None, "setup"))
     return "".join(parts) + "</section>"
 
@@ -319,43 +431,70 @@ def _key(effects: list[dict[str, Any]] | str) -> Any:
 def _explanation(effects: list[dict[str, Any]] | str, probability: float | None, candidate: Any) -> list[str]:
     fitted = ""
     if candidate is not None and candidate.parameters:
-        fitted = '<br><span class="small soft">' + escape("; ".join(
-            f"{name} = {value_words(e['id'], name, entry)}"
-            for e, values in zip(candidate.effects, candidate.parameters, strict=False)
-            for name, entry in values.items())) + "</span>"
+        fitted = (
+            '<br><span class="small soft">'
+            + escape(
+                "; ".join(
+                    f"{name} = {value_words(e['id'], name, entry)}"
+                    for e, values in zip(candidate.effects, candidate.parameters, strict=False)
+                    for name, entry in values.items()
+                )
+            )
+            + "</span>"
+        )
     share = percent(probability) if probability is not None else "–"
-    return [escape(explanation_name(effects)) + fitted, _bar(probability, 1.0, "", 60) + f'<span class="value">{share}</span>',
-            number(candidate.improvement) if candidate else "–",
-            escape(candidate.reason) if candidate else ""]
+    return [
+        escape(explanation_name(effects)) + fitted,
+        _bar(probability, 1.0, "", 60) + f'<span class="value">{share}</span>',
+        number(candidate.improvement) if candidate else "–",
+        escape(candidate.reason) if candidate else "",
+    ]
 
 
 def _plots(diagnosis: dict[str, Any], details: Details) -> str:
     blamed, noise = bool(diagnosis["effects"]), details.case.robot.noise
-    data = {run: {channel: _decimated(trace, UNITS.get(channel, UNITS.get(channel[:-2], "")), noise(channel), blamed)
-                  for channel, trace in channels.items()} for run, channels in details.traces.items() if channels}
+    data = {
+        run: {
+            channel: _decimated(trace, UNITS.get(channel, UNITS.get(channel[:-2], "")), noise(channel), blamed)
+            for channel, trace in channels.items()
+        }
+        for run, channels in details.traces.items()
+        if channels
+    }
     if not data:
         return ""
-    return ('<section><h2>Measured against replay</h2><div class="controls"><label>run <select id="run"></select></label>'
-            '<span id="keys"></span><button id="reset" type="button">whole run</button>'
-            '<span class="soft small">wheel zooms, dragging moves, double click shows all</span></div>'
-            '<p class="soft small">Beside each channel what the replay misses of it, measured minus replay; the band is what the '
-            "sensor's noise alone hardly ever leaves (3 sigma). Times count from the run's start; where that lies on the log's own "
-            "clock stands with the runs at the end.</p>"
-            '<div id="plots"></div>'
-            f'<script type="application/json" id="traces">{_json(data)}</script></section>')
+    return (
+        '<section><h2>Measured against replay</h2><div class="controls"><label>run <select id="run"></select></label>'
+        '<span id="keys"></span><button id="reset" type="button">whole run</button>'
+        '<span class="soft small">wheel zooms, dragging moves, double click shows all</span></div>'
+        '<p class="soft small">Beside each channel what the replay misses of it, measured minus replay; the band is what the '
+        "sensor's noise alone hardly ever leaves (3 sigma). Times count from the run's start; where that lies on the log's own "
+        "clock stands with the runs at the end.</p>"
+        '<div id="plots"></div>'
+        f'<script type="application/json" id="traces">{_json(data)}</script></section>'
+    )
 
 
 def _gaps(diagnosis: dict[str, Any], details: Details) -> str:
     gap, blamed = diagnosis["gap"], bool(diagnosis["effects"])
-    parts = ["<section><h2>The gap by channel, regime and run</h2>",
-             ('<p class="small soft">Root mean square of replay minus measured in units of noise, of each run by the fit without it (one '
-              "step from the fit to all; of a single run each half). Which effects that holds was decided by all runs.</p>"),
-             _gap_table("channel", gap.get("channels") or {}, "channels", blamed)]
+    parts = [
+        "<section><h2>The gap by channel, regime and run</h2>",
+        (
+            '<p class="small soft">Root mean square of replay minus measured in units of noise, of each run by the fit without it (one '
+            "step from the fit to all; of a single run each half). Which effects that holds was decided by all runs.</p>"
+        ),
+        _gap_table("channel", gap.get("channels") or {}, "channels", blamed),
+    ]
     if blamed and gap.get("closed") is not None:
         interval = gap.get("closed_ci90")
-        another = f"; of another run of this robot {percent(interval[0])} to {percent(interval[1])} (90 % interval)" if (
-            interval and None not in interval) else ""
-        parts.append(f'<p id="closed">{percent(gap["closed"])} of the way from the nominal robot\'s gap to 1 is closed{another}.</p>')
+        another = (
+            f"; of another run of this robot {percent(interval[0])} to {percent(interval[1])} (90 % interval)"
+            if (interval and None not in interval)
+            else ""
+        )
+        parts.append(
+            f'<p id="closed">{percent(gap["closed"])} of the way from the nominal robot\'s gap to 1 is closed{another}.</p>'
+        )
     if details.regimes:
         parts += ["<h3>By regime</h3>", _gap_table("regime", details.regimes, "regimes", blamed)]
     if details.run_gaps:
@@ -367,21 +506,29 @@ def _next(diagnosis: dict[str, Any], details: Details) -> str:
     parts = ["<section><h2>What these runs cannot tell, and the next experiment</h2>"]
     sets = diagnosis["indistinguishable"]
     if sets:
-        parts.append("<p>Alike in these runs:</p><ul id=\"indistinguishable\">" + "".join(
-            "<li>" + escape(" · ".join(effect_name(m) for m in s)) + "</li>" for s in sets) + "</ul>")
+        parts.append(
+            '<p>Alike in these runs:</p><ul id="indistinguishable">'
+            + "".join("<li>" + escape(" · ".join(effect_name(m) for m in s)) + "</li>" for s in sets)
+            + "</ul>"
+        )
     else:
         parts.append('<p id="indistinguishable" class="soft">No rival fits as well as what is blamed.</p>')
     plan = diagnosis.get("next_experiment")
     if plan:
         separation = plan.get("expected_separation")
-        parts.append(f'<p id="next">Record <b>{escape(manoeuvre(plan))}</b> next: {escape(str(plan.get("why", "")))}'
-                     + (f" Expected separation: {number(separation)} standard errors." if separation else "")
-                     + "</p>")
+        parts.append(
+            f'<p id="next">Record <b>{escape(manoeuvre(plan))}</b> next: {escape(str(plan.get("why", "")))}'
+            + (f" Expected separation: {number(separation)} standard errors." if separation else "")
+            + "</p>"
+        )
         if exportable(details.case.robot):
             parts.append("<pre>rtds plan diagnosis.json --robot robot.toml --floor 3x3 --out plan</pre>")
         if plan.get("separates"):
-            parts.append('<p class="small">It separates ' + escape(" from ".join(
-                effect_name(e) for e in plan["separates"])) + ".</p>")
+            parts.append(
+                '<p class="small">It separates '
+                + escape(" from ".join(effect_name(e) for e in plan["separates"]))
+                + ".</p>"
+            )
     else:
         parts.append('<p id="next" class="soft">No further experiment is needed to tell rivals apart.</p>')
     for note in details.notes:
@@ -393,36 +540,85 @@ def _condition(details: Details) -> str:
     parts = ["<section><h2>The data's condition</h2>"]
     findings = details.gate.findings if details.gate is not None else ()
     if findings:
-        rows = [[f'<span class="{f.severity}">{f.severity}</span>', escape(f.run or "all"), escape(f.channel),
-                 escape(f.text)] for f in findings]
-        parts.append(_table([("", False), ("run", False), ("channel", False), ("finding", False)], rows,
-                            [f'data-kind="{escape(f.kind)}"' for f in findings], "findings"))
+        rows = [
+            [
+                f'<span class="{f.severity}">{f.severity}</span>',
+                escape(f.run or "all"),
+                escape(f.channel),
+                escape(f.text),
+            ]
+            for f in findings
+        ]
+        parts.append(
+            _table(
+                [("", False), ("run", False), ("channel", False), ("finding", False)],
+                rows,
+                [f'data-kind="{escape(f.kind)}"' for f in findings],
+                "findings",
+            )
+        )
     else:
         parts.append('<p id="findings" class="soft">Nothing to complain about.</p>')
     rows = []
     for log in details.case.runs:
         meta = log.meta
         channels = ", ".join(c for c in log.columns if log.has(c) and not c.startswith("w_ref"))
-        rows.append([escape(log.name), f"{moment(log.t[0])} s", f"{log.t[-1] - log.t[0]:.1f} s", str(len(log.t)),
-                     f"{1 / float(np.median(np.diff(log.t))):.3g} Hz", f"{meta.payload_kg:g} kg", f"{meta.slope_rad:g} rad",
-                     escape(channels)])
+        rows.append(
+            [
+                escape(log.name),
+                f"{moment(log.t[0])} s",
+                f"{log.t[-1] - log.t[0]:.1f} s",
+                str(len(log.t)),
+                f"{1 / float(np.median(np.diff(log.t))):.3g} Hz",
+                f"{meta.payload_kg:g} kg",
+                f"{meta.slope_rad:g} rad",
+                escape(channels),
+            ]
+        )
     parts.append("<h3>Runs</h3>")
-    parts.append(_table([("run", False), ("starts at t", True), ("length", True), ("rows", True), ("rate", True), ("payload", True),
-                         ("slope", True), ("channels", False)], rows, None, "recorded"))
+    parts.append(
+        _table(
+            [
+                ("run", False),
+                ("starts at t", True),
+                ("length", True),
+                ("rows", True),
+                ("rate", True),
+                ("payload", True),
+                ("slope", True),
+                ("channels", False),
+            ],
+            rows,
+            None,
+            "recorded",
+        )
+    )
     return "".join(parts) + "</section>"
 
 
 def report_page(diagnosis: dict[str, Any], details: Details) -> str:
     """The whole report, `report.html`, as a string."""
     title = f"{details.case.name}: {diagnosis['verdict']}"
-    body = "".join([_head(diagnosis, details), _do(diagnosis, details), _where(diagnosis, details), _what(diagnosis, details),
-                    _plots(diagnosis, details), _gaps(diagnosis, details), _next(diagnosis, details), _condition(details)])
-    return ("<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-            "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><meta name=\"color-scheme\" content=\"light dark\">"
-            # The page may load nothing: what it shows is all inside it.
-            "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
-            "script-src 'unsafe-inline'; img-src data:\">"
-            "<link rel=\"icon\" href=\"data:,\">"
-            f"<title>{escape(title)}</title><style>{_asset('style.css')}</style></head><body><main>{body}</main>"
-            f'<script type="application/json" id="diagnosis">{_json(diagnosis)}</script>'
-            f"<script>{_asset('plots.js')}</script></body></html>\n")
+    body = "".join(
+        [
+            _head(diagnosis, details),
+            _do(diagnosis, details),
+            _where(diagnosis, details),
+            _what(diagnosis, details),
+            _plots(diagnosis, details),
+            _gaps(diagnosis, details),
+            _next(diagnosis, details),
+            _condition(details),
+        ]
+    )
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" content="light dark">'
+        # The page may load nothing: what it shows is all inside it.
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
+        "script-src 'unsafe-inline'; img-src data:\">"
+        '<link rel="icon" href="data:,">'
+        f"<title>{escape(title)}</title><style>{_asset('style.css')}</style></head><body><main>{body}</main>"
+        f'<script type="application/json" id="diagnosis">{_json(diagnosis)}</script>'
+        f"<script>{_asset('plots.js')}</script></body></html>\n"
+    )

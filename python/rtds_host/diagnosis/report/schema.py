@@ -37,7 +37,9 @@ def validate(diagnosis: dict[str, Any]) -> None:
     if verdict == "none" and (diagnosis["effects"] or diagnosis["located"] or diagnosis["budget"]):
         raise ValueError("diagnosis.json: verdict: is none, but effects are blamed or a place is given")
     if (verdict in ("known", "partial")) != bool(diagnosis["effects"]):
-        raise ValueError(f"diagnosis.json: effects: {len(diagnosis['effects'])} of them although the verdict is {verdict}")
+        raise ValueError(
+            f"diagnosis.json: effects: {len(diagnosis['effects'])} of them although the verdict is {verdict}"
+        )
     blamed = {(e["id"], e["side"]) for e in diagnosis["effects"]}
     for members in diagnosis["indistinguishable"]:
         if not blamed & {(m["id"], m["side"]) for m in members}:

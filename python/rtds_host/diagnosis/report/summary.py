@@ -34,21 +34,33 @@ def escape(text: object) -> str:
 def print_summary(console: Console, diagnosis: dict[str, Any], details: Details) -> None:
     """Print verdict, place, causes, rivals, gap, warnings and the next experiment."""
     verdict = diagnosis["verdict"]
-    console.print(f"[bold]{escape(details.case.name)}[/] [{_STYLE[verdict]} bold]{verdict}[/]  "
-                  f"{escape(verdict_sentence(diagnosis))}")
+    console.print(
+        f"[bold]{escape(details.case.name)}[/] [{_STYLE[verdict]} bold]{verdict}[/]  "
+        f"{escape(verdict_sentence(diagnosis))}"
+    )
     if diagnosis["located"]:
-        console.print("  located  " + ", ".join(f"{SUBSYSTEM_WORDS[e['subsystem']]} {percent(e['share'])}"
-                                               for e in diagnosis["located"] if e["share"] >= 0.005))
+        console.print(
+            "  located  "
+            + ", ".join(
+                f"{SUBSYSTEM_WORDS[e['subsystem']]} {percent(e['share'])}"
+                for e in diagnosis["located"]
+                if e["share"] >= 0.005
+            )
+        )
     if diagnosis["budget"]:
-        console.print("  made of  " + escape(", ".join(f"{text} {percent(share)}" for text, share in budget_words(diagnosis)
-                                                    if share >= 0.005)))
+        console.print(
+            "  made of  "
+            + escape(", ".join(f"{text} {percent(share)}" for text, share in budget_words(diagnosis) if share >= 0.005))
+        )
     for effect in diagnosis["effects"]:
         values = ", ".join(f"{name} = {value_words(effect['id'], name, p)}" for name, p in effect["parameters"].items())
         console.print(f"  effect   {escape(effect_name(effect))}: {escape(values)}")
     rivals = diagnosis["alternatives"]
     if len(rivals) > 1:
-        console.print("  odds     " + escape("; ".join(f"{explanation_name(a['effects'])} {percent(a['probability'])}"
-                                                       for a in rivals[:4])))
+        console.print(
+            "  odds     "
+            + escape("; ".join(f"{explanation_name(a['effects'])} {percent(a['probability'])}" for a in rivals[:4]))
+        )
     gap = diagnosis["gap"]
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_edge=False)
     table.add_column("  gap", style="bold")
@@ -61,7 +73,9 @@ def print_summary(console: Console, diagnosis: dict[str, Any], details: Details)
     console.print(table)
     warnings = details.gate.warnings if details.gate is not None else ()
     for finding in warnings[:5]:
-        console.print(f"  [yellow]{finding.severity}[/]  {escape(' '.join(p for p in (finding.run, finding.text) if p))}")
+        console.print(
+            f"  [yellow]{finding.severity}[/]  {escape(' '.join(p for p in (finding.run, finding.text) if p))}"
+        )
     if len(warnings) > 5:
         console.print(f"  [yellow]and {len(warnings) - 5} more warnings, see the report[/]")
     plan = diagnosis.get("next_experiment")

@@ -7,16 +7,44 @@ from typing import Any
 
 from rtds_host.diagnosis.effects import CATALOGUE
 
-SUBSYSTEM_WORDS = {"driver": "driver and supply", "winding": "winding", "drivetrain": "drivetrain",
-                   "wheel_ground": "wheel and ground", "chassis": "chassis", "sensing": "sensing", "timing": "timing"}
+SUBSYSTEM_WORDS = {
+    "driver": "driver and supply",
+    "winding": "winding",
+    "drivetrain": "drivetrain",
+    "wheel_ground": "wheel and ground",
+    "chassis": "chassis",
+    "sensing": "sensing",
+    "timing": "timing",
+}
 SIDE_WORDS = {"both": "both sides", "left": "left side", "right": "right side"}
-CHANNEL_WORDS = {"v_bus": "bus voltage", "i": "current", "w": "wheel speed", "th": "wheel angle", "gyro_z": "yaw rate", "x": "position x",
-                 "y": "position y", "yaw": "heading"}
+CHANNEL_WORDS = {
+    "v_bus": "bus voltage",
+    "i": "current",
+    "w": "wheel speed",
+    "th": "wheel angle",
+    "gyro_z": "yaw rate",
+    "x": "position x",
+    "y": "position y",
+    "yaw": "heading",
+}
 # How sure one may be, from this probability on.
 SURENESS = ((0.99, "as good as certain"), (0.9, "very likely"), (0.7, "likely"), (0.0, "more likely than not"))
 # Endings of the keys of robot.toml -> their unit.
-KEY_UNITS = {"_nm_s_per_rad": "N·m·s/rad", "_v_s_per_rad": "V·s/rad", "_nm_per_a": "N·m/A", "_nm_per_v": "N·m/V", "_v_per_rad": "V/rad",
-             "_kg_m2": "kg·m²", "_ohm": "Ω", "_kg": "kg", "_rad": "rad", "_h": "H", "_m": "m", "_v": "V", "_s": "s"}
+KEY_UNITS = {
+    "_nm_s_per_rad": "N·m·s/rad",
+    "_v_s_per_rad": "V·s/rad",
+    "_nm_per_a": "N·m/A",
+    "_nm_per_v": "N·m/V",
+    "_v_per_rad": "V/rad",
+    "_kg_m2": "kg·m²",
+    "_ohm": "Ω",
+    "_kg": "kg",
+    "_rad": "rad",
+    "_h": "H",
+    "_m": "m",
+    "_v": "V",
+    "_s": "s",
+}
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -40,8 +68,11 @@ def percent(value: float | None) -> str:
 def plain_name(effect_id: str) -> str:
     """`coulomb_friction` -> "Coulomb friction"."""
     name = effect_id.replace("_", " ")
-    return {"coulomb friction": "Coulomb friction", "stribeck friction": "Stribeck friction",
-            "com offset": "centre of mass off the axle"}.get(name, name)
+    return {
+        "coulomb friction": "Coulomb friction",
+        "stribeck friction": "Stribeck friction",
+        "com offset": "centre of mass off the axle",
+    }.get(name, name)
 
 
 def _side(effect: dict[str, Any]) -> str:
@@ -137,15 +168,18 @@ def headline(diagnosis: dict[str, Any]) -> str:
     if verdict == "none":
         return "Nothing is missing: the simulator follows this robot as closely as its sensors can tell."
     if verdict == "unknown":
-        return ("The simulator differs from this robot, and no effect of the catalogue explains it"
-                + (f". Most of the difference shows in the {place}." if place else "."))
+        return "The simulator differs from this robot, and no effect of the catalogue explains it" + (
+            f". Most of the difference shows in the {place}." if place else "."
+        )
     names = [enumerated([listed_name(one) for one in (e, *twins_of(diagnosis, e))], "or") for e in by_share(diagnosis)]
     listed = enumerated(names, "and")
     listed = listed[0].upper() + listed[1:]
     open_end = " These runs cannot tell which." if diagnosis["indistinguishable"] else ""
     if verdict == "partial":
-        return (f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator and robot. "
-                "The rest has no name" + (f"; most of it shows in the {place}." if place else ".") + open_end)
+        return (
+            f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator and robot. "
+            "The rest has no name" + (f"; most of it shows in the {place}." if place else ".") + open_end
+        )
     return f"{listed} {'makes' if len(names) == 1 else 'make'} this robot differ from its simulator.{open_end}"
 
 
@@ -158,8 +192,13 @@ def manoeuvre(plan: dict[str, Any]) -> str:
 def twins_of(diagnosis: dict[str, Any], effect: dict[str, Any]) -> list[dict[str, str]]:
     """What these runs cannot tell from a blamed effect."""
     me = (effect["id"], effect["side"])
-    return [m for members in diagnosis["indistinguishable"] if me in {(m["id"], m["side"]) for m in members}
-            for m in members if (m["id"], m["side"]) != me]
+    return [
+        m
+        for members in diagnosis["indistinguishable"]
+        if me in {(m["id"], m["side"]) for m in members}
+        for m in members
+        if (m["id"], m["side"]) != me
+    ]
 
 
 def verdict_sentence(diagnosis: dict[str, Any]) -> str:
@@ -167,8 +206,10 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
     gap, effects = diagnosis["gap"], diagnosis["effects"]
     after, refit = gap.get("after"), gap.get("refit")
     if diagnosis["verdict"] == "none":
-        return (f"Nothing is missing: with its motor values refitted, the nominal robot explains these runs; the gap is "
-                f"{number(refit)} times the sensors' noise.")
+        return (
+            f"Nothing is missing: with its motor values refitted, the nominal robot explains these runs; the gap is "
+            f"{number(refit)} times the sensors' noise."
+        )
     rest = gap.get("rest") or {}
     place = SUBSYSTEM_WORDS.get(rest.get("subsystem") or "")
     if not effects:
@@ -176,23 +217,30 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
         return text + (f"; most of it lies in the {place}." if place else ".")
     names = "; ".join(
         f"{effect_name(e)} ({', '.join(value_words(e['id'], n, {'value': p['value']}) for n, p in e['parameters'].items())})"
-        for e in effects)
+        for e in effects
+    )
     closed = gap.get("effect_closed")
     share = f", {percent(closed)} of it closed" if closed is not None else ""
     each = "each at least " if len(effects) > 1 else ""
     sure = f": {each}{percent(min(e['probability'] for e in effects))} probable"
     probable = "" if any(twins_of(diagnosis, e) for e in effects) else sure
     where = "On halves of the run" if len(diagnosis.get("held_out_runs") or []) == 1 else "On runs"
-    text = (f"{names[:1].upper()}{names[1:]}{probable}. {where} not used for the fit the gap falls "
-            f"from {number(refit)} to {number(after)} times the sensors' noise{share}.")
+    text = (
+        f"{names[:1].upper()}{names[1:]}{probable}. {where} not used for the fit the gap falls "
+        f"from {number(refit)} to {number(after)} times the sensors' noise{share}."
+    )
     if diagnosis["verdict"] == "partial":
-        text += f" {percent(rest.get('share'))} of it has no name" + (f", most of that in the {place}." if place else ".")
+        text += f" {percent(rest.get('share'))} of it has no name" + (
+            f", most of that in the {place}." if place else "."
+        )
     blamed = {(e["id"], e["side"]): e["probability"] for e in effects}
     for members in diagnosis["indistinguishable"]:
         mine = [m for m in members if (m["id"], m["side"]) in blamed]
         others = [m for m in members if (m["id"], m["side"]) not in blamed]
         if mine and others:
-            text += (f" These runs cannot tell {effect_name(mine[0])} from "
-                     + " or ".join(effect_name(m) for m in others)
-                     + f", which leaves it {percent(blamed[mine[0]['id'], mine[0]['side']])} probable.")
+            text += (
+                f" These runs cannot tell {effect_name(mine[0])} from "
+                + " or ".join(effect_name(m) for m in others)
+                + f", which leaves it {percent(blamed[mine[0]['id'], mine[0]['side']])} probable."
+            )
     return text
