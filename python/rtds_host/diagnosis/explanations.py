@@ -25,6 +25,7 @@ from rtds_host.diagnosis.fit import (
     Hypothesis,
     apply,
     joined,
+    prior_cost,
     scaled,
     side_by_side,
     split,
@@ -67,6 +68,10 @@ class Explanations:
         each = EXPECTED_EFFECTS / len(self.effects)
         return sum(math.log(each * (SIDE_PRIOR[side] if self.effects[e].sided else 1.0)) for e, side in hypothesis)
 
+    def prior(self, fit: Fit) -> float:
+        """-2 log prior density of an explanation with its sizes."""
+        return prior_cost(fit.z, fit.u) - 2.0 * self.log_prior(fit.hypothesis)
+
     def score(self, fit: Fit) -> float:
         """-2 log of evidence times prior."""
         return fit.score - 2.0 * self.log_prior(fit.hypothesis)
@@ -84,11 +89,17 @@ class Explanations:
         )
 
     def _at_its_bound(self, effect: str, values: dict[str, float]) -> bool:
-        p = self.effects[effect].parameters[0]
-        # As a logarithm comes back.
-        return values[p.name] >= p.high * (1.0 - WRITTEN) or (
-            p.logarithmic and values[p.name] <= p.low * (1.0 + WRITTEN)
-        )
+        """Whether a parameter lies at an end of what was looked at; as logarithms come back."""
+        for p in self.effects[effect].parameters:
+            value, margin = values[p.name], WRITTEN * (p.high - p.low)
+            if p.shape and p.name == "phase_rad":
+                continue
+            if p.logarithmic:
+                if value >= p.high * (1.0 - WRITTEN) or value <= p.low * (1.0 + WRITTEN):
+                    return True
+            elif value >= p.high - margin or (value <= p.low + margin):
+                return True
+        return False
 
     def best(self) -> Fit:
         """The most probable explanation so far."""
@@ -175,7 +186,7 @@ class Explanations:
         """The nominal robot with nuisances that bring its replay as close as their tolerance allows, whatever is
         missing: no discrepancy, so that what they could explain is not taken for one."""
         if self._refitted is None:
-            flat = self.problem.discrepancy()
+            flat = self.problem.white()
             self._refitted = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), flat, fixed=True)
         return self._refitted
 

@@ -19,7 +19,7 @@ from typing import TypeVar
 import numpy as np
 
 from rtds_host.diagnosis.effects import SIDES, Effect, Parameter
-from rtds_host.diagnosis.likelihood import Discrepancy
+from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 
@@ -93,7 +93,7 @@ def prior_weight(z: np.ndarray, u: np.ndarray) -> np.ndarray:
     return np.concatenate([np.ones(len(z)), 2.0 / (1.0 + u * u)])
 
 
-@dataclass
+@dataclass(eq=False)
 class Fit:
     """A fitted explanation.
 
@@ -110,7 +110,7 @@ class Fit:
     by_nuisance: np.ndarray = field(repr=False)
     by_effect: np.ndarray = field(repr=False)
     free: np.ndarray = field(repr=False)
-    noise: Discrepancy = field(repr=False)
+    noise: Likelihood = field(repr=False)
 
     @cached_property
     def cost(self) -> float:
@@ -264,7 +264,7 @@ class Fitter:
         return np.concatenate(columns, axis=1) if columns else new
 
     def _tried(
-        self, hypothesis: Hypothesis, x: np.ndarray, noise: Discrepancy
+        self, hypothesis: Hypothesis, x: np.ndarray, noise: Likelihood
     ) -> Asking[tuple[np.ndarray, np.ndarray, float]]:
         """Parameters, their residuals and what they cost."""
         (moved,) = yield [self.model(hypothesis, x)], None
@@ -299,7 +299,7 @@ class Fitter:
         hypothesis: Hypothesis,
         start: np.ndarray,
         z: np.ndarray,
-        noise: Discrepancy,
+        noise: Likelihood,
         iterations: int = 8,
         known: dict[tuple[str, str], np.ndarray] | None = None,
         fixed: bool = False,
@@ -316,7 +316,7 @@ class Fitter:
         hypothesis: Hypothesis,
         start: np.ndarray,
         z: np.ndarray,
-        noise: Discrepancy,
+        noise: Likelihood,
         iterations: int = 8,
         known: dict[tuple[str, str], np.ndarray] | None = None,
         fixed: bool = False,

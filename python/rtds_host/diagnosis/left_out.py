@@ -62,9 +62,9 @@ def parted(problem: Problem) -> list[list[tuple[int, int, np.ndarray]]]:
     return [[(0, row, np.flatnonzero(early)), (row, len(log), np.flatnonzero(~early))]]
 
 
-def left_out_gap(problem: Problem, fit: Fit) -> float:
-    """The gap of an explanation on runs left out in turn, at the search's steps, with commands as late in each as they
-    were fitted.
+def left_out_channels(problem: Problem, fit: Fit) -> dict[str, float]:
+    """The gap of an explanation by channel on runs left out in turn, at the search's steps, with commands as late in
+    each as they were fitted.
     """
     parts = parted(problem)
     models = iter(left_out(problem, fit, [rows for mine in parts for *_, rows in mine]))
@@ -78,7 +78,12 @@ def left_out_gap(problem: Problem, fit: Fit) -> float:
                 begin, end = np.searchsorted(data.log.t, t[[first, last - 1]])
                 if end > begin:
                     jobs.append((model, data, int(begin), int(end) + 1))
-    return gaps.gap(gaps.pooled(list(problem.pool.map(lambda job: _errors(problem, *job), jobs))))
+    return gaps.pooled(list(problem.pool.map(lambda job: _errors(problem, *job), jobs)))
+
+
+def left_out_gap(problem: Problem, fit: Fit) -> float:
+    """The same over all channels."""
+    return gaps.gap(left_out_channels(problem, fit))
 
 
 def _errors(problem: Problem, model: Model, data: RunData, first: int, last: int) -> dict[str, gaps.Squares]:

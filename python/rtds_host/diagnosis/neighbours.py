@@ -55,7 +55,7 @@ class Neighbours(Explanations):
         The first hardly feels what is slow, since it may be the discrepancy; the second hardly what is small.
         """
         first, flat = before
-        self._flat = Screen(self.problem, fit, moves, self.problem.discrepancy(), flat or self._flat)
+        self._flat = Screen(self.problem, fit, moves, self.problem.white(), flat or self._flat)
         return [Screen(self.problem, fit, moves, fit.noise, first), self._flat]
 
     def _screened(self, fit: Fit) -> list[Screen]:
@@ -110,7 +110,7 @@ class Neighbours(Explanations):
     def grow(self, fit: Fit, count: int) -> Fit | None:
         """Add the effect that the evidence asks for most; None if there is none."""
         starts = [
-            joined(_with(fit, one.member, self._entered(fit, one)))
+            joined(_with(fit, one.member, self.entered(fit, one)))
             for one in self.promising(self._screened(fit), count)
         ]
         found = self.try_fits([(*start, fit) for start in starts], rough=True)
@@ -125,7 +125,7 @@ class Neighbours(Explanations):
                 best = min([f for f in (best, other) if f is not None and self.named(f)], key=self.score, default=None)
         return best
 
-    def _entered(self, fit: Fit, candidate: Candidate) -> np.ndarray:
+    def entered(self, fit: Fit, candidate: Candidate) -> np.ndarray:
         """Scaled parameters from which to fit a candidate: its own, or a size about them from which less is left to
         fit.
         """
@@ -169,7 +169,7 @@ class Neighbours(Explanations):
         """
         while fit.hypothesis:
             simpler = self.without(fit, *fit.hypothesis) if len(fit.hypothesis) > 1 else []
-            simpler += self._merged(fit) + self._plainer(fit) + self._gathered(fit)
+            simpler += self._merged(fit) + self.plainer(fit) + self._gathered(fit)
             if not simpler:
                 break
             best = min(simpler, key=self.score)
@@ -181,7 +181,7 @@ class Neighbours(Explanations):
             fit = best
         return fit
 
-    def _plainer(self, fit: Fit) -> list[Fit]:
+    def plainer(self, fit: Fit) -> list[Fit]:
         """The explanation with an effect in its simpler form: without the further parameters."""
         parts, starts = fit.parts, []
         for effect, side in fit.hypothesis:

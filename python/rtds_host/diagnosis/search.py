@@ -35,6 +35,19 @@ class Search(Neighbours):
         self._until = self._over = math.inf  # work at which the search ends, and at which the account looks for no more
         self.ended = False  # whether one of them did before it was done
 
+    def begin(self) -> Fit:
+        """The explanation without any effect, from which a search goes on."""
+        problem = self.problem
+        problem.follow_angles(True)
+        problem.align(problem.nominal)
+        most = QUICK_WORK if self.quick else MOST_WORK
+        self._until, self._over = problem.work + most, problem.work + 2.0 * most
+        self.slow_moves, self.afresh, self.looked = {}, True, {()}
+        noise = problem.white().estimated(problem.residual(problem.nominal))
+        return self.fits.setdefault(
+            (), self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, 4)
+        )
+
     def run(self) -> Fit:
         """Search; the most probable explanation."""
         problem = self.problem
@@ -71,7 +84,7 @@ class Search(Neighbours):
 
     def _search(self) -> Fit:
         problem = self.problem
-        noise = problem.discrepancy().estimated(problem.residual(problem.nominal), thorough=True)
+        noise = problem.white().estimated(problem.residual(problem.nominal))
         self.slow_moves, self.afresh, self.looked = {}, True, {()}
         most = QUICK_WORK if self.quick else MOST_WORK
         self._until, self._over = problem.work + most, problem.work + 2.0 * most

@@ -6,14 +6,13 @@ import numpy as np
 
 from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis import gap
-from rtds_host.diagnosis.likelihood import LONGEST_S
 from rtds_host.diagnosis.localise.series import Windows, cumulated, filled, first_order, middles, relaxed, smooth
 from rtds_host.diagnosis.machine import machine_of
 from rtds_host.diagnosis.replay.model import Model
 
 # Blocks start anew from what is measured once a discrepancy has come and gone: the longer, the better small torques
 # show, and the farther a wrong start leads.
-WINDOW_S = LONGEST_S
+WINDOW_S = 0.3
 # Numerical: over how many volts of a bridge, and over what share of the largest speed or how many noises, a sign turns
 # over.
 SIGN_V, SIGN_SHARE, SIGN_NOISES = 0.05, 0.02, 2.0
