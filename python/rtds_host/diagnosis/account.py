@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rtds_host.diagnosis.carried import absent
 from rtds_host.diagnosis.chance import MOST
 from rtds_host.diagnosis.choice import WORTH, Judged, leaves
 from rtds_host.diagnosis.evidence import believed, closer, compared, excess, worth_naming
@@ -20,6 +19,8 @@ from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
 from rtds_host.diagnosis.lookalikes import lookalikes
+from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.scatter import absent
 from rtds_host.diagnosis.search import Search
 
 # Why an effect does not stand that the likelihood sees.
@@ -109,8 +110,17 @@ def account(search: Search, fit: Fit) -> Account:
 def _base(search: Search) -> Fit:
     """No effect: the nuisances refitted, or as declared where that foretells runs left out better."""
     problem, fit = search.problem, search.refitted()
-    declared = replace(fit, z=np.zeros_like(fit.z), residual=problem.residual(problem.nominal))
-    return min((fit, declared), key=lambda one: left_out_gap(problem, one))
+    return min((fit, declared(problem, fit)), key=lambda one: left_out_gap(problem, one))
+
+
+def declared(problem: Problem, fit: Fit) -> Fit:
+    """A fit without effects with the nuisances as declared, held there."""
+    return replace(
+        fit,
+        z=np.zeros_like(fit.z),
+        residual=problem.residual(problem.nominal),
+        free=np.zeros_like(fit.free),
+    )
 
 
 def _plainest(search: Search, fit: Fit) -> Fit:
@@ -172,7 +182,10 @@ def _improbable(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Sta
     """Where nothing but noise is left: the effect that is less likely there than not, or closes no gap."""
     one = min(standing, key=lambda s: s.probability)
     if one.probability < MOST:
-        return one, f"is missed too unevenly to be there (gain {one.gain:.0f}, {one.t:.1f} times its scatter over the runs)"
+        return (
+            one,
+            f"is missed too unevenly to be there (gain {one.gain:.0f}, {one.t:.1f} times its scatter over the runs)",
+        )
     poor, exact = [], excess(search.problem, fit) == 0.0
     for one in standing:
         without, gap = one.gaps

@@ -12,8 +12,10 @@ from rtds_host.diagnosis.screen import Screen, clashes, moves_of
 from rtds_host.diagnosis.search import Search
 
 # Numerical: explanations that are kept of each number of effects, those that are fitted in earnest, the most effects,
-# and the effects of each screening that are tried on each explanation of a robot, whose sides triple them.
-WIDTH, REFINED, DEPTH, TRIED = 4, 12, 4, 8
+# and the
+# effects of each screening that are tried on each explanation, of an axis and of a robot, whose sides triple them.
+WIDTH, REFINED, DEPTH = 4, 12, 4
+TRIED = {True: 12, False: 5}
 
 
 def widened(search: Search) -> dict[int, list[Fit]]:
@@ -23,16 +25,18 @@ def widened(search: Search) -> dict[int, list[Fit]]:
     which see what is large.
     """
     problem = search.problem
-    problem.follow_angles(True)
-    beam = [search.fits[()]]
-    for _ in range(DEPTH):
-        grown = _grown(search, beam)
-        if not grown or search.score(grown[0]) > min(map(search.score, beam)):
-            break
-        beam = grown
-        if search.exhausted():
-            break
-    problem.follow_angles(False)
+    # Greedy steps have been over whole runs of a robot already, which are longer than those of an axis.
+    if problem.robot.axis is not None or len(search.fits) == 1:
+        problem.follow_angles(True)
+        beam = [search.fits[()]]
+        for _ in range(DEPTH):
+            grown = _grown(search, beam)
+            if not grown or search.score(grown[0]) > min(map(search.score, beam)):
+                break
+            beam = grown
+            if search.spent():
+                break
+        problem.follow_angles(False)
     found: dict[int, list[Fit]] = {}
     for fit in sorted(filter(search.named, search.fits.values()), key=search.score):
         mine = found.setdefault(len(fit.hypothesis), [])
@@ -46,9 +50,11 @@ def _grown(search: Search, beam: list[Fit]) -> list[Fit]:
     problem, starts = search.problem, []
     for fit in beam:
         wanted = {e for e in search.wanted if not search.effects[e].periodic}
+        if search.spent():
+            break
         moves = moves_of(search.fitter, fit, {}, wanted, {}, coarse=search.quick)
         screens = [Screen(problem, fit, moves, noise) for noise in (fit.noise, problem.white())]
-        count = len(search.effects) if problem.robot.axis is not None else TRIED
+        count = TRIED[problem.robot.axis is not None]
         starts += [
             (*joined({**fit.parts, one.member: search.entered(fit, one)}), fit)
             for one in search.promising(screens, count)

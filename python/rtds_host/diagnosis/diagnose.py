@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from rtds_host.contract import Case
 from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.account import Account, Standing, account
+from rtds_host.diagnosis.account import Account, Standing, account, declared
 from rtds_host.diagnosis.beam import widened
 from rtds_host.diagnosis.chance import MOVES, SLIGHT
 from rtds_host.diagnosis.choice import Judged, chosen
@@ -27,9 +27,10 @@ from rtds_host.diagnosis.localise.shares import FAINT
 from rtds_host.diagnosis.nuisances import SETUP
 from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
+from rtds_host.diagnosis.scatter import scattered
 from rtds_host.diagnosis.search import Search
 
-SCHEMA = "rtds-diagnosis/2"
+SCHEMA = "rtds-diagnosis/3"
 # Named effects that leave no more than this of the gap explain it (contract, section 5).
 REST_OF_KNOWN = 0.3
 # Numerical: a nuisance that moved by less than so many of its sigmas did not move.
@@ -145,18 +146,22 @@ def conclude(
     problem, weighed = found.problem, found.account
     say("gap", 0.85)
     held = held_out(problem, weighed)
-    total = {name: held.gap(name) for name in ("before", "refit", "after")}
-    if total["refit"] < gaps.LEAST:
-        # No gap, and no effect of it (contract, section 5): what was found beside it is shown as tried.
+    if held.gap("refit") > max(held.gap("before"), gaps.LEAST):
+        # Nuisances that open the gap of runs left out are no better known than declared.
+        weighed = replace(weighed, base=declared(problem, weighed.base))
+        held = held_out(problem, weighed if weighed.standing else replace(weighed, fit=weighed.base))
+    if held.gap("refit") < gaps.LEAST or held.gap("after") > held.gap("refit"):
+        # No gap, and no effect of it (contract, section 5): what was found is shown as tried.
         weighed = Account(weighed.base, weighed.base, (), weighed.dropped, (), (((), 1.0),))
         held = held_out(problem, weighed)
-        total = {name: held.gap(name) for name in ("before", "refit", "after")}
+    total = {name: held.gap(name) for name in ("before", "refit", "after")}
     closed = gaps.closed(total["before"], total["after"])
     effect_closed = gaps.closed(total["refit"], total["after"])
     rest = min(max(1.0 - effect_closed, 0.0), 1.0) if effect_closed is not None else 0.0
     structured = _beyond_noise(problem, weighed.fit, total["after"]) and _correlated(problem, weighed.fit)
     verdict = _verdict(total, bool(weighed.standing), structured, rest)
     known = intervals(problem, weighed.fit, gate.timing.stamps_s, gate.timing.step_s)
+    scatter = scattered(problem, weighed.fit) if weighed.standing else {}
     localisation = localise(problem.looked_at, weighed.base.model(problem))
     after = localise(problem.looked_at, weighed.fit.model(problem), held=True) if weighed.standing else localisation
     rows = [] if verdict == "none" else budget.shares(problem, weighed.fit, total["after"], after)
@@ -168,7 +173,11 @@ def conclude(
         "schema": SCHEMA,
         "verdict": verdict,
         "located": [{**row, "share": _round(row["share"])} for row in located],
-        "effects": [_effect(problem, weighed, one, held, known) for one in weighed.standing],
+        "effects": [
+            {**_effect(problem, weighed, one, held, known), **_scatter(*scatter[one.member])}
+            for one in weighed.standing
+        ],
+        "forms": [],
         "budget": [{**row, "share": _round(row["share"])} for row in rows],
         "nominal_fit": _nominal_fit(problem, weighed.fit),
         **_setup(problem, weighed.fit),
@@ -178,6 +187,7 @@ def conclude(
             **{name: _round(value) for name, value in total.items()},
             "closed": None if closed is None else _round(closed),
             "closed_ci90": None if closed is None or held.interval is None else [_round(v) for v in held.interval],
+            "with_forms": None,
             "effect_closed": None if effect_closed is None else _round(effect_closed),
             "channels": {c: {name: _round(held.channels[name][c]) for name in total} for c in held.channels["before"]},
             "rest": {
@@ -243,7 +253,9 @@ def _louder(problem: Problem, fit: Fit) -> list[str]:
         if not name.startswith(("v_bus", "i_", "w_", "gyro_z")) or times < gaps.LEAST:
             continue
         if not correlated(fit.residual[mine], problem.groups[mine], problem.channels_of[mine], MOVES):
-            found.append(f"{name}: its residuals are white, as of a sensor {times:.2g} times as noisy as [sensors] says")
+            found.append(
+                f"{name}: its residuals are white, as of a sensor {times:.2g} times as noisy as [sensors] says"
+            )
     return found
 
 
@@ -271,6 +283,10 @@ def _effect(
         "parameters": entry,
         "gap_without": _round(held.without[one.member]),
     }
+
+
+def _scatter(much: float, setting: str | None) -> dict:
+    return {"scatter": _round(much, 3), "scatters_with": setting}
 
 
 def _nominal_fit(problem: Problem, fit: Fit) -> dict:

@@ -11,8 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.carried import carried
-from rtds_host.diagnosis.chance import MOST, SLIGHT
+from rtds_host.diagnosis.chance import SLIGHT
 from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.effects.base import WRITTEN
 from rtds_host.diagnosis.evidence import believed, compared, excess, worth_adding
@@ -113,8 +112,8 @@ class Explanations:
         return self.gap(fit) < LEAST
 
     def _believed(self, grown: Fit, fit: Fit, closest: float) -> bool:
-        """Whether an explanation is more likely than a part of it, as far as its gain can be believed, takes off no
-        small part of what that leaves beyond noise, or of the gap, and carries over to other runs.
+        """Whether an explanation is more likely than a part of it, as far as its gain can be believed, and takes off
+        no small part of what that leaves beyond noise, or of the gap.
 
         closest : the smallest gap before. Of the two measures of what is left either may say little before others are
         in.
@@ -122,12 +121,9 @@ class Explanations:
         prior = self.log_prior(grown.hypothesis) - self.log_prior(fit.hypothesis)
         if prior + believed(*compared(self.problem, grown, fit)) < 0.0:
             return False
-        if self.score(fit) - self.score(grown) < SLIGHT * excess(self.problem, fit) and not worth_adding(
+        return self.score(fit) - self.score(grown) >= SLIGHT * excess(self.problem, fit) or worth_adding(
             closest, self.gap(grown)
-        ):
-            return False
-        over = carried(self.problem, grown)
-        return all(over[member] >= MOST for member in set(grown.hypothesis) - set(fit.hypothesis))
+        )
 
     # ---- fits
 
@@ -219,7 +215,7 @@ class Explanations:
         found = {}
         for z in (fit.z, np.zeros_like(fit.z)) if trials else ():
             models = [apply(self.effects, problem.with_nuisances(z), fit.hypothesis, v) for v in [*values, fit.values]]
-            costs = [fit.noise.cost(r) for r in problem.residuals(models, [m.coarse_s for m in models])]
+            costs = [fit.noise.estimated(r).cost(r) for r in problem.residuals(models, [m.coarse_s for m in models])]
             k = int(np.argmin(costs))
             if k < len(trials):
                 found[k] = trials[k]

@@ -25,6 +25,8 @@ SURE = 12.0
 RETAKEN = 8
 # Numerical: effects of a screening whose pairs are looked at.
 PAIRED = 12
+# Numerical: pairs of a screening that are tried in the place of two effects that close the gap.
+PAIRS = 3
 # Numerical: how far in score a rough fit may be from one in earnest.
 ROUGHLY = 20.0
 # Numerical: sizes to look at before a fit of one whose misfit is rough, as factors.
@@ -110,8 +112,7 @@ class Neighbours(Explanations):
     def grow(self, fit: Fit, count: int) -> Fit | None:
         """Add the effect that the evidence asks for most; None if there is none."""
         starts = [
-            joined(_with(fit, one.member, self.entered(fit, one)))
-            for one in self.promising(self._screened(fit), count)
+            joined(_with(fit, one.member, self.entered(fit, one))) for one in self.promising(self._screened(fit), count)
         ]
         found = self.try_fits([(*start, fit) for start in starts], rough=True)
         found = sorted((f for f in found if self.score(f) < self.score(fit)), key=self.score)
@@ -142,12 +143,7 @@ class Neighbours(Explanations):
             for start in starts
             for z in (fit.z, np.zeros_like(fit.z))
         ]
-        # By a discrepancy of its own: beside one that makes up for a delay, a shorter one serves better than the right
-        # one.
-        costs = [
-            (fit.noise.estimated(r) if effect.steep else fit.noise).cost(r)
-            for r in self.problem.residuals(models, [m.coarse_s for m in models])
-        ]
+        costs = [fit.noise.estimated(r).cost(r) for r in self.problem.residuals(models, [m.coarse_s for m in models])]
         return starts[int(np.argmin(costs)) // 2]
 
     # ---- one less
@@ -263,7 +259,7 @@ class Neighbours(Explanations):
                     pair
                     for pair in pairs
                     if first not in (pair[1].member, pair[2].member) and second not in (pair[1].member, pair[2].member)
-                ][:1]:
+                ][: PAIRS if self.closed(fit) else 1]:
                     if gain >= NEARLY * own:
                         starts.append((*joined({**alone.parts, a.member: a.start, b.member: b.start}), alone))
         tried = sorted(
