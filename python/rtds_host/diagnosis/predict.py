@@ -21,7 +21,7 @@ from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, did_you_mean
 
 # Diagnoses of the first schema hold all that a prediction needs.
-DIAGNOSIS_SCHEMAS = ("rtds-diagnosis/2", "rtds-diagnosis/1")
+DIAGNOSIS_SCHEMAS = ("rtds-diagnosis/3", "rtds-diagnosis/2", "rtds-diagnosis/1")
 
 
 def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
