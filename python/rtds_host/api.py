@@ -77,7 +77,7 @@ def diagnose(
     result, details = diagnose_case(_case(case), quick=quick, threads=threads or cores(), seed=seed)
     validate(result)
     if out is not None:
-        write_result(Path(out), result, report_page(result, details))
+        write_result(Path(out), result, report_page(result, details), place, quick)
     return result
 
 

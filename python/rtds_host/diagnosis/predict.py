@@ -20,7 +20,7 @@ from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, did_you_mean
 
-# Diagnoses of earlier schemas hold all that a prediction needs.
+# Diagnoses of the first schema hold all that a prediction needs.
 DIAGNOSIS_SCHEMAS = ("rtds-diagnosis/3", "rtds-diagnosis/2", "rtds-diagnosis/1")
 
 

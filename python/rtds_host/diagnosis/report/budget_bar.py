@@ -55,9 +55,12 @@ def budget_bar(diagnosis: dict[str, Any]) -> str:
         ),
         _pattern("tolerance", _TOLERANCE[0], ""),
     ]
+    spoken = "shares of the difference: " + "; ".join(
+        f"{text} {percent(share)}" for text, share in budget_words(diagnosis)
+    )
     at, parts, key, effects = 0.0, [], [], 0
     for row, (text, share) in zip(rows, budget_words(diagnosis), strict=True):
-        if row["what"] == "effect":
+        if row["what"] in ("effect", "form"):
             name, (ground, ink) = f"effect{effects}", _COLOURS[effects % len(_COLOURS)]
             stroke = f'stroke="{ink}" stroke-opacity="0.45" stroke-width="1.3" fill="none"'
             patterns.append(_pattern(name, ground, _PATTERNS[effects % len(_PATTERNS)].format(stroke, ink)))
@@ -85,8 +88,8 @@ def budget_bar(diagnosis: dict[str, Any]) -> str:
             )
         at += width
     return (
-        "<h2>What the difference is made of</h2>"
-        f'<svg id="budget" width="100%" height="{HEIGHT}" role="img" aria-label="shares of the difference"><defs>'
+        '<h2 class="minor">What the difference is made of</h2>'
+        f'<svg id="budget" width="100%" height="{HEIGHT}" role="img" aria-label="{escape(spoken)}"><defs>'
         + "".join(patterns)
         + "</defs>"
         + "".join(parts)
