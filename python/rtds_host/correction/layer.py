@@ -23,7 +23,8 @@ import math
 import numba
 import numpy as np
 
-from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT, SLIDING
+from rtds_host.plant.gear import BOUNCE_RAD_S
+from rtds_host.plant.ground import FLAT, SLIDING
 
 # Columns of a side's parameters.
 STIFFNESS, DAMPING, BACKLASH, RESTITUTION, SLIP, SLIP_LENGTH, SLIP_DAMPING, RADIUS = range(8)

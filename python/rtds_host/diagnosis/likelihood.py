@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from rtds_host.diagnosis.elementary import exp_minus
+from rtds_host.plant.elementary import exp_minus
 
 # A discrepancy comes and goes; what lasts longer than this is a scale, a bias or a load, which the catalogue has names
 # for.
