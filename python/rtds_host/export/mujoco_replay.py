@@ -174,7 +174,10 @@ class ExportedRobot:
         usual = model.opt.timestep
         t = log.t - log.t[0]
         servo = self.servo()
-        commands = log.commands("speed") if servo else np.clip(log.commands("voltage"), -self.supply_v, self.supply_v)
+        if servo:
+            commands = log.commands("speed") * self.number("command_gain", 1.0)
+        else:
+            commands = np.clip(log.commands("voltage"), -self.supply_v, self.supply_v)
         scale = self.number("speed_gain", 1.0)
         dead, curve = self.number("deadzone_v", 0.0), self.number("pwm_curve", 0.0)
         source, decline = self.number("source_resistance_ohm", 0.0)[0], self.number("decline_v_per_s", 0.0)[0]

@@ -73,6 +73,7 @@ def parameters(figures: Figures) -> dict[str, float | list[float]]:
                 "current_bias_a",
                 "speed_filter_s",
                 "speed_late_s",
+                "command_gain",
             )
         },
         "servo": asdict(figures.loop) if figures.loop else None,

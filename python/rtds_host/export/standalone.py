@@ -118,7 +118,7 @@ class Robot:
         if self.loop_at <= self.t + 1e-9:
             top, volts = servo["limit_v"], []
             for k in (0, 1):
-                miss = self.asked[0][1][k] - self.w[k] * self.p["speed_gain"][k]
+                miss = self.asked[0][1][k] * self.p["command_gain"][k] - self.w[k] * self.p["speed_gain"][k]
                 integral = self.integral[k] + servo["ki_v_per_rad"] * miss * servo["period_s"]
                 self.integral[k] = min(max(integral, -top), top)
                 volts.append(min(max(servo["kp_v_s_per_rad"] * miss + self.integral[k], -top), top))

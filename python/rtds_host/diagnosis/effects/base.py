@@ -112,9 +112,10 @@ class Effect:
     parameters rest. `separate`: each parameter is a part of its own, absent where only
     another one is there. `nonlinear`: its signature changes its form with its size, and with what the other side does.
     `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima.
-    `without_winding`: it exists on a machine whose torque is commanded. `check`: a measurement by hand that shows this
+    `without_winding`: it exists on a machine whose torque is commanded. `before_loop`: it acts before a loop on the speed,
+    which a robot in speed mode alone has. `check`: a measurement by hand that shows this
     effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`: channels (without side) of
-    which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl", "robot" or "signal".
+    which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl", "robot", "signal", or "refused" where it has no such robot.
     `restarts`: parameters to fit from as well, where the misfit has more than one minimum. `form`: what share of its
     size formulations of it differ by, one sigma: next to nothing where a definition or a law stands behind it, more
     where a model of friction or contact does. `former`: parameters that earlier diagnoses hold, and the two whose
@@ -143,6 +144,7 @@ class Effect:
     periodic: bool = False
     rough: bool = False
     without_winding: bool = True
+    before_loop: bool = False
     seen_by: tuple[str, ...] = ()
     restarts: tuple[Mapping[str, float], ...] = ()
     form: float = 0.001

@@ -21,48 +21,45 @@ import math
 
 import numpy as np
 
-from rtds_host.diagnosis.replay.slots import COMMON_INDEX, SIDE_INDEX
 from rtds_host.plant import driver, friction, gear, ground, motor, sensors
 from rtds_host.plant.compiled import loop
 from rtds_host.plant.elementary import exponential
 from rtds_host.plant.elementary import turned as turned_by
+from rtds_host.plant.schema import SIDE_INDEX, common_indices, side_indices
 
 # Numerical: how often a step is taken whose friction or bus hangs on its own currents and forces.
 TRIALS = 2
 
-R, L, KM, KB, J, B = (
-    SIDE_INDEX[n] for n in ("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia", "viscous")
+R, L, KM, KB, J, B = side_indices("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia", "viscous")
+RADIUS, CURVE, V_GAIN, DEADZONE, DROP, LIMIT = side_indices(
+    "radius", "pwm_curve", "voltage_gain", "deadzone", "drop", "limit"
 )
-CURVE = SIDE_INDEX["pwm_curve"]
-RADIUS, V_GAIN, DEADZONE, DROP, LIMIT = (SIDE_INDEX[n] for n in ("radius", "voltage_gain", "deadzone", "drop", "limit"))
-HEAT_RISE, HEAT_TAU = SIDE_INDEX["heat_rise"], SIDE_INDEX["heat_tau"]
-COULOMB, STRIBECK, STRIBECK_W = (SIDE_INDEX[n] for n in ("coulomb", "stribeck", "stribeck_speed"))
-VISCOUS_W, ASYM, ASYM_V, LOAD = (
-    SIDE_INDEX[n] for n in ("viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share")
+HEAT_RISE, HEAT_TAU = side_indices("heat_rise", "heat_tau")
+COULOMB, STRIBECK, STRIBECK_W = side_indices("coulomb", "stribeck", "stribeck_speed")
+VISCOUS_W, ASYM, ASYM_V, LOAD = side_indices("viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share")
+BACKLASH, RESTITUTION, STIFF, DAMP = side_indices("backlash", "restitution", "stiffness", "damping")
+RIPPLE, RIPPLE_N, RIPPLE_PHI = side_indices("ripple", "ripple_cycles", "ripple_phase")
+SLIP, SLIP_LENGTH, SLIP_DAMPING, SLIP_GRIP = side_indices("slip", "slip_relaxation", "slip_damping", "slip_grip")
+W_GAIN, I_GAIN, I_BIAS, W_TAU, W_LATE = side_indices(
+    "speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late"
 )
-BACKLASH, RESTITUTION, STIFF, DAMP = (SIDE_INDEX[n] for n in ("backlash", "restitution", "stiffness", "damping"))
-RIPPLE, RIPPLE_N, RIPPLE_PHI = (SIDE_INDEX[n] for n in ("ripple", "ripple_cycles", "ripple_phase"))
-SLIP, SLIP_LENGTH, SLIP_DAMPING, SLIP_GRIP = (
-    SIDE_INDEX[n] for n in ("slip", "slip_relaxation", "slip_damping", "slip_grip")
+C_GAIN = SIDE_INDEX["command_gain"]
+GEAR, SUPPLY, MASS, IZ, JW, TRACK = common_indices(
+    "gear_ratio", "supply", "mass", "yaw_inertia", "wheel_inertia", "track"
 )
-W_GAIN, I_GAIN, I_BIAS, W_TAU, W_LATE = (
-    SIDE_INDEX[n] for n in ("speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late")
+SOURCE_R, DECLINE, SCRUB, ROLLING, COM_X, COM_Y = common_indices(
+    "source_resistance", "decline", "scrub", "rolling", "com_x", "com_y"
 )
-GEAR, SUPPLY, MASS, IZ, JW, TRACK = (
-    COMMON_INDEX[n] for n in ("gear_ratio", "supply", "mass", "yaw_inertia", "wheel_inertia", "track")
+SLOPE_X, GYRO_GAIN, GYRO_BIAS, CMD_DELAY, MEAS_DELAY = common_indices(
+    "slope_extra", "gyro_gain", "gyro_bias", "command_delay", "measurement_delay"
 )
-SOURCE_R, DECLINE, SCRUB, ROLLING, COM_X, COM_Y = (
-    COMMON_INDEX[n] for n in ("source_resistance", "decline", "scrub", "rolling", "com_x", "com_y")
+MODE, TORQUE_V, BUS_MEAS, LATENCY, AT_WHEEL = common_indices(
+    "mode", "torque_per_volt", "bus_measured", "latency", "encoder_at_wheel"
 )
-SLOPE_X, GYRO_GAIN, GYRO_BIAS, CMD_DELAY, MEAS_DELAY = (
-    COMMON_INDEX[n] for n in ("slope_extra", "gyro_gain", "gyro_bias", "command_delay", "measurement_delay")
+KP, KI, SERVO_LIMIT, SERVO_T, RELEASE = common_indices(
+    "servo_kp", "servo_ki", "servo_limit", "servo_period", "servo_release"
 )
-MODE, TORQUE_V, BUS_MEAS = (COMMON_INDEX[n] for n in ("mode", "torque_per_volt", "bus_measured"))
-KP, KI, SERVO_LIMIT, SERVO_T = (COMMON_INDEX[n] for n in ("servo_kp", "servo_ki", "servo_limit", "servo_period"))
-LATENCY, RELEASE = COMMON_INDEX["latency"], COMMON_INDEX["servo_release"]
-AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = (
-    COMMON_INDEX[n] for n in ("axis", "axis_inertia", "axis_mass", "axis_arm", "axis_zero")
-)
+AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = common_indices("axis", "axis_inertia", "axis_mass", "axis_arm", "axis_zero")
 
 
 @loop
@@ -175,6 +172,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     alpha, beta = np.zeros(2), np.zeros(2)
     hi, lo = np.zeros(2), np.zeros(2)
     wn, wmn, tin, tout = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    # The encoder sits at the gear's output, before any play or spring, or behind them (contract, section 2).
+    seen, seen_n, before = (w, wn, 0.0) if com[AT_WHEEL] > 0.0 else (wm, wmn, 1.0)
     bounces = np.zeros(2, np.bool_)
     was = np.zeros(2, np.int64)  # regime and force as a step begins, to take it again
     held = np.zeros(2)
@@ -231,17 +230,16 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
             out[ka, 0] = bus
             for k in range(2):
                 out[ka, 1 + k] = sensors.scaled(cur[k], side[k, I_GAIN], side[k, I_BIAS])
-                # The encoder sits at the gear's output, before any play or spring (contract, section 7).
                 if side[k, W_LATE] <= 0.0:
-                    out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else wm[k]) * side[k, W_GAIN]
-                out[ka, 5 + k] = (th[k] + play[k]) * side[k, W_GAIN]
+                    out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
+                out[ka, 5 + k] = (th[k] + before * play[k]) * side[k, W_GAIN]
             out[ka, 7] = sensors.scaled(rate, com[GYRO_GAIN], com[GYRO_BIAS])
             ka += 1
         if lagging:
             for k in range(2):
                 later = dm + side[k, W_LATE]
                 while side[k, W_LATE] > 0.0 and kw[k] < n and t[kw[k]] - later <= now + 1e-9:
-                    speed = (wf[k] if side[k, W_TAU] > 0.0 else wm[k]) * side[k, W_GAIN]
+                    speed = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
                     if t[kw[k]] - later < t[0]:
                         # Before a start the speed is what lies between the start and what is reported then.
                         speed = start[9 + k] + (speed - start[9 + k]) * (t[kw[k]] - t[0]) / later
@@ -263,7 +261,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
         if mode == 2 and servo_next <= now + 1e-9:
             changed = True
             for k in range(sides):
-                miss = (wcmd0 if k == 0 else wcmd1) - wm[k] * side[k, W_GAIN]
+                miss = (wcmd0 if k == 0 else wcmd1) * side[k, C_GAIN] - seen[k] * side[k, W_GAIN]
                 limit = min(com[SERVO_LIMIT], supply)
                 va[k], integ[k] = driver.servo(miss, integ[k], com[KP], com[KI], com[SERVO_T], limit, com[RELEASE])
             while servo_next <= now + 1e-9:
@@ -602,7 +600,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         play[k] += h * (wm[k] - w[k])
                 tau = side[k, W_TAU]
                 if tau > 0.0:
-                    wf[k] = sensors.low_pass(wf[k], wm[k], wmn[k], h, tau, math.exp(-h / tau))
+                    wf[k] = sensors.low_pass(wf[k], seen[k], seen_n[k], h, tau, math.exp(-h / tau))
             if axis == 0:
                 v_mid = 0.5 * (v + v_new)
                 rate_mid = 0.5 * (rate + rate_new)

@@ -18,6 +18,7 @@ from rtds_host.diagnosis.replay.kernel import TRIALS
 from rtds_host.plant import driver, friction, gear, ground, motor, sensors
 from rtds_host.plant.compiled import law, loop
 from rtds_host.plant.elementary import cos_less_one, exp_minus, sin, sine, tanh
+from rtds_host.plant.schema import COMMON, SIDE, common_indices, side_indices
 
 # Numerical: numbers in a vector register of the widest processors; narrower ones take two or four for it.
 LANES = 8
@@ -26,306 +27,38 @@ NEVER = 1e300
 # Numerical: s over a span, what its steps may be longer or shorter and still count as alike.
 ALIKE_S = 1e-10
 
-# Rows of the lanes' state, each `LANES` long, at these offsets: of a side, twice; of the robot; and of what is the same
-# in a run.
-_SIDE_ROWS = (
-    "res",
-    "ind",
-    "ke",
-    "gkm",
-    "lim",
-    "drop",
-    "inertia",
-    "fluid",
-    "asym_v",
-    "heat",
-    "heat_tau",
-    "friction",
-    "asym",
-    "radius",
-    "speed_tau",
-    "stribeck",
-    "stribeck_speed",
-    "extra",
-    "th",
-    "w",
-    "cur",
-    "rise",
-    "wf",
-    "va",
-    "vd",
-    "stick",
-    "wn",
-    "c0",
-    "m0",
-    "decay",
-    "rise_v",
-    "mean_v",
-    "mean_i",
-    "c1",
-    "m1",
-    "fade",
-    "late_shear",
-    "per_shear",
-    "am",
-    "bm",
-    "rigid",
-    "hi",
-    "lo",
-    "ripple",
-    "force",
-    "alpha",
-    "beta",
-    "speed_gain",
-    "current_gain",
-    "current_bias",
-    "pwm_curve",
-    "deadzone",
-    "voltage_gain",
-    "slip",
-    "length",
-    "shear_tau",
-    "grip",
-    "tyre",
-    "whole",
-    "give",
-    "yields",
-    "tangent",
-    "taken",
-    "asked",
-    "load",
-    "mean",
-    "input",
-    "output",
-    "wm",
-    "wmn",
-    "play",
-    "contact",
-    "was",
-    "held",
-    "backlash",
-    "restitution",
-    "stiffness",
-    "damping",
-    "kap",
-    "free_i",
-    "spring_i",
-    "held_i",
-    "behind_i",
-    "turn",
-    "apart",
-    "bounces",
-    "tangled",
-    "amplitude",
-    "cycles",
-    "phase",
-    "at",
-    "ahead",
-)
-_ROWS = (
-    "h",
-    "begun",
-    "now",
-    "done",
-    "supply",
-    "decline",
-    "bus_row",
-    "measured",
-    "load_j",
-    "mass",
-    "i11",
-    "i12",
-    "i22",
-    "half",
-    "pull",
-    "up_x",
-    "up_y",
-    "com_x",
-    "com_y",
-    "scrub",
-    "dry",
-    "level",
-    "gx",
-    "gz",
-    "x",
-    "y",
-    "yaw",
-    "v",
-    "rate",
-    "dir_x",
-    "dir_y",
-    "rate_n",
-    "v_n",
-    "dv",
-    "dr",
-    "a00",
-    "a11",
-    "wx",
-    "det",
-    "spin",
-    "h_max",
-    "late",
-    "pose_late",
-    "command_late",
-    "gyro_gain",
-    "gyro_bias",
-    "source",
-    "follows",
-    "since",
-    "per_span",
-)
-_SIDE = len(_SIDE_ROWS) * LANES
-# Regimes of a side's gear, as in `kernel`.
-_RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0.0, 1.0, 2.0, 3.0, 4.0
-# Numerical: numbers that the lanes' state has.
-SIZE = 2 * _SIDE + len(_ROWS) * LANES
-
-(
-    RES,
-    IND,
-    KE,
-    GKM,
-    LIM,
-    DROP,
-    INERTIA,
-    FLUID,
-    ASYM_V,
-    HEAT,
-    HEAT_TAU,
-    FRICTION,
-    ASYM,
-    RADIUS,
-    SPEED_TAU,
-    STRIBECK,
-    STRIBECK_W,
-    EXTRA,
-    TH,
-    W,
-    CUR,
-    RISE,
-    WF,
-    VA,
-    VD,
-    STICK,
-    WN,
-    C0,
-    M0,
-    DECAY,
-    RISE_V,
-    MEAN_V,
-    MEAN_I,
-    C1,
-    M1,
-    FADE,
-    LATE_SHEAR,
-    PER_SHEAR,
-    AM,
-    BM,
-    RIGID,
-    HI,
-    LO,
-    RIPPLE,
-    FORCE,
-    ALPHA,
-    BETA,
-    W_GAIN,
-    I_GAIN,
-    I_BIAS,
-    CURVE,
-    DEADZONE,
-    V_GAIN,
-    SLIP,
-    LENGTH,
-    SHEAR_TAU,
-    GRIP,
-    TYRE,
-    WHOLE,
-    GIVE,
-    YIELDS,
-    TANGENT,
-    TAKEN,
-    ASKED,
-    LOAD,
-    MEAN,
-    INPUT,
-    OUTPUT,
-    WM,
-    WMN,
-    PLAY,
-    CONTACT,
-    WAS,
-    HELD,
-    BACKLASH,
-    RESTITUTION,
-    STIFF,
-    DAMP,
-    KAP,
-    FREE_I,
-    SPRING_I,
-    HELD_I,
-    BEHIND_I,
-    TURN,
-    APART,
-    BOUNCES,
-    TANGLED,
-    AMPLITUDE,
-    CYCLES,
-    PHASE,
-    AT,
-    AHEAD,
-) = (k * LANES for k in range(len(_SIDE_ROWS)))
-(
-    H,
-    BEGUN,
-    NOW,
-    DONE,
-    SUPPLY,
-    DECLINE,
-    BUS_ROW,
-    MEASURED,
-    LOAD_J,
-    MASS,
-    I11,
-    I12,
-    I22,
-    HALF,
-    PULL,
-    UP_X,
-    UP_Y,
-    COM_X,
-    COM_Y,
-    SCRUB,
-    DRY,
-    LEVEL,
-    GX,
-    GZ,
-    X,
-    Y,
-    YAW,
-    V,
-    RATE,
-    DIR_X,
-    DIR_Y,
-    RATE_N,
-    V_N,
-    DV,
-    DR,
-    A00,
-    A11,
-    WX,
-    DET,
-    SPIN,
-    H_MAX,
-    LATE,
-    POSE_LATE,
-    COMMAND_LATE,
-    GYRO_GAIN,
-    GYRO_BIAS,
-    SOURCE,
-    FOLLOWS,
-    SINCE,
-    PER_SPAN,
-) = (2 * _SIDE + k * LANES for k in range(len(_ROWS)))
+# Rows of the state, each `LANES` long, at these offsets: of a side, twice, its parameters first, in the schema's order;
+# of the robot, likewise; and of what is the same in a run.
+# fmt: off
+(RES, IND, LIM, DROP, ASYM_V, HEAT, HEAT_TAU, ASYM, RADIUS, SPEED_TAU, STRIBECK, STRIBECK_W, W_GAIN, I_GAIN, I_BIAS,
+ CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, LOAD, BACKLASH, RESTITUTION, STIFF, DAMP, AMPLITUDE, CYCLES, PHASE) = (
+    k * LANES for k in side_indices(
+        "resistance", "inductance", "limit", "drop", "asymmetry_viscous", "heat_rise", "heat_tau", "asymmetry",
+        "radius", "speed_tau", "stribeck", "stribeck_speed", "speed_gain", "current_gain", "current_bias", "pwm_curve",
+        "deadzone", "voltage_gain", "slip", "slip_relaxation", "load_share", "backlash", "restitution", "stiffness",
+        "damping", "ripple", "ripple_cycles", "ripple_phase"))
+_SIDE_ROWS = len(SIDE) + 64
+(KE, GKM, INERTIA, FLUID, FRICTION, EXTRA, TH, W, CUR, RISE, WF, VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V,
+ MEAN_I, C1, M1, FADE, LATE_SHEAR, PER_SHEAR, AM, BM, RIGID, HI, LO, RIPPLE, FORCE, ALPHA, BETA, SHEAR_TAU, GRIP,
+ TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, MEAN, INPUT, OUTPUT, WM, WMN, PLAY, CONTACT, WAS, HELD, KAP,
+ FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART, BOUNCES, TANGLED, AT, AHEAD) = (
+    k * LANES for k in range(len(SIDE), _SIDE_ROWS))
+_SIDE = _SIDE_ROWS * LANES
+_COMMON = 2 * _SIDE
+(SUPPLY, DECLINE, MEASURED, LOAD_J, MASS, COM_X, COM_Y, SCRUB, GYRO_GAIN, GYRO_BIAS, SOURCE, POSE_LATE, COMMAND_LATE,
+ AT_WHEEL) = (
+    _COMMON + k * LANES for k in common_indices(
+        "supply", "decline", "bus_measured", "wheel_inertia", "mass", "com_x", "com_y", "scrub", "gyro_gain",
+        "gyro_bias", "source_resistance", "latency", "command_delay", "encoder_at_wheel"))
+_COMMON_ROWS = len(COMMON) + 37
+(H, BEGUN, NOW, DONE, BUS_ROW, I11, I12, I22, HALF, PULL, UP_X, UP_Y, DRY, LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X,
+ DIR_Y, RATE_N, V_N, DV, DR, A00, A11, WX, DET, SPIN, H_MAX, LATE, FOLLOWS, SINCE, PER_SPAN) = (
+    _COMMON + k * LANES for k in range(len(COMMON), _COMMON_ROWS))
+# fmt: on
+# Regimes of a side's gear, as numbers that a row holds.
+_RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = map(float, (gear.RIGID, gear.SPRING, gear.FREE, gear.PUSH_F, gear.PUSH_B))
+# Numerical: numbers that the state has.
+SIZE = _COMMON + _COMMON_ROWS * LANES
 
 
 @loop
@@ -334,31 +67,16 @@ def _begin(s, l, side, com, run, start):
     ratio = com[one.GEAR]
     mass = com[one.MASS] + run[0]
     dry = 0.0
+    for n in range(len(com)):
+        s[_COMMON + n * LANES + l] = com[n]
     for k in range(2):
         o = k * _SIDE + l
-        s[o + RES], s[o + IND], s[o + KE], s[o + GKM] = (
-            side[k, one.R],
-            side[k, one.L],
-            side[k, one.KB] * ratio,
-            ratio * side[k, one.KM],
-        )
-        s[o + LIM], s[o + DROP] = side[k, one.LIMIT], side[k, one.DROP]
+        for n in range(side.shape[1]):
+            s[o + n * LANES] = side[k, n]
+        s[o + KE], s[o + GKM] = side[k, one.KB] * ratio, ratio * side[k, one.KM]
         s[o + INERTIA] = ratio * ratio * side[k, one.J]
         s[o + FLUID] = ratio * ratio * side[k, one.B] + side[k, one.VISCOUS_W]
-        s[o + ASYM_V] = side[k, one.ASYM_V]
-        s[o + HEAT], s[o + HEAT_TAU] = side[k, one.HEAT_RISE], side[k, one.HEAT_TAU]
-        s[o + RADIUS] = side[k, one.RADIUS]
         s[o + FRICTION] = side[k, one.COULOMB] + friction.rolling(com[one.ROLLING], mass, side[k, one.RADIUS])
-        s[o + ASYM] = side[k, one.ASYM]
-        s[o + SPEED_TAU], s[o + FADE] = side[k, one.W_TAU], 0.0
-        s[o + W_GAIN], s[o + I_GAIN], s[o + I_BIAS] = side[k, one.W_GAIN], side[k, one.I_GAIN], side[k, one.I_BIAS]
-        s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN] = side[k, one.CURVE], side[k, one.DEADZONE], side[k, one.V_GAIN]
-        s[o + AMPLITUDE], s[o + CYCLES], s[o + PHASE] = (
-            side[k, one.RIPPLE],
-            side[k, one.RIPPLE_N],
-            side[k, one.RIPPLE_PHI],
-        )
-        s[o + STRIBECK], s[o + STRIBECK_W] = side[k, one.STRIBECK], side[k, one.STRIBECK_W]
         if (
             side[k, one.COULOMB] != 0.0
             or side[k, one.STRIBECK] != 0.0
@@ -367,7 +85,6 @@ def _begin(s, l, side, com, run, start):
             or com[one.ROLLING] != 0.0
         ):
             dry = 1.0
-        s[o + LOAD], s[o + SLIP], s[o + LENGTH] = side[k, one.LOAD], side[k, one.SLIP], side[k, one.SLIP_LENGTH]
         s[o + SHEAR_TAU] = ground.shear_time(side[k, one.SLIP_DAMPING], side[k, one.SLIP], side[k, one.SLIP_LENGTH])
         s[o + GRIP] = ground.grip_of(side[k, one.SLIP_GRIP], mass) if side[k, one.SLIP] != 0.0 else 1.0
         s[o + FORCE] = s[o + INPUT] = s[o + TYRE] = s[o + WHOLE] = 0.0
@@ -377,33 +94,31 @@ def _begin(s, l, side, com, run, start):
             s[o + W], start[9 + k] / side[k, one.W_GAIN], side[k, one.W_TAU], side[k, one.W_LATE]
         )
         s[o + CUR] = sensors.begun(start[7 + k], start[11 + k], start[13 + k], side[k, one.I_GAIN], side[k, one.I_BIAS])
-        s[o + BACKLASH], s[o + RESTITUTION] = side[k, one.BACKLASH], side[k, one.RESTITUTION]
-        s[o + STIFF], s[o + DAMP] = side[k, one.STIFF], side[k, one.DAMP]
-        s[o + PLAY] = s[o + APART] = s[o + BOUNCES] = 0.0
         s[o + CONTACT] = _SPRING if side[k, one.STIFF] > 0.0 else (_FREE if side[k, one.BACKLASH] > 0.0 else _RIGID)
+        s[o + PLAY] = s[o + APART] = s[o + BOUNCES] = s[o + FADE] = 0.0
         s[o + RISE] = s[o + VA] = s[o + VD] = s[o + STICK] = s[o + RIPPLE] = s[o + EXTRA] = 0.0
     s[H + l] = s[DONE + l] = 0.0
     s[LEVEL + l] = 1.0
     s[FOLLOWS + l] = s[SINCE + l] = s[PER_SPAN + l] = 0.0
-    s[POSE_LATE + l] = com[one.LATENCY]
     s[LATE + l] = com[one.MEAS_DELAY] + com[one.LATENCY]
-    s[COMMAND_LATE + l] = com[one.CMD_DELAY]
-    s[GYRO_GAIN + l], s[GYRO_BIAS + l], s[SOURCE + l] = com[one.GYRO_GAIN], com[one.GYRO_BIAS], com[one.SOURCE_R]
     s[BEGUN + l] = run[3]
-    s[SUPPLY + l], s[DECLINE + l], s[MEASURED + l] = com[one.SUPPLY], com[one.DECLINE], com[one.BUS_MEAS]
-    s[LOAD_J + l] = com[one.JW]
-    s[MASS + l] = mass
+    s[MASS + l], s[DRY + l] = mass, dry
     s[I22 + l] = 1.0 / (com[one.IZ] - mass * com[one.COM_Y] ** 2)
     s[I12 + l] = com[one.COM_Y] * s[I22 + l]
     s[I11 + l] = 1.0 / mass + com[one.COM_Y] * s[I12 + l]
     s[HALF + l] = 0.5 * com[one.TRACK]
     s[PULL + l] = ground.along_slope(mass, run[1] + com[one.SLOPE_X], math.sin)
     s[UP_X + l], s[UP_Y + l] = math.cos(run[2]), math.sin(run[2])
-    s[COM_X + l], s[COM_Y + l], s[SCRUB + l], s[DRY + l] = com[one.COM_X], com[one.COM_Y], com[one.SCRUB], dry
     s[X + l], s[Y + l], s[YAW + l] = start[0], start[1], start[2]
     s[DIR_X + l], s[DIR_Y + l] = math.cos(start[2]), math.sin(start[2])
     s[V + l] = 0.5 * (s[RADIUS + l] * s[W + l] + s[_SIDE + RADIUS + l] * s[_SIDE + W + l])
     s[RATE + l] = (s[_SIDE + RADIUS + l] * s[_SIDE + W + l] - s[RADIUS + l] * s[W + l]) / com[one.TRACK]
+
+
+@law
+def _encoder(s, o, l):
+    """Speed where the encoder of a side sits (o: that side's offset), rad/s (contract, section 2)."""
+    return s[o + W] if s[AT_WHEEL + l] > 0.0 else s[o + WM]
 
 
 @law
@@ -588,9 +303,11 @@ def replay_lanes(
                             o = i * _SIDE + l
                             out[row, 1 + i] = sensors.scaled(s[o + CUR], s[o + I_GAIN], s[o + I_BIAS])
                             if held_s[i, l] <= 0.0:
-                                out[row, 3 + i] = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + WM]) * s[o + W_GAIN]
-                            # The encoder sits at the gear's output, before any play or spring (contract, section 7).
-                            out[row, 5 + i] = (s[o + TH] + s[o + PLAY]) * s[o + W_GAIN]
+                                out[row, 3 + i] = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else _encoder(s, o, l)) * s[
+                                    o + W_GAIN
+                                ]
+                            before = 0.0 if s[AT_WHEEL + l] > 0.0 else s[o + PLAY]
+                            out[row, 5 + i] = (s[o + TH] + before) * s[o + W_GAIN]
                         out[row, 7] = sensors.scaled(s[RATE + l], s[GYRO_GAIN + l], s[GYRO_BIAS + l])
                         k += 1
                         at = ts[k] - s[LATE + l] if k < end else NEVER
@@ -604,7 +321,7 @@ def replay_lanes(
                             o = i * _SIDE + l
                             k = lagging[i, l]
                             while k < end and ts[k] - later <= due:
-                                speed = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + WM]) * s[o + W_GAIN]
+                                speed = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else _encoder(s, o, l)) * s[o + W_GAIN]
                                 if ts[k] - later < ts[begin[l]]:
                                     # As in `kernel.replay`.
                                     begun = starts[which[job[l], 1], 9 + i]
@@ -627,7 +344,7 @@ def replay_lanes(
                     ] = 1.0
                     for i in range(2):
                         s[i * _SIDE + GRIP + l] = s[i * _SIDE + LATE_SHEAR + l] = s[i * _SIDE + PER_SHEAR + l] = 1.0
-                        s[i * _SIDE + RES + l] = s[i * _SIDE + IND + l] = 1.0
+                        s[i * _SIDE + RES + l] = s[i * _SIDE + IND + l] = s[i * _SIDE + STRIBECK_W + l] = 1.0
                     ripples[l] = False
                     plays[l] = False
                     continue
@@ -1073,7 +790,8 @@ def replay_lanes(
                 hotter = motor.warmer(rise, h, s[o + HEAT + l], s[o + HEAT_TAU + l], mean, res)
                 s[o + RISE + l] = hotter if s[o + HEAT + l] != 0.0 else rise
                 s[o + TH + l] += 0.5 * h * (s[o + WN + l] + s[o + W + l])
-                s[o + WF + l] = sensors.low_pass(s[o + WF + l], w, wn, h, tau, s[o + FADE + l])
+                seen, seen_n = _encoder(s, o + l, l), s[o + WN + l] if s[AT_WHEEL + l] > 0.0 else wn
+                s[o + WF + l] = sensors.low_pass(s[o + WF + l], seen, seen_n, h, tau, s[o + FADE + l])
         if flexible:
             for k in range(2):
                 o = k * _SIDE
