@@ -21,7 +21,7 @@ import typer
 from rtds_host.contract import Case, Robot, RunLog, RunMeta, builtin_robot, write_atomic
 from rtds_host.correction.close import FINE_STEP_S, distance
 from rtds_host.correction.simulate import Setting, simulate
-from rtds_host.diagnosis.effects import CATALOGUE, SIDES
+from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
 from rtds_host.diagnosis.machine import machine_of
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
