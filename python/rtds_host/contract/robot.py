@@ -72,6 +72,11 @@ class Axis:
     zero_rad: float = 0.0
 
 
+# Where the wheels' encoders can sit: on the motor's shaft, at the gear's output, on the wheel. Free play and springs
+# lie beyond the first two and before the third.
+ENCODERS = ("motor", "gear", "wheel")
+
+
 @dataclass(frozen=True)
 class Driver:
     """How `v_cmd` (or `w_cmd`) becomes the motor's voltage or torque (contract, section 7)."""
@@ -99,7 +104,8 @@ class Servo:
 class Robot:
     """A nominal robot or a single axis: exactly one of `chassis` and `axis` is set.
 
-    Two that differ in `name` or in `notices` (what of the file was ignored) alone are equal.
+    Two that differ in `name` or in `notices` (what of the file was ignored) alone are equal. `encoder`: where w and th
+    are measured, one of `ENCODERS`; None where the file does not say it (contract, section 2).
     """
 
     name: str = field(compare=False)
@@ -112,6 +118,7 @@ class Robot:
     sensors: dict[str, float] = field(default_factory=dict)
     notices: tuple[str, ...] = field(default=(), compare=False)
     measured_noise: dict[str, float] = field(default_factory=dict, compare=False)
+    encoder: str | None = None
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -336,6 +343,7 @@ def _parse(path: Path, data: dict) -> Robot:
         servo=servo,
         sensors=sensors,
         notices=_strange(path, data),
+        encoder=table.choice("encoder", ENCODERS) if "encoder" in table.table else None,
     )
 
 
@@ -345,7 +353,7 @@ def _strange(path: Path, data: dict) -> tuple[str, ...]:
         name: {f.name for f in fields(kind)}
         for name, kind in (("motor", Motor), ("chassis", Chassis), ("axis", Axis), ("driver", Driver), ("servo", Servo))
     }
-    known |= {"supply": {"voltage_v"}, "sensors": set(NOISE_KEYS.values())}
+    known |= {"supply": {"voltage_v"}, "sensors": {"encoder", *NOISE_KEYS.values()}}
     found = [
         f"{path.name}: {name!r} is not in the contract, ignored"
         for name in data

@@ -22,6 +22,7 @@ from rtds_host.contract import Case, Robot, RunLog, RunMeta, builtin_robot, writ
 from rtds_host.correction.close import FINE_STEP_S, distance
 from rtds_host.correction.simulate import Setting, simulate
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
+from rtds_host.diagnosis.machine import machine_of
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, RtdsError, did_you_mean
@@ -113,7 +114,7 @@ def values_of(effect: str) -> dict[str, float]:
     given = SIZES.get(effect, {})
     return {
         p.name: given.get(p.name, p.starts[len(p.starts) // 2])
-        for p in catalogue(builtin_robot("burger"))[effect].parameters
+        for p in CATALOGUE[effect].on(machine_of(builtin_robot("burger"))).parameters
     }
 
 
@@ -153,11 +154,12 @@ def rows(
     ------
     InputError : an effect that is not in the catalogue.
     """
-    names = list(effects or sorted(CATALOGUE, key=lambda e: (CATALOGUE[e].subsystem, e)))
+    there = catalogue(builtin_robot("burger"))
+    names = list(effects or sorted(there, key=lambda e: (there[e].subsystem, e)))
     for name in names:
-        if name not in CATALOGUE:
+        if name not in there:
             raise InputError(
-                f"effect {name!r}: not in the catalogue (`rtds effects` lists it){did_you_mean(name, CATALOGUE)}"
+                f"effect {name!r}: not in the catalogue (`rtds effects` lists it){did_you_mean(name, there)}"
             )
     robot, log = builtin_robot("burger"), designed_run(seconds)
     for name in names:

@@ -71,6 +71,10 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         place = f"effects[{k}]"
         name = entry.get("id") if isinstance(entry, dict) else None
         effect = effects_there.get(name) if isinstance(name, str) else None
+        if effect is None and isinstance(name, str) and name in CATALOGUE:
+            raise InputError(
+                f"{path}: {place}.id: {name} acts before a speed loop, and [driver] mode is {robot.driver.mode!r}"
+            )
         if effect is None:
             raise InputError(
                 f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in "

@@ -201,6 +201,7 @@ def _numbers(figures: Figures) -> dict[str, tuple[float, ...]]:
             "servo_limit_v": ((loop.limit_v,), None),
             "servo_period_s": ((loop.period_s,), None),
             "command_delay_s": ((figures.command_delay_s,), 0.0),
+            "command_gain": (both("command_gain"), 1.0),
         }
     kept = {name: values for name, (values, nothing) in there.items() if any(value != nothing for value in values)}
     return {"supply_v": (figures.supply_v,), **kept}

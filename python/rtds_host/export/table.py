@@ -90,6 +90,12 @@ TABLE: dict[str, dict[str, How]] = {
         _own("drive maxForce, maxJointVelocity"),
     ),
     "pwm_curve": _map_of_commands("pwm_curve"),
+    "command_gain": _row(
+        _carried("custom/numeric command_gain, beside a servo's loop"),
+        _carried("comment: the speeds asked for take the loop's scale"),
+        _lost("JointController takes the speed asked for as it is"),
+        _carried(f"{_USD_FED} servo"),
+    ),
     # winding
     "resistance_error": _electrical(),
     "winding_heating": _row(

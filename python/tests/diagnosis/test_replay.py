@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from rtds_host.contract import GRAVITY_M_S2, Axis, Case, RunLog, RunMeta, builtin_robot, read_case
 from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
-from rtds_host.diagnosis.elementary import sine
+from rtds_host.plant.elementary import sine
 from rtds_host.diagnosis.fit import apply
 from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.replay.model import (

@@ -25,6 +25,7 @@ EFFECT = Effect(
             null=0,
             low=-0.95,
             high=5,
+            reach="movable",
             spread=0.5,
             starts=(0.3, -0.2, 1.0),
             meaning="mass (of an axis: load) beyond what is declared",

@@ -9,6 +9,8 @@ from rtds_host.diagnosis import gap
 from rtds_host.diagnosis.localise.series import Windows, cumulated, filled, first_order, middles, relaxed, smooth
 from rtds_host.diagnosis.machine import machine_of
 from rtds_host.diagnosis.replay.model import Model
+from rtds_host.plant.compiled import loop
+from rtds_host.plant.driver import duty
 
 # Blocks start anew from what is measured once a discrepancy has come and gone: the longer, the better small torques
 # show, and the farther a wrong start leads.
@@ -18,6 +20,15 @@ WINDOW_S = 0.3
 SIGN_V, SIGN_SHARE, SIGN_NOISES = 0.05, 0.02, 2.0
 # Numerical: to either side of a row over which a speed is averaged.
 SMOOTH_S = 0.015
+
+
+@loop
+def duties(volts, supply, curve, deadzone, gain):
+    """`rtds_host.plant.driver.duty` of voltages (n,), V."""
+    out = np.empty_like(volts)
+    for k in range(len(volts)):
+        out[k] = duty(volts[k], supply, curve, deadzone, gain)
+    return out
 
 
 class Signals:
@@ -222,9 +233,8 @@ class Signals:
 
     def driver(self, volts: np.ndarray, k: int) -> np.ndarray:
         """Voltage behind the driver's curve, dead zone and gain, as the replay has it."""
-        volts = volts * (1.0 + self.model.get("pwm_curve", k) * (1.0 - np.minimum(np.abs(volts) / self.supply, 1.0)))
-        dead = self.model.get("deadzone", k)
-        return (volts - np.sign(volts) * np.minimum(np.abs(volts), dead)) * self.model.get("voltage_gain", k)
+        get = self.model.get
+        return duties(volts, self.supply, get("pwm_curve", k), get("deadzone", k), get("voltage_gain", k))
 
     def heat(self, current: np.ndarray, resistance: float, tau: float) -> np.ndarray:
         """First-order response to the winding's loss, (n,), in watts."""
