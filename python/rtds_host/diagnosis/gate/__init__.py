@@ -35,6 +35,7 @@ def examine(case: Case) -> Gate:
     timing.check_clock(case)
     bounds = limits(case)
     units.check_commands(case, bounds)
+    units.check_staircase(case)
     declared = {c: case.robot.noise(c) for c in channels(case.robot)}
     noise, steps = rounding.effective_noise(case)
     found = _notices(case)
@@ -156,7 +157,7 @@ def _compared(
     for log, replayed in zip(case.runs, replayed_runs):
         seen.append((log, units.compare(log, robot, replayed, bounds)))
         units.check_minutes(log, case)
-    found += units.refuse(seen, bounds)
+    found += units.refuse(seen, robot, bounds)
     for (log, compared), replayed in zip(seen, replayed_runs):
         told, aside = sensors.in_samples(log, counting, replayed)
         for c, rows in glitches.beside_replay(log, case, bounds, noise, replayed).items():
@@ -225,7 +226,7 @@ def _enough(case: Case) -> None:
         excited |= bool(np.abs(log.commands(robot.driver.mode)).max() > 1e-6)
     longest = max(float(log.t[-1] - log.t[0]) for log in case.runs)
     rows = max(len(log.t) for log in case.runs)
-    if longest < timing.SHORTEST_S * (1 - 1e-9) or rows < cuts.FEWEST_ROWS:
+    if all(timing.shorter_than_any(log.t) for log in case.runs) or rows < cuts.FEWEST_ROWS:
         raise InputError(
             f"{where}: the longest run of the case lasts {longest:.3g} s with {rows} rows, at least "
             f"{timing.SHORTEST_S:g} s and {cuts.FEWEST_ROWS} rows are needed"
@@ -242,6 +243,6 @@ def _enough(case: Case) -> None:
         )
     if not any(counts(log, robot) for log in case.runs):
         raise InputError(
-            f"{where}: nothing in it counts: no channel has both samples and a noise in [sensors], or of angles and poses "
-            f"alone no run has a whole second"
+            f"{where}: nothing in it counts: no channel has both samples and a noise in [sensors], or of angles and "
+            f"poses alone no run has a whole second"
         )
