@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosis_cases import changed, make_case, without
 
 from rtds_host.contract import Axis, Case, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.gate import examine
@@ -111,3 +112,88 @@ def test_the_same_pace_in_milliseconds_is_refused(step_s, seconds):
     run = bench_run("steps", t, np.where((t / 0.1).astype(int) % 2 == 0, 6.0, -3.0))
     with pytest.raises(InputError, match="t: .*is it in milliseconds"):
         examine(bench_case(replace(run, t=1e3 * t), channels=("w_l",)))
+
+
+# ---- what stands where a sample should -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("channels", [("th_l",), ("th_l", "th_r"), ("x", "y"), ("yaw",)], ids=" ".join)
+@pytest.mark.parametrize("rows, value", [(3, -8197530.0), (1, 759.7), (5, 4.0e4)])
+def test_garbage_before_the_sensors_are_awake_is_set_aside_and_nothing_else(channels, rows, value):
+    case = make_case()
+
+    def garbage(_, columns):
+        for c in channels:
+            columns[c][:rows] = value
+
+    gate = examine(changed(case, garbage))
+    assert not gate.of("wrapped") and not gate.of("rounded")
+    for log, sound in zip(gate.case.runs, case.runs):
+        for c in sound.columns:
+            missing = np.flatnonzero(np.isnan(log.columns[c]))
+            assert list(missing) == (list(range(rows)) if c in channels else [])
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda m: None,
+        lambda m: m.put("speed_tau", 0.03),
+        lambda m: m.scale("speed_gain", -1.0),
+        lambda m: m.add("backlash", 0.05),
+    ],
+    ids=["nominal", "filter", "swapped", "play"],
+)
+def test_an_angle_and_its_speed_agree_whatever_effect_there_is(change, seed):
+    gate = examine(make_case(change, seed=seed))
+    assert not gate.of("contradicts") and not gate.of("start")
+
+
+@pytest.mark.parametrize("dropped", [(), ("gyro_z",), ("x", "y", "yaw", "i_l", "i_r", "v_bus")], ids=len)
+@pytest.mark.parametrize("of, by", [("th_l", "th_r"), ("th_r", "th_l"), ("w_l", "w_r")])
+def test_a_channel_that_holds_the_other_wheel_s_is_said_and_set_aside(of, by, dropped):
+    def copied(_, columns):
+        columns[of] = columns[by].copy()
+
+    gate = examine(changed(without(make_case(seed=2), *dropped), copied))
+    assert [f.channel for f in gate.of("contradicts")] == [of]
+    assert all(not log.has(of) for log in gate.case.runs) and all(log.has(by) for log in gate.case.runs)
+
+
+@pytest.mark.parametrize("odd", ["gyro_z", "yaw"])
+def test_of_gyro_yaw_and_wheels_the_one_that_two_contradict_is_set_aside(odd):
+    rng = np.random.default_rng(4)
+
+    def other(t, columns):
+        rate = np.interp(t, np.arange(0.0, 9.0, 0.4), rng.uniform(-1.0, 1.0, 23))
+        columns[odd] = rate if odd == "gyro_z" else np.cumsum(rate) * 0.01
+
+    gate = examine(changed(make_case(), other))
+    assert [f.channel for f in gate.of("contradicts")] == [odd]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda m: m.scale("gyro_gain", -1.0), lambda m: m.scale("gyro_gain", 0.5), lambda m: m.put("gyro_bias", 0.2)],
+    ids=["upside down", "half", "offset"],
+)
+def test_a_gyro_s_gain_and_offset_are_effects_and_no_contradiction(change):
+    gate = examine(make_case(change))
+    assert not gate.of("contradicts") and all(log.has("gyro_z") for log in gate.case.runs)
+
+
+@pytest.mark.parametrize("since", [0.0, 1.7e9])
+def test_a_run_that_is_given_twice_is_counted_once(since):
+    case = make_case()
+    again = replace(case.runs[1], name="again", t=since + case.runs[1].t, meta=replace(case.runs[1].meta, notes="x"))
+    gate = examine(replace(case, runs=(*case.runs, again)))
+    assert [log.name for log in gate.case.runs] == [log.name for log in case.runs]
+    assert [f.run for f in gate.of("repeated")] == ["again"]
+
+
+def test_the_same_drive_once_more_is_another_run():
+    case = make_case()
+    other = make_case(seed=1)
+    gate = examine(replace(case, runs=(*case.runs, replace(other.runs[0], name="other"))))
+    assert len(gate.case.runs) == 4 and not gate.of("repeated")

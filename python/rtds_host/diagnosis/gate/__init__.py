@@ -15,7 +15,7 @@ from rtds_host.contract import Case, RunLog
 from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.chance import MOVES, SLIGHT, handful
 from rtds_host.diagnosis.gap import counts
-from rtds_host.diagnosis.gate import cuts, glitches, rounding, sensors, stamps, timing, units
+from rtds_host.diagnosis.gate import contradictions, cuts, glitches, rounding, sensors, stamps, starts, timing, units
 from rtds_host.diagnosis.gate.findings import SEVERITIES, Finding, Gate, Timing, merged, percent
 from rtds_host.diagnosis.gate.limits import Limits, channels, limits
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
@@ -32,13 +32,15 @@ def examine(case: Case) -> Gate:
     InputError : no log at all (a clock or a channel in another unit than the contract's, a hole of minutes), or no run
         holds enough to diagnose anything: too short, nothing commanded and nothing moves, all speeds and angles dead.
     """
+    case, repeats = contradictions.repeated(case)
     timing.check_clock(case)
     bounds = limits(case)
+    case, asleep = starts.awake(case, bounds)
     units.check_commands(case, bounds)
     units.check_staircase(case)
     declared = {c: case.robot.noise(c) for c in channels(case.robot)}
     noise, steps = rounding.effective_noise(case)
-    found = _notices(case)
+    found = _notices(case) + repeats + asleep
     for log in case.runs:
         found += timing.clock_findings(log, case)
     runs, told = cuts.cut(case)
@@ -168,7 +170,8 @@ def _compared(
         runs.append(sensors.without(log, aside))
         replays.append((runs[-1], replayed))
     units.refuse_exchanged(case, replays)
-    return replace(case, runs=tuple(runs)), found, lags
+    cleaned, told_of = contradictions.settled(replace(case, runs=tuple(runs)), replayed_runs)
+    return cleaned, found + told_of, lags
 
 
 def _commands(log: RunLog, case: Case) -> list[Finding]:
