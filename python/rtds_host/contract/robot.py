@@ -17,6 +17,9 @@ GRAVITY_M_S2 = 9.80665
 # Positive values below are no unit of anything: the replay's matrices would be singular.
 TINY = 1e-15
 
+# Gains of [servo] that a file may leave out, to be estimated from the runs (contract, section 7).
+SERVO_GAINS = {"kp_v_s_per_rad", "ki_v_per_rad"}
+
 # Channel of a log -> key of its noise in [sensors] (contract, section 2).
 NOISE_KEYS = {
     "i_l": "i_a",
@@ -90,14 +93,19 @@ class Driver:
 class Servo:
     """Inner speed loop of `mode = "speed"`: a saturated PI controller on the wheel's speed.
 
-    `declared` is False where the file leaves its gains out: they are then a guess to estimate them from.
+    `left_out` names the gains that the file leaves out: they are then a guess to estimate them from.
     """
 
     kp_v_s_per_rad: float
     ki_v_per_rad: float
     limit_v: float
     period_s: float
-    declared: bool = True
+    left_out: frozenset[str] = frozenset()
+
+    @property
+    def declared(self) -> bool:
+        """Whether the file names both gains."""
+        return not self.left_out
 
 
 @dataclass(frozen=True)
@@ -119,6 +127,7 @@ class Robot:
     notices: tuple[str, ...] = field(default=(), compare=False)
     measured_noise: dict[str, float] = field(default_factory=dict, compare=False)
     encoder: str | None = None
+    tolerance: dict[str, float] = field(default_factory=dict)
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -131,6 +140,15 @@ class Robot:
         With what rounding adds to it, where a log was looked at for that (`measured_noise`, by channel).
         """
         return self.measured_noise.get(channel, self.sensors.get(NOISE_KEYS.get(channel, "")))
+
+    def tolerance_of(self, name: str) -> float | None:
+        """Relative standard deviation that `[tolerance]` declares for a constant of [motor], [axis] or [chassis], by
+        its name; None where it declares none. What it says of `motor` holds for all of [motor] but the gear ratio.
+        """
+        if name in self.tolerance:
+            return self.tolerance[name]
+        of_motor = name in {f.name for f in fields(Motor)} and name != "gear_ratio"
+        return self.tolerance.get("motor") if of_motor else None
 
 
 class _Section:
@@ -313,7 +331,7 @@ def _parse(path: Path, data: dict) -> Robot:
     servo = None
     if driver.mode == "speed":
         table = section("servo")
-        declared = {"kp_v_s_per_rad", "ki_v_per_rad"} <= table.table.keys()
+        left_out = frozenset(SERVO_GAINS - table.table.keys())
         # A loop that asks for the whole supply at an error of the no-load speed, and takes a fifth of a second to
         # settle.
         guess = motor.back_emf_constant_v_s_per_rad * motor.gear_ratio
@@ -324,7 +342,7 @@ def _parse(path: Path, data: dict) -> Robot:
             # The replay takes each of the loop's steps: a period in other units than seconds would keep it busy for
             # ever.
             period_s=table.number("period_s", positive=True, low=1e-5, high=10.0),
-            declared=declared,
+            left_out=left_out,
         )
 
     table = section("sensors")
@@ -333,6 +351,7 @@ def _parse(path: Path, data: dict) -> Robot:
         for key in sorted(set(NOISE_KEYS.values()))
         if key in table.table
     }
+    tolerance = _tolerance(section("tolerance", required=False), Axis if chassis is None else Chassis)
     return Robot(
         name=str(data.get("name", path.parent.name or path.stem)),
         motor=motor,
@@ -344,7 +363,34 @@ def _parse(path: Path, data: dict) -> Robot:
         sensors=sensors,
         notices=_strange(path, data),
         encoder=table.choice("encoder", ENCODERS) if "encoder" in table.table else None,
+        tolerance=tolerance,
     )
+
+
+def _tolerance(table: _Section | None, body: type[Axis] | type[Chassis]) -> dict[str, float]:
+    """Relative standard deviations by name, of `[tolerance]`.
+
+    Raises
+    ------
+    InputError : a name that is no constant of the robot, or a value that is no share of 0 to 1.
+    """
+    if table is None:
+        return {}
+    # A height plays no part in the plane, and an angle's zero has no relative error.
+    known = ["motor", *(f.name for f in fields(Motor)), *(f.name for f in fields(body))]
+    known = [name for name in known if name not in ("kind", "zero_rad", "com_z_m")]
+    for name in table.table:
+        if name not in known:
+            where = "[axis]" if body is Axis else "[chassis]"
+            raise table.fail(
+                name, f"is no constant of [motor] or {where} that has a tolerance{did_you_mean(name, known)}"
+            )
+        value = table.table[name]
+        if isinstance(value, (int, float)) and not isinstance(value, bool) and 1.0 < value <= 100.0:
+            raise table.fail(
+                name, f"is {value:g}, it must lie within 0 to 1 (per cent? {value:g} % is {value / 100:g})"
+            )
+    return {name: table.number(name, low=0.0, high=1.0) for name in table.table}
 
 
 def _strange(path: Path, data: dict) -> tuple[str, ...]:
@@ -353,7 +399,10 @@ def _strange(path: Path, data: dict) -> tuple[str, ...]:
         name: {f.name for f in fields(kind)}
         for name, kind in (("motor", Motor), ("chassis", Chassis), ("axis", Axis), ("driver", Driver), ("servo", Servo))
     }
+    known["servo"].discard("left_out")
     known |= {"supply": {"voltage_v"}, "sensors": {"encoder", *NOISE_KEYS.values()}}
+    # What is wrong in it ends in an error.
+    known["tolerance"] = set(data.get("tolerance", ()))
     found = [
         f"{path.name}: {name!r} is not in the contract, ignored"
         for name in data

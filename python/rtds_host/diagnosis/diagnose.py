@@ -292,7 +292,7 @@ def _scatter(much: float, setting: str | None) -> dict:
 def _nominal_fit(problem: Problem, fit: Fit) -> dict:
     result: dict[str, dict[str, float]] = {}
     for z, nuisance in zip(fit.z, problem.nuisances):
-        if abs(z) < MOVED or SETUP.keys() & nuisance.keys.keys():
+        if abs(z) < MOVED and not nuisance.estimated or SETUP.keys() & nuisance.keys.keys():
             continue
         for key, value in nuisance.values(z).items():
             for suffix in problem.robot.sides if nuisance.side is None else ("lr"[nuisance.side],):

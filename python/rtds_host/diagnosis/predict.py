@@ -15,7 +15,7 @@ from rtds_host.diagnosis.gate.findings import Finding
 from rtds_host.diagnosis.gate.rounding import effective_noise
 from rtds_host.diagnosis.gate.stamps import evened
 from rtds_host.diagnosis.machine import OF_RUNS, OF_SPEEDS_MET
-from rtds_host.diagnosis.nuisances import ENTRIES, SETUP
+from rtds_host.diagnosis.nuisances import SETUP, entries
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, did_you_mean
@@ -36,6 +36,7 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
     if not isinstance(data, dict) or data.get("schema") not in DIAGNOSIS_SCHEMAS:
         raise InputError(f"{path}: schema: this program reads {' and '.join(map(repr, DIAGNOSIS_SCHEMAS))}")
     model = nominal_model(robot)
+    refitted = entries(robot)
     refit = data.get("nominal_fit") or {}
     if not isinstance(refit, dict):
         raise InputError(f"{path}: nominal_fit: is {refit!r}, an object with l and r is needed")
@@ -43,11 +44,15 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         if suffix not in ("l", "r") or not isinstance(values, dict):
             raise InputError(f"{path}: nominal_fit: {suffix!r} is no side, it must be l or r")
         for key, value in values.items():
-            if key not in ENTRIES:
-                raise InputError(f"{path}: nominal_fit.{suffix}.{key}: is no nuisance of [motor]")
-            model.put(
-                ENTRIES[key], _number(path, f"nominal_fit.{suffix}.{key}", value, positive=True), ("lr".index(suffix),)
-            )
+            place = f"nominal_fit.{suffix}.{key}"
+            if key not in refitted:
+                raise InputError(f"{path}: {place}: is no nuisance of [motor], [chassis], [axis] or [servo]")
+            # An offset or a travel may be negative, and is calibrated to no other sign.
+            below = model.get(refitted[key]) < 0.0
+            number = _number(path, place, value, positive=not below)
+            if below and number >= 0.0:
+                raise InputError(f"{path}: {place}: is {number:g}, it must be below 0")
+            model.put(refitted[key], number, ("lr".index(suffix),))
     setup = data.get("setup") or {}
     if not isinstance(setup, dict):
         raise InputError(f"{path}: setup: is {setup!r}, an object is needed")

@@ -110,7 +110,7 @@ def test_how_a_servos_integral_gives_way_at_its_limit_is_no_cause():
     cuts.
     """
     burger = builtin_robot("burger")
-    servo = Servo(kp_v_s_per_rad=0.44, ki_v_per_rad=8.6, limit_v=6.0, period_s=0.002, declared=True)
+    servo = Servo(kp_v_s_per_rad=0.44, ki_v_per_rad=8.6, limit_v=6.0, period_s=0.002)
     robot = dataclasses.replace(burger, driver=dataclasses.replace(burger.driver, mode="speed"), servo=servo)
     model = nominal_model(robot)
     model.put("servo_release", 0.7)
