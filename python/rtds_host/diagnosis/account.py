@@ -75,8 +75,8 @@ class Account:
 def account(search: Search, fit: Fit) -> Account:
     """Name the effects of an explanation that are included on their own evidence."""
     dropped: dict[tuple[str, str], str] = {}
-    if not search.closed(fit):
-        fit = _plainest(search, fit)
+    plain = search.prune(fit) if search.closed(fit) else _plainest(search, fit)
+    fit = plain if search.named(plain) else fit
     while fit.hypothesis:
         standing = [_weighed(search, fit, member, one) for member, one in zip(fit.hypothesis, _without(search, fit))]
         exact = search.closed(fit)

@@ -10,7 +10,7 @@ from diagnosis_cases import make_run
 
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.account import _foretelling, _standing, _unforetold
+from rtds_host.diagnosis.account import account
 from rtds_host.diagnosis.evidence import worth_naming
 from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.left_out import left_out_gap, parted
@@ -24,7 +24,7 @@ COULOMB = ("coulomb_friction", "both")
 def fitted(case: Case, parts: dict[tuple[str, str], dict[str, float]]) -> tuple[Search, Fit]:
     """An explanation of a case, fitted from the values given by effect."""
     search = Search(Problem(case, 1))
-    noise = search.problem.discrepancy()
+    noise = search.problem.white()
     search.fits[()] = search.fitter.fit((), np.empty(0), np.zeros(search.fitter.count), noise)
     hypothesis, start = joined(
         {member: scaled(search.effects, (member,), [values]) for member, values in parts.items()}
@@ -96,9 +96,9 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_does_not_stand
     search, fit = fitted(
         Case("one of four", robot, runs), {COULOMB: {"torque_nm": 0.04}, ("driver_gain", "both"): {"ratio": 0.9}}
     )
-    standing = _standing(search, fit, rough=False)
-    one, reason = _unforetold(search, fit, standing)
-    assert one.member == ("driver_gain", "both") and "not fitted to" in reason
+    found = account(search, fit)
+    assert [one.member for one in found.standing] == [COULOMB]
+    assert "not fitted to" in found.dropped["driver_gain", "both"]
 
 
 @pytest.mark.parametrize(
@@ -119,20 +119,3 @@ def test_an_effect_is_worth_naming_if_it_outweighs_half_of_the_rest_or_is_much_o
     assert worth_naming(without, gap, share) is worth
 
 
-def test_of_what_fits_as_well_that_comes_first_which_foretells_runs_left_out_best_and_by_more_than_makes_a_gap(
-    monkeypatch,
-):
-    search, fit = fitted(
-        Case(
-            "one",
-            builtin_robot("burger"),
-            (make_run("a", nominal_model(builtin_robot("burger")), builtin_robot("burger"), "steps", 4.0),),
-        ),
-        {COULOMB: {"torque_nm": 0.01}},
-    )
-    names = ("driver_deadzone", "bridge_drop", "viscous_friction")
-    rivals = [replace(fit, hypothesis=((name, "both"),)) for name in names]
-    foretold = dict(zip([fit.hypothesis, *(f.hypothesis for f in rivals)], (3.3, 2.9, 2.5, 3.29)))
-    monkeypatch.setattr("rtds_host.diagnosis.account.left_out_gap", lambda _, f: foretold[f.hypothesis])
-    assert [f.hypothesis[0][0] for f in _foretelling(search, fit, rivals)] == ["bridge_drop", "driver_deadzone"]
-    assert _foretelling(search, fit, []) == []

@@ -17,13 +17,12 @@ from rtds_host.diagnosis.evidence import CONVINCING, excess, told_apart
 from rtds_host.diagnosis.explanations import FAR
 from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side, to_values
 from rtds_host.diagnosis.intervals import Z90, _shift, _sigmas, intervals
-from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.lookalikes import _likened, _opens, _swaps, lookalikes
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.diagnosis.scatter import scatter, scattered
-from rtds_host.diagnosis.screen import Candidate, Screen, moves_of
+from rtds_host.diagnosis.screen import Screen, moves_of
 from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.twins import near_twins, twins
 
@@ -527,7 +526,7 @@ def test_what_is_no_larger_than_its_noise_leaves_nothing_without_a_name():
         make_case(lambda m: m.put("command_delay", 0.0083)), (("command_delay", "both"), {"seconds": 0.0083})
     )
     assert excess(search.problem, fit) < 0.02 * search.problem.size
-    assert excess(search.problem, search.fits[()]) > 0.5 * search.problem.size
+    assert excess(search.problem, search.fits[()]) > 0.2 * search.problem.size
 
 
 def late_in(runs: tuple[int, ...], case: Case, seconds: float = 0.03) -> Case:
@@ -542,6 +541,9 @@ def late_in(runs: tuple[int, ...], case: Case, seconds: float = 0.03) -> Case:
         return replace(log, columns=columns)
 
     return replace(case, runs=tuple(delayed(log) if k in runs else log for k, log in enumerate(case.runs)))
+
+
+BLOCKS, KNOWN = np.arange(100.0), np.full(100, 50.0)
 
 
 @pytest.mark.parametrize(
@@ -567,10 +569,11 @@ def bent(_, columns):
 def test_a_gain_that_stands_in_for_a_bend_scatters_and_a_gain_does_not():
     gain = (("current_gain", "both"), {"ratio": 1.1})
     search, fit = fitted(changed(make_case(seconds=20.0), bent), gain)
-    assert scattered(search.problem, fit)[gain[0]][0] > 0.2
+    scatter, setting = scattered(search.problem, fit)[gain[0]]
+    assert scatter > 0.05 and setting is not None
     # Of such a gain no more is known than it scatters by.
     low, high = intervals(search.problem, fit)[gain[0], "ratio"]
-    assert high - low > 2.0 * Z90 * SAME * abs(fit.values[0]["ratio"] - 1.0)
+    assert high - low > 2.0 * Z90 * scatter * abs(fit.values[0]["ratio"] - 1.0)
     search, fit = fitted(make_case(lambda m: m.scale("current_gain", 1.1), seconds=20.0), gain)
     assert scattered(search.problem, fit)[gain[0]] == (0.0, None)
     low, high = intervals(search.problem, fit)[gain[0], "ratio"]
@@ -593,38 +596,13 @@ def test_a_delay_that_closes_nothing_is_declared_beside_a_lag_and_its_twin_unles
     assert spare in declared and (("command_delay", "both") in declared) is not bool(beside)
 
 
-@pytest.mark.parametrize(
-    ("refitted", "left", "absent", "falls"),
-    [
-        (1.11, 0.0, 1.13, False),  # without it tolerances leave a gap
-        (1.05, 500.0, 1.13, False),  # they leave none, but more than noise
-        (1.05, 0.0, 1.13, True),  # no more than noise, and it opens less than that
-        (1.05, 0.0, 1.60, False),  # and it opens more
-        (1.05, 500.0, 1.08, True),  # it opens no gap
-    ],
-)
-def test_a_small_effect_stands_where_tolerances_do_not_take_its_place_to_noise(
-    monkeypatch, refitted, left, absent, falls
-):
-    """Where the explanation leaves nothing. `refitted`, `left`: the gap and what is beyond noise without it; `absent`:
-    the gap with all else as is.
-    """
-    fit, without = SimpleNamespace(), SimpleNamespace(hypothesis=())
-    monkeypatch.setattr("rtds_host.diagnosis.account.excess", lambda problem, one: 0.0 if one is fit else left)
-    monkeypatch.setattr("rtds_host.diagnosis.account.absent", lambda problem, one, member: None)
-    search = SimpleNamespace(problem=SimpleNamespace(gap_as_fitted=lambda model: absent), fits={(): without})
-    one = SimpleNamespace(member=("gyro_bias", "both"), gaps=(refitted, 0.99), without=without, share=1.0)
-    assert (_poor(search, fit, [one]) is not None) is falls
-
-
 def test_the_other_delay_is_tried_in_a_delay_s_place_at_its_size():
     """No screening promises it: a delay's misfit falls only near the right size. Where clocks may be off it can be the
     one that is there.
     """
     delay, other = ("command_delay", "both"), ("measurement_delay", "both")
     search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (delay, {"seconds": 0.0083}))
-    standing = _standing(search, fit, True)[0]
-    swapped = _swaps(search, fit, standing.member, standing.without)[other]
+    swapped = _swaps(search, fit, delay, search.without(fit, delay)[0])[other]
     assert swapped.hypothesis == (other,) and swapped.values[0]["seconds"] == pytest.approx(0.0083, rel=0.1)
 
 
@@ -634,10 +612,10 @@ def test_what_the_search_met_is_weighed_in_an_effects_place():
     search, fit = fitted(
         make_case(lambda m: m.scale("voltage_gain", 0.95)), (gain, {"ratio": 0.95}), (beside, {"torque_nm": 0.001})
     )
-    standing = next(one for one in _standing(search, fit, True) if one.member == gain)
-    assert other not in _swaps(search, fit, standing.member, standing.without)
+    (alone,) = search.without(fit, gain)
+    assert other not in _swaps(search, fit, gain, alone)
     met = search.try_fit(*joined({other: np.zeros(1), beside: fit.parts[beside]}), fit, rough=True)
-    assert _swaps(search, fit, standing.member, standing.without)[other] is met
+    assert _swaps(search, fit, gain, alone)[other] is met
 
 
 def test_the_next_effect_is_one_that_every_run_asks_for():
@@ -772,10 +750,10 @@ def test_noise_that_is_larger_than_declared_is_told_with_its_size():
 
     case = make_case()
     _, details = diagnose(changed(case, edit), quick=True, threads=1)
-    told = [note for note in details.notes if "as short as a sample" in note]
+    told = [note for note in details.notes if "as noisy as" in note]
     assert len(told) == 1 and told[0].startswith("w_l") and "3 times" in told[0]
     _, details = diagnose(case, quick=True, threads=1)
-    assert not [note for note in details.notes if "as short as a sample" in note]
+    assert not [note for note in details.notes if "as noisy as" in note]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.2], ids=["none", "some"])
