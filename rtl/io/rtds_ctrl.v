@@ -48,7 +48,7 @@ module rtds_ctrl #(
     input  wire         codes_valid_i,  // dac_scale is done
     output wire         dac_write_o,
     output wire         dac_fault_o,
-    input  wire         dac_ldac_ni,
+    input  wire         dac_ldac_ni,    // low from the falling edge of LDAC on, for a clock or more
 
     output wire         alive_o,
     output wire         halted_o,
