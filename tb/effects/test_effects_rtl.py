@@ -39,8 +39,9 @@ def test_every_border_of_every_cell_of_a_table(simulator):
 @pytest.mark.long
 @pytest.mark.parametrize("simulator", needs_icarus)
 def test_thousands_of_random_steps_with_effects_on_icarus(simulator):
-    run_cocotb("rtds_core", SOURCES, "tb_effects", "tb/effects", simulator,
-               testcase="random_effects_switched_and_changed_while_the_motors_turn", extra_env={"EFFECT_STEPS": "4000"})  # fmt: skip
+    name = "random_effects_switched_and_changed_while_the_motors_turn"
+    more = {"EFFECT_STEPS": "4000"}
+    run_cocotb("rtds_core", SOURCES, "tb_effects", "tb/effects", simulator, testcase=name, extra_env=more)
 
 
 def term(operation: str, *operands: tuple[object, int]) -> tuple:
