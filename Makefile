@@ -55,7 +55,7 @@ formal: setup
 synth: setup
 	$(BIN)/python tb/synth/synth.py
 
-# Place and route on an ECP5: minutes for each of three seeds. What was run is kept in build/pnr.
+# Place and route on an ECP5: minutes for each of eight seeds, two at a time. What was run is kept in build/pnr.
 pnr: setup
 	$(BIN)/python tb/pnr/pnr.py
 
