@@ -183,6 +183,18 @@ TOPS: Mapping[str, Top] = {
         native=True,
         phases=("u_core.u_sequencer.slot_q", "strobe"),
     ),
+    "hps": Top(
+        module="rtds_hps",
+        file_lists=("rtl/hps/hps.f",),
+        sources=(),
+        clocks=(),
+        posedge_only=False,
+        sync="",
+        control="",
+        bridge="",
+        main="sim/hps_main.cpp",
+        native=True,
+    ),
     "chip": Top(
         module="rtds_chip",
         file_lists=("rtl/top/top.f",),
