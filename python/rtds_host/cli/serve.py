@@ -12,9 +12,13 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def serve(
-    source: Annotated[str, typer.Argument(help="A diagnosis.json, a robot.toml, or the name of a robot that comes along.")],
+    source: Annotated[
+        str, typer.Argument(help="A diagnosis.json, a robot.toml, or the name of a robot that comes along.")
+    ],
     socket: Annotated[Path | None, typer.Option(help="Unix socket to make and listen on.")] = None,
-    port: Annotated[int | None, typer.Option(help="Or a TCP port of this computer alone; 0: a free one.", min=0, max=65535)] = None,
+    port: Annotated[
+        int | None, typer.Option(help="Or a TCP port of this computer alone; 0: a free one.", min=0, max=65535)
+    ] = None,
     robot: Annotated[Path | None, typer.Option(help="With a diagnosis: the nominal robot.toml.")] = None,
     link: Annotated[str, typer.Option(help="model, or rtl: the Verilog in Verilator.")] = "model",
     runs: Annotated[int, typer.Option(help="End after so many connections; 0: on Ctrl-C.", min=0)] = 0,

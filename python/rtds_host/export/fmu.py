@@ -10,10 +10,9 @@ import hashlib
 import platform
 import sys
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
-from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -27,7 +26,6 @@ from rtds_host.native.library import SOURCES, compile_shared
 from rtds_host.native.words import STEP_S, MotorUnits, c_effects, float_text
 from rtds_host.remains import temporary_folder
 
-TARGETS = ("fmu", "fmu-motors")
 MOTOR_SOURCES = ("rtds_fmi3.c", "fmu_motors.c", "rtds_motor.c")
 ROBOT_SOURCES = ("rtds_fmi3.c", "fmu_planar.c")
 HEADERS = ("fmu_model.h", "rtds_motor.h")
@@ -194,7 +192,8 @@ def robot(figures: Figures, name: str, comment: str) -> Unit:
         found.append(
             Variable(f"start.{key}", "parameter", f"start[{n}]", 0.0, "m" if n < 2 else "rad", "pose at the start")
         )
-    numbers = {key: value for key, value in planar.parameters(figures).items() if key not in NO_NUMBERS}
+    numbers: dict[str, float | list[float]] = {"command_gain": [1.0, 1.0]}
+    numbers |= {key: value for key, value in planar.parameters(figures).items() if key not in NO_NUMBERS}
     for key, value in numbers.items():
         sides = enumerate(value) if isinstance(value, list) else [(None, value)]
         for k, number in sides:
@@ -358,26 +357,14 @@ def build(unit: Unit) -> bytes:
             **{f"sources/{name}": (SOURCES / name).read_bytes() for name in (*unit.sources, *HEADERS)},
             f"binaries/{folder}/{unit.name}{ending}": binary.read_bytes(),
         }
-    return _packed(content.items())
+    return _packed(content)
 
 
-def _packed(files: Sequence[tuple[str, bytes]] | object) -> bytes:
+def _packed(files: Mapping[str, bytes]) -> bytes:
     packed = BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in files:  # type: ignore[attr-defined]
+        for name, data in files.items():
             entry = zipfile.ZipInfo(name, (2000, 1, 1, 0, 0, 0))
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, data)
     return packed.getvalue()
-
-
-def write(unit: Unit, out: Path) -> None:
-    """Build an FMU and write it whole.
-
-    Raises
-    ------
-    LinkError, InputError : see `build`. OutputError : it cannot be written.
-    """
-    from rtds_host.contract import write_atomic
-
-    write_atomic(out, build(unit))

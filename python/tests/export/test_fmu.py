@@ -71,14 +71,14 @@ def units():
 @pytest.fixture(scope="module")
 def motors_fmu(units, tmp_path_factory):
     path = tmp_path_factory.mktemp("motors") / "motors.fmu"
-    fmu.write(fmu.motors(units, "motors", "two motor units"), path)
+    path.write_bytes(fmu.build(fmu.motors(units, "motors", "two motor units")))
     return path
 
 
 @pytest.fixture(scope="module")
 def robot_fmu(tmp_path_factory):
     path = tmp_path_factory.mktemp("robot") / "robot.fmu"
-    fmu.write(fmu.robot(figures_of(model_with(*EFFECTS), ROBOT), "burger", "a robot"), path)
+    path.write_bytes(fmu.build(fmu.robot(figures_of(model_with(*EFFECTS), ROBOT), "burger", "a robot")))
     return path
 
 
@@ -169,7 +169,7 @@ def test_the_robot_fmu_goes_as_the_exported_python_module(name, tmp_path, monkey
     effects, robot, start = PLANAR[name]
     monkeypatch.setattr(standalone, "STEP_S", 1e-5)
     figures = figures_of(model_with(*effects, robot=robot), robot)
-    fmu.write(fmu.robot(figures, "it", ""), tmp_path / "it.fmu")
+    (tmp_path / "it.fmu").write_bytes(fmu.build(fmu.robot(figures, "it", "")))
     slave = Slave(tmp_path / "it.fmu", tmp_path / "unpacked", start)
     module = standalone.Robot(copy.deepcopy(parameters(figures)), **start)
     draw, now = random.Random(3), 0

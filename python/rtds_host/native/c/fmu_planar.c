@@ -31,6 +31,7 @@ struct fmu_model {
   double pwm_curve[2], heat_rise_per_w[2], heat_tau_s[2], stribeck_nm[2], stribeck_rad_s[2], asymmetry_nm[2];
   double asymmetry_nm_s_per_rad[2], load_share[2], ripple_nm[2], ripple_cycles[2], ripple_phase_rad[2], radius_m[2];
   double speed_gain[2], current_gain[2], current_bias_a[2], speed_filter_s[2], speed_late_s[2];
+  double command_gain[2]; /* of a speed asked for, before the servo */
   int32_t servo_on;
   double servo_kp_v_s_per_rad, servo_ki_v_per_rad, servo_limit_v, servo_period_s;
   /* From here on: no variables of the FMU. */
@@ -179,7 +180,7 @@ static void command_now(fmu_model *m, double volts[2]) {
   if (m->loop_at <= m->t + 1e-9) {
     const double top = m->servo_limit_v;
     for (int k = 0; k < 2; k++) {
-      const double miss = asked[k] - m->w[k] * m->speed_gain[k];
+      const double miss = asked[k] * m->command_gain[k] - m->w[k] * m->speed_gain[k];
       m->integral[k] = within(m->integral[k] + m->servo_ki_v_per_rad * miss * m->servo_period_s, -top, top);
       m->loop_volts[k] = within(m->servo_kp_v_s_per_rad * miss + m->integral[k], -top, top);
     }
