@@ -72,6 +72,7 @@ registers: setup
 # With AGAINST=COMMIT, the loops of that state and of the present one in turn.
 bench: setup
 	$(BIN)/python -m rtds_host.bench $(if $(AGAINST),--against $(AGAINST))
+	$(if $(AGAINST),,$(BIN)/python -m rtds_host.bench.ways)
 
 # Sealed cases for the diagnosis, 60 in about 15 minutes or 310; both go on where they stopped.
 blind: setup
