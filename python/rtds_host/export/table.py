@@ -95,7 +95,7 @@ TABLE: dict[str, dict[str, How]] = {
     "command_gain": _row(
         _carried("custom/numeric command_gain, beside a servo's loop"),
         _carried("comment: the speeds asked for take the loop's scale"),
-        _lost("JointController takes the speed asked for as it is"),
+        _carried("comment: the speeds asked for take the loop's scale"),
         _carried(f"{_USD_FED} servo"),
     ),
     # winding
