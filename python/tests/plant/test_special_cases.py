@@ -9,9 +9,8 @@ from rtds_host.plant.schema import ENTRIES
 
 ROOT = Path(rtds_host.__file__).parent
 # Which effects these name, and why: twins are pairs; the spectrum that finds a ripple's cycles knows whose they are; a
-# target's row, and what it cannot hold, is the target's; the sizes at which simulator and replay are compared.
+# target's row, and what it cannot hold, is the target's.
 NAMED = {
-    "correction/agreement.py",
     "diagnosis/localise/standins.py",
     "diagnosis/neighbours.py",
     "diagnosis/ripple.py",
