@@ -31,7 +31,7 @@ PLACE_NAMES = {
     "rtl": "motor unit",
     "robot": "robot",
     "signal": "signal path",
-    "refused": "replay and exports (the real-time simulator drives by voltage)",
+    "refused": "replay, exports",
 }
 NO_LIMIT_V = 1e8
 # Friction against speed: points of a curve, over so many of its widths.

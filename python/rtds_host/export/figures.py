@@ -98,6 +98,7 @@ class Figures:
     gyro_bias_rad_s: float
     command_delay_s: float
     measurement_delay_s: float
+    encoder_at_wheel: float
     noise: dict[str, float]
     loop: Loop | None = None
 

@@ -14,7 +14,7 @@ from export_cases import ROBOT, SERVO, apart, diagnosis_of, model_of_one, model_
 from rtds_host.contract.robot import Robot
 from rtds_host.correction.agreement import designed_run
 from rtds_host.diagnosis.effects import CATALOGUE, catalogue
-from rtds_host.diagnosis.replay.model import nominal_model, run_inputs
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 from rtds_host.export import mjcf, python, sdf, urdf, usd
@@ -207,3 +207,17 @@ def test_a_comment_never_ends_an_xml_comment():
 def test_a_target_or_robot_that_cannot_be_exported_is_refused():
     with pytest.raises(InputError, match=r"--to mjfc: unknown .*; did you mean 'mjcf'\?"):
         export(source_of(), "mjfc")
+
+
+@pytest.mark.parametrize("effect", ["backlash", "gear_compliance"])
+def test_the_mujoco_robots_encoder_sits_behind_what_gives_where_the_robot_has_it_there(effect, tmp_path):
+    model = model_of_one(effect)
+    model.put("encoder_at_wheel", 1.0)
+    file = tmp_path / "robot.xml"
+    file.write_text(mjcf.write(figures_of(model, ROBOT), ""))
+    out = ExportedRobot(file).replay(LOG, run_inputs(LOG, ROBOT)[-1])
+    truth, before = replay_run(model, run_inputs(LOG, ROBOT)), replay_run(model_of_one(effect), run_inputs(LOG, ROBOT))
+    angle = OUTPUTS.index("th_l")
+    # Nearer to the wheel's angle than to the gear's.
+    right, wrong = (np.sqrt(np.mean((out - one)[:, angle] ** 2)) for one in (truth, before))
+    assert right < 0.5 * wrong

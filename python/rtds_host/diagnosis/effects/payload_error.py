@@ -45,4 +45,5 @@ EFFECT = Effect(
     advice="Set the measured mass in robot.toml, or the payload in run.json.",
     runs_in="robot",
     form=0.02,
+    compared_at={"mass_kg": 1.0},
 )
