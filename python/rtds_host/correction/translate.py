@@ -113,7 +113,7 @@ PLACES = {
         "refused",
     ),
     # Clocks of a log that disagree: the simulator has one.
-    **dict.fromkeys(("gyro_late", "pose_late"), "log"),
+    **dict.fromkeys(("gyro_late", "pose_late", "command_early"), "log"),
 }
 _UNPLACED = sorted((SIDE.keys() | COMMON.keys()) ^ PLACES.keys())
 if _UNPLACED:

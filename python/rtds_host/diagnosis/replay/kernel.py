@@ -66,7 +66,7 @@ SLOPE_X, GYRO_GAIN, GYRO_BIAS, CMD_DELAY, MEAS_DELAY = (
 )
 MODE, TORQUE_V, BUS_MEAS = (COMMON_INDEX[n] for n in ("mode", "torque_per_volt", "bus_measured"))
 KP, KI, SERVO_LIMIT, SERVO_T = (COMMON_INDEX[n] for n in ("servo_kp", "servo_ki", "servo_limit", "servo_period"))
-LATENCY, RELEASE = COMMON_INDEX["latency"], COMMON_INDEX["servo_release"]
+LATENCY, RELEASE, CMD_EARLY = (COMMON_INDEX[n] for n in ("latency", "servo_release", "command_early"))
 AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = (
     COMMON_INDEX[n] for n in ("axis", "axis_inertia", "axis_mass", "axis_arm", "axis_zero")
 )
@@ -155,7 +155,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     up_x, up_y = math.cos(run[2]), math.sin(run[2])
     pull = mass * GRAVITY_M_S2 * math.sin(slope)
     half = 0.5 * com[TRACK]
-    dc = com[CMD_DELAY]
+    dc = com[CMD_DELAY] - com[CMD_EARLY]
     dp = com[LATENCY]
     dm = com[MEAS_DELAY] + dp
     scrub = com[SCRUB]

@@ -398,7 +398,7 @@ def _begin(s, l, side, com, run, start):
     s[FOLLOWS + l] = s[SINCE + l] = s[PER_SPAN + l] = 0.0
     s[POSE_LATE + l] = com[one.LATENCY]
     s[LATE + l] = com[one.MEAS_DELAY] + com[one.LATENCY]
-    s[COMMAND_LATE + l] = com[one.CMD_DELAY]
+    s[COMMAND_LATE + l] = com[one.CMD_DELAY] - com[one.CMD_EARLY]
     s[GYRO_GAIN + l], s[GYRO_BIAS + l], s[SOURCE + l] = com[one.GYRO_GAIN], com[one.GYRO_BIAS], com[one.SOURCE_R]
     s[BEGUN + l] = run[3]
     s[SUPPLY + l], s[DECLINE + l], s[MEASURED + l] = com[one.SUPPLY], com[one.DECLINE], com[one.BUS_MEAS]

@@ -81,6 +81,7 @@ COMMON = {
     "pose_late": (0.0, "s", "its clock behind the wheels'"),
     "latency": (0.0, "s", "of all samples"),
     "servo_release": (0.0, "1", "speed mode: share of what the limit cuts by which the integral gives way"),
+    "command_early": (0.0, "s", "by which commands act before the row that shows them, as a logger writes them"),
 }
 SIDE_INDEX = {name: k for k, name in enumerate(SIDE)}
 COMMON_INDEX = {name: k for k, name in enumerate(COMMON)}

@@ -50,6 +50,7 @@ UNITS = {"v_bus": "V", "i": "A", "w": "rad/s", "th": "rad", "gyro_z": "rad/s", "
 SETUP_WORDS = {
     "latency_s": ("what is read of a speed command comes later by", 1e3, "ms"),
     "anti_windup": ("share of what its limit cuts by which the servo's integral gives way", 1.0, ""),
+    "command_early_s": ("a command acts before the row that shows it by", 1e3, "ms"),
     "gyro_late_s": ("the gyro's clock is behind the wheels' by", 1e3, "ms"),
     "pose_late_s": ("the pose's clock is behind the wheels' by", 1e3, "ms"),
 }
@@ -383,7 +384,7 @@ def _what(diagnosis: dict[str, Any], details: Details) -> str:
         parts.append("</details>")
     moved = {s: v for s, v in (diagnosis.get("nominal_fit") or {}).items() if v}
     if moved:
-        parts.append("<h3>Motor values refitted within their tolerance (no cause)</h3>")
+        parts.append("<h3>Constants refitted within their tolerance (no cause)</h3>")
         rows = [
             [
                 {"l": "left", "r": "right"}.get(s, s),
@@ -421,7 +422,7 @@ def _meaning(effect: dict[str, Any], name: str) -> str:
 
 def _nominal(details: Details, key: str) -> float | None:
     robot = details.case.robot
-    return next((getattr(table, key) for table in (robot.motor, robot.servo) if hasattr(table, key)), None)
+    return next((getattr(table, key) for table in (robot.motor, robot.servo, robot.chassis, robot.axis) if hasattr(table, key)), None)
 
 
 def _key(effects: list[dict[str, Any]] | str) -> Any:
