@@ -13,8 +13,10 @@ from rtds_host.contract.clock import SETTLED_S
 from rtds_host.contract.runlog import read_json
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue, inside
 from rtds_host.diagnosis.gate.findings import Finding
+from rtds_host.diagnosis.gate.limits import limits
 from rtds_host.diagnosis.gate.rounding import effective_noise
 from rtds_host.diagnosis.gate.stamps import evened
+from rtds_host.diagnosis.gate.starts import awake
 from rtds_host.diagnosis.machine import OF_ASKED, OF_RUNS, OF_SPEEDS_MET
 from rtds_host.diagnosis.nuisances import SETUP, entries
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
@@ -209,7 +211,11 @@ def predicted(log: RunLog, robot: Robot, model: Model | None = None) -> tuple[di
     """
     model = carrying(model or nominal_model(robot), log)
     check_body(model, log)
-    clocked, told = on_its_clock(Case(log.name, robot, (log,)), model)
+    # A run must not start from what stood in its first rows before a sensor was awake.
+    alone = Case(log.name, robot, (log,))
+    clean, asleep = awake(alone, limits(alone))
+    clocked, told = on_its_clock(clean, model)
+    told = asleep + told
     out = replay_run(model, run_inputs(clocked.runs[0], robot), min(REPORT_STEP_S, model.step_s))
     columns = {"t": log.t}
     commands = ("w_cmd_l", "w_cmd_r") if robot.driver.mode == "speed" else ("v_cmd_l", "v_cmd_r")

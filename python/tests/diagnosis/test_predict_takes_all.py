@@ -70,3 +70,13 @@ def test_a_centre_of_mass_is_predicted_with_every_payload(y_m, payload):
     # What was already possible is left as it is.
     possible = model.get("yaw_inertia") > (model.get("mass") + payload) * y_m**2
     assert (carrying(model, log) is model) == possible
+
+
+def test_a_run_that_begins_with_garbage_is_predicted_from_its_first_angle():
+    robot = ROBOTS["linear"]
+    log = run_of(robot, seconds=1.0)
+    angle = 2.0 + 0.1 * np.sin(log.t)
+    sound = replace(log, columns={**log.columns, "th_l": angle})
+    garbage = replace(log, columns={**log.columns, "th_l": np.where(log.t < 0.025, -8.2e6, angle)})
+    one, other = (predicted_columns(run, robot)["th_l"] for run in (sound, garbage))
+    assert np.max(np.abs(one - other)) < 0.01
