@@ -8,6 +8,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from rtds_host.contract import Case, Robot
 from rtds_host.diagnosis.replay.model import Model
 
@@ -95,10 +97,11 @@ AXIS = {
 }
 SERVO = {"servo_kp": {"kp_v_s_per_rad": "servo_kp"}, "servo_ki": {"ki_v_per_rad": "servo_ki"}}
 LATENCY = {"latency_s": "latency"}
+EARLY = {"command_early_s": "command_early"}
 ANTI_WINDUP = {"anti_windup": "servo_release"}
 SKEWS = {"gyro_z": {"gyro_late_s": "gyro_late"}, "yaw": {"pose_late_s": "pose_late"}}
 # Name in a diagnosis' `setup` -> entry of the model.
-SETUP = {key: slot for keys in (LATENCY, ANTI_WINDUP, *SKEWS.values()) for key, slot in keys.items()}
+SETUP = {key: slot for keys in (LATENCY, ANTI_WINDUP, EARLY, *SKEWS.values()) for key, slot in keys.items()}
 
 
 def body_of(robot: Robot) -> dict[str, dict[str, str]]:
@@ -153,6 +156,10 @@ def nuisances_of(case: Case, nominal: Model) -> list[Nuisance]:
             if sigma > 0.0 and name not in winding and nominal.get(next(iter(keys.values())), side) > 0:
                 found.append(Nuisance(name, side, keys, {key: getattr(robot.motor, key) for key in keys}, sigma))
     found += _declared(robot)
+    # A logger that is slower than the controller shows a command in the first row after it began to act: anywhere
+    # within a row, and a uniform's second moment is a third of its square.
+    row_s = float(np.median([np.median(np.diff(log.t)) for log in case.runs]))
+    found.append(Nuisance("command's row", None, EARLY, {}, row_s / math.sqrt(3.0), low=0.0, high=math.sqrt(3.0)))
     if robot.driver.mode == "speed":
         found += [
             Nuisance(

@@ -15,7 +15,18 @@ from rtds_host.contract import Case, RunLog
 from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.chance import MOVES, SLIGHT, handful
 from rtds_host.diagnosis.gap import counts
-from rtds_host.diagnosis.gate import contradictions, cuts, glitches, rounding, sensors, stamps, starts, timing, units
+from rtds_host.diagnosis.gate import (
+    contradictions,
+    cuts,
+    glitches,
+    loop,
+    rounding,
+    sensors,
+    stamps,
+    starts,
+    timing,
+    units,
+)
 from rtds_host.diagnosis.gate.findings import SEVERITIES, Finding, Gate, Timing, merged, percent
 from rtds_host.diagnosis.gate.limits import Limits, channels, limits
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
@@ -47,6 +58,8 @@ def examine(case: Case) -> Gate:
     found += told
     cleaned = replace(case, runs=runs)
     cleaned, told = _without_glitches(cleaned, bounds, noise)
+    found += told
+    cleaned, told = loop.estimated(cleaned)
     found += told
     cleaned, told, lags = _compared(cleaned, bounds, noise)
     found += told

@@ -133,14 +133,24 @@ def _angle(case: Case, s: str, replays: list[np.ndarray]) -> dict[str, str]:
     swapped = theirs is not None and theirs.shape[1] >= FEWEST and _left(theirs)[0] < left / APART
     if not swapped and left < SAME * way and times > 0.0:
         return {}
-    wrong, right = (w, th) if _believed(case, s, replays) else (th, w)
-    if swapped and wrong == th:
+    # A speed counts, and its angle then does not: it goes only where it is seen to be the other wheel's.
+    wrong, right = (w, th) if _is_the_other_s(runs, robot, s, other) and _believed(case, s, replays) else (th, w)
+    if wrong == w or swapped:
         why = f"it turns as the {NAMES[other]} wheel does"
     elif times <= 0.0:
         why = "it turns the other way"
     else:
         why = f"{100.0 * left / way:.0f} % of the way that it shows is not the other's"
     return {wrong: f"{wrong} contradicts {right}: {why}; {wrong} is set aside."}
+
+
+def _is_the_other_s(runs: list[RunLog], robot: Robot, s: str, other: str) -> bool:
+    """Whether a wheel's speed differs from the other wheel's by no more than noise, in every run."""
+    noise = robot.noise(f"w_{s}")
+    if other not in robot.sides or noise is None or not all(log.has(f"w_{other}") for log in runs):
+        return False
+    apart = [log.columns[f"w_{s}"] - log.columns[f"w_{other}"] for log in runs]
+    return all(np.isfinite(d).any() and float(np.nanquantile(np.abs(d), FOLLOWS)) < MOVES * noise for d in apart)
 
 
 def _believed(case: Case, s: str, replays: list[np.ndarray]) -> bool:

@@ -55,7 +55,7 @@ def _asleep(log: RunLog, c: str, bounds: Limits, noise: float) -> np.ndarray:
     if c in bounds.values:
         wrong = np.abs(v) > bounds.values[c]
         # Isolated samples further on are glitches, and a channel that goes on so is in another unit.
-        last = _last(wrong[:most]) if not wrong[most : 2 * most].any() else -1
+        last = int(np.argmin(wrong)) - 1 if not wrong[most : 2 * most].any() else -1
     elif kind_of(c) in ("th", "x", "y", "yaw"):
         step = np.abs(np.diff(v))
         reach = _reach(log, c, bounds) * np.diff(t) + MOVES * noise

@@ -71,7 +71,7 @@ class Signals:
         gear = model.get("gear_ratio")
         self.supply = model.get("supply")
         self.voltage_mode = robot.driver.mode == "voltage"
-        self.delay = model.get("command_delay") + model.get("measurement_delay")
+        self.delay = model.get("command_delay") - model.get("command_early") + model.get("measurement_delay")
         self.w, self.w_noise, self.w_rows, self.th, self.i, self.has_i, self.i_rows = [], [], [], [], [], [], []
         self.v_end, self.v_mean, self.volts, self.electric = [], [], [], []
         command = log.commands(robot.driver.mode)
