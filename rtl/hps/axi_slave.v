@@ -1,7 +1,7 @@
 // axi_slave: an AXI3 slave of 32 bits in front of a register bus, for the HPS' lightweight bridge.
 //
-// Purpose    One transaction at a time. Reads and writes that come together take turns. Bursts of up to 16 beats are carried
-//            out beat by beat, each at the address of its own (INCR) or all at one (FIXED).
+// Purpose    One transaction at a time. Reads and writes that come together take turns. Bursts (of up to 16 beats in AXI3) are
+//            carried out beat by beat, each at the address of its own (INCR) or all at one (FIXED).
 // Handshake  AXI: each ready is high in one state only and depends on no input; each valid holds, with what belongs to it, until
 //            its ready. Register bus: reg_valid_o holds with address and data until the clock in which reg_ready_i is
 //            high (wait states); reg_error_i and reg_rdata_i are looked at in that clock.
@@ -14,14 +14,15 @@
 
 module axi_slave #(
   parameter ID_BITS   = 12,
-  parameter ADDR_BITS = 21
+  parameter ADDR_BITS = 21,
+  parameter LEN_BITS  = 4   // 8: AXI4
 ) (
   input  wire                 clk_i,
   input  wire                 rst_ni,
 
   input  wire   [ID_BITS-1:0] s_axi_awid,
   input  wire [ADDR_BITS-1:0] s_axi_awaddr,
-  input  wire           [3:0] s_axi_awlen,
+  input  wire  [LEN_BITS-1:0] s_axi_awlen,
   input  wire           [2:0] s_axi_awsize,
   input  wire           [1:0] s_axi_awburst,
   input  wire                 s_axi_awvalid,
@@ -37,7 +38,7 @@ module axi_slave #(
   input  wire                 s_axi_bready,
   input  wire   [ID_BITS-1:0] s_axi_arid,
   input  wire [ADDR_BITS-1:0] s_axi_araddr,
-  input  wire           [3:0] s_axi_arlen,
+  input  wire  [LEN_BITS-1:0] s_axi_arlen,
   input  wire           [2:0] s_axi_arsize,
   input  wire           [1:0] s_axi_arburst,
   input  wire                 s_axi_arvalid,
@@ -74,13 +75,13 @@ module axi_slave #(
   reg                 write_q;     // the transaction in hand, or the last one
   reg   [ID_BITS-1:0] id_q;
   reg [ADDR_BITS-1:0] addr_q;
-  reg           [3:0] left_q;      // beats after this one
+  reg  [LEN_BITS-1:0] left_q;      // beats after this one
   reg                 fixed_q;
   reg                 refused_q;   // by size, address or kind of burst
   reg                 error_q;     // of this beat (read) or of any so far (write)
   reg          [31:0] data_q;
 
-  wire last = left_q == 4'd0;
+  wire last = left_q == {LEN_BITS{1'b0}};
   wire beat_ok = (s_axi_wstrb == 4'hF) & ~refused_q;
 
   assign s_axi_awready = state_q == ACCEPT_W;
@@ -112,7 +113,7 @@ module axi_slave #(
       write_q   <= 1'b0;
       id_q      <= {ID_BITS{1'b0}};
       addr_q    <= {ADDR_BITS{1'b0}};
-      left_q    <= 4'd0;
+      left_q    <= {LEN_BITS{1'b0}};
       fixed_q   <= 1'b0;
       refused_q <= 1'b0;
       error_q   <= 1'b0;
@@ -151,7 +152,7 @@ module axi_slave #(
           if (~beat_ok | (s_axi_wlast != last)) error_q <= 1'b1;
           if (beat_ok) state_q <= DO;
           else if (last) state_q <= GIVE_B;
-          else left_q <= left_q - 4'd1;
+          else left_q <= left_q - 1'b1;
           if (~beat_ok & ~fixed_q) addr_q <= addr_q + 4;
         end
         DO:
@@ -160,7 +161,7 @@ module axi_slave #(
             if (reg_error_i) error_q <= 1'b1;
             if (last) state_q <= GIVE_B;
             else begin
-              left_q  <= left_q - 4'd1;
+              left_q  <= left_q - 1'b1;
               state_q <= TAKE_W;
             end
             if (~fixed_q) addr_q <= addr_q + 4;
@@ -174,7 +175,7 @@ module axi_slave #(
         if (s_axi_rready) begin
           if (last) state_q <= IDLE;
           else begin
-            left_q  <= left_q - 4'd1;
+            left_q  <= left_q - 1'b1;
             error_q <= refused_q;
             state_q <= refused_q ? GIVE_R : DO;
           end

@@ -106,7 +106,7 @@ def run(
         str,
         typer.Option(
             help="What computes the motors: rtl or model; chip (the whole chip in simulation, "
-            "through its pins) or ad2 (a board)."
+            "through its pins), ad2 (a board with converters) or hps (on a board's own processor)."
         ),
     ] = "rtl",
     sim: Annotated[str, typer.Option(help="Simulator of the RTL: verilator or icarus.")] = "verilator",

@@ -109,7 +109,7 @@ class Top:
 
     @property
     def plain(self) -> Top:
-        """The same with the operators of the RTL and one evaluation for all clocks: nothing but what Verilator makes."""
+        """The same with the RTL's own operators and one evaluation for all clocks: Verilator's model as it comes."""
         return replace(self, native=False, phases=(), profile=False)
 
     def files(self) -> list[Path]:

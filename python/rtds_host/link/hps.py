@@ -62,7 +62,9 @@ def addresses() -> dict[str, int]:
     try:
         text = (ROOT / SOURCE).read_text()
     except OSError as error:
-        raise LinkError(f"{ROOT / SOURCE}: cannot read ({error.strerror}); the hps link needs the source tree") from error
+        raise LinkError(
+            f"{ROOT / SOURCE}: cannot read ({error.strerror}); the hps link needs the source tree"
+        ) from error
     return {name: int(at, 16) for name, at in re.findall(r"localparam \[11:0\] R_(\w+) = 12'h([0-9A-F]+);", text)}
 
 
@@ -99,7 +101,7 @@ class MemoryBus:
         try:
             descriptor = os.open(path, os.O_RDWR | os.O_SYNC)
         except OSError as error:
-            raise LinkError(f"{path}: cannot open ({error.strerror}); the hps link runs as root on the board") from error
+            raise LinkError(f"{path}: cannot open ({error.strerror}); link hps runs as root on the board") from error
         try:
             self._memory = mmap.mmap(descriptor, SIZE, offset=base)
         except (OSError, ValueError) as error:
@@ -300,7 +302,11 @@ class HpsLink(ConfiguredLink):
             period = round(values[6] * CLOCK_HZ)
         orders += [
             (WRITE, self._at[name], value)
-            for name, value in (("SWITCHES", switches), ("H", left_words[6]), ("STEP_CLOCKS", 0 if period == "min" else period))
+            for name, value in (
+                ("SWITCHES", switches),
+                ("H", left_words[6]),
+                ("STEP_CLOCKS", 0 if period == "min" else period),
+            )
         ]
         for name, side in (("MOTOR_L", left_words), ("MOTOR_R", right_words)):
             orders += [(WRITE, self._at[name] + 4 * k, side[k]) for k in range(6)]
@@ -352,7 +358,12 @@ class HpsLink(ConfiguredLink):
         """One request; (n, 4) float32 with columns i_l w_l i_r w_r."""
         rows = -(-steps // every)
         at = self._at
-        begin = [*orders, (WRITE, at["SAMPLE_STEPS"], every), (WRITE, at["GO"], steps), (UNTIL_ZERO, at["STATUS"], BUSY)]
+        begin = [
+            *orders,
+            (WRITE, at["SAMPLE_STEPS"], every),
+            (WRITE, at["GO"], steps),
+            (UNTIL_ZERO, at["STATUS"], BUSY),
+        ]
         ends = [(READ, at[name], 0) for name in ("STEP_COUNT", "COUNT", "LATE")]
         samples = [(READ, at["SAMPLES"] + 4 * k, 0) for k in range(4 * rows)]
         found = self.bus.run([*begin, *ends, *samples])[len(begin) - 1 :]
@@ -367,9 +378,7 @@ class HpsLink(ConfiguredLink):
         if status & PARAM_FAULT:
             raise LinkError("hps: the parameter unit refuses parameters that the host found usable")
         if status & OVERRUN or counted != self._steps or kept != rows:
-            raise LinkError(
-                f"hps: the core counted {counted} steps and {kept} samples where {self._steps} and {rows} were asked for"
-            )
+            raise LinkError(f"hps: the core counted {counted} steps and {kept} samples, not {self._steps} and {rows}")
         return np.array(found[4:], np.uint32).view(np.float32).reshape(-1, 4)
 
     def report(self) -> dict[str, object]:

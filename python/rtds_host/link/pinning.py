@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 HEADER = "rtds_phases.h"
 PROFILE_VARIABLE = "RTDS_PROFILE"
-# A value that a member has in this share of a phase's clocks is a pin. The rest are clocks of a sample, of the last step
-# of a request or of new parameters, a few in a hundred each; what hangs on data varies far more in these runs.
+# A value that a member has in this share of a phase's clocks is a pin. The others are clocks of a sample, of a
+# request's last step or of new parameters, a few in a hundred each; what hangs on data varies far more in these runs.
 PIN_SHARE = 0.96
 MEMBER = re.compile(r"^\s*(?:CData|SData)/\*\d+:\d+\*/ (\w+);", re.MULTILINE)
 # Members that hold no state from one evaluation to the next.
