@@ -75,11 +75,12 @@ def diagnose(
 
 
 def taken(case: Case, gate: Gate) -> Case:
-    """The case as the gate leaves it: without what is certainly no measurement, and with its noise as it is
-    measured.
+    """The case as the gate leaves it: without what is certainly no measurement, with its noise as it is
+    measured and with gains of a servo that the file leaves out.
     """
     noise = {channel: sigma for channel, sigma in gate.noise.items() if case.robot.noise(channel) is not None}
-    return replace(gate.case or case, robot=replace(case.robot, measured_noise=noise))
+    seen = gate.case or case
+    return replace(seen, robot=replace(seen.robot, measured_noise=noise))
 
 
 @dataclass

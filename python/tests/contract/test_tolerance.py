@@ -1,5 +1,6 @@
 """Declared tolerances and servo gains that are left out: read, checked, and fitted as what they are."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -9,7 +10,8 @@ import pytest
 from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot, builtin_robot_path, load_robot
 from rtds_host.diagnosis.nuisances import band, nuisances_of
 from rtds_host.diagnosis.predict import read_diagnosis
-from rtds_host.diagnosis.replay.model import nominal_model
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.errors import InputError
 
 AXIS = """schema = "rtds-robot/1"
@@ -42,8 +44,8 @@ def burger(tmp_path, tolerance):
     return load_robot(written(tmp_path, builtin_robot_path("burger").read_text() + f"\n[tolerance]\n{tolerance}\n"))
 
 
-def case_of(robot):
-    t = np.arange(0.0, 1.0, 0.01)
+def case_of(robot, row_s=0.01):
+    t = np.arange(0.0, 1.0, row_s)
     columns = {f"{kind}_{s}": np.zeros(len(t)) for kind in ("v_cmd", "w_cmd", "w") for s in robot.sides}
     return Case("case", robot, (RunLog("run", RunMeta(), t, columns),))
 
@@ -104,7 +106,7 @@ def test_every_nuisance_moves_the_model_as_the_diagnosis_that_reports_it_does(tm
             for s in robot.sides if nuisance.side is None else ("lr"[nuisance.side],):
                 fit.setdefault(s, {}).update(nuisance.values(0.5 + 0.1 * k))
         path = tmp_path / "diagnosis.json"
-        path.write_text(__import__("json").dumps({"schema": "rtds-diagnosis/2", "nominal_fit": fit, "effects": []}))
+        path.write_text(json.dumps({"schema": "rtds-diagnosis/2", "nominal_fit": fit, "effects": []}))
         read = read_diagnosis(path, robot)
         sides = slice(0, len(robot.sides))
         assert read.side[sides] == pytest.approx(moved.side[sides], rel=1e-12)
@@ -147,3 +149,25 @@ def test_servo_gains_that_are_left_out_are_estimated_and_the_others_are_not_loos
     }
     assert all((n.sigma > 2.0) == n.estimated for n in gains.values())
     assert replace(robot.servo, left_out=frozenset()).declared
+
+
+@pytest.mark.parametrize(("row_s", "fitted"), [(0.002, False), (0.01, False), (0.02, True), (0.1, True)])
+def test_a_command_may_have_acted_up_to_a_row_before_where_the_logger_is_slower_than_controllers(row_s, fitted):
+    robot = builtin_robot("burger")
+    found = [n for n in nuisances_of(case_of(robot, row_s), nominal_model(robot)) if "command_early_s" in n.keys]
+    assert len(found) == fitted
+    for nuisance in found:
+        ends = [nuisance.values(z)["command_early_s"] for z in (nuisance.low, nuisance.high)]
+        assert ends == pytest.approx([0.0, row_s])
+
+
+def test_a_command_that_acts_early_moves_the_motor_before_its_row():
+    robot = builtin_robot("burger")
+    log = case_of(robot).runs[0]
+    log = replace(log, columns={**log.columns, **{f"v_cmd_{s}": np.where(log.t < 0.5, 0.0, 5.0) for s in "lr"}})
+    model, half = nominal_model(robot), nominal_model(robot)
+    half.put("command_early", 0.005)
+    on_rows, early = (replay_run(m, run_inputs(log, robot)) for m in (model, half))
+    # In one half of the row before the motor has begun to turn.
+    first = int(np.flatnonzero(early[:, OUTPUT_INDEX["w_l"]] > 0.0)[0])
+    assert log.t[first] == pytest.approx(0.5) and on_rows[first, OUTPUT_INDEX["w_l"]] == 0.0
