@@ -510,23 +510,34 @@ def replay_lanes(
         trial = 0
         while True:
             # ---- driver, armature and rotor of each side: mean current = m0 - m1 * rotor speed at the end of the step
-            for l in range(lanes):
-                supply, source, level = s[SUPPLY + l], s[SOURCE + l], s[LEVEL + l]
-                # `DONE` is the time at the step's end.
-                bus = driver.unloaded_bus(
-                    supply, s[DECLINE + l], s[NOW + l] + s[DONE + l] - s[BEGUN + l] - 0.5 * s[H + l]
-                )
-                # Newton's step: a higher bus drives more current, which lowers it.
-                amperes = lowers = 0.0
-                for k in range(2):
-                    o = k * _SIDE + l
-                    amperes += driver.draw(s[o + MEAN], s[o + VA], supply)
-                    lowers += motor.more_current(
-                        s[o + MEAN_V], s[o + MEAN_I], s[o + RISE_V], s[o + VD], s[o + VA], supply
+            if drawn:
+                for l in range(lanes):
+                    supply, source, level = s[SUPPLY + l], s[SOURCE + l], s[LEVEL + l]
+                    # `DONE` is the time at the step's end.
+                    elapsed = s[NOW + l] + s[DONE + l] - s[BEGUN + l] - 0.5 * s[H + l]
+                    bus = driver.unloaded_bus(supply, s[DECLINE + l], elapsed)
+                    # Newton's step: a higher bus drives more current, which lowers it. Both sides in full: a loop over
+                    # them here would keep this one out of vector registers.
+                    amperes = driver.draw(s[MEAN + l], s[VA + l], supply)
+                    amperes += driver.draw(s[_SIDE + MEAN + l], s[_SIDE + VA + l], supply)
+                    lowers = motor.more_current(
+                        s[MEAN_V + l], s[MEAN_I + l], s[RISE_V + l], s[VD + l], s[VA + l], supply
+                    ) + motor.more_current(
+                        s[_SIDE + MEAN_V + l],
+                        s[_SIDE + MEAN_I + l],
+                        s[_SIDE + RISE_V + l],
+                        s[_SIDE + VD + l],
+                        s[_SIDE + VA + l],
+                        supply,
                     )
-                stepped = driver.sagging(supply, source, level, bus, amperes, lowers)
-                bus = stepped if source != 0.0 else bus
-                s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / s[SUPPLY + l]
+                    stepped = driver.sagging(supply, source, level, bus, amperes, lowers)
+                    bus = stepped if source != 0.0 else bus
+                    s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / supply
+            else:
+                for l in range(lanes):
+                    elapsed = s[NOW + l] + s[DONE + l] - s[BEGUN + l] - 0.5 * s[H + l]
+                    bus = driver.unloaded_bus(s[SUPPLY + l], s[DECLINE + l], elapsed)
+                    s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / s[SUPPLY + l]
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
@@ -791,7 +802,9 @@ def replay_lanes(
                 hotter = motor.warmer(rise, h, s[o + HEAT + l], s[o + HEAT_TAU + l], mean, res)
                 s[o + RISE + l] = hotter if s[o + HEAT + l] != 0.0 else rise
                 s[o + TH + l] += 0.5 * h * (s[o + WN + l] + s[o + W + l])
-                seen, seen_n = _encoder(s, o + l, l), s[o + WN + l] if s[AT_WHEEL + l] > 0.0 else wn
+                # All are read first: what is read on a condition only would keep this loop out of vector registers.
+                wheel, wheel_n, behind = s[o + W + l], s[o + WN + l], s[AT_WHEEL + l] > 0.0
+                seen, seen_n = wheel if behind else w, wheel_n if behind else wn
                 s[o + WF + l] = sensors.low_pass(s[o + WF + l], seen, seen_n, h, tau, s[o + FADE + l])
         if flexible:
             for k in range(2):
