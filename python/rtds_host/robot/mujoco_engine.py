@@ -12,6 +12,7 @@ from rtds_host.compat import Self
 from rtds_host.robot.body import SKID_RADIUS_M, Body, inertia_at_wheel_kg_m2
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import base_inertia, supports
+from rtds_host.robot.window import windowed
 
 # A wheel's speed is given, not found: an armature far above anything on the ground lets a wheel turn as it is told
 # whatever its contact does, and the contact's torque is read off the solver. 10 kg m2 is enough for what would see
@@ -70,6 +71,7 @@ class MujocoEngine:
         self._body = body
         self._model = mujoco.MjModel.from_xml_string(make_mjcf(body, step_s))
         self._data = mujoco.MjData(self._model)
+        self._viewer = None
         self._data.qpos[:7] = [pose[0], pose[1], 0.0, math.cos(0.5 * pose[2]), 0.0, 0.0, math.sin(0.5 * pose[2])]
         # Degrees of freedom: six of the free base, then the wheels.
         self._wheels = slice(6, 8)
@@ -83,6 +85,12 @@ class MujocoEngine:
         self._origin = self._planar()
         self._turns = 0.0
         self._yaw_before = self._origin[2]
+        if windowed():
+            import mujoco.viewer
+
+            self._viewer = mujoco.viewer.launch_passive(
+                self._model, self._data, show_left_ui=False, show_right_ui=False
+            )
 
     def hold(self) -> np.ndarray:
         return self._held.copy()
@@ -97,6 +105,8 @@ class MujocoEngine:
             data.qfrc_applied[wheels] = inertia * (target - data.qvel[wheels])
             mujoco.mj_step(model, data)
             contact += data.qfrc_constraint[wheels]
+        if self._viewer is not None and self._viewer.is_running():
+            self._viewer.sync()
         gain = self._body.wheel_inertia_kg_m2 * (data.qvel[wheels] - before) / (len(speeds) * self.step_s)
         return gain - contact / len(speeds)
 
@@ -151,7 +161,10 @@ class MujocoEngine:
         return float(energy)
 
     def close(self) -> None:
-        """Nothing to free; the interface asks for it."""
+        """Close the window, where there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
 
     def __enter__(self) -> Self:
         return self
