@@ -66,7 +66,9 @@ def compare(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
     for key in dict.fromkeys([*one, *two]):
         a, b = one.get(key), two.get(key)
         parameters = _parameters((a or {}).get("parameters", {}), (b or {}).get("parameters", {}))
-        change = "new" if a is None else "gone" if b is None else "moved" if any(p["apart"] for p in parameters) else "same"
+        change = (
+            "new" if a is None else "gone" if b is None else "moved" if any(p["apart"] for p in parameters) else "same"
+        )
         other = two if b is None else one
         alike = [{"id": m[0], "side": m[1]} for s in sets if key in s for m in sorted(s - {key}) if m in other]
         entry = {"id": key[0], "side": key[1], "change": change, "parameters": parameters}
@@ -104,7 +106,9 @@ def lines(found: dict[str, Any], names: tuple[str, str]) -> list[str]:
         said.append(f"{effect_name(cause)}: {_said(cause)}")
         for p in cause["parameters"]:
             mark = "  intervals apart" if p["apart"] else ""
-            said.append(f"    {parameter_name(p['name'])}: {_size(cause, p, 'first')} -> {_size(cause, p, 'second')}{mark}")
+            said.append(
+                f"    {parameter_name(p['name'])}: {_size(cause, p, 'first')} -> {_size(cause, p, 'second')}{mark}"
+            )
     if not found["causes"]:
         said.append("neither names a cause")
     for which, forms in zip(("first", "second"), found["forms"], strict=True):
@@ -140,7 +144,9 @@ def page(found: dict[str, Any], names: tuple[str, str]) -> str:
         f"<main><section><h1>Two diagnoses</h1>{badges}</section><section><h2>Causes</h2>"
         + (table(head, rows, None, "causes") if rows else "<p>Neither names a cause.</p>")
         + "</section><section><h2>Gap, in units of the sensors' noise</h2>"
-        + table([("", False), ("first", True), ("second", True)], gaps, None, "gaps").replace("<th scope=\"col\"></th>", "<td></td>")
+        + table([("", False), ("first", True), ("second", True)], gaps, None, "gaps").replace(
+            '<th scope="col"></th>', "<td></td>"
+        )
         + f'</section><p class="soft small">{percent(0.9)} intervals in brackets.</p></main>'
     )
     return skeleton("Two diagnoses", asset("style.css"), body)
