@@ -99,8 +99,10 @@ def lines(found: dict[str, Any], names: tuple[str, str]) -> list[str]:
     """The comparison for a terminal."""
     gap = found["gap"]
     said = [
-        f"first   {names[0]}: {found['verdict'][0]}, gap {number(gap['before'][0])} nominal, {number(gap['after'][0])} left",
-        f"second  {names[1]}: {found['verdict'][1]}, gap {number(gap['before'][1])} nominal, {number(gap['after'][1])} left",
+        f"first   {names[0]}: {found['verdict'][0]}, gap {number(gap['before'][0])} nominal, "
+        f"{number(gap['after'][0])} left",
+        f"second  {names[1]}: {found['verdict'][1]}, gap {number(gap['before'][1])} nominal, "
+        f"{number(gap['after'][1])} left",
     ]
     for cause in found["causes"]:
         said.append(f"{effect_name(cause)}: {_said(cause)}")

@@ -47,7 +47,8 @@ def make_mjcf(body: Body, step_s: float) -> str:
         f'<inertial pos="0 0 0" mass="{body.wheel_mass_kg:.12g}" diaginertia="{vector((spin / 2, spin, spin / 2))}"/>\n'
         f'<joint name="wheel_{name}" type="hinge" axis="0 1 0" armature="{armature_kg_m2(body):g}" damping="0" '
         'frictionloss="0"/>\n'
-        f'<geom name="wheel_{name}" type="sphere" size="{radius:.12g}" condim="3" friction="{body.tyre_friction:g} 0 0" '
+        f'<geom name="wheel_{name}" type="sphere" size="{radius:.12g}" condim="3" '
+        f'friction="{body.tyre_friction:g} 0 0" '
         f'contype="2" conaffinity="1" {CONTACT}/>\n</body>\n'
         for name, side, radius in zip(("left", "right"), (0.5, -0.5), body.wheel_radius_m, strict=True)
     )
@@ -86,11 +87,9 @@ class MujocoEngine:
         self._turns = 0.0
         self._yaw_before = self._origin[2]
         if windowed():
-            import mujoco.viewer
+            from mujoco.viewer import launch_passive
 
-            self._viewer = mujoco.viewer.launch_passive(
-                self._model, self._data, show_left_ui=False, show_right_ui=False
-            )
+            self._viewer = launch_passive(self._model, self._data, show_left_ui=False, show_right_ui=False)
 
     def hold(self) -> np.ndarray:
         return self._held.copy()

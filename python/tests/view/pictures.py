@@ -76,7 +76,8 @@ def main() -> None:
             browser.get(viewer.address)
             browser.set_script_timeout(60)
             browser.execute_async_script(
-                "const d = arguments[0], look = () => document.body.dataset.done === '1' ? d() : setTimeout(look, 50); look();"
+                "const d = arguments[0], look = () => document.body.dataset.done === '1' ? d() : "
+                "setTimeout(look, 50); look();"
             )
             shoot(browser, "live-view", 1300, 900)
     finally:

@@ -280,7 +280,8 @@ def headline(diagnosis: dict[str, Any]) -> str:
     open_end = " These runs cannot tell which." if diagnosis["indistinguishable"] and not several else ""
     if verdict == "partial":
         return (
-            f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator and robot. "
+            f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator "
+            "and robot. "
             "The rest has no name" + (f"; most of it shows in the {place}." if place else ".") + open_end
         )
     return f"{listed} {'makes' if len(names) == 1 else 'make'} this robot differ from its simulator.{open_end}"
