@@ -174,8 +174,8 @@ def run(
     effect: Annotated[
         list[str] | None,
         typer.Option(
-            help="An effect of the catalogue, as driver_gain.ratio=0.9 or, of one side, with ,side=left behind it (`rtds effects` "
-            "lists them); may be repeated."
+            help="An effect of the catalogue, as driver_gain.ratio=0.9 or, of one side, with ,side=left behind it "
+            "(`rtds effects` lists them); may be repeated."
         ),
     ] = None,
     step: Annotated[float, typer.Option(help="Step of the motor units, s.")] = 1e-5,

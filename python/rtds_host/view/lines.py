@@ -42,8 +42,8 @@ def figure(value: float) -> float | None:
 class Lines:
     """A run as the page takes it.
 
-    layers : layer ("measured", "nominal", "corrected") -> column -> values, all of one layer as long as its "t" (s, from
-    the run's start). done : whether nothing more comes.
+    layers : layer ("measured", "nominal", "corrected") -> column -> values, all of one layer as long as its "t" (s,
+    from the run's start). done : whether nothing more comes.
     """
 
     name: str

@@ -60,6 +60,8 @@ class LivePath(SignalPath):
         self.number = feed.add(Lines(plan.scenario.name, plan.robot.name, done=False))
         self._next = 0.0
         self._ended = False
+        # The last row that was left out, for the run's end.
+        self._last: tuple[float, Sample] | None = None
         self._volts = np.zeros(2)
         self._loads = np.zeros(2)
         self._speeds = isinstance(plan.motion, SpeedMotion)
@@ -93,14 +95,19 @@ class LivePath(SignalPath):
 
     def sensors(self, t_s: float, sample: Sample) -> Sample:
         seen = self.path.sensors(t_s, sample)
-        if t_s + 1e-9 >= self._next and not self._ended:
-            self._next = t_s + 1.0 / RATE_HZ
-            self._note(t_s, seen)
+        if not self._ended:
+            self._last = (t_s, seen)
+            if t_s + 1e-9 >= self._next:
+                self._next = t_s + 1.0 / RATE_HZ
+                self._note(*self._last)
+                self._last = None
         return seen
 
     def end(self) -> None:
         """The run is over; what another engine drives after it is not noted."""
         self._ended = True
+        if self._last is not None:
+            self._note(*self._last)
         self.feed.finish(self.number)
 
     def _note(self, t_s: float, seen: Sample) -> None:

@@ -1,4 +1,4 @@
-"""Every page by an automatic checker (axe-core, which comes with a package and needs no network): no serious finding."""
+"""Every page by an automatic checker (axe-core, which comes with a package): no serious finding."""
 
 import importlib.util
 import sys

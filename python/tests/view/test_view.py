@@ -99,11 +99,12 @@ def test_a_rival_engines_run_is_not_mixed_into_the_page():
     feed = Feed()
     path = LivePath(SignalPath(plan.robot.supply_v), plan, feed)
     perform(plan, LinkChoice("model"), compare=False, path=path)
-    before = len(feed.json([])["runs"][0]["layers"]["measured"]["t"])
     path.end()
+    times = feed.json([])["runs"][0]["layers"]["measured"]["t"]
+    assert times[-1] == pytest.approx(plan.duration_s)
     drive_with(plan, "model", path=path)
     after = feed.json([])["runs"][0]
-    assert len(after["layers"]["measured"]["t"]) == before and after["done"]
+    assert after["layers"]["measured"]["t"] == times and after["done"]
 
 
 def test_only_new_rows_are_sent():
@@ -269,7 +270,8 @@ def test_the_time_can_be_scrubbed_and_played(page):
     assert "at 0.50 s" in page.find_element("css selector", "canvas").get_attribute("aria-label")
     page.find_element("id", "play").click()
     page.execute_async_script("""
-        const done = arguments[0], look = () => Number(document.getElementById('scrub').value) > 0.8 ? done() : setTimeout(look, 20);
+        const done = arguments[0], look = () => Number(document.getElementById('scrub').value) > 0.8
+            ? done() : setTimeout(look, 20);
         look();""")
     page.find_element("id", "play").click()
     assert page.execute_script(shot) != early and page.find_element("id", "play").text == "play"
@@ -286,7 +288,8 @@ def test_a_run_grows_on_the_page_while_it_goes_on(browser):
         browser.get(viewer.address)
         browser.set_script_timeout(60)
         browser.execute_async_script("""
-            const done = arguments[0], look = () => document.getElementById('state').textContent ? done() : setTimeout(look, 20);
+            const done = arguments[0], look = () => document.getElementById('state').textContent
+                ? done() : setTimeout(look, 20);
             look();""")
         assert browser.find_element("id", "state").text == "driving: linear"
         drive_with(plan, "model", path=path)
