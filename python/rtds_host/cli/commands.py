@@ -21,6 +21,8 @@ COMMANDS = {
     "run": "Drive a scenario with the motors in RTL (or the bit-exact model) and write a run folder.",
     "calibrate": "Measure gain and offset of the wires between PC and chip.",
     "diagnose": "Say where the gap between simulator and reality lies, and which effect causes it.",
+    "view": "Show runs in a browser: way and signals, measured, nominal and corrected.",
+    "diff": "Say how two diagnoses differ: two days, or two robots.",
     "close": "Put a diagnosis into the real-time simulator and see the gap close there.",
     "predict": "Replay a run from its commands, with or without a diagnosis.",
     "export": "Write the robot with a diagnosis in it for MuJoCo, Gazebo, Isaac Sim, URDF, Python, FMI or C.",

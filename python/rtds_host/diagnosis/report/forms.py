@@ -138,7 +138,8 @@ def _drawing(form: dict[str, Any], details: Details, name: str) -> str:
         if n
     ]
     parts += [
-        f'<polygon class="band" points="{points(y + BAND * error)} {points(y - BAND * error, slice(None, None, -1))}"/>',
+        f'<polygon class="band" points="{points(y + BAND * error)} '
+        f'{points(y - BAND * error, slice(None, None, -1))}"/>',
         f'<line class="zero" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{py(0):.1f}" y2="{py(0):.1f}"/>',
         f'<polyline class="curve" points="{points(y)}"/>',
         *(
@@ -146,12 +147,14 @@ def _drawing(form: dict[str, Any], details: Details, name: str) -> str:
             f"{number(b)} ± {number(BAND * e)} {escape(unit_y)}</title></circle>"
             for a, b, e in curve
         ),
-        f'<text x="{(LEFT + WIDTH - RIGHT) / 2}" y="{HEIGHT - 12}" text-anchor="middle">{escape(over)} [{escape(unit_x)}]</text>',
+        f'<text x="{(LEFT + WIDTH - RIGHT) / 2}" y="{HEIGHT - 12}" text-anchor="middle">{escape(over)} '
+        f"[{escape(unit_x)}]</text>",
         f'<text transform="translate(14 {(TOP + floor) / 2}) rotate(-90)" text-anchor="middle">{escape(term)} '
         f"[{escape(unit_y)}]</text>",
     ]
     said = (
-        f"{form_name(form)}: from {number(y[0])} at {number(x[0])} to {number(y[-1])} {unit_y} at {number(x[-1])} {unit_x}; "
+        f"{form_name(form)}: from {number(y[0])} at {number(x[0])} to {number(y[-1])} {unit_y} at {number(x[-1])} "
+        f"{unit_x}; "
         f"smallest {number(y.min())}, largest {number(y.max())}"
     )
     return (

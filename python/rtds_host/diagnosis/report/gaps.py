@@ -82,7 +82,8 @@ def gaps(diagnosis: dict[str, Any], details: Details) -> str:
             else ""
         )
         parts.append(
-            f'<p id="closed">{percent(gap["closed"])} of the way from the nominal robot\'s gap to 1 is closed{another}.</p>'
+            f'<p id="closed">{percent(gap["closed"])} of the way from the nominal robot\'s gap to 1 is closed'
+            f"{another}.</p>"
         )
     if details.regimes:
         parts += ["<h3>By regime</h3>", _gap_table("regime", details.regimes, "regimes", blamed)]

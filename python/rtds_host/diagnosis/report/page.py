@@ -29,7 +29,8 @@ def skeleton(title: str, style: str, body: str) -> str:
     """A page that needs nothing but itself. title : as text; style : CSS; body : HTML."""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" content="light dark">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" '
+        'content="light dark">'
         f'{POLICY}<link rel="icon" href="data:,">'
         f"<title>{escape(title)}</title><style>{style}</style></head><body>{body}</body></html>\n"
     )

@@ -129,7 +129,8 @@ CONTROLS = (
     '<button id="closer" type="button" aria-label="zoom in">+</button>'
     '<button id="farther" type="button" aria-label="zoom out">−</button>'
     '<button id="reset" type="button">whole run</button>'
-    '<span class="soft small">Drag over a plot to zoom, Ctrl and wheel or two fingers too; double click for the whole run. '
+    '<span class="soft small">Drag over a plot to zoom, Ctrl and wheel or two fingers too; double click for the '
+    "whole run. "
     "Keys on a plot: arrows read, + and − zoom, 0 for the whole run.</span></div>"
     '<p id="readout" role="status" class="small" aria-live="polite"></p>'
 )

@@ -280,7 +280,8 @@ def headline(diagnosis: dict[str, Any]) -> str:
     open_end = " These runs cannot tell which." if diagnosis["indistinguishable"] and not several else ""
     if verdict == "partial":
         return (
-            f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator and robot. "
+            f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator "
+            "and robot. "
             "The rest has no name" + (f"; most of it shows in the {place}." if place else ".") + open_end
         )
     return f"{listed} {'makes' if len(names) == 1 else 'make'} this robot differ from its simulator.{open_end}"
@@ -318,10 +319,12 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
     if not effects:
         text = "There is a gap, and no effect of the catalogue stands on its own evidence"
         return text + (f"; most of it lies in the {place}." if place else ".")
-    names = "; ".join(
-        f"{effect_name(e)} ({', '.join(value_words(e['id'], n, {'value': p['value']}) for n, p in e['parameters'].items())})"
-        for e in effects
-    )
+
+    def sized(effect: dict[str, Any]) -> str:
+        values = (value_words(effect["id"], n, {"value": p["value"]}) for n, p in effect["parameters"].items())
+        return f"{effect_name(effect)} ({', '.join(values)})"
+
+    names = "; ".join(sized(effect) for effect in effects)
     closed = gap.get("effect_closed")
     share = f", {percent(closed)} of it closed" if closed is not None else ""
     each = "each at least " if len(effects) > 1 else ""
