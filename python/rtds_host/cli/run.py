@@ -20,7 +20,7 @@ from rtds_host.errors import InputError, did_you_mean, visible
 from rtds_host.robot import check_engine, default_engine
 from rtds_host.run import Effects, LinkChoice, Options, Plan, make_plan, perform, write_outcome
 from rtds_host.run.summary import Summary, lines
-from rtds_host.scenario import find_scenario, scenarios
+from rtds_host.scenario import Scenario, own_scenario, scenarios
 
 app = typer.Typer(add_completion=False)
 
@@ -44,11 +44,10 @@ def _settings(texts: list[str]) -> dict[str, float]:
     return values
 
 
-def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[str, dict[str, float]]]:
+def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[Scenario, dict[str, float]]]:
     """Scenarios to run, and the parameters for each. With `all` a parameter goes to those that have it."""
     if scenario != "all":
-        find_scenario(scenario)
-        return [(scenario, given)]
+        return [(own_scenario(scenario), given)]
     chosen = [one for one in scenarios().values() if one.family == FAMILY_ALL]
     known = {name for one in chosen for name in one.parameters}
     for name in given:
@@ -57,7 +56,7 @@ def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[str, dict[str,
                 f"scenario 'all': none of {', '.join(one.name for one in chosen)} has a parameter "
                 f"{name!r} (known: {', '.join(sorted(known))}){did_you_mean(name, known)}"
             )
-    return [(one.name, {name: value for name, value in given.items() if name in one.parameters}) for one in chosen]
+    return [(one, {name: value for name, value in given.items() if name in one.parameters}) for one in chosen]
 
 
 @contextmanager
@@ -99,7 +98,10 @@ def _show(console: Console, summary: Summary, place: Path) -> None:
 def run(
     scenario: Annotated[
         str,
-        typer.Argument(help="linear, circle, eight, a manoeuvre, or all (the first three); --list shows every one."),
+        typer.Argument(
+            help="linear, circle, eight, a manoeuvre, or all (the first three); --list shows every one. Or a file: "
+            "my_scenario.py, or commands.csv as `rtds plan` writes it."
+        ),
     ] = "",
     show_list: Annotated[bool, typer.Option("--list", help="List the scenarios with their parameters.")] = False,
     link: Annotated[
@@ -217,10 +219,10 @@ def run(
     )
     if against is not None:
         check_engine(against, "--against")
-    plans = [make_plan(name, values, options) for name, values in _wanted(scenario, given)]
+    plans = [make_plan(one, values, options) for one, values in _wanted(scenario, given)]
     changes = [_effects(plan, effects, effect) for plan in plans]
     choice = _link(link, sim, step_clocks, link_options(link, calibration, wires, ad2, serial))
-    target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / scenario)
+    target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / plans[0].scenario.name)
     check_writable(target)
     with _bars(plans) as report:
         if scenario != "all":
