@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -182,6 +183,7 @@ def run(
     ] = True,
     figure: Annotated[bool, typer.Option(help="Draw the six-panel figure.")] = True,
     form: Annotated[str, typer.Option("--format", help="Format of the log: csv or parquet.")] = "csv",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summaries as JSON, a list of runs.")] = False,
     mcap: Annotated[
         bool, typer.Option("--mcap", help="Write run.mcap too, for Foxglove, PlotJuggler or ros2 bag.")
     ] = False,
@@ -244,7 +246,10 @@ def run(
 
             nominal = load_robot(place / "robot.toml")
             write_mcap(place / "run.mcap", read_run(place, nominal), nominal)
-        _show(console, summary, place)
+        if not as_json:
+            _show(console, summary, place)
+    if as_json:
+        print(json.dumps([{"folder": str(place), **summary.to_json()} for summary, place in summaries], indent=1))
 
 
 def _effects(plan: Plan, diagnosis: Path | None, effects: list[str] | None) -> Effects | None:
