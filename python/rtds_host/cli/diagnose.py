@@ -45,6 +45,7 @@ def diagnose(
     """
     import json
 
+    from rtds_host.cli.first_use import say_if_first
     from rtds_host.contract import check_writable, check_writable_file, places_of_case, refuse_inputs
     from rtds_host.diagnosis.batch import FILES, run_many, run_one
     from rtds_host.errors import InputError
@@ -61,6 +62,7 @@ def diagnose(
             )
         check_writable_file(mcap)
         refuse_inputs([mcap], [*places_of_case(cases[0]), *(out / name for name in FILES)])
+    say_if_first()
     if len(cases) == 1 and scheduler is None:
         result, details = run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs, summary=not as_json)
         if as_json:

@@ -84,3 +84,29 @@ def test_a_run_is_a_table_for_pandas():
 def test_the_robot_of_a_diagnosis_is_exported_by_its_path(tmp_path):
     with pytest.raises(rtds_host.InputError, match="nowhere.json"):
         rtds_host.export(tmp_path / "nowhere.json", "mjcf", robot=builtin_robot_path("burger"))
+
+
+def test_the_first_command_says_that_it_compiles_and_the_next_one_does_not(tmp_path, monkeypatch, capsys):
+    from rtds_host.cli import first_use
+
+    assert not first_use.is_compiled(tmp_path)
+    (tmp_path / "__pycache__").mkdir()
+    (tmp_path / "__pycache__" / "kernel.replay-1.py311.nbi").touch()
+    assert first_use.is_compiled(tmp_path) and not first_use.is_compiled(tmp_path / "x")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(first_use, "is_compiled", lambda *_: False)
+    first_use.say_if_first()
+    assert capsys.readouterr().err == first_use.SAID + "\n"
+
+
+@pytest.mark.parametrize("name", ["distributed", "dask"])
+def test_without_the_extra_a_cluster_is_refused_with_what_to_install(monkeypatch, name):
+    from rtds_host import spread
+
+    monkeypatch.setattr(spread, "_reachable", lambda _: None)
+    monkeypatch.setitem(sys.modules, name, None)
+    with (
+        pytest.raises(rtds_host.LinkError, match=r"pip install 'rtds-host\[cluster\]'"),
+        spread._client("tcp://here:1"),
+    ):
+        pass
