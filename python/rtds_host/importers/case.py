@@ -16,7 +16,7 @@ from rtds_host.contract import Robot, RunMeta, builtin_robot_path, load_robot, r
 from rtds_host.contract.robot import SERVO_GAINS
 from rtds_host.errors import InputError
 from rtds_host.importers.assemble import Imported, assemble
-from rtds_host.importers.bag import is_bag
+from rtds_host.importers.bag import is_bag, refuse_other
 from rtds_host.importers.detect import likely_mapping
 from rtds_host.importers.mapping import Mapping, load_mapping
 from rtds_host.importers.series import NS
@@ -81,6 +81,7 @@ def import_case(
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: does not exist")
+        refuse_other(path)
     told = "given"
     if mapping is None:
         for path in paths:

@@ -110,6 +110,8 @@ def _nearest(ratio: float) -> str | None:
     # Angles in degrees look nearly like minutes; the median of the pairs is known better than the twentieth between
     # them.
     sizes = {**PER_SECOND, "degrees": math.pi / 180.0}
+    if not 0.0 < ratio < math.inf:
+        return None
     name = min(sizes, key=lambda u: abs(math.log(ratio / sizes[u])))
     return name if name != "degrees" and abs(math.log(ratio / sizes[name])) < math.log(CLOSE) else None
 
