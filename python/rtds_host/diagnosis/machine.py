@@ -19,8 +19,8 @@ USUAL_RUN_S = 20.0
 
 
 # Scales that hang on how long runs last, and, where torque is commanded and no speed has a limit, on how fast they
-# were.
-OF_RUNS, OF_SPEEDS_MET = {"run", "decline"}, {"speed", "viscous", "tread", "turn"}
+# were, or on how much was asked of the motor.
+OF_RUNS, OF_SPEEDS_MET, OF_ASKED = {"run", "decline"}, {"speed", "viscous", "tread", "turn"}, {"torque", "spin"}
 
 
 @dataclass(frozen=True)

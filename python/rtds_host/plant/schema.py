@@ -115,6 +115,7 @@ COMMON = _table(
     Entry("axis_zero", "rad", 0.0, REFUSED, "", "pendulum hanging down"),
     Entry("gyro_late", "s", 0.0, LOG, "", "its clock behind the wheels'"),
     Entry("pose_late", "s", 0.0, LOG, "", "its clock behind the wheels'"),
+    Entry("command_early", "s", 0.0, LOG, "", "by which commands act before the row that shows them"),
     Entry("latency", "s", 0.0, SIGNAL, "", "of all samples"),
     Entry("servo_release", "1", 0.0, REFUSED, "", "speed mode: share of what the limit cuts that the integral loses"),
     Entry("encoder_at_wheel", "", 0.0, SIGNAL, "encoder_at_wheel", "1: w and th are the wheel's, 0: the gear's",

@@ -6,7 +6,6 @@ import numpy as np
 
 from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis import gap
-from rtds_host.diagnosis.likelihood import LONGEST_S
 from rtds_host.diagnosis.localise.series import Windows, cumulated, filled, first_order, middles, relaxed, smooth
 from rtds_host.diagnosis.machine import machine_of
 from rtds_host.diagnosis.replay.model import Model
@@ -15,7 +14,7 @@ from rtds_host.plant.driver import duty
 
 # Blocks start anew from what is measured once a discrepancy has come and gone: the longer, the better small torques
 # show, and the farther a wrong start leads.
-WINDOW_S = LONGEST_S
+WINDOW_S = 0.3
 # Numerical: over how many volts of a bridge, and over what share of the largest speed or how many noises, a sign turns
 # over.
 SIGN_V, SIGN_SHARE, SIGN_NOISES = 0.05, 0.02, 2.0
@@ -72,7 +71,7 @@ class Signals:
         gear = model.get("gear_ratio")
         self.supply = model.get("supply")
         self.voltage_mode = robot.driver.mode == "voltage"
-        self.delay = model.get("command_delay") + model.get("measurement_delay")
+        self.delay = model.get("command_delay") - model.get("command_early") + model.get("measurement_delay")
         self.w, self.w_noise, self.w_rows, self.th, self.i, self.has_i, self.i_rows = [], [], [], [], [], [], []
         self.v_end, self.v_mean, self.volts, self.electric = [], [], [], []
         command = log.commands(robot.driver.mode)

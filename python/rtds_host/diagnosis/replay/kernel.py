@@ -50,6 +50,7 @@ GEAR, SUPPLY, MASS, IZ, JW, TRACK = common_indices(
 SOURCE_R, DECLINE, SCRUB, ROLLING, COM_X, COM_Y = common_indices(
     "source_resistance", "decline", "scrub", "rolling", "com_x", "com_y"
 )
+CMD_EARLY = common_indices("command_early")[0]
 SLOPE_X, GYRO_GAIN, GYRO_BIAS, CMD_DELAY, MEAS_DELAY = common_indices(
     "slope_extra", "gyro_gain", "gyro_bias", "command_delay", "measurement_delay"
 )
@@ -96,7 +97,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     up_x, up_y = math.cos(run[2]), math.sin(run[2])
     pull = ground.along_slope(mass, slope, math.sin)
     half = 0.5 * com[TRACK]
-    dc = com[CMD_DELAY]
+    dc = com[CMD_DELAY] - com[CMD_EARLY]
     dp = com[LATENCY]
     dm = com[MEAS_DELAY] + dp
     scrub = com[SCRUB]

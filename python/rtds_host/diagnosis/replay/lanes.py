@@ -101,6 +101,7 @@ def _begin(s, l, side, com, run, start):
     s[LEVEL + l] = 1.0
     s[FOLLOWS + l] = s[SINCE + l] = s[PER_SPAN + l] = 0.0
     s[LATE + l] = com[one.MEAS_DELAY] + com[one.LATENCY]
+    s[COMMAND_LATE + l] = com[one.CMD_DELAY] - com[one.CMD_EARLY]
     s[BEGUN + l] = run[3]
     s[MASS + l], s[DRY + l] = mass, dry
     s[I22 + l] = 1.0 / (com[one.IZ] - mass * com[one.COM_Y] ** 2)
