@@ -20,7 +20,7 @@ class Parameter:
 
     scale : what of a machine (an attribute of `Machine`) null, low, high, spread and starts are shares of; `on` makes
     them SI. least : the scale below whose negative it cannot fall; most : the one that it cannot exceed; reach : the
-    one that the upper bound is raised to, with a start half way there, by its logarithm. null : value
+    one that the upper bound is raised to, where that is larger. null : value
     at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice, about `null` (sets
     the price of a free parameter); starts : values to start a fit from; difference : step of a derivative, in spreads;
     optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form, not its size; steep
@@ -56,7 +56,6 @@ class Parameter:
         starts = tuple(unit * start for start in self.starts)
         if self.reach and getattr(machine, self.reach) > high:
             high = getattr(machine, self.reach)
-            starts += (math.sqrt(max(starts) * high),)
         return replace(
             self,
             scale="one",
@@ -120,8 +119,8 @@ class Effect:
     another one is there. `nonlinear`: its signature changes its form with its size, and with what the other side does.
     `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima.
     `without_winding`: it exists on a machine whose torque is commanded. `before_loop`: it acts before a loop on the
-    speed, which a robot in speed mode alone has. `exports_as`: another effect whose parameters of the plant it writes, and whose
-    row of the exporters' table it has; without one, the table has a row of its own.
+    speed, which a robot in speed mode alone has. `exports_as`: another effect whose parameters of the plant it writes, and
+    whose row of the exporters' table it has; without one, the table has a row of its own.
     `compared_at`: sizes in SI at which simulator and replay are compared, where the middle start would not be met;
     `agrees_within`: a wider bound on their difference, in units of noise, and its reason. `check`: a measurement
     by hand that shows this effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`: channels (without side) of
