@@ -52,7 +52,7 @@ async def start(dut, late):
     cocotb.start_soon(Clock(dut.clk_i, 20, unit="ns", impl="gpi").start())
     dut.rst_ni.value = 0
     registers = Registers(dut)
-    await Timer(50, unit="ns")  # the master looks at the outputs from its first clock on, when Icarus still has them unknown
+    await Timer(50, unit="ns")  # Icarus has the outputs unknown until then, and the master looks at them
     master = AxiMaster(AxiBus.from_prefix(dut, "s_axi"), dut.clk_i, dut.rst_ni, reset_active_level=False)
     await Timer(45, unit="ns")
     dut.rst_ni.value = 1
