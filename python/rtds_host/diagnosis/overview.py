@@ -10,7 +10,7 @@ from urllib.parse import quote
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rtds_host.diagnosis.report.words import effect_name, number, percent, value_words
+from rtds_host.diagnosis.report.words import effect_name, number, parameter_name, percent, unit_of, value_words
 
 _PARAMETER = pa.struct(
     [
@@ -113,7 +113,10 @@ table.querySelectorAll("th").forEach((head, column) => {
   head.addEventListener("keydown", event => { if (event.key === "Enter") sort(); });
 });
 """
+# Layout: cases that make a trend.
+TREND = 3
 _STYLE = """
+.trends { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 360px), 1fr)); gap: 8px 20px; }
 main { max-width: 1400px; }
 th { cursor: pointer; user-select: none; } th[aria-sort]::after { content: " \\25B4"; }
 th[aria-sort="descending"]::after { content: " \\25BE"; }
@@ -177,6 +180,72 @@ def _cells(row: dict) -> list[tuple[str, str]]:
     ]
 
 
+def _trend(title: str, unit: str, points: list[tuple[int, str, float, float | None, float | None]], count: int) -> str:
+    """Values over the cases in their order as SVG; points: place, case, value and the ends of its interval."""
+    wide, tall, left, edge = 440.0, 150.0, 66.0, 14.0
+    ends = [v for _, _, value, low, high in points for v in (value, low, high) if v is not None]
+    bottom, top = min(ends), max(ends)
+    pad = 0.1 * (top - bottom) or 0.5 * abs(top) or 1.0
+    bottom, top = bottom - pad, top + pad
+
+    def px(k: int) -> float:
+        return left + (k + 0.5) / count * (wide - left - edge)
+
+    def py(v: float) -> float:
+        return edge + (top - v) / (top - bottom) * (tall - 2 * edge)
+
+    parts = [
+        f'<line class="grid" x1="{left}" x2="{wide - edge}" y1="{py(v):.1f}" y2="{py(v):.1f}"/>'
+        f'<text x="{left - 6}" y="{py(v) + 4:.1f}" text-anchor="end">{number(v)}</text>'
+        for v in (min(ends), max(ends))
+    ]
+    for k, case, value, low, high in points:
+        if low is not None and high is not None:
+            parts.append(
+                f'<line x1="{px(k):.1f}" x2="{px(k):.1f}" y1="{py(low):.1f}" y2="{py(high):.1f}" '
+                'stroke="var(--after)"/>'
+            )
+        parts.append(
+            f'<circle class="curve" cx="{px(k):.1f}" cy="{py(value):.1f}" r="4"><title>{escape(case)}: {number(value)} '
+            f"{escape(unit)}</title></circle>"
+        )
+    said = f"{title}: " + "; ".join(f"{case} {number(value)}" for _, case, value, _, _ in points)
+    return (
+        f'<figure class="trend"><h3>{escape(title)}{escape(f" [{unit}]" if unit else "")}</h3><svg class="form" '
+        f'viewBox="0 0 {wide:g} {tall:g}" role="img" aria-label="{escape(said)}">{"".join(parts)}</svg></figure>'
+    )
+
+
+def _trends(rows: list[dict]) -> str:
+    """The gap and each size over the cases in the order of the command line: cases named by day show what drifts."""
+    found: dict[tuple[str, str, str], list[tuple[int, str, float, float | None, float | None]]] = {}
+    done = [(k, row) for k, row in enumerate(rows) if row["error"] is None]
+    for k, row in done:
+        for p in row["parameters"]:
+            key = (p["effect"], p["side"], p["name"])
+            found.setdefault(key, []).append((k, row["case"], p["value"], p["low"], p["high"]))
+    drawn = [
+        _trend(
+            f"{effect_name({'id': effect, 'side': side})}: {parameter_name(name)}",
+            unit_of(effect, name),
+            points,
+            len(rows),
+        )
+        for (effect, side, name), points in found.items()
+        if len(points) >= TREND
+    ]
+    gaps = [(k, row["case"], row["gap_refit"], None, None) for k, row in done if row["gap_refit"] is not None]
+    if len(gaps) >= TREND:
+        drawn.insert(0, _trend("gap with motor values refitted", "", gaps, len(rows)))
+    if not drawn:
+        return ""
+    return (
+        '<section id="trends"><h2>Over the cases, in their order</h2><p class="soft small">A dot a case, from '
+        "left to right; "
+        f'lines are 90 % intervals.</p><div class="trends">{"".join(drawn)}</div></section>'
+    )
+
+
 def overview_page(rows: list[dict]) -> str:
     """`index.html`: all cases in one self-contained page; a click on a column's head sorts by it."""
     style = resources.files("rtds_host.diagnosis.report").joinpath("style.css").read_text(encoding="utf-8")
@@ -200,7 +269,8 @@ def overview_page(rows: list[dict]) -> str:
         '<div class="figures">'
         + "".join(f"<div><b>{n}</b><span>{escape(word)}</span></div>" for n, word in figures)
         + f'</div></section>\n<section style="overflow-x:auto"><table id="cases"><thead><tr>{head}</tr></thead>'
-        f'<tbody>\n{body}\n</tbody></table></section>\n<p class="soft small">The same rows, with every parameter, '
+        f"<tbody>\n{body}\n</tbody></table></section>\n{_trends(rows)}"
+        '<p class="soft small">The same rows, with every parameter, '
         "are in cases.parquet.</p></main>\n"
         f"<script>{_SCRIPT}</script></body></html>\n"
     )

@@ -8,6 +8,7 @@ from diagnosis_cases import example_diagnosis, example_of
 
 from rtds_host.cli.commands import main
 from rtds_host.diagnosis.differ import compare, lines, page
+from rtds_host.diagnosis.overview import overview_page, row_of
 
 
 def later(**torque):
@@ -67,3 +68,12 @@ def test_the_command_prints_words_or_json_and_writes_the_page(tmp_path, monkeypa
     (tmp_path / "two" / "diagnosis.json").write_text('{"schema": "rtds-diagnosis/3"}')
     status, shown = said(tmp_path / "one", tmp_path / "two")
     assert status == 2 and shown.err.count("\n") == 1 and "two/diagnosis.json" in shown.err
+
+
+def test_three_cases_make_a_trend_of_the_gap_and_of_each_size_and_two_make_none():
+    days = [row_of(f"day <{k}>", later(value=0.048 + 0.01 * k, ci90=[0.04, 0.08]), 1.0) for k in range(3)]
+    text = overview_page([days[0], row_of("bad", None, None, "bad: missing"), *days[1:]])
+    trends = text.split('<section id="trends">')[1]
+    assert trends.count("<svg") == 2 and trends.count("<circle") == 6 and trends.count('stroke="var(--after)"') == 3
+    assert "Coulomb friction, both sides: friction torque [N·m]" in trends and "day &lt;2&gt; 0.068" in trends
+    assert 'id="trends"' not in overview_page(days[:2])

@@ -43,7 +43,8 @@ def pages(tmp_path_factory):
     place, details = tmp_path_factory.mktemp("pages"), example_details()
     texts = {verdict: report_page(example_of(verdict), details) for verdict in ("none", "known", "unknown")}
     texts["partial"] = written(report_page(account(), details), place / "case", place / "out", quick=False)
-    rows = [row_of("a", example_diagnosis(), 2.5), row_of("b", account(), 2.5), row_of("c", None, None, "c: missing")]
+    rows = [row_of(name, example_diagnosis(), 2.5) for name in "abd"]
+    rows += [row_of("e", account(), 2.5), row_of("c", None, None, "c: missing")]
     texts |= {"overview": overview_page(rows), "diff": differing(compare(example_diagnosis(), account()), ("a", "b"))}
     for name, text in texts.items():
         (place / f"{name}.html").write_text(text, encoding="utf-8")
