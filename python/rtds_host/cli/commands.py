@@ -18,6 +18,7 @@ from rtds_host.errors import InputError, RtdsError, did_you_mean, said_of_file, 
 
 # Sub-command -> what it does. Each stands in the module rtds_host.cli.<name> as the Typer app `app`.
 COMMANDS = {
+    "demo": "Diagnose example bags that come with the package.",
     "run": "Drive a scenario with the motors in RTL (or the bit-exact model) and write a run folder.",
     "calibrate": "Measure gain and offset of the wires between PC and chip.",
     "diagnose": "Say where the gap between simulator and reality lies, and which effect causes it.",
