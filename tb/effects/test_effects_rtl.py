@@ -35,7 +35,8 @@ def test_the_ports_with_effects_clock_by_clock(simulator):
 @pytest.mark.parametrize("simulator", needs_icarus)
 def test_thousands_of_random_steps_with_effects_on_icarus(simulator):
     run_cocotb("rtds_core", SOURCES, "tb_effects", "tb/effects", simulator,
-               testcase="random_effects_switched_and_changed_while_the_motors_turn", extra_env={"EFFECT_STEPS": "4000"})  # fmt: skip
+               testcase="random_effects_switched_and_changed_while_the_motors_turn",
+               extra_env={"EFFECT_STEPS": "4000"})  # fmt: skip
 
 
 def term(operation: str, *operands: tuple[object, int]) -> tuple:

@@ -144,7 +144,8 @@ def place_and_route(seed: int, key: str, budget: dict, fresh: bool) -> dict:
     """
     device = budget["device"]
     arguments = [
-        device["size"], "--package", device["package"], "--speed", device["speed"], "--json", "chip.json", "--lpf", "chip.lpf",
+        device["size"], "--package", device["package"], "--speed", device["speed"], "--json", "chip.json", "--lpf",
+        "chip.lpf",
         "--lpf-allow-unconstrained", "--seed", str(seed), "--router", "router2", "--timing-allow-fail",
         "--placer-heap-timingweight", str(budget["target"]["timing_weight"]),
         "--detailed-timing-report", "--report", f"report-{seed}.json", "--write", f"routed-{seed}.json",
@@ -245,8 +246,8 @@ def tables(seeds: list[int], results: list[dict], budget: dict) -> str:
     for seed, r in zip(seeds, results, strict=True):
         path = r["longest"]
         lines.append(
-            f"| {seed:>6} | {r['mhz']:>6.1f} | {1000 / r['mhz']:>11.1f} | {path['logic_ns']:>6.1f} | {path['routing_ns']:>7.1f} |"
-            f" {path['from']:<44} |"
+            f"| {seed:>6} | {r['mhz']:>6.1f} | {1000 / r['mhz']:>11.1f} | {path['logic_ns']:>6.1f} |"
+            f" {path['routing_ns']:>7.1f} | {path['from']:<44} |"
         )
     median = statistics.median(r["mhz"] for r in results)
     lines += [f"| median | {median:>6.1f} | {1000 / median:>11.1f} | {'':>6} | {'':>7} | {'':<44} |", ""]

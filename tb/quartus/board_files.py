@@ -118,8 +118,8 @@ def elaborate(folder: Path, faults: Mapping[str, tuple[str, str]] | None = None)
         f"hierarchy -check -top {TOP}; proc; opt_expr; opt_clean"
     )
     yosys(
-        f"{read}; write_json tree.json; design -save read; flatten; opt_clean; write_json flat.json; design -load read; "
-        "setattr -mod -set keep_hierarchy 1 *reset_gate*; flatten; opt_clean; write_json gated.json",
+        f"{read}; write_json tree.json; design -save read; flatten; opt_clean; write_json flat.json; design -load read;"
+        " setattr -mod -set keep_hierarchy 1 *reset_gate*; flatten; opt_clean; write_json gated.json",
         folder,
     )
     tree = json.loads((folder / "tree.json").read_text())["modules"]

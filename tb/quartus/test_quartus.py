@@ -346,7 +346,9 @@ def test_compile_script_says_what_is_missing(tmp_path):
 
 
 TOOLS = {
-    "quartus_sh": "#!/bin/sh\nmkdir -p ../build/quartus\necho 'Logic utilization : 1' >../build/quartus/rtds.fit.summary\n",
+    "quartus_sh": (
+        "#!/bin/sh\nmkdir -p ../build/quartus\necho 'Logic utilization : 1' >../build/quartus/rtds.fit.summary\n"
+    ),
     "quartus_sta": "#!/bin/sh\necho 'worst setup slack 1.0 ns'\n",
 }
 
@@ -388,7 +390,8 @@ def test_compile_ends_with_an_error_on_missed_timing_and_unmatched_constraints(t
 STAND_IN = """
 package provide ::quartus::project 1.0
 package provide ::quartus::sta 1.0
-foreach name {project_open create_timing_netlist read_sdc set_operating_conditions update_timing_netlist project_close} {
+foreach name {project_open create_timing_netlist read_sdc set_operating_conditions \\
+  update_timing_netlist project_close} {
     proc $name args {}
 }
 proc get_available_operating_conditions {} { return _col1 }

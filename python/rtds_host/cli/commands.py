@@ -26,7 +26,7 @@ COMMANDS = {
     "predict": "Replay a run from its commands, with or without a diagnosis.",
     "export": "Write the robot with a diagnosis in it for MuJoCo, Gazebo, Isaac Sim, URDF or Python.",
     "plan": "Plan the manoeuvre that would tell most, within a floor, with a ROS 2 script.",
-    "effects": "List the effects that a diagnosis can blame, or tell all of one.",
+    "effects": "List the effects that a diagnosis can name, or tell all of one.",
     "import": "Turn ROS 2 bags or csv files of a real robot into a case.",
     "completion": "Print what makes bash, zsh or fish complete commands and names.",
     "blind": "Check the diagnosis on sealed cases: make, answer, score.",

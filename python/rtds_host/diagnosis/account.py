@@ -223,7 +223,10 @@ def _unforetold(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Sta
         if one is None
         else (
             one,
-            f"does not bring runs closer that it was not fitted to (their gap is {without[one.member]:.3g} without it, {gap:.3g} with it)",
+            (
+                f"does not bring runs closer that it was not fitted to (their gap is {without[one.member]:.3g} without"
+                f" it, {gap:.3g} with it)"
+            ),
         )
     )
 
@@ -254,7 +257,10 @@ def _contradicted(search: Search, fit: Fit, standing: list[Standing]) -> tuple[S
         if kept >= MOST or excess(problem, fit) == 0.0
         else (
             one,
-            f"stands in for {found.cause} (beside it {100 * max(kept, 0.0):.0f} % of what it does to the blocks is its own)",
+            (
+                f"stands in for {found.cause} (beside it {100 * max(kept, 0.0):.0f} % of what it does to the blocks is"
+                " its own)"
+            ),
         )
     )
 

@@ -242,7 +242,8 @@ def _louder(problem: Problem, fit: Fit) -> list[str]:
             and left.tau[k] <= 2.0 * channel.shortest
         ):
             found.append(
-                f"{name}: what is left of it is as short as a sample, as noise is that is {times:.2g} times as large as [sensors] says"
+                f"{name}: what is left of it is as short as a sample, as noise is that is {times:.2g} times as large as"
+                " [sensors] says"
             )
     return found
 

@@ -175,7 +175,8 @@ ADD_B = ("register", "product", "intercept", "wrap")
 WRITE = ("product", "sum", *INPUTS)
 READ_AHEAD = 2
 # What the codes of a field's values stand for, in their order.
-CODES = {"mul_a": MUL_A, "mul_b": MUL_B, "add_a": ADD_A, "add_b": ADD_B, "direct": DIRECT, "source": WRITE, "which": OUTPUTS,
+CODES = {"mul_a": MUL_A, "mul_b": MUL_B, "add_a": ADD_A, "add_b": ADD_B, "direct": DIRECT, "source": WRITE,
+"which": OUTPUTS,
          "table": TABLES}  # fmt: skip
 MADE_BY = "python -m rtds_host.motor.effect_program rtl/effects"
 
@@ -380,7 +381,8 @@ def words() -> list[dict[str, int]]:
             put(clock - READ_AHEAD, read_add_b=address_b)
         else:
             across = {"other": "register", "own": "register"}
-            put(clock, add=1, add_a=ADD_A.index(across.get(source_a, source_a)), add_b=ADD_B.index(across.get(source_b, source_b)),
+            put(clock, add=1, add_a=ADD_A.index(across.get(source_a, source_a)), add_b=ADD_B.index(across.get(source_b,
+                source_b)),
                 minus_a=int(issue.minus_a), minus_b=int(issue.minus_b))  # fmt: skip
             if source_a == "other":
                 put(clock - ACROSS, across=1)
@@ -416,7 +418,10 @@ def verilog() -> str:
         f"//   {MADE_BY}",
         "// from the list of operations there, which also says what the fields mean; a test fails when the two differ.",
         "//",
-        "// Purpose    a read-only memory: a clock in, counted from the strobe's, out in the next one what is to be done then.",
+        (
+            "// Purpose    a read-only memory: a clock in, counted from the strobe's, out in the next one what is to be"
+            " done then."
+        ),
         "// Handshake  rest_i: nothing is done in the next clock. Latency 1.",
         "// Format     each field is an output; nothing is done where it is 0. Codes are those of effect_codes.vh.",
         "// Crossing   none.",

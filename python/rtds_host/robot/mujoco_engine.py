@@ -42,12 +42,11 @@ def make_mjcf(body: Body, step_s: float) -> str:
     )
     spin = body.wheel_inertia_kg_m2
     wheels = "".join(
-        f'<body name="wheel_{name}" pos="{vector((0.0, side * body.track_width_m, radius))}">\n'
-        f'<inertial pos="0 0 0" mass="{body.wheel_mass_kg:.12g}" diaginertia="{vector((spin / 2, spin, spin / 2))}"/>\n'
-        f'<joint name="wheel_{name}" type="hinge" axis="0 1 0" armature="{armature_kg_m2(body):g}" damping="0" '
-        'frictionloss="0"/>\n'
-        f'<geom name="wheel_{name}" type="sphere" size="{radius:.12g}" condim="3" friction="{body.tyre_friction:g} 0 0" '
-        f'contype="2" conaffinity="1" {CONTACT}/>\n</body>\n'
+        f'<body name="wheel_{name}" pos="{vector((0.0, side * body.track_width_m, radius))}">\n<inertial pos="0 0 0"'
+        f' mass="{body.wheel_mass_kg:.12g}" diaginertia="{vector((spin / 2, spin, spin / 2))}"/>\n<joint'
+        f' name="wheel_{name}" type="hinge" axis="0 1 0" armature="{armature_kg_m2(body):g}" damping="0"'
+        f' frictionloss="0"/>\n<geom name="wheel_{name}" type="sphere" size="{radius:.12g}" condim="3"'
+        f' friction="{body.tyre_friction:g} 0 0" contype="2" conaffinity="1" {CONTACT}/>\n</body>\n'
         for name, side, radius in zip(("left", "right"), (0.5, -0.5), body.wheel_radius_m, strict=True)
     )
     return (

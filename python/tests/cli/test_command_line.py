@@ -47,7 +47,8 @@ def test_a_diagnosis_that_cannot_be_written_is_refused_before_the_case_is_read(t
 
 
 @pytest.mark.parametrize("words", [
-    ["run", "linear", "--link", "model"], ["calibrate", "--link", "chip"], ["diagnose", "no-case"], ["close", "no-case"],
+    ["run", "linear", "--link", "model"], ["calibrate", "--link", "chip"], ["diagnose", "no-case"], ["close",
+    "no-case"],
     ["predict", "no-run", "--robot", "no.toml"], ["export", "no.json", "--robot", "no.toml", "--to", "urdf"],
     ["export", "no.json", "--robot", "no.toml", "--to", "urdf", "--samples", "2"], ["plan", "no.toml"],
     ["import", "no.mcap"], ["blind", "make", "--n", "1"], ["blind", "answer"], ["blind", "score"],

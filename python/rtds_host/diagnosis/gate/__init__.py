@@ -242,6 +242,6 @@ def _enough(case: Case) -> None:
         )
     if not any(counts(log, robot) for log in case.runs):
         raise InputError(
-            f"{where}: nothing in it counts: no channel has both samples and a noise in [sensors], or of angles and poses "
-            f"alone no run has a whole second"
+            f"{where}: nothing in it counts: no channel has both samples and a noise in [sensors], or of angles and"
+            " poses alone no run has a whole second"
         )

@@ -326,8 +326,8 @@ def _lag(result: Compared, log: RunLog, c: str, lag: float) -> None:
                 c,
                 "delay",
                 "note" if late else "warning",
-                f"{c} answers the command {1e3 * abs(lag):.0f} ms {'later' if late else 'earlier'} than the nominal robot"
-                + ("." if late else ": clocks that do not agree?"),
+                f"{c} answers the command {1e3 * abs(lag):.0f} ms {'later' if late else 'earlier'} than the nominal"
+                " robot" + ("." if late else ": clocks that do not agree?"),
             )
         )
 

@@ -74,14 +74,15 @@ def budget_bar(diagnosis: dict[str, Any]) -> str:
             else ""
         )
         parts.append(
-            f'<g data-what="{escape(row["what"])}" data-share="{share:.6g}"><title>{escape(text)}: {percent(share)}</title>'
-            f'<rect x="{100 * at:.3f}%" y="1" width="{100 * width:.3f}%" height="{HEIGHT - 2}" fill="url(#{name})" '
-            f'stroke="var(--ink)" stroke-width="1"/>{label}</g>'
+            f'<g data-what="{escape(row["what"])}" data-share="{share:.6g}"><title>{escape(text)}:'
+            f' {percent(share)}</title><rect x="{100 * at:.3f}%" y="1" width="{100 * width:.3f}%" height="{HEIGHT - 2}"'
+            f' fill="url(#{name})" stroke="var(--ink)" stroke-width="1"/>{label}</g>'
         )
         if share >= 0.0005:
             key.append(
-                '<li><svg width="22" height="14" aria-hidden="true"><rect x="0.5" y="0.5" width="21" height="13" '
-                f'fill="url(#{name})" stroke="var(--ink)"/></svg><span>{escape(text)} <b>{percent(share)}</b></span></li>'
+                '<li><svg width="22" height="14" aria-hidden="true"><rect x="0.5" y="0.5" width="21" height="13"'
+                f' fill="url(#{name})" stroke="var(--ink)"/></svg><span>{escape(text)}'
+                f" <b>{percent(share)}</b></span></li>"
             )
         at += width
     return (

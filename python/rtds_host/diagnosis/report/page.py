@@ -178,10 +178,9 @@ def _head(diagnosis: dict[str, Any], details: Details) -> str:
         + (f'<ul id="named">{named}</ul>' if named else "")
         + '<h3>How far simulator and robot are apart</h3><div class="figures" id="gap">'
         + "".join(f'<div data-name="{k}"><b>{v}</b><span>{escape(t)}</span></div>' for k, v, t in figures)
-        + "</div>"
-        '<p class="soft small">In units of each sensor\'s own noise: 1 is as close as the sensors can tell. '
-        f"{judged} is judged with motor values and sizes worked out without it; which causes are named rests on {by}.</p>"
-        "</section>"
+        + '</div><p class="soft small">In units of each sensor\'s own noise: 1 is as close as the sensors can tell.'
+        f" {judged} is judged with motor values and sizes worked out without it; which causes are named rests on"
+        f" {by}.</p></section>"
     )
 
 
@@ -464,14 +463,13 @@ def _plots(diagnosis: dict[str, Any], details: Details) -> str:
     if not data:
         return ""
     return (
-        '<section><h2>Measured against replay</h2><div class="controls"><label>run <select id="run"></select></label>'
-        '<span id="keys"></span><button id="reset" type="button">whole run</button>'
-        '<span class="soft small">wheel zooms, dragging moves, double click shows all</span></div>'
-        '<p class="soft small">Beside each channel what the replay misses of it, measured minus replay; the band is what the '
-        "sensor's noise alone hardly ever leaves (3 sigma). Times count from the run's start; where that lies on the log's own "
-        "clock stands with the runs at the end.</p>"
-        '<div id="plots"></div>'
-        f'<script type="application/json" id="traces">{_json(data)}</script></section>'
+        '<section><h2>Measured against replay</h2><div class="controls"><label>run <select'
+        ' id="run"></select></label><span id="keys"></span><button id="reset" type="button">whole run</button><span'
+        ' class="soft small">wheel zooms, dragging moves, double click shows all</span></div><p class="soft'
+        ' small">Beside each channel what the replay misses of it, measured minus replay; the band is what the'
+        " sensor's noise alone hardly ever leaves (3 sigma). Times count from the run's start; where that lies on"
+        ' the log\'s own clock stands with the runs at the end.</p><div id="plots"></div><script'
+        f' type="application/json" id="traces">{_json(data)}</script></section>'
     )
 
 
@@ -480,8 +478,9 @@ def _gaps(diagnosis: dict[str, Any], details: Details) -> str:
     parts = [
         "<section><h2>The gap by channel, regime and run</h2>",
         (
-            '<p class="small soft">Root mean square of replay minus measured in units of noise, of each run by the fit without it (one '
-            "step from the fit to all; of a single run each half). Which effects that holds was decided by all runs.</p>"
+            '<p class="small soft">Root mean square of replay minus measured in units of noise, of each run by the fit'
+            " without it (one step from the fit to all; of a single run each half). Which effects that holds was"
+            " decided by all runs.</p>"
         ),
         _gap_table("channel", gap.get("channels") or {}, "channels", blamed),
     ]
@@ -493,7 +492,8 @@ def _gaps(diagnosis: dict[str, Any], details: Details) -> str:
             else ""
         )
         parts.append(
-            f'<p id="closed">{percent(gap["closed"])} of the way from the nominal robot\'s gap to 1 is closed{another}.</p>'
+            f'<p id="closed">{percent(gap["closed"])} of the way from the nominal robot\'s gap to 1 is'
+            f" closed{another}.</p>"
         )
     if details.regimes:
         parts += ["<h3>By regime</h3>", _gap_table("regime", details.regimes, "regimes", blamed)]
@@ -613,7 +613,8 @@ def report_page(diagnosis: dict[str, Any], details: Details) -> str:
     )
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" content="light dark">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" content="light'
+        ' dark">'
         # The page may load nothing: what it shows is all inside it.
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; "
         "script-src 'unsafe-inline'; img-src data:\">"

@@ -177,8 +177,8 @@ def headline(diagnosis: dict[str, Any]) -> str:
     open_end = " These runs cannot tell which." if diagnosis["indistinguishable"] else ""
     if verdict == "partial":
         return (
-            f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator and robot. "
-            "The rest has no name" + (f"; most of it shows in the {place}." if place else ".") + open_end
+            f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator and"
+            " robot. The rest has no name" + (f"; most of it shows in the {place}." if place else ".") + open_end
         )
     return f"{listed} {'makes' if len(names) == 1 else 'make'} this robot differ from its simulator.{open_end}"
 
@@ -216,7 +216,8 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
         text = "There is a gap, and no effect of the catalogue stands on its own evidence"
         return text + (f"; most of it lies in the {place}." if place else ".")
     names = "; ".join(
-        f"{effect_name(e)} ({', '.join(value_words(e['id'], n, {'value': p['value']}) for n, p in e['parameters'].items())})"
+        f"{effect_name(e)}"
+        f" ({', '.join(value_words(e['id'], n, {'value': p['value']}) for n, p in e['parameters'].items())})"
         for e in effects
     )
     closed = gap.get("effect_closed")
