@@ -42,8 +42,8 @@ PARTIAL = {
     "gap": {"before": 14.2, "refit": 14.0, "after": 6.1, "closed": 0.61, "effect_closed": 0.61,
             "rest": {"share": 0.39, "structured": True, "subsystem": "wheel_ground"}},
 }  # fmt: skip
-PARTIAL_PAGE = """truck partial  Coulomb friction, both sides (0.05 N·m); command delay (0.03 s): 93 % probable. On runs not
-used for the fit the gap falls from 14.0 to 6.1 times the sensors' noise, 61 % of it closed.
+PARTIAL_PAGE = """truck partial  Coulomb friction, both sides (0.05 N·m); command delay (0.03 s): 93 % probable. On runs
+not used for the fit the gap falls from 14.0 to 6.1 times the sensors' noise, 61 % of it closed.
 """
 UNKNOWN = {
     "schema": "rtds-diagnosis/1",
