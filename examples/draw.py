@@ -4,7 +4,7 @@
     python examples/draw.py --path RUN… [--gap CASE DIAGNOSIS]
 
 Without further options: the chain from command to motion, the chip, the workflow, the rooms of the code. They hang on
-nothing but this file. `--path` draws the paths of run folders, `--gap` a wheel's speed measured, nominal and corrected.
+nothing but this file. `--path` draws the paths of run folders, `--gap` a wheel's residual, nominal and corrected.
 """
 
 from __future__ import annotations
@@ -257,19 +257,22 @@ def paths(runs: list[Path], out: Path) -> None:
 
 
 def gap(case: Path, diagnosis: Path, out: Path) -> None:
-    """Speed of the left wheel of a case's first run: measured as dots, nominal and corrected replay as lines."""
+    """Residual of the left wheel's speed in a case's first run, by the nominal and the corrected replay."""
     from rtds_host import predict, read_case
 
     read = read_case(case)
     run = read.runs[0]
     nominal, corrected = predict(run, read.robot), predict(run, read.robot, diagnosis)
     figure, plot = axes(7.0, 3.0)
-    plot.plot(run.t, run.columns["w_l"], ".", markersize=2, color="0.6", label="measured")
-    plot.plot(nominal["t"], nominal["w_l"], color="tab:red", linewidth=1, label="nominal model")
-    plot.plot(corrected["t"], corrected["w_l"], color="tab:blue", linewidth=1, label="with the named effect")
-    plot.set(xlabel="t, s", ylabel="left wheel, rad/s")
+    for replayed, colour, label in (
+        (nominal, "tab:red", "nominal model"),
+        (corrected, "tab:blue", "with the named effect"),
+    ):
+        residual = run.columns["w_l"] - replayed["w_l"]
+        plot.plot(run.t, residual, ".", markersize=2, color=colour, label=label)
+    plot.set(xlabel="t, s", ylabel="measured minus replayed, rad/s", title=f"left wheel's speed, run {run.name}")
     plot.grid(alpha=0.3)
-    plot.legend(ncols=3, loc="upper right")
+    plot.legend(loc="upper left", markerscale=4)
     save(figure, out / "gap.svg")
 
 
