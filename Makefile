@@ -8,7 +8,7 @@ BROWSER = $(shell command -v chromium >/dev/null 2>&1 && command -v chromedriver
 OUT    ?= out
 export SIM
 
-.PHONY: setup system run test test-long sim lint formal synth pnr mutate coverage registers bench blind blind-long fuzz docs clean
+.PHONY: setup system run test test-long sim lint formal synth pnr mutate coverage coverage-python registers bench blind blind-long fuzz docs clean
 
 setup: $(VENV)/.ready
 
@@ -46,7 +46,7 @@ sim: setup system
 	SIM_ONLY=$(SIM) $(BIN)/python -m pytest tb
 
 lint: setup
-	$(BIN)/ruff check python tb sim examples
+	$(BIN)/ruff check python tb sim examples setup.py
 	$(BIN)/python tb/lint/lint.py
 
 formal: setup
@@ -64,6 +64,11 @@ mutate: setup system
 
 coverage: setup
 	$(BIN)/python tb/rtl_coverage/coverage_report.py
+
+# Which lines and branches of the Python code the tests reach; compiled loops count as not reached.
+coverage-python: setup system
+	$(BIN)/python -m coverage run -m pytest -m "not long $(BROWSER)" python/tests
+	$(BIN)/python -m coverage report
 
 # After a change of python/rtds_host/link/registers.toml.
 registers: setup

@@ -1,4 +1,4 @@
-"""Puts the Verilog and what builds it into the wheel, as rtds_host/hardware; all the rest stands in pyproject.toml."""
+"""Puts the Verilog, what builds it (rtds_host/hardware) and the example bags into the wheel; see pyproject.toml."""
 
 import shutil
 from pathlib import Path
@@ -23,6 +23,10 @@ class BuildWithHardware(build_py):
                     target = Path(self.build_lib) / "rtds_host" / "hardware" / path.relative_to(ROOT)
                     target.parent.mkdir(parents=True, exist_ok=True)
                     shutil.copyfile(path, target)
+        for path in sorted((ROOT / "examples").glob("*.mcap")):
+            target = Path(self.build_lib) / "rtds_host" / "examples" / path.name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, target)
 
 
 setup(cmdclass={"build_py": BuildWithHardware})

@@ -29,7 +29,8 @@ class CoreBridge(bridge.Bridge):
     async def reset(self) -> None:
         """Reset with every input at zero; the clock runs."""
         dut = self.dut
-        for port in (dut.inputs_i, dut.motor_l_i, dut.motor_r_i, dut.settings_i, dut.step_clocks_i, dut.go_i, dut.steps_i,
+        for port in (dut.inputs_i, dut.motor_l_i, dut.motor_r_i, dut.settings_i, dut.step_clocks_i, dut.go_i,
+            dut.steps_i,
                      dut.sample_steps_i, dut.fx_go_i, dut.word_i, dut.rst_ni):  # fmt: skip
             port.value = 0
         await Timer(10 * CLOCK_PERIOD_PS, unit="ps")

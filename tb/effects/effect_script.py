@@ -80,7 +80,8 @@ class Script:
         self._parts.append(np.array(record, np.uint32))
         if clear:
             self.model.clear()
-        got = self.model.run(np.asarray(v, np.uint32), np.asarray(t, np.uint32), np.asarray(parameters, np.uint32), method,
+        got = self.model.run(np.asarray(v, np.uint32), np.asarray(t, np.uint32), np.asarray(parameters, np.uint32),
+            method,
                              n, on=on, own=own, delay=delay, stride=stride)  # fmt: skip
         finite = ((got[:, :, :2] >> 23) & 0xFF != 0xFF).all(axis=(1, 2))
         flags = np.uint32(2 * self.model.fault) | ~finite
@@ -126,7 +127,8 @@ def sensible(rng: np.random.Generator, parts: int, strobes: int) -> Script:
             if k == 5:  # tables change under way
                 script.write([pair for pair in found.writes() if rng.random() < 0.02])
                 script.write(
-                    (table_address(int(rng.integers(SIDES)), int(rng.integers(len(TABLES))), int(rng.integers(CELLS)), 0),
+                    (table_address(int(rng.integers(SIDES)), int(rng.integers(len(TABLES))), int(rng.integers(CELLS)),
+                        0),
                      int(words(rng.normal(0.0, 1e-4))))
                     for _ in range(50)
                 )  # fmt: skip

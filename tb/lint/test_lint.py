@@ -6,7 +6,10 @@ from common.runner import read_file_list
 from lint import lint
 
 EARLY = "module t(input wire a_i, output wire b_o);\n  assign b_o = c;\n  wire c;\n  assign c = a_i;\nendmodule\n"
-NARROW = "module u(input wire [3:0] a_i);\n  wire unused = ^a_i;\nendmodule\nmodule t(input wire [4:0] a_i);\n  u x (.a_i(a_i));\nendmodule\n"
+NARROW = (
+    "module u(input wire [3:0] a_i);\n  wire unused = ^a_i;\nendmodule\nmodule t(input wire [4:0] a_i);\n  u x"
+    " (.a_i(a_i));\nendmodule\n"
+)
 
 
 def test_the_design_is_clean():

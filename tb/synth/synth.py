@@ -52,8 +52,8 @@ def synthesise(names: list[str]) -> dict:
     read = f"read_verilog -Isrc {' '.join(names)}"
     # The check is on the design as written: latches and several drivers are still what they are there.
     yosys(
-        f"{read}; read_verilog -lib +/intel_alm/common/megafunction_bb.v; hierarchy -check -top {TOP}; proc; "
-        "flatten; opt_clean; tee -q -o check.txt check; tee -q -o latches.txt select -count t:$dlatch t:$adlatch t:$dlatchsr",
+        f"{read}; read_verilog -lib +/intel_alm/common/megafunction_bb.v; hierarchy -check -top {TOP}; proc; flatten;"
+        " opt_clean; tee -q -o check.txt check; tee -q -o latches.txt select -count t:$dlatch t:$adlatch t:$dlatchsr",
         "check.log",
     )
     yosys(f"{read}; synth_intel_alm -family cyclonev -top {TOP}; tee -q -o stat.json stat -json", "synth.log")

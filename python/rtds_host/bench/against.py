@@ -116,11 +116,13 @@ def run(name: str, seconds: float, pairs: int) -> None:
     """Measure and print, a line a loop."""
     tree = earlier_tree(name)
     print(
-        f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} before the start; {pairs} pairs of {seconds:g} s a line"
+        f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} before the start; {pairs} pairs of {seconds:g} s a"
+        " line"
     )
     print("x cpu: simulated over the simulator's processor time; medians, and the ratio's least and largest\n")
     print(
-        f"{'loop on Verilator':<44}{'clocks':>14}{'x cpu ' + name[:10]:>18}{'now':>9}{'ratio':>8}{'of pairs':>16}{'wanted':>8}"
+        f"{'loop on Verilator':<44}{'clocks':>14}{'x cpu ' + name[:10]:>18}"
+        f"{'now':>9}{'ratio':>8}{'of pairs':>16}{'wanted':>8}"
     )
     for loop, step_clocks, exchange_steps, effects, wanted in LOOPS:
         found = compare(tree, step_clocks, exchange_steps, effects, seconds, pairs)

@@ -434,8 +434,9 @@ def page(result: dict) -> str:
     sources = " ".join(f"--measured {name}" for name in result["sets"])
     lines = [
         (
-            f"`rtds blind make {sources} --n {result['draws']} --seed {result['seed']} --out check`, `rtds blind answer"
-            f"{' --quick' if result['quick'] else ''} --out check`, `rtds blind score{'' if result['gaps'] else ' --no-closure'} --out check`."
+            f"`rtds blind make {sources} --n {result['draws']} --seed {result['seed']} --out check`, `rtds blind"
+            f" answer{' --quick' if result['quick'] else ''} --out check`, `rtds blind"
+            f" score{'' if result['gaps'] else ' --no-closure'} --out check`."
         ),
         "",
         "| | " + " | ".join(sets) + " |",

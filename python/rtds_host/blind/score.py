@@ -664,12 +664,13 @@ def page(result: dict) -> str:
         (
             f"{result['count']} sealed cases, seed {result['seed']}, made by `{result['made_by']}`, "
             + (
-                f"answered by `rtds blind answer{' --quick' if result['quick'] else ''}`, scored by `rtds blind score`. "
+                f"answered by `rtds blind answer{' --quick' if result['quick'] else ''}`, scored by `rtds blind"
+                " score`. "
                 if result["blind"]
                 else "scored with open truths by `rtds blind score --diagnoses`: not a blind check. "
             )
-            + "Shares with hits, count and the 95 % Wilson interval. Effects below "
-            f"{VISIBLE_SIGMA:g} sigma after the motors' tolerance is projected off are left out here and reported below."
+            + f"Shares with hits, count and the 95 % Wilson interval. Effects below {VISIBLE_SIGMA:g} sigma after the"
+            " motors' tolerance is projected off are left out here and reported below."
         ),
         "",
         "| | " + " | ".join(titles.get(g, g) for g in groups) + " |",
@@ -743,8 +744,9 @@ def page(result: dict) -> str:
         blamed = ", ".join(f"{i} {s}" for i, s in r["blamed"]) or "nothing"
         c = r["closure"] or {}
         lines.append(
-            f"| {r['case']} | {r['tier']} | {r['world']} | {there} | {blamed} | {r['verdict'] or 'no answer'} | "
-            f"{r['size_sigma'] if r['size_sigma'] is not None else '–'} | "
-            f"{'–' if c.get('closed') is None else format(c['closed'], '.2f')} | {'–' if r['seconds'] is None else format(r['seconds'], '.0f')} s |"
+            f"| {r['case']} | {r['tier']} | {r['world']} | {there} | {blamed} | {r['verdict'] or 'no answer'} |"
+            f" {r['size_sigma'] if r['size_sigma'] is not None else '–'} |"
+            f" {'–' if c.get('closed') is None else format(c['closed'], '.2f')} |"
+            f" {'–' if r['seconds'] is None else format(r['seconds'], '.0f')} s |"
         )
     return "\n".join(lines) + "\n"

@@ -158,7 +158,10 @@ def model_xml(side: np.ndarray, world: np.ndarray) -> str:
         small = '<inertial pos="0 0 0" mass="1e-4" diaginertia="1e-7 1e-7 1e-7"/>'
         inner = full + geom
         if p[S_SLIP] > 0:
-            inner = f'{small}<body name="tread_{label}"><joint name="tread_{label}" axis="0 1 0" damping="1"/>{inner}</body>'
+            inner = (
+                f'{small}<body name="tread_{label}"><joint name="tread_{label}" axis="0 1 0"'
+                f' damping="1"/>{inner}</body>'
+            )
         if p[S_BACKLASH] > 0 and p[S_STIFFNESS] <= 0:
             half = 0.5 * p[S_BACKLASH]
             joint = (
@@ -202,16 +205,14 @@ def model_xml(side: np.ndarray, world: np.ndarray) -> str:
                 f'cogging="{p[S_RIPPLE]:.9g} {round(p[S_RIPPLE_CYCLES])} {p[S_RIPPLE_PHASE]:.9g}"/>'
             )
     return (
-        f'<mujoco model="second-world"><compiler angle="radian"/><option timestep="{STEP_S}" integrator="implicitfast" cone="elliptic" '
-        f'impratio="10" iterations="30" tolerance="1e-10" gravity="{GRAVITY_M_S2 * gx:.9g} {GRAVITY_M_S2 * gy:.9g} '
-        f'{GRAVITY_M_S2 * gz:.9g}"/>'
-        '<default><geom solimp="0.99 0.9999 0.0001" solref="0.002 1"/></default><worldbody>'
-        '<geom type="plane" size="0 0 1" contype="1" conaffinity="2" friction="1e-4 1e-6 1e-7"/>'
-        '<body name="base"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>'
-        '<joint name="z" type="slide" axis="0 0 1"/>'
-        f'<joint name="yaw" type="hinge" axis="0 0 1" frictionloss="{world[W_SCRUB]:.9g}" '
-        f'damping="{world[W_TURN_DRAG]:.9g}"/>'
-        f'<inertial pos="{cx:.9g} {cy:.9g} 0.055" mass="{body_kg:.9g}" diaginertia="{izz:.9g} {izz:.9g} {izz:.9g}"/>'
+        f'<mujoco model="second-world"><compiler angle="radian"/><option timestep="{STEP_S}" integrator="implicitfast"'
+        f' cone="elliptic" impratio="10" iterations="30" tolerance="1e-10" gravity="{GRAVITY_M_S2 * gx:.9g}'
+        f' {GRAVITY_M_S2 * gy:.9g} {GRAVITY_M_S2 * gz:.9g}"/><default><geom solimp="0.99 0.9999 0.0001" solref="0.002'
+        ' 1"/></default><worldbody><geom type="plane" size="0 0 1" contype="1" conaffinity="2" friction="1e-4 1e-6'
+        ' 1e-7"/><body name="base"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1'
+        ' 0"/><joint name="z" type="slide" axis="0 0 1"/><joint name="yaw" type="hinge" axis="0 0 1"'
+        f' frictionloss="{world[W_SCRUB]:.9g}" damping="{world[W_TURN_DRAG]:.9g}"/><inertial pos="{cx:.9g} {cy:.9g}'
+        f' 0.055" mass="{body_kg:.9g}" diaginertia="{izz:.9g} {izz:.9g} {izz:.9g}"/>'
         + "".join(wheels)
         + "</body></worldbody><actuator>"
         + "".join(actuators)

@@ -18,6 +18,7 @@ from rtds_host.errors import InputError, RtdsError, brief, did_you_mean, said_of
 
 # Sub-command -> what it does. Each stands in the module rtds_host.cli.<name> as the Typer app `app`.
 COMMANDS = {
+    "demo": "Diagnose example bags that come with the package.",
     "run": "Drive a scenario with the motors in RTL (or the bit-exact model) and write a run folder.",
     "calibrate": "Measure gain and offset of the wires between PC and chip.",
     "diagnose": "Say where the gap between simulator and reality lies, and which effect causes it.",
@@ -28,7 +29,7 @@ COMMANDS = {
     "export": "Write the robot with a diagnosis in it for MuJoCo, Gazebo, Isaac Sim, URDF, Python, FMI or C.",
     "serve": "Let another program step a robot's two motors, through a socket.",
     "plan": "Plan the manoeuvre that would tell most, within a floor, with a ROS 2 script.",
-    "effects": "List the effects that a diagnosis can blame, or tell all of one.",
+    "effects": "List the effects that a diagnosis can name, or tell all of one.",
     "init": "Write a robot's file from a data sheet, and a draft mapping for its recordings.",
     "doctor": "Say what is installed, what is missing and how to get it.",
     "import": "Turn ROS 2 bags or csv files of a real robot into a case.",

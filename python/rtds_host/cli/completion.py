@@ -107,12 +107,16 @@ def _bash(commands: dict[str, Known]) -> str:
         case(name, one)
     groups = "|".join(name for name, one in commands.items() if one.commands)
     return f"""_rtds() {{
-  local cur="${{COMP_WORDS[COMP_CWORD]}}" before="${{COMP_WORDS[COMP_CWORD-1]}}" path="" words="" options="" alone="" values=yes k
+  local cur="${{COMP_WORDS[COMP_CWORD]}}" before="${{COMP_WORDS[COMP_CWORD-1]}}" path="" words="" options=""
+  local alone="" values=yes k
   for ((k = 1; k < COMP_CWORD; k++)); do
     case "${{COMP_WORDS[k]}}" in
       -*) ;;
       *)
-        if [[ -z $path ]]; then path="${{COMP_WORDS[k]}}"; elif [[ $path =~ ^({groups})$ ]]; then path="$path ${{COMP_WORDS[k]}}"; else break; fi;;
+        if [[ -z $path ]]; then path="${{COMP_WORDS[k]}}"
+        elif [[ $path =~ ^({groups})$ ]]; then
+          path="$path ${{COMP_WORDS[k]}}"
+        else break; fi;;
     esac
   done
   case "$path" in

@@ -14,7 +14,7 @@ def effects(
     name: Annotated[str | None, typer.Argument(help="One effect, in full; without it, all of them in a table.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the whole catalogue as JSON.")] = False,
 ) -> None:
-    """List the effects that a diagnosis can blame."""
+    """List the effects that a diagnosis can name."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -58,7 +58,8 @@ def effects(
         f"  source: {effect.source}",
     ]
     lines += [
-        f"  {p.name} [{p.unit}]: {p.meaning or 'see the equation'}; within {p.low:.4g} to {p.high:.4g}, absent at {p.null:.4g}"
+        f"  {p.name} [{p.unit}]: {p.meaning or 'see the equation'}; within {p.low:.4g} to {p.high:.4g}, absent at"
+        f" {p.null:.4g}"
         for p in effect.parameters
     ]
     lines += [

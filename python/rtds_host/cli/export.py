@@ -26,7 +26,7 @@ def export(
     out: Annotated[Path, typer.Option(help="File to write; with --samples a folder.")],
     robot: Annotated[
         Path | None,
-        typer.Option(help="The nominal robot.toml. Default: the one beside the diagnosis, or in the folder above."),
+        typer.Option(help="The nominal robot.toml. Default: the one next to the diagnosis, or in the folder above."),
     ] = None,
     check: Annotated[
         list[Path] | None,

@@ -20,7 +20,7 @@ def plan(
     out: Annotated[Path, typer.Option(help="Folder for commands.csv, drive.py (ROS 2) and plan.json.")],
     robot: Annotated[
         Path | None,
-        typer.Option(help="The nominal robot.toml of a diagnosis. Default: the one beside it, or in the folder above."),
+        typer.Option(help="The nominal robot.toml of a diagnosis. Default: next to it, or in the folder above."),
     ] = None,
     floor: Annotated[str, typer.Option(metavar="WxD", help="Free floor, m.")] = "3x3",
     margin: Annotated[float, typer.Option(help="To keep clear around the axle's mid-point, m.", min=0.0)] = 0.25,
@@ -133,7 +133,8 @@ def _show(made, robot, why: str, out: Path) -> None:
     floor, tops = made.floor, made.tops
     lines = [f"{made.scenario.name}: {made.scenario.about}", f"  why      {why}"]
     lines.append(
-        f"  size     {made.scale:.2f} of the menu's; {made.commands.duration_s:.1f} s, payload {made.payload_kg:g} kg, {ground}"
+        f"  size     {made.scale:.2f} of the menu's; {made.commands.duration_s:.1f} s, payload {made.payload_kg:g} kg,"
+        f" {ground}"
     )
     lines.append(
         f"  floor    {floor.width_m:g} x {floor.depth_m:g} m, {floor.margin_m:g} m clear: start at x = {x:.2f} m, "

@@ -154,7 +154,7 @@ def run(
         str | None, typer.Option(help="Drive once more in this engine too and print how far apart both end.")
     ] = None,
     support: Annotated[
-        str, typer.Option(help="What the robot stands on beside its wheels: skids or caster.")
+        str, typer.Option(help="What supports the robot next to its wheels: skids or caster.")
     ] = "skids",
     out: Annotated[
         Path | None,
@@ -177,7 +177,7 @@ def run(
     effect: Annotated[
         list[str] | None,
         typer.Option(
-            help="An effect of the catalogue, as driver_gain.ratio=0.9 or, of one side, with ,side=left behind it "
+            help="An effect of the catalogue, as ID.KEY=VALUE or, of one side, with ,side=left behind it "
             "(`rtds effects` lists them); may be repeated."
         ),
     ] = None,

@@ -245,8 +245,8 @@ class Coupler:
         if self.carried.any():
             if np.abs(motion.speeds[-1]).max() > self.runaway:
                 raise InputError(
-                    f"the wheels have lost the ground at {self.now:.3f} s: so hard a start, or stop, lifts the robot off "
-                    "its wheels; ask for less voltage at once"
+                    f"the wheels have lost the ground at {self.now:.3f} s: so hard a start, or stop, lifts the robot"
+                    " off its wheels; ask for less voltage at once"
                 )
             acted = acted + self.carried * self.gained
         self._observe(motion, volts, acted, total_s)

@@ -69,7 +69,10 @@ def drive(
 def markdown(pairs: list[Pair]) -> str:
     """The table."""
     lines = [
-        "| scenario | robot | end of the path | speed error, rms | peak current, left, right | engines end | engines, rms |",
+        (
+            "| scenario | robot | end of the path | speed error, rms | peak current, left, right | engines end |"
+            " engines, rms |"
+        ),
         "|---|---|---|---|---|---|---|",
     ]
     for pair in pairs:
@@ -77,10 +80,11 @@ def markdown(pairs: list[Pair]) -> str:
             s = outcome.summary
             g = s.engine_gap
             lines.append(
-                f"| {pair.scenario} | {text} | {1e3 * s.end_position_error_m:.2f} mm, {math.degrees(s.end_yaw_error_rad):.3f}° off | "
-                f"{1e3 * s.speed_error_rms_rad_s:.2f} mrad/s | {1e3 * s.peak_current_a[0]:.0f}, {1e3 * s.peak_current_a[1]:.0f} mA | "
-                f"{1e3 * g.end_position_m:.3f} mm, {math.degrees(g.end_yaw_rad):.4f}° apart | {1e3 * g.speed_rms_rad_s:.2g} mrad/s, "
-                f"{1e3 * g.current_rms_a:.2g} mA, {1e3 * g.load_rms_nm:.2g} mN·m |"
+                f"| {pair.scenario} | {text} | {1e3 * s.end_position_error_m:.2f} mm,"
+                f" {math.degrees(s.end_yaw_error_rad):.3f}° off | {1e3 * s.speed_error_rms_rad_s:.2f} mrad/s |"
+                f" {1e3 * s.peak_current_a[0]:.0f}, {1e3 * s.peak_current_a[1]:.0f} mA | {1e3 * g.end_position_m:.3f}"
+                f" mm, {math.degrees(g.end_yaw_rad):.4f}° apart | {1e3 * g.speed_rms_rad_s:.2g} mrad/s,"
+                f" {1e3 * g.current_rms_a:.2g} mA, {1e3 * g.load_rms_nm:.2g} mN·m |"
             )
     return "\n".join(lines) + "\n"
 

@@ -122,7 +122,8 @@ def main() -> None:
     for row in rows:
         print("| " + " | ".join(cell.replace("|", "\\|") for cell in (*row[:3], kind(row[3]), row[3])) + " |")
     print(
-        f"\n| room | constants | {' | '.join(KINDS)} | beyond numerical, contract and layout |\n|---|{'---|' * (len(KINDS) + 2)}"
+        f"\n| room | constants | {' | '.join(KINDS)} | beyond numerical, contract and layout"
+        f" |\n|---|{'---|' * (len(KINDS) + 2)}"
     )
     for room, mine in {**by_room(rows), "all": rows}.items():
         counts = [sum(kind(row[3]) == which for row in mine) for which in KINDS]

@@ -58,8 +58,8 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
         for name, heading in problem.headings.items()
     ]
     notes += [
-        f"{name}: its commands act {late:+.2g} s later than those of the other runs; effects were fitted with that, every gap "
-        "shown is without it"
+        f"{name}: its commands act {late:+.2g} s later than those of the other runs; effects were fitted with that,"
+        " every gap shown is without it"
         for name, late in problem.lates.items()
     ]
     if problem.searched < 1.0:

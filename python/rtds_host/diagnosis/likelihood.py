@@ -13,7 +13,8 @@ with a scale of its own for each channel and run, which finds what acts in few b
 
 The logarithm does not change when the noise is declared otherwise: an explanation that halves the residuals gains the
 same whatever their unit, so sizes and names do not hang on the declared noise while V is far above 1. It is bounded
-from above by its tangent in V, so that least squares with the weight 1 / (1 + n (V - V0) / b) on a group's rows, renewed
+from above by its tangent in V,
+so that least squares with the weight 1 / (1 + n (V - V0) / b) on a group's rows, renewed
 after each step, lowers the cost in each step (a majorant: D. R. Hunter, K. Lange, The American Statistician 58, 2004).
 
 References: J. W. Miller, D. B. Dunson, JASA 114, 2019 (inference at the scale of the model's error); P. G. Bissiri,

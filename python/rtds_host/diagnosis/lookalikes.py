@@ -69,7 +69,8 @@ def _fitting(
     """Of effects in another one's place those that fit as well, and open no gap: what the likelihood gains without
     each, and its fit.
 
-    Where a gap remains, what leaves a gap within a tenth as large on runs left out fits as well. Elsewhere the likelihood
+    Where a gap remains,
+    what leaves a gap within a tenth as large on runs left out fits as well. Elsewhere the likelihood
     tells. What is `known` to be confused with it must be told from it by more than slight a part of what it leaves: the forms
     of a machine that is described no better differ by as much.
     """

@@ -406,7 +406,8 @@ class Neighbours(Explanations):
         better = min([fit, *(f for f in found if self.named(f))], key=self.score)
         if better is not fit:
             self.trace.append(
-                f"rename {set(fit.hypothesis) - set(better.hypothesis)} -> {set(better.hypothesis) - set(fit.hypothesis)}"
+                f"rename {set(fit.hypothesis) - set(better.hypothesis)} ->"
+                f" {set(better.hypothesis) - set(fit.hypothesis)}"
             )
         return better
 

@@ -86,8 +86,8 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
             )
         if effect is None:
             raise InputError(
-                f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in "
-                f"the catalogue (see `rtds effects`){did_you_mean(name, effects_there) if isinstance(name, str) else ''}"
+                f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in the catalogue"
+                f" (see `rtds effects`){did_you_mean(name, effects_there) if isinstance(name, str) else ''}"
             )
         sides = [s for s in effect.sides if effect.side_on(robot.axis, s) == entry.get("side")]
         if not sides:

@@ -125,7 +125,8 @@ def figures_of(model: Model, robot: Robot) -> Figures:
         raise InputError(f"robot {robot.name!r}: is a single axis, a robot on two wheels can be exported")
     if robot.driver.mode == "torque":
         raise InputError(
-            f"robot {robot.name!r}: [driver] mode is 'torque', the motors of an exported robot take volts or wheel speeds"
+            f"robot {robot.name!r}: [driver] mode is 'torque', the motors of an exported robot take volts or wheel"
+            " speeds"
         )
     get = model.get
     n = get("gear_ratio")

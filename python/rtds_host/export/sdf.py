@@ -26,20 +26,25 @@ def _inertial(mass: float, at: tuple[float, ...], moments: tuple[float, ...]) ->
 
 
 def _sphere(name: str, radius: float, at: tuple[float, ...], friction: float) -> str:
-    shape = f"        <pose>{vector(*at)} 0 0 0</pose>\n        <geometry><sphere><radius>{radius:.9g}</radius></sphere></geometry>\n"
+    shape = (
+        f"        <pose>{vector(*at)} 0 0 0</pose>\n       "
+        f" <geometry><sphere><radius>{radius:.9g}</radius></sphere></geometry>\n"
+    )
     return (
-        f'      <collision name="{name}">\n{shape}        <surface><friction><ode><mu>{friction:g}</mu><mu2>{friction:g}</mu2>'
-        f'</ode></friction></surface>\n      </collision>\n      <visual name="{name}">\n{shape}      </visual>\n'
+        f'      <collision name="{name}">\n{shape}       '
+        f" <surface><friction><ode><mu>{friction:g}</mu><mu2>{friction:g}</mu2></ode></friction></surface>\n     "
+        f' </collision>\n      <visual name="{name}">\n{shape}      </visual>\n'
     )
 
 
 def _imu(figures: Figures) -> str:
     noise = figures.noise.get("gyro_rad_s", 0.0)
     return (
-        '      <sensor name="imu" type="imu">\n        <always_on>true</always_on>\n        <update_rate>100</update_rate>\n'
-        '        <imu><angular_velocity><z><noise type="gaussian">\n'
-        f"          <mean>0</mean><stddev>{noise:.9g}</stddev><bias_mean>{figures.gyro_bias_rad_s:.9g}</bias_mean>"
-        "<bias_stddev>0</bias_stddev>\n        </noise></z></angular_velocity></imu>\n      </sensor>\n"
+        '      <sensor name="imu" type="imu">\n        <always_on>true</always_on>\n       '
+        ' <update_rate>100</update_rate>\n        <imu><angular_velocity><z><noise type="gaussian">\n         '
+        f" <mean>0</mean><stddev>{noise:.9g}</stddev>"
+        f"<bias_mean>{figures.gyro_bias_rad_s:.9g}</bias_mean><bias_stddev>0</bias_stddev>\n"
+        "        </noise></z></angular_velocity></imu>\n      </sensor>\n"
     )
 
 
@@ -68,20 +73,25 @@ def write(figures: Figures, comment: str) -> str:
     skids = "".join(_sphere(name, SKID_RADIUS_M, (x, body.com_m[1], SKID_RADIUS_M), 0.0) for name, x in supports(body))
     slope = ""
     if figures.slope_extra_rad:
-        slope = f"The ground climbs by {figures.slope_extra_rad:.9g} rad more than it was said to: tilt <gravity> of the world by it.\n"
+        slope = (
+            f"The ground climbs by {figures.slope_extra_rad:.9g} rad more than it was said to: tilt <gravity> of the"
+            " world by it.\n"
+        )
     text = (
-        f'<?xml version="1.0"?>\n<!--\n{comment}{driven(figures)}{slope}-->\n<sdf version="1.9">\n'
-        f"  <model name={quoteattr(figures.name)}>\n"
-        f'    <link name="base">\n{_inertial(base.mass_kg, base.com_m, base.inertia_kg_m2)}{skids}{_imu(figures)}    </link>\n'
+        f'<?xml version="1.0"?>\n<!--\n{comment}{driven(figures)}{slope}-->\n<sdf version="1.9">\n  <model'
+        f" name={quoteattr(figures.name)}>\n    <link"
+        f' name="base">\n{_inertial(base.mass_kg, base.com_m, base.inertia_kg_m2)}{skids}{_imu(figures)}    </link>\n'
     )
     for name, side, half in zip(SIDES, figures.sides, (0.5, -0.5), strict=True):
         joint = drive(figures, side)
         moments = (spin / 2, spin, spin / 2)
         text += (
-            f'    <link name="wheel_{name}">\n      <pose>{vector(0.0, half * body.track_width_m, side.radius_m)} 0 0 0</pose>\n'
+            f'    <link name="wheel_{name}">\n      <pose>{vector(0.0, half * body.track_width_m, side.radius_m)} 0 0'
+            " 0</pose>\n"
             f"{_inertial(body.wheel_mass_kg, (0.0, 0.0, 0.0), moments)}"
             f"{_sphere('tyre', side.radius_m, (0.0, 0.0, 0.0), body.tyre_friction)}    </link>\n"
-            f'    <joint name="wheel_{name}" type="revolute">\n      <parent>base</parent>\n      <child>wheel_{name}</child>\n'
+            f'    <joint name="wheel_{name}" type="revolute">\n      <parent>base</parent>\n     '
+            f" <child>wheel_{name}</child>\n"
             "      <axis>\n        <xyz>0 1 0</xyz>\n"
             f"        <dynamics><damping>{joint.viscous + joint.braking:.9g}</damping>"
             f"<friction>{joint.friction:.9g}</friction></dynamics>\n"

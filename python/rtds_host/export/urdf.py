@@ -21,28 +21,31 @@ def driven(figures: Figures) -> str:
     left, right = (side.torque_per_volt for side in figures.sides)
     text = HOW_DRIVEN.format(left=left, right=right) + "\n"
     if figures.loop is not None:
-        text += "The servo's loop: effort = p (c - w) + integral of i (c - w), c the speed asked for times a scale, w the wheel's, rad/s:\n"
+        text += (
+            "The servo's loop: effort = p (c - w) + integral of i (c - w), c the speed asked for times a scale, w the"
+            " wheel's, rad/s:\n"
+        )
         for name, side in zip(SIDES, figures.sides, strict=True):
             loop = torque_loop(figures, side)
             text += (
-                f"  {name}: p = {loop.p:.9g} N·m·s/rad, i = {loop.i:.9g} N·m/rad, integral within {loop.integral:.9g} N·m, "
-                f"effort within {loop.effort:.9g} N·m, scale {loop.scale:.9g}\n"
+                f"  {name}: p = {loop.p:.9g} N·m·s/rad, i = {loop.i:.9g} N·m/rad, integral within {loop.integral:.9g}"
+                f" N·m, effort within {loop.effort:.9g} N·m, scale {loop.scale:.9g}\n"
             )
     return text
 
 
 def _inertial(mass: float, at: tuple[float, ...], moments: tuple[float, ...]) -> str:
     return (
-        f'    <inertial>\n      <origin xyz="{vector(*at)}"/>\n      <mass value="{mass:.9g}"/>\n'
-        f'      <inertia ixx="{moments[0]:.9g}" iyy="{moments[1]:.9g}" izz="{moments[2]:.9g}" ixy="0" ixz="0" iyz="0"/>\n'
-        "    </inertial>\n"
+        f'    <inertial>\n      <origin xyz="{vector(*at)}"/>\n      <mass value="{mass:.9g}"/>\n      <inertia'
+        f' ixx="{moments[0]:.9g}" iyy="{moments[1]:.9g}" izz="{moments[2]:.9g}" ixy="0" ixz="0" iyz="0"/>\n   '
+        " </inertial>\n"
     )
 
 
 def _sphere(radius: float, at: tuple[float, ...] = (0.0, 0.0, 0.0)) -> str:
     return "".join(
-        f'    <{kind}>\n      <origin xyz="{vector(*at)}"/>\n      <geometry><sphere radius="{radius:.9g}"/></geometry>\n'
-        f"    </{kind}>\n"
+        f'    <{kind}>\n      <origin xyz="{vector(*at)}"/>\n      <geometry><sphere'
+        f' radius="{radius:.9g}"/></geometry>\n    </{kind}>\n'
         for kind in ("visual", "collision")
     )
 
@@ -60,11 +63,13 @@ def write(figures: Figures, comment: str) -> str:
     for name, side, half in zip(SIDES, figures.sides, (0.5, -0.5), strict=True):
         joint = drive(figures, side)
         text += (
-            f'  <link name="wheel_{name}">\n{_inertial(body.wheel_mass_kg, (0.0, 0.0, 0.0), (spin / 2, spin, spin / 2))}'
-            f"{_sphere(side.radius_m)}  </link>\n"
-            f'  <joint name="wheel_{name}" type="continuous">\n    <parent link="base"/>\n    <child link="wheel_{name}"/>\n'
-            f'    <origin xyz="{vector(0.0, half * body.track_width_m, side.radius_m)}"/>\n    <axis xyz="0 1 0"/>\n'
-            f'    <dynamics damping="{joint.viscous + joint.braking:.9g}" friction="{joint.friction:.9g}"/>\n'
-            f'    <limit effort="{joint.effort:.9g}" velocity="{joint.speed:.9g}"/>\n  </joint>\n'
+            "  <link"
+            f' name="wheel_{name}">\n{_inertial(body.wheel_mass_kg, (0.0, 0.0, 0.0), (spin / 2, spin, spin / 2))}'
+            f"{_sphere(side.radius_m)}"
+            f'  </link>\n  <joint name="wheel_{name}" type="continuous">\n    <parent link="base"/>\n    <child'
+            f' link="wheel_{name}"/>\n    <origin xyz="{vector(0.0, half * body.track_width_m, side.radius_m)}"/>\n   '
+            f' <axis xyz="0 1 0"/>\n    <dynamics damping="{joint.viscous + joint.braking:.9g}"'
+            f' friction="{joint.friction:.9g}"/>\n    <limit effort="{joint.effort:.9g}"'
+            f' velocity="{joint.speed:.9g}"/>\n  </joint>\n'
         )
     return text + "</robot>\n"

@@ -150,8 +150,8 @@ def _fit(name: str, x: np.ndarray, y: np.ndarray, step_v: float) -> tuple[Line, 
         raise LinkError(f"{error}: not connected, or to something else") from error
     if residual > RESIDUAL_STEPS * step_v:
         raise LinkError(
-            f"calibrate: {name}: a point is {1e3 * residual:.1f} mV off its line, {1e3 * RESIDUAL_STEPS * step_v:.1f} mV "
-            "are allowed: wires swapped, loose or noisy"
+            f"calibrate: {name}: a point is {1e3 * residual:.1f} mV off its line, {1e3 * RESIDUAL_STEPS * step_v:.1f}"
+            " mV are allowed: wires swapped, loose or noisy"
         )
     return line, residual
 

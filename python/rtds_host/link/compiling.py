@@ -137,7 +137,8 @@ def compilation(
     text = "#define VL_INCLUDE_OPT include\n" + "".join(f'#include "{name}"\n' for name in model)
     if not whole.is_file() or whole.read_text() != text:
         whole.write_text(text)
-    kinds = {"COVERAGE": "coverage", "SC": "system_c", "TIMING": "use_timing", "TRACE": "trace", "TRACE_FST": "trace_fst",
+    kinds = {"COVERAGE": "coverage", "SC": "system_c", "TIMING": "use_timing", "TRACE": "trace",
+    "TRACE_FST": "trace_fst",
              "TRACE_VCD": "trace_vcd", "TRACE_SAIF": "trace_saif"}  # fmt: skip
     common = [
         f"-I{folder}", f"-I{root / 'include'}", f"-I{root / 'include' / 'vltstd'}", "-DVERILATOR=1",

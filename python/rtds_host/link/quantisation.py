@@ -28,7 +28,7 @@ from rtds_host.link.scaling import ADC_CHANNELS, DAC_OUTPUTS, Scaling, default_s
 from rtds_host.motor.effects import SupplyEffects, UnitEffects
 
 STAGES = ("parameters", "voltages", "torques", "outputs")
-"""Where a converter stands: four parameters, two voltages, two torques through the ADC; four outputs through the DAC."""
+"""Where a converter is: four parameters, two voltages, two torques through the ADC, four outputs through the DAC."""
 
 
 DEFAULT_SCENARIOS = ("linear", "circle", "eight")
@@ -247,7 +247,10 @@ def report(scenarios: Sequence[str], robot: str = "burger") -> str:
                 )
     if tracking:
         lines += [
-            "| run | link | speed error rms, rad/s | end position off, mm | end yaw off, deg | largest on the way, mm |",
+            (
+                "| run | link | speed error rms, rad/s | end position off, mm | end yaw off, deg | largest on the way,"
+                " mm |"
+            ),
             "|---|---|---|---|---|---|",
             *tracking,
         ]

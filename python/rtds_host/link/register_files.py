@@ -54,7 +54,10 @@ def verilog_header(regs: RegisterMap) -> str:
 def verilog_fields(regs: RegisterMap) -> str:
     """The config group as wires with names, for `include beside a vector `cfg`."""
     lines = [
-        "// The config group by names: of the vector `cfg` (config_o of rtds_regs) a wire for each word and each bit with a name, and",
+        (
+            "// The config group by names: of the vector `cfg` (config_o of rtds_regs) a wire for each word and each"
+            " bit with a name, and"
+        ),
         "// one for each row of scalings, the first one lowest.",
         f"// Made from python/rtds_host/link/registers.toml by `{COMMAND}`; do not edit.",
         "// To be included inside a module after `cfg`; a module uses a part of it, hence the waiver.",
@@ -140,9 +143,18 @@ def markdown_page(regs: RegisterMap) -> str:
         "    print(chip.take_status(), chip.counters())",
         "```",
         "",
-        'Where no chip answers, every call ends in one `LinkError`: "/dev/ttyUSB0: bus does not answer". An answer has 0.25 s',
-        "(`open_serial(..., timeout_s=)`) from the request on, however its bytes come, and a request is made three times: a line",
-        "that is silent, on which noise or answers to something else come without end, or bytes one by one, ends an operation",
+        (
+            'Where no chip answers, every call ends in one `LinkError`: "/dev/ttyUSB0: bus does not answer". An answer'
+            " has 0.25 s"
+        ),
+        (
+            "(`open_serial(..., timeout_s=)`) from the request on, however its bytes come, and a request is made three"
+            " times: a line"
+        ),
+        (
+            "that is silent, on which noise or answers to something else come without end, or bytes one by one, ends an"
+            " operation"
+        ),
         "within 0.75 s; a port that takes no bytes, within 2 s.",
     ]
     return "\n".join(lines) + "\n"

@@ -185,7 +185,8 @@ class RtlLink(ConfiguredLink):
             self._check_length(self._ask(protocol.EFFECTS, table, protocol.DONE), 0)
         (left, method_index), (right, _) = (parameter_words(side, method) for side in words.side_values(values))
         payload = protocol.PARAMETERS_PAYLOAD.pack(
-            *left.view(np.uint32).tolist(), *right[:6].view(np.uint32).tolist(), method_index, self._step_clocks, words.on,
+            *left.view(np.uint32).tolist(), *right[:6].view(np.uint32).tolist(), method_index, self._step_clocks,
+            words.on,
             words.own, words.delay, words.stride,
         )  # fmt: skip
         self._check_length(self._ask(protocol.PARAMETERS, payload, protocol.DONE), 0)

@@ -388,7 +388,8 @@ def words() -> list[dict[str, int]]:
             put(clock - READ_AHEAD, read_add_b=address_b)
         else:
             across = {"other": "register", "own": "register"}
-            put(clock, add=1, add_a=ADD_A.index(across.get(source_a, source_a)), add_b=ADD_B.index(across.get(source_b, source_b)),
+            put(clock, add=1, add_a=ADD_A.index(across.get(source_a, source_a)), add_b=ADD_B.index(across.get(source_b,
+                source_b)),
                 minus_a=int(issue.minus_a), minus_b=int(issue.minus_b))  # fmt: skip
             if source_a == "other":
                 put(clock - ACROSS, across=1)

@@ -137,7 +137,8 @@ def run(
             ys += curve.y
             starts.append(len(xs))
         numbers.append((values[0], values[3], unit.limit_v, unit.load_share, unit.heat_rise_per_w, unit.heat_tau_s,
-                        unit.ripple_periods_per_rad * FULL_TURN / (2.0 * math.pi), unit.ripple_start_rad, step_s))  # fmt: skip
+                        unit.ripple_periods_per_rad * FULL_TURN / (2.0 * math.pi), unit.ripple_start_rad,
+                        step_s))  # fmt: skip
     packed = np.array(starts), np.array(xs, float), np.array(ys, float)
     # The command's way is one step long at least: the unit's register.
     late = max(round(supply.command_delay_s / step_s) - 1, 0)

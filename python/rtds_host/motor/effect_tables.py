@@ -224,8 +224,8 @@ def _against_driving(drop: Curve, resistance: float) -> Curve:
     for k in range(1, len(u)):
         if u[k] < u[k - 1]:
             raise InputError(
-                f"drop: it falls from {drop.y[k - 1]:g} V at {drop.x[k - 1]:g} A to {drop.y[k]:g} V at {drop.x[k]:g} A, "
-                f"faster than the voltage across {resistance:g} ohm rises"
+                f"drop: it falls from {drop.y[k - 1]:g} V at {drop.x[k - 1]:g} A to {drop.y[k]:g} V at {drop.x[k]:g} A,"
+                f" faster than the voltage across {resistance:g} ohm rises"
             )
     return Curve(tuple(u), drop.y)
 

@@ -148,7 +148,8 @@ class UnitEffects:
             self.ripple.x[0] >= 0.0 and self.ripple.x[-1] <= FULL_TURN * (1.0 + _TURN_SLACK)
         ):
             raise InputError(
-                f"ripple: angles from {self.ripple.x[0]:g} to {self.ripple.x[-1]:g} rad, one period from 0 to 2 pi is taken"
+                f"ripple: angles from {self.ripple.x[0]:g} to {self.ripple.x[-1]:g} rad, one period from 0 to 2 pi is"
+                " taken"
             )
         _finite("ripple_periods_per_rad", self.ripple_periods_per_rad)
         _finite("ripple_start_rad", self.ripple_start_rad)

@@ -58,7 +58,10 @@ def table(drives: Sequence[Drive]) -> str:
     why.
     """
     rows = [
-        "| robot | scenario | payload, way, time | body / rotor | end of the path | speed error (rms) | energy: balance, robot |",
+        (
+            "| robot | scenario | payload, way, time | body / rotor | end of the path | speed error (rms) | energy:"
+            " balance, robot |"
+        ),
         "|---|---|---|---|---|---|---|",
     ]
     for key in dict.fromkeys((one.robot, one.scenario) for one in drives):
@@ -75,11 +78,11 @@ def table(drives: Sequence[Drive]) -> str:
             if name in plan.values
         )
         rows.append(
-            f"| `{key[0]}` | {key[1]} | {plan.body.payload_kg:.3g} kg, {way}, {plan.duration_s:g} s | {found[0].inertia_ratio:.2f} | "
-            f"{1e3 * max(s.end_position_error_m for s in found):.2f} mm, "
-            f"{max(abs(math.degrees(s.end_yaw_error_rad)) for s in found):.3f}° | "
-            f"{1e3 * max(s.speed_error_rms_rad_s for s in found):.2f} mrad/s | "
-            f"{max(s.energy_imbalance for s in found):.0e}, {max(abs(s.robot_energy_gap) for s in found):.0e} |"
+            f"| `{key[0]}` | {key[1]} | {plan.body.payload_kg:.3g} kg, {way}, {plan.duration_s:g} s |"
+            f" {found[0].inertia_ratio:.2f} | {1e3 * max(s.end_position_error_m for s in found):.2f} mm,"
+            f" {max(abs(math.degrees(s.end_yaw_error_rad)) for s in found):.3f}° |"
+            f" {1e3 * max(s.speed_error_rms_rad_s for s in found):.2f} mrad/s |"
+            f" {max(s.energy_imbalance for s in found):.0e}, {max(abs(s.robot_energy_gap) for s in found):.0e} |"
         )
     return "\n".join(rows) + "\n"
 

@@ -215,8 +215,9 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
             (
                 f"{s.engine} - {g.engine}",
                 (
-                    f"end {1e3 * g.end_position_m:.3f} mm and {math.degrees(g.end_yaw_rad):.4f} deg apart; rms "
-                    f"{1e3 * g.speed_rms_rad_s:.2g} mrad/s, {1e3 * g.current_rms_a:.2g} mA, {1e3 * g.load_rms_nm:.2g} mN m"
+                    f"end {1e3 * g.end_position_m:.3f} mm and {math.degrees(g.end_yaw_rad):.4f} deg apart; rms"
+                    f" {1e3 * g.speed_rms_rad_s:.2g} mrad/s, {1e3 * g.current_rms_a:.2g} mA, {1e3 * g.load_rms_nm:.2g}"
+                    " mN m"
                 ),
             )
         )

@@ -21,7 +21,8 @@ out = pathlib.Path(sys.argv[3])
 out.mkdir(parents=True)
 (out / "diagnosis.json").write_text(json.dumps({"schema": "rtds-diagnosis/1", "verdict": "known", "located": [],
   "effects": [{"id": "coulomb_friction", "side": "left", "probability": 1.0,
-               "parameters": {"torque_nm": {"value": 0.03, "ci90": None}}}], "indistinguishable": [], "nominal_fit": {}}))
+               "parameters": {"torque_nm": {"value": 0.03, "ci90": None}}}], "indistinguishable": [],
+               "nominal_fit": {}}))
 """
 
 

@@ -47,7 +47,8 @@ def test_a_diagnosis_that_cannot_be_written_is_refused_before_the_case_is_read(t
 
 
 @pytest.mark.parametrize("words", [
-    ["run", "linear", "--link", "model"], ["calibrate", "--link", "chip"], ["diagnose", "no-case"], ["close", "no-case"],
+    ["run", "linear", "--link", "model"], ["calibrate", "--link", "chip"], ["diagnose", "no-case"], ["close",
+    "no-case"],
     ["predict", "no-run", "--robot", "no.toml"], ["export", "no.json", "--robot", "no.toml", "--to", "urdf"],
     ["export", "no.json", "--robot", "no.toml", "--to", "urdf", "--samples", "2"], ["plan", "no.toml"],
     ["import", "no.mcap"], ["blind", "make", "--n", "1"], ["blind", "answer"], ["blind", "score"],
@@ -132,7 +133,7 @@ def test_a_shell_completes_commands_options_scenarios_and_effects():
         return done.stdout.split()
 
     assert set(complete()) == set(COMMANDS)
-    assert complete("run", "linear", part="--li") == ["--list", "--link"]
+    assert complete("run", "linear", part="--li") == ["--list", "--link", "--live"]
     assert complete("blind", "make", part="--se") == ["--seed"]
     assert {"circle", "linear", "all"} <= set(complete("run"))
     assert complete("export", "x.json", "--to") == list(TARGETS)

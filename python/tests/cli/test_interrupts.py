@@ -8,7 +8,10 @@ import sys
 
 import pytest
 
-STRIKE = "import os, signal, sys\nimport rtds_host.cli.main as command\nstrike = lambda: os.kill(os.getpid(), signal.SIGINT)\n"
+STRIKE = (
+    "import os, signal, sys\nimport rtds_host.cli.main as command\nstrike = lambda: os.kill(os.getpid(),"
+    " signal.SIGINT)\n"
+)
 INTERRUPTED = (130, "rtds: interrupted\n")
 
 

@@ -349,5 +349,3 @@ def test_a_swinging_gear_is_found_under_a_delay_that_hides_it():
 def test_a_small_effect_beside_a_large_one_is_named_where_it_takes_all_of_a_rest_that_is_a_gap():
     diagnosis, _ = run(make_case(swinging_gear("coulomb", 0.008, stiffness=1.0), seed=42))
     assert {e["id"] for e in diagnosis["effects"]} == {"gear_compliance", "coulomb_friction"}
-
-

@@ -117,5 +117,3 @@ def test_an_effect_is_worth_naming_if_it_outweighs_half_of_the_rest_or_is_much_o
     without, gap, share, worth
 ):
     assert worth_naming(without, gap, share) is worth
-
-

@@ -264,6 +264,8 @@ def test_what_the_catalogue_has_no_name_for_is_placed_in_its_subsystem(subsystem
 # ---- effects that stand in -----------------------------------------------------------------------------------------
 
 INERTIA = ("rotor_inertia_error", "both")
+
+
 @pytest.mark.parametrize("unlike", [0.0, 0.3], ids=["straight", "sides apart"])
 def test_a_cause_is_its_own_where_effects_and_tolerances_do_not_make_it(unlike):
     """On a robot that drives straight the other side's command does what a gain does."""
@@ -273,5 +275,3 @@ def test_a_cause_is_its_own_where_effects_and_tolerances_do_not_make_it(unlike):
     sums = SimpleNamespace(_total=(columns.T @ columns, np.zeros(2)))
     share = np.var(columns[:, 1] - left) / np.var(columns[:, 1])
     assert Sums.own(sums, 1, [0]) == pytest.approx(share, abs=0.01)
-
-

@@ -280,12 +280,18 @@ def test_no_command_is_advised_that_would_refuse_the_robot(details):
     [
         (
             ["steps"],
-            "Each half of the run is judged with motor values and sizes worked out without it; which causes are named rests on the whole run.",
+            (
+                "Each half of the run is judged with motor values and sizes worked out without it; which causes are"
+                " named rests on the whole run."
+            ),
             "On halves of the run not used for the fit the gap falls",
         ),
         (
             ["spin", "steps"],
-            "Each run is judged with motor values and sizes worked out without it; which causes are named rests on all runs together.",
+            (
+                "Each run is judged with motor values and sizes worked out without it; which causes are named rests on"
+                " all runs together."
+            ),
             "On runs not used for the fit the gap falls",
         ),
     ],
@@ -297,8 +303,10 @@ def test_what_the_gap_was_judged_on_is_said(details, held, page_says, terminal_s
 
 # What a reader would have to have heard a lecture on statistics for.
 STATISTICS = re.compile(
-    r"probab|likelihood|posterior|prior\b|\bodds\b|sigma|standard (deviation|error)|varian|confiden|interval|percentile|quantile|"
-    r"significan|regress|correlat|covarian|residual|root mean|\brms\b|held.out|\bfit(s|ted)?\b|refit|Shapley|bayes|evidence|"
+    r"probab|likelihood|posterior|prior\b|\bodds\b|sigma|standard"
+    r" (deviation|error)|varian|confiden|interval|percentile|quantile|"
+    r"significan|regress|correlat|covarian|residual|root"
+    r" mean|\brms\b|held.out|\bfit(s|ted)?\b|refit|Shapley|bayes|evidence|"
     r"hypothes|estimat|distribut|null\b|\bbias(ed)?\b|\bmean\b|median",
     re.IGNORECASE,
 )
@@ -671,8 +679,10 @@ const wide = document.documentElement.clientWidth, found = [];
 if (document.documentElement.scrollWidth > wide) found.push('page ' + document.documentElement.scrollWidth);
 for (const e of document.querySelectorAll('body *')) {
   const box = e.getBoundingClientRect();
-  if (box.width && box.height && (box.right > wide + 0.5 || box.left < -0.5)) found.push(e.tagName + ' ' + e.className + ' ' + box.right);
-  if (e.clientWidth && e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).overflowX !== 'visible') found.push('cut ' + e.tagName);
+  if (box.width && box.height && (box.right > wide + 0.5 || box.left < -0.5))
+    found.push(e.tagName + ' ' + e.className + ' ' + box.right);
+  if (e.clientWidth && e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).overflowX !== 'visible')
+    found.push('cut ' + e.tagName);
 }
 return found;
 """
@@ -681,14 +691,17 @@ const context = document.createElement('canvas').getContext('2d', {willReadFrequ
 const parse = (text) => {
   context.clearRect(0, 0, 1, 1); context.fillStyle = text; context.fillRect(0, 0, 1, 1);
   const [r, g, b, a] = context.getImageData(0, 0, 1, 1).data; return [r, g, b, a / 255]; };
-const light = ([r, g, b]) => [r, g, b].map(v => v / 255).map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+const light = ([r, g, b]) => [r, g, b].map(v => v / 255)
+  .map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
   .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0);
 const found = [];
 const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
 let seen = 0;
 while (walker.nextNode()) {
   const e = walker.currentNode.parentElement;
-  if (!walker.currentNode.textContent.trim() || !e.getClientRects().length || ['SCRIPT', 'STYLE', 'OPTION'].includes(e.tagName)) continue;
+  if (!walker.currentNode.textContent.trim() || !e.getClientRects().length
+    || ['SCRIPT', 'STYLE', 'OPTION'].includes(e.tagName))
+    continue;
   seen += 1;
   const style = getComputedStyle(e), inside = e.tagName.toLowerCase() === 'text';
   const ink = parse(inside ? style.fill : style.color);
@@ -700,7 +713,8 @@ while (walker.nextNode()) {
   const [a, b] = [light(ink), light(ground)].sort((x, y) => y - x);
   const size = parseFloat(style.fontSize), large = size >= 24 || (size >= 18.66 && style.fontWeight >= 700);
   const ratio = (a + 0.05) / (b + 0.05);
-  if (ratio < (large ? 3 : 4.5) || size < 12) found.push([ratio.toFixed(2), style.fontSize, e.textContent.trim().slice(0, 40)]);
+  if (ratio < (large ? 3 : 4.5) || size < 12)
+    found.push([ratio.toFixed(2), style.fontSize, e.textContent.trim().slice(0, 40)]);
 }
 return [seen, found];
 """

@@ -297,9 +297,10 @@ def test_a_block_that_is_run_on_another_page_shows_what_that_page_shows():
                         )
 
 
-def test_the_start_page_of_the_repository_begins_with_the_two_commands():
-    first = blocks(ROOT / "README.md")[0]
-    assert [c.split("#")[0].strip() for c in first.commands] == ["make run", "make test"]
+def test_the_start_page_begins_with_the_demo_and_then_the_two_commands_of_the_repository():
+    found = [list(block.commands) for block in blocks(ROOT / "README.md")]
+    assert [c.split("  ")[0] for c in found[0]] == ["pip install .", "rtds demo"]
+    assert [c.split("  ")[0].strip() for c in found[2]] == ["make run", "make test"]
 
 
 def test_every_link_in_the_site_leads_somewhere(tmp_path):

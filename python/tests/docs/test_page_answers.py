@@ -42,8 +42,8 @@ PARTIAL = {
     "gap": {"before": 14.2, "refit": 14.0, "after": 6.1, "closed": 0.61, "effect_closed": 0.61,
             "rest": {"share": 0.39, "structured": True, "subsystem": "wheel_ground"}},
 }  # fmt: skip
-PARTIAL_PAGE = """truck partial  Coulomb friction, both sides (0.05 N·m); command delay (0.03 s): 93 % probable. On runs not used for
-the fit the gap falls from 14.0 to 6.1 times the sensors' noise, 61 % of it closed.
+PARTIAL_PAGE = """truck partial  Coulomb friction, both sides (0.05 N·m); command delay (0.03 s): 93 % probable. On runs
+not used for the fit the gap falls from 14.0 to 6.1 times the sensors' noise, 61 % of it closed.
 """
 UNKNOWN = {
     "schema": "rtds-diagnosis/1",
@@ -161,8 +161,8 @@ def test_json_on_a_page_is_compared_by_its_keys(tmp_path):
 
 def test_the_table_of_close_is_compared_with_its_file(tmp_path):
     table = (
-        "  gap                       nominal  corrected  closed\n  in the simulator             13.8       1.03  99.8 %\n"
-        "  in the diagnosis' replay     13.8       1.03  99.8 %\n"
+        "  gap                       nominal  corrected  closed\n  in the simulator             13.8       1.03  99.8"
+        " %\n  in the diagnosis' replay     13.8       1.03  99.8 %\n"
     )
     (tmp_path / "closed").mkdir()
     for after, closed, complaint in (
@@ -264,7 +264,10 @@ old
     assert text.endswith("```console\n$ echo new\nnew\n```\n")
 
 
-EXPORTED = "burger.xml: burger-nominal for mjcf\n  own       coulomb_friction (left) torque_nm = 0.119\nin MuJoCo, from the files  5.73  1.09  0.980\n"
+EXPORTED = (
+    "burger.xml: burger-nominal for mjcf\n  own       coulomb_friction (left) torque_nm = 0.119\nin MuJoCo, from the"
+    " files  5.73  1.09  0.980\n"
+)
 
 
 @pytest.mark.parametrize(

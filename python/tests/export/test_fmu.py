@@ -160,7 +160,8 @@ PLANAR = {
         ROBOT,
         {"payload_kg": 0.3, "slope_rad": 0.1, "uphill_yaw_rad": 0.4},
     ),
-    "servo": ((("pwm_curve", "both", {"curvature": 0.1}), ("battery_decline", "both", {"rate_v_per_s": 0.5})), SERVO, {}),
+    "servo": ((("pwm_curve", "both", {"curvature": 0.1}), ("battery_decline", "both", {"rate_v_per_s": 0.5})), SERVO,
+        {}),
 }  # fmt: skip
 
 

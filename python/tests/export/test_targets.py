@@ -27,7 +27,8 @@ LOG = designed_run(3.3)
 # Units of noise. MuJoCo steps 0.5 ms by a rule of first order and has no inductance: 0.4 without any effect.
 MUJOCO_BOUND, PYTHON_BOUND = 0.6, 0.4
 WIDER = {
-    "backlash": (4.0, "a sample that falls on an impact shows the speed before it in the one and after it in the other"),
+    "backlash": (4.0,
+        "a sample that falls on an impact shows the speed before it in the one and after it in the other"),
     "gear_compliance": (1.0, "the spring's swing, in steps of first order"),
 }  # fmt: skip
 NEW_MUJOCO = tuple(map(int, mujoco.__version__.split(".")[:2])) >= (4, 0)
@@ -192,7 +193,8 @@ def test_what_a_target_cannot_have_stands_in_its_file_and_in_the_list():
     ([("winding_heating", "left", {"rise_per_watt": 0.1, "time_constant_s": 9.0}),
       ("driver_gain", "left", {"ratio": 0.9})], LOST, "a driver without a gain"),
     ([("backlash", "left", {"angle_rad": 0.01, "restitution": 0.0}),
-      ("gear_compliance", "left", {"stiffness_nm_per_rad": 6.0, "damping_nm_s_per_rad": 0.03})], LOST, "the gear's spring"),
+      ("gear_compliance", "left", {"stiffness_nm_per_rad": 6.0, "damping_nm_s_per_rad": 0.03})], LOST,
+      "the gear's spring"),
 ])  # fmt: skip
 def test_numbers_that_mujoco_cannot_have_are_named_with_their_reason(effects, kind, reason):
     text, parts = export(source_of(*effects), "mjcf")

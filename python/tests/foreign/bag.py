@@ -53,10 +53,10 @@ TYPES = {
     "sensor_msgs/msg/BatteryState": LINE.join(
         [
             (
-                "std_msgs/Header header\nfloat32 voltage\nfloat32 temperature\nfloat32 current\nfloat32 charge\nfloat32 capacity\n"
-                "float32 design_capacity\nfloat32 percentage\nuint8 power_supply_status\nuint8 power_supply_health\n"
-                "uint8 power_supply_technology\nbool present\nfloat32[] cell_voltage\nfloat32[] cell_temperature\nstring location\n"
-                "string serial_number"
+                "std_msgs/Header header\nfloat32 voltage\nfloat32 temperature\nfloat32 current\nfloat32 charge\nfloat32"
+                " capacity\nfloat32 design_capacity\nfloat32 percentage\nuint8 power_supply_status\nuint8"
+                " power_supply_health\nuint8 power_supply_technology\nbool present\nfloat32[] cell_voltage\nfloat32[]"
+                " cell_temperature\nstring location\nstring serial_number"
             ),
             HEADER,
             TIME,
@@ -65,8 +65,8 @@ TYPES = {
     "turtlebot3_msgs/msg/SensorState": LINE.join(
         [
             (
-                "std_msgs/Header header\nuint8 bumper\nfloat32 cliff\nfloat32 sonar\nfloat32 illumination\nuint8 led\nuint8 button\n"
-                "bool torque\nint32 left_encoder\nint32 right_encoder\nfloat32 battery"
+                "std_msgs/Header header\nuint8 bumper\nfloat32 cliff\nfloat32 sonar\nfloat32 illumination\nuint8"
+                " led\nuint8 button\nbool torque\nint32 left_encoder\nint32 right_encoder\nfloat32 battery"
             ),
             HEADER,
             TIME,

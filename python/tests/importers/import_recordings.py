@@ -27,11 +27,15 @@ EXTRA = {
     "rosgraph_msgs/Clock": "builtin_interfaces/Time clock\n",
     "irobot_create_msgs/WheelVels": "std_msgs/Header header\nfloat32 velocity_left\nfloat32 velocity_right\n",
     "irobot_create_msgs/WheelTicks": "std_msgs/Header header\nint32 ticks_left\nint32 ticks_right\n",
-    "jackal_msgs/DriveFeedback": "float32 current\nfloat32 duty_cycle\nfloat32 measured_velocity\nfloat32 measured_travel\n",
+    "jackal_msgs/DriveFeedback": (
+        "float32 current\nfloat32 duty_cycle\nfloat32 measured_velocity\nfloat32 measured_travel\n"
+    ),
     "jackal_msgs/Feedback": "std_msgs/Header header\njackal_msgs/DriveFeedback[2] drivers\n",
-    "turtlebot3_msgs/SensorState": "std_msgs/Header header\nuint8 bumper\nfloat32 cliff\nfloat32 sonar\n"
-    "float32 illumination\nuint8 led\nuint8 button\nbool torque\nint32 left_encoder\n"
-    "int32 right_encoder\nfloat32 battery",
+    "turtlebot3_msgs/SensorState": (
+        "std_msgs/Header header\nuint8 bumper\nfloat32 cliff\nfloat32 sonar\n"
+        "float32 illumination\nuint8 led\nuint8 button\nbool torque\nint32 left_encoder\n"
+        "int32 right_encoder\nfloat32 battery"
+    ),
     "std_msgs/String": "string data",
     "std_msgs/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data",
     "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset",

@@ -19,10 +19,10 @@ from rtds_host.importers import import_case
 TESTS = Path(__file__).parents[1]
 sys.path.insert(0, str(TESTS))
 
-from foreign.__main__ import right
-from foreign.bag import Clock, record
-from foreign.draw import CAUSES, fault
-from foreign.robot import Burger, Fault, Servo
+from foreign.__main__ import right  # noqa: E402  after the path above
+from foreign.bag import Clock, record  # noqa: E402  after the path above
+from foreign.draw import CAUSES, fault  # noqa: E402  after the path above
+from foreign.robot import Burger, Fault, Servo  # noqa: E402  after the path above
 
 
 @pytest.mark.parametrize("name", ["robot", "bag", "draw"])

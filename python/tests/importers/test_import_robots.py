@@ -69,9 +69,10 @@ def test_the_import_says_which_mapping_and_robot_it_assumed(tmp_path, capsys, mo
         assert not ended.value.code
         return capsys.readouterr().out.splitlines()[0]
 
-    assert said("--out", str(tmp_path / "a")) == (
-        "mapping turtlebot3 (taken for this recording; --mapping NAME for another); nominal robot burger-nominal (the mapping's; "
-        "--robot NAME for another)"
+    assert (
+        said("--out", str(tmp_path / "a"))
+        == "mapping turtlebot3 (taken for this recording; --mapping NAME for another); nominal robot burger-nominal"
+        " (the mapping's; --robot NAME for another)"
     )
     assert said("--out", str(tmp_path / "b"), "--mapping", "turtlebot3", "--robot", "paper") == (
         "mapping turtlebot3 (given); nominal robot burger-paper (given)"

@@ -121,9 +121,11 @@ def test_predict_writes_all_three(case, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("words", "complaint"), [
-    (["predict", "case/spin", "--robot", "case/robot.toml", "--out", "same", "--mcap", "same"], "--out and --mcap name one file"),
+    (["predict", "case/spin", "--robot", "case/robot.toml", "--out", "same", "--mcap", "same"],
+        "--out and --mcap name one file"),
     (["predict", "case/spin", "--robot", "case/robot.toml", "--out", "p.csv", "--mcap", "case"], "is a folder"),
-    (["predict", "case/spin", "--robot", "case/robot.toml", "--out", "p.csv", "--mcap", "case/robot.toml"], "an input of this very"),
+    (["predict", "case/spin", "--robot", "case/robot.toml", "--out", "p.csv", "--mcap", "case/robot.toml"],
+        "an input of this very"),
     (["diagnose", "case", "case", "--out", "out", "--mcap", "m.mcap"], "one case, diagnosed here"),
     (["diagnose", "case", "--out", "out", "--mcap", "case"], "is a folder"),
 ])  # fmt: skip

@@ -66,13 +66,17 @@ def test_a_build_needs_no_make_no_program_named_python_and_no_path_without_space
 @pytest.mark.parametrize(
     ("log", "line"),
     [
-        ("a.cpp: In function f:\na.cpp:3:5: error: x was not declared\na.cpp:9:1: error: y", "a.cpp:3:5: error: x was not declared"),
-        ("main.cpp:1:10: fatal error: gone.h: No such file\ncompilation terminated.", "main.cpp:1:10: fatal error: gone.h: No such file"),
-        ("ld: a.o: in function f:\na.cpp:(.text+0x5): undefined reference to `g'\ncollect2: error: ld returned 1 exit status",
+        ("a.cpp: In function f:\na.cpp:3:5: error: x was not declared\na.cpp:9:1: error: y",
+            "a.cpp:3:5: error: x was not declared"),
+        ("main.cpp:1:10: fatal error: gone.h: No such file\ncompilation terminated.",
+            "main.cpp:1:10: fatal error: gone.h: No such file"),
+        ("ld: a.o: in function f:\na.cpp:(.text+0x5): undefined reference to `g'\n"
+         "collect2: error: ld returned 1 exit status",
          "a.cpp:(.text+0x5): undefined reference to `g'"),
         ("/usr/bin/ld: cannot find -lcocotbvpi_verilator: No such file\ncollect2: error: ld returned 1 exit status",
          "/usr/bin/ld: cannot find -lcocotbvpi_verilator: No such file"),
-        ("%Warning-WIDTH: a.v:2: width\n%Error: a.v:1:5: syntax error\n%Error: Exiting due to 1 error(s)", "%Error: a.v:1:5: syntax error"),
+        ("%Warning-WIDTH: a.v:2: width\n%Error: a.v:1:5: syntax error\n%Error: Exiting due to 1 error(s)",
+            "%Error: a.v:1:5: syntax error"),
         ("working on it\nstopped\n", "stopped"),
         ("", "no output"),
     ],

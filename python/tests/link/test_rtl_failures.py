@@ -91,7 +91,10 @@ def test_an_exception_in_the_host_ends_the_simulator():
 
 
 def test_a_host_that_is_killed_takes_the_simulator_with_it():
-    program = "import sys, time; from rtds_host.link import open_link; print(open_link('rtl').pid, flush=True); time.sleep(60)"
+    program = (
+        "import sys, time; from rtds_host.link import open_link; print(open_link('rtl').pid, flush=True);"
+        " time.sleep(60)"
+    )
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as host:
         pid = int(host.stdout.readline())
         host.kill()

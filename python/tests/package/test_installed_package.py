@@ -145,7 +145,10 @@ def test_the_notebook_holds_no_output_and_only_plain_python():
 
 
 def test_importing_the_package_loads_nothing_heavy():
-    command = "import sys, rtds_host; print([m for m in ('numpy', 'numba', 'scipy', 'pybullet', 'mujoco') if m in sys.modules])"
+    command = (
+        "import sys, rtds_host; print([m for m in ('numpy', 'numba', 'scipy', 'pybullet', 'mujoco') if m in"
+        " sys.modules])"
+    )
     done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

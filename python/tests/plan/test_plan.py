@@ -263,7 +263,10 @@ def test_the_command_plans_what_a_diagnosis_wants_to_see(diagnosis, tmp_path):
 
 def test_a_robot_driven_by_speed_gets_speeds(diagnosis, tmp_path):
     robot = diagnosis.parent / "robot.toml"
-    servo = '\n[driver]\nmode = "speed"\n[servo]\nkp_v_s_per_rad = 2.0\nki_v_per_rad = 20.0\nlimit_v = 12.0\nperiod_s = 0.01\n'
+    servo = (
+        '\n[driver]\nmode = "speed"\n[servo]\nkp_v_s_per_rad = 2.0\nki_v_per_rad = 20.0\nlimit_v = 12.0\nperiod_s ='
+        " 0.01\n"
+    )
     robot.write_text(robot.read_text() + servo)
     done = rtds_plan(robot, "--scenario", "teleop", "--out", tmp_path / "plan")
     assert done.exit_code == 0, done.output

@@ -332,7 +332,8 @@ def main() -> int:
 
         status, _, said, seconds = bench.rtds("cluster", "--scheduler", ADDRESS, meanwhile=look)
         bench.expect(
-            f"over TLS on named hosts, {len(bench.cases)} cases in {seconds:.0f} s: the same bytes as without a cluster",
+            f"over TLS on named hosts, {len(bench.cases)} cases in {seconds:.0f} s: the same bytes as without a"
+            " cluster",
             status == 0 and said == "" and bench.same("cluster"),
             said,
         )

@@ -143,7 +143,8 @@ def tagged(tag: str) -> list[str]:
                 and (entry / "stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
             ):
                 found.append(
-                    f"{entry.name} {(entry / 'cmdline').read_bytes().replace(bytes(1), b' ').decode(errors='replace')[:80]}"
+                    f"{entry.name}"
+                    f" {(entry / 'cmdline').read_bytes().replace(bytes(1), b' ').decode(errors='replace')[:80]}"
                 )
         except OSError:
             continue

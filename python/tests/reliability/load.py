@@ -110,7 +110,8 @@ def cases(place: Path, count: int, seconds: float) -> int:
         part = [row for row in seen if first <= row[0] < first + step]
         print(f"| {first} to {first + step} | {max(row[1] for row in part):.0f} | {max(row[2] for row in part):.0f} |")
     print(
-        f"{count} cases of {seconds:g} s, status {status}: {wall:.0f} s, {used:.0f} s of a processor, {used / count:.2f} s a case"
+        f"{count} cases of {seconds:g} s, status {status}: {wall:.0f} s, {used:.0f} s of a processor,"
+        f" {used / count:.2f} s a case"
     )
     return status
 
@@ -120,7 +121,8 @@ def long(place: Path, runs: int, seconds: float) -> int:
     make_case(place / "case-000", runs, seconds, 0, 0.05)
     status, seen, wall, used = watched(place, place / "case-000")
     print(
-        f"{runs} runs of {seconds:g} s, status {status}: {wall:.0f} s, {used:.0f} s of a processor, {max(row[1] for row in seen):.0f} MB"
+        f"{runs} runs of {seconds:g} s, status {status}: {wall:.0f} s, {used:.0f} s of a processor,"
+        f" {max(row[1] for row in seen):.0f} MB"
     )
     return status
 

@@ -20,7 +20,30 @@ from rtds_host.start.draft import channel_of, unit_of
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 # The XL430-W250's data sheet at 12 V, on a TurtleBot3 Burger.
 SHEET = Sheet("mine", 12.0, 1.4, 61.0, 0.14, 258.5, 0.033, 0.160, 1.0, 4096.0, "gear", 1.5)
-WORDS = ["--voltage", "12", "--stall-current", "1.4", "--stall-torque", "1.5", "--no-load-rpm", "61", "--no-load-current", "0.14", "--gear-ratio", "258.5", "--wheel-radius", "0.033", "--track-width", "0.16", "--mass", "1.0", "--counts", "4096", "--encoder", "gear"]
+WORDS = [
+    "--voltage",
+    "12",
+    "--stall-current",
+    "1.4",
+    "--stall-torque",
+    "1.5",
+    "--no-load-rpm",
+    "61",
+    "--no-load-current",
+    "0.14",
+    "--gear-ratio",
+    "258.5",
+    "--wheel-radius",
+    "0.033",
+    "--track-width",
+    "0.16",
+    "--mass",
+    "1.0",
+    "--counts",
+    "4096",
+    "--encoder",
+    "gear",
+]
 
 
 @pytest.fixture

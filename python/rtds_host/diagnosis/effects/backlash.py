@@ -33,12 +33,16 @@ EFFECT = Effect(
         ),
     ),
     apply=add(backlash="angle_rad", restitution="restitution"),
-    equation="free play between gear and wheel, centred at the start; flanks meet with Newton's law of impact, w' = -e w",
+    equation=(
+        "free play between gear and wheel, centred at the start; flanks meet with Newton's law of impact, w' = -e w"
+    ),
     source="contract, section 3; M. Nordin, P.-O. Gutman, Automatica 38(10), 2002; J. J. Moreau, 1988 (impact)",
     confused_with=("gear_compliance", "command_delay"),
     shown_by="reversals and pseudo-random voltage",
-    check="Hold the motor's shaft still and turn the wheel by hand to and fro: with free play it moves without any "
-    "force, then stops hard.",
+    check=(
+        "Hold the motor's shaft still and turn the wheel by hand to and fro: with free play it moves without any "
+        "force, then stops hard."
+    ),
     advice="Preload or replace the gear; avoid torque reversals at rest.",
     nonlinear=True,
     rough=True,

@@ -27,7 +27,9 @@ EFFECT = Effect(
     source="contract, section 3; Y. Yamamoto, X. Yun, IEEE Trans. Autom. Control 39(6), 1994",
     confused_with=("yaw_inertia_error", "slope_error"),
     shown_by="a slope across and along, with payload",
-    check="Weigh the robot with a scale under each wheel and under the caster: the three weights say where its mass is.",
+    check=(
+        "Weigh the robot with a scale under each wheel and under the caster: the three weights say where its mass is."
+    ),
     advice="Weigh each wheel; move the payload over the axle.",
     separate=True,
     runs_in="robot",

@@ -24,8 +24,10 @@ EFFECT = Effect(
     source="contract, section 3; B. Armstrong-Helouvry et al., Automatica 30(7), 1994",
     confused_with=("driver_deadzone", "bridge_drop", "rolling_resistance", "friction_asymmetry", "load_friction"),
     shown_by="crawl with reversals, coasting to rest",
-    check="Turn the wheel in the air by a slow command and measure voltage and current: friction takes current as soon as it "
-    "turns, a dead zone shows no voltage, and tyres play no part.",
+    check=(
+        "Turn the wheel in the air by a slow command and measure voltage and current: friction takes current as soon as"
+        " it turns, a dead zone shows no voltage, and tyres play no part."
+    ),
     advice="Grease or change the gear; feed the friction torque forward in the controller.",
     runs_in="rtl",
     form=0.02,

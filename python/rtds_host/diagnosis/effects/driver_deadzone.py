@@ -22,11 +22,15 @@ EFFECT = Effect(
     ),
     apply=add(deadzone="volts"),
     equation="V = v_cmd - sgn(v_cmd) min(|v_cmd|, v)",
-    source="contract, section 3; dead time of a bridge: S.-G. Jeong, M.-H. Park, IEEE Trans. Ind. Electron. 38(2), 1991",
+    source=(
+        "contract, section 3; dead time of a bridge: S.-G. Jeong, M.-H. Park, IEEE Trans. Ind. Electron. 38(2), 1991"
+    ),
     confused_with=("bridge_drop", "coulomb_friction"),
     shown_by="crawl and reversals with current logged",
-    check="Raise the command slowly from 0 and measure the motor's terminals: in a dead zone there is no voltage, "
-    "under friction there is voltage and no motion.",
+    check=(
+        "Raise the command slowly from 0 and measure the motor's terminals: in a dead zone there is no voltage, "
+        "under friction there is voltage and no motion."
+    ),
     advice="Compensate the bridge's dead time in the driver, or raise its PWM resolution.",
     runs_in="rtl",
 )

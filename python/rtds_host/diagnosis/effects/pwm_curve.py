@@ -20,12 +20,16 @@ EFFECT = Effect(
     ),
     apply=add(pwm_curve="curvature"),
     equation="V = v_cmd (1 + c (1 - |v_cmd| / voltage_v)): the right voltage at full duty, more (c > 0) or less below",
-    source="contract, section 3; current that flows on in the off-time: R. W. Erickson, D. Maksimovic, Fundamentals of Power "
-    "Electronics, 2001, chapter 5 (discontinuous conduction)",
+    source=(
+        "contract, section 3; current that flows on in the off-time: R. W. Erickson, D. Maksimovic, Fundamentals of"
+        " Power Electronics, 2001, chapter 5 (discontinuous conduction)"
+    ),
     confused_with=("driver_gain", "driver_deadzone", "bridge_drop", "coulomb_friction"),
     shown_by="steady speeds at several voltages, small and large",
-    check="Measure the voltage at the motor's terminals at 10, 30, 60 and 100 % of the command: its ratio to the "
-    "command changes.",
+    check=(
+        "Measure the voltage at the motor's terminals at 10, 30, 60 and 100 % of the command: its ratio to the "
+        "command changes."
+    ),
     advice="Measure the motor's voltage against the duty and invert the curve; or drive the bridge in slow decay.",
     runs_in="rtl",
 )

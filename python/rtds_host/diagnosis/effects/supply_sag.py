@@ -24,7 +24,9 @@ EFFECT = Effect(
     source="contract, section 3; averaged H-bridge: N. Mohan et al., Power Electronics, 2003, ch. 7",
     confused_with=("resistance_error", "driver_gain", "battery_decline"),
     shown_by="both motors loaded and braking, with v_bus logged",
-    check="Measure the voltage at the driver's input while one motor is loaded by hand: it falls for both motors at once.",
+    check=(
+        "Measure the voltage at the driver's input while one motor is loaded by hand: it falls for both motors at once."
+    ),
     advice="Measure the bus at the driver under load; use a stiffer supply, thicker leads or a bulk capacitor.",
     without_winding=False,
     runs_in="rtl",

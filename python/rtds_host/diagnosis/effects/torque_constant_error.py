@@ -33,7 +33,9 @@ EFFECT = Effect(
     source="contract, section 3",
     confused_with=("driver_gain", "resistance_error", "speed_gain"),
     shown_by="coasting and hill climbing with current logged",
-    check="Turn the motor from outside at a known speed and measure its open terminals: volts over rad/s is the constant.",
+    check=(
+        "Turn the motor from outside at a known speed and measure its open terminals: volts over rad/s is the constant."
+    ),
     advice="Set the measured constant; a weak one means an aged or hot magnet, or another motor.",
     without_winding=False,
     runs_in="rtl",

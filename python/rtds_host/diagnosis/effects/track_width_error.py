@@ -24,8 +24,10 @@ EFFECT = Effect(
     source="contract, section 3; Borenstein, Feng 1996",
     confused_with=("wheel_radius_error", "gyro_gain"),
     shown_by="spinning on the spot with gyro and pose",
-    check="Turn ten times on the spot against a mark on the floor: the way of each wheel (angle times radius) is 31.4 times "
-    "the track width, whatever the gyro says.",
+    check=(
+        "Turn ten times on the spot against a mark on the floor: the way of each wheel (angle times radius) is 31.4"
+        " times the track width, whatever the gyro says."
+    ),
     advice="Set the measured track width.",
     runs_in="robot",
     axis=False,

@@ -170,7 +170,10 @@ def _explanations(diagnosis: dict[str, Any], details: Details) -> str:
 
 def _nominal(details: Details, key: str) -> float | None:
     robot = details.case.robot
-    return next((getattr(part, key) for part in (robot.motor, robot.servo, robot.chassis, robot.axis) if hasattr(part, key)), None)
+    return next(
+        (getattr(part, key) for part in (robot.motor, robot.servo, robot.chassis, robot.axis) if hasattr(part, key)),
+        None,
+    )
 
 
 def _refitted(diagnosis: dict[str, Any], details: Details) -> str:

@@ -1,0 +1,66 @@
+"""The rules of the code's style are stated once, enforced by `make lint`, and run before each commit."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from rtds_host.compat import tomllib
+
+ROOT = Path(__file__).resolve().parents[3]
+SOURCES = ["python", "tb", "sim", "examples", "setup.py"]
+RULES = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["ruff"]
+
+
+def ruff(*words: str, cwd: Path = ROOT) -> subprocess.CompletedProcess:
+    command = [f"{sys.prefix}/bin/ruff", *words]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def test_the_rules_are_stated_and_hold_the_length_of_lines():
+    assert RULES["line-length"] == 120
+    assert {"E", "F", "W", "I"} <= set(RULES["lint"]["select"])
+    assert not any(rule.startswith("E5") for rule in RULES["lint"].get("ignore", []))
+
+
+def test_every_file_keeps_the_rules():
+    done = ruff("check", *SOURCES)
+    assert done.returncode == 0, done.stdout
+
+
+def test_a_line_that_is_too_long_is_found(tmp_path):
+    (tmp_path / "long.py").write_text(f'TEXT = "{"x" * 120}"\n')
+    done = ruff("check", "--config", str(ROOT / "pyproject.toml"), "long.py", cwd=tmp_path)
+    assert done.returncode == 1 and "E501" in done.stdout
+
+
+def test_make_lint_checks_what_the_rules_are_for():
+    (recipe,) = re.findall(r"^lint: setup\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert f"ruff check {' '.join(SOURCES)}" in recipe
+
+
+def hooks() -> list[dict]:
+    (repository,) = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
+    assert repository["repo"] == "local"
+    return repository["hooks"]
+
+
+def test_the_hooks_fetch_nothing():
+    assert len(hooks()) >= 4
+    assert all(hook["language"] == "system" for hook in hooks())
+    assert "://" not in (ROOT / ".pre-commit-config.yaml").read_text()
+
+
+@pytest.mark.parametrize("hook", hooks(), ids=lambda hook: hook["id"])
+def test_a_hook_passes_on_the_repository(hook):
+    words = shlex.split(hook["entry"])
+    if words[0].startswith(".venv/"):
+        words[0] = words[0].replace(".venv", sys.prefix)
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
