@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -18,9 +19,14 @@ from rtds_host.cli.calibrate import link_options
 from rtds_host.contract import builtin_robots, check_writable, load_robot, read_run, staged_folder
 from rtds_host.errors import InputError, did_you_mean, visible
 from rtds_host.robot import check_engine, default_engine
-from rtds_host.run import Effects, LinkChoice, Options, Plan, make_plan, perform, write_outcome
+from rtds_host.robot.window import check_display, window
+from rtds_host.run import Effects, LinkChoice, Options, Outcome, Plan, SignalPath, make_plan, perform, write_outcome
+from rtds_host.run.sensors import CorrectedPath
 from rtds_host.run.summary import Summary, lines
-from rtds_host.scenario import find_scenario, scenarios
+from rtds_host.scenario import Scenario, own_scenario, scenarios
+
+if TYPE_CHECKING:
+    from rtds_host.view.live import Feed, LivePath
 
 app = typer.Typer(add_completion=False)
 
@@ -44,11 +50,10 @@ def _settings(texts: list[str]) -> dict[str, float]:
     return values
 
 
-def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[str, dict[str, float]]]:
+def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[Scenario, dict[str, float]]]:
     """Scenarios to run, and the parameters for each. With `all` a parameter goes to those that have it."""
     if scenario != "all":
-        find_scenario(scenario)
-        return [(scenario, given)]
+        return [(own_scenario(scenario), given)]
     chosen = [one for one in scenarios().values() if one.family == FAMILY_ALL]
     known = {name for one in chosen for name in one.parameters}
     for name in given:
@@ -57,7 +62,7 @@ def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[str, dict[str,
                 f"scenario 'all': none of {', '.join(one.name for one in chosen)} has a parameter "
                 f"{name!r} (known: {', '.join(sorted(known))}){did_you_mean(name, known)}"
             )
-    return [(one.name, {name: value for name, value in given.items() if name in one.parameters}) for one in chosen]
+    return [(one, {name: value for name, value in given.items() if name in one.parameters}) for one in chosen]
 
 
 @contextmanager
@@ -99,7 +104,10 @@ def _show(console: Console, summary: Summary, place: Path) -> None:
 def run(
     scenario: Annotated[
         str,
-        typer.Argument(help="linear, circle, eight, a manoeuvre, or all (the first three); --list shows every one."),
+        typer.Argument(
+            help="linear, circle, eight, a manoeuvre, or all (the first three); --list shows every one. Or a file: "
+            "my_scenario.py, or commands.csv as `rtds plan` writes it."
+        ),
     ] = "",
     show_list: Annotated[bool, typer.Option("--list", help="List the scenarios with their parameters.")] = False,
     link: Annotated[
@@ -169,8 +177,8 @@ def run(
     effect: Annotated[
         list[str] | None,
         typer.Option(
-            help="An effect of the catalogue, as driver_gain.ratio=0.9 or, of one side, with ,side=left behind it (`rtds effects` "
-            "lists them); may be repeated."
+            help="An effect of the catalogue, as driver_gain.ratio=0.9 or, of one side, with ,side=left behind it "
+            "(`rtds effects` lists them); may be repeated."
         ),
     ] = None,
     step: Annotated[float, typer.Option(help="Step of the motor units, s.")] = 1e-5,
@@ -180,9 +188,16 @@ def run(
     ] = True,
     figure: Annotated[bool, typer.Option(help="Draw the six-panel figure.")] = True,
     form: Annotated[str, typer.Option("--format", help="Format of the log: csv or parquet.")] = "csv",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summaries as JSON, a list of runs.")] = False,
     mcap: Annotated[
         bool, typer.Option("--mcap", help="Write run.mcap too, for Foxglove, PlotJuggler or ros2 bag.")
     ] = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show the run in a browser while it goes on; Ctrl-C ends the page.")
+    ] = False,
+    port: Annotated[int, typer.Option(help="live: port on 127.0.0.1; 0 takes one that is free.", min=0, max=65535)] = 0,
+    browser: Annotated[bool, typer.Option(help="live: open the page in the browser.")] = True,
+    gui: Annotated[bool, typer.Option("--gui", help="Open the physics engine's own window.")] = False,
 ) -> None:
     """Drive SCENARIO with the motors in RTL (or the bit-exact model) and write a run folder."""
     console = Console(highlight=False)
@@ -217,32 +232,82 @@ def run(
     )
     if against is not None:
         check_engine(against, "--against")
-    plans = [make_plan(name, values, options) for name, values in _wanted(scenario, given)]
+    if gui:
+        check_display("--gui")
+    plans = [make_plan(one, values, options) for one, values in _wanted(scenario, given)]
     changes = [_effects(plan, effects, effect) for plan in plans]
     choice = _link(link, sim, step_clocks, link_options(link, calibration, wires, ad2, serial))
-    target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / scenario)
+    target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / plans[0].scenario.name)
     check_writable(target)
-    with _bars(plans) as report:
-        if scenario != "all":
-            outcome = perform(plans[0], choice, compare, progress=report, against=against, effects=changes[0])
-            write_outcome(outcome, target, figure, form)
-            summaries = [(outcome.summary, target)]
-        else:
-            # A case whole or not at all: robot.toml beside the runs.
-            summaries = []
-            with staged_folder(target) as scratch:
-                (scratch / "robot.toml").write_bytes(plans[0].robot_path.read_bytes())
-                for plan, change in zip(plans, changes, strict=True):
-                    outcome = perform(plan, choice, compare, progress=report, against=against, effects=change)
-                    write_outcome(outcome, scratch / plan.scenario.name, figure, form)
-                    summaries.append((outcome.summary, target / plan.scenario.name))
+    with _page(live, port, browser) as page:
+        with _bars(plans) as report, window(gui):
+
+            def driven(plan: Plan, change: Effects | None) -> Outcome:
+                path = page.path(plan, change) if page is not None else None
+                outcome = perform(plan, choice, compare, path, report, against, change)
+                if path is not None:
+                    path.end()
+                return outcome
+
+            if scenario != "all":
+                outcome = driven(plans[0], changes[0])
+                write_outcome(outcome, target, figure, form)
+                summaries = [(outcome.summary, target)]
+            else:
+                # A case whole or not at all: robot.toml beside the runs.
+                summaries = []
+                with staged_folder(target) as scratch:
+                    (scratch / "robot.toml").write_bytes(plans[0].robot_path.read_bytes())
+                    for plan, change in zip(plans, changes, strict=True):
+                        outcome = driven(plan, change)
+                        write_outcome(outcome, scratch / plan.scenario.name, figure, form)
+                        summaries.append((outcome.summary, target / plan.scenario.name))
+        _tell(console, summaries, mcap, as_json)
+        if page is not None:
+            page.wait()
+
+
+def _tell(console: Console, summaries: list[tuple[Summary, Path]], mcap: bool, as_json: bool) -> None:
+    """Print what became of the runs, with recordings beside them where they are asked for."""
     for summary, place in summaries:
         if mcap:
             from rtds_host.importers import write_mcap
 
             nominal = load_robot(place / "robot.toml")
             write_mcap(place / "run.mcap", read_run(place, nominal), nominal)
-        _show(console, summary, place)
+        if not as_json:
+            _show(console, summary, place)
+    if as_json:
+        print(json.dumps([{"folder": str(place), **summary.to_json()} for summary, place in summaries], indent=1))
+
+
+class _Page:
+    """The page of `--live`: gives each run the path that it is watched on."""
+
+    def __init__(self, feed: Feed, wait: Callable[[], None]):
+        self.feed, self.wait = feed, wait
+
+    def path(self, plan: Plan, change: Effects | None) -> LivePath:
+        """The signal path that a plan would have without it, watched."""
+        from rtds_host.view.live import LivePath
+
+        supply = plan.robot.supply_v
+        path = SignalPath(supply) if change is None else CorrectedPath(supply, change.correction.sensors)
+        return LivePath(path, plan, self.feed)
+
+
+@contextmanager
+def _page(live: bool, port: int, browser: bool) -> Iterator[_Page | None]:
+    """The page of `--live` while it is served, None without it."""
+    if not live:
+        yield None
+        return
+    from rtds_host.view.command import serve
+    from rtds_host.view.live import Feed
+
+    feed = Feed()
+    with serve(feed, port, browser) as wait:
+        yield _Page(feed, wait)
 
 
 def _effects(plan: Plan, diagnosis: Path | None, effects: list[str] | None) -> Effects | None:

@@ -22,6 +22,7 @@ from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.memory import keep_freed
 from rtds_host.diagnosis.overview import overview_page, row_of, table_bytes
 from rtds_host.diagnosis.report import print_summary, report_page, validate
+from rtds_host.diagnosis.report.made import written
 from rtds_host.errors import InputError, OutputError, visible
 from rtds_host.remains import scratch_name, sweep
 from rtds_host.spread import cores, on_cluster, on_cores
@@ -42,14 +43,17 @@ def refuse_case(case: Path, out: Path) -> None:
     refuse_inputs([out, *(out / file for file in FILES)], places_of_case(case))
 
 
-def write_result(out: Path, result: dict, page: str) -> dict[str, str]:
+def write_result(out: Path, result: dict, page: str, case: Path | None = None, quick: bool = False) -> dict[str, str]:
     """Write what a diagnosis gives, both files or none. Returns the text of each.
+
+    case, quick : the case's folder and the option, for the command that the report says it was made with.
 
     Raises
     ------
     OutputError : `out` cannot be written.
     """
-    files = dict(zip(FILES, (json.dumps(result, indent=1, ensure_ascii=False) + "\n", page), strict=True))
+    texts = (json.dumps(result, indent=1, ensure_ascii=False) + "\n", written(page, case, out, quick))
+    files = dict(zip(FILES, texts, strict=True))
     with staged_folder(out) as scratch:
         for name, text in files.items():
             (scratch / name).write_text(text, encoding="utf-8")
@@ -66,12 +70,12 @@ def write_diagnosis(folder: Path, out: Path, quick: bool, seed: int, threads: in
     case = read_writable_case(folder)
     result, details = diagnose(case, quick=quick, threads=threads, seed=seed, progress=progress)
     validate(result)
-    write_result(out, result, report_page(result, details))
+    write_result(out, result, report_page(result, details), folder, quick)
     return result, details
 
 
-def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: int = 0) -> tuple:
-    """`rtds diagnose` of one case: progress and a summary on the terminal. Returns (diagnosis, details)."""
+def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: int = 0, summary: bool = True) -> tuple:
+    """`rtds diagnose` of one case: progress and, with `summary`, that on the terminal. Returns (diagnosis, details)."""
     errors = Console(stderr=True)
     with Progress(
         TextColumn("{task.description:<12}"),
@@ -90,7 +94,8 @@ def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: i
             jobs if jobs > 0 else cores(),
             lambda stage, share: bar.update(task, description=stage, completed=share),
         )
-    print_summary(Console(), result, details)
+    if summary:
+        print_summary(Console(), result, details)
     return result, details
 
 
@@ -154,9 +159,9 @@ class _Results:
             # No note, one of an older program, or files that are gone: done again.
             return None
 
-    def write(self, name: str, key: str, result: dict, page: str, seconds: float) -> dict:
+    def write(self, name: str, key: str, case: Path, quick: bool, result: dict, page: str, seconds: float) -> dict:
         """Write a result; the note that it is done comes last, so that what a kill leaves counts as not done."""
-        files = write_result(self.out / name, result, page)
+        files = write_result(self.out / name, result, page, case, quick)
         row = row_of(name, result, seconds)
         hashes = {file: _sha(text.encode("utf-8")) for file, text in files.items()}
         write_atomic(self.state / f"{name}.json", json.dumps({"key": key, "files": hashes, "row": row}) + "\n")
@@ -308,7 +313,7 @@ def run_many(
                 name, error = outcome.name, outcome.error
                 if error is None:
                     try:
-                        rows[name] = results.write(name, keys[name], *outcome.value)
+                        rows[name] = results.write(name, keys[name], todo[name], quick, *outcome.value)
                     except OutputError as refused:
                         # The place may take the next one: a full disk is emptied, a folder in the way is one case's.
                         error = str(refused)

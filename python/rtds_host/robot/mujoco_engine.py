@@ -12,6 +12,7 @@ from rtds_host.compat import Self
 from rtds_host.robot.body import SKID_RADIUS_M, Body, inertia_at_wheel_kg_m2
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import base_inertia, supports
+from rtds_host.robot.window import windowed
 
 # A wheel's speed is given, not found: an armature far above anything on the ground lets a wheel turn as it is told
 # whatever its contact does, and the contact's torque is read off the solver. 10 kg m2 is enough for what would see
@@ -46,7 +47,8 @@ def make_mjcf(body: Body, step_s: float) -> str:
         f'<inertial pos="0 0 0" mass="{body.wheel_mass_kg:.12g}" diaginertia="{vector((spin / 2, spin, spin / 2))}"/>\n'
         f'<joint name="wheel_{name}" type="hinge" axis="0 1 0" armature="{armature_kg_m2(body):g}" damping="0" '
         'frictionloss="0"/>\n'
-        f'<geom name="wheel_{name}" type="sphere" size="{radius:.12g}" condim="3" friction="{body.tyre_friction:g} 0 0" '
+        f'<geom name="wheel_{name}" type="sphere" size="{radius:.12g}" condim="3" '
+        f'friction="{body.tyre_friction:g} 0 0" '
         f'contype="2" conaffinity="1" {CONTACT}/>\n</body>\n'
         for name, side, radius in zip(("left", "right"), (0.5, -0.5), body.wheel_radius_m, strict=True)
     )
@@ -70,6 +72,7 @@ class MujocoEngine:
         self._body = body
         self._model = mujoco.MjModel.from_xml_string(make_mjcf(body, step_s))
         self._data = mujoco.MjData(self._model)
+        self._viewer = None
         self._data.qpos[:7] = [pose[0], pose[1], 0.0, math.cos(0.5 * pose[2]), 0.0, 0.0, math.sin(0.5 * pose[2])]
         # Degrees of freedom: six of the free base, then the wheels.
         self._wheels = slice(6, 8)
@@ -83,6 +86,10 @@ class MujocoEngine:
         self._origin = self._planar()
         self._turns = 0.0
         self._yaw_before = self._origin[2]
+        if windowed():
+            from mujoco.viewer import launch_passive
+
+            self._viewer = launch_passive(self._model, self._data, show_left_ui=False, show_right_ui=False)
 
     def hold(self) -> np.ndarray:
         return self._held.copy()
@@ -97,6 +104,8 @@ class MujocoEngine:
             data.qfrc_applied[wheels] = inertia * (target - data.qvel[wheels])
             mujoco.mj_step(model, data)
             contact += data.qfrc_constraint[wheels]
+        if self._viewer is not None and self._viewer.is_running():
+            self._viewer.sync()
         gain = self._body.wheel_inertia_kg_m2 * (data.qvel[wheels] - before) / (len(speeds) * self.step_s)
         return gain - contact / len(speeds)
 
@@ -151,7 +160,10 @@ class MujocoEngine:
         return float(energy)
 
     def close(self) -> None:
-        """Nothing to free; the interface asks for it."""
+        """Close the window, where there is one."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
 
     def __enter__(self) -> Self:
         return self

@@ -10,10 +10,12 @@ import sys
 import numpy as np
 
 from rtds_host.compat import Self
+from rtds_host.errors import InputError
 from rtds_host.remains import temporary_folder
 from rtds_host.robot.body import Body, inertia_at_wheel_kg_m2
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import WHEEL_JOINTS, make_urdf, supports
+from rtds_host.robot.window import windowed
 
 
 @contextlib.contextmanager
@@ -58,7 +60,10 @@ class PyBulletEngine:
     ):
         self.step_s = step_s
         self._body = body
-        self._client = pybullet.connect(pybullet.DIRECT)
+        with _silent():
+            self._client = pybullet.connect(pybullet.GUI if windowed() else pybullet.DIRECT)
+        if self._client < 0:
+            raise InputError("--gui: PyBullet cannot open its window")
         self._load(pose, iterations)
         self._origin = (0.0, 0.0, 0.0)
         self._start = pose

@@ -29,6 +29,7 @@ from rtds_host.blind import seal
 from rtds_host.contract import builtin_robot_path, write_run
 from rtds_host.diagnosis import batch
 from rtds_host.diagnosis.overview import SCHEMA, overview_page, row_of, table_bytes
+from rtds_host.diagnosis.report.html import unplaced
 from rtds_host.errors import InputError, LinkError, OutputError
 from rtds_host.errors import visible as said_name
 from rtds_host.spread import on_cluster, on_cores
@@ -415,10 +416,12 @@ def test_cluster_processes_and_a_single_call_give_the_same_bytes(cluster, cases,
     batch.run_one(cases[0], tmp_path / "single", quick=True, jobs=2)
     assert batch.run_many(cases[:2], tmp_path / "many", quick=True, jobs=2) == []
     assert batch.run_many(cases[:1], tmp_path / "cluster", quick=True, scheduler=cluster.scheduler_address) == []
-    for file in batch.FILES:
-        expected = (tmp_path / "single" / file).read_bytes()
-        assert (tmp_path / "many" / "one" / file).read_bytes() == expected
-        assert (tmp_path / "cluster" / "one" / file).read_bytes() == expected
+    places = [tmp_path / "single", tmp_path / "many" / "one", tmp_path / "cluster" / "one"]
+    assert len({(place / "diagnosis.json").read_bytes() for place in places}) == 1
+    # But for its date, and for the paths in its commands.
+    pages = [(place / "report.html").read_text() for place in places]
+    assert len({unplaced(page) for page in pages}) == 1
+    assert all(f"--out {place}" in page for place, page in zip(places, pages, strict=True))
 
 
 def test_a_blind_check_is_answered_on_a_cluster(cluster, tmp_path):

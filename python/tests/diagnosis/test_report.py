@@ -3,7 +3,6 @@
 import io
 import json
 import re
-import shutil
 from dataclasses import replace
 from html import unescape
 
@@ -11,11 +10,15 @@ import numpy as np
 import pytest
 from diagnosis_cases import example_details, example_diagnosis, example_of
 from rich.console import Console
+from selenium.webdriver import ActionChains, Keys
 
+from rtds_host import __version__
 from rtds_host.contract import Axis, Servo
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.report import print_summary, report_page, validate
+from rtds_host.diagnosis.report.html import unplaced
+from rtds_host.diagnosis.report.made import written
 from rtds_host.diagnosis.report.words import verdict_sentence
 
 
@@ -96,7 +99,7 @@ def test_the_same_input_gives_the_same_bytes(details):
 
 def test_the_page_refers_to_nothing_outside_itself(details):
     text = report_page(example_diagnosis(), details)
-    assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:)""", text)
+    assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!data:|#)""", text)
     assert "http://" not in text and "https://" not in text
 
 
@@ -148,8 +151,10 @@ def hostile(details):
 def test_no_name_can_end_a_script_or_open_a_comment_in_it(details):
     text = report_page(*hostile(details))
     embedded = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', text, re.DOTALL)
-    assert len(embedded) == 2 and not any("<" in data for data in embedded)
-    assert HOSTILE[0] in json.loads(embedded[0]) and json.loads(embedded[1])["held_out_runs"] == list(HOSTILE)
+    assert len(embedded) == 3 and not any("<" in data for data in embedded)
+    traces, paths, diagnosis = map(json.loads, embedded)
+    assert HOSTILE[0] in traces and HOSTILE[0] in paths["paths"] and set(HOSTILE) <= set(paths["channels"])
+    assert diagnosis["held_out_runs"] == list(HOSTILE)
 
 
 def test_escape_codes_in_names_do_not_reach_a_terminal(details):
@@ -206,7 +211,7 @@ def sections(verdict, details, **changes):
     diagnosis = example_of(verdict)
     diagnosis.update(changes)
     validate(diagnosis)
-    return re.findall(r"<section>.*?</section>", report_page(diagnosis, details), re.DOTALL)
+    return re.findall(r"<section .*?</section>", report_page(diagnosis, details), re.DOTALL)
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
@@ -313,6 +318,7 @@ def test_the_first_picture_is_what_the_gap_is_made_of(details, verdict):
     assert [(what, float(share)) for what, share, _ in drawn] == [(row["what"], row["share"]) for row in rows]
     assert [float(width) / 100.0 for *_, width in drawn] == pytest.approx([row["share"] for row in rows], abs=1e-4)
     assert re.findall(r"<(?:svg|canvas)[^>]*", first)[:1] == (re.findall(r'<svg id="budget"[^>]*', first))
+    assert all(text.strip() in first for text in re.findall(r'aria-label="shares of the difference: ([^;"]*)', first))
     nameless = sum(row["share"] for row in rows if row["what"] == "rest")
     assert verdict != "partial" or f"{100 * nameless:.0f} % of the difference has no name" in words_of(
         sections(verdict, details)[1]
@@ -365,7 +371,8 @@ def test_causes_that_look_alike_are_checked_and_none_of_them_is_mended(details):
         assert CATALOGUE[one["id"]].check in do and CATALOGUE[one["id"]].advice not in everything
     assert "nflate" not in everything
     assert "trust it for driving like these runs" in do and "trust it" not in alone
-    assert "97 %, beside its twins" in everything
+    assert "looks the same here: speed gain (both sides)" in words_of(twins[0])
+    assert "97 % shared with speed gain (both sides)" in everything
 
 
 def test_a_block_as_good_as_a_perfect_one_has_hardly_a_bar(details):
@@ -396,12 +403,12 @@ def test_a_factor_is_shown_as_the_value_it_makes_with_nominal_and_unit(details):
         "parameters": {"ratio": {"value": 0.8, "ci90": [0.79, 0.81]}},
     }
     first, _, _, causes = sections("known", details, effects=[effect])[:4]
-    assert "6.88 Ω in place of 8.6 Ω (resistance_ohm). Likely." in words_of(first)
+    assert "resistance error (both sides) : winding resistance 6.88 Ω in place of 8.6 Ω · likely" in words_of(first)
     row = re.search(r'<tr class="effect".*?</tr>', causes, re.DOTALL)[0]
     cells = dict(re.findall(r'data-h="([^"]+)">(.*?)</td>', row))
     assert [cells[h] for h in ("nominal", "fitted", "unit", "90 % interval")] == ["8.6", "6.88", "Ω", "6.794 to 6.966"]
     refitted = re.search(r'id="nominal_fit".*?</table>', causes, re.DOTALL)[0]
-    assert "left resistance_ohm 8.6 8.66 Ω" in words_of(refitted)
+    assert "left winding resistance resistance_ohm 8.6 8.66 Ω" in words_of(refitted)
 
 
 def test_the_channel_that_decided_is_named(details):
@@ -424,32 +431,142 @@ def test_the_summary_names_effect_value_gap_and_next_run(details):
     assert len(shown.splitlines()) < 20
 
 
-# ---- the page in a browser -----------------------------------------------------------------------------------------
+# ---- several causes, scatter, forms --------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    from selenium import webdriver
+def account():
+    """The contract's example of section 5: two causes and a form beside a rest."""
+    diagnosis = example_of("partial")
+    coulomb, delay = {"id": "coulomb_friction", "side": "both"}, {"id": "command_delay", "side": "both"}
+    gain = {"id": "driver_gain", "side": "both"}
+    diagnosis["schema"] = "rtds-diagnosis/3"
+    diagnosis["effects"] = [
+        {**diagnosis["effects"][0], "scatter": 0.08, "scatters_with": None},
+        {
+            **delay,
+            "subsystem": "timing",
+            "probability": 0.93,
+            "parameters": {"seconds": {"value": 0.031, "ci90": [0.026, 0.037]}},
+            "gap_without": 6.8,
+            "scatter": 0.31,
+            "scatters_with": "speed",
+        },
+        {
+            **gain,
+            "subsystem": "driver",
+            "probability": 0.6,
+            "parameters": {"ratio": {"value": 0.9, "ci90": None}},
+            "gap_without": 9.5,
+        },
+    ]
+    diagnosis["indistinguishable"] = [[gain, {"id": "speed_gain", "side": "both"}]]
+    form = {"term": "torque", "side": "both", "over": "yaw_rate"}
+    diagnosis["forms"] = [
+        {
+            **form,
+            "units": ["rad/s", "N·m"],
+            "curve": [
+                [-2.0, -0.061, 0.008],
+                [-1.0, -0.017, 0.004],
+                [0.0, 0.0, 0.003],
+                [1.0, 0.016, 0.004],
+                [2.0, 0.063, 0.008],
+            ],
+            "formula": "-a·x·|x|",
+            "parameters": {"a": {"value": 0.0156, "ci90": [0.0131, 0.0182]}},
+            "closes": 0.71,
+        }
+    ]
+    diagnosis["budget"] = [
+        {"what": "effect", **coulomb, "share": 0.45},
+        {"what": "effect", **delay, "share": 0.13},
+        {"what": "effect", **gain, "share": 0.02},
+        {"what": "tolerance", "share": 0.02},
+        {"what": "form", **form, "share": 0.24},
+        {"what": "rest", "subsystem": "wheel_ground", "share": 0.14},
+    ]
+    diagnosis["gap"]["with_forms"] = 3.2
+    validate(diagnosis)
+    return diagnosis
 
-    options = webdriver.ChromeOptions()
-    options.binary_location = shutil.which("chromium")
-    for flag in (
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--disable-background-networking",
-        "--disable-component-update",
-        "--disable-sync",
-        "--no-first-run",
-        "--disable-dev-shm-usage",
-        "--window-size=1200,1400",
-        f"--user-data-dir={tmp_path_factory.mktemp('profile')}",
+
+def test_several_causes_are_a_list_with_size_share_and_look_alikes_a_line(details):
+    first = words_of(report_page(account(), details).split("</section>")[0])
+    assert "3 causes explain a part of the difference between simulator and robot." in first
+    for line in (
+        "Coulomb friction (both sides) : 0.048 N·m · 45 % of the difference · very likely · size varies by 8 % between settings",
+        "command delay : 0.031 s · 13 % of the difference · very likely · size varies by 31 % with speed",
+        "driver gain (both sides) : 0.9 times · 2 % of the difference · looks the same here: speed gain (both sides)",
+        "No name but a shape , torque over yaw rate, both sides : -a·x·|x| · 24 % of the difference",
     ):
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
-    yield driver
-    driver.quit()
+        assert line.replace(" , ", ", ") in first.replace(" , ", ", ")
+    assert STATISTICS.findall(first) == []
+
+
+def test_repeatability_is_shown_where_the_diagnosis_has_it(details):
+    repeats = {("command_delay", "both"): (7, 8)}
+    text = words_of(report_page(account(), replace(details, repeats=repeats)))
+    assert "found on 7 of 8 parts of the data" in text
+    assert "parts of the data" not in words_of(report_page(account(), details))
+
+
+def test_a_form_is_drawn_with_band_density_formula_and_what_to_look_for(details):
+    text = report_page(account(), details)
+    shape = re.search(r'<section id="forms".*?</section>', text, re.DOTALL)[0]
+    assert shape.count("<circle") == 5 and 'class="band"' in shape and shape.count('class="data"') > 3
+    said = words_of(shape)
+    for words in ("Torque over yaw rate, both sides", "closes 71 %", "-a·x·|x|", "0.0156 (0.0131 to 0.0182, 90 %)"):
+        assert words in said
+    assert CATALOGUE["spin_scrub"].check in said and "With effects and shapes the gap is 3.2" in said
+    assert 'aria-label="torque over yaw rate, both sides: from -0.061 at -2' in shape
+    assert 'id="forms"' not in report_page(example_diagnosis(), details)
+
+
+def test_an_older_diagnosis_without_the_new_keys_is_valid_and_shown(details):
+    for schema in ("rtds-diagnosis/2", "rtds-diagnosis/3"):
+        diagnosis = {**example_diagnosis(), "schema": schema}
+        validate(diagnosis)
+        assert "size varies" not in report_page(diagnosis, details)
+
+
+@pytest.mark.parametrize(
+    ("edit", "place"),
+    [
+        (lambda d: d["forms"][0].pop("closes"), "forms/0"),
+        (lambda d: d["forms"][0]["curve"].append([0.0, 1.0]), "forms/0/curve/5"),
+        (lambda d: d["forms"][0].update(side="front"), "forms/0/side"),
+        (lambda d: d["forms"][0]["curve"].reverse(), "forms/0/curve"),
+        (lambda d: d["budget"][4].pop("over"), "budget/4"),
+        (lambda d: d["effects"][0].update(scatter=-0.1), "effects/0/scatter"),
+        (lambda d: d["gap"].update(with_forms=-1.0), "gap/with_forms"),
+        (lambda d: d["gap"].update(with_forms=None), "gap/with_forms"),
+    ],
+)
+def test_a_form_that_breaks_the_contract_is_refused_by_place(edit, place):
+    diagnosis = account()
+    edit(diagnosis)
+    with pytest.raises(ValueError, match=re.escape(place)):
+        validate(diagnosis)
+
+
+# ---- a report that is written --------------------------------------------------------------------------------------
+
+
+def test_a_written_report_names_program_date_and_the_very_command(details, tmp_path, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1795744800")
+    case, out = tmp_path / "my case", tmp_path / "out"
+    text = written(report_page(example_diagnosis(), details), case, out, quick=True)
+    said = words_of(re.search(r'<footer id="made".*?</footer>', text, re.DOTALL)[0])
+    assert f"Made by rtds {__version__}" in said and "on 2026-11-27 02:00 UTC with" in said
+    assert f"rtds diagnose '{case}' --out {out} --quick" in said
+    do = words_of(re.search(r'<ol id="do">.*?</ol>', text, re.DOTALL)[0])
+    assert f"rtds export {out}/diagnosis.json --robot '{case}/robot.toml' --to sdf" in do
+    assert f"rtds close '{case}' --diagnosis {out}/diagnosis.json" in do
+    # Without its place and date it is the same text again.
+    assert unplaced(text) == report_page(example_diagnosis(), details)
+
+
+# ---- the page in a browser -----------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -469,7 +586,7 @@ def test_hostile_names_are_shown_and_do_nothing(browser, details, tmp_path):
     browser.get((tmp_path / "report.html").as_uri())
     assert [entry for entry in browser.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")] == []
     assert browser.execute_script("return typeof window.owned") == "undefined"
-    assert len(browser.find_elements("css selector", "script")) == 3
+    assert len(browser.find_elements("css selector", "script")) == 4
     assert browser.find_elements("css selector", "img, [onclick], [onload], [onerror]") == []
     held = json.loads(browser.execute_script("return document.getElementById('diagnosis').textContent"))
     assert held == diagnosis
@@ -505,7 +622,9 @@ def test_the_text_on_the_page_matches_the_json(opened):
     verdict = opened.find_element("id", "verdict").text
     for piece in ("known", "Coulomb friction (both sides)"):
         assert piece in verdict
-    assert opened.find_element("id", "named").text == "Coulomb friction (both sides): 0.048 N·m. Very likely."
+    assert opened.find_element("id", "named").text == (
+        "Coulomb friction (both sides): 0.048 N·m · 95 % of the difference · very likely"
+    )
     figures = {f.get_attribute("data-name"): f.text for f in opened.find_elements("css selector", "#gap > div")}
     assert figures["before"].startswith("14.2") and figures["after"].startswith("1.08")
     closed = opened.find_element("id", "closed").text
@@ -668,18 +787,66 @@ def test_the_first_screen_needs_no_statistics_and_shows_the_bar(page, verdict, w
     assert all(bar.rect["y"] + bar.rect["height"] < height / 2 for bar in bars)
 
 
+# A wheel's turn over the middle of the first channel's plot; says whether the page kept it from scrolling.
+WHEEL = """
+const c = document.querySelector('#plots canvas[data-channel]'), b = c.getBoundingClientRect();
+return !c.dispatchEvent(new WheelEvent('wheel', {deltaY: -800, ctrlKey: arguments[0], clientX: b.left + b.width / 2,
+                                                 clientY: b.top + 50, bubbles: true, cancelable: true}));
+"""
+SHOT = "return document.querySelector('#plots canvas[data-channel]').toDataURL()"
+
+
 @pytest.mark.browser
-def test_the_wheel_zooms_all_plots_and_the_button_shows_the_whole_run(opened):
-    shot = "return document.querySelector('#plots canvas').toDataURL()"
-    before = opened.execute_script(shot)
-    opened.execute_script("""
-        const c = document.querySelector('#plots canvas'), b = c.getBoundingClientRect();
-        c.dispatchEvent(new WheelEvent('wheel', {deltaY: -800, clientX: b.left + b.width / 2, clientY: b.top + 50,
-                                                 bubbles: true, cancelable: true}));""")
-    zoomed = opened.execute_script(shot)
-    assert zoomed != before
+def test_the_wheel_scrolls_the_page_and_with_control_zooms_all_plots(opened):
+    before = opened.execute_script(SHOT)
+    assert not opened.execute_script(WHEEL, False) and opened.execute_script(SHOT) == before
+    assert opened.execute_script(WHEEL, True) and opened.execute_script(SHOT) != before
     opened.execute_script("document.getElementById('reset').click()")
-    assert opened.execute_script(shot) == before
+    assert opened.execute_script(SHOT) == before
+
+
+@pytest.mark.browser
+def test_buttons_and_keys_zoom_and_read_values_without_a_mouse(opened):
+    before = opened.execute_script(SHOT)
+    opened.find_element("id", "closer").click()
+    assert opened.execute_script(SHOT) != before
+    chosen = opened.find_element("css selector", "#plots canvas[data-channel=w_l]")
+    chosen.send_keys("0")
+    assert opened.execute_script(SHOT) == before
+    chosen.send_keys(Keys.HOME + Keys.ARROW_RIGHT * 3)
+    told = opened.find_element("id", "readout").get_attribute("textContent")
+    assert re.fullmatch(r"0\.\d{3} s: measured \S+, with effects \S+, nominal \S+ rad/s", told)
+    assert opened.find_element("css selector", "figure:has([data-channel=w_l]) .tip").text == told
+    chosen.send_keys(Keys.ESCAPE)
+    assert not opened.find_element("css selector", "figure:has([data-channel=w_l]) .tip").is_displayed()
+
+
+@pytest.mark.browser
+def test_a_mouse_over_a_plot_reads_values_and_a_drag_zooms(opened):
+    chosen = opened.find_element("css selector", "#plots canvas[data-channel=gyro_z]")
+    opened.execute_script("arguments[0].scrollIntoView({block: 'center'})", chosen)
+    before = opened.execute_script(SHOT)
+    ActionChains(opened).move_to_element(chosen).perform()
+    tip = opened.find_element("css selector", "figure:has([data-channel=gyro_z]) .tip")
+    assert "measured" in tip.text and tip.text.endswith("rad/s")
+    ActionChains(opened).click_and_hold().move_by_offset(90, 0).release().perform()
+    assert opened.execute_script(SHOT) != before
+    ActionChains(opened).double_click(chosen).perform()
+    assert opened.execute_script(SHOT) == before
+
+
+@pytest.mark.browser
+def test_channels_stand_in_order_of_misfit_and_each_plot_says_what_it_shows(opened):
+    canvases = opened.find_elements("css selector", "#plots canvas")
+    assert canvases[0].get_attribute("data-path") == "1" and canvases[1].get_attribute("data-channel") == "w_l"
+    labels = [c.get_attribute("aria-label") for c in canvases]
+    assert labels[0].startswith("Way over the floor, run spin: measured x")
+    assert (
+        labels[1].startswith("left wheel speed (w_l), run spin, rad/s: measured ") and "gap 20.1 nominal" in labels[1]
+    )
+    bus = opened.find_element("css selector", "figure:has([data-channel=v_bus]) figcaption").text
+    assert "does not count in the gap: the bus voltage never does" in bus
+    assert "left wheel angle (th_l): does not count in the gap" in opened.find_element("id", "uncounted").text
 
 
 @pytest.mark.browser

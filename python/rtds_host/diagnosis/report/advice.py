@@ -21,26 +21,33 @@ from rtds_host.diagnosis.report.words import (
 
 # Where to look by hand, by the place of what has no name.
 LOOK = {
-    "driver": "measure the voltage at the motor's terminals against the command: small and full, under load and with the wheel "
+    "driver": "measure the voltage at the motor's terminals against the command: small and full, under load and "
+    "with the wheel "
     "in the air",
     "winding": "measure the winding's resistance cold and warm, and the voltage of the motor turned from outside",
-    "drivetrain": "turn each wheel in the air, by hand and by a slow command, both ways: free play, tight spots and springs can "
+    "drivetrain": "turn each wheel in the air, by hand and by a slow command, both ways: free play, tight spots "
+    "and springs can "
     "be felt, friction shows in the current",
-    "wheel_ground": "look at tyres, caster and floor, and measure the way of ten wheel turns: straight and on the spot, with "
+    "wheel_ground": "look at tyres, caster and floor, and measure the way of ten wheel turns: straight and on "
+    "the spot, with "
     "payload and without",
     "chassis": "weigh the robot as it was driven, put a level on the floor, and look for what drags or swings",
-    "sensing": "hold each sensor against a measurement by hand: ten turns of a wheel, ten turns of the robot, current and gyro "
+    "sensing": "hold each sensor against a measurement by hand: ten turns of a wheel, ten turns of the robot, "
+    "current and gyro "
     "at standstill",
-    "timing": "stop a wheel against a hard stop and compare the times in each channel: a bus or a logger may deliver late or "
+    "timing": "stop a wheel against a hard stop and compare the times in each channel: a bus or a logger may "
+    "deliver late or "
     "unevenly",
 }
 UNLIKE = (
-    "Does the robot still behave unlike its simulator? Record a run in which it does, with that load, speed and floor, and "
+    "Does the robot still behave unlike its simulator? Record a run in which it does, with that load, speed and "
+    "floor, and "
     "diagnose it together with these."
 )
 # Commands for what comes next; files by the names that rtds writes.
 EXPORT = (
-    "Gazebo, MuJoCo, Isaac Sim: `rtds export diagnosis.json --robot robot.toml --to sdf --out robot.sdf` (or `mjcf`, `usd-json`, "
+    "Gazebo, MuJoCo, Isaac Sim: `rtds export diagnosis.json --robot robot.toml --to sdf --out robot.sdf` (or "
+    "`mjcf`, `usd-json`, "
     "`urdf`, `python`) writes the robot {}."
 )
 SAMPLES = "For domain randomisation `--samples N` draws N robots from the range of each size."
@@ -49,7 +56,8 @@ CLOSE = (
     "`rtds close CASE --diagnosis diagnosis.json` says how near it comes."
 )
 PREDICT = (
-    "`rtds predict RUN --robot robot.toml --diagnosis diagnosis.json --out predicted.csv` replays a run with it; such a machine is "
+    "`rtds predict RUN --robot robot.toml --diagnosis diagnosis.json --out predicted.csv` replays a run with it; "
+    "such a machine is "
     "not exported."
 )
 PLAN = (

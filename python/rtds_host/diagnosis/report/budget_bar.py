@@ -55,9 +55,12 @@ def budget_bar(diagnosis: dict[str, Any]) -> str:
         ),
         _pattern("tolerance", _TOLERANCE[0], ""),
     ]
+    spoken = "shares of the difference: " + "; ".join(
+        f"{text} {percent(share)}" for text, share in budget_words(diagnosis)
+    )
     at, parts, key, effects = 0.0, [], [], 0
     for row, (text, share) in zip(rows, budget_words(diagnosis), strict=True):
-        if row["what"] == "effect":
+        if row["what"] in ("effect", "form"):
             name, (ground, ink) = f"effect{effects}", _COLOURS[effects % len(_COLOURS)]
             stroke = f'stroke="{ink}" stroke-opacity="0.45" stroke-width="1.3" fill="none"'
             patterns.append(_pattern(name, ground, _PATTERNS[effects % len(_PATTERNS)].format(stroke, ink)))
@@ -74,19 +77,21 @@ def budget_bar(diagnosis: dict[str, Any]) -> str:
             else ""
         )
         parts.append(
-            f'<g data-what="{escape(row["what"])}" data-share="{share:.6g}"><title>{escape(text)}: {percent(share)}</title>'
+            f'<g data-what="{escape(row["what"])}" data-share="{share:.6g}"><title>{escape(text)}: '
+            f"{percent(share)}</title>"
             f'<rect x="{100 * at:.3f}%" y="1" width="{100 * width:.3f}%" height="{HEIGHT - 2}" fill="url(#{name})" '
             f'stroke="var(--ink)" stroke-width="1"/>{label}</g>'
         )
         if share >= 0.0005:
             key.append(
                 '<li><svg width="22" height="14" aria-hidden="true"><rect x="0.5" y="0.5" width="21" height="13" '
-                f'fill="url(#{name})" stroke="var(--ink)"/></svg><span>{escape(text)} <b>{percent(share)}</b></span></li>'
+                f'fill="url(#{name})" stroke="var(--ink)"/></svg><span>{escape(text)} '
+                f"<b>{percent(share)}</b></span></li>"
             )
         at += width
     return (
-        "<h2>What the difference is made of</h2>"
-        f'<svg id="budget" width="100%" height="{HEIGHT}" role="img" aria-label="shares of the difference"><defs>'
+        '<h2 class="minor">What the difference is made of</h2>'
+        f'<svg id="budget" width="100%" height="{HEIGHT}" role="img" aria-label="{escape(spoken)}"><defs>'
         + "".join(patterns)
         + "</defs>"
         + "".join(parts)

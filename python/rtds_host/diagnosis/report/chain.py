@@ -23,7 +23,8 @@ def chain(located: list[dict[str, Any]]) -> str:
         share = shares.get(subsystem, 0.0)
         heat = round(100 * min(max(share, 0.0), 1.0) ** 0.7)
         parts.append(
-            f'<li class="block{" large" if share >= 0.2 else ""}" data-subsystem="{subsystem}" data-share="{share:.6g}" '
+            f'<li class="block{" large" if share >= 0.2 else ""}" data-subsystem="{subsystem}" '
+            f'data-share="{share:.6g}" '
             f'style="--heat:{heat}%"><i>{escape(signal)}</i><div><span>{escape(SUBSYSTEM_WORDS[subsystem])}</span>'
             f"<b>{percent(share) if share >= 0.0005 else '·'}</b></div></li>"
         )

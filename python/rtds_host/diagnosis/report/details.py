@@ -62,7 +62,8 @@ class Details:
     regimes : regime -> {"before", "refit", "after"}, gap in units of noise, on held-out runs.
     run_gaps : run -> {"before", "refit", "after"}.
     decided : (id, side) of a blamed effect -> the channel that misses it most, and that channel's gap without and with
-    it. seconds : time the diagnosis took; printed on the terminal only, so that the report stays the same to the byte.
+    it. repeats : (id, side) of a blamed effect -> on how many parts of the data it was found again, and of how many.
+    seconds : time the diagnosis took; printed on the terminal only, so that the report stays the same to the byte.
     """
 
     case: Case
@@ -74,5 +75,6 @@ class Details:
     regimes: dict[str, dict[str, float | None]] = field(default_factory=dict)
     run_gaps: dict[str, dict[str, float | None]] = field(default_factory=dict)
     decided: dict[tuple[str, str], tuple[str, float, float]] = field(default_factory=dict)
+    repeats: dict[tuple[str, str], tuple[int, int]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     seconds: float | None = None

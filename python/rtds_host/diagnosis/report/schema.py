@@ -40,6 +40,7 @@ def validate(diagnosis: dict[str, Any]) -> None:
         raise ValueError(
             f"diagnosis.json: effects: {len(diagnosis['effects'])} of them although the verdict is {verdict}"
         )
+    _check_forms(diagnosis)
     blamed = {(e["id"], e["side"]) for e in diagnosis["effects"]}
     for members in diagnosis["indistinguishable"]:
         if not blamed & {(m["id"], m["side"]) for m in members}:
@@ -52,3 +53,13 @@ def validate(diagnosis: dict[str, Any]) -> None:
         raise ValueError(f"diagnosis.json: alternatives: probabilities sum to {sum(chances):g}")
     if any(a < b - 1e-9 for a, b in itertools.pairwise(chances)):
         raise ValueError("diagnosis.json: alternatives: not best first")
+
+
+def _check_forms(diagnosis: dict[str, Any]) -> None:
+    """What a schema cannot say of forms: curves run upwards, and the gap is given with them."""
+    forms = diagnosis.get("forms") or []
+    for k, form in enumerate(forms):
+        if any(a[0] >= b[0] for a, b in itertools.pairwise(form["curve"])):
+            raise ValueError(f"diagnosis.json: forms/{k}/curve: not in ascending order")
+    if forms and diagnosis["gap"].get("with_forms") is None:
+        raise ValueError("diagnosis.json: gap/with_forms: missing although there are forms")

@@ -16,6 +16,8 @@ SUBSYSTEM_WORDS = {
     "sensing": "sensing",
     "timing": "timing",
 }
+# Layout: causes that a headline still names.
+LISTED = 2
 SIDE_WORDS = {"both": "both sides", "left": "left side", "right": "right side"}
 CHANNEL_WORDS = {
     "v_bus": "bus voltage",
@@ -26,6 +28,80 @@ CHANNEL_WORDS = {
     "x": "position x",
     "y": "position y",
     "yaw": "heading",
+}
+# Values of robot.toml and parameters of effects in words; the files' own names stand beside them in small type.
+KEY_NAMES = {
+    "resistance_ohm": "winding resistance",
+    "inductance_h": "winding inductance",
+    "torque_constant_nm_per_a": "torque constant",
+    "back_emf_constant_v_s_per_rad": "back-EMF constant",
+    "rotor_inertia_kg_m2": "rotor inertia",
+    "viscous_friction_nm_s_per_rad": "viscous friction of the motor",
+    "kp_v_s_per_rad": "proportional gain of the servo",
+    "ki_v_per_rad": "integral gain of the servo",
+    "track_width_m": "track width",
+    "wheel_radius_m": "wheel radius",
+    "yaw_inertia_kg_m2": "yaw inertia",
+}
+PARAMETER_NAMES = {
+    "torque_nm": "friction torque",
+    "extra_torque_nm": "extra torque at standstill",
+    "speed_rad_s": "speed over which the extra fades",
+    "nm_s_per_rad": "viscous friction",
+    "volts": "voltage",
+    "ratio": "factor",
+    "curvature": "curvature",
+    "resistance_ohm": "resistance of supply and wiring",
+    "rate_v_per_s": "fall of the bus",
+    "amperes": "offset of the current",
+    "seconds": "delay",
+    "delay_s": "delay within it",
+    "time_constant_s": "time constant",
+    "angle_rad": "free play",
+    "restitution": "rebound of the flanks",
+    "stiffness_nm_per_rad": "stiffness",
+    "damping_nm_s_per_rad": "damping",
+    "amplitude_nm": "amplitude",
+    "cycles_per_rev": "cycles a turn of the wheel",
+    "phase_rad": "phase",
+    "slip_per_newton": "slip a newton of traction",
+    "softness_m_per_n": "deflection of the tread a newton",
+    "damping_n_s_per_m": "damping of the tread",
+    "grip": "grip",
+    "coefficient": "coefficient",
+    "mass_kg": "mass",
+    "inertia_kg_m2": "inertia",
+    "x_m": "forward",
+    "y_m": "to the left",
+    "slope_rad": "slope",
+    "rad_s": "offset of the yaw rate",
+    "rise_per_watt": "rise of the resistance a watt",
+}
+# Terms of an equation that a form stands for, and what it runs over.
+TERM_WORDS = {
+    "voltage": "voltage",
+    "torque": "torque",
+    "yaw_torque": "torque about the vertical",
+    "force": "force along the way",
+    "torque_constant": "torque constant",
+    "current_sensor": "current reading",
+    "speed_sensor": "speed reading",
+    "gyro_sensor": "yaw rate reading",
+}
+OVER_WORDS = {
+    "v_cmd": "command",
+    "i": "current",
+    "w": "wheel speed",
+    "th": "wheel angle",
+    "wheel_angle": "wheel angle",
+    "motor_angle": "motor angle",
+    "yaw_rate": "yaw rate",
+    "speed_yaw_rate": "speed times yaw rate",
+    "load": "load",
+    "t": "time",
+    "x": "place x",
+    "y": "place y",
+    "speed": "speed",
 }
 # How sure one may be, from this probability on.
 SURENESS = ((0.99, "as good as certain"), (0.9, "very likely"), (0.7, "likely"), (0.0, "more likely than not"))
@@ -111,6 +187,29 @@ def channel_name(channel: str) -> str:
     return f"{CHANNEL_WORDS[channel]} ({channel})" if channel in CHANNEL_WORDS else channel
 
 
+def parameter_name(key: str, of_robot: bool = False) -> str:
+    """An effect's parameter, or a value of robot.toml, in words; a name that nobody has put into words as it is."""
+    names = KEY_NAMES if of_robot else PARAMETER_NAMES
+    return names.get(key, key.replace("_", " "))
+
+
+def form_name(form: dict[str, Any]) -> str:
+    """A form of the contract as words: "torque over yaw rate, both sides"."""
+    term, over = form["term"], form["over"]
+    side = "" if term in ("yaw_torque", "force", "gyro_sensor") else f", {SIDE_WORDS[form['side']]}"
+    return f"{TERM_WORDS.get(term, term.replace('_', ' '))} over {OVER_WORDS.get(over, over.replace('_', ' '))}{side}"
+
+
+def scatter_words(effect: dict[str, Any]) -> str:
+    """How constant an effect's size is, "" where the diagnosis says nothing of it."""
+    scatter = effect.get("scatter")
+    if scatter is None:
+        return ""
+    setting = effect.get("scatters_with")
+    over = f" with {OVER_WORDS.get(setting, setting.replace('_', ' '))}" if setting else " between settings"
+    return f"size varies by {percent(scatter)}{over}"
+
+
 def sureness(probability: float) -> str:
     """A probability in a phrase."""
     return next(words for least, words in SURENESS if probability >= least)
@@ -142,11 +241,13 @@ def value_words(effect_id: str, parameter: str, entry: Any) -> str:
 
 
 def budget_words(diagnosis: dict[str, Any]) -> list[tuple[str, float]]:
-    """What the gap is made of: words and shares, effects first, what has no name last."""
+    """What the gap is made of: words and shares in the file's order, effects first, what has no name last."""
     rows = []
     for row in diagnosis["budget"]:
         if row["what"] == "effect":
             text = effect_name(row)
+        elif row["what"] == "form":
+            text = f"no name but a shape: {form_name(row)}"
         elif row["what"] == "tolerance":
             text = "tolerances of the motors"
         else:
@@ -171,13 +272,16 @@ def headline(diagnosis: dict[str, Any]) -> str:
         return "The simulator differs from this robot, and no effect of the catalogue explains it" + (
             f". Most of the difference shows in the {place}." if place else "."
         )
+    several = len(diagnosis["effects"]) > LISTED
     names = [enumerated([listed_name(one) for one in (e, *twins_of(diagnosis, e))], "or") for e in by_share(diagnosis)]
-    listed = enumerated(names, "and")
+    # Beyond two, names and look-alikes stand in the list below.
+    listed = f"{len(names)} causes" if several else enumerated(names, "and")
     listed = listed[0].upper() + listed[1:]
-    open_end = " These runs cannot tell which." if diagnosis["indistinguishable"] else ""
+    open_end = " These runs cannot tell which." if diagnosis["indistinguishable"] and not several else ""
     if verdict == "partial":
         return (
-            f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator and robot. "
+            f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator "
+            "and robot. "
             "The rest has no name" + (f"; most of it shows in the {place}." if place else ".") + open_end
         )
     return f"{listed} {'makes' if len(names) == 1 else 'make'} this robot differ from its simulator.{open_end}"
@@ -215,10 +319,12 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
     if not effects:
         text = "There is a gap, and no effect of the catalogue stands on its own evidence"
         return text + (f"; most of it lies in the {place}." if place else ".")
-    names = "; ".join(
-        f"{effect_name(e)} ({', '.join(value_words(e['id'], n, {'value': p['value']}) for n, p in e['parameters'].items())})"
-        for e in effects
-    )
+
+    def sized(effect: dict[str, Any]) -> str:
+        values = (value_words(effect["id"], n, {"value": p["value"]}) for n, p in effect["parameters"].items())
+        return f"{effect_name(effect)} ({', '.join(values)})"
+
+    names = "; ".join(sized(effect) for effect in effects)
     closed = gap.get("effect_closed")
     share = f", {percent(closed)} of it closed" if closed is not None else ""
     each = "each at least " if len(effects) > 1 else ""
