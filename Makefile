@@ -55,7 +55,7 @@ formal: setup
 synth: setup
 	$(BIN)/python tb/synth/synth.py
 
-# Place and route on an ECP5: minutes for each of three seeds. What was run is kept in build/pnr.
+# Place and route on an ECP5: minutes for each of eight seeds, two at a time. What was run is kept in build/pnr.
 pnr: setup
 	$(BIN)/python tb/pnr/pnr.py
 
@@ -72,6 +72,7 @@ registers: setup
 # With AGAINST=COMMIT, the loops of that state and of the present one in turn.
 bench: setup
 	$(BIN)/python -m rtds_host.bench $(if $(AGAINST),--against $(AGAINST))
+	$(if $(AGAINST),,$(BIN)/python -m rtds_host.bench.ways)
 
 # Sealed cases for the diagnosis, 60 in about 15 minutes or 310; both go on where they stopped.
 blind: setup

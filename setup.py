@@ -7,7 +7,7 @@ from setuptools import setup
 from setuptools.command.build_py import build_py
 
 ROOT = Path(__file__).parent
-WANTED = {"rtl": (".v", ".vh", ".f"), "sim": (".v", ".vlt", ".cpp", ".py")}
+WANTED = {"rtl": (".v", ".vh", ".f"), "sim": (".v", ".h", ".vlt", ".cpp", ".py")}
 
 
 class BuildWithHardware(build_py):

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Compile the board's top from the command line and print Fmax and use. Needs Quartus Prime (Lite is enough) on PATH.
-# The build identity (register BUILD) is the first 32 bits of the commit. Ends with status 1 when timing is not met or a
+# The build identity (register BUILD) is the first 28 bits of the commit. Ends with status 1 when timing is not met or a
 # constraint matched nothing.
 set -eu
 cd "$(dirname "$0")"

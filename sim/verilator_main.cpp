@@ -27,16 +27,22 @@
 //                 the whole model is what it is without jumping. The environment's RTDS_EVERY_CLOCK=1 has all clocks
 //                 evaluated, with the same result; with =check each of them, once settled, is held against the one before,
 //                 byte by byte of the model, and the program ends with status 3 when anything but the count has moved
-//   RTDS_USUAL    with RTDS_POSEDGE only: RTDS_USUAL(IS) is IS(member, value) for each of some members of the model (one that is
-//                 not there is left out). The functions that evaluate a clock are compiled a second time, all into one and for
-//                 these values, and called in the clocks that begin with them: all that hangs on another value is left out.
-//                 The values are looked at before each clock, so nothing is different but the time
+//   RTDS_PROFILE  with RTDS_POSEDGE only: watches the clocks and writes what the generated members hold in each phase of a
+//                 step to the file that the environment's RTDS_PROFILE names (rtds_host.link.pinning reads it)
+//   RTDS_PINNED   with RTDS_POSEDGE only: the evaluation of a clock is compiled once more for each phase of a step, with the
+//                 values that control has in it. See below: "One evaluation a phase". The environment's RTDS_LOOP=check has
+//                 each such clock evaluated the general way, too, and ends the program with status 3 when a byte of the
+//                 model differs; =plain evaluates all clocks the general way; =count says at the end of each request on
+//                 standard error how many clocks were evaluated which way
+//   RTDS_NATIVE   sums and products are the host's own (sim/native)
+// rtds_phases.h, which rtds_host.link.pinning writes for the last three, says what a phase is.
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "Vtop.h"
@@ -44,21 +50,23 @@
 #include "verilated.h"
 #include "verilated_vpi.h"
 
-// The functions of the model once more, for the usual clock.
-#ifdef RTDS_USUAL
-#if __has_include("Vtop___024root__0.cpp")
+#ifdef RTDS_NATIVE
+#include "fp_native.h"
+#endif
+#if defined(RTDS_PROFILE) || defined(RTDS_PINNED)
+#include "rtds_phases.h"
+#endif
+#ifdef RTDS_PINNED
+// The functions of the model once more, to be put into each phase's own.
 #include "Vtop__pch.h"
 namespace {
-namespace usual {
+namespace pinned {
 #if __has_include("Vtop__ConstPool__0__Slow.cpp")
 #include "Vtop__ConstPool__0__Slow.cpp"
 #endif
 #include "Vtop___024root__0.cpp"
-}  // namespace usual
+}  // namespace pinned
 }  // namespace
-#else
-#undef RTDS_USUAL
-#endif
 #endif
 
 extern "C" void vlog_startup_routines_bootstrap(void);
@@ -176,48 +184,169 @@ auto jump_idle(Root& root, std::uint64_t period_ps, std::uint64_t due_ps, int)
 template <typename Root>
 void jump_idle(Root&, std::uint64_t, std::uint64_t, long) {}
 
-#ifdef RTDS_USUAL
-// Where the generated code keeps a register or net; null if nowhere, and then it is left out.
-#define RTDS_MEMBER(name, value)                                                \
-    template <typename Root>                                                    \
-    auto member_##name(Root& root, int) -> decltype(&root.name) {               \
-        return &root.name;                                                      \
-    }                                                                           \
-    template <typename Root>                                                    \
-    CData* member_##name(Root&, long) {                                         \
-        return nullptr;                                                         \
+#ifdef RTDS_PROFILE
+// For each phase and each member: which values it had, and how often. A member of more values than are kept here is none that
+// says what a phase does. Written anew after each run of clocks, since the host ends this program without a word.
+struct Seen {
+    static constexpr int kept = 4;
+    std::uint32_t value[kept] = {};
+    std::uint64_t times[kept] = {};
+    std::uint64_t others = 0;
+    void add(std::uint32_t word) {
+        for (int k = 0; k < kept; ++k) {
+            if (times[k] == 0) value[k] = word;
+            if (value[k] == word) {
+                ++times[k];
+                return;
+            }
+        }
+        ++others;
     }
-#define RTDS_DIFFERS(name, value) \
-    if (const auto* const member = member_##name(root, 0)) differs |= *member ^ (value);
-#define RTDS_SET(name, value) \
-    if (auto* const member = member_##name(root, 0)) *member = (value);
-RTDS_USUAL(RTDS_MEMBER)
+};
+const char* const member_names[] = {
+#define RTDS_NAME(name) #name,
+    RTDS_MEMBERS(RTDS_NAME)};
+constexpr std::size_t member_count = sizeof member_names / sizeof *member_names;
+std::vector<std::vector<Seen>> profile(RTDS_PHASE_COUNT);
+std::vector<Seen> profile_next(RTDS_PHASE_COUNT);
 
-// The next clock. What is the usual one is written to the registers once more before it: so the compiler knows it, all
-// functions being put into this one, and leaves out what hangs on it.
-template <typename Root>
-[[gnu::flatten, gnu::noinline]] void eval_usual(Root& root) {
-    root.__VnbaTriggered[0] = 1;
-    RTDS_USUAL(RTDS_SET)
-    usual::Vtop___024root___eval_nba(&root);
+void profile_clock(const Vtop___024root& root) {
+    static unsigned last = RTDS_PHASE_COUNT;
+    const unsigned phase = RTDS_PHASE(root);
+    if (last < RTDS_PHASE_COUNT) profile_next[last].add(phase);
+    last = phase;
+    auto& seen = profile[phase];
+    seen.resize(member_count);
+    std::size_t k = 0;
+#define RTDS_ADD(name) seen[k++].add(root.name);
+    RTDS_MEMBERS(RTDS_ADD)
 }
 
-template <typename Root>
-void eval_clock(Root& root) {
-    QData differs = root.__VnbaTriggered[0] ^ 1;
-    RTDS_USUAL(RTDS_DIFFERS)
-    if (differs) {
-        Vtop___024root___eval_nba(&root);
-    } else {
-        eval_usual(root);
+// Lines "phase N next VALUE", then "MEMBER VALUE TIMES ALL" with the most frequent value.
+void write_profile() {
+    const char* const path = std::getenv("RTDS_PROFILE");
+    if (path == nullptr) return;
+    const std::string scratch = std::string(path) + ".new";
+    std::FILE* const file = std::fopen(scratch.c_str(), "w");
+    if (file == nullptr) return;
+    for (std::size_t phase = 0; phase < profile.size(); ++phase) {
+        if (profile[phase].empty()) continue;
+        const auto most = [](const Seen& seen) {
+            return std::max_element(seen.times, seen.times + Seen::kept) - seen.times;
+        };
+        std::fprintf(file, "phase %zu next %u\n", phase, profile_next[phase].value[most(profile_next[phase])]);
+        for (std::size_t k = 0; k < member_count; ++k) {
+            const Seen& seen = profile[phase][k];
+            std::uint64_t all = seen.others;
+            for (const std::uint64_t times : seen.times) all += times;
+            std::fprintf(file, "%s %u %llu %llu\n", member_names[k], seen.value[most(seen)],
+                         static_cast<unsigned long long>(seen.times[most(seen)]), static_cast<unsigned long long>(all));
+        }
     }
-}
-#else
-template <typename Root>
-void eval_clock(Root& root) {
-    Vtop___024root___eval_nba(&root);
+    std::fclose(file);
+    std::rename(scratch.c_str(), path);
 }
 #endif
+
+#ifdef RTDS_PINNED
+// ---- One evaluation a phase ------------------------------------------------------------------------------------------
+// A phase is a clock of a step (RTDS_PHASE gives its number). Control has the same values in it in nearly every step: its pins.
+// For each phase there is a copy of the evaluation, compiled for its pins: they are written to the registers once more before
+// it, so the compiler knows them and leaves out all that hangs on other values. It is called only in a clock that begins with
+// all of these values, so it gives what the general evaluation gives, whatever the pins are. Whether the next clock begins with
+// the pins of the phase that usually follows is looked at in the same function: where control does not hang on data the
+// compiler knows that, too, and nothing is left of it. A clock that begins with other values is evaluated the general way.
+enum class Loop { pinned, plain, check };
+Loop loop = Loop::pinned;
+bool counting = false;
+std::uint64_t clocks_pinned = 0, clocks_general = 0;
+
+#define RTDS_DIFFERS(name, value) differs |= static_cast<unsigned>(root.name) ^ (value);
+#define RTDS_SET(name, value) root.name = (value);
+#define RTDS_PHASE_FUNCTIONS(phase, next)                                     \
+    [[gnu::noinline]] bool begins_##phase(const Vtop___024root& root) {       \
+        unsigned differs = 0;                                                 \
+        RTDS_PINS_##phase(RTDS_DIFFERS) return differs == 0;                  \
+    }                                                                         \
+    [[gnu::flatten, gnu::noinline]] bool clock_##phase(Vtop___024root& root) { \
+        root.__VnbaTriggered[0] = 1;                                          \
+        RTDS_PINS_##phase(RTDS_SET) pinned::Vtop___024root___eval_nba(&root); \
+        unsigned differs = 0;                                                 \
+        RTDS_PINS_##next(RTDS_DIFFERS) return differs == 0;                   \
+    }
+RTDS_PHASES(RTDS_PHASE_FUNCTIONS)
+
+struct Phase {
+    bool (*begins)(const Vtop___024root&) = nullptr;
+    bool (*clock)(Vtop___024root&) = nullptr;  // true: the next phase's pins hold
+    unsigned next = 0;
+};
+struct Phases {
+    Phase at[RTDS_PHASE_COUNT];
+    Phases() {
+#define RTDS_ENTRY(phase, next) at[phase] = {begins_##phase, clock_##phase, next};
+        RTDS_PHASES(RTDS_ENTRY)
+    }
+};
+const Phases phases;
+
+// A clock by its phase's evaluation, then from the same start the general way: byte by byte the same, or the end.
+bool clock_checked(const Phase& phase, Vtop___024root& root) {
+    auto* const bytes = reinterpret_cast<unsigned char*>(&root);
+    static std::vector<unsigned char> start, pinned_end;
+    start.assign(bytes, bytes + sizeof root);
+    const bool follows = phase.clock(root);
+    pinned_end.assign(bytes, bytes + sizeof root);
+    std::memcpy(bytes, start.data(), sizeof root);
+    Vtop___024root___eval_nba(&root);
+    for (std::size_t at = 0; at < sizeof root; ++at) {
+        if (bytes[at] == pinned_end[at]) continue;
+        std::fprintf(stderr, "the evaluation of phase %d differs from the general one in byte %zu of the model: %02x, not %02x\n",
+                     static_cast<int>(&phase - phases.at), at, pinned_end[at], bytes[at]);
+        std::exit(3);
+    }
+    return follows;
+}
+#endif
+
+template <typename Root>
+void run_clocks(Root& root, const CData& sync, CData sync_before, std::uint64_t period_ps, std::uint64_t due_ps) {
+#ifdef RTDS_PINNED
+    const Phase* phase = nullptr;  // whose pins are known to hold
+    const bool pinning = loop != Loop::plain && root.__VnbaTriggered[0] == 1;
+#endif
+    do {
+        now_ps += period_ps;
+#ifdef RTDS_PINNED
+        if (phase == nullptr && pinning) {
+            phase = &phases.at[RTDS_PHASE(root)];
+            if (phase->begins == nullptr || !phase->begins(root)) phase = nullptr;
+        }
+        if (phase != nullptr) {
+            const bool follows = loop == Loop::check ? clock_checked(*phase, root) : phase->clock(root);
+            phase = follows ? &phases.at[phase->next] : nullptr;
+            ++clocks_pinned;
+        } else {
+            Vtop___024root___eval_nba(&root);
+            ++clocks_general;
+        }
+#else
+#ifdef RTDS_PROFILE
+        profile_clock(root);
+#endif
+        Vtop___024root___eval_nba(&root);
+#endif
+        jump_idle(root, period_ps, due_ps, 0);
+    } while (sync == sync_before && now_ps < due_ps);
+#ifdef RTDS_PROFILE
+    write_profile();
+#endif
+#ifdef RTDS_PINNED
+    if (counting)
+        std::fprintf(stderr, "clocks evaluated by phase %llu, in general %llu\n",
+                     static_cast<unsigned long long>(clocks_pinned), static_cast<unsigned long long>(clocks_general));
+#endif
+}
 
 // Rising edges of the only clock, one a period, until `sync` is no longer what it was or the time reaches `due_ps`.
 template <typename Root>
@@ -228,11 +357,7 @@ auto run_edges(Root& root, CData& before, const CData& sync, std::uint64_t perio
     before = 0;
     Vtop___024root___eval_triggers_vec__act(&root);  // which of its events a rising edge is
     root.__VnbaTriggered[0] = root.__VactTriggered[0];
-    do {
-        now_ps += period_ps;
-        eval_clock(root);
-        jump_idle(root, period_ps, due_ps, 0);
-    } while (sync == sync_before && now_ps < due_ps);
+    run_clocks(root, sync, sync_before, period_ps, due_ps);
     root.__VnbaTriggered[0] = 0;
     return true;
 }
@@ -268,6 +393,19 @@ int main(int argc, char** argv) {
     const char* const wanted = std::getenv("RTDS_EVERY_CLOCK");
     if (wanted != nullptr && *wanted == '1') idle_clocks = Idle::evaluate;
     if (wanted != nullptr && *wanted == 'c') idle_clocks = Idle::check;
+#ifdef RTDS_PINNED
+    const char* const how = std::getenv("RTDS_LOOP");
+    if (how != nullptr && std::strcmp(how, "plain") == 0) loop = Loop::plain;
+    if (how != nullptr && std::strcmp(how, "check") == 0) loop = Loop::check;
+    counting = how != nullptr && std::strcmp(how, "count") == 0;
+#endif
+#ifdef RTDS_NATIVE
+    rtds_fp_modes();
+    if (!rtds_fp_works()) {
+        std::fprintf(stderr, "this processor's sums and products are not those of the RTL; start it with RTDS_PLAIN=1\n");
+        return 3;
+    }
+#endif
     Verilated::fatalOnVpiError(false);  // cocotb asks for objects that may not exist
     const std::unique_ptr<Vtop> owner(new Vtop(""));
     Vtop& top = *owner;
@@ -287,6 +425,9 @@ int main(int argc, char** argv) {
     CData sync = top.RTDS_SYNC;
     while (!Verilated::gotFinish()) {
         const std::uint64_t due_ps = VerilatedVpi::cbNextDeadline();
+#ifdef RTDS_NATIVE
+        rtds_fp_modes();  // what Python loads may have changed them
+#endif
         toggle_next(clocks);
         begin_time_step();
         top.eval();

@@ -6,7 +6,9 @@ The functions of this package, each described in `rtds_host.api`:
 - `read_case(folder)` reads the logs of a robot, `diagnose(case)` says which unmodelled effects make them differ from a
   simulation, `predict(run, robot, diagnosis)` replays a run from its commands;
 - `run(scenario)` drives a scenario in the real-time simulator, `close(case)` puts a diagnosis into that simulator and
-  measures the gap there before and after.
+  measures the gap there before and after;
+- `import_case(sources, out)` turns recordings into a case, `export(diagnosis, to)` writes the robot for another
+  simulator, `plan(robot)` makes the manoeuvre that would tell most.
 
 `import rtds_host` loads none of what they need (0.01 s); the first call does.
 """
@@ -23,10 +25,23 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 __version__ = "0.1.0"
 
-__all__ = ["InputError", "LinkError", "OutputError", "RtdsError", "close", "diagnose", "predict", "read_case", "run"]
+__all__ = [
+    "InputError",
+    "LinkError",
+    "OutputError",
+    "RtdsError",
+    "close",
+    "diagnose",
+    "export",
+    "import_case",
+    "plan",
+    "predict",
+    "read_case",
+    "run",
+]
 
 if TYPE_CHECKING:
-    from rtds_host.api import close, diagnose, predict, read_case, run
+    from rtds_host.api import close, diagnose, export, import_case, plan, predict, read_case, run
     from rtds_host.errors import InputError, LinkError, OutputError, RtdsError
 
 

@@ -7,6 +7,7 @@ simulator of the Verilog cannot be built or started. Units are SI; the formats a
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,9 +18,10 @@ if TYPE_CHECKING:
 
     from rtds_host.contract import Case, Robot, RunLog
     from rtds_host.correction.result import Result
+    from rtds_host.plan.make import Plan
     from rtds_host.run.session import Outcome
 
-__all__ = ["close", "diagnose", "predict", "read_case", "run"]
+__all__ = ["close", "diagnose", "export", "import_case", "plan", "predict", "read_case", "run"]
 
 Path_ = str | os.PathLike[str]
 
@@ -245,6 +247,125 @@ def close(
         threads=threads or cores(),
         seed=seed,
     )
+
+
+def import_case(
+    sources: Sequence[Path_],
+    out: Path_,
+    *,
+    robot: Path_ | None = None,
+    mapping: Path_ | None = None,
+    append: bool = False,
+    trust_units: bool = False,
+) -> Case:
+    """Turn bags or csv files of a real robot into a case, one run each (`rtds import`).
+
+    Parameters
+    ----------
+    sources : bags (a folder, .mcap or .db3), csv files, or SysId's .json. out : folder of the case.
+    robot : a robot that comes along or a `robot.toml`; by default the mapping's. mapping : a mapping's file or name; by
+        default the one that fits. append : add runs to a case that exists. trust_units : import even where a unit looks
+        wrong.
+
+    Returns
+    -------
+    The case as `read_case` reads it.
+
+    Raises
+    ------
+    InputError : a recording, mapping or robot that cannot be used. OutputError : `out` cannot be written.
+    """
+    from rtds_host.importers.case import import_case as import_folder
+
+    import_folder(
+        [os.fspath(source) for source in sources],
+        os.fspath(out),
+        robot=None if robot is None else os.fspath(robot),
+        mapping=None if mapping is None else os.fspath(mapping),
+        append=append,
+        trust_units=trust_units,
+    )
+    return read_case(out)
+
+
+def export(diagnosis: Path_, to: str, *, robot: Robot | Path_ | None = None, out: Path_ | None = None) -> str:
+    """The robot with a diagnosis in it for another simulator (`rtds export`).
+
+    Parameters
+    ----------
+    diagnosis : path of a `diagnosis.json`. to : "mjcf", "urdf", "sdf", "usd-json" or "python".
+    robot : nominal robot as read, or its `robot.toml`; by default the one of the case beside the diagnosis.
+    out : file for the text; nothing is written without it.
+
+    Returns
+    -------
+    The file's text, whose head says how each effect is in it.
+
+    Raises
+    ------
+    InputError : an unusable file, an unknown target, or a robot that cannot be exported. OutputError : `out` cannot be
+    written.
+    """
+    from rtds_host.contract import Robot, load_robot, write_atomic
+    from rtds_host.export.export import default_robot, read_source
+    from rtds_host.export.export import export as write
+
+    path = Path(diagnosis)
+    nominal = robot if isinstance(robot, Robot) else load_robot(default_robot(path) if robot is None else robot)
+    text, _ = write(read_source(path, nominal), to)
+    if out is not None:
+        write_atomic(Path(out), text)
+    return text
+
+
+def plan(
+    robot: Robot | Path_,
+    scenario: str | None = None,
+    *,
+    floor_m: tuple[float, float] = (3.0, 3.0),
+    margin_m: float = 0.3,
+    kind: str | None = None,
+    speed_m_s: float = math.inf,
+    out: Path_ | None = None,
+) -> Plan:
+    """A manoeuvre for a robot, fitted to a floor (`rtds plan` of a robot.toml).
+
+    Parameters
+    ----------
+    robot : as read, or its `robot.toml`. scenario : a name of `rtds run --list`; None takes the one on which the fewest
+        effects look alike. floor_m : width and depth, m; margin_m : room to its edges, m. kind : "voltage" or
+        "cmd_vel"; by default what the robot's driver takes. speed_m_s : fastest forward speed, m/s.
+    out : folder for commands.csv, drive.py and plan.json; nothing is written without it.
+
+    Returns
+    -------
+    Plan: `commands` with knots `t` (n,) s and `values` (n, 2), `payload_kg`, `start` (x m, y m, heading rad).
+
+    Raises
+    ------
+    InputError : an unusable robot, an unknown scenario, a floor that is too small. OutputError : `out` cannot be
+    written.
+    """
+    from rtds_host.contract import Robot, load_robot, staged_folder
+    from rtds_host.diagnosis.replay.model import nominal_model
+    from rtds_host.plan.make import Floor, check_robot, choose, driven_by_voltage, fit
+    from rtds_host.plan.write import write
+    from rtds_host.scenario import find_scenario
+
+    nominal = robot if isinstance(robot, Robot) else load_robot(robot)
+    kind = kind or ("cmd_vel" if nominal.driver.mode == "speed" else "voltage")
+    check_robot(nominal, kind)
+    wheels, room = driven_by_voltage(nominal), Floor(*floor_m, margin_m)
+    models = [nominal_model(wheels)]
+    if scenario is None:
+        made, why = choose(wheels, kind, room, models, speed_m_s), "the fewest effects look alike on it"
+    else:
+        chosen, why = find_scenario(scenario), "asked for"
+        made = fit(chosen, wheels, kind, room, models, chosen.payload_kg, speed_m_s)
+    if out is not None:
+        with staged_folder(Path(out)) as scratch:
+            write(made, scratch, why)
+    return made
 
 
 def _case(case: Case | Path_) -> Case:

@@ -305,8 +305,11 @@ def _certified(scheduler: str) -> None:
 @contextmanager
 def _client(scheduler: str) -> Iterator[Any]:
     _reachable(scheduler)
-    import dask
-    import distributed
+    try:
+        import dask
+        import distributed
+    except ImportError as error:
+        raise LinkError(f"scheduler {scheduler}: Dask is not installed: pip install 'rtds-host[cluster]'") from error
 
     class Client(distributed.Client):
         def __del__(self) -> None:

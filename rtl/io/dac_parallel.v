@@ -19,7 +19,10 @@
 //            safe codes are written once, and ready_o stays 0 until fault_i falls. From fault_i to the LDAC of
 //            the safe value: 22 clocks when idle, at most 47. safe_o: the outputs show the written safe value.
 //
-// SDC        Output delays against the 50 MHz clock; each pin is a register. R/W is tied low: output only.
+// updated_o  one clock, that of the falling edge of LDAC: what is inside looks at it and not at the pin.
+//
+// SDC        Output delays against the 50 MHz clock; each pin is a register that feeds its pin alone, as it stands at the pin, so
+//            that it can be placed in the pin's cell. R/W is tied low: output only.
 `default_nettype none
 
 module dac_parallel #(
@@ -34,6 +37,7 @@ module dac_parallel #(
     output wire        ready_o,
     output wire        dropped_o,
     output wire        safe_o,
+    output wire        updated_o,
     // pins
     output wire [11:0] dac_db_o,
     output wire [ 1:0] dac_a_o,
@@ -128,45 +132,51 @@ module dac_parallel #(
       address_q <= 2'd0;
     end else if (next_output) begin
       data_q    <= {12'd0, data_q[47:12]};
-      address_q <= address_q + 2'd1;
+      address_q <= slot_q[1:0] + 2'd1;
     end
   end
 
   // Strobes: registers, so that no decoding glitch reaches a pin.
-  reg cs_q;
-  reg ldac_q;
+  reg  cs_n_q;
+  reg  ldac_n_q;
+  wire cs = busy_q && !ldac_slot && (phase_q < 3'd3);
+  wire ldac = busy_q && ldac_slot && (phase_q != 3'd0) && !phase_last;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      cs_q   <= 1'b0;
-      ldac_q <= 1'b0;
+      cs_n_q   <= 1'b1;
+      ldac_n_q <= 1'b1;
     end else begin
-      cs_q   <= busy_q && !ldac_slot && (phase_q < 3'd3);
-      ldac_q <= busy_q && ldac_slot && (phase_q != 3'd0) && !phase_last;
+      cs_n_q   <= !cs;
+      ldac_n_q <= !ldac;
     end
   end
 
   // Which value the outputs show: it changes when LDAC falls.
   reg  writing_safe_q;
   reg  safe_q;
+  reg  updated_q;
   wire update = busy_q && ldac_slot && (phase_q == 3'd1);
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       writing_safe_q <= 1'b0;
       safe_q         <= 1'b0;
+      updated_q      <= 1'b0;
     end else begin
+      updated_q      <= update;
       if (start) writing_safe_q <= start_safe;
       if (update) safe_q <= writing_safe_q;
     end
   end
 
   assign safe_o       = safe_q;
+  assign updated_o    = updated_q;
   assign dac_db_o     = data_q[11:0];
   assign dac_a_o      = address_q;
-  assign dac_cs_no    = !cs_q;
+  assign dac_cs_no    = cs_n_q;
   assign dac_rw_o     = 1'b0;
-  assign dac_ldac_no  = !ldac_q;
+  assign dac_ldac_no  = ldac_n_q;
   assign dac_reset_no = pin_q;
 
 `ifdef FORMAL
@@ -174,13 +184,14 @@ module dac_parallel #(
   always @* begin
     assert (phase_q <= LAST_PHASE && slot_q <= (busy_q ? SLOT_LDAC : SLOT_LDAC + 3'd1) && boot_q <= RESET_CLOCKS);
     if (!booted) assert (!reset_off_q);
-    if (!reset_off_q) assert (!busy_q && !cs_q && !ldac_q && !calm_q);
-    assert (!(cs_q && ldac_q));
-    if (!busy_q) assert (!cs_q && !ldac_q);
+    if (!reset_off_q) assert (!busy_q && cs_n_q && ldac_n_q && !calm_q);
+    assert (cs_n_q || ldac_n_q);
+    if (!busy_q) assert (cs_n_q && ldac_n_q);
     if (busy_q && !ldac_slot) begin
-      assert (cs_q == (phase_q >= 3'd1 && phase_q <= 3'd3) && !ldac_q && address_q == slot_q[1:0]);
+      assert (cs_n_q == !(phase_q >= 3'd1 && phase_q <= 3'd3) && ldac_n_q && address_q == slot_q[1:0]);
     end
-    if (busy_q && ldac_slot) assert (!cs_q && ldac_q == (phase_q >= 3'd2));
+    if (busy_q && ldac_slot) assert (cs_n_q && ldac_n_q == (phase_q < 3'd2));
+    assert (updated_q == (busy_q && ldac_slot && phase_q == 3'd2));
   end
 `endif
 

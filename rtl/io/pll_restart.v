@@ -19,6 +19,16 @@ module pll_restart #(
     output wire rst_o
 );
 
+  // A value that the widths here cannot hold ends the elaboration, with its name.
+  generate
+    if (WAIT < 2 || WAIT > 131071) begin : g_bad_wait
+      WAIT_must_be_2_to_131071 u_error ();
+    end
+    if (PULSE < 1 || PULSE >= WAIT) begin : g_bad_pulse
+      PULSE_must_be_1_to_less_than_WAIT u_error ();
+    end
+  endgenerate
+
   wire        locked;
   reg  [16:0] count_q;
   reg         rst_q;

@@ -35,6 +35,13 @@ module reset_ctrl #(
     output wire lock_lost_o
 );
 
+  // A value that the widths here cannot hold ends the elaboration, with its name.
+  generate
+    if (LOCK_CLOCKS < 1 || LOCK_CLOCKS > 255) begin : g_bad_lock_clocks
+      LOCK_CLOCKS_must_be_1_to_255 u_error ();
+    end
+  endgenerate
+
   reset_sync u_sys (
       .clk_i       (clk_sys_i),
       .async_rst_ni(ext_rst_ni),

@@ -48,7 +48,7 @@ module rtds_ctrl #(
     input  wire         codes_valid_i,  // dac_scale is done
     output wire         dac_write_o,
     output wire         dac_fault_o,
-    input  wire         dac_ldac_ni,
+    input  wire         dac_ldac_ni,    // low from the falling edge of LDAC on, for a clock or more
 
     output wire         alive_o,
     output wire         halted_o,
@@ -56,6 +56,16 @@ module rtds_ctrl #(
     output wire         dropped_event_o,
     output wire [ 31:0] latency_o       // {largest, last}
 );
+
+  // A value that the widths here cannot hold ends the elaboration, with its name.
+  generate
+    if (SILENT_CLOCKS < 1 || SILENT_CLOCKS > 1023) begin : g_bad_silent_clocks
+      SILENT_CLOCKS_must_be_1_to_1023 u_error ();
+    end
+    if (BUSY_CLOCKS < 1 || BUSY_CLOCKS > 127) begin : g_bad_busy_clocks
+      BUSY_CLOCKS_must_be_1_to_127 u_error ();
+    end
+  endgenerate
 
   `include "rtds_core_records.vh"
 

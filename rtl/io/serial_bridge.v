@@ -38,6 +38,13 @@ module serial_bridge #(
     output wire        error_o
 );
 
+  // A value that the widths here cannot hold ends the elaboration, with its name.
+  generate
+    if (TIMEOUT_CLKS < 1 || TIMEOUT_CLKS > 1048575) begin : g_bad_timeout_clks
+      TIMEOUT_CLKS_must_be_1_to_1048575 u_error ();
+    end
+  endgenerate
+
   localparam [7:0] SOF_REQUEST = 8'hA5;
   localparam [7:0] SOF_ANSWER = 8'h5A;
 

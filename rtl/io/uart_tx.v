@@ -16,6 +16,13 @@ module uart_tx #(
     output wire       tx_o
 );
 
+  // A value that the widths here cannot hold ends the elaboration, with its name.
+  generate
+    if (CLKS_PER_BIT < 8 || CLKS_PER_BIT > 65535) begin : g_bad_clks_per_bit
+      CLKS_PER_BIT_must_be_8_to_65535 u_error ();
+    end
+  endgenerate
+
   localparam [15:0] LAST = CLKS_PER_BIT - 1;
 
   reg [15:0] tick_q;

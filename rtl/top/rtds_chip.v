@@ -191,6 +191,7 @@ module rtds_chip #(
   wire         dac_ready;
   wire         dac_dropped;
   wire         dac_safe;
+  wire         dac_updated;
   wire         run_idle;
   wire         run_fx_ready;
   wire         alive;
@@ -230,7 +231,7 @@ module rtds_chip #(
       .codes_valid_i   (codes_valid),
       .dac_write_o     (dac_write),
       .dac_fault_o     (dac_fault),
-      .dac_ldac_ni     (dac_ldac_no),
+      .dac_ldac_ni     (!dac_updated),
       .alive_o         (alive),
       .halted_o        (halted),
       .silent_event_o  (silent_event),
@@ -312,6 +313,7 @@ module rtds_chip #(
       .ready_o     (dac_ready),
       .dropped_o   (dac_dropped),
       .safe_o      (dac_safe),
+      .updated_o   (dac_updated),
       .dac_db_o    (dac_db_o),
       .dac_a_o     (dac_a_o),
       .dac_cs_no   (dac_cs_no),

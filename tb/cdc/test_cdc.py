@@ -38,6 +38,11 @@ def test_pll_restart(simulator):
     )
 
 
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_pll_restart_of_the_board_waits_longer_than_a_pll_needs(simulator):
+    run_cocotb("pll_restart", [INFRA, "rtl/io/pll_restart.v"], "tb_pll_wait", "tb/cdc", simulator)
+
+
 # With its clock in Verilog the PLL takes Verilator a minute to build: one simulator is enough unless asked.
 @pytest.mark.parametrize(
     "simulator",

@@ -213,8 +213,11 @@ def verilate(
     name: str | None = None,
     parameters: Mapping[str, object] | None = None,
     optimise: str = "-O2",
+    options: Sequence[str] = (),
 ) -> Path:
     """Build a bench with a C++ main of its own; returns the program. Rebuilt only when a source changed.
+
+    `options` are further ones of the compiler.
 
     Raises
     ------
@@ -230,7 +233,7 @@ def verilate(
         *include_flags(sources), *map(str, files),
     ]  # fmt: skip
     _build(command, build_dir / f"V{toplevel}.json", [*files, *headers(sources)])
-    _compile(build_dir / f"V{toplevel}.json", program, optimise, ["--std=c++17"])
+    _compile(build_dir / f"V{toplevel}.json", program, optimise, ["--std=c++17", *options])
     return program
 
 

@@ -72,6 +72,7 @@ module dac_tb #(
       .fault_i     (fault),
       .ready_o     (ready),
       .dropped_o   (dropped),
+      .updated_o   (),
       .safe_o      (safe),
       .dac_db_o    (db),
       .dac_a_o     (a),

@@ -31,11 +31,17 @@ def test_the_ports_with_effects_clock_by_clock(simulator):
     run_cocotb("rtds_core", SOURCES, "tb_effects", "tb/effects", simulator)
 
 
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_every_border_of_every_cell_of_a_table(simulator):
+    run_cocotb("effect_index", ["rtl/effects/effect_index.v"], "tb_index", "tb/effects", simulator)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("simulator", needs_icarus)
 def test_thousands_of_random_steps_with_effects_on_icarus(simulator):
-    run_cocotb("rtds_core", SOURCES, "tb_effects", "tb/effects", simulator,
-               testcase="random_effects_switched_and_changed_while_the_motors_turn", extra_env={"EFFECT_STEPS": "4000"})  # fmt: skip
+    name = "random_effects_switched_and_changed_while_the_motors_turn"
+    more = {"EFFECT_STEPS": "4000"}
+    run_cocotb("rtds_core", SOURCES, "tb_effects", "tb/effects", simulator, testcase=name, extra_env=more)
 
 
 def term(operation: str, *operands: tuple[object, int]) -> tuple:

@@ -11,13 +11,13 @@ module dac_f (
     input wire [47:0] code,
     input wire        fault
 );
-  wire ready, dropped, safe, cs_n, rw, ldac_n, reset_n;
+  wire ready, dropped, safe, updated, cs_n, rw, ldac_n, reset_n;
   wire [11:0] db;
   wire [1:0] a;
 
   dac_parallel dut (
       .clk_i(clk), .rst_ni(rst_n), .rst_pin_ni(rst_n), .write_i(write), .code_i(code), .fault_i(fault), .ready_o(ready), .dropped_o(dropped),
-      .safe_o(safe), .dac_db_o(db), .dac_a_o(a), .dac_cs_no(cs_n), .dac_rw_o(rw), .dac_ldac_no(ldac_n), .dac_reset_no(reset_n)
+      .safe_o(safe), .updated_o(updated), .dac_db_o(db), .dac_a_o(a), .dac_cs_no(cs_n), .dac_rw_o(rw), .dac_ldac_no(ldac_n), .dac_reset_no(reset_n)
   );
 
   // Signals inside of dut, joined by Yosys when it flattens.
@@ -68,6 +68,7 @@ module dac_f (
     if (!ldac_n && ldac_q) assert (cs_high >= 3'd2 && cs_n && written == 4'b1111);
     if (!cs_n && cs_q) assert (since_ldac >= 3'd4);
     assert (!rw);
+    assert (updated == (!ldac_n && ldac_q));
     if (due[22]) assert (!ldac_n && ldac_q);
     cover (due[22]);
     cover (!ldac_n && safe && fault);

@@ -32,6 +32,7 @@ TASKS = {
         "blackbox ltc2308_spi_sck"),
     "sck_f": ("SCK: one whole pulse an enabled clock", ("io/ltc2308_spi_sck.v", "vendor/altddio_out.v"), True, 10, 20, ""),
     "dac_f": ("DAC: set-up, hold, widths, LDAC 22 clocks after a write", ("io/dac_parallel.v",), False, 30, 60, ""),
+    "axi_f": ("AXI slave: all beats answered, none twice; what is offered holds", ("hps/axi_slave.v",), False, 4, 30, ""),
 }  # fmt: skip
 
 

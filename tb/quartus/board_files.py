@@ -30,6 +30,8 @@ class Qsf:
     globals: list[tuple[str, str]] = field(default_factory=list)
     pins: list[tuple[str, str]] = field(default_factory=list)  # (port, pin)
     instances: list[tuple[str, str, str]] = field(default_factory=list)  # (name, value, port)
+    parameters: list[tuple[str, str]] = field(default_factory=list)  # of the top, from set_parameter
+    partitions: list[tuple[str, str]] = field(default_factory=list)  # what Quartus writes of its design partitions
 
     def values(self, name: str) -> list[str]:
         """All values of one global assignment."""
@@ -37,13 +39,27 @@ class Qsf:
 
 
 def read_qsf(text: str) -> Qsf:
-    """Parse a qsf. Raises ValueError on a line that is no known assignment."""
+    """Parse a qsf, also one as Quartus leaves it after a compilation. Raises ValueError on a line that is no known
+    assignment.
+
+    A compilation adds the program's version (LAST_QUARTUS_VERSION), the design's partitions (a `-section_id`, one of
+    them as an instance assignment to `|`), and parameters if something exported them. It may put an assignment's value
+    or port in quotes, and `-entity` behind an instance assignment.
+    """
     qsf = Qsf()
     for line in text.splitlines():
-        line = line.strip()
+        line = re.sub(r'-to "([^"]*)"', r"-to \1", line.strip())
+        line = re.sub(rf'\s+-entity "?{TOP}"?(?=\s|$)', "", line)
         if not line or line.startswith("#"):
             continue
-        if m := re.fullmatch(r'set_global_assignment -name (\w+) "?([^"]*)"?', line):
+        if m := re.fullmatch(
+            r'set_(?:global|instance)_assignment -name (PARTITION_\w+) "?([^"]*?)"?(?: -to \|)? -section_id "?[\w ]+"?',
+            line,
+        ):
+            qsf.partitions.append((m[1], m[2]))
+        elif m := re.fullmatch(r'set_parameter -name (\w+) "?([^"]*?)"?', line):
+            qsf.parameters.append((m[1], m[2]))
+        elif m := re.fullmatch(r'set_global_assignment -name (\w+) "?([^"]*)"?', line):
             qsf.globals.append((m[1], m[2]))
         elif m := re.fullmatch(r"set_location_assignment PIN_(\w+) -to (\S+)", line):
             qsf.pins.append((m[2], m[1]))
@@ -97,9 +113,9 @@ def yosys(script: str, folder: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def elaborate(folder: Path, faults: Mapping[str, tuple[str, str]] | None = None) -> tuple[Design, dict, dict]:
-    """Elaborate the top below `folder`: by hierarchy (Design), flat, and flat but for the reset_gates (Yosys's
-    netlists).
+def elaborate(folder: Path, faults: Mapping[str, tuple[str, str]] | None = None) -> tuple[Design, dict, dict, dict]:
+    """Elaborate the top below `folder`: by hierarchy (Design), flat, flat but for the reset_gates, and flat with
+    enables where a register holds its value (Yosys's netlists).
 
     faults : file name -> (text that stands there, text instead), to see whether a check notices.
     """
@@ -118,13 +134,16 @@ def elaborate(folder: Path, faults: Mapping[str, tuple[str, str]] | None = None)
         f"hierarchy -check -top {TOP}; proc; opt_expr; opt_clean"
     )
     yosys(
-        f"{read}; write_json tree.json; design -save read; flatten; opt_clean; write_json flat.json; design -load read; "
+        f"{read}; write_json tree.json; design -save read; flatten; opt_clean; write_json flat.json; "
+        "opt_dff; opt_clean; write_json enabled.json; design -load read; "
         "setattr -mod -set keep_hierarchy 1 *reset_gate*; flatten; opt_clean; write_json gated.json",
         folder,
     )
     tree = json.loads((folder / "tree.json").read_text())["modules"]
-    flat, gated = (json.loads((folder / f"{name}.json").read_text())["modules"][TOP] for name in ("flat", "gated"))
-    return _design(tree), flat, gated
+    flat, gated, enabled = (
+        json.loads((folder / f"{name}.json").read_text())["modules"][TOP] for name in ("flat", "gated", "enabled")
+    )
+    return _design(tree), flat, gated, enabled
 
 
 def _base(module: str) -> str:
@@ -335,6 +354,39 @@ def clears(flat: dict) -> set[tuple[str, str, str, str]]:
                 for q in cell["connections"]["Q"]:
                     result.add((names[source], from_clock, names[q], clock))
     return result
+
+
+def packing_problems(enabled: dict, qsf: Qsf) -> list[str]:
+    """Ports whose register is to be in the pin's cell and cannot be: logic between them, or another reader.
+
+    An output's register has to drive the port itself, without an inverter, and nothing else; an input's port has to
+    reach the data input of one register, and nothing else.
+    """
+    driver: dict = {}
+    readers: dict = {}
+    for cell in enabled["cells"].values():
+        for port, direction in cell["port_directions"].items():
+            for bit in cell["connections"][port]:
+                if direction == "output":
+                    driver[bit] = cell
+                else:
+                    readers.setdefault(bit, []).append((cell, port))
+    problems = []
+    for setting, value, port in qsf.instances:
+        if value != "ON" or setting not in ("FAST_OUTPUT_REGISTER", "FAST_INPUT_REGISTER"):
+            continue
+        name, index = re.fullmatch(r"(\w+?)(?:\[(\d+)\])?", port).groups()
+        bit = enabled["ports"][name]["bits"][int(index or 0)]
+        if setting == "FAST_OUTPUT_REGISTER":
+            if bit not in driver or driver[bit]["type"] not in FLOPS:
+                problems.append(f"{port}: logic between its register and the pin")
+            elif readers.get(bit):
+                problems.append(f"{port}: its register feeds something else, too")
+        else:
+            users = readers.get(bit, [])
+            if len(users) != 1 or users[0][0]["type"] not in FLOPS or users[0][1] != "D":
+                problems.append(f"{port}: does not go straight to one register")
+    return problems
 
 
 def board() -> dict:

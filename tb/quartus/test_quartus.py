@@ -89,6 +89,75 @@ def test_a_wrong_pin_is_found(design, fault, finds):
     assert finds in pin_problems(design.ports, files.read_qsf(text.replace(*fault)), files.board())
 
 
+# What Quartus Prime 20 to 23 leaves behind: the lines it adds at a first compilation, and how it writes those it knows.
+LEFT_BY_QUARTUS = """# -------------------------------------------------------------------------- #
+#
+# Copyright (C) 2020  Intel Corporation. All rights reserved.
+# Quartus Prime
+# Version 20.1.1 Build 720 11/11/2020 SJ Lite Edition
+#
+# -------------------------------------------------------------------------- #
+
+set_global_assignment -name ORIGINAL_QUARTUS_VERSION 20.1.1
+set_global_assignment -name PROJECT_CREATION_TIME_DATE "20:12:44  NOVEMBER 26, 2026"
+set_global_assignment -name LAST_QUARTUS_VERSION "20.1.1 Lite Edition"
+set_global_assignment -name MIN_CORE_JUNCTION_TEMP "-40"
+set_global_assignment -name MAX_CORE_JUNCTION_TEMP 100
+set_global_assignment -name ERROR_CHECK_FREQUENCY_DIVISOR 256
+set_global_assignment -name POWER_PRESET_COOLING_SOLUTION "23 MM HEAT SINK WITH 200 LFPM AIRFLOW"
+set_global_assignment -name PARTITION_NETLIST_TYPE SOURCE -section_id Top
+set_global_assignment -name PARTITION_FITTER_PRESERVATION_LEVEL PLACEMENT_AND_ROUTING -section_id Top
+set_global_assignment -name PARTITION_COLOR 16764057 -section_id Top
+set_parameter -name BUILD_ID 64146125
+set_instance_assignment -name PARTITION_HIERARCHY root_partition -to | -section_id Top
+"""
+
+
+def as_quartus_leaves_it():
+    """rtds.qsf after a first compilation: with Quartus's own lines, its own order of quotes, and an entity's name."""
+    text = files.QSF.read_text().replace("-to ADC_SDI", '-to "ADC_SDI" -entity rtds_top')
+    return text.replace(" -name DEVICE 5CSEBA6U23I7", ' -name DEVICE "5CSEBA6U23I7"') + "\n" + LEFT_BY_QUARTUS
+
+
+def test_a_project_that_quartus_has_compiled_is_read_as_the_one_before(design, qsf):
+    left = files.read_qsf(as_quartus_leaves_it())
+    assert left.pins == [(port, pin) for port, pin in qsf.pins] and left.instances == qsf.instances
+    assert pin_problems(design.ports, left, files.board()) == []
+    assert [item for item in left.globals if item in qsf.globals] == qsf.globals
+    assert left.values("LAST_QUARTUS_VERSION") == ["20.1.1 Lite Edition"]
+    assert left.parameters == [("BUILD_ID", "64146125")]
+    assert len(left.partitions) == 4
+
+
+@pytest.mark.parametrize("line", ["set_location_assignment PIN_ -to LED[0]", "set_parameter BUILD_ID 5", "puts hello"])
+def test_a_line_that_is_no_assignment_is_refused(line):
+    with pytest.raises(ValueError, match="cannot read"):
+        files.read_qsf(line)
+
+
+def test_registers_at_the_pins_can_be_placed_in_the_pins_cells(elaborated, qsf):
+    """No inverter and no second reader, or FAST_OUTPUT_REGISTER and FAST_INPUT_REGISTER would be wishes."""
+    assert files.packing_problems(elaborated[3], qsf) == []
+
+
+@pytest.mark.parametrize(
+    "file, fault, finds",
+    [
+        ("dac_parallel.v", ("dac_cs_no    = cs_n_q", "dac_cs_no    = !cs_n_q"), "DAC_CS_N: logic between"),
+        ("dac_parallel.v", ("slot_q[1:0] + 2'd1;", "address_q + 2'd1;"), "DAC_A[0]: its register feeds"),
+        (
+            "rtds_chip.v",
+            (".dac_ldac_ni     (!dac_updated)", ".dac_ldac_ni     (dac_ldac_no)"),
+            "DAC_LDAC_N: its register feeds",
+        ),
+        ("ltc2308_spi.v", ("sdo_q <= adc_sdo_i;", "sdo_q <= !adc_sdo_i;"), "ADC_SDO: does not go straight"),
+    ],
+)
+def test_a_register_that_cannot_be_placed_in_its_pins_cell_is_found(tmp_path, qsf, file, fault, finds):
+    _, _, _, enabled = files.elaborate(tmp_path, {file: fault})
+    assert any(problem.startswith(finds) for problem in files.packing_problems(enabled, qsf))
+
+
 def test_project_lists_exactly_the_design(qsf):
     listed = [(ROOT / "quartus" / name).resolve() for name in qsf.values("VERILOG_FILE")]
     assert listed == read_file_list(files.FILE_LIST)
@@ -330,7 +399,7 @@ def test_no_register_hears_of_anothers_reset(gated):
     ],
 )
 def test_a_path_between_resets_is_found(tmp_path, file, fault, finds):
-    _, _, gated = files.elaborate(tmp_path, {file: fault})
+    _, _, gated, _ = files.elaborate(tmp_path, {file: fault})
     assert any(finds in problem for problem in reset_problems(gated))
 
 
@@ -346,7 +415,8 @@ def test_compile_script_says_what_is_missing(tmp_path):
 
 
 TOOLS = {
-    "quartus_sh": "#!/bin/sh\nmkdir -p ../build/quartus\necho 'Logic utilization : 1' >../build/quartus/rtds.fit.summary\n",
+    "quartus_sh": "#!/bin/sh\nmkdir -p ../build/quartus\n"
+    "echo 'Logic utilization : 1' >../build/quartus/rtds.fit.summary\n",
     "quartus_sta": "#!/bin/sh\necho 'worst setup slack 1.0 ns'\n",
 }
 
@@ -383,12 +453,54 @@ def test_compile_ends_with_an_error_on_missed_timing_and_unmatched_constraints(t
     assert finds in done.stderr and "worst setup slack" in done.stdout and "Logic utilization" in done.stdout
 
 
+# The part of quartus_sh's Tcl that compile.tcl uses: what was set, in what order, and a flow that may fail.
+FLOW = """
+package provide ::quartus::project 1.0
+package provide ::quartus::flow 1.0
+foreach name {project_open project_close export_assignments} { proc $name args "lappend ::log [list $name] \\$args" }
+proc set_parameter args { lappend ::log set_parameter $args }
+proc execute_flow args {
+    lappend ::log execute_flow $args
+    if {$::fails} {error "Error (11802): Can't fit design in device."}
+}
+set quartus(args) [list $build]
+"""
+
+
+@pytest.mark.skipif(shutil.which("tclsh") is None, reason="compile.tcl needs tclsh to be run without Quartus")
+@pytest.mark.parametrize(
+    "build, number", [("3d2cacd9", 64146125), ("00000000", 0), ("1234e567", 19091030), ("ffffffff", 0xFFFFFFF)]
+)
+@pytest.mark.parametrize("fails", [0, 1])
+def test_the_build_identity_is_a_plain_number_and_does_not_stay_in_the_project(tmp_path, build, number, fails):
+    """A decimal number below 2^31, whatever the commit's digits look like; taken out again also when the flow fails."""
+    script = tmp_path / "run.tcl"
+    compile_tcl = ROOT / "quartus" / "compile.tcl"
+    script.write_text(
+        f"set build {build}\nset fails {fails}\nset log {{}}\n{FLOW}\n"
+        f"set status [catch {{source {{{compile_tcl}}}}} message]\n"
+        "puts [join $log \\n]\nputs stderr $message\nexit $status\n"
+    )
+    done = subprocess.run(["tclsh", script], capture_output=True, text=True, check=False)
+    lines = [" ".join(pair) for pair in zip(*[iter(done.stdout.splitlines())] * 2, strict=True)]
+    assert done.returncode == fails, done.stderr
+    assert ("fit design" in done.stderr) == bool(fails)
+    assert lines[1:4] == [
+        f"set_parameter -name BUILD_ID {number}",
+        "execute_flow -compile",
+        "set_parameter -name BUILD_ID -remove",
+    ]
+    assert lines[-1].startswith("project_close")
+
+
 # The part of quartus_sta's Tcl that report.tcl uses, with the documented collections: opaque, and only
 # foreach_in_collection looks into one.
 STAND_IN = """
 package provide ::quartus::project 1.0
 package provide ::quartus::sta 1.0
-foreach name {project_open create_timing_netlist read_sdc set_operating_conditions update_timing_netlist project_close} {
+foreach name {
+    project_open create_timing_netlist read_sdc set_operating_conditions update_timing_netlist project_close
+} {
     proc $name args {}
 }
 proc get_available_operating_conditions {} { return _col1 }

@@ -25,6 +25,43 @@ STEP_CLOCKS = 500
 BIT_PS = 8 * 20_000
 
 
+# LEDs from 0 on, as docs/chip.md has them.
+LED_NAMES = (
+    "clock alive", "locked", "halted", "safe value", "parameter fault", "ADC alive", "serial traffic", "running",
+)  # fmt: skip
+
+
+def lit(dut):
+    """Names of the LEDs that light."""
+    return {name for k, name in enumerate(LED_NAMES) if int(dut.led.value) >> k & 1}
+
+
+async def write_inside(dut, name, word):
+    """A bus write at a chosen clock: what a frame ends in, without its 90 bit times."""
+    regs = dut.chip.u_port.u_bridge
+    regs.frame_q.value = (
+        0x02 << 56 | MAP.named(name).address << 48 | int.from_bytes(word.to_bytes(4, "little"), "big") << 16
+    )
+    regs.write_q.value = 1
+    await RisingEdge(dut.clk_sys)
+    await RisingEdge(dut.clk_sys)
+
+
+async def read_inside(dut, name):
+    """A bus read: the word that a frame would bring, without its 180 bit times."""
+    regs = dut.chip.u_port.u_bridge
+    regs.frame_q.value = 0x01 << 56 | MAP.named(name).address << 48
+    regs.read_q.value = 1
+    for _ in range(8):
+        await RisingEdge(dut.clk_sys)
+        await ReadOnly()
+        if int(dut.chip.u_port.avs_readdatavalid.value):
+            word = int(dut.chip.u_port.avs_readdata.value)
+            await RisingEdge(dut.clk_sys)
+            return word
+    raise AssertionError(f"no answer from {name}")
+
+
 class Record:
     """One ADC record as the pipeline gets it, and what became of it."""
 
@@ -67,6 +104,7 @@ class Chip:
         self.read = set()
         self.predicted = SAFE
         self.allowed = {SAFE}
+        self.observed = {}  # words to be observed after the last step but for the record's codes, name -> word
 
     def config(self, from_next_clock=False):
         """The configuration in force, name -> word (a white look: which set counts is tested by `tb/regs`)."""
@@ -105,10 +143,15 @@ class Chip:
         state = self.core.strobe(np.array(v, np.uint32), np.array(t, np.uint32), words, bits["method"])
         self.steps += 1
         values = dict(zip(DAC_OUTPUTS, np.ascontiguousarray(state[:, :2]).view(np.float32).ravel()))
+        now = np.ascontiguousarray(state[:, :2]).ravel().view(np.uint32).tolist()  # i_l, w_l, i_r, w_r
+        self.observed = dict(zip(("NOW_I_L", "NOW_W_L", "NOW_I_R", "NOW_W_R"), now, strict=True))
+        self.observed |= {"NOW_V_L": v[0], "NOW_V_R": v[1], "NOW_T_L": t[0], "NOW_T_R": t[1]}
+        self.observed |= {"NOW_B": b, "NOW_J": j, "NOW_KM": km, "NOW_KB": kb}
         shown = []
         for name in DAC_OUTPUTS:
             gain, offset = (np.float32(word_float(cfg[f"DAC_{name.upper()}_{what}"])) for what in ("GAIN", "OFFSET"))
             shown.append(int(DacScale(gain, offset).encode(values[name])[0]))
+        self.observed |= {"CODES_L": shown[1] << 16 | shown[0], "CODES_R": shown[3] << 16 | shown[2]}
         return tuple(shown)
 
     async def _pipeline(self):

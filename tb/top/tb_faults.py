@@ -7,7 +7,7 @@ safe one; each test below adds what has to happen for its fault. LONG widens the
 import os
 
 import cocotb
-from chip import SAFE, STEP_CLOCKS, Chip, running
+from chip import SAFE, STEP_CLOCKS, Chip, running, write_inside
 from cocotb.handle import Force, Release
 from cocotb.triggers import ReadOnly, RisingEdge, Timer, ValueChange
 from cocotb.utils import get_sim_time
@@ -31,17 +31,6 @@ def status(dut):
 async def clear_status(dut):
     """Forget the flags, as a written 1 would."""
     dut.chip.u_port.u_regs.status_q.value = 0
-    await RisingEdge(dut.clk_sys)
-    await RisingEdge(dut.clk_sys)
-
-
-async def write_inside(dut, name, word):
-    """A bus write at a chosen clock: what a frame ends in, without its 90 bit times."""
-    regs = dut.chip.u_port.u_bridge
-    regs.frame_q.value = (
-        0x02 << 56 | MAP.named(name).address << 48 | int.from_bytes(word.to_bytes(4, "little"), "big") << 16
-    )
-    regs.write_q.value = 1
     await RisingEdge(dut.clk_sys)
     await RisingEdge(dut.clk_sys)
 
@@ -448,6 +437,8 @@ async def nonfinite_state(dut):
         halted = chip.steps
         await stays(chip, SAFE, 15)
         assert chip.steps == halted, "no step while halted"
+        last, largest = (int(dut.chip.latency.value) >> shift & 0xFFFF for shift in (0, 16))
+        assert last == largest == chip.latencies[0], "the write of the safe value is no step's"
         await write_inside(dut, name, register.reset)
         await write_inside(dut, "CONFIG", 0x3F00)
         await write_inside(dut, "COMMAND", 3)
@@ -474,6 +465,13 @@ async def bad_scalings_stay_bounded(dut):
             await chip.until_steps(1)
             assert status(dut) == {flag}, f"{name} gain {gain}: {status(dut)}"
             assert chip.now[output] in codes
+        # Stopped: the flag of the last step has been told, and once cleared it does not come again.
+        await write_inside(dut, "CONTROL", 0)
+        await Timer(25, "us")
+        await clear_status(dut)
+        await Timer(2, "us")
+        assert not status(dut), f"{name}: {status(dut)} without a step"
+        await write_inside(dut, "CONTROL", 1)
         await write_inside(dut, f"DAC_{name}_GAIN", float_word(0.0))
         await write_inside(dut, "COMMAND", 1)
         await chip.until_steps(1)

@@ -28,6 +28,22 @@ def test_chip(simulator):
     bench(simulator, "tb_chip")
 
 
+VIEWS = (
+    "every_step_is_the_models",
+    "every_pad_and_conversion_time",
+    "nothing_is_released_before_the_lock_has_proved_itself",
+    "each_observed_word_is_the_one_it_is_called",
+    "each_led_shows_its_own_cause",
+)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", VIEWS)
+def test_one_view(name):
+    """One test of the sound chip alone (for the mutants)."""
+    bench(DEFAULT, "tb_chip", testcase=[name])
+
+
 FAULTS = (
     "reset_at_every_phase",
     "lock_lost_at_every_phase",

@@ -159,6 +159,27 @@ async def cut_requests_and_noise(dut):
 
 
 @cocotb.test()
+async def a_glitch_between_two_bytes_is_no_byte(dut):
+    """A low level shorter than half a bit, in a pause inside a request: the next byte's start bit follows while a
+    receiver that took the glitch for one would still be collecting bits.
+    """
+    line = await start(dut)
+    request = encode_request(8, OP_READ, 0)
+    for width_ns in (20, 60, 120):
+        for place in range(1, 9):
+            await line.send(request[:place])
+            await Timer(2 * BIT_PS, "ps")
+            dut.rx_i.value = 0
+            await Timer(width_ns, "ns")
+            dut.rx_i.value = 1
+            await Timer(3 * BIT_PS, "ps")
+            await line.send(request[place:])
+            answer = decode(await line.receive(9, QUIET_PS), SOF_ANSWER)
+            assert answer == (8, 0, 0, MAP.identity), f"a glitch of {width_ns} ns before byte {place}"
+            line.received.clear()
+
+
+@cocotb.test()
 async def a_spike_in_every_bit_is_outvoted(dut):
     """Each bit of a byte is wrong for one clock, at the same clock of every bit: two of the three samples decide."""
     line = await start(dut)

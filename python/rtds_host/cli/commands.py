@@ -14,7 +14,7 @@ import typer.main
 from typer.exceptions import TyperException
 
 from rtds_host import __version__
-from rtds_host.errors import InputError, RtdsError, did_you_mean, said_of_file, visible
+from rtds_host.errors import InputError, RtdsError, brief, did_you_mean, said_of_file, visible
 
 # Sub-command -> what it does. Each stands in the module rtds_host.cli.<name> as the Typer app `app`.
 COMMANDS = {
@@ -25,9 +25,12 @@ COMMANDS = {
     "diff": "Say how two diagnoses differ: two days, or two robots.",
     "close": "Put a diagnosis into the real-time simulator and see the gap close there.",
     "predict": "Replay a run from its commands, with or without a diagnosis.",
-    "export": "Write the robot with a diagnosis in it for MuJoCo, Gazebo, Isaac Sim, URDF or Python.",
+    "export": "Write the robot with a diagnosis in it for MuJoCo, Gazebo, Isaac Sim, URDF, Python, FMI or C.",
+    "serve": "Let another program step a robot's two motors, through a socket.",
     "plan": "Plan the manoeuvre that would tell most, within a floor, with a ROS 2 script.",
     "effects": "List the effects that a diagnosis can blame, or tell all of one.",
+    "init": "Write a robot's file from a data sheet, and a draft mapping for its recordings.",
+    "doctor": "Say what is installed, what is missing and how to get it.",
     "import": "Turn ROS 2 bags or csv files of a real robot into a case.",
     "completion": "Print what makes bash, zsh or fish complete commands and names.",
     "blind": "Check the diagnosis on sealed cases: make, answer, score.",
@@ -98,7 +101,7 @@ def main() -> None:
             # Asked nothing, the help is the answer; Typer has printed its own.
             print(error.format_message())
         else:
-            print("rtds: " + visible(" ".join(error.format_message().split())), file=sys.stderr)
+            print("rtds: " + visible(brief(" ".join(error.format_message().split()))), file=sys.stderr)
         status = 2
     except (click.Abort, typer.Abort) as error:
         # What Click and Typer make of Ctrl-C.

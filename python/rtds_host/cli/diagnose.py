@@ -28,6 +28,9 @@ def diagnose(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask scheduler (tcp://host:8786).")
     ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One case: print diagnosis.json in place of the summary.")
+    ] = False,
     mcap: Annotated[
         Path | None,
         typer.Option(
@@ -40,11 +43,18 @@ def diagnose(
 
     Several cases go on where an interrupted call stopped; status 1 if some failed, the others are complete.
     """
+    import json
+
+    from rtds_host.cli.first_use import say_if_first
     from rtds_host.contract import check_writable, check_writable_file, places_of_case, refuse_inputs
     from rtds_host.diagnosis.batch import FILES, run_many, run_one
     from rtds_host.errors import InputError
 
     check_writable(out)
+    if as_json and (len(cases) > 1 or scheduler is not None):
+        raise InputError(
+            "--json: one case, diagnosed here, is printed; of several, OUT/cases.parquet holds the answers"
+        )
     if mcap is not None:
         if len(cases) > 1 or scheduler is not None:
             raise InputError(
@@ -52,8 +62,11 @@ def diagnose(
             )
         check_writable_file(mcap)
         refuse_inputs([mcap], [*places_of_case(cases[0]), *(out / name for name in FILES)])
+    say_if_first()
     if len(cases) == 1 and scheduler is None:
-        result, details = run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs)
+        result, details = run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs, summary=not as_json)
+        if as_json:
+            print(json.dumps(result, indent=1))
         if mcap is not None:
             from rtds_host.correction.close import model_of
             from rtds_host.diagnosis.predict import predicted_columns

@@ -12,6 +12,7 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def effects(
     name: Annotated[str | None, typer.Argument(help="One effect, in full; without it, all of them in a table.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the whole catalogue as JSON.")] = False,
 ) -> None:
     """List the effects that a diagnosis can blame."""
     from rich.console import Console
@@ -20,10 +21,14 @@ def effects(
 
     from rtds_host.contract.robot import builtin_robot
     from rtds_host.correction.translate import PLACE_NAMES
-    from rtds_host.diagnosis.effects import CATALOGUE, catalogue
+    from rtds_host.diagnosis.effects import CATALOGUE
+    from rtds_host.diagnosis.machine import machine_of
     from rtds_host.errors import InputError, did_you_mean
 
     console = Console()
+    if as_json:
+        _print_json(name)
+        return
     if name is None:
         table = Table(box=None, pad_edge=False)
         for title in ("effect", "sides", "runs in", "parameters"):
@@ -46,7 +51,7 @@ def effects(
         raise InputError(
             f"effect {name!r}: not in the catalogue (`rtds effects` lists it){did_you_mean(name, CATALOGUE)}"
         )
-    effect = catalogue(builtin_robot("burger"))[name]
+    effect = CATALOGUE[name].on(machine_of(builtin_robot("burger")))
     lines = [
         f"{effect.id}: {effect.subsystem}, {' or '.join(effect.sides)}",
         f"  {effect.equation}",
@@ -64,3 +69,27 @@ def effects(
         f"  on the robot: {effect.advice}",
     ]
     console.print("\n".join(lines), highlight=False, markup=False)
+
+
+def _print_json(name: str | None) -> None:
+    """The catalogue, or one effect of it, with parameters at a burger's scales."""
+    import json
+
+    from rtds_host.contract.robot import builtin_robot
+    from rtds_host.diagnosis.effects import catalogue
+    from rtds_host.errors import InputError, did_you_mean
+
+    known = catalogue(builtin_robot("burger"))
+    if name is not None and name not in known:
+        raise InputError(f"effect {name!r}: not in the catalogue{did_you_mean(name, known)}")
+    content = [
+        {
+            "id": effect.id,
+            "subsystem": effect.subsystem,
+            "sided": bool(effect.sided),
+            "parameters": [{"name": p.name, "unit": p.unit, "meaning": p.meaning} for p in effect.parameters],
+        }
+        for effect in known.values()
+        if name in (None, effect.id)
+    ]
+    print(json.dumps(content, indent=1))

@@ -8,12 +8,21 @@ from typing import Annotated
 import typer
 
 app = typer.Typer(add_completion=False)
+# Targets of `rtds_host.export.compiled`.
+COMPILED = ("fmu", "fmu-motors", "c")
 
 
 @app.command()
 def export(
-    diagnosis: Annotated[Path, typer.Argument(help="The diagnosis.json to put into the robot.")],
-    to: Annotated[str, typer.Option(help="mjcf (MuJoCo), urdf, sdf (Gazebo), usd-json (Isaac Sim) or python.")],
+    diagnosis: Annotated[
+        Path,
+        typer.Argument(
+            help="The diagnosis.json to put into the robot; to fmu, fmu-motors and c also a robot.toml or a robot's name."
+        ),
+    ],
+    to: Annotated[
+        str, typer.Option(help="mjcf (MuJoCo), urdf, sdf (Gazebo), usd-json (Isaac Sim), python, fmu, fmu-motors or c.")
+    ],
     out: Annotated[Path, typer.Option(help="File to write; with --samples a folder.")],
     robot: Annotated[
         Path | None,
@@ -46,8 +55,12 @@ def export(
     from rtds_host.errors import InputError, visible
     from rtds_host.export.export import check_target, default_robot, read_source, said_of_driver
     from rtds_host.export.export import export as write
-    from rtds_host.export.table import LOST
 
+    if to in COMPILED:
+        if check or samples:
+            raise InputError(f"--to {to}: goes without --check and --samples")
+        _compiled(diagnosis, to, out, robot)
+        return
     check_target(to)
     if check and to != "mjcf":
         raise InputError(f"--check {check[0]}: only what is exported --to mjcf can be replayed here")
@@ -67,14 +80,35 @@ def export(
         print(visible(f"{out}: {nominal.name} for {to}"))
     for line in said_of_driver(nominal, to):
         print(visible(f"  {line[0].lower()}{line[1:]}"))
-    for part in parts:
-        word = "left out" if part.kind == LOST else part.kind
-        print(visible(f"  {word:<9} {part.text}"))
-        print(visible(f"            {part.where}"))
+    _print_parts(parts)
     if not parts:
         print("  the diagnosis blames no effect: this is the nominal robot, refitted")
     if runs:
         _check(out, nominal, source.model, runs)
+
+
+def _print_parts(parts) -> None:
+    from rtds_host.errors import visible
+    from rtds_host.export.table import LOST
+
+    for part in parts:
+        word = "left out" if part.kind == LOST else part.kind
+        print(visible(f"  {word:<9} {part.text}"))
+        print(visible(f"            {part.where}"))
+
+
+def _compiled(name: Path, to: str, out: Path, robot: Path | None) -> None:
+    from rtds_host.contract import check_writable, check_writable_file, refuse_inputs
+    from rtds_host.errors import visible
+    from rtds_host.export.compiled import TARGETS, write
+    from rtds_host.native.source import source_of
+
+    (check_writable if to == "c" else check_writable_file)(out)
+    refuse_inputs([out], [place for place in (name, robot) if place is not None])
+    source = source_of(name, robot)
+    parts = write(source, to, out)
+    print(visible(f"{out}: {source.robot.name}: {TARGETS[to]}"))
+    _print_parts(parts)
 
 
 def _samples(source, to: str, out: Path, count: int, seed: int, staged_folder) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import Annotated
@@ -53,7 +54,10 @@ def import_(
     end_s: Annotated[float, typer.Option(help="Take the recordings up to here.")] = math.inf,
     trust_units: Annotated[bool, typer.Option("--trust-units", help="Import even where a unit looks wrong.")] = False,
     parquet: Annotated[bool, typer.Option("--parquet", help="Write log.parquet instead of log.csv.")] = False,
-    list_topics: Annotated[bool, typer.Option("--list", help="Only list the topics of the bags.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was imported as JSON, a list of runs.")] = False,
+    list_topics: Annotated[
+        bool, typer.Option("--list", help="Only list topics with their fields, or columns with guesses.")
+    ] = False,
 ) -> None:
     """Import ROS 2 bags or csv files as the runs of a case.
 
@@ -61,11 +65,11 @@ def import_(
     robots a small TOML file says which topic, field or column holds what, and in which unit: docs/import.md.
     """
     if list_topics:
-        from rtds_host.importers.bag import list_topics as topics_of
+        from rtds_host.importers.listing import contents
 
         for source in sources:
-            for topic, kind, count in topics_of(source):
-                print(visible(f"{source.name}  {topic}  {kind}  {count} messages"))
+            for line in contents(source):
+                print(visible(line))
         return
     if out is None:
         raise InputError("--out CASE: missing, the folder to write to")
@@ -87,6 +91,21 @@ def import_(
         form="parquet" if parquet else "csv",
         namespace=namespace,
     )
+    if as_json:
+        said = [
+            {
+                "folder": str(out / run.name),
+                "mode": run.imported.mode,
+                "duration_s": float(run.imported.columns["t"][-1]),
+                "rows": len(run.imported.columns["t"]),
+                "samples": {name: int(count) for name, count in run.imported.counts.items()},
+                "assumed": run.assumed,
+                "notices": list(run.imported.notices),
+            }
+            for run in runs
+        ]
+        print(json.dumps(said, indent=1))
+        return
     print(visible(runs[0].assumed))
     for run in runs:
         t = run.imported.columns["t"]

@@ -8,10 +8,40 @@ import sys
 from contextlib import suppress
 
 
+def _end(number: int, frame: object) -> None:
+    """A request to end is answered as Ctrl-C is: what runs is put away, and the process leaves by its own status."""
+    for asked in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(asked, signal.SIG_IGN)
+    raise KeyboardInterrupt(number)
+
+
+def _asked(error: BaseException | None) -> int:
+    """Number of the signal that an interruption came from; Click and Typer raise another in its place."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt) and error.args and isinstance(error.args[0], int):
+            return error.args[0]
+        error = error.__cause__ or error.__context__
+    return int(signal.SIGINT)
+
+
+def _release() -> None:
+    """Give back what multiprocessing holds in the system: it would warn of semaphores that nobody returned."""
+    util = sys.modules.get("multiprocessing.util")
+    if util is not None:
+        with suppress(Exception):
+            util._run_finalizers(0)
+
+
 def main() -> None:
-    """Entry point: exit status 0 done, 1 some of several cases failed, 2 unusable input, 130 interrupted."""
+    """Entry point: exit status 0 done, 1 some of several cases failed, 2 unusable input, 130 interrupted, 143 ended by
+    SIGTERM, 129 by a terminal that was closed.
+    """
     status = None
     try:
+        for asked in (signal.SIGTERM, signal.SIGHUP):
+            # One that is ignored (nohup) stays so.
+            if signal.getsignal(asked) is signal.SIG_DFL:
+                signal.signal(asked, _end)
         # Here, since Ctrl-C may strike while modules load, too.
         from rtds_host.cli import commands
 
@@ -21,14 +51,18 @@ def main() -> None:
             status = end.code
         # The work is done and said: while Python leaves, Ctrl-C would meet nobody who answers it.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+        asked = _asked(error)
         with suppress(OSError):  # whoever read it has gone first
-            print("rtds: interrupted", file=sys.stderr, flush=True)
+            print(
+                f"rtds: {'interrupted' if asked == signal.SIGINT else 'ended by a signal'}", file=sys.stderr, flush=True
+            )
             sys.stdout.flush()
+        _release()
         # Had the signal struck while some import executed a string, Python would end by the signal, whatever status it
         # is given.
-        os._exit(130)
+        os._exit(128 + asked)
     sys.exit(status)
 
 

@@ -32,6 +32,7 @@ def predict(
     import os
     import sys
 
+    from rtds_host.cli.first_use import say_if_first
     from rtds_host.contract import check_writable_file, load_robot, places_of_run, read_run, refuse_inputs, write_atomic
     from rtds_host.contract.clock import moment
     from rtds_host.contract.runlog import COMMANDS
@@ -46,6 +47,7 @@ def predict(
     log = read_run(run, nominal)
     if mcap is not None and os.path.realpath(mcap) == os.path.realpath(out):
         raise OutputError(f"{mcap}: --out and --mcap name one file; choose another")
+    say_if_first()
     columns, clock = predicted(log, nominal, read_diagnosis(diagnosis, nominal) if diagnosis else None)
     text = io.StringIO()
     names = list(columns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,7 +23,7 @@ from rtds_host.robot.window import check_display, window
 from rtds_host.run import Effects, LinkChoice, Options, Outcome, Plan, SignalPath, make_plan, perform, write_outcome
 from rtds_host.run.sensors import CorrectedPath
 from rtds_host.run.summary import Summary, lines
-from rtds_host.scenario import find_scenario, scenarios
+from rtds_host.scenario import Scenario, own_scenario, scenarios
 
 if TYPE_CHECKING:
     from rtds_host.view.live import Feed, LivePath
@@ -49,11 +50,10 @@ def _settings(texts: list[str]) -> dict[str, float]:
     return values
 
 
-def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[str, dict[str, float]]]:
+def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[Scenario, dict[str, float]]]:
     """Scenarios to run, and the parameters for each. With `all` a parameter goes to those that have it."""
     if scenario != "all":
-        find_scenario(scenario)
-        return [(scenario, given)]
+        return [(own_scenario(scenario), given)]
     chosen = [one for one in scenarios().values() if one.family == FAMILY_ALL]
     known = {name for one in chosen for name in one.parameters}
     for name in given:
@@ -62,7 +62,7 @@ def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[str, dict[str,
                 f"scenario 'all': none of {', '.join(one.name for one in chosen)} has a parameter "
                 f"{name!r} (known: {', '.join(sorted(known))}){did_you_mean(name, known)}"
             )
-    return [(one.name, {name: value for name, value in given.items() if name in one.parameters}) for one in chosen]
+    return [(one, {name: value for name, value in given.items() if name in one.parameters}) for one in chosen]
 
 
 @contextmanager
@@ -104,14 +104,17 @@ def _show(console: Console, summary: Summary, place: Path) -> None:
 def run(
     scenario: Annotated[
         str,
-        typer.Argument(help="linear, circle, eight, a manoeuvre, or all (the first three); --list shows every one."),
+        typer.Argument(
+            help="linear, circle, eight, a manoeuvre, or all (the first three); --list shows every one. Or a file: "
+            "my_scenario.py, or commands.csv as `rtds plan` writes it."
+        ),
     ] = "",
     show_list: Annotated[bool, typer.Option("--list", help="List the scenarios with their parameters.")] = False,
     link: Annotated[
         str,
         typer.Option(
             help="What computes the motors: rtl or model; chip (the whole chip in simulation, "
-            "through its pins) or ad2 (a board)."
+            "through its pins), ad2 (a board with converters) or hps (on a board's own processor)."
         ),
     ] = "rtl",
     sim: Annotated[str, typer.Option(help="Simulator of the RTL: verilator or icarus.")] = "verilator",
@@ -185,6 +188,7 @@ def run(
     ] = True,
     figure: Annotated[bool, typer.Option(help="Draw the six-panel figure.")] = True,
     form: Annotated[str, typer.Option("--format", help="Format of the log: csv or parquet.")] = "csv",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summaries as JSON, a list of runs.")] = False,
     mcap: Annotated[
         bool, typer.Option("--mcap", help="Write run.mcap too, for Foxglove, PlotJuggler or ros2 bag.")
     ] = False,
@@ -230,10 +234,10 @@ def run(
         check_engine(against, "--against")
     if gui:
         check_display("--gui")
-    plans = [make_plan(name, values, options) for name, values in _wanted(scenario, given)]
+    plans = [make_plan(one, values, options) for one, values in _wanted(scenario, given)]
     changes = [_effects(plan, effects, effect) for plan in plans]
     choice = _link(link, sim, step_clocks, link_options(link, calibration, wires, ad2, serial))
-    target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / scenario)
+    target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / plans[0].scenario.name)
     check_writable(target)
     with _page(live, port, browser) as page:
         with _bars(plans) as report, window(gui):
@@ -258,12 +262,12 @@ def run(
                         outcome = driven(plan, change)
                         write_outcome(outcome, scratch / plan.scenario.name, figure, form)
                         summaries.append((outcome.summary, target / plan.scenario.name))
-        _tell(console, summaries, mcap)
+        _tell(console, summaries, mcap, as_json)
         if page is not None:
             page.wait()
 
 
-def _tell(console: Console, summaries: list[tuple[Summary, Path]], mcap: bool) -> None:
+def _tell(console: Console, summaries: list[tuple[Summary, Path]], mcap: bool, as_json: bool) -> None:
     """Print what became of the runs, with recordings beside them where they are asked for."""
     for summary, place in summaries:
         if mcap:
@@ -271,7 +275,10 @@ def _tell(console: Console, summaries: list[tuple[Summary, Path]], mcap: bool) -
 
             nominal = load_robot(place / "robot.toml")
             write_mcap(place / "run.mcap", read_run(place, nominal), nominal)
-        _show(console, summary, place)
+        if not as_json:
+            _show(console, summary, place)
+    if as_json:
+        print(json.dumps([{"folder": str(place), **summary.to_json()} for summary, place in summaries], indent=1))
 
 
 class _Page:

@@ -6,6 +6,8 @@ import numpy as np
 
 # Rates at which robots are logged (5 Hz to 2 kHz), with room to either side; outside them a clock's unit is asked for.
 FASTEST_HZ, SLOWEST_HZ = 10_000.0, 3.0
+# A staircase of settled speeds has a row a step, which is a second or a few; nobody takes more than so many of them.
+SETTLED_S, MOST_SETTLED = 10.0, 1000
 # Units that people write times in, and how many of them a second has.
 PER_SECOND = {
     "milliseconds": 1e3,
@@ -27,6 +29,11 @@ def moment(t: float) -> str:
 def is_rate(step: float) -> bool:
     """Whether rows `step` seconds apart are a robot's log."""
     return 1.0 / FASTEST_HZ <= step <= 1.0 / SLOWEST_HZ
+
+
+def is_staircase(t: np.ndarray) -> bool:
+    """Whether rows at `t` (n,) s may be a staircase of settled speeds, a row a step, as far as their clock tells."""
+    return 1.0 / SLOWEST_HZ < float(np.median(np.diff(t))) <= SETTLED_S and len(t) <= MOST_SETTLED
 
 
 def likely_unit(step: float) -> str | None:

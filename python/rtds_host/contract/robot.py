@@ -8,14 +8,21 @@ from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
 
-from rtds_host.compat import tomllib
-from rtds_host.contract.inputs import regular_bytes
-from rtds_host.errors import InputError, did_you_mean
+from rtds_host.contract.inputs import read_toml
+from rtds_host.errors import InputError, did_you_mean, listed, shown, visible
 
 SCHEMA = "rtds-robot/1"
 GRAVITY_M_S2 = 9.80665
+# Characters of a robot's name; notices of what is ignored, one each.
+LONGEST_NAME, MOST_NOTICES = 200, 50
+# A loop that is closed more often than this cannot be told from one that is closed all the time: no wheel answers
+# within a tenth of a millisecond. The replay takes each of its steps.
+SHORTEST_PERIOD_S = 1e-4
 # Positive values below are no unit of anything: the replay's matrices would be singular.
 TINY = 1e-15
+
+# Gains of [servo] that a file may leave out, to be estimated from the runs (contract, section 7).
+SERVO_GAINS = {"kp_v_s_per_rad", "ki_v_per_rad"}
 
 # Channel of a log -> key of its noise in [sensors] (contract, section 2).
 NOISE_KEYS = {
@@ -72,6 +79,11 @@ class Axis:
     zero_rad: float = 0.0
 
 
+# Where the wheels' encoders can sit: on the motor's shaft, at the gear's output, on the wheel. Free play and springs
+# lie beyond the first two and before the third.
+ENCODERS = ("motor", "gear", "wheel")
+
+
 @dataclass(frozen=True)
 class Driver:
     """How `v_cmd` (or `w_cmd`) becomes the motor's voltage or torque (contract, section 7)."""
@@ -85,21 +97,27 @@ class Driver:
 class Servo:
     """Inner speed loop of `mode = "speed"`: a saturated PI controller on the wheel's speed.
 
-    `declared` is False where the file leaves its gains out: they are then a guess to estimate them from.
+    `left_out` names the gains that the file leaves out: they are then a guess to estimate them from.
     """
 
     kp_v_s_per_rad: float
     ki_v_per_rad: float
     limit_v: float
     period_s: float
-    declared: bool = True
+    left_out: frozenset[str] = frozenset()
+
+    @property
+    def declared(self) -> bool:
+        """Whether the file names both gains."""
+        return not self.left_out
 
 
 @dataclass(frozen=True)
 class Robot:
     """A nominal robot or a single axis: exactly one of `chassis` and `axis` is set.
 
-    Two that differ in `name` or in `notices` (what of the file was ignored) alone are equal.
+    Two that differ in `name` or in `notices` (what of the file was ignored) alone are equal. `encoder`: where w and th
+    are measured, one of `ENCODERS`; None where the file does not say it (contract, section 2).
     """
 
     name: str = field(compare=False)
@@ -112,6 +130,8 @@ class Robot:
     sensors: dict[str, float] = field(default_factory=dict)
     notices: tuple[str, ...] = field(default=(), compare=False)
     measured_noise: dict[str, float] = field(default_factory=dict, compare=False)
+    encoder: str | None = None
+    tolerance: dict[str, float] = field(default_factory=dict)
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -124,6 +144,15 @@ class Robot:
         With what rounding adds to it, where a log was looked at for that (`measured_noise`, by channel).
         """
         return self.measured_noise.get(channel, self.sensors.get(NOISE_KEYS.get(channel, "")))
+
+    def tolerance_of(self, name: str) -> float | None:
+        """Relative standard deviation that `[tolerance]` declares for a constant of [motor], [axis] or [chassis], by
+        its name; None where it declares none. What it says of `motor` holds for all of [motor] but the gear ratio.
+        """
+        if name in self.tolerance:
+            return self.tolerance[name]
+        of_motor = name in {f.name for f in fields(Motor)} and name != "gear_ratio"
+        return self.tolerance.get("motor") if of_motor else None
 
 
 class _Section:
@@ -149,7 +178,7 @@ class _Section:
             raise self.fail(key, "missing")
         value = self.table[key]
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise self.fail(key, f"is {value!r}, a number is needed")
+            raise self.fail(key, f"is {shown(value)}, a number is needed")
         try:
             value = float(value)
         except OverflowError:
@@ -168,7 +197,7 @@ class _Section:
         if value is None:
             raise self.fail(key, "missing")
         if value not in allowed:
-            raise self.fail(key, f"is {value!r}, it must be one of {', '.join(allowed)}")
+            raise self.fail(key, f"is {shown(value)}, it must be one of {', '.join(allowed)}")
         return value
 
 
@@ -180,13 +209,7 @@ def load_robot(path: str | os.PathLike) -> Robot:
     InputError : unreadable file, missing key, a value that is no finite number or physically impossible.
     """
     path = Path(path)
-    try:
-        data = tomllib.loads(regular_bytes(path).decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    # An integer beyond what Python turns into a number is a plain ValueError.
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is not valid TOML ({error})") from error
+    data = read_toml(path)
     return _parse(path, data)
 
 
@@ -223,7 +246,7 @@ def builtin_robots() -> tuple[str, ...]:
 
 def _parse(path: Path, data: dict) -> Robot:
     if data.get("schema") != SCHEMA:
-        raise InputError(f"{path}: schema: is {data.get('schema')!r}, this program reads {SCHEMA!r}")
+        raise InputError(f"{path}: schema: is {shown(data.get('schema'))}, this program reads {SCHEMA!r}")
 
     def section(name: str, required: bool = True) -> _Section | None:
         table = data.get(name)
@@ -235,6 +258,7 @@ def _parse(path: Path, data: dict) -> Robot:
             raise InputError(f"{path}: [{name}]: is no table")
         return _Section(path, name, table)
 
+    name, told = _name(path, data)
     if ("chassis" in data) == ("axis" in data):
         raise InputError(f"{path}: exactly one of [chassis] and [axis] is needed")
 
@@ -306,18 +330,23 @@ def _parse(path: Path, data: dict) -> Robot:
     servo = None
     if driver.mode == "speed":
         table = section("servo")
-        declared = {"kp_v_s_per_rad", "ki_v_per_rad"} <= table.table.keys()
+        left_out = frozenset(SERVO_GAINS - table.table.keys())
         # A loop that asks for the whole supply at an error of the no-load speed, and takes a fifth of a second to
         # settle.
         guess = motor.back_emf_constant_v_s_per_rad * motor.gear_ratio
+        # A period in other units than seconds would keep the replay busy for ever.
+        period = table.number("period_s", positive=True, low=1e-6, high=10.0)
+        if period < SHORTEST_PERIOD_S:
+            told += (
+                f"{path.name}: [servo] period_s is {period:g}, replayed in steps of {SHORTEST_PERIOD_S:g} s: no wheel "
+                "shows the difference",
+            )
         servo = Servo(
             kp_v_s_per_rad=table.number("kp_v_s_per_rad", guess, low=0.0, high=1e9),
             ki_v_per_rad=table.number("ki_v_per_rad", 5.0 * guess, low=0.0, high=1e9),
             limit_v=table.number("limit_v", positive=True, high=1e4),
-            # The replay takes each of the loop's steps: a period in other units than seconds would keep it busy for
-            # ever.
-            period_s=table.number("period_s", positive=True, low=1e-5, high=10.0),
-            declared=declared,
+            period_s=max(period, SHORTEST_PERIOD_S),
+            left_out=left_out,
         )
 
     table = section("sensors")
@@ -326,8 +355,9 @@ def _parse(path: Path, data: dict) -> Robot:
         for key in sorted(set(NOISE_KEYS.values()))
         if key in table.table
     }
+    tolerance = _tolerance(section("tolerance", required=False), Axis if chassis is None else Chassis)
     return Robot(
-        name=str(data.get("name", path.parent.name or path.stem)),
+        name=name,
         motor=motor,
         supply_v=supply_v,
         chassis=chassis,
@@ -335,8 +365,50 @@ def _parse(path: Path, data: dict) -> Robot:
         driver=driver,
         servo=servo,
         sensors=sensors,
-        notices=_strange(path, data),
+        notices=(*told, *_strange(path, data)),
+        encoder=table.choice("encoder", ENCODERS) if "encoder" in table.table else None,
+        tolerance=tolerance,
     )
+
+
+def _tolerance(table: _Section | None, body: type[Axis | Chassis]) -> dict[str, float]:
+    """Relative standard deviations by name, of `[tolerance]`.
+
+    Raises
+    ------
+    InputError : a name that is no constant of the robot, or a value that is no share of 0 to 1.
+    """
+    if table is None:
+        return {}
+    # A height plays no part in the plane, and an angle's zero has no relative error.
+    known = ["motor", *(f.name for f in fields(Motor)), *(f.name for f in fields(body))]
+    known = [name for name in known if name not in ("kind", "zero_rad", "com_z_m")]
+    for name in table.table:
+        if name not in known:
+            where = "[axis]" if body is Axis else "[chassis]"
+            raise table.fail(
+                name, f"is no constant of [motor] or {where} that has a tolerance{did_you_mean(name, known)}"
+            )
+        value = table.table[name]
+        if isinstance(value, (int, float)) and not isinstance(value, bool) and 1.0 < value <= 100.0:
+            raise table.fail(
+                name, f"is {value:g}, it must lie within 0 to 1 (per cent? {value:g} % is {value / 100:g})"
+            )
+    return {name: table.number(name, low=0.0, high=1.0) for name in table.table}
+
+
+def _name(path: Path, data: dict) -> tuple[str, tuple[str, ...]]:
+    """The robot's name as it goes into other files, and what is said of one that cannot go there as it is.
+
+    A character that no XML and no terminal takes is spelled out.
+    """
+    given = data.get("name", path.parent.name or path.stem)
+    if isinstance(given, list | dict) or len(str(given)) > LONGEST_NAME:
+        raise InputError(f"{path}: name: is {shown(given)}, a text of at most {LONGEST_NAME} characters is needed")
+    name = visible(given)
+    if name == str(given):
+        return name, ()
+    return name, (f"{path.name}: name holds characters that cannot be written, it is read as {shown(name)}",)
 
 
 def _strange(path: Path, data: dict) -> tuple[str, ...]:
@@ -345,18 +417,20 @@ def _strange(path: Path, data: dict) -> tuple[str, ...]:
         name: {f.name for f in fields(kind)}
         for name, kind in (("motor", Motor), ("chassis", Chassis), ("axis", Axis), ("driver", Driver), ("servo", Servo))
     }
-    known |= {"supply": {"voltage_v"}, "sensors": set(NOISE_KEYS.values())}
-    found = [
-        f"{path.name}: {name!r} is not in the contract, ignored"
-        for name in data
-        if name not in known and name not in ("schema", "name")
+    known["servo"].discard("left_out")
+    known |= {"supply": {"voltage_v"}, "sensors": {"encoder", *NOISE_KEYS.values()}}
+    # What is wrong in it ends in an error.
+    known["tolerance"] = set(data.get("tolerance", ()))
+    names = [name for name in data if name not in known and name not in ("schema", "name")]
+    keys = [
+        (name, key)
+        for name in known
+        for key in (data.get(name) if isinstance(data.get(name), dict) else ())
+        if key not in known[name]
     ]
-    return tuple(
-        found
-        + [
-            f"{path.name}: [{name}] {key} is not in the contract, ignored"
-            for name in known
-            for key in data.get(name, ())
-            if key not in known[name]
-        ]
-    )
+    found = [f"{path.name}: {shown(name)} is not in the contract, ignored" for name in names[:MOST_NOTICES]]
+    found += [
+        f"{path.name}: [{name}] {listed([key])} is not in the contract, ignored" for name, key in keys[:MOST_NOTICES]
+    ]
+    more = max(len(names) - MOST_NOTICES, 0) + max(len(keys) - MOST_NOTICES, 0)
+    return tuple(found + ([f"{path.name}: {more} more names are not in the contract, ignored"] if more else []))

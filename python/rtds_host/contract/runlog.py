@@ -8,18 +8,22 @@ import io
 import json
 import math
 import os
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rtds_host.contract.clock import likely_unit
-from rtds_host.contract.inputs import open_regular, regular_bytes
+from rtds_host.contract.inputs import LARGEST_JSON, open_regular, regular_bytes
 from rtds_host.contract.output import staged_folder
 from rtds_host.contract.robot import Robot, load_robot
-from rtds_host.errors import InputError, did_you_mean, visible
+from rtds_host.errors import LONGEST_VALUE, InputError, brief, did_you_mean, listed, shown, visible
+
+if TYPE_CHECKING:
+    import pyarrow.parquet as pq
 
 SCHEMA = "rtds-run/1"
 COMMANDS = {"voltage": ("v_cmd_l", "v_cmd_r"), "torque": ("v_cmd_l", "v_cmd_r"), "speed": ("w_cmd_l", "w_cmd_r")}
@@ -37,6 +41,12 @@ ABSURD_COMMAND, ABSURD = 1e4, 1e9
 LARGEST_BYTES = 2**31
 BLOCK_BYTES = 2**22
 CELLS_BEFORE = 100
+# Notices of names that are ignored, one each; names in the one that is said of all of more. Rows of a Parquet file
+# that are unpacked at a time.
+MOST_NOTICES, FEW_NAMES = 50, 5
+BATCH_ROWS = 2**18
+# Rows closer than this, s, are no two samples: loggers count nanoseconds at the finest.
+CLOSEST_S = 1e-10
 SINCE_2000_S = 946_684_800.0
 
 
@@ -130,7 +140,7 @@ def _log_path(folder: Path) -> Path:
 def read_json(path: Path) -> object:
     """Content of a JSON file, with or without a byte order mark. InputError where it cannot be read or is none."""
     try:
-        return json.loads(regular_bytes(path).decode("utf-8-sig"))
+        return json.loads(regular_bytes(path, LARGEST_JSON).decode("utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:
@@ -141,7 +151,7 @@ def _meta_content(path: Path) -> dict:
     data = read_json(path)
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         raise InputError(
-            f"{path}: schema: is {data.get('schema') if isinstance(data, dict) else data!r}, "
+            f"{path}: schema: is {shown(data.get('schema') if isinstance(data, dict) else data)}, "
             f"this program reads {SCHEMA!r}"
         )
     return data
@@ -162,16 +172,16 @@ def _meta(path: Path, data: dict) -> RunMeta:
     def number(key: str, low: float, high: float) -> float:
         value = data.get(key, 0.0)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise InputError(f"{path}: {key}: is {value!r}, a finite number is needed")
+            raise InputError(f"{path}: {key}: is {shown(value)}, a finite number is needed")
         if not low <= value <= high:
             hint = " (degrees?)" if key.endswith("_rad") else ""
-            raise InputError(f"{path}: {key}: is {str(value)[:20]}, it must lie within {low:g} to {high:g}{hint}")
+            raise InputError(f"{path}: {key}: is {shown(value, 20)}, it must lie within {low:g} to {high:g}{hint}")
         return float(value)
 
     def text(key: str) -> str:
         value = data.get(key, "")
         if not isinstance(value, str | None):
-            raise InputError(f"{path}: {key}: is {value!r}, a text is needed")
+            raise InputError(f"{path}: {key}: is {shown(value)}, a text is needed")
         return value or ""
 
     return RunMeta(
@@ -188,6 +198,20 @@ def _value(cell: str) -> float:
     if "_" in cell or not cell.isascii():
         raise ValueError(cell)
     return float(cell)
+
+
+def twice(names: list[str]) -> str | None:
+    """The first of the names, in the order of the alphabet, that stands more than once; None where none does."""
+    return min((name for name, count in Counter(names).items() if count > 1), default=None)
+
+
+def _strange(file: str, names: list[str]) -> list[str]:
+    """Notices of columns that the contract does not name: one each, or one of all where there are very many."""
+    if len(names) > MOST_NOTICES:
+        return [f"{file}: {len(names)} columns are not in the contract, ignored: {listed(names, FEW_NAMES)}"]
+    return [
+        f"{file}: column {shown(name)} is not in the contract, ignored{did_you_mean(name, COLUMNS)}" for name in names
+    ]
 
 
 def _is_number(text: str) -> bool:
@@ -241,16 +265,32 @@ def _blocks(path: Path) -> Iterator[tuple[list[str], bool]]:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
 
 
-def _read_csv(path: Path) -> _Table:
+def read_columns(path: Path, known: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Columns of a csv file that a program knows by name, name -> (n,), NaN where a cell is empty; others are ignored.
+
+    Raises
+    ------
+    InputError : unreadable, no table, a cell that is no number; or a column `t` whose times do not rise, or one row.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: {'is no file' if path.exists() else 'does not exist'}")
+    table = _read_csv(path, known)
+    if "t" in table.columns:
+        if len(table.rows) < 2:
+            raise InputError(f"{path}: has {len(table.rows)} rows, at least 2 are needed")
+        _check_times(path, table.columns["t"], table.rows)
+    return table.columns
+
+
+def _read_csv(path: Path, known: tuple[str, ...] = COLUMNS) -> _Table:
     blocks = _blocks(path)
     lines, ended = next(blocks)
     if not lines or not lines[0].strip():
         raise InputError(f"{path}: is empty, a header line is needed")
     names = _header(path, lines.pop(0))
-    if len(set(names)) != len(names):
-        twice = sorted({name for name in names if names.count(name) > 1})
-        raise InputError(f"{path}: row 1: column {twice[0]!r} stands twice")
-    wanted = [name for name in names if name in COLUMNS]
+    if (double := twice(names)) is not None:
+        raise InputError(f"{path}: row 1: column {shown(double)} stands twice")
+    wanted = [name for name in names if name in known]
     parts: list[np.ndarray] = []
     rows: list[np.ndarray] = []
     notices: list[str] = []
@@ -289,7 +329,7 @@ def _read_csv(path: Path) -> _Table:
     }
     found = np.concatenate(rows) if rows else np.empty(0, int)
     return _Table(
-        columns, [name for name in names if name not in COLUMNS], found, notices, cut is not None and cut in found[-1:]
+        columns, [name for name in names if name not in known], found, notices, cut is not None and cut in found[-1:]
     )
 
 
@@ -331,10 +371,11 @@ def _block(path: Path, names: list[str], wanted: list[str], lines: list[str], nu
             try:
                 value = _value(cell)
             except ValueError as error:
-                raise InputError(f"{path}: row {numbers[k]}: {wanted[j]} is {cell!r}, no number") from error
+                raise InputError(f"{path}: row {numbers[k]}: {wanted[j]} is {shown(cell)}, no number") from error
             if not math.isfinite(value):
                 raise InputError(
-                    f"{path}: row {numbers[k]}: {wanted[j]} is {cell}, leave a cell empty where there is no sample"
+                    f"{path}: row {numbers[k]}: {wanted[j]} is {cell[:LONGEST_VALUE]}, leave a cell empty where there "
+                    "is no sample"
                 )
             result[k, j] = value
     return result
@@ -388,15 +429,60 @@ def _read_parquet(path: Path) -> _Table:
                     f"{path}: would unpack to {unpacked / 2**30:.3g} GiB ({file.metadata.num_rows} rows), at "
                     f"most {LARGEST_BYTES / 2**30:.2g} GiB are read; make several runs of it"
                 )
-            table = file.read(columns=wanted, use_threads=False)
+            columns = _unpacked(path, file, wanted)
     except (pa.ArrowException, OSError) as error:
-        raise InputError(f"{path}: cannot be read as Parquet ({str(error).splitlines()[0]})") from error
-    # Integers of nanoseconds are no doubles to the last digit.
-    columns = {
-        name: np.asarray(table.column(name).cast(pa.float64(), safe=False).to_numpy(), dtype=float).copy()
-        for name in wanted
-    }
-    return _Table(columns, [name for name in names if name not in COLUMNS], np.arange(1, table.num_rows + 1), [])
+        raise InputError(f"{path}: cannot be read as Parquet ({brief(str(error).splitlines()[0])})") from error
+    count = len(columns[wanted[0]]) if wanted else 0
+    return _Table(columns, [name for name in names if name not in COLUMNS], np.arange(1, count + 1), [])
+
+
+def _unpacked(path: Path, file: pq.ParquetFile, wanted: list[str]) -> dict[str, np.ndarray]:
+    """Columns of a Parquet file, name -> (n,), some rows at a time.
+
+    A megabyte may hold forty million rows that all say the same. Times are looked at as they come, so that such a file
+    is refused by its first rows.
+    """
+    import pyarrow as pa
+
+    columns = {name: np.empty(file.metadata.num_rows) for name in wanted}
+    done = 0
+    for batch in file.iter_batches(BATCH_ROWS, columns=wanted, use_threads=False):
+        part = slice(done, done + batch.num_rows)
+        for name in wanted:
+            # Integers of nanoseconds are no doubles to the last digit.
+            values = batch.column(name).cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+            columns[name][part] = values
+        done = part.stop
+        if "t" in columns:
+            _check_times(path, columns["t"][max(part.start - 1, 0) : done], np.arange(max(part.start, 1), done + 1))
+    return {name: values[:done] for name, values in columns.items()}
+
+
+def _check_times(path: Path, t: np.ndarray, rows: np.ndarray) -> None:
+    """Refuse times (n,), of rows (n,) of the file, that are missing, go back, or stand still.
+
+    Raises
+    ------
+    InputError : names the row.
+    """
+    bad = np.flatnonzero(~np.isfinite(t))
+    if bad.size:
+        raise InputError(f"{path}: row {rows[bad[0]]}: t is missing or no finite number")
+    back = np.flatnonzero(t[1:] <= t[:-1])
+    if back.size:
+        k = back[0]
+        # Unix times in single precision stand still for two minutes, with six digits for a quarter of an hour.
+        few = ": too few digits for times since 1970?" if t[k] > SINCE_2000_S else ""
+        raise InputError(
+            f"{path}: row {rows[k + 1]}: time goes back or stands still ({t[k]:.12g} s, then {t[k + 1]:.12g} s){few}"
+        )
+    close = np.flatnonzero(t[1:] / 2 - t[:-1] / 2 < CLOSEST_S / 2)
+    if close.size:
+        k = close[0]
+        raise InputError(
+            f"{path}: row {rows[k + 1]}: t is {t[k + 1]:.12g}, {t[k + 1] - t[k]:.3g} s after the row before: "
+            "is it in seconds?"
+        )
 
 
 def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measured: bool = False) -> RunLog:
@@ -420,11 +506,11 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
     path = _log_path(folder)
     table = _read_csv(path) if path.suffix == ".csv" else _read_parquet(path)
     columns, rows = table.columns, table.rows
-    notices = [f"run.json: key {key!r} is not in the contract, ignored" for key in about if key not in META_KEYS]
-    notices += [
-        f"{path.name}: column {name!r} is not in the contract, ignored{did_you_mean(name, COLUMNS)}"
-        for name in table.ignored
-    ]
+    unknown = [key for key in about if key not in META_KEYS]
+    notices = [f"run.json: key {shown(key)} is not in the contract, ignored" for key in unknown[:MOST_NOTICES]]
+    if len(unknown) > MOST_NOTICES:
+        notices.append(f"run.json: {len(unknown) - MOST_NOTICES} more keys are not in the contract, ignored")
+    notices += _strange(path.name, table.ignored)
     notices += table.notices
 
     mode = robot.driver.mode if robot else "voltage"
@@ -444,17 +530,7 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
     whole = len(t) - table.cut
     if whole < 2:
         raise InputError(f"{path}: has {whole} rows, at least 2 are needed")
-    bad = np.flatnonzero(~np.isfinite(t))
-    if bad.size:
-        raise InputError(f"{path}: row {rows[bad[0]]}: t is missing or no finite number")
-    back = np.flatnonzero(t[1:] <= t[:-1])
-    if back.size:
-        k = back[0]
-        # Unix times in single precision stand still for two minutes, with six digits for a quarter of an hour.
-        few = ": too few digits for times since 1970?" if t[k] > SINCE_2000_S else ""
-        raise InputError(
-            f"{path}: row {rows[k + 1]}: time goes back or stands still ({t[k]:.12g} s, then {t[k + 1]:.12g} s){few}"
-        )
+    _check_times(path, t, rows)
     late = np.flatnonzero(t / 2 - t[0] / 2 > LONGEST_S / 2)
     if late.size:
         unit = likely_unit(2.0 * float(np.median(np.diff(t / 2))))

@@ -22,6 +22,7 @@ from rtds_host.contract import Case, Robot, RunLog, RunMeta, builtin_robot, writ
 from rtds_host.correction.close import FINE_STEP_S, distance
 from rtds_host.correction.simulate import Setting, simulate
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
+from rtds_host.diagnosis.machine import machine_of
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, RtdsError, did_you_mean
@@ -29,33 +30,6 @@ from rtds_host.robot import default_engine
 
 # Bound on the difference, in units of noise: a tenth of what a sensor hides.
 BOUND = 0.1
-# Wider where a reason is known.
-WIDER = {
-    "backlash": (
-        2.0,
-        "a sample that falls on an impact shows the speed before it in the one and after it in the other",
-    ),
-}
-# Sizes where the catalogue's middle start would not be met on this run.
-SIZES = {
-    # No whole number of the log's rows: where a late command and a sample meet, rounding decides which comes first.
-    "command_delay": {"seconds": 0.0127},
-    "measurement_delay": {"seconds": 0.0127},
-    "speed_filter": {"time_constant_s": 0.03, "delay_s": 0.0126},
-    "torque_ripple": {"amplitude_nm": 0.03, "cycles_per_rev": 4.37, "phase_rad": 0.7},
-    "stribeck_friction": {"torque_nm": 0.02, "extra_torque_nm": 0.04, "speed_rad_s": 0.5},
-    "friction_asymmetry": {"torque_nm": 0.02, "nm_s_per_rad": 0.004},
-    "winding_heating": {"rise_per_watt": 0.2, "time_constant_s": 4.0},
-    "longitudinal_slip": {"slip_per_newton": 0.02, "softness_m_per_n": 6e-5, "damping_n_s_per_m": 50.0, "grip": 0.9},
-    "com_offset": {"x_m": 0.03, "y_m": 0.012},
-    "payload_error": {"mass_kg": 1.0},
-    "slope_error": {"slope_rad": 0.03},
-    "yaw_inertia_error": {"ratio": 5.0},
-    "gyro_bias": {"rad_s": 0.02},
-    "current_bias": {"amperes": 0.02},
-    "load_friction": {"ratio": 0.3},
-    "backlash": {"angle_rad": 0.03, "restitution": 0.0},
-}
 STEP_S = 0.005
 SECONDS = 6.6
 START, END = "<!-- agreement: begin -->", "<!-- agreement: end -->"
@@ -110,10 +84,10 @@ def measured(log: RunLog, out: np.ndarray) -> RunLog:
 
 def values_of(effect: str) -> dict[str, float]:
     """The size at which an effect is compared."""
-    given = SIZES.get(effect, {})
+    given = CATALOGUE[effect].compared_at
     return {
         p.name: given.get(p.name, p.starts[len(p.starts) // 2])
-        for p in catalogue(builtin_robot("burger"))[effect].parameters
+        for p in CATALOGUE[effect].on(machine_of(builtin_robot("burger"))).parameters
     }
 
 
@@ -140,7 +114,7 @@ def compare(effect: str, side: str, log: RunLog, robot: Robot, setting: Setting)
     size, _ = distance(case, [(log, truth, plain)])
     apart, channels = distance(case, [(log, truth, out)])
     worst = max(channels, key=channels.get)
-    bound, reason = WIDER.get(effect, (BOUND, ""))
+    bound, reason = CATALOGUE[effect].agrees_within or (BOUND, "")
     return Row(effect, side, values, CATALOGUE[effect].runs_in, size, apart, (worst, channels[worst]), bound, reason)
 
 
@@ -153,11 +127,12 @@ def rows(
     ------
     InputError : an effect that is not in the catalogue.
     """
-    names = list(effects or sorted(CATALOGUE, key=lambda e: (CATALOGUE[e].subsystem, e)))
+    there = catalogue(builtin_robot("burger"))
+    names = list(effects or sorted(there, key=lambda e: (there[e].subsystem, e)))
     for name in names:
-        if name not in CATALOGUE:
+        if name not in there:
             raise InputError(
-                f"effect {name!r}: not in the catalogue (`rtds effects` lists it){did_you_mean(name, CATALOGUE)}"
+                f"effect {name!r}: not in the catalogue (`rtds effects` lists it){did_you_mean(name, there)}"
             )
     robot, log = builtin_robot("burger"), designed_run(seconds)
     for name in names:

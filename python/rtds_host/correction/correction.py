@@ -95,7 +95,8 @@ class GearValues:
 
 @dataclass(frozen=True)
 class SensorValues:
-    """How what is reported differs from what is; two-vectors [left, right], SI."""
+    """How what is reported differs from what is; two-vectors [left, right], SI. `encoder_at_wheel`: 1 where w and th
+    are measured behind free play and springs, 0 before them."""
 
     speed_gain: tuple[float, float] = (1.0, 1.0)
     current_gain: tuple[float, float] = (1.0, 1.0)
@@ -105,6 +106,7 @@ class SensorValues:
     gyro_gain: float = 1.0
     gyro_bias_rad_s: float = 0.0
     delay_s: float = 0.0
+    encoder_at_wheel: float = 0.0
 
 
 @dataclass(frozen=True)

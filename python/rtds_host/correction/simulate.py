@@ -6,10 +6,10 @@ import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import numba
 import numpy as np
 
 from rtds_host.contract import Robot, RunLog
+from rtds_host.correction import layer
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.coupler import Coupler, set_effects
 from rtds_host.correction.translate import translate
@@ -18,6 +18,8 @@ from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 from rtds_host.link import Link, open_link
 from rtds_host.link.quantisation import QuantisedLink
+from rtds_host.plant.compiled import loop
+from rtds_host.plant.sensors import low_pass
 from rtds_host.robot import STEP_S, Body, default_engine, make_body, open_engine
 
 
@@ -45,7 +47,7 @@ class Simulated:
     notes: tuple[str, ...]
 
 
-@numba.njit(cache=True)
+@loop
 def _low_pass(t, values, tau):
     """First-order filter of values that move linearly between unevenly spaced times."""
     out = np.empty_like(values)
@@ -55,8 +57,7 @@ def _low_pass(t, values, tau):
         if dt <= 0.0:
             out[j] = out[j - 1]
             continue
-        ramp = (values[j] - values[j - 1]) / dt
-        out[j] = values[j] - ramp * tau + (out[j - 1] - values[j - 1] + ramp * tau) * np.exp(-dt / tau)
+        out[j] = low_pass(out[j - 1], values[j], values[j - 1], dt, tau, np.exp(-dt / tau))
     return out
 
 
@@ -165,12 +166,16 @@ class _Replay:
         block = self.setting.exchange_steps * self.per_ms
         times, speeds, currents = [np.zeros(1)], [np.zeros((1, 2))], [np.zeros((1, 2))]
         done = 0
+        behind = self.correction is not None and self.correction.sensors.encoder_at_wheel > 0.0
+        wheels: list[np.ndarray] = []
 
         def look() -> None:
             nonlocal done
             if done in self.looked_at:
                 s = engine.state()
                 self.poses.append((done * STEP_S, s.x_m, s.y_m, s.yaw_rad, s.yaw_rate_rad_s))
+            if behind:
+                wheels.append(coupler.state[:, layer.WHEEL].copy())
             done += 1
 
         look()
@@ -191,6 +196,10 @@ class _Replay:
                 progress(end * self.step_s)
         self.t = np.concatenate(times)
         self.speeds, self.currents = np.concatenate(speeds), np.concatenate(currents)
+        # What the encoders see: the rotors at the gear's output, or the wheels.
+        self.seen_t, self.seen = self.t, self.speeds
+        if behind:
+            self.seen_t, self.seen = np.arange(len(wheels)) * STEP_S, np.array(wheels)
 
     def reported(self, start: np.ndarray) -> np.ndarray:
         """(n, 11), columns as `OUTPUTS`."""
@@ -205,14 +214,14 @@ class _Replay:
             current = np.interp(at, self.t, self.currents[:, k])
             volts = np.where(in_force >= 0, self.commands[np.maximum(in_force, 0), k], 0.0)
             draw += current * volts / self.robot.supply_v
-            speed = self.speeds[:, k]
-            angle = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(self.t) * (speed[1:] + speed[:-1]))])
+            speed = self.seen[:, k]
+            angle = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(self.seen_t) * (speed[1:] + speed[:-1]))])
             if s is not None and s.speed_filter_s[k] > 0.0:
-                speed = _low_pass(self.t, np.ascontiguousarray(speed), s.speed_filter_s[k])
+                speed = _low_pass(self.seen_t, np.ascontiguousarray(speed), s.speed_filter_s[k])
             gain = s.speed_gain[k] if s else 1.0
             out[:, 1 + k] = current * (s.current_gain[k] if s else 1.0) + (s.current_bias_a[k] if s else 0.0)
-            out[:, 3 + k] = np.interp(at - (s.speed_late_s[k] if s else 0.0), self.t, speed) * gain
-            out[:, 5 + k] = start[3 + k] + np.interp(at, self.t, angle) * gain
+            out[:, 3 + k] = np.interp(at - (s.speed_late_s[k] if s else 0.0), self.seen_t, speed) * gain
+            out[:, 5 + k] = start[3 + k] + np.interp(at, self.seen_t, angle) * gain
         out[:, 0] = self.robot.supply_v
         if supply is not None:
             out[:, 0] -= supply.source_resistance_ohm * draw + supply.decline_v_per_s * at

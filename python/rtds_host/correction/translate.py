@@ -1,8 +1,9 @@
 """From the replay's numbers to the simulator's: the one place that knows both.
 
 An effect of the catalogue writes its numbers into a `Model` (`rtds_host.diagnosis.replay`), once, in its own file; so
-do a diagnosis' `nominal_fit` and effects. Here each of the model's slots is handed to where it acts in the real-time
-simulator. Whoever adds a slot has to add it here: a translation that leaves a slot unread raises `LookupError`.
+do a diagnosis' `nominal_fit` and effects. Here each of the model's parameters is handed to where it acts in the
+real-time simulator: its place and its name there stand in the schema (`rtds_host.plant.schema`). A translation that
+leaves a parameter unread raises `LookupError`.
 """
 
 from __future__ import annotations
@@ -12,115 +13,26 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from rtds_host.contract import GRAVITY_M_S2, Robot
+from rtds_host.contract import Robot
 from rtds_host.correction.correction import BodyValues, Correction, GearValues, SensorValues
 from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.replay.model import Model, nominal_model
-from rtds_host.diagnosis.replay.slots import COMMON, SIDE
 from rtds_host.errors import InputError
 from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
+from rtds_host.plant.driver import duty
+from rtds_host.plant.elementary import exponential
+from rtds_host.plant.friction import rolling, stribeck
+from rtds_host.plant.motor import ripple
+from rtds_host.plant.schema import COMMON, LOG, PLACES, REFUSED, SIDE
 from rtds_host.robot.split import share
 
-# Where each slot acts: "rtl" in the motor unit, "robot" in the physics engine or in the layer before it, "signal" on
-# the way of the measured values, "log" outside of it, "refused" where the simulator has no such robot.
-PLACES = {
-    **dict.fromkeys(
-        (
-            "resistance",
-            "inductance",
-            "torque_constant",
-            "back_emf",
-            "rotor_inertia",
-            "viscous",
-            "voltage_gain",
-            "pwm_curve",
-            "deadzone",
-            "drop",
-            "limit",
-            "heat_rise",
-            "heat_tau",
-            "coulomb",
-            "stribeck",
-            "stribeck_speed",
-            "viscous_wheel",
-            "asymmetry",
-            "asymmetry_viscous",
-            "load_share",
-            "ripple",
-            "ripple_cycles",
-            "ripple_phase",
-            "gear_ratio",
-            "supply",
-            "source_resistance",
-            "decline",
-            "command_delay",
-            "rolling",
-        ),
-        "rtl",
-    ),
-    **dict.fromkeys(
-        (
-            "radius",
-            "backlash",
-            "restitution",
-            "stiffness",
-            "damping",
-            "slip",
-            "slip_relaxation",
-            "slip_damping",
-            "slip_grip",
-            "mass",
-            "yaw_inertia",
-            "wheel_inertia",
-            "track",
-            "scrub",
-            "com_x",
-            "com_y",
-            "slope_extra",
-        ),
-        "robot",
-    ),
-    **dict.fromkeys(
-        (
-            "speed_gain",
-            "current_gain",
-            "current_bias",
-            "speed_tau",
-            "speed_late",
-            "gyro_gain",
-            "gyro_bias",
-            "measurement_delay",
-            "latency",
-            "bus_measured",
-        ),
-        "signal",
-    ),
-    **dict.fromkeys(
-        (
-            "mode",
-            "torque_per_volt",
-            "servo_kp",
-            "servo_ki",
-            "servo_release",
-            "servo_limit",
-            "servo_period",
-            "axis",
-            "axis_inertia",
-            "axis_mass",
-            "axis_arm",
-            "axis_zero",
-        ),
-        "refused",
-    ),
-    # Clocks of a log that disagree: the simulator has one.
-    **dict.fromkeys(("gyro_late", "pose_late"), "log"),
-}
-_UNPLACED = sorted((SIDE.keys() | COMMON.keys()) ^ PLACES.keys())
-if _UNPLACED:
-    raise LookupError(f"the replay's slots and their places in the simulator differ: {', '.join(_UNPLACED)}")
-
 # Where an effect runs, in a reader's words.
-PLACE_NAMES = {"rtl": "motor unit", "robot": "robot", "signal": "signal path"}
+PLACE_NAMES = {
+    "rtl": "motor unit",
+    "robot": "robot",
+    "signal": "signal path",
+    "refused": "replay, exports",
+}
 NO_LIMIT_V = 1e8
 # Friction against speed: points of a curve, over so many of its widths.
 STRIBECK_POINTS, STRIBECK_WIDTHS = 97, 3.5
@@ -131,12 +43,16 @@ RIPPLE_POINTS = 129
 FAST_RAD_S = 16.0
 
 
-class _Slots:
+# What a correction holds as a pair, left and right, of the sensors: its name there, and the parameter's.
+_PAIRS = {SIDE[name].export: name for name in ("speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late")}
+
+
+class _Parameters:
     """A model's entries, with a list of those that nobody has read."""
 
     def __init__(self, model: Model):
         self._model = model
-        self.unread = {name for name in SIDE.keys() | COMMON.keys() if PLACES[name] != "log"}
+        self.unread = {name for name in SIDE.keys() | COMMON.keys() if PLACES[name] != LOG}
 
     def __call__(self, name: str, side: int = 0) -> float:
         self.unread = self.unread - {name}
@@ -144,6 +60,11 @@ class _Slots:
 
     def pair(self, name: str) -> tuple[float, float]:
         return self(name, 0), self(name, 1)
+
+    def named(self, kind: type, side: int = 0) -> dict[str, float]:
+        """Arguments of a dataclass by the names that the schema exports parameters under."""
+        there = {entry.export: name for name, entry in (SIDE | COMMON).items()}
+        return {f.name: self(there[f.name], side) for f in fields(kind) if f.name in there and f.name not in _PAIRS}
 
 
 def translate(
@@ -164,9 +85,9 @@ def translate(
     Raises
     ------
     InputError : a robot that is no two-wheeled one driven by voltage, or a value no motor unit can hold.
-    LookupError : a slot that this function does not know.
+    LookupError : a parameter that this function does not know.
     """
-    get = _Slots(model)
+    get = _Parameters(model)
     _refuse(get, robot)
     nominal = nominal_model(robot)
     if get("gear_ratio") != nominal.get("gear_ratio") or get("supply") != nominal.get("supply"):
@@ -179,37 +100,11 @@ def translate(
         decline_v_per_s=get("decline"),
         command_delay_s=round(get("command_delay") / step_s) * step_s,
     )
-    body = BodyValues(
-        mass_kg=get("mass"),
-        yaw_inertia_kg_m2=get("yaw_inertia"),
-        wheel_radius_m=get.pair("radius"),
-        wheel_inertia_kg_m2=get("wheel_inertia"),
-        track_width_m=get("track"),
-        com_x_m=get("com_x"),
-        com_y_m=get("com_y"),
-        slope_extra_rad=get("slope_extra"),
-    )
-    gears = tuple(
-        GearValues(
-            stiffness_nm_per_rad=get("stiffness", k),
-            damping_nm_s_per_rad=get("damping", k),
-            backlash_rad=get("backlash", k),
-            restitution=get("restitution", k),
-            slip_per_newton=get("slip", k),
-            slip_relaxation_m=get("slip_relaxation", k),
-            slip_damping_n_s_per_m=get("slip_damping", k),
-            grip=get("slip_grip", k),
-        )
-        for k in (0, 1)
-    )
+    body = BodyValues(**get.named(BodyValues), wheel_radius_m=get.pair("radius"))
+    gears = tuple(GearValues(**get.named(GearValues, k)) for k in (0, 1))
     sensors = SensorValues(
-        speed_gain=get.pair("speed_gain"),
-        current_gain=get.pair("current_gain"),
-        current_bias_a=get.pair("current_bias"),
-        speed_filter_s=get.pair("speed_tau"),
-        speed_late_s=get.pair("speed_late"),
-        gyro_gain=get("gyro_gain"),
-        gyro_bias_rad_s=get("gyro_bias"),
+        **get.named(SensorValues),
+        **{name: get.pair(slot) for name, slot in _PAIRS.items()},
         delay_s=get("measurement_delay") + get("latency"),
     )
     correction = Correction(
@@ -223,7 +118,7 @@ def translate(
         carrying=_carrying(units, gears, body, payload_kg, robot),
     )
     if get.unread:
-        raise LookupError(f"slots of the replay's model that nothing translates: {', '.join(sorted(get.unread))}")
+        raise LookupError(f"parameters of the plant that nothing translates: {', '.join(sorted(get.unread))}")
     return correction
 
 
@@ -254,10 +149,10 @@ def _carrying(
     return tuple(found)
 
 
-def _refuse(get: _Slots, robot: Robot) -> None:
+def _refuse(get: _Parameters, robot: Robot) -> None:
     axis, mode = get("axis"), get("mode")
     for name, place in PLACES.items():
-        if place == "refused":
+        if place == REFUSED:
             get(name)
     if axis != 0 or robot.chassis is None:
         raise InputError(f"robot {robot.name!r}: is a single axis, the real-time simulator has a robot on two wheels")
@@ -267,7 +162,7 @@ def _refuse(get: _Slots, robot: Robot) -> None:
         )
 
 
-def _unit(get: _Slots, k: int, robot: Robot, mass: float, start_angle: float) -> UnitEffects:
+def _unit(get: _Parameters, k: int, robot: Robot, mass: float, start_angle: float) -> UnitEffects:
     n = get("gear_ratio")
     forward, backward = _friction(get, k, n, mass)
     fluid = get("asymmetry_viscous", k) / n**2
@@ -293,7 +188,7 @@ def _unit(get: _Slots, k: int, robot: Robot, mass: float, start_angle: float) ->
     )
 
 
-def _motor(get: _Slots, k: int, robot: Robot, n: float) -> MotorParameters | None:
+def _motor(get: _Parameters, k: int, robot: Robot, n: float) -> MotorParameters | None:
     m = robot.motor
     own = (
         get("resistance", k),
@@ -317,39 +212,36 @@ def _motor(get: _Slots, k: int, robot: Robot, n: float) -> MotorParameters | Non
     return MotorParameters(*own[:5], max(own[5], 1e-16))
 
 
-def _command(get: _Slots, k: int) -> Curve | None:
+def _command(get: _Parameters, k: int) -> Curve | None:
+    """The driver's curve, dead zone and gain as a curve: the law at its bends, or at many points where it is bent."""
     gain, dead, top, bend = get("voltage_gain", k), max(get("deadzone", k), 0.0), get("supply"), get("pwm_curve", k)
-    if bend:
-        x = np.linspace(-top, top, PWM_POINTS)
-        bent = x * (1.0 + bend * (1.0 - np.abs(x) / top))
-        return Curve(tuple(x), tuple(gain * (bent - np.sign(bent) * np.minimum(np.abs(bent), dead))))
-    if gain == 1.0 and dead == 0.0:
+    if gain == 1.0 and dead == 0.0 and bend == 0.0:
         return None
-    if dead == 0.0:
-        return Curve((-top, top), (-gain * top, gain * top))
-    if dead >= top:
+    if dead >= top and not bend:
         return Curve((0.0,), (0.0,))
-    return Curve((-top, -dead, dead, top), (-gain * (top - dead), 0.0, 0.0, gain * (top - dead)))
+    x = np.linspace(-top, top, PWM_POINTS).tolist() if bend else sorted({-top, -dead, dead, top} - {0.0, -0.0})
+    return Curve(tuple(x), tuple(duty.py_func(volts, top, bend, dead, gain) for volts in x))
 
 
-def _friction(get: _Slots, k: int, n: float, mass: float) -> tuple[Curve | None, Curve | None]:
+def _friction(get: _Parameters, k: int, n: float, mass: float) -> tuple[Curve | None, Curve | None]:
     """Dry friction against turning forwards and backwards.
 
     Rolling resistance is dry friction of the same shaft: two of them in a row hold and slip as one.
     """
-    dry = get("coulomb", k) + get("rolling") * mass * GRAVITY_M_S2 * 0.5 * get("radius", k)
+    dry = get("coulomb", k) + rolling.py_func(get("rolling"), mass, get("radius", k))
     extra, width, apart = get("stribeck", k), get("stribeck_speed", k), get("asymmetry", k)
     if not (dry or extra or apart):
         return None, None
     speeds = np.linspace(0.0, STRIBECK_WIDTHS * abs(width), STRIBECK_POINTS) if extra else np.zeros(1)
-    level = dry + extra * np.exp(-((speeds / width) ** 2))
+    level = np.array([dry + stribeck.py_func(v / width, extra, exponential.py_func) for v in speeds.tolist()])
     x = tuple(n * speeds)
     return Curve(x, tuple((level + apart) / n)), Curve(x, tuple((level - apart) / n))
 
 
 def _sine(size: float) -> Curve:
+    """A period of a torque by the angle, N·m over rad."""
     x = np.linspace(0.0, 2.0 * math.pi, RIPPLE_POINTS)
-    return Curve(tuple(x), tuple(size * np.sin(x)))
+    return Curve(tuple(x), tuple(ripple.py_func(angle, size, 1.0, 0.0, math.sin) for angle in x.tolist()))
 
 
 def places_of(effect: Effect, robot: Robot) -> set[str]:

@@ -74,8 +74,8 @@ def write_diagnosis(folder: Path, out: Path, quick: bool, seed: int, threads: in
     return result, details
 
 
-def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: int = 0) -> tuple:
-    """`rtds diagnose` of one case: progress and a summary on the terminal. Returns (diagnosis, details)."""
+def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: int = 0, summary: bool = True) -> tuple:
+    """`rtds diagnose` of one case: progress and, with `summary`, that on the terminal. Returns (diagnosis, details)."""
     errors = Console(stderr=True)
     with Progress(
         TextColumn("{task.description:<12}"),
@@ -94,7 +94,8 @@ def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: i
             jobs if jobs > 0 else cores(),
             lambda stage, share: bar.update(task, description=stage, completed=share),
         )
-    print_summary(Console(), result, details)
+    if summary:
+        print_summary(Console(), result, details)
     return result, details
 
 

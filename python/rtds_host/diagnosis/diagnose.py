@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from rtds_host.contract import Case
 from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.account import Account, Standing, account
-from rtds_host.diagnosis.chance import SLIGHT
+from rtds_host.diagnosis.account import Account, Standing, account, declared
+from rtds_host.diagnosis.beam import widened
+from rtds_host.diagnosis.chance import MOVES, SLIGHT
+from rtds_host.diagnosis.choice import Judged, chosen
 from rtds_host.diagnosis.experiment import next_experiment
 from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.heldout import HeldOut, held_out
 from rtds_host.diagnosis.intervals import Key, intervals
+from rtds_host.diagnosis.likelihood import correlated
 from rtds_host.diagnosis.localise import localise
 from rtds_host.diagnosis.localise.shares import FAINT
 from rtds_host.diagnosis.nuisances import SETUP
 from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
+from rtds_host.diagnosis.scatter import scattered
 from rtds_host.diagnosis.search import Search
 
 SCHEMA = "rtds-diagnosis/3"
@@ -71,11 +75,12 @@ def diagnose(
 
 
 def taken(case: Case, gate: Gate) -> Case:
-    """The case as the gate leaves it: without what is certainly no measurement, and with its noise as it is
-    measured.
+    """The case as the gate leaves it: without what is certainly no measurement, with its noise as it is
+    measured and with gains of a servo that the file leaves out.
     """
     noise = {channel: sigma for channel, sigma in gate.noise.items() if case.robot.noise(channel) is not None}
-    return replace(gate.case or case, robot=replace(case.robot, measured_noise=noise))
+    seen = gate.case or case
+    return replace(seen, robot=replace(seen.robot, measured_noise=noise))
 
 
 @dataclass
@@ -101,35 +106,38 @@ def investigate(
 ) -> Investigation:
     """Search for the explanation of a case and weigh its effects; parameters as of `diagnose`."""
     say("replay", 0.05)
-    found = _searched(Problem(case, threads), quick, say, without)
-    if case.robot.axis is not None and found.gap >= gaps.LEAST:
-        # An axis integrates and sticks: over whole runs of a real one the misfit has many local minima, over pieces
-        # few. But a piece hardly shows what is slow, and starts from what a biased sensor says; which of the two holds,
-        # whole runs say.
-        pieces = _searched(Problem(case, threads, pieces=True), quick, say, without)
-        found = min(found, _anew(found, pieces), pieces, key=lambda one: one.gap)
-    return found
-
-
-def _anew(whole: Investigation, pieces: Investigation) -> Investigation:
-    """The investigation of whole runs, its account made of the pieces' explanation if whole runs find that the more
-    probable one.
-    """
-    search, found = whole.search, pieces.account.fit
-    fit = search.prune(search.try_fit(found.hypothesis, found.u, whole.account.fit))
-    return (
-        replace(whole, account=account(search, fit)) if search.score(fit) < search.score(whole.account.fit) else whole
-    )
-
-
-def _searched(
-    problem: Problem, quick: bool, say: Callable[[str, float], None], without: frozenset[str]
-) -> Investigation:
-    search = Search(problem, quick, without)
+    search = Search(Problem(case, threads), quick, without)
     say("candidates", 0.1)
     best = search.run()
+    if not search.closed(best):
+        search, best = _chosen(case, search, best, threads, without)
     say("account", 0.7)
-    return Investigation(problem, search, account(search, best))
+    return Investigation(search.problem, search, account(search, best))
+
+
+def _chosen(case: Case, search: Search, best: Fit, threads: int, without: frozenset[str]) -> tuple[Search, Fit]:
+    """Of all explanations that were found of whole runs and, of an axis, of pieces, the one that runs left out choose,
+    and the search that it is of.
+
+    An axis integrates and sticks: over whole runs of a real one the misfit has many local minima, over pieces few. But
+    a piece hardly shows what is slow, and starts from what a biased sensor says. By one size a run the likelihood sees
+    what acts seldom and strongly, by one a block what acts often.
+    """
+    searches = [search, Search(Problem(case, threads, by_run=True), search.quick, without)]
+    if case.robot.axis is not None:
+        searches.append(Search(Problem(case, threads, pieces=True), search.quick, without))
+    for other in searches[1:]:
+        other.begin()
+    found: dict[int, list[tuple[Judged, Search]]] = {}
+    for one in searches:
+        for count, fits in widened(one).items():
+            mine = [best] if one is search and len(best.hypothesis) == count and best not in fits else []
+            found.setdefault(count, []).extend((Judged.of(one.problem, fit), one) for fit in [*mine, *fits])
+    if len(best.hypothesis) not in found:
+        found[len(best.hypothesis)] = [(Judged.of(search.problem, best), search)]
+    owner = {id(judged): one for mine in found.values() for judged, one in mine}
+    taken = chosen({count: [judged for judged, _ in mine] for count, mine in found.items()}, search.prior)
+    return owner[id(taken)], taken.fit
 
 
 def conclude(
@@ -139,18 +147,22 @@ def conclude(
     problem, weighed = found.problem, found.account
     say("gap", 0.85)
     held = held_out(problem, weighed)
-    total = {name: held.gap(name) for name in ("before", "refit", "after")}
-    if total["refit"] < gaps.LEAST:
-        # No gap, and no effect of it (contract, section 5): what was found beside it is shown as tried.
+    if held.gap("refit") > max(held.gap("before"), gaps.LEAST):
+        # Nuisances that open the gap of runs left out are no better known than declared.
+        weighed = replace(weighed, base=declared(problem, weighed.base))
+        held = held_out(problem, weighed if weighed.standing else replace(weighed, fit=weighed.base))
+    if held.gap("refit") < gaps.LEAST or held.gap("after") > held.gap("refit"):
+        # No gap, and no effect of it (contract, section 5): what was found is shown as tried.
         weighed = Account(weighed.base, weighed.base, (), weighed.dropped, (), (((), 1.0),))
         held = held_out(problem, weighed)
-        total = {name: held.gap(name) for name in ("before", "refit", "after")}
+    total = {name: held.gap(name) for name in ("before", "refit", "after")}
     closed = gaps.closed(total["before"], total["after"])
     effect_closed = gaps.closed(total["refit"], total["after"])
     rest = min(max(1.0 - effect_closed, 0.0), 1.0) if effect_closed is not None else 0.0
-    structured = _beyond_noise(problem, weighed.fit, total["after"]) and _coloured(weighed.fit)
+    structured = _beyond_noise(problem, weighed.fit, total["after"]) and _correlated(problem, weighed.fit)
     verdict = _verdict(total, bool(weighed.standing), structured, rest)
     known = intervals(problem, weighed.fit, gate.timing.stamps_s, gate.timing.step_s)
+    scatter = scattered(problem, weighed.fit) if weighed.standing else {}
     localisation = localise(problem.looked_at, weighed.base.model(problem))
     after = localise(problem.looked_at, weighed.fit.model(problem), held=True) if weighed.standing else localisation
     rows = [] if verdict == "none" else budget.shares(problem, weighed.fit, total["after"], after)
@@ -162,7 +174,11 @@ def conclude(
         "schema": SCHEMA,
         "verdict": verdict,
         "located": [{**row, "share": _round(row["share"])} for row in located],
-        "effects": [_effect(problem, weighed, one, held, known) for one in weighed.standing],
+        "effects": [
+            {**_effect(problem, weighed, one, held, known), **_scatter(*scatter[one.member])}
+            for one in weighed.standing
+        ],
+        "forms": [],
         "budget": [{**row, "share": _round(row["share"])} for row in rows],
         "nominal_fit": _nominal_fit(problem, weighed.fit),
         **_setup(problem, weighed.fit),
@@ -172,6 +188,7 @@ def conclude(
             **{name: _round(value) for name, value in total.items()},
             "closed": None if closed is None else _round(closed),
             "closed_ci90": None if closed is None or held.interval is None else [_round(v) for v in held.interval],
+            "with_forms": None,
             "effect_closed": None if effect_closed is None else _round(effect_closed),
             "channels": {c: {name: _round(held.channels[name][c]) for name in total} for c in held.channels["before"]},
             "rest": {
@@ -222,27 +239,23 @@ def _beyond_noise(problem: Problem, fit: Fit, gap: float) -> bool:
     return gap >= gaps.LEAST or float(fit.residual @ fit.residual) >= (1.0 + FAINT) * problem.size
 
 
-def _coloured(fit: Fit) -> bool:
-    """Whether what a fit leaves is more likely a discrepancy than white noise alone."""
-    return fit.noise.estimated(fit.residual, thorough=True).cost(fit.residual) < float(fit.residual @ fit.residual)
+def _correlated(problem: Problem, fit: Fit) -> bool:
+    """Whether what a fit leaves keeps its sign for longer than white noise of its size."""
+    return correlated(fit.residual, problem.groups, problem.channels_of, MOVES)
 
 
 def _louder(problem: Problem, fit: Fit) -> list[str]:
-    """Channels whose rest is as short as a sample, told: noise that is larger than declared looks so, and makes a gap
-    of its own.
-    """
-    left, found = fit.noise.estimated(fit.residual, thorough=True), []
-    for k, channel in left.channel.items():
-        name, times = CHANNELS[k], math.sqrt(channel.square(fit.residual) / channel.count)
-        # Of angles and poses moves are looked at, which have other samples than the log.
-        if (
-            name.startswith(("v_bus", "i_", "w_", "gyro_z"))
-            and times >= gaps.LEAST
-            and left.s[k]
-            and left.tau[k] <= 2.0 * channel.shortest
-        ):
+    """Channels whose residuals are white and larger than declared: a sensor that is noisier than its file says."""
+    found = []
+    for k in np.unique(problem.channels_of):
+        mine = problem.channels_of == k
+        name, times = CHANNELS[k], float(np.sqrt(np.mean(fit.residual[mine] ** 2)))
+        # Of angles and poses displacements are compared, which have other samples than the log.
+        if not name.startswith(("v_bus", "i_", "w_", "gyro_z")) or times < gaps.LEAST:
+            continue
+        if not correlated(fit.residual[mine], problem.groups[mine], problem.channels_of[mine], MOVES):
             found.append(
-                f"{name}: what is left of it is as short as a sample, as noise is that is {times:.2g} times as large as [sensors] says"
+                f"{name}: its residuals are white, as of a sensor {times:.2g} times as noisy as [sensors] says"
             )
     return found
 
@@ -273,10 +286,14 @@ def _effect(
     }
 
 
+def _scatter(much: float, setting: str | None) -> dict:
+    return {"scatter": _round(much, 3), "scatters_with": setting}
+
+
 def _nominal_fit(problem: Problem, fit: Fit) -> dict:
     result: dict[str, dict[str, float]] = {}
     for z, nuisance in zip(fit.z, problem.nuisances):
-        if abs(z) < MOVED or SETUP.keys() & nuisance.keys.keys():
+        if abs(z) < MOVED and not nuisance.estimated or SETUP.keys() & nuisance.keys.keys():
             continue
         for key, value in nuisance.values(z).items():
             for suffix in problem.robot.sides if nuisance.side is None else ("lr"[nuisance.side],):

@@ -11,8 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.carried import carried
-from rtds_host.diagnosis.chance import MOST, SLIGHT
+from rtds_host.diagnosis.chance import SLIGHT
 from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.effects.base import WRITTEN
 from rtds_host.diagnosis.evidence import believed, compared, excess, worth_adding
@@ -25,6 +24,7 @@ from rtds_host.diagnosis.fit import (
     Hypothesis,
     apply,
     joined,
+    prior_cost,
     scaled,
     side_by_side,
     split,
@@ -67,6 +67,10 @@ class Explanations:
         each = EXPECTED_EFFECTS / len(self.effects)
         return sum(math.log(each * (SIDE_PRIOR[side] if self.effects[e].sided else 1.0)) for e, side in hypothesis)
 
+    def prior(self, fit: Fit) -> float:
+        """-2 log prior density of an explanation with its sizes."""
+        return prior_cost(fit.z, fit.u) - 2.0 * self.log_prior(fit.hypothesis)
+
     def score(self, fit: Fit) -> float:
         """-2 log of evidence times prior."""
         return fit.score - 2.0 * self.log_prior(fit.hypothesis)
@@ -84,11 +88,17 @@ class Explanations:
         )
 
     def _at_its_bound(self, effect: str, values: dict[str, float]) -> bool:
-        p = self.effects[effect].parameters[0]
-        # As a logarithm comes back.
-        return values[p.name] >= p.high * (1.0 - WRITTEN) or (
-            p.logarithmic and values[p.name] <= p.low * (1.0 + WRITTEN)
-        )
+        """Whether a parameter lies at an end of what was looked at; as logarithms come back."""
+        for p in self.effects[effect].parameters:
+            value, margin = values[p.name], WRITTEN * (p.high - p.low)
+            if p.shape and p.name == "phase_rad":
+                continue
+            if p.logarithmic:
+                if value >= p.high * (1.0 - WRITTEN) or value <= p.low * (1.0 + WRITTEN):
+                    return True
+            elif value >= p.high - margin or (value <= p.low + margin):
+                return True
+        return False
 
     def best(self) -> Fit:
         """The most probable explanation so far."""
@@ -102,8 +112,8 @@ class Explanations:
         return self.gap(fit) < LEAST
 
     def _believed(self, grown: Fit, fit: Fit, closest: float) -> bool:
-        """Whether an explanation is more likely than a part of it, as far as its gain can be believed, takes off no
-        small part of what that leaves beyond noise, or of the gap, and carries over to other runs.
+        """Whether an explanation is more likely than a part of it, as far as its gain can be believed, and takes off
+        no small part of what that leaves beyond noise, or of the gap.
 
         closest : the smallest gap before. Of the two measures of what is left either may say little before others are
         in.
@@ -111,12 +121,9 @@ class Explanations:
         prior = self.log_prior(grown.hypothesis) - self.log_prior(fit.hypothesis)
         if prior + believed(*compared(self.problem, grown, fit)) < 0.0:
             return False
-        if self.score(fit) - self.score(grown) < SLIGHT * excess(self.problem, fit) and not worth_adding(
+        return self.score(fit) - self.score(grown) >= SLIGHT * excess(self.problem, fit) or worth_adding(
             closest, self.gap(grown)
-        ):
-            return False
-        over = carried(self.problem, grown)
-        return all(over[member] >= MOST for member in set(grown.hypothesis) - set(fit.hypothesis))
+        )
 
     # ---- fits
 
@@ -175,7 +182,7 @@ class Explanations:
         """The nominal robot with nuisances that bring its replay as close as their tolerance allows, whatever is
         missing: no discrepancy, so that what they could explain is not taken for one."""
         if self._refitted is None:
-            flat = self.problem.discrepancy()
+            flat = self.problem.white()
             self._refitted = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), flat, fixed=True)
         return self._refitted
 
@@ -208,7 +215,7 @@ class Explanations:
         found = {}
         for z in (fit.z, np.zeros_like(fit.z)) if trials else ():
             models = [apply(self.effects, problem.with_nuisances(z), fit.hypothesis, v) for v in [*values, fit.values]]
-            costs = [fit.noise.cost(r) for r in problem.residuals(models, [m.coarse_s for m in models])]
+            costs = [fit.noise.estimated(r).cost(r) for r in problem.residuals(models, [m.coarse_s for m in models])]
             k = int(np.argmin(costs))
             if k < len(trials):
                 found[k] = trials[k]

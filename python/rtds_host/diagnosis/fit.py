@@ -19,7 +19,7 @@ from typing import TypeVar
 import numpy as np
 
 from rtds_host.diagnosis.effects import SIDES, Effect, Parameter
-from rtds_host.diagnosis.likelihood import Discrepancy
+from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 
@@ -93,7 +93,7 @@ def prior_weight(z: np.ndarray, u: np.ndarray) -> np.ndarray:
     return np.concatenate([np.ones(len(z)), 2.0 / (1.0 + u * u)])
 
 
-@dataclass
+@dataclass(eq=False)
 class Fit:
     """A fitted explanation.
 
@@ -110,7 +110,7 @@ class Fit:
     by_nuisance: np.ndarray = field(repr=False)
     by_effect: np.ndarray = field(repr=False)
     free: np.ndarray = field(repr=False)
-    noise: Discrepancy = field(repr=False)
+    noise: Likelihood = field(repr=False)
 
     @cached_property
     def cost(self) -> float:
@@ -264,10 +264,11 @@ class Fitter:
         return np.concatenate(columns, axis=1) if columns else new
 
     def _tried(
-        self, hypothesis: Hypothesis, x: np.ndarray, noise: Discrepancy
+        self, hypothesis: Hypothesis, x: np.ndarray, noise: Likelihood, fixed: bool
     ) -> Asking[tuple[np.ndarray, np.ndarray, float]]:
-        """Parameters, their residuals and what they cost."""
+        """Parameters, their residuals and what they cost; by the weights as they are where these are `fixed`."""
         (moved,) = yield [self.model(hypothesis, x)], None
+        noise = noise if fixed else noise.estimated(moved)
         return x, moved, noise.cost(moved) + prior_cost(x[: self.count], x[self.count :])
 
     def _slid(self, hypothesis: Hypothesis, x: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -299,7 +300,7 @@ class Fitter:
         hypothesis: Hypothesis,
         start: np.ndarray,
         z: np.ndarray,
-        noise: Discrepancy,
+        noise: Likelihood,
         iterations: int = 8,
         known: dict[tuple[str, str], np.ndarray] | None = None,
         fixed: bool = False,
@@ -316,7 +317,7 @@ class Fitter:
         hypothesis: Hypothesis,
         start: np.ndarray,
         z: np.ndarray,
-        noise: Discrepancy,
+        noise: Likelihood,
         iterations: int = 8,
         known: dict[tuple[str, str], np.ndarray] | None = None,
         fixed: bool = False,
@@ -370,14 +371,17 @@ class Fitter:
                 step = np.zeros(len(x))
                 step[keep] = -np.linalg.solve(damped, gradient[keep])
                 promised = abs(gradient @ step)
-                trial, moved, new = yield from self._tried(hypothesis, np.clip(x + step, low, high), noise)
+                trial, moved, new = yield from self._tried(hypothesis, np.clip(x + step, low, high), noise, fixed)
                 if new >= now and promised >= least and attempt == 0.0:
                     # Along a bent valley a part of the step leads on where damping would hold it: to the least of the
                     # parabola through what is known of the line.
                     part = min(max(promised / (new - now + 2.0 * promised), SHORTEST), 0.5)
-                    trial, moved, new = yield from self._tried(hypothesis, np.clip(x + part * step, low, high), noise)
+                    trial, moved, new = yield from self._tried(
+                        hypothesis, np.clip(x + part * step, low, high), noise, fixed
+                    )
                 if new < now:
                     x, r, damping = self._slid(hypothesis, trial, low, high), moved, attempt
+                    noise = noise if fixed else noise.estimated(r)
                     improved = now - noise.cost(r) - prior_cost(x[:k], x[k:])
                     break
                 # What a step could still bring is below the noise of the choice; or the nuisances' derivatives are out
@@ -387,9 +391,7 @@ class Fitter:
             if improved > 0.0:
                 # None at all where it is not needed: along a valley that tolerances alone close, any would hold it.
                 damping = DAMPINGS[max(DAMPINGS.index(damping) - 1, 0)]
-                noise = noise if fixed else noise.estimated(r)
-                after = noise.cost(r) + prior_cost(x[:k], x[k:])
-                improved, now = max(improved, now - after), after
+                now = noise.cost(r) + prior_cost(x[:k], x[k:])
             since += improved
             if improved < least and (known or not renewals or since < ROUGH_GAIN):
                 break

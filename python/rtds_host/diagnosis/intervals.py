@@ -18,10 +18,10 @@ import math
 
 import numpy as np
 
-from rtds_host.diagnosis.carried import scattered
 from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
 from rtds_host.diagnosis.nuisances import LATENCY, LATENCY_S
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.scatter import scattered
 
 # Standard deviations to either side of 90 % of a normal (contract: 90 % intervals).
 Z90 = 1.6448536269514722
@@ -62,7 +62,7 @@ def intervals(
                 else 0.0
             )
             spread = Z90 * math.hypot(
-                sigma[key] * p.slope(value), effect.form * size, timed, 0.0 if p.shape else uneven[member] * size
+                sigma[key] * p.slope(value), effect.form * size, timed, 0.0 if p.shape else uneven[member][0] * size
             )
             low, high = max(value - spread, p.low), min(value + spread, p.high)
             result[key] = (low, high) if free[key] and (low > p.low or high < p.high) else None

@@ -1,6 +1,6 @@
 """What an explanation foretells of runs that it was not fitted to (contract, sections 4 and 5).
 
-The fit without a run is one Newton step from the fit to all; of a single run each half is left out in turn.
+The fit without a run is a few steps from the fit to all; of a single run each half is left out in turn.
 """
 
 from __future__ import annotations
@@ -15,34 +15,52 @@ from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
 from rtds_host.diagnosis.problem import Problem, RunData
 from rtds_host.diagnosis.replay.model import Model, replay_run
 
-# Numerical: one linear step is trusted for so many of its sigmas.
-TRUSTED = 3.0
+# Numerical: steps of a fit without a part, and for how many of its sigmas one is trusted.
+STEPS, TRUSTED = 2, 3.0
 
 
 def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Model]:
-    """The explanation fitted without each of some parts of the residuals: rows (m,) each, all N of them together."""
-    white, jacobian = fit.whitened()
+    """The explanation fitted without each of some parts of the residuals: rows (m,) each, all N of them together.
+
+    Gauss-Newton steps with the derivatives of the fit to all; the weights of the likelihood are those of the residuals
+    that are left, since a run that is left out no longer bends the others.
+    """
     keep = np.flatnonzero(fit.free)
-    columns = [jacobian[np.ix_(rows, keep)].astype(float) for rows in parts]
-    grams = [j.T @ j for j in columns]
-    whole = sum(grams) + np.diag(prior_weight(fit.z, fit.u)[keep])
-    sigma = np.sqrt(np.diag(np.linalg.inv(whole)))
-    return [
-        _moved(problem, fit, keep, np.linalg.solve(whole - gram, j.T @ white[rows]), sigma)
-        for rows, j, gram in zip(parts, columns, grams, strict=True)
-    ]
+    jacobian = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep]
+    moves, residuals, models = [np.zeros(len(fit.free)) for _ in parts], [fit.residual] * len(parts), []
+    at = np.concatenate([fit.z, fit.u])
+    for turn in range(STEPS):
+        if turn:
+            residuals = problem.residuals(models)
+        models = []
+        for move, residual, rows in zip(moves, residuals, parts, strict=True):
+            noise = fit.noise.estimated(residual)
+            root = np.ones(len(residual)) if noise.root is None else noise.root
+            used = root.copy()
+            used[rows] = 0.0
+            weighted = jacobian * used.astype(np.float32)[:, None]
+            prior = np.diag(prior_weight(fit.z, fit.u)[keep])
+            hessian = (weighted.T @ weighted).astype(float) + prior
+            pull = prior @ (at + move)[keep]
+            gradient = (weighted.T @ (residual * used).astype(np.float32)).astype(float) + pull
+            if not turn:
+                # The fit to all is an optimum but for what its last step left.
+                own = jacobian * root.astype(np.float32)[:, None]
+                gradient -= (own.T @ (residual * root).astype(np.float32)).astype(float) + pull
+            sigma = np.sqrt(np.diag(np.linalg.inv(hessian)))
+            move[keep] -= np.clip(np.linalg.solve(hessian, gradient), -TRUSTED * sigma, TRUSTED * sigma)
+            models.append(_moved(problem, fit, move))
+    return models
 
 
-def _moved(problem: Problem, fit: Fit, keep: np.ndarray, way: np.ndarray, sigma: np.ndarray) -> Model:
-    """A fit's model with the parameters `keep` moved, by no more than is trusted, within their bounds."""
-    step = np.zeros(len(fit.free))
-    step[keep] = np.clip(way, -TRUSTED * sigma, TRUSTED * sigma)
+def _moved(problem: Problem, fit: Fit, move: np.ndarray) -> Model:
+    """A fit's model with its parameters moved, (k + p,), within their bounds."""
     k = len(fit.z)
-    u = fit.u + step[k:]
+    u = fit.u + move[k:]
     ps = [p for _, _, p in parameters(fit.effects, fit.hypothesis)]
     if ps:
         u = np.clip(u, [p.scaled(p.low) for p in ps], [p.scaled(p.high) for p in ps])
-    z = np.clip(fit.z + step[:k], [n.low for n in problem.nuisances], [n.high for n in problem.nuisances])
+    z = np.clip(fit.z + move[:k], [n.low for n in problem.nuisances], [n.high for n in problem.nuisances])
     return replace(fit, z=z, u=u).model(problem)
 
 
@@ -62,9 +80,9 @@ def parted(problem: Problem) -> list[list[tuple[int, int, np.ndarray]]]:
     return [[(0, row, np.flatnonzero(early)), (row, len(log), np.flatnonzero(~early))]]
 
 
-def left_out_gap(problem: Problem, fit: Fit) -> float:
-    """The gap of an explanation on runs left out in turn, at the search's steps, with commands as late in each as they
-    were fitted.
+def left_out_channels(problem: Problem, fit: Fit) -> dict[str, float]:
+    """The gap of an explanation by channel on runs left out in turn, at the search's steps, with commands as late in
+    each as they were fitted.
     """
     parts = parted(problem)
     models = iter(left_out(problem, fit, [rows for mine in parts for *_, rows in mine]))
@@ -78,7 +96,12 @@ def left_out_gap(problem: Problem, fit: Fit) -> float:
                 begin, end = np.searchsorted(data.log.t, t[[first, last - 1]])
                 if end > begin:
                     jobs.append((model, data, int(begin), int(end) + 1))
-    return gaps.gap(gaps.pooled(list(problem.pool.map(lambda job: _errors(problem, *job), jobs))))
+    return gaps.pooled(list(problem.pool.map(lambda job: _errors(problem, *job), jobs)))
+
+
+def left_out_gap(problem: Problem, fit: Fit) -> float:
+    """The same over all channels."""
+    return gaps.gap(left_out_channels(problem, fit))
 
 
 def _errors(problem: Problem, model: Model, data: RunData, first: int, last: int) -> dict[str, gaps.Squares]:

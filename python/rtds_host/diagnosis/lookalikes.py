@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable
 
 from rtds_host.diagnosis.chance import SLIGHT
+from rtds_host.diagnosis.choice import AS_MUCH, Judged
 from rtds_host.diagnosis.evidence import compared, told_apart, worth_naming
 from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.gap import LEAST
@@ -68,10 +69,20 @@ def _fitting(
     """Of effects in another one's place those that fit as well, and open no gap: what the likelihood gains without
     each, and its fit.
 
-    What is `known` to be confused with it must be told from it by more than slight a part of what it leaves: the forms
+    Where a gap remains, what leaves a gap within a tenth as large on runs left out fits as well. Elsewhere the likelihood
+    tells. What is `known` to be confused with it must be told from it by more than slight a part of what it leaves: the forms
     of a machine that is described no better differ by as much.
     """
-    found = {}
+    found: dict[Member, tuple[float, Fit]] = {}
+    if not search.closed(fit):
+        own = Judged.of(search.problem, fit)
+        for member, swapped in swaps.items():
+            gain, _ = compared(search.problem, fit, swapped)
+            # More parameters always leave a little less.
+            plain = len(swapped.u) <= len(fit.u) and search.named(swapped)
+            if plain and Judged.of(search.problem, swapped).gap <= AS_MUCH * own.gap:
+                found[member] = gain, swapped
+        return found
     for member, swapped in swaps.items():
         (gain, t), taken = compared(search.problem, fit, swapped), search.takes_off(fit, swapped)
         told = told_apart(gain, t, taken, search.problem.block_count, SLIGHT if member in known else 0.0)

@@ -19,8 +19,8 @@ USUAL_RUN_S = 20.0
 
 
 # Scales that hang on how long runs last, and, where torque is commanded and no speed has a limit, on how fast they
-# were.
-OF_RUNS, OF_SPEEDS_MET = {"run", "decline"}, {"speed", "viscous", "tread", "turn"}
+# were, or on how much was asked of the motor.
+OF_RUNS, OF_SPEEDS_MET, OF_ASKED = {"run", "decline"}, {"speed", "viscous", "tread", "turn"}, {"torque", "spin"}
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,8 @@ class Machine:
     over the longest run; ohm : winding; amps : A, at stall; per_watt : 1/W, of the power at stall; force : N, weight on
     a wheel; give : 1/N, its inverse; tread : N·s/m, force over rim speed; mass : kg (of an axis: in shares of its
     load); radius, track : m; spin : N·m, torque about the vertical of both wheels at stall; turn : rad/s, on the spot
-    without load; run : s, longest run.
+    without load; run : s, longest run; movable : of an axis, the load beyond the declared that its motor could move, in
+    shares of the declared; 0 of a robot.
     """
 
     torque: float
@@ -48,6 +49,7 @@ class Machine:
     track: float = 1.0
     run: float = USUAL_RUN_S
     asked: float = math.inf
+    movable: float = 0.0
 
     one: float = 1.0
 
@@ -106,7 +108,8 @@ def machine_of(robot: Robot, runs: Sequence[RunLog] = ()) -> Machine:
     loss = motor.gear_ratio**2 * motor.viscous_friction_nm_s_per_rad
     body = robot.chassis
     if body is None:
-        return Machine(abs(torque), speed, volts, ohm, amps, loss, run=max(longest, 1e-3), asked=asked)
+        run = max(longest, 1e-3)
+        return Machine(abs(torque), speed, volts, ohm, amps, loss, run=run, asked=asked, movable=_movable(robot))
     return Machine(
         abs(torque),
         speed,
@@ -121,6 +124,32 @@ def machine_of(robot: Robot, runs: Sequence[RunLog] = ()) -> Machine:
         max(longest, 1e-3),
         asked,
     )
+
+
+def _movable(robot: Robot) -> float:
+    """Load that an axis' motor could move at its full command, in shares of the declared one; 0 without any declared.
+
+    It takes that load to its speed without load in `USUAL_RUN_S` (torque mode: to 1 rad/s), or holds it level.
+    """
+    motor, axis = robot.motor, robot.axis
+    if axis is None:
+        return 0.0
+    ratio = motor.gear_ratio
+    if robot.driver.mode == "torque":
+        torque, speed = abs(ratio * robot.driver.torque_nm_per_v * robot.supply_v), 1.0
+    else:
+        torque = ratio * motor.torque_constant_nm_per_a * robot.supply_v / motor.resistance_ohm
+        speed = robot.supply_v / (ratio * motor.back_emf_constant_v_s_per_rad)
+    inertia = torque * USUAL_RUN_S / speed
+    if axis.kind == "inertia":
+        return inertia / axis.inertia_kg_m2 if axis.inertia_kg_m2 > 0.0 else 0.0
+    arm = abs(axis.length_m if axis.kind == "pendulum" else axis.metres_per_rad)
+    if axis.mass_kg * arm <= 0.0:
+        return 0.0
+    mass = inertia / arm**2
+    if axis.kind == "pendulum":
+        mass = max(mass, torque / (GRAVITY_M_S2 * arm))
+    return mass / axis.mass_kg
 
 
 def _met(runs: Sequence[RunLog]) -> float:

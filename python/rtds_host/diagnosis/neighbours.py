@@ -25,6 +25,8 @@ SURE = 12.0
 RETAKEN = 8
 # Numerical: effects of a screening whose pairs are looked at.
 PAIRED = 12
+# Numerical: pairs of a screening that are tried in the place of two effects that close the gap.
+PAIRS = 3
 # Numerical: how far in score a rough fit may be from one in earnest.
 ROUGHLY = 20.0
 # Numerical: sizes to look at before a fit of one whose misfit is rough, as factors.
@@ -55,7 +57,7 @@ class Neighbours(Explanations):
         The first hardly feels what is slow, since it may be the discrepancy; the second hardly what is small.
         """
         first, flat = before
-        self._flat = Screen(self.problem, fit, moves, self.problem.discrepancy(), flat or self._flat)
+        self._flat = Screen(self.problem, fit, moves, self.problem.white(), flat or self._flat)
         return [Screen(self.problem, fit, moves, fit.noise, first), self._flat]
 
     def _screened(self, fit: Fit) -> list[Screen]:
@@ -110,8 +112,7 @@ class Neighbours(Explanations):
     def grow(self, fit: Fit, count: int) -> Fit | None:
         """Add the effect that the evidence asks for most; None if there is none."""
         starts = [
-            joined(_with(fit, one.member, self._entered(fit, one)))
-            for one in self.promising(self._screened(fit), count)
+            joined(_with(fit, one.member, self.entered(fit, one))) for one in self.promising(self._screened(fit), count)
         ]
         found = self.try_fits([(*start, fit) for start in starts], rough=True)
         found = sorted((f for f in found if self.score(f) < self.score(fit)), key=self.score)
@@ -125,7 +126,7 @@ class Neighbours(Explanations):
                 best = min([f for f in (best, other) if f is not None and self.named(f)], key=self.score, default=None)
         return best
 
-    def _entered(self, fit: Fit, candidate: Candidate) -> np.ndarray:
+    def entered(self, fit: Fit, candidate: Candidate) -> np.ndarray:
         """Scaled parameters from which to fit a candidate: its own, or a size about them from which less is left to
         fit.
         """
@@ -142,12 +143,7 @@ class Neighbours(Explanations):
             for start in starts
             for z in (fit.z, np.zeros_like(fit.z))
         ]
-        # By a discrepancy of its own: beside one that makes up for a delay, a shorter one serves better than the right
-        # one.
-        costs = [
-            (fit.noise.estimated(r) if effect.steep else fit.noise).cost(r)
-            for r in self.problem.residuals(models, [m.coarse_s for m in models])
-        ]
+        costs = [fit.noise.estimated(r).cost(r) for r in self.problem.residuals(models, [m.coarse_s for m in models])]
         return starts[int(np.argmin(costs)) // 2]
 
     # ---- one less
@@ -169,7 +165,7 @@ class Neighbours(Explanations):
         """
         while fit.hypothesis:
             simpler = self.without(fit, *fit.hypothesis) if len(fit.hypothesis) > 1 else []
-            simpler += self._merged(fit) + self._plainer(fit) + self._gathered(fit)
+            simpler += self._merged(fit) + self.plainer(fit) + self._gathered(fit)
             if not simpler:
                 break
             best = min(simpler, key=self.score)
@@ -181,7 +177,7 @@ class Neighbours(Explanations):
             fit = best
         return fit
 
-    def _plainer(self, fit: Fit) -> list[Fit]:
+    def plainer(self, fit: Fit) -> list[Fit]:
         """The explanation with an effect in its simpler form: without the further parameters."""
         parts, starts = fit.parts, []
         for effect, side in fit.hypothesis:
@@ -263,7 +259,7 @@ class Neighbours(Explanations):
                     pair
                     for pair in pairs
                     if first not in (pair[1].member, pair[2].member) and second not in (pair[1].member, pair[2].member)
-                ][:1]:
+                ][: PAIRS if self.closed(fit) else 1]:
                     if gain >= NEARLY * own:
                         starts.append((*joined({**alone.parts, a.member: a.start, b.member: b.start}), alone))
         tried = sorted(

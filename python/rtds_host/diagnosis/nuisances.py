@@ -5,15 +5,20 @@ sections 2, 7).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-from rtds_host.contract import Case
+import numpy as np
+
+from rtds_host.contract import Case, Robot
 from rtds_host.diagnosis.replay.model import Model
 
 # One sigma of the logarithm of R, K, J and B (contract, section 2).
 PRIOR = 0.01
-# A ratio within this of 1 on R, K, J or B is a nuisance (contract, section 2).
-BAND = 0.03
+# A ratio within three sigmas of 1 on a constant with a tolerance is a nuisance (contract, section 2); of R, K, J and B
+# without a declared one, within `BAND`.
+SIGMAS = 3.0
+BAND = SIGMAS * PRIOR
 # Probability: no tolerance lies beyond so many sigmas; of normal ones one in two thousand would.
 LIMIT = 3.5
 # One sigma of the logarithm of a servo's declared gains (contract, section 7).
@@ -23,6 +28,9 @@ SERVO_PRIOR_UNDECLARED = math.log(10.0)
 # Physical: a speed command passes a bus and waits for the cycle of the board behind it, and what comes back is stamped
 # when it is read: boards and servo buses are asked 50 to 200 times a second.
 LATENCY_S = 0.01
+# Physical: controllers of robots run at 100 Hz and faster; a log whose rows are no further apart than theirs has each
+# command in its own row.
+CONTROLLER_S = 0.011
 # Probability: one sigma of a share that nobody declares: a servo's integral stands at the limit, or gives way by up to
 # all that the limit cuts; which, no sheet says.
 RELEASE = 0.5
@@ -36,7 +44,7 @@ class Nuisance:
 
     keys : its name in the file -> the model's entry; nominal : by key, SI; sigma : one sigma of its logarithm, or,
     where the file knows no such thing (`nominal` empty), of its value; low, high : its least and largest value, in
-    sigmas.
+    sigmas; estimated : the file leaves it out, so that a diagnosis reports it wherever it came to.
     """
 
     name: str
@@ -46,6 +54,7 @@ class Nuisance:
     sigma: float
     low: float = -LIMIT
     high: float = LIMIT
+    estimated: bool = False
 
     def values(self, z: float) -> dict[str, float]:
         """What the file would have to say, SI, at z sigmas."""
@@ -71,29 +80,102 @@ MOTOR = {
     "inertia": {"rotor_inertia_kg_m2": "rotor_inertia"},
     "viscous": {"viscous_friction_nm_s_per_rad": "viscous"},
 }
+# Those that have a tolerance only where the file declares one; of the whole robot.
+WINDING = {"inductance": {"inductance_h": "inductance"}}
+GEAR = {"gear_ratio": {"gear_ratio": "gear_ratio"}}
+CHASSIS = {
+    "mass": {"mass_kg": "mass"},
+    "yaw_inertia": {"yaw_inertia_kg_m2": "yaw_inertia"},
+    "wheel_radius": {"wheel_radius_m": "radius"},
+    "wheel_inertia": {"wheel_inertia_kg_m2": "wheel_inertia"},
+    "track_width": {"track_width_m": "track"},
+    "com_x": {"com_x_m": "com_x"},
+    "com_y": {"com_y_m": "com_y"},
+}
+AXIS = {
+    "inertia": {"inertia_kg_m2": "axis_inertia"},
+    "mass": {"mass_kg": "axis_mass"},
+    "length": {"length_m": "axis_arm"},
+    "travel": {"metres_per_rad": "axis_arm"},
+}
 SERVO = {"servo_kp": {"kp_v_s_per_rad": "servo_kp"}, "servo_ki": {"ki_v_per_rad": "servo_ki"}}
 LATENCY = {"latency_s": "latency"}
+EARLY = {"command_early_s": "command_early"}
 ANTI_WINDUP = {"anti_windup": "servo_release"}
 SKEWS = {"gyro_z": {"gyro_late_s": "gyro_late"}, "yaw": {"pose_late_s": "pose_late"}}
-# Name in a diagnosis' `nominal_fit`, and in its `setup` -> entry of the model.
-ENTRIES = {key: slot for keys in (*MOTOR.values(), *SERVO.values()) for key, slot in keys.items()}
-SETUP = {key: slot for keys in (LATENCY, ANTI_WINDUP, *SKEWS.values()) for key, slot in keys.items()}
+# Name in a diagnosis' `setup` -> entry of the model.
+SETUP = {key: slot for keys in (LATENCY, ANTI_WINDUP, EARLY, *SKEWS.values()) for key, slot in keys.items()}
+
+
+def body_of(robot: Robot) -> dict[str, dict[str, str]]:
+    """Constants of what the motors move, that may have a declared tolerance: nuisance -> {name in the file: entry}."""
+    if robot.axis is None:
+        return CHASSIS
+    # The arm is a length, or a travel.
+    unused = {"pendulum": "travel", "linear": "length"}.get(robot.axis.kind)
+    return {name: keys for name, keys in AXIS.items() if name != unused}
+
+
+def entries(robot: Robot) -> dict[str, str]:
+    """Name in a diagnosis' `nominal_fit` -> entry of the model of a robot."""
+    groups = (*MOTOR.values(), *WINDING.values(), *GEAR.values(), *body_of(robot).values(), *SERVO.values())
+    return {key: slot for keys in groups for key, slot in keys.items()}
+
+
+def sigma_of(relative: float) -> float:
+    """One sigma of the logarithm of a positive constant whose relative standard deviation is given: that of a
+    log-normal distribution, so that a constant known to 40 % only stays positive."""
+    return math.sqrt(math.log1p(relative**2))
+
+
+def tolerance(robot: Robot, keys: Iterable[str], default: float = 0.0) -> float:
+    """One sigma of the logarithm of constants that vary together: the widest declared, `default` without any."""
+    declared = [known for key in keys if (known := robot.tolerance_of(key)) is not None]
+    return sigma_of(max(declared)) if declared else default
+
+
+def band(robot: Robot, of: str) -> float:
+    """By how much of 1 a ratio of a constant, as `motor.resistance_ohm`, is a tolerance yet and no cause; 0 where the
+    constant has none."""
+    section, _, key = of.partition(".")
+    group = next((keys for keys in MOTOR.values() if key in keys), {key: ""})
+    known = group if section == "motor" else {key: ""}
+    return SIGMAS * tolerance(robot, known, PRIOR if section == "motor" and key in entries_of_motor() else 0.0)
+
+
+def entries_of_motor() -> set[str]:
+    """Names in [motor] that have a tolerance though none is declared (contract, section 2)."""
+    return {key for keys in MOTOR.values() for key in keys}
 
 
 def nuisances_of(case: Case, nominal: Model) -> list[Nuisance]:
     """Those that play a part on the robot or the axis of a case, whose nominal model is given."""
     robot = case.robot
     found = []
-    winding = ("resistance", "constant") if robot.driver.mode == "torque" else ()
+    winding = ("resistance", "constant", "inductance") if robot.driver.mode == "torque" else ()
     for side in range(len(robot.sides)):
-        for name, keys in MOTOR.items():
-            if name not in winding and nominal.get(next(iter(keys.values())), side) > 0:
-                found.append(Nuisance(name, side, keys, {key: getattr(robot.motor, key) for key in keys}, PRIOR))
+        for name, keys in (MOTOR | WINDING).items():
+            sigma = tolerance(robot, keys, PRIOR if name in MOTOR else 0.0)
+            if sigma > 0.0 and name not in winding and nominal.get(next(iter(keys.values())), side) > 0:
+                found.append(Nuisance(name, side, keys, {key: getattr(robot.motor, key) for key in keys}, sigma))
+    found += _declared(robot)
+    # A logger that is slower than the controller shows a command in the first row after it began to act: anywhere
+    # within a row, and a uniform's second moment is a third of its square.
+    row_s = float(np.median([np.median(np.diff(log.t)) for log in case.runs]))
+    if row_s > CONTROLLER_S:
+        found.append(Nuisance("command's row", None, EARLY, {}, row_s / math.sqrt(3.0), low=0.0, high=math.sqrt(3.0)))
     if robot.driver.mode == "speed":
-        sigma = SERVO_PRIOR if robot.servo.declared else SERVO_PRIOR_UNDECLARED
         found += [
-            Nuisance(name, None, keys, {key: getattr(robot.servo, key) for key in keys}, sigma)
+            Nuisance(
+                name,
+                None,
+                keys,
+                {key: getattr(robot.servo, key) for key in keys},
+                SERVO_PRIOR if declared else SERVO_PRIOR_UNDECLARED,
+                estimated=not declared,
+            )
             for name, keys in SERVO.items()
+            for declared in (not robot.servo.left_out & keys.keys(),)
             if nominal.get(name) > 0
         ]
         found.append(Nuisance("latency", None, LATENCY, {}, LATENCY_S, low=0.0))
@@ -106,3 +188,15 @@ def nuisances_of(case: Case, nominal: Model) -> list[Nuisance]:
             if robot.noise(channel) is not None and any(log.has(channel) for log in case.runs)
         ]
     return found
+
+
+def _declared(robot: Robot) -> list[Nuisance]:
+    """Those of the gear and of what the motors move, which the file declares to be known to some per cent only."""
+    body = robot.axis or robot.chassis
+    groups = [(robot.motor, GEAR), (body, body_of(robot))]
+    return [
+        Nuisance(name, None, keys, {key: getattr(where, key) for key in keys}, sigma)
+        for where, names in groups
+        for name, keys in names.items()
+        if (sigma := tolerance(robot, keys)) > 0.0 and all(getattr(where, key) != 0.0 for key in keys)
+    ]

@@ -9,13 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
+from rtds_host.contract.clock import SETTLED_S
 from rtds_host.contract.runlog import read_json
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue, inside
 from rtds_host.diagnosis.gate.findings import Finding
+from rtds_host.diagnosis.gate.limits import limits
 from rtds_host.diagnosis.gate.rounding import effective_noise
 from rtds_host.diagnosis.gate.stamps import evened
-from rtds_host.diagnosis.machine import OF_RUNS, OF_SPEEDS_MET
-from rtds_host.diagnosis.nuisances import ENTRIES, SETUP
+from rtds_host.diagnosis.gate.starts import awake
+from rtds_host.diagnosis.machine import OF_ASKED, OF_RUNS, OF_SPEEDS_MET
+from rtds_host.diagnosis.nuisances import SETUP, entries
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, did_you_mean
@@ -36,6 +39,7 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
     if not isinstance(data, dict) or data.get("schema") not in DIAGNOSIS_SCHEMAS:
         raise InputError(f"{path}: schema: this program reads {' and '.join(map(repr, DIAGNOSIS_SCHEMAS))}")
     model = nominal_model(robot)
+    refitted = entries(robot)
     refit = data.get("nominal_fit") or {}
     if not isinstance(refit, dict):
         raise InputError(f"{path}: nominal_fit: is {refit!r}, an object with l and r is needed")
@@ -43,11 +47,15 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         if suffix not in ("l", "r") or not isinstance(values, dict):
             raise InputError(f"{path}: nominal_fit: {suffix!r} is no side, it must be l or r")
         for key, value in values.items():
-            if key not in ENTRIES:
-                raise InputError(f"{path}: nominal_fit.{suffix}.{key}: is no nuisance of [motor]")
-            model.put(
-                ENTRIES[key], _number(path, f"nominal_fit.{suffix}.{key}", value, positive=True), ("lr".index(suffix),)
-            )
+            place = f"nominal_fit.{suffix}.{key}"
+            if key not in refitted:
+                raise InputError(f"{path}: {place}: is no nuisance of [motor], [chassis], [axis] or [servo]")
+            # An offset or a travel may be negative, and is calibrated to no other sign.
+            below = model.get(refitted[key]) < 0.0
+            number = _number(path, place, value, positive=not below)
+            if below and number >= 0.0:
+                raise InputError(f"{path}: {place}: is {number:g}, it must be below 0")
+            model.put(refitted[key], number, ("lr".index(suffix),))
     setup = data.get("setup") or {}
     if not isinstance(setup, dict):
         raise InputError(f"{path}: setup: is {setup!r}, an object is needed")
@@ -55,15 +63,16 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         if key not in SETUP:
             raise InputError(f"{path}: setup.{key}: is none of {', '.join(SETUP)}")
         number = _number(path, f"setup.{key}", value)
-        low = 0.0 if key in ("latency_s", "anti_windup") else -1.0
-        if not low <= number <= 1.0:
-            raise InputError(f"{path}: setup.{key}: is {number:g}, it must lie within {low:g} to 1")
+        low = 0.0 if key in ("latency_s", "anti_windup", "command_early_s") else -1.0
+        high = SETTLED_S if key == "command_early_s" else 1.0
+        if not low <= number <= high:
+            raise InputError(f"{path}: setup.{key}: is {number:g}, it must lie within {low:g} to {high:g}")
         model.put(SETUP[key], number)
     if "effects" not in data:
         raise InputError(f"{path}: effects: missing, it is [] where nothing is blamed")
     effects_there, effects = catalogue(robot), data["effects"]
     # What is a share of what runs show has no bound where no run is known.
-    unknown = OF_RUNS | (OF_SPEEDS_MET if robot.driver.mode == "torque" else set())
+    unknown = OF_RUNS | (OF_SPEEDS_MET | OF_ASKED if robot.driver.mode == "torque" else set())
     if not isinstance(effects, list):
         raise InputError(f"{path}: effects: is {effects!r}, a list is needed")
     taken: dict[tuple[str, int], str] = {}
@@ -71,6 +80,10 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         place = f"effects[{k}]"
         name = entry.get("id") if isinstance(entry, dict) else None
         effect = effects_there.get(name) if isinstance(name, str) else None
+        if effect is None and isinstance(name, str) and name in CATALOGUE:
+            raise InputError(
+                f"{path}: {place}.id: {name} acts before a speed loop, and [driver] mode is {robot.driver.mode!r}"
+            )
         if effect is None:
             raise InputError(
                 f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in "
@@ -160,6 +173,22 @@ def check_body(model: Model, log: RunLog) -> None:
         )
 
 
+def carrying(model: Model, log: RunLog) -> Model:
+    """The robot with what a run carries: a payload beside the axle's mid-point brings the yaw inertia of its mass there.
+
+    The contract has a payload add none, since it sits on the nominal centre of mass. Off it, m y^2 of the whole mass
+    must stay below the yaw inertia (parallel axes), which a diagnosis made with less payload knows nothing of. Where it
+    does not, the payload's own share of m y^2 is added.
+    """
+    off = model.get("com_y") ** 2
+    payload = log.meta.payload_kg
+    if model.get("axis") > 0 or model.get("yaw_inertia") > (model.get("mass") + payload) * off:
+        return model
+    model = model.copy()
+    model.add("yaw_inertia", payload * off)
+    return model
+
+
 def on_its_clock(case: Case, model: Model | None = None) -> tuple[Case, list[Finding]]:
     """The case at the times when its rows were taken, as a diagnosis takes them: a stamp that is off must not count
     against a prediction (`gate.stamps.evened`)."""
@@ -184,9 +213,13 @@ def predicted(log: RunLog, robot: Robot, model: Model | None = None) -> tuple[di
     ------
     InputError : the model's body cannot exist (`check_body`).
     """
-    model = model or nominal_model(robot)
+    model = carrying(model or nominal_model(robot), log)
     check_body(model, log)
-    clocked, told = on_its_clock(Case(log.name, robot, (log,)), model)
+    # A run must not start from what stood in its first rows before a sensor was awake.
+    alone = Case(log.name, robot, (log,))
+    clean, asleep = awake(alone, limits(alone))
+    clocked, told = on_its_clock(clean, model)
+    told = asleep + told
     out = replay_run(model, run_inputs(clocked.runs[0], robot), min(REPORT_STEP_S, model.step_s))
     columns = {"t": log.t}
     commands = ("w_cmd_l", "w_cmd_r") if robot.driver.mode == "speed" else ("v_cmd_l", "v_cmd_r")

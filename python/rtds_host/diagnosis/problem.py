@@ -20,7 +20,7 @@ from rtds_host.diagnosis.chance import MOST, MOVES
 from rtds_host.diagnosis.effects import Effect, catalogue
 from rtds_host.diagnosis.gap import WINDOW_S, errors, gap, pooled
 from rtds_host.diagnosis.gate.cuts import start_row
-from rtds_host.diagnosis.likelihood import LONGEST_S, Discrepancy, Series
+from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.nuisances import nuisances_of
 from rtds_host.diagnosis.replay.lanes import LANES
 from rtds_host.diagnosis.replay.model import (
@@ -46,6 +46,8 @@ FINE_WINDOW_S, FINE_AVERAGE_S = 0.1, 0.01
 # Numerical: longer cases are searched in stretches: by then the models' errors, and not the samples, bound what can be
 # learnt.
 SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 80_000, 20.0
+# A piece of an axis' run is as long as what is missing is remembered: what lasts longer is a scale, a bias or a load.
+PIECE_S = 0.3
 # Numerical: chi2 that chance alone does not bring.
 CHI2 = MOVES**2
 # Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a
@@ -138,11 +140,13 @@ CHANNELS = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", 
 class Problem:
     """Residuals of a case for any model, of whole runs or (of a single axis) of `pieces` of them.
 
+    `by_run`: the likelihood has one unknown size a channel and run, in place of one a channel and block of time.
+
     `blocks`: (N,) which block of time a residual belongs to, over all runs; `runs_of`: (N,) which run;
     `channels_of`: (N,) index into `CHANNELS`; `rows`: each run and the rows of its residuals.
     """
 
-    def __init__(self, case: Case, threads: int = 2, pieces: bool = False):
+    def __init__(self, case: Case, threads: int = 2, pieces: bool = False, by_run: bool = False):
         self.case = case
         self.robot = case.robot
         self.nominal = nominal_model(case.robot)
@@ -186,26 +190,8 @@ class Problem:
         self.channels_of = np.concatenate([r.channel for r in self.runs])
         self.size = len(self.blocks)
         ends = np.cumsum([len(run.block) for run in self.runs])
-        self.series = self._series()
+        self.groups, self.samples = self._grouped(by_run)
         self.rows = [(run, slice(int(end) - len(run.block), int(end))) for run, end in zip(self.runs, ends)]
-
-    def _series(self) -> list[Series]:
-        """Residuals of one channel of one run, one after another."""
-        found, at = [], 0
-        for run in self.runs:
-            # Where the channel changes, or its times begin anew (windows of another length), another series begins.
-            edges = np.flatnonzero((np.diff(run.channel, prepend=-1) != 0) | (np.diff(run.time, prepend=-np.inf) <= 0))
-            for first, last in zip(edges, np.append(edges[1:], len(run.channel))):
-                found.append(
-                    Series(
-                        int(run.channel[first]),
-                        at + int(first),
-                        at + int(last),
-                        np.ascontiguousarray(run.time[first:last], float),
-                    )
-                )
-            at += len(run.channel)
-        return found
 
     @property
     def looked_at(self) -> Case:
@@ -220,9 +206,19 @@ class Problem:
             ),
         )
 
-    def discrepancy(self) -> Discrepancy:
-        """None at all, to estimate one from."""
-        return Discrepancy(self.series, self.size, len(CHANNELS))
+    def white(self) -> Likelihood:
+        """The likelihood of white noise alone, to estimate another from."""
+        return Likelihood(self.groups, self.samples)
+
+    def _grouped(self, by_run: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Groups of the likelihood, (N,), a channel in one block of time or in one run, and the blocks of each, (m,)."""
+        blocks = self.channels_of.astype(np.int64) * (self.block_count + 1) + self.blocks
+        if not by_run:
+            found, groups = np.unique(blocks, return_inverse=True)
+            return groups, np.ones(len(found))
+        runs = self.channels_of.astype(np.int64) * (len(self.whole) + 1) + self.runs_of
+        found, groups = np.unique(runs, return_inverse=True)
+        return groups, np.array([len(np.unique(blocks[groups == k])) for k in range(len(found))], float)
 
     def _pieces(self, log: RunLog) -> list[RunData]:
         """A run of a single axis in pieces that each start from the measured state.
@@ -230,7 +226,7 @@ class Problem:
         An axis integrates and sticks: over a whole run the misfit has many local minima, over a piece few. A piece is
         as long as what is missing is remembered. What is reported is judged on whole runs all the same.
         """
-        length = max(LONGEST_S, 2 * ROWS_A_BLOCK * float(np.median(np.diff(log.t))))
+        length = max(PIECE_S, 2 * ROWS_A_BLOCK * float(np.median(np.diff(log.t))))
         marks = np.searchsorted(log.t, np.arange(log.t[0], log.t[-1], length))
         bounds = [
             (int(first), int(last))

@@ -90,6 +90,9 @@ def spectra(problem: Problem, outs: list[np.ndarray]) -> dict[str, Spectrum]:
     cycles = 2.0 * math.pi / (count * width) * np.arange(count // 2 + 1)
     # What comes less than once a turn is none of the wheel's.
     shown = (cycles >= 1.0) & (cycles <= MOST_CYCLES)
+    if not shown.any():
+        # So many turns that the longest transform does not come to one cycle of them.
+        return {}
     result = {}
     for name, series in sides.items():
         powers = [_power(angle - low, value, width, count)[shown] for angle, value in series]

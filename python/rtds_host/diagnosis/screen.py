@@ -15,7 +15,7 @@ import numpy as np
 
 from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, apply, prior_weight, scaled
-from rtds_host.diagnosis.likelihood import Discrepancy
+from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.problem import Problem
 
 # Numerical: how far from the size it was taken at a signature is believed, in that size.
@@ -120,7 +120,7 @@ class Screen:
         problem: Problem,
         fit: Fit,
         moves: dict[Signature, np.ndarray],
-        noise: Discrepancy,
+        noise: Likelihood,
         before: Screen | None = None,
     ):
         self.moves = moves
@@ -143,7 +143,7 @@ class Screen:
             (jacobian.T @ white).astype(float) + weight * at
         )
 
-    def _take(self, moves: dict[Signature, np.ndarray], noise: Discrepancy, before: Screen | None) -> None:
+    def _take(self, moves: dict[Signature, np.ndarray], noise: Likelihood, before: Screen | None) -> None:
         """Whitened signatures, a row each; those of both sides are sums of two and have no row; and the squares
         of all.
         """

@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 
-from rtds_host.diagnosis.chance import MOST
 from rtds_host.diagnosis.explanations import ITERATIONS
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.neighbours import Neighbours
@@ -17,8 +16,6 @@ from rtds_host.diagnosis.problem import CHI2, Problem
 MOST_EFFECTS = 7
 # Numerical: how many effects in a row may be added that are not believed yet.
 DOUBTFUL = 1
-# Numerical: explanations of each number of effects whose gap is looked at.
-MET = 8
 # Numerical: rounds of exchanging effects and looking for more.
 EXCHANGES = 3
 # Numerical: work (`Problem.work`) after which a search goes no further, and one that is to be quick: a minute and a
@@ -34,6 +31,17 @@ class Search(Neighbours):
         self.looked: set[Hypothesis] = set()  # explanations on top of which slow effects were looked for
         self._until = self._over = math.inf  # work at which the search ends, and at which the account looks for no more
         self.ended = False  # whether one of them did before it was done
+
+    def begin(self) -> Fit:
+        """The explanation without any effect, from which a search goes on."""
+        problem = self.problem
+        problem.follow_angles(True)
+        problem.align(problem.nominal)
+        most = self._most()
+        self._until, self._over = problem.work + most, problem.work + 2.0 * most
+        self.slow_moves, self.afresh, self.looked = {}, True, {()}
+        noise = problem.white().estimated(problem.residual(problem.nominal))
+        return self.fits.setdefault((), self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, 4))
 
     def run(self) -> Fit:
         """Search; the most probable explanation."""
@@ -71,24 +79,28 @@ class Search(Neighbours):
 
     def _search(self) -> Fit:
         problem = self.problem
-        noise = problem.discrepancy().estimated(problem.residual(problem.nominal), thorough=True)
+        noise = problem.white().estimated(problem.residual(problem.nominal))
         self.slow_moves, self.afresh, self.looked = {}, True, {()}
-        most = QUICK_WORK if self.quick else MOST_WORK
+        most = self._most()
         self._until, self._over = problem.work + most, problem.work + 2.0 * most
         fit = self.fits[()] = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, 4)
         for _ in range(EXCHANGES):
             fit = self._climb(fit)
             fit = self.polished(fit, fit.hypothesis)
-            better = self.exchange(fit, 1 if self._spent() else 2 if self.quick else 4)
-            better = self.exchange_pairs(fit) if better is fit and not self._spent() else better
+            better = self.exchange(fit, 1 if self.spent() else 2 if self.quick else 4)
+            better = self.exchange_pairs(fit) if better is fit and not self.spent() else better
             done, fit = better is fit, better
-            if done or self._spent():
+            if done or self.spent():
                 break
         # Where no gap is left the likelihood is good enough to decide, blemishes and all; the account leaves these out.
         fit = fit if self.named(fit) else self.best()
-        return self.renamed(self._better(fit, [self.best()]) if self.closed(fit) else self._plain(fit))
+        return self.renamed(self._better(fit, [self.best()]) if self.closed(fit) else fit)
 
-    def _spent(self) -> bool:
+    def _most(self) -> float:
+        """Work of one search; of an axis there are three searches of each case, of a robot two."""
+        return QUICK_WORK if self.quick else MOST_WORK
+
+    def spent(self) -> bool:
         """Whether the search has done the work that it may do: it then ends with what it has found, which is noted
         (`ended`).
         """
@@ -105,31 +117,6 @@ class Search(Neighbours):
             self.trace.append("ends before it is done")
             self.ended = True
         return self.problem.work >= work
-
-    def _plain(self, fit: Fit) -> Fit:
-        """The explanation, or one of fewer effects that was met and leaves less than half of its rest, with what can be
-        added to it.
-
-        Beside a large discrepancy the likelihood looks at what is fast: several effects that whiten it can be more
-        likely than the one that closes the gap.
-        """
-        met = [
-            f
-            for count in range(1, len(fit.hypothesis))
-            for f in sorted(
-                (f for f in self.fits.values() if len(f.hypothesis) == count and self.named(f)), key=self.score
-            )[:MET]
-        ]
-        closest = min(met, key=self.gap, default=fit)
-        if self.gap(closest) ** 2 - 1.0 > MOST * (self.gap(fit) ** 2 - 1.0):
-            return fit
-        self.trace.append(f"begin anew from {set(closest.hypothesis)}")
-        grown = self._climb(closest)
-        return (
-            grown
-            if set(closest.hypothesis) <= set(grown.hypothesis) and self.gap(grown) < self.gap(closest)
-            else closest
-        )
 
     def _open_loop(self, fit: Fit) -> Fit:
         """The explanation fitted with a ripple at the replay's own angle, as the gap is judged."""
@@ -160,7 +147,7 @@ class Search(Neighbours):
         is not leads nowhere, and none of them stays."""
         stands, doubtful, closest = fit, 0, self.gap(fit)
         looked_at = 5 if self.quick else 10
-        while len(fit.hypothesis) < MOST_EFFECTS and not self._spent():
+        while len(fit.hypothesis) < MOST_EFFECTS and not self.spent():
             grown = self.grow(fit, looked_at)
             if grown is None or (doubtful == DOUBTFUL and not self._believed(grown, stands, closest)):
                 other = self._next(stands, closest) if not self.closed(stands) else None

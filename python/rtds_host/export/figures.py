@@ -5,12 +5,15 @@ the gear.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 
-from rtds_host.contract import GRAVITY_M_S2, Robot
+from rtds_host.contract import Robot
 from rtds_host.correction.correction import BodyValues
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.errors import InputError
+from rtds_host.plant.friction import rolling
+from rtds_host.plant.schema import COMMON, SIDE, Entry
 from rtds_host.robot import Body, make_body
 
 SIDES = ("left", "right")
@@ -21,7 +24,7 @@ NO_LIMIT_V = 1e8
 class Side:
     """One wheel with its motor. `gear` times the current is the torque at the wheel: N·Km; `rotor_kg_m2` is N²J and
     `viscous_nm_s_per_rad` all damping but the back EMF's; `dry_nm` is dry friction at speed, rolling resistance of the
-    robot without payload included; the others are the replay's slots of that name."""
+    robot without payload included; the others are the plant's parameters under their exported names."""
 
     resistance_ohm: float
     gear_nm_per_a: float
@@ -53,6 +56,7 @@ class Side:
     current_bias_a: float
     speed_filter_s: float
     speed_late_s: float
+    command_gain: float
 
     @property
     def torque_per_volt(self) -> float:
@@ -94,6 +98,7 @@ class Figures:
     gyro_bias_rad_s: float
     command_delay_s: float
     measurement_delay_s: float
+    encoder_at_wheel: float
     noise: dict[str, float]
     loop: Loop | None = None
 
@@ -101,6 +106,12 @@ class Figures:
         """Largest command, V, that still has an effect: the supply, or the driver's own limit before its gain."""
         gain = abs(side.voltage_gain)
         return self.supply_v if gain == 0.0 else min(self.supply_v, side.limit_v / gain)
+
+
+def _named(model: Model, entries: Mapping[str, Entry], kind: type, side: int = 0) -> dict[str, float]:
+    """A model's parameters that a dataclass has under the names by which the schema exports them."""
+    there = {f.name for f in fields(kind)}
+    return {entry.export: model.get(name, side) for name, entry in entries.items() if entry.export in there}
 
 
 def figures_of(model: Model, robot: Robot) -> Figures:
@@ -129,59 +140,27 @@ def figures_of(model: Model, robot: Robot) -> Figures:
     ).on(make_body(robot))
     loop = None
     if robot.driver.mode == "speed":
-        loop = Loop(get("servo_kp"), get("servo_ki"), min(get("servo_limit"), get("supply")), get("servo_period"))
+        loop = replace(Loop(**_named(model, COMMON, Loop)), limit_v=min(get("servo_limit"), get("supply")))
     sides = []
     for k in (0, 1):
-        rolling = get("rolling") * get("mass") * GRAVITY_M_S2 * 0.5 * get("radius", k)
         limit = get("limit", k)
-        sides.append(
-            Side(
-                resistance_ohm=get("resistance", k),
-                gear_nm_per_a=n * get("torque_constant", k),
-                back_emf_v_s_per_rad=n * get("back_emf", k),
-                rotor_kg_m2=n**2 * get("rotor_inertia", k),
-                viscous_nm_s_per_rad=max(n**2 * get("viscous", k) + get("viscous_wheel", k), 0.0),
-                voltage_gain=get("voltage_gain", k),
-                limit_v=limit if limit < NO_LIMIT_V else math.inf,
-                deadzone_v=max(get("deadzone", k), 0.0),
-                drop_v=get("drop", k),
-                pwm_curve=get("pwm_curve", k),
-                heat_rise_per_w=get("heat_rise", k),
-                heat_tau_s=get("heat_tau", k),
-                dry_nm=get("coulomb", k) + rolling,
-                stribeck_nm=get("stribeck", k),
-                stribeck_rad_s=abs(get("stribeck_speed", k)),
-                asymmetry_nm=get("asymmetry", k),
-                asymmetry_nm_s_per_rad=get("asymmetry_viscous", k),
-                load_share=get("load_share", k),
-                stiffness_nm_per_rad=get("stiffness", k),
-                damping_nm_s_per_rad=get("damping", k),
-                backlash_rad=get("backlash", k),
-                ripple_nm=get("ripple", k),
-                ripple_cycles=get("ripple_cycles", k),
-                ripple_phase_rad=get("ripple_phase", k),
-                radius_m=get("radius", k),
-                speed_gain=get("speed_gain", k),
-                current_gain=get("current_gain", k),
-                current_bias_a=get("current_bias", k),
-                speed_filter_s=get("speed_tau", k),
-                speed_late_s=get("speed_late", k),
-            )
-        )
+        dry = get("coulomb", k) + rolling.py_func(get("rolling"), get("mass"), get("radius", k))
+        changed = {
+            "gear_nm_per_a": n * get("torque_constant", k),
+            "back_emf_v_s_per_rad": n * get("back_emf", k),
+            "rotor_kg_m2": n**2 * get("rotor_inertia", k),
+            "viscous_nm_s_per_rad": max(n**2 * get("viscous", k) + get("viscous_wheel", k), 0.0),
+            "limit_v": limit if limit < NO_LIMIT_V else math.inf,
+            "deadzone_v": max(get("deadzone", k), 0.0),
+            "dry_nm": dry,
+            "stribeck_rad_s": abs(get("stribeck_speed", k)),
+        }
+        sides.append(Side(**{**_named(model, SIDE, Side, k), **changed}))
     return Figures(
         name=robot.name,
         body=body,
         sides=(sides[0], sides[1]),
-        supply_v=get("supply"),
-        source_resistance_ohm=get("source_resistance"),
-        decline_v_per_s=get("decline"),
-        rolling=get("rolling"),
-        scrub_nm=get("scrub"),
-        slope_extra_rad=get("slope_extra"),
-        gyro_gain=get("gyro_gain"),
-        gyro_bias_rad_s=get("gyro_bias"),
-        command_delay_s=get("command_delay"),
-        measurement_delay_s=get("measurement_delay"),
+        **_named(model, COMMON, Figures),
         noise=dict(robot.sensors),
         loop=loop,
     )

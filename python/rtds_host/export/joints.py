@@ -65,5 +65,5 @@ def torque_loop(figures: Figures, side: Side) -> TorqueLoop:
         i=gain * loop.ki_v_per_rad,
         integral=volt * loop.limit_v,
         effort=volt * min(loop.limit_v, figures.limit_v(side)),
-        scale=1.0 / side.speed_gain if side.speed_gain else 0.0,
+        scale=side.command_gain / side.speed_gain if side.speed_gain else 0.0,
     )

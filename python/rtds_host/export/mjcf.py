@@ -146,6 +146,22 @@ def _passive(figures: Figures, k: int) -> str:
     return text
 
 
+def _behind(figures: Figures, side: Side) -> bool:
+    """Whether a side's encoder sits behind a hinge of its gear."""
+    return bool(figures.encoder_at_wheel and (side.stiffness_nm_per_rad or side.backlash_rad))
+
+
+def _tendons(figures: Figures) -> str:
+    """The angle of a wheel on two hinges as a sum of theirs, for an encoder on the wheel; nothing without one."""
+    text = "".join(
+        f'    <fixed name="wheel_{name}">\n      <joint joint="wheel_{name}" coef="1"/>\n'
+        f'      <joint joint="gear_{name}" coef="1"/>\n    </fixed>\n'
+        for side, name in zip(figures.sides, SIDES, strict=True)
+        if _behind(figures, side)
+    )
+    return f"  <tendon>\n{text}  </tendon>\n" if text else ""
+
+
 def _sensors(figures: Figures) -> str:
     late = _late(figures.measurement_delay_s)
 
@@ -155,10 +171,11 @@ def _sensors(figures: Figures) -> str:
     text = ""
     for side, name, letter in zip(figures.sides, SIDES, "lr", strict=True):
         later = _late(figures.measurement_delay_s + side.speed_late_s)
+        seen = "tendon" if _behind(figures, side) else "joint"
         text += (
             f'    <actuatorfrc name="i_{letter}" actuator="motor_{name}"{noise("i_a")}{late}/>\n'
-            f'    <jointvel name="w_{letter}" joint="wheel_{name}"{noise("w_rad_s")}{later}/>\n'
-            f'    <jointpos name="th_{letter}" joint="wheel_{name}"{noise("th_rad")}{late}/>\n'
+            f'    <{seen}vel name="w_{letter}" {seen}="wheel_{name}"{noise("w_rad_s")}{later}/>\n'
+            f'    <{seen}pos name="th_{letter}" {seen}="wheel_{name}"{noise("th_rad")}{late}/>\n'
         )
     return (
         text + f'    <gyro name="gyro" site="axle"{noise("gyro_rad_s")}{late}/>\n'
@@ -201,6 +218,7 @@ def _numbers(figures: Figures) -> dict[str, tuple[float, ...]]:
             "servo_limit_v": ((loop.limit_v,), None),
             "servo_period_s": ((loop.period_s,), None),
             "command_delay_s": ((figures.command_delay_s,), 0.0),
+            "command_gain": (both("command_gain"), 1.0),
         }
     kept = {name: values for name, (values, nothing) in there.items() if any(value != nothing for value in values)}
     return {"supply_v": (figures.supply_v,), **kept}
@@ -234,6 +252,7 @@ def write(figures: Figures, comment: str) -> str:
         f'      <body name="payload" pos="{vector(*body.com_m)}">\n'
         f'        <inertial pos="0 0 0" mass="{NO_MASS_KG:g}" diaginertia="1e-9 1e-9 1e-9"/>\n      </body>\n'
         f"{_wheel(figures, 0)}{_wheel(figures, 1)}    </body>\n  </worldbody>\n"
+        f"{_tendons(figures)}"
         f"  <actuator>\n{_motor(figures, 0)}{_motor(figures, 1)}{_passive(figures, 0)}{_passive(figures, 1)}  </actuator>\n"
         f"  <sensor>\n{_sensors(figures)}  </sensor>\n</mujoco>\n"
     )

@@ -17,6 +17,7 @@ from rtds_host.contract import GRAVITY_M_S2, RunLog
 from rtds_host.correction.correction import LEAST_BASE_SHARE
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, said_of_file
+from rtds_host.plant.driver import duty, less_drop, servo
 
 MOTORS = ("motor_left", "motor_right")
 WHEELS = ("wheel_left", "wheel_right")
@@ -42,8 +43,10 @@ class Servo:
         if self.next_s <= now_s + 1e-9:
             row = int(np.searchsorted(times, now_s - self.delay_s + 1e-9, side="right")) - 1
             miss = (asked[row] if row >= 0 else 0.0) - reported
-            self.integral = np.clip(self.integral + self.ki * self.period_s * miss, -self.limit_v, self.limit_v)
-            self.volts = np.clip(self.kp * miss + self.integral, -self.limit_v, self.limit_v)
+            for k in (0, 1):
+                self.volts[k], self.integral[k] = servo.py_func(
+                    miss[k], self.integral[k], self.kp, self.ki, self.period_s, self.limit_v, 0.0
+                )
             while self.next_s <= now_s + 1e-9:
                 self.next_s += self.period_s
         return self.volts
@@ -173,8 +176,11 @@ class ExportedRobot:
         model, data = self.model, self._start(start)
         usual = model.opt.timestep
         t = log.t - log.t[0]
-        servo = self.servo()
-        commands = log.commands("speed") if servo else np.clip(log.commands("voltage"), -self.supply_v, self.supply_v)
+        loop = self.servo()
+        if loop:
+            commands = log.commands("speed") * self.number("command_gain", 1.0)
+        else:
+            commands = np.clip(log.commands("voltage"), -self.supply_v, self.supply_v)
         scale = self.number("speed_gain", 1.0)
         dead, curve = self.number("deadzone_v", 0.0), self.number("pwm_curve", 0.0)
         source, decline = self.number("source_resistance_ohm", 0.0)[0], self.number("decline_v_per_s", 0.0)[0]
@@ -212,10 +218,10 @@ class ExportedRobot:
             steps = max(1, math.ceil((t[row + 1] - t[row]) / usual - 1e-6))
             model.opt.timestep = (t[row + 1] - t[row]) / steps
             for step in range(steps):
-                if servo:
-                    asked = servo.at(data.time, t, commands, data.qvel[self.moving] * scale)
-                bent = asked * (1.0 + curve * (1.0 - np.abs(asked) / self.supply_v))
-                driven = bent - np.sign(bent) * np.minimum(np.abs(bent), dead)
+                if loop:
+                    asked = loop.at(data.time, t, commands, data.qvel[self.moving] * scale)
+                # A driver's gain is the actuator's.
+                driven = np.array([duty.py_func(asked[k], self.supply_v, curve[k], dead[k], 1.0) for k in (0, 1)])
                 if measured_bus is not None:
                     bus = float(measured_bus[row])
                 else:
@@ -239,8 +245,9 @@ class ExportedRobot:
             return volts
         # A driver's gain stands behind the command: resistance times the actuator's gain.
         gain = self.gains
-        above = gain * volts - self.number("back_emf_v_s_per_rad", 0.0) * speeds
-        return volts - np.clip(above, -drop, drop) / np.where(gain == 0.0, 1.0, gain)
+        emf = self.number("back_emf_v_s_per_rad", 0.0) * speeds
+        reached = np.array([less_drop.py_func(gain[k] * volts[k], emf[k], drop[k]) for k in (0, 1)])
+        return np.where(gain == 0.0, volts, reached / np.where(gain == 0.0, 1.0, gain))
 
     def _held_currents(self, data: mujoco.MjData) -> np.ndarray:
         """Currents by the late commands of the step before: where one begins to act at this very time, a row does not

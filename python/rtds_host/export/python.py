@@ -5,12 +5,19 @@ from __future__ import annotations
 import inspect
 import math
 import pprint
+import re
 from dataclasses import asdict
 
 from rtds_host.export import standalone
 from rtds_host.export.figures import Figures
+from rtds_host.plant.driver import less_drop
+from rtds_host.plant.friction import rolling
 
 PLACE = "PARAMETERS = {}\n"
+# Where the template imports the plant's laws, the module has their source.
+LAWS = re.compile(r"# laws: begin\n.*# laws: end\n", re.DOTALL)
+# Laws that those of the template call.
+CALLED = (less_drop,)
 # Nobody commands more.
 NO_LIMIT_V = 1e9
 
@@ -22,10 +29,7 @@ def parameters(figures: Figures) -> dict[str, float | list[float]]:
     def pair(name: str) -> list[float]:
         return [float(getattr(side, name)) for side in figures.sides]
 
-    dry = [
-        side.dry_nm - figures.rolling * body.mass_kg * standalone.GRAVITY_M_S2 * 0.5 * side.radius_m
-        for side in figures.sides
-    ]
+    dry = [side.dry_nm - rolling.py_func(figures.rolling, body.mass_kg, side.radius_m) for side in figures.sides]
     return {
         "supply_v": figures.supply_v,
         "source_resistance_ohm": figures.source_resistance_ohm,
@@ -73,6 +77,7 @@ def parameters(figures: Figures) -> dict[str, float | list[float]]:
                 "current_bias_a",
                 "speed_filter_s",
                 "speed_late_s",
+                "command_gain",
             )
         },
         "servo": asdict(figures.loop) if figures.loop else None,
@@ -80,11 +85,20 @@ def parameters(figures: Figures) -> dict[str, float | list[float]]:
     }
 
 
+def laws() -> str:
+    """Source of the laws that the template imports, and of those that they call, without their decorator."""
+    found = [law for law in vars(standalone).values() if hasattr(law, "py_func")]
+    texts = [inspect.getsource(law.py_func).partition("\n")[2].rstrip() for law in (*CALLED, *found)]
+    return "\n\n\n".join(texts) + "\n"
+
+
 def write(figures: Figures, comment: str) -> str:
     """The robot as a Python module; `comment` stands at its head."""
     source = inspect.getsource(standalone)
     head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
     numbers = pprint.pformat(parameters(figures), width=120, sort_dicts=False)
-    if PLACE not in source:
-        raise LookupError(f"standalone.py holds no line {PLACE!r}")
-    return head + source.replace(PLACE, f"PARAMETERS = {numbers}\n", 1)
+    if PLACE not in source or LAWS.search(source) is None:
+        raise LookupError(f"standalone.py holds no line {PLACE!r}, or no laws")
+    source = LAWS.sub("", source, count=1).replace(PLACE, f"PARAMETERS = {numbers}\n", 1)
+    before, mark, after = source.partition("\n\nclass Robot:")
+    return f"{head}{before}\n\n{laws()}{mark}{after}"

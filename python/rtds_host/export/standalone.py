@@ -13,6 +13,15 @@ pairs are [left, right].
 import math
 from collections import deque
 
+# laws: begin
+from rtds_host.plant.driver import behind_driver, clipped, draw, duty, servo
+from rtds_host.plant.elementary import exponential
+from rtds_host.plant.friction import by_load, rolling, stribeck, viscous
+from rtds_host.plant.ground import along_slope, offset_forces, slope_torque
+from rtds_host.plant.motor import ripple, warm, warmer
+from rtds_host.plant.sensors import low_pass, scaled
+
+# laws: end
 PARAMETERS = {}
 GRAVITY_M_S2 = 9.80665
 STEP_S = 2.5e-4
@@ -96,9 +105,9 @@ class Robot:
 
     def _report(self):
         p = self.p
-        found = {"v_bus": self.bus, "gyro_z": self._rate() * p["gyro_gain"] + p["gyro_bias_rad_s"]}
+        found = {"v_bus": self.bus, "gyro_z": scaled(self._rate(), p["gyro_gain"], p["gyro_bias_rad_s"])}
         for k, side in enumerate("lr"):
-            found["i_" + side] = self.i[k] * p["current_gain"][k] + p["current_bias_a"][k]
+            found["i_" + side] = scaled(self.i[k], p["current_gain"][k], p["current_bias_a"][k])
             speed = self.filtered[k] if p["speed_filter_s"][k] > 0.0 else self.w[k]
             found["w_" + side] = speed * p["speed_gain"][k]
             found["th_" + side] = self.start[k] + (self.th[k] - self.start[k]) * p["speed_gain"][k]
@@ -112,66 +121,60 @@ class Robot:
         at = self.t - self.p["command_delay_s"] + 1e-9
         while len(self.asked) > 1 and self.asked[1][0] <= at:
             self.asked.popleft()
-        servo = self.p["servo"]
-        if servo is None:
+        loop = self.p["servo"]
+        if loop is None:
             return self.asked[0][1]
         if self.loop_at <= self.t + 1e-9:
-            top, volts = servo["limit_v"], []
+            gains, volts = (loop["kp_v_s_per_rad"], loop["ki_v_per_rad"], loop["period_s"], loop["limit_v"], 0.0), []
             for k in (0, 1):
-                miss = self.asked[0][1][k] - self.w[k] * self.p["speed_gain"][k]
-                integral = self.integral[k] + servo["ki_v_per_rad"] * miss * servo["period_s"]
-                self.integral[k] = min(max(integral, -top), top)
-                volts.append(min(max(servo["kp_v_s_per_rad"] * miss + self.integral[k], -top), top))
+                miss = self.asked[0][1][k] * self.p["command_gain"][k] - self.w[k] * self.p["speed_gain"][k]
+                wanted, self.integral[k] = servo(miss, self.integral[k], *gains)
+                volts.append(wanted)
             self.loop_volts = tuple(volts)
             while self.loop_at <= self.t + 1e-9:
-                self.loop_at += servo["period_s"]
+                self.loop_at += loop["period_s"]
         return self.loop_volts
 
     def _volts(self, asked, k):
         """What the driver makes of a command, before the bus and its limit."""
         p, top = self.p, self.p["supply_v"]
-        v = min(max(asked, -top), top)
-        v *= 1.0 + p["pwm_curve"][k] * (1.0 - abs(v) / top)
-        return p["voltage_gain"][k] * (v - math.copysign(min(abs(v), p["deadzone_v"][k]), v))
+        return duty(clipped(asked, top), top, p["pwm_curve"][k], p["deadzone_v"][k], p["voltage_gain"][k])
 
     def _friction(self, k):
         """Bounds of dry friction against turning forwards and backwards, N·m."""
         p = self.p
-        level = p["dry_nm"][k] + p["rolling"] * self.mass * GRAVITY_M_S2 * 0.5 * p["radius_m"][k]
+        level = p["dry_nm"][k] + rolling(p["rolling"], self.mass, p["radius_m"][k])
         if p["stribeck_nm"][k]:
-            level += p["stribeck_nm"][k] * math.exp(-((self.w[k] / p["stribeck_rad_s"][k]) ** 2))
-        level += p["load_share"][k] * self.load[k]
+            level += stribeck(self.w[k] / p["stribeck_rad_s"][k], p["stribeck_nm"][k], exponential)
+        level += by_load(p["load_share"][k], self.load[k], 0.0)
         return level + p["asymmetry_nm"][k], level - p["asymmetry_nm"][k]
 
     def _advance(self, h):
         p, w = self.p, self.w
         asked = self._command()
         top = p["supply_v"]
-        draw = sum(self.i[k] * min(max(asked[k], -top), top) for k in (0, 1)) / top
-        self.bus = top - p["decline_v_per_s"] * self.t - p["source_resistance_ohm"] * draw
+        drawn = sum(draw(self.i[k], clipped(asked[k], top), top) for k in (0, 1))
+        self.bus = top - p["decline_v_per_s"] * self.t - p["source_resistance_ohm"] * drawn
         a = [[self.inertia[j][k] for k in (0, 1)] for j in (0, 1)]
         b = [sum(a[j][k] * w[k] for k in (0, 1)) for j in (0, 1)]
         volts, ohm, ke, fluid = [0.0, 0.0], [0.0, 0.0], p["back_emf_v_s_per_rad"], [0.0, 0.0]
         for k in (0, 1):
-            limit = p["limit_v"][k]
-            u = min(max(self._volts(asked[k], k) * self.bus / top, -limit), limit)
-            free = u - ke[k] * w[k]
-            volts[k] = u - min(max(free, -p["drop_v"][k]), p["drop_v"][k])
-            ohm[k] = p["resistance_ohm"][k] * (1.0 + self.rise[k])
-            fluid[k] = p["viscous_nm_s_per_rad"][k] + math.copysign(p["asymmetry_nm_s_per_rad"][k], w[k])
+            level = self._volts(asked[k], k) * self.bus / top
+            volts[k] = behind_driver(level, ke[k] * w[k], p["limit_v"][k], p["drop_v"][k])
+            ohm[k] = warm(p["resistance_ohm"][k], self.rise[k])
+            fluid[k] = viscous(p["viscous_nm_s_per_rad"][k], p["asymmetry_nm_s_per_rad"][k], w[k])
             # Half implicit: the middle of the step, of second order.
             damping = p["gear_nm_per_a"][k] * ke[k] / ohm[k] + fluid[k]
-            ripple = p["ripple_nm"][k] * math.sin(
-                p["ripple_cycles"][k] * (self.th[k] + 0.5 * h * w[k]) + p["ripple_phase_rad"][k]
-            )
+            numbers = p["ripple_nm"][k], p["ripple_cycles"][k], p["ripple_phase_rad"][k]
+            waves = ripple(self.th[k] + 0.5 * h * w[k], *numbers, math.sin)
             a[k][k] += 0.5 * h * damping
-            b[k] += h * (p["gear_nm_per_a"][k] * volts[k] / ohm[k] + ripple - 0.5 * damping * w[k])
+            b[k] += h * (p["gear_nm_per_a"][k] * volts[k] / ohm[k] + waves - 0.5 * damping * w[k])
         speed, rate = self.forward[0] * w[0] + self.forward[1] * w[1], self._rate()
         heading = self.yaw + 0.5 * h * rate - self.uphill
-        pull = self.mass * GRAVITY_M_S2 * math.sin(self.slope)
-        mx = self.mass * p["com_x_m"]
-        push = mx * rate * rate - pull * math.cos(heading)
-        twist = -mx * speed * rate + pull * (p["com_x_m"] * math.sin(heading) + p["com_y_m"] * math.cos(heading))
+        pull = along_slope(self.mass, self.slope, math.sin)
+        push, twist = offset_forces(self.mass, p["com_x_m"], speed, rate)
+        push -= pull * math.cos(heading)
+        twist += slope_torque(pull, p["com_x_m"], p["com_y_m"], math.cos(heading), math.sin(heading))
         for k in (0, 1):
             b[k] += h * (self.forward[k] * push + self.turn[k] * twist)
         new, impulses = self._slip(a, b, h)
@@ -180,15 +183,13 @@ class Robot:
             current = (volts[k] - ke[k] * mean) / ohm[k]
             self.i[k] = (volts[k] - ke[k] * new[k]) / ohm[k]
             if p["heat_rise_per_w"][k]:
-                self.rise[k] += (
-                    h * (p["heat_rise_per_w"][k] * current * current * ohm[k] - self.rise[k]) / p["heat_tau_s"][k]
-                )
+                heat, slow = p["heat_rise_per_w"][k], p["heat_tau_s"][k]
+                self.rise[k] = warmer(self.rise[k], h, heat, slow, current, ohm[k])
             torque = p["gear_nm_per_a"][k] * current - fluid[k] * mean - p["rotor_kg_m2"][k] * (new[k] - w[k]) / h
             self.load[k] = max(abs(torque), abs(torque + impulses[k] / h))
             tau = p["speed_filter_s"][k]
             if tau > 0.0:
-                ramp = (new[k] - w[k]) / h
-                self.filtered[k] = new[k] - ramp * tau + (self.filtered[k] - w[k] + ramp * tau) * math.exp(-h / tau)
+                self.filtered[k] = low_pass(self.filtered[k], new[k], w[k], h, tau, math.exp(-h / tau))
             self.th[k] += h * mean
         after = self.turn[0] * new[0] + self.turn[1] * new[1]
         middle = self.yaw + 0.25 * h * (rate + after)

@@ -12,6 +12,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from rtds_host.diagnosis.effects import CATALOGUE
+
 TARGETS = ("mjcf", "urdf", "sdf", "usd-json", "python")
 # How a target has an effect: it acts on its own there; it stands in the file as a number that whoever feeds the
 # commands or reads the sensors applies; or it is left out.
@@ -90,6 +92,12 @@ TABLE: dict[str, dict[str, How]] = {
         _own("drive maxForce, maxJointVelocity"),
     ),
     "pwm_curve": _map_of_commands("pwm_curve"),
+    "command_gain": _row(
+        _carried("custom/numeric command_gain, beside a servo's loop"),
+        _carried("comment: the speeds asked for take the loop's scale"),
+        _carried("comment: the speeds asked for take the loop's scale"),
+        _carried(f"{_USD_FED} servo"),
+    ),
     # winding
     "resistance_error": _electrical(),
     "winding_heating": _row(
@@ -185,6 +193,9 @@ TABLE: dict[str, dict[str, How]] = {
         _own("sensor delay"), _NO_SENSOR, _lost("sensors there are not late"), _carried(_USD_READ)
     ),
 }
+
+# What writes another effect's parameters goes where those go.
+TABLE |= {name: TABLE[effect.exports_as] for name, effect in CATALOGUE.items() if effect.exports_as}
 
 # The loop of a robot that is driven by wheel speeds (`mode = "speed"`), and the effects that such a robot has
 # otherwise.

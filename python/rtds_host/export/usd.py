@@ -66,6 +66,7 @@ def write(figures: Figures, comment: str) -> str:
             "deadzone_v": side.deadzone_v,
             "pwm_curve": side.pwm_curve,
             "drop_v": side.drop_v,
+            "command_gain": side.command_gain,
         }
         sensors[f"wheel_{name}"] = {
             "speed_gain": side.speed_gain,

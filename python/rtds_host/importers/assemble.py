@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.contract import Robot
-from rtds_host.contract.clock import is_rate
+from rtds_host.contract.clock import is_rate, is_staircase
 from rtds_host.errors import InputError
 from rtds_host.importers.bag import Bag, is_bag
 from rtds_host.importers.mapping import Mapping, Source, Twist
@@ -143,8 +143,10 @@ def _clock(file: Bag | Table, mapping: Mapping) -> list[str]:
     """What speaks against the declared unit of a table's time (a bag's times have none to declare)."""
     if isinstance(file, Bag):
         return []
-    step = float(np.median(np.diff(np.unique(file.t_ns)))) / NS
-    if is_rate(step):
+    times = np.unique(file.t_ns) / NS
+    step = float(np.median(np.diff(times)))
+    # Whether a row a second is a staircase of settled speeds, a diagnosis tells by the wheels.
+    if is_rate(step) or is_staircase(times):
         return []
     raw = step / FIXED["time"][mapping.time_unit]
     fitting = [unit for unit, seconds in FIXED["time"].items() if is_rate(raw * seconds)]

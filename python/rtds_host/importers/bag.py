@@ -17,6 +17,7 @@ from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
+from rtds_host.contract.inputs import open_regular
 from rtds_host.errors import InputError
 from rtds_host.importers.bounds import check_bag
 from rtds_host.importers.checksums import check_mcap
@@ -41,6 +42,33 @@ DAMAGE = (
     RuntimeError,
 )
 CLOCKS_APART_S = 0.5
+
+
+# First bytes of recordings that are not read -> what they are, and what to do.
+OTHERS = {
+    b"#ROSBAG V": "is a ROS 1 bag, turn it into a ROS 2 bag with `rosbags-convert --src FILE --dst FOLDER`",
+    b"WPILOG": "is a WPILib data log, export it as csv with the DataLog tool and write a mapping",
+    b"\x89HDF": "is an HDF5 file, export its channels as csv and write a mapping",
+    b"MATLAB": "is a MATLAB file, export its channels as csv and write a mapping",
+    b"PAR1": "is a Parquet file, a csv file is needed",
+    b"ULog\x01": "is a PX4 log, turn it into csv with `ulog2csv` and write a mapping",
+}
+
+
+def refuse_other(path: Path) -> None:
+    """Refuse a recording of another kind by what it is.
+
+    Raises
+    ------
+    InputError : names the kind, and how to turn it into one that is read.
+    """
+    if not path.is_file():
+        return
+    with open_regular(path) as stream:
+        start = stream.read(16)
+    for magic, what in OTHERS.items():
+        if start.startswith(magic):
+            raise InputError(f"{path}: {what}")
 
 
 def is_bag(path: Path) -> bool:
@@ -116,6 +144,7 @@ class Bag:
         if not path.exists():
             raise InputError(f"{path}: does not exist")
         if not path.is_dir():
+            refuse_other(path)
             if path.suffix not in SUFFIXES:
                 raise InputError(f"{path}: is no bag (a bag is a folder with metadata.yaml, or a .mcap or .db3 file)")
             if path.stat().st_size == 0:
@@ -179,6 +208,12 @@ class Bag:
                 f"{self.path}: its message definitions contradict each other ({_one_line(error)})"
             ) from error
         return store
+
+    def definitions(self) -> dict:
+        """Definitions of the types of all topics and of what these hold, by name; a type that nobody defines is not
+        among them.
+        """
+        return dict(self._typestore({c.topic: c for c in self.connections}).fielddefs)
 
     def read(self, requests: Iterable[Source | Twist]) -> None:
         """Decode the topics that are there and that `requests` name; fills what `series` hands out."""

@@ -13,9 +13,10 @@ from pathlib import Path
 
 from rtds_host.compat import UTC, tomllib
 from rtds_host.contract import Robot, RunMeta, builtin_robot_path, load_robot, read_run, staged_folder, write_run
+from rtds_host.contract.robot import SERVO_GAINS
 from rtds_host.errors import InputError
 from rtds_host.importers.assemble import Imported, assemble
-from rtds_host.importers.bag import is_bag
+from rtds_host.importers.bag import is_bag, refuse_other
 from rtds_host.importers.detect import likely_mapping
 from rtds_host.importers.mapping import Mapping, load_mapping
 from rtds_host.importers.series import NS
@@ -80,6 +81,7 @@ def import_case(
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: does not exist")
+        refuse_other(path)
     told = "given"
     if mapping is None:
         for path in paths:
@@ -216,13 +218,14 @@ def case_robot(path: Path, nominal: Robot, mapping: Mapping, mode: str) -> str:
     blocks = {"driver": driver}
     if mode == "speed":
         servo = {"limit_v": nominal.supply_v, **data.get("servo", {}), **mapping.servo}
-        missing = [key for key in SERVO_KEYS if key not in servo]
+        # Gains that nobody knows are estimated from the runs.
+        missing = [key for key in SERVO_KEYS if key not in servo and key not in SERVO_GAINS]
         if missing:
             raise InputError(
                 f"{mapping.path}: [servo] {missing[0]}: missing; a log without voltages needs the inner "
                 "speed loop, in the mapping or in the robot"
             )
-        blocks["servo"] = {key: servo[key] for key in SERVO_KEYS}
+        blocks["servo"] = {key: servo[key] for key in SERVO_KEYS if key in servo}
     dropped = {"driver", "servo"}
     if mapping.sensors:
         blocks["sensors"] = {**data.get("sensors", {}), **mapping.sensors}
@@ -261,7 +264,7 @@ def _same_robot(path: Path, there: Robot, new: Robot) -> None:
     if replace(there, name="") != replace(new, name=""):
         parts = [
             key
-            for key in ("motor", "supply_v", "chassis", "axis", "driver", "servo", "sensors")
+            for key in ("motor", "supply_v", "chassis", "axis", "driver", "servo", "sensors", "tolerance")
             if getattr(there, key) != getattr(new, key)
         ]
         raise InputError(

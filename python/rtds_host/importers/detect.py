@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rtds_host.errors import InputError
-from rtds_host.importers.bag import Bag, is_bag
+from rtds_host.importers.bag import Bag, is_bag, refuse_other
 from rtds_host.importers.mapping import Mapping
 from rtds_host.importers.sysid import is_sysid, test_of
 
@@ -29,6 +29,7 @@ def likely_mapping(path: Path) -> str:
     if is_sysid(path):
         return "wpilib_sysid" if test_of(path).startswith("Drivetrain") else "wpilib_sysid_simple"
     if not is_bag(path):
+        refuse_other(path)
         raise InputError(f"{path}: a table needs --mapping, which says what its columns are")
     topics = set(Bag(path, Mapping(path, "")).topics)
     for name, end in TELLING:

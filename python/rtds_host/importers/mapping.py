@@ -9,9 +9,8 @@ from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
 
-from rtds_host.compat import tomllib
-from rtds_host.contract.inputs import regular_bytes
-from rtds_host.errors import InputError, did_you_mean
+from rtds_host.contract.inputs import read_toml
+from rtds_host.errors import InputError, did_you_mean, shown
 from rtds_host.importers.units import FIXED, QUANTITY
 
 SCHEMA = "rtds-mapping/1"
@@ -134,12 +133,7 @@ def load_mapping(path_or_name: str | os.PathLike, above: tuple[str, ...] = ()) -
                 f"the path of a .toml file){did_you_mean(path.name, builtin_mappings())}"
             )
         path = _folder() / f"{path.name}.toml"
-    try:
-        data = tomllib.loads(regular_bytes(path).decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: is not valid TOML ({error})") from error
+    data = read_toml(path)
     place = os.path.realpath(path)
     if place in above:
         raise InputError(f"{path}: base: leads back to this very file")
@@ -156,14 +150,14 @@ class _Parser:
     def table(self, data: dict, key: str) -> dict:
         value = data.get(key, {})
         if not isinstance(value, dict):
-            raise self.fail(key, f"is {value!r}, a table [{key}] is needed")
+            raise self.fail(key, f"is {shown(value)}, a table [{key}] is needed")
         return value
 
     def only(self, place: str, table: dict, allowed: tuple[str, ...]) -> None:
         for key in table:
             if key not in allowed:
                 raise self.fail(
-                    place, f"key {key!r} is unknown, known are {', '.join(allowed)}{did_you_mean(key, allowed)}"
+                    place, f"key {shown(key)} is unknown, known are {', '.join(allowed)}{did_you_mean(key, allowed)}"
                 )
 
     def number(
@@ -180,7 +174,7 @@ class _Parser:
             return default
         value = table[key]
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
-            raise self.fail(place, f"{key} is {str(value)[:20]}, a finite number is needed")
+            raise self.fail(place, f"{key} is {shown(value, 20)}, a finite number is needed")
         if positive and value <= 0 or value < low:
             raise self.fail(
                 place, f"{key} is {value:g}, it must be " + ("above 0" if positive else f"at least {low:g}")
@@ -196,14 +190,14 @@ class _Parser:
             return default
         value = table[key]
         if not isinstance(value, str):
-            raise self.fail(place, f"{key} is {value!r}, a text is needed")
+            raise self.fail(place, f"{key} is {shown(value)}, a text is needed")
         if choices and value not in choices:
-            raise self.fail(place, f"{key} is {value!r}, it must be one of {', '.join(choices)}")
+            raise self.fail(place, f"{key} is {shown(value)}, it must be one of {', '.join(choices)}")
         return value
 
     def mapping(self, data: dict) -> Mapping:
         if data.get("schema") != SCHEMA:
-            raise InputError(f"{self.path}: schema: is {data.get('schema')!r}, this program reads {SCHEMA!r}")
+            raise InputError(f"{self.path}: schema: is {shown(data.get('schema'))}, this program reads {SCHEMA!r}")
         self.only(
             "top level",
             data,
@@ -268,7 +262,7 @@ class _Parser:
         runs = self.table(data, "runs")
         for name in runs:
             if not isinstance(runs[name], dict):
-                raise self.fail(f"[runs.{name}]", f"is {runs[name]!r}, a table is needed")
+                raise self.fail(f"[runs.{name}]", f"is {shown(runs[name])}, a table is needed")
             self.only(f"[runs.{name}]", runs[name], META_KEYS)
         decimal = self.text("[table]", table, "decimal", below.decimal, (".", ","))
         delimiter = self.text("[table]", table, "delimiter", ";" if decimal == "," else below.delimiter)

@@ -61,6 +61,15 @@ def _guess(ratio: float, factors: dict[str, float]) -> str:
     return ""
 
 
+def _driven(speed: Series | None) -> float:
+    """The largest speed that commands alone can have brought, rad/s: 0 of a wheel that was fastest when its run began
+    (a coast, or a brake)."""
+    if speed is None:
+        return 0.0
+    top, first, last = _top(speed), *np.abs(speed.values[[0, -1]])
+    return 0.0 if last < first / TOLERATED and first > top / TOLERATED else top
+
+
 def faint(signals: dict[str, Series], robot: Robot) -> list[str]:
     """Channels that change, but by next to nothing: one clause each. A simulator without noise has such
     channels, too.
@@ -108,7 +117,7 @@ def complaints(signals: dict[str, Series], robot: Robot, mode: str) -> list[str]
             top = _top(signals[name])
             if top > TOLERATED * robot.supply_v:
                 found.append(f"{name} reaches {top:.3g} V at a supply of {robot.supply_v:.3g} V")
-            elif f"w_{s}" in signals and _top(signals[f"w_{s}"]) * back_emf > TOLERATED * top:
+            elif 0.0 < top and _driven(signals.get(f"w_{s}")) * back_emf > TOLERATED * top:
                 found.append(
                     f"{name} never exceeds {top:.3g} V, too little for the speeds in w_{s}"
                     + (": is it a duty?" if top <= 1.0 else "")

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rtds_host.errors import InputError, did_you_mean
+from rtds_host.contract.runlog import twice
+from rtds_host.errors import InputError, did_you_mean, listed, shown
 from rtds_host.importers.mapping import Mapping, Source, Twist
 from rtds_host.importers.series import NS, Series
 from rtds_host.importers.units import FIXED
@@ -60,9 +61,8 @@ class Table:
         except csv.Error as error:
             raise InputError(f"{path}: is no csv file ({error})") from error
         self.names = [name.strip() for name in rows[0]]
-        for name in self.names:
-            if self.names.count(name) > 1:
-                raise InputError(f"{path}: row {mapping.skip_rows + 1}: column {name!r} stands twice")
+        if (double := twice(self.names)) is not None:
+            raise InputError(f"{path}: row {mapping.skip_rows + 1}: column {shown(double)} stands twice")
         self.first_row = mapping.skip_rows + 2
         self.rows: list[tuple[int, list[str]]] = []
         for number, row in enumerate(rows[1:], start=self.first_row):
@@ -101,7 +101,7 @@ class Table:
     def _numbers(self, name: str, place: str) -> np.ndarray:
         if name not in self.names:
             raise InputError(
-                f"{self.path}: column {name!r} ({place}): missing, columns are {', '.join(self.names)}"
+                f"{self.path}: column {name!r} ({place}): missing, columns are {listed(self.names)}"
                 f"{did_you_mean(name, self.names)}"
             )
         k = self.names.index(name)
@@ -117,7 +117,7 @@ class Table:
                     raise ValueError(cell)
                 values[n] = float(cell.replace(",", ".") if self.mapping.decimal == "," else cell)
             except ValueError as error:
-                raise InputError(f"{self.path}: row {number}: {name} is {cell!r}, no number") from error
+                raise InputError(f"{self.path}: row {number}: {name} is {shown(cell)}, no number") from error
             if math.isinf(values[n]):
                 raise InputError(f"{self.path}: row {number}: {name} is infinite")
         return values

@@ -9,7 +9,7 @@ from rtds_host.link.base import Exchange, Link
 
 __all__ = ["LINKS", "Exchange", "Link", "open_link"]
 
-LINKS = ("model", "rtl", "chip", "ad2")
+LINKS = ("model", "rtl", "chip", "ad2", "hps")
 
 
 def open_link(kind: str, **options: Any) -> Link:
@@ -19,7 +19,8 @@ def open_link(kind: str, **options: Any) -> Link:
     ----------
     kind : "model" (bit-exact model, in process), "rtl" (the motor units' Verilog in a simulator), "chip" (the whole
     chip
-        in a simulator, through its pins) or "ad2" (a board behind two Analog Discovery 2).
+        in a simulator, through its pins), "ad2" (a board behind two Analog Discovery 2) or
+        "hps" (a board's FPGA, from its own processor: `rtds_host.link.hps.HpsLink`).
     **options : of `chip` see `rtds_host.link.chip.ChipLink`, of `ad2` `rtds_host.link.ad2.Ad2Link`; of `rtl`
     `rtds_host.link.rtl.RtlLink`: `sim` ("verilator" or "icarus"), `step_clocks`
         (clocks from one step to the next, 500 as on the board, or "min": the next as soon as the unit is ready),
@@ -46,4 +47,8 @@ def open_link(kind: str, **options: Any) -> Link:
         from rtds_host.link.ad2 import Ad2Link
 
         return Ad2Link(**options)
+    if kind == "hps":
+        from rtds_host.link.hps import HpsLink
+
+        return HpsLink(**options)
     raise InputError(f"link: {kind!r} is unknown, choose one of {', '.join(LINKS)}")

@@ -87,7 +87,7 @@ class DiscoveryPair:
         try:
             import pydwf
         except ImportError as error:
-            raise LinkError(f"ad2: the package pydwf is missing ({error}): pip install pydwf") from error
+            raise LinkError(f"ad2: the package pydwf is missing ({error}): pip install 'rtds-host[board]'") from error
         self._dwf = pydwf
         self._devices: list = []
         self.serial_numbers = numbers

@@ -18,9 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rtds_host.compat import tomllib
 from rtds_host.contract import write_atomic
-from rtds_host.contract.inputs import regular_bytes
+from rtds_host.contract.inputs import read_toml
 from rtds_host.errors import InputError
 from rtds_host.link.scaling import ADC_CHANNELS, ADC_VOLTS_PER_STEP, DAC_OUTPUTS, FULL_SCALE, Scaling, default_scaling
 
@@ -85,12 +84,7 @@ def load_paths(path: str | Path) -> Paths:
     InputError : names the file and the key that is unknown, missing, no number, or out of all proportion.
     """
     path = Path(path)
-    try:
-        data = tomllib.loads(regular_bytes(path).decode("utf-8-sig"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not a TOML file ({error})") from error
+    data = read_toml(path)
     if data.get("format") != FORMAT:
         raise InputError(f"{path}: format: {FORMAT} is needed, found {data.get('format')!r}")
     unknown = sorted(set(data) - {"format", "about", "to_chip", "from_chip"})

@@ -18,11 +18,11 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rtds_host.errors import InputError, LinkError
-from rtds_host.link import compiling
+from rtds_host.link import compiling, pinning
 from rtds_host.remains import new_folder
 
 SIMULATORS = ("verilator", "icarus")
@@ -54,7 +54,10 @@ _PACKAGES = {
 
 VERILATOR_FLAGS = ("-O3", "--x-assign", "fast", "--x-initial", "fast", "--noassert", "--timescale", "1ns/1ps")
 # The model is long straight pieces of code: scheduled before registers are given out they wait less for their loads.
-CXX_FLAGS = "-O3 -fschedule-insns -fsched-pressure"
+# A product and a sum must not become one operation: the host's arithmetic stands for the RTL's operators.
+CXX_FLAGS = "-O3 -fschedule-insns -fsched-pressure -ffp-contract=off"
+PROFILE_CXX_FLAGS = "-O1 -ffp-contract=off"  # run once
+NATIVE = "sim/native"
 
 
 @dataclass(frozen=True)
@@ -81,10 +84,10 @@ class Top:
     first
         register, which counts clocks, but for whether it has reached the second, and after so many clocks nothing else
         moves. The C++ main jumps such clocks.
-    usual : (net or register below the top, value) of a `posedge_only` top, or (): what these are in nearly every clock.
-    The C++
-        main has the model's evaluation a second time, compiled for them, and looks at each clock whether they are.
-        Names that the generated code does not keep are passed over.
+    native : sums and products are the host's own arithmetic on Verilator (`sim/native`): the same results, less time.
+    phases : nets or registers below the top of a `posedge_only` top, or (): their values together number the clocks of
+        a step. The C++ main has an evaluation for each (`rtds_host.link.pinning`).
+    profile : this build watches itself, to find what those evaluations are compiled for.
     root : folder to which the names are relative: the source tree.
     """
 
@@ -99,11 +102,18 @@ class Top:
     main: str = "sim/verilator_main.cpp"
     parameters: tuple[tuple[str, int], ...] = ()
     idle: tuple[str, str, str, int] | tuple[()] = ()
-    usual: tuple[tuple[str, int], ...] = ()
+    native: bool = False
+    phases: tuple[str, ...] = ()
+    profile: bool = False
     root: Path = ROOT
 
+    @property
+    def plain(self) -> Top:
+        """The same with the RTL's own operators and one evaluation for all clocks: Verilator's model as it comes."""
+        return replace(self, native=False, phases=(), profile=False)
+
     def files(self) -> list[Path]:
-        """Every Verilog file, in order.
+        """Every Verilog file of the design itself, in order.
 
         Raises
         ------
@@ -118,6 +128,18 @@ class Top:
             if not path.is_file():
                 raise LinkError(f"{path}: no such file; the rtl link needs the source tree")
         return paths
+
+    def compiled_files(self) -> list[Path]:
+        """The files that Verilator is given: with `native`, operators of `sim/native` in place of the RTL's.
+
+        Raises
+        ------
+        LinkError : as `files`.
+        """
+        if not self.native:
+            return self.files()
+        stand_ins = {path.name: path for path in (self.root / NATIVE).glob("*.v")}
+        return [stand_ins.get(path.name, path) for path in self.files()]
 
     def headers(self) -> list[Path]:
         """The Verilog headers beside the files, which any of them may include."""
@@ -158,28 +180,20 @@ TOPS: Mapping[str, Top] = {
         bridge="bridge_core",
         parameters=(("EFFECTS", 0),),
         idle=("idle_o", "period_q", "step_clocks_q", 3),
-        # No reset, no coefficients computed or committed, no word for the effect unit on its way. __Vcellinp__* are
-        # Verilator's.
-        usual=(
-            ("rst_ni", 1),
-            ("fx_write_q", 0),
-            *(
-                (f"u_core.{name}", 0)
-                for name in (
-                    "u_param_unit.busy_q",
-                    "u_param_unit.first_q",
-                    "param_pending",
-                    "param_done",
-                    "commit",
-                    "refresh",
-                    "fx_rest_q",
-                    "g_effects.u_effects.pending_q",
-                    "g_effects.u_effects.write",
-                    "g_effects.u_effects.u_engine.__Vcellinp__u_left__wr_table_i",
-                    "g_effects.u_effects.u_engine.__Vcellinp__u_right__wr_table_i",
-                )
-            ),
-        ),
+        native=True,
+        phases=("u_core.u_sequencer.slot_q", "strobe"),
+    ),
+    "hps": Top(
+        module="rtds_hps",
+        file_lists=("rtl/hps/hps.f",),
+        sources=(),
+        clocks=(),
+        posedge_only=False,
+        sync="",
+        control="",
+        bridge="",
+        main="sim/hps_main.cpp",
+        native=True,
     ),
     "chip": Top(
         module="rtds_chip",
@@ -238,6 +252,9 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
     digest = hashlib.sha256()
     files = top.files()
     if simulator == "verilator":
+        files = top.compiled_files()
+        files += sorted((top.root / NATIVE).glob("*.h")) if top.native else []
+        files += [Path(pinning.__file__)] if top.phases else []
         files += [top.root / top.control] if top.control else []
         files += [ROOT / top.main]
     files += top.headers()
@@ -248,7 +265,7 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
         repr(top.posedge_only),
         top.sync,
         repr(top.idle),
-        repr(top.usual),
+        repr((top.native, top.phases, top.profile)),
         *tools,
     ):
         digest.update(text.encode() + b"\0")
@@ -311,9 +328,6 @@ def _build_verilator(
                     for what, name in (("COUNT", count), ("LIMIT", limit))
                 ),
             ]
-        if top.usual:
-            names = ((f"{top.module}.{name}".replace(".", "__DOT__"), value) for name, value in top.usual)
-            defines.append("-DRTDS_USUAL(IS)=" + "".join(f"IS({name},{value})" for name, value in names))
         cocotb = ["--vpi"]
         linked = [f"-Wl,-rpath,{libraries}", f"-L{libraries}", "-lcocotbvpi_verilator"]
         control = [str(top.root / top.control)]
@@ -326,14 +340,35 @@ def _build_verilator(
             "--output-split", "0",  # one C++ file: the model is small, and the compiler sees all of it
             *(f"-G{name}={value}" for name, value in top.parameters),
             *top.include_flags(),
-            *control, str(ROOT / top.main), *map(str, top.files()),
+            *control, str(ROOT / top.main), *map(str, top.compiled_files()),
         ]],
         log,
         BUILD_TIMEOUT_S,
         environment,
     )  # fmt: skip
-    compiling.compile_all(objects / "Vtop.json", scratch / "sim", CXX_FLAGS, defines, linked, log, BUILD_TIMEOUT_S)
+    if top.native:
+        defines += ["-DRTDS_NATIVE", f"-I{top.root / NATIVE}"]
+    if top.phases and top.bridge:
+        defines += _phase_defines(top, objects)
+    optimise = PROFILE_CXX_FLAGS if top.profile else CXX_FLAGS
+    compiling.compile_all(objects / "Vtop.json", scratch / "sim", optimise, defines, linked, log, BUILD_TIMEOUT_S)
     shutil.rmtree(objects)
+
+
+def _phase_defines(top: Top, objects: Path) -> list[str]:
+    """Write the header with the phases of a step for the main, and say which of its parts to compile.
+
+    Nothing where the generated code does not keep what numbers the phases: then all clocks are evaluated alike.
+    """
+    header = (objects / "Vtop___024root.h").read_text()
+    if top.profile:
+        text = pinning.profile_header(top, header)
+    else:
+        text = pinning.pinned_header(top, header, pinning.watch(top)) if pinning.phase_macros(top, header) else ""
+    if not text:
+        return []
+    (objects / pinning.HEADER).write_text(text)
+    return ["-DRTDS_PROFILE" if top.profile else "-DRTDS_PINNED"]
 
 
 def _build_icarus(top: Top, scratch: Path, log: Path) -> None:

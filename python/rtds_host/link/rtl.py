@@ -17,7 +17,7 @@ import sys
 import tempfile
 import time
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -84,6 +84,9 @@ class RtlLink(ConfiguredLink):
     progress : called with a line when the simulator has to be built first (default: to stderr).
     every_clock : evaluate the idle clocks, too. Otherwise Verilator's main jumps them: states, clocks and results are
     the same.
+    plain : Verilator's model as it comes: the RTL's own operators, one evaluation for all clocks. The results are the
+        same, it takes three times as long. The environment's RTDS_PLAIN=1 asks for it, too.
+    environment : more variables for the simulator's process.
 
     Attributes
     ----------
@@ -107,6 +110,8 @@ class RtlLink(ConfiguredLink):
         top: str | Top = "core",
         progress: Callable[[str], None] | None = None,
         every_clock: bool = False,
+        plain: bool = False,
+        environment: Mapping[str, str] | None = None,
     ) -> None:
         self.clocks = 0
         self._sim = sim
@@ -117,8 +122,9 @@ class RtlLink(ConfiguredLink):
         self._effects = False
         self._start_timeout_s = start_timeout_s
         self._progress = progress
-        self._evaluates_idle = every_clock
-        self._start(TOPS[top] if isinstance(top, str) else top)
+        self._environment = {**({"RTDS_EVERY_CLOCK": "1"} if every_clock else {}), **(environment or {})}
+        wanted = TOPS[top] if isinstance(top, str) else top
+        self._start(wanted.plain if plain or os.environ.get("RTDS_PLAIN") == "1" else wanted)
 
     def _start(self, top: Top) -> None:
         """Build the top if need be, start it, take its greeting."""
@@ -136,7 +142,7 @@ class RtlLink(ConfiguredLink):
                     **os.environ,
                     **built.environment,
                     **_environment(top, theirs.fileno()),
-                    **({"RTDS_EVERY_CLOCK": "1"} if self._evaluates_idle else {}),
+                    **self._environment,
                 },
                 pass_fds=(theirs.fileno(),),
                 start_new_session=True,  # Ctrl-C reaches the host alone, which ends the simulator

@@ -175,8 +175,16 @@ ADD_B = ("register", "product", "intercept", "wrap")
 WRITE = ("product", "sum", *INPUTS)
 READ_AHEAD = 2
 # What the codes of a field's values stand for, in their order.
-CODES = {"mul_a": MUL_A, "mul_b": MUL_B, "add_a": ADD_A, "add_b": ADD_B, "direct": DIRECT, "source": WRITE, "which": OUTPUTS,
-         "table": TABLES}  # fmt: skip
+CODES = {
+    "mul_a": MUL_A, "mul_b": MUL_B, "add_a": ADD_A, "add_b": ADD_B, "direct": DIRECT, "source": WRITE, "which": OUTPUTS,
+    "table": TABLES,
+}  # fmt: skip
+# A code counts where its operation is done: the field that says so.
+CODED_BY = {
+    "mul_a": "mul", "mul_b": "mul", "add_a": "add", "add_b": "add", "table": "look", "which": "put", "source": "write",
+    "direct": "direct",
+}  # fmt: skip
+
 MADE_BY = "python -m rtds_host.motor.effect_program rtl/effects"
 
 
@@ -403,6 +411,54 @@ def word(fields: dict[str, int]) -> int:
     return value
 
 
+def address_name(address: int) -> str:
+    """What stands in a register: a constant, an input, a state, zero, or a temporary result by its number."""
+    if address == ZERO:
+        return "zero"
+    if address >= STATE_FIRST:
+        return STATES[(address - STATE_FIRST) // 2]
+    names = dict(enumerate(CONSTANTS)) | {place: name for name, place in INPUTS.items()}
+    return names.get(address, f"temporary {address - TEMPORARY_FIRST}")
+
+
+def _place(field: str) -> str:
+    """The localparam with the field's lowest bit in the word."""
+    return f"AT_{field.upper()}"
+
+
+def _places() -> list[str]:
+    """Lines that declare the fields' places, from the word's lower end."""
+    lines, bit = [], 0
+    for field, bits in reversed(FIELDS.items()):
+        lines.append(f"  localparam {_place(field)} = {bit};")
+        bit += bits
+    return lines[::-1]
+
+
+def _word_lines(fields: dict[str, int]) -> list[str]:
+    """A word as the sum of its fields, one a line with the name of its value; those that are 0 are left out."""
+    terms = []
+    for field, bits in FIELDS.items():
+        value = fields.get(field, 0)
+        address = field == "target" or field.startswith("read_")
+        if value or address and field in fields or field in CODES and fields.get(CODED_BY[field]):
+            if address:
+                name = address_name(value)
+            elif field in CODES:
+                name = CODES[field][value]
+            else:
+                name = "" if bits == 1 else str(value)
+            terms.append((f"{WORD_BITS}'d{value} << {_place(field)}", name))
+    width = max(len(term) for term, _ in terms)
+    lines = []
+    for k, (term, name) in enumerate(terms):
+        end = ";" if k == len(terms) - 1 else ""
+        sign = "word =" if k == 0 else "     |"
+        comment = f"{' ' * (width - len(term) - len(end) + 3)}// {name}" if name else ""
+        lines.append(f"        {sign} {term}{end}{comment}")
+    return lines
+
+
 def verilog() -> str:
     """The text of rtl/effects/effect_program.v."""
     rom = words()
@@ -436,6 +492,9 @@ def verilog() -> str:
         )
     lines += [
         ");",
+        "  // The lowest bit of each field in the word.",
+        *_places(),
+        "",
         f"  reg [{WORD_BITS - 1}:0] word;",
         f"  reg [{WORD_BITS - 1}:0] word_q;",
         "",
@@ -447,13 +506,10 @@ def verilog() -> str:
         "  always @* begin",
         "    case (clock_i)",
     ]
-    digits = -(-WORD_BITS // 4)
     for clock, fields in enumerate(rom):
         if fields:
             lines += [f"      // {comment}" for comment in comments.get(clock, [])]
-            lines.append(
-                f"      6'd{clock - 1}:{' ' * (3 - len(str(clock - 1)))}word = {WORD_BITS}'h{word(fields):0{digits}X};"
-            )
+            lines += [f"      6'd{clock - 1}:", *_word_lines(fields)]
     lines += [
         f"      default: word = {WORD_BITS}'h0;",
         "    endcase",

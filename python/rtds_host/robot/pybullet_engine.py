@@ -67,6 +67,7 @@ class PyBulletEngine:
         self._load(pose, iterations)
         self._origin = (0.0, 0.0, 0.0)
         self._start = pose
+        self._spin = self.wheel_speeds()  # after the last step
         self._held = self.advance(np.zeros((max(1, round(SETTLE_S / step_s)), 2)), last=0.1)
         # Settling moves the robot by micrometres; the run's pose counts from where it then stands.
         self._origin = self._planar()
@@ -149,7 +150,8 @@ class PyBulletEngine:
         limit = [MOTOR_LIMIT_NM, MOTOR_LIMIT_NM]
         left = right = 0.0
         first = len(speeds_rad_s) - max(1, round(last * len(speeds_rad_s)))
-        before = self.wheel_speeds()
+        before = self._spin
+        one = two = None
         for k, targets in enumerate(np.asarray(speeds_rad_s, dtype=float).tolist()):
             p.setJointMotorControlArray(
                 robot, wheels, p.VELOCITY_CONTROL, targetVelocities=targets, forces=limit, physicsClientId=client
@@ -160,7 +162,9 @@ class PyBulletEngine:
                 left += one[3]
                 right += two[3]
         count = len(speeds_rad_s) - first
-        gain = self._flywheel * (self.wheel_speeds() - before) / (count * self.step_s)
+        # The last step's states hold the wheels' speeds, too, and no call but this one moves them.
+        self._spin = np.array([one[1], two[1]])
+        gain = self._flywheel * (self._spin - before) / (count * self.step_s)
         return np.array([left / count, right / count]) - gain
 
     def _base(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

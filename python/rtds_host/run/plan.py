@@ -10,7 +10,7 @@ from rtds_host.contract import Motor, Robot, builtin_robot_path, load_robot
 from rtds_host.control import CONTROLLERS
 from rtds_host.errors import InputError, did_you_mean
 from rtds_host.robot import STEP_S, Body, Split, check_engine, default_engine, make_body, make_split
-from rtds_host.scenario import Motion, Scenario, VoltageMotion, check_reach, find_scenario, scaled_values
+from rtds_host.scenario import Motion, Scenario, VoltageMotion, check_reach, own_scenario, scaled_values
 
 COUPLINGS = ("closed", "paper")
 LOG_LIMIT_STEPS = 8
@@ -120,7 +120,7 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None, 
     """
     options = options or Options()
     if isinstance(scenario, str):
-        scenario = find_scenario(scenario)
+        scenario = own_scenario(scenario)
     for name, value, known in (
         ("controller", options.controller, tuple(CONTROLLERS)),
         ("coupling", options.coupling, COUPLINGS),

@@ -6,13 +6,18 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rtds_host.contract import staged_folder, write_run
+from rtds_host.errors import InputError
 from rtds_host.run.log import log_columns, run_meta
 from rtds_host.run.loop import Record, drive_with
 from rtds_host.run.path import SignalPath
 from rtds_host.run.plan import Plan, other_controller
 from rtds_host.run.summary import Effects, Summary, summarise
+
+if TYPE_CHECKING:
+    import pandas
 
 Progress = Callable[[str, float], None]
 # What an earlier run may have left in the folder, and would pass for a part of this one.
@@ -40,6 +45,19 @@ class Outcome:
     plan: Plan
     record: Record
     summary: Summary
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The log's rows as a table: index `t`, s, and a column a channel, SI, named as in `log.csv`.
+
+        Raises
+        ------
+        InputError : pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise InputError("pandas is not installed: pip install pandas") from error
+        return pandas.DataFrame(log_columns(self.record)).set_index("t")
 
 
 def perform(

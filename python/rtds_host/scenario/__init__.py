@@ -11,6 +11,7 @@ from rtds_host.scenario.base import (
     scenarios,
     wheel_references,
 )
+from rtds_host.scenario.own import is_own, own_scenario
 from rtds_host.scenario.reach import check_reach
 from rtds_host.scenario.scaled import scaled_values
 
@@ -22,6 +23,8 @@ __all__ = [
     "VoltageMotion",
     "check_reach",
     "find_scenario",
+    "is_own",
+    "own_scenario",
     "reference_poses",
     "scaled_values",
     "scenarios",

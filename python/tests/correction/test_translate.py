@@ -7,15 +7,15 @@ import pytest
 
 from rtds_host.contract import builtin_robot
 from rtds_host.correction import translate as module
-from rtds_host.correction.translate import PLACES, places_of, translate
+from rtds_host.correction.translate import places_of, translate
 from rtds_host.diagnosis.effects import SIDES, catalogue
 from rtds_host.diagnosis.replay.model import nominal_model
-from rtds_host.diagnosis.replay.slots import COMMON, SIDE
 from rtds_host.errors import InputError
+from rtds_host.plant.schema import COMMON, PLACES, SIDE, Entry
 
 ROBOT = builtin_robot("burger")
 CATALOGUE = catalogue(ROBOT)
-# Values at which a slot matters: beside a slot that gives it a meaning, or away from its nominal value.
+# Values at which a parameter matters: with another that gives it a meaning, or away from its nominal value.
 WITH = {
     "stribeck_speed": {"stribeck": 0.02},
     "ripple_cycles": {"ripple": 0.02},
@@ -27,7 +27,7 @@ SMALL = ("stribeck_speed", "ripple_cycles")
 
 
 def nudged(name, side=0):
-    """Two models that differ in one slot alone."""
+    """Two models that differ in one parameter alone."""
     model = nominal_model(ROBOT)
     for other, value in WITH.get(name, {}).items():
         model.put(other, value)
@@ -40,7 +40,7 @@ def nudged(name, side=0):
 @pytest.mark.parametrize(
     "name", [n for n, place in PLACES.items() if place not in ("refused", "log") and n not in ("gear_ratio", "supply")]
 )
-def test_every_slot_changes_the_simulator(name):
+def test_every_parameter_changes_the_simulator(name):
     for side in (0, 1) if name in SIDE else (0,):
         before, after = (translate(m, ROBOT, payload_kg=1.0) for m in nudged(name, side))
         assert before != after
@@ -61,14 +61,15 @@ def test_the_robots_own_figures_cannot_change(name):
         translate(nudged(name)[1], ROBOT)
 
 
-def test_a_slot_without_a_place_is_an_error(monkeypatch):
-    monkeypatch.setitem(COMMON, "new_slot", (0.0, "1", "something"))
-    with pytest.raises(LookupError, match="new_slot"):
+def test_a_parameter_that_nothing_translates_is_an_error(monkeypatch):
+    monkeypatch.setitem(COMMON, "new_parameter", Entry("new_parameter", "1", 0.0, "rtl", "", "something"))
+    monkeypatch.setitem(PLACES, "new_parameter", "rtl")
+    with pytest.raises(LookupError, match="new_parameter"):
         translate(nominal_model(ROBOT), ROBOT)
 
 
-def test_every_slot_has_a_place():
-    assert PLACES.keys() == SIDE.keys() | COMMON.keys()
+def test_every_parameter_acts_at_a_known_place():
+    assert set(PLACES.values()) == {*module.PLACE_NAMES, "log"}
 
 
 @pytest.mark.parametrize("effect", CATALOGUE.values(), ids=list(CATALOGUE))

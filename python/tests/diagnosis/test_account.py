@@ -14,14 +14,10 @@ from diagnosis_cases import make_case, make_run, without
 from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
 from rtds_host.contract.robot import Servo
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.account import _with_doubted
 from rtds_host.diagnosis.diagnose import diagnose
-from rtds_host.diagnosis.fit import joined, scaled
-from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.diagnosis.report import validate
-from rtds_host.diagnosis.search import Search
 
 
 def blamed(diagnosis):
@@ -110,7 +106,7 @@ def test_how_a_servos_integral_gives_way_at_its_limit_is_no_cause():
     cuts.
     """
     burger = builtin_robot("burger")
-    servo = Servo(kp_v_s_per_rad=0.44, ki_v_per_rad=8.6, limit_v=6.0, period_s=0.002, declared=True)
+    servo = Servo(kp_v_s_per_rad=0.44, ki_v_per_rad=8.6, limit_v=6.0, period_s=0.002)
     robot = dataclasses.replace(burger, driver=dataclasses.replace(burger.driver, mode="speed"), servo=servo)
     model = nominal_model(robot)
     model.put("servo_release", 0.7)
@@ -355,26 +351,3 @@ def test_a_small_effect_beside_a_large_one_is_named_where_it_takes_all_of_a_rest
     assert {e["id"] for e in diagnosis["effects"]} == {"gear_compliance", "coulomb_friction"}
 
 
-def test_what_is_too_unlikely_beside_a_stand_in_is_tried_beside_its_look_alikes():
-    """A driver that bends does most of what a gain and a bridge's drop do: beside it no drop is missed, beside a gain
-    it is.
-    """
-    both = make_case(lambda m: (m.scale("voltage_gain", 0.8), m.put("drop", 0.4)))
-    search = Search(Problem(both), quick=True)
-    nothing, drop, gain, bend = (
-        search.refitted(),
-        ("bridge_drop", "both"),
-        ("driver_gain", "both"),
-        ("pwm_curve", "both"),
-    )
-
-    def fitted(*members):
-        starts = {("driver_gain", "both"): {"ratio": 0.9}, drop: {"volts": 0.1}, bend: {"curvature": -0.1}}
-        return search.try_fit(*joined({m: scaled(search.effects, (m,), [starts[m]]) for m in members}), nothing)
-
-    fitted(drop, bend)
-    rivals = [fitted(gain), fitted(drop)]
-    (found,) = _with_doubted(search, rivals, [drop])
-    assert set(found.hypothesis) == {gain, drop} and search.score(found) < search.score(rivals[0])
-    assert dict(zip(found.hypothesis, found.values))[drop]["volts"] == pytest.approx(0.4, abs=0.05)
-    assert _with_doubted(search, rivals, []) == []

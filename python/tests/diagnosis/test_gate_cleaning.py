@@ -193,6 +193,7 @@ def rough(kind, seconds=6.0, step=1, name="run"):
     elif kind == "stall":
         for c in ("w_l", "i_l"):
             columns[c][k:] = (0.0 if c == "w_l" else columns["v_cmd_l"][k:] / 8.6) + 0.004 * np.sin(37.0 * t[k:])
+        columns["th_l"][k:] = columns["th_l"][k]
     elif kind == "jump":
         columns["x"][k:] += 0.3
         columns["yaw"][k:] += 0.5

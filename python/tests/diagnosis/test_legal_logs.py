@@ -10,7 +10,6 @@ from diagnosis_cases import commands, make_case, make_run, without
 
 from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.carried import groups
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.evidence import closer, compared
 from rtds_host.diagnosis.gate import examine
@@ -21,6 +20,7 @@ from rtds_host.diagnosis.localise.series import relaxed
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, piece_inputs, replay_run, run_inputs, stretch_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
+from rtds_host.diagnosis.scatter import groups
 from rtds_host.diagnosis.settings import settings
 from rtds_host.diagnosis.twins import twins
 from rtds_host.errors import InputError

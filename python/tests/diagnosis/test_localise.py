@@ -11,10 +11,7 @@ from rtds_host.blind import planar
 from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise import BLOCKS, blocks, localise
-from rtds_host.diagnosis.localise.ground import extent
-from rtds_host.diagnosis.localise.shares import Sums, group_of
-from rtds_host.diagnosis.localise.standins import NAMELESS as NAMELESS_CAUSES
-from rtds_host.diagnosis.localise.standins import absences
+from rtds_host.diagnosis.localise.shares import Sums
 from rtds_host.diagnosis.replay.model import nominal_model
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 
@@ -267,116 +264,6 @@ def test_what_the_catalogue_has_no_name_for_is_placed_in_its_subsystem(subsystem
 # ---- effects that stand in -----------------------------------------------------------------------------------------
 
 INERTIA = ("rotor_inertia_error", "both")
-SATURATION = NAMELESS["a torque that falls behind its current"][1]
-
-
-def kept_of_the_inertia(ratio, cause=None):
-    """What the blocks leave of a rotor 1.4 times as heavy as declared, on a machine whose rotor is `ratio` times, and
-    beside what.
-    """
-    robot = builtin_robot("burger")
-    machine = planar.nominal_machine(robot)
-    if ratio != 1.0:
-        planar.apply_effect(machine, {"id": INERTIA[0], "side": "both", "parameters": {"ratio": ratio}})
-    if cause is not None:
-        planar.apply_outside(machine, cause)
-    model = nominal_model(robot)
-    model.scale("rotor_inertia", 1.4)
-    found = absences(driven(machine), model, {INERTIA: nominal_model(robot)})
-    return found.kept.get(INERTIA), found.cause
-
-
-def test_an_inertia_is_mostly_not_its_own_where_the_torque_falls_behind_the_current():
-    kept, cause = kept_of_the_inertia(1.0, SATURATION)
-    assert cause == "a torque that falls behind its current" and kept < 0.5
-
-
-def test_an_inertia_stands_beside_a_torque_that_falls_behind_the_current():
-    kept, cause = kept_of_the_inertia(1.4, SATURATION)
-    assert cause == "a torque that falls behind its current" and kept == pytest.approx(1.0, abs=0.3)
-
-
-def test_nothing_is_said_of_an_effect_that_leaves_nothing():
-    assert kept_of_the_inertia(1.4) == (None, "")
-
-
-DRAG = {"id": "quadratic_drag", "side": "both", "parameters": {"quadratic": 1.3e-3}}
-BEND, VISCOUS = ("pwm_curve", "both"), ("viscous_friction", "both")
-
-
-@pytest.mark.parametrize("drags", [True, False], ids=["a drag by the square", "a bend and viscous friction"])
-def test_two_effects_that_make_a_drag_by_the_square_stand_in_for_it_where_it_leaves_nothing(drags):
-    """A bend and viscous friction make nine tenths of such a drag: of what they leave, it takes all where it is
-    there.
-    """
-    robot = builtin_robot("burger")
-    machine, model, parts = planar.nominal_machine(robot), nominal_model(robot), {}
-    if drags:
-        planar.apply_outside(machine, DRAG)
-    else:
-        for (effect, side), sizes in ((BEND, {"curvature": 0.0286}), (VISCOUS, {"nm_s_per_rad": 0.0078})):
-            planar.apply_effect(machine, {"id": effect, "side": side, "parameters": sizes})
-    for slot, size in (("pwm_curve", 0.0286), ("viscous_wheel", 0.0078)):
-        parts[slot] = nominal_model(robot)
-        model.add(slot, size)
-    parts["viscous_wheel"].add("pwm_curve", 0.0286)
-    parts["pwm_curve"].add("viscous_wheel", 0.0078)
-    found = absences(driven(machine), model, {BEND: parts["pwm_curve"], VISCOUS: parts["viscous_wheel"]})
-    if drags:
-        assert found.cause == "a drag by the square of the speed" and max(found.kept.values()) < 0.5
-    else:
-        assert found.cause == "" and not found.kept
-
-
-COULOMB, RIPPLE = ("coulomb_friction", "both"), ("torque_ripple", "both")
-SWING = {"id": "position_friction", "side": "both", "parameters": {"swing": 0.04, "swing_phase": 0.8}}
-DETENTS = {"id": "detents", "side": "both", "parameters": {"detent": 0.04, "detent_cycles": 17, "detent_phase": 0.4}}
-
-
-@pytest.mark.parametrize("constant", [0.0, 0.04])
-@pytest.mark.parametrize(
-    ("effect", "cause", "told"),
-    [(COULOMB, SWING, "a friction at one place of the turn"), (RIPPLE, DETENTS, "a ripple at one place of the turn")],
-    ids=["friction", "ripple"],
-)
-def test_what_changes_over_the_turn_is_no_constant(effect, cause, told, constant):
-    """A friction that is there at one place of the turn alone has a mean, and no part of it is the same all over the
-    turn.
-    """
-    robot = builtin_robot("burger")
-    machine, model = planar.nominal_machine(robot), nominal_model(robot)
-    planar.apply_outside(machine, cause)
-    sizes = {
-        COULOMB: {"torque_nm": constant},
-        RIPPLE: {"amplitude_nm": constant, "cycles_per_rev": 17.0, "phase_rad": 0.0},
-    }
-    if constant:
-        planar.apply_effect(machine, {"id": effect[0], "side": "both", "parameters": sizes[effect]})
-    if effect == COULOMB:
-        model.add("coulomb", 0.02 + constant)
-    else:
-        for slot, value in (("ripple", 0.02 + constant), ("ripple_cycles", 17.0), ("ripple_phase", 0.0)):
-            model.put(slot, value)
-    found = absences(driven(machine), model, {effect: nominal_model(robot)})
-    assert found.cause == told
-    assert found.kept[effect] > 0.5 if constant else found.kept[effect] < 0.25
-
-
-@pytest.mark.parametrize("rises", [True, False], ids=["commands that only rise", "commands to and fro"])
-def test_a_driver_hangs_on_the_way_its_command_came_only_where_that_way_turns(rises):
-    """Up a ramp such a driver gives less by a constant, as one with a dead zone does."""
-
-    def ramps(t, columns):
-        columns["v_cmd_l"], columns["v_cmd_r"] = 8.0 * t / t[-1], 7.0 * t / t[-1]
-
-    robot = builtin_robot("burger")
-    machine, model = planar.nominal_machine(robot), nominal_model(robot)
-    planar.apply_outside(machine, NAMELESS["commands with hysteresis"][1])
-    model.scale("voltage_gain", 0.9)
-    found = absences(driven(machine, ramps if rises else None), model, {("driver_gain", "both"): nominal_model(robot)})
-    assert (found.cause == "a driver that hangs on the way its command came") != rises
-
-
 @pytest.mark.parametrize("unlike", [0.0, 0.3], ids=["straight", "sides apart"])
 def test_a_cause_is_its_own_where_effects_and_tolerances_do_not_make_it(unlike):
     """On a robot that drives straight the other side's command does what a gain does."""
@@ -388,11 +275,3 @@ def test_a_cause_is_its_own_where_effects_and_tolerances_do_not_make_it(unlike):
     assert Sums.own(sums, 1, [0]) == pytest.approx(share, abs=0.01)
 
 
-def test_each_cause_without_a_name_has_a_signature():
-    run, model = driven(planar.nominal_machine(builtin_robot("burger"))).runs[2], nominal_model(builtin_robot("burger"))
-    # At one place of the turn a ripple that is in the model may be of another size.
-    model.put("ripple", 0.01)
-    names = {
-        group_of(name) for name in blocks.replay_blocks(run, builtin_robot("burger"), model, extent([run])).columns
-    }
-    assert set(NAMELESS_CAUSES) <= names

@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 
 from rtds_host.contract import GRAVITY_M_S2, Axis, Case, RunLog, RunMeta, builtin_robot, read_case
 from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
-from rtds_host.diagnosis.elementary import sine
 from rtds_host.diagnosis.fit import apply
 from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.replay.model import (
@@ -30,6 +29,7 @@ from rtds_host.diagnosis.replay.model import (
 )
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.screen import available, start_values
+from rtds_host.plant.elementary import sine
 
 ROBOT = builtin_robot("burger")
 CATALOGUE = catalogue(ROBOT)

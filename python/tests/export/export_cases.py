@@ -41,7 +41,7 @@ def model_with(*effects, robot=ROBOT):
     return model
 
 
-def model_of_one(effect):
+def model_of_one(effect, robot=ROBOT):
     """A model with one effect, at the size at which effects are compared."""
     values = SIZES.get(effect) or values_of(effect)
     if effect == "friction_asymmetry":
@@ -49,7 +49,7 @@ def model_of_one(effect):
         return model_with(
             (effect, "both", {**values, "nm_s_per_rad": 0.0}), ("coulomb_friction", "both", {"torque_nm": 0.03})
         )
-    return model_with((effect, CATALOGUE[effect].sides[0], values))
+    return model_with((effect, CATALOGUE[effect].sides[0], values), robot=robot)
 
 
 def apart(log, model, out, robot=ROBOT):

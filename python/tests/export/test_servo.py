@@ -31,6 +31,7 @@ EFFECTS = {
     "driver_deadzone": [("driver_deadzone", "both", {"volts": 0.8})],
     "driver_gain": [("driver_gain", "left", {"ratio": 0.6})],
     "speed_gain": [("speed_gain", "left", {"ratio": 0.94})],
+    "command_gain": [("command_gain", "left", {"ratio": 0.94})],
     "command_delay": [("command_delay", "both", {"seconds": 0.037})],
     "measurement_delay": [("measurement_delay", "both", {"seconds": 0.023})],
     "wheel_radius_error": [("wheel_radius_error", "both", {"ratio": 1.05})],

@@ -9,12 +9,12 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 import pytest
-from export_cases import ROBOT, apart, diagnosis_of, model_of_one, model_with
+from export_cases import ROBOT, SERVO, apart, diagnosis_of, model_of_one, model_with
 
 from rtds_host.contract.robot import Robot
 from rtds_host.correction.agreement import designed_run
-from rtds_host.diagnosis.effects import CATALOGUE
-from rtds_host.diagnosis.replay.model import nominal_model, run_inputs
+from rtds_host.diagnosis.effects import CATALOGUE, catalogue
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 from rtds_host.export import mjcf, python, sdf, urdf, usd
@@ -37,7 +37,9 @@ PAGE = Path(__file__).resolve().parents[3] / "docs" / "export.md"
 
 
 def of_kind(target, *kinds):
-    return sorted(name for name, row in TABLE.items() if row[target].kind in kinds)
+    """Effects of a robot that is driven by volts; `test_servo.py` has those before a speed loop."""
+    there = catalogue(ROBOT)
+    return sorted(name for name, row in TABLE.items() if row[target].kind in kinds and name in there)
 
 
 def test_every_effect_has_a_place_or_a_reason_for_each_target():
@@ -95,14 +97,16 @@ def test_the_python_robot_does_what_the_replay_does(effect, tmp_path):
     [("urdf", urdf.write), ("sdf", sdf.write), ("usd-json", usd.write), ("mjcf", mjcf.write), ("python", python.write)],
 )
 def test_what_is_in_a_file_changes_it_and_what_is_left_out_does_not(target, writer):
-    plain = writer(figures_of(nominal_model(ROBOT), ROBOT), "")
+    there = catalogue(ROBOT)
     for effect, row in TABLE.items():
+        robot = ROBOT if effect in there else SERVO
+        plain = writer(figures_of(nominal_model(robot), robot), "")
         text = writer(
             figures_of(
-                model_of_one(effect)
+                model_of_one(effect, robot)
                 if effect != "friction_asymmetry"
                 else model_with((effect, "both", {"torque_nm": 0.02, "nm_s_per_rad": 0.004})),
-                ROBOT,
+                robot,
             ),
             "",
         )
@@ -203,3 +207,17 @@ def test_a_comment_never_ends_an_xml_comment():
 def test_a_target_or_robot_that_cannot_be_exported_is_refused():
     with pytest.raises(InputError, match=r"--to mjfc: unknown .*; did you mean 'mjcf'\?"):
         export(source_of(), "mjfc")
+
+
+@pytest.mark.parametrize("effect", ["backlash", "gear_compliance"])
+def test_the_mujoco_robots_encoder_sits_behind_what_gives_where_the_robot_has_it_there(effect, tmp_path):
+    model = model_of_one(effect)
+    model.put("encoder_at_wheel", 1.0)
+    file = tmp_path / "robot.xml"
+    file.write_text(mjcf.write(figures_of(model, ROBOT), ""))
+    out = ExportedRobot(file).replay(LOG, run_inputs(LOG, ROBOT)[-1])
+    truth, before = replay_run(model, run_inputs(LOG, ROBOT)), replay_run(model_of_one(effect), run_inputs(LOG, ROBOT))
+    angle = OUTPUTS.index("th_l")
+    # Nearer to the wheel's angle than to the gear's.
+    right, wrong = (np.sqrt(np.mean((out - one)[:, angle] ** 2)) for one in (truth, before))
+    assert right < 0.5 * wrong

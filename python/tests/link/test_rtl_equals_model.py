@@ -2,14 +2,14 @@
 
 import dataclasses
 import os
-from pathlib import Path
+import re
 
 import numpy as np
 import pytest
 from link_cases import BURGER, STEP_S
 
 from rtds_host.link import open_link
-from rtds_host.link.build import TOPS, build
+from rtds_host.link.build import TOPS
 from rtds_host.link.rtl import RtlLink
 from rtds_host.motor.effects import Curve, SupplyEffects, UnitEffects
 
@@ -181,23 +181,66 @@ def test_the_top_without_the_effect_unit_has_the_same_states_and_clocks():
     assert results[0] == results[1]
 
 
+def with_effects(link, effects):
+    if effects:
+        level = Curve((0.0, 0.0), (1e-4, 1e-4))
+        dry = UnitEffects(friction_forward=level, friction_backward=level)
+        link.set_effects(dry, None, SupplyEffects(voltage_v=12.0, command_delay_s=3e-4))
+
+
 @pytest.mark.parametrize("effects", [False, True])
 @pytest.mark.parametrize("step_clocks", ["min", 500])
-def test_the_usual_clocks_evaluation_has_the_same_states_and_clocks(step_clocks, effects):
-    """The evaluation that is compiled for the usual clock against the model's own alone: bytes and clocks of every
-    exchange, among changes of parameters and of the method."""
-    whole = TOPS["core"] if not effects else dataclasses.replace(TOPS["core"], parameters=())
-    level = Curve((0.0, 0.0), (1e-4, 1e-4))
+def test_verilators_plain_model_has_the_same_states_and_clocks(step_clocks, effects):
+    """The host's arithmetic and an evaluation a phase against the RTL's own operators and one evaluation: bytes and
+    clocks of every exchange, among changes of parameters and of the method."""
     results = []
-    for top in (whole, dataclasses.replace(whole, usual=())):
-        built = Path(build(top, "verilator").command[0])
-        assert (b"eval_usual" in built.read_bytes()) == bool(top.usual)
-        with RtlLink(top=top, step_clocks=step_clocks) as link:
-            if effects:
-                dry = UnitEffects(friction_forward=level, friction_backward=level)
-                link.set_effects(dry, None, SupplyEffects(voltage_v=12.0, command_delay_s=3e-4))
+    for plain in (False, True):
+        with RtlLink(step_clocks=step_clocks, plain=plain) as link:
+            with_effects(link, effects)
             results.append(steps_of(link, random_session(23, 12)))
     assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("effects", [False, True])
+@pytest.mark.parametrize("step_clocks", ["min", 500])
+def test_each_phases_evaluation_leaves_the_whole_model_as_the_general_one_does(step_clocks, effects):
+    """The simulator evaluates each pinned clock twice from the same start and ends when a byte of the model differs."""
+    with RtlLink(step_clocks=step_clocks, environment={"RTDS_LOOP": "check"}) as checked, open_link("model") as model:
+        for link in (checked, model):
+            with_effects(link, effects)
+        play(random_session(29, 8), checked, model)
+
+
+def clocks_by_kind(link):
+    """(clocks evaluated by phase, in general), which the simulator says on its standard error."""
+    link._stderr.seek(0)
+    last = link._stderr.read().decode().splitlines()[-1]
+    return tuple(int(number) for number in re.findall(r"\d+", last))
+
+
+@pytest.mark.parametrize("effects", [False, True])
+@pytest.mark.parametrize("step_clocks", ["min", 500])
+def test_nearly_all_clocks_of_a_run_are_evaluated_by_phase(step_clocks, effects):
+    with RtlLink(step_clocks=step_clocks, environment={"RTDS_LOOP": "count"}) as link:
+        with_effects(link, effects)
+        link.set_parameters(**BURGER)
+        link.exchange([6.0, -3.0], [1e-5, 2e-5], 3200 * STEP_S, 100 * STEP_S)
+        before = clocks_by_kind(link)
+        link.exchange([-6.0, 5.0], [1e-5, 2e-5], 3200 * STEP_S, 100 * STEP_S)
+        by_phase, general = (now - then for now, then in zip(clocks_by_kind(link), before, strict=True))
+    assert by_phase > 3200 * 25
+    assert general < 0.01 * by_phase
+
+
+def test_a_clock_that_begins_unlike_its_phase_is_evaluated_in_general():
+    """New parameters are computed beside the steps: control is not what it was in the runs that were watched."""
+    with RtlLink(environment={"RTDS_LOOP": "count"}) as link:
+        link.set_parameters(**BURGER)
+        link.exchange([6.0, -3.0], [0.0, 0.0], 100 * STEP_S)
+        before = clocks_by_kind(link)[1]
+        link.set_parameters(**{**BURGER, "resistance_ohm": 9.0})
+        link.exchange([6.0, -3.0], [0.0, 0.0], 100 * STEP_S)
+        assert clocks_by_kind(link)[1] - before > 50
 
 
 def test_effects_start_the_top_that_has_them():

@@ -12,7 +12,9 @@ import sysconfig
 import zipfile
 from pathlib import Path
 
+import fmpy
 import pytest
+from fmpy.validation import validate_fmu
 
 import rtds_host
 import rtds_host.api
@@ -62,6 +64,8 @@ def test_the_wheel_holds_the_verilog_what_builds_it_the_types_and_the_licence(wh
         for path in (ROOT / folder).rglob("*"):
             if path.suffix in (".v", ".vh", ".f", ".vlt", ".cpp"):
                 assert f"rtds_host/hardware/{path.relative_to(ROOT)}" in names
+    for path in (ROOT / "python" / "rtds_host" / "native" / "c").iterdir():
+        assert f"rtds_host/native/c/{path.name}" in names
     assert {"rtds_host/py.typed", "rtds_host/hardware/sim/bridge.py", "rtds_host/contract/robots/burger.toml"} <= names
     assert any(name.endswith("licenses/LICENSE") for name in names)
     assert not any("tests" in name or name.endswith(".pyc") for name in names)
@@ -90,6 +94,14 @@ def test_an_installed_package_builds_and_drives_the_verilog(installed):
     assert "rtl (verilator" in out
     assert (installed.folder / "work" / "drive" / "log.csv").is_file()
     assert [path for path in (installed.folder / "cache" / "rtds" / "sim").iterdir() if path.is_dir()]
+
+
+def test_an_installed_package_writes_an_fmu_that_fmpy_runs(installed):
+    installed("-m", "rtds_host.cli.main", "export", "burger", "--to", "fmu-motors", "--out", "motors.fmu")
+    path = installed.folder / "work" / "motors.fmu"
+    assert validate_fmu(str(path)) == []
+    result = fmpy.simulate_fmu(str(path), start_values={"v_l": 6.0}, stop_time=0.05, output_interval=1e-3)
+    assert result["w_l"][-1] > 100.0 and result["w_r"][-1] == 0.0
 
 
 def notebook_script(folder):

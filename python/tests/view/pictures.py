@@ -24,10 +24,7 @@ from rtds_host.diagnosis.report import report_page
 from rtds_host.view import Feed, Viewer, lines_of_run
 
 IMAGES = HERE.parents[3] / "docs" / "images"
-FLAGS = (
-    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync --disable-dev-shm-usage"
-).split()
+FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage"]
 # Bytes of a picture, at most.
 LARGEST = 150 * 1024
 

@@ -22,9 +22,16 @@ for _module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
 
 
 def catalogue(robot: Robot, runs: Sequence[RunLog] = ()) -> dict[str, Effect]:
-    """The effects with their numbers in SI on a machine; `runs`: its logs, see `machine_of`."""
+    """The effects with their numbers in SI on a machine; `runs`: its logs, see `machine_of`.
+
+    What acts before a speed loop is left out where a robot has none.
+    """
     machine = machine_of(robot, runs)
-    return {name: effect.on(machine) for name, effect in CATALOGUE.items()}
+    return {
+        name: effect.on(machine)
+        for name, effect in CATALOGUE.items()
+        if robot.driver.mode == "speed" or not effect.before_loop
+    }
 
 
 SUBSYSTEMS = ("driver", "winding", "drivetrain", "wheel_ground", "chassis", "sensing", "timing")

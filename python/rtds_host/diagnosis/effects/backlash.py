@@ -44,4 +44,9 @@ EFFECT = Effect(
     rough=True,
     runs_in="robot",
     form=0.05,
+    compared_at={"angle_rad": 0.03, "restitution": 0.0},
+    agrees_within=(
+        2.0,
+        "a sample that falls on an impact shows the speed before it in the one and after it in the other",
+    ),
 )

@@ -19,7 +19,8 @@ class Parameter:
     """One number of an effect.
 
     scale : what of a machine (an attribute of `Machine`) null, low, high, spread and starts are shares of; `on` makes
-    them SI. least : the scale below whose negative it cannot fall; most : the one that it cannot exceed. null : value
+    them SI. least : the scale below whose negative it cannot fall; most : the one that it cannot exceed; reach : the
+    one that the upper bound is raised to, with a start half way there, by its logarithm. null : value
     at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice, about `null` (sets
     the price of a free parameter); starts : values to start a fit from; difference : step of a derivative, in spreads;
     optional : a diagnosis may leave it out, it is `null` then; shape : it gives the effect's form, not its size; steep
@@ -45,22 +46,28 @@ class Parameter:
     scale: str = "one"
     least: str = ""
     most: str = ""
+    reach: str = ""
 
     def on(self, machine: Machine) -> Parameter:
         """The same in SI on a machine."""
         unit = getattr(machine, self.scale)
         low = max(unit * self.low, -getattr(machine, self.least)) if self.least else unit * self.low
         high = min(unit * self.high, getattr(machine, self.most)) if self.most else unit * self.high
+        starts = tuple(unit * start for start in self.starts)
+        if self.reach and getattr(machine, self.reach) > high:
+            high = getattr(machine, self.reach)
+            starts += (math.sqrt(max(starts) * high),)
         return replace(
             self,
             scale="one",
             least="",
             most="",
+            reach="",
             null=unit * self.null,
             low=low,
             high=high,
             spread=unit * self.spread,
-            starts=tuple(min(max(unit * start, low), high) for start in self.starts),
+            starts=tuple(min(max(start, low), high) for start in starts),
         )
 
     @property
@@ -112,9 +119,14 @@ class Effect:
     parameters rest. `separate`: each parameter is a part of its own, absent where only
     another one is there. `nonlinear`: its signature changes its form with its size, and with what the other side does.
     `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima.
-    `without_winding`: it exists on a machine whose torque is commanded. `check`: a measurement by hand that shows this
-    effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`: channels (without side) of
-    which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl", "robot" or "signal".
+    `without_winding`: it exists on a machine whose torque is commanded. `before_loop`: it acts before a loop on the
+    speed, which a robot in speed mode alone has. `exports_as`: another effect whose parameters of the plant it writes, and whose
+    row of the exporters' table it has; without one, the table has a row of its own.
+    `compared_at`: sizes in SI at which simulator and replay are compared, where the middle start would not be met;
+    `agrees_within`: a wider bound on their difference, in units of noise, and its reason. `check`: a measurement
+    by hand that shows this effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`: channels (without side) of
+    which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
+    "robot", "signal", or "refused" where it has no such robot.
     `restarts`: parameters to fit from as well, where the misfit has more than one minimum. `form`: what share of its
     size formulations of it differ by, one sigma: next to nothing where a definition or a law stands behind it, more
     where a model of friction or contact does. `former`: parameters that earlier diagnoses hold, and the two whose
@@ -143,6 +155,10 @@ class Effect:
     periodic: bool = False
     rough: bool = False
     without_winding: bool = True
+    before_loop: bool = False
+    exports_as: str = ""
+    compared_at: Mapping[str, float] = field(default_factory=dict)
+    agrees_within: tuple[float, str] | None = None
     seen_by: tuple[str, ...] = ()
     restarts: tuple[Mapping[str, float], ...] = ()
     form: float = 0.001

@@ -33,4 +33,5 @@ EFFECT = Effect(
     runs_in="robot",
     axis=False,
     form=0.02,
+    compared_at={"x_m": 0.03, "y_m": 0.012},
 )

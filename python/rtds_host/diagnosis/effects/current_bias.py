@@ -28,4 +28,5 @@ EFFECT = Effect(
     advice="Zero the current sensor at standstill before a run.",
     seen_by=("i",),
     runs_in="signal",
+    compared_at={"amperes": 0.02},
 )

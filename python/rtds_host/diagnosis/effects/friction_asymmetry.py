@@ -45,4 +45,5 @@ EFFECT = Effect(
     separate=True,
     runs_in="rtl",
     form=0.02,
+    compared_at={"torque_nm": 0.02, "nm_s_per_rad": 0.004},
 )

@@ -29,4 +29,5 @@ EFFECT = Effect(
     seen_by=("gyro",),
     runs_in="signal",
     axis=False,
+    compared_at={"rad_s": 0.02},
 )

@@ -28,4 +28,5 @@ EFFECT = Effect(
     advice="Expect gear efficiency to fall with load; choose a gear of higher efficiency.",
     runs_in="rtl",
     form=0.02,
+    compared_at={"ratio": 0.3},
 )

@@ -111,4 +111,5 @@ EFFECT = Effect(
     # The length of rolling over which traction builds up: no fit found its way along its product with the slip, which
     # is what runs show.
     former={"relaxation_m": ("softness_m_per_n", "slip_per_newton")},
+    compared_at={"slip_per_newton": 0.02, "softness_m_per_n": 6e-05, "damping_n_s_per_m": 50.0, "grip": 0.9},
 )

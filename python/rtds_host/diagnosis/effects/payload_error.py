@@ -25,6 +25,7 @@ EFFECT = Effect(
             null=0,
             low=-0.95,
             high=5,
+            reach="movable",
             spread=0.5,
             starts=(0.3, -0.2, 1.0),
             meaning="mass (of an axis: load) beyond what is declared",
@@ -44,4 +45,5 @@ EFFECT = Effect(
     advice="Set the measured mass in robot.toml, or the payload in run.json.",
     runs_in="robot",
     form=0.02,
+    compared_at={"mass_kg": 1.0},
 )

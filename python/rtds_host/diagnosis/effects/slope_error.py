@@ -28,4 +28,5 @@ EFFECT = Effect(
     runs_in="robot",
     axis=False,
     form=0.02,
+    compared_at={"slope_rad": 0.03},
 )

@@ -64,4 +64,5 @@ EFFECT = Effect(
     runs_in="signal",
     form=0.005,
     likened={"measurement_delay": _all_late},
+    compared_at={"time_constant_s": 0.03, "delay_s": 0.0126},
 )

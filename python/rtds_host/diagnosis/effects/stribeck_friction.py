@@ -62,4 +62,5 @@ EFFECT = Effect(
     runs_in="rtl",
     contains=("coulomb_friction",),
     form=0.02,
+    compared_at={"torque_nm": 0.02, "extra_torque_nm": 0.04, "speed_rad_s": 0.5},
 )

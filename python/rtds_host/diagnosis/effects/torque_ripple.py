@@ -52,4 +52,5 @@ EFFECT = Effect(
     advice="Feed the ripple forward by angle, or change the gear stage whose tooth count matches.",
     periodic=True,
     runs_in="rtl",
+    compared_at={"amplitude_nm": 0.03, "cycles_per_rev": 4.37, "phase_rad": 0.7},
 )

@@ -40,4 +40,5 @@ EFFECT = Effect(
     advice="Let the motor cool between runs, or lower its load; model R with temperature.",
     without_winding=False,
     runs_in="rtl",
+    compared_at={"rise_per_watt": 0.2, "time_constant_s": 4.0},
 )

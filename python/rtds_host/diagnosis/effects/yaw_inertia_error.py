@@ -28,4 +28,5 @@ EFFECT = Effect(
     advice="Set the yaw inertia from the swing.",
     runs_in="robot",
     axis=False,
+    compared_at={"ratio": 5.0},
 )

@@ -15,7 +15,18 @@ from rtds_host.contract import Case, RunLog
 from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.chance import MOVES, SLIGHT, handful
 from rtds_host.diagnosis.gap import counts
-from rtds_host.diagnosis.gate import cuts, glitches, rounding, sensors, stamps, timing, units
+from rtds_host.diagnosis.gate import (
+    contradictions,
+    cuts,
+    glitches,
+    loop,
+    rounding,
+    sensors,
+    stamps,
+    starts,
+    timing,
+    units,
+)
 from rtds_host.diagnosis.gate.findings import SEVERITIES, Finding, Gate, Timing, merged, percent
 from rtds_host.diagnosis.gate.limits import Limits, channels, limits
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
@@ -32,18 +43,23 @@ def examine(case: Case) -> Gate:
     InputError : no log at all (a clock or a channel in another unit than the contract's, a hole of minutes), or no run
         holds enough to diagnose anything: too short, nothing commanded and nothing moves, all speeds and angles dead.
     """
+    case, repeats = contradictions.repeated(case)
     timing.check_clock(case)
     bounds = limits(case)
+    case, asleep = starts.awake(case, bounds)
     units.check_commands(case, bounds)
+    units.check_staircase(case)
     declared = {c: case.robot.noise(c) for c in channels(case.robot)}
     noise, steps = rounding.effective_noise(case)
-    found = _notices(case)
+    found = _notices(case) + repeats + asleep
     for log in case.runs:
         found += timing.clock_findings(log, case)
     runs, told = cuts.cut(case)
     found += told
     cleaned = replace(case, runs=runs)
     cleaned, told = _without_glitches(cleaned, bounds, noise)
+    found += told
+    cleaned, told = loop.estimated(cleaned)
     found += told
     cleaned, told, lags = _compared(cleaned, bounds, noise)
     found += told
@@ -156,7 +172,7 @@ def _compared(
     for log, replayed in zip(case.runs, replayed_runs):
         seen.append((log, units.compare(log, robot, replayed, bounds)))
         units.check_minutes(log, case)
-    found += units.refuse(seen, bounds)
+    found += units.refuse(seen, robot, bounds)
     for (log, compared), replayed in zip(seen, replayed_runs):
         told, aside = sensors.in_samples(log, counting, replayed)
         for c, rows in glitches.beside_replay(log, case, bounds, noise, replayed).items():
@@ -167,7 +183,8 @@ def _compared(
         runs.append(sensors.without(log, aside))
         replays.append((runs[-1], replayed))
     units.refuse_exchanged(case, replays)
-    return replace(case, runs=tuple(runs)), found, lags
+    cleaned, told_of = contradictions.settled(replace(case, runs=tuple(runs)), replayed_runs)
+    return cleaned, found + told_of, lags
 
 
 def _commands(log: RunLog, case: Case) -> list[Finding]:
@@ -225,7 +242,7 @@ def _enough(case: Case) -> None:
         excited |= bool(np.abs(log.commands(robot.driver.mode)).max() > 1e-6)
     longest = max(float(log.t[-1] - log.t[0]) for log in case.runs)
     rows = max(len(log.t) for log in case.runs)
-    if longest < timing.SHORTEST_S * (1 - 1e-9) or rows < cuts.FEWEST_ROWS:
+    if all(timing.shorter_than_any(log.t) for log in case.runs) or rows < cuts.FEWEST_ROWS:
         raise InputError(
             f"{where}: the longest run of the case lasts {longest:.3g} s with {rows} rows, at least "
             f"{timing.SHORTEST_S:g} s and {cuts.FEWEST_ROWS} rows are needed"
@@ -242,6 +259,6 @@ def _enough(case: Case) -> None:
         )
     if not any(counts(log, robot) for log in case.runs):
         raise InputError(
-            f"{where}: nothing in it counts: no channel has both samples and a noise in [sensors], or of angles and poses "
-            f"alone no run has a whole second"
+            f"{where}: nothing in it counts: no channel has both samples and a noise in [sensors], or of angles and "
+            f"poses alone no run has a whole second"
         )

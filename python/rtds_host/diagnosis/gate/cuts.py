@@ -12,7 +12,7 @@ from rtds_host.contract import Case, RunLog
 from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.chance import MOVES, handful
 from rtds_host.diagnosis.gate.findings import Finding, percent
-from rtds_host.diagnosis.gate.timing import SHORTEST_S, hole_s
+from rtds_host.diagnosis.gate.timing import hole_s, shorter_than_any
 from rtds_host.diagnosis.replay.model import START_ROWS
 
 # A sample and those to either side that a start, and what a glitch is, are judged by.
@@ -40,7 +40,7 @@ def start_row(log: RunLog, case: Case, rows: np.ndarray) -> int | None:
 
 
 def _long_enough(log: RunLog, first: int, last: int) -> bool:
-    return last - first >= FEWEST_ROWS and log.t[last - 1] - log.t[first] >= SHORTEST_S
+    return last - first >= FEWEST_ROWS and not shorter_than_any(log.t[first:last])
 
 
 def cut(case: Case) -> tuple[tuple[RunLog, ...], list[Finding]]:

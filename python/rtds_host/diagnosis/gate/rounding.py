@@ -22,6 +22,8 @@ MOST_DIGITS = np.finfo(np.float32).precision
 FEWEST = math.ceil(in_a_row(2.0 * SLIGHT))
 # Share of the values that must fit a step: a handful may be glitches, or written by another hand.
 FITTING = 1.0 - HANDFUL
+# Numerical: how many times as far off as these a value may be that no logger wrote by mistake.
+ROOM = 100.0
 # Numerical: values that differ by less than this share of their scatter are one level, written by another division.
 SAME_LEVEL = 1e-5
 
@@ -94,6 +96,13 @@ def _coarse(values: np.ndarray, apart: np.ndarray) -> float:
     return step if np.all(np.abs(apart / step - np.round(apart / step)) < SLIGHT) else 0.0
 
 
+def _near(values: np.ndarray) -> np.ndarray:
+    """Which values (n,) are no further off the others than those that must fit a step, and some room, (n,)."""
+    off = np.abs(values - np.median(values))
+    moved = off[off > 0.0]
+    return off <= ROOM * np.quantile(moved, FITTING, method="lower") if len(moved) else np.ones(len(values), bool)
+
+
 def step_of(values: np.ndarray, t: np.ndarray | None = None) -> float:
     """Typical step that values (n,) show, in their unit; 0 where they show none.
 
@@ -107,6 +116,11 @@ def step_of(values: np.ndarray, t: np.ndarray | None = None) -> float:
         starts = np.linspace(0, len(values) - length, PLACES).astype(int)
         rows = (starts[:, None] + np.arange(length)).ravel()
         values, t = values[rows], None if t is None else t[rows]
+    # One glitch of ten million would make its own size the step of all others.
+    near = _near(values)
+    values, t = values[near], None if t is None else t[near]
+    if not np.ptp(values):
+        return 0.0
     step = max(_decimals(values), _digits(values), _grid(values))
     if t is not None:
         dt = np.diff(t)

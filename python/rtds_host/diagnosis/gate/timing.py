@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
-from rtds_host.contract.clock import PER_SECOND, SLOWEST_HZ, is_rate, likely_unit, moment
+from rtds_host.contract.clock import PER_SECOND, SLOWEST_HZ, is_rate, is_staircase, likely_unit, moment
 from rtds_host.diagnosis.chance import APART, FEWEST, FOLLOWS, HANDFUL, MOVES, SAME
 from rtds_host.diagnosis.gap import WINDOW_S
 from rtds_host.diagnosis.gate.findings import Finding, percent
@@ -91,7 +91,8 @@ def check_clock(case: Case) -> None:
                 f"{where}: is it in {unit}? With seconds, speeds make {clock:.3g} times the ways and angles "
                 "that were measured"
             )
-        if not is_rate(step):
+        # Whether a staircase is one, its wheels tell: `units.check_staircase`.
+        if not is_rate(step) and not is_staircase(log.t):
             unit = likely_unit(step)
             raise InputError(
                 f"{where}: a row every {step:.3g} s, "
@@ -109,6 +110,8 @@ def _nearest(ratio: float) -> str | None:
     # Angles in degrees look nearly like minutes; the median of the pairs is known better than the twentieth between
     # them.
     sizes = {**PER_SECOND, "degrees": math.pi / 180.0}
+    if not 0.0 < ratio < math.inf:
+        return None
     name = min(sizes, key=lambda u: abs(math.log(ratio / sizes[u])))
     return name if name != "degrees" and abs(math.log(ratio / sizes[name])) < math.log(CLOSE) else None
 
@@ -128,6 +131,11 @@ def jitter(t: np.ndarray) -> float:
     # Of stamps that jitter alone the variance of a step is twice theirs, and its covariance with the next minus theirs.
     # Nearer to those than to steps that are uneven on their own, it is theirs.
     return math.sqrt(0.5 * (0.5 * square + product)) if product > 0.25 * square else math.sqrt(max(0.0, product))
+
+
+def shorter_than_any(t: np.ndarray) -> bool:
+    """Whether a run's times (n,) s last less than the shortest run, to the digits that they have: few, since 1970."""
+    return float(t[-1] - t[0]) < SHORTEST_S * (1.0 - 1e-9) - 2.0 * float(np.spacing(np.abs(t[-1])))
 
 
 def hole_s(t: np.ndarray) -> float:
@@ -155,15 +163,25 @@ def clock_findings(log: RunLog, case: Case) -> list[Finding]:
     found = []
     # NaN, which no step exceeds, where torque is commanded.
     time_constant = limits(case).time_constant_s
-    if step > time_constant * (1.0 + HANDFUL):
+    if not is_rate(step):
+        found.append(
+            Finding(
+                log.name,
+                "t",
+                "staircase",
+                "note",
+                f"a row every {step:.3g} s: each is taken as a settled speed; what is over sooner is not seen.",
+            )
+        )
+    elif step > time_constant * (1.0 + HANDFUL):
         found.append(
             Finding(
                 log.name,
                 "t",
                 "rate",
                 "warning",
-                f"{rate:.3g} rows a second are few beside a mechanical time constant of {1e3 * time_constant:.2g} ms: parameters of "
-                "fast parts are biased.",
+                f"{rate:.3g} rows a second are few beside a mechanical time constant of {1e3 * time_constant:.2g} ms: "
+                "parameters of fast parts are biased.",
             )
         )
     regular = dt[dt <= hole_s(t)]
@@ -206,7 +224,8 @@ def command_findings(log: RunLog, case: Case, time_constant_s: float) -> tuple[l
     apart = float(np.median(np.diff(log.t[changes])))
     # A servo follows its command in no less time than the motor alone; torque mode has no time constant to compare.
     few = len(changes) > 0.5 * len(log.t) and math.isfinite(time_constant_s) and apart > time_constant_s
-    if not few:
+    # Whoever takes a row a step holds the command until the speed has settled.
+    if not few or not is_rate(float(np.median(np.diff(log.t)))):
         return [], apart, True
     return (
         [

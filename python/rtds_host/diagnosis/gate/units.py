@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
-from rtds_host.contract.clock import PER_SECOND, is_rate
+from rtds_host.contract.clock import PER_SECOND, is_rate, likely_unit
 from rtds_host.diagnosis.chance import CLOSELY, FEWEST, FOLLOWS, HANDFUL, MOVES, SLIGHT
 from rtds_host.diagnosis.gate.findings import Finding
 from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels, kind_of
@@ -33,18 +33,19 @@ def _factors(robot: Robot) -> dict[str, dict[str, float]]:
     gear = robot.motor.gear_ratio
     degrees = 180 / math.pi
     length = {"millimetres": 1000.0, "centimetres": 100.0}
+    # What happens most often first: a gear forgotten, then degrees and turns, then the rest.
     known = {
         "w": {
+            "radians per second of the motor": gear,
             "degrees per second": degrees,
             "revolutions per minute": 30 / math.pi,
             "metres per second at the rim": radius,
             "millimetres per second at the rim": 1e3 * radius,
-            "radians per second of the motor": gear,
-            "revolutions per minute of the motor": gear * 30 / math.pi,
             "revolutions per second": 0.5 / math.pi,
+            "revolutions per minute of the motor": gear * 30 / math.pi,
             "milliradians per second": 1e3,
         },
-        "th": {"degrees": degrees, "turns": 0.5 / math.pi, "radians of the motor": gear, "milliradians": 1e3},
+        "th": {"radians of the motor": gear, "degrees": degrees, "turns": 0.5 / math.pi, "milliradians": 1e3},
         "i": {"milliamperes": 1000.0},
         "gyro": {"degrees per second": degrees, "milliradians per second": 1e3},
         "yaw": {"degrees": degrees, "milliradians": 1e3},
@@ -62,6 +63,14 @@ def _factors(robot: Robot) -> dict[str, dict[str, float]]:
 def _unit(ratio: float, factors: dict[str, float]) -> str:
     """The unit whose factor is nearest to a ratio."""
     return min(factors, key=lambda u: abs(math.log(abs(ratio) / factors[u])))
+
+
+def _units(ratio: float, unit: str, factors: dict[str, float]) -> str:
+    """A unit by name, and a likelier one of the same size to within what a ratio is known: a gear before degrees."""
+    if unit not in factors:
+        return unit
+    close = [u for u in factors if abs(math.log(abs(ratio) / factors[u])) < math.log(CLOSE)]
+    return f"{close[0]} or in {unit}" if unit in close and close[0] != unit else unit
 
 
 def _refusal(log: RunLog, names: list[str], what: str, unit: str) -> InputError:
@@ -110,13 +119,15 @@ class Compared:
     """What a comparison of one run with the nominal replay gave.
 
     wrong : channel -> how many times the nominal it is, and the likely unit; right : channels that follow it closely at
-    its scale.
+    its scale; ratios : channel -> how many times the nominal (of a turn: what the wheels show) it is, and how closely
+    it follows that.
     """
 
     findings: list[Finding] = field(default_factory=list)
     lags: list[tuple[str, float]] = field(default_factory=list)
     wrong: dict[str, tuple[float, str]] = field(default_factory=dict)
     right: set[str] = field(default_factory=set)
+    ratios: dict[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def _match(t: np.ndarray, v: np.ndarray, grid: np.ndarray, replayed: np.ndarray, lag: float) -> float:
@@ -168,10 +179,15 @@ def lag_and_ratio(
 
 
 def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> Compared:
-    """Scales, signs and lags of a run against the nominal replay (n, 11), and magnitudes beyond all bounds."""
+    """Scales, signs and lags of a run against the nominal replay (n, 11), and magnitudes beyond all bounds.
+
+    A run without a command is a coast or a brake from the measured start: how far it goes is friction's affair, and
+    proves no unit.
+    """
     result = Compared()
     factors = _factors(robot)
     ratios = {}
+    driven = bool(log.commands(robot.driver.mode).any())
     for c in (c for c in channels(robot) if log.has(c)):
         values = log.columns[c]
         if c == "v_bus":
@@ -199,6 +215,8 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
         noise = robot.noise(c)
         if noise is None or column is None or not np.isfinite(column).all() or float(np.std(column)) < MOVES * noise:
             continue
+        if not driven and c not in ("gyro_z", "yaw"):
+            continue
         way = c.startswith(("th", "x", "y"))
         found = lag_and_ratio(
             log, c, column - column[0] if way else column, c[0] == "w" and robot.driver.mode == "voltage"
@@ -216,13 +234,13 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
         if ratio == 0.0:
             continue
         ratios[c] = ratio
+        result.ratios[c] = ratio, match
         _scale(result, c, ratio, match, factors[kind_of(c)])
         _sign(result, log, c, ratio, match)
         if c[0] == "w" and match > CLOSELY and lag is not None:
             _lag(result, log, c, lag)
     _turn(result, log, robot, ratios)
     _side_by_side(result, log, robot, factors)
-    _duty(result, log, robot, ratios)
     return result
 
 
@@ -326,46 +344,68 @@ def _lag(result: Compared, log: RunLog, c: str, lag: float) -> None:
                 c,
                 "delay",
                 "note" if late else "warning",
-                f"{c} answers the command {1e3 * abs(lag):.0f} ms {'later' if late else 'earlier'} than the nominal robot"
-                + ("." if late else ": clocks that do not agree?"),
+                f"{c} answers the command {1e3 * abs(lag):.0f} ms {'later' if late else 'earlier'} than the nominal "
+                "robot" + ("." if late else ": clocks that do not agree?"),
             )
         )
 
 
-def _duty(result: Compared, log: RunLog, robot: Robot, ratios: dict[str, float]) -> None:
-    """A command between -1 and 1 that drives as a voltage of many times that would."""
+def _refuse_duty(compared: list[tuple[RunLog, Compared]], robot: Robot) -> None:
+    """Refuse commands between -1 and 1 that drive as voltages of many times that would, in every run that is driven.
+
+    Raises
+    ------
+    InputError : names the first driven run.
+    """
     if robot.driver.mode != "voltage" or robot.supply_v <= ROOM:
         return
     for s in robot.sides:
-        top = float(np.max(np.abs(log.columns[f"v_cmd_{s}"])))
-        ratio = ratios.get(f"w_{s}", ratios.get(f"th_{s}"))
-        if ratio is not None and top <= 1.0 + SLIGHT and ROOM < abs(ratio) < 2.0 * robot.supply_v:
-            for c in (f"w_{s}", f"th_{s}", f"i_{s}", "gyro_z", "x", "y", "yaw"):
-                result.wrong.pop(c, None)
-            result.wrong[f"v_cmd_{s}"] = abs(ratio), "shares of the supply (a duty)"
+        name = f"v_cmd_{s}"
+        driven = [(log, found) for log, found in compared if log.columns[name].any()]
+        if not driven or max(float(np.max(np.abs(log.columns[name]))) for log, _ in driven) > 1.0 + SLIGHT:
+            continue
+        told = [
+            (log, abs(found.ratios.get(f"w_{s}", found.ratios.get(f"th_{s}"))[0]))
+            for log, found in driven
+            if f"w_{s}" in found.ratios or f"th_{s}" in found.ratios
+        ]
+        if told and all(ROOM < ratio < 2.0 * robot.supply_v for _, ratio in told):
+            names = [f"v_cmd_{other}" for other in robot.sides]
+            ratio = float(np.median([ratio for _, ratio in told]))
+            raise _refusal(
+                told[0][0],
+                names,
+                f"the wheels turn {ratio:.3g} times as fast as it drives them in volts",
+                "shares of the supply (a duty)",
+            )
 
 
-def refuse(compared: list[tuple[RunLog, Compared]], bounds: Limits) -> list[Finding]:
+def refuse(compared: list[tuple[RunLog, Compared]], robot: Robot, bounds: Limits) -> list[Finding]:
     """Refuse a case with a channel whose scale is certainly a unit's; what is said of channels whose scale is not.
 
-    One logger wrote all runs. Where a channel follows the nominal robot closely in another of them, it is in its unit
-    there, and what it shows here is what the robot did, unless no robot can: one that slides down a slope goes a
-    hundred times as far as its wheels.
+    One logger wrote all runs, so the evidence is the whole case's: a channel is in another unit where most of the runs
+    that can tell say so and none follows the nominal robot closely at its scale. What a single run shows beside that is
+    what the robot did, unless no robot can: one that slides down a slope goes a hundred times as far as its wheels.
 
     Raises
     ------
     InputError : names the first such run, the channels of the first unit, and the unit.
     """
+    _refuse_duty(compared, robot)
+    factors = _factors(robot)
     right = set().union(*(found.right for _, found in compared))
     told = []
     for log, found in compared:
         wrong = {
             c: one
             for c, one in found.wrong.items()
-            if not right & _pose_of(c) or log.has(c) and _scale_of(log.columns[c]) > bounds.values.get(c, math.inf)
+            if not right & _pose_of(c)
+            and _in_most(compared, c)
+            or log.has(c)
+            and _scale_of(log.columns[c]) > bounds.values.get(c, math.inf)
         }
         if wrong:
-            raise _wrong_unit(log, wrong)
+            raise _wrong_unit(log, wrong, factors)
         told += [
             Finding(
                 log.name,
@@ -377,6 +417,32 @@ def refuse(compared: list[tuple[RunLog, Compared]], bounds: Limits) -> list[Find
             )
             for c, (ratio, unit) in found.wrong.items()
         ]
+    return told + _counts(compared)
+
+
+def _in_most(compared: list[tuple[RunLog, Compared]], c: str) -> bool:
+    """Whether a channel's scale is a unit's in most of the runs that tell its scale."""
+    tell = [found for _, found in compared if c in found.wrong or found.ratios.get(c, (0.0, 0.0))[1] > FOLLOWS]
+    return 2 * sum(c in found.wrong for found in tell) > len(tell)
+
+
+def _counts(compared: list[tuple[RunLog, Compared]]) -> list[Finding]:
+    """What is said of a channel that closely shows twice or four times what it should, or as many times less, in every
+    run that tells: edges of an encoder counted or not, a gear ratio, a wheel's size."""
+    told = []
+    for c in dict.fromkeys(c for _, found in compared for c in found.ratios):
+        seen = [found.ratios[c] for _, found in compared if c in found.ratios]
+        ratios = np.abs([ratio for ratio, match in seen if match > CLOSELY])
+        if c[0] == "i" or c in ("x", "y") or len(ratios) < len(seen):
+            continue
+        for times in (2.0, 4.0, 0.5, 0.25):
+            if np.all(np.abs(ratios / times - 1.0) < 0.5 * SLIGHT):
+                turns = c in ("gyro_z", "yaw")
+                what = "what the wheels' sensors say" if turns else "what the nominal robot would"
+                cause = "are the encoders' edges counted otherwise, or the gear ratio or the wheels another?"
+                told.append(
+                    Finding("", c, "counts", "note", f"{c} shows {np.median(ratios):.3g} times {what}: {cause}")
+                )
     return told
 
 
@@ -385,16 +451,12 @@ def _pose_of(channel: str) -> set[str]:
     return {"x", "y"} if channel in ("x", "y") else {channel}
 
 
-def _wrong_unit(log: RunLog, wrong: dict[str, tuple[float, str]]) -> InputError:
-    # Commands first: what they drive looks wrong, too.
-    names = sorted(wrong, key=lambda c: not c.startswith("v_cmd"))
-    ratio, unit = wrong[names[0]]
-    alike = [c for c in names if wrong[c][1] == unit]
-    if names[0].startswith("v_cmd"):
-        what = f"the wheels turn {ratio:.3g} times as fast as it drives them in volts"
-    else:
-        what = f"{abs(ratio):.3g} times what the nominal robot would show"
-    return _refusal(log, alike, what, unit)
+def _wrong_unit(log: RunLog, wrong: dict[str, tuple[float, str]], factors: dict[str, dict[str, float]]) -> InputError:
+    first = next(iter(wrong))
+    ratio, unit = wrong[first]
+    alike = [c for c in wrong if wrong[c][1] == unit]
+    what = f"{abs(ratio):.3g} times what the nominal robot would show"
+    return _refusal(log, alike, what, _units(ratio, unit, factors[kind_of(first)]))
 
 
 def check_minutes(log: RunLog, case: Case) -> None:
@@ -443,6 +505,52 @@ def check_minutes(log: RunLog, case: Case) -> None:
             f"{log.path or log.name}: t: is it in minutes? With seconds, the wheels answer commands as no motor of "
             "this robot does"
         )
+
+
+def check_staircase(case: Case) -> None:
+    """Refuse runs of a row a second or slower whose wheels answer their commands as in a faster unit of time.
+
+    Settled speeds follow the commands of their own row or of the one before, whatever lies between. Taken for the unit
+    in which the rows would be a robot's log, the nominal robot follows a true staircase no more closely.
+
+    Raises
+    ------
+    InputError : names the run and the unit.
+    """
+    robot, model = case.robot, nominal_model(case.robot)
+    for log in case.runs:
+        step = float(np.median(np.diff(log.t)))
+        unit = likely_unit(step)
+        if unit is None:
+            continue
+        part = log.rows(0, min(len(log.t), SAMPLES // 10))
+        missed = []
+        for factor in (1.0, 1.0 / PER_SECOND[unit]):
+            taken = replace(part, t=factor * (part.t - part.t[0]))
+            out = replay_run(model, run_inputs(taken, robot))
+            missed.append(1.0 - _follows(taken, robot, out))
+        if missed[1] < 0.5 * missed[0]:
+            raise InputError(
+                f"{log.path or log.name}: t: a row every {step:.3g} s, is it in {unit}? With seconds, the wheels "
+                "answer their commands as no motor of this robot does"
+            )
+
+
+def _follows(log: RunLog, robot: Robot, replayed: np.ndarray) -> float:
+    """How closely the wheels follow a replay (n, 11), the worst of them, rows of both as they stand or a row apart; 0
+    where none tells."""
+    found = []
+    for c in (c for s in robot.sides for c in (f"w_{s}", f"th_{s}")):
+        if not log.has(c) or robot.noise(c) is None:
+            continue
+        good = np.isfinite(log.columns[c])
+        v, r = log.columns[c], replayed[:, OUTPUT_INDEX[c]]
+        if good.sum() < FEWEST or not np.isfinite(r).all() or np.std(v[good]) < MOVES * robot.noise(c):
+            continue
+        rows = np.arange(len(v), dtype=float)
+        shifts = (0.0, -1.0) if c[0] == "w" else (0.0,)
+        found.append(max(abs(_match(rows[good], v[good], rows, r, shift)) for shift in shifts))
+    return min(found, default=0.0)
 
 
 def refuse_exchanged(case: Case, replays: list[tuple[RunLog, np.ndarray]]) -> None:

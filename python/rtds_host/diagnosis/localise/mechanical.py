@@ -8,6 +8,9 @@ from rtds_host.contract import GRAVITY_M_S2
 from rtds_host.diagnosis.chance import APART, MOVES
 from rtds_host.diagnosis.localise.series import cumulated, filled, first_order, middles, near, smooth
 from rtds_host.diagnosis.localise.signals import WINDOW_S, Signals
+from rtds_host.plant.friction import rolling, stribeck
+from rtds_host.plant.ground import pendulum
+from rtds_host.plant.motor import ripple
 
 # Numerical: parts of the largest force met that a tyre may pass on, and of the largest current beyond which a motor's
 # torque falls behind; and how long a tyre that lost its grip takes to regain it.
@@ -18,6 +21,11 @@ FADES = (0.04, 0.14)
 RIPPLES = (1, 2, 3, 4, 6, 8, 12, 18)
 # Numerical: shares of the machine's largest yaw rate, speed without load and stall torque over which a sign turns over.
 SIGN_TURN, SIGN_WAY, SIGN_LOAD = 0.01, 0.06, 0.002
+
+
+def _exp_minus(y: np.ndarray) -> np.ndarray:
+    """exp(-y) of an array."""
+    return np.exp(-y)
 
 
 def torque_block(run: Signals, k: int) -> None:
@@ -77,13 +85,14 @@ def torque_block(run: Signals, k: int) -> None:
             angle = filled(t, run.th[k])
         else:
             angle = cumulated(middles(w), dt) + model.get("axis_zero")
-        arm = GRAVITY_M_S2 * model.get("axis_arm") * np.sin(angle - model.get("axis_zero"))
-        pull = -(model.get("axis_mass") + run.log.meta.payload_kg) * arm
+        swung = model.get("axis_mass") + run.log.meta.payload_kg
+        pull = pendulum.py_func(swung, model.get("axis_arm"), angle - model.get("axis_zero"), np.sin)
     torque = drive - fluid * mid + middles(pull)
     # Effects that the model already holds.
-    dry = model.get("coulomb", k) + model.get("stribeck", k) * np.exp(-((mid / model.get("stribeck_speed", k)) ** 2))
+    relative = mid / model.get("stribeck_speed", k)
+    dry = model.get("coulomb", k) + stribeck.py_func(relative, model.get("stribeck", k), _exp_minus)
     if run.body:
-        dry = dry + model.get("rolling") * run.mass * GRAVITY_M_S2 * 0.5 * r
+        dry = dry + rolling.py_func(model.get("rolling"), run.mass, r)
         torque = torque - lever * model.get("scrub") * yaw_sign_mid
     dry = dry + model.get("load_share", k) * np.abs(drive - fluid * mid)
     # A wheel at rest is held by as much friction as it takes.
@@ -92,8 +101,8 @@ def torque_block(run: Signals, k: int) -> None:
     torque = torque - model.get("asymmetry", k) * np.abs(sign_mid) - model.get("asymmetry_viscous", k) * np.abs(mid)
     angle = filled(t, run.th[k]) if run.th[k] is not None else cumulated(mid, dt)
     if model.get("ripple", k):
-        bites = np.sin(model.get("ripple_cycles", k) * middles(angle) + model.get("ripple_phase", k))
-        torque = torque + model.get("ripple", k) * bites
+        numbers = (model.get(name, k) for name in ("ripple", "ripple_cycles", "ripple_phase"))
+        torque = torque + ripple.py_func(middles(angle), *numbers, np.sin)
     momentum = run.inertia[k] * w + (run.cross * run.w[1 - k] if run.body else 0.0)
     residual = run.cut(momentum - cumulated(torque, dt)) / run.inertia[k]
     steps = float(np.median(dt))
@@ -124,6 +133,7 @@ def torque_block(run: Signals, k: int) -> None:
     put(f"drivetrain:place_{s}b", -sign_mid * np.cos(middles(angle)))
     if model.get("ripple", k):
         # One that is of another size at another place of the turn, and may be in another phase there.
+        bites = ripple.py_func(middles(angle), 1.0, model.get("ripple_cycles", k), model.get("ripple_phase", k), np.sin)
         turned = np.cos(model.get("ripple_cycles", k) * middles(angle) + model.get("ripple_phase", k))
         for ahead, wave in (("", bites), ("@1", turned)):
             put(f"drivetrain:detent{ahead}_{s}", wave * np.sin(middles(angle)))

@@ -11,7 +11,7 @@ from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
 from rtds_host.diagnosis.localise.series import smooth
 from rtds_host.diagnosis.localise.signals import Signals
-from rtds_host.diagnosis.nuisances import BAND, PRIOR
+from rtds_host.diagnosis.nuisances import MOTOR, PRIOR, SIGMAS, tolerance
 
 # Which subsystem a block's own, unexplained residual speaks of.
 BLOCKS = {
@@ -26,8 +26,14 @@ BLOCKS = {
     "speed_twice_r": "sensing",
     "yaw_twice": "sensing",
 }
-# Signatures of the contract's nuisances, ratios all; beyond `BAND` a ratio is a cause of its own.
-NUISANCES = ("winding:resistance", "winding:constant", "drivetrain:inertia", "drivetrain:viscous")
+# Signatures of the contract's nuisances, ratios all, and what they are called among these; beyond three sigmas of its
+# tolerance a ratio is a cause of its own.
+NUISANCES = {
+    "winding:resistance": "resistance",
+    "winding:constant": "constant",
+    "drivetrain:inertia": "inertia",
+    "drivetrain:viscous": "viscous",
+}
 # Physical: a sensor's noise is known to this share of its energy; what is less, of the noise or of all there is, is not
 # seen in it.
 FAINT = 0.05
@@ -77,6 +83,11 @@ class Sums:
         self.energy = dict.fromkeys(self.blocks, 0.0)
         self.count = dict.fromkeys(self.blocks, 0)
         self.regimes: dict[str, dict[str, list[float]]] = {b: {} for b in self.blocks}
+        # One sigma of the nuisances' ratios.
+        self.sigma = {
+            name: tolerance(runs[0].robot, MOTOR[nuisance], PRIOR) if runs else PRIOR
+            for name, nuisance in NUISANCES.items()
+        }
         # Whether wheels may shake behind their gears: nothing is known of that, or they are known to.
         self.loose = not known or any(run.model.get(slot, k) for run in runs for slot in LOOSE for k in run.sides)
         # Noise energy that a signature takes with it, made of residuals as it is.
@@ -143,27 +154,29 @@ class Sums:
 
     def explained(self, columns: list[int], loose: set[int]) -> tuple[float, np.ndarray]:
         """Energy that columns explain, and their sizes: nuisances, but for those in `loose`, within their prior and
-        within `BAND`.
+        within three sigmas of it.
         """
         nuisance = set(self.always)
         fixed = np.zeros(len(columns))
         held = np.zeros(len(columns), bool)
         tight = np.array([j in nuisance and j not in loose for j in columns], bool)
+        # Numerical: a constant that is declared exact moves by next to nothing.
+        sigma = np.array([max(self.sigma.get(group_of(self.names[j]), PRIOR), 1e-6) for j in columns])
         g, c = self._total[0][np.ix_(columns, columns)], self._total[1][columns]
         theta = fixed
         for _ in columns:
             free = ~held
-            p = np.where(tight, 1.0 / PRIOR**2, 0.0)[free]
+            p = np.where(tight, sigma**-2.0, 0.0)[free]
             gf = g[np.ix_(free, free)]
             d = np.sqrt(np.diag(gf) + p)
             normal = gf / np.outer(d, d)
             normal[np.diag_indices_from(normal)] += p / d**2 + 1e-9
             theta = fixed.copy()
             theta[free] = np.linalg.solve(normal, (c[free] - g[np.ix_(free, held)] @ fixed[held]) / d) / d
-            over = tight & free & (np.abs(theta) > BAND)
+            over = tight & free & (np.abs(theta) > SIGMAS * sigma)
             if not over.any():
                 break
-            fixed[over] = np.sign(theta[over]) * BAND
+            fixed[over] = np.sign(theta[over]) * SIGMAS * sigma[over]
             held |= over
         return float(2.0 * theta @ c - theta @ g @ theta), theta
 

@@ -6,19 +6,29 @@ import numpy as np
 
 from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis import gap
-from rtds_host.diagnosis.likelihood import LONGEST_S
 from rtds_host.diagnosis.localise.series import Windows, cumulated, filled, first_order, middles, relaxed, smooth
 from rtds_host.diagnosis.machine import machine_of
 from rtds_host.diagnosis.replay.model import Model
+from rtds_host.plant.compiled import loop
+from rtds_host.plant.driver import duty
 
 # Blocks start anew from what is measured once a discrepancy has come and gone: the longer, the better small torques
 # show, and the farther a wrong start leads.
-WINDOW_S = LONGEST_S
+WINDOW_S = 0.3
 # Numerical: over how many volts of a bridge, and over what share of the largest speed or how many noises, a sign turns
 # over.
 SIGN_V, SIGN_SHARE, SIGN_NOISES = 0.05, 0.02, 2.0
 # Numerical: to either side of a row over which a speed is averaged.
 SMOOTH_S = 0.015
+
+
+@loop
+def duties(volts, supply, curve, deadzone, gain):
+    """`rtds_host.plant.driver.duty` of voltages (n,), V."""
+    out = np.empty_like(volts)
+    for k in range(len(volts)):
+        out[k] = duty(volts[k], supply, curve, deadzone, gain)
+    return out
 
 
 class Signals:
@@ -61,7 +71,7 @@ class Signals:
         gear = model.get("gear_ratio")
         self.supply = model.get("supply")
         self.voltage_mode = robot.driver.mode == "voltage"
-        self.delay = model.get("command_delay") + model.get("measurement_delay")
+        self.delay = model.get("command_delay") - model.get("command_early") + model.get("measurement_delay")
         self.w, self.w_noise, self.w_rows, self.th, self.i, self.has_i, self.i_rows = [], [], [], [], [], [], []
         self.v_end, self.v_mean, self.volts, self.electric = [], [], [], []
         command = log.commands(robot.driver.mode)
@@ -223,9 +233,8 @@ class Signals:
 
     def driver(self, volts: np.ndarray, k: int) -> np.ndarray:
         """Voltage behind the driver's curve, dead zone and gain, as the replay has it."""
-        volts = volts * (1.0 + self.model.get("pwm_curve", k) * (1.0 - np.minimum(np.abs(volts) / self.supply, 1.0)))
-        dead = self.model.get("deadzone", k)
-        return (volts - np.sign(volts) * np.minimum(np.abs(volts), dead)) * self.model.get("voltage_gain", k)
+        get = self.model.get
+        return duties(volts, self.supply, get("pwm_curve", k), get("deadzone", k), get("voltage_gain", k))
 
     def heat(self, current: np.ndarray, resistance: float, tau: float) -> np.ndarray:
         """First-order response to the winding's loss, (n,), in watts."""

@@ -19,109 +19,51 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
-from rtds_host.contract import GRAVITY_M_S2
-from rtds_host.diagnosis.replay.slots import COMMON_INDEX, SIDE_INDEX
+from rtds_host.plant import driver, friction, gear, ground, motor, sensors
+from rtds_host.plant.compiled import loop
+from rtds_host.plant.elementary import exponential
+from rtds_host.plant.elementary import turned as turned_by
+from rtds_host.plant.schema import SIDE_INDEX, common_indices, side_indices
 
-# Numerical: a tyre that slides counts as if its force still grew with its shear by this share, so that it is found
-# again.
-FLAT = 0.02
-# Numerical: and its shear is that of so many times the grip at most.
-SLIDING = 20.0
-# Numerical: flanks that meet more slowly stay together.
-BOUNCE_RAD_S = 0.05
-# Numerical: of a current sensor's gain below this no current is told.
-LEAST_GAIN = 0.1
 # Numerical: how often a step is taken whose friction or bus hangs on its own currents and forces.
 TRIALS = 2
 
-R, L, KM, KB, J, B = (
-    SIDE_INDEX[n] for n in ("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia", "viscous")
+R, L, KM, KB, J, B = side_indices("resistance", "inductance", "torque_constant", "back_emf", "rotor_inertia", "viscous")
+RADIUS, CURVE, V_GAIN, DEADZONE, DROP, LIMIT = side_indices(
+    "radius", "pwm_curve", "voltage_gain", "deadzone", "drop", "limit"
 )
-CURVE = SIDE_INDEX["pwm_curve"]
-RADIUS, V_GAIN, DEADZONE, DROP, LIMIT = (SIDE_INDEX[n] for n in ("radius", "voltage_gain", "deadzone", "drop", "limit"))
-HEAT_RISE, HEAT_TAU = SIDE_INDEX["heat_rise"], SIDE_INDEX["heat_tau"]
-COULOMB, STRIBECK, STRIBECK_W = (SIDE_INDEX[n] for n in ("coulomb", "stribeck", "stribeck_speed"))
-VISCOUS_W, ASYM, ASYM_V, LOAD = (
-    SIDE_INDEX[n] for n in ("viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share")
+HEAT_RISE, HEAT_TAU = side_indices("heat_rise", "heat_tau")
+COULOMB, STRIBECK, STRIBECK_W = side_indices("coulomb", "stribeck", "stribeck_speed")
+VISCOUS_W, ASYM, ASYM_V, LOAD = side_indices("viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share")
+BACKLASH, RESTITUTION, STIFF, DAMP = side_indices("backlash", "restitution", "stiffness", "damping")
+RIPPLE, RIPPLE_N, RIPPLE_PHI = side_indices("ripple", "ripple_cycles", "ripple_phase")
+SLIP, SLIP_LENGTH, SLIP_DAMPING, SLIP_GRIP = side_indices("slip", "slip_relaxation", "slip_damping", "slip_grip")
+W_GAIN, I_GAIN, I_BIAS, W_TAU, W_LATE = side_indices(
+    "speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late"
 )
-BACKLASH, RESTITUTION, STIFF, DAMP = (SIDE_INDEX[n] for n in ("backlash", "restitution", "stiffness", "damping"))
-RIPPLE, RIPPLE_N, RIPPLE_PHI = (SIDE_INDEX[n] for n in ("ripple", "ripple_cycles", "ripple_phase"))
-SLIP, SLIP_LENGTH, SLIP_DAMPING, SLIP_GRIP = (
-    SIDE_INDEX[n] for n in ("slip", "slip_relaxation", "slip_damping", "slip_grip")
+C_GAIN = SIDE_INDEX["command_gain"]
+GEAR, SUPPLY, MASS, IZ, JW, TRACK = common_indices(
+    "gear_ratio", "supply", "mass", "yaw_inertia", "wheel_inertia", "track"
 )
-W_GAIN, I_GAIN, I_BIAS, W_TAU, W_LATE = (
-    SIDE_INDEX[n] for n in ("speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late")
+SOURCE_R, DECLINE, SCRUB, ROLLING, COM_X, COM_Y = common_indices(
+    "source_resistance", "decline", "scrub", "rolling", "com_x", "com_y"
 )
-GEAR, SUPPLY, MASS, IZ, JW, TRACK = (
-    COMMON_INDEX[n] for n in ("gear_ratio", "supply", "mass", "yaw_inertia", "wheel_inertia", "track")
+CMD_EARLY = common_indices("command_early")[0]
+SLOPE_X, GYRO_GAIN, GYRO_BIAS, CMD_DELAY, MEAS_DELAY = common_indices(
+    "slope_extra", "gyro_gain", "gyro_bias", "command_delay", "measurement_delay"
 )
-SOURCE_R, DECLINE, SCRUB, ROLLING, COM_X, COM_Y = (
-    COMMON_INDEX[n] for n in ("source_resistance", "decline", "scrub", "rolling", "com_x", "com_y")
+MODE, TORQUE_V, BUS_MEAS, LATENCY, AT_WHEEL = common_indices(
+    "mode", "torque_per_volt", "bus_measured", "latency", "encoder_at_wheel"
 )
-SLOPE_X, GYRO_GAIN, GYRO_BIAS, CMD_DELAY, MEAS_DELAY = (
-    COMMON_INDEX[n] for n in ("slope_extra", "gyro_gain", "gyro_bias", "command_delay", "measurement_delay")
+KP, KI, SERVO_LIMIT, SERVO_T, RELEASE = common_indices(
+    "servo_kp", "servo_ki", "servo_limit", "servo_period", "servo_release"
 )
-MODE, TORQUE_V, BUS_MEAS = (COMMON_INDEX[n] for n in ("mode", "torque_per_volt", "bus_measured"))
-KP, KI, SERVO_LIMIT, SERVO_T = (COMMON_INDEX[n] for n in ("servo_kp", "servo_ki", "servo_limit", "servo_period"))
-LATENCY, RELEASE = COMMON_INDEX["latency"], COMMON_INDEX["servo_release"]
-AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = (
-    COMMON_INDEX[n] for n in ("axis", "axis_inertia", "axis_mass", "axis_arm", "axis_zero")
-)
-
-# Regimes of a side's gear in the step: rigid, spring, free play (free, pushing forwards, pushing backwards).
-_RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0, 1, 2, 3, 4
+AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = common_indices("axis", "axis_inertia", "axis_mass", "axis_arm", "axis_zero")
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _turned(c, s, angle):
-    """A direction (c, s) turned by an angle, rad, to 1e-12; quickly where that is small, as in a step."""
-    if abs(angle) < 0.1:
-        q = angle * angle
-        dc = 1.0 - q * (0.5 - q * (1.0 / 24.0 - q * (1.0 / 720.0)))
-        ds = angle * (1.0 - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0))))
-    else:
-        dc, ds = math.cos(angle), math.sin(angle)
-    return c * dc - s * ds, s * dc + c * ds
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _commanded(side, com, volts):
-    """Torque at the motor's shaft, N·m, of an ideal current amplifier at so many volts: the current plays no part."""
-    return min(max(volts, -side[LIMIT]), side[LIMIT]) * com[TORQUE_V]
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def behind(side, speed, reported):
-    """A speed's filter at a start, where the speed and what is reported of it are known: of a steady change a filter's
-    share of the lag."""
-    lag = side[W_TAU] + side[W_LATE]
-    return speed + (reported - speed) * side[W_TAU] / lag if lag > 0.0 else reported
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def begun(side, current, reported, noise):
-    """A current at a start, where the sensor reported so much: what its gain and its bias make that, none where that is
-    noise. `current` where it reported nothing, NaN, or hardly reports at all."""
-    if not (abs(reported) < np.inf and abs(side[I_GAIN]) > LEAST_GAIN):
-        return current
-    beyond = reported - side[I_BIAS]
-    return beyond / side[I_GAIN] if abs(beyond) > noise else 0.0
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def behind_driver(volts, emf, limit, drop):
-    """Voltage at a winding, V, of what a driver is asked for: within its limit, less its drop. Above zero that goes as
-    far as stopping the current; below it stands for one of that size whatever it does to the current."""
-    volts = min(max(volts, -limit), limit)
-    u = volts - emf
-    against = -drop if u > 0.0 else (drop if u < 0.0 else 0.0)
-    return volts - (min(max(u, -drop), drop) if drop > 0.0 else against)
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@loop
 def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, out):
     """Replay one run.
 
@@ -148,14 +90,14 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     axis = int(com[AXIS])
     mode = int(com[MODE])
     sides = 1 if axis > 0 else 2
-    gear = com[GEAR]
+    ratio = com[GEAR]
     supply = com[SUPPLY]
     mass = com[MASS] + run[0]
     slope = run[1] + com[SLOPE_X]
     up_x, up_y = math.cos(run[2]), math.sin(run[2])
-    pull = mass * GRAVITY_M_S2 * math.sin(slope)
+    pull = ground.along_slope(mass, slope, math.sin)
     half = 0.5 * com[TRACK]
-    dc = com[CMD_DELAY]
+    dc = com[CMD_DELAY] - com[CMD_EARLY]
     dp = com[LATENCY]
     dm = com[MEAS_DELAY] + dp
     scrub = com[SCRUB]
@@ -180,13 +122,13 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
         th[k] = start[3 + k] / side[k, W_GAIN]
         w[k] = start[5 + k] / side[k, W_GAIN]
         wm[k] = w[k]
-        wf[k] = behind(side[k], w[k], start[9 + k] / side[k, W_GAIN])
-        cur[k] = begun(side[k], start[7 + k], start[11 + k], start[13 + k])
+        wf[k] = sensors.behind(w[k], start[9 + k] / side[k, W_GAIN], side[k, W_TAU], side[k, W_LATE])
+        cur[k] = sensors.begun(start[7 + k], start[11 + k], start[13 + k], side[k, I_GAIN], side[k, I_BIAS])
         if side[k, STIFF] > 0.0:
-            contact[k] = _SPRING
+            contact[k] = gear.SPRING
             flexible = True
         elif side[k, BACKLASH] > 0.0:
-            contact[k] = _FREE
+            contact[k] = gear.FREE
             flexible = True
         if (
             side[k, COULOMB] != 0.0
@@ -208,8 +150,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     grip = np.ones(2)  # N, what a tyre's traction tends to
     if slipping:
         for k in range(2):
-            shear_tau[k] = side[k, SLIP_DAMPING] * side[k, SLIP] * side[k, SLIP_LENGTH]
-            grip[k] = side[k, SLIP_GRIP] * mass * GRAVITY_M_S2 * 0.5
+            shear_tau[k] = ground.shear_time(side[k, SLIP_DAMPING], side[k, SLIP], side[k, SLIP_LENGTH])
+            grip[k] = ground.grip_of(side[k, SLIP_GRIP], mass)
     # Inverse of the body's inertia for (v, yaw rate): the centre of mass beside the axle couples them.
     i22 = 1.0 / (com[IZ] - mass * com[COM_Y] ** 2) if axis == 0 else 1.0
     i12 = com[COM_Y] * i22
@@ -231,6 +173,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     alpha, beta = np.zeros(2), np.zeros(2)
     hi, lo = np.zeros(2), np.zeros(2)
     wn, wmn, tin, tout = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    # The encoder sits at the gear's output, before any play or spring, or behind them (contract, section 2).
+    seen, seen_n, before = (w, wn, 0.0) if com[AT_WHEEL] > 0.0 else (wm, wmn, 1.0)
     bounces = np.zeros(2, np.bool_)
     was = np.zeros(2, np.int64)  # regime and force as a step begins, to take it again
     held = np.zeros(2)
@@ -254,6 +198,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     elif axis == 3:
         load_j = (com[AX_M] + run[0]) * com[AX_ARM] ** 2
     load_i = 1.0 / load_j
+    swung, weight = com[AX_M] + run[0], 0.0  # a pendulum's mass, kg, and its weight's torque in the step, N·m
 
     now = t[0]
     kc = 0  # next command to act, at t_cmd[kc] + dc
@@ -278,25 +223,24 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
         while ka < n and t[ka] - dm <= now + 1e-9:
             draw = 0.0
             for k in range(sides):
-                draw += cur[k] * va[k] / supply
+                draw += driver.draw(cur[k], va[k], supply)
             if com[BUS_MEAS] > 0.0:
                 bus = row_bus
             else:
                 bus = supply - com[SOURCE_R] * draw - com[DECLINE] * (now - run[3])
             out[ka, 0] = bus
             for k in range(2):
-                out[ka, 1 + k] = cur[k] * side[k, I_GAIN] + side[k, I_BIAS]
-                # The encoder sits at the gear's output, before any play or spring (contract, section 7).
+                out[ka, 1 + k] = sensors.scaled(cur[k], side[k, I_GAIN], side[k, I_BIAS])
                 if side[k, W_LATE] <= 0.0:
-                    out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else wm[k]) * side[k, W_GAIN]
-                out[ka, 5 + k] = (th[k] + play[k]) * side[k, W_GAIN]
-            out[ka, 7] = rate * com[GYRO_GAIN] + com[GYRO_BIAS]
+                    out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
+                out[ka, 5 + k] = (th[k] + before * play[k]) * side[k, W_GAIN]
+            out[ka, 7] = sensors.scaled(rate, com[GYRO_GAIN], com[GYRO_BIAS])
             ka += 1
         if lagging:
             for k in range(2):
                 later = dm + side[k, W_LATE]
                 while side[k, W_LATE] > 0.0 and kw[k] < n and t[kw[k]] - later <= now + 1e-9:
-                    speed = (wf[k] if side[k, W_TAU] > 0.0 else wm[k]) * side[k, W_GAIN]
+                    speed = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
                     if t[kw[k]] - later < t[0]:
                         # Before a start the speed is what lies between the start and what is reported then.
                         speed = start[9 + k] + (speed - start[9 + k]) * (t[kw[k]] - t[0]) / later
@@ -313,30 +257,19 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                 wcmd1 = cmd[kc, 1] if sides == 2 else 0.0
             else:
                 for k in range(sides):
-                    va[k] = min(max(cmd[kc, k], -supply), supply) if mode == 0 else cmd[kc, k]
+                    va[k] = driver.clipped(cmd[kc, k], supply) if mode == 0 else cmd[kc, k]
             kc += 1
         if mode == 2 and servo_next <= now + 1e-9:
             changed = True
             for k in range(sides):
-                miss = (wcmd0 if k == 0 else wcmd1) - wm[k] * side[k, W_GAIN]
+                miss = (wcmd0 if k == 0 else wcmd1) * side[k, C_GAIN] - seen[k] * side[k, W_GAIN]
                 limit = min(com[SERVO_LIMIT], supply)
-                want = integ[k] + com[KI] * miss * com[SERVO_T]
-                integ[k] = min(max(want, -limit), limit)
-                asked_v = com[KP] * miss + integ[k]
-                va[k] = min(max(asked_v, -limit), limit)
-                # Back-calculation: the integral gives way by a share of what the limit cut.
-                integ[k] += com[RELEASE] * (va[k] - asked_v)
+                va[k], integ[k] = driver.servo(miss, integ[k], com[KP], com[KI], com[SERVO_T], limit, com[RELEASE])
             while servo_next <= now + 1e-9:
                 servo_next += com[SERVO_T]
         if changed:
             for k in range(sides):
-                a = va[k]
-                if side[k, CURVE] != 0.0:
-                    a *= 1.0 + side[k, CURVE] * (1.0 - min(abs(a) / supply, 1.0))
-                dz = side[k, DEADZONE]
-                if dz != 0.0:
-                    a -= math.copysign(min(abs(a), dz), a) if dz > 0.0 else (math.copysign(dz, a) if a != 0.0 else 0.0)
-                vd[k] = a * side[k, V_GAIN]
+                vd[k] = driver.duty(va[k], supply, side[k, CURVE], side[k, DEADZONE], side[k, V_GAIN])
 
         # ---- next event
         ahead = end + 1.0
@@ -366,7 +299,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
             for k in range(sides):
                 was[k] = contact[k]
                 held[k] = force[k]
-                if contact[k] == _FREE or parts:
+                if contact[k] == gear.FREE or parts:
                     bound = min(h_max, h_play)
             if bound != limit:
                 limit = bound
@@ -377,65 +310,60 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                 if usual != h:
                     usual = h
                     for k in range(2):
-                        late[k] = max(0.5, 1.0 - shear_tau[k] / h)
-                        shear_i[k] = 1.0 / (late[k] * h + shear_tau[k])
+                        late[k], shear_i[k] = ground.shear_step(h, shear_tau[k])
             elapsed = now + done - run[3]
             done += h
-            gx = mass * com[COM_X] * rate * rate
-            gz = -mass * com[COM_X] * v * rate
+            gx, gz = ground.offset_forces(mass, com[COM_X], v, rate)
             if pull != 0.0:
-                mid_x, mid_y = _turned(dir_x, dir_y, 0.5 * h * rate)
+                mid_x, mid_y = turned_by(dir_x, dir_y, 0.5 * h * rate)
                 along, across = mid_x * up_x + mid_y * up_y, mid_y * up_x - mid_x * up_y
                 gx -= pull * along
-                gz += pull * (com[COM_X] * across + com[COM_Y] * along)
+                gz += ground.slope_torque(pull, com[COM_X], com[COM_Y], along, across)
             for k in range(sides):
                 wn[k] = w[k]
                 wmn[k] = wm[k]
-                bounces[k] = contact[k] == _FREE and side[k, RESTITUTION] > 0.0 and abs(wmn[k] - wn[k]) > BOUNCE_RAD_S
+                bounces[k] = gear.bounces(contact[k] == gear.FREE, side[k, RESTITUTION], wmn[k], wn[k])
                 if mode != 1:
-                    ke = side[k, KB] * gear
-                    res = side[k, R] * (1.0 + rise[k])
+                    ke = side[k, KB] * ratio
+                    res = motor.warm(side[k, R], rise[k])
                     if of_h[k] != h or of_r[k] != res:
                         of_h[k], of_r[k] = h, res
-                        e = math.exp(-h * res / side[k, L])
-                        decay[k] = e
-                        rise_v[k] = (1.0 - e) / res
-                        mean_v[k] = 1.0 / res
-                        mean_i[k] = side[k, L] / (h * res)
-                        c1[k] = ke / res * (1.0 - (1.0 - e) * mean_i[k])
-                        m1[k] = 0.5 * ke / res - mean_i[k] * c1[k]
+                        decay[k], rise_v[k], mean_v[k], mean_i[k], c1[k], m1[k] = motor.armature_factors(
+                            h, res, side[k, L], ke, exponential
+                        )
                     if com[SOURCE_R] != 0.0:
                         # What the current comes to at the bus before and an even speed.
-                        volts = behind_driver(vd[k] * level, ke * wm[k], side[k, LIMIT], side[k, DROP])
-                        now_i = decay[k] * cur[k] + rise_v[k] * (volts - ke * wm[k])
-                        im[k] = mean_i[k] * (cur[k] - now_i) + mean_v[k] * (volts - ke * wm[k])
+                        volts = driver.behind_driver(vd[k] * level, ke * wm[k], side[k, LIMIT], side[k, DROP])
+                        im[k] = motor.even_current(cur[k], volts, ke * wm[k], decay[k], rise_v[k], mean_v[k], mean_i[k])
+            if axis == 2:
+                weight = ground.pendulum(swung, com[AX_ARM], th[0] + 0.5 * h * wn[0] - com[AX_ZERO], math.sin)
             for trial in range(outer):
                 # ---- driver and armature: mean current = m0 - m1 * rotor speed at the end of the step
                 if com[BUS_MEAS] > 0.0:
                     bus = row_bus
                 else:
-                    bus = supply - com[DECLINE] * (elapsed + 0.5 * h)
+                    bus = driver.unloaded_bus(supply, com[DECLINE], elapsed + 0.5 * h)
                     if com[SOURCE_R] != 0.0:
                         # Newton's step: a higher bus drives more current, which lowers it.
                         draw, lowers = 0.0, 0.0
                         for k in range(sides):
-                            draw += im[k] * va[k] / supply
-                            lowers += (mean_v[k] - mean_i[k] * rise_v[k]) * vd[k] * va[k] / supply
-                        bus = level * supply + (bus - com[SOURCE_R] * draw - level * supply) / (
-                            1.0 + com[SOURCE_R] * lowers / supply
-                        )
+                            draw += driver.draw(im[k], va[k], supply)
+                            lowers += motor.more_current(mean_v[k], mean_i[k], rise_v[k], vd[k], va[k], supply)
+                        bus = driver.sagging(supply, com[SOURCE_R], level, bus, draw, lowers)
                 level = bus / supply
                 for k in range(sides):
                     if mode == 1:
-                        drive, slope_w = _commanded(side[k], com, vd[k] * level) * gear, 0.0
+                        drive = driver.amplifier(vd[k] * level, side[k, LIMIT], com[TORQUE_V]) * ratio
+                        slope_w = 0.0
                         c0[k], c1[k], m0[k], m1[k] = 0.0, 0.0, 0.0, 0.0
                     else:
-                        ke = side[k, KB] * gear
-                        volts = behind_driver(vd[k] * level, ke * wmn[k], side[k, LIMIT], side[k, DROP])
-                        c0[k] = decay[k] * cur[k] + rise_v[k] * (volts - ke * wmn[k]) + c1[k] * wmn[k]
-                        m0[k] = mean_i[k] * (cur[k] - c0[k]) + mean_v[k] * (volts - 0.5 * ke * wmn[k])
-                        drive, slope_w = gear * side[k, KM] * m0[k], gear * side[k, KM] * m1[k]
-                    inertia = gear * gear * side[k, J]
+                        ke = side[k, KB] * ratio
+                        volts = driver.behind_driver(vd[k] * level, ke * wmn[k], side[k, LIMIT], side[k, DROP])
+                        c0[k], m0[k] = motor.armature(
+                            cur[k], volts, ke, wmn[k], decay[k], rise_v[k], mean_v[k], mean_i[k], c1[k]
+                        )
+                        drive, slope_w = ratio * side[k, KM] * m0[k], ratio * side[k, KM] * m1[k]
+                    inertia = ratio * ratio * side[k, J]
                     # The load's inertia and torques join the rotor's while the gear is rigid.
                     torque = drive
                     if side[k, RIPPLE] != 0.0:
@@ -450,35 +378,33 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                             )
                             at = angle[kc - 1, k] + share * (angle[nearer, k] - angle[kc - 1, k])
                             at /= side[k, W_GAIN]
-                        torque += side[k, RIPPLE] * math.sin(side[k, RIPPLE_N] * at + side[k, RIPPLE_PHI])
-                    fluid = gear * gear * side[k, B] + side[k, VISCOUS_W]
+                        torque += motor.ripple(at, side[k, RIPPLE], side[k, RIPPLE_N], side[k, RIPPLE_PHI], math.sin)
+                    fluid = ratio * ratio * side[k, B] + side[k, VISCOUS_W]
                     if side[k, ASYM_V] != 0.0:
-                        fluid += side[k, ASYM_V] if wmn[k] > 0.0 else (-side[k, ASYM_V] if wmn[k] < 0.0 else 0.0)
-                    am[k] = inertia + 0.5 * h * fluid + h * slope_w
-                    bm[k] = inertia * wmn[k] + h * (torque - 0.5 * fluid * wmn[k])
+                        fluid = friction.viscous(fluid, side[k, ASYM_V], wmn[k])
+                    am[k], bm[k] = motor.rotor_balance(h, inertia, fluid, torque, slope_w, wmn[k])
                     if of_a[k] != am[k] or of_s[k] != h:
                         of_a[k], of_s[k] = am[k], h
                         rigid_i[k] = 1.0 / (am[k] + load_j)
                         if flexible:
                             # Implicit mid-point for the spring: its mean torque = t0 + kap * (rotor - wheel).
-                            kap[k] = 0.25 * h * side[k, STIFF] + 0.5 * side[k, DAMP]
+                            kap[k] = gear.spring_gain(h, side[k, STIFF], side[k, DAMP])
                             free_i[k] = 1.0 / am[k]
                             spring_i[k] = 1.0 / (am[k] + h * kap[k])
-                            held_i[k] = 1.0 / (load_j + h * kap[k])
-                            behind_i[k] = 1.0 / (load_j + h * kap[k] * (1.0 - h * kap[k] * spring_i[k]))
+                            held_i[k] = gear.held_gain(h, load_j, kap[k])
+                            behind_i[k] = gear.behind_gain(h, load_j, kap[k], spring_i[k])
                     if dry:
                         f = side[k, COULOMB]
                         if side[k, STRIBECK] != 0.0:
-                            f += side[k, STRIBECK] * math.exp(-((wmn[k] / side[k, STRIBECK_W]) ** 2))
+                            f += friction.stribeck(wmn[k] / side[k, STRIBECK_W], side[k, STRIBECK], exponential)
                         if com[ROLLING] != 0.0 and axis == 0:
-                            f += com[ROLLING] * mass * GRAVITY_M_S2 * 0.5 * side[k, RADIUS]
+                            f += friction.rolling(com[ROLLING], mass, side[k, RADIUS])
                         if side[k, LOAD] != 0.0:
                             if trial == 0:
                                 # The torque at the gear's input as the step begins, from the force of the step before.
                                 tout[k] = side[k, RADIUS] * force[k] if axis == 0 else tout[k]
-                            f += side[k, LOAD] * max(abs(tin[k]), abs(tout[k]))
-                        hi[k] = h * (f + side[k, ASYM])
-                        lo[k] = -h * (f - side[k, ASYM])
+                            f += friction.by_load(side[k, LOAD], tin[k], tout[k])
+                        hi[k], lo[k] = friction.bounds(h, f, side[k, ASYM])
 
                 # ---- velocities at the end of the step
                 if dry and trial == 0:
@@ -486,33 +412,25 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         stick[k] = 1 if wmn[k] > 0.0 else (-1 if wmn[k] < 0.0 else 0)
                 spin = 0.0
                 if scrub != 0.0:
-                    spin = 1.0 if rate > 0.0 else (-1.0 if rate < 0.0 else 0.0)
+                    spin = friction.direction(rate)
                 rate_new = 0.0
                 v_new = 0.0
                 for attempt in range(20):
                     for k in range(sides):
                         rad = side[k, RADIUS]
-                        ext = 0.0
-                        if axis == 2:
-                            ext = (
-                                -(com[AX_M] + run[0])
-                                * GRAVITY_M_S2
-                                * com[AX_ARM]
-                                * math.sin(th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
-                            )
                         p[k] = 0.0
                         if dry:
-                            p[k] = hi[k] if stick[k] > 0 else (lo[k] if stick[k] < 0 else 0.0)
+                            p[k] = friction.impulse(stick[k], hi[k], lo[k])
                         kind = contact[k]
-                        bw = load_j * wn[k] + h * ext
-                        if kind == _RIGID:
+                        bw = load_j * wn[k] + h * weight
+                        if kind == gear.RIGID:
                             if dry and stick[k] == 0:
                                 alpha[k], beta[k] = 0.0, 0.0
                             else:
                                 alpha[k] = (bm[k] + bw - p[k]) * rigid_i[k]
                                 beta[k] = h * rad * rigid_i[k]
-                        elif kind == _SPRING:
-                            t0 = side[k, STIFF] * play[k] + kap[k] * (wmn[k] - wn[k])
+                        elif kind == gear.SPRING:
+                            t0 = gear.spring_start(side[k, STIFF], play[k], kap[k], wmn[k], wn[k])
                             if dry and stick[k] == 0:
                                 alpha[k] = (bw + h * t0) * held_i[k]
                                 beta[k] = h * rad * held_i[k]
@@ -520,15 +438,15 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                                 rotor0 = (bm[k] - h * t0 - p[k]) * spring_i[k]
                                 alpha[k] = (bw + h * t0 + h * kap[k] * rotor0) * behind_i[k]
                                 beta[k] = h * rad * behind_i[k]
-                        elif kind == _FREE:
+                        elif kind == gear.FREE:
                             alpha[k] = bw * load_i
                             beta[k] = h * rad * load_i
                         else:
                             # What the rotor is faster than the wheel afterwards.
-                            gap = (0.5 * side[k, BACKLASH] if kind == _PUSH_F else -0.5 * side[k, BACKLASH]) - play[k]
-                            apart[k] = gap / h
-                            if bounces[k] and (wmn[k] > wn[k]) == (kind == _PUSH_F):
-                                apart[k] = side[k, RESTITUTION] * (wn[k] - wmn[k])
+                            forwards = kind == gear.PUSH_F
+                            meets = bounces[k] and (wmn[k] > wn[k]) == forwards
+                            to_flank = gear.flank(side[k, BACKLASH], forwards) - play[k]
+                            apart[k] = gear.parting(to_flank, h, side[k, RESTITUTION], wmn[k], wn[k], meets)
                             if dry and stick[k] == 0:
                                 alpha[k], beta[k] = -apart[k], 0.0
                             else:
@@ -538,31 +456,27 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         force[0] = 0.0
                         w[0] = alpha[0]
                     else:
-                        w0 = h * (i11 - 2.0 * half * i12 + half * half * i22)
-                        w1 = h * (i11 + 2.0 * half * i12 + half * half * i22)
-                        wx = h * (i11 - half * half * i22)
+                        w0, w1, wx = ground.wheel_moves(h, i11, i12, i22, half)
                         a00 = side[0, RADIUS] * beta[0] + w0
                         a11 = side[1, RADIUS] * beta[1] + w1
                         if slipping:
-                            # Transient slip: z' = slip speed - |r w| z / length, F0 = K (z + tau z'), K = 1 / (k
-                            # length), and the ground takes F = grip tanh(F0 / grip): in slow steady rolling F = slip /
-                            # k. The state is z / length, which stays finite as the length goes; tanh is taken as its
-                            # tangent at the F0 of the step before.
                             for k in range(2):
                                 yield_z[k] = 0.0
                                 if side[k, SLIP] > 0.0:
-                                    rolled = abs(side[k, RADIUS] * wn[k])
-                                    path = (side[k, SLIP_LENGTH] + late[k] * h * rolled) * shear_i[k]
-                                    bent = math.tanh(whole[k] / grip[k])
-                                    tangent[k] = max(1.0 - bent * bent, FLAT)
-                                    taken[k] = grip[k] * bent
-                                    slid = side[k, RADIUS] * wn[k] - v - (2 * k - 1) * half * rate
-                                    give[k] = side[k, SLIP] * path / tangent[k] / late[k]
-                                    yield_z[k] = (
-                                        side[k, SLIP] * path * (whole[k] - taken[k] / tangent[k])
-                                        + (rolled - path) * tyre[k]
-                                        - (1.0 - late[k]) * slid
-                                    ) / late[k]
+                                    rim = side[k, RADIUS] * wn[k]
+                                    give[k], yield_z[k], tangent[k], taken[k] = ground.shear(
+                                        h,
+                                        side[k, SLIP],
+                                        side[k, SLIP_LENGTH],
+                                        late[k],
+                                        shear_i[k],
+                                        grip[k],
+                                        whole[k],
+                                        tyre[k],
+                                        abs(rim),
+                                        rim - v - (2 * k - 1) * half * rate,
+                                        math.tanh,
+                                    )
                             a00 += give[0]
                             a11 += give[1]
                         if a00 != of_0 or a11 != of_1 or wx != of_w:
@@ -570,8 +484,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                             det = 1.0 / (a00 * a11 - wx * wx)
                         q = spin * h * scrub
                         for turn in range(2):
-                            dv = h * (i11 * gx + i12 * gz) - i12 * q
-                            dr = h * (i12 * gx + i22 * gz) - i22 * q
+                            dv, dr = ground.body_moves(h, i11, i12, i22, gx, gz, q)
                             b0 = side[0, RADIUS] * alpha[0] - (v - half * rate) - dv + half * dr
                             b1 = side[1, RADIUS] * alpha[1] - (v + half * rate) - dv - half * dr
                             if slipping:
@@ -581,141 +494,81 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                             force[1] = (a00 * b1 - wx * b0) * det
                             if slipping:
                                 asked[0], asked[1] = force[0], force[1]
-                                for k in range(2):
-                                    if side[k, SLIP] > 0.0 and abs(force[k]) > grip[k]:
-                                        # A tyre without length has no shear at rest: there the force itself is bounded.
-                                        force[k] = math.copysign(grip[k], force[k])
-                                        if k == 0:
-                                            force[1] = (b1 - wx * force[0]) / a11
-                                        else:
-                                            force[0] = (b0 - wx * force[1]) / a00
-                                if side[0, SLIP] > 0.0:
-                                    force[0] = min(max(force[0], -grip[0]), grip[0])
-                            rate_new = (
-                                rate + dr + h * (i12 * (force[0] + force[1]) + i22 * half * (force[1] - force[0]))
-                            )
+                                force[0], force[1] = ground.on_ground(
+                                    force[0],
+                                    force[1],
+                                    b0,
+                                    b1,
+                                    a00,
+                                    a11,
+                                    wx,
+                                    side[0, SLIP],
+                                    side[1, SLIP],
+                                    grip[0],
+                                    grip[1],
+                                )
+                            rate_new = rate + dr + ground.yawed(h, i12, i22, half, force[0], force[1])
                             if scrub == 0.0 or turn == 1 or spin * rate_new > 0.0:
                                 break
                             # The scrub would reverse the turn: find the impulse that stops it, within its bound.
-                            q0 = i12 - half * i22
-                            q1 = i12 + half * i22
-                            f0 = (a11 * q0 - wx * q1) * det
-                            f1 = (a00 * q1 - wx * q0) * det
-                            gain = h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) - i22
-                            # Two wheels that stick hold the turn by themselves, and the scrub has nothing to do.
-                            q = min(max(q - rate_new / gain, -h * scrub), h * scrub) if gain < -1e-9 * i22 else 0.0
-                        v_new = v + dv + h * (i11 * (force[0] + force[1]) + i12 * half * (force[1] - force[0]))
+                            gain = ground.scrub_gain(h, i12, i22, half, a00, a11, wx, det)
+                            q = ground.stopping(q, rate_new, gain, h * scrub, i22)
+                        v_new = v + dv + ground.pushed(h, i11, i12, half, force[0], force[1])
                         for k in range(2):
                             w[k] = alpha[k] - beta[k] * force[k]
                     # ---- does the guessed regime hold?
                     again = False
                     for k in range(sides):
-                        rad = side[k, RADIUS]
                         kind = contact[k]
-                        if kind == _RIGID:
+                        stuck = dry and stick[k] == 0
+                        if kind == gear.RIGID:
                             wm[k] = w[k]
-                            if dry:
-                                if stick[k] == 0:
-                                    need = bm[k] + load_j * wn[k] - h * rad * force[k]
-                                    if axis == 2:
-                                        need += (
-                                            -h
-                                            * (com[AX_M] + run[0])
-                                            * GRAVITY_M_S2
-                                            * com[AX_ARM]
-                                            * math.sin(th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
-                                        )
-                                    if need > max(hi[k], 0.0):
-                                        stick[k] = 1
-                                        again = True
-                                    elif need < min(lo[k], 0.0):
-                                        stick[k] = -1
-                                        again = True
-                                elif stick[k] * w[k] < 0.0:
-                                    stick[k] = 0
-                                    again = True
-                        elif kind == _SPRING:
-                            t0 = side[k, STIFF] * play[k] + kap[k] * (wmn[k] - wn[k])
-                            if dry and stick[k] == 0:
-                                wm[k] = 0.0
-                                need = bm[k] - h * (t0 - kap[k] * w[k])
-                                if need > max(hi[k], 0.0):
-                                    stick[k] = 1
-                                    again = True
-                                elif need < min(lo[k], 0.0):
-                                    stick[k] = -1
-                                    again = True
-                            else:
-                                wm[k] = (bm[k] - h * t0 - p[k] + h * kap[k] * w[k]) * spring_i[k]
-                                if dry and stick[k] * wm[k] < 0.0:
-                                    stick[k] = 0
-                                    again = True
+                            need = bm[k] + load_j * wn[k] - h * side[k, RADIUS] * force[k] + h * weight
+                        elif kind == gear.SPRING:
+                            t0 = gear.spring_start(side[k, STIFF], play[k], kap[k], wmn[k], wn[k])
+                            wm[k] = 0.0 if stuck else (bm[k] - h * t0 - p[k] + h * kap[k] * w[k]) * spring_i[k]
+                            need = bm[k] - h * (t0 - kap[k] * w[k])
+                        elif kind == gear.FREE:
+                            wm[k] = 0.0 if stuck else (bm[k] - p[k]) * free_i[k]
+                            need = bm[k]
+                            moved = play[k] + h * (wm[k] - w[k])
+                            if moved > gear.flank(side[k, BACKLASH], True):
+                                contact[k] = gear.PUSH_F
+                                again = True
+                            elif moved < gear.flank(side[k, BACKLASH], False):
+                                contact[k] = gear.PUSH_B
+                                again = True
                         else:
-                            if kind == _FREE:
-                                if dry and stick[k] == 0:
-                                    wm[k] = 0.0
-                                    need = bm[k]
-                                else:
-                                    wm[k] = (bm[k] - p[k]) * free_i[k]
-                                    need = 0.0
-                                moved = play[k] + h * (wm[k] - w[k])
-                                if moved > 0.5 * side[k, BACKLASH]:
-                                    contact[k] = _PUSH_F
-                                    again = True
-                                elif moved < -0.5 * side[k, BACKLASH]:
-                                    contact[k] = _PUSH_B
-                                    again = True
-                            else:
-                                wm[k] = w[k] + apart[k]
-                                # Impulse the rotor passes on; a gear can push but not pull.
-                                ext = 0.0
-                                if axis == 2:
-                                    ext = (
-                                        -(com[AX_M] + run[0])
-                                        * GRAVITY_M_S2
-                                        * com[AX_ARM]
-                                        * math.sin(th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
-                                    )
-                                push = load_j * (w[k] - wn[k]) + h * rad * force[k] - h * ext
-                                need = bm[k] - push
-                                pulls = (kind == _PUSH_F and push < 0.0) or (kind == _PUSH_B and push > 0.0)
-                                if pulls and attempt < 10:
-                                    contact[k] = _FREE
-                                    again = True
-                            if dry:
-                                if stick[k] == 0:
-                                    if need > max(hi[k], 0.0):
-                                        stick[k] = 1
-                                        again = True
-                                    elif need < min(lo[k], 0.0):
-                                        stick[k] = -1
-                                        again = True
-                                elif stick[k] * wm[k] < 0.0 and attempt < 10:
-                                    stick[k] = 0
-                                    again = True
+                            wm[k] = w[k] + apart[k]
+                            # Impulse the rotor passes on; a gear can push but not pull.
+                            push = load_j * (w[k] - wn[k]) + h * side[k, RADIUS] * force[k] - h * weight
+                            need = bm[k] - push
+                            pulls = (kind == gear.PUSH_F and push < 0.0) or (kind == gear.PUSH_B and push > 0.0)
+                            if pulls and attempt < 10:
+                                contact[k] = gear.FREE
+                                again = True
+                        if stuck:
+                            stick[k] = int(friction.breaks_away(need, hi[k], lo[k]))
+                            again = again or stick[k] != 0
+                        elif dry and stick[k] * wm[k] < 0.0 and (attempt < 10 or kind <= gear.SPRING):
+                            stick[k] = 0
+                            again = True
                     if not again:
                         break
                 if outer > 1:
                     for k in range(sides):
                         im[k] = m0[k] - m1[k] * wm[k]
                         if side[k, LOAD] != 0.0:
-                            fluid = gear * gear * side[k, B] + side[k, VISCOUS_W]
-                            torque = gear * side[k, KM] * im[k]
+                            fluid = ratio * ratio * side[k, B] + side[k, VISCOUS_W]
+                            torque = ratio * side[k, KM] * im[k]
                             if mode == 1:
-                                torque = _commanded(side[k], com, vd[k] * level) * gear
+                                torque = driver.amplifier(vd[k] * level, side[k, LIMIT], com[TORQUE_V]) * ratio
                             tin[k] = (
                                 torque
                                 - 0.5 * fluid * (wmn[k] + wm[k])
-                                - gear * gear * side[k, J] * (wm[k] - wmn[k]) / h
+                                - ratio * ratio * side[k, J] * (wm[k] - wmn[k]) / h
                             )
-                            tout[k] = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k]
-                            if axis == 2:
-                                tout[k] += (
-                                    (com[AX_M] + run[0])
-                                    * GRAVITY_M_S2
-                                    * com[AX_ARM]
-                                    * math.sin(th[k] + 0.5 * h * wn[k] - com[AX_ZERO])
-                                )
+                            tout[k] = load_j * (w[k] - wn[k]) / h + side[k, RADIUS] * force[k] - weight
 
             # ---- a long step ends where flanks part: once more, in short ones
             if flexible and bound > h_play:
@@ -734,43 +587,39 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                 mean = m0[k] - m1[k] * wm[k]
                 cur[k] = c0[k] - c1[k] * wm[k]
                 if side[k, HEAT_RISE] != 0.0:
-                    res = side[k, R] * (1.0 + rise[k])
-                    rise[k] += h * (side[k, HEAT_RISE] * mean * mean * res - rise[k]) / side[k, HEAT_TAU]
+                    res = motor.warm(side[k, R], rise[k])
+                    rise[k] = motor.warmer(rise[k], h, side[k, HEAT_RISE], side[k, HEAT_TAU], mean, res)
                 th[k] += 0.5 * h * (wn[k] + w[k])
                 if flexible:
-                    if contact[k] == _SPRING:
-                        play[k] += 0.5 * h * (wmn[k] + wm[k] - wn[k] - w[k])
-                    elif contact[k] >= _PUSH_F and bounces[k] and (wm[k] > w[k]) != (contact[k] == _PUSH_F):
-                        # To the flank at the speed before, and back for the rest of the step.
-                        flank = 0.5 * side[k, BACKLASH] if contact[k] == _PUSH_F else -0.5 * side[k, BACKLASH]
-                        reach = min(max((flank - play[k]) / (wmn[k] - wn[k]), 0.0), h)
-                        play[k] = flank + (h - reach) * apart[k]
-                        contact[k] = _FREE
-                    elif contact[k] != _RIGID:
+                    if contact[k] == gear.SPRING:
+                        play[k] = gear.spring_play(play[k], h, wmn[k], wm[k], wn[k], w[k])
+                    elif contact[k] >= gear.PUSH_F and bounces[k] and (wm[k] > w[k]) != (contact[k] == gear.PUSH_F):
+                        at_flank = gear.flank(side[k, BACKLASH], contact[k] == gear.PUSH_F)
+                        play[k] = gear.bounced_play(at_flank, play[k], h, wmn[k], wn[k], apart[k])
+                        contact[k] = gear.FREE
+                    elif contact[k] != gear.RIGID:
                         play[k] += h * (wm[k] - w[k])
                 tau = side[k, W_TAU]
                 if tau > 0.0:
-                    ramp = (wm[k] - wmn[k]) / h
-                    wf[k] = wm[k] - ramp * tau + (wf[k] - wmn[k] + ramp * tau) * math.exp(-h / tau)
+                    wf[k] = sensors.low_pass(wf[k], seen[k], seen_n[k], h, tau, math.exp(-h / tau))
             if axis == 0:
                 v_mid = 0.5 * (v + v_new)
                 rate_mid = 0.5 * (rate + rate_new)
                 turned = 0.5 * h * rate_mid
                 if turned != 0.0:
-                    dir_x, dir_y = _turned(dir_x, dir_y, turned)
+                    dir_x, dir_y = turned_by(dir_x, dir_y, turned)
                 x += h * v_mid * dir_x
                 y += h * v_mid * dir_y
                 if turned != 0.0:
-                    dir_x, dir_y = _turned(dir_x, dir_y, turned)
+                    dir_x, dir_y = turned_by(dir_x, dir_y, turned)
                 yaw += h * rate_mid
                 v = v_new
                 rate = rate_new
                 if slipping:
                     for k in range(2):
                         if side[k, SLIP] > 0.0:
-                            most = SLIDING * grip[k]
-                            whole[k] = min(max(whole[k] + (asked[k] - taken[k]) / tangent[k], -most), most)
-                            tyre[k] += h * (whole[k] * side[k, SLIP] - tyre[k]) * shear_i[k]
+                            whole[k] = ground.sheared(whole[k], asked[k], taken[k], tangent[k], grip[k])
+                            tyre[k] = ground.relaxed(h, tyre[k], side[k, SLIP], whole[k], shear_i[k])
         now = ahead
         bad = False
         for k in range(sides):

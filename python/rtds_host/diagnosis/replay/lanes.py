@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
-from rtds_host.contract import GRAVITY_M_S2
-from rtds_host.diagnosis.elementary import cos_less_one, exp_minus, sin, sine, tanh
 from rtds_host.diagnosis.replay import kernel as one
-from rtds_host.diagnosis.replay.kernel import BOUNCE_RAD_S, FLAT, SLIDING, TRIALS, behind_driver
+from rtds_host.diagnosis.replay.kernel import TRIALS
+from rtds_host.plant import driver, friction, gear, ground, motor, sensors
+from rtds_host.plant.compiled import law, loop
+from rtds_host.plant.elementary import cos_less_one, exp_minus, sin, sine, tanh
+from rtds_host.plant.schema import COMMON, SIDE, common_indices, side_indices
 
 # Numerical: numbers in a vector register of the widest processors; narrower ones take two or four for it.
 LANES = 8
@@ -26,352 +27,56 @@ NEVER = 1e300
 # Numerical: s over a span, what its steps may be longer or shorter and still count as alike.
 ALIKE_S = 1e-10
 
-# Rows of the lanes' state, each `LANES` long, at these offsets: of a side, twice; of the robot; and of what is the same
-# in a run.
-_SIDE_ROWS = (
-    "res",
-    "ind",
-    "ke",
-    "gkm",
-    "lim",
-    "drop",
-    "inertia",
-    "fluid",
-    "asym_v",
-    "heat",
-    "heat_tau",
-    "friction",
-    "asym",
-    "radius",
-    "speed_tau",
-    "stribeck",
-    "fades",
-    "extra",
-    "th",
-    "w",
-    "cur",
-    "rise",
-    "wf",
-    "va",
-    "vd",
-    "stick",
-    "wn",
-    "c0",
-    "m0",
-    "decay",
-    "rise_v",
-    "mean_v",
-    "mean_i",
-    "c1",
-    "m1",
-    "fade",
-    "late_shear",
-    "per_shear",
-    "am",
-    "bm",
-    "rigid",
-    "hi",
-    "lo",
-    "ripple",
-    "force",
-    "alpha",
-    "beta",
-    "speed_gain",
-    "current_gain",
-    "current_bias",
-    "pwm_curve",
-    "deadzone",
-    "voltage_gain",
-    "slip",
-    "length",
-    "shear_tau",
-    "grip",
-    "tyre",
-    "whole",
-    "give",
-    "yields",
-    "tangent",
-    "taken",
-    "asked",
-    "load",
-    "mean",
-    "input",
-    "output",
-    "wm",
-    "wmn",
-    "play",
-    "contact",
-    "was",
-    "held",
-    "backlash",
-    "restitution",
-    "stiffness",
-    "damping",
-    "kap",
-    "free_i",
-    "spring_i",
-    "held_i",
-    "behind_i",
-    "turn",
-    "apart",
-    "bounces",
-    "tangled",
-    "amplitude",
-    "cycles",
-    "phase",
-    "at",
-    "ahead",
-)
-_ROWS = (
-    "h",
-    "begun",
-    "now",
-    "done",
-    "supply",
-    "decline",
-    "bus_row",
-    "measured",
-    "load_j",
-    "mass",
-    "i11",
-    "i12",
-    "i22",
-    "half",
-    "pull",
-    "up_x",
-    "up_y",
-    "com_x",
-    "com_y",
-    "scrub",
-    "dry",
-    "level",
-    "gx",
-    "gz",
-    "x",
-    "y",
-    "yaw",
-    "v",
-    "rate",
-    "dir_x",
-    "dir_y",
-    "rate_n",
-    "v_n",
-    "dv",
-    "dr",
-    "a00",
-    "a11",
-    "wx",
-    "det",
-    "spin",
-    "h_max",
-    "late",
-    "pose_late",
-    "command_late",
-    "gyro_gain",
-    "gyro_bias",
-    "source",
-    "follows",
-    "since",
-    "per_span",
-)
-_SIDE = len(_SIDE_ROWS) * LANES
-# Regimes of a side's gear, as in `kernel`.
-_RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = 0.0, 1.0, 2.0, 3.0, 4.0
-# Numerical: numbers that the lanes' state has.
-SIZE = 2 * _SIDE + len(_ROWS) * LANES
-
-(
-    RES,
-    IND,
-    KE,
-    GKM,
-    LIM,
-    DROP,
-    INERTIA,
-    FLUID,
-    ASYM_V,
-    HEAT,
-    HEAT_TAU,
-    FRICTION,
-    ASYM,
-    RADIUS,
-    SPEED_TAU,
-    STRIBECK,
-    FADES,
-    EXTRA,
-    TH,
-    W,
-    CUR,
-    RISE,
-    WF,
-    VA,
-    VD,
-    STICK,
-    WN,
-    C0,
-    M0,
-    DECAY,
-    RISE_V,
-    MEAN_V,
-    MEAN_I,
-    C1,
-    M1,
-    FADE,
-    LATE_SHEAR,
-    PER_SHEAR,
-    AM,
-    BM,
-    RIGID,
-    HI,
-    LO,
-    RIPPLE,
-    FORCE,
-    ALPHA,
-    BETA,
-    W_GAIN,
-    I_GAIN,
-    I_BIAS,
-    CURVE,
-    DEADZONE,
-    V_GAIN,
-    SLIP,
-    LENGTH,
-    SHEAR_TAU,
-    GRIP,
-    TYRE,
-    WHOLE,
-    GIVE,
-    YIELDS,
-    TANGENT,
-    TAKEN,
-    ASKED,
-    LOAD,
-    MEAN,
-    INPUT,
-    OUTPUT,
-    WM,
-    WMN,
-    PLAY,
-    CONTACT,
-    WAS,
-    HELD,
-    BACKLASH,
-    RESTITUTION,
-    STIFF,
-    DAMP,
-    KAP,
-    FREE_I,
-    SPRING_I,
-    HELD_I,
-    BEHIND_I,
-    TURN,
-    APART,
-    BOUNCES,
-    TANGLED,
-    AMPLITUDE,
-    CYCLES,
-    PHASE,
-    AT,
-    AHEAD,
-) = (k * LANES for k in range(len(_SIDE_ROWS)))
-(
-    H,
-    BEGUN,
-    NOW,
-    DONE,
-    SUPPLY,
-    DECLINE,
-    BUS_ROW,
-    MEASURED,
-    LOAD_J,
-    MASS,
-    I11,
-    I12,
-    I22,
-    HALF,
-    PULL,
-    UP_X,
-    UP_Y,
-    COM_X,
-    COM_Y,
-    SCRUB,
-    DRY,
-    LEVEL,
-    GX,
-    GZ,
-    X,
-    Y,
-    YAW,
-    V,
-    RATE,
-    DIR_X,
-    DIR_Y,
-    RATE_N,
-    V_N,
-    DV,
-    DR,
-    A00,
-    A11,
-    WX,
-    DET,
-    SPIN,
-    H_MAX,
-    LATE,
-    POSE_LATE,
-    COMMAND_LATE,
-    GYRO_GAIN,
-    GYRO_BIAS,
-    SOURCE,
-    FOLLOWS,
-    SINCE,
-    PER_SPAN,
-) = (2 * _SIDE + k * LANES for k in range(len(_ROWS)))
+# Rows of the state, each `LANES` long, at these offsets: of a side, twice, its parameters first, in the schema's order;
+# of the robot, likewise; and of what is the same in a run.
+# fmt: off
+(RES, IND, LIM, DROP, ASYM_V, HEAT, HEAT_TAU, ASYM, RADIUS, SPEED_TAU, STRIBECK, STRIBECK_W, W_GAIN, I_GAIN, I_BIAS,
+ CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, LOAD, BACKLASH, RESTITUTION, STIFF, DAMP, AMPLITUDE, CYCLES, PHASE) = (
+    k * LANES for k in side_indices(
+        "resistance", "inductance", "limit", "drop", "asymmetry_viscous", "heat_rise", "heat_tau", "asymmetry",
+        "radius", "speed_tau", "stribeck", "stribeck_speed", "speed_gain", "current_gain", "current_bias", "pwm_curve",
+        "deadzone", "voltage_gain", "slip", "slip_relaxation", "load_share", "backlash", "restitution", "stiffness",
+        "damping", "ripple", "ripple_cycles", "ripple_phase"))
+_SIDE_ROWS = len(SIDE) + 64
+(KE, GKM, INERTIA, FLUID, FRICTION, EXTRA, TH, W, CUR, RISE, WF, VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V,
+ MEAN_I, C1, M1, FADE, LATE_SHEAR, PER_SHEAR, AM, BM, RIGID, HI, LO, RIPPLE, FORCE, ALPHA, BETA, SHEAR_TAU, GRIP,
+ TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, MEAN, INPUT, OUTPUT, WM, WMN, PLAY, CONTACT, WAS, HELD, KAP,
+ FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART, BOUNCES, TANGLED, AT, AHEAD) = (
+    k * LANES for k in range(len(SIDE), _SIDE_ROWS))
+_SIDE = _SIDE_ROWS * LANES
+_COMMON = 2 * _SIDE
+(SUPPLY, DECLINE, MEASURED, LOAD_J, MASS, COM_X, COM_Y, SCRUB, GYRO_GAIN, GYRO_BIAS, SOURCE, POSE_LATE, COMMAND_LATE,
+ AT_WHEEL) = (
+    _COMMON + k * LANES for k in common_indices(
+        "supply", "decline", "bus_measured", "wheel_inertia", "mass", "com_x", "com_y", "scrub", "gyro_gain",
+        "gyro_bias", "source_resistance", "latency", "command_delay", "encoder_at_wheel"))
+_COMMON_ROWS = len(COMMON) + 37
+(H, BEGUN, NOW, DONE, BUS_ROW, I11, I12, I22, HALF, PULL, UP_X, UP_Y, DRY, LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X,
+ DIR_Y, RATE_N, V_N, DV, DR, A00, A11, WX, DET, SPIN, H_MAX, LATE, FOLLOWS, SINCE, PER_SPAN) = (
+    _COMMON + k * LANES for k in range(len(COMMON), _COMMON_ROWS))
+# fmt: on
+# Regimes of a side's gear, as numbers that a row holds.
+_RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = map(float, (gear.RIGID, gear.SPRING, gear.FREE, gear.PUSH_F, gear.PUSH_B))
+# Numerical: numbers that the state has.
+SIZE = _COMMON + _COMMON_ROWS * LANES
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _on_ground(f0, f1, b0, b1, a00, a11, wx, slip0, slip1, grip0, grip1):
-    """Traction forces, N, of tyres that slip within what these can hold, as in `kernel.replay`."""
-    slides = slip0 > 0.0 and abs(f0) > grip0
-    f0 = math.copysign(grip0, f0) if slides else f0
-    f1 = (b1 - wx * f0) / a11 if slides else f1
-    slides = slip1 > 0.0 and abs(f1) > grip1
-    f1 = math.copysign(grip1, f1) if slides else f1
-    f0 = (b0 - wx * f1) / a00 if slides else f0
-    held = min(max(f0, -grip0), grip0)
-    return held if slip0 > 0.0 else f0, f1
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@loop
 def _begin(s, l, side, com, run, start):
     """Set a lane to the start of a run; arguments as of `kernel.replay`."""
-    gear = com[one.GEAR]
+    ratio = com[one.GEAR]
     mass = com[one.MASS] + run[0]
     dry = 0.0
+    for n in range(len(com)):
+        s[_COMMON + n * LANES + l] = com[n]
     for k in range(2):
         o = k * _SIDE + l
-        s[o + RES], s[o + IND], s[o + KE], s[o + GKM] = (
-            side[k, one.R],
-            side[k, one.L],
-            side[k, one.KB] * gear,
-            gear * side[k, one.KM],
-        )
-        s[o + LIM], s[o + DROP] = side[k, one.LIMIT], side[k, one.DROP]
-        s[o + INERTIA] = gear * gear * side[k, one.J]
-        s[o + FLUID] = gear * gear * side[k, one.B] + side[k, one.VISCOUS_W]
-        s[o + ASYM_V] = side[k, one.ASYM_V]
-        s[o + HEAT], s[o + HEAT_TAU] = side[k, one.HEAT_RISE], side[k, one.HEAT_TAU]
-        s[o + RADIUS] = side[k, one.RADIUS]
-        s[o + FRICTION] = side[k, one.COULOMB] + com[one.ROLLING] * mass * GRAVITY_M_S2 * 0.5 * side[k, one.RADIUS]
-        s[o + ASYM] = side[k, one.ASYM]
-        s[o + SPEED_TAU], s[o + FADE] = side[k, one.W_TAU], 0.0
-        s[o + W_GAIN], s[o + I_GAIN], s[o + I_BIAS] = side[k, one.W_GAIN], side[k, one.I_GAIN], side[k, one.I_BIAS]
-        s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN] = side[k, one.CURVE], side[k, one.DEADZONE], side[k, one.V_GAIN]
-        s[o + AMPLITUDE], s[o + CYCLES], s[o + PHASE] = (
-            side[k, one.RIPPLE],
-            side[k, one.RIPPLE_N],
-            side[k, one.RIPPLE_PHI],
-        )
-        s[o + STRIBECK], s[o + FADES] = side[k, one.STRIBECK], 1.0 / side[k, one.STRIBECK_W]
+        for n in range(side.shape[1]):
+            s[o + n * LANES] = side[k, n]
+        s[o + KE], s[o + GKM] = side[k, one.KB] * ratio, ratio * side[k, one.KM]
+        s[o + INERTIA] = ratio * ratio * side[k, one.J]
+        s[o + FLUID] = ratio * ratio * side[k, one.B] + side[k, one.VISCOUS_W]
+        s[o + FRICTION] = side[k, one.COULOMB] + friction.rolling(com[one.ROLLING], mass, side[k, one.RADIUS])
         if (
             side[k, one.COULOMB] != 0.0
             or side[k, one.STRIBECK] != 0.0
@@ -380,50 +85,50 @@ def _begin(s, l, side, com, run, start):
             or com[one.ROLLING] != 0.0
         ):
             dry = 1.0
-        s[o + LOAD], s[o + SLIP], s[o + LENGTH] = side[k, one.LOAD], side[k, one.SLIP], side[k, one.SLIP_LENGTH]
-        s[o + SHEAR_TAU] = side[k, one.SLIP_DAMPING] * side[k, one.SLIP] * side[k, one.SLIP_LENGTH]
-        s[o + GRIP] = side[k, one.SLIP_GRIP] * mass * GRAVITY_M_S2 * 0.5 if side[k, one.SLIP] != 0.0 else 1.0
+        s[o + SHEAR_TAU] = ground.shear_time(side[k, one.SLIP_DAMPING], side[k, one.SLIP], side[k, one.SLIP_LENGTH])
+        s[o + GRIP] = ground.grip_of(side[k, one.SLIP_GRIP], mass) if side[k, one.SLIP] != 0.0 else 1.0
         s[o + FORCE] = s[o + INPUT] = s[o + TYRE] = s[o + WHOLE] = 0.0
         s[o + TH] = start[3 + k] / side[k, one.W_GAIN]
         s[o + W] = s[o + WM] = start[5 + k] / side[k, one.W_GAIN]
-        s[o + WF] = one.behind(side[k], s[o + W], start[9 + k] / side[k, one.W_GAIN])
-        s[o + CUR] = one.begun(side[k], start[7 + k], start[11 + k], start[13 + k])
-        s[o + BACKLASH], s[o + RESTITUTION] = side[k, one.BACKLASH], side[k, one.RESTITUTION]
-        s[o + STIFF], s[o + DAMP] = side[k, one.STIFF], side[k, one.DAMP]
-        s[o + PLAY] = s[o + APART] = s[o + BOUNCES] = 0.0
+        s[o + WF] = sensors.behind(
+            s[o + W], start[9 + k] / side[k, one.W_GAIN], side[k, one.W_TAU], side[k, one.W_LATE]
+        )
+        s[o + CUR] = sensors.begun(start[7 + k], start[11 + k], start[13 + k], side[k, one.I_GAIN], side[k, one.I_BIAS])
         s[o + CONTACT] = _SPRING if side[k, one.STIFF] > 0.0 else (_FREE if side[k, one.BACKLASH] > 0.0 else _RIGID)
+        s[o + PLAY] = s[o + APART] = s[o + BOUNCES] = s[o + FADE] = 0.0
         s[o + RISE] = s[o + VA] = s[o + VD] = s[o + STICK] = s[o + RIPPLE] = s[o + EXTRA] = 0.0
     s[H + l] = s[DONE + l] = 0.0
     s[LEVEL + l] = 1.0
     s[FOLLOWS + l] = s[SINCE + l] = s[PER_SPAN + l] = 0.0
-    s[POSE_LATE + l] = com[one.LATENCY]
     s[LATE + l] = com[one.MEAS_DELAY] + com[one.LATENCY]
-    s[COMMAND_LATE + l] = com[one.CMD_DELAY]
-    s[GYRO_GAIN + l], s[GYRO_BIAS + l], s[SOURCE + l] = com[one.GYRO_GAIN], com[one.GYRO_BIAS], com[one.SOURCE_R]
+    s[COMMAND_LATE + l] = com[one.CMD_DELAY] - com[one.CMD_EARLY]
     s[BEGUN + l] = run[3]
-    s[SUPPLY + l], s[DECLINE + l], s[MEASURED + l] = com[one.SUPPLY], com[one.DECLINE], com[one.BUS_MEAS]
-    s[LOAD_J + l] = com[one.JW]
-    s[MASS + l] = mass
+    s[MASS + l], s[DRY + l] = mass, dry
     s[I22 + l] = 1.0 / (com[one.IZ] - mass * com[one.COM_Y] ** 2)
     s[I12 + l] = com[one.COM_Y] * s[I22 + l]
     s[I11 + l] = 1.0 / mass + com[one.COM_Y] * s[I12 + l]
     s[HALF + l] = 0.5 * com[one.TRACK]
-    s[PULL + l] = mass * GRAVITY_M_S2 * math.sin(run[1] + com[one.SLOPE_X])
+    s[PULL + l] = ground.along_slope(mass, run[1] + com[one.SLOPE_X], math.sin)
     s[UP_X + l], s[UP_Y + l] = math.cos(run[2]), math.sin(run[2])
-    s[COM_X + l], s[COM_Y + l], s[SCRUB + l], s[DRY + l] = com[one.COM_X], com[one.COM_Y], com[one.SCRUB], dry
     s[X + l], s[Y + l], s[YAW + l] = start[0], start[1], start[2]
     s[DIR_X + l], s[DIR_Y + l] = math.cos(start[2]), math.sin(start[2])
     s[V + l] = 0.5 * (s[RADIUS + l] * s[W + l] + s[_SIDE + RADIUS + l] * s[_SIDE + W + l])
     s[RATE + l] = (s[_SIDE + RADIUS + l] * s[_SIDE + W + l] - s[RADIUS + l] * s[W + l]) / com[one.TRACK]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@law
+def _encoder(s, o, l):
+    """Speed where the encoder of a side sits (o: that side's offset), rad/s (contract, section 2)."""
+    return s[o + W] if s[AT_WHEEL + l] > 0.0 else s[o + WM]
+
+
+@law
 def _is_free(s, l):
     """Whether a lane's rotor is within its free play."""
     return s[CONTACT + l] == _FREE or s[_SIDE + CONTACT + l] == _FREE
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@loop
 def _kept_state(s, l, kept, back):
     """Keep what accepting a step changes in a lane, or bring it back."""
     n = 0
@@ -442,7 +147,7 @@ def _kept_state(s, l, kept, back):
             n += 1
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@loop
 def replay_lanes(
     ts,
     t_first,
@@ -591,17 +296,20 @@ def replay_lanes(
                     k = sample[l]
                     while True:
                         row = to_out[l] + k
-                        draw = (s[CUR + l] * s[VA + l] + s[_SIDE + CUR + l] * s[_SIDE + VA + l]) / s[SUPPLY + l]
+                        draw = driver.draw(s[CUR + l], s[VA + l], s[SUPPLY + l])
+                        draw += driver.draw(s[_SIDE + CUR + l], s[_SIDE + VA + l], s[SUPPLY + l])
                         bus = s[SUPPLY + l] - s[SOURCE + l] * draw - s[DECLINE + l] * (now - s[BEGUN + l])
                         out[row, 0] = s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus
                         for i in range(2):
                             o = i * _SIDE + l
-                            out[row, 1 + i] = s[o + CUR] * s[o + I_GAIN] + s[o + I_BIAS]
+                            out[row, 1 + i] = sensors.scaled(s[o + CUR], s[o + I_GAIN], s[o + I_BIAS])
                             if held_s[i, l] <= 0.0:
-                                out[row, 3 + i] = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + WM]) * s[o + W_GAIN]
-                            # The encoder sits at the gear's output, before any play or spring (contract, section 7).
-                            out[row, 5 + i] = (s[o + TH] + s[o + PLAY]) * s[o + W_GAIN]
-                        out[row, 7] = s[RATE + l] * s[GYRO_GAIN + l] + s[GYRO_BIAS + l]
+                                out[row, 3 + i] = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else _encoder(s, o, l)) * s[
+                                    o + W_GAIN
+                                ]
+                            before = 0.0 if s[AT_WHEEL + l] > 0.0 else s[o + PLAY]
+                            out[row, 5 + i] = (s[o + TH] + before) * s[o + W_GAIN]
+                        out[row, 7] = sensors.scaled(s[RATE + l], s[GYRO_GAIN + l], s[GYRO_BIAS + l])
                         k += 1
                         at = ts[k] - s[LATE + l] if k < end else NEVER
                         if not at <= due:
@@ -614,7 +322,7 @@ def replay_lanes(
                             o = i * _SIDE + l
                             k = lagging[i, l]
                             while k < end and ts[k] - later <= due:
-                                speed = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else s[o + WM]) * s[o + W_GAIN]
+                                speed = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else _encoder(s, o, l)) * s[o + W_GAIN]
                                 if ts[k] - later < ts[begin[l]]:
                                     # As in `kernel.replay`.
                                     begun = starts[which[job[l], 1], 9 + i]
@@ -637,7 +345,7 @@ def replay_lanes(
                     ] = 1.0
                     for i in range(2):
                         s[i * _SIDE + GRIP + l] = s[i * _SIDE + LATE_SHEAR + l] = s[i * _SIDE + PER_SHEAR + l] = 1.0
-                        s[i * _SIDE + RES + l] = s[i * _SIDE + IND + l] = 1.0
+                        s[i * _SIDE + RES + l] = s[i * _SIDE + IND + l] = s[i * _SIDE + STRIBECK_W + l] = 1.0
                     ripples[l] = False
                     plays[l] = False
                     continue
@@ -650,8 +358,8 @@ def replay_lanes(
                         if not at <= due:
                             break
                     s[BUS_ROW + l] = buses[k - 1]
-                    s[VA + l] = min(max(cmds[k - 1, 0], -supply), supply)
-                    s[_SIDE + VA + l] = min(max(cmds[k - 1, 1], -supply), supply)
+                    s[VA + l] = driver.clipped(cmds[k - 1, 0], supply)
+                    s[_SIDE + VA + l] = driver.clipped(cmds[k - 1, 1], supply)
                     command[l], next_command[l] = k, at
                     r = which[job[l], 1]
                     if ripples[l] and angle_first[r + 1] > angle_first[r]:
@@ -666,17 +374,7 @@ def replay_lanes(
                             s[o + AT], s[o + AHEAD] = begins / s[o + W_GAIN], (ends - begins) / s[o + W_GAIN]
                     for i in range(2):
                         o = i * _SIDE + l
-                        a = s[o + VA]
-                        if s[o + CURVE] != 0.0:
-                            a *= 1.0 + s[o + CURVE] * (1.0 - min(abs(a) / supply, 1.0))
-                        dz = s[o + DEADZONE]
-                        if dz != 0.0:
-                            a -= (
-                                math.copysign(min(abs(a), dz), a)
-                                if dz > 0.0
-                                else (math.copysign(dz, a) if a != 0.0 else 0.0)
-                            )
-                        s[o + VD] = a * s[o + V_GAIN]
+                        s[o + VD] = driver.duty(s[o + VA], supply, s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN])
                 ahead = min(min(next_pose[l], next_sample[l]), next_command[l])
                 if lags[l]:
                     for i in range(2):
@@ -710,18 +408,12 @@ def replay_lanes(
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
-                    h, ke, ind = s[H + l], s[o + KE + l], s[o + IND + l]
-                    per_res = 1.0 / (s[o + RES + l] * (1.0 + s[o + RISE + l]))
-                    mean_i = ind * per_res / h
-                    e = exp_minus(1.0 / mean_i)
-                    c1 = ke * per_res * (1.0 - (1.0 - e) * mean_i)
-                    s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l], s[o + MEAN_I + l] = (
-                        e,
-                        (1.0 - e) * per_res,
-                        per_res,
-                        mean_i,
+                    res = motor.warm(s[o + RES + l], s[o + RISE + l])
+                    decay, rise_v, mean_v, mean_i, c1, m1 = motor.armature_factors(
+                        s[H + l], res, s[o + IND + l], s[o + KE + l], exp_minus
                     )
-                    s[o + C1 + l], s[o + M1 + l] = c1, 0.5 * ke * per_res - mean_i * c1
+                    s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l] = decay, rise_v, mean_v
+                    s[o + MEAN_I + l], s[o + C1 + l], s[o + M1 + l] = mean_i, c1, m1
             if filtered:
                 for k in range(2):
                     o = k * _SIDE
@@ -733,9 +425,8 @@ def replay_lanes(
                 for k in range(2):
                     o = k * _SIDE
                     for l in range(lanes):
-                        h, shear_tau = s[H + l], s[o + SHEAR_TAU + l]
-                        late = max(0.5, 1.0 - shear_tau / h)
-                        s[o + LATE_SHEAR + l], s[o + PER_SHEAR + l] = late, 1.0 / (late * h + shear_tau)
+                        late, factor = ground.shear_step(s[H + l], s[o + SHEAR_TAU + l])
+                        s[o + LATE_SHEAR + l], s[o + PER_SHEAR + l] = late, factor
         # ---- one step of all lanes: ripples, the body's forces and the bus
         if rippled:
             for k in range(2):
@@ -745,12 +436,13 @@ def replay_lanes(
                     share = min(max((s[NOW + l] + s[DONE + l] + half - s[SINCE + l]) * s[PER_SPAN + l], 0.0), 1.0)
                     own, measured = s[o + TH + l] + half * s[o + W + l], s[o + AT + l] + share * s[o + AHEAD + l]
                     at = measured if s[FOLLOWS + l] > 0.0 else own
-                    s[o + RIPPLE + l] = s[o + AMPLITUDE + l] * sine(s[o + CYCLES + l] * at + s[o + PHASE + l])
+                    s[o + RIPPLE + l] = motor.ripple(
+                        at, s[o + AMPLITUDE + l], s[o + CYCLES + l], s[o + PHASE + l], sine
+                    )
         for l in range(lanes):
             rate, v = s[RATE + l], s[V + l]
-            s[GX + l] = s[MASS + l] * s[COM_X + l] * rate * rate
-            s[GZ + l] = -s[MASS + l] * s[COM_X + l] * v * rate
-            s[SPIN + l] = 1.0 if rate > 0.0 else (-1.0 if rate < 0.0 else 0.0)
+            s[GX + l], s[GZ + l] = ground.offset_forces(s[MASS + l], s[COM_X + l], v, rate)
+            s[SPIN + l] = friction.direction(rate)
             s[DONE + l] += s[H + l]
         if pulled:
             for l in range(lanes):
@@ -761,19 +453,19 @@ def replay_lanes(
                 mid_x, mid_y = c * dc - d * ds, d * dc + c * ds
                 along, across = mid_x * s[UP_X + l] + mid_y * s[UP_Y + l], mid_y * s[UP_X + l] - mid_x * s[UP_Y + l]
                 s[GX + l] -= s[PULL + l] * along
-                s[GZ + l] += s[PULL + l] * (s[COM_X + l] * across + s[COM_Y + l] * along)
+                s[GZ + l] += ground.slope_torque(s[PULL + l], s[COM_X + l], s[COM_Y + l], along, across)
         if faded:
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
-                    at = s[o + WM + l] * s[o + FADES + l]
-                    s[o + EXTRA + l] = s[o + STRIBECK + l] * exp_minus(at * at)
+                    relative = s[o + WM + l] / s[o + STRIBECK_W + l]
+                    s[o + EXTRA + l] = friction.stribeck(relative, s[o + STRIBECK + l], exp_minus)
         for k in range(2):
             o = k * _SIDE
             for l in range(lanes):
                 w = s[o + WM + l]
                 s[o + WN + l], s[o + WMN + l] = s[o + W + l], w
-                s[o + STICK + l] = 1.0 if w > 0.0 else (-1.0 if w < 0.0 else 0.0)
+                s[o + STICK + l] = friction.direction(w)
         if drawn:
             # What the current comes to at the bus before and an even speed.
             for k in range(2):
@@ -781,18 +473,17 @@ def replay_lanes(
                 for l in range(lanes):
                     w, cur = s[o + WMN + l], s[o + CUR + l]
                     emf = s[o + KE + l] * w
-                    volts = behind_driver(s[o + VD + l] * s[LEVEL + l], emf, s[o + LIM + l], s[o + DROP + l])
-                    now_i = s[o + DECAY + l] * cur + s[o + RISE_V + l] * (volts - emf)
-                    s[o + MEAN + l] = s[o + MEAN_I + l] * (cur - now_i) + s[o + MEAN_V + l] * (volts - emf)
+                    volts = driver.behind_driver(s[o + VD + l] * s[LEVEL + l], emf, s[o + LIM + l], s[o + DROP + l])
+                    s[o + MEAN + l] = motor.even_current(
+                        cur, volts, emf, s[o + DECAY + l], s[o + RISE_V + l], s[o + MEAN_V + l], s[o + MEAN_I + l]
+                    )
         if flexible:
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
                     s[o + WAS + l], s[o + HELD + l] = s[o + CONTACT + l], s[o + FORCE + l]
-                    bounces = (
-                        s[o + CONTACT + l] == _FREE
-                        and s[o + RESTITUTION + l] > 0.0
-                        and abs(s[o + WMN + l] - s[o + WN + l]) > BOUNCE_RAD_S
+                    bounces = gear.bounces(
+                        s[o + CONTACT + l] == _FREE, s[o + RESTITUTION + l], s[o + WMN + l], s[o + WN + l]
                     )
                     s[o + BOUNCES + l] = 1.0 if bounces else 0.0
         if slipping:
@@ -800,73 +491,82 @@ def replay_lanes(
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
-                    h, slip, late, per, grip, whole = (
+                    slip, rim = s[o + SLIP + l], s[o + RADIUS + l] * s[o + WN + l]
+                    give, yields, tangent, taken = ground.shear(
                         s[H + l],
-                        s[o + SLIP + l],
+                        slip,
+                        s[o + LENGTH + l],
                         s[o + LATE_SHEAR + l],
                         s[o + PER_SHEAR + l],
                         s[o + GRIP + l],
                         s[o + WHOLE + l],
+                        s[o + TYRE + l],
+                        abs(rim),
+                        rim - s[V + l] - (2 * k - 1) * s[HALF + l] * s[RATE + l],
+                        tanh,
                     )
-                    rim = s[o + RADIUS + l] * s[o + WN + l]
-                    rolled = abs(rim)
-                    path = (s[o + LENGTH + l] + late * h * rolled) * per
-                    bent = tanh(whole / grip)
-                    tangent = max(1.0 - bent * bent, FLAT)
-                    taken = grip * bent
-                    slid = rim - s[V + l] - (2 * k - 1) * s[HALF + l] * s[RATE + l]
-                    s[o + TANGENT + l], s[o + TAKEN + l] = tangent, taken
-                    s[o + GIVE + l] = slip * path / (tangent * late)
-                    yields = (
-                        slip * path * (whole - taken / tangent)
-                        + (rolled - path) * s[o + TYRE + l]
-                        - (1.0 - late) * slid
-                    ) / late
+                    s[o + TANGENT + l], s[o + TAKEN + l], s[o + GIVE + l] = tangent, taken, give
                     s[o + YIELDS + l] = yields if slip > 0.0 else 0.0
         trial = 0
         while True:
             # ---- driver, armature and rotor of each side: mean current = m0 - m1 * rotor speed at the end of the step
-            for l in range(lanes):
-                supply, source, level = s[SUPPLY + l], s[SOURCE + l], s[LEVEL + l]
-                # `DONE` is the time at the step's end.
-                bus = supply - s[DECLINE + l] * (s[NOW + l] + s[DONE + l] - s[BEGUN + l] - 0.5 * s[H + l])
-                # Newton's step: a higher bus drives more current, which lowers it.
-                draw = (s[MEAN + l] * s[VA + l] + s[_SIDE + MEAN + l] * s[_SIDE + VA + l]) / supply
-                lowers = (
-                    (s[MEAN_V + l] - s[MEAN_I + l] * s[RISE_V + l]) * s[VD + l] * s[VA + l]
-                    + (s[_SIDE + MEAN_V + l] - s[_SIDE + MEAN_I + l] * s[_SIDE + RISE_V + l])
-                    * s[_SIDE + VD + l]
-                    * s[_SIDE + VA + l]
-                ) / supply
-                stepped = level * supply + (bus - source * draw - level * supply) / (1.0 + source * lowers / supply)
-                bus = stepped if source != 0.0 else bus
-                s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / s[SUPPLY + l]
+            if drawn:
+                for l in range(lanes):
+                    supply, source, level = s[SUPPLY + l], s[SOURCE + l], s[LEVEL + l]
+                    # `DONE` is the time at the step's end.
+                    elapsed = s[NOW + l] + s[DONE + l] - s[BEGUN + l] - 0.5 * s[H + l]
+                    bus = driver.unloaded_bus(supply, s[DECLINE + l], elapsed)
+                    # Newton's step: a higher bus drives more current, which lowers it. Both sides in full: a loop over
+                    # them here would keep this one out of vector registers.
+                    amperes = driver.draw(s[MEAN + l], s[VA + l], supply)
+                    amperes += driver.draw(s[_SIDE + MEAN + l], s[_SIDE + VA + l], supply)
+                    lowers = motor.more_current(
+                        s[MEAN_V + l], s[MEAN_I + l], s[RISE_V + l], s[VD + l], s[VA + l], supply
+                    ) + motor.more_current(
+                        s[_SIDE + MEAN_V + l],
+                        s[_SIDE + MEAN_I + l],
+                        s[_SIDE + RISE_V + l],
+                        s[_SIDE + VD + l],
+                        s[_SIDE + VA + l],
+                        supply,
+                    )
+                    stepped = driver.sagging(supply, source, level, bus, amperes, lowers)
+                    bus = stepped if source != 0.0 else bus
+                    s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / supply
+            else:
+                for l in range(lanes):
+                    elapsed = s[NOW + l] + s[DONE + l] - s[BEGUN + l] - 0.5 * s[H + l]
+                    bus = driver.unloaded_bus(s[SUPPLY + l], s[DECLINE + l], elapsed)
+                    s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / s[SUPPLY + l]
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
                     h = s[H + l]
                     w = s[o + WMN + l]
                     ke = s[o + KE + l]
-                    volts = behind_driver(s[o + VD + l] * s[LEVEL + l], ke * w, s[o + LIM + l], s[o + DROP + l])
-                    c0 = s[o + DECAY + l] * s[o + CUR + l] + s[o + RISE_V + l] * (volts - ke * w) + s[o + C1 + l] * w
-                    m0 = s[o + MEAN_I + l] * (s[o + CUR + l] - c0) + s[o + MEAN_V + l] * (volts - 0.5 * ke * w)
+                    volts = driver.behind_driver(s[o + VD + l] * s[LEVEL + l], ke * w, s[o + LIM + l], s[o + DROP + l])
+                    c0, m0 = motor.armature(
+                        s[o + CUR + l],
+                        volts,
+                        ke,
+                        w,
+                        s[o + DECAY + l],
+                        s[o + RISE_V + l],
+                        s[o + MEAN_V + l],
+                        s[o + MEAN_I + l],
+                        s[o + C1 + l],
+                    )
                     s[o + C0 + l], s[o + M0 + l] = c0, m0
                     torque = s[o + GKM + l] * m0 + s[o + RIPPLE + l]
                     slope = s[o + GKM + l] * s[o + M1 + l]
-                    asym = s[o + ASYM_V + l]
-                    fluid = s[o + FLUID + l] + (asym if w > 0.0 else (-asym if w < 0.0 else 0.0))
-                    am = s[o + INERTIA + l] + 0.5 * h * fluid + h * slope
-                    s[o + AM + l] = am
-                    s[o + BM + l] = s[o + INERTIA + l] * w + h * (torque - 0.5 * fluid * w)
+                    fluid = friction.viscous(s[o + FLUID + l], s[o + ASYM_V + l], w)
+                    am, bm = motor.rotor_balance(h, s[o + INERTIA + l], fluid, torque, slope, w)
+                    s[o + AM + l], s[o + BM + l] = am, bm
                     s[o + RIGID + l] = 1.0 / (am + s[LOAD_J + l])
                     output = s[o + RADIUS + l] * s[o + FORCE + l] if trial == 0 else s[o + OUTPUT + l]
-                    f = (
-                        s[o + FRICTION + l]
-                        + s[o + EXTRA + l]
-                        + s[o + LOAD + l] * max(abs(s[o + INPUT + l]), abs(output))
-                    )
-                    s[o + HI + l] = h * (f + s[o + ASYM + l])
-                    s[o + LO + l] = -h * (f - s[o + ASYM + l])
+                    f = s[o + FRICTION + l] + s[o + EXTRA + l]
+                    f += friction.by_load(s[o + LOAD + l], s[o + INPUT + l], output)
+                    s[o + HI + l], s[o + LO + l] = friction.bounds(h, f, s[o + ASYM + l])
             if flexible:
                 # Implicit mid-point for the spring: its mean torque = turn + kap * (rotor - wheel), at the end of the
                 # step.
@@ -874,12 +574,14 @@ def replay_lanes(
                     o = k * _SIDE
                     for l in range(lanes):
                         h, am, load_j = s[H + l], s[o + AM + l], s[LOAD_J + l]
-                        kap = 0.25 * h * s[o + STIFF + l] + 0.5 * s[o + DAMP + l]
+                        kap = gear.spring_gain(h, s[o + STIFF + l], s[o + DAMP + l])
                         spring_i = 1.0 / (am + h * kap)
                         s[o + KAP + l], s[o + SPRING_I + l] = kap, spring_i
-                        s[o + FREE_I + l], s[o + HELD_I + l] = 1.0 / am, 1.0 / (load_j + h * kap)
-                        s[o + BEHIND_I + l] = 1.0 / (load_j + h * kap * (1.0 - h * kap * spring_i))
-                        s[o + TURN + l] = s[o + STIFF + l] * s[o + PLAY + l] + kap * (s[o + WMN + l] - s[o + WN + l])
+                        s[o + FREE_I + l], s[o + HELD_I + l] = 1.0 / am, gear.held_gain(h, load_j, kap)
+                        s[o + BEHIND_I + l] = gear.behind_gain(h, load_j, kap, spring_i)
+                        s[o + TURN + l] = gear.spring_start(
+                            s[o + STIFF + l], s[o + PLAY + l], kap, s[o + WMN + l], s[o + WN + l]
+                        )
             # ---- velocities at the end of the step; a lane whose guess held finds the same again
             for attempt in range(20):
                 if flexible:
@@ -888,22 +590,16 @@ def replay_lanes(
                         for l in range(lanes):
                             h, kind, stick, load_j = s[H + l], s[o + CONTACT + l], s[o + STICK + l], s[LOAD_J + l]
                             stuck = s[DRY + l] > 0.0 and stick == 0.0
-                            hi, lo, edge, rigid_i = (
-                                s[o + HI + l],
-                                s[o + LO + l],
-                                0.5 * s[o + BACKLASH + l],
-                                s[o + RIGID + l],
-                            )
+                            hi, lo, rigid_i = s[o + HI + l], s[o + LO + l], s[o + RIGID + l]
                             held_i, behind_i = s[o + HELD_I + l], s[o + BEHIND_I + l]
-                            p = hi if stick > 0.0 else (lo if stick < 0.0 else 0.0)
+                            p = friction.impulse(stick, hi, lo)
                             bw, bm, turn, kap = load_j * s[o + WN + l], s[o + BM + l], s[o + TURN + l], s[o + KAP + l]
                             # What the rotor is faster than the wheel afterwards, in contact with a flank.
                             forwards = kind == _PUSH_F
-                            gap = (edge if forwards else -edge) - s[o + PLAY + l]
-                            nears = s[o + WMN + l] - s[o + WN + l]
-                            meets = (nears > 0.0) == forwards and s[o + BOUNCES + l] > 0.0
-                            back = -s[o + RESTITUTION + l] * nears
-                            apart = back if meets else gap / h
+                            rotor, wheel = s[o + WMN + l], s[o + WN + l]
+                            meets = (rotor > wheel) == forwards and s[o + BOUNCES + l] > 0.0
+                            to_flank = gear.flank(s[o + BACKLASH + l], forwards) - s[o + PLAY + l]
+                            apart = gear.parting(to_flank, h, s[o + RESTITUTION + l], rotor, wheel, meets)
                             apart = apart if kind >= _PUSH_F else 0.0
                             s[o + APART + l] = apart
                             moved = (bm + bw - p - s[o + AM + l] * apart) * rigid_i
@@ -922,21 +618,18 @@ def replay_lanes(
                             o = k * _SIDE + l
                             stick, hi, lo = s[o + STICK], s[o + HI], s[o + LO]
                             moves = 0.0 if s[DRY + l] > 0.0 and stick == 0.0 else 1.0
-                            p = hi if stick > 0.0 else (lo if stick < 0.0 else 0.0)
+                            p = friction.impulse(stick, hi, lo)
                             s[o + ALPHA] = moves * ((s[o + BM] + s[LOAD_J + l] * s[o + WN] - p) * s[o + RIGID])
                             s[o + BETA] = moves * (s[H + l] * s[o + RADIUS] * s[o + RIGID])
                 for l in range(lanes):
                     h = s[H + l]
                     i11, i12, i22, half = s[I11 + l], s[I12 + l], s[I22 + l], s[HALF + l]
-                    w0 = h * (i11 - 2.0 * half * i12 + half * half * i22)
-                    w1 = h * (i11 + 2.0 * half * i12 + half * half * i22)
-                    wx = h * (i11 - half * half * i22)
+                    w0, w1, wx = ground.wheel_moves(h, i11, i12, i22, half)
                     a00 = s[RADIUS + l] * s[BETA + l] + w0 + s[GIVE + l]
                     a11 = s[_SIDE + RADIUS + l] * s[_SIDE + BETA + l] + w1 + s[_SIDE + GIVE + l]
                     det = 1.0 / (a00 * a11 - wx * wx)
                     q = s[SPIN + l] * h * s[SCRUB + l]
-                    dv = h * (i11 * s[GX + l] + i12 * s[GZ + l]) - i12 * q
-                    dr = h * (i12 * s[GX + l] + i22 * s[GZ + l]) - i22 * q
+                    dv, dr = ground.body_moves(h, i11, i12, i22, s[GX + l], s[GZ + l], q)
                     b0 = s[RADIUS + l] * s[ALPHA + l] - (s[V + l] - half * s[RATE + l]) - dv + half * dr - s[YIELDS + l]
                     b1 = (
                         s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l]
@@ -947,29 +640,21 @@ def replay_lanes(
                     )
                     f0, f1 = (a11 * b0 - wx * b1) * det, (a00 * b1 - wx * b0) * det
                     s[ASKED + l], s[_SIDE + ASKED + l] = f0, f1
-                    f0, f1 = _on_ground(
+                    f0, f1 = ground.on_ground(
                         f0, f1, b0, b1, a00, a11, wx, s[SLIP + l], s[_SIDE + SLIP + l], s[GRIP + l], s[_SIDE + GRIP + l]
                     )
                     s[FORCE + l], s[_SIDE + FORCE + l], s[DV + l], s[DR + l] = f0, f1, dv, dr
                     s[A00 + l], s[A11 + l], s[WX + l], s[DET + l] = a00, a11, wx, det
-                    s[RATE_N + l] = s[RATE + l] + dr + h * (i12 * (f0 + f1) + i22 * half * (f1 - f0))
+                    s[RATE_N + l] = s[RATE + l] + dr + ground.yawed(h, i12, i22, half, f0, f1)
                 if scrubbed:
                     for l in range(lanes):
                         h = s[H + l]
                         i11, i12, i22, half = s[I11 + l], s[I12 + l], s[I22 + l], s[HALF + l]
                         a00, a11, wx, det, most = s[A00 + l], s[A11 + l], s[WX + l], s[DET + l], h * s[SCRUB + l]
                         # The scrub would reverse the turn: find the impulse that stops it, within its bound.
-                        q0, q1 = i12 - half * i22, i12 + half * i22
-                        f0, f1 = (a11 * q0 - wx * q1) * det, (a00 * q1 - wx * q0) * det
-                        gain = h * (i12 * (f0 + f1) + i22 * half * (f1 - f0)) - i22
-                        # Two wheels that stick hold the turn by themselves, and the scrub has nothing to do.
-                        q = (
-                            min(max(s[SPIN + l] * most - s[RATE_N + l] / gain, -most), most)
-                            if gain < -1e-9 * i22
-                            else 0.0
-                        )
-                        dv = h * (i11 * s[GX + l] + i12 * s[GZ + l]) - i12 * q
-                        dr = h * (i12 * s[GX + l] + i22 * s[GZ + l]) - i22 * q
+                        gain = ground.scrub_gain(h, i12, i22, half, a00, a11, wx, det)
+                        q = ground.stopping(s[SPIN + l] * most, s[RATE_N + l], gain, most, i22)
+                        dv, dr = ground.body_moves(h, i11, i12, i22, s[GX + l], s[GZ + l], q)
                         b0 = (
                             s[RADIUS + l] * s[ALPHA + l]
                             - (s[V + l] - half * s[RATE + l])
@@ -988,7 +673,7 @@ def replay_lanes(
                         reverses = s[SCRUB + l] != 0.0 and s[SPIN + l] * s[RATE_N + l] <= 0.0
                         s[ASKED + l] = f0 if reverses else s[ASKED + l]
                         s[_SIDE + ASKED + l] = f1 if reverses else s[_SIDE + ASKED + l]
-                        f0, f1 = _on_ground(
+                        f0, f1 = ground.on_ground(
                             f0,
                             f1,
                             b0,
@@ -1005,14 +690,12 @@ def replay_lanes(
                         s[_SIDE + FORCE + l] = f1 if reverses else s[_SIDE + FORCE + l]
                         s[DV + l] = dv if reverses else s[DV + l]
                         s[RATE_N + l] = (
-                            s[RATE + l] + dr + h * (i12 * (f0 + f1) + i22 * half * (f1 - f0))
-                            if reverses
-                            else s[RATE_N + l]
+                            s[RATE + l] + dr + ground.yawed(h, i12, i22, half, f0, f1) if reverses else s[RATE_N + l]
                         )
                 for l in range(lanes):
                     h, half = s[H + l], s[HALF + l]
                     f0, f1 = s[FORCE + l], s[_SIDE + FORCE + l]
-                    s[V_N + l] = s[V + l] + s[DV + l] + h * (s[I11 + l] * (f0 + f1) + s[I12 + l] * half * (f1 - f0))
+                    s[V_N + l] = s[V + l] + s[DV + l] + ground.pushed(h, s[I11 + l], s[I12 + l], half, f0, f1)
                     s[W + l] = s[ALPHA + l] - s[BETA + l] * f0
                     s[_SIDE + W + l] = s[_SIDE + ALPHA + l] - s[_SIDE + BETA + l] * f1
                 if flexible:
@@ -1028,7 +711,7 @@ def replay_lanes(
                             )
                             dry = s[DRY + l] > 0.0
                             hi, lo = s[o + HI + l], s[o + LO + l]
-                            p = hi if stick > 0.0 else (lo if stick < 0.0 else 0.0)
+                            p = friction.impulse(stick, hi, lo)
                             w, bm, turn, play = s[o + W + l], s[o + BM + l], s[o + TURN + l], s[o + PLAY + l]
                             edge = 0.5 * s[o + BACKLASH + l]
                             swung, freed, touched = (
@@ -1052,7 +735,7 @@ def replay_lanes(
                                 (kind == _PUSH_F and push < 0.0) or (kind == _PUSH_B and push > 0.0)
                             )
                             then = meets if kind == _FREE else (_FREE if pulls else kind)
-                            breaks = 1.0 if need > max(hi, 0.0) else (-1.0 if need < min(lo, 0.0) else 0.0)
+                            breaks = friction.breaks_away(need, hi, lo)
                             stops = stick * wm < 0.0 and (attempt < 10 or kind <= _SPRING)
                             other = breaks if stick == 0.0 else (0.0 if stops else stick)
                             other = other if dry else stick
@@ -1073,7 +756,7 @@ def replay_lanes(
                         s[o + WM] = w
                         need = s[o + BM] + s[LOAD_J + l] * s[o + WN] - h * s[o + RADIUS] * force
                         stick = s[o + STICK]
-                        breaks = 1.0 if need > max(s[o + HI], 0.0) else (-1.0 if need < min(s[o + LO], 0.0) else 0.0)
+                        breaks = friction.breaks_away(need, s[o + HI], s[o + LO])
                         other = breaks if stick == 0.0 else (0.0 if stick * w < 0.0 else stick)
                         other = other if s[DRY + l] > 0.0 else stick
                         again |= 1 if other != stick else 0
@@ -1115,25 +798,27 @@ def replay_lanes(
                 mean = s[o + M0 + l] - s[o + M1 + l] * w
                 s[o + CUR + l] = s[o + C0 + l] - s[o + C1 + l] * w
                 rise = s[o + RISE + l]
-                res = s[o + RES + l] * (1.0 + rise)
-                hotter = rise + h * (s[o + HEAT + l] * mean * mean * res - rise) / s[o + HEAT_TAU + l]
+                res = motor.warm(s[o + RES + l], rise)
+                hotter = motor.warmer(rise, h, s[o + HEAT + l], s[o + HEAT_TAU + l], mean, res)
                 s[o + RISE + l] = hotter if s[o + HEAT + l] != 0.0 else rise
                 s[o + TH + l] += 0.5 * h * (s[o + WN + l] + s[o + W + l])
-                ramp = (w - wn) / h
-                s[o + WF + l] = w - ramp * tau + (s[o + WF + l] - wn + ramp * tau) * s[o + FADE + l]
+                # All are read first: what is read on a condition only would keep this loop out of vector registers.
+                wheel, wheel_n, behind = s[o + W + l], s[o + WN + l], s[AT_WHEEL + l] > 0.0
+                seen, seen_n = wheel if behind else w, wheel_n if behind else wn
+                s[o + WF + l] = sensors.low_pass(s[o + WF + l], seen, seen_n, h, tau, s[o + FADE + l])
         if flexible:
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
                     h, kind, play, w, wm = s[H + l], s[o + CONTACT + l], s[o + PLAY + l], s[o + W + l], s[o + WM + l]
                     wn, wmn, forwards = s[o + WN + l], s[o + WMN + l], kind == _PUSH_F
-                    bent = play + 0.5 * h * (wmn + wm - wn - w)
+                    bent = gear.spring_play(play, h, wmn, wm, wn, w)
                     # To the flank at the speed before, and back for the rest of the step.
                     returns = kind >= _PUSH_F and s[o + BOUNCES + l] > 0.0 and (wm > w) != forwards
-                    flank = 0.5 * s[o + BACKLASH + l] if forwards else -0.5 * s[o + BACKLASH + l]
-                    nears = wmn - wn if returns else 1.0
-                    reach = min(max((flank - play) / nears, 0.0), h)
-                    moved = flank + (h - reach) * s[o + APART + l] if returns else play + h * (wm - w)
+                    at_flank = gear.flank(s[o + BACKLASH + l], forwards)
+                    nears = wmn if returns else wn + 1.0
+                    met = gear.bounced_play(at_flank, play, h, nears, wn, s[o + APART + l])
+                    moved = met if returns else play + h * (wm - w)
                     s[o + PLAY + l] = bent if kind == _SPRING else (play if kind == _RIGID else moved)
                     s[o + CONTACT + l] = _FREE if returns else kind
         for l in range(lanes):
@@ -1153,12 +838,13 @@ def replay_lanes(
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
-                    most = SLIDING * s[o + GRIP + l]
-                    whole = min(
-                        max(s[o + WHOLE + l] + (s[o + ASKED + l] - s[o + TAKEN + l]) / s[o + TANGENT + l], -most), most
+                    whole = ground.sheared(
+                        s[o + WHOLE + l], s[o + ASKED + l], s[o + TAKEN + l], s[o + TANGENT + l], s[o + GRIP + l]
                     )
                     s[o + WHOLE + l] = whole
-                    s[o + TYRE + l] += s[H + l] * (whole * s[o + SLIP + l] - s[o + TYRE + l]) * s[o + PER_SHEAR + l]
+                    s[o + TYRE + l] = ground.relaxed(
+                        s[H + l], s[o + TYRE + l], s[o + SLIP + l], whole, s[o + PER_SHEAR + l]
+                    )
         if again > 0:
             for l in range(lanes):
                 if redone[l]:

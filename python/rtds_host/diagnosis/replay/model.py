@@ -142,8 +142,8 @@ class Model:
 
 def nominal_model(robot: Robot) -> Model:
     """The nominal robot of the contract (section 2), or the single axis of its section 7."""
-    side = np.array([entry[0] or 0.0 for entry in SIDE.values()])
-    model = Model(np.vstack([side, side]), np.array([entry[0] or 0.0 for entry in COMMON.values()]))
+    side = np.array([entry.nominal or 0.0 for entry in SIDE.values()])
+    model = Model(np.vstack([side, side]), np.array([entry.nominal or 0.0 for entry in COMMON.values()]))
     motor = robot.motor
     torque_mode = robot.driver.mode == "torque"
     # In torque mode the electrical values play no part; any finite ones serve.
@@ -157,6 +157,7 @@ def nominal_model(robot: Robot) -> Model:
     model.put("supply", robot.supply_v)
     model.put("mode", {"voltage": 0, "torque": 1, "speed": 2}[robot.driver.mode])
     model.put("bus_measured", 1.0 if robot.driver.bus == "measured" else 0.0)
+    model.put("encoder_at_wheel", 1.0 if robot.encoder == "wheel" else 0.0)
     if torque_mode:
         model.put("torque_per_volt", robot.driver.torque_nm_per_v)
     if robot.servo is not None:

@@ -27,6 +27,7 @@ from rtds_host.diagnosis.report.words import (
 SETUP_WORDS = {
     "latency_s": ("what is read of a speed command comes later by", 1e3, "ms"),
     "anti_windup": ("share of what its limit cuts by which the servo's integral gives way", 1.0, ""),
+    "command_early_s": ("a command acts before the row that shows it by", 1e3, "ms"),
     "gyro_late_s": ("the gyro's clock is behind the wheels' by", 1e3, "ms"),
     "pose_late_s": ("the pose's clock is behind the wheels' by", 1e3, "ms"),
 }
@@ -169,7 +170,7 @@ def _explanations(diagnosis: dict[str, Any], details: Details) -> str:
 
 def _nominal(details: Details, key: str) -> float | None:
     robot = details.case.robot
-    return next((getattr(part, key) for part in (robot.motor, robot.servo) if hasattr(part, key)), None)
+    return next((getattr(part, key) for part in (robot.motor, robot.servo, robot.chassis, robot.axis) if hasattr(part, key)), None)
 
 
 def _refitted(diagnosis: dict[str, Any], details: Details) -> str:
@@ -188,7 +189,7 @@ def _refitted(diagnosis: dict[str, Any], details: Details) -> str:
             for name, value in values.items()
         ]
         head = [("side", False), ("value", False), ("nominal", True), ("refitted", True), ("unit", False)]
-        parts.append("<h3>Motor values refitted within their tolerance (no cause)</h3>")
+        parts.append("<h3>Constants refitted within their tolerance (no cause)</h3>")
         parts.append(table(head, rows, None, "nominal_fit"))
     if setup := diagnosis.get("setup"):
         rows = [

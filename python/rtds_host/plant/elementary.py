@@ -1,25 +1,45 @@
-"""Elementary functions without a call, so that a loop over lanes goes through a processor's vector unit."""
+"""Elementary functions without a call, so that a loop over replays goes through a processor's vector unit.
+
+`exponential` is the library's, for loops that take one replay at a time.
+"""
 
 from __future__ import annotations
 
 import math
 
-import numba
+from rtds_host.plant.compiled import law
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@law
+def exponential(y):
+    """exp(-y) by the library."""
+    return math.exp(-y)
+
+
+@law
+def turned(c, s, angle):
+    """A direction (c, s) turned by an angle, rad, to 1e-12; quickly where that is small, as in a step."""
+    if abs(angle) < 0.1:
+        q = angle * angle
+        dc, ds = 1.0 + cos_less_one(q), sin(angle, q)
+    else:
+        dc, ds = math.cos(angle), math.sin(angle)
+    return c * dc - s * ds, s * dc + c * ds
+
+
+@law
 def cos_less_one(q):
-    """cos - 1 of a small angle whose square is q, as in `kernel._turned`."""
+    """cos - 1 of a small angle whose square is q, as in `turned`."""
     return -q * (0.5 - q * (1.0 / 24.0 - q * (1.0 / 720.0)))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@law
 def sin(angle, q):
     """sin of a small angle whose square is q."""
     return angle * (1.0 - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0))))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@law
 def sine(x):
     """sin(x), x in rad within 1e4 turns, to 1e-11: sine and cosine of half of what is left of the angle after whole
     turns.
@@ -78,9 +98,9 @@ def sine(x):
     return 2.0 * s * c
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@law
 def exp_minus(y):
-    """exp(-y), y >= 0, to 1e-14 where it is worth anything: without a call, so that lanes stay abreast."""
+    """exp(-y), y >= 0, to 1e-14 where it is worth anything: without a call, so that a batch stays vectorised."""
     z = min(y, 40.0) * (1.0 / 64.0)
     e = 1.0 - z * (
         1.0
@@ -114,7 +134,7 @@ def exp_minus(y):
     return e * e
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@law
 def tanh(x):
     """The hyperbolic tangent, likewise."""
     e = exp_minus(2.0 * abs(x))

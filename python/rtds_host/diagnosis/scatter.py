@@ -1,22 +1,12 @@
-"""Whether what an effect takes off the misfit carries over to runs that it was not fitted to.
+"""How much an effect's size differs between the settings that a robot was met in (contract, section 5, `scatter`).
 
-An effect is a constant of the machine: of one size, whatever the run. Between a replay without it and the one with it
-lie those with a share of it. Of one run g (or a stretch of one) alone the best share would be s_g, known to 1/I_g; of
-all the others together it is the mean o_g of theirs. With that, the effect takes I_g (s_g^2 - (s_g - o_g)^2) / 2 off
-the -log likelihood of run g, where the mean m of all takes I_g (s_g^2 - (s_g - m)^2) / 2. The ratio of their sums over
-the runs is 1 for what is of one size in all of them, and falls below 0 for what stands in for something else, large
-here and small there. What the other effects can take up over all runs is projected off; the tolerances stay as they
-are, since these are the machine's, too. What is left of it must know something: a filter is, to first order, the delay
-beside it, and what a step along that delay leaves of it is noise.
+The blocks of time are put in order of each setting (how fast, how loaded, which way, how late, which run) and cut in
+groups that know as much as each other of the effect's size, relative to what was fitted. Of group g alone the size would
+be s_g, known to 1/I_g. What these scatter about their mean m beyond chance, Q = sum_g I_g (s_g - m)^2 less what is
+expected and what convinces, is a relative scatter of sqrt(Q / sum_g I_g). What the other effects can take up over all
+runs is projected off.
 
-Nor does it change with the setting that a machine is met in (`scattered`): how fast, how loaded, which way, how late.
-The blocks of time are put in order of each setting and cut in groups that know as much as each other of the effect's
-size, relative to what was fitted; what the groups' sizes s_g scatter about their mean beyond chance, Q = sum_g I_g (s_g
-- m)^2 less what is expected and what convinces, is worth a relative scatter of sqrt(Q / sum_g I_g). What stands in for
-something of another form scatters: a gain for a bend, a delay for clocks that drift apart.
-
-References: M. Stone, J. R. Stat. Soc. B 36, 1974 (cross-validation); J. Peters, P. Buehlmann, N. Meinshausen, J. R.
-Stat. Soc. B 78, 2016 (a cause is what does not change from setting to setting).
+Reference: J. Peters, P. Buehlmann, N. Meinshausen, J. R. Stat. Soc. B 78, 2016 (a cause is invariant over settings).
 """
 
 from __future__ import annotations
@@ -52,30 +42,9 @@ def groups(problem: Problem) -> np.ndarray:
     return found
 
 
-def carried(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
-    """Share of what each effect takes off that it takes off runs that it was not fitted to, per the module's head; 1 of
-    one whose sizes nothing would tell."""
-    where = groups(problem)
-    count = int(where.max(initial=0)) + 1
-    taken = [
-        fit.noise.whiten(fit.residual - other)
-        for other in problem.residuals([absent(problem, fit, member) for member in fit.hypothesis])
-    ]
-    white, jacobian = fit.whitened()
-    owners = [(effect.id, side) for effect, side, _ in parameters(fit.effects, fit.hypothesis)]
-    result = {}
-    for member, own in zip(fit.hypothesis, taken):
-        at = [len(fit.z) + k for k, owner in enumerate(owners) if owner != member and fit.free[len(fit.z) + k]]
-        own = _apart(fit, jacobian, own, at)
-        known = np.bincount(where, own * own, minlength=count)
-        told = known.sum() >= 2.0 * math.log(CONVINCING)
-        result[member] = ratio(known - np.bincount(where, own * white, minlength=count), known) if told else 1.0
-    return result
-
-
-def scattered(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
-    """Relative scatter of each effect's size over the settings that it was met in, the largest, per the
-    module's head.
+def scattered(problem: Problem, fit: Fit) -> dict[tuple[str, str], tuple[float, str | None]]:
+    """Relative scatter of each effect's size over the setting with which it scatters most, per the module's head, and
+    that setting; None where it does not scatter beyond chance.
     """
     met = settings(problem, fit.model(problem))
     white, jacobian = fit.whitened()
@@ -88,7 +57,8 @@ def scattered(problem: Problem, fit: Fit) -> dict[tuple[str, str], float]:
         own = _apart(fit, jacobian, own, at)
         known = np.bincount(problem.blocks, own * own, minlength=problem.block_count)
         weighed = known - np.bincount(problem.blocks, own * white, minlength=problem.block_count)
-        result[member] = max(scatter(values, weighed, known) for values in met.values())
+        most, setting = max((scatter(values, weighed, known), name) for name, values in met.items())
+        result[member] = (most, setting if most > 0.0 else None)
     return result
 
 
@@ -130,17 +100,3 @@ def absent(problem: Problem, fit: Fit, member: tuple[str, str]) -> Model:
     return apply(
         fit.effects, problem.with_nuisances(fit.z), tuple(other for other, _ in kept), [values for _, values in kept]
     )
-
-
-def ratio(weighed: np.ndarray, known: np.ndarray) -> float:
-    """The ratio of the module's head, of I_g s_g (groups,) and I_g (groups,); 1 where one group alone knows
-    anything.
-    """
-    weighed, known = weighed[known > 0.0], known[known > 0.0]
-    if len(known) < 2:
-        return 1.0
-    shares = weighed / known
-    mean = weighed.sum() / known.sum()
-    others = (weighed.sum() - weighed) / (known.sum() - known)
-    inside = float(known @ (shares**2 - (shares - mean) ** 2))
-    return float(known @ (shares**2 - (shares - others) ** 2)) / inside if inside > 0.0 else 0.0

@@ -1,0 +1,108 @@
+"""`rtds init`: a robot's file from a data sheet or a robot that comes along, a draft mapping from a recording."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rtds_host.contract import builtin_robots
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def init(
+    out: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for robot.toml and, with --log, mapping.toml.")],
+    like: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help=f"Copy a robot that comes along: {', '.join(builtin_robots())}.")
+    ] = None,
+    log: Annotated[
+        Path | None, typer.Option(metavar="BAG_OR_CSV", help="Draft a mapping for this recording, its guesses marked.")
+    ] = None,
+    name: Annotated[str, typer.Option(help="Name of the robot.")] = "",
+    voltage: Annotated[float | None, typer.Option(help="Supply voltage of the motors, V.")] = None,
+    stall_current: Annotated[float | None, typer.Option(help="Stall current at that voltage, A.")] = None,
+    stall_torque: Annotated[float | None, typer.Option(help="Stall torque at the gear's output, N·m.")] = None,
+    no_load_rpm: Annotated[float | None, typer.Option(help="No-load speed at the gear's output, rpm.")] = None,
+    no_load_current: Annotated[float | None, typer.Option(help="No-load current, A.")] = None,
+    gear_ratio: Annotated[float | None, typer.Option(help="Motor turns a turn of the output.")] = None,
+    wheel_radius: Annotated[float | None, typer.Option(help="Wheel radius, m.")] = None,
+    track_width: Annotated[float | None, typer.Option(help="Distance between both wheels' middles, m.")] = None,
+    mass: Annotated[float | None, typer.Option(help="Mass of the whole robot, kg.")] = None,
+    counts: Annotated[float | None, typer.Option(help="Encoder counts a turn of what it sits on.")] = None,
+    encoder: Annotated[str | None, typer.Option(help="Where the encoder sits: motor, gear or wheel.")] = None,
+) -> None:
+    """Write a commented robot.toml for a robot of your own, and a draft mapping for its recordings.
+
+    In a terminal, what no option gives is asked. In a script every figure must be given. No file is overwritten.
+    """
+    from rtds_host.contract.robot import builtin_robot_path
+    from rtds_host.errors import InputError, OutputError, visible
+    from rtds_host.start.draft import draft_mapping
+
+    figures = {
+        "voltage_v": voltage,
+        "stall_current_a": stall_current,
+        "no_load_rpm": no_load_rpm,
+        "no_load_current_a": no_load_current,
+        "stall_torque_nm": stall_torque,
+        "gear_ratio": gear_ratio,
+        "wheel_radius_m": wheel_radius,
+        "track_width_m": track_width,
+        "mass_kg": mass,
+        "counts": counts,
+    }
+    asked = any(value is not None for value in figures.values()) or encoder is not None
+    if like is not None and asked:
+        raise InputError(f"--like {like}: a robot that comes along has its own figures; give one or the other")
+    for file in ("robot.toml", "mapping.toml"):
+        if (out / file).exists():
+            raise OutputError(f"{out / file}: is there already; choose another folder")
+    texts = {}
+    if like is not None:
+        texts["robot.toml"] = builtin_robot_path(like).read_text(encoding="utf-8")
+    elif asked or log is None:
+        texts["robot.toml"] = _from_sheet(figures, encoder, name or out.resolve().name)
+    if log is not None:
+        texts["mapping.toml"] = draft_mapping(log)
+    out.mkdir(parents=True, exist_ok=True)
+    from rtds_host.contract import write_atomic
+
+    for file, text in texts.items():
+        write_atomic(out / file, text)
+        print(visible(f"written: {out / file}"))
+    if "mapping.toml" in texts:
+        robot = out / "robot.toml" if "robot.toml" in texts else Path("robot.toml")
+        print("Look at each line that says `guess`, then:")
+        print(visible(f"rtds import {log} --mapping {out / 'mapping.toml'} --robot {robot} --out case"))
+
+
+def _from_sheet(figures: dict[str, float | None], encoder: str | None, name: str) -> str:
+    from rtds_host.errors import InputError
+    from rtds_host.start.datasheet import ENCODERS, FIGURES, Sheet, option, robot_text
+
+    answers = dict(figures)
+    if sys.stdin.isatty():
+        for key, (text, _, _) in FIGURES.items():
+            if answers[key] is None:
+                optional = key == "stall_torque_nm"
+                said = typer.prompt(text, default="" if optional else None, show_default=False)
+                answers[key] = _number(option(key), str(said)) if str(said).strip() else None
+        if encoder is None:
+            encoder = str(typer.prompt(f"Where the encoder sits ({', '.join(ENCODERS)})", default="motor"))
+    missing = [option(key) for key, value in answers.items() if value is None and key != "stall_torque_nm"]
+    if missing:
+        raise InputError(f"{', '.join(missing)}: missing; or --like ROBOT, or run it in a terminal, which asks")
+    return robot_text(Sheet(name=name, encoder=encoder or "motor", **answers))  # type: ignore[arg-type]
+
+
+def _number(place: str, text: str) -> float:
+    from rtds_host.errors import InputError, shown
+
+    try:
+        return float(text.replace(",", "."))
+    except ValueError as error:
+        raise InputError(f"{place}: {shown(text)} is no number") from error

@@ -1,0 +1,67 @@
+"""A beam search over sets of effects, for cases in which a gap remains.
+
+Greedy steps follow the first effect that promises most, which on a real robot is often one that does a part of
+everything. A beam keeps several explanations of each number of effects, and their choice is left to runs that were not
+used for the fit (`choice`).
+"""
+
+from __future__ import annotations
+
+from rtds_host.diagnosis.fit import Fit, joined
+from rtds_host.diagnosis.screen import Screen, clashes, moves_of
+from rtds_host.diagnosis.search import Search
+
+# Numerical: explanations that are kept of each number of effects, those that are fitted in earnest, the most effects,
+# and the
+# effects of each screening that are tried on each explanation, of an axis and of a robot, whose sides triple them.
+WIDTH, REFINED, DEPTH = 4, 12, 4
+TRIED = {True: 12, False: 5}
+
+
+def widened(search: Search) -> dict[int, list[Fit]]:
+    """Explanations of each number of effects, most probable first, up to `WIDTH` of each.
+
+    Starts come from two screenings: by the likelihood, which compares ratios of what is left, and by plain squares,
+    which see what is large.
+    """
+    problem = search.problem
+    # Greedy steps have been over whole runs of a robot already, which are longer than those of an axis.
+    if problem.robot.axis is not None or len(search.fits) == 1:
+        problem.follow_angles(True)
+        beam = [search.fits[()]]
+        for _ in range(DEPTH):
+            grown = _grown(search, beam)
+            if not grown or search.score(grown[0]) > min(map(search.score, beam)):
+                break
+            beam = grown
+            if search.spent():
+                break
+        problem.follow_angles(False)
+    found: dict[int, list[Fit]] = {}
+    for fit in sorted(filter(search.named, search.fits.values()), key=search.score):
+        mine = found.setdefault(len(fit.hypothesis), [])
+        if len(mine) < WIDTH:
+            mine.append(fit)
+    return found
+
+
+def _grown(search: Search, beam: list[Fit]) -> list[Fit]:
+    """The most probable explanations with one effect more than those of the beam, fitted in earnest."""
+    problem, starts = search.problem, []
+    for fit in beam:
+        wanted = {e for e in search.wanted if not search.effects[e].periodic}
+        if search.spent():
+            break
+        moves = moves_of(search.fitter, fit, {}, wanted, {}, coarse=search.quick)
+        screens = [Screen(problem, fit, moves, noise) for noise in (fit.noise, problem.white())]
+        count = TRIED[problem.robot.axis is not None]
+        starts += [
+            (*joined({**fit.parts, one.member: search.entered(fit, one)}), fit)
+            for one in search.promising(screens, count)
+            if not clashes(one.member, fit.hypothesis)
+        ]
+    rough = {f.hypothesis: f for f in search.try_fits(starts, rough=True)}
+    first = sorted(rough.values(), key=search.score)[:REFINED]
+    fitted = search.try_fits([(f.hypothesis, f.u, f) for f in first])
+    unique = {f.hypothesis: f for f in fitted if search.named(f)}
+    return sorted(unique.values(), key=search.score)[:WIDTH]

@@ -1,0 +1,67 @@
+"""`rtds export` to what is compiled: FMUs, and the C library with a robot's numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rtds_host.contract import staged_folder, write_atomic
+from rtds_host.correction.translate import places_of
+from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.export import fmu
+from rtds_host.export.export import Part, Source, comment_of, parts_of
+from rtds_host.export.figures import figures_of
+from rtds_host.export.table import LOST, OWN
+from rtds_host.native.library import SOURCES
+from rtds_host.native.words import header, motor_units
+
+# --to, and what it gives.
+TARGETS = {
+    "fmu": "the robot on a plane as an FMU",
+    "fmu-motors": "its two motor units as an FMU",
+    "c": "its two motor units as C sources",
+}
+LIBRARY = ("rtds_motor.h", "rtds_motor.c")
+MOTORS = "motors.h"
+
+
+def motor_parts(source: Source) -> list[Part]:
+    """How the motor units have each effect of a diagnosis: what acts elsewhere is left to the other simulator."""
+    found = []
+    for part in parts_of(source.content, figures_of(source.model, source.robot), "python"):
+        inside = places_of(CATALOGUE[part.effect], source.robot) == {"rtl"}
+        where = (
+            "parameters and tables of the motor units" if inside else "acts in the body or the sensors, not in a motor"
+        )
+        found.append(Part(part.effect, part.side, part.values, OWN if inside else LOST, where))
+    return found
+
+
+def robot_parts(source: Source) -> list[Part]:
+    """How the robot's FMU has each effect: it has the equations of the Python module."""
+    parts = parts_of(source.content, figures_of(source.model, source.robot), "python")
+    return [Part(p.effect, p.side, p.values, p.kind, "parameters" if p.kind == OWN else p.where) for p in parts]
+
+
+def write(source: Source, target: str, out: Path) -> list[Part]:
+    """Write a target of `TARGETS`: a file, of `c` a folder. Returns how each effect is in it.
+
+    Raises
+    ------
+    InputError : a robot that cannot be exported. LinkError : no C compiler. OutputError : it cannot be written.
+    """
+    parts = robot_parts(source) if target == "fmu" else motor_parts(source)
+    comment = comment_of(parts, source.name, source.robot, "python")
+    name = fmu.identifier(source.robot.name)
+    if target == "fmu":
+        unit = fmu.robot(figures_of(source.model, source.robot), name, comment)
+        write_atomic(out, fmu.build(unit))
+        return parts
+    units = motor_units(source.model, source.robot)
+    if target == "fmu-motors":
+        write_atomic(out, fmu.build(fmu.motors(units, f"{name}_motors", comment)))
+        return parts
+    with staged_folder(out) as scratch:
+        for file in LIBRARY:
+            (scratch / file).write_bytes((SOURCES / file).read_bytes())
+        (scratch / MOTORS).write_text(header(units, comment), encoding="utf-8")
+    return parts

@@ -1,0 +1,51 @@
+"""The one criterion where a gap remains: what an effect leaves on runs that it was not fitted to."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from rtds_host.diagnosis.choice import WORTH, Judged, chosen, leaves
+
+
+def judged(*channels, prior=0.0):
+    return Judged(SimpleNamespace(prior=prior), None, dict(zip(("w_l", "i_l"), channels)))
+
+
+def taken(found):
+    return chosen(found, lambda fit: fit.prior)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "left"),
+    [
+        (judged(2.0, 2.0), judged(3.0, 3.0), 3.0 / 8.0),
+        (judged(9.0, 1.05), judged(9.0, 3.0), 0.162),  # the current alone shows it, beside a loud speed
+        (judged(9.5, 1.0), judged(9.0, 2.0), 1.075),  # what opens the whole explains no part of it
+        (judged(1.0, 1.0), judged(1.05, 1.05), 1.0),  # no gap
+    ],
+)
+def test_what_is_left_is_taken_over_all_channels_and_over_each(one, other, left):
+    assert leaves(one, other) == pytest.approx(left, rel=0.01)
+
+
+def test_an_effect_is_taken_that_leaves_little_on_runs_left_out():
+    none, good = judged(5.0, 5.0), judged(2.0, 2.0)
+    assert taken({0: [none], 1: [good]}) is good
+    assert taken({0: [none], 1: [judged(4.9, 4.9)]}) is none
+
+
+def test_two_effects_that_help_only_together_are_taken_together():
+    none, alone, both = judged(5.0, 5.0), judged(4.9, 4.9), judged(2.0, 2.0)
+    assert taken({0: [none], 1: [alone], 2: [both]}) is both
+
+
+def test_a_further_effect_is_not_taken_for_a_little_less():
+    one, two = judged(3.0, 3.0), judged(2.9, 2.9)
+    assert taken({0: [judged(9.0, 9.0)], 1: [one], 2: [two]}) is one
+    assert leaves(two, one) > WORTH
+
+
+def test_of_explanations_that_leave_as_much_the_one_more_probable_before_is_taken():
+    """Two large effects that cancel leave a little less than two small ones."""
+    large, small, worse = judged(2.0, 2.0, prior=30.0), judged(2.1, 2.1, prior=20.0), judged(2.5, 2.5, prior=1.0)
+    assert taken({0: [judged(9.0, 9.0)], 2: [large, small, worse]}) is small

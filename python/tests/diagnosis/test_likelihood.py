@@ -1,0 +1,55 @@
+"""The likelihood whose model error is of unknown size: exact where only noise is left, free of the declared noise where
+more is."""
+
+import numpy as np
+import pytest
+
+from rtds_host.diagnosis.likelihood import Likelihood, correlated
+
+GROUPS = np.repeat(np.arange(20), 50)
+ONE = np.ones(20)
+
+
+def noise(seed=1, size=1.0):
+    return size * np.random.default_rng(seed).standard_normal(len(GROUPS))
+
+
+def exact(residual, samples=ONE):
+    return Likelihood(GROUPS, samples).estimated(residual).cost(residual)
+
+
+def test_residuals_no_larger_than_their_noise_cost_their_squares():
+    residual = noise()
+    assert exact(residual) == pytest.approx(residual @ residual)
+
+
+@pytest.mark.parametrize("samples", [ONE, 5.0 * ONE], ids=["a block", "a run of five blocks"])
+def test_what_an_explanation_gains_does_not_hang_on_the_declared_noise_where_much_is_left(samples):
+    """Halving residuals of a hundred noises gains the same if the noise is declared three times as large."""
+    large, small = noise(size=100.0), noise(size=50.0)
+    gain = exact(large, samples) - exact(small, samples)
+    assert exact(large / 3.0, samples) - exact(small / 3.0, samples) == pytest.approx(gain, rel=0.01)
+    assert gain == pytest.approx(samples.sum() * np.log(4.0), rel=0.15)
+
+
+def test_weights_bound_the_cost_from_above_and_touch_it_where_they_were_taken():
+    """So each least squares step with them lowers the cost itself."""
+    at = Likelihood(GROUPS, ONE).estimated(noise(size=7.0))
+    assert at.cost(noise(size=7.0)) == pytest.approx(exact(noise(size=7.0)))
+    for seed in range(2, 12):
+        other = noise(seed, size=float(seed))
+        assert at.cost(other) >= exact(other) - 1e-9
+
+
+def test_a_column_is_weighted_as_the_residual_is():
+    at = Likelihood(GROUPS, ONE).estimated(noise(size=30.0))
+    column = noise(3).astype(np.float32)
+    assert np.allclose(at.whitened([column])[:, 0], at.whiten(column))
+    assert float(at.whiten(noise(4)) @ at.whiten(noise(4))) == pytest.approx(at.cost(noise(4)) - at.log.sum())
+
+
+def test_residuals_that_keep_their_sign_are_correlated_and_loud_white_noise_is_not():
+    slow = np.repeat(np.random.default_rng(5).standard_normal(20), 50)
+    channels = np.zeros(len(GROUPS), int)
+    assert correlated(noise() + slow, GROUPS, channels, 4.9)
+    assert not correlated(noise(size=40.0), GROUPS, channels, 4.9)

@@ -1,0 +1,49 @@
+"""What is special about an effect stands in its own file: other modules do not ask for an effect by its name."""
+
+import ast
+from pathlib import Path
+
+import rtds_host
+from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.plant.schema import ENTRIES
+
+ROOT = Path(rtds_host.__file__).parent
+# Which effects these name, and why: twins are pairs; the spectrum that finds a ripple's cycles knows whose they are; a
+# target's row, and what it cannot hold, is the target's.
+NAMED = {
+    "diagnosis/localise/standins.py",
+    "diagnosis/neighbours.py",
+    "diagnosis/ripple.py",
+    "diagnosis/twins.py",
+    "export/export.py",
+    "export/mjcf.py",
+    "export/table.py",
+}
+
+
+def naming(root: Path) -> dict[str, set[str]]:
+    """Modules outside the catalogue and the blind worlds that name effects, parameters' names left out."""
+    parameters = ENTRIES.keys() | {entry.export for entry in ENTRIES.values()}
+    effects = CATALOGUE.keys() - parameters
+    found = {}
+    for path in sorted(root.rglob("*.py")):
+        name = path.relative_to(root).as_posix()
+        if name.startswith(("blind/", "diagnosis/effects/")):
+            continue
+        strings = {
+            n.value for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Constant)
+        }
+        if named := {s for s in strings if isinstance(s, str)} & effects:
+            found[name] = named
+    return found
+
+
+def test_no_other_module_names_an_effect():
+    assert naming(ROOT).keys() <= NAMED
+
+
+def test_neither_replay_nor_plant_names_one(tmp_path):
+    assert not [name for name in naming(ROOT) if name.startswith(("plant/", "diagnosis/replay/"))]
+    (tmp_path / "plant").mkdir()
+    (tmp_path / "plant" / "law.py").write_text('if effect == "coulomb_friction": pass\n')
+    assert naming(tmp_path) == {"plant/law.py": {"coulomb_friction"}}
