@@ -66,7 +66,7 @@ def test_the_search_knows_how_sections_are_cited(text, numbers):
 def test_pages_that_speak_of_the_contract_name_the_page():
     for page in sorted((ROOT / "docs").glob("*.md")):
         text = page.read_text()
-        if page.name != "formats.md" and re.search(r"(?<![./\w])contract\b(?!/)", text):
+        if page.name != "formats.md" and re.search(r"(?<![./\w-])contract\b(?!/)", text):
             assert "formats.md" in text, page.name
 
 
