@@ -10,12 +10,15 @@ from rtds_host.plant.schema import ENTRIES
 ROOT = Path(rtds_host.__file__).parent
 # Which effects these name, and why: twins are pairs; the spectrum that finds a ripple's cycles knows whose they are; a
 # target's row, and what it cannot hold, is the target's.
+# A form is likened to the effects that act in the same equation; an FMU names what it holds.
 NAMED = {
     "diagnosis/localise/standins.py",
     "diagnosis/neighbours.py",
     "diagnosis/ripple.py",
     "diagnosis/twins.py",
+    "diagnosis/report/forms.py",
     "export/export.py",
+    "export/fmu.py",
     "export/mjcf.py",
     "export/table.py",
 }

@@ -119,11 +119,13 @@ class Effect:
     another one is there. `nonlinear`: its signature changes its form with its size, and with what the other side does.
     `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima.
     `without_winding`: it exists on a machine whose torque is commanded. `before_loop`: it acts before a loop on the
-    speed, which a robot in speed mode alone has. `exports_as`: another effect whose parameters of the plant it writes, and
+    speed, which a robot in speed mode alone has. `exports_as`: another effect whose parameters of the plant it
+    writes, and
     whose row of the exporters' table it has; without one, the table has a row of its own.
     `compared_at`: sizes in SI at which simulator and replay are compared, where the middle start would not be met;
     `agrees_within`: a wider bound on their difference, in units of noise, and its reason. `check`: a measurement
-    by hand that shows this effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`: channels (without side) of
+    by hand that shows this effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`:
+    channels (without side) of
     which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
     "robot", "signal", or "refused" where it has no such robot.
     `restarts`: parameters to fit from as well, where the misfit has more than one minimum. `form`: what share of its
