@@ -17,7 +17,7 @@ def export(
     diagnosis: Annotated[
         Path,
         typer.Argument(
-            help="The diagnosis.json to put into the robot; to fmu, fmu-motors and c also a robot.toml or a robot's name."
+            help="The diagnosis.json to put into the robot; fmu, fmu-motors and c also take a robot.toml or a name."
         ),
     ],
     to: Annotated[

@@ -23,7 +23,7 @@ def serve(
     link: Annotated[str, typer.Option(help="model, or rtl: the Verilog in Verilator.")] = "model",
     runs: Annotated[int, typer.Option(help="End after so many connections; 0: on Ctrl-C.", min=0)] = 0,
 ) -> None:
-    """Let another program step a robot's two motors. A connection is a run; the protocol is docs/other-simulators.md."""
+    """Let another program step a robot's two motors. A connection is a run (docs/other-simulators.md)."""
     from rtds_host.errors import InputError, visible
     from rtds_host.link import open_link
     from rtds_host.native.serve import listener, serve_runs

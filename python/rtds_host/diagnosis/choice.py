@@ -19,7 +19,8 @@ from rtds_host.diagnosis.problem import Problem
 
 # What an effect leaves at most of the squared gap on runs left out; measured axes name the same from 0.7 to 0.85.
 WORTH = 0.75
-# Explanations whose gaps on runs left out are within this ratio are indistinguishable by them: what makes a gap of none.
+# Explanations whose gaps on runs left out are within this ratio are indistinguishable by them: what makes a gap of
+# none.
 AS_MUCH = gaps.LEAST
 # Of a channel or a case, what counts as no gap (contract, section 4).
 NO_GAP = gaps.LEAST**2 - 1.0

@@ -31,7 +31,7 @@ from rtds_host.diagnosis.fit import (
     to_values,
 )
 from rtds_host.diagnosis.gap import LEAST
-from rtds_host.diagnosis.nuisances import BAND
+from rtds_host.diagnosis.nuisances import band
 from rtds_host.diagnosis.problem import Problem
 
 # Probability: effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's
@@ -83,8 +83,16 @@ class Explanations:
         """Whether each effect is big enough to be named, and no larger than can be: a `ratio` within 3 % of 1 on R, K,
         J or B is a nuisance, and a size that rests on its bound stands in for something else."""
         return all(
-            not (self.effects[e].nuisance and abs(values["ratio"] - 1.0) <= BAND) and not self._at_its_bound(e, values)
+            not self._within_tolerance(e, values) and not self._at_its_bound(e, values)
             for (e, _), values in zip(fit.hypothesis, fit.values)
+        )
+
+    def _within_tolerance(self, effect: str, values: dict[str, float]) -> bool:
+        """Whether a ratio is within three sigmas of 1 on a constant that has a tolerance (contract, section 2)."""
+        return any(
+            abs(values[p.name] - 1.0) <= band(self.problem.robot, p.of)
+            for p in self.effects[effect].parameters
+            if p.name == "ratio" and p.of
         )
 
     def _at_its_bound(self, effect: str, values: dict[str, float]) -> bool:

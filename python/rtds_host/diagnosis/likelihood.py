@@ -2,8 +2,8 @@
 
 A group is one channel in one block of time: n residuals in units of the sensor's noise, mean square V. Where the model
 is exact, V is 1 but for chance, and the group counts as n exact samples. Where V is far above 1, the model's error
-speaks and not the sensor's noise: the group then counts as one sample of unknown size. With V0, the largest V that noise
-alone makes,
+speaks and not the sensor's noise: the group then counts as one sample of unknown size. With V0, the largest V that
+noise alone makes,
 
     -2 log L = sum over groups of  n V                             where V <= V0,
                                    n V0 + b ln(1 + n (V - V0) / b) elsewhere;   V0 = 1 + 2 sqrt(2 / n)

@@ -71,8 +71,8 @@ def _fitting(
 
     Where a gap remains,
     what leaves a gap within a tenth as large on runs left out fits as well. Elsewhere the likelihood
-    tells. What is `known` to be confused with it must be told from it by more than slight a part of what it leaves: the forms
-    of a machine that is described no better differ by as much.
+    tells. What is `known` to be confused with it must be told from it by more than slight a part of what it leaves: the
+    forms of a machine that is described no better differ by as much.
     """
     found: dict[Member, tuple[float, Fit]] = {}
     if not search.closed(fit):

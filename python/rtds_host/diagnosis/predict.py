@@ -174,7 +174,7 @@ def check_body(model: Model, log: RunLog) -> None:
 
 
 def carrying(model: Model, log: RunLog) -> Model:
-    """The robot with what a run carries: a payload beside the axle's mid-point brings the yaw inertia of its mass there.
+    """The robot with what a run carries: a payload off the axle's mid-point adds the yaw inertia of its mass.
 
     The contract has a payload add none, since it sits on the nominal centre of mass. Off it, m y^2 of the whole mass
     must stay below the yaw inertia (parallel axes), which a diagnosis made with less payload knows nothing of. Where it

@@ -211,7 +211,9 @@ class Problem:
         return Likelihood(self.groups, self.samples)
 
     def _grouped(self, by_run: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Groups of the likelihood, (N,), a channel in one block of time or in one run, and the blocks of each, (m,)."""
+        """Groups of the likelihood, (N,): a channel in one block of time or in one run. And the blocks of each,
+        (m,).
+        """
         blocks = self.channels_of.astype(np.int64) * (self.block_count + 1) + self.blocks
         if not by_run:
             found, groups = np.unique(blocks, return_inverse=True)

@@ -1,10 +1,10 @@
 """How much an effect's size differs between the settings that a robot was met in (contract, section 5, `scatter`).
 
 The blocks of time are put in order of each setting (how fast, how loaded, which way, how late, which run) and cut in
-groups that know as much as each other of the effect's size, relative to what was fitted. Of group g alone the size would
-be s_g, known to 1/I_g. What these scatter about their mean m beyond chance, Q = sum_g I_g (s_g - m)^2 less what is
-expected and what convinces, is a relative scatter of sqrt(Q / sum_g I_g). What the other effects can take up over all
-runs is projected off.
+groups that know as much as each other of the effect's size, relative to what was fitted. Of group g alone the size
+would be s_g, known to 1/I_g. What these scatter about their mean m beyond chance, Q = sum_g I_g (s_g - m)^2 less what
+is expected and what convinces, is a relative scatter of sqrt(Q / sum_g I_g). What the other effects can take up over
+all runs is projected off.
 
 Reference: J. Peters, P. Buehlmann, N. Meinshausen, J. R. Stat. Soc. B 78, 2016 (a cause is invariant over settings).
 """

@@ -93,7 +93,8 @@ def _wheel(figures: Figures, k: int) -> str:
     spin = body.wheel_inertia_kg_m2
     return (
         f'      <body name="wheel_{name}" pos="{vector(0.0, (0.5 - k) * body.track_width_m, side.radius_m)}">\n'
-        f'        <inertial pos="0 0 0" mass="{body.wheel_mass_kg:.9g}" diaginertia="{vector(spin / 2, spin, spin / 2)}"/>\n'
+        f'        <inertial pos="0 0 0" mass="{body.wheel_mass_kg:.9g}" '
+        f'diaginertia="{vector(spin / 2, spin, spin / 2)}"/>\n'
         f"{_hinges(name, side)}"
         f'        <geom name="wheel_{name}" type="sphere" size="{side.radius_m:.9g}" condim="3" '
         f'friction="{body.tyre_friction:g} 0 0" contype="2" conaffinity="1" {CONTACT}/>\n      </body>\n'
@@ -243,16 +244,19 @@ def write(figures: Figures, comment: str) -> str:
         f'  <option timestep="{TIMESTEP_S:g}" gravity="{vector(*body.gravity_m_s2)}" integrator="implicitfast" '
         'cone="elliptic" solver="Newton" iterations="50" tolerance="1e-12" impratio="10"/>\n'
         f"  <custom>\n{numbers}  </custom>\n  <worldbody>\n"
-        f'    <geom name="ground" type="plane" size="0 0 1" condim="1" friction="{body.tyre_friction:g} 0 0" contype="1" '
+        f'    <geom name="ground" type="plane" size="0 0 1" condim="1" '
+        f'friction="{body.tyre_friction:g} 0 0" contype="1" '
         f'conaffinity="2" {CONTACT}/>\n'
         '    <body name="base">\n      <freejoint name="base"/>\n'
-        f'      <inertial pos="{vector(*base.com_m)}" mass="{base.mass_kg:.9g}" diaginertia="{vector(*base.inertia_kg_m2)}"/>\n'
+        f'      <inertial pos="{vector(*base.com_m)}" mass="{base.mass_kg:.9g}" '
+        f'diaginertia="{vector(*base.inertia_kg_m2)}"/>\n'
         f'      <site name="axle" pos="0 0 {height:.9g}"/>\n'
         f"{skids}"
         f'      <body name="payload" pos="{vector(*body.com_m)}">\n'
         f'        <inertial pos="0 0 0" mass="{NO_MASS_KG:g}" diaginertia="1e-9 1e-9 1e-9"/>\n      </body>\n'
         f"{_wheel(figures, 0)}{_wheel(figures, 1)}    </body>\n  </worldbody>\n"
         f"{_tendons(figures)}"
-        f"  <actuator>\n{_motor(figures, 0)}{_motor(figures, 1)}{_passive(figures, 0)}{_passive(figures, 1)}  </actuator>\n"
+        f"  <actuator>\n{_motor(figures, 0)}{_motor(figures, 1)}{_passive(figures, 0)}{_passive(figures, 1)}"
+        "  </actuator>\n"
         f"  <sensor>\n{_sensors(figures)}  </sensor>\n</mujoco>\n"
     )

@@ -473,7 +473,8 @@ def verilog() -> str:
         f"//   {MADE_BY}",
         "// from the list of operations there, which also says what the fields mean; a test fails when the two differ.",
         "//",
-        "// Purpose    a read-only memory: a clock in, counted from the strobe's, out in the next one what is to be done then.",
+        "// Purpose    a read-only memory: a clock in, counted from the strobe's, out in the next one what is to be "
+        "done then.",
         "// Handshake  rest_i: nothing is done in the next clock. Latency 1.",
         "// Format     each field is an output; nothing is done where it is 0. Codes are those of effect_codes.vh.",
         "// Crossing   none.",

@@ -112,8 +112,11 @@ def _of_csv(path: Path) -> Scenario:
     def build(_: Values, robot: Robot) -> Motion:
         if names == SPEEDS:
             return SpeedMotion(float(t[-1]), lambda at: np.column_stack([np.interp(at, t, v) for v in values.T]))
+
         # Half a microsecond, so that a row that begins at a step begins there in binary numbers, too.
-        held = lambda at: values[np.clip(np.searchsorted(t, at + 5e-7, "right") - 1, 0, None)]
+        def held(at: np.ndarray) -> np.ndarray:
+            return values[np.clip(np.searchsorted(t, at + 5e-7, "right") - 1, 0, None)]
+
         return VoltageMotion(float(t[-1]), held, period_s=PERIOD_S)
 
     return Scenario(

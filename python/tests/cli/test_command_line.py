@@ -37,7 +37,7 @@ def test_a_name_that_is_nearly_right_is_recognised(words, meant, monkeypatch, ca
 def test_a_name_like_no_other_gets_no_guess(monkeypatch, capsys):
     status, line = said(["quux"], monkeypatch, capsys)
     assert status == 2
-    assert line.startswith("rtds: no such command: 'quux' (known: run, ") and "did you mean" not in line
+    assert line.startswith("rtds: no such command: 'quux' (known: demo, ") and "did you mean" not in line
 
 
 def test_a_diagnosis_that_cannot_be_written_is_refused_before_the_case_is_read(tmp_path, monkeypatch, capsys):

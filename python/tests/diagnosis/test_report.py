@@ -502,7 +502,8 @@ def test_several_causes_are_a_list_with_size_share_and_look_alikes_a_line(detail
     first = words_of(report_page(account(), details).split("</section>")[0])
     assert "3 causes explain a part of the difference between simulator and robot." in first
     for line in (
-        "Coulomb friction (both sides) : 0.048 N·m · 45 % of the difference · very likely · size varies by 8 % between settings",
+        "Coulomb friction (both sides) : 0.048 N·m · 45 % of the difference · very likely · size varies by 8 % between "
+        "settings",
         "command delay : 0.031 s · 13 % of the difference · very likely · size varies by 31 % with speed",
         "driver gain (both sides) : 0.9 times · 2 % of the difference · looks the same here: speed gain (both sides)",
         "No name but a shape , torque over yaw rate, both sides : -a·x·|x| · 24 % of the difference",

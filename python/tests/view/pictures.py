@@ -15,13 +15,13 @@ from pathlib import Path
 HERE = Path(__file__).resolve()
 sys.path[:0] = [str(HERE.parents[1] / "diagnosis"), str(HERE.parents[1])]
 
-from diagnosis_cases import example_details, example_of
-from selenium import webdriver
-from test_report import account, emulate
+from diagnosis_cases import example_details, example_of  # noqa: E402
+from selenium import webdriver  # noqa: E402
+from test_report import account, emulate  # noqa: E402
 
-from rtds_host.diagnosis.replay.model import nominal_model
-from rtds_host.diagnosis.report import report_page
-from rtds_host.view import Feed, Viewer, lines_of_run
+from rtds_host.diagnosis.replay.model import nominal_model  # noqa: E402
+from rtds_host.diagnosis.report import report_page  # noqa: E402
+from rtds_host.view import Feed, Viewer, lines_of_run  # noqa: E402
 
 IMAGES = HERE.parents[3] / "docs" / "images"
 FLAGS = [

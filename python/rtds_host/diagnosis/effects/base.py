@@ -123,15 +123,14 @@ class Effect:
     and whose row of the exporters' table it has; without one, the table has a row of its own.
     `compared_at`: sizes in SI at which simulator and replay are compared, where the middle start would not be met;
     `agrees_within`: a wider bound on their difference, in units of noise, and its reason. `check`: a measurement
-    by hand that shows this effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`: channels (without side) of
-    which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
-    "robot", "signal", or "refused" where it has no such robot.
-    `restarts`: parameters to fit from as well, where the misfit has more than one minimum. `form`: what share of its
-    size formulations of it differ by, one sigma: next to nothing where a definition or a law stands behind it, more
-    where a model of friction or contact does. `former`: parameters that earlier diagnoses hold, and the two whose
-    quotient each was: the present one's name, and the one it was divided by. `likened`: other effects that do most of
-    what it does, and with which parameters, where no screening says so: a spring in front of the wheel, and one behind
-    it.
+    by hand that shows this effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`:
+    channels (without side) of which one must be logged. `runs_in` says where it acts in the real-time simulator: "rtl",
+    "robot", "signal", or "refused" where it has no such robot. `restarts`: parameters to fit from as well, where the
+    misfit has more than one minimum. `form`: what share of its size formulations of it differ by, one sigma: next to
+    nothing where a definition or a law stands behind it, more where a model of friction or contact does. `former`:
+    parameters that earlier diagnoses hold, and the two whose quotient each was: the present one's name, and the one it
+    was divided by. `likened`: other effects that do most of what it does, and with which parameters, where no screening
+    says so: a spring in front of the wheel, and one behind it.
     """
 
     id: str
