@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rtds_host.diagnosis.chance import MOST
-from rtds_host.diagnosis.choice import WORTH, Judged, leaves
+from rtds_host.diagnosis.choice import WORTH, Judged, leaves, pooled
 from rtds_host.diagnosis.evidence import believed, closer, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
@@ -145,9 +145,11 @@ def _weighed(search: Search, fit: Fit, member: tuple[str, str], refitted: Fit) -
     share = search.takes_off(fit, refitted)
     without, gap = _closest(search, fit, refitted)
     found = Judged.of(problem, fit)
-    left = max(leaves(found, Judged.of(problem, one)) for one in {id(f): f for f in (without, refitted)}.values())
+    others = [Judged.of(problem, one) for one in {id(f): f for f in (without, refitted)}.values()]
     odds = search.log_prior((member,)) + max(believed(gain, t), believed(*closer(problem, fit, without)))
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
+    # What one quiet channel shows must be likely by all that is measured, too.
+    left = max((leaves if probability >= MOST else pooled)(found, one) for one in others)
     return Standing(
         member,
         without,

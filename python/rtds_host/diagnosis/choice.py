@@ -48,12 +48,19 @@ class Judged:
         return max(self.gap**2 - 1.0, 0.0)
 
 
+def pooled(one: Judged, other: Judged) -> float:
+    """What an explanation leaves of what another leaves over all channels at once, a ratio."""
+    if other.gap < gaps.LEAST:
+        return 1.0 if one.gap <= other.gap else math.inf
+    return one.left / other.left
+
+
 def leaves(one: Judged, other: Judged) -> float:
     """What an explanation leaves of what another leaves, a ratio: the smaller of that over all channels at once and of
     the geometric mean over channels."""
+    ratio = pooled(one, other)
     if other.gap < gaps.LEAST:
-        return 1.0 if one.gap <= other.gap else math.inf
-    pooled = one.left / other.left
+        return ratio
     logs = [
         math.log(max(one.channels[c] ** 2 - 1.0, NO_GAP) / max(value**2 - 1.0, NO_GAP))
         for c, value in other.channels.items()
@@ -61,7 +68,7 @@ def leaves(one: Judged, other: Judged) -> float:
     ]
     mean = math.exp(sum(logs) / len(logs)) if logs else 1.0
     # What brings one channel closer and opens the whole is no explanation of it.
-    return min(pooled, mean) if pooled <= 1.0 else pooled
+    return min(ratio, mean) if ratio <= 1.0 else ratio
 
 
 def chosen(found: Mapping[int, list[Judged]], prior: Callable[[Fit], float]) -> Judged:

@@ -109,10 +109,33 @@ def investigate(
     search = Search(Problem(case, threads), quick, without)
     say("candidates", 0.1)
     best = search.run()
+    if case.robot.encoder is None:
+        search, best = _encoder_placed(case, search, best, threads, without)
     if not search.closed(best):
-        search, best = _chosen(case, search, best, threads, without)
+        search, best = _chosen(search.problem.case, search, best, threads, without)
     say("account", 0.7)
     return Investigation(search.problem, search, account(search, best))
+
+
+def _encoder_placed(case: Case, search: Search, best: Fit, threads: int, without: frozenset[str]) -> tuple[Search, Fit]:
+    """The search and its explanation with the encoder where it explains more: at the gear's output, or on the wheel.
+
+    It matters with free play or a spring alone, and a file need not say it (contract, section 2). The explanation that
+    was found, with one of these more and the encoder on the wheel, is fitted first; only if that is the more probable
+    is a whole search worth its time.
+    """
+    if search.problem.robot.axis is not None or search.closed(best):
+        return search, best
+    on_wheel = replace(case, robot=replace(case.robot, encoder="wheel"))
+    other = Search(Problem(on_wheel, threads), search.quick, without)
+    nothing = other.begin()
+    base = other.try_fit(best.hypothesis, best.u, nothing) if best.hypothesis else nothing
+    fits = [base, *other.with_one_of(base, {e.id for e in other.effects.values() if e.gives} & other.wanted)]
+    other.problem.follow_angles(False)
+    if min(map(other.score, fits)) >= search.score(best):
+        return search, best
+    found = other.run()
+    return (other, found) if other.score(found) < search.score(best) else (search, best)
 
 
 def _chosen(case: Case, search: Search, best: Fit, threads: int, without: frozenset[str]) -> tuple[Search, Fit]:
@@ -312,6 +335,9 @@ def _setup(problem: Problem, fit: Fit) -> dict:
         for key, value in nuisance.values(z).items()
         if key in SETUP
     }
+    # Where the file does not say it, the answer says where it took the encoder to sit.
+    if problem.robot.encoder == "wheel" and any(problem.effects[e].gives for e, _ in fit.hypothesis):
+        found["encoder_at_wheel"] = 1.0
     return {"setup": found} if found else {}
 
 

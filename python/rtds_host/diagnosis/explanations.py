@@ -96,15 +96,16 @@ class Explanations:
         )
 
     def _at_its_bound(self, effect: str, values: dict[str, float]) -> bool:
-        """Whether a parameter lies at an end of what was looked at; as logarithms come back."""
+        """Whether a parameter lies at an end of what was looked at, its absence left out; as logarithms come back.
+
+        What shapes an effect and may be left out (`optional`) says nothing at its bound.
+        """
         for p in self.effects[effect].parameters:
-            value, margin = values[p.name], WRITTEN * (p.high - p.low)
-            if p.shape and p.name == "phase_rad":
+            if p.optional:
                 continue
-            if p.logarithmic:
-                if value >= p.high * (1.0 - WRITTEN) or value <= p.low * (1.0 + WRITTEN):
-                    return True
-            elif value >= p.high - margin or (value <= p.low + margin):
+            value = values[p.name]
+            low, high = p.low + WRITTEN * abs(p.low), p.high - WRITTEN * abs(p.high)
+            if value >= high or (value <= low and p.low != p.null):
                 return True
         return False
 

@@ -126,6 +126,18 @@ class Neighbours(Explanations):
                 best = min([f for f in (best, other) if f is not None and self.named(f)], key=self.score, default=None)
         return best
 
+    def with_one_of(self, fit: Fit, wanted: set[str]) -> list[Fit]:
+        """The explanation with one of some effects more, each on the sides that promise most."""
+        moves = moves_of(self.fitter, fit, {}, wanted, {})
+        found: dict[tuple[str, str], Candidate] = {}
+        for noise in (fit.noise, self.problem.white()):
+            for one in Screen(self.problem, fit, moves, noise).candidates():
+                if not clashes(one.member, fit.hypothesis):
+                    found.setdefault(one.member, one)
+        return self.try_fits(
+            (*joined({**fit.parts, one.member: self.entered(fit, one)}), fit) for one in found.values()
+        )
+
     def entered(self, fit: Fit, candidate: Candidate) -> np.ndarray:
         """Scaled parameters from which to fit a candidate: its own, or a size about them from which less is left to
         fit.

@@ -105,6 +105,8 @@ ANTI_WINDUP = {"anti_windup": "servo_release"}
 SKEWS = {"gyro_z": {"gyro_late_s": "gyro_late"}, "yaw": {"pose_late_s": "pose_late"}}
 # Name in a diagnosis' `setup` -> entry of the model.
 SETUP = {key: slot for keys in (LATENCY, ANTI_WINDUP, EARLY, *SKEWS.values()) for key, slot in keys.items()}
+# No nuisance: where the encoder was taken to sit.
+SETUP["encoder_at_wheel"] = "encoder_at_wheel"
 
 
 def body_of(robot: Robot) -> dict[str, dict[str, str]]:

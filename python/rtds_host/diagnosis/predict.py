@@ -63,7 +63,7 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         if key not in SETUP:
             raise InputError(f"{path}: setup.{key}: is none of {', '.join(SETUP)}")
         number = _number(path, f"setup.{key}", value)
-        low = 0.0 if key in ("latency_s", "anti_windup", "command_early_s") else -1.0
+        low = 0.0 if key in ("latency_s", "anti_windup", "command_early_s", "encoder_at_wheel") else -1.0
         high = SETTLED_S if key == "command_early_s" else 1.0
         if not low <= number <= high:
             raise InputError(f"{path}: setup.{key}: is {number:g}, it must lie within {low:g} to {high:g}")

@@ -46,6 +46,7 @@ EFFECT = Effect(
     advice="Preload or replace the gear; avoid torque reversals at rest.",
     nonlinear=True,
     rough=True,
+    gives=True,
     runs_in="robot",
     form=0.05,
     compared_at={"angle_rad": 0.03, "restitution": 0.0},

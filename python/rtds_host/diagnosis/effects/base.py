@@ -121,6 +121,7 @@ class Effect:
     `without_winding`: it exists on a machine whose torque is commanded. `before_loop`: it acts before a loop on the
     speed, which a robot in speed mode alone has. `exports_as`: another effect whose parameters of the plant it writes,
     and whose row of the exporters' table it has; without one, the table has a row of its own.
+    `gives`: the wheel may turn beside the gear with it, so that it matters where the encoder sits.
     `compared_at`: sizes in SI at which simulator and replay are compared, where the middle start would not be met;
     `agrees_within`: a wider bound on their difference, in units of noise, and its reason. `check`: a measurement
     by hand that shows this effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`:
@@ -153,6 +154,7 @@ class Effect:
     periodic: bool = False
     rough: bool = False
     without_winding: bool = True
+    gives: bool = False
     before_loop: bool = False
     exports_as: str = ""
     compared_at: Mapping[str, float] = field(default_factory=dict)

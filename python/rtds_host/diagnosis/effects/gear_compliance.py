@@ -61,5 +61,6 @@ EFFECT = Effect(
     # Hooke's law, but not of the gear alone: a tyre, a shaft and a wheel of a hundred times its stiffness give in a row
     # with it.
     form=0.01,
+    gives=True,
     runs_in="robot",
 )

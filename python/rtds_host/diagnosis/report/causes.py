@@ -28,6 +28,7 @@ SETUP_WORDS = {
     "latency_s": ("what is read of a speed command comes later by", 1e3, "ms"),
     "anti_windup": ("share of what its limit cuts by which the servo's integral gives way", 1.0, ""),
     "command_early_s": ("a command acts before the row that shows it by", 1e3, "ms"),
+    "encoder_at_wheel": ("the encoder sits on the wheel, behind spring and free play", 1.0, ""),
     "gyro_late_s": ("the gyro's clock is behind the wheels' by", 1e3, "ms"),
     "pose_late_s": ("the pose's clock is behind the wheels' by", 1e3, "ms"),
 }
