@@ -22,7 +22,6 @@ WAITING = {
     "link.md": 34,
     "reading-a-report.md": 11,
     "registers.md": 1,
-    "theory-diagnosis.md": 97,
     "verification.md": 29,
 }
 
