@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rtds_host.diagnosis.chance import MOST
-from rtds_host.diagnosis.choice import WORTH, Judged, leaves, pooled
+from rtds_host.diagnosis.choice import WORTH, Judged, leaves
 from rtds_host.diagnosis.evidence import believed, closer, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
 from rtds_host.diagnosis.gap import LEAST
@@ -80,7 +80,7 @@ def account(search: Search, fit: Fit) -> Account:
     while fit.hypothesis:
         standing = [_weighed(search, fit, member, one) for member, one in zip(fit.hypothesis, _without(search, fit))]
         exact = search.closed(fit)
-        fallen = _improbable(search, fit, standing) if exact else _useless(standing)
+        fallen = _unlikely(standing) or (_poor(search, standing, fit) if exact else _useless(standing))
         if fallen is None:
             break
         one, dropped[one.member] = fallen
@@ -148,8 +148,7 @@ def _weighed(search: Search, fit: Fit, member: tuple[str, str], refitted: Fit) -
     others = [Judged.of(problem, one) for one in {id(f): f for f in (without, refitted)}.values()]
     odds = search.log_prior((member,)) + max(believed(gain, t), believed(*closer(problem, fit, without)))
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
-    # What one quiet channel shows must be likely by all that is measured, too.
-    left = max((leaves if probability >= MOST else pooled)(found, one) for one in others)
+    left = max(leaves(found, one) for one in others)
     return Standing(
         member,
         without,
@@ -180,14 +179,16 @@ def _useless(standing: list[Standing]) -> tuple[Standing, str] | None:
     return (one, f"{USELESS} (it leaves {min(one.left, 9.99):.2f} of the rest)") if one.left > WORTH else None
 
 
-def _improbable(search: Search, fit: Fit, standing: list[Standing]) -> tuple[Standing, str] | None:
-    """Where nothing but noise is left: the effect that is less likely there than not, or closes no gap."""
+def _unlikely(standing: list[Standing]) -> tuple[Standing, str] | None:
+    """The effect that is least likely there, if it is less likely there than not."""
     one = min(standing, key=lambda s: s.probability)
-    if one.probability < MOST:
-        return (
-            one,
-            f"is missed too unevenly to be there (gain {one.gain:.0f}, {one.t:.1f} times its scatter over the runs)",
-        )
+    if one.probability >= MOST:
+        return None
+    return one, f"is missed too unevenly to be there (gain {one.gain:.0f}, {one.t:.1f} times its scatter over the runs)"
+
+
+def _poor(search: Search, standing: list[Standing], fit: Fit) -> tuple[Standing, str] | None:
+    """Where nothing but noise is left: the effect that closes least, if it closes no gap."""
     poor, exact = [], excess(search.problem, fit) == 0.0
     for one in standing:
         without, gap = one.gaps

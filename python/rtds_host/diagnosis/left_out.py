@@ -23,34 +23,61 @@ def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Mo
     """The explanation fitted without each of some parts of the residuals: rows (m,) each, all N of them together.
 
     Gauss-Newton steps with the derivatives of the fit to all; the weights of the likelihood are those of the residuals
-    that are left, since a run that is left out no longer bends the others.
+    that are left, since a run that is left out no longer bends the others. Only steps that lower the cost of the rows
+    that are left are taken: steps that come late have kinks, across which a derivative leads astray.
     """
     keep = np.flatnonzero(fit.free)
-    jacobian = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep]
-    moves, residuals, models = [np.zeros(len(fit.free)) for _ in parts], [fit.residual] * len(parts), []
-    at = np.concatenate([fit.z, fit.u])
+    jacobian = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep].astype(float)
+    others = [np.setdiff1d(np.arange(len(fit.residual)), rows) for rows in parts]
+    moves = [np.zeros(len(fit.free)) for _ in parts]
+    taken = [_cost(fit, fit.residual, rows) for rows in others]
+    best = list(moves)
+    residuals = [fit.residual] * len(parts)
     for turn in range(STEPS):
-        if turn:
-            residuals = problem.residuals(models)
-        models = []
-        for move, residual, rows in zip(moves, residuals, parts, strict=True):
-            noise = fit.noise.estimated(residual)
-            root = np.ones(len(residual)) if noise.root is None else noise.root
-            used = root.copy()
-            used[rows] = 0.0
-            weighted = jacobian * used.astype(np.float32)[:, None]
-            prior = np.diag(prior_weight(fit.z, fit.u)[keep])
-            hessian = (weighted.T @ weighted).astype(float) + prior
-            pull = prior @ (at + move)[keep]
-            gradient = (weighted.T @ (residual * used).astype(np.float32)).astype(float) + pull
-            if not turn:
-                # The fit to all is an optimum but for what its last step left.
-                own = jacobian * root.astype(np.float32)[:, None]
-                gradient -= (own.T @ (residual * root).astype(np.float32)).astype(float) + pull
-            sigma = np.sqrt(np.diag(np.linalg.inv(hessian)))
-            move[keep] -= np.clip(np.linalg.solve(hessian, gradient), -TRUSTED * sigma, TRUSTED * sigma)
-            models.append(_moved(problem, fit, move))
-    return models
+        moves = [
+            move + _step(fit, keep, jacobian, residual, rows, move, begun=not turn)
+            for move, residual, rows in zip(moves, residuals, others, strict=True)
+        ]
+        residuals = problem.residuals([_moved(problem, fit, move) for move in moves])
+        for k, (move, residual, rows) in enumerate(zip(moves, residuals, others, strict=True)):
+            cost = _cost(fit, residual, rows)
+            if cost < taken[k]:
+                best[k], taken[k] = move, cost
+    return [_moved(problem, fit, move) for move in best]
+
+
+def _cost(fit: Fit, residual: np.ndarray, rows: np.ndarray) -> float:
+    """-2 log likelihood of some rows of the residuals."""
+    noise = fit.noise.estimated(residual)
+    white = noise.whiten(residual)[rows]
+    return float(white @ white + noise.log[rows].sum())
+
+
+def _step(
+    fit: Fit,
+    keep: np.ndarray,
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    rows: np.ndarray,
+    move: np.ndarray,
+    begun: bool,
+) -> np.ndarray:
+    """A step of all parameters, (k + p,), towards the optimum of some rows, from where `move` led; none where these
+    rows do not determine it. `begun`: the first one, which starts from an optimum of all rows."""
+    noise = fit.noise.estimated(residual)
+    root = np.ones(len(residual)) if noise.root is None else noise.root
+    at = (np.concatenate([fit.z, fit.u]) + move)[keep]
+    prior = prior_weight(fit.z, fit.u)[keep]
+    weighted = jacobian[rows] * root[rows, None]
+    hessian = weighted.T @ weighted + np.diag(prior)
+    gradient = weighted.T @ (residual * root)[rows] + prior * at
+    if begun:
+        # What the last step of the fit to all left is no part of what these rows ask for.
+        gradient -= (jacobian * root[:, None]).T @ (residual * root) + prior * at
+    sigma = np.sqrt(np.diag(np.linalg.inv(hessian)))
+    step = np.zeros(len(fit.free))
+    step[keep] = -np.clip(np.linalg.solve(hessian, gradient), -TRUSTED * sigma, TRUSTED * sigma)
+    return step
 
 
 def _moved(problem: Problem, fit: Fit, move: np.ndarray) -> Model:
