@@ -73,14 +73,12 @@ def effects(
 
 
 def _print_json(name: str | None) -> None:
-    """The catalogue, or one effect of it, with parameters at a burger's scales."""
+    """The catalogue, or one effect of it, with its parameters."""
     import json
 
-    from rtds_host.contract.robot import builtin_robot
-    from rtds_host.diagnosis.effects import catalogue
+    from rtds_host.diagnosis.effects import CATALOGUE as known
     from rtds_host.errors import InputError, did_you_mean
 
-    known = catalogue(builtin_robot("burger"))
     if name is not None and name not in known:
         raise InputError(f"effect {name!r}: not in the catalogue{did_you_mean(name, known)}")
     content = [

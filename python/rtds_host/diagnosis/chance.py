@@ -16,8 +16,7 @@ HANDFUL = 0.01
 MOST = 0.5
 # A tenth: a part of a thing that is slight beside it.
 SLIGHT = 0.1
-# What is of one size is so to a fifth where little else is wrong: real friction and dead zones scatter by up to a sixth
-# from setting to setting; a unit's factor that is missed by more is a gain.
+# What is of one size is so to a fifth where little else is wrong; a factor that is missed by more is a gain.
 SAME = 0.2
 # What stands apart is so many times what is beside it.
 APART = 3.0

@@ -263,8 +263,14 @@ def _beyond_noise(problem: Problem, fit: Fit, gap: float) -> bool:
 
 
 def _correlated(problem: Problem, fit: Fit) -> bool:
-    """Whether what a fit leaves keeps its sign for longer than white noise of its size."""
-    return correlated(fit.residual, problem.groups, problem.channels_of, MOVES)
+    """Whether what a fit leaves is no white noise: it follows itself, or displacements over a second, which average a
+    sample's noise, are off by more than chance."""
+    for k in np.unique(problem.channels_of):
+        mine = fit.residual[problem.channels_of == k]
+        chance = 1.0 + MOVES * np.sqrt(2.0 / len(mine))
+        if CHANNELS[k].startswith(("x", "y", "th")) and float(np.mean(mine**2)) > max(chance, gaps.LEAST**2):
+            return True
+    return correlated(fit.residual, problem.channels_of, MOVES)
 
 
 def _louder(problem: Problem, fit: Fit) -> list[str]:
@@ -276,7 +282,7 @@ def _louder(problem: Problem, fit: Fit) -> list[str]:
         # Of angles and poses displacements are compared, which have other samples than the log.
         if not name.startswith(("v_bus", "i_", "w_", "gyro_z")) or times < gaps.LEAST:
             continue
-        if not correlated(fit.residual[mine], problem.groups[mine], problem.channels_of[mine], MOVES):
+        if not correlated(fit.residual[mine], problem.channels_of[mine], MOVES):
             found.append(
                 f"{name}: its residuals are white, as of a sensor {times:.2g} times as noisy as [sensors] says"
             )

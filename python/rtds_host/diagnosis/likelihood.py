@@ -29,6 +29,8 @@ import numpy as np
 
 # Numerical: mean squares of a group that noise alone makes, in standard deviations sqrt(2 / n) of its chi-square.
 CHANCE_SIGMAS = 2.0
+# Numerical: products of residuals whose mean says something.
+FEWEST_PRODUCTS = 16
 
 
 class Likelihood:
@@ -94,24 +96,22 @@ class Likelihood:
         return Likelihood(self.groups, self.samples, 1.0 / unknown, cost - n * square / unknown)
 
 
-def correlated(residual: np.ndarray, groups: np.ndarray, channels: np.ndarray, sigmas: float) -> bool:
-    """Whether residuals (N,) keep their sign over a group more often than white noise of their own size.
+def correlated(residual: np.ndarray, channels: np.ndarray, sigmas: float) -> bool:
+    """Whether residuals (N,), in order of time in each channel, are correlated or biased: no white noise of any size.
 
-    In each channel the squared group means, times n over the channel's mean square, are a chi-square of one degree of
-    freedom each: their sum is compared with its mean by `sigmas` standard deviations.
+    In each channel the mean, and the mean product of residuals l rows apart for l = 1, 2, 3, ..., 8, 16, 32, ..., are
+    compared with their own standard errors, since some stretches are louder than others.
 
     Parameters
     ----------
-    groups : (N,) group of each residual; channels : (N,) its channel.
+    channels : (N,) the channel of each residual; sigmas : standard errors that count as more than chance.
     """
-    sizes = np.bincount(groups).astype(float)
-    square = np.bincount(groups, residual) ** 2 / np.maximum(sizes, 1.0)
     for channel in np.unique(channels):
-        mine = channels == channel
-        own = np.unique(groups[mine])
-        size = float(np.mean(residual[mine] ** 2))
-        if size > 0.0 and len(own) > 1:
-            excess = float(square[own].sum()) / size - len(own)
-            if excess > sigmas * np.sqrt(2.0 * len(own)):
-                return True
+        mine = residual[channels == channel]
+        lags = [*range(1, 9), *(2**k for k in range(4, 20))]
+        for products in (mine, *(mine[lag:] * mine[:-lag] for lag in lags if len(mine) - lag >= FEWEST_PRODUCTS)):
+            if len(products) >= FEWEST_PRODUCTS:
+                error = float(products.std(ddof=1)) / np.sqrt(len(products))
+                if abs(float(products.mean())) > sigmas * error:
+                    return True
     return False

@@ -48,8 +48,15 @@ def test_a_column_is_weighted_as_the_residual_is():
     assert float(at.whiten(noise(4)) @ at.whiten(noise(4))) == pytest.approx(at.cost(noise(4)) - at.log.sum())
 
 
-def test_residuals_that_keep_their_sign_are_correlated_and_loud_white_noise_is_not():
-    slow = np.repeat(np.random.default_rng(5).standard_normal(20), 50)
+@pytest.mark.parametrize("period", [5, 40, 500], ids=["a few rows", "a part of a block", "many blocks"])
+def test_residuals_that_follow_one_another_are_correlated(period):
+    """Whatever the time in which they come and go; a sound channel beside does not hide it."""
+    wave = np.sin(np.arange(len(GROUPS)) * 2.0 * np.pi / period)
+    channels = np.repeat([0, 1], len(GROUPS))
+    assert correlated(np.concatenate([noise(2), noise() + wave]), channels, 4.9)
+
+
+def test_white_noise_is_not_correlated_however_loud_and_wherever_it_is_louder():
     channels = np.zeros(len(GROUPS), int)
-    assert correlated(noise() + slow, GROUPS, channels, 4.9)
-    assert not correlated(noise(size=40.0), GROUPS, channels, 4.9)
+    assert not correlated(noise(size=40.0), channels, 4.9)
+    assert not correlated(noise() * (1.0 + 9.0 * (GROUPS % 4 == 0)), channels, 4.9)

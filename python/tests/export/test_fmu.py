@@ -169,6 +169,10 @@ PLANAR = {
 def test_the_robot_fmu_goes_as_the_exported_python_module(name, tmp_path, monkeypatch):
     effects, robot, start = PLANAR[name]
     monkeypatch.setattr(standalone, "STEP_S", 1e-5)
+    # As in the exported file, which holds the equations as plain functions.
+    for name, law in vars(standalone).copy().items():
+        if hasattr(law, "py_func"):
+            monkeypatch.setattr(standalone, name, law.py_func)
     figures = figures_of(model_with(*effects, robot=robot), robot)
     (tmp_path / "it.fmu").write_bytes(fmu.build(fmu.robot(figures, "it", "")))
     slave = Slave(tmp_path / "it.fmu", tmp_path / "unpacked", start)

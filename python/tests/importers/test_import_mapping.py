@@ -144,7 +144,7 @@ def test_a_twist_uses_the_robots_own_geometry_unless_told(tmp_path):
 def test_speed_mode_without_an_inner_loop_is_refused(tmp_path):
     turtlebot().mcap(tmp_path / "drive.mcap")
     text = '[signal.w_l]\ntopic = "/joint_states"\nfield = "velocity[0]"\nunit = "m/s"\n[twist]\ntopic = "/cmd_vel"\n'
-    with pytest.raises(InputError, match=r"\[servo\] kp_v_s_per_rad: missing"):
+    with pytest.raises(InputError, match=r"\[servo\] period_s: missing"):
         import_case([tmp_path / "drive.mcap"], tmp_path / "case", mapping=write(tmp_path, text))
     assert not (tmp_path / "case").exists()
 

@@ -36,7 +36,7 @@ def test_a_wire_that_is_not_named_is_ideal(tmp_path):
         ("format = 1\n[to_chip.v_l]\ngain = nan", "to_chip.v_l.gain: nan is not a finite number"),
         ("format = 1\n[to_chip.v_l]\ngain = 0.0", "to_chip.v_l.gain: 0 is not between 0.5 and 2"),
         ("format = 1\n[from_chip.w_r]\noffset_v = 1.5", "from_chip.w_r.offset_v: 1.5 V is beyond 1 V"),
-        ("format = ", "not a TOML file"),
+        ("format = ", "is not valid TOML"),
     ],
 )
 def test_a_bad_file_is_refused_in_one_line_that_names_the_place(tmp_path, text, message):
@@ -48,5 +48,5 @@ def test_a_bad_file_is_refused_in_one_line_that_names_the_place(tmp_path, text, 
 
 
 def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(InputError, match="cannot read"):
+    with pytest.raises(InputError, match="cannot be read"):
         load_paths(tmp_path / "none.toml")

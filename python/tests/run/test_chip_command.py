@@ -60,7 +60,7 @@ def test_a_calibrated_run_through_the_pins_of_the_chip(tmp_path, monkeypatch, ca
         (("run", "linear", "--link", "ad2", "--wires", "c.toml"), "--wires: has no meaning with --link ad2"),
         (("run", "linear", "--link", "chip", "--ad2", "1"), "--ad2: has no meaning with --link chip"),
         (("run", "linear", "--link", "chip", "--serial", "p"), "--serial: has no meaning with --link chip"),
-        (("run", "linear", "--link", "chip", "--calibration", "none.toml"), "none.toml: cannot read"),
+        (("run", "linear", "--link", "chip", "--calibration", "none.toml"), "none.toml: cannot be read"),
         (("run", "linear", "--link", "chip", "--sim", "icarus"), "simulated by verilator only"),
         (("run", "linear", "--link", "chip", "--step-clocks", "100"), "the chip's step is 500 clocks, or min"),
         (("run", "linear", "--link", "chip", "--step-clocks", "x"), "a whole number or min is needed"),
@@ -68,7 +68,7 @@ def test_a_calibrated_run_through_the_pins_of_the_chip(tmp_path, monkeypatch, ca
         (("run", "linear", "--link", "ad2", "--serial", "p", "--ad2", "1"), "two different serial numbers"),
         (("calibrate", "--link", "model"), "there are no wires to calibrate"),
         (("calibrate", "--link", "chip", "--points", "2"), "at least 3"),
-        (("calibrate", "--link", "chip", "--wires", "none.toml"), "none.toml: cannot read"),
+        (("calibrate", "--link", "chip", "--wires", "none.toml"), "none.toml: cannot be read"),
     ],
 )
 def test_a_bad_line_ends_with_status_2_and_one_line(tmp_path, monkeypatch, capsys, words, message):

@@ -8,13 +8,14 @@ from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis import gap
 from rtds_host.diagnosis.localise.series import Windows, cumulated, filled, first_order, middles, relaxed, smooth
 from rtds_host.diagnosis.machine import machine_of
+from rtds_host.diagnosis.problem import PIECE_S
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.plant.compiled import loop
 from rtds_host.plant.driver import duty
 
 # Blocks start anew from what is measured once a discrepancy has come and gone: the longer, the better small torques
 # show, and the farther a wrong start leads.
-WINDOW_S = 0.3
+WINDOW_S = PIECE_S
 # Numerical: over how many volts of a bridge, and over what share of the largest speed or how many noises, a sign turns
 # over.
 SIGN_V, SIGN_SHARE, SIGN_NOISES = 0.05, 0.02, 2.0

@@ -21,7 +21,7 @@ from rtds_host.diagnosis.report.words import (
     percent,
 )
 
-# The curve's band holds nine tenths of what its standard errors allow.
+# Standard errors to either side of 90 % of a normal (contract: 90 % intervals).
 BAND = 1.645
 # Layout: the drawing, and its bars of data, in the drawing's own units.
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM, BARS = 440, 280, 62, 12, 12, 84, 34
