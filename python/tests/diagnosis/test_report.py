@@ -578,9 +578,10 @@ def test_a_written_report_names_program_date_and_the_very_command(details, tmp_p
 # ---- the page in a browser -----------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def opened(browser, details, tmp_path_factory):
-    path = tmp_path_factory.mktemp("report") / "report.html"
+@pytest.fixture
+def opened(browser, details, tmp_path):
+    """The example's report, opened again for each test: others leave the browser on pages of their own."""
+    path = tmp_path / "report.html"
     path.write_text(report_page(example_diagnosis(), details), encoding="utf-8")
     browser.get_log("performance")
     browser.get(path.as_uri())

@@ -29,9 +29,8 @@ def refusal_of(call):
 
 
 def test_unknown_link_is_refused():
-    assert (
-        refusal_of(lambda: open_link("board")) == "link: 'board' is unknown, choose one of model, rtl, chip, ad2, hps"
-    )
+    refused = refusal_of(lambda: open_link("board"))
+    assert refused == "link: 'board' is unknown, choose one of model, rtl, chip, ad2, hps"
 
 
 def test_an_exchange_needs_parameters_first(fresh_link):
