@@ -17,7 +17,7 @@ from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.left_out import left_out_channels
 from rtds_host.diagnosis.problem import Problem
 
-# What an effect leaves at most of the squared gap on runs left out; measured axes name the same from 0.7 to 0.85.
+# What an effect leaves at most of the squared gap on runs left out. A judgement, set with open cases at hand.
 WORTH = 0.75
 # Explanations whose gaps on runs left out are within this ratio are indistinguishable by them: what makes a gap of
 # none.
