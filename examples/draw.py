@@ -204,7 +204,7 @@ def rooms() -> str:
         Box(580, 320, "replay/\nrobot with effects"),
         Box(760, 320, "search, account\nwhich effects, how sure", "program", 150),
         Box(760, 410, "report/\nreport, diagnosis.json", "result", 150),
-        Box(580, 410, "effects/\none file each", "physics"),
+        Box(580, 410, "plant/\neach equation once", "physics"),
         Box(410, 410, "export/\nother simulators"),
         Box(90, 410, "blind/\nsealed cases, score"),
         Box(250, 410, "plan/\nnext manoeuvre"),

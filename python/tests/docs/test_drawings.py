@@ -30,10 +30,46 @@ def test_the_chain_names_every_subsystem_but_timing():
     assert all(s.replace("wheel_ground", "wheel and ground") in shown for s in SUBSYSTEMS if s != "timing")
 
 
-def test_the_rooms_that_are_drawn_are_folders():
+def test_the_rooms_that_are_drawn_are_folders_of_the_architecture_page():
     rooms = re.findall(r">([a-z]+)/<", draw.rooms())
-    folders = {p.name for p in (ROOT / "python" / "rtds_host").rglob("*") if p.is_dir()} | {"rtl", "sim"}
-    assert len(rooms) > 12 and set(rooms) <= folders
+    named = {part for path in rows_of_architecture() for part in path.relative_to(ROOT).parts}
+    assert len(rooms) > 12 and len(set(rooms)) == len(rooms)
+    assert set(rooms) <= named
+
+
+def rows_of_architecture() -> list[Path]:
+    """What the tables of docs/architecture.md name, a path for each name, as often as it is named."""
+    found: list[Path] = []
+    host = ROOT / "python" / "rtds_host"
+    for line in (ROOT / "docs" / "architecture.md").read_text().splitlines():
+        if not line.startswith("| "):
+            continue
+        *names, _text = line.strip("| ").split(" | ")
+        folder = None
+        for name in re.findall(r"`([^`]+)`", " ".join(names)):
+            many = re.fullmatch(r"(.*)\{(.+)\}", name)
+            for one in [many[1] + end for end in many[2].split(",")] if many else [name]:
+                places = [base for base in (ROOT, host, folder) if base and any(base.glob(one.rstrip("/")))]
+                assert places, f"{name} of docs/architecture.md is not there"
+                found.append(places[0] / one)
+                folder = found[-1].parent
+    return found
+
+
+def test_each_row_of_the_architecture_names_what_is_there_and_no_two_the_same():
+    rows = rows_of_architecture()
+    assert len(rows) > 50
+    twice = {path for path in rows if rows.count(path) > 1}
+    assert not twice, f"more than one row each: {sorted(str(p) for p in twice)}"
+
+
+def test_the_architecture_names_every_room_and_every_module_of_the_diagnosis():
+    host = ROOT / "python" / "rtds_host"
+    folders = [p for p in host.iterdir() if (p / "__init__.py").is_file()]
+    modules = [p for p in (host / "diagnosis").iterdir() if p.suffix == ".py" or (p / "__init__.py").is_file()]
+    named = {path for row in rows_of_architecture() for path in row.parent.glob(row.name)}
+    missing = [p.relative_to(host) for p in folders + modules if p not in named and p.name != "__init__.py"]
+    assert [str(p) for p in missing] == ["diagnosis/effects"], "the effects have a section of their own"
 
 
 def test_every_picture_of_a_page_exists_and_every_picture_is_shown():

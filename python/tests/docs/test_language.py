@@ -13,7 +13,6 @@ WAITING = {
     "add-an-effect.md": 1,
     "board.md": 6,
     "chip.md": 10,
-    "decisions.md": 11,
     "diagnosis-figures.md": 51,
     "export.md": 21,
     "first-files.md": 1,
