@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.control import Observation, make_controller
+from rtds_host.correction import layer
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.coupler import Coupler, set_effects
 from rtds_host.errors import InputError
@@ -151,6 +152,11 @@ class _Loop:
         self.t = np.arange(count) * STEP_S
         self.speeds, self.currents = np.zeros((count, 2)), np.zeros((count, 2))
         self.angles = np.zeros(2)
+        # What the encoders see: the motor units' speeds, or those of wheels behind free play and springs.
+        self.behind = np.zeros(2, bool)
+        if coupler is not None and correction is not None and correction.sensors.encoder_at_wheel > 0.0:
+            self.behind = coupler.elastic
+        self.seen = np.zeros((count, 2)) if self.behind.any() else self.speeds
         self.references = self.poses = self.controller = self.voltages = None
         motion = plan.motion
         if isinstance(motion, SpeedMotion):
@@ -272,8 +278,13 @@ class _Loop:
             sent.append(self.coupler.sent)
             width = np.diff(motion.t_s, prepend=0.0)[:, None]
             speeds = np.vstack([self.speeds[step - 1], motion.speeds])
-            self.angles = self.angles + (0.5 * width * (speeds[1:] + speeds[:-1])).sum(axis=0)
+            turned = (0.5 * width * (speeds[1:] + speeds[:-1])).sum(axis=0)
             self.speeds[step], self.currents[step] = motion.speeds[-1], motion.currents[-1]
+            if self.behind.any():
+                self.seen[step] = np.where(self.behind, self.coupler.state[:, layer.WHEEL], motion.speeds[-1])
+                wheels = 0.5 * STEP_S * (self.seen[step - 1] + self.seen[step])
+                turned = np.where(self.behind, wheels, turned)
+            self.angles = self.angles + turned
             if self.path.watches:
                 self.path.watch(self.t[step], self._sample(step))
             if step < end and step % self.plan.log_steps == 0:
@@ -294,7 +305,7 @@ class _Loop:
         return Sample(
             v_bus=self._bus(step),
             currents_a=self.currents[step],
-            speeds_rad_s=self.speeds[step],
+            speeds_rad_s=self.seen[step],
             angles_rad=self.angles,
             gyro_rad_s=state.yaw_rate_rad_s,
             x_m=state.x_m,

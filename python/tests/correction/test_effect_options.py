@@ -1,6 +1,7 @@
 """Effects by name: `--effect` and `--effects`, what they refuse, and what a run says of them."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -164,3 +165,21 @@ def test_an_ideal_sensor_path_remembers_nothing():
     plan = make_plan("linear", SHORT)
     sensors = _effects(plan, None, ["gyro_gain.ratio=1.1"]).correction.sensors
     assert not CorrectedPath(12.0, sensors).watches
+
+
+@pytest.mark.parametrize("name", ["backlash.angle_rad=0.3", "gear_compliance.stiffness_nm_per_rad=0.5"])
+def test_an_encoder_on_the_wheel_reports_what_the_wheel_does(name):
+    plan = make_plan("linear", SHORT)
+    there = replace(plan, robot=replace(plan.robot, encoder="wheel"))
+    chassis = plan.robot.chassis
+
+    def seen(plan):
+        """Angles (n, 2), rad, and how far wheels that turn so, without slip, turn the robot beyond its measured yaw."""
+        record = drive_with(plan, "model", correction=_effects(plan, None, [f"{name},side=left"]).correction)
+        angles = np.array([s.angles_rad for s in record.samples])
+        turned = (angles[:, 1] - angles[:, 0]) * chassis.wheel_radius_m / chassis.track_width_m
+        return angles, np.abs(turned - [s.yaw_rad for s in record.truth])
+
+    (motors, astray), (wheels, rolls) = seen(plan), seen(there)
+    assert rolls.max() < 0.1 * astray.max()
+    assert np.abs(wheels - motors)[:, 0].max() > 0.01

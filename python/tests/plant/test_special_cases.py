@@ -8,13 +8,12 @@ from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.plant.schema import ENTRIES
 
 ROOT = Path(rtds_host.__file__).parent
-# Which effects these name, and why: twins are pairs; the spectrum that finds a ripple's cycles knows whose they are; a
-# target's row, and what it cannot hold, is the target's; a form resembles effects of its equation.
+# Which effects these name, and why: the spectrum that finds a ripple's cycles knows whose they are; a target's row, and
+# what it cannot hold, is the target's; a form resembles effects of its equation.
 NAMED = {
     "diagnosis/neighbours.py",
     "diagnosis/report/forms.py",
     "diagnosis/ripple.py",
-    "diagnosis/twins.py",
     "export/export.py",
     "export/fmu.py",
     "export/mjcf.py",

@@ -10,7 +10,7 @@ import pkgutil
 from collections.abc import Sequence
 
 from rtds_host.contract import Robot, RunLog
-from rtds_host.diagnosis.effects.base import SIDES, Effect, Parameter, inside
+from rtds_host.diagnosis.effects.base import SIDES, Condition, Effect, Parameter, inside
 from rtds_host.diagnosis.machine import machine_of
 
 CATALOGUE: dict[str, Effect] = {}
@@ -36,4 +36,4 @@ def catalogue(robot: Robot, runs: Sequence[RunLog] = ()) -> dict[str, Effect]:
 
 SUBSYSTEMS = ("driver", "winding", "drivetrain", "wheel_ground", "chassis", "sensing", "timing")
 
-__all__ = ["CATALOGUE", "SIDES", "SUBSYSTEMS", "Effect", "Parameter", "catalogue", "inside"]
+__all__ = ["CATALOGUE", "SIDES", "SUBSYSTEMS", "Condition", "Effect", "Parameter", "catalogue", "inside"]

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+from rtds_host.contract import Case
 from rtds_host.contract.robot import Axis
 from rtds_host.diagnosis.machine import Machine
 from rtds_host.diagnosis.replay.model import Model
@@ -107,6 +108,8 @@ def inside(value: float, low: float, high: float) -> float | None:
 
 # Parameters of another effect from one's own, `beside` those that it has already; None where there are no such.
 Likeness = Callable[..., dict[str, float] | None]
+# Whether the runs of a case lack what would distinguish two effects, see `rtds_host.diagnosis.conditions`.
+Condition = Callable[[Case], bool]
 
 
 @dataclass(frozen=True)
@@ -132,6 +135,9 @@ class Effect:
     parameters that earlier diagnoses hold, and the two whose quotient each was: the present one's name, and the one it
     was divided by. `likened`: other effects that do most of what it does, and with which parameters, where no screening
     says so: a spring in front of the wheel, and one behind it.
+    `same_as`: effects that make the same replays on runs that meet a condition; only one of them is ever in an
+    explanation. `same_with_friction`: likewise where the explanation has `friction`, dry or viscous, that no data sheet
+    states. `nearly_as`: effects that make nearly the same replays then. All three are mutual.
     """
 
     id: str
@@ -164,6 +170,10 @@ class Effect:
     form: float = 0.001
     former: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     likened: Mapping[str, Likeness] = field(default_factory=dict)
+    same_as: Mapping[str, Condition] = field(default_factory=dict)
+    same_with_friction: Mapping[str, Condition] = field(default_factory=dict)
+    nearly_as: Mapping[str, Condition] = field(default_factory=dict)
+    friction: bool = False
 
     @property
     def sides(self) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """bridge_drop: V = v_cmd - v sgn(i)."""
 
+from rtds_host.diagnosis.conditions import no_current_no_reversal
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
 
 EFFECT = Effect(
@@ -30,4 +31,5 @@ EFFECT = Effect(
     advice="Use a bridge with lower on-resistance, or add the drop to the command by the sign of the current.",
     without_winding=False,
     runs_in="rtl",
+    same_as={"coulomb_friction": no_current_no_reversal, "driver_deadzone": no_current_no_reversal},
 )

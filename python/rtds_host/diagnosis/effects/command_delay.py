@@ -1,5 +1,6 @@
 """command_delay: v_cmd(t - d)."""
 
+from rtds_host.diagnosis.conditions import no_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
 from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
 
@@ -31,4 +32,5 @@ EFFECT = Effect(
     form=0.005,
     # No whole number of the log's rows: where a late command and a sample meet, rounding decides which comes first.
     compared_at={"seconds": 0.0127},
+    same_as={"measurement_delay": no_pose},
 )

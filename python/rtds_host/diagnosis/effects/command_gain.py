@@ -1,5 +1,6 @@
 """command_gain: the base takes ratio w_cmd for w_cmd."""
 
+from rtds_host.diagnosis.conditions import loop_on_wheels
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
 
 EFFECT = Effect(
@@ -28,4 +29,5 @@ EFFECT = Effect(
     advice="Divide the commands by the ratio, or correct the base's unit of speed.",
     before_loop=True,
     runs_in="refused",
+    nearly_as={"speed_gain": loop_on_wheels},
 )

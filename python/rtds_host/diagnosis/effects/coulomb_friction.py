@@ -1,5 +1,6 @@
 """coulomb_friction: -tau sgn(w), sticking at rest."""
 
+from rtds_host.diagnosis.conditions import no_current_no_reversal, one_way, same_load
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
 
 EFFECT = Effect(
@@ -31,4 +32,11 @@ EFFECT = Effect(
     advice="Grease or change the gear; feed the friction torque forward in the controller.",
     runs_in="rtl",
     form=0.02,
+    same_as={
+        "driver_deadzone": no_current_no_reversal,
+        "bridge_drop": no_current_no_reversal,
+        "friction_asymmetry": one_way,
+        "rolling_resistance": same_load,
+    },
+    friction=True,
 )

@@ -1,5 +1,6 @@
 """driver_deadzone: V = v_cmd - sgn(v_cmd) min(|v_cmd|, v)."""
 
+from rtds_host.diagnosis.conditions import no_current_no_reversal
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
 
 EFFECT = Effect(
@@ -33,4 +34,5 @@ EFFECT = Effect(
     ),
     advice="Compensate the bridge's dead time in the driver, or raise its PWM resolution.",
     runs_in="rtl",
+    same_as={"coulomb_friction": no_current_no_reversal, "bridge_drop": no_current_no_reversal},
 )

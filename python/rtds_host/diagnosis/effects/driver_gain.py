@@ -1,5 +1,6 @@
 """driver_gain: V = ratio v_cmd."""
 
+from rtds_host.diagnosis.conditions import speed_alone, torque_drives
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
 
 EFFECT = Effect(
@@ -27,4 +28,6 @@ EFFECT = Effect(
     "the same factor at each.",
     advice="Measure the motor's voltage against the command; correct the supply's nominal value or the leads.",
     runs_in="rtl",
+    same_as={"speed_gain": speed_alone},
+    same_with_friction={"payload_error": torque_drives, "speed_gain": torque_drives},
 )

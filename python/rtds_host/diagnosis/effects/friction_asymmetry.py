@@ -1,5 +1,6 @@
 """friction_asymmetry: -tau_a |sgn(w)| - b_a |w|."""
 
+from rtds_host.diagnosis.conditions import one_way
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
 
 # Of what a motor loses by its own back-EMF: friction that falls with speed falls by no more than there was, and a
@@ -46,4 +47,6 @@ EFFECT = Effect(
     runs_in="rtl",
     form=0.02,
     compared_at={"torque_nm": 0.02, "nm_s_per_rad": 0.004},
+    same_as={"coulomb_friction": one_way},
+    friction=True,
 )

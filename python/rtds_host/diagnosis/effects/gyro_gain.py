@@ -1,5 +1,6 @@
 """gyro_gain: gyro reported times ratio."""
 
+from rtds_host.diagnosis.conditions import turns_without_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
 
 EFFECT = Effect(
@@ -20,4 +21,5 @@ EFFECT = Effect(
     seen_by=("gyro",),
     runs_in="signal",
     axis=False,
+    same_as={"track_width_error": turns_without_pose, "wheel_radius_error": turns_without_pose},
 )

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from rtds_host.diagnosis.conditions import no_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
 from rtds_host.diagnosis.machine import Machine
 from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
@@ -45,4 +46,5 @@ EFFECT = Effect(
     likened={"speed_filter": _speed_late},
     # No whole number of the log's rows: where a late command and a sample meet, rounding decides which comes first.
     compared_at={"seconds": 0.0127},
+    same_as={"command_delay": no_pose},
 )

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from rtds_host.diagnosis.conditions import no_current, one_slope, rotor_counts, straight_without_place, torque_drives
 from rtds_host.diagnosis.effects.base import Effect, Parameter
 from rtds_host.diagnosis.replay.model import Model
 
@@ -46,4 +47,12 @@ EFFECT = Effect(
     runs_in="robot",
     form=0.02,
     compared_at={"mass_kg": 1.0},
+    same_as={"rotor_inertia_error": rotor_counts},
+    same_with_friction={"driver_gain": torque_drives, "speed_gain": torque_drives},
+    nearly_as={
+        "resistance_error": no_current,
+        "torque_constant_error": no_current,
+        "slope_error": one_slope,
+        "wheel_radius_error": straight_without_place,
+    },
 )

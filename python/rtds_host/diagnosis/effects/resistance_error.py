@@ -1,5 +1,6 @@
 """resistance_error: R = ratio R_nominal."""
 
+from rtds_host.diagnosis.conditions import no_current
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
 
 EFFECT = Effect(
@@ -29,4 +30,5 @@ EFFECT = Effect(
     without_winding=False,
     runs_in="rtl",
     nuisance=True,
+    nearly_as={"torque_constant_error": no_current, "payload_error": no_current},
 )

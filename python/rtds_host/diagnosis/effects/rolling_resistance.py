@@ -1,5 +1,6 @@
 """rolling_resistance: c m g / 2 at each wheel's rim against the motion."""
 
+from rtds_host.diagnosis.conditions import same_load
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
 
 EFFECT = Effect(
@@ -22,4 +23,5 @@ EFFECT = Effect(
     runs_in="rtl",
     axis=False,
     form=0.02,
+    same_as={"coulomb_friction": same_load},
 )

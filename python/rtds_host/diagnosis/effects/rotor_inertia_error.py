@@ -1,5 +1,6 @@
 """rotor_inertia_error: J = ratio J_nominal."""
 
+from rtds_host.diagnosis.conditions import rotor_counts
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
 
 EFFECT = Effect(
@@ -29,4 +30,5 @@ EFFECT = Effect(
     advice="Set J from the step response in the air.",
     runs_in="rtl",
     nuisance=True,
+    same_as={"payload_error": rotor_counts},
 )

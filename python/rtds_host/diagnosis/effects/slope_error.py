@@ -1,5 +1,6 @@
 """slope_error: slope = slope_run + slope_rad."""
 
+from rtds_host.diagnosis.conditions import one_slope
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
 
 EFFECT = Effect(
@@ -29,4 +30,5 @@ EFFECT = Effect(
     axis=False,
     form=0.02,
     compared_at={"slope_rad": 0.03},
+    nearly_as={"payload_error": one_slope},
 )

@@ -1,5 +1,6 @@
 """speed_gain: w and th reported times ratio."""
 
+from rtds_host.diagnosis.conditions import loop_on_wheels, speed_alone, torque_drives
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
 
 EFFECT = Effect(
@@ -18,4 +19,7 @@ EFFECT = Effect(
     "encoder's scale, whatever the tyre.",
     advice="Set the counts a turn and the gear ratio in the driver.",
     runs_in="signal",
+    same_as={"driver_gain": speed_alone},
+    same_with_friction={"payload_error": torque_drives, "driver_gain": torque_drives},
+    nearly_as={"command_gain": loop_on_wheels},
 )

@@ -63,4 +63,5 @@ EFFECT = Effect(
     contains=("coulomb_friction",),
     form=0.02,
     compared_at={"torque_nm": 0.02, "extra_torque_nm": 0.04, "speed_rad_s": 0.5},
+    friction=True,
 )

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from rtds_host.diagnosis.conditions import no_current
 from rtds_host.diagnosis.effects.base import Effect, Parameter
 from rtds_host.diagnosis.replay.model import Model
 
@@ -40,4 +41,5 @@ EFFECT = Effect(
     without_winding=False,
     runs_in="rtl",
     nuisance=True,
+    nearly_as={"resistance_error": no_current, "payload_error": no_current},
 )

@@ -1,5 +1,6 @@
 """track_width_error: yaw rate = r (w_r - w_l) / (ratio b)."""
 
+from rtds_host.diagnosis.conditions import no_place, turns_without_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
 
 EFFECT = Effect(
@@ -31,4 +32,5 @@ EFFECT = Effect(
     advice="Set the measured track width.",
     runs_in="robot",
     axis=False,
+    same_as={"wheel_radius_error": no_place, "gyro_gain": turns_without_pose},
 )

@@ -39,4 +39,5 @@ EFFECT = Effect(
     check="Turn the wheel in the air at two steady speeds: the current grows with the speed.",
     advice="Check the grease and its temperature; refit B.",
     runs_in="rtl",
+    friction=True,
 )

@@ -1,5 +1,6 @@
 """wheel_radius_error: v = ratio r w."""
 
+from rtds_host.diagnosis.conditions import no_place, straight_without_place, turns_without_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
 
 EFFECT = Effect(
@@ -29,4 +30,6 @@ EFFECT = Effect(
     advice="Set the measured radius.",
     runs_in="robot",
     axis=False,
+    same_as={"track_width_error": no_place, "gyro_gain": turns_without_pose},
+    nearly_as={"payload_error": straight_without_place},
 )
