@@ -87,7 +87,7 @@ def said_of_driver(robot: Robot, target: str) -> list[str]:
     lines = []
     if robot.driver.mode == "speed":
         how, body = SERVO[target], robot.chassis
-        there = "acts there" if how.kind == OWN else "stands in the file for whoever drives it"
+        there = "acts there" if how.kind == OWN else "is in the file for whoever drives it"
         lines.append(f"Driven by wheel speeds, rad/s, through the servo's loop, which {there}: {how.where}.")
         lines.append(
             f"The robot's firmware makes them of a twist v, u by its nominal sizes: (v - u b/2)/r left, (v + u b/2)/r "
@@ -163,4 +163,6 @@ def default_robot(diagnosis: Path) -> Path:
     for folder in (diagnosis.parent, diagnosis.parent.parent):
         if (folder / "robot.toml").is_file():
             return folder / "robot.toml"
-    raise InputError(f"{diagnosis}: no robot.toml lies beside it, name the nominal robot by --robot")
+    raise InputError(
+        f"{diagnosis}: there is no robot.toml in the same folder or the one above; name the nominal robot by --robot"
+    )

@@ -61,7 +61,7 @@ def exceptions(figures: Figures) -> dict[str, How]:
         if side.heat_rise_per_w > 0.0 and not heats(side):
             found["winding_heating"] = How(LOST, f"{name}: MuJoCo's motor needs Km = Kb and a driver without a gain")
         if side.asymmetry_nm and not holds_asymmetry(side):
-            found["friction_asymmetry"] = How(LOST, f"{name}: larger than the dry friction beside it")
+            found["friction_asymmetry"] = How(LOST, f"{name}: larger than the dry friction of that side")
         elif side.asymmetry_nm_s_per_rad:
             found["friction_asymmetry"] = How(OWN, f"actuator/general biasprm; {name}: its part by speed is left out")
         if side.backlash_rad and side.stiffness_nm_per_rad:

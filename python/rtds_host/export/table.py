@@ -15,9 +15,9 @@ from pathlib import Path
 from rtds_host.diagnosis.effects import CATALOGUE
 
 TARGETS = ("mjcf", "urdf", "sdf", "usd-json", "python")
-# How a target has an effect: it acts on its own there; it stands in the file as a number that whoever feeds the
+# How a target has an effect: it acts on its own there; it is in the file as a number that whoever feeds the
 # commands or reads the sensors applies; or it is left out.
-OWN, CARRIED, LOST = "own", "carried", "lost"
+OWN, CARRIED, LOST = "own", "number", "lost"
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def _row(mjcf: How, urdf: How, sdf: How, usd: How, python: How | None = None) ->
     return dict(zip(TARGETS, (mjcf, urdf, sdf, usd, python or _own("`Robot`")), strict=True))
 
 
-_NO_DRIVER = _lost("a joint is driven by a torque there, no driver stands before it")
+_NO_DRIVER = _lost("a joint is driven by a torque there, there is no driver before it")
 _TO_EFFORT = "torque a volt, damping (back EMF) and limits of the wheel's joint"
 _NO_SENSOR = _lost("URDF has no sensors")
 _BODY = "inertials and joint origins"
@@ -93,7 +93,7 @@ TABLE: dict[str, dict[str, How]] = {
     ),
     "pwm_curve": _map_of_commands("pwm_curve"),
     "command_gain": _row(
-        _carried("custom/numeric command_gain, beside a servo's loop"),
+        _carried("custom/numeric command_gain, with a servo's loop"),
         _carried("comment: the speeds asked for take the loop's scale"),
         _carried("comment: the speeds asked for take the loop's scale"),
         _carried(f"{_USD_FED} servo"),
@@ -159,7 +159,7 @@ TABLE: dict[str, dict[str, How]] = {
         _lost("its tyre builds up over a length of rolling and saturates; the module rolls without slip"),
     ),
     "spin_scrub": _row(
-        *[_lost("a contact's torsional friction hangs on how the load is shared among the points of support")] * 4
+        *[_lost("a contact's torsional friction depends on how the load is shared among the points of support")] * 4
     ),
     "rolling_resistance": _row(
         _own("joint frictionloss at the file's mass; custom/numeric rolling_coefficient for a payload"),
@@ -218,7 +218,7 @@ START, END = "<!-- export: begin -->", "<!-- export: end -->"
 
 
 def markdown() -> str:
-    """The table as it stands in the documentation."""
+    """The table of the documentation."""
     lines = ["| effect | " + " | ".join(f"`{target}`" for target in TARGETS) + " |", "|---" * (len(TARGETS) + 1) + "|"]
     for effect, row in (("[servo]", SERVO), *sorted(TABLE.items())):
         cells = [f"*{how.kind}*: {how.where}" if how.kind != LOST else f"left out: {how.where}" for how in row.values()]

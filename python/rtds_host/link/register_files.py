@@ -143,19 +143,10 @@ def markdown_page(regs: RegisterMap) -> str:
         "    print(chip.take_status(), chip.counters())",
         "```",
         "",
-        (
-            'Where no chip answers, every call ends in one `LinkError`: "/dev/ttyUSB0: bus does not answer". An answer'
-            " has 0.25 s"
-        ),
-        (
-            "(`open_serial(..., timeout_s=)`) from the request on, however its bytes come, and a request is made three"
-            " times: a line"
-        ),
-        (
-            "that is silent, on which noise or answers to something else come without end, or bytes one by one, ends an"
-            " operation"
-        ),
-        "within 0.75 s; a port that takes no bytes, within 2 s.",
+        'Where no chip answers, every call ends in one `LinkError`: "/dev/ttyUSB0: bus does not answer". A request',
+        "is made three times. Each answer has 0.25 s (`open_serial(..., timeout_s=)`) from the request on, however its",
+        "bytes come. An operation therefore ends within 0.75 s on a silent line, on a noisy one, or where bytes come",
+        "one by one. It ends within 2 s on a port that takes no bytes.",
     ]
     return "\n".join(lines) + "\n"
 

@@ -42,7 +42,7 @@ def test_the_command_writes_lists_and_checks(tmp_path):
     done = export(case / "diagnosis.json", "--to", "mjcf", "--out", tmp_path / "robot.xml", "--check", case / "run")
     assert done.exit_code == 0, done.output
     assert "own       driver_gain (both) ratio = 0.9" in done.output
-    assert "carried   driver_deadzone (left) volts = 0.5" in done.output
+    assert "number    driver_deadzone (left) volts = 0.5" in done.output
     share = float(re.search(r"MuJoCo closes ([\d.]+) of what the replay closes", done.output)[1])
     assert share >= 0.8
     assert "driver_deadzone (left)" in (tmp_path / "robot.xml").read_text()

@@ -222,7 +222,7 @@ period_s = 0.001
     )
     assert done.exit_code == 0, done.output
     assert (
-        "driven by wheel speeds, rad/s, through the servo's loop, which stands in the file for whoever drives it:"
+        "driven by wheel speeds, rad/s, through the servo's loop, which is in the file for whoever drives it:"
         " custom" in done.output
     )
     assert float(done.output.rpartition("MuJoCo closes ")[2].split()[0]) >= 0.9

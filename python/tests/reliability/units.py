@@ -32,7 +32,7 @@ GATE = """
 import sys
 from rtds_host.contract import read_writable_case
 from rtds_host.diagnosis.gate import examine
-print(" ".join(f.text for f in examine(read_writable_case(sys.argv[1])).findings
+print("`; `".join(f.text for f in examine(read_writable_case(sys.argv[1])).findings
     if f.severity == "warning" or f.kind == "sign"))
 """
 Columns = dict[str, np.ndarray]
@@ -193,7 +193,7 @@ def main() -> int:
             wrong_rows += not right
             print(
                 f"| {wrong.what} | {'refused' if wrong.refused else 'named'}{'' if right else ', NOT AS IT SHOULD BE'}"
-                f" | {text} | {seconds:.1f} |",
+                f" | `{text}` | {seconds:.1f} |",
                 flush=True,
             )
     print(f"\n{len(chosen)} ways, {wrong_rows} not as they should be")
