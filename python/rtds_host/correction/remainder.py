@@ -24,6 +24,8 @@ from rtds_host.diagnosis.localise.series import cumulated, filled, middles
 from rtds_host.diagnosis.localise.signals import Signals
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.motor.effects import Curve, UnitEffects
+from rtds_host.plant.torque import ANGLE
+from rtds_host.plant.torques import TORQUES
 
 # Kinds of table, and the subsystems whose remainder each may hold.
 KINDS = {
@@ -283,10 +285,11 @@ def estimate(case: Case, model: Model, diagnosis: dict) -> Remainder | None:
         places.append(rest)
     kinds = [kind for kind, subsystems in KINDS.items() if set(subsystems) & set(places)]
     robot = case.robot
+    by_angle = [torque.size for torque in TORQUES.values() if torque.over == ANGLE]
     kinds = [
         kind
         for kind in kinds
-        if not (kind == "torque against wheel angle" and any(model.get("ripple", k) for k in (0, 1)))
+        if not (kind == "torque against wheel angle" and any(model.get(name, k) for name in by_angle for k in (0, 1)))
     ]
     if not kinds:
         return None

@@ -22,8 +22,9 @@ from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitE
 from rtds_host.plant.driver import duty
 from rtds_host.plant.elementary import exponential
 from rtds_host.plant.friction import rolling, stribeck
-from rtds_host.plant.motor import ripple
 from rtds_host.plant.schema import COMMON, LOG, PLACES, REFUSED, SIDE
+from rtds_host.plant.torque import ANGLE, SPEED, Torque
+from rtds_host.plant.torques import TORQUES
 from rtds_host.robot.split import share
 
 # Where an effect runs, in a reader's words.
@@ -39,6 +40,8 @@ STRIBECK_POINTS, STRIBECK_WIDTHS = 97, 3.5
 # A bent command against the asked one: points of a curve.
 PWM_POINTS = 129
 RIPPLE_POINTS = 129
+# Torques against speed: points of a curve.
+SPEED_POINTS = 129
 # Beyond any speed of the motors, rad/s at the wheel.
 FAST_RAD_S = 16.0
 
@@ -165,12 +168,9 @@ def _refuse(get: _Parameters, robot: Robot) -> None:
 def _unit(get: _Parameters, k: int, robot: Robot, mass: float, start_angle: float) -> UnitEffects:
     n = get("gear_ratio")
     forward, backward = _friction(get, k, n, mass)
-    fluid = get("asymmetry_viscous", k) / n**2
-    fast = n * FAST_RAD_S
     limit, drop = get("limit", k), get("drop", k)
     heat, tau = get("heat_rise", k), get("heat_tau", k)
-    size, cycles = get("ripple", k), get("ripple_cycles", k)
-    start = (cycles * start_angle + get("ripple_phase", k)) % (2.0 * math.pi)
+    over_angle, periods, start = _over_angle(get, k, n, start_angle)
     return UnitEffects(
         motor=_motor(get, k, robot, n),
         command=_command(get, k),
@@ -178,11 +178,11 @@ def _unit(get: _Parameters, k: int, robot: Robot, mass: float, start_angle: floa
         drop=Curve((0.0, 0.0), (-drop, drop)) if drop else None,
         friction_forward=forward,
         friction_backward=backward,
-        torque=Curve((-fast, 0.0, fast), (fluid * fast, 0.0, fluid * fast)) if fluid else None,
+        torque=_over_speed(get, k, n),
         load_share=get("load_share", k),
-        ripple=_sine(size / n) if size else None,
-        ripple_periods_per_rad=cycles / (2.0 * math.pi * n) if size else 0.0,
-        ripple_start_rad=start if size else 0.0,
+        ripple=over_angle,
+        ripple_periods_per_rad=periods,
+        ripple_start_rad=start,
         heat_rise_per_w=heat,
         heat_tau_s=tau if heat else math.inf,
     )
@@ -238,10 +238,46 @@ def _friction(get: _Parameters, k: int, n: float, mass: float) -> tuple[Curve | 
     return Curve(x, tuple((level + apart) / n)), Curve(x, tuple((level - apart) / n))
 
 
-def _sine(size: float) -> Curve:
-    """A period of a torque by the angle, N·m over rad."""
+def _present(get: _Parameters, k: int, over: str) -> list[tuple[Torque, dict[str, float]]]:
+    """Torques of a side over the angle or the speed, each with its parameters; those of no size left out."""
+    found = [(t, {entry.name: get(entry.name, k) for entry in t.entries}) for t in TORQUES.values() if t.over == over]
+    return [(torque, numbers) for torque, numbers in found if numbers[torque.size]]
+
+
+def _over_angle(get: _Parameters, k: int, n: float, start_angle: float) -> tuple[Curve | None, float, float]:
+    """A torque by the wheel's angle as one period of a unit's table: N·m at the shaft over rad, periods a radian of the
+    shaft, and where a run begins, rad.
+
+    Raises
+    ------
+    InputError : more than one of them.
+    """
+    present = _present(get, k, ANGLE)
+    if not present:
+        return None, 0.0, 0.0
+    if len(present) > 1:
+        names = ", ".join(torque.size for torque, _ in present)
+        raise InputError(f"{names}: a motor unit holds one torque that repeats with the angle")
+    torque, numbers = present[0]
+    cycles = numbers[torque.cycles]
+    start = (cycles * start_angle + (numbers[torque.phase] if torque.phase else 0.0)) % (2.0 * math.pi)
+    one = {**numbers, torque.size: numbers[torque.size] / n, torque.cycles: 1.0}
+    if torque.phase:
+        one[torque.phase] = 0.0
     x = np.linspace(0.0, 2.0 * math.pi, RIPPLE_POINTS)
-    return Curve(tuple(x), tuple(ripple.py_func(angle, size, 1.0, 0.0, math.sin) for angle in x.tolist()))
+    curve = Curve(tuple(x), tuple(torque.at(angle, one, math.sin) for angle in x.tolist()))
+    return curve, cycles / (2.0 * math.pi * n), start
+
+
+def _over_speed(get: _Parameters, k: int, n: float) -> Curve | None:
+    """Torque against the shaft's speed as a unit takes it, N·m that brakes: friction by direction, laws by speed."""
+    fluid, fast = get("asymmetry_viscous", k) / n**2, n * FAST_RAD_S
+    present = _present(get, k, SPEED)
+    if not present:
+        return Curve((-fast, 0.0, fast), (fluid * fast, 0.0, fluid * fast)) if fluid else None
+    x = np.linspace(-fast, fast, SPEED_POINTS).tolist()
+    drives = (sum(torque.at(speed / n, numbers, math.sin) for torque, numbers in present) / n for speed in x)
+    return Curve(tuple(x), tuple(fluid * abs(speed) - drive for speed, drive in zip(x, drives, strict=True)))
 
 
 def places_of(effect: Effect, robot: Robot) -> set[str]:

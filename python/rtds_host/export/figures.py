@@ -14,6 +14,7 @@ from rtds_host.diagnosis.replay.model import Model
 from rtds_host.errors import InputError
 from rtds_host.plant.friction import rolling
 from rtds_host.plant.schema import COMMON, SIDE, Entry
+from rtds_host.plant.torques import TORQUES
 from rtds_host.robot import Body, make_body
 
 SIDES = ("left", "right")
@@ -24,7 +25,8 @@ NO_LIMIT_V = 1e8
 class Side:
     """One wheel with its motor. `gear` times the current is the torque at the wheel: N·Km; `rotor_kg_m2` is N²J and
     `viscous_nm_s_per_rad` all damping but the back EMF's; `dry_nm` is dry friction at speed, rolling resistance of the
-    robot without payload included; the others are the plant's parameters under their exported names."""
+    robot without payload included; `torques` are the parameters of torques by angle or speed by their exported
+    names (`rtds_host.plant.torques`); the others are the plant's parameters under their exported names."""
 
     resistance_ohm: float
     gear_nm_per_a: float
@@ -47,9 +49,7 @@ class Side:
     stiffness_nm_per_rad: float
     damping_nm_s_per_rad: float
     backlash_rad: float
-    ripple_nm: float
-    ripple_cycles: float
-    ripple_phase_rad: float
+    torques: Mapping[str, float]
     radius_m: float
     speed_gain: float
     current_gain: float
@@ -156,7 +156,8 @@ def figures_of(model: Model, robot: Robot) -> Figures:
             "dry_nm": dry,
             "stribeck_rad_s": abs(get("stribeck_speed", k)),
         }
-        sides.append(Side(**{**_named(model, SIDE, Side, k), **changed}))
+        torques = {e.export: get(e.name, k) for torque in TORQUES.values() for e in torque.entries}
+        sides.append(Side(**{**_named(model, SIDE, Side, k), **changed}, torques=torques))
     return Figures(
         name=robot.name,
         body=body,

@@ -25,6 +25,8 @@ CONTACT = 'solref="0.002 1" solimp="0.9999 0.9999 0.001"'
 # LuGre's bristle: it bends by so much before it slips, or by more where its swing with the rotor would be too fast for
 # the step. Without damping of its own: that would lag behind the speed.
 BRISTLE_RAD, BRISTLE_SWING = 1e-4, 0.3
+# Numbers of its cogging, in its order.
+COGGING = ("ripple_nm", "ripple_cycles", "ripple_phase_rad")
 
 
 def vector(*values: float) -> str:
@@ -132,10 +134,10 @@ def _passive(figures: Figures, k: int) -> str:
             f'biasprm="{vector(-side.asymmetry_nm, 0.0, 0.0)}"/>\n'
         )
     passive = f'joint="wheel_{name}" input="none" motorconst="0 0" resistance="1"'
-    if side.ripple_nm:
+    if side.torques["ripple_nm"]:
         text += (
             f'    <dcmotor name="ripple_{name}" {passive} '
-            f'cogging="{vector(side.ripple_nm, side.ripple_cycles, side.ripple_phase_rad)}"/>\n'
+            f'cogging="{vector(*(side.torques[name] for name in COGGING))}"/>\n'
         )
     if side.stribeck_nm:
         level = side.dry_nm + side.stribeck_nm

@@ -12,6 +12,8 @@ from rtds_host.export import standalone
 from rtds_host.export.figures import Figures
 from rtds_host.plant.driver import less_drop
 from rtds_host.plant.friction import rolling
+from rtds_host.plant.torque import summed
+from rtds_host.plant.torques import TORQUES
 
 PLACE = "PARAMETERS = {}\n"
 # Where the template imports the plant's laws, the module has their source.
@@ -68,9 +70,6 @@ def parameters(figures: Figures) -> dict[str, float | list[float]]:
                 "asymmetry_nm",
                 "asymmetry_nm_s_per_rad",
                 "load_share",
-                "ripple_nm",
-                "ripple_cycles",
-                "ripple_phase_rad",
                 "radius_m",
                 "speed_gain",
                 "current_gain",
@@ -80,6 +79,7 @@ def parameters(figures: Figures) -> dict[str, float | list[float]]:
                 "command_gain",
             )
         },
+        **{name: [float(side.torques[name]) for side in figures.sides] for name in figures.sides[0].torques},
         "servo": asdict(figures.loop) if figures.loop else None,
         "noise": dict(figures.noise),
     }
@@ -88,8 +88,9 @@ def parameters(figures: Figures) -> dict[str, float | list[float]]:
 def laws() -> str:
     """Source of the laws that the template imports, and of those that they call, without their decorator."""
     found = [law for law in vars(standalone).values() if hasattr(law, "py_func")]
-    texts = [inspect.getsource(law.py_func).partition("\n")[2].rstrip() for law in (*CALLED, *found)]
-    return "\n\n\n".join(texts) + "\n"
+    shapes = [torque.law for torque in TORQUES.values()]
+    texts = [inspect.getsource(law.py_func).partition("\n")[2].rstrip() for law in (*CALLED, *found, *shapes)]
+    return "\n\n\n".join([*texts, summed(TORQUES, "p, k", lambda entry: f'p["{entry.export}"][k]')])
 
 
 def write(figures: Figures, comment: str) -> str:

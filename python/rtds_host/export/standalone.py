@@ -18,8 +18,12 @@ from rtds_host.plant.driver import behind_driver, clipped, draw, duty, servo
 from rtds_host.plant.elementary import exponential
 from rtds_host.plant.friction import by_load, rolling, stribeck, viscous
 from rtds_host.plant.ground import along_slope, offset_forces, slope_torque
-from rtds_host.plant.motor import ripple, warm, warmer
+from rtds_host.plant.motor import warm, warmer
 from rtds_host.plant.sensors import low_pass, scaled
+from rtds_host.plant.torque import functions
+from rtds_host.plant.torques import TORQUES
+
+shaped_torque = functions(TORQUES, "p, k", lambda entry: f"p['{entry.export}'][k]")[0]
 
 # laws: end
 PARAMETERS = {}
@@ -165,10 +169,9 @@ class Robot:
             fluid[k] = viscous(p["viscous_nm_s_per_rad"][k], p["asymmetry_nm_s_per_rad"][k], w[k])
             # Half implicit: the middle of the step, of second order.
             damping = p["gear_nm_per_a"][k] * ke[k] / ohm[k] + fluid[k]
-            numbers = p["ripple_nm"][k], p["ripple_cycles"][k], p["ripple_phase_rad"][k]
-            waves = ripple(self.th[k] + 0.5 * h * w[k], *numbers, math.sin)
+            extra = shaped_torque(self.th[k] + 0.5 * h * w[k], w[k], p, k, math.sin)
             a[k][k] += 0.5 * h * damping
-            b[k] += h * (p["gear_nm_per_a"][k] * volts[k] / ohm[k] + waves - 0.5 * damping * w[k])
+            b[k] += h * (p["gear_nm_per_a"][k] * volts[k] / ohm[k] + extra - 0.5 * damping * w[k])
         speed, rate = self.forward[0] * w[0] + self.forward[1] * w[1], self._rate()
         heading = self.yaw + 0.5 * h * rate - self.uphill
         pull = along_slope(self.mass, self.slope, math.sin)

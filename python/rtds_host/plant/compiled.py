@@ -16,10 +16,10 @@ from numba.core.caching import FunctionCache
 
 
 def digest_of(folder: Path) -> str:
-    """A digest (hexadecimal) of a package's sources, names and contents."""
+    """A digest (hexadecimal) of a package's sources, names and contents, folders in it included."""
     found = hashlib.sha256()
-    for path in sorted(folder.glob("*.py")):
-        found.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    for path in sorted(folder.rglob("*.py")):
+        found.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return found.hexdigest()
 
 

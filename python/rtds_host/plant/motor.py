@@ -76,12 +76,3 @@ def warmer(rise, h, heat, tau, current, resistance):
     h, tau : s; heat : 1/W; current : A in the mean; resistance : ohm.
     """
     return rise + h * (heat * current * current * resistance - rise) / tau
-
-
-@law
-def ripple(angle, amplitude, cycles, phase, sin):
-    """Torque that repeats with the wheel's angle, N·m: A sin(n th + phi) (contract, section 3).
-
-    angle, phase : rad; amplitude : N·m; cycles : periods a turn, 1; sin : the sine to use.
-    """
-    return amplitude * sin(cycles * angle + phase)

@@ -6,30 +6,8 @@ values are SI; "at the wheel" means on the wheel's side of the gear (contract, s
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-
-# Where a parameter acts in the real-time simulator: in the motor unit, in the physics engine or the layer before it, on
-# the way of the measured values, in a log's clocks (the simulator has one), or nowhere (it has no such robot).
-RTL, ROBOT, SIGNAL, LOG, REFUSED = "rtl", "robot", "signal", "log", "refused"
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One parameter.
-
-    unit : SI. nominal : of a robot without effects; None: its file says. low, high : what is physically possible.
-    place : where it acts in the simulator. export : its name, with its unit, in exports and corrections.
-    """
-
-    name: str
-    unit: str
-    nominal: float | None
-    place: str
-    export: str
-    meaning: str
-    low: float = -math.inf
-    high: float = math.inf
+from rtds_host.plant.entry import LOG, REFUSED, ROBOT, RTL, SIGNAL, Entry
+from rtds_host.plant.torques import TORQUES
 
 
 def _table(*entries: Entry) -> dict[str, Entry]:
@@ -69,9 +47,6 @@ SIDE = _table(
           **_SHARE),
     Entry("stiffness", "N·m/rad", 0.0, ROBOT, "stiffness_nm_per_rad", "gear spring; 0 = rigid", **_MORE),
     Entry("damping", "N·m·s/rad", 0.0, ROBOT, "damping_nm_s_per_rad", "gear spring", **_MORE),
-    Entry("ripple", "N·m", 0.0, RTL, "ripple_nm", "amplitude"),
-    Entry("ripple_cycles", "1/rev", 1.0, RTL, "ripple_cycles", "of the wheel"),
-    Entry("ripple_phase", "rad", 0.0, RTL, "ripple_phase_rad", ""),
     Entry("slip", "1/N", 0.0, ROBOT, "slip_per_newton", "longitudinal", **_MORE),
     Entry("slip_relaxation", "m", 0.0, ROBOT, "slip_relaxation_m", "length over which its traction builds up", **_MORE),
     Entry("slip_damping", "N·s/m", 0.0, ROBOT, "slip_damping_n_s_per_m", "of its tread", **_MORE),
@@ -82,6 +57,7 @@ SIDE = _table(
     Entry("speed_tau", "s", 0.0, SIGNAL, "speed_filter_s", "sensor's low-pass filter", **_MORE),
     Entry("speed_late", "s", 0.0, SIGNAL, "speed_late_s", "sensor's delay beyond the others'", **_MORE),
     Entry("command_gain", "1", 1.0, REFUSED, "command_gain", "speed mode: speed asked of the loop over the command"),
+    *(entry for torque in TORQUES.values() for entry in torque.entries),
 )
 COMMON = _table(
     Entry("gear_ratio", "1", None, RTL, "gear_ratio", "", **_MORE),
@@ -141,3 +117,23 @@ def side_indices(*names: str) -> tuple[int, ...]:
 def common_indices(*names: str) -> tuple[int, ...]:
     """Positions of parameters in the row of what both sides share."""
     return tuple(COMMON_INDEX[name] for name in names)
+
+
+__all__ = [
+    "COMMON",
+    "COMMON_INDEX",
+    "ENTRIES",
+    "LOG",
+    "OUTPUTS",
+    "OUTPUT_INDEX",
+    "PLACES",
+    "REFUSED",
+    "ROBOT",
+    "RTL",
+    "SIDE",
+    "SIDE_INDEX",
+    "SIGNAL",
+    "Entry",
+    "common_indices",
+    "side_indices",
+]

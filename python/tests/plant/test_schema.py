@@ -29,7 +29,18 @@ def test_exported_names_are_unambiguous_and_those_that_exports_have():
         assert len(names) == len(set(names))
     exported = {entry.export for entry in ENTRIES.values()}
     # What an export computes from several parameters, or has of its own.
-    own = {"gear_nm_per_a", "back_emf_v_s_per_rad", "rotor_kg_m2", "dry_nm", "name", "body", "sides", "noise", "loop"}
+    own = {
+        "gear_nm_per_a",
+        "back_emf_v_s_per_rad",
+        "rotor_kg_m2",
+        "dry_nm",
+        "torques",
+        "name",
+        "body",
+        "sides",
+        "noise",
+        "loop",
+    }
     assert {f.name for kind in (Side, Loop, Figures) for f in fields(kind)} - exported == own
 
 

@@ -10,7 +10,8 @@ from rtds_host.diagnosis.localise.series import cumulated, filled, first_order, 
 from rtds_host.diagnosis.localise.signals import WINDOW_S, Signals
 from rtds_host.plant.friction import rolling, stribeck
 from rtds_host.plant.ground import pendulum
-from rtds_host.plant.motor import ripple
+from rtds_host.plant.torque import ANGLE
+from rtds_host.plant.torques import TORQUES
 
 # Numerical: parts of the largest force met that a tyre may pass on, and of the largest current beyond which a motor's
 # torque falls behind; and how long a tyre that lost its grip takes to regain it.
@@ -100,9 +101,10 @@ def torque_block(run: Signals, k: int) -> None:
     torque = torque - np.where(rests, np.clip(torque, -dry, dry), dry * sign_mid)
     torque = torque - model.get("asymmetry", k) * np.abs(sign_mid) - model.get("asymmetry_viscous", k) * np.abs(mid)
     angle = filled(t, run.th[k]) if run.th[k] is not None else cumulated(mid, dt)
-    if model.get("ripple", k):
-        numbers = (model.get(name, k) for name in ("ripple", "ripple_cycles", "ripple_phase"))
-        torque = torque + ripple.py_func(middles(angle), *numbers, np.sin)
+    for shape in TORQUES.values():
+        if model.get(shape.size, k):
+            numbers = {entry.name: model.get(entry.name, k) for entry in shape.entries}
+            torque = torque + shape.at(middles(angle) if shape.over == ANGLE else mid, numbers, np.sin)
     momentum = run.inertia[k] * w + (run.cross * run.w[1 - k] if run.body else 0.0)
     residual = run.cut(momentum - cumulated(torque, dt)) / run.inertia[k]
     steps = float(np.median(dt))
@@ -133,7 +135,7 @@ def torque_block(run: Signals, k: int) -> None:
     put(f"drivetrain:place_{s}b", -sign_mid * np.cos(middles(angle)))
     if model.get("ripple", k):
         # One that is of another size at another place of the turn, and may be in another phase there.
-        bites = ripple.py_func(middles(angle), 1.0, model.get("ripple_cycles", k), model.get("ripple_phase", k), np.sin)
+        bites = np.sin(model.get("ripple_cycles", k) * middles(angle) + model.get("ripple_phase", k))
         turned = np.cos(model.get("ripple_cycles", k) * middles(angle) + model.get("ripple_phase", k))
         for ahead, wave in (("", bites), ("@1", turned)):
             put(f"drivetrain:detent{ahead}_{s}", wave * np.sin(middles(angle)))

@@ -22,10 +22,12 @@ import math
 import numpy as np
 
 from rtds_host.plant import driver, friction, gear, ground, motor, sensors
-from rtds_host.plant.compiled import loop
+from rtds_host.plant.compiled import law, loop
 from rtds_host.plant.elementary import exponential
 from rtds_host.plant.elementary import turned as turned_by
 from rtds_host.plant.schema import SIDE_INDEX, common_indices, side_indices
+from rtds_host.plant.torque import functions
+from rtds_host.plant.torques import TORQUES
 
 # Numerical: how often a step is taken whose friction or bus hangs on its own currents and forces.
 TRIALS = 2
@@ -38,7 +40,6 @@ HEAT_RISE, HEAT_TAU = side_indices("heat_rise", "heat_tau")
 COULOMB, STRIBECK, STRIBECK_W = side_indices("coulomb", "stribeck", "stribeck_speed")
 VISCOUS_W, ASYM, ASYM_V, LOAD = side_indices("viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share")
 BACKLASH, RESTITUTION, STIFF, DAMP = side_indices("backlash", "restitution", "stiffness", "damping")
-RIPPLE, RIPPLE_N, RIPPLE_PHI = side_indices("ripple", "ripple_cycles", "ripple_phase")
 SLIP, SLIP_LENGTH, SLIP_DAMPING, SLIP_GRIP = side_indices("slip", "slip_relaxation", "slip_damping", "slip_grip")
 W_GAIN, I_GAIN, I_BIAS, W_TAU, W_LATE = side_indices(
     "speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late"
@@ -61,6 +62,8 @@ KP, KI, SERVO_LIMIT, SERVO_T, RELEASE = common_indices(
     "servo_kp", "servo_ki", "servo_limit", "servo_period", "servo_release"
 )
 AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = common_indices("axis", "axis_inertia", "axis_mass", "axis_arm", "axis_zero")
+# Torques over the wheel's angle or speed: their sum, and whether there is any, of a side's row.
+torque_of, shaped_by = map(law, functions(TORQUES, "side, k", lambda entry: f"side[k, {SIDE_INDEX[entry.name]}]"))
 
 
 @loop
@@ -140,6 +143,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
             dry = True
         if side[k, LOAD] != 0.0:
             outer = TRIALS
+    shaped = (shaped_by(side, 0), shaped_by(side, 1))
     slipping = side[0, SLIP] != 0.0 or side[1, SLIP] != 0.0
     tyre = np.zeros(2)  # shear of the tyres over their relaxation length
     whole = np.zeros(2)  # force that this shear would give with all the grip there could be
@@ -366,7 +370,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                     inertia = ratio * ratio * side[k, J]
                     # The load's inertia and torques join the rotor's while the gear is rigid.
                     torque = drive
-                    if side[k, RIPPLE] != 0.0:
+                    if shaped[k]:
                         at = th[k] + 0.5 * h * wn[k]
                         if angle.shape[0] > 0 and kc > 0:
                             nearer = min(kc, m - 1)
@@ -378,7 +382,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                             )
                             at = angle[kc - 1, k] + share * (angle[nearer, k] - angle[kc - 1, k])
                             at /= side[k, W_GAIN]
-                        torque += motor.ripple(at, side[k, RIPPLE], side[k, RIPPLE_N], side[k, RIPPLE_PHI], math.sin)
+                        torque += torque_of(at, wmn[k], side, k, math.sin)
                     fluid = ratio * ratio * side[k, B] + side[k, VISCOUS_W]
                     if side[k, ASYM_V] != 0.0:
                         fluid = friction.viscous(fluid, side[k, ASYM_V], wmn[k])

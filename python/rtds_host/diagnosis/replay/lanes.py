@@ -18,7 +18,9 @@ from rtds_host.diagnosis.replay.kernel import TRIALS
 from rtds_host.plant import driver, friction, gear, ground, motor, sensors
 from rtds_host.plant.compiled import law, loop
 from rtds_host.plant.elementary import cos_less_one, exp_minus, sin, sine, tanh
-from rtds_host.plant.schema import COMMON, SIDE, common_indices, side_indices
+from rtds_host.plant.schema import COMMON, SIDE, SIDE_INDEX, common_indices, side_indices
+from rtds_host.plant.torque import functions
+from rtds_host.plant.torques import TORQUES
 
 # Numerical: numbers in a vector register of the widest processors; narrower ones take two or four for it.
 LANES = 8
@@ -31,15 +33,15 @@ ALIKE_S = 1e-10
 # of the robot, likewise; and of what is the same in a run.
 # fmt: off
 (RES, IND, LIM, DROP, ASYM_V, HEAT, HEAT_TAU, ASYM, RADIUS, SPEED_TAU, STRIBECK, STRIBECK_W, W_GAIN, I_GAIN, I_BIAS,
- CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, LOAD, BACKLASH, RESTITUTION, STIFF, DAMP, AMPLITUDE, CYCLES, PHASE) = (
+ CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, LOAD, BACKLASH, RESTITUTION, STIFF, DAMP) = (
     k * LANES for k in side_indices(
         "resistance", "inductance", "limit", "drop", "asymmetry_viscous", "heat_rise", "heat_tau", "asymmetry",
         "radius", "speed_tau", "stribeck", "stribeck_speed", "speed_gain", "current_gain", "current_bias", "pwm_curve",
         "deadzone", "voltage_gain", "slip", "slip_relaxation", "load_share", "backlash", "restitution", "stiffness",
-        "damping", "ripple", "ripple_cycles", "ripple_phase"))
+        "damping"))
 _SIDE_ROWS = len(SIDE) + 64
 (KE, GKM, INERTIA, FLUID, FRICTION, EXTRA, TH, W, CUR, RISE, WF, VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V,
- MEAN_I, C1, M1, FADE, LATE_SHEAR, PER_SHEAR, AM, BM, RIGID, HI, LO, RIPPLE, FORCE, ALPHA, BETA, SHEAR_TAU, GRIP,
+ MEAN_I, C1, M1, FADE, LATE_SHEAR, PER_SHEAR, AM, BM, RIGID, HI, LO, SHAPED, FORCE, ALPHA, BETA, SHEAR_TAU, GRIP,
  TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, MEAN, INPUT, OUTPUT, WM, WMN, PLAY, CONTACT, WAS, HELD, KAP,
  FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART, BOUNCES, TANGLED, AT, AHEAD) = (
     k * LANES for k in range(len(SIDE), _SIDE_ROWS))
@@ -59,6 +61,8 @@ _COMMON_ROWS = len(COMMON) + 37
 _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = map(float, (gear.RIGID, gear.SPRING, gear.FREE, gear.PUSH_F, gear.PUSH_B))
 # Numerical: numbers that the state has.
 SIZE = _COMMON + _COMMON_ROWS * LANES
+# The sum of torques over the wheel's angle or speed, of a lane's rows.
+_torque_of = law(functions(TORQUES, "s, o, l", lambda entry: f"s[o + {SIDE_INDEX[entry.name] * LANES} + l]")[0])
 
 
 @loop
@@ -96,7 +100,7 @@ def _begin(s, l, side, com, run, start):
         s[o + CUR] = sensors.begun(start[7 + k], start[11 + k], start[13 + k], side[k, one.I_GAIN], side[k, one.I_BIAS])
         s[o + CONTACT] = _SPRING if side[k, one.STIFF] > 0.0 else (_FREE if side[k, one.BACKLASH] > 0.0 else _RIGID)
         s[o + PLAY] = s[o + APART] = s[o + BOUNCES] = s[o + FADE] = 0.0
-        s[o + RISE] = s[o + VA] = s[o + VD] = s[o + STICK] = s[o + RIPPLE] = s[o + EXTRA] = 0.0
+        s[o + RISE] = s[o + VA] = s[o + VD] = s[o + STICK] = s[o + SHAPED] = s[o + EXTRA] = 0.0
     s[H + l] = s[DONE + l] = 0.0
     s[LEVEL + l] = 1.0
     s[FOLLOWS + l] = s[SINCE + l] = s[PER_SPAN + l] = 0.0
@@ -198,10 +202,10 @@ def replay_lanes(
     # The next sample of a speed that comes later than that by its own delay, s, and where its run begins.
     held_s, lagging, begin = np.zeros((2, LANES)), np.zeros((2, LANES), np.int64), np.zeros(LANES, np.int64)
     lags = np.zeros(LANES, np.bool_)
-    ripples = np.zeros(LANES, np.bool_)
+    shapes = np.zeros(LANES, np.bool_)
     given = 0
     running = 0
-    scrubbed = pulled = rippled = heated = faded = filtered = slipping = drawn = flexible = False
+    scrubbed = pulled = shaped = heated = faded = filtered = slipping = drawn = flexible = False
     # Free play asks for short steps between its flanks: whether a lane has any, the longest step then and now, and
     # whether its flanks part in this span; whether a step is taken once more, and what it began with.
     plays, fine, limit = np.zeros(LANES, np.bool_), np.zeros(LANES), np.zeros(LANES)
@@ -251,11 +255,12 @@ def replay_lanes(
                     )
                     to_out[l] = out_first[j] - t_first[r]
                     now = ts[t_first[r]]
-                    ripples[l] = sides[which[j, 0], 0, one.RIPPLE] != 0.0 or sides[which[j, 0], 1, one.RIPPLE] != 0.0
+                    of_model = sides[which[j, 0]]
+                    shapes[l] = one.shaped_by(of_model, 0) or one.shaped_by(of_model, 1)
                     plays[l] = s[BACKLASH + l] > 0.0 or s[_SIDE + BACKLASH + l] > 0.0
-                    rippled = heated = scrubbed = pulled = faded = filtered = slipping = drawn = flexible = False
+                    shaped = heated = scrubbed = pulled = faded = filtered = slipping = drawn = flexible = False
                     for i in range(lanes):
-                        rippled |= ripples[i]
+                        shaped |= shapes[i]
                         heated |= s[HEAT + i] != 0.0 or s[_SIDE + HEAT + i] != 0.0
                         scrubbed |= s[SCRUB + i] != 0.0
                         pulled |= s[PULL + i] != 0.0
@@ -346,7 +351,7 @@ def replay_lanes(
                     for i in range(2):
                         s[i * _SIDE + GRIP + l] = s[i * _SIDE + LATE_SHEAR + l] = s[i * _SIDE + PER_SHEAR + l] = 1.0
                         s[i * _SIDE + RES + l] = s[i * _SIDE + IND + l] = s[i * _SIDE + STRIBECK_W + l] = 1.0
-                    ripples[l] = False
+                    shapes[l] = False
                     plays[l] = False
                     continue
                 if next_command[l] <= due:
@@ -362,7 +367,7 @@ def replay_lanes(
                     s[_SIDE + VA + l] = driver.clipped(cmds[k - 1, 1], supply)
                     command[l], next_command[l] = k, at
                     r = which[job[l], 1]
-                    if ripples[l] and angle_first[r + 1] > angle_first[r]:
+                    if shapes[l] and angle_first[r + 1] > angle_first[r]:
                         # Between the measured angles of this command's row and the next one's.
                         nearer, to_angle = min(k, last_command[l] - 1), angle_first[r] - cmd_first[r]
                         span_a = cmds_t[nearer] - cmds_t[k - 1]
@@ -427,8 +432,8 @@ def replay_lanes(
                     for l in range(lanes):
                         late, factor = ground.shear_step(s[H + l], s[o + SHEAR_TAU + l])
                         s[o + LATE_SHEAR + l], s[o + PER_SHEAR + l] = late, factor
-        # ---- one step of all lanes: ripples, the body's forces and the bus
-        if rippled:
+        # ---- one step of all lanes: torques by angle and speed, the body's forces and the bus
+        if shaped:
             for k in range(2):
                 o = k * _SIDE
                 for l in range(lanes):
@@ -436,9 +441,7 @@ def replay_lanes(
                     share = min(max((s[NOW + l] + s[DONE + l] + half - s[SINCE + l]) * s[PER_SPAN + l], 0.0), 1.0)
                     own, measured = s[o + TH + l] + half * s[o + W + l], s[o + AT + l] + share * s[o + AHEAD + l]
                     at = measured if s[FOLLOWS + l] > 0.0 else own
-                    s[o + RIPPLE + l] = motor.ripple(
-                        at, s[o + AMPLITUDE + l], s[o + CYCLES + l], s[o + PHASE + l], sine
-                    )
+                    s[o + SHAPED + l] = _torque_of(at, s[o + WM + l], s, o, l, sine)
         for l in range(lanes):
             rate, v = s[RATE + l], s[V + l]
             s[GX + l], s[GZ + l] = ground.offset_forces(s[MASS + l], s[COM_X + l], v, rate)
@@ -557,7 +560,7 @@ def replay_lanes(
                         s[o + C1 + l],
                     )
                     s[o + C0 + l], s[o + M0 + l] = c0, m0
-                    torque = s[o + GKM + l] * m0 + s[o + RIPPLE + l]
+                    torque = s[o + GKM + l] * m0 + s[o + SHAPED + l]
                     slope = s[o + GKM + l] * s[o + M1 + l]
                     fluid = friction.viscous(s[o + FLUID + l], s[o + ASYM_V + l], w)
                     am, bm = motor.rotor_balance(h, s[o + INERTIA + l], fluid, torque, slope, w)
