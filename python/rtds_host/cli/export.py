@@ -28,6 +28,13 @@ def export(
         Path | None,
         typer.Option(help="The nominal robot.toml. Default: the one next to the diagnosis, or in the folder above."),
     ] = None,
+    actuator: Annotated[
+        str,
+        typer.Option(
+            help="mjcf: general (current at once) or dcmotor (MuJoCo's <dcmotor>, with a Python module along for what "
+            "it cannot say)."
+        ),
+    ] = "general",
     check: Annotated[
         list[Path] | None,
         typer.Option(
@@ -55,36 +62,43 @@ def export(
     from rtds_host.errors import InputError, visible
     from rtds_host.export.export import check_target, default_robot, read_source, said_of_driver
     from rtds_host.export.export import export as write
+    from rtds_host.export.mjcf import driver_source
 
     if to in COMPILED:
-        if check or samples:
-            raise InputError(f"--to {to}: goes without --check and --samples")
+        if check or samples or actuator != "general":
+            raise InputError(f"--to {to}: goes without --actuator, --check and --samples")
         _compiled(diagnosis, to, out, robot)
         return
-    check_target(to)
+    check_target(to, actuator)
     if check and to != "mjcf":
         raise InputError(f"--check {check[0]}: only what is exported --to mjcf can be replayed here")
     if check and samples:
         raise InputError("--check: not with --samples; export the diagnosis itself")
     (check_writable if samples else check_writable_file)(out)
     robot = robot or default_robot(diagnosis)
-    refuse_inputs([out], [diagnosis, robot, *(place for run in check or () for place in places_of_run(run))])
+    along = [out.with_name(f"{out.stem}_driver.py")] if actuator == "dcmotor" and not samples else []
+    for place in along:
+        check_writable_file(place)
+    refuse_inputs([out, *along], [diagnosis, robot, *(place for run in check or () for place in places_of_run(run))])
     nominal = load_robot(robot)
     source = read_source(diagnosis, nominal)
     runs = [read_run(folder, nominal, need_measured=True) for folder in check or []]
-    text, parts = write(source, to)
+    text, parts = write(source, to, actuator)
     if samples:
-        _samples(source, to, out, samples, seed, staged_folder)
+        _samples(source, to, out, samples, seed, staged_folder, actuator)
     else:
         write_atomic(out, text)
         print(visible(f"{out}: {nominal.name} for {to}"))
+        for place in along:
+            write_atomic(place, driver_source())
+            print(visible(f"{place}: what acts before its <dcmotor> and behind its sensors"))
     for line in said_of_driver(nominal, to):
         print(visible(f"  {line[0].lower()}{line[1:]}"))
     _print_parts(parts)
     if not parts:
         print("  the diagnosis blames no effect: this is the nominal robot, refitted")
     if runs:
-        _check(out, nominal, source.model, runs)
+        _check(out, nominal, source.model, runs, actuator)
 
 
 def _print_parts(parts) -> None:
@@ -111,13 +125,14 @@ def _compiled(name: Path, to: str, out: Path, robot: Path | None) -> None:
     _print_parts(parts)
 
 
-def _samples(source, to: str, out: Path, count: int, seed: int, staged_folder) -> None:
+def _samples(source, to: str, out: Path, count: int, seed: int, staged_folder, actuator: str) -> None:
     import json
 
     from rtds_host.correction.close import model_of
     from rtds_host.errors import visible
     from rtds_host.export.export import ENDINGS, Source
     from rtds_host.export.export import export as write
+    from rtds_host.export.mjcf import driver_source
     from rtds_host.export.samples import draw
 
     drawn, fixed = draw(source.content, source.robot, count, seed)
@@ -129,6 +144,7 @@ def _samples(source, to: str, out: Path, count: int, seed: int, staged_folder) -
             text, parts = write(
                 Source(content, model_of(content, source.robot), source.robot, f"{source.name}, {name} of seed {seed}"),
                 to,
+                actuator,
             )
             (scratch / (name + ENDINGS[to])).write_text(text, encoding="utf-8")
             values.append(
@@ -139,18 +155,27 @@ def _samples(source, to: str, out: Path, count: int, seed: int, staged_folder) -
             )
         content = {"schema": "rtds-samples/1", "seed": seed, "to": to, "not_drawn": fixed, "samples": values}
         (scratch / "samples.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        if actuator == "dcmotor":
+            # It reads its numbers from each file.
+            (scratch / "driver.py").write_text(driver_source(), encoding="utf-8")
     print(visible(f"{out}: {count} robots for {to}, seed {seed}"))
     for label in fixed:
         print(visible(f"  not drawn {label}: the diagnosis gives no interval"))
 
 
-def _check(out: Path, nominal, model, runs) -> None:
+def _check(out: Path, nominal, model, runs, actuator: str) -> None:
+    from rtds_host.errors import visible
     from rtds_host.export.check import check as check_runs
 
-    checked = check_runs(out, nominal, model, runs)
+    checked = check_runs(out, nominal, model, runs, actuator)
     print(f"{'gap':<28}{'nominal':>10}{'corrected':>11}{'closed':>9}")
     for name, closing in (("in MuJoCo, from the files", checked.mujoco), ("in the diagnosis' replay", checked.replay)):
         closed = "-" if closing.closed is None else f"{closing.closed:.3f}"
         print(f"{name:<28}{closing.before:>10.3g}{closing.after:>11.3g}{closed:>9}")
     if checked.share is not None:
         print(f"MuJoCo closes {checked.share:.2f} of what the replay closes")
+    print(f"\n{'MuJoCo against the replay, of full scale':<44}{'rms':>9}{'largest':>10}{'full scale':>12}")
+    for one in checked.apart:
+        unit = {"i": "A", "w": "rad/s", "p": "m"}[one.channel[0]]
+        label = visible(f"{one.run}  {one.channel}")
+        print(f"{label:<44}{one.rms:>9.2%}{one.largest:>10.2%}{f'{one.full:.4g} {unit}':>12}")

@@ -12,7 +12,8 @@ from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, row_inputs
-from rtds_host.export.export import WRITERS
+from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.export import mjcf
 from rtds_host.export.figures import figures_of
 from rtds_host.export.mujoco_replay import ExportedRobot
 from rtds_host.remains import temporary_folder
@@ -31,11 +32,24 @@ class Closing:
 
 
 @dataclass(frozen=True)
+class Apart:
+    """How far MuJoCo is from the replay of the same robot in one channel of one run: root mean square and largest
+    difference as shares of `full`, the channel's largest value in the replay (SI)."""
+
+    run: str
+    channel: str
+    rms: float
+    largest: float
+    full: float
+
+
+@dataclass(frozen=True)
 class Checked:
-    """The gap in MuJoCo and in the diagnosis' own replay, over the same runs."""
+    """The gap in MuJoCo and in the diagnosis' own replay, over the same runs, and the difference between the two."""
 
     mujoco: Closing
     replay: Closing
+    apart: tuple[Apart, ...] = ()
 
     @property
     def share(self) -> float | None:
@@ -44,14 +58,33 @@ class Checked:
         return None if ours is None or theirs is None or theirs <= 0.0 else ours / theirs
 
 
-def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog]) -> Checked:
+def apart(run: str, mujoco: np.ndarray, replay: np.ndarray) -> list[Apart]:
+    """Differences in currents, speeds and path of two answers (n, 11), columns as the replay's `OUTPUTS`.
+
+    Full scale of the path is its largest distance from where it starts. A channel that never moves is left out.
+    """
+    found = []
+    for channel in ("i_l", "i_r", "w_l", "w_r"):
+        k = OUTPUT_INDEX[channel]
+        found.append((channel, np.abs(mujoco[:, k] - replay[:, k]), float(np.abs(replay[:, k]).max())))
+    place = [OUTPUT_INDEX["x"], OUTPUT_INDEX["y"]]
+    far = np.hypot(*(replay[:, place] - replay[0, place]).T)
+    found.append(("path", np.hypot(*(mujoco[:, place] - replay[:, place]).T), float(far.max())))
+    return [
+        Apart(run, channel, float(np.sqrt(np.mean(miss**2))) / full, float(miss.max()) / full, full)
+        for channel, miss, full in found
+        if full > 0.0
+    ]
+
+
+def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog], actuator: str = "general") -> Checked:
     """Replay runs by the nominal robot's export and by a corrected one.
 
     Parameters
     ----------
     corrected : MJCF file of `rtds export`; the nominal one is written beside, by the same writer. model : what
     `corrected`
-        holds, for the diagnosis' own replay.
+        holds, for the diagnosis' own replay. actuator : of both files.
 
     Raises
     ------
@@ -65,9 +98,10 @@ def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog]) -
     parts: dict[str, list[dict[str, np.ndarray]]] = {
         name: [] for name in ("before", "after", "replay before", "replay after")
     }
+    differences: list[Apart] = []
     with temporary_folder() as folder:
         nominal = folder / "nominal.xml"
-        nominal.write_text(WRITERS["mjcf"](figures_of(plain, robot), ""), encoding="utf-8")
+        nominal.write_text(mjcf.write(figures_of(plain, robot), "", actuator), encoding="utf-8")
         for data in problem.whole:
             log, start = data.log, data.inputs[-1]
             bus = row_inputs(log, robot)[3] if robot.driver.bus == "measured" else None
@@ -77,7 +111,12 @@ def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog]) -
                 "replay before": replay_run(plain, data.inputs, REPORT_STEP_S),
                 "replay after": replay_run(model, data.inputs, min(REPORT_STEP_S, model.step_s)),
             }
+            differences += apart(log.name, outs["after"], outs["replay after"])
             for name, out in outs.items():
                 parts[name].append(gaps.errors(log, robot, out))
     total = {name: gaps.gap(gaps.pooled(errors)) for name, errors in parts.items()}
-    return Checked(Closing(total["before"], total["after"]), Closing(total["replay before"], total["replay after"]))
+    return Checked(
+        Closing(total["before"], total["after"]),
+        Closing(total["replay before"], total["replay after"]),
+        tuple(differences),
+    )

@@ -47,8 +47,8 @@ class Part:
         )
 
 
-def check_target(target: str) -> None:
-    """Whether there is such a target.
+def check_target(target: str, actuator: str = "general") -> None:
+    """Whether there is such a target, with such an actuator.
 
     Raises
     ------
@@ -56,20 +56,25 @@ def check_target(target: str) -> None:
     """
     if target not in TARGETS:
         raise InputError(f"--to {target}: unknown (known: {', '.join(TARGETS)}){did_you_mean(target, TARGETS)}")
+    known = mjcf.ACTUATORS
+    if actuator not in known:
+        raise InputError(f"--actuator {actuator}: unknown (known: {', '.join(known)}){did_you_mean(actuator, known)}")
+    if actuator != "general" and target != "mjcf":
+        raise InputError(f"--actuator {actuator}: only with --to mjcf")
 
 
-def parts_of(diagnosis: dict, figures: Figures, target: str) -> list[Part]:
-    """How a target has each effect of a diagnosis."""
+def parts_of(diagnosis: dict, figures: Figures, target: str, actuator: str = "general") -> list[Part]:
+    """How a target has each effect of a diagnosis; `actuator`: of MJCF."""
     special: dict[str, How] = dict(BEHIND_SERVO[target]) if figures.loop is not None else {}
     if target == "mjcf":
-        special |= mjcf.exceptions(figures)
+        special |= mjcf.exceptions(figures, actuator)
     found = []
     for entry in diagnosis.get("effects") or []:
         values = {
             name: float(p["value"] if isinstance(p, dict) else p) for name, p in (entry.get("parameters") or {}).items()
         }
         how = special.get(entry["id"], TABLE[entry["id"]][target])
-        need = NEEDS.get(target, {}).get(entry["id"])
+        need = NEEDS.get(target, {}).get(entry["id"]) if actuator == "general" else None
         where = f"{how.where} ({need})" if need and how.kind != LOST else how.where
         found.append(Part(entry["id"], entry["side"], values, how.kind, where))
     return found
@@ -98,13 +103,22 @@ def said_of_driver(robot: Robot, target: str) -> list[str]:
     return lines
 
 
-def comment_of(parts: list[Part], source: str, robot: Robot, target: str) -> str:
+DCMOTOR_SAYS = (
+    "Each motor is a <dcmotor>, values at its shaft. Where Km and Kb differ or the driver has a gain, its constant and "
+    "resistance are those of a motor that is the same to its wheel; an activation times current_per_activation is its "
+    "current in ampere. The Python module that was written along has what acts before the motors and behind the "
+    "sensors."
+)
+
+
+def comment_of(parts: list[Part], source: str, robot: Robot, target: str, actuator: str = "general") -> str:
     """The head of a file: where it comes from, and what is and is not in it. No double hyphen, which ends an XML
     comment.
     """
     lines = [
         f"{robot.name}, by rtds {__version__} export of {source}. SI units; the x axis points forward.",
         *said_of_driver(robot, target),
+        *([DCMOTOR_SAYS] if actuator == "dcmotor" else []),
     ]
     for kind, title in TITLES.items():
         mine = [part for part in parts if part.kind == kind]
@@ -140,17 +154,20 @@ def read_source(path: Path, robot: Robot) -> Source:
     return Source(dict(read_json(path)), model, robot, path.name)  # type: ignore[call-overload]
 
 
-def export(source: Source, target: str) -> tuple[str, list[Part]]:
-    """The file's text, and how each effect is in it.
+def export(source: Source, target: str, actuator: str = "general") -> tuple[str, list[Part]]:
+    """The file's text, and how each effect is in it. `actuator`: what MJCF's motors are, one of `mjcf.ACTUATORS`.
 
     Raises
     ------
-    InputError : unknown target, or a robot that cannot be exported.
+    InputError : unknown target or actuator, or a robot that cannot be exported.
     """
-    check_target(target)
+    check_target(target, actuator)
     figures = figures_of(source.model, source.robot)
-    parts = parts_of(source.content, figures, target)
-    return WRITERS[target](figures, comment_of(parts, source.name, source.robot, target)), parts
+    parts = parts_of(source.content, figures, target, actuator)
+    comment = comment_of(parts, source.name, source.robot, target, actuator)
+    if target == "mjcf":
+        return mjcf.write(figures, comment, actuator), parts
+    return WRITERS[target](figures, comment), parts
 
 
 def default_robot(diagnosis: Path) -> Path:

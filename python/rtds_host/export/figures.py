@@ -29,6 +29,7 @@ class Side:
     names (`rtds_host.plant.torques`); the others are the plant's parameters under their exported names."""
 
     resistance_ohm: float
+    inductance_h: float
     gear_nm_per_a: float
     back_emf_v_s_per_rad: float
     rotor_kg_m2: float
@@ -89,6 +90,7 @@ class Figures:
     body: Body
     sides: tuple[Side, Side]
     supply_v: float
+    gear_ratio: float
     source_resistance_ohm: float
     decline_v_per_s: float
     rolling: float

@@ -11,22 +11,21 @@ from __future__ import annotations
 import math
 from xml.sax.saxutils import quoteattr
 
+from rtds_host.export import dcmotor, mjcf_driver
 from rtds_host.export.figures import SIDES, Figures, Side
-from rtds_host.export.table import LOST, OWN, How
+from rtds_host.export.python import alone
+from rtds_host.export.table import DCMOTOR, LOST, OWN, How
 from rtds_host.robot.body import SKID_RADIUS_M
 from rtds_host.robot.urdf import base_inertia, supports
 
 TIMESTEP_S = 5e-4
+# What a wheel's motor is written as: `general` gives its current from the voltage at once, `dcmotor` has a winding.
+ACTUATORS = ("general", "dcmotor")
 # A body without mass does not exist in MuJoCo; this much is nothing beside any robot.
 NO_MASS_KG = 1e-6
 # Friction and limits of joints as hard as the step allows.
 FIRM = 'solreffriction="0.001 1" solimpfriction="0.9999 0.9999 0.001"'
 CONTACT = 'solref="0.002 1" solimp="0.9999 0.9999 0.001"'
-# LuGre's bristle: it bends by so much before it slips, or by more where its swing with the rotor would be too fast for
-# the step. Without damping of its own: that would lag behind the speed.
-BRISTLE_RAD, BRISTLE_SWING = 1e-4, 0.3
-# Numbers of its cogging, in its order.
-COGGING = ("ripple_nm", "ripple_cycles", "ripple_phase_rad")
 
 
 def vector(*values: float) -> str:
@@ -34,11 +33,16 @@ def vector(*values: float) -> str:
     return " ".join(f"{value:.9g}" for value in values)
 
 
-def _late(delay_s: float) -> str:
+def timestep_s(actuator: str) -> float:
+    """Step of a file, s."""
+    return dcmotor.TIMESTEP_S if actuator == "dcmotor" else TIMESTEP_S
+
+
+def _late(delay_s: float, step_s: float = TIMESTEP_S) -> str:
     """Attributes that make an actuator or a sensor late."""
     if delay_s <= 0.0:
         return ""
-    return f' nsample="{math.ceil(delay_s / TIMESTEP_S) + 2}" interp="linear" delay="{delay_s:.9g}"'
+    return f' nsample="{math.ceil(delay_s / step_s) + 2}" interp="linear" delay="{delay_s:.9g}"'
 
 
 def heats(side: Side) -> bool:
@@ -56,19 +60,24 @@ def holds_asymmetry(side: Side) -> bool:
     return abs(side.asymmetry_nm) <= side.dry_nm
 
 
-def exceptions(figures: Figures) -> dict[str, How]:
-    """Effects that MJCF has in general and has not, or not wholly, for these numbers."""
-    found = {}
+def exceptions(figures: Figures, actuator: str = "general") -> dict[str, How]:
+    """Effects that MJCF has in general and has not, or not wholly, for these numbers and this `actuator`."""
+    found: dict[str, How] = dict(DCMOTOR) if actuator == "dcmotor" else {}
     for name, side in zip(SIDES, figures.sides, strict=True):
-        if side.heat_rise_per_w > 0.0 and not heats(side):
+        if actuator == "general" and side.heat_rise_per_w > 0.0 and not heats(side):
             found["winding_heating"] = How(LOST, f"{name}: MuJoCo's motor needs Km = Kb and a driver without a gain")
         if side.asymmetry_nm and not holds_asymmetry(side):
             found["friction_asymmetry"] = How(LOST, f"{name}: larger than the dry friction of that side")
-        elif side.asymmetry_nm_s_per_rad:
+        elif actuator == "general" and side.asymmetry_nm_s_per_rad:
             found["friction_asymmetry"] = How(OWN, f"actuator/general biasprm; {name}: its part by speed is left out")
         if side.backlash_rad and side.stiffness_nm_per_rad:
             found["backlash"] = How(LOST, f"{name}: the hinge that would have it is the gear's spring")
     return found
+
+
+def _by_speed(side: Side) -> float:
+    """Friction by direction and speed, where its part by direction alone is in the file."""
+    return side.asymmetry_nm_s_per_rad if holds_asymmetry(side) else 0.0
 
 
 def _hinges(name: str, side: Side) -> str:
@@ -103,11 +112,13 @@ def _wheel(figures: Figures, k: int) -> str:
     )
 
 
-def _motor(figures: Figures, k: int) -> str:
+def _motor(figures: Figures, k: int, actuator: str) -> str:
     side, name = figures.sides[k], SIDES[k]
     top = figures.limit_v(side)
     # Behind a servo the speeds asked for are late, its voltages are not.
     late = 0.0 if figures.loop is not None else figures.command_delay_s
+    if actuator == "dcmotor":
+        return dcmotor.text(name, _late(late, dcmotor.TIMESTEP_S), dcmotor.element(figures, side))
     common = (
         f'name="motor_{name}" joint="wheel_{name}" gear="{side.gear_nm_per_a:.9g}" ctrllimited="true" '
         f'ctrlrange="{vector(-top, top)}"{_late(late)}'
@@ -125,7 +136,7 @@ def _motor(figures: Figures, k: int) -> str:
     )
 
 
-def _passive(figures: Figures, k: int) -> str:
+def _passive(figures: Figures, k: int, actuator: str) -> str:
     """Torques that no command changes. They stand after the motors, which so are the first two controls."""
     side, name, text = figures.sides[k], SIDES[k], ""
     if side.asymmetry_nm and holds_asymmetry(side):
@@ -133,19 +144,19 @@ def _passive(figures: Figures, k: int) -> str:
             f'    <general name="asymmetry_{name}" joint="wheel_{name}" gaintype="fixed" gainprm="0" biastype="affine" '
             f'biasprm="{vector(-side.asymmetry_nm, 0.0, 0.0)}"/>\n'
         )
+    if actuator == "dcmotor":
+        return text
     passive = f'joint="wheel_{name}" input="none" motorconst="0 0" resistance="1"'
     if side.torques["ripple_nm"]:
         text += (
             f'    <dcmotor name="ripple_{name}" {passive} '
-            f'cogging="{vector(*(side.torques[name] for name in COGGING))}"/>\n'
+            f'cogging="{vector(*(side.torques[name] for name in dcmotor.COGGING))}"/>\n'
         )
     if side.stribeck_nm:
         level = side.dry_nm + side.stribeck_nm
-        stiffest = (BRISTLE_SWING / TIMESTEP_S) ** 2 * (side.rotor_kg_m2 + figures.body.wheel_inertia_kg_m2)
-        text += (
-            f'    <dcmotor name="friction_{name}" {passive} '
-            f'lugre="{vector(min(level / BRISTLE_RAD, stiffest), 0.0, side.dry_nm, level, side.stribeck_rad_s)}"/>\n'
-        )
+        stiffest = (dcmotor.BRISTLE_SWING / TIMESTEP_S) ** 2 * (side.rotor_kg_m2 + figures.body.wheel_inertia_kg_m2)
+        numbers = vector(min(level / dcmotor.BRISTLE_RAD, stiffest), 0.0, side.dry_nm, level, side.stribeck_rad_s)
+        text += f'    <dcmotor name="friction_{name}" {passive} lugre="{numbers}"/>\n'
     return text
 
 
@@ -154,9 +165,24 @@ def _behind(figures: Figures, side: Side) -> bool:
     return bool(figures.encoder_at_wheel and (side.stiffness_nm_per_rad or side.backlash_rad))
 
 
+def _scrub(figures: Figures) -> str:
+    """Dry friction against turning: of a tendon whose length is the yaw angle of wheels that roll without slip."""
+    if not figures.scrub_nm:
+        return ""
+    text = f'    <fixed name="scrub" frictionloss="{figures.scrub_nm:.9g}" {FIRM}>\n'
+    for side, name, sign in zip(figures.sides, SIDES, (-1.0, 1.0), strict=True):
+        arm = sign * side.radius_m / figures.body.track_width_m
+        text += f'      <joint joint="wheel_{name}" coef="{arm:.9g}"/>\n'
+        if side.stiffness_nm_per_rad or side.backlash_rad:
+            text += f'      <joint joint="gear_{name}" coef="{arm:.9g}"/>\n'
+    return text + "    </fixed>\n"
+
+
 def _tendons(figures: Figures) -> str:
-    """The angle of a wheel on two hinges as a sum of theirs, for an encoder on the wheel; nothing without one."""
-    text = "".join(
+    """The angle of a wheel on two hinges as a sum of theirs, for an encoder on the wheel, and the scrub's; nothing
+    without either.
+    """
+    text = _scrub(figures) + "".join(
         f'    <fixed name="wheel_{name}">\n      <joint joint="wheel_{name}" coef="1"/>\n'
         f'      <joint joint="gear_{name}" coef="1"/>\n    </fixed>\n'
         for side, name in zip(figures.sides, SIDES, strict=True)
@@ -165,18 +191,22 @@ def _tendons(figures: Figures) -> str:
     return f"  <tendon>\n{text}  </tendon>\n" if text else ""
 
 
-def _sensors(figures: Figures) -> str:
-    late = _late(figures.measurement_delay_s)
+def _sensors(figures: Figures, actuator: str) -> str:
+    step = timestep_s(actuator)
+    late = _late(figures.measurement_delay_s, step)
+    # A <dcmotor>'s force is its torque, friction and cogging included; its current is an activation.
+    force = "i" if actuator == "general" else "torque"
 
     def noise(key: str) -> str:
         return f' noise="{figures.noise[key]:.9g}"' if key in figures.noise else ""
 
     text = ""
     for side, name, letter in zip(figures.sides, SIDES, "lr", strict=True):
-        later = _late(figures.measurement_delay_s + side.speed_late_s)
+        later = _late(figures.measurement_delay_s + side.speed_late_s, step)
         seen = "tendon" if _behind(figures, side) else "joint"
         text += (
-            f'    <actuatorfrc name="i_{letter}" actuator="motor_{name}"{noise("i_a")}{late}/>\n'
+            f'    <actuatorfrc name="{force}_{letter}" actuator="motor_{name}"'
+            f"{noise('i_a') if force == 'i' else ''}{late}/>\n"
             f'    <{seen}vel name="w_{letter}" {seen}="wheel_{name}"{noise("w_rad_s")}{later}/>\n'
             f'    <{seen}pos name="th_{letter}" {seen}="wheel_{name}"{noise("th_rad")}{late}/>\n'
         )
@@ -187,7 +217,7 @@ def _sensors(figures: Figures) -> str:
     )
 
 
-def _numbers(figures: Figures) -> dict[str, tuple[float, ...]]:
+def _numbers(figures: Figures, actuator: str) -> dict[str, tuple[float, ...]]:
     """What stands in the file for whoever feeds commands and reads sensors; only what differs from nothing, and the
     supply.
     """
@@ -213,6 +243,14 @@ def _numbers(figures: Figures) -> dict[str, tuple[float, ...]]:
         "gyro_gain": ((figures.gyro_gain,), 1.0),
         "gyro_bias_rad_s": ((figures.gyro_bias_rad_s,), 0.0),
     }
+    if actuator == "dcmotor":
+        motors = [dcmotor.element(figures, side) for side in figures.sides]
+        there |= {
+            "current_per_activation": (tuple(motor.current_per_activation for motor in motors), None),
+            "current_delay_s": ((figures.measurement_delay_s,), 0.0),
+            "load_share": (both("load_share"), 0.0),
+            "asymmetry_nm_s_per_rad": (tuple(_by_speed(side) for side in figures.sides), 0.0),
+        }
     if figures.loop is not None:
         loop = figures.loop
         there |= {
@@ -227,8 +265,13 @@ def _numbers(figures: Figures) -> dict[str, tuple[float, ...]]:
     return {"supply_v": (figures.supply_v,), **kept}
 
 
-def write(figures: Figures, comment: str) -> str:
-    """The robot as MJCF; `comment` stands at its head."""
+def driver_source() -> str:
+    """Source of the Python module that goes along with `dcmotor`; it reads its numbers from the file."""
+    return alone(mjcf_driver, "class Driver:")
+
+
+def write(figures: Figures, comment: str, actuator: str = "general") -> str:
+    """The robot as MJCF; `comment` stands at its head, `actuator` is one of `ACTUATORS`."""
     body = figures.body
     base = base_inertia(body)
     height = 0.5 * sum(body.wheel_radius_m)
@@ -238,13 +281,14 @@ def write(figures: Figures, comment: str) -> str:
         for name, x in supports(body)
     )
     numbers = "".join(
-        f'    <numeric name="{name}" data="{vector(*values)}"/>\n' for name, values in _numbers(figures).items()
+        f'    <numeric name="{name}" data="{vector(*values)}"/>\n'
+        for name, values in _numbers(figures, actuator).items()
     )
     return (
         f'<?xml version="1.0"?>\n<!--\n{comment}-->\n<mujoco model={quoteattr(figures.name)}>\n'
         '  <compiler angle="radian" autolimits="true"/>\n'
-        f'  <option timestep="{TIMESTEP_S:g}" gravity="{vector(*body.gravity_m_s2)}" integrator="implicitfast" '
-        'cone="elliptic" solver="Newton" iterations="50" tolerance="1e-12" impratio="10"/>\n'
+        f'  <option timestep="{timestep_s(actuator):g}" gravity="{vector(*body.gravity_m_s2)}" '
+        'integrator="implicitfast" cone="elliptic" solver="Newton" iterations="50" tolerance="1e-12" impratio="10"/>\n'
         f"  <custom>\n{numbers}  </custom>\n  <worldbody>\n"
         f'    <geom name="ground" type="plane" size="0 0 1" condim="1" '
         f'friction="{body.tyre_friction:g} 0 0" contype="1" '
@@ -258,7 +302,8 @@ def write(figures: Figures, comment: str) -> str:
         f'        <inertial pos="0 0 0" mass="{NO_MASS_KG:g}" diaginertia="1e-9 1e-9 1e-9"/>\n      </body>\n'
         f"{_wheel(figures, 0)}{_wheel(figures, 1)}    </body>\n  </worldbody>\n"
         f"{_tendons(figures)}"
-        f"  <actuator>\n{_motor(figures, 0)}{_motor(figures, 1)}{_passive(figures, 0)}{_passive(figures, 1)}"
+        f"  <actuator>\n{_motor(figures, 0, actuator)}{_motor(figures, 1, actuator)}"
+        f"{_passive(figures, 0, actuator)}{_passive(figures, 1, actuator)}"
         "  </actuator>\n"
-        f"  <sensor>\n{_sensors(figures)}  </sensor>\n</mujoco>\n"
+        f"  <sensor>\n{_sensors(figures, actuator)}  </sensor>\n</mujoco>\n"
     )

@@ -7,8 +7,11 @@ speeds those of the servo's loop, the log's channels are its sensors. What the f
 
 from __future__ import annotations
 
+import functools
 import math
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -17,10 +20,19 @@ from rtds_host.contract import GRAVITY_M_S2, RunLog
 from rtds_host.correction.correction import LEAST_BASE_SHARE
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, said_of_file
+from rtds_host.export.mjcf import driver_source
 from rtds_host.plant.driver import duty, less_drop, servo
 
 MOTORS = ("motor_left", "motor_right")
 WHEELS = ("wheel_left", "wheel_right")
+
+
+@functools.cache
+def driver_class() -> Any:
+    """`Driver` of the module that `--actuator dcmotor` writes along, from the very text."""
+    module = ModuleType("driver")
+    exec(compile(driver_source(), "driver.py", "exec"), module.__dict__)
+    return module.Driver
 
 
 class Servo:
@@ -70,10 +82,13 @@ class ExportedRobot:
             self.model = mujoco.MjModel.from_xml_string(text)
             self.motors = [self.model.actuator(name).id for name in MOTORS]
             self.wheels = [self.model.joint(name) for name in WHEELS]
-            self.sensors = {
-                name: int(self.model.sensor(name).adr[0])
-                for name in ("i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro", "position", "heading")
-            }
+            has_winding = bool(np.all(self.model.actuator_dyntype[self.motors] == mujoco.mjtDyn.mjDYN_DCMOTOR))
+            self.winding = has_winding and any(
+                self.model.numeric(k).name == "current_per_activation" for k in range(self.model.nnumeric)
+            )
+            current = "torque" if self.winding else "i"
+            names = (f"{current}_l", f"{current}_r", "w_l", "w_r", "th_l", "th_r", "gyro", "position", "heading")
+            self.sensors = {name: int(self.model.sensor(name).adr[0]) for name in names}
             self.payload = self.model.body("payload").id
             self.supply_v = float(self.model.numeric("supply_v").data[0])
         except (ValueError, KeyError) as error:
@@ -111,7 +126,7 @@ class ExportedRobot:
         )
 
     def _place(self, payload_kg: float, slope_rad: float, uphill_yaw_rad: float) -> None:
-        """What a run says of load and ground."""
+        """What a run says of load and ground, but for rolling resistance."""
         model = self.model
         slope = slope_rad + self.number("slope_extra_rad", 0.0)[0]
         model.opt.gravity[:] = GRAVITY_M_S2 * np.array(
@@ -125,10 +140,13 @@ class ExportedRobot:
         model.body_inertia[base][2] = max(
             model.body_inertia[base][2] - taken, LEAST_BASE_SHARE * model.body_inertia[base][2]
         )
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+    def _roll(self, payload_kg: float) -> None:
+        """Rolling resistance of a run's payload."""
         rolling = self.number("rolling_coefficient", 0.0)[0] * payload_kg * GRAVITY_M_S2 * 0.5
         for wheel, dof in zip(WHEELS, self.moving, strict=True):
-            model.dof_frictionloss[dof] += rolling * model.geom(wheel).size[0]
-        mujoco.mj_setConst(model, mujoco.MjData(model))
+            self.model.dof_frictionloss[dof] += rolling * self.model.geom(wheel).size[0]
 
     def _start(self, start: np.ndarray) -> mujoco.MjData:
         model, data = self.model, mujoco.MjData(self.model)
@@ -173,6 +191,9 @@ class ExportedRobot:
         (n, 11) what the sensors report without noise at the log's times, columns as the replay's `OUTPUTS`.
         """
         self._place(log.meta.payload_kg, log.meta.slope_rad, log.meta.uphill_yaw_rad)
+        if self.winding:
+            return self._replay_winding(log, start, measured_bus)
+        self._roll(log.meta.payload_kg)
         model, data = self.model, self._start(start)
         usual = model.opt.timestep
         t = log.t - log.t[0]
@@ -235,6 +256,35 @@ class ExportedRobot:
                 mujoco.mj_step(model, data)
                 if step:
                     late_filter()
+        model.opt.timestep = usual
+        return out
+
+    def _replay_winding(self, log: RunLog, start: np.ndarray, measured_bus: np.ndarray | None) -> np.ndarray:
+        """`replay` of a file with `<dcmotor>`: what goes along as a module acts around each step."""
+        model, data = self.model, self._start(start)
+        driver = driver_class()(model, log.meta.payload_kg, measured_bus is not None)
+        usual, t = model.opt.timestep, log.t - log.t[0]
+        commands = log.commands("speed" if driver.number("servo_period_s")[0] else "voltage")
+        out = np.empty((len(t), len(OUTPUTS)))
+        yaw, scale = float(start[2]), driver.number("speed_gain")
+        place, heading = self.sensors["position"], self.sensors["heading"]
+        for row in range(len(t)):
+            if measured_bus is not None:
+                driver.bus = float(measured_bus[row])
+            # A row holds the state just before its command acts.
+            mujoco.mj_forward(model, data)
+            found, read = driver.readings(data), data.sensordata
+            for k, side in enumerate("lr"):
+                found[f"th_{side}"] += start[3 + k] * (1.0 - scale[k])
+            found |= {"x": read[place], "y": read[place + 1]}
+            found["yaw"] = yaw = yaw + math.remainder(math.atan2(read[heading + 1], read[heading]) - yaw, 2.0 * math.pi)
+            out[row] = [found[name] for name in OUTPUTS]
+            if row + 1 == len(t):
+                break
+            steps = max(1, math.ceil((t[row + 1] - t[row]) / usual - 1e-6))
+            model.opt.timestep = (t[row + 1] - t[row]) / steps
+            for _ in range(steps):
+                driver.step(data, *commands[row])
         model.opt.timestep = usual
         return out
 

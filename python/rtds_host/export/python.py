@@ -6,7 +6,10 @@ import inspect
 import math
 import pprint
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from types import ModuleType
+from typing import Any
 
 from rtds_host.export import standalone
 from rtds_host.export.figures import Figures
@@ -85,21 +88,32 @@ def parameters(figures: Figures) -> dict[str, float | list[float]]:
     }
 
 
-def laws() -> str:
-    """Source of the laws that the template imports, and of those that they call, without their decorator."""
-    found = [law for law in vars(standalone).values() if hasattr(law, "py_func")]
-    shapes = [torque.law for torque in TORQUES.values()]
-    texts = [inspect.getsource(law.py_func).partition("\n")[2].rstrip() for law in (*CALLED, *found, *shapes)]
-    return "\n\n\n".join([*texts, summed(TORQUES, "p, k", lambda entry: f'p["{entry.export}"][k]')])
+def source_of(laws: Iterable[Any]) -> list[str]:
+    """Source of laws without their decorator."""
+    return [inspect.getsource(law.py_func).partition("\n")[2].rstrip() for law in laws]
+
+
+def alone(template: ModuleType, mark: str, called: tuple = (), more: Sequence[str] = ()) -> str:
+    """Source of a template with the plant's laws before the line `mark`, in the place of their import.
+
+    called : laws that those of the template call. more : source of further functions.
+    """
+    source = inspect.getsource(template)
+    if mark not in source or LAWS.search(source) is None:
+        raise LookupError(f"{template.__name__} holds no line {mark!r}, or no laws")
+    before, _, after = LAWS.sub("", source, count=1).partition(f"\n\n{mark}")
+    found = [law for law in vars(template).values() if hasattr(law, "py_func")]
+    texts = "\n\n\n".join([*source_of((*called, *found)), *more]).rstrip()
+    return f"{before}\n\n{texts}\n\n\n{mark}{after}"
 
 
 def write(figures: Figures, comment: str) -> str:
     """The robot as a Python module; `comment` stands at its head."""
-    source = inspect.getsource(standalone)
     head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
     numbers = pprint.pformat(parameters(figures), width=120, sort_dicts=False)
-    if PLACE not in source or LAWS.search(source) is None:
-        raise LookupError(f"standalone.py holds no line {PLACE!r}, or no laws")
-    source = LAWS.sub("", source, count=1).replace(PLACE, f"PARAMETERS = {numbers}\n", 1)
-    before, mark, after = source.partition("\n\nclass Robot:")
-    return f"{head}{before}\n\n{laws()}{mark}{after}"
+    shapes = [*source_of(torque.law for torque in TORQUES.values())]
+    shapes.append(summed(TORQUES, "p, k", lambda entry: f'p["{entry.export}"][k]'))
+    source = alone(standalone, "class Robot:", CALLED, shapes)
+    if PLACE not in source:
+        raise LookupError(f"standalone.py holds no line {PLACE!r}")
+    return head + source.replace(PLACE, f"PARAMETERS = {numbers}\n", 1)

@@ -1,9 +1,10 @@
 """What each target can express of each effect: the one place that says so.
 
     python -m rtds_host.export.table docs/export.md
+    python -m rtds_host.export.table docs/mujoco-dcmotor.md
 
-writes it into a page. Whoever adds an effect to the catalogue adds a row here; `python/tests/export` compares the two,
-and the page with this.
+write it into a page, or what differs for MuJoCo's `<dcmotor>`. Whoever adds an effect to the catalogue adds a row here;
+`python/tests/export` compares the two, and the pages with this.
 """
 
 from __future__ import annotations
@@ -159,7 +160,8 @@ TABLE: dict[str, dict[str, How]] = {
         _lost("its tyre builds up over a length of rolling and saturates; the module rolls without slip"),
     ),
     "spin_scrub": _row(
-        *[_lost("a contact's torsional friction depends on how the load is shared among the points of support")] * 4
+        _own("tendon/fixed frictionloss of the yaw angle that both wheels roll"),
+        *[_lost("a contact's torsional friction depends on how the load is shared among the points of support")] * 3,
     ),
     "rolling_resistance": _row(
         _own("joint frictionloss at the file's mass; custom/numeric rolling_coefficient for a payload"),
@@ -214,7 +216,44 @@ BEHIND_SERVO: dict[str, dict[str, How]] = {
     "python": {},
 }
 
+# What differs with `--actuator dcmotor`. "driver module": the Python module that is written along.
+_MODULE = "driver module"
+_ELEMENT = _own("actuator/dcmotor motorconst, resistance, inductance, gear")
+
+
+def _module(number: str) -> How:
+    return _carried(f"{_MODULE}, by custom/numeric {number}")
+
+
+DCMOTOR: dict[str, How] = {
+    "resistance_error": _ELEMENT,
+    "torque_constant_error": _ELEMENT,
+    "driver_gain": _ELEMENT,
+    "winding_heating": _own("actuator/dcmotor thermal"),
+    "stribeck_friction": _own("actuator/dcmotor lugre"),
+    "torque_ripple": _own("actuator/dcmotor cogging"),
+    "load_friction": _module("load_share: bound of the joint's dry friction, by the torque of the step before"),
+    "friction_asymmetry": _carried(
+        f"actuator/general biasprm, where dry friction is at least as large; by speed {_MODULE}, by custom/numeric "
+        "asymmetry_nm_s_per_rad"
+    ),
+    "supply_sag": _module("source_resistance_ohm"),
+    "battery_decline": _module("decline_v_per_s"),
+    "driver_deadzone": _module("deadzone_v"),
+    "pwm_curve": _module("pwm_curve"),
+    "bridge_drop": _module("drop_v, back_emf_v_s_per_rad, voltage_gain"),
+    "current_gain": _module("current_gain"),
+    "current_bias": _module("current_bias_a"),
+    "speed_gain": _module("speed_gain"),
+    "speed_filter": _module("speed_filter_s; sensor delay: what of its lag is a delay"),
+    "gyro_bias": _module("gyro_bias_rad_s"),
+    "gyro_gain": _module("gyro_gain"),
+    "command_gain": _module("command_gain, with the servo's loop"),
+    "measurement_delay": _carried(f"sensor delay; of the current {_MODULE}, by custom/numeric current_delay_s"),
+}
+
 START, END = "<!-- export: begin -->", "<!-- export: end -->"
+START_DCMOTOR, END_DCMOTOR = "<!-- dcmotor: begin -->", "<!-- dcmotor: end -->"
 
 
 def markdown() -> str:
@@ -226,11 +265,21 @@ def markdown() -> str:
     return "\n".join(lines) + "\n"
 
 
+def markdown_of_dcmotor() -> str:
+    """What differs with `--actuator dcmotor`, as it stands in the documentation."""
+    lines = ["| effect | with `--actuator dcmotor` |", "|---|---|"]
+    lines += [f"| `{effect}` | *{how.kind}*: {how.where} |" for effect, how in sorted(DCMOTOR.items())]
+    return "\n".join(lines) + "\n"
+
+
 def put_into(page: Path) -> None:
-    """Write the table into a page, between its two marks."""
-    before, _, rest = page.read_text(encoding="utf-8").partition(START)
-    after = rest.partition(END)[2]
-    page.write_text(f"{before}{START}\n{markdown()}{END}{after}", encoding="utf-8")
+    """Write a table into a page, between its two marks."""
+    text = page.read_text(encoding="utf-8")
+    for start, end, table in ((START, END, markdown), (START_DCMOTOR, END_DCMOTOR, markdown_of_dcmotor)):
+        if start in text:
+            before, _, rest = text.partition(start)
+            text = f"{before}{start}\n{table()}{end}{rest.partition(end)[2]}"
+    page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
