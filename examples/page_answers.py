@@ -2,17 +2,15 @@
 
 Three kinds of statement are compared:
 
-- an answer of `rtds diagnose`, below its command: verdict, effects and sides exactly, sizes within the interval of
-today's
-  answer, gaps to 10 % (or 0.05 units of noise, whichever is more), shares and probabilities to 0.1. Today's answer is
-  the `diagnosis.json` that the command wrote, of any schema; the words on the page are read with the program's own
-  names.
+- an answer of `rtds diagnose`, below its command. Verdict, effects and sides are compared exactly, sizes with the
+  interval of today's answer, gaps to 10 % (or 0.05 units of noise, whichever is more), shares and probabilities to 0.1.
+  So are the lines below it: where the gap lies (`located`), its shares (`made of`), the alternatives (`odds`), and the
+  next experiment (`next`), word for word. Today's answer is the `diagnosis.json` that the command wrote, of any schema;
+  the words on the page are read with the program's own names.
 - JSON inside of an output: the same, by its keys. The table of `rtds close`: its gaps and shares. Any other line of
-output:
-  as it stands, though lines may be left out.
+  output exactly, though lines may be left out.
 - a figure in a sentence with a mark behind it, `11.5<!-- answer: report/diagnosis.json gap.refit -->`: figures as
-above,
-  words (a verdict, an effect's id, a side) exactly. A list's entry is named by its number:
+  above, words (a verdict, an effect's id, a side) exactly. A list's entry is named by its number:
   `effects.0.parameters.torque_nm.value`.
 """
 
@@ -28,7 +26,13 @@ from pathlib import Path
 from typing import Any
 
 from rtds_host.diagnosis.effects import CATALOGUE
-from rtds_host.diagnosis.report.words import effect_name
+from rtds_host.diagnosis.report.words import (
+    SUBSYSTEM_WORDS,
+    budget_words,
+    effect_name,
+    explanation_name,
+    manoeuvre,
+)
 
 VERDICTS = ("none", "known", "partial", "unknown")
 NUMBER = r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?"
@@ -38,6 +42,8 @@ DETAIL = re.compile(r"  \S")
 PROSE = re.compile(r"(?P<said>[-+.\deE]+ %|[^\s<>()*|`]+)[*`]*<!-- answer: (?P<file>\S+) (?P<key>\S+) -->")
 GAP_FACTOR, GAP_UNITS, SHARE = 0.1, 0.05, 0.1
 SECONDS = re.compile(r"\s*[\d.]+ s")
+# A list of shares, and what separates its entries: a name may hold commas, so an entry ends with its per cent.
+SHARES = re.compile(r"(?P<name>[^;]+?) (?P<share>[\d.]+) %(?:[,;] |$)")
 
 
 def near_gap(said: float, now: float | None) -> bool:
@@ -69,6 +75,8 @@ class Answer:
     effects: dict[tuple[str, str], dict[str | int, float]] = field(default_factory=dict)
     gap: dict[str, float] = field(default_factory=dict)
     shares: dict[str, float] = field(default_factory=dict)
+    lists: dict[str, dict[str, float]] = field(default_factory=dict)  # located, made of, odds: share by name
+    following: str = ""  # the next experiment and why, without where its commands are
 
 
 def _effects(text: str) -> Iterator[tuple[tuple[str, str], str]]:
@@ -88,17 +96,20 @@ def read_answers(text: str) -> list[Answer]:
         head = HEADLINE.fullmatch(line.rstrip())
         if head is None:
             if answers and DETAIL.match(line):
-                _read_detail(line, answers[-1])
+                _read_detail(" ".join([line, *_wrapped(lines[number + 1 :])]), answers[-1])
             continue
         answer = Answer(head["case"], head["verdict"])
-        sentence = [head["text"]]
-        for more in lines[number + 1 :]:
-            if not more.strip() or DETAIL.match(more) or HEADLINE.fullmatch(more.rstrip()):
-                break
-            sentence.append(more.strip())
-        _read_sentence(" ".join(sentence), answer)
+        _read_sentence(" ".join([head["text"], *_wrapped(lines[number + 1 :])]), answer)
         answers.append(answer)
     return answers
+
+
+def _wrapped(lines: list[str]) -> Iterator[str]:
+    """What of the next lines belongs to the one before them, since the terminal wraps without an indent."""
+    for line in lines:
+        if not line.strip() or DETAIL.match(line) or HEADLINE.fullmatch(line.rstrip()):
+            return
+        yield line.strip()
 
 
 def _read_sentence(text: str, answer: Answer) -> None:
@@ -125,6 +136,45 @@ def _read_detail(line: str, answer: Answer) -> None:
     elif label == "held out":
         figures = re.findall(NUMBER, rest)
         answer.gap |= dict(zip(("before", "refit", "after"), map(float, figures)))
+    elif label in LISTS:
+        answer.lists[label] = {m["name"].strip(): float(m["share"]) / 100.0 for m in SHARES.finditer(rest.strip())}
+    elif label == "next":
+        answer.following = " ".join(rest.replace(" (rtds plan gives its commands)", "").split())
+
+
+def lists_now(now: dict[str, Any]) -> dict[str, dict[str, float]]:
+    """What `located`, `made of` and `odds` hold of a `diagnosis.json`: share by name, in the program's words."""
+    return {
+        "located": {SUBSYSTEM_WORDS[e["subsystem"]]: e["share"] for e in now.get("located") or []},
+        "made of": dict(budget_words(now)) if now.get("budget") else {},
+        "odds": {explanation_name(a["effects"]): a["probability"] for a in now.get("alternatives") or []},
+    }
+
+
+LISTS = ("located", "made of", "odds")
+
+
+def compare_details(said: Answer, now: dict[str, Any]) -> list[str]:
+    """What the lines below an answer say that today's `diagnosis.json` does not. A name that is missing on either side
+    counts as a share of nothing.
+    """
+    wrong = []
+    for label, shares in lists_now(now).items():
+        if label not in said.lists:
+            continue
+        shown = said.lists[label]
+        # Of many alternatives the terminal shows the first four: what is not shown may be less than the last of these.
+        hidden = min(shown.values(), default=0.0) if label == "odds" and len(shown) == 4 else 0.0
+        for name in dict.fromkeys([*shown, *shares]):
+            least = hidden if name not in shown else 0.0
+            share = shares.get(name, 0.0)
+            if not near_share(shown.get(name, 0.0), max(share - least, 0.0)):
+                wrong.append(f"{label}: {name} {shown.get(name, 0.0):g}, now {share:g}")
+    plan = now.get("next_experiment")
+    following = " ".join(f"record {manoeuvre(plan)}: {plan.get('why', '')}".split()) if plan else ""
+    if said.following and said.following != following:
+        wrong.append(f"next: {said.following!r}, now {following!r}")
+    return wrong
 
 
 def compare_answer(said: Answer, now: dict[str, Any]) -> list[str]:
@@ -155,7 +205,7 @@ def compare_answer(said: Answer, now: dict[str, Any]) -> list[str]:
         for key, value in said.shares.items()
         if not near_share(value, shares[key])
     ]
-    return wrong
+    return wrong + compare_details(said, now)
 
 
 def _compare_size(name: str, said: float, now: dict[str, Any]) -> list[str]:
