@@ -44,7 +44,7 @@ def close(
         bool, typer.Option("--full", help="Diagnose by the full search, 1.2 to 1.3 times as long.")
     ] = False,
     table: Annotated[
-        bool, typer.Option("--table", help="Load what the diagnosis leaves as a table, where one fits.")
+        bool, typer.Option("--table", help="Load the residual of the diagnosis as a table, where one fits.")
     ] = False,
     causes: Annotated[
         bool,
@@ -53,7 +53,7 @@ def close(
         ),
     ] = True,
     figure: Annotated[bool, typer.Option(help="Draw close.png.")] = True,
-    seed: Annotated[int, typer.Option(help="Changes nothing: no chance is in a diagnosis. Kept for scripts.")] = 1,
+    seed: Annotated[int, typer.Option(help="Has no effect: a diagnosis uses no random numbers. Kept for scripts.")] = 1,
     jobs: Annotated[int, typer.Option(help="Cores for the diagnosis; 0 = all.", min=0)] = 0,
 ) -> None:
     """Diagnose CASE, put the effects into the real-time simulator, and report the gap there before and after."""

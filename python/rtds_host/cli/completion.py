@@ -169,7 +169,7 @@ def script(shell: str) -> str:
 def completion(
     shell: Annotated[str, typer.Argument(help="bash, zsh or fish.")],
 ) -> None:
-    """Print what makes a shell complete commands, options, scenarios and effects.
+    """Print a script with which a shell completes commands, options, scenarios and effects.
 
     bash: rtds completion bash > ~/.local/share/bash-completion/completions/rtds
     zsh: eval "$(rtds completion zsh)" in ~/.zshrc, after compinit

@@ -23,7 +23,7 @@ def diagnose(
     quick: Annotated[
         bool, typer.Option("--quick", help="A narrower search; the full one takes 1.2 to 1.3 times as long.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Changes nothing: no chance is in a diagnosis. Kept for scripts.")] = 1,
+    seed: Annotated[int, typer.Option(help="Has no effect: a diagnosis uses no random numbers. Kept for scripts.")] = 1,
     jobs: Annotated[int, typer.Option(help="Cores to use; 0 = all.", min=0)] = 0,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask scheduler (tcp://host:8786).")

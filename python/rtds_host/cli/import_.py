@@ -35,7 +35,7 @@ def import_(
     mapping: Annotated[
         str | None,
         typer.Option(
-            help="Mapping file, or the name of one that comes along "
+            help="Mapping file, or the name of one in the package "
             f"({', '.join(builtin_mappings())}). Default: the one that fits."
         ),
     ] = None,

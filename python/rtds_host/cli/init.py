@@ -17,7 +17,7 @@ app = typer.Typer(add_completion=False)
 def init(
     out: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder for robot.toml and, with --log, mapping.toml.")],
     like: Annotated[
-        str | None, typer.Option(metavar="ROBOT", help=f"Copy a robot that comes along: {', '.join(builtin_robots())}.")
+        str | None, typer.Option(metavar="ROBOT", help=f"Copy a robot of the package: {', '.join(builtin_robots())}.")
     ] = None,
     log: Annotated[
         Path | None, typer.Option(metavar="BAG_OR_CSV", help="Draft a mapping for this recording, its guesses marked.")
@@ -28,11 +28,11 @@ def init(
     stall_torque: Annotated[float | None, typer.Option(help="Stall torque at the gear's output, N·m.")] = None,
     no_load_rpm: Annotated[float | None, typer.Option(help="No-load speed at the gear's output, rpm.")] = None,
     no_load_current: Annotated[float | None, typer.Option(help="No-load current, A.")] = None,
-    gear_ratio: Annotated[float | None, typer.Option(help="Motor turns a turn of the output.")] = None,
+    gear_ratio: Annotated[float | None, typer.Option(help="Motor turns for one turn of the output.")] = None,
     wheel_radius: Annotated[float | None, typer.Option(help="Wheel radius, m.")] = None,
     track_width: Annotated[float | None, typer.Option(help="Distance between both wheels' middles, m.")] = None,
     mass: Annotated[float | None, typer.Option(help="Mass of the whole robot, kg.")] = None,
-    counts: Annotated[float | None, typer.Option(help="Encoder counts a turn of what it sits on.")] = None,
+    counts: Annotated[float | None, typer.Option(help="Encoder counts for one turn of the shaft it sits on.")] = None,
     encoder: Annotated[str | None, typer.Option(help="Where the encoder sits: motor, gear or wheel.")] = None,
 ) -> None:
     """Write a commented robot.toml for a robot of your own, and a draft mapping for its recordings.

@@ -23,7 +23,9 @@ def plan(
         typer.Option(help="The nominal robot.toml of a diagnosis. Default: next to it, or in the folder above."),
     ] = None,
     floor: Annotated[str, typer.Option(metavar="WxD", help="Free floor, m.")] = "3x3",
-    margin: Annotated[float, typer.Option(help="To keep clear around the axle's mid-point, m.", min=0.0)] = 0.25,
+    margin: Annotated[
+        float, typer.Option(help="Distance to keep clear around the axle's mid-point, m.", min=0.0)
+    ] = 0.25,
     speed: Annotated[
         float | None, typer.Option(help="What the robot may drive at most, m/s. Default: what its motors can.")
     ] = None,
@@ -31,11 +33,11 @@ def plan(
         str | None, typer.Option("--as", help="voltage (each wheel) or cmd_vel. Default: what robot.toml is driven by.")
     ] = None,
     scenario: Annotated[
-        str | None, typer.Option(help="This manoeuvre (`rtds run --list`), not the one that tells most.")
+        str | None, typer.Option(help="This manoeuvre (`rtds run --list`), not the most informative one.")
     ] = None,
     payload: Annotated[float | None, typer.Option(help="Payload, kg. Default: the manoeuvre's.", min=0.0)] = None,
 ) -> None:
-    """Plan the manoeuvre that would tell most: commands as a table, csv and a ROS 2 script, fitted to a floor."""
+    """Plan the most informative manoeuvre: commands as a table, csv and a ROS 2 script, fitted to a floor."""
     from rtds_host.contract import check_writable, load_robot, refuse_inputs, staged_folder
     from rtds_host.diagnosis.predict import read_diagnosis
     from rtds_host.diagnosis.replay.model import nominal_model

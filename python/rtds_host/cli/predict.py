@@ -16,7 +16,7 @@ LOST = 1e6
 def predict(
     run: Annotated[Path, typer.Argument(help="Run folder: run.json and log.csv or log.parquet.")],
     robot: Annotated[Path, typer.Option(help="The nominal robot.toml.")],
-    out: Annotated[Path, typer.Option(help="The csv to write: t and every channel of the contract.")],
+    out: Annotated[Path, typer.Option(help="The csv to write: t and every channel of the log format.")],
     diagnosis: Annotated[Path | None, typer.Option(help="A diagnosis.json to apply.")] = None,
     mcap: Annotated[
         Path | None,

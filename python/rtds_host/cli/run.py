@@ -137,7 +137,7 @@ def run(
         bool,
         typer.Option(
             "--scaled",
-            help="Take lengths, payload and, where the motors are slow, the duration for a robot of this one's size.",
+            help="Scale lengths, payload and, where the motors are slow, the duration to this robot's size.",
         ),
     ] = False,
     controller: Annotated[str, typer.Option(help="exact or paper.")] = "exact",
@@ -159,7 +159,7 @@ def run(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of the run; for `all`, of the case with a folder a run. Default: out/SCENARIO, or out."
+            help="Folder of the run; for `all`, of the case with a folder each run. Default: out/SCENARIO, or out."
         ),
     ] = None,
     payload: Annotated[float | None, typer.Option(help="Payload, kg.")] = None,
@@ -167,7 +167,7 @@ def run(
     uphill_yaw: Annotated[float | None, typer.Option(help="Heading that climbs, rad.")] = None,
     duration: Annotated[float | None, typer.Option(help="Length of the run, s.")] = None,
     radius: Annotated[float | None, typer.Option(help="Radius of the circle, m.")] = None,
-    length: Annotated[float | None, typer.Option(help="Length of the way, m.")] = None,
+    length: Annotated[float | None, typer.Option(help="Length of the path, m.")] = None,
     setting: Annotated[
         list[str] | None, typer.Option("--set", help="Any parameter of the scenario, name=number; may be repeated.")
     ] = None,

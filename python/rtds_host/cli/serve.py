@@ -13,7 +13,7 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def serve(
     source: Annotated[
-        str, typer.Argument(help="A diagnosis.json, a robot.toml, or the name of a robot that comes along.")
+        str, typer.Argument(help="A diagnosis.json, a robot.toml, or the name of a robot in the package.")
     ],
     socket: Annotated[Path | None, typer.Option(help="Unix socket to make and listen on.")] = None,
     port: Annotated[

@@ -25,7 +25,7 @@ def view(
     port: Annotated[int, typer.Option(help="Port on 127.0.0.1; 0 takes one that is free.", min=0, max=65535)] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
 ) -> None:
-    """Show runs in a browser: way over the floor and signals, measured, nominal and corrected. Ctrl-C ends it."""
+    """Show runs in a browser: path over the floor and signals, measured, nominal and corrected. Ctrl-C ends it."""
     from rtds_host.view.command import recorded, serve
     from rtds_host.view.live import Feed
 

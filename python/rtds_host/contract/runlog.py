@@ -289,7 +289,7 @@ def _read_csv(path: Path, known: tuple[str, ...] = COLUMNS) -> _Table:
         raise InputError(f"{path}: is empty, a header line is needed")
     names = _header(path, lines.pop(0))
     if (double := twice(names)) is not None:
-        raise InputError(f"{path}: row 1: column {shown(double)} stands twice")
+        raise InputError(f"{path}: row 1: column {shown(double)} is there twice")
     wanted = [name for name in names if name in known]
     parts: list[np.ndarray] = []
     rows: list[np.ndarray] = []
@@ -410,7 +410,7 @@ def _read_parquet(path: Path) -> _Table:
             for name in wanted:
                 kind = file.schema_arrow.field(names.index(name)).type
                 if names.count(name) > 1:
-                    raise InputError(f"{path}: column {name!r} stands twice")
+                    raise InputError(f"{path}: column {name!r} is there twice")
                 if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_null(kind)):
                     raise InputError(f"{path}: column {name}: holds {kind}, numbers are needed")
             # A few bytes may unpack to anything: what the file says of itself is looked at before it is unpacked.

@@ -146,7 +146,8 @@ def _carrying(
         if unit.load_share:
             raise InputError(
                 f"robot {robot.name!r}: gear friction that grows with the load cannot be simulated where the body "
-                "is heavy beside the rotor: the motor unit carries a part of the body and sees the rest of its load"
+                "is heavy compared with the rotor: the motor unit then includes inertia of the body and sees only the "
+                "remaining load"
             )
         found.append(replace(own, rotor_inertia_kg_m2=own.rotor_inertia_kg_m2 + carried / n**2))
     return tuple(found)

@@ -388,11 +388,11 @@ def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
                 (
                     "explains the runs best, each of its effects on its own evidence"
                     if fit.hypothesis
-                    else "no effect stands beside it on its own evidence"
+                    else "no other effect has evidence of its own with it"
                 ),
             )
         elif any(h in equals for h in fit.hypothesis) and fit.hypothesis in likely:
-            verdict, reason = "alike", "fits these runs as well as what is blamed"
+            verdict, reason = "alike", "fits these runs as well as what is named"
         elif out := [weighed.dropped[h] for h in fit.hypothesis if h in weighed.dropped]:
             verdict, reason = "rejected", f"one of its effects {out[0]}"
         else:

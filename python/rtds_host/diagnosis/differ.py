@@ -85,7 +85,7 @@ def _size(cause: dict[str, Any], p: dict[str, Any], which: str) -> str:
     unit = unit_of(cause["id"], p["name"])
     text = f"{number(entry['value'], 4)} {unit}".strip()
     ends = entry["ci90"]
-    return text + (f" ({number(ends[0], 4)} to {number(ends[1], 4)})" if ends else " (not pinned)")
+    return text + (f" ({number(ends[0], 4)} to {number(ends[1], 4)})" if ends else " (not determined)")
 
 
 def _said(cause: dict[str, Any]) -> str:

@@ -169,16 +169,20 @@ def next_experiment(problem: Problem, search: Search, weighed: Account, diagnosi
 
 
 def _purpose(alike: bool, place: str | None, compared: bool) -> str:
-    """What the manoeuvre is for, in a clause: to part twins (`alike`), or to move a rest at `place`; `compared`:
-    whether that of the menu was chosen by replays."""
-    blind = "could not be worked out for this machine, and this manoeuvre holds a bit of everything"
+    """What the manoeuvre is for, in a clause: to separate indistinguishable effects (`alike`), or to excite an
+    unmodelled part at `place`; `compared`: whether that of the menu was chosen by replays."""
+    blind = "could not be computed for this robot, and this one holds a bit of everything"
     if alike:
         return (
-            "parts what these runs cannot tell apart"
+            "it separates best what is indistinguishable in these runs"
             if compared
-            else f"what parts best what these runs cannot tell apart {blind}"
+            else f"the manoeuvre that best separates what is indistinguishable {blind}"
         )
     if place is None:
-        return "where what has no name lies is not known, and this manoeuvre holds a bit of everything"
-    where = f"most of what has no name lies in the {SUBSYSTEM_WORDS[place]}"
-    return f"{where}, and this manoeuvre moves it most" if compared else f"{where}; what moves it most {blind}"
+        return "the place of the unmodelled part is not known, and this manoeuvre holds a bit of everything"
+    where = f"most of the unmodelled part is in the {SUBSYSTEM_WORDS[place]}"
+    return (
+        f"{where}, which this manoeuvre excites most"
+        if compared
+        else f"{where}; the manoeuvre that excites it most {blind}"
+    )

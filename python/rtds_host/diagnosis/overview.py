@@ -124,7 +124,7 @@ th[aria-sort="descending"]::after { content: " \\25BE"; }
 _COLUMNS = (
     ("case", False),
     ("verdict", False),
-    ("blamed", False),
+    ("named", False),
     ("probable", True),
     ("gap, nominal", True),
     ("refitted", True),

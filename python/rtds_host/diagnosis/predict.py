@@ -69,7 +69,7 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
             raise InputError(f"{path}: setup.{key}: is {number:g}, it must lie within {low:g} to {high:g}")
         model.put(SETUP[key], number)
     if "effects" not in data:
-        raise InputError(f"{path}: effects: missing, it is [] where nothing is blamed")
+        raise InputError(f"{path}: effects: missing, it is [] where no effect is named")
     effects_there, effects = catalogue(robot), data["effects"]
     # What is a share of what runs show has no bound where no run is known.
     unknown = OF_RUNS | (OF_SPEEDS_MET | OF_ASKED if robot.driver.mode == "torque" else set())
@@ -96,7 +96,7 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         for side in SIDES[sides[0]]:
             before = taken.setdefault((effect.id, side), place)
             if before != place:
-                raise InputError(f"{path}: {place}: {effect.id} on this side stands in {before} already")
+                raise InputError(f"{path}: {place}: {effect.id} on this side is in {before} already")
         values = {}
         relative = {p.name: p for p in CATALOGUE[effect.id].parameters}
         given = entry.get("parameters") or {}
@@ -169,7 +169,7 @@ def check_body(model: Model, log: RunLog) -> None:
     if model.get("yaw_inertia") <= mass * model.get("com_y") ** 2:
         raise InputError(
             f"{log.path or log.name}: a yaw inertia of {model.get('yaw_inertia'):g} kg·m² cannot be that of {mass:g} "
-            f"kg at y = {model.get('com_y'):g} m beside the axle's mid-point"
+            f"kg at y = {model.get('com_y'):g} m away from the axle's mid-point"
         )
 
 

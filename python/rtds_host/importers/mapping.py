@@ -267,7 +267,7 @@ class _Parser:
         decimal = self.text("[table]", table, "decimal", below.decimal, (".", ","))
         delimiter = self.text("[table]", table, "delimiter", ";" if decimal == "," else below.delimiter)
         if len(delimiter) != 1 or delimiter in '"\r\n ' or delimiter == decimal:
-            raise self.fail("[table]", f"delimiter is {delimiter!r}, one character is needed that stands in no number")
+            raise self.fail("[table]", f"delimiter is {delimiter!r}, one character that occurs in no number is needed")
         return Mapping(
             path=self.path,
             name=self.text("name", data, "name", self.path.stem),

@@ -62,7 +62,7 @@ class Table:
             raise InputError(f"{path}: is no csv file ({error})") from error
         self.names = [name.strip() for name in rows[0]]
         if (double := twice(self.names)) is not None:
-            raise InputError(f"{path}: row {mapping.skip_rows + 1}: column {shown(double)} stands twice")
+            raise InputError(f"{path}: row {mapping.skip_rows + 1}: column {shown(double)} is there twice")
         self.first_row = mapping.skip_rows + 2
         self.rows: list[tuple[int, list[str]]] = []
         for number, row in enumerate(rows[1:], start=self.first_row):

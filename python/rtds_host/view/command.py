@@ -32,7 +32,7 @@ def _folders(places: list[Path]) -> list[Path]:
                 raise InputError(f"{place}: holds no run")
             found += inside
     if len(found) > MOST_RUNS:
-        raise InputError(f"{len(found)} runs; at most {MOST_RUNS} can be shown beside one another")
+        raise InputError(f"{len(found)} runs; at most {MOST_RUNS} can be shown at once")
     return found
 
 

@@ -35,38 +35,38 @@ def by_speed(problem):
     )
 
 
-def test_of_a_rest_without_a_place_nothing_is_promised(problem):
+def test_of_a_residual_without_a_place_nothing_is_promised(problem):
     plan = asked(problem, None)
     assert (plan["scenario"], plan["separates"], plan["expected_separation"]) == ("teleop", [], 0.0)
     assert plan["why"] == (
-        "where what has no name lies is not known, and this manoeuvre holds a bit of everything: driven as a person "
-        "would: forward, back, round corners, stops"
+        "the place of the unmodelled part is not known, and this manoeuvre holds a bit of everything: driven as a "
+        "person would: forward, back, round corners, stops"
     )
 
 
-def test_no_manoeuvre_is_said_to_part_what_none_was_tried_on(problem):
+def test_no_manoeuvre_is_said_to_separate_what_none_was_tried_on(problem):
     plan = asked(by_speed(problem), None, DELAYS)
     assert plan["expected_separation"] == 0.0 and [m["id"] for m in plan["separates"]] == [name for name, _ in DELAYS]
     assert plan["why"].startswith(
-        "what parts best what these runs cannot tell apart could not be worked out for this machine, and"
+        "the manoeuvre that best separates what is indistinguishable could not be computed for this robot, and"
     )
 
 
 @pytest.mark.parametrize(
     ("alike", "place", "compared", "said"),
     [
-        (True, None, True, "parts what these runs cannot tell apart"),
+        (True, None, True, "it separates best what is indistinguishable in these runs"),
         (
             False,
             "wheel_ground",
             True,
-            "most of what has no name lies in the wheel and ground, and this manoeuvre moves it most",
+            "most of the unmodelled part is in the wheel and ground, which this manoeuvre excites most",
         ),
         (
             False,
             "wheel_ground",
             False,
-            "most of what has no name lies in the wheel and ground; what moves it most could not be worked out",
+            "most of the unmodelled part is in the wheel and ground; the manoeuvre that excites it most could not",
         ),
     ],
 )

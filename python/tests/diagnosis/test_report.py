@@ -229,13 +229,13 @@ def test_every_verdict_has_its_page_and_summary(details, verdict):
         ),
         "partial": (
             "explains a part of the difference",
-            "40 % of the difference has no name; most of it shows in the wheel and ground",
-            "40 % of it has no name, most of that in the wheel and ground",
+            "40 % of the difference is unmodelled; most of it shows in the wheel and ground",
+            "40 % of it is unmodelled, most of that in the wheel and ground",
         ),
         "unknown": (
             "no effect of the catalogue explains it. Most of the difference shows in the drivetrain",
             "Change nothing on the robot yet",
-            "no name, drivetrain 90 %",
+            "unmodelled, drivetrain 90 %",
         ),
         "none": ("Nothing is missing", "Use the simulator as it is", "Nothing is missing"),
     }[verdict]
@@ -281,15 +281,15 @@ def test_no_command_is_advised_that_would_refuse_the_robot(details):
         (
             ["steps"],
             (
-                "Each half of the run is judged with motor values and sizes worked out without it; which causes are"
-                " named rests on the whole run."
+                "Each half of the run is judged with motor values and sizes worked out without it; the causes were"
+                " chosen with the whole run."
             ),
             "On halves of the run not used for the fit the gap falls",
         ),
         (
             ["spin", "steps"],
             (
-                "Each run is judged with motor values and sizes worked out without it; which causes are named rests on"
+                "Each run is judged with motor values and sizes worked out without it; the causes were chosen with"
                 " all runs together."
             ),
             "On runs not used for the fit the gap falls",
@@ -328,7 +328,7 @@ def test_the_first_picture_is_what_the_gap_is_made_of(details, verdict):
     assert re.findall(r"<(?:svg|canvas)[^>]*", first)[:1] == (re.findall(r'<svg id="budget"[^>]*', first))
     assert all(text.strip() in first for text in re.findall(r'aria-label="shares of the difference: ([^;"]*)', first))
     nameless = sum(row["share"] for row in rows if row["what"] == "rest")
-    assert verdict != "partial" or f"{100 * nameless:.0f} % of the difference has no name" in words_of(
+    assert verdict != "partial" or f"{100 * nameless:.0f} % of the difference is unmodelled" in words_of(
         sections(verdict, details)[1]
     )
     assert ("url(#nameless)" in first) == any(row["what"] == "rest" for row in rows)

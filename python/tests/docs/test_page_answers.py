@@ -108,7 +108,7 @@ TORQUE = ("effects", 0, "parameters", "torque_nm")
     (("located", 0, "subsystem"), "winding", "located: winding 0, now 0.97"),
     (("located", 1, "share"), 0.3, "located: chassis 0.03, now 0.3"),
     (("budget", 0, "side"), "right", "made of: Coulomb friction, left side 0.99, now 0"),
-    (("budget", 1, "share"), 0.4, "made of: no name, place not known 0, now 0.4"),
+    (("budget", 1, "share"), 0.4, "made of: unmodelled, place not known 0, now 0.4"),
     (("alternatives", 0, "probability"), 0.8, "odds: Coulomb friction, left side 0.98, now 0.8"),
     (("alternatives", 2, "probability"), 0.3, "odds: none of the catalogue 0.01, now 0.3"),
     (("next_experiment", "scenario"), "circle", "next: 'record spin: it would tell Coulomb friction, left side from "

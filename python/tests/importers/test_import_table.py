@@ -147,7 +147,7 @@ def test_a_bad_table_is_named_with_its_row(tmp_path, change, complaint):
             HEADER.replace("rpm_l", "rpm") + "\n" + "1,2,3,4,5,6,7,8\n2,2,3,4,5,6,7,8\n",
             r"column 'rpm_l' \(.*signal.w_l.*\): missing, columns are ms, duty_l",
         ),
-        (HEADER.replace("rpm_l", "duty_l") + "\n1,2,3,4,5,6,7,8\n", "column 'duty_l' stands twice"),
+        (HEADER.replace("rpm_l", "duty_l") + "\n1,2,3,4,5,6,7,8\n", "column 'duty_l' is there twice"),
     ],
 )
 def test_a_table_without_what_is_mapped(tmp_path, text, complaint):

@@ -291,7 +291,7 @@ COULOMB = {"id": "coulomb_friction", "side": "left", "parameters": {"torque_nm":
         ({"effects": None}, "d.json: effects: is None, a list is needed"),
         (
             {"effects": [COULOMB, COULOMB]},
-            r"d.json: effects[1]: coulomb_friction on this side stands in effects[0] already",
+            r"d.json: effects[1]: coulomb_friction on this side is in effects[0] already",
         ),
         ({"effects": [{**COULOMB, "side": "both"}, COULOMB]}, "d.json: effects[1]: coulomb_friction on this side"),
         (

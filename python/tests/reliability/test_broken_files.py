@@ -123,7 +123,7 @@ def test_a_header_of_a_million_commas_is_refused_by_its_first_double_name(case, 
     mapping = tmp_path / "mapping.toml"
     mapping.write_text('schema = "rtds-mapping/1"\n[time]\ncolumn = "t"\n')
     said = refusal(read_run, case / "run") if reader == "contract" else refusal(Table, path, load_mapping(mapping))
-    assert "row 1: column '' stands twice" in said
+    assert "row 1: column '' is there twice" in said
 
 
 def test_a_key_of_fifty_thousand_parts_is_refused_before_it_is_parsed(case):

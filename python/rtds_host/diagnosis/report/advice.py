@@ -28,7 +28,7 @@ LOOK = {
     "drivetrain": "turn each wheel in the air, by hand and by a slow command, both ways: free play, tight spots "
     "and springs can "
     "be felt, friction shows in the current",
-    "wheel_ground": "look at tyres, caster and floor, and measure the way of ten wheel turns: straight and on "
+    "wheel_ground": "look at tyres, caster and floor, and measure the distance of ten wheel turns: straight and on "
     "the spot, with "
     "payload and without",
     "chassis": "weigh the robot as it was driven, put a level on the floor, and look for what drags or swings",
@@ -57,14 +57,14 @@ CLOSE = (
 )
 PREDICT = (
     "`rtds predict RUN --robot robot.toml --diagnosis diagnosis.json --out predicted.csv` replays a run with it; "
-    "such a machine is "
+    "such a robot is "
     "not exported."
 )
 PLAN = (
     "`rtds plan diagnosis.json --robot robot.toml --floor 3x3 --out plan` makes {} for this robot and your floor: "
     "commands as a table, as csv and as a ROS 2 script."
 )
-NOWHERE = "The runs do not show where: record current, gyro and pose besides, as far as the robot has them."
+NOWHERE = "The runs do not show where: record current, gyro and pose too, as far as the robot has them."
 
 
 def _of_effect(diagnosis: dict[str, Any], effect: dict[str, Any]) -> tuple[str, list[str]]:
@@ -79,7 +79,7 @@ def _of_effect(diagnosis: dict[str, Any], effect: dict[str, Any]) -> tuple[str, 
     return (
         f"{name[0].upper()}{name[1:]}: check it on the robot.",
         [
-            f"{known.check} This also tells it from what it is easily taken for: {others}.",
+            f"{known.check} This also distinguishes it from what looks similar: {others}.",
             f"If this shows it: {known.advice[0].lower()}{known.advice[1:]}",
         ],
     )
@@ -140,7 +140,7 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
         words = f"the {SUBSYSTEM_WORDS[place]}" if place else "a place that is not known"
         nameless = sum(row["share"] for row in diagnosis["budget"] if row["what"] == "rest")
         title = (
-            f"{percent(nameless)} of the difference has no name; most of it shows in {words}."
+            f"{percent(nameless)} of the difference is unmodelled; most of it shows in {words}."
             if verdict == "partial"
             else f"The difference shows most in {words}."
         )
@@ -148,7 +148,7 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
         key = "after" if verdict == "partial" else "refit"
         worst = max(gap.get("channels") or {}, key=lambda c: gap["channels"][c].get(key) or 0.0, default=None)
         if worst is not None:
-            below.append(f"The channel that is missed most: {channel_name(worst)}.")
+            below.append(f"The channel with the largest misfit: {channel_name(worst)}.")
         steps.append((title, below))
     plan = diagnosis.get("next_experiment")
     if plan:

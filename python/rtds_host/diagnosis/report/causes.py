@@ -25,8 +25,8 @@ from rtds_host.diagnosis.report.words import (
 )
 
 SETUP_WORDS = {
-    "latency_s": ("what is read of a speed command comes later by", 1e3, "ms"),
-    "anti_windup": ("share of what its limit cuts by which the servo's integral gives way", 1.0, ""),
+    "latency_s": ("delay of speed commands on their way", 1e3, "ms"),
+    "anti_windup": ("anti-windup: share of the clipped voltage that the servo's integral gives up", 1.0, ""),
     "command_early_s": ("a command acts before the row that shows it by", 1e3, "ms"),
     "encoder_at_wheel": ("the encoder sits on the wheel, behind spring and free play", 1.0, ""),
     "gyro_late_s": ("the gyro's clock is behind the wheels' by", 1e3, "ms"),
@@ -79,7 +79,7 @@ def _effect_rows(diagnosis: dict[str, Any], effect: dict[str, Any], details: Det
         shown, nominal, fitted, unit = parameter(effect, name, p["value"], details)
         interval = p.get("ci90")
         pinned = (
-            "not pinned by these runs"
+            "not determined by these runs"
             if interval is None
             else " to ".join(parameter(effect, name, v, details)[2] for v in interval)
         )
@@ -102,7 +102,7 @@ def _effect_rows(diagnosis: dict[str, Any], effect: dict[str, Any], details: Det
 
 def _effects(diagnosis: dict[str, Any], details: Details) -> str:
     if not diagnosis["effects"]:
-        return '<p class="soft">No effect is blamed.</p>'
+        return '<p class="soft">No effect is named.</p>'
     rows = [row for effect in diagnosis["effects"] for row in _effect_rows(diagnosis, effect, details)]
     parts = [table(EFFECTS_HEAD, [cells for cells, _ in rows], [attributes for _, attributes in rows], "effects")]
     parts.append(

@@ -114,7 +114,7 @@ def head(diagnosis: dict[str, Any], details: Details) -> str:
         + "".join(f'<div data-name="{k}"><b>{v}</b><span>{escape(t)}</span></div>' for k, v, t in figures)
         + "</div>"
         '<p class="soft small">In units of each sensor\'s own noise: 1 is as close as the sensors can tell. '
-        f"{judged} is judged with motor values and sizes worked out without it; which causes are named rests on "
+        f"{judged} is judged with motor values and sizes worked out without it; the causes were chosen with "
         f"{by}.</p>"
         "</section>"
     )

@@ -1,4 +1,4 @@
-"""What has no name but a shape: each form's curve with its band, where the data lie, formula, and what to look for."""
+"""Unmodelled terms as free curves: each curve with its band, where the data lie, formula, and what to look for."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ def _one(form: dict[str, Any], details: Details, k: int) -> str:
     formula = form["formula"]
     rows = "".join(
         f"<li>{escape(parameter_name(name))} = {number(p['value'], 4)}"
-        + (f" ({number(p['ci90'][0], 4)} to {number(p['ci90'][1], 4)}, 90 %)" if p["ci90"] else " (not pinned)")
+        + (f" ({number(p['ci90'][0], 4)} to {number(p['ci90'][1], 4)}, 90 %)" if p["ci90"] else " (not determined)")
         + "</li>"
         for name, p in form["parameters"].items()
     )
@@ -218,4 +218,4 @@ def shapes(diagnosis: dict[str, Any], details: Details) -> str:
         "The simulator can run them like any effect.</p>"
     )
     body = lead + note + "".join(_one(form, details, k) for k, form in enumerate(forms))
-    return section("forms", "What has no name but a shape", body)
+    return section("forms", "Unmodelled terms as free curves", body)

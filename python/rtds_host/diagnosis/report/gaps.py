@@ -70,7 +70,7 @@ def gaps(diagnosis: dict[str, Any], details: Details) -> str:
     parts = [
         '<p class="small soft">Root mean square of replay minus measured in units of noise, of each run by the fit '
         "without it (one step from the fit to all; of a single run each half). Which effects that holds was decided by "
-        "all runs. The channel that is missed most stands first.</p>",
+        "all runs. Channels are in order of misfit.</p>",
         _gap_table("channel", worst_first, "channels", blamed, names),
         _not_counted(details, channels),
     ]
@@ -98,12 +98,12 @@ def open_questions(diagnosis: dict[str, Any], details: Details) -> str:
     sets = diagnosis["indistinguishable"]
     if sets:
         parts.append(
-            '<p>Alike in these runs:</p><ul id="indistinguishable">'
+            '<p>Indistinguishable in these runs:</p><ul id="indistinguishable">'
             + "".join("<li>" + escape(" · ".join(effect_name(m) for m in s)) + "</li>" for s in sets)
             + "</ul>"
         )
     else:
-        parts.append('<p id="indistinguishable" class="soft">No rival fits as well as what is blamed.</p>')
+        parts.append('<p id="indistinguishable" class="soft">No other effect fits as well as those named.</p>')
     plan = diagnosis.get("next_experiment")
     if plan:
         separation = plan.get("expected_separation")

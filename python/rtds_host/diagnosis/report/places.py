@@ -37,7 +37,7 @@ def _blocks(details: Details, blamed: bool) -> str:
         )
     head = [
         ("block", False),
-        ("speaks of", False),
+        ("subsystem", False),
         ("score", True),
         *([("with effects", True)] if after else []),
         ("worst where", False),
@@ -58,7 +58,7 @@ def _rest(diagnosis: dict[str, Any]) -> str:
         return ""
     structured = rest.get("structured")
     if diagnosis["effects"]:
-        text = f"The blamed effects leave {percent(rest['share'])} of the refitted robot's gap beyond 1"
+        text = f"The named effects leave {percent(rest['share'])} of the refitted robot's gap beyond 1"
         text += f", {'with' if structured else 'without'} structure"
     else:
         text = f"The gap is {'structured' if structured else 'without structure'}"

@@ -35,7 +35,7 @@ def validate(diagnosis: dict[str, Any]) -> None:
             raise ValueError(f"diagnosis.json: {name}: shares sum to {sum(shares):g}, not to 1")
     verdict = diagnosis["verdict"]
     if verdict == "none" and (diagnosis["effects"] or diagnosis["located"] or diagnosis["budget"]):
-        raise ValueError("diagnosis.json: verdict: is none, but effects are blamed or a place is given")
+        raise ValueError("diagnosis.json: verdict: is none, but effects are named or a place is given")
     if (verdict in ("known", "partial")) != bool(diagnosis["effects"]):
         raise ValueError(
             f"diagnosis.json: effects: {len(diagnosis['effects'])} of them although the verdict is {verdict}"
@@ -44,7 +44,7 @@ def validate(diagnosis: dict[str, Any]) -> None:
     blamed = {(e["id"], e["side"]) for e in diagnosis["effects"]}
     for members in diagnosis["indistinguishable"]:
         if not blamed & {(m["id"], m["side"]) for m in members}:
-            raise ValueError("diagnosis.json: indistinguishable: a set holds no blamed effect")
+            raise ValueError("diagnosis.json: indistinguishable: a set holds no named effect")
     open_end = verdict in ("partial", "unknown") or diagnosis["indistinguishable"]
     if open_end and diagnosis["next_experiment"] is None:
         raise ValueError("diagnosis.json: next_experiment: missing although something is open")

@@ -82,7 +82,7 @@ TERM_WORDS = {
     "voltage": "voltage",
     "torque": "torque",
     "yaw_torque": "torque about the vertical",
-    "force": "force along the way",
+    "force": "force along the direction of motion",
     "torque_constant": "torque constant",
     "current_sensor": "current reading",
     "speed_sensor": "speed reading",
@@ -241,17 +241,17 @@ def value_words(effect_id: str, parameter: str, entry: Any) -> str:
 
 
 def budget_words(diagnosis: dict[str, Any]) -> list[tuple[str, float]]:
-    """What the gap is made of: words and shares in the file's order, effects first, what has no name last."""
+    """What the gap is made of: words and shares in the file's order, effects first, what is unmodelled last."""
     rows = []
     for row in diagnosis["budget"]:
         if row["what"] == "effect":
             text = effect_name(row)
         elif row["what"] == "form":
-            text = f"no name but a shape: {form_name(row)}"
+            text = f"free curve: {form_name(row)}"
         elif row["what"] == "tolerance":
             text = "tolerances of the motors"
         else:
-            text = "no name, " + (SUBSYSTEM_WORDS[row["subsystem"]] if row["subsystem"] else "place not known")
+            text = "unmodelled, " + (SUBSYSTEM_WORDS[row["subsystem"]] if row["subsystem"] else "place not known")
         rows.append((text, row["share"]))
     return rows
 
@@ -282,7 +282,7 @@ def headline(diagnosis: dict[str, Any]) -> str:
         return (
             f"{listed} {'explains' if len(names) == 1 else 'explain'} a part of the difference between simulator "
             "and robot. "
-            "The rest has no name" + (f"; most of it shows in the {place}." if place else ".") + open_end
+            "The remainder is unmodelled" + (f"; most of it shows in the {place}." if place else ".") + open_end
         )
     return f"{listed} {'makes' if len(names) == 1 else 'make'} this robot differ from its simulator.{open_end}"
 
@@ -317,7 +317,7 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
     rest = gap.get("rest") or {}
     place = SUBSYSTEM_WORDS.get(rest.get("subsystem") or "")
     if not effects:
-        text = "There is a gap, and no effect of the catalogue stands on its own evidence"
+        text = "There is a gap, and no effect of the catalogue has evidence of its own"
         return text + (f"; most of it lies in the {place}." if place else ".")
 
     def sized(effect: dict[str, Any]) -> str:
@@ -336,7 +336,7 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
         f"from {number(refit)} to {number(after)} times the sensors' noise{share}."
     )
     if diagnosis["verdict"] == "partial":
-        text += f" {percent(rest.get('share'))} of it has no name" + (
+        text += f" {percent(rest.get('share'))} of it is unmodelled" + (
             f", most of that in the {place}." if place else "."
         )
     blamed = {(e["id"], e["side"]): e["probability"] for e in effects}
