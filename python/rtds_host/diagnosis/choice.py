@@ -4,6 +4,10 @@ One criterion, wherever a gap remains: each effect must leave at most `WORTH` of
 out (contract, section 5: what does not help there is not included, however likely it is). What is left is G^2 - 1, the
 squared gap less that of noise; it is taken over all channels at once, and as the geometric mean over channels, so that
 an effect that one quiet channel shows is not lost beside a loud one.
+
+An axis is judged over two horizons, whole runs and pieces that start from the measured state, by the geometric mean of
+what is left over both. Over a whole run slow effects add up, but where the motion is unstable, as near an upright
+pendulum, no model follows it, and one that hardly moves comes closest; over pieces such a model is far off.
 """
 
 from __future__ import annotations
@@ -14,7 +18,7 @@ from dataclasses import dataclass
 
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.fit import Fit
-from rtds_host.diagnosis.left_out import left_out_channels
+from rtds_host.diagnosis.left_out import foretold, over_pieces, over_runs
 from rtds_host.diagnosis.problem import Problem
 
 # What an effect leaves at most of the squared gap on runs left out. A judgement, set with open cases at hand.
@@ -28,29 +32,33 @@ NO_GAP = gaps.LEAST**2 - 1.0
 
 @dataclass(frozen=True)
 class Judged:
-    """A fit, the problem that it is a fit of (whole runs or pieces), and its gap on runs left out by channel."""
+    """A fit, the problem that it is a fit of (whole runs or pieces), and its gap on runs left out by channel, over each
+    horizon: whole runs and, of an axis, pieces that start from the measured state."""
 
     fit: Fit
     problem: Problem
-    channels: Mapping[str, float]
+    horizons: tuple[Mapping[str, float], ...]
 
     @classmethod
     def of(cls, problem: Problem, fit: Fit) -> Judged:
-        return cls(fit, problem, left_out_channels(problem, fit))
-
-    @property
-    def gap(self) -> float:
-        return gaps.gap(self.channels)
+        parts = foretold(problem, fit)
+        return cls(fit, problem, tuple(filter(None, (over_runs(problem, parts), over_pieces(problem, parts)))))
 
     @property
     def left(self) -> float:
-        """What is left of the squared gap, beyond noise."""
-        return max(self.gap**2 - 1.0, 0.0)
+        """What is left of the squared gap, beyond noise: the geometric mean over the horizons."""
+        each = [max(gaps.gap(channels) ** 2 - 1.0, NO_GAP) for channels in self.horizons]
+        return math.exp(sum(map(math.log, each)) / len(each))
+
+    @property
+    def gap(self) -> float:
+        """The gap that would leave as much."""
+        return math.sqrt(1.0 + self.left)
 
 
 def pooled(one: Judged, other: Judged) -> float:
     """What an explanation leaves of what another leaves over all channels at once, a ratio."""
-    if other.gap < gaps.LEAST:
+    if other.left <= NO_GAP:
         return 1.0 if one.gap <= other.gap else math.inf
     return one.left / other.left
 
@@ -59,14 +67,17 @@ def leaves(one: Judged, other: Judged) -> float:
     """What an explanation leaves of what another leaves, a ratio: the smaller of that over all channels at once and of
     the geometric mean over channels."""
     ratio = pooled(one, other)
-    if other.gap < gaps.LEAST:
+    if other.left <= NO_GAP:
         return ratio
-    logs = [
-        math.log(max(one.channels[c] ** 2 - 1.0, NO_GAP) / max(value**2 - 1.0, NO_GAP))
-        for c, value in other.channels.items()
-        if c in one.channels
+    each = [
+        [
+            math.log(max(mine[c] ** 2 - 1.0, NO_GAP) / max(value**2 - 1.0, NO_GAP))
+            for c, value in its.items()
+            if c in mine
+        ]
+        for mine, its in zip(one.horizons, other.horizons, strict=True)
     ]
-    mean = math.exp(sum(logs) / len(logs)) if logs else 1.0
+    mean = math.exp(sum(sum(logs) / len(logs) for logs in each if logs) / len(each))
     # What brings one channel closer and opens the whole is no explanation of it.
     return min(ratio, mean) if ratio <= 1.0 else ratio
 

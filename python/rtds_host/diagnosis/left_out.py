@@ -6,13 +6,13 @@ The fit without a run is a few steps from the fit to all; of a single run each h
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
-from rtds_host.diagnosis.problem import Problem, RunData
+from rtds_host.diagnosis.problem import CHANNELS, Problem, RunData
 from rtds_host.diagnosis.replay.model import Model, replay_run
 
 # Numerical: steps of a fit without a part, and for how many of its sigmas one is trusted.
@@ -107,23 +107,56 @@ def parted(problem: Problem) -> list[list[tuple[int, int, np.ndarray]]]:
     return [[(0, row, np.flatnonzero(early)), (row, len(log), np.flatnonzero(~early))]]
 
 
-def left_out_channels(problem: Problem, fit: Fit) -> dict[str, float]:
-    """The gap of an explanation by channel on runs left out in turn, at the search's steps, with commands as late in
-    each as they were fitted.
-    """
-    parts = parted(problem)
-    models = iter(left_out(problem, fit, [rows for mine in parts for *_, rows in mine]))
+@dataclass(frozen=True)
+class Foretold:
+    """A part of a run and the explanation as fitted without it: the run's index, first row and last (exclusive)."""
+
+    run: int
+    first: int
+    last: int
+    model: Model
+
+
+def foretold(problem: Problem, fit: Fit) -> list[Foretold]:
+    """The explanation fitted without each run in turn; of a single run without each half."""
+    parts = [(k, *one) for k, mine in enumerate(parted(problem)) for one in mine]
+    models = left_out(problem, fit, [rows for *_, rows in parts])
+    return [Foretold(k, first, last, model) for (k, first, last, _), model in zip(parts, models, strict=True)]
+
+
+def over_runs(problem: Problem, parts: Sequence[Foretold]) -> dict[str, float]:
+    """The gap by channel of what was left out, whole, at the search's steps, with commands as late as fitted."""
     jobs = []
-    for k, mine in enumerate(parts):
-        t = problem.whole[k].log.t
-        for first, last, _ in mine:
-            model = next(models)
-            for data in (data for data, owner in problem.judged() if owner == k):
-                # Of a stretch of a long run what lies in this part.
-                begin, end = np.searchsorted(data.log.t, t[[first, last - 1]])
-                if end > begin:
-                    jobs.append((model, data, int(begin), int(end) + 1))
+    for one in parts:
+        t = problem.whole[one.run].log.t
+        for data in (data for data, owner in problem.judged() if owner == one.run):
+            # Of a stretch of a long run what lies in this part.
+            begin, end = np.searchsorted(data.log.t, t[[one.first, one.last - 1]])
+            if end > begin:
+                jobs.append((one.model, data, int(begin), int(end) + 1))
     return gaps.pooled(list(problem.pool.map(lambda job: _errors(problem, *job), jobs)))
+
+
+def over_pieces(problem: Problem, parts: Sequence[Foretold]) -> dict[str, float]:
+    """The same over pieces of an axis' runs that each start from the measured state; empty for a robot.
+
+    Channels are those of the search's residual, angles beside speeds.
+    """
+    if problem.robot.axis is None:
+        return {}
+    pieces = problem.in_pieces
+    found: list[dict[str, gaps.Squares]] = []
+    for one, residual in zip(parts, pieces.residuals([one.model for one in parts]), strict=True):
+        t = problem.whole[one.run].log.t
+        mine = (pieces.runs_of == one.run) & (pieces.times >= t[one.first]) & (pieces.times <= t[one.last - 1])
+        channels = pieces.channels_of[mine]
+        found.append({CHANNELS[c]: gaps.squares(residual[mine][channels == c]) for c in np.unique(channels)})
+    return gaps.pooled(found)
+
+
+def left_out_channels(problem: Problem, fit: Fit) -> dict[str, float]:
+    """The gap of an explanation by channel on runs left out in turn."""
+    return over_runs(problem, foretold(problem, fit))
 
 
 def left_out_gap(problem: Problem, fit: Fit) -> float:

@@ -188,10 +188,16 @@ class Problem:
         self.block_count = offset
         self.runs_of = np.concatenate([np.full(len(r.block), k) for k, r in zip(owners, self.runs)])
         self.channels_of = np.concatenate([r.channel for r in self.runs])
+        self.times = np.concatenate([r.time for r in self.runs])
         self.size = len(self.blocks)
         ends = np.cumsum([len(run.block) for run in self.runs])
         self.groups, self.samples = self._grouped(by_run)
         self.rows = [(run, slice(int(end) - len(run.block), int(end))) for run, end in zip(self.runs, ends)]
+
+    @functools.cached_property
+    def in_pieces(self) -> Problem:
+        """The same case in pieces of its runs, each from its measured state."""
+        return self if self.pieces else Problem(self.case, self.threads, pieces=True)
 
     @property
     def looked_at(self) -> Case:
