@@ -80,7 +80,7 @@ def account(search: Search, fit: Fit) -> Account:
     while fit.hypothesis:
         standing = [_weighed(search, fit, member, one) for member, one in zip(fit.hypothesis, _without(search, fit))]
         exact = search.closed(fit)
-        fallen = _unlikely(standing) or (_poor(search, standing, fit) if exact else _useless(standing))
+        fallen = (_unlikely(standing) or _poor(search, standing, fit)) if exact else _useless(standing)
         if fallen is None:
             break
         one, dropped[one.member] = fallen
@@ -129,9 +129,16 @@ def _plainest(search: Search, fit: Fit) -> Fit:
     for plain in sorted(search.plainer(fit), key=search.score):
         plain = search.try_fit(plain.hypothesis, plain.u, plain)
         one = Judged.of(search.problem, plain)
-        if search.named(plain) and leaves(found, one) > WORTH:
+        if search.named(plain) and leaves(found, one) > WORTH and _worth_it(search, plain, one, fit):
             return _plainest(search, plain)
     return fit
+
+
+def _worth_it(search: Search, plain: Fit, judged: Judged, fit: Fit) -> bool:
+    """Whether the simpler forms of an explanation's effects are worth their place themselves."""
+    simpler = set(plain.hypothesis) - set(fit.hypothesis)
+    less = search.try_fits((one.hypothesis, one.u, one) for one in search.without(plain, *simpler))
+    return all(leaves(judged, Judged.of(search.problem, one)) <= WORTH for one in less)
 
 
 def _without(search: Search, fit: Fit) -> list[Fit]:
@@ -146,9 +153,13 @@ def _weighed(search: Search, fit: Fit, member: tuple[str, str], refitted: Fit) -
     without, gap = _closest(search, fit, refitted)
     found = Judged.of(problem, fit)
     others = [Judged.of(problem, one) for one in {id(f): f for f in (without, refitted)}.values()]
-    odds = search.log_prior((member,)) + max(believed(gain, t), believed(*closer(problem, fit, without)))
-    probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
     left = max(leaves(found, one) for one in others)
+    evidence = [believed(gain, t), believed(*closer(problem, fit, without))]
+    if not search.closed(fit):
+        # The likelihood of unknown size a block of time, of runs that the effect was not fitted to.
+        evidence.append(-0.5 * problem.block_count * math.log(left))
+    odds = search.log_prior((member,)) + max(evidence)
+    probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
     return Standing(
         member,
         without,

@@ -13,12 +13,13 @@ pendulum, no model follows it, and one that hardly moves comes closest; over pie
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.fit import Fit
-from rtds_host.diagnosis.left_out import foretold, over_pieces, over_runs
+from rtds_host.diagnosis.left_out import Errors, foretold, over_pieces, over_runs
 from rtds_host.diagnosis.problem import Problem
 
 # What an effect leaves at most of the squared gap on runs left out. A judgement, set with open cases at hand.
@@ -32,52 +33,57 @@ NO_GAP = gaps.LEAST**2 - 1.0
 
 @dataclass(frozen=True)
 class Judged:
-    """A fit, the problem that it is a fit of (whole runs or pieces), and its gap on runs left out by channel, over each
-    horizon: whole runs and, of an axis, pieces that start from the measured state."""
+    """A fit, the problem that it is a fit of (whole runs or pieces), and its errors on runs left out over each horizon:
+    whole runs and, of an axis, pieces that start from the measured state."""
 
     fit: Fit
     problem: Problem
-    horizons: tuple[Mapping[str, float], ...]
+    horizons: tuple[Sequence[Errors], ...]
 
     @classmethod
     def of(cls, problem: Problem, fit: Fit) -> Judged:
         parts = foretold(problem, fit)
         return cls(fit, problem, tuple(filter(None, (over_runs(problem, parts), over_pieces(problem, parts)))))
 
-    @property
-    def left(self) -> float:
-        """What is left of the squared gap, beyond noise: the geometric mean over the horizons."""
-        each = [max(gaps.gap(channels) ** 2 - 1.0, NO_GAP) for channels in self.horizons]
-        return math.exp(sum(map(math.log, each)) / len(each))
+    @cached_property
+    def together(self) -> float:
+        """What is left of the squared gap, beyond noise, of all channels at once; the geometric mean over the horizons."""
+        return _mean([_left(gaps.gap(gaps.pooled(parts))) for parts in self.horizons])
+
+    @cached_property
+    def each(self) -> Mapping[tuple[int, str], float]:
+        """The same of each channel by itself, by horizon and channel."""
+        return {
+            (horizon, channel): _left(gap)
+            for horizon, parts in enumerate(self.horizons)
+            for channel, gap in gaps.pooled(parts).items()
+        }
 
     @property
     def gap(self) -> float:
         """The gap that would leave as much."""
-        return math.sqrt(1.0 + self.left)
+        return math.sqrt(1.0 + self.together)
+
+
+def _left(gap: float) -> float:
+    return max(gap**2 - 1.0, NO_GAP)
+
+
+def _mean(values: Collection[float]) -> float:
+    """Geometric mean."""
+    return math.exp(sum(map(math.log, values)) / len(values))
 
 
 def pooled(one: Judged, other: Judged) -> float:
     """What an explanation leaves of what another leaves over all channels at once, a ratio."""
-    if other.left <= NO_GAP:
-        return 1.0 if one.gap <= other.gap else math.inf
-    return one.left / other.left
+    return one.together / other.together
 
 
 def leaves(one: Judged, other: Judged) -> float:
     """What an explanation leaves of what another leaves, a ratio: the smaller of that over all channels at once and of
     the geometric mean over channels."""
     ratio = pooled(one, other)
-    if other.left <= NO_GAP:
-        return ratio
-    each = [
-        [
-            math.log(max(mine[c] ** 2 - 1.0, NO_GAP) / max(value**2 - 1.0, NO_GAP))
-            for c, value in its.items()
-            if c in mine
-        ]
-        for mine, its in zip(one.horizons, other.horizons, strict=True)
-    ]
-    mean = math.exp(sum(sum(logs) / len(logs) for logs in each if logs) / len(each))
+    mean = _mean([value / other.each[key] for key, value in one.each.items() if key in other.each])
     # What brings one channel closer and opens the whole is no explanation of it.
     return min(ratio, mean) if ratio <= 1.0 else ratio
 

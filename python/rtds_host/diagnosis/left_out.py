@@ -5,7 +5,7 @@ The fit without a run is a few steps from the fit to all; of a single run each h
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,8 @@ from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
 from rtds_host.diagnosis.problem import CHANNELS, Problem, RunData
 from rtds_host.diagnosis.replay.model import Model, replay_run
 
+# Squares of the errors of one part that was left out, by channel.
+Errors = Mapping[str, gaps.Squares]
 # Numerical: steps of a fit without a part, and for how many of its sigmas one is trusted.
 STEPS, TRUSTED = 2, 3.0
 
@@ -124,39 +126,45 @@ def foretold(problem: Problem, fit: Fit) -> list[Foretold]:
     return [Foretold(k, first, last, model) for (k, first, last, _), model in zip(parts, models, strict=True)]
 
 
-def over_runs(problem: Problem, parts: Sequence[Foretold]) -> dict[str, float]:
-    """The gap by channel of what was left out, whole, at the search's steps, with commands as late as fitted."""
-    jobs = []
-    for one in parts:
+def over_runs(problem: Problem, parts: Sequence[Foretold]) -> list[Errors]:
+    """Errors by channel of each part that was left out, at the search's steps, with commands as late as fitted."""
+    jobs, owners = [], []
+    for k, one in enumerate(parts):
         t = problem.whole[one.run].log.t
         for data in (data for data, owner in problem.judged() if owner == one.run):
             # Of a stretch of a long run what lies in this part.
             begin, end = np.searchsorted(data.log.t, t[[one.first, one.last - 1]])
             if end > begin:
                 jobs.append((one.model, data, int(begin), int(end) + 1))
-    return gaps.pooled(list(problem.pool.map(lambda job: _errors(problem, *job), jobs)))
+                owners.append(k)
+    found: list[dict[str, gaps.Squares]] = [{} for _ in parts]
+    for k, errors in zip(owners, problem.pool.map(lambda job: _errors(problem, *job), jobs), strict=True):
+        for channel, one in errors.items():
+            before = found[k].get(channel, gaps.Squares(0.0, 0))
+            found[k][channel] = gaps.Squares(before.total + one.total, before.count + one.count)
+    return found
 
 
-def over_pieces(problem: Problem, parts: Sequence[Foretold]) -> dict[str, float]:
+def over_pieces(problem: Problem, parts: Sequence[Foretold]) -> list[Errors]:
     """The same over pieces of an axis' runs that each start from the measured state; empty for a robot.
 
     Channels are those of the search's residual, angles beside speeds.
     """
     if problem.robot.axis is None:
-        return {}
+        return []
     pieces = problem.in_pieces
-    found: list[dict[str, gaps.Squares]] = []
+    found: list[Errors] = []
     for one, residual in zip(parts, pieces.residuals([one.model for one in parts]), strict=True):
         t = problem.whole[one.run].log.t
         mine = (pieces.runs_of == one.run) & (pieces.times >= t[one.first]) & (pieces.times <= t[one.last - 1])
         channels = pieces.channels_of[mine]
         found.append({CHANNELS[c]: gaps.squares(residual[mine][channels == c]) for c in np.unique(channels)})
-    return gaps.pooled(found)
+    return found
 
 
 def left_out_channels(problem: Problem, fit: Fit) -> dict[str, float]:
     """The gap of an explanation by channel on runs left out in turn."""
-    return over_runs(problem, foretold(problem, fit))
+    return gaps.pooled(over_runs(problem, foretold(problem, fit)))
 
 
 def left_out_gap(problem: Problem, fit: Fit) -> float:
