@@ -92,16 +92,17 @@ def chosen(found: Mapping[int, list[Judged]], prior: Callable[[Fit], float]) -> 
     """The explanation whose every effect is worth it.
 
     Looks ahead: two effects may be worth it only together, j of them where they leave at most `WORTH`^j. Of the
-    explanations of that many effects that leave as much, the most probable before any run was seen: smaller and more
-    usual effects go before large ones that cancel.
+    explanations of that many effects that are worth it and leave as much, the most probable before any run was seen:
+    smaller and more usual effects go before large ones that cancel.
 
     Parameters
     ----------
     found : explanations by their number of effects; prior : -2 log prior density of a fit.
     """
     best = {count: min(mine, key=lambda j: j.gap) for count, mine in found.items()}
-    count = min(best)
+    count, worthy = min(best), list(found[min(best)])
     while more := [n for n in sorted(best) if n > count and leaves(best[n], best[count]) < WORTH ** (n - count)]:
-        count = more[0]
-    alike = [j for j in found[count] if j.gap <= AS_MUCH * best[count].gap]
-    return min(alike or [best[count]], key=lambda j: prior(j.fit))
+        before, count = count, more[0]
+        worthy = [j for j in found[count] if leaves(j, best[before]) < WORTH ** (count - before)]
+    alike = [j for j in worthy if j.gap <= AS_MUCH * best[count].gap]
+    return min(alike, key=lambda j: prior(j.fit))
