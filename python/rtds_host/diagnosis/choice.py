@@ -47,7 +47,7 @@ class Judged:
 
     @cached_property
     def together(self) -> float:
-        """What is left of the squared gap, beyond noise, of all channels at once; the geometric mean over the horizons."""
+        """What is left of the squared gap beyond noise, of all channels at once: geometric mean over the horizons."""
         return _mean([_left(gaps.gap(gaps.pooled(parts))) for parts in self.horizons])
 
     @cached_property

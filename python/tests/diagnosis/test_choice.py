@@ -5,10 +5,14 @@ from types import SimpleNamespace
 import pytest
 
 from rtds_host.diagnosis.choice import WORTH, Judged, chosen, leaves
+from rtds_host.diagnosis.gap import Squares
 
 
-def judged(*channels, prior=0.0):
-    return Judged(SimpleNamespace(prior=prior), None, dict(zip(("w_l", "i_l"), channels)))
+def judged(*horizons, prior=0.0):
+    """An explanation by its gaps in speed and current; with two lists of them over whole runs and over pieces."""
+    each = horizons if isinstance(horizons[0], tuple) else (horizons,)
+    parts = [[{c: Squares(gap**2, 1) for c, gap in zip(("w_l", "i_l"), gaps)}] for gaps in each]
+    return Judged(SimpleNamespace(prior=prior), None, tuple(parts))
 
 
 def taken(found):
@@ -49,3 +53,17 @@ def test_of_explanations_that_leave_as_much_the_one_more_probable_before_is_take
     """Two large effects that cancel leave a little less than two small ones."""
     large, small, worse = judged(2.0, 2.0, prior=30.0), judged(2.1, 2.1, prior=20.0), judged(2.5, 2.5, prior=1.0)
     assert taken({0: [judged(9.0, 9.0)], 2: [large, small, worse]}) is small
+
+
+def test_of_explanations_that_leave_as_much_one_that_is_not_worth_it_is_not_taken():
+    """The more probable one leaves 0.8 of the squared gap, the better one 0.7."""
+    none, better, usual = judged(9.0, 9.0), judged(7.55, 7.55, prior=20.0), judged(8.06, 8.06, prior=10.0)
+    assert leaves(better, none) < WORTH < leaves(usual, none)
+    assert taken({0: [none], 1: [better, usual]}) is better
+
+
+def test_an_explanation_that_is_closer_over_whole_runs_alone_is_not_taken():
+    """A model that hardly moves is nearest to an unstable motion over a whole run, and far off over a piece."""
+    none, friction = judged((24.0, 24.0), (4.0, 4.0)), judged((16.0, 16.0), (3.0, 3.0))
+    still = judged((8.0, 8.0), (6.0, 6.0))
+    assert taken({0: [none], 1: [friction], 2: [still]}) is friction
