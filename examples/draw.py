@@ -3,7 +3,7 @@
     python examples/draw.py [--out docs/images]
     python examples/draw.py --path RUN… [--gap CASE DIAGNOSIS]
 
-Without further options: the chain from command to motion, the chip, the workflow, the rooms of the code. They hang on
+Without further options: the chain from command to motion, the chip, the workflow, the folders of the code, the board's wiring. They need
 nothing but this file. `--path` draws the paths of run folders, `--gap` a wheel's residual, nominal and corrected.
 """
 
@@ -179,12 +179,12 @@ def chip() -> str:
 
 
 def rooms() -> str:
-    """The rooms of the code, the way of a log and the way of a voltage."""
+    """The folders of the code, the path of a log and the path of a voltage."""
     parts = [
         "<rect x='10' y='30' width='960' height='190' fill='none' stroke='#999' stroke-dasharray='4 4'/>",
         "<rect x='10' y='262' width='960' height='196' fill='none' stroke='#999' stroke-dasharray='4 4'/>",
-        note(20, 22, "simulator: the way of a voltage", 13, "start"),
-        note(20, 254, "diagnosis: the way of a log", 13, "start"),
+        note(20, 22, "simulator: the path of a voltage", 13, "start"),
+        note(20, 254, "diagnosis: the path of a log", 13, "start"),
     ]
     a = [
         Box(90, 90, "scenario/\nwhat is driven"),
@@ -219,10 +219,36 @@ def rooms() -> str:
     parts += [arrow([(90, 383), (185, 345)]), arrow([(250, 207), (250, 293)])]
     parts += [arrow([(835, 410), (930, 410), (930, 236), (580, 236), (580, 207)])]
     parts += [note(755, 250, "diagnosis.json into the simulator")]
-    return page(980, 465, "The rooms of the code, the way of a voltage and the way of a log", parts)
+    return page(980, 465, "The folders of the code, the path of a voltage and the path of a log", parts)
 
 
-DRAWINGS = {"chain": chain, "workflow": workflow, "chip": chip, "rooms": rooms}
+def wiring() -> str:
+    """The board between its converters and the PC."""
+    pc = Box(80, 130, "PC\nrtds run --link ad2", "program", 130)
+    first = Box(290, 70, "Analog Discovery 2\nfirst", "file", 150)
+    second = Box(290, 160, "Analog Discovery 2\nsecond", "file", 150)
+    serial = Box(290, 250, "serial adapter\n3.3 V, 1 Mbaud", "file", 150)
+    board = Box(720, 150, "DE10-Nano\nmotor units in the FPGA", "hardware", 170, 90)
+    dac = Box(720, 260, "DAC7624 board\non GPIO_0", "hardware", 150)
+    parts = [b.svg() for b in (pc, first, second, serial, board, dac)]
+    parts += [arrow([(145, 130), (180, 130), (180, y), (215, y)]) for y in (70, 160, 250)]
+    parts += [note(178, 118, "USB", anchor="end")]
+    parts += [
+        arrow([(365, 60), (690, 60), (690, 105)]),
+        note(545, 54, "W1, W2: voltages of the left and the right motor, to the ADC"),
+        arrow([(365, 150), (635, 150)]),
+        note(527, 144, "W1, W2: load torques, to the ADC"),
+        arrow([(365, 250), (480, 250), (480, 180), (635, 180)]),
+        note(484, 236, "UART, GPIO_1", anchor="start"),
+        arrow([(720, 195), (720, 233)]),
+        arrow([(720, 287), (720, 310), (420, 310), (420, 172), (365, 172)]),
+        arrow([(420, 172), (420, 82), (365, 82)]),
+        note(570, 304, "current and speed to inputs 1+, 2+: left first, right second"),
+    ]
+    return page(830, 325, "The bench: PC, two Analog Discovery 2, DE10-Nano, DAC board", parts)
+
+
+DRAWINGS = {"chain": chain, "workflow": workflow, "chip": chip, "rooms": rooms, "wiring": wiring}
 
 
 def axes(width: float, height: float):  # type: ignore[no-untyped-def]

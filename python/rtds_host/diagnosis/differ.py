@@ -114,7 +114,7 @@ def lines(found: dict[str, Any], names: tuple[str, str]) -> list[str]:
     if not found["causes"]:
         said.append("neither names a cause")
     for which, forms in zip(("first", "second"), found["forms"], strict=True):
-        said += [f"a shape without a name in the {which}: {form}" for form in forms]
+        said += [f"an unmodelled term in the {which}: {form}" for form in forms]
     return said
 
 
@@ -132,7 +132,12 @@ def page(found: dict[str, Any], names: tuple[str, str]) -> str:
         for cause in found["causes"]
         for k, p in enumerate(cause["parameters"])
     ]
-    words = {"before": "nominal", "refit": "refitted", "after": "with effects", "with_forms": "with effects and shapes"}
+    words = {
+        "before": "nominal",
+        "refit": "refitted",
+        "after": "with effects",
+        "with_forms": "with effects and free curves",
+    }
     gaps = [
         [word, *(number(v) for v in found["gap"][key])]
         for key, word in words.items()

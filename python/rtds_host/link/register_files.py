@@ -92,7 +92,7 @@ def markdown_page(regs: RegisterMap) -> str:
     """The register map as a page for people."""
     major, minor, patch = regs.version
     lines = [
-        "# Registers",
+        "# Register map and serial protocol",
         "",
         f"Map version {major}.{minor}.{patch}. This page and the Verilog header `{HEADER_PATH}` are made from",
         f"`python/rtds_host/link/registers.toml` by `{COMMAND}`; a test fails when they differ from it.",

@@ -506,7 +506,7 @@ def test_several_causes_are_a_list_with_size_share_and_look_alikes_a_line(detail
         "settings",
         "command delay : 0.031 s · 13 % of the difference · very likely · size varies by 31 % with speed",
         "driver gain (both sides) : 0.9 times · 2 % of the difference · looks the same here: speed gain (both sides)",
-        "No name but a shape , torque over yaw rate, both sides : -a·x·|x| · 24 % of the difference",
+        "Unmodelled term, free curve : torque over yaw rate, both sides : -a·x·|x| · 24 % of the difference",
     ):
         assert line.replace(" , ", ", ") in first.replace(" , ", ", ")
     assert STATISTICS.findall(first) == []
@@ -526,7 +526,7 @@ def test_a_form_is_drawn_with_band_density_formula_and_what_to_look_for(details)
     said = words_of(shape)
     for words in ("Torque over yaw rate, both sides", "closes 71 %", "-a·x·|x|", "0.0156 (0.0131 to 0.0182, 90 %)"):
         assert words in said
-    assert CATALOGUE["spin_scrub"].check in said and "With effects and shapes the gap is 3.2" in said
+    assert CATALOGUE["spin_scrub"].check in said and "With effects and free curves the gap is 3.2" in said
     assert 'aria-label="torque over yaw rate, both sides: from -0.061 at -2' in shape
     assert 'id="forms"' not in report_page(example_diagnosis(), details)
 

@@ -85,7 +85,9 @@ def _named(diagnosis: dict[str, Any], details: Details) -> str:
         share = formed.get((form["term"], form["side"], form["over"]))
         pieces = [form["formula"] or "a free curve", f"{percent(share)} of the difference" if share is not None else ""]
         listed = " · ".join(escape(piece) for piece in pieces if piece)
-        lines.append(f'<li>No name but <a href="#forms">a shape</a>, <b>{escape(form_name(form))}</b>: {listed}</li>')
+        lines.append(
+            f'<li>Unmodelled term, <a href="#forms">free curve</a>: <b>{escape(form_name(form))}</b>: {listed}</li>'
+        )
     return f'<ul id="named">{"".join(lines)}</ul>' if lines else ""
 
 
@@ -102,7 +104,7 @@ def head(diagnosis: dict[str, Any], details: Details) -> str:
     if diagnosis["effects"]:
         figures += [("after", number(gap.get("after")), "with the named effects")]
     if gap.get("with_forms") is not None:
-        figures += [("with_forms", number(gap["with_forms"]), "with effects and shapes")]
+        figures += [("with_forms", number(gap["with_forms"]), "with effects and free curves")]
     return (
         f'<section id="answer"><h1>{escape(case.name)} · {escape(case.robot.name)} · {len(case.runs)} run'
         f"{'s' if len(case.runs) != 1 else ''}</h1>"

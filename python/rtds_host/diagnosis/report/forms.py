@@ -211,7 +211,9 @@ def shapes(diagnosis: dict[str, Any], details: Details) -> str:
         return ""
     gap = diagnosis["gap"].get("with_forms")
     note = (
-        f"<p>With effects and shapes the gap is {number(gap)} times the sensors' noise.</p>" if gap is not None else ""
+        f"<p>With effects and free curves the gap is {number(gap)} times the sensors' noise.</p>"
+        if gap is not None
+        else ""
     )
     lead = (
         "<p>These terms are missing in the model's equations. No effect of the catalogue makes them as well. "
