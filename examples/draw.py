@@ -3,8 +3,9 @@
     python examples/draw.py [--out docs/images]
     python examples/draw.py --path RUN… [--gap CASE DIAGNOSIS]
 
-Without further options: the chain from command to motion, the chip, the workflow, the folders of the code, the board's wiring. They need
-nothing but this file. `--path` draws the paths of run folders, `--gap` a wheel's residual, nominal and corrected.
+Without further options: the chain from command to motion, the chip, the workflow, the folders of the code, and the
+board's wiring. They need nothing but this file. `--path` draws the paths of run folders, `--gap` a wheel's residual,
+nominal and corrected.
 """
 
 from __future__ import annotations
