@@ -28,6 +28,7 @@ COMMANDS = {
     "predict": "Replay a run from its commands, with or without a diagnosis.",
     "export": "Write the robot with a diagnosis in it for MuJoCo, Gazebo, Isaac Sim, URDF, Python, FMI or C.",
     "serve": "Let another program step a robot's two motors, through a socket.",
+    "webots": "Write worlds and a controller for Webots, in which the motor units turn the wheels.",
     "plan": "Plan the most informative manoeuvre, within a floor, with a ROS 2 script.",
     "effects": "List the effects that a diagnosis can name, or describe one in full.",
     "init": "Write a robot's file from a data sheet, and a draft mapping for its recordings.",

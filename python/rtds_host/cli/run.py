@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -37,7 +37,13 @@ FAMILY_ALL = "paper"
 ICARUS_TIMEOUT_S = 120.0
 
 
-def _settings(texts: list[str]) -> dict[str, float]:
+def parse_settings(texts: Sequence[str]) -> dict[str, float]:
+    """Texts `name=number` as parameters of a scenario.
+
+    Raises
+    ------
+    InputError : a text that is none.
+    """
     values = {}
     for text in texts:
         name, sign, number = text.partition("=")
@@ -210,7 +216,7 @@ def run(
         raise InputError(f"no scenario given (known: {', '.join(scenarios())}, all)")
     if form not in ("csv", "parquet"):
         raise InputError(f"--format {form}: unknown (known: csv, parquet){did_you_mean(form, ('csv', 'parquet'))}")
-    given = _settings(setting or [])
+    given = parse_settings(setting or [])
     for name, value in (("duration", duration), ("radius", radius), ("length", length)):
         if value is not None:
             given[SHORT_CUTS[name]] = value
@@ -235,8 +241,8 @@ def run(
     if gui:
         check_display("--gui")
     plans = [make_plan(one, values, options) for one, values in _wanted(scenario, given)]
-    changes = [_effects(plan, effects, effect) for plan in plans]
-    choice = _link(link, sim, step_clocks, link_options(link, calibration, wires, ad2, serial))
+    changes = [chosen_effects(plan, effects, effect) for plan in plans]
+    choice = link_choice(link, sim, step_clocks, link_options(link, calibration, wires, ad2, serial))
     target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / plans[0].scenario.name)
     check_writable(target)
     with _page(live, port, browser) as page:
@@ -310,8 +316,13 @@ def _page(live: bool, port: int, browser: bool) -> Iterator[_Page | None]:
         yield _Page(feed, wait)
 
 
-def _effects(plan: Plan, diagnosis: Path | None, effects: list[str] | None) -> Effects | None:
-    """What a plan's robot has beyond the nominal one."""
+def chosen_effects(plan: Plan, diagnosis: Path | None, effects: list[str] | None) -> Effects | None:
+    """What a plan's robot has beyond the nominal one.
+
+    Raises
+    ------
+    InputError : an effect or a diagnosis that cannot be used; see `rtds_host.correction.choose.choose`.
+    """
     if diagnosis is None and not effects:
         return None
     from rtds_host.correction.choose import choose
@@ -323,7 +334,13 @@ def _effects(plan: Plan, diagnosis: Path | None, effects: list[str] | None) -> E
     )
 
 
-def _link(link: str, sim: str, step_clocks: str, more: dict) -> LinkChoice:
+def link_choice(link: str, sim: str, step_clocks: str, more: dict) -> LinkChoice:
+    """The link that the options of a run ask for; `more`: see `rtds_host.cli.calibrate.link_options`.
+
+    Raises
+    ------
+    InputError : clocks that are no number, a simulator that the link does not have.
+    """
     if link not in ("rtl", "chip"):
         return LinkChoice(link, more)
     try:

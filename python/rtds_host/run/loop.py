@@ -14,11 +14,14 @@ from rtds_host.correction.correction import Correction
 from rtds_host.correction.coupler import Coupler, set_effects
 from rtds_host.errors import InputError
 from rtds_host.link import Link, open_link
-from rtds_host.robot import STEP_S, Engine, open_engine
+from rtds_host.robot import STEP_S, Body, Engine, open_engine
 from rtds_host.run.path import Sample, SignalPath
 from rtds_host.run.plan import Plan
 from rtds_host.run.sensors import CorrectedPath
 from rtds_host.scenario import SpeedMotion, reference_poses, wheel_references
+
+# Opens an engine of a name with a body at a pose, as `rtds_host.robot.open_engine` does.
+OpenEngine = Callable[[str, Body, tuple[float, float, float]], Engine]
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,7 @@ def drive(
     path: SignalPath | None = None,
     progress: Callable[[float], None] | None = None,
     correction: Correction | None = None,
+    engine_of: OpenEngine = open_engine,
 ) -> Record:
     """Drive one run through an open link.
 
@@ -96,6 +100,7 @@ def drive(
     correction : makes it another robot than the nominal one. With it, and where the body outweighs the rotors, motors
     and
         robot exchange torques each engine step without lag, whatever the controller's interval.
+    engine_of : opens the physics engine, of the plan's name, with the body at its first pose.
 
     Raises
     ------
@@ -112,7 +117,7 @@ def drive(
         set_effects(link, correction)
         path = path or CorrectedPath(plan.robot.supply_v, correction.sensors)
     path = path or SignalPath(plan.robot.supply_v)
-    with open_engine(plan.engine, body, plan.motion.start) as engine:
+    with engine_of(plan.engine, body, plan.motion.start) as engine:
         began = time.perf_counter()
         coupler = None
         if correction is not None or plan.carried_kg_m2:
@@ -129,10 +134,11 @@ def drive_with(
     path: SignalPath | None = None,
     progress: Callable[[float], None] | None = None,
     correction: Correction | None = None,
+    engine_of: OpenEngine = open_engine,
 ) -> Record:
     """Open a link, drive one run through it, close it. See `drive` and `rtds_host.link.open_link`."""
     with open_link(link_name, **(link_options or {})) as link:
-        return drive(plan, link, path, progress, correction)
+        return drive(plan, link, path, progress, correction, engine_of)
 
 
 class _Loop:

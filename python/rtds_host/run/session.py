@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from rtds_host.contract import staged_folder, write_run
 from rtds_host.errors import InputError
+from rtds_host.robot import open_engine
 from rtds_host.run.log import log_columns, run_meta
-from rtds_host.run.loop import Record, drive_with
+from rtds_host.run.loop import OpenEngine, Record, drive_with
 from rtds_host.run.path import SignalPath
 from rtds_host.run.plan import Plan, other_controller
 from rtds_host.run.summary import Effects, Summary, summarise
@@ -68,12 +69,15 @@ def perform(
     progress: Progress | None = None,
     against: str | None = None,
     effects: Effects | None = None,
+    engine_of: OpenEngine = open_engine,
 ) -> Outcome:
     """Drive the plan and, where there is a controller and `compare`, once more with the other one.
 
     The comparison is driven on the bit-exact model whatever the link: the RTL gives the same bits
     (`Summary.model_agrees` says whether it did so here), and neither a simulator's time nor a board's is spent twice.
     Through converters (links `chip` and `ad2`) the model's end differs from the run's.
+
+    `engine_of` opens the engine of the run and of the comparison; `against` is one that comes with the package.
 
     Raises
     ------
@@ -84,7 +88,7 @@ def perform(
         return None if progress is None else lambda t: progress(label, t)
 
     change = effects.correction if effects else None
-    record = drive_with(plan, link.name, link.options, path, report(plan.scenario.name), change)
+    record = drive_with(plan, link.name, link.options, path, report(plan.scenario.name), change, engine_of)
     twin = LinkChoice("model")
     compared = rival = None
     if compare and plan.controller is not None:
@@ -92,7 +96,13 @@ def perform(
         compared = (
             other,
             drive_with(
-                other, twin.name, twin.options, None, report(f"{plan.scenario.name} ({other.controller})"), change
+                other,
+                twin.name,
+                twin.options,
+                None,
+                report(f"{plan.scenario.name} ({other.controller})"),
+                change,
+                engine_of,
             ),
         )
     if against is not None and against != plan.engine:

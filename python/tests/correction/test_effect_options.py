@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rtds_host.cli.run import _effects
+from rtds_host.cli.run import chosen_effects
 from rtds_host.contract import builtin_robot, read_run
 from rtds_host.correction.choose import choose, effect_text, parse_effect
 from rtds_host.diagnosis.effects import catalogue
@@ -92,7 +92,7 @@ def test_nothing_chosen_is_nothing():
 
 def test_a_run_says_what_was_on(tmp_path):
     plan = make_plan("linear", SHORT, Options(slope_rad=0.0))
-    effects = _effects(plan, None, ["coulomb_friction.torque_nm=0.05,side=left"])
+    effects = chosen_effects(plan, None, ["coulomb_friction.torque_nm=0.05,side=left"])
     outcome = perform(plan, LinkChoice("model"), compare=False, effects=effects)
     write_outcome(outcome, tmp_path / "run", figure=False)
     assert outcome.summary.model_agrees
@@ -108,8 +108,8 @@ def test_a_run_says_what_was_on(tmp_path):
 
 def test_without_effects_a_run_is_what_it_was():
     plan = make_plan("linear", SHORT)
-    assert _effects(plan, None, None) is None
-    assert _effects(plan, None, []) is None
+    assert chosen_effects(plan, None, None) is None
+    assert chosen_effects(plan, None, []) is None
 
 
 @pytest.mark.parametrize(("delay", "held"), [(0.01, 0.0), (0.01, 0.015), (0.0, 0.015)])
@@ -123,7 +123,7 @@ def test_sensors_report_late_filtered_scaled_and_the_pose_as_it_is(delay, held):
         "current_bias.amperes=0.2,side=right",
         "gyro_bias.rad_s=0.3",
     ]
-    correction = _effects(plan, None, names).correction
+    correction = chosen_effects(plan, None, names).correction
     record = drive_with(plan, "model", correction=correction)
     t = record.t_s[record.rows]
     seen = np.array([s.speeds_rad_s for s in record.samples])
@@ -143,7 +143,7 @@ def test_sensors_report_late_filtered_scaled_and_the_pose_as_it_is(delay, held):
 
 def test_the_bus_of_a_run_sags_and_falls():
     plan = make_plan("linear", SHORT)
-    effects = _effects(plan, None, ["supply_sag.resistance_ohm=2", "battery_decline.rate_v_per_s=0.5"])
+    effects = chosen_effects(plan, None, ["supply_sag.resistance_ohm=2", "battery_decline.rate_v_per_s=0.5"])
     record = drive_with(plan, "model", correction=effects.correction)
     bus = np.array([s.v_bus for s in record.truth])
     t = record.t_s[record.rows]
@@ -156,14 +156,14 @@ def test_the_bus_of_a_run_sags_and_falls():
 
 def test_effects_need_the_closed_coupling():
     plan = make_plan("linear", SHORT, Options(coupling="paper"))
-    effects = _effects(plan, None, ["gyro_bias.rad_s=0.01"])
+    effects = chosen_effects(plan, None, ["gyro_bias.rad_s=0.01"])
     with pytest.raises(InputError, match="closed"):
         drive_with(plan, "model", correction=effects.correction)
 
 
 def test_an_ideal_sensor_path_remembers_nothing():
     plan = make_plan("linear", SHORT)
-    sensors = _effects(plan, None, ["gyro_gain.ratio=1.1"]).correction.sensors
+    sensors = chosen_effects(plan, None, ["gyro_gain.ratio=1.1"]).correction.sensors
     assert not CorrectedPath(12.0, sensors).watches
 
 
