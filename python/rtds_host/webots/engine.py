@@ -86,7 +86,7 @@ class WebotsEngine:
     def _device(self, name: str) -> Any:
         found = self._robot.getDevice(name)
         if found is None:
-            raise InputError(f"world: the robot has no device {name!r}; write the world anew with `rtds webots`")
+            raise InputError(f"world: the robot has no device {name!r}; write the world again with `rtds webots`")
         return found
 
     def _step(self) -> None:
@@ -107,7 +107,7 @@ class WebotsEngine:
         lean = abs(body.wheel_radius_m[0] - body.wheel_radius_m[1]) / body.track_width_m
         if off > SLOPE_TOLERANCE_RAD + lean:
             raise InputError(
-                f"world: the robot stands {off:.3g} rad off a slope of {body.slope_rad:g} rad; write the world anew "
+                f"world: the robot stands {off:.3g} rad off a slope of {body.slope_rad:g} rad; write the world again "
                 "with `rtds webots`"
             )
         weight = body.total_mass_kg * GRAVITY_M_S2 * 0.5 * sum(body.wheel_radius_m)

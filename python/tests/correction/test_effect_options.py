@@ -175,7 +175,7 @@ def test_an_encoder_on_the_wheel_reports_what_the_wheel_does(name):
 
     def seen(plan):
         """Angles (n, 2), rad, and how far wheels that turn so, without slip, turn the robot beyond its measured yaw."""
-        record = drive_with(plan, "model", correction=_effects(plan, None, [f"{name},side=left"]).correction)
+        record = drive_with(plan, "model", correction=chosen_effects(plan, None, [f"{name},side=left"]).correction)
         angles = np.array([s.angles_rad for s in record.samples])
         turned = (angles[:, 1] - angles[:, 0]) * chassis.wheel_radius_m / chassis.track_width_m
         return angles, np.abs(turned - [s.yaw_rad for s in record.truth])

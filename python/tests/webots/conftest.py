@@ -1,4 +1,4 @@
-"""The stand-in of Webots' Python module, for tests that call it in process."""
+"""The mock of Webots' Python module, for tests that call it in process."""
 
 import importlib
 import sys
@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-STANDIN = Path(__file__).parent / "standin"
+MOCK = Path(__file__).parent / "mock"
 
 
 @pytest.fixture
-def standin(monkeypatch):
+def mock(monkeypatch):
     """The module `controller`, as a controller's process has it: new, without a robot."""
-    monkeypatch.syspath_prepend(str(STANDIN))
+    monkeypatch.syspath_prepend(str(MOCK))
     monkeypatch.delitem(sys.modules, "controller", raising=False)
     module = importlib.import_module("controller")
     yield module
@@ -20,12 +20,12 @@ def standin(monkeypatch):
 
 
 @pytest.fixture
-def supervisor(standin, monkeypatch):
-    """Makes the stand-in's robot of a world."""
+def supervisor(mock, monkeypatch):
+    """Makes the mock's robot of a world."""
 
     def make(world: Path):
-        monkeypatch.setenv("STANDIN_WORLD", str(world))
-        monkeypatch.setenv("STANDIN_ENGINE", "mujoco")
-        return standin.Supervisor()
+        monkeypatch.setenv("MOCK_WORLD", str(world))
+        monkeypatch.setenv("MOCK_ENGINE", "mujoco")
+        return mock.Supervisor()
 
     return make

@@ -1,4 +1,4 @@
-"""The controller for Webots, started as Webots starts it, against a stand-in of Webots' documented interface.
+"""The controller for Webots, started as Webots starts it, against a mock of Webots' documented interface.
 
 It has never been run in Webots itself.
 """
@@ -39,11 +39,11 @@ def driven(folder, scenario="linear", **options):
 
 
 @pytest.fixture
-def drive_here(supervisor, standin):
+def drive_here(supervisor, mock):
     """Drives a project's world in this process; the outcome."""
 
     def drive(folder, scenario="linear"):
-        standin.Robot.created = False
+        mock.Robot.created = False
         settings = read_settings(folder / "webots.json")
         return drive_world(supervisor(folder / "worlds" / f"{scenario}.wbt"), folder, settings)[0]
 
@@ -228,12 +228,12 @@ def test_a_diagnosis_goes_along_and_the_folder_can_be_moved(tmp_path, drive_here
     assert summary["effects"] == ["coulomb_friction.torque_nm=0.05,side=left"]
 
 
-def test_the_stand_in_refuses_what_webots_refuses(tmp_path, standin, supervisor):
+def test_the_mock_refuses_what_webots_refuses(tmp_path, mock, supervisor):
     robot = supervisor(project(tmp_path, replace(MODEL, time_step_ms=4)) / "worlds/linear.wbt")
     motor, sensor, gps = (robot.getDevice(name) for name in ("left wheel motor", "left wheel sensor", "gps"))
     assert robot.getDevice("camera") is None
     refused = [
-        lambda: standin.Supervisor(),
+        lambda: mock.Supervisor(),
         lambda: motor.setPosition(float("nan")),
         lambda: motor.setVelocity(float("nan")),
         lambda: motor.setVelocity(-1.0),
@@ -250,15 +250,15 @@ def test_the_stand_in_refuses_what_webots_refuses(tmp_path, standin, supervisor)
         lambda: robot.step(4),
     ]
     for k, act in enumerate(refused):
-        with pytest.raises(standin.Refused):
+        with pytest.raises(mock.Refused):
             act()
-            pytest.fail(f"the stand-in took number {k}")
+            pytest.fail(f"the mock took number {k}")
     sensor.enable(8)
     for one in robot._motors:
         one.setPosition(float("inf"))
         one.setVelocity(0.5)
     robot.step(4)
-    with pytest.raises(standin.Refused, match="first sampling period"):
+    with pytest.raises(mock.Refused, match="first sampling period"):
         sensor.getValue()
     robot.step(4)
     assert sensor.getValue() == pytest.approx(0.004)
@@ -267,10 +267,10 @@ def test_the_stand_in_refuses_what_webots_refuses(tmp_path, standin, supervisor)
     assert sensor.getValue() == pytest.approx(0.002)
 
 
-def test_a_torque_of_the_other_sign_is_noticed(tmp_path, standin, supervisor, monkeypatch):
+def test_a_torque_of_the_other_sign_is_noticed(tmp_path, mock, supervisor, monkeypatch):
     folder = project(tmp_path)
     monkeypatch.setattr(
-        standin.Motor, "getTorqueFeedback", lambda motor: -motor.torque if motor._feedback._ready() is None else 0.0
+        mock.Motor, "getTorqueFeedback", lambda motor: -motor.torque if motor._feedback._ready() is None else 0.0
     )
     with pytest.raises(InputError, match="another sign"):
         drive_world(supervisor(folder / "worlds/linear.wbt"), folder, MODEL)

@@ -23,9 +23,9 @@ def world_of(robot, scenario="linear", pose=START):
 
 @pytest.mark.parametrize("scenario", SLOPES)
 @pytest.mark.parametrize("name", builtin_robots())
-def test_a_world_has_the_masses_inertias_places_and_slope_of_the_robot(standin, name, scenario):
+def test_a_world_has_the_masses_inertias_places_and_slope_of_the_robot(mock, name, scenario):
     body, text = world_of(builtin_robot(name), scenario)
-    found, pose = standin.body_of(read_world(text))
+    found, pose = mock.body_of(read_world(text))
     assert found.total_mass_kg == pytest.approx(body.total_mass_kg)
     assert found.com_m == pytest.approx(body.com_m)
     assert found.yaw_inertia_kg_m2 == pytest.approx(yaw_inertia_kg_m2(body))

@@ -1,4 +1,4 @@
-"""Starts a world's controller as Webots does, with the stand-in in place of Webots."""
+"""Starts a world's controller as Webots does, with the mock in place of Webots."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def start(world: Path, engine: str = "mujoco", end_ms: int = 0) -> subprocess.Co
     folder = world.parent.parent / "controllers" / name
     settings = configparser.ConfigParser()
     settings.read(folder / "runtime.ini")
-    path = os.pathsep.join([str(HERE / "standin"), str(HERE), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "PYTHONPATH": path, "STANDIN_WORLD": str(world), "STANDIN_ENGINE": engine}
-    environment["STANDIN_END_MS"] = str(end_ms)
+    path = os.pathsep.join([str(HERE / "mock"), str(HERE), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path, "MOCK_WORLD": str(world), "MOCK_ENGINE": engine}
+    environment["MOCK_END_MS"] = str(end_ms)
     command = [settings["python"]["COMMAND"], f"{name}.py"]
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)

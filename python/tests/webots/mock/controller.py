@@ -1,4 +1,4 @@
-"""A stand-in of Webots' Python module `controller`: what its reference manual documents, and only that.
+"""A mock of Webots' Python module `controller`: what its reference manual documents, and only that.
 
 The world's file says what robot there is. It moves in one of this project's physics engines, with the masses, moments
 of inertia, places and slope of the file. What Webots refuses, or clips with a warning, raises `Refused` here.
@@ -190,9 +190,9 @@ def body_of(nodes: list[Node]) -> tuple[Body, tuple[float, float, float]]:
 
 
 class Robot:
-    """The robot of the world that the environment names (`STANDIN_WORLD`), in the engine `STANDIN_ENGINE`.
+    """The robot of the world that the environment names (`MOCK_WORLD`), in the engine `MOCK_ENGINE`.
 
-    `STANDIN_END_MS`: simulated time at which Webots ends the controller, as when its world is reloaded.
+    `MOCK_END_MS`: simulated time at which Webots ends the controller, as when its world is reloaded.
     """
 
     created = False
@@ -201,14 +201,14 @@ class Robot:
         if Robot.created:
             raise Refused("only one Robot instance can be created per controller process")
         Robot.created = True
-        world = read_world(Path(os.environ["STANDIN_WORLD"]).read_text())
+        world = read_world(Path(os.environ["MOCK_WORLD"]).read_text())
         self._node, self._tilt = robot_of(world), _rotation(next(n for n in world if n.name == "GROUND")["rotation"])
         self.nodes = {one["name"]: one for kind in DEVICES for one in self._node.all(kind)}
         step = world[0]["basicTimeStep"]
         self.basic_ms, self.now_ms = int(step), 0
-        self._ends_ms = int(os.environ.get("STANDIN_END_MS", "0"))
+        self._ends_ms = int(os.environ.get("MOCK_END_MS", "0"))
         body, pose = body_of(world)
-        self._engine = open_engine(os.environ["STANDIN_ENGINE"], body, pose, 1e-3 * step)
+        self._engine = open_engine(os.environ["MOCK_ENGINE"], body, pose, 1e-3 * step)
         self._state: RobotState | None = None
         self.angles = np.zeros(2)
         self._devices = {name: KINDS[node.type](self, name) for name, node in self.nodes.items()}
