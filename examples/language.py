@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 MEDIAN, LARGEST = 18, 40
 # Everyday words that this project once gave a meaning of its own. A term of the glossary may be used.
 PRIVATE = {
-    "stands": r"\b(?<!as it )stands?\b(?!-| still\b| on\b| up\b| upright\b| alone\b)",
+    "stands": r"\b(?<!as it )stands?\b(?!-| still\b| out\b| on\b| up\b| upright\b| alone\b)",
     "rest": r"\b(?:the|a|this|that|no|such|large|structured|whose) rest\b(?! of\b)",
     "told apart": r"\b(?:tells?|told|telling) [^.;]{0,40}\bapart\b",
     "twin": r"\btwins?\b",
@@ -192,6 +192,40 @@ def help_texts() -> list[tuple[str, str]]:
         module = importlib.import_module(f"rtds_host.cli.{MODULES.get(name, name)}")
         visit(f"rtds {name}", typer.main.get_command(module.app))
     return found
+
+
+def message_texts(path: Path) -> list[tuple[int, str]]:
+    """(line, text) of the string literals of a Python file that are not documentation; what a text has of variables
+    is one word.
+    """
+    import ast
+
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    holders = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    # A docstring, and what belongs to a text with variables, are no texts of their own.
+    skipped = {id(n.value) for h in ast.walk(tree) if isinstance(h, holders) for n in h.body if isinstance(n, ast.Expr)}
+    found: list[tuple[int, str]] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            skipped |= {id(value) for value in node.values}
+            found.append(
+                (
+                    node.lineno,
+                    "".join(getattr(v, "value", "x") if isinstance(v, ast.Constant) else "x" for v in node.values),
+                )
+            )
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in skipped:
+            found.append((node.lineno, node.value))
+    return found
+
+
+def measure_messages(folder: Path | None = None) -> list[Measure]:
+    """Private words in what the package says: messages, reports, notes. Texts of less than three words are names."""
+    measures = []
+    for path in sorted((folder or ROOT / "python" / "rtds_host").rglob("*.py")):
+        texts = [(line, text) for line, text in message_texts(path) if text.count(" ") >= 2]
+        measures.append(Measure(path.name, [s for line, text in texts for s in sentences_of(text, line, table=True)]))
+    return measures
 
 
 def measure_help() -> list[Measure]:

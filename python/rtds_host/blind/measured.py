@@ -286,12 +286,12 @@ def judge_planted(truth: dict, said: dict | None, base_said: dict | None, entry:
 FIGURES = (
     ("named", "planted cause and side named, size within a factor of two"),
     ("found", "named, or in a declared set of at most 3"),
-    ("near", "found, or an effect named that stands in for it"),
+    ("near", "found, or an effect named that takes its place"),
     ("covered", "named: size within its 90 % interval"),
-    ("base_kept", "all that the untouched case blames is still blamed"),
+    ("base_kept", "all that the untouched case names is still named"),
     ("silent", "nothing new seen"),
     ("unknown", "called unknown"),
-    ("new_false", "another effect blamed anew"),
+    ("new_false", "another effect newly named"),
 )
 
 
@@ -468,17 +468,17 @@ def page(result: dict) -> str:
         )
         lines += [
             f"| of all draws: {title} | " + " | ".join(_cell(g[name]) for g in sets.values()) + " |"
-            for name, title in (("all_found", "found"), ("all_near", "found, or a stand-in named"))
+            for name, title in (("all_found", "found"), ("all_near", "found, or one in its place named"))
         ]
     lines.append("")
     for name, base in result["bases"].items():
         lines.append(
-            f"{name} untouched: {base['verdict']}, blamed {', '.join(base['blamed']) or 'nothing'}, gap "
+            f"{name} untouched: {base['verdict']}, named {', '.join(base['blamed']) or 'nothing'}, gap "
             f"{_number(base['gap'])} on the withheld runs."
         )
     lines += [
         "",
-        "| set | planted | blamed | named | in a set or near | size: expected, found | gap: opened, left |",
+        "| set | planted | answered | named | in a set or near | size: expected, found | gap: opened, left |",
         "|---|---|---|---|---|---|---|",
     ]
     for r in sorted(result["cases"], key=lambda r: (r["set"], r["kind"], r["case"])):

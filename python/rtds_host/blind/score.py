@@ -271,17 +271,17 @@ def closable(truth: dict) -> float | None:
 PICTURES = ("confusion.png", "calibration.png")
 FIGURES = (
     ("verdict_right", "verdict right"),
-    ("cause_right", "cause and side right, nothing else blamed"),
-    ("first_right", "strongest blamed effect is true"),
+    ("cause_right", "cause and side right, nothing else named"),
+    ("first_right", "strongest named effect is true"),
     ("id_right", "cause right, side aside"),
     ("in_set", "right or in a declared set of at most 3"),
     ("any_right", "at least one true effect found"),
     ("subsystem_right", "subsystem right"),
-    ("extra_cause", "an effect blamed that is not there"),
+    ("extra_cause", "an effect named that is not there"),
     ("false_cause", "false cause on a case without effect"),
     ("unknown_right", "unknown recognised"),
     ("wrongly_unknown", "wrongly unknown"),
-    ("rest_right", "place of the rest right"),
+    ("rest_right", "place of the unmodelled part right"),
 )
 # Shares over effects and runs of all cases of a group.
 POOLED = (
@@ -716,14 +716,14 @@ def page(result: dict) -> str:
         "",
         (
             f"Hardly visible effects: {small['cases']} cases, cause and side right {_cell(small['cause_right'])}, "
-            f"in a set {_cell(small['in_set'])}, nothing blamed otherwise or something else."
+            f"in a set {_cell(small['in_set'])}, otherwise nothing named or something else."
         ),
         "",
-        "![what was there against what was blamed](confusion.png)",
+        "![what was there against what was named](confusion.png)",
         "",
         "![stated probability against truth](calibration.png)",
         "",
-        "| effect | asked for | named, or in a set | blamed | of these there, or in a set |",
+        "| effect | asked for | named, or in a set | all named | of these there, or in a set |",
         "|---|---|---|---|---|",
         *(
             f"| {name} | {asked} | {reached} | {named} | {right} |"
@@ -732,7 +732,7 @@ def page(result: dict) -> str:
         "",
         "In bold what is worth asking for and was not reached.",
         "",
-        "| case | kind | world | there | blamed | verdict | size (sigma) | closed | time |",
+        "| case | kind | world | there | named | verdict | size (sigma) | closed | time |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for r in result["cases"]:

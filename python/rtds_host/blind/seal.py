@@ -246,7 +246,7 @@ def read_ledger(out: Path) -> list[dict]:
             raise InputError(f"{path}: line {number}: is no JSON ({error})") from error
         if entry.get("before") != before:
             raise InputError(
-                f"{path}: line {number}: does not follow what stands before it; "
+                f"{path}: line {number}: does not follow the line before it; "
                 + ("the seals were changed after the first answer" if number == 1 else "the ledger was changed")
             )
         before = hashlib.sha256(line.encode()).hexdigest()

@@ -96,7 +96,7 @@ def export(
         print(visible(f"  {line[0].lower()}{line[1:]}"))
     _print_parts(parts)
     if not parts:
-        print("  the diagnosis blames no effect: this is the nominal robot, refitted")
+        print("  the diagnosis names no effect: this is the nominal robot, refitted")
     if runs:
         _check(out, nominal, source.model, runs, actuator)
 

@@ -104,7 +104,7 @@ def _wanted(source: Path) -> tuple[str, float | None, str]:
     content = read_json(source)
     wanted = content.get("next_experiment") if isinstance(content, dict) else None
     if not wanted:
-        return "teleop", None, "the diagnosis leaves nothing to tell apart; a run to judge it on"
+        return "teleop", None, "the diagnosis leaves nothing open; this is a run to judge it on"
     words = str(wanted.get("scenario", "")).split() if isinstance(wanted, dict) else []
     if len(words) not in (1, 3) or len(words) == 3 and words[1] != "--payload":
         raise InputError(f"{source}: next_experiment.scenario: is {' '.join(words)!r}, a scenario is needed")
@@ -113,7 +113,7 @@ def _wanted(source: Path) -> tuple[str, float | None, str]:
     except ValueError as error:
         raise InputError(f"{source}: next_experiment.scenario: payload {words[2]!r} is no number") from error
     apart = ", ".join(f"{e['id']} ({e['side']})" for e in wanted.get("separates") or [])
-    return words[0], payload, str(wanted.get("why") or f"tells apart {apart}")
+    return words[0], payload, str(wanted.get("why") or f"distinguishes {apart}")
 
 
 def _show(made, robot, why: str, out: Path) -> None:

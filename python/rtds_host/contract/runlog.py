@@ -520,9 +520,7 @@ def read_run(folder: str | os.PathLike, robot: Robot | None = None, need_measure
         if name not in columns:
             raise InputError(f"{path}: column {name}: missing")
     if robot and robot.driver.bus == "measured" and not np.isfinite(columns.get("v_bus", np.array([]))).any():
-        notices.append(
-            f'{path.name}: no v_bus, though [driver] bus is "measured": the nominal voltage stands in for it'
-        )
+        notices.append(f'{path.name}: no v_bus, though [driver] bus is "measured": the nominal voltage is used')
     if need_measured and not any(f"{c}_{s}" in columns for c in ("w", "th") for s in sides):
         raise InputError(f"{path}: neither w_* nor th_* is there, a diagnosis needs at least one of them")
 

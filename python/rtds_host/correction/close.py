@@ -29,7 +29,7 @@ SCHEMA = "rtds-close/1"
 FINE_STEP_S = 5e-5
 # What is varied, one at a time, to say where simulator and replay differ.
 VARIATIONS: tuple[tuple[str, str, dict], ...] = (
-    ("torques exchanged each 32 ms, foretold", "exchange interval", {"exchange_steps": 32}),
+    ("torques exchanged each 32 ms, predicted", "exchange interval", {"exchange_steps": 32}),
     ("torques exchanged each 32 ms, one exchange late", "exchange interval", {"exchange_steps": 32, "foretell": False}),
     ("torques exchanged each 1 ms, one exchange late", "exchange interval", {"foretell": False}),
     ("the other physics engine", "contact solver", {"engine": None}),

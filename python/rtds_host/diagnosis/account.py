@@ -187,7 +187,7 @@ def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
 def _useless(standing: list[Standing]) -> tuple[Standing, str] | None:
     """The effect that helps least on runs left out, if it leaves more there than it may."""
     one = max(standing, key=lambda s: s.left)
-    return (one, f"{USELESS} (it leaves {min(one.left, 9.99):.2f} of the rest)") if one.left > WORTH else None
+    return (one, f"{USELESS} (it leaves {min(one.left, 9.99):.2f} of the residual)") if one.left > WORTH else None
 
 
 def _unlikely(standing: list[Standing]) -> tuple[Standing, str] | None:

@@ -203,7 +203,7 @@ def page(rows: list[dict], command: str) -> str:
         _share([r["diagnosis"]["verdict"] == "unknown" for r in removed if r not in same and r not in small]),
     )
     row(
-        "… others of these: another effect leaves a gap below 1.1; the refit alone does, and nothing is blamed",
+        "… others of these: another effect leaves a gap below 1.1; the refit alone does, and nothing is named",
         f"{len(same)} and {len(small)} of {len(removed)}",
     )
     closed = [
@@ -238,7 +238,7 @@ def page(rows: list[dict], command: str) -> str:
         "",
         (
             "| method | right cause and side (all, tol) | pairs: both | false cause where there is none | "
-            "outside effect blamed on a catalogue effect |"
+            "unmodelled effect attributed to the catalogue |"
         ),
         "|---|---|---|---|---|",
     ]

@@ -213,14 +213,14 @@ def _unwrapped(raw: Series, source: Source, notices: list[str]) -> np.ndarray:
         if span > source.wraps_at * (1.0 + 1e-3):
             raise InputError(
                 f"{source.place}: wraps_at is {source.wraps_at:g}, but {raw.origin} spans {span:.6g}, from "
-                f"{float(values.min()):.6g} to {float(values.max()):.6g}: it starts anew elsewhere"
+                f"{float(values.min()):.6g} to {float(values.max()):.6g}: it wraps elsewhere"
             )
         return np.unwrap(values, period=source.wraps_at)
     steps = np.abs(np.diff(values))
     jumps = np.flatnonzero(steps > JUMP * span)
     if QUANTITY[source.channel] in ("angle", "heading") and jumps.size and float(np.median(steps)) < SMALL * span:
         notices.append(
-            f"{raw.origin}: jumps {jumps.size} time(s) by nearly its whole range ({span:.6g}): if it starts anew "
+            f"{raw.origin}: jumps {jumps.size} time(s) by nearly its whole range ({span:.6g}): if it wraps "
             f"there, say so in {source.place} (wraps_at)"
         )
     return values

@@ -419,7 +419,7 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
             waiting = f"rtds: waiting for another process that builds the {simulator} simulator"
             with _locked(BUILDS / f"{folder.name}.lock", lambda: say(waiting)):
                 if folder.is_dir() and not _is_whole(folder):
-                    say(f"rtds: {folder}: the simulator there is not the one that was built, it is built anew")
+                    say(f"rtds: {folder}: the simulator there is not the one that was built; it is built again")
                     shutil.rmtree(folder)
                 if not folder.is_dir():
                     say(f"rtds: building the {simulator} simulator of {top.module} (once for this state of the RTL)")

@@ -234,7 +234,7 @@ class _Scheduler:
         self.slots = slots
         self.kind = {result: op for result, op, *_ in OPERATIONS}
         if set(slots) != set(self.kind):
-            raise ScheduleError(f"SLOTS: {sorted(set(slots) ^ set(self.kind))}: not the operations")
+            raise ScheduleError(f"clocks: {sorted(set(slots) ^ set(self.kind))}: not the clocks of the operations")
         self.addresses = {name: k for k, name in enumerate(CONSTANTS)} | INPUTS | {"zero": ZERO}
         for k, name in enumerate(STATES):
             self.addresses[name] = STATE_FIRST + 2 * k
@@ -290,7 +290,7 @@ class _Scheduler:
         clock = self.slots[name]
         if op == "limit":
             if self.standing(self.results["add"], clock) != first:
-                raise ScheduleError(f"{name}: {first} does not stand in clock {clock}")
+                raise ScheduleError(f"{name}: {first} is not there in clock {clock}")
             return Issue(name, clock, op, ("sum", None), ("register", self.addresses[second]))
         ports = ("mul_a", "mul_b") if _unit(op) == "mul" else ("add_a", "add_b")
         signs = (False, op == "sub")
@@ -355,7 +355,7 @@ def schedule() -> Program:
     )
     for name, needed in NEEDED.items():
         if SLOTS[name] + LATENCY >= needed:
-            raise ScheduleError(f"{name}: stands in clock {SLOTS[name] + LATENCY + 1}, needed in {needed}")
+            raise ScheduleError(f"{name}: is there in clock {SLOTS[name] + LATENCY + 1}, needed in {needed}")
     return Program(tuple(issues), tuple(scheduler.writes()))
 
 

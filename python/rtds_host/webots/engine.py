@@ -107,7 +107,7 @@ class WebotsEngine:
         lean = abs(body.wheel_radius_m[0] - body.wheel_radius_m[1]) / body.track_width_m
         if off > SLOPE_TOLERANCE_RAD + lean:
             raise InputError(
-                f"world: the robot stands {off:.3g} rad off a slope of {body.slope_rad:g} rad; write the world again "
+                f"world: the robot is {off:.3g} rad off a slope of {body.slope_rad:g} rad; write the world again "
                 "with `rtds webots`"
             )
         weight = body.total_mass_kg * GRAVITY_M_S2 * 0.5 * sum(body.wheel_radius_m)

@@ -6,7 +6,7 @@ import re
 
 import language
 import pytest
-from language import ROOT, Measure, measure, measure_help, pages, sentences
+from language import ROOT, Measure, measure, measure_help, measure_messages, pages, private_words, sentences
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda p: p.name)
@@ -20,6 +20,20 @@ def test_what_the_commands_say_of_themselves_is_short_and_plain():
     assert len(measures) > 10
     complaints = [line for m in measures for line in m.complaints()]
     assert not complaints, "\n".join(complaints)
+
+
+def test_what_the_program_prints_holds_no_private_word():
+    measures = measure_messages()
+    assert sum(len(m.found) for m in measures) > 1000
+    found = [f"{m.name}:{line}: {word}" for m in measures for line, word in private_words(m.found)]
+    assert not found, "\n".join(found)
+
+
+def test_a_private_word_in_a_message_is_found_and_one_of_a_docstring_is_not(tmp_path):
+    (tmp_path / "one.py").write_text(
+        '"""The rest stands."""\n\nTEXT = f"what {x} leaves stands here"\nNAME = "the rest"\n'
+    )
+    assert [private_words(m.found) for m in measure_messages(tmp_path)] == [[(3, "stands")]]
 
 
 def lengths(text: str) -> list[int]:

@@ -283,7 +283,7 @@ def test_a_damaged_simulator_is_noticed_and_built_anew(tmp_path, monkeypatch, da
         (folder / build.HASH).unlink()
     said.clear()
     build.build(build.TOPS["core"], QUICK_BUILD, say=said.append)
-    assert len(said) == 2 and "the simulator there is not the one that was built, it is built anew" in said[0]
+    assert len(said) == 2 and "the simulator there is not the one that was built; it is built again" in said[0]
     with RtlLink(sim=QUICK_BUILD) as link:
         link.set_parameters(**BURGER)
         one_step(link)

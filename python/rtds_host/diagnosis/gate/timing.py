@@ -180,7 +180,7 @@ def clock_findings(log: RunLog, case: Case) -> list[Finding]:
                 "t",
                 "rate",
                 "warning",
-                f"{rate:.3g} rows a second are few beside a mechanical time constant of {1e3 * time_constant:.2g} ms: "
+                f"{rate:.3g} rows a second are few for a mechanical time constant of {1e3 * time_constant:.2g} ms: "
                 "parameters of fast parts are biased.",
             )
         )

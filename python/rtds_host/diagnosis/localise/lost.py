@@ -26,5 +26,5 @@ def lost(case: Case) -> tuple[str, ...]:
         elif not (there("gyro_z") and there("yaw")):
             result.append("with only one of gyro and yaw, the gyro cannot be told from the ground contact")
         if not there("x", "y"):
-            result.append("without x and y, wheel radius and track width cannot be told apart")
+            result.append("without x and y, wheel radius and track width are indistinguishable")
     return tuple(result)

@@ -122,6 +122,6 @@ def open_questions(diagnosis: dict[str, Any], details: Details) -> str:
                 + ".</p>"
             )
     else:
-        parts.append('<p id="next" class="soft">No further experiment is needed to tell rivals apart.</p>')
+        parts.append('<p id="next" class="soft">No further experiment is needed.</p>')
     parts += [f'<p class="small soft">{escape(note)}</p>' for note in details.notes]
     return section("open", "What these runs cannot tell, and the next experiment", "".join(parts))

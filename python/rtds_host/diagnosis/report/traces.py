@@ -152,8 +152,7 @@ def plots(diagnosis: dict[str, Any], details: Details) -> str:
     if not data:
         return ""
     body = (
-        CONTROLS
-        + '<p class="soft small">Dots: measured. Lines: replays. Beside each channel what a replay misses, measured '
+        CONTROLS + '<p class="soft small">Dots: measured. Lines: replays. Below: what a replay misses, measured '
         "minus replay; the band is what the sensor's noise alone hardly ever leaves (3 sigma). Times count from the "
         "run's start. The list of runs at the end gives that time on the log's own clock.</p>"
         f'<div id="plots" data-top="{escape(next(iter(data[next(iter(data))])))}"></div>'
