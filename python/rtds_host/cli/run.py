@@ -18,10 +18,11 @@ from rich.table import Table
 from rtds_host.cli.calibrate import link_options
 from rtds_host.contract import builtin_robots, check_writable, load_robot, read_run, staged_folder
 from rtds_host.errors import InputError, did_you_mean, visible
+from rtds_host.faults import Injection, read_faults, read_stimulus
 from rtds_host.robot import check_engine, default_engine
 from rtds_host.robot.window import check_display, window
-from rtds_host.run import Effects, LinkChoice, Options, Outcome, Plan, SignalPath, make_plan, perform, write_outcome
-from rtds_host.run.sensors import CorrectedPath
+from rtds_host.run import Effects, LinkChoice, Options, Outcome, Plan, make_plan, perform, write_outcome
+from rtds_host.run.loop import default_path
 from rtds_host.run.summary import Summary, lines
 from rtds_host.scenario import Scenario, own_scenario, scenarios
 
@@ -187,6 +188,13 @@ def run(
             "(`rtds effects` lists them); may be repeated."
         ),
     ] = None,
+    faults: Annotated[Path | None, typer.Option(help="A script of timed faults (faults.toml, docs/faults.md).")] = None,
+    stimulus: Annotated[
+        Path | None,
+        typer.Option(
+            help="A csv with t and some of v_l, v_r (V), t_l, t_r (N m): played into the motor units' inputs."
+        ),
+    ] = None,
     step: Annotated[float, typer.Option(help="Step of the motor units, s.")] = 1e-5,
     method: Annotated[str, typer.Option(help="backward_euler or trapezoidal.")] = "backward_euler",
     compare: Annotated[
@@ -242,21 +250,22 @@ def run(
         check_display("--gui")
     plans = [make_plan(one, values, options) for one, values in _wanted(scenario, given)]
     changes = [chosen_effects(plan, effects, effect) for plan in plans]
+    injections = _injections(plans, faults, stimulus)
     choice = link_choice(link, sim, step_clocks, link_options(link, calibration, wires, ad2, serial))
     target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / plans[0].scenario.name)
     check_writable(target)
     with _page(live, port, browser) as page:
         with _bars(plans) as report, window(gui):
 
-            def driven(plan: Plan, change: Effects | None) -> Outcome:
-                path = page.path(plan, change) if page is not None else None
-                outcome = perform(plan, choice, compare, path, report, against, change)
+            def driven(plan: Plan, change: Effects | None, injection: Injection | None) -> Outcome:
+                path = page.path(plan, change, injection) if page is not None else None
+                outcome = perform(plan, choice, compare, path, report, against, change, injection)
                 if path is not None:
                     path.end()
                 return outcome
 
             if scenario != "all":
-                outcome = driven(plans[0], changes[0])
+                outcome = driven(plans[0], changes[0], injections[0])
                 write_outcome(outcome, target, figure, form)
                 summaries = [(outcome.summary, target)]
             else:
@@ -264,8 +273,8 @@ def run(
                 summaries = []
                 with staged_folder(target) as scratch:
                     (scratch / "robot.toml").write_bytes(plans[0].robot_path.read_bytes())
-                    for plan, change in zip(plans, changes, strict=True):
-                        outcome = driven(plan, change)
+                    for plan, change, injection in zip(plans, changes, injections, strict=True):
+                        outcome = driven(plan, change, injection)
                         write_outcome(outcome, scratch / plan.scenario.name, figure, form)
                         summaries.append((outcome.summary, target / plan.scenario.name))
         _tell(console, summaries, mcap, as_json)
@@ -293,12 +302,11 @@ class _Page:
     def __init__(self, feed: Feed, wait: Callable[[], None]):
         self.feed, self.wait = feed, wait
 
-    def path(self, plan: Plan, change: Effects | None) -> LivePath:
+    def path(self, plan: Plan, change: Effects | None, injection: Injection | None) -> LivePath:
         """The signal path that a plan would have without it, watched."""
         from rtds_host.view.live import LivePath
 
-        supply = plan.robot.supply_v
-        path = SignalPath(supply) if change is None else CorrectedPath(supply, change.correction.sensors)
+        path = default_path(plan, change.correction if change else None, injection)
         return LivePath(path, plan, self.feed)
 
 
@@ -332,6 +340,26 @@ def chosen_effects(plan: Plan, diagnosis: Path | None, effects: list[str] | None
     return Effects(
         translate(chosen.model, plan.robot, plan.body.payload_kg, step_s=plan.simulator_step_s), chosen.names
     )
+
+
+def _injections(plans: list[Plan], faults: Path | None, stimulus: Path | None) -> list[Injection | None]:
+    """What is injected into each plan's run; None without a script and a stimulus."""
+    if faults is None and stimulus is None:
+        return [None] * len(plans)
+    script = () if faults is None else read_faults(faults)
+    played = None if stimulus is None else read_stimulus(stimulus)
+    return [
+        Injection.of(
+            script,
+            played,
+            plan.simulator_step_s,
+            plan.robot.supply_v,
+            plan.duration_s,
+            plan.method,
+            plan.robot.motor.inductance_h,
+        )
+        for plan in plans
+    ]
 
 
 def link_choice(link: str, sim: str, step_clocks: str, more: dict) -> LinkChoice:

@@ -166,6 +166,9 @@ class ChipLink(RtlLink):
         self.run(_READ_ALL)
         self._note(self.registers.flags("STATUS"))
 
+    def _load_parameters(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+        raise InputError("link chip: the serial line takes longer than a step, a resistance changes at no exact step")
+
     def report(self) -> dict:
         """Figures of the run so far, for a summary: simulated time and clocks, wall time, what was cut."""
         return {

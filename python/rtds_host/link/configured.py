@@ -4,10 +4,12 @@ both.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rtds_host.errors import InputError
-from rtds_host.link.base import EFFECTS_LATE
+from rtds_host.link.base import EFFECTS_LATE, NO_PARAMETERS
 from rtds_host.motor.effect_tables import EffectWords, tables_of
-from rtds_host.motor.effects import SupplyEffects, UnitEffects
+from rtds_host.motor.effects import MotorParameters, SupplyEffects, UnitEffects
 from rtds_host.motor.parameters import parameter_words
 
 
@@ -25,6 +27,7 @@ class ConfiguredLink:
     _exchanged = False
     _wanted: tuple[UnitEffects | None, UnitEffects | None, SupplyEffects | None] = (None, None, None)
     _parameters: tuple[tuple[float, ...], str] | None = None
+    _resistances: tuple[float | None, float | None] | None = None
 
     def set_parameters(
         self,
@@ -63,11 +66,36 @@ class ConfiguredLink:
         self._check_effects(left, right, supply)
         self._compile((left, right, supply), self._parameters)
 
+    def set_resistances(self, ohm: tuple[float | None, float | None]) -> None:
+        """Give [left, right] other armature resistances, ohm; None: those of `set_parameters` or of the effects.
+
+        May be called between any two exchanges, the first time before the first of them. Like parameters, they act one
+        step later than an input given now. Nothing else changes: tables and states stay.
+
+        Raises
+        ------
+        InputError : no parameters yet, the first call is late, a resistance gives no usable coefficients, or this link
+            cannot change one at an exact step. LinkError : the simulator does not answer.
+        """
+        self._check_open()
+        if self._parameters is None:
+            raise InputError(NO_PARAMETERS)
+        if self._exchanged and self._resistances is None:
+            raise InputError(RESISTANCES_LATE)
+        values, method = self._parameters
+        words = _with_resistances(tables_of(*self._wanted, values), values, ohm)
+        for side in words.side_values(values):
+            parameter_words(side, method)
+        self._load_parameters(words, values, method)
+        self._resistances = ohm
+
     def _compile(self, wanted, parameters) -> None:
         """Take effects and parameters over, once both are known and hold together."""
         if parameters is not None:
             values, method = parameters
             words = tables_of(*wanted, values)
+            if self._resistances is not None:
+                words = _with_resistances(words, values, self._resistances)
             for side in words.side_values(values):
                 parameter_words(side, method)
             self._load(words, values, method)
@@ -78,6 +106,15 @@ class ConfiguredLink:
         """Bring effects and the (7,) parameters of `set_parameters` to where the motors are computed."""
         raise NotImplementedError
 
+    def _load_parameters(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+        """Bring the sides' parameters there, and no effects.
+
+        Raises
+        ------
+        InputError : this link cannot do so at an exact step.
+        """
+        raise InputError("set_resistances: this link cannot change a resistance at an exact step")
+
     def _check_open(self) -> None:
         raise NotImplementedError
 
@@ -86,3 +123,17 @@ class ConfiguredLink:
 
     def _check_effects(self, left, right, supply) -> None:
         """Raises InputError where this link cannot have such effects."""
+
+
+RESISTANCES_LATE = "set_resistances: an exchange has been made, the first call comes before the first exchange"
+
+
+def _with_resistances(
+    words: EffectWords, values: tuple[float, ...], ohm: tuple[float | None, float | None]
+) -> EffectWords:
+    """The same words for motors of their own, each with its resistance."""
+    sides = [[float(x) for x in side[:6]] for side in words.side_values(values)]
+    for side, resistance in zip(sides, ohm):
+        if resistance is not None:
+            side[0] = float(resistance)
+    return replace(words, motors=(MotorParameters(*sides[0]), MotorParameters(*sides[1])))

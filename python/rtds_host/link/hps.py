@@ -290,17 +290,21 @@ class HpsLink(ConfiguredLink):
         self.bus.run([(WRITE, self._at[name], value) for name, value in pairs])
 
     def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
-        orders: list[tuple[int, int, int]] = []
         if words.on:
+            orders: list[tuple[int, int, int]] = []
             for address, data in words.writes():
                 orders += [(WRITE, self._at["FX_ADDRESS"], address), (WRITE, self._at["FX_DATA"], data)]
+            self.bus.run(orders)
+        self._load_parameters(words, values, method)
+
+    def _load_parameters(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
         (left, index), (right, _) = (parameter_words(side, method) for side in words.side_values(values))
         left_words, right_words = left.view(np.uint32).tolist(), right.view(np.uint32).tolist()
         switches = index | words.on << 1 | words.own << 2 | words.delay << 4 | words.stride << 16
         period = self._step_clocks
         if period is None:
             period = round(values[6] * CLOCK_HZ)
-        orders += [
+        orders = [
             (WRITE, self._at[name], value)
             for name, value in (
                 ("SWITCHES", switches),

@@ -48,9 +48,12 @@ class ModelLink(ConfiguredLink):
             self.pair.set_parameters(*values, method)
             self.effects = None
         else:
-            self.effects = self.effects or EffectPair()
-            self.effects.set_parameters(words.side_values(values), method)
+            self._load_parameters(words, values, method)
             self.effects.load(words)
+
+    def _load_parameters(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+        self.effects = self.effects or EffectPair()
+        self.effects.set_parameters(words.side_values(values), method)
 
     def exchange(
         self,

@@ -183,6 +183,9 @@ class RtlLink(ConfiguredLink):
         if words.on:
             table = b"".join(protocol.EFFECT_WORD.pack(*pair) for pair in words.writes())
             self._check_length(self._ask(protocol.EFFECTS, table, protocol.DONE), 0)
+        self._load_parameters(words, values, method)
+
+    def _load_parameters(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
         (left, method_index), (right, _) = (parameter_words(side, method) for side in words.side_values(values))
         payload = protocol.PARAMETERS_PAYLOAD.pack(
             *left.view(np.uint32).tolist(), *right[:6].view(np.uint32).tolist(), method_index, self._step_clocks,

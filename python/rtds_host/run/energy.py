@@ -12,6 +12,9 @@ import numpy as np
 
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.coupler import set_effects
+from rtds_host.faults.inject import FaultLink
+from rtds_host.faults.timeline import Injection
+from rtds_host.link.base import Link
 from rtds_host.link.model import ModelLink
 from rtds_host.motor import EnergyTerms
 from rtds_host.robot import STEP_S
@@ -52,11 +55,15 @@ def _same(plan: Plan, record: Record, last) -> bool:
     )
 
 
-def ends_alike(plan: Plan, record: Record, correction: Correction) -> bool:
-    """Whether the bit-exact model, with a correction's effects, ends at the same 32-bit currents and speeds."""
-    with ModelLink() as link:
-        set_motors(link, plan, carry=False)
-        set_effects(link, correction)
+def ends_alike(
+    plan: Plan, record: Record, correction: Correction | None = None, injection: Injection | None = None
+) -> bool:
+    """Whether the bit-exact model, with effects and what was injected, ends at the same 32-bit currents and speeds."""
+    with ModelLink() as model:
+        link: Link = model if injection is None else FaultLink(model, injection)
+        set_motors(link, plan, carry=correction is None)
+        if correction is not None:
+            set_effects(link, correction)
         for start, end, volts, load in zip(
             record.starts, record.ends, record.applied, record.shaft_torques, strict=True
         ):

@@ -13,6 +13,9 @@ from rtds_host.correction import layer
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.coupler import Coupler, set_effects
 from rtds_host.errors import InputError
+from rtds_host.faults.inject import FaultLink
+from rtds_host.run.fault_path import FaultPath
+from rtds_host.faults.timeline import Injection
 from rtds_host.link import Link, open_link
 from rtds_host.robot import STEP_S, Body, Engine, open_engine
 from rtds_host.run.path import Sample, SignalPath
@@ -90,22 +93,29 @@ def drive(
     progress: Callable[[float], None] | None = None,
     correction: Correction | None = None,
     engine_of: OpenEngine = open_engine,
+    injection: Injection | None = None,
 ) -> Record:
     """Drive one run through an open link.
 
     Parameters
     ----------
-    path : what stands between controller, motors, robot and log; the nominal one by default.
+    path : what stands between controller, motors, robot and log; by default that of `default_path`. One that is given
+        has the injection's sensors in it already.
     progress : is called with the simulated time, s, once an exchange.
     correction : makes it another robot than the nominal one. With it, and where the body outweighs the rotors, motors
     and
         robot exchange torques each engine step without lag, whatever the controller's interval.
     engine_of : opens the physics engine, of the plan's name, with the body at its first pose.
+    injection : faults and played signals (`rtds_host.faults`).
 
     Raises
     ------
     InputError : parameters or times the link cannot take. LinkError : the link does not answer.
     """
+    if injection is not None:
+        if plan.coupling != "closed":
+            raise InputError(f"coupling {plan.coupling!r}: faults and a stimulus need coupling 'closed'")
+        link = FaultLink(link, injection)
     set_motors(link, plan, carry=correction is None)
     body = plan.body
     if correction is not None:
@@ -115,16 +125,22 @@ def drive(
             )
         body = correction.body_on(plan.body)
         set_effects(link, correction)
-        path = path or CorrectedPath(plan.robot.supply_v, correction.sensors)
-    path = path or SignalPath(plan.robot.supply_v)
+    path = path or default_path(plan, correction, injection)
     with engine_of(plan.engine, body, plan.motion.start) as engine:
         began = time.perf_counter()
         coupler = None
-        if correction is not None or plan.carried_kg_m2:
+        if correction is not None or injection is not None or plan.carried_kg_m2:
             coupler = Coupler(plan.robot, body, link, engine, correction, carried_kg_m2=plan.carried_kg_m2)
-        record = _Loop(plan, link, engine, path, coupler, correction).run(progress)
+        record = _Loop(plan, link, engine, path, coupler, correction, injection).run(progress)
         report = getattr(link, "report", None)
         return Record(**record, wall_s=time.perf_counter() - began, link_report=report() if report else None)
+
+
+def default_path(plan: Plan, correction: Correction | None = None, injection: Injection | None = None) -> SignalPath:
+    """The signal path of a run: the nominal one, or that of a correction's sensors, with an injection's faults in it."""
+    supply_v = plan.robot.supply_v
+    path = SignalPath(supply_v) if correction is None else CorrectedPath(supply_v, correction.sensors)
+    return path if injection is None else FaultPath(path, injection)
 
 
 def drive_with(
@@ -135,10 +151,11 @@ def drive_with(
     progress: Callable[[float], None] | None = None,
     correction: Correction | None = None,
     engine_of: OpenEngine = open_engine,
+    injection: Injection | None = None,
 ) -> Record:
     """Open a link, drive one run through it, close it. See `drive` and `rtds_host.link.open_link`."""
     with open_link(link_name, **(link_options or {})) as link:
-        return drive(plan, link, path, progress, correction, engine_of)
+        return drive(plan, link, path, progress, correction, engine_of, injection)
 
 
 class _Loop:
@@ -150,9 +167,10 @@ class _Loop:
         path: SignalPath,
         coupler: Coupler | None = None,
         correction: Correction | None = None,
+        injection: Injection | None = None,
     ):
         self.plan, self.link, self.engine, self.path = plan, link, engine, path
-        self.coupler, self.correction = coupler, correction
+        self.coupler, self.correction, self.injection = coupler, correction, injection
         self.ratio = plan.robot.motor.gear_ratio
         count = plan.total_steps + 1
         self.t = np.arange(count) * STEP_S
@@ -223,6 +241,7 @@ class _Loop:
                 np.repeat(commanded, often, axis=0),
                 np.repeat(applied, often, axis=0),
             )
+            self._note_played(commanded)
         return {
             "t_s": self.t,
             "speeds": self.speeds,
@@ -296,6 +315,16 @@ class _Loop:
             if step < end and step % self.plan.log_steps == 0:
                 look(step)
         return sent
+
+    def _note_played(self, commanded: np.ndarray) -> None:
+        """Put the mean of played voltages where they took the place of commands (n, 2), a row of the log at a time."""
+        if self.injection is None or self.injection.stimulus is None:
+            return
+        per = round(STEP_S / self.injection.step_s)
+        for start in range(0, len(commanded), self.plan.log_steps):
+            end = min(start + self.plan.log_steps, len(commanded))
+            mean = self.injection.played_mean(start * per, end * per)
+            commanded[start:end] = np.where(np.isnan(mean), commanded[start:end], mean)
 
     def _bus(self, step: int) -> float:
         """Voltage of the supply."""

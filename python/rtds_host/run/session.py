@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from rtds_host.contract import staged_folder, write_run
 from rtds_host.errors import InputError
 from rtds_host.robot import open_engine
+from rtds_host.faults.timeline import Injection
 from rtds_host.run.log import log_columns, run_meta
 from rtds_host.run.loop import OpenEngine, Record, drive_with
 from rtds_host.run.path import SignalPath
@@ -70,6 +71,7 @@ def perform(
     against: str | None = None,
     effects: Effects | None = None,
     engine_of: OpenEngine = open_engine,
+    injection: Injection | None = None,
 ) -> Outcome:
     """Drive the plan and, where there is a controller and `compare`, once more with the other one.
 
@@ -78,6 +80,10 @@ def perform(
     Through converters (links `chip` and `ad2`) the model's end differs from the run's.
 
     `engine_of` opens the engine of the run and of the comparison; `against` is one that comes with the package.
+
+    Parameters
+    ----------
+    path : see `rtds_host.run.loop.drive`. against : another engine to drive in. injection : faults and played signals.
 
     Raises
     ------
@@ -88,7 +94,7 @@ def perform(
         return None if progress is None else lambda t: progress(label, t)
 
     change = effects.correction if effects else None
-    record = drive_with(plan, link.name, link.options, path, report(plan.scenario.name), change, engine_of)
+    record = drive_with(plan, link.name, link.options, path, report(plan.scenario.name), change, engine_of, injection)
     twin = LinkChoice("model")
     compared = rival = None
     if compare and plan.controller is not None:
@@ -103,6 +109,7 @@ def perform(
                 report(f"{plan.scenario.name} ({other.controller})"),
                 change,
                 engine_of,
+                injection,
             ),
         )
     if against is not None and against != plan.engine:
@@ -115,9 +122,10 @@ def perform(
                 path,
                 report(f"{plan.scenario.name} ({against})"),
                 change,
+                injection=injection,
             ),
         )
-    return Outcome(plan, record, summarise(plan, record, link.text, compared, rival, effects))
+    return Outcome(plan, record, summarise(plan, record, link.text, compared, rival, effects, injection))
 
 
 def write_outcome(outcome: Outcome, folder: Path, figure: bool = True, form: str = "csv") -> None:
@@ -130,8 +138,8 @@ def write_outcome(outcome: Outcome, folder: Path, figure: bool = True, form: str
     with staged_folder(folder, owned=OWNED) as scratch:
         plan = outcome.plan
         notes = f"driven by rtds: {plan.robot.name}, coupling {plan.coupling}, {plan.engine}"
-        if outcome.summary.effects:
-            notes += "; with " + "; ".join(outcome.summary.effects)
+        if outcome.summary.effects or outcome.summary.faults:
+            notes += "; with " + "; ".join((*outcome.summary.effects, *outcome.summary.faults))
         write_run(scratch, run_meta(plan, notes), log_columns(outcome.record), form)
         (scratch / "robot.toml").write_bytes(plan.robot_path.read_bytes())
         (scratch / "summary.json").write_text(json.dumps(outcome.summary.to_json(), indent=1) + "\n")

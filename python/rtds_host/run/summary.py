@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from rtds_host.correction.correction import Correction
+from rtds_host.faults.timeline import Injection
 from rtds_host.robot import STEP_S
 from rtds_host.run.energy import Audit, audit, ends_alike
 from rtds_host.run.loop import Record
@@ -40,7 +41,7 @@ class Effects:
 @dataclass(frozen=True)
 class Summary:
     """Figures of one run, SI; two-vectors are [left, right]. None where a run has no reference, or no comparison;
-    energies are those of ideal motor units, None with `effects`; `robot_energy_gap` is None of a robot that stood
+    energies are those of ideal motor units, None with `effects` or `faults`; `robot_energy_gap` is None of a robot that stood
     still."""
 
     scenario: str
@@ -79,6 +80,7 @@ class Summary:
     engine_gap: EngineGap | None
     link_report: dict | None
     effects: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
 
     def to_json(self) -> dict:
         """For `summary.json`."""
@@ -126,10 +128,13 @@ def summarise(
     compared: tuple[Plan, Record] | None = None,
     rival: tuple[str, Record] | None = None,
     effects: Effects | None = None,
+    injection: Injection | None = None,
 ) -> Summary:
     """The figures of a run; `compared` is the same run with the other controller, `rival` in the other engine."""
-    energy: Audit | None = audit(plan, record) if effects is None else None
-    alike = energy.same if energy else ends_alike(plan, record, effects.correction)
+    ideal = effects is None and injection is None
+    energy: Audit | None = audit(plan, record) if ideal else None
+    correction = effects.correction if effects else None
+    alike = energy.same if energy else ends_alike(plan, record, correction, injection)
 
     def term(name: str) -> list[float] | None:
         return getattr(energy.terms, name).tolist() if energy else None
@@ -172,6 +177,7 @@ def summarise(
         engine_gap=engine_gap(plan, record, *rival) if rival else None,
         link_report=record.link_report,
         effects=effects.names if effects else (),
+        faults=injection.names if injection else (),
     )
 
 
@@ -184,6 +190,7 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
 
     rows = [("robot, link", f"{s.robot}, motors in {s.link}, {s.engine}, coupling {s.coupling}")]
     rows += [("effects" if k == 0 else "", name) for k, name in enumerate(s.effects)]
+    rows += [("faults" if k == 0 else "", name) for k, name in enumerate(s.faults)]
     if any(s.carried_inertia_kg_m2):
         rows.append(
             (
@@ -273,5 +280,8 @@ def _link_text(report: dict) -> str:
             f"{report['chip_steps']} steps of the chip, {report['clocks_50_mhz']} clocks of 50 MHz ({clocks}) in "
             f"{report['chip_wall_s']:.2f} s"
         )
-    parts.append("cut by a range: " + (", ".join(report["cut_by_range"]) or "nothing"))
+    if "late_s" in report:
+        parts.append(f"{report['steps']} strobes, together {1e3 * report['late_s']:.3g} ms late")
+    if "cut_by_range" in report:
+        parts.append("cut by a range: " + (", ".join(report["cut_by_range"]) or "nothing"))
     return "; ".join(parts)
