@@ -1,8 +1,9 @@
-# quartus_sta -t report.tcl: Fmax of each clock and the worst slacks, over all corners. Status 1 when a slack is negative.
+# quartus_sta -t report.tcl PROJECT: Fmax of each clock and the worst slacks, over all corners. Status 1 when a slack is negative.
 package require ::quartus::project
 package require ::quartus::sta
 
-project_open rtds -revision rtds
+set project [lindex $quartus(args) 0]
+project_open $project -revision $project
 create_timing_netlist
 read_sdc
 set missed 0

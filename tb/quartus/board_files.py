@@ -49,7 +49,7 @@ def read_qsf(text: str) -> Qsf:
     qsf = Qsf()
     for line in text.splitlines():
         line = re.sub(r'-to "([^"]*)"', r"-to \1", line.strip())
-        line = re.sub(rf'\s+-entity "?{TOP}"?(?=\s|$)', "", line)
+        line = re.sub(r'\s+-entity "?\w+"?(?=\s|$)', "", line)
         if not line or line.startswith("#"):
             continue
         if m := re.fullmatch(
@@ -66,7 +66,7 @@ def read_qsf(text: str) -> Qsf:
         elif m := re.fullmatch(r'set_instance_assignment -name (\w+) "?([^"]*?)"? -to (\S+)', line):
             qsf.instances.append((m[1], m[2], m[3]))
         else:
-            raise ValueError(f"rtds.qsf: cannot read {line!r}")
+            raise ValueError(f"qsf: cannot read {line!r}")
     return qsf
 
 
@@ -113,14 +113,35 @@ def yosys(script: str, folder: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def elaborate(folder: Path, faults: Mapping[str, tuple[str, str]] | None = None) -> tuple[Design, dict, dict, dict]:
-    """Elaborate the top below `folder`: by hierarchy (Design), flat, flat but for the reset_gates, and flat with
+@dataclass(frozen=True)
+class Project:
+    """A Quartus project: its name, top, list of files, and cells of the vendor's that Yosys does not have itself."""
+
+    name: str = "rtds"
+    top: str = TOP
+    file_list: str = FILE_LIST
+    cells: tuple[str, ...] = ()
+
+    def text(self, suffix: str) -> str:
+        """Content of its file of that suffix in quartus/."""
+        return (ROOT / "quartus" / f"{self.name}.{suffix}").read_text()
+
+
+BOARD_PROJECT = Project()
+HPS_PROJECT = Project("rtds_hps", "rtds_top_hps", "rtl/top/board_hps.f", ("rtl/vendor/cyclonev_hps.v",))
+
+
+def elaborate(
+    folder: Path, faults: Mapping[str, tuple[str, str]] | None = None, project: Project = BOARD_PROJECT
+) -> tuple[Design, dict, dict, dict]:
+    """Elaborate a project's top below `folder`: by hierarchy (Design), flat, flat but for the reset_gates, and flat with
     enables where a register holds its value (Yosys's netlists).
 
     faults : file name -> (text that stands there, text instead), to see whether a check notices.
     """
     names = []
-    for path in read_file_list(FILE_LIST):
+    top = project.top
+    for path in [*read_file_list(project.file_list), *(ROOT / cell for cell in project.cells)]:
         shutil.copy(path, folder)
         names.append(path.name)
         if old_new := (faults or {}).get(path.name):
@@ -131,7 +152,7 @@ def elaborate(folder: Path, faults: Mapping[str, tuple[str, str]] | None = None)
             shutil.copy(header, folder)
     read = (
         f"read_verilog {' '.join(names)}; read_verilog -lib +/intel_alm/common/megafunction_bb.v; "
-        f"hierarchy -check -top {TOP}; proc; opt_expr; opt_clean"
+        f"hierarchy -check -top {top}; proc; opt_expr; opt_clean"
     )
     yosys(
         f"{read}; write_json tree.json; design -save read; flatten; opt_clean; write_json flat.json; "
@@ -141,9 +162,9 @@ def elaborate(folder: Path, faults: Mapping[str, tuple[str, str]] | None = None)
     )
     tree = json.loads((folder / "tree.json").read_text())["modules"]
     flat, gated, enabled = (
-        json.loads((folder / f"{name}.json").read_text())["modules"][TOP] for name in ("flat", "gated", "enabled")
+        json.loads((folder / f"{name}.json").read_text())["modules"][top] for name in ("flat", "gated", "enabled")
     )
-    return _design(tree), flat, gated, enabled
+    return _design(tree, top), flat, gated, enabled
 
 
 def _base(module: str) -> str:
@@ -151,9 +172,9 @@ def _base(module: str) -> str:
     return module.split("\\")[1] if module.startswith("$paramod") else module
 
 
-def _design(tree: dict) -> Design:
-    top = tree[TOP]
-    source = (ROOT / "rtl/top/rtds_top.v").read_text()
+def _design(tree: dict, top_name: str) -> Design:
+    top = tree[top_name]
+    source = (ROOT / f"rtl/top/{top_name}.v").read_text()
     ports = {}
     for name, port in top["ports"].items():
         vector = re.search(rf"wire\s*\[[^\]]*\]\s*{name}\b", source) is not None

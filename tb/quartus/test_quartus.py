@@ -463,7 +463,7 @@ proc execute_flow args {
     lappend ::log execute_flow $args
     if {$::fails} {error "Error (11802): Can't fit design in device."}
 }
-set quartus(args) [list $build]
+set quartus(args) [list $build rtds]
 """
 
 
@@ -496,6 +496,7 @@ def test_the_build_identity_is_a_plain_number_and_does_not_stay_in_the_project(t
 # The part of quartus_sta's Tcl that report.tcl uses, with the documented collections: opaque, and only
 # foreach_in_collection looks into one.
 STAND_IN = """
+set quartus(args) [list rtds]
 package provide ::quartus::project 1.0
 package provide ::quartus::sta 1.0
 foreach name {
@@ -530,3 +531,72 @@ def test_report_fails_on_a_negative_slack(tmp_path, worst, status):
     )
     assert "removal" not in done.stdout
     assert ("a slack is negative" in done.stderr) == (status == 1)
+
+
+# ---- the project of the board's own processor -------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def hps(tmp_path_factory):
+    """Its elaborated top, its assignments and its constraints."""
+    project = files.HPS_PROJECT
+    elaborated = files.elaborate(tmp_path_factory.mktemp("hps"), project=project)
+    return elaborated, files.read_qsf(project.text("qsf")), files.sdc_commands(project.text("sdc"))
+
+
+def test_the_project_of_the_boards_processor_has_every_pin_and_lists_its_design(hps):
+    (design, *_), qsf, sdc = hps
+    assert pin_problems(design.ports, qsf, files.board()) == []
+    listed = [(ROOT / "quartus" / name).resolve() for name in qsf.values("VERILOG_FILE")]
+    assert listed == read_file_list(files.HPS_PROJECT.file_list)
+    assert qsf.values("TOP_LEVEL_ENTITY") == ["rtds_top_hps"] and qsf.values("DEVICE") == ["5CSEBA6U23I7"]
+    assert qsf.values("SDC_FILE") == ["rtds_hps.sdc"]
+    assert 'PROJECT_REVISION = "rtds_hps"' in files.HPS_PROJECT.text("qpf")
+    found = {(ROOT / "quartus" / name).resolve() for name in qsf.values("SEARCH_PATH")}
+    assert found == {header.parent for header in headers([files.HPS_PROJECT.file_list])}
+    assert unmatched(sdc, design) == [] and unbounded(sdc, design) == []
+
+
+def test_a_wrong_pin_of_that_project_is_found(hps):
+    (design, *_), _, _ = hps
+    text = files.HPS_PROJECT.text("qsf")
+    fault = text.replace("PIN_AH17 -to KEY[0]", "PIN_AH16 -to KEY[0]")
+    assert fault != text
+    assert pin_problems(design.ports, files.read_qsf(fault), files.board()) == [
+        "KEY[0]: at AH16, the board has it elsewhere"
+    ]
+
+
+def test_that_project_is_read_as_quartus_leaves_it(hps):
+    (design, *_), qsf, _ = hps
+    text = files.HPS_PROJECT.text("qsf").replace("-to KEY[0]", '-to "KEY[0]" -entity rtds_top_hps') + LEFT_BY_QUARTUS
+    left = files.read_qsf(text)
+    assert left.pins == qsf.pins and left.instances == qsf.instances
+    assert pin_problems(design.ports, left, files.board()) == []
+
+
+def test_that_project_has_one_clock_and_resets_that_come_with_it(hps):
+    """No crossing, and every asynchronous clear comes out of the one synchroniser, which only button and HPS clear."""
+    (_, flat, _, _), _, sdc = hps
+    assert files.crossings(flat) == set()
+    outside = set()
+    for source, from_clock, destination, to_clock in files.clears(flat):
+        if source.endswith("rst_out_q"):
+            assert from_clock == to_clock
+        else:
+            assert re.search(r"\brst_(meta|sync|out)_q$", destination) and not from_clock, (source, destination)
+            outside.add(source)
+    assert outside == {"KEY", "hps_rst_n"}
+    assert any("-from [get_ports {KEY[*]" in c for c in sdc)
+
+
+def test_an_unknown_project_ends_in_one_line(tmp_path):
+    (tmp_path / "dirname").symlink_to(shutil.which("dirname"))
+    done = subprocess.run(
+        [ROOT / "quartus" / "compile.sh", "rtds_hsp"],
+        env={"PATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (2, "rtds_hsp: no such project (known: rtds, rtds_hps)\n")

@@ -14,10 +14,10 @@ from rtds_host.correction.correction import Correction
 from rtds_host.correction.coupler import Coupler, set_effects
 from rtds_host.errors import InputError
 from rtds_host.faults.inject import FaultLink
-from rtds_host.run.fault_path import FaultPath
 from rtds_host.faults.timeline import Injection
 from rtds_host.link import Link, open_link
 from rtds_host.robot import STEP_S, Body, Engine, open_engine
+from rtds_host.run.fault_path import FaultPath
 from rtds_host.run.path import Sample, SignalPath
 from rtds_host.run.plan import Plan
 from rtds_host.run.sensors import CorrectedPath
@@ -137,7 +137,7 @@ def drive(
 
 
 def default_path(plan: Plan, correction: Correction | None = None, injection: Injection | None = None) -> SignalPath:
-    """The signal path of a run: the nominal one, or that of a correction's sensors, with an injection's faults in it."""
+    """A run's signal path: the nominal one or that of a correction's sensors, with an injection's faults."""
     supply_v = plan.robot.supply_v
     path = SignalPath(supply_v) if correction is None else CorrectedPath(supply_v, correction.sensors)
     return path if injection is None else FaultPath(path, injection)

@@ -41,8 +41,8 @@ class Effects:
 @dataclass(frozen=True)
 class Summary:
     """Figures of one run, SI; two-vectors are [left, right]. None where a run has no reference, or no comparison;
-    energies are those of ideal motor units, None with `effects` or `faults`; `robot_energy_gap` is None of a robot that stood
-    still."""
+    energies are those of ideal motor units, None with `effects` or `faults`; `robot_energy_gap` is None of a robot that
+    stood still."""
 
     scenario: str
     robot: str
