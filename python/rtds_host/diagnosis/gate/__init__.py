@@ -29,6 +29,7 @@ from rtds_host.diagnosis.gate import (
 )
 from rtds_host.diagnosis.gate.findings import SEVERITIES, Finding, Gate, Timing, merged, percent
 from rtds_host.diagnosis.gate.limits import Limits, channels, limits
+from rtds_host.diagnosis.gate.stuck import timed_faults
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError
 
@@ -175,6 +176,10 @@ def _compared(
     found += units.refuse(seen, robot, bounds)
     for (log, compared), replayed in zip(seen, replayed_runs):
         told, aside = sensors.in_samples(log, counting, replayed)
+        timed, stuck = timed_faults(log, robot)
+        told += timed
+        for c, rows in stuck.items():
+            aside[c] = np.union1d(aside[c], rows) if c in aside else rows
         for c, rows in glitches.beside_replay(log, case, bounds, noise, replayed).items():
             aside[c] = np.union1d(aside[c], rows) if c in aside else rows
             told.append(_glitch(log, c, rows, int(np.isfinite(log.columns[c]).sum())))
