@@ -134,8 +134,8 @@ HPS_PROJECT = Project("rtds_hps", "rtds_top_hps", "rtl/top/board_hps.f", ("rtl/v
 def elaborate(
     folder: Path, faults: Mapping[str, tuple[str, str]] | None = None, project: Project = BOARD_PROJECT
 ) -> tuple[Design, dict, dict, dict]:
-    """Elaborate a project's top below `folder`: by hierarchy (Design), flat, flat but for the reset_gates, and flat with
-    enables where a register holds its value (Yosys's netlists).
+    """Elaborate a project's top below `folder`: by hierarchy (Design), flat, flat but for the reset_gates, and flat
+    with enables where a register holds its value (Yosys's netlists).
 
     faults : file name -> (text that stands there, text instead), to see whether a check notices.
     """

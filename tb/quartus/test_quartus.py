@@ -533,7 +533,7 @@ def test_report_fails_on_a_negative_slack(tmp_path, worst, status):
     assert ("a slack is negative" in done.stderr) == (status == 1)
 
 
-# ---- the project of the board's own processor -------------------------------------------------------------------------
+# ---- the project of the board's own processor -----------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

@@ -82,16 +82,18 @@ class FaultPath(SignalPath):
         speeds, angles, currents = (
             np.array(x, dtype=float) for x in (seen.speeds_rad_s, seen.angles_rad, seen.currents_a)
         )
-        for one in self._encoders:
+        for one in reversed(self._encoders):
             side = SIDES.index(one.fault.side)
-            if one.start <= step:
-                # An encoder has a gain of its own in the path: the same share of what it missed is missing.
-                gain = seen.angles_rad[side] / sample.angles_rad[side] if sample.angles_rad[side] else 1.0
-                until = sample if step < one.end else self._at_end[one]
-                missed = until.angles_rad[side] - self._at_start[one].angles_rad[side]
-                angles[side] -= gain * missed
+            if one.start > step:
+                continue
+            # An encoder has a gain of its own in the path: the same share of what it missed is missing.
+            gain = seen.angles_rad[side] / sample.angles_rad[side] if sample.angles_rad[side] else 1.0
+            start = self._at_start[one].angles_rad[side]
             if one.acts(step):
                 speeds[side] = 0.0
+                angles[side] = gain * start
+            else:
+                angles[side] -= gain * (self._at_end[one].angles_rad[side] - start)
         for one in self._adc:
             if one.acts(step):
                 side = SENSOR_CHANNELS.index(one.fault.channel)

@@ -25,7 +25,8 @@ def timed_faults(log: RunLog, robot: Robot) -> tuple[list[Finding], dict[str, np
     """Findings on faults of a run that begin in it, and channel -> rows (k,) that are no measurement."""
     found: list[Finding] = []
     aside: dict[str, np.ndarray] = {}
-    for tell in (_dip(log, robot), *(_open(log, robot, side) for side in SIDES)):
+    told = [judge(log, robot, side) for judge in (_open, _voltage) for side in SIDES]
+    for tell in (_dip(log, robot), *told):
         if tell is not None:
             found.append(tell)
     for side in SIDES:
@@ -61,7 +62,10 @@ def _volts(log: RunLog, robot: Robot, side: str) -> np.ndarray | None:
     # A row's command acts from it on.
     before = np.concatenate([[0.0], log.columns[c][:-1]])
     volts = np.clip(before, -robot.supply_v, robot.supply_v)
-    return volts * (log.columns["v_bus"] / robot.supply_v) if robot.driver.bus == "measured" else volts
+    if robot.driver.bus != "measured":
+        return volts
+    bus = log.columns["v_bus"]
+    return volts * np.concatenate([bus[:1], bus[:-1]]) / robot.supply_v
 
 
 def _encoder(log: RunLog, robot: Robot, side: str) -> tuple[Finding, dict[str, np.ndarray]] | None:
@@ -108,7 +112,7 @@ def _encoder(log: RunLog, robot: Robot, side: str) -> tuple[Finding, dict[str, n
             # What was not counted is lost: every later angle lacks it.
             counts.append(np.arange(part.stop, len(th)))
     angles = np.unique(np.concatenate(counts))
-    speeds = np.concatenate([np.arange(part.start + 1, part.stop) for part, _ in stuck])
+    speeds = np.concatenate([np.arange(part.start, part.stop) for part, _ in stuck])
     text = (
         f"{angle} stays at {th[rows.start]:.4g} for {np.ptp(log.t[rows]):.3g} s from "
         f"t = {moment(log.t[rows.start])} s, while the gyro and the {SIDES[other[-1]]} wheel say "
@@ -146,7 +150,9 @@ def _current(log: RunLog, robot: Robot, side: str) -> tuple[Finding, dict[str, n
     stuck = [
         rows
         for rows in _stretches(i)
-        if abs(i[rows.start]) > MOVES * noise and float(np.nanstd(taken[rows])) > MOVES * sigma
+        if abs(i[rows.start]) > MOVES * noise
+        and np.isfinite(taken[rows]).sum() >= FEWEST
+        and float(np.nanstd(taken[rows])) > MOVES * sigma
     ]
     if not stuck:
         return None
@@ -191,17 +197,50 @@ def _open(log: RunLog, robot: Robot, side: str) -> Finding | None:
     longest = max(parts, key=lambda rows: rows.stop - rows.start)
     volts, noise = _volts(log, robot, side), robot.noise(f"i_{side}") or 0.0
     assert volts is not None
-    least = float(np.median(np.abs(volts[longest][asked[longest]])))
-    less = np.isfinite(i) & (np.abs(i) > SHOWS * noise) & (np.abs(volts) < least)
+    rows = np.flatnonzero(asked[longest]) + longest.start
+    # Driven by less, with less before it: neither a dead zone nor a drop lets it through and not the other.
+    less = (np.abs(i) > MOVES * noise) & (i * volts > 0.0) & (i * taken > 0.0)
+    for what in (volts, taken):
+        less &= np.abs(what) < float(np.median(np.abs(what[rows])))
     if less.sum() < FEWEST:
         return None
-    missing = float(np.median(taken[longest][asked[longest]]))
+    missing = float(np.median(taken[rows]))
     text = (
         f"i_{side} is zero for {np.ptp(log.t[longest]):.3g} s from t = {moment(log.t[longest.start])} s, while voltage "
-        f"and speed ask for {missing:.3g} A, and less voltage gets a current elsewhere: the {SIDES[side]} motor's phase "
-        "was open, or its driver off. No effect begins at a time: leave these seconds out."
+        f"and speed ask for {missing:.3g} A, and less voltage gets a current elsewhere: the {SIDES[side]} motor's "
+        "phase was open, or its driver off. No effect begins at a time: leave these seconds out."
     )
     return Finding(log.name, f"i_{side}", "phase_open", "warning", text, float(quiet[longest].sum()) / len(i))
+
+
+def _voltage(log: RunLog, robot: Robot, side: str) -> Finding | None:
+    """A motor at one voltage, R i + Kb w, above what changing commands ask for.
+
+    A limit or a dead zone takes voltage away, and a gain or a curve moves with the command.
+    """
+    known = _expected_current(log, robot, side)
+    volts = _volts(log, robot, side)
+    if known is None or volts is None:
+        return None
+    taken, sigma = known
+    sigma *= robot.motor.resistance_ohm
+    at = volts + robot.motor.resistance_ohm * (log.columns[f"i_{side}"] - taken)
+    beyond = (np.abs(at) > np.abs(volts) + SHOWS * sigma) | (at * volts < 0.0) & (np.abs(at) > SHOWS * sigma)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(int)))
+    stuck = [
+        slice(a, b)
+        for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        if b - a >= FEWEST and np.std(at[a:b]) < MOVES * sigma and np.ptp(volts[a:b]) > SHOWS * sigma
+    ]
+    if not stuck:
+        return None
+    rows = max(stuck, key=lambda part: part.stop - part.start)
+    text = (
+        f"The {SIDES[side]} motor takes {float(np.median(at[rows])):.3g} V for {np.ptp(log.t[rows]):.3g} s from "
+        f"t = {moment(log.t[rows.start])} s, while its commands go from {volts[rows].min():.3g} to "
+        f"{volts[rows].max():.3g} V: its input was stuck. No effect begins at a time: leave these seconds out."
+    )
+    return Finding(log.name, f"v_cmd_{side}", "voltage_stuck", "warning", text, (rows.stop - rows.start) / len(at))
 
 
 def _dip(log: RunLog, robot: Robot) -> Finding | None:
