@@ -259,7 +259,7 @@ def run(
 
             def driven(plan: Plan, change: Effects | None, injection: Injection | None) -> Outcome:
                 path = page.path(plan, change, injection) if page is not None else None
-                outcome = perform(plan, choice, compare, path, report, against, change, injection)
+                outcome = perform(plan, choice, compare, path, report, against, change, injection=injection)
                 if path is not None:
                     path.end()
                 return outcome

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from rtds_host.contract import staged_folder, write_run
 from rtds_host.errors import InputError
-from rtds_host.robot import open_engine
 from rtds_host.faults.timeline import Injection
+from rtds_host.robot import open_engine
 from rtds_host.run.log import log_columns, run_meta
 from rtds_host.run.loop import OpenEngine, Record, drive_with
 from rtds_host.run.path import SignalPath
