@@ -1,10 +1,10 @@
 """How long the sentences of the documentation are, and which words of it are private.
 
-    python examples/language.py [PAGE …] [--long] [--help-texts]
+    python examples/language.py [PAGE …] [--long] [--help-texts] [--since COMMIT]
 
 prints a row a page: words, sentences, median and largest length of a sentence, private words. Without a page: README,
 CONTRIBUTING and all of docs/. `--long` prints each sentence that is too long, `--help-texts` measures what
-the program's commands and options say of themselves.
+the program's commands and options say of themselves. `--since` prints each figure at that commit and now.
 
 Counted is what a reader reads as sentences: paragraphs and items of lists. Code, comments and pictures are left out, a
 span of code or a figure is one word, a link counts by its text. Cells of tables count for the largest length only: they
@@ -172,6 +172,24 @@ def pages() -> list[Path]:
     return [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
+def at_commit(path: Path, commit: str) -> Measure | None:
+    """A page's measure at a commit of the repository, None where it had no such page."""
+    import subprocess
+
+    name = str(path.relative_to(ROOT))
+    done = subprocess.run(["git", "show", f"{commit}:{name}"], cwd=ROOT, capture_output=True, text=True, check=False)
+    return Measure(name, sentences(done.stdout)) if done.returncode == 0 else None
+
+
+def compared(then: Measure | None, now: Measure) -> str:
+    """A row of a table: each figure before and now."""
+    old = ["–"] * 4
+    if then is not None:
+        old = [f"{then.words}", f"{then.median:g}", f"{then.largest}", f"{len(private_words(then.found))}"]
+    new = [f"{now.words}", f"{now.median:g}", f"{now.largest}", f"{len(private_words(now.found))}"]
+    return f"| {now.name} | " + " | ".join(f"{a} → {b}" for a, b in zip(old, new, strict=True)) + " |"
+
+
 def help_texts() -> list[tuple[str, str]]:
     """(command, text) of what each command and each of its options and arguments says of itself."""
     import importlib
@@ -242,7 +260,13 @@ def main() -> int:
     parser.add_argument("page", nargs="*", type=Path)
     parser.add_argument("--long", action="store_true", help="print what breaks a rule, by place")
     parser.add_argument("--help-texts", action="store_true", help="measure the help of the commands instead")
+    parser.add_argument("--since", metavar="COMMIT", help="print each page's figures at that commit and now")
     options = parser.parse_args()
+    if options.since:
+        print("| page | words | median | longest | private words |\n|---|---:|---:|---:|---:|")
+        for path in (p.resolve() for p in options.page or pages()):
+            print(compared(at_commit(path, options.since), measure(path)))
+        return 0
     if options.help_texts:
         measures = measure_help()
     else:

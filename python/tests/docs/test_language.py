@@ -36,6 +36,12 @@ def test_a_private_word_in_a_message_is_found_and_one_of_a_docstring_is_not(tmp_
     assert [private_words(m.found) for m in measure_messages(tmp_path)] == [[(3, "stands")]]
 
 
+def test_a_page_is_compared_with_what_it_was():
+    then, now = (Measure("page", sentences(text)) for text in ("The rest stands here.", "The residual is here."))
+    assert language.compared(then, now) == "| page | 4 → 4 | 4 → 4 | 4 → 4 | 2 → 0 |"
+    assert language.compared(None, now).startswith("| page | – → 4 |")
+
+
 def lengths(text: str) -> list[int]:
     return [s.length for s in sentences(text)]
 
