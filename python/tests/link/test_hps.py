@@ -75,6 +75,30 @@ def test_a_step_is_as_long_as_real_time_has_it_and_what_comes_late_is_counted():
     assert 4500 < link.late_clocks < 5500
 
 
+@pytest.mark.parametrize(("samples", "reads", "clocks"), [(1, 7, 62), (10, 43, 242)])
+def test_an_exchange_of_a_millisecond_takes_so_many_clocks_of_the_bus(samples, reads, clocks):
+    """What docs/hps-link.md states; without the wait for the motors."""
+    with HpsLink(SimulatedBus(), step_clocks="min") as link:
+        link.set_parameters(**BURGER)
+        bus = link.bus
+        run, taken = bus.run, []
+
+        def one_by_one(orders):
+            found = []
+            for order in orders:
+                before = bus.clocks
+                found += run([order])
+                if order[0] in (READ, WRITE):
+                    taken.append((order[0], bus.clocks - before))
+            return found
+
+        bus.run = one_by_one
+        link.exchange([6.0, 6.0], [0.0, 0.0], 100 * STEP_S, 100 // samples * STEP_S)
+    assert sum(kind == READ for kind, _ in taken) == reads
+    assert sum(kind == WRITE for kind, _ in taken) == 6
+    assert sum(spent for _, spent in taken) == clocks
+
+
 def test_what_the_registers_refuse_ends_in_one_line():
     with HpsLink(SimulatedBus()) as link:
         for order in ((WRITE, link._at["IDENTITY"], 1), (READ, 0x0F0, 0), (READ, 0x1000, 0), (WRITE, 0x0F0, 1)):
