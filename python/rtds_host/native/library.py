@@ -11,11 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rtds_host.compat import Self
 from rtds_host.errors import InputError, LinkError
-from rtds_host.link.base import CLOSED, NO_PARAMETERS, Exchange, exchange_of, input_words, whole_steps
 from rtds_host.link.compiling import first_error
-from rtds_host.link.configured import ConfiguredLink
+from rtds_host.link.inprocess import InProcessLink
 from rtds_host.motor.effect_program import CELLS, CONSTANTS, SIDES, TABLES
 from rtds_host.motor.effect_tables import EffectWords
 from rtds_host.motor.parameters import METHODS, PARAMETER_NAMES
@@ -163,44 +161,15 @@ class NativePair:
             raise InputError(f"motor library: {STATUS[status]}")
 
 
-class NativeLink(ConfiguredLink):
+class NativeLink(InProcessLink):
     """`NativePair` as a `Link`."""
 
     def __init__(self, library: Path) -> None:
         self.pair = NativePair(library)
-        self._closed = False
 
     def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
         self.pair.set_parameters(words.side_values(values), method)
         self.pair.load(words)
 
-    def exchange(
-        self,
-        voltages: Sequence[float],
-        torques: Sequence[float],
-        interval_s: float,
-        sample_s: float | None = None,
-    ) -> Exchange:
-        """See `Link.exchange`."""
-        self._check_open()
-        if self.step_s == 0.0:
-            raise InputError(NO_PARAMETERS)
-        v, t = input_words("voltages", voltages), input_words("torques", torques)
-        steps = whole_steps("interval_s", interval_s, self.step_s)
-        sample_steps = steps if sample_s is None else whole_steps("sample_s", sample_s, self.step_s)
-        self._exchanged = True
-        return exchange_of(self.pair.step(v, t, steps, sample_steps), steps, sample_steps, self.step_s)
-
-    def close(self) -> None:
-        """See `Link.close`."""
-        self._closed = True
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exc_info: object) -> None:
-        self.close()
-
-    def _check_open(self) -> None:
-        if self._closed:
-            raise LinkError(CLOSED)
+    def _step(self, v: np.ndarray, t: np.ndarray, steps: int, sample_steps: int) -> np.ndarray:
+        return self.pair.step(v, t, steps, sample_steps)

@@ -169,7 +169,7 @@ def test_what_is_no_robot_is_refused_in_one_line(tmp_path):
     for arguments, text in (
         (["serve", "burger"], "give one of them"),
         (["serve", "nowhere.json", "--port", "0"], "nowhere.json"),
-        (["export", "burger", "--to", "fmu", "--out", tmp_path / "a.fmu", "--samples", "2"], "without --check"),
+        (["export", "burger", "--to", "fmu", "--out", tmp_path / "a.fmu", "--samples", "2"], "without --actuator"),
     ):
         done = rtds(*arguments)
         assert done.returncode == 2 and text in done.stderr and done.stderr.count("\n") == 1
