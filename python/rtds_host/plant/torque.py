@@ -44,7 +44,7 @@ class Torque:
 
 
 def summed(torques: Mapping[str, Torque], arguments: str, place: Callable[[Entry], str]) -> str:
-    """Source of `shaped_torque(angle, speed, ..., sin)`, N·m, the sum of all torques, and of `present(...)`: is there any.
+    """Source of `shaped_torque(angle, speed, ..., sin)`, N·m, the sum of all torques, and of `present(...)`.
 
     arguments : what follows in both, as text; place : the expression, of these, that holds a parameter.
     """
