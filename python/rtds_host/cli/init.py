@@ -22,6 +22,14 @@ def init(
     log: Annotated[
         Path | None, typer.Option(metavar="BAG_OR_CSV", help="Draft a mapping for this recording, its guesses marked.")
     ] = None,
+    mjcf: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Read one or two <dcmotor> and the masses of a MuJoCo model."),
+    ] = None,
+    motor: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="With --mjcf: the <dcmotor> to read; may be given twice."),
+    ] = None,
     name: Annotated[str, typer.Option(help="Name of the robot.")] = "",
     voltage: Annotated[float | None, typer.Option(help="Supply voltage of the motors, V.")] = None,
     stall_current: Annotated[float | None, typer.Option(help="Stall current at that voltage, A.")] = None,
@@ -41,6 +49,7 @@ def init(
     """
     from rtds_host.contract.robot import builtin_robot_path
     from rtds_host.errors import InputError, OutputError, visible
+    from rtds_host.start.datasheet import option
     from rtds_host.start.draft import draft_mapping
 
     figures = {
@@ -58,12 +67,19 @@ def init(
     asked = any(value is not None for value in figures.values()) or encoder is not None
     if like is not None and asked:
         raise InputError(f"--like {like}: a robot that comes along has its own figures; give one or the other")
-    for file in ("robot.toml", "mapping.toml"):
+    if motor and mjcf is None:
+        raise InputError(f"--motor {motor[0]}: only with --mjcf")
+    if mjcf is not None and (like is not None or encoder is not None or _not_of_model(figures)):
+        which = "--like" if like is not None else option((_not_of_model(figures) or ["encoder"])[0])
+        raise InputError(f"--mjcf {mjcf}: goes without {which}, the model has its own figures")
+    for file in ("robot.toml", "mapping.toml", *(("effects.json",) if mjcf is not None else ())):
         if (out / file).exists():
             raise OutputError(f"{out / file}: is there already; choose another folder")
     texts = {}
     if like is not None:
         texts["robot.toml"] = builtin_robot_path(like).read_text(encoding="utf-8")
+    elif mjcf is not None:
+        texts |= _from_mjcf(mjcf, figures, name or out.resolve().name, motor or [])
     elif asked or log is None:
         texts["robot.toml"] = _from_sheet(figures, encoder, name or out.resolve().name)
     if log is not None:
@@ -74,10 +90,38 @@ def init(
     for file, text in texts.items():
         write_atomic(out / file, text)
         print(visible(f"written: {out / file}"))
+    if "effects.json" in texts:
+        print(
+            visible(f"effects.json holds what robot.toml has no place for: rtds export {out / 'effects.json'} --to ...")
+        )
     if "mapping.toml" in texts:
         robot = out / "robot.toml" if "robot.toml" in texts else Path("robot.toml")
         print("Look at each line that says `guess`, then:")
         print(visible(f"rtds import {log} --mapping {out / 'mapping.toml'} --robot {robot} --out case"))
+
+
+OF_MODEL = ("voltage_v", "wheel_radius_m", "track_width_m", "mass_kg")
+
+
+def _not_of_model(figures: dict[str, float | None]) -> list[str]:
+    """Given figures that a MuJoCo model says itself."""
+    return [key for key, value in figures.items() if value is not None and key not in OF_MODEL]
+
+
+def _from_mjcf(path: Path, figures: dict[str, float | None], name: str, motors: list[str]) -> dict[str, str]:
+    import json
+
+    from rtds_host.errors import visible
+    from rtds_host.start.mjcf import check, diagnosis_of, read_mjcf
+
+    found = read_mjcf(path, name, motors, figures)
+    check(path, found)
+    for line in found.lost:
+        print(visible(f"not read: {line}"))
+    texts = {"robot.toml": found.text}
+    if found.effects:
+        texts["effects.json"] = json.dumps(diagnosis_of(found.effects), indent=1) + "\n"
+    return texts
 
 
 def _from_sheet(figures: dict[str, float | None], encoder: str | None, name: str) -> str:
