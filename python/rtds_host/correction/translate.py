@@ -16,9 +16,11 @@ import numpy as np
 from rtds_host.contract import Robot
 from rtds_host.correction.correction import BodyValues, Correction, GearValues, SensorValues
 from rtds_host.diagnosis.effects import Effect
+from rtds_host.diagnosis.forms.curves import points_of
 from rtds_host.diagnosis.replay.model import Model, nominal_model
 from rtds_host.errors import InputError
 from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
+from rtds_host.plant import forms
 from rtds_host.plant.driver import duty
 from rtds_host.plant.elementary import exponential
 from rtds_host.plant.friction import rolling, stribeck
@@ -96,7 +98,11 @@ def translate(
     if get("gear_ratio") != nominal.get("gear_ratio") or get("supply") != nominal.get("supply"):
         raise InputError("gear_ratio, supply: no effect changes them, they are the robot's own")
     mass = get("mass") + payload_kg
-    units = tuple(_unit(get, k, robot, mass, start_angles[k]) for k in (0, 1))
+    _refuse_forms(model, robot)
+    units = tuple(
+        _with_forms(_unit(get, k, robot, mass, start_angles[k]), model.forms[k], get("gear_ratio"), get("supply"))
+        for k in (0, 1)
+    )
     supply = SupplyEffects(
         voltage_v=get("supply"),
         source_resistance_ohm=get("source_resistance"),
@@ -187,6 +193,61 @@ def _unit(get: _Parameters, k: int, robot: Robot, mass: float, start_angle: floa
         heat_rise_per_w=heat,
         heat_tau_s=tau if heat else math.inf,
     )
+
+
+# The forms that motor units have a table for.
+IN_UNITS = (("torque", "w"), ("voltage", "v_cmd"))
+
+
+def _refuse_forms(model: Model, robot: Robot) -> None:
+    """Refuse forms that no table of a motor unit holds.
+
+    Raises
+    ------
+    InputError : names the form's term and what it runs over.
+    """
+    terms, overs = list(forms.TERMS), list(forms.OVERS)
+    for row in model.forms.reshape(-1, forms.WIDTH):
+        if row[forms.TERM]:
+            found = terms[int(row[forms.TERM]) - 1], overs[int(row[forms.OVER]) - 1]
+            if found not in IN_UNITS:
+                raise InputError(
+                    f"robot {robot.name!r}: forms: {found[0]} over {found[1]}: no table of a motor unit holds it; "
+                    "the replay does (`rtds predict`)"
+                )
+
+
+def _with_forms(unit: UnitEffects, rows: np.ndarray, n: float, supply: float) -> UnitEffects:
+    """A unit with the forms of its side (MOST, WIDTH) in its tables: friction by speed and direction, and the
+    command's curve. n : gear ratio; supply : V."""
+    for row in rows:
+        term, over = int(row[forms.TERM]), int(row[forms.OVER])
+        if not term:
+            continue
+        high, values = float(row[forms.HIGH]), row[forms.VALUES :]
+        if (term, over) == (forms.TERM_CODE["torque"], forms.OVER_CODE["w"]):
+            speeds = n * np.linspace(0.0, high, forms.HALF)
+            ahead = Curve(tuple(speeds), tuple(-values[forms.HALF :] / n))
+            back = Curve(tuple(speeds), tuple(values[: forms.HALF][::-1] / n))
+            unit = replace(
+                unit,
+                friction_forward=_sum(unit.friction_forward, ahead),
+                friction_backward=_sum(unit.friction_backward, back),
+            )
+        else:
+            x = points_of("v_cmd", -high, high)
+            more = Curve((*x[: forms.HALF], 0.0, *x[forms.HALF :]), (*values[: forms.HALF], 0.0, *values[forms.HALF :]))
+            plain = unit.command or Curve((-supply, supply), (-supply, supply))
+            unit = replace(unit, command=_sum(plain, more))
+    return unit
+
+
+def _sum(one: Curve | None, other: Curve) -> Curve:
+    """The sum of two curves without jumps, a point where either has one."""
+    if one is None:
+        return other
+    x = sorted({*one.x, *other.x})
+    return Curve(tuple(x), tuple(one.at(v) + other.at(v) for v in x))
 
 
 def _motor(get: _Parameters, k: int, robot: Robot, n: float) -> MotorParameters | None:

@@ -18,6 +18,8 @@ from rtds_host.diagnosis.chance import MOVES, SLIGHT
 from rtds_host.diagnosis.choice import Judged, chosen
 from rtds_host.diagnosis.experiment import next_experiment
 from rtds_host.diagnosis.fit import Fit
+from rtds_host.diagnosis.forms import Forms, forms_of
+from rtds_host.diagnosis.forms.search import LEAST_GAP
 from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.heldout import HeldOut, held_out
 from rtds_host.diagnosis.intervals import Key, intervals
@@ -205,6 +207,10 @@ def conclude(
     rows = [] if verdict == "none" else budget.shares(problem, weighed.fit, total["after"], after)
     located = budget.located(problem, rows)
     placed = after.shares()
+    say("forms", 0.9)
+    looked_for = verdict != "none" and structured and total["after"] >= LEAST_GAP
+    shapes = forms_of(problem, weighed.fit, total["after"], found.search.quick) if looked_for else Forms()
+    rows = shapes.shared(rows, total["after"])
     say("report", 0.95)
 
     diagnosis = {
@@ -215,7 +221,7 @@ def conclude(
             {**_effect(problem, weighed, one, held, known), **_scatter(*scatter[one.member])}
             for one in weighed.standing
         ],
-        "forms": [],
+        "forms": shapes.entries,
         "budget": [{**row, "share": _round(row["share"])} for row in rows],
         "nominal_fit": _nominal_fit(problem, weighed.fit),
         **_setup(problem, weighed.fit),
@@ -225,7 +231,7 @@ def conclude(
             **{name: _round(value) for name, value in total.items()},
             "closed": None if closed is None else _round(closed),
             "closed_ci90": None if closed is None or held.interval is None else [_round(v) for v in held.interval],
-            "with_forms": None,
+            "with_forms": None if shapes.gap is None else _round(shapes.gap),
             "effect_closed": None if effect_closed is None else _round(effect_closed),
             "channels": {c: {name: _round(held.channels[name][c]) for name in total} for c in held.channels["before"]},
             "rest": {
@@ -248,7 +254,11 @@ def conclude(
         regimes={k: {n: _round(v) for n, v in e.items()} for k, e in held.regimes.items()},
         run_gaps=held.runs,
         decided={tuple(_named(problem, member).values()): found for member, found in held.decided.items()},
-        notes=list(problem.case.notices) + held.notes + _ended(found.search) + _louder(problem, weighed.fit),
+        notes=list(problem.case.notices)
+        + held.notes
+        + shapes.notes
+        + _ended(found.search)
+        + _louder(problem, weighed.fit),
     )
     return diagnosis, details
 

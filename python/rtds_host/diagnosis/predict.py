@@ -12,6 +12,7 @@ from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.contract.clock import SETTLED_S
 from rtds_host.contract.runlog import read_json
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue, inside
+from rtds_host.diagnosis.forms.reading import apply_forms
 from rtds_host.diagnosis.gate.findings import Finding
 from rtds_host.diagnosis.gate.limits import limits
 from rtds_host.diagnosis.gate.rounding import effective_noise
@@ -28,11 +29,12 @@ DIAGNOSIS_SCHEMAS = ("rtds-diagnosis/3", "rtds-diagnosis/2", "rtds-diagnosis/1")
 
 
 def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
-    """The robot with a diagnosis in it: its `nominal_fit`, its `setup` and its effects.
+    """The robot with a diagnosis in it: its `nominal_fit`, its `setup`, its effects and its forms.
 
     Raises
     ------
-    InputError : unreadable, another schema, an effect, side or parameter that the catalogue does not know.
+    InputError : unreadable, another schema, an effect, side or parameter that the catalogue does not know, a form that
+        the plant does not know.
     """
     path = Path(path)
     data = read_json(path)
@@ -133,6 +135,7 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
                 )
             values[p.name] = value / one if one else p.null
         effect.apply(model, SIDES[sides[0]], values)
+    apply_forms(model, data.get("forms"), path, robot)
     return model
 
 

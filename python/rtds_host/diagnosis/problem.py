@@ -631,7 +631,13 @@ class Problem:
     def _gap(self, model: Model, judged: list[RunData]) -> float:
         runs = self._abreast(judged)
         # The search asks for the gap of the same explanation time and again.
-        asked = (id(runs), *(one.inputs[-1].tobytes() for one in judged), model.side.tobytes(), model.common.tobytes())
+        asked = (
+            id(runs),
+            *(one.inputs[-1].tobytes() for one in judged),
+            model.side.tobytes(),
+            model.common.tobytes(),
+            model.forms.tobytes(),
+        )
         if asked not in self._gaps:
             self._gaps[asked] = self._gap_of(model, judged, runs)
         return self._gaps[asked]

@@ -77,6 +77,12 @@ def parts_of(diagnosis: dict, figures: Figures, target: str, actuator: str = "ge
         need = NEEDS.get(target, {}).get(entry["id"]) if actuator == "general" else None
         where = f"{how.where} ({need})" if need and how.kind != LOST else how.where
         found.append(Part(entry["id"], entry["side"], values, how.kind, where))
+    found += [
+        Part(
+            f"{form['term']} over {form['over']}", form["side"], {}, LOST, "a free curve; its table is in the diagnosis"
+        )
+        for form in diagnosis.get("forms") or []
+    ]
     return found
 
 

@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from rtds_host.plant import driver, friction, gear, ground, motor, sensors
+from rtds_host.plant import driver, forms, friction, gear, ground, motor, sensors
 from rtds_host.plant.compiled import law, loop
 from rtds_host.plant.elementary import exponential
 from rtds_host.plant.elementary import turned as turned_by
@@ -66,8 +66,23 @@ AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = common_indices("axis", "axis_inertia", "axis
 torque_of, shaped_by = map(law, functions(TORQUES, "side, k", lambda entry: f"side[k, {SIDE_INDEX[entry.name]}]"))
 
 
+_CURRENT, _SPEED, _GYRO = (forms.TERM_CODE[f"{name}_sensor"] for name in ("current", "speed", "gyro"))
+_OVER_V, _OVER_I, _OVER_W, _OVER_RATE, _OVER_TH, _OVER_MOTOR, _OVER_TURNS, _OVER_SPEED, _OVER_T, _OVER_X, _OVER_Y = (
+    range(len(forms.OVERS))
+)
+
+
 @loop
-def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, out):
+def _followed(angle, t_cmd, kc, k, time):
+    """A wheel's measured angle, rad, at a time, s, between the rows of the commands in force and next."""
+    nearer = min(kc, t_cmd.shape[0] - 1)
+    span_a = t_cmd[nearer] - t_cmd[kc - 1]
+    share = min(max((time - t_cmd[kc - 1]) / span_a, 0.0), 1.0) if span_a > 0.0 else 0.0
+    return angle[kc - 1, k] + share * (angle[nearer, k] - angle[kc - 1, k])
+
+
+@loop
+def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, h_play, out):
     """Replay one run.
 
     Parameters
@@ -78,7 +93,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     angle : (m, 2) rad, the wheels' measured angles at the same times, which a ripple then follows, or (0, 2): a replay
     drifts,
         and what repeats twelve times a turn is soon out of step.
-    side : (2, len(SIDE)); com : (len(COMMON),), see `slots`.
+    side : (2, len(SIDE)); com : (len(COMMON),), see `slots`; curves : (2, MOST, WIDTH) forms, see `plant.forms`.
     run : (4,) payload kg, slope rad, uphill yaw rad, time s at which the run began.
     start : (15,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at t[0], w_l, w_r, i_l, i_r as reported there (currents: NaN
     where not), and what
@@ -143,6 +158,11 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
             dry = True
         if side[k, LOAD] != 0.0:
             outer = TRIALS
+        if forms.holds(curves[k]):
+            dry = True
+    formed = forms.any_of(curves)
+    acts = np.zeros((2, forms.ACTS))  # what the forms of a side come to in a step
+    about = np.zeros(forms.ABOUT)  # what they run over
     shaped = (shaped_by(side, 0), shaped_by(side, 1))
     slipping = side[0, SLIP] != 0.0 or side[1, SLIP] != 0.0
     tyre = np.zeros(2)  # shear of the tyres over their relaxation length
@@ -171,6 +191,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
     # What the step works with, a value a side.
     va = np.zeros(2)  # command in force, clipped
     vd = np.zeros(2)  # voltage behind dead zone and gain, at the nominal bus
+    ve = np.zeros(2)  # the same with what forms add
     c0, c1, m0, m1 = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     im = np.zeros(2)
     am, bm = np.zeros(2), np.zeros(2)
@@ -237,14 +258,22 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                 out[ka, 1 + k] = sensors.scaled(cur[k], side[k, I_GAIN], side[k, I_BIAS])
                 if side[k, W_LATE] <= 0.0:
                     out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
+                if formed:
+                    out[ka, 1 + k] += forms.reads(curves[k], _CURRENT, _OVER_I + 1, out[ka, 1 + k])
+                    if side[k, W_LATE] <= 0.0:
+                        out[ka, 3 + k] += forms.reads(curves[k], _SPEED, _OVER_W + 1, out[ka, 3 + k])
                 out[ka, 5 + k] = (th[k] + before * play[k]) * side[k, W_GAIN]
             out[ka, 7] = sensors.scaled(rate, com[GYRO_GAIN], com[GYRO_BIAS])
+            if formed:
+                out[ka, 7] += forms.reads(curves[0], _GYRO, _OVER_RATE + 1, out[ka, 7])
             ka += 1
         if lagging:
             for k in range(2):
                 later = dm + side[k, W_LATE]
                 while side[k, W_LATE] > 0.0 and kw[k] < n and t[kw[k]] - later <= now + 1e-9:
                     speed = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
+                    if formed:
+                        speed += forms.reads(curves[k], _SPEED, _OVER_W + 1, speed)
                     if t[kw[k]] - later < t[0]:
                         # Before a start the speed is what lies between the start and what is reported then.
                         speed = start[9 + k] + (speed - start[9 + k]) * (t[kw[k]] - t[0]) / later
@@ -266,7 +295,10 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
         if mode == 2 and servo_next <= now + 1e-9:
             changed = True
             for k in range(sides):
-                miss = (wcmd0 if k == 0 else wcmd1) * side[k, C_GAIN] - seen[k] * side[k, W_GAIN]
+                told = seen[k] * side[k, W_GAIN]
+                if formed:
+                    told += forms.reads(curves[k], _SPEED, _OVER_W + 1, told)
+                miss = (wcmd0 if k == 0 else wcmd1) * side[k, C_GAIN] - told
                 limit = min(com[SERVO_LIMIT], supply)
                 va[k], integ[k] = driver.servo(miss, integ[k], com[KP], com[KI], com[SERVO_T], limit, com[RELEASE])
             while servo_next <= now + 1e-9:
@@ -274,6 +306,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
         if changed:
             for k in range(sides):
                 vd[k] = driver.duty(va[k], supply, side[k, CURVE], side[k, DEADZONE], side[k, V_GAIN])
+                ve[k] = vd[k]
 
         # ---- next event
         ahead = end + 1.0
@@ -323,6 +356,20 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                 along, across = mid_x * up_x + mid_y * up_y, mid_y * up_x - mid_x * up_y
                 gx -= pull * along
                 gz += ground.slope_torque(pull, com[COM_X], com[COM_Y], along, across)
+            if formed:
+                about[_OVER_RATE], about[_OVER_SPEED], about[_OVER_TURNS] = rate, v, v * rate
+                about[_OVER_T], about[_OVER_X], about[_OVER_Y] = elapsed, x, y
+                for k in range(sides):
+                    about[_OVER_V], about[_OVER_I], about[_OVER_W] = va[k], cur[k], wm[k]
+                    at = th[k] + 0.5 * h * w[k]
+                    if angle.shape[0] > 0 and kc > 0:
+                        at = _followed(angle, t_cmd, kc, k, now + done - 0.5 * h - dc) / side[k, W_GAIN]
+                    about[_OVER_TH], about[_OVER_MOTOR] = at, ratio * at
+                    forms.act(curves[k], about, acts[k])
+                    ve[k] = vd[k] + acts[k, forms.VOLTS]
+                gx += acts[0, forms.PUSH]
+                gz += acts[0, forms.TURN]
+                scrub = com[SCRUB] + acts[0, forms.SCRUB]
             for k in range(sides):
                 wn[k] = w[k]
                 wmn[k] = wm[k]
@@ -337,7 +384,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         )
                     if com[SOURCE_R] != 0.0:
                         # What the current comes to at the bus before and an even speed.
-                        volts = driver.behind_driver(vd[k] * level, ke * wm[k], side[k, LIMIT], side[k, DROP])
+                        volts = driver.behind_driver(ve[k] * level, ke * wm[k], side[k, LIMIT], side[k, DROP])
                         im[k] = motor.even_current(cur[k], volts, ke * wm[k], decay[k], rise_v[k], mean_v[k], mean_i[k])
             if axis == 2:
                 weight = ground.pendulum(swung, com[AX_ARM], th[0] + 0.5 * h * wn[0] - com[AX_ZERO], math.sin)
@@ -352,40 +399,38 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         draw, lowers = 0.0, 0.0
                         for k in range(sides):
                             draw += driver.draw(im[k], va[k], supply)
-                            lowers += motor.more_current(mean_v[k], mean_i[k], rise_v[k], vd[k], va[k], supply)
+                            lowers += motor.more_current(mean_v[k], mean_i[k], rise_v[k], ve[k], va[k], supply)
                         bus = driver.sagging(supply, com[SOURCE_R], level, bus, draw, lowers)
                 level = bus / supply
                 for k in range(sides):
                     if mode == 1:
-                        drive = driver.amplifier(vd[k] * level, side[k, LIMIT], com[TORQUE_V]) * ratio
+                        drive = driver.amplifier(ve[k] * level, side[k, LIMIT], com[TORQUE_V]) * ratio
                         slope_w = 0.0
                         c0[k], c1[k], m0[k], m1[k] = 0.0, 0.0, 0.0, 0.0
                     else:
                         ke = side[k, KB] * ratio
-                        volts = driver.behind_driver(vd[k] * level, ke * wmn[k], side[k, LIMIT], side[k, DROP])
+                        volts = driver.behind_driver(ve[k] * level, ke * wmn[k], side[k, LIMIT], side[k, DROP])
                         c0[k], m0[k] = motor.armature(
                             cur[k], volts, ke, wmn[k], decay[k], rise_v[k], mean_v[k], mean_i[k], c1[k]
                         )
-                        drive, slope_w = ratio * side[k, KM] * m0[k], ratio * side[k, KM] * m1[k]
+                        km = ratio * side[k, KM]
+                        if formed:
+                            km *= 1.0 + acts[k, forms.CONSTANT]
+                        drive, slope_w = km * m0[k], km * m1[k]
                     inertia = ratio * ratio * side[k, J]
                     # The load's inertia and torques join the rotor's while the gear is rigid.
                     torque = drive
                     if shaped[k]:
                         at = th[k] + 0.5 * h * wn[k]
                         if angle.shape[0] > 0 and kc > 0:
-                            nearer = min(kc, m - 1)
-                            span_a = t_cmd[nearer] - t_cmd[kc - 1]
-                            share = (
-                                min(max((now + done - 0.5 * h - dc - t_cmd[kc - 1]) / span_a, 0.0), 1.0)
-                                if span_a > 0.0
-                                else 0.0
-                            )
-                            at = angle[kc - 1, k] + share * (angle[nearer, k] - angle[kc - 1, k])
-                            at /= side[k, W_GAIN]
+                            at = _followed(angle, t_cmd, kc, k, now + done - 0.5 * h - dc) / side[k, W_GAIN]
                         torque += torque_of(at, wmn[k], side, k, math.sin)
                     fluid = ratio * ratio * side[k, B] + side[k, VISCOUS_W]
                     if side[k, ASYM_V] != 0.0:
                         fluid = friction.viscous(fluid, side[k, ASYM_V], wmn[k])
+                    if formed:
+                        torque += acts[k, forms.DRIVE]
+                        fluid += acts[k, forms.FLUID]
                     am[k], bm[k] = motor.rotor_balance(h, inertia, fluid, torque, slope_w, wmn[k])
                     if of_a[k] != am[k] or of_s[k] != h:
                         of_a[k], of_s[k] = am[k], h
@@ -409,6 +454,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                                 tout[k] = side[k, RADIUS] * force[k] if axis == 0 else tout[k]
                             f += friction.by_load(side[k, LOAD], tin[k], tout[k])
                         hi[k], lo[k] = friction.bounds(h, f, side[k, ASYM])
+                        if formed:
+                            hi[k] += h * acts[k, forms.FORWARD]
+                            lo[k] -= h * acts[k, forms.BACKWARD]
 
                 # ---- velocities at the end of the step
                 if dry and trial == 0:
@@ -565,8 +613,10 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, run, start, h_max, h_play, 
                         if side[k, LOAD] != 0.0:
                             fluid = ratio * ratio * side[k, B] + side[k, VISCOUS_W]
                             torque = ratio * side[k, KM] * im[k]
+                            if formed:
+                                torque *= 1.0 + acts[k, forms.CONSTANT]
                             if mode == 1:
-                                torque = driver.amplifier(vd[k] * level, side[k, LIMIT], com[TORQUE_V]) * ratio
+                                torque = driver.amplifier(ve[k] * level, side[k, LIMIT], com[TORQUE_V]) * ratio
                             tin[k] = (
                                 torque
                                 - 0.5 * fluid * (wmn[k] + wm[k])

@@ -15,7 +15,7 @@ import numpy as np
 
 from rtds_host.diagnosis.replay import kernel as one
 from rtds_host.diagnosis.replay.kernel import TRIALS
-from rtds_host.plant import driver, friction, gear, ground, motor, sensors
+from rtds_host.plant import driver, forms, friction, gear, ground, motor, sensors
 from rtds_host.plant.compiled import law, loop
 from rtds_host.plant.elementary import cos_less_one, exp_minus, sin, sine, tanh
 from rtds_host.plant.schema import COMMON, SIDE, SIDE_INDEX, common_indices, side_indices
@@ -39,11 +39,12 @@ ALIKE_S = 1e-10
         "radius", "speed_tau", "stribeck", "stribeck_speed", "speed_gain", "current_gain", "current_bias", "pwm_curve",
         "deadzone", "voltage_gain", "slip", "slip_relaxation", "load_share", "backlash", "restitution", "stiffness",
         "damping"))
-_SIDE_ROWS = len(SIDE) + 64
+_SIDE_ROWS = len(SIDE) + 68
 (KE, GKM, INERTIA, FLUID, FRICTION, EXTRA, TH, W, CUR, RISE, WF, VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V,
  MEAN_I, C1, M1, FADE, LATE_SHEAR, PER_SHEAR, AM, BM, RIGID, HI, LO, SHAPED, FORCE, ALPHA, BETA, SHEAR_TAU, GRIP,
  TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, MEAN, INPUT, OUTPUT, WM, WMN, PLAY, CONTACT, WAS, HELD, KAP,
- FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART, BOUNCES, TANGLED, AT, AHEAD) = (
+ FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART, BOUNCES, TANGLED, AT, AHEAD, OWN_GKM, OWN_FLUID, OWN_FRICTION,
+ OWN_VD) = (
     k * LANES for k in range(len(SIDE), _SIDE_ROWS))
 _SIDE = _SIDE_ROWS * LANES
 _COMMON = 2 * _SIDE
@@ -120,6 +121,67 @@ def _begin(s, l, side, com, run, start):
     s[RATE + l] = (s[_SIDE + RADIUS + l] * s[_SIDE + W + l] - s[RADIUS + l] * s[W + l]) / com[one.TRACK]
 
 
+@loop
+def _any_form(curves, model):
+    """Whether a model has a form."""
+    return forms.any_of(curves[model])
+
+
+@loop
+def _begin_forms(s, l, curves, model):
+    """Keep what forms change from step to step, without them."""
+    for k in range(2):
+        o = k * _SIDE + l
+        s[o + OWN_GKM], s[o + OWN_FLUID], s[o + OWN_FRICTION] = s[o + GKM], s[o + FLUID], s[o + FRICTION]
+        s[o + OWN_VD] = 0.0
+        if forms.holds(curves[model, k]):
+            s[DRY + l] = 1.0
+
+
+@loop
+def _told(curves, model, k, speed):
+    """What forms add to a speed's reading, rad/s."""
+    return forms.reads(curves[model, k], one._SPEED, one._OVER_W + 1, speed)
+
+
+@loop
+def _read(out, row, curves, model, held_s, l):
+    """Add what forms do to the readings in a row of `out`; speeds with a delay of their own come later."""
+    for k in range(2):
+        out[row, 1 + k] += forms.reads(curves[model, k], one._CURRENT, one._OVER_I + 1, out[row, 1 + k])
+        if held_s[k, l] <= 0.0:
+            out[row, 3 + k] += _told(curves, model, k, out[row, 3 + k])
+    out[row, 7] += forms.reads(curves[model, 0], one._GYRO, one._OVER_RATE + 1, out[row, 7])
+
+
+@loop
+def _formed(s, l, model, sides, coms, curves, shaped, about, acts):
+    """Put into a lane's rows what its forms come to in a step; arguments as of `replay_lanes`, and work space."""
+    rate, v = s[RATE + l], s[V + l]
+    half, elapsed = 0.5 * s[H + l], s[NOW + l] + s[DONE + l] - s[H + l] - s[BEGUN + l]
+    about[one._OVER_RATE], about[one._OVER_SPEED], about[one._OVER_TURNS] = rate, v, v * rate
+    about[one._OVER_T], about[one._OVER_X], about[one._OVER_Y] = elapsed, s[X + l], s[Y + l]
+    for k in range(2):
+        o = k * _SIDE + l
+        about[one._OVER_V], about[one._OVER_I], about[one._OVER_W] = s[o + VA], s[o + CUR], s[o + WM]
+        at = s[o + TH] + half * s[o + W]
+        if s[FOLLOWS + l] > 0.0:
+            share = (s[NOW + l] + s[DONE + l] - half - s[SINCE + l]) * s[PER_SPAN + l]
+            at = s[o + AT] + min(max(share, 0.0), 1.0) * s[o + AHEAD]
+        about[one._OVER_TH], about[one._OVER_MOTOR] = at, coms[model, one.GEAR] * at
+        forms.act(curves[model, k], about, acts)
+        s[o + SHAPED] = (s[o + SHAPED] if shaped else 0.0) + acts[forms.DRIVE]
+        s[o + GKM] = s[o + OWN_GKM] * (1.0 + acts[forms.CONSTANT])
+        s[o + FLUID] = s[o + OWN_FLUID] + acts[forms.FLUID]
+        s[o + VD] = s[o + OWN_VD] + acts[forms.VOLTS]
+        s[o + FRICTION] = s[o + OWN_FRICTION] + 0.5 * (acts[forms.FORWARD] + acts[forms.BACKWARD])
+        s[o + ASYM] = sides[model, k, one.ASYM] + 0.5 * (acts[forms.FORWARD] - acts[forms.BACKWARD])
+        if k == 0:
+            s[GX + l] += acts[forms.PUSH]
+            s[GZ + l] += acts[forms.TURN]
+            s[SCRUB + l] = coms[model, one.SCRUB] + acts[forms.SCRUB]
+
+
 @law
 def _encoder(s, o, l):
     """Speed where the encoder of a side sits (o: that side's offset), rad/s (contract, section 2)."""
@@ -165,6 +227,7 @@ def replay_lanes(
     starts,
     sides,
     coms,
+    curves,
     h_max,
     h_play,
     which,
@@ -178,9 +241,9 @@ def replay_lanes(
     ts : (sum n,) s, times of all runs' samples, one run after another; t_first : (runs + 1,) where each run's begin.
     cmds_t, cmds, buses : (sum m,), (sum m, 2), (sum m,) their commands; cmd_first : (runs + 1,) likewise.
     angles : (a, 2), angle_first : (runs + 1,) angles that a ripple follows, of no rows or of m.
-    runs : (runs, 4), starts : (runs, 15); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), h_max :
-    (models,) s, longest
-        steps; h_play : s, the longest within free play, see `kernel.replay`.
+    runs : (runs, 4), starts : (runs, 15); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), curves :
+        (models, 2, MOST, WIDTH) forms; h_max : (models,) s, longest steps; h_play : s, the longest within free play,
+        see `kernel.replay`.
     which : (jobs, 2) model and run of each; out : (rows, 11) filled, job by job from rows out_first (jobs,).
     """
     jobs = which.shape[0]
@@ -203,9 +266,11 @@ def replay_lanes(
     held_s, lagging, begin = np.zeros((2, LANES)), np.zeros((2, LANES), np.int64), np.zeros(LANES, np.int64)
     lags = np.zeros(LANES, np.bool_)
     shapes = np.zeros(LANES, np.bool_)
+    curved = np.zeros(LANES, np.bool_)
+    about, acts = np.zeros(forms.ABOUT), np.zeros(forms.ACTS)
     given = 0
     running = 0
-    scrubbed = pulled = shaped = heated = faded = filtered = slipping = drawn = flexible = False
+    scrubbed = pulled = shaped = heated = faded = filtered = slipping = drawn = flexible = formed = False
     # Free play asks for short steps between its flanks: whether a lane has any, the longest step then and now, and
     # whether its flanks part in this span; whether a step is taken once more, and what it began with.
     plays, fine, limit = np.zeros(LANES, np.bool_), np.zeros(LANES), np.zeros(LANES)
@@ -240,6 +305,7 @@ def replay_lanes(
                     running += 1
                     r = which[j, 1]
                     _begin(s, l, sides[which[j, 0]], coms[which[j, 0]], runs[r], starts[r])
+                    _begin_forms(s, l, curves, which[j, 0])
                     s[H_MAX + l] = h_max[which[j, 0]]
                     fine[l] = min(h_max[which[j, 0]], h_play)
                     s[BUS_ROW + l] = buses[cmd_first[r]]
@@ -256,13 +322,16 @@ def replay_lanes(
                     to_out[l] = out_first[j] - t_first[r]
                     now = ts[t_first[r]]
                     of_model = sides[which[j, 0]]
+                    curved[l] = _any_form(curves, which[j, 0])
                     shapes[l] = one.shaped_by(of_model, 0) or one.shaped_by(of_model, 1)
                     plays[l] = s[BACKLASH + l] > 0.0 or s[_SIDE + BACKLASH + l] > 0.0
                     shaped = heated = scrubbed = pulled = faded = filtered = slipping = drawn = flexible = False
+                    formed = False
                     for i in range(lanes):
                         shaped |= shapes[i]
+                        formed |= curved[i]
                         heated |= s[HEAT + i] != 0.0 or s[_SIDE + HEAT + i] != 0.0
-                        scrubbed |= s[SCRUB + i] != 0.0
+                        scrubbed |= s[SCRUB + i] != 0.0 or curved[i]
                         pulled |= s[PULL + i] != 0.0
                         faded |= s[STRIBECK + i] != 0.0 or s[_SIDE + STRIBECK + i] != 0.0
                         filtered |= s[SPEED_TAU + i] > 0.0 or s[_SIDE + SPEED_TAU + i] > 0.0
@@ -315,6 +384,8 @@ def replay_lanes(
                             before = 0.0 if s[AT_WHEEL + l] > 0.0 else s[o + PLAY]
                             out[row, 5 + i] = (s[o + TH] + before) * s[o + W_GAIN]
                         out[row, 7] = sensors.scaled(s[RATE + l], s[GYRO_GAIN + l], s[GYRO_BIAS + l])
+                        if curved[l]:
+                            _read(out, row, curves, which[job[l], 0], held_s, l)
                         k += 1
                         at = ts[k] - s[LATE + l] if k < end else NEVER
                         if not at <= due:
@@ -328,6 +399,8 @@ def replay_lanes(
                             k = lagging[i, l]
                             while k < end and ts[k] - later <= due:
                                 speed = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else _encoder(s, o, l)) * s[o + W_GAIN]
+                                if curved[l]:
+                                    speed += _told(curves, which[job[l], 0], i, speed)
                                 if ts[k] - later < ts[begin[l]]:
                                     # As in `kernel.replay`.
                                     begun = starts[which[job[l], 1], 9 + i]
@@ -352,6 +425,7 @@ def replay_lanes(
                         s[i * _SIDE + GRIP + l] = s[i * _SIDE + LATE_SHEAR + l] = s[i * _SIDE + PER_SHEAR + l] = 1.0
                         s[i * _SIDE + RES + l] = s[i * _SIDE + IND + l] = s[i * _SIDE + STRIBECK_W + l] = 1.0
                     shapes[l] = False
+                    curved[l] = False
                     plays[l] = False
                     continue
                 if next_command[l] <= due:
@@ -367,7 +441,7 @@ def replay_lanes(
                     s[_SIDE + VA + l] = driver.clipped(cmds[k - 1, 1], supply)
                     command[l], next_command[l] = k, at
                     r = which[job[l], 1]
-                    if shapes[l] and angle_first[r + 1] > angle_first[r]:
+                    if (shapes[l] or curved[l]) and angle_first[r + 1] > angle_first[r]:
                         # Between the measured angles of this command's row and the next one's.
                         nearer, to_angle = min(k, last_command[l] - 1), angle_first[r] - cmd_first[r]
                         span_a = cmds_t[nearer] - cmds_t[k - 1]
@@ -380,6 +454,7 @@ def replay_lanes(
                     for i in range(2):
                         o = i * _SIDE + l
                         s[o + VD] = driver.duty(s[o + VA], supply, s[o + CURVE], s[o + DEADZONE], s[o + V_GAIN])
+                        s[o + OWN_VD] = s[o + VD]
                 ahead = min(min(next_pose[l], next_sample[l]), next_command[l])
                 if lags[l]:
                     for i in range(2):
@@ -457,6 +532,10 @@ def replay_lanes(
                 along, across = mid_x * s[UP_X + l] + mid_y * s[UP_Y + l], mid_y * s[UP_X + l] - mid_x * s[UP_Y + l]
                 s[GX + l] -= s[PULL + l] * along
                 s[GZ + l] += ground.slope_torque(s[PULL + l], s[COM_X + l], s[COM_Y + l], along, across)
+        if formed:
+            for l in range(lanes):
+                if curved[l]:
+                    _formed(s, l, which[job[l], 0], sides, coms, curves, shaped, about, acts)
         if faded:
             for k in range(2):
                 o = k * _SIDE

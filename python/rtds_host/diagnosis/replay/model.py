@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numba
 import numpy as np
@@ -13,6 +13,7 @@ from rtds_host.diagnosis.chance import MOVES
 from rtds_host.diagnosis.replay import kernel
 from rtds_host.diagnosis.replay.lanes import replay_lanes
 from rtds_host.diagnosis.replay.slots import COMMON, COMMON_INDEX, OUTPUT_INDEX, OUTPUTS, SIDE, SIDE_INDEX
+from rtds_host.plant.forms import no_forms
 
 # Numerical: longest step of the search: its error moves no sample by more than about a quarter of its noise (steps of
 # 20 V), and chi2 by a few units. What is reported is replayed at `REPORT_STEP_S`, at which these are a tenth of that.
@@ -43,14 +44,16 @@ CLOCKS = {
 
 @dataclass
 class Model:
-    """Numbers of one robot: `side` (2, len(SIDE)) and `common` (len(COMMON),), addressed by name."""
+    """Numbers of one robot: `side` (2, len(SIDE)) and `common` (len(COMMON),), addressed by name; `forms` (2, MOST,
+    WIDTH), see `plant.forms`."""
 
     side: np.ndarray
     common: np.ndarray
+    forms: np.ndarray = field(default_factory=no_forms)
 
     def copy(self) -> Model:
         """An independent copy."""
-        return Model(self.side.copy(), self.common.copy())
+        return Model(self.side.copy(), self.common.copy(), self.forms.copy())
 
     def scale(self, name: str, factor: float, sides: tuple[int, ...] = (0, 1)) -> None:
         """Multiply an entry, of the given sides if it has sides."""
@@ -367,7 +370,19 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     t, t_cmd, commands, bus, angle, run, start = inputs
     out = np.empty((len(t), len(OUTPUTS)))
     kernel.replay(
-        t, t_cmd, commands, bus, angle, model.side, model.common, run, start, step_s or model.step_s, FINE_STEP_S, out
+        t,
+        t_cmd,
+        commands,
+        bus,
+        angle,
+        model.side,
+        model.common,
+        model.forms,
+        run,
+        start,
+        step_s or model.step_s,
+        FINE_STEP_S,
+        out,
     )
     _on_clocks(model, t, out)
     return out
@@ -444,6 +459,7 @@ class Abreast:
             starts,
             np.array([model.side for model in models]),
             np.array([model.common for model in models]),
+            np.array([model.forms for model in models]),
             np.array([step or model.step_s for model, step in zip(models, steps)]),
             FINE_STEP_S,
             which,

@@ -1,0 +1,117 @@
+"""Forms: what has no name among effects, as curves in the equations that lack it (contract, section 5, `forms`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rtds_host.diagnosis import gap as gaps
+from rtds_host.diagnosis.fit import Fit
+from rtds_host.diagnosis.forms.curves import Form, put, shapes, sides_of, written
+from rtds_host.diagnosis.forms.formula import ENOUGH, fitted, laws
+from rtds_host.diagnosis.forms.search import Found, closes, searched, values_of
+from rtds_host.diagnosis.left_out import left_out, parted
+from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
+from rtds_host.plant import forms as plant
+
+
+@dataclass
+class Forms:
+    """Forms of a case as a diagnosis has them: `entries`; `gap` on runs left out with them, None without any; `left`:
+    the gap before the first and behind each, at the search's steps; `notes`."""
+
+    entries: list[dict] = field(default_factory=list)
+    gap: float | None = None
+    left: list[float] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def shared(self, rows: list[dict], after: float) -> list[dict]:
+        """The contract's `budget` with forms: what they close is taken off what was left without a name."""
+        if not self.entries or self.gap is None or after**2 <= 1.0:
+            return rows
+        kept = min(max(self.gap**2 - 1.0, 0.0) / (after**2 - 1.0), 1.0)
+        rest = sum(row["share"] for row in rows if row["what"] == "rest")
+        steps = [max(a**2 - b**2, 0.0) for a, b in zip(self.left, self.left[1:])]
+        mine = [
+            {
+                "what": "form",
+                **{key: entry[key] for key in ("term", "side", "over")},
+                "share": rest * (1.0 - kept) * step / max(sum(steps), 1e-12),
+            }
+            for entry, step in zip(self.entries, steps, strict=True)
+        ]
+        others = [row for row in rows if row["what"] != "rest"]
+        return [*others, *mine, *({**row, "share": kept * row["share"]} for row in rows if row["what"] == "rest")]
+
+
+def forms_of(problem: Problem, fit: Fit, after: float, quick: bool) -> Forms:
+    """Look for forms in what an explanation leaves.
+
+    Parameters
+    ----------
+    fit : the explanation that a diagnosis names; after : its gap on runs left out, as reported.
+    """
+    found = searched(problem, fit, quick)
+    if not found.forms:
+        return Forms(notes=found.notes)
+    gap = reported_gap(problem, found.fit)
+    if gap >= after:
+        return Forms(notes=found.notes)
+    entries = [
+        _entry(problem, found, form, side, share)
+        for (form, side), share in zip(found.forms, closes(found), strict=True)
+    ]
+    return Forms(entries, gap, [judged.gap for judged in found.judged], found.notes)
+
+
+def reported_gap(problem: Problem, fit: Fit) -> float:
+    """The gap of an explanation on runs left out in turn, at the steps of what is reported (see `heldout`)."""
+    parts = parted(problem)
+    models = iter(left_out(problem, fit, [rows for mine in parts for *_, rows in mine]))
+    step = min(REPORT_STEP_S, fit.model(problem).step_s)
+    squares = []
+    for data, mine in zip(problem.whole, parts, strict=True):
+        for first, last, _ in mine:
+            out = replay_run(next(models), data.inputs, step)[first:last]
+            errors = gaps.errors(data.log.rows(first, last), problem.robot, out)
+            squares.append({channel: gaps.squares(error) for channel, error in errors.items()})
+    return gaps.gap(gaps.pooled(squares))
+
+
+def _entry(problem: Problem, found: Found, form: Form, side: str, share: float) -> dict:
+    values, covariance = values_of(found.fit, form, side)
+    basis, _ = shapes(form.over)
+    errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance, basis), 0.0))
+    entry = {
+        "term": form.term,
+        "side": side if problem.robot.axis is None else "left",
+        "over": form.over,
+        "units": list(form.units),
+        "curve": written(form, values, errors),
+        "formula": None,
+        "parameters": {},
+        "closes": float(f"{share:.4g}"),
+    }
+    with_curve = problem.gap(_with(problem, found.fit, form, side, values))
+    without = problem.gap(_with(problem, found.fit, form, side, np.zeros(plant.POINTS)))
+    for law in laws(form.over):
+        formula = fitted(law, form, values, covariance)
+        if formula is None or not np.isfinite(formula.curve).all():
+            continue
+        gap = problem.gap(_with(problem, found.fit, form, side, formula.curve))
+        if without - gap >= ENOUGH * (without - with_curve):
+            return {**entry, "formula": law.text, "parameters": formula.entry(form)}
+    return entry
+
+
+def _with(problem: Problem, fit: Fit, form: Form, side: str, values: np.ndarray) -> Model:
+    """A fit's model with other values of one of its forms."""
+    model = fit.model(problem)
+    for k in sides_of(side):
+        rows = model.forms[k]
+        mine = (rows[:, plant.TERM] == plant.TERM_CODE[form.term]) & (rows[:, plant.OVER] == plant.OVER_CODE[form.over])
+        rows[mine] = 0.0
+    put(model, sides_of(side), form.term, form.over, form.low, form.high, values)
+    return model

@@ -1,0 +1,99 @@
+"""Which equations may lack a term, over what, in which range, and how large it may be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rtds_host.diagnosis.chance import HANDFUL, SLIGHT
+from rtds_host.diagnosis.forms.curves import BODY, Form
+from rtds_host.diagnosis.machine import Machine, machine_of
+from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.model import Model
+from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.plant import forms as plant
+
+# What each term may run over.
+RUNS_OVER = {
+    "torque": ("w", "th", "motor_angle", "i", "t"),
+    "voltage": ("v_cmd", "i", "t"),
+    "torque_constant": ("i",),
+    "force": ("speed", "x", "y"),
+    "yaw_torque": ("yaw_rate", "speed_yaw_rate"),
+    "current_sensor": ("i",),
+    "speed_sensor": ("w",),
+    "gyro_sensor": ("yaw_rate",),
+}
+# The channel that a sensor's term needs in the logs.
+NEEDS = {"current_sensor": "i_", "speed_sensor": "w_", "gyro_sensor": "gyro_z"}
+
+
+def scale_of(term: str, machine: Machine) -> float:
+    """What is large of a term on a machine, in its unit."""
+    return {
+        "torque": machine.torque,
+        "voltage": machine.volts,
+        "torque_constant": 1.0,
+        "force": machine.torque / machine.radius,
+        "yaw_torque": machine.spin,
+        "current_sensor": machine.amps,
+        "speed_sensor": machine.speed,
+        "gyro_sensor": machine.turn,
+    }[term]
+
+
+def ranges(problem: Problem, model: Model) -> dict[str, tuple[float, float]]:
+    """Ends of what a model's replays pass through, by quantity; of what is counted from zero alike on both sides."""
+    outs = [out[np.abs(out).max(axis=1) < 1e6] for out in problem.replay(model)]
+    out = np.concatenate(outs)
+    sides = ["lr".index(side) for side in problem.robot.sides]
+    tail = 0.5 * HANDFUL
+
+    def reach(values: np.ndarray) -> tuple[float, float]:
+        most = float(np.quantile(np.abs(values), 1.0 - tail)) if values.size else 0.0
+        return -most, most
+
+    column = {name: out[:, k] for name, k in OUTPUT_INDEX.items()}
+    w = out[:, [OUTPUT_INDEX["w_l"] + k for k in sides]]
+    found = {
+        "i": reach(out[:, [OUTPUT_INDEX["i_l"] + k for k in sides]]),
+        "w": reach(w),
+        "th": (0.0, plant.FULL_TURN),
+        "motor_angle": (0.0, plant.FULL_TURN),
+        "t": (0.0, max(float(data.log.t[-1] - data.log.t[0]) for data in problem.whole)),
+    }
+    asked = np.concatenate([np.abs(data.inputs[2]).ravel() for data in problem.runs])
+    most = model.get("supply") if problem.robot.driver.mode == "speed" else min(float(asked.max()), model.get("supply"))
+    found["v_cmd"] = -most, most
+    if problem.robot.axis is None:
+        speed = 0.5 * (w @ [model.get("radius", 0), model.get("radius", 1)])
+        found["speed"] = reach(speed)
+        found["yaw_rate"] = reach(column["gyro_z"])
+        found["speed_yaw_rate"] = reach(speed * column["gyro_z"])
+        for name in ("x", "y"):
+            found[name] = float(column[name].min()), float(column[name].max())
+    return found
+
+
+def candidates(problem: Problem, model: Model) -> list[Form]:
+    """Terms that a case's equations may lack, with the range that its runs pass through."""
+    robot = problem.robot
+    machine = machine_of(robot, problem.case.runs)
+    known = ranges(problem, model)
+    found = []
+    # One sigma of a term that nobody knew of is slight beside the machine's own scale.
+    for term, overs in RUNS_OVER.items():
+        if robot.axis is not None and term in BODY:
+            continue
+        if robot.driver.mode == "torque" and term in ("torque_constant", "current_sensor"):
+            continue
+        if term in NEEDS and not any(c.startswith(NEEDS[term]) for log in problem.case.runs for c in log.columns):
+            continue
+        for over in overs:
+            if over not in known or (over == "i" and robot.driver.mode == "torque"):
+                continue
+            if over == "motor_angle" and robot.motor.gear_ratio == 1.0:
+                continue
+            low, high = known[over]
+            if high > low:
+                found.append(Form(term, over, low, high, SLIGHT * scale_of(term, machine)))
+    return found

@@ -1,0 +1,184 @@
+"""A form as the diagnosis handles it: a curve that is linear in a few coefficients, and its entry in a file.
+
+Coefficients belong to orthogonal shapes, smooth ones first: discrete Legendre polynomials on an even grid, odd and even
+ones of the distance from zero on two branches, sines and cosines over a turn. The prior on each coefficient narrows
+with its wiggliness, which is a penalty on roughness (P. H. C. Eilers, B. D. Marx, Statistical Science 11(2), 1996); its
+tails are heavy, so that the runs decide how much of each shape there is. A form thereby is an effect like those of the
+catalogue, and fits, intervals and runs left out need nothing of their own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtds_host.diagnosis.effects import SIDES, Effect, Parameter
+from rtds_host.diagnosis.replay.model import Model
+from rtds_host.plant import forms as plant
+
+# Numerical: shapes of a curve: of an even grid, odd and even ones of two branches, and pairs of a turn.
+EVEN, ODD_SHAPES, EVEN_SHAPES, TURNS = 9, 5, 4, 5
+# Numerical: where a curve with a jump is written next to zero, in shares of its range.
+BESIDE_ZERO = 1e-4
+# Numerical: a derivative's step, and bounds, in spreads of a coefficient.
+STEP, BOUND = 0.1, 200.0
+# Where a term is, for who reads about it.
+SUBSYSTEM = {
+    "torque": "drivetrain",
+    "voltage": "driver",
+    "torque_constant": "winding",
+    "force": "wheel_ground",
+    "yaw_torque": "wheel_ground",
+    "current_sensor": "sensing",
+    "speed_sensor": "sensing",
+    "gyro_sensor": "sensing",
+}
+# Terms of the robot's body have no side.
+BODY = ("force", "yaw_torque", "gyro_sensor")
+
+
+def _polynomials(s: np.ndarray, count: int) -> np.ndarray:
+    """Orthogonal polynomials of degree 0 to count - 1 on points s (n,), each of mean square 1: (n, count)."""
+    q, r = np.linalg.qr(np.vander(s, count, increasing=True))
+    return q * np.sign(np.diag(r)) * math.sqrt(len(s))
+
+
+def shapes(over: str) -> tuple[np.ndarray, np.ndarray]:
+    """Shapes of a curve over a quantity, (POINTS, n), and each one's prior width over that of the first, (n,)."""
+    if over in plant.BRANCHES:
+        half = _polynomials(np.linspace(0.0, 1.0, plant.HALF), max(ODD_SHAPES, EVEN_SHAPES))
+        odd, even = half[:, :ODD_SHAPES], half[:, :EVEN_SHAPES]
+        basis = np.hstack([np.vstack([-odd[::-1], odd]), np.vstack([even[::-1], even])])
+        # Directions are nearly alike in frictions, bridges and sensors: an even shape counts as one rougher.
+        return basis, np.concatenate([1.0 / (1.0 + np.arange(ODD_SHAPES)), 1.0 / (2.0 + np.arange(EVEN_SHAPES))])
+    if over in plant.PERIODIC:
+        angle = plant.FULL_TURN * np.arange(plant.POINTS) / plant.POINTS
+        count = 1 + np.arange(TURNS)
+        basis = np.hstack([np.cos(np.outer(angle, count)), np.sin(np.outer(angle, count))]) * math.sqrt(2.0)
+        return basis, np.tile(1.0 / count, 2)
+    return _polynomials(np.linspace(-1.0, 1.0, plant.POINTS), EVEN), 1.0 / (1.0 + np.arange(EVEN))
+
+
+@dataclass(frozen=True)
+class Form:
+    """A term of an equation as a free curve: `low`, `high` the ends of its grid; `spread` one sigma of its first
+    coefficient, in the term's unit."""
+
+    term: str
+    over: str
+    low: float
+    high: float
+    spread: float
+
+    @property
+    def id(self) -> str:
+        """Its name among effects."""
+        return f"form:{self.term}:{self.over}"
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Of what it runs over, and of the term."""
+        return plant.OVERS[self.over], plant.TERMS[self.term]
+
+    @property
+    def points(self) -> np.ndarray:
+        """Where its values lie, (POINTS,), ascending; next to zero on both sides where it has two branches."""
+        return points_of(self.over, self.low, self.high)
+
+    def effect(self) -> Effect:
+        """The same as an effect, whose parameters are the coefficients."""
+        basis, widths = shapes(self.over)
+        names = [f"c{k}" for k in range(len(widths))]
+
+        def apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
+            put(model, sides, self.term, self.over, self.low, self.high, basis @ [values[name] for name in names])
+
+        return Effect(
+            id=self.id,
+            subsystem=SUBSYSTEM[self.term],
+            sided=self.term not in BODY,
+            parameters=tuple(
+                Parameter(
+                    name,
+                    self.units[1],
+                    null=0.0,
+                    low=-BOUND * self.spread,
+                    high=BOUND * self.spread,
+                    spread=self.spread * width,
+                    starts=(self.spread * width,),
+                    difference=STEP,
+                )
+                for name, width in zip(names, widths, strict=True)
+            ),
+            apply=apply,
+            equation=f"{self.term} gains f({self.over})",
+            source="a free curve",
+            confused_with=(),
+            shown_by="",
+            check="",
+            advice="",
+            runs_in="rtl",
+        )
+
+
+def points_of(over: str, low: float, high: float) -> np.ndarray:
+    """Points of a grid over a quantity, (POINTS,), see `Form.points`; a turn's end is its beginning."""
+    if over in plant.BRANCHES:
+        half = np.linspace(0.0, high, plant.HALF)
+        half[0] = BESIDE_ZERO * high
+        return np.concatenate([-half[::-1], half])
+    if over in plant.PERIODIC:
+        return low + (high - low) * np.arange(plant.POINTS) / plant.POINTS
+    return np.linspace(low, high, plant.POINTS)
+
+
+def put(
+    model: Model,
+    sides: Sequence[int],
+    term: str,
+    over: str,
+    low: float,
+    high: float,
+    values: np.ndarray,
+) -> None:
+    """Put a form's values (POINTS,) into the first free rows of a model.
+
+    Raises
+    ------
+    ValueError : a side has as many forms as it can hold.
+    """
+    for side in sides:
+        free = np.flatnonzero(model.forms[side, :, plant.TERM] == 0.0)
+        if not len(free):
+            raise ValueError(f"a robot has at most {plant.MOST} forms a side")
+        row = model.forms[side, free[0]]
+        row[: plant.VALUES] = plant.TERM_CODE[term], plant.OVER_CODE[over], low, high
+        row[plant.VALUES :] = values
+
+
+def written(form: Form, values: np.ndarray, errors: np.ndarray) -> list[list[float]]:
+    """The points [over, value, standard error] of a file; of a turn with its end."""
+    x, y, e = form.points, values, errors
+    if form.over in plant.PERIODIC:
+        x, y, e = np.append(x, form.high), np.append(y, y[0]), np.append(e, e[0])
+    return [[float(f"{v:.7g}") for v in point] for point in zip(x, y, e, strict=True)]
+
+
+def read(curve: np.ndarray, over: str) -> tuple[float, float, np.ndarray]:
+    """Ends of the grid and values (POINTS,) of a curve's points (n, 2 or 3) in a file, whoever wrote it."""
+    x, y = curve[:, 0], curve[:, 1]
+    if over in plant.BRANCHES:
+        high = float(max(-x[0], x[-1]))
+        return -high, high, np.interp(points_of(over, -high, high), x, y)
+    low, high = float(x[0]), float(x[-1])
+    if over in plant.PERIODIC:
+        return low, low + plant.FULL_TURN, np.interp(points_of(over, low, low + plant.FULL_TURN), x, y)
+    return low, high, np.interp(points_of(over, low, high), x, y)
+
+
+def sides_of(side: str) -> tuple[int, ...]:
+    """Rows of a side by its name."""
+    return SIDES[side]

@@ -1,0 +1,178 @@
+"""A formula for a form's curve: the simplest of a few that closes nearly all of what the curve closes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtds_host.diagnosis.chance import SLIGHT
+from rtds_host.diagnosis.forms.curves import Form, shapes
+from rtds_host.plant import forms as plant
+
+# What a formula must close of what the curve closes: all but a slight part.
+ENOUGH = 1.0 - SLIGHT
+# Standard errors to either side of 90 % of a normal (contract: 90 % intervals).
+NORMAL_90 = 1.645
+# Numerical: sizes from which a bend of a formula is fitted, in shares of the range, and powers of it.
+SCALES, POWERS = (0.1, 0.25, 0.5, 1.0), (0.5, 2.0, 3.0)
+
+
+@dataclass(frozen=True)
+class Law:
+    """A formula: `text` of x; `names` and `units` of its parameters (x, y: the units of the axes); of(x, values) its
+    values; `starts` of those that enter it bent, in shares of the range where their unit is x's."""
+
+    text: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    of: Callable[..., np.ndarray]
+    starts: tuple[tuple[float, ...], ...] = ((),)
+
+
+def _scaled(*each: float) -> tuple[tuple[float, ...], ...]:
+    return tuple((one,) for one in each)
+
+
+_ODD = (
+    Law("a·sgn(x)", ("a",), ("y",), lambda x, a: a * np.sign(x)),
+    Law("a·x", ("a",), ("y/x",), lambda x, a: a * x),
+    Law("a·x·|x|", ("a",), ("y/x²",), lambda x, a: a * x * np.abs(x)),
+    Law("a·|x|", ("a",), ("y/x",), lambda x, a: a * np.abs(x)),
+    Law("a·x²", ("a",), ("y/x²",), lambda x, a: a * x**2),
+    Law("a·sgn(x) + b·x", ("a", "b"), ("y", "y/x"), lambda x, a, b: a * np.sign(x) + b * x),
+    Law("a·x + b·x·|x|", ("a", "b"), ("y/x", "y/x²"), lambda x, a, b: a * x + b * x * np.abs(x)),
+    Law(
+        "a·tanh(x/b)",
+        ("a", "b"),
+        ("y", "x"),
+        lambda x, a, b: a * np.tanh(x / b),
+        _scaled(*SCALES),
+    ),
+    Law(
+        "a·sgn(x)·exp(-|x|/b)",
+        ("a", "b"),
+        ("y", "x"),
+        lambda x, a, b: a * np.sign(x) * np.exp(-np.abs(x / b)),
+        _scaled(*SCALES),
+    ),
+    Law(
+        "a·x·exp(-|x|/b)",
+        ("a", "b"),
+        ("y/x", "x"),
+        lambda x, a, b: a * x * np.exp(-np.abs(x / b)),
+        _scaled(*SCALES),
+    ),
+    Law(
+        "a·sgn(x)·|x|^p",
+        ("a", "p"),
+        ("y", "1"),
+        lambda x, a, p: a * np.sign(x) * np.abs(x) ** p,
+        _scaled(*POWERS),
+    ),
+    Law(
+        "a·sgn(x)·(1 - exp(-|x|/b))",
+        ("a", "b"),
+        ("y", "x"),
+        lambda x, a, b: a * np.sign(x) * (1.0 - np.exp(-np.abs(x / b))),
+        _scaled(*SCALES),
+    ),
+)
+_EVEN = (
+    Law("a", ("a",), ("y",), lambda x, a: a + 0.0 * x),
+    Law("a·x", ("a",), ("y/x",), lambda x, a: a * x),
+    Law("a + b·x", ("a", "b"), ("y", "y/x"), lambda x, a, b: a + b * x),
+    Law("a·x·|x|", ("a",), ("y/x²",), lambda x, a: a * x * np.abs(x)),
+    Law("a·x²", ("a",), ("y/x²",), lambda x, a: a * x**2),
+    Law("a·tanh(x/b)", ("a", "b"), ("y", "x"), lambda x, a, b: a * np.tanh(x / b), _scaled(*SCALES)),
+    Law("a·(1 - exp(-x/b))", ("a", "b"), ("y", "x"), lambda x, a, b: a * (1.0 - np.exp(-x / b)), _scaled(*SCALES)),
+)
+# A step at a place keeps its place within the range.
+_STEP = Law(
+    "a for x > b",
+    ("a", "b"),
+    ("y", "x"),
+    lambda x, a, b: a / (1.0 + np.exp(-np.clip((x - b) * 40.0 / np.ptp(x), -60.0, 60.0))),
+    _scaled(0.25, 0.5, 0.75),
+)
+_TURNS = tuple(
+    Law(
+        f"a·sin({n}·x + φ)" if n > 1 else "a·sin(x + φ)",
+        ("a", "φ"),
+        ("y", "rad"),
+        lambda x, a, p, n=n: a * np.sin(n * x + p),
+        _scaled(0.0, 1.6, 3.1, 4.7),
+    )
+    for n in range(1, 6)
+)
+
+
+def laws(over: str) -> tuple[Law, ...]:
+    """The formulas that are tried over a quantity, simple ones first."""
+    if over in plant.PERIODIC:
+        return _TURNS
+    return _ODD if over in plant.BRANCHES else (*_EVEN, _STEP)
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A formula with its parameters: values, standard errors, and the curve (POINTS,) that it makes."""
+
+    law: Law
+    values: np.ndarray
+    errors: np.ndarray
+    curve: np.ndarray
+
+    def entry(self, form: Form) -> dict[str, dict]:
+        """The parameters as a diagnosis has them; an interval is null where the runs do not pin it."""
+        found = {}
+        for name, value, error in zip(self.law.names, self.values, self.errors, strict=True):
+            reach = NORMAL_90 * error
+            pinned = np.isfinite(error) and reach < abs(value)
+            found[name] = {
+                "value": _round(value),
+                "ci90": [_round(value - reach), _round(value + reach)] if pinned else None,
+            }
+        return found
+
+
+def fitted(law: Law, form: Form, values: np.ndarray, covariance: np.ndarray) -> Formula | None:
+    """A formula fitted to a curve by what the runs know of its coefficients.
+
+    values : (POINTS,) in the term's unit; covariance : (n, n) of its coefficients, SI.
+    """
+    from scipy.optimize import least_squares  # a third of a second, which few cases have to spend
+
+    basis, _ = shapes(form.over)
+    # Residuals in the metric of the coefficients' covariance, in which the runs speak.
+    root = np.linalg.cholesky(np.linalg.inv(covariance + 1e-12 * np.trace(covariance) * np.eye(len(covariance)))).T
+    metric = root @ np.linalg.pinv(basis)
+    x, size = form.points, max(float(np.abs(values).max()), 1e-30)
+    reach = float(np.abs(x).max())
+    units = [_unit(unit, size, reach) for unit in law.units]
+    best = None
+    for start in law.starts:
+        first = np.ones(len(law.names))
+        first[len(first) - len(start) :] = start
+        with np.errstate(all="ignore"):
+            found = least_squares(
+                lambda p: np.nan_to_num(metric @ (law.of(x, *(p * units)) - values), nan=1e9, posinf=1e9, neginf=-1e9),
+                first,
+                max_nfev=200,
+            )
+        if best is None or found.cost < best.cost:
+            best = found
+    if best is None or not np.isfinite(best.x).all():
+        return None
+    spread = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
+    return Formula(law, best.x * units, spread * units, law.of(x, *(best.x * units)))
+
+
+def _unit(unit: str, size: float, reach: float) -> float:
+    powers = {"y": size, "x": reach, "y/x": size / reach, "y/x²": size / reach**2, "1": 1.0, "rad": 1.0}
+    return powers[unit]
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.5g}")

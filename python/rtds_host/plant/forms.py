@@ -1,0 +1,198 @@
+"""Forms: terms of the equations that have no name, as curves over a quantity of the replay.
+
+A form is one row of `WIDTH` numbers: which term it adds to, over which quantity, the ends of its grid, and its values
+at `POINTS` points. A robot has up to `MOST` of them a side. Three grids serve (`BRANCHES`, `PERIODIC`, even). Between
+the points a curve is straight, beyond its ends it holds its last value. A piecewise linear curve is a spline of degree
+one: C. de Boor, "A Practical Guide to Splines", 2001, chapter 3.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rtds_host.plant.compiled import loop
+
+# Numerical: points of a curve, of one of its two branches, and forms a side.
+POINTS = 14
+HALF = POINTS // 2
+MOST = 3
+# Columns of a form's row: its term, what it runs over, the ends of its grid, and its values from there on.
+TERM, OVER, LOW, HIGH, VALUES = range(5)
+WIDTH = VALUES + POINTS
+
+# Terms, from 1 (0: no form), with their units. Torques are at the wheel and drive forwards; `voltage` is at the nominal
+# bus behind the driver; `torque_constant` is relative; sensors add to what is reported.
+TERMS = {
+    "torque": "N·m",
+    "voltage": "V",
+    "torque_constant": "1",
+    "force": "N",
+    "yaw_torque": "N·m",
+    "current_sensor": "A",
+    "speed_sensor": "rad/s",
+    "gyro_sensor": "rad/s",
+}
+# What a form can run over, from 1, with its unit. `motor_angle` is the wheel's angle times the gear ratio.
+OVERS = {
+    "v_cmd": "V",
+    "i": "A",
+    "w": "rad/s",
+    "yaw_rate": "rad/s",
+    "th": "rad",
+    "motor_angle": "rad",
+    "speed_yaw_rate": "m/s·rad/s",
+    "speed": "m/s",
+    "t": "s",
+    "x": "m",
+    "y": "m",
+}
+TERM_CODE = {name: k + 1 for k, name in enumerate(TERMS)}
+OVER_CODE = {name: k + 1 for k, name in enumerate(OVERS)}
+# Two branches that meet in a jump at zero, where friction, dead zones and bridges have one; values run from -high to
+# -0 and from +0 to high.
+BRANCHES = ("v_cmd", "i", "w", "yaw_rate")
+# A full turn, whose end is its beginning.
+PERIODIC = ("th", "motor_angle")
+FULL_TURN = 2.0 * math.pi
+_LAST_BRANCH, _FIRST_TURN, _LAST_TURN = len(BRANCHES), OVER_CODE["th"], OVER_CODE["motor_angle"]
+_TORQUE, _VOLTAGE, _CONSTANT, _FORCE, _YAW = (
+    TERM_CODE[name] for name in ("torque", "voltage", "torque_constant", "force", "yaw_torque")
+)
+_W, _RATE = OVER_CODE["w"], OVER_CODE["yaw_rate"]
+# What the forms of a side come to in a step: torque that drives; levels of dry friction against turning forwards and
+# backwards; friction by speed, N·m·s/rad; voltage; relative torque constant; force; torque about the vertical; and its
+# part against the yaw rate that can hold the robot.
+DRIVE, FORWARD, BACKWARD, FLUID, VOLTS, CONSTANT, PUSH, TURN, SCRUB = range(9)
+ACTS = 9
+# Numerical: how many quantities a form may run over.
+ABOUT = len(OVERS)
+
+
+def no_forms() -> np.ndarray:
+    """Rows (2, `MOST`, `WIDTH`) of a robot without a form."""
+    return np.zeros((2, MOST, WIDTH))
+
+
+@loop
+def curve(row, x):
+    """Value and slope of a form at x; at a jump's place it is zero, with no slope.
+
+    row : (WIDTH,), see the module; x : in the unit of what it runs over. Returns the value in the term's unit.
+    """
+    over, low, high = row[OVER], row[LOW], row[HIGH]
+    if over <= _LAST_BRANCH:
+        if x == 0.0 or high <= 0.0:
+            return 0.0, 0.0
+        return branch(row, x > 0.0, abs(x))
+    span = high - low
+    if span <= 0.0:
+        return row[VALUES], 0.0
+    if _FIRST_TURN <= over <= _LAST_TURN:
+        per = POINTS / span
+        at = (x - low) * per
+        at -= math.floor(at / POINTS) * POINTS
+        k = int(at)
+        if k >= POINTS:
+            k = POINTS - 1
+        a = row[VALUES + k]
+        b = row[VALUES + k + 1] if k + 1 < POINTS else row[VALUES]
+        return a + (b - a) * (at - k), (b - a) * per
+    per = (POINTS - 1) / span
+    at = (x - low) * per
+    if at <= 0.0:
+        return row[VALUES], 0.0
+    if at >= POINTS - 1:
+        return row[VALUES + POINTS - 1], 0.0
+    k = int(at)
+    a, b = row[VALUES + k], row[VALUES + k + 1]
+    return a + (b - a) * (at - k), (b - a) * per
+
+
+@loop
+def branch(row, positive, size):
+    """Value and slope (by x) of one branch of a form at a size of x, 0 included: the value next to the jump."""
+    per = (HALF - 1) / row[HIGH]
+    at = size * per
+    first = VALUES + HALF if positive else VALUES + HALF - 1
+    way = 1 if positive else -1
+    if at >= HALF - 1:
+        return row[first + way * (HALF - 1)], 0.0
+    k = int(at)
+    a, b = row[first + way * k], row[first + way * (k + 1)]
+    return a + (b - a) * (at - k), (b - a) * per * way
+
+
+@loop
+def act(rows, quantities, acts):
+    """What a side's forms come to.
+
+    Parameters
+    ----------
+    rows : (MOST, WIDTH). quantities : (len(OVERS),) of this side now, in the order of `OVERS`.
+    acts : (ACTS,) filled: torque N·m, levels of dry friction N·m, friction by speed N·m·s/rad, voltage V, relative
+        torque constant, force N, torque about the vertical N·m and its part against the yaw rate N·m.
+
+    A torque over the wheel's speed is dry friction with a level for each direction: it can hold a wheel. By its slope
+    it also goes into the friction by speed, so that long steps stay stable.
+    """
+    acts[:] = 0.0
+    for n in range(MOST):
+        term, over = int(rows[n, TERM]), int(rows[n, OVER])
+        if term == 0:
+            continue
+        x = quantities[over - 1]
+        value, slope = curve(rows[n], x)
+        if term == _TORQUE and over == _W:
+            ahead = value if x > 0.0 else branch(rows[n], True, 0.0)[0]
+            back = value if x < 0.0 else branch(rows[n], False, 0.0)[0]
+            acts[FORWARD] -= ahead
+            acts[BACKWARD] += back
+            acts[FLUID] -= slope
+            acts[DRIVE] -= slope * x
+        elif term == _TORQUE:
+            acts[DRIVE] += value
+        elif term == _VOLTAGE:
+            acts[VOLTS] += value
+        elif term == _CONSTANT:
+            acts[CONSTANT] += value
+        elif term == _FORCE:
+            acts[PUSH] += value
+        elif term == _YAW and over == _RATE:
+            ahead, back = -branch(rows[n], True, 0.0)[0], branch(rows[n], False, 0.0)[0]
+            level = -value if x > 0.0 else (value if x < 0.0 else max(ahead, back))
+            acts[SCRUB] += max(level, 0.0)
+            # What drives the turn holds nothing.
+            acts[TURN] += value if level < 0.0 and x != 0.0 else 0.0
+        elif term == _YAW:
+            acts[TURN] += value
+
+
+@loop
+def reads(rows, term, over, x):
+    """What a side's forms add to a sensor's reading of x, in x's unit; term, over : their codes."""
+    total = 0.0
+    for n in range(MOST):
+        if rows[n, TERM] == term and rows[n, OVER] == over:
+            total += curve(rows[n], x)[0]
+    return total
+
+
+@loop
+def any_of(rows):
+    """Whether there is a form among rows (2, MOST, WIDTH)."""
+    for k in range(rows.shape[0]):
+        for n in range(MOST):
+            if rows[k, n, TERM] != 0.0:
+                return True
+    return False
+
+
+@loop
+def holds(rows):
+    """Whether a side's forms (MOST, WIDTH) hold dry friction."""
+    for n in range(MOST):
+        if rows[n, TERM] == _TORQUE and rows[n, OVER] == _W:
+            return True
+    return False
