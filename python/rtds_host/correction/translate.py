@@ -344,11 +344,4 @@ def _over_speed(get: _Parameters, k: int, n: float) -> Curve | None:
 
 def places_of(effect: Effect, robot: Robot) -> set[str]:
     """Where an effect's numbers go, of `PLACES`: what its `apply` changes in the nominal model."""
-    found = set()
-    for side in effect.sides[:1]:
-        model = nominal_model(robot)
-        before = model.copy()
-        effect.apply(model, (0, 1) if side == "both" else (0,), {p.name: p.starts[0] for p in effect.parameters})
-        found |= {PLACES[name] for name, row, old in zip(SIDE, model.side.T, before.side.T) if (row != old).any()}
-        found |= {PLACES[name] for name, value, old in zip(COMMON, model.common, before.common) if value != old}
-    return found
+    return {PLACES[name] for name in effect.written(robot)}

@@ -68,12 +68,14 @@ class Neighbours(Explanations):
         search gives up all signatures are taken anew (`afresh`).
         """
         problem = self.problem
-        extra = ripple.starts(problem, problem.replay(fit.model(problem))) if "torque_ripple" in self.wanted else {}
+        periodic = [effect.id for effect in self.effects.values() if effect.periodic]
+        sought = [effect for effect in periodic if effect in self.wanted]
+        extra = ripple.starts(problem, problem.replay(fit.model(problem)), sought) if sought else {}
         before, kept = (None, None), {}
         if not self.afresh:
             before = self._screens(fit, self.moves)
             ranked = [dict.fromkeys(c.member[0] for c in screen.candidates()) for screen in before]
-            retaken = {effect for effects in ranked for effect in list(effects)[:RETAKEN]} | {"torque_ripple"}
+            retaken = {effect for effects in ranked for effect in list(effects)[:RETAKEN]} | set(periodic)
             kept = {s: m for s, m in self.moves.items() if s.effect not in retaken}
         moves = moves_of(
             self.fitter, fit, extra, self.wanted, {**kept, **self.slow_moves}, self.quick and not fit.hypothesis

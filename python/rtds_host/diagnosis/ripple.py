@@ -8,6 +8,7 @@ narrow peaks; the transform is as fine as they are.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,12 +126,13 @@ def neighbours(values: dict[str, float], angle: float) -> list[dict[str, float]]
     is moved with the phase that keeps step at `angle` rad, the middle of the runs. Poles and teeth of what turns with
     the wheel come in whole numbers.
     """
-    whole = round(values["cycles_per_rev"]) - values["cycles_per_rev"]
+    _, cycles, phase = values  # names, in the order of a periodic effect's parameters
+    whole = round(values[cycles]) - values[cycles]
     return [
         {
             **values,
-            "cycles_per_rev": values["cycles_per_rev"] + off,
-            "phase_rad": math.remainder(values["phase_rad"] - off * angle + shift, 2 * math.pi),
+            cycles: values[cycles] + off,
+            phase: math.remainder(values[phase] - off * angle + shift, 2 * math.pi),
         }
         for off in (*NEIGHBOURS, whole)
         for shift in PHASES
@@ -138,8 +140,10 @@ def neighbours(values: dict[str, float], angle: float) -> list[dict[str, float]]
     ]
 
 
-def starts(problem: Problem, outs: list[np.ndarray], peaks: int = 2) -> dict[tuple[str, str], list[dict]]:
-    """Parameter sets for the screening, by (effect, side): each peak with two phases."""
+def starts(
+    problem: Problem, outs: list[np.ndarray], effects: Iterable[str], peaks: int = 2
+) -> dict[tuple[str, str], list[dict]]:
+    """Parameter sets of periodic effects for the screening, by (effect, side): each peak with two phases."""
     found: dict[str, set[float]] = {"left": set(), "right": set()}
     lines = spectra(problem, outs)
     for name, spectrum in lines.items():
@@ -154,13 +158,16 @@ def starts(problem: Problem, outs: list[np.ndarray], peaks: int = 2) -> dict[tup
     if "right" in lines:
         shared = found["left"] | found["right"]
         found = {"left": shared, "right": shared}
-    size = problem.effects["torque_ripple"].parameters[0].starts[0]
-    return {
-        ("torque_ripple", side): [
-            {"amplitude_nm": size, "cycles_per_rev": n, "phase_rad": phase}
-            for n in sorted(cycles)
-            for phase in (0.0, np.pi / 2)
-        ]
-        for side, cycles in found.items()
-        if side in lines
-    }
+    sets: dict[tuple[str, str], list[dict]] = {}
+    for effect in effects:
+        amplitude, turns, phase = problem.effects[effect].parameters
+        sets |= {
+            (effect, side): [
+                {amplitude.name: amplitude.starts[0], turns.name: n, phase.name: at}
+                for n in sorted(cycles)
+                for at in (0.0, np.pi / 2)
+            ]
+            for side, cycles in found.items()
+            if side in lines
+        }
+    return sets

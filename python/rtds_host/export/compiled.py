@@ -13,6 +13,7 @@ from rtds_host.export.figures import figures_of
 from rtds_host.export.table import LOST, OWN
 from rtds_host.native.library import SOURCES
 from rtds_host.native.words import header, motor_units
+from rtds_host.plant.torques import TORQUES
 
 # --to, and what it gives.
 TARGETS = {
@@ -27,7 +28,7 @@ MOTORS = "motors.h"
 def motor_parts(source: Source) -> list[Part]:
     """How the motor units have each effect of a diagnosis: what acts elsewhere is left to the other simulator."""
     found = []
-    for part in parts_of(source.content, figures_of(source.model, source.robot), "python"):
+    for part in parts_of(source.content, source.robot, figures_of(source.model, source.robot), "python"):
         inside = places_of(CATALOGUE[part.effect], source.robot) == {"rtl"}
         where = (
             "parameters and tables of the motor units" if inside else "acts in the body or the sensors, not in a motor"
@@ -37,9 +38,16 @@ def motor_parts(source: Source) -> list[Part]:
 
 
 def robot_parts(source: Source) -> list[Part]:
-    """How the robot's FMU has each effect: it has the equations of the Python module."""
-    parts = parts_of(source.content, figures_of(source.model, source.robot), "python")
-    return [Part(p.effect, p.side, p.values, p.kind, "parameters" if p.kind == OWN else p.where) for p in parts]
+    """How the robot's FMU has each effect: it has the Python module's equations, of torques by angle the ripple."""
+    others = {e.name for torque in TORQUES.values() for e in torque.entries if e.export not in fmu.TORQUES_IN_C}
+    parts = parts_of(source.content, source.robot, figures_of(source.model, source.robot), "python")
+    found = []
+    for part in parts:
+        kind, where = part.kind, "parameters" if part.kind == OWN else part.where
+        if CATALOGUE[part.effect].written(source.robot) & others:
+            kind, where = LOST, "its equation is not in the compiled robot; that of the motor units has it"
+        found.append(Part(part.effect, part.side, part.values, kind, where))
+    return found
 
 
 def write(source: Source, target: str, out: Path) -> list[Part]:

@@ -9,12 +9,13 @@ from pathlib import Path
 from rtds_host import __version__
 from rtds_host.contract import Robot
 from rtds_host.contract.runlog import read_json
+from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.errors import InputError, did_you_mean, visible
 from rtds_host.export import mjcf, python, sdf, urdf, usd
 from rtds_host.export.figures import Figures, figures_of
-from rtds_host.export.table import BEHIND_SERVO, CARRIED, LOST, OWN, SERVO, TABLE, TARGETS, How
+from rtds_host.export.table import BEHIND_SERVO, CARRIED, DCMOTOR, LOST, OWN, SERVO, TABLE, TARGETS, How
 
 WRITERS: dict[str, Callable[[Figures, str], str]] = {
     "mjcf": mjcf.write,
@@ -24,8 +25,6 @@ WRITERS: dict[str, Callable[[Figures, str], str]] = {
     "python": python.write,
 }
 ENDINGS = {"mjcf": ".xml", "urdf": ".urdf", "sdf": ".sdf", "usd-json": ".json", "python": ".py"}
-# Passive motors, for friction by speed and torque by angle.
-NEEDS = {"mjcf": {"stribeck_friction": "MuJoCo 4.0 or later", "torque_ripple": "MuJoCo 4.0 or later"}}
 
 
 @dataclass(frozen=True)
@@ -63,19 +62,27 @@ def check_target(target: str, actuator: str = "general") -> None:
         raise InputError(f"--actuator {actuator}: only with --to mjcf")
 
 
-def parts_of(diagnosis: dict, figures: Figures, target: str, actuator: str = "general") -> list[Part]:
-    """How a target has each effect of a diagnosis; `actuator`: of MJCF."""
+def parts_of(diagnosis: dict, robot: Robot, figures: Figures, target: str, actuator: str = "general") -> list[Part]:
+    """How a target has each effect of a diagnosis of a robot; figures : the robot's with these effects; actuator : of
+    MJCF."""
     special: dict[str, How] = dict(BEHIND_SERVO[target]) if figures.loop is not None else {}
     if target == "mjcf":
-        special |= mjcf.exceptions(figures, actuator)
+        special |= DCMOTOR if actuator == "dcmotor" else {}
+        # What an effect writes of the plant is what this target may not hold.
+        excepted = mjcf.exceptions(figures, actuator)
+        special |= {
+            name: excepted[parameter]
+            for name, effect in catalogue(robot).items()
+            for parameter in effect.written(robot)
+            if parameter in excepted
+        }
     found = []
     for entry in diagnosis.get("effects") or []:
         values = {
             name: float(p["value"] if isinstance(p, dict) else p) for name, p in (entry.get("parameters") or {}).items()
         }
         how = special.get(entry["id"], TABLE[entry["id"]][target])
-        need = NEEDS.get(target, {}).get(entry["id"]) if actuator == "general" else None
-        where = f"{how.where} ({need})" if need and how.kind != LOST else how.where
+        where = f"{how.where} ({how.needs})" if how.needs and actuator == "general" else how.where
         found.append(Part(entry["id"], entry["side"], values, how.kind, where))
     found += [
         Part(
@@ -169,7 +176,7 @@ def export(source: Source, target: str, actuator: str = "general") -> tuple[str,
     """
     check_target(target, actuator)
     figures = figures_of(source.model, source.robot)
-    parts = parts_of(source.content, figures, target, actuator)
+    parts = parts_of(source.content, source.robot, figures, target, actuator)
     comment = comment_of(parts, source.name, source.robot, target, actuator)
     if target == "mjcf":
         return mjcf.write(figures, comment, actuator), parts

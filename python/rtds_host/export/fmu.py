@@ -24,6 +24,7 @@ from rtds_host.export.figures import Figures
 from rtds_host.motor.effect_program import CELLS, CONSTANTS, TABLES
 from rtds_host.native.library import SOURCES, compile_shared
 from rtds_host.native.words import STEP_S, MotorUnits, c_effects, float_text
+from rtds_host.plant.schema import SIDE
 from rtds_host.remains import temporary_folder
 
 MOTOR_SOURCES = ("rtds_fmi3.c", "fmu_motors.c", "rtds_motor.c")
@@ -51,14 +52,6 @@ UNITS = {
     "V/s": {"kg": 1, "m": 2, "s": -4, "A": -1},
     "V/rad": {"kg": 1, "m": 2, "s": -3, "A": -1, "rad": -1},
 }
-MOTOR = (
-    ("resistance", "Ohm", "winding resistance R"),
-    ("inductance", "H", "winding inductance L"),
-    ("torque_constant", "N.m/A", "torque constant Km"),
-    ("back_emf_constant", "V.s/rad", "back EMF constant Kb"),
-    ("rotor_inertia", "kg.m2", "rotor inertia J, with what else turns rigidly with the shaft"),
-    ("viscous_friction", "N.m.s/rad", "viscous friction B"),
-)
 OUTPUTS = (
     ("v_bus", "V", "bus voltage"),
     ("gyro_z", "rad/s", "yaw rate reported"),
@@ -80,6 +73,7 @@ SUFFIXES = {
     "_kg_m2": "kg.m2",
     "_rad_s": "rad/s",
     "_nm": "N.m",
+    "_h": "H",
     "_ohm": "Ohm",
     "_kg": "kg",
     "_rad": "rad",
@@ -90,6 +84,34 @@ SUFFIXES = {
 }
 # What no number of the robot is in the FMU: noise, and the servo, which is given apart.
 NO_NUMBERS = ("noise", "servo")
+# Of the torques by angle or speed, the numbers that the C model of the robot has.
+TORQUES_IN_C = ("ripple_nm", "ripple_cycles", "ripple_phase_rad")
+
+
+def _suffix(key: str) -> str:
+    return max((suffix for suffix in SUFFIXES if key.endswith(suffix)), key=len, default="")
+
+
+def _unit(key: str) -> str:
+    return SUFFIXES.get(_suffix(key), "")
+
+
+def _without_unit(key: str) -> str:
+    return key.removesuffix(_suffix(key))
+
+
+# A motor's constants: the plant's exported names without the unit, unit and meaning.
+MOTOR = tuple(
+    (_without_unit(SIDE[parameter].export), unit, meaning)
+    for parameter, unit, meaning in (
+        ("resistance", "Ohm", "winding resistance R"),
+        ("inductance", "H", "winding inductance L"),
+        ("torque_constant", "N.m/A", "torque constant Km"),
+        ("back_emf", "V.s/rad", "back EMF constant Kb"),
+        ("rotor_inertia", "kg.m2", "rotor inertia J, with what else turns rigidly with the shaft"),
+        ("viscous", "N.m.s/rad", "viscous friction B"),
+    )
+)
 
 
 @dataclass(frozen=True)
@@ -192,8 +214,9 @@ def robot(figures: Figures, name: str, comment: str) -> Unit:
         found.append(
             Variable(f"start.{key}", "parameter", f"start[{n}]", 0.0, "m" if n < 2 else "rad", "pose at the start")
         )
+    without = {*NO_NUMBERS, *figures.sides[0].torques} - {*TORQUES_IN_C}
     numbers: dict[str, float | list[float]] = {"command_gain": [1.0, 1.0]}
-    numbers |= {key: value for key, value in planar.parameters(figures).items() if key not in NO_NUMBERS}
+    numbers |= {key: value for key, value in planar.parameters(figures).items() if key not in without}
     for key, value in numbers.items():
         sides = enumerate(value) if isinstance(value, list) else [(None, value)]
         for k, number in sides:
@@ -209,11 +232,6 @@ def robot(figures: Figures, name: str, comment: str) -> Unit:
         value = float(getattr(loop, key)) if loop else 0.0
         found.append(Variable(f"servo.{key}", "parameter", f"servo_{key}", value, _unit(f"_{key}")))
     return Unit(name, comment, tuple(found), ROBOT_SOURCES, "")
-
-
-def _unit(key: str) -> str:
-    fits = [suffix for suffix in SUFFIXES if key.endswith(suffix)]
-    return SUFFIXES[max(fits, key=len)] if fits else ""
 
 
 def _start_text(variable: Variable) -> str:

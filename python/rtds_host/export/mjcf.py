@@ -14,7 +14,7 @@ from xml.sax.saxutils import quoteattr
 from rtds_host.export import dcmotor, mjcf_driver
 from rtds_host.export.figures import SIDES, Figures, Side
 from rtds_host.export.python import alone
-from rtds_host.export.table import DCMOTOR, LOST, OWN, How
+from rtds_host.export.table import LOST, OWN, How
 from rtds_host.robot.body import SKID_RADIUS_M
 from rtds_host.robot.urdf import base_inertia, supports
 
@@ -61,15 +61,16 @@ def holds_asymmetry(side: Side) -> bool:
 
 
 def exceptions(figures: Figures, actuator: str = "general") -> dict[str, How]:
-    """Effects that MJCF has in general and has not, or not wholly, for these numbers and this `actuator`."""
-    found: dict[str, How] = dict(DCMOTOR) if actuator == "dcmotor" else {}
+    """What MJCF has in general and has not, or not wholly, for these numbers and this `actuator`, by the parameter of
+    the plant."""
+    found: dict[str, How] = {}
     for name, side in zip(SIDES, figures.sides, strict=True):
         if actuator == "general" and side.heat_rise_per_w > 0.0 and not heats(side):
-            found["winding_heating"] = How(LOST, f"{name}: MuJoCo's motor needs Km = Kb and a driver without a gain")
+            found["heat_rise"] = How(LOST, f"{name}: MuJoCo's motor needs Km = Kb and a driver without a gain")
         if side.asymmetry_nm and not holds_asymmetry(side):
-            found["friction_asymmetry"] = How(LOST, f"{name}: larger than the dry friction of that side")
+            found["asymmetry"] = How(LOST, f"{name}: larger than the dry friction of that side")
         elif actuator == "general" and side.asymmetry_nm_s_per_rad:
-            found["friction_asymmetry"] = How(OWN, f"actuator/general biasprm; {name}: its part by speed is left out")
+            found["asymmetry"] = How(OWN, f"actuator/general biasprm; {name}: its part by speed is left out")
         if side.backlash_rad and side.stiffness_nm_per_rad:
             found["backlash"] = How(LOST, f"{name}: the hinge that would have it is the gear's spring")
     return found

@@ -23,7 +23,7 @@ from rtds_host.plant.sensors import low_pass, scaled
 from rtds_host.plant.torque import functions
 from rtds_host.plant.torques import TORQUES
 
-shaped_torque = functions(TORQUES, "p, k", lambda entry: f"p['{entry.export}'][k]")[0]
+shaped_torque = functions(TORQUES, "p, k", lambda entry: f"p['{entry.export}'][k]", plain=True)[0]
 
 # laws: end
 PARAMETERS = {}

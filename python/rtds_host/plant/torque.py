@@ -56,8 +56,10 @@ def summed(torques: Mapping[str, Torque], arguments: str, place: Callable[[Entry
     )
 
 
-def functions(torques: Mapping[str, Torque], arguments: str, place: Callable[[Entry], str]) -> tuple[Any, Any]:
-    """The same as functions, not compiled."""
-    found: dict[str, Any] = {t.name: t.law for t in torques.values()}
+def functions(
+    torques: Mapping[str, Torque], arguments: str, place: Callable[[Entry], str], plain: bool = False
+) -> tuple[Any, Any]:
+    """The same as functions, for a compiled loop; `plain`: for Python."""
+    found: dict[str, Any] = {t.name: t.law.py_func if plain else t.law for t in torques.values()}
     exec(summed(torques, arguments, place), found)
     return found["shaped_torque"], found["present"]

@@ -18,7 +18,7 @@ from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inpu
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 from rtds_host.export import mjcf, python, sdf, urdf, usd
-from rtds_host.export.export import NEEDS, WRITERS, Source, export
+from rtds_host.export.export import WRITERS, Source, export
 from rtds_host.export.figures import figures_of
 from rtds_host.export.mujoco_replay import ExportedRobot
 from rtds_host.export.table import CARRIED, LOST, OWN, TABLE, TARGETS, markdown
@@ -57,8 +57,9 @@ def test_the_page_shows_the_table():
 
 @pytest.mark.parametrize("effect", ["nominal", *of_kind("mjcf", OWN, CARRIED)])
 def test_the_mujoco_robot_does_what_the_replay_does(effect, tmp_path):
-    if effect in NEEDS["mjcf"] and not NEW_MUJOCO:
-        pytest.skip(f"{effect}: {NEEDS['mjcf'][effect]}")
+    needs = TABLE[effect]["mjcf"].needs if effect in TABLE else ""
+    if needs and not NEW_MUJOCO:
+        pytest.skip(f"{effect}: {needs}")
     model = nominal_model(ROBOT) if effect == "nominal" else model_of_one(effect)
     file = tmp_path / "robot.xml"
     file.write_text(mjcf.write(figures_of(model, ROBOT), ""))

@@ -8,17 +8,6 @@ from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.plant.schema import ENTRIES
 
 ROOT = Path(rtds_host.__file__).parent
-# Which effects these name, and why: the spectrum that finds a ripple's cycles knows whose they are; a target's row, and
-# what it cannot hold, is the target's; a form resembles effects of its equation.
-NAMED = {
-    "diagnosis/neighbours.py",
-    "diagnosis/report/forms.py",
-    "diagnosis/ripple.py",
-    "export/export.py",
-    "export/fmu.py",
-    "export/mjcf.py",
-    "export/table.py",
-}
 
 
 def naming(root: Path) -> dict[str, set[str]]:
@@ -39,11 +28,10 @@ def naming(root: Path) -> dict[str, set[str]]:
 
 
 def test_no_other_module_names_an_effect():
-    assert naming(ROOT).keys() <= NAMED
+    assert naming(ROOT) == {}
 
 
-def test_neither_replay_nor_plant_names_one(tmp_path):
-    assert not [name for name in naming(ROOT) if name.startswith(("plant/", "diagnosis/replay/"))]
+def test_a_special_case_is_found(tmp_path):
     (tmp_path / "plant").mkdir()
     (tmp_path / "plant" / "law.py").write_text('if effect == "coulomb_friction": pass\n')
     assert naming(tmp_path) == {"plant/law.py": {"coulomb_friction"}}

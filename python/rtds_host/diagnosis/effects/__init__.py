@@ -15,7 +15,7 @@ from rtds_host.diagnosis.machine import machine_of
 
 CATALOGUE: dict[str, Effect] = {}
 for _module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
-    if _module == "base":
+    if _module in ("base", "exported"):
         continue
     _effect = importlib.import_module(f"{__name__}.{_module}").EFFECT
     CATALOGUE[_effect.id] = _effect

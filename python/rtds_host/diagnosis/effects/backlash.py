@@ -1,6 +1,7 @@
 """backlash: free play between gear and wheel, centred at the start."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import lost, own, row
 
 EFFECT = Effect(
     id="backlash",
@@ -53,5 +54,10 @@ EFFECT = Effect(
     agrees_within=(
         2.0,
         "a sample that falls on an impact shows the speed before it in the one and after it in the other",
+    ),
+    exports=row(
+        own("a second hinge with a range; its flanks do not rebound"),
+        *[lost("the joint is rigid")] * 3,
+        lost("its gear is rigid"),
     ),
 )

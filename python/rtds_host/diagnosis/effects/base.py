@@ -7,10 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-from rtds_host.contract import Case
+from rtds_host.contract import Case, Robot
 from rtds_host.contract.robot import Axis
+from rtds_host.diagnosis.effects.exported import How
 from rtds_host.diagnosis.machine import Machine
-from rtds_host.diagnosis.replay.model import Model
+from rtds_host.diagnosis.replay.model import Model, nominal_model
+from rtds_host.plant.schema import COMMON, SIDE
 
 SIDES = {"both": (0, 1), "left": (0,), "right": (1,)}
 
@@ -122,8 +124,10 @@ class Effect:
     another one is there. `nonlinear`: its signature changes its form with its size, and with what the other side does.
     `periodic`: its parameters are amplitude, cycles a turn and phase. `rough`: its misfit has many minima.
     `without_winding`: it exists on a machine whose torque is commanded. `before_loop`: it acts before a loop on the
-    speed, which a robot in speed mode alone has. `exports_as`: another effect whose parameters of the plant it writes,
-    and whose row of the exporters' table it has; without one, the table has a row of its own.
+    speed, which a robot in speed mode alone has. `exports`: how each target of `rtds export` has it (`exported.row`);
+    `exports_behind_servo`: the same by target where a robot in speed mode has it otherwise; `exports_dcmotor`: the
+    same where MuJoCo's own motor has it otherwise; `exports_as`: another
+    effect whose parameters of the plant it writes, and whose `exports` it has.
     `gives`: the wheel may turn beside the gear with it, so that it matters where the encoder sits.
     `compared_at`: sizes in SI at which simulator and replay are compared, where the middle start would not be met;
     `agrees_within`: a wider bound on their difference, in units of noise, and its reason. `check`: a measurement
@@ -135,6 +139,7 @@ class Effect:
     parameters that earlier diagnoses hold, and the two whose quotient each was: the present one's name, and the one it
     was divided by. `likened`: other effects that do most of what it does, and with which parameters, where no screening
     says so: a spring in front of the wheel, and one behind it.
+    `resembles`: forms that it may be behind, as (term, quantity it runs over).
     `same_as`: effects that make the same replays on runs that meet a condition; only one of them is ever in an
     explanation. `same_with_friction`: likewise where the explanation has `friction`, dry or viscous, that no data sheet
     states. `nearly_as`: effects that make nearly the same replays then. All three are mutual.
@@ -162,7 +167,11 @@ class Effect:
     without_winding: bool = True
     gives: bool = False
     before_loop: bool = False
+    exports: Mapping[str, How] = field(default_factory=dict)
+    exports_behind_servo: Mapping[str, How] = field(default_factory=dict)
+    exports_dcmotor: How | None = None
     exports_as: str = ""
+    resembles: tuple[tuple[str, str], ...] = ()
     compared_at: Mapping[str, float] = field(default_factory=dict)
     agrees_within: tuple[float, str] | None = None
     seen_by: tuple[str, ...] = ()
@@ -199,6 +208,14 @@ class Effect:
     def sized(self) -> bool:
         """Whether a number, its size, moves its replay along a straight line."""
         return not (self.nonlinear or self.separate or self.periodic)
+
+    def written(self, robot: Robot) -> set[str]:
+        """Parameters of the plant (`rtds_host.plant.schema`) that it changes in a nominal robot."""
+        model = nominal_model(robot)
+        before = model.copy()
+        self.apply(model, (0, 1), {p.name: p.starts[0] for p in self.parameters})
+        found = {name for name, row, old in zip(SIDE, model.side.T, before.side.T) if (row != old).any()}
+        return found | {name for name, value, old in zip(COMMON, model.common, before.common) if value != old}
 
     def side_on(self, axis: Axis | None, side: str) -> str:
         """The side as a report names it: a single axis has one (contract, section 7)."""

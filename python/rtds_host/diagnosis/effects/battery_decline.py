@@ -1,6 +1,7 @@
 """battery_decline: bus = voltage_v - rate t."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import carried, map_of_commands
 
 EFFECT = Effect(
     id="battery_decline",
@@ -27,4 +28,7 @@ EFFECT = Effect(
     check="Log the voltage at the battery over a whole run: it falls steadily, under load and without.",
     advice="Charge or replace the battery, or scale the duty by the measured bus.",
     runs_in="rtl",
+    exports=map_of_commands("decline_v_per_s"),
+    resembles=(("voltage", "t"),),
+    exports_dcmotor=carried("driver module, by custom/numeric decline_v_per_s"),
 )

@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import no_current_no_reversal
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import carried, map_of_commands
 
 EFFECT = Effect(
     id="bridge_drop",
@@ -32,4 +33,7 @@ EFFECT = Effect(
     without_winding=False,
     runs_in="rtl",
     same_as={"coulomb_friction": no_current_no_reversal, "driver_deadzone": no_current_no_reversal},
+    exports=map_of_commands("drop_v, back_emf_v_s_per_rad"),
+    resembles=(("voltage", "i"),),
+    exports_dcmotor=carried("driver module, by custom/numeric drop_v, back_emf_v_s_per_rad, voltage_gain"),
 )

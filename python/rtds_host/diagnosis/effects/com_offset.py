@@ -1,6 +1,7 @@
 """com_offset: gravity turns the robot on a slope."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import of_body
 
 EFFECT = Effect(
     id="com_offset",
@@ -36,4 +37,6 @@ EFFECT = Effect(
     axis=False,
     form=0.02,
     compared_at={"x_m": 0.03, "y_m": 0.012},
+    exports=of_body(),
+    resembles=(("yaw_torque", "speed_yaw_rate"),),
 )

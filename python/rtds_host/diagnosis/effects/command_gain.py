@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import loop_on_wheels
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+from rtds_host.diagnosis.effects.exported import USD_FED, carried, row
 
 EFFECT = Effect(
     id="command_gain",
@@ -30,4 +31,11 @@ EFFECT = Effect(
     before_loop=True,
     runs_in="refused",
     nearly_as={"speed_gain": loop_on_wheels},
+    exports=row(
+        carried("custom/numeric command_gain, with a servo's loop"),
+        carried("comment: the speeds asked for take the loop's scale"),
+        carried("comment: the speeds asked for take the loop's scale"),
+        carried(f"{USD_FED} servo"),
+    ),
+    exports_dcmotor=carried("driver module, by custom/numeric command_gain, with the servo's loop"),
 )

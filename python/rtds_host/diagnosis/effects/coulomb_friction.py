@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import no_current_no_reversal, one_way, same_load
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import own, row
 
 EFFECT = Effect(
     id="coulomb_friction",
@@ -39,4 +40,11 @@ EFFECT = Effect(
         "rolling_resistance": same_load,
     },
     friction=True,
+    exports=row(
+        own("joint frictionloss"),
+        own("dynamics friction"),
+        own("dynamics/friction"),
+        own("staticFrictionEffort, dynamicFrictionEffort"),
+    ),
+    resembles=(("torque", "w"),),
 )

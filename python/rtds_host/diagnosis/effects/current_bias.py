@@ -1,6 +1,7 @@
 """current_bias: i reported plus a constant."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import carried, reading
 
 EFFECT = Effect(
     id="current_bias",
@@ -29,4 +30,7 @@ EFFECT = Effect(
     seen_by=("i",),
     runs_in="signal",
     compared_at={"amperes": 0.02},
+    exports=reading("current_bias_a"),
+    resembles=(("current_sensor", "i"),),
+    exports_dcmotor=carried("driver module, by custom/numeric current_bias_a"),
 )

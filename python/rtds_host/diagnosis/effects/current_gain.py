@@ -1,6 +1,7 @@
 """current_gain: i reported times ratio."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+from rtds_host.diagnosis.effects.exported import carried, reading
 
 EFFECT = Effect(
     id="current_gain",
@@ -18,4 +19,10 @@ EFFECT = Effect(
     advice="Calibrate the shunt and its amplifier.",
     seen_by=("i",),
     runs_in="signal",
+    exports=reading("current_gain"),
+    resembles=(
+        ("torque_constant", "i"),
+        ("current_sensor", "i"),
+    ),
+    exports_dcmotor=carried("driver module, by custom/numeric current_gain"),
 )

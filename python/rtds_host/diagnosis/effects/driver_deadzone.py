@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import no_current_no_reversal
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import carried, map_of_commands
 
 EFFECT = Effect(
     id="driver_deadzone",
@@ -35,4 +36,7 @@ EFFECT = Effect(
     advice="Compensate the bridge's dead time in the driver, or raise its PWM resolution.",
     runs_in="rtl",
     same_as={"coulomb_friction": no_current_no_reversal, "bridge_drop": no_current_no_reversal},
+    exports=map_of_commands("deadzone_v"),
+    resembles=(("voltage", "v_cmd"),),
+    exports_dcmotor=carried("driver module, by custom/numeric deadzone_v"),
 )

@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import speed_alone, torque_drives
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+from rtds_host.diagnosis.effects.exported import electrical, own
 
 EFFECT = Effect(
     id="driver_gain",
@@ -30,4 +31,6 @@ EFFECT = Effect(
     runs_in="rtl",
     same_as={"speed_gain": speed_alone},
     same_with_friction={"payload_error": torque_drives, "speed_gain": torque_drives},
+    exports=electrical(),
+    exports_dcmotor=own("actuator/dcmotor motorconst, resistance, inductance, gear"),
 )

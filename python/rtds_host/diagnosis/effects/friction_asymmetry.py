@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import one_way
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import carried, lost, own, row
 
 # Of what a motor loses by its own back-EMF: friction that falls with speed falls by no more than there was, and a
 # machine whose friction takes more than a fourth of its stall torque is none. Beyond, it would drive one way, and pass
@@ -49,4 +50,14 @@ EFFECT = Effect(
     compared_at={"torque_nm": 0.02, "nm_s_per_rad": 0.004},
     same_as={"coulomb_friction": one_way},
     friction=True,
+    exports=row(
+        own("actuator/general biasprm, where dry friction is at least as large; without its part by speed"),
+        lost("friction is the same in both directions"),
+        lost("friction is the same in both directions"),
+        lost("friction is the same in both directions"),
+    ),
+    exports_dcmotor=carried(
+        "actuator/general biasprm, where dry friction is at least as large; by speed driver module, "
+        "by custom/numeric asymmetry_nm_s_per_rad"
+    ),
 )

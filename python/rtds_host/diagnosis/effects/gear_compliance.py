@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, put
+from rtds_host.diagnosis.effects.exported import lost, own, row
 from rtds_host.diagnosis.machine import Machine
 
 
@@ -63,4 +64,9 @@ EFFECT = Effect(
     form=0.01,
     gives=True,
     runs_in="robot",
+    exports=row(
+        own("a second hinge with stiffness and damping"),
+        *[lost("the joint is rigid")] * 3,
+        lost("its gear is rigid"),
+    ),
 )

@@ -1,6 +1,7 @@
 """gyro_bias: gyro reported plus a constant."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import carried, own, reading
 
 EFFECT = Effect(
     id="gyro_bias",
@@ -30,4 +31,7 @@ EFFECT = Effect(
     runs_in="signal",
     axis=False,
     compared_at={"rad_s": 0.02},
+    exports=reading("gyro_bias_rad_s", own("sensor imu, noise/bias_mean")),
+    resembles=(("gyro_sensor", "yaw_rate"),),
+    exports_dcmotor=carried("driver module, by custom/numeric gyro_bias_rad_s"),
 )

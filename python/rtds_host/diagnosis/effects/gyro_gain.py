@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import turns_without_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+from rtds_host.diagnosis.effects.exported import carried, lost, reading
 
 EFFECT = Effect(
     id="gyro_gain",
@@ -22,4 +23,7 @@ EFFECT = Effect(
     runs_in="signal",
     axis=False,
     same_as={"track_width_error": turns_without_pose, "wheel_radius_error": turns_without_pose},
+    exports=reading("gyro_gain", lost("an imu's noise has no scale")),
+    resembles=(("gyro_sensor", "yaw_rate"),),
+    exports_dcmotor=carried("driver module, by custom/numeric gyro_gain"),
 )

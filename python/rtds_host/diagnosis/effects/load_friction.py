@@ -1,6 +1,7 @@
 """load_friction: loss = c |torque at the gear's input| against the motion."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import carried, lost, row
 
 EFFECT = Effect(
     id="load_friction",
@@ -29,4 +30,10 @@ EFFECT = Effect(
     runs_in="rtl",
     form=0.02,
     compared_at={"ratio": 0.3},
+    exports=row(*[lost("friction there does not grow with the torque that a gear transmits")] * 4),
+    resembles=(("torque", "load"),),
+    exports_dcmotor=carried(
+        "driver module, by custom/numeric load_share: bound of the joint's dry friction, "
+        "by the torque of the step before"
+    ),
 )

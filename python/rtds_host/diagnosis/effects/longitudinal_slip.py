@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter
+from rtds_host.diagnosis.effects.exported import lost, row
 from rtds_host.diagnosis.machine import Machine
 from rtds_host.diagnosis.replay.model import Model
 
@@ -112,4 +113,8 @@ EFFECT = Effect(
     # is what runs show.
     former={"relaxation_m": ("softness_m_per_n", "slip_per_newton")},
     compared_at={"slip_per_newton": 0.02, "softness_m_per_n": 6e-05, "damping_n_s_per_m": 50.0, "grip": 0.9},
+    exports=row(
+        *[lost("a contact creeps by force alone or slides, not by a share of the speed")] * 4,
+        lost("its tyre builds up over a length of rolling and saturates; the module rolls without slip"),
+    ),
 )

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from rtds_host.diagnosis.conditions import no_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import NO_SENSOR, USD_READ, carried, lost, own, row
 from rtds_host.diagnosis.machine import Machine
 from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
 
@@ -47,4 +48,6 @@ EFFECT = Effect(
     # No whole number of the log's rows: where a late command and a sample meet, rounding decides which comes first.
     compared_at={"seconds": 0.0127},
     same_as={"command_delay": no_pose},
+    exports=row(own("sensor delay"), NO_SENSOR, lost("sensors there are not late"), carried(USD_READ)),
+    exports_dcmotor=carried("sensor delay; of the current driver module, by custom/numeric current_delay_s"),
 )

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from rtds_host.diagnosis.conditions import no_current, one_slope, rotor_counts, straight_without_place, torque_drives
 from rtds_host.diagnosis.effects.base import Effect, Parameter
+from rtds_host.diagnosis.effects.exported import of_body
 from rtds_host.diagnosis.replay.model import Model
 
 
@@ -55,4 +56,5 @@ EFFECT = Effect(
         "slope_error": one_slope,
         "wheel_radius_error": straight_without_place,
     },
+    exports=of_body(),
 )

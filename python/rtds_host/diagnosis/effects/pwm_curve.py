@@ -1,6 +1,7 @@
 """pwm_curve: V = v_cmd (1 + c (1 - |v_cmd| / voltage_v))."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import carried, map_of_commands
 
 EFFECT = Effect(
     id="pwm_curve",
@@ -32,4 +33,7 @@ EFFECT = Effect(
     ),
     advice="Measure the motor's voltage against the duty and invert the curve; or drive the bridge in slow decay.",
     runs_in="rtl",
+    exports=map_of_commands("pwm_curve"),
+    resembles=(("voltage", "v_cmd"),),
+    exports_dcmotor=carried("driver module, by custom/numeric pwm_curve"),
 )

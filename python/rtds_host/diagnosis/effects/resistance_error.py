@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import no_current
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+from rtds_host.diagnosis.effects.exported import electrical, own
 
 EFFECT = Effect(
     id="resistance_error",
@@ -31,4 +32,6 @@ EFFECT = Effect(
     runs_in="rtl",
     nuisance=True,
     nearly_as={"torque_constant_error": no_current, "payload_error": no_current},
+    exports=electrical(),
+    exports_dcmotor=own("actuator/dcmotor motorconst, resistance, inductance, gear"),
 )

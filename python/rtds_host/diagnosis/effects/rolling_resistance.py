@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import same_load
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import own, row
 
 EFFECT = Effect(
     id="rolling_resistance",
@@ -24,4 +25,14 @@ EFFECT = Effect(
     axis=False,
     form=0.02,
     same_as={"coulomb_friction": same_load},
+    exports=row(
+        own("joint frictionloss at the file's mass; custom/numeric rolling_coefficient for a payload"),
+        own("dynamics friction at the file's mass"),
+        own("dynamics/friction at the file's mass"),
+        own("staticFrictionEffort, dynamicFrictionEffort at the file's mass"),
+    ),
+    resembles=(
+        ("force", "w"),
+        ("force", "speed"),
+    ),
 )

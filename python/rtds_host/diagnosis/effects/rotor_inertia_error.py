@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import rotor_counts
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+from rtds_host.diagnosis.effects.exported import lost, own, row
 
 EFFECT = Effect(
     id="rotor_inertia_error",
@@ -31,4 +32,10 @@ EFFECT = Effect(
     runs_in="rtl",
     nuisance=True,
     same_as={"payload_error": rotor_counts},
+    exports=row(
+        own("joint armature"),
+        lost("a joint has no armature"),
+        lost("a joint has no armature"),
+        own("physxJointAxis armature"),
+    ),
 )

@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import one_slope
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import carried, lost, own, row
 
 EFFECT = Effect(
     id="slope_error",
@@ -31,4 +32,14 @@ EFFECT = Effect(
     form=0.02,
     compared_at={"slope_rad": 0.03},
     nearly_as={"payload_error": one_slope},
+    exports=row(
+        own("option gravity; custom/numeric slope_extra_rad for a run on a slope"),
+        lost("URDF has no world"),
+        carried("comment: gravity belongs to the world, not to a model"),
+        carried("rtds.world"),
+    ),
+    resembles=(
+        ("force", "x"),
+        ("force", "y"),
+    ),
 )

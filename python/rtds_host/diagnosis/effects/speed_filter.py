@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter
+from rtds_host.diagnosis.effects.exported import carried, reading
 from rtds_host.diagnosis.machine import Machine
 from rtds_host.diagnosis.replay.model import Model
 
@@ -65,4 +66,9 @@ EFFECT = Effect(
     form=0.005,
     likened={"measurement_delay": _all_late},
     compared_at={"time_constant_s": 0.03, "delay_s": 0.0126},
+    exports=reading("speed_filter_s; sensor delay: what of its lag is a delay"),
+    resembles=(("speed_sensor", "w"),),
+    exports_dcmotor=carried(
+        "driver module, by custom/numeric speed_filter_s; sensor delay: what of its lag is a delay"
+    ),
 )

@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import loop_on_wheels, speed_alone, torque_drives
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+from rtds_host.diagnosis.effects.exported import carried, reading
 
 EFFECT = Effect(
     id="speed_gain",
@@ -22,4 +23,11 @@ EFFECT = Effect(
     same_as={"driver_gain": speed_alone},
     same_with_friction={"payload_error": torque_drives, "driver_gain": torque_drives},
     nearly_as={"command_gain": loop_on_wheels},
+    exports=reading("speed_gain"),
+    exports_behind_servo={
+        "urdf": carried("the loop's gains have it, and the speeds asked for take the scale in the comment"),
+        "sdf": carried("the loop's gains have it, and the speeds asked for take the scale in the comment"),
+    },
+    resembles=(("speed_sensor", "w"),),
+    exports_dcmotor=carried("driver module, by custom/numeric speed_gain"),
 )

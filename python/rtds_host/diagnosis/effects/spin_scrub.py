@@ -1,6 +1,7 @@
 """spin_scrub: -tau sgn(yaw rate)."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import lost, own, row
 
 EFFECT = Effect(
     id="spin_scrub",
@@ -30,4 +31,12 @@ EFFECT = Effect(
     runs_in="robot",
     axis=False,
     form=0.02,
+    exports=row(
+        own("tendon/fixed frictionloss of the yaw angle that both wheels roll"),
+        *[lost("a contact's torsional friction depends on how the load is shared among the points of support")] * 3,
+    ),
+    resembles=(
+        ("torque", "yaw_rate"),
+        ("yaw_torque", "yaw_rate"),
+    ),
 )

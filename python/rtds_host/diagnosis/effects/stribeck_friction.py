@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter
+from rtds_host.diagnosis.effects.exported import own, row
 from rtds_host.diagnosis.replay.model import Model
 
 
@@ -64,4 +65,12 @@ EFFECT = Effect(
     form=0.02,
     compared_at={"torque_nm": 0.02, "extra_torque_nm": 0.04, "speed_rad_s": 0.5},
     friction=True,
+    exports=row(
+        own("actuator/dcmotor lugre", needs="MuJoCo 4.0 or later"),
+        own("dynamics friction: the level at speed, without the rise at rest"),
+        own("dynamics/friction: the level at speed, without the rise at rest"),
+        own("staticFrictionEffort, dynamicFrictionEffort: two levels, no speed over which one fades"),
+    ),
+    resembles=(("torque", "w"),),
+    exports_dcmotor=own("actuator/dcmotor lugre"),
 )

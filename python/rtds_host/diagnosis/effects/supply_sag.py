@@ -1,6 +1,7 @@
 """supply_sag: V = v_cmd bus / voltage_v, bus = voltage_v - R_s sum(i v_cmd / voltage_v)."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
+from rtds_host.diagnosis.effects.exported import carried, map_of_commands
 
 EFFECT = Effect(
     id="supply_sag",
@@ -30,4 +31,7 @@ EFFECT = Effect(
     advice="Measure the bus at the driver under load; use a stiffer supply, thicker leads or a bulk capacitor.",
     without_winding=False,
     runs_in="rtl",
+    exports=map_of_commands("source_resistance_ohm"),
+    resembles=(("voltage", "i"),),
+    exports_dcmotor=carried("driver module, by custom/numeric source_resistance_ohm"),
 )

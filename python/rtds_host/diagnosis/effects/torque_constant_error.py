@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from rtds_host.diagnosis.conditions import no_current
 from rtds_host.diagnosis.effects.base import Effect, Parameter
+from rtds_host.diagnosis.effects.exported import electrical, own
 from rtds_host.diagnosis.replay.model import Model
 
 
@@ -42,4 +43,7 @@ EFFECT = Effect(
     runs_in="rtl",
     nuisance=True,
     nearly_as={"resistance_error": no_current, "payload_error": no_current},
+    exports=electrical(),
+    resembles=(("torque_constant", "i"),),
+    exports_dcmotor=own("actuator/dcmotor motorconst, resistance, inductance, gear"),
 )

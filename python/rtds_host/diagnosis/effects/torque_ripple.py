@@ -1,6 +1,7 @@
 """torque_ripple: A sin(n th + phi)."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, put
+from rtds_host.diagnosis.effects.exported import lost, own, row
 
 EFFECT = Effect(
     id="torque_ripple",
@@ -53,4 +54,13 @@ EFFECT = Effect(
     periodic=True,
     runs_in="rtl",
     compared_at={"amplitude_nm": 0.03, "cycles_per_rev": 4.37, "phase_rad": 0.7},
+    exports=row(
+        own("actuator/dcmotor cogging", needs="MuJoCo 4.0 or later"), *[lost("no torque by the angle of a joint")] * 3
+    ),
+    resembles=(
+        ("torque", "th"),
+        ("torque", "wheel_angle"),
+        ("torque", "motor_angle"),
+    ),
+    exports_dcmotor=own("actuator/dcmotor cogging"),
 )

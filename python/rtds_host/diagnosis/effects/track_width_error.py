@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import no_place, turns_without_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+from rtds_host.diagnosis.effects.exported import own, row
 
 EFFECT = Effect(
     id="track_width_error",
@@ -33,4 +34,5 @@ EFFECT = Effect(
     runs_in="robot",
     axis=False,
     same_as={"wheel_radius_error": no_place, "gyro_gain": turns_without_pose},
+    exports=row(own("wheels' pos"), own("joint origin"), own("joint pose"), own("joint pos")),
 )

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter
+from rtds_host.diagnosis.effects.exported import own, row
 from rtds_host.diagnosis.replay.model import Model
 
 
@@ -40,4 +41,8 @@ EFFECT = Effect(
     advice="Check the grease and its temperature; refit B.",
     runs_in="rtl",
     friction=True,
+    exports=row(
+        own("joint damping"), own("dynamics damping"), own("dynamics/damping"), own("viscousFrictionCoefficient")
+    ),
+    resembles=(("torque", "w"),),
 )

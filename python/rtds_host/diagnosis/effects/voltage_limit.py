@@ -1,6 +1,7 @@
 """voltage_limit: |V| <= limit."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, put
+from rtds_host.diagnosis.effects.exported import own, row
 
 EFFECT = Effect(
     id="voltage_limit",
@@ -28,4 +29,10 @@ EFFECT = Effect(
     advice="Look for a duty or current limit in the driver's settings.",
     nonlinear=True,
     runs_in="rtl",
+    exports=row(
+        own("actuator ctrlrange"),
+        own("limit effort and velocity"),
+        own("limit effort and velocity"),
+        own("drive maxForce, maxJointVelocity"),
+    ),
 )

@@ -2,6 +2,7 @@
 
 from rtds_host.diagnosis.conditions import no_place, straight_without_place, turns_without_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+from rtds_host.diagnosis.effects.exported import own, row
 
 EFFECT = Effect(
     id="wheel_radius_error",
@@ -32,4 +33,10 @@ EFFECT = Effect(
     axis=False,
     same_as={"track_width_error": no_place, "gyro_gain": turns_without_pose},
     nearly_as={"payload_error": straight_without_place},
+    exports=row(
+        own("geom size, wheels' pos"),
+        own("collision sphere, joint origin"),
+        own("collision sphere, joint pose"),
+        own("radius"),
+    ),
 )

@@ -1,6 +1,7 @@
 """winding_heating: R = R0 (1 + rise), rise' = (rise_per_watt i^2 R - rise) / tau."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, put
+from rtds_host.diagnosis.effects.exported import lost, own, row
 
 EFFECT = Effect(
     id="winding_heating",
@@ -41,4 +42,12 @@ EFFECT = Effect(
     without_winding=False,
     runs_in="rtl",
     compared_at={"rise_per_watt": 0.2, "time_constant_s": 4.0},
+    exports=row(
+        own("actuator/dcmotor thermal"),
+        lost("a joint has no winding"),
+        lost("a joint has no winding"),
+        lost("a drive has no winding"),
+    ),
+    resembles=(("voltage", "t"),),
+    exports_dcmotor=own("actuator/dcmotor thermal"),
 )

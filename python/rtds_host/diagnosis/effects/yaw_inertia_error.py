@@ -1,6 +1,7 @@
 """yaw_inertia_error: I_z = ratio I_z nominal."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
+from rtds_host.diagnosis.effects.exported import of_body
 
 EFFECT = Effect(
     id="yaw_inertia_error",
@@ -29,4 +30,5 @@ EFFECT = Effect(
     runs_in="robot",
     axis=False,
     compared_at={"ratio": 5.0},
+    exports=of_body(),
 )

@@ -26,28 +26,6 @@ BAND = 1.645
 # Layout: the drawing, and its bars of data, in the drawing's own units.
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM, BARS = 440, 280, 62, 12, 12, 84, 34
 BINS = 32
-# Which effects of the catalogue make a term over a quantity: their checks by hand show what is behind the form, too.
-RESEMBLES = {
-    ("voltage", "v_cmd"): ("driver_deadzone", "pwm_curve"),
-    ("voltage", "i"): ("bridge_drop", "supply_sag"),
-    ("voltage", "t"): ("battery_decline", "winding_heating"),
-    ("torque", "w"): ("coulomb_friction", "viscous_friction", "stribeck_friction"),
-    ("torque", "th"): ("torque_ripple",),
-    ("torque", "wheel_angle"): ("torque_ripple",),
-    ("torque", "motor_angle"): ("torque_ripple",),
-    ("torque", "load"): ("load_friction",),
-    ("torque", "yaw_rate"): ("spin_scrub",),
-    ("torque_constant", "i"): ("torque_constant_error", "current_gain"),
-    ("yaw_torque", "yaw_rate"): ("spin_scrub",),
-    ("yaw_torque", "speed_yaw_rate"): ("com_offset",),
-    ("force", "w"): ("rolling_resistance",),
-    ("force", "speed"): ("rolling_resistance",),
-    ("force", "x"): ("slope_error",),
-    ("force", "y"): ("slope_error",),
-    ("current_sensor", "i"): ("current_gain", "current_bias"),
-    ("speed_sensor", "w"): ("speed_gain", "speed_filter"),
-    ("gyro_sensor", "yaw_rate"): ("gyro_gain", "gyro_bias"),
-}
 # Where nothing of the catalogue resembles it: where to look, by the term.
 LOOK = {
     "voltage": "Measure the voltage at the motor's terminals at several values of it.",
@@ -165,12 +143,12 @@ def _drawing(form: dict[str, Any], details: Details, name: str) -> str:
 
 
 def _by_hand(form: dict[str, Any]) -> str:
-    alike = RESEMBLES.get((form["term"], form["over"]), ())
+    # Their checks by hand show what is behind the form, too.
+    alike = [name for name, effect in CATALOGUE.items() if (form["term"], form["over"]) in effect.resembles]
     if alike:
         checks = "".join(
             f"<li>{escape(listed_name({'id': name, 'side': form['side']}))}: {escape(CATALOGUE[name].check)}</li>"
             for name in alike
-            if name in CATALOGUE
         )
         return f"<p>Look by hand for what resembles it:</p><ul>{checks}</ul>"
     return f"<p>{escape(LOOK[form['term']])}</p>" if form["term"] in LOOK else ""
