@@ -101,7 +101,8 @@ class FaultLink:
         for at, to in ((a, a + lead), (a + lead, b)):
             if at == to:
                 continue
-            got = self.inner.exchange(*inputs, (to - at) * self.step_s, min(every, to - at) * self.step_s)
+            volts, torques = (values.tolist() for values in inputs)
+            got = self.inner.exchange(volts, torques, (to - at) * self.step_s, min(every, to - at) * self.step_s)
             wanted = to % every == 0 or to == steps
             count = len(got.t_s) if wanted else len(got.t_s) - 1
             found.append((got.speeds[:count], got.currents[:count]))

@@ -74,7 +74,11 @@ def _encoder(log: RunLog, robot: Robot, side: str) -> tuple[Finding, dict[str, n
     A wheel that is blocked takes the current V/R of a stalled motor: then the encoder is believed.
     """
     angle, speed, other = f"th_{side}", f"w_{side}", "w_r" if side == "l" else "w_l"
-    body, noise = robot.chassis, robot.noise
+    body = robot.chassis
+
+    def noise(c: str) -> float:
+        return robot.noise(c) or 0.0
+
     if body is None or not all(log.has(c) and noise(c) for c in (angle, other, "gyro_z")):
         return None
     th = log.columns[angle]
