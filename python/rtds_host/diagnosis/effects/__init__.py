@@ -34,6 +34,11 @@ def catalogue(robot: Robot, runs: Sequence[RunLog] = ()) -> dict[str, Effect]:
     }
 
 
+# Effects that may be behind a form, by its term and the quantity that it runs over.
+RESEMBLES: dict[tuple[str, str], tuple[str, ...]] = {
+    form: tuple(name for name, effect in CATALOGUE.items() if form in effect.resembles)
+    for form in sorted({form for effect in CATALOGUE.values() for form in effect.resembles})
+}
 SUBSYSTEMS = ("driver", "winding", "drivetrain", "wheel_ground", "chassis", "sensing", "timing")
 
-__all__ = ["CATALOGUE", "SIDES", "SUBSYSTEMS", "Condition", "Effect", "Parameter", "catalogue", "inside"]
+__all__ = ["CATALOGUE", "RESEMBLES", "SIDES", "SUBSYSTEMS", "Condition", "Effect", "Parameter", "catalogue", "inside"]

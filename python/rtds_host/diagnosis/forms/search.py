@@ -15,13 +15,12 @@ import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.choice import AS_MUCH, WORTH, Judged, pooled
-from rtds_host.diagnosis.effects import Effect
+from rtds_host.diagnosis.effects import RESEMBLES, Effect
 from rtds_host.diagnosis.fit import Fit, Fitter, joined, parameters
 from rtds_host.diagnosis.forms.candidates import candidates
 from rtds_host.diagnosis.forms.curves import Form, shapes
 from rtds_host.diagnosis.forms.screen import Promise, screened
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.report.forms import RESEMBLES
 from rtds_host.plant import forms as plant
 
 # What counts as a gap (contract, section 4).
