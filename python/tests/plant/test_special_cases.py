@@ -28,7 +28,8 @@ def naming(root: Path) -> dict[str, set[str]]:
 
 
 def test_no_other_module_names_an_effect():
-    assert naming(ROOT) == {}
+    # A study that fits chosen effects by another program's identification has to name them.
+    assert naming(ROOT).keys() <= {"bench/sysid.py"}
 
 
 def test_a_special_case_is_found(tmp_path):
