@@ -28,6 +28,13 @@ def diagnose(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask scheduler (tcp://host:8786).")
     ] = None,
+    repeat: Annotated[
+        bool,
+        typer.Option(
+            "--repeat",
+            help="One case: also diagnose halves of the data; the report says how often each effect was found again.",
+        ),
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="One case: print diagnosis.json in place of the summary.")
     ] = False,
@@ -55,6 +62,8 @@ def diagnose(
         raise InputError(
             "--json: one case, diagnosed here, is printed; of several, OUT/cases.parquet holds the answers"
         )
+    if repeat and (len(cases) > 1 or scheduler is not None):
+        raise InputError("--repeat: one case, diagnosed here, is repeated; give one case at a time")
     if mcap is not None:
         if len(cases) > 1 or scheduler is not None:
             raise InputError(
@@ -64,7 +73,7 @@ def diagnose(
         refuse_inputs([mcap], [*places_of_case(cases[0]), *(out / name for name in FILES)])
     say_if_first()
     if len(cases) == 1 and scheduler is None:
-        result, details = run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs, summary=not as_json)
+        result, details = run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs, summary=not as_json, repeat=repeat)
         if as_json:
             print(json.dumps(result, indent=1))
         if mcap is not None:

@@ -21,6 +21,7 @@ from rtds_host.contract.inputs import regular_bytes
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.memory import keep_freed
 from rtds_host.diagnosis.overview import overview_page, row_of, table_bytes
+from rtds_host.diagnosis.repeat import repeats
 from rtds_host.diagnosis.report import print_summary, report_page, validate
 from rtds_host.diagnosis.report.made import written
 from rtds_host.errors import InputError, OutputError, visible
@@ -63,18 +64,33 @@ def write_result(out: Path, result: dict, page: str, case: Path | None = None, q
 # ---- one case --------------------------------------------------------------------------------------------------------
 
 
-def write_diagnosis(folder: Path, out: Path, quick: bool, seed: int, threads: int, progress=None) -> tuple:
-    """Diagnose one case folder and write both files, together or not at all. Returns (diagnosis, details)."""
+def write_diagnosis(
+    folder: Path, out: Path, quick: bool, seed: int, threads: int, progress=None, repeat: bool = False
+) -> tuple:
+    """Diagnose one case folder and write both files, together or not at all. Returns (diagnosis, details).
+
+    repeat : say in the report, too, on how many halves of the data each effect was found again.
+    """
     keep_freed()
     refuse_case(folder, out)
     case = read_writable_case(folder)
     result, details = diagnose(case, quick=quick, threads=threads, seed=seed, progress=progress)
     validate(result)
+    if repeat:
+        details.repeats = repeats(case, result, threads, progress or (lambda *_: None))
     write_result(out, result, report_page(result, details), folder, quick)
     return result, details
 
 
-def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: int = 0, summary: bool = True) -> tuple:
+def run_one(
+    folder: Path,
+    out: Path,
+    quick: bool = False,
+    seed: int = 1,
+    jobs: int = 0,
+    summary: bool = True,
+    repeat: bool = False,
+) -> tuple:
     """`rtds diagnose` of one case: progress and, with `summary`, that on the terminal. Returns (diagnosis, details)."""
     errors = Console(stderr=True)
     with Progress(
@@ -93,6 +109,7 @@ def run_one(folder: Path, out: Path, quick: bool = False, seed: int = 1, jobs: i
             seed,
             jobs if jobs > 0 else cores(),
             lambda stage, share: bar.update(task, description=stage, completed=share),
+            repeat,
         )
     if summary:
         print_summary(Console(), result, details)

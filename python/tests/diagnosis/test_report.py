@@ -515,8 +515,8 @@ def test_several_causes_are_a_list_with_size_share_and_look_alikes_a_line(detail
 def test_repeatability_is_shown_where_the_diagnosis_has_it(details):
     repeats = {("command_delay", "both"): (7, 8)}
     text = words_of(report_page(account(), replace(details, repeats=repeats)))
-    assert "found on 7 of 8 parts of the data" in text
-    assert "parts of the data" not in words_of(report_page(account(), details))
+    assert "found on 7 of 8 halves of the data" in text
+    assert "halves of the data" not in words_of(report_page(account(), details))
 
 
 def test_a_form_is_drawn_with_band_density_formula_and_what_to_look_for(details):

@@ -64,7 +64,7 @@ def _surely(diagnosis: dict[str, Any], effect: dict[str, Any], details: Details)
         text += _small(f"shared with {enumerated([listed_name(twin) for twin in twins], 'and')}")
     text += _small(scatter_words(effect))
     if repeats := details.repeats.get((effect["id"], effect["side"])):
-        text += _small(f"found on {repeats[0]} of {repeats[1]} parts of the data")
+        text += _small(f"found on {repeats[0]} of {repeats[1]} halves of the data")
     return text
 
 

@@ -62,7 +62,7 @@ class Details:
     regimes : regime -> {"before", "refit", "after"}, gap in units of noise, on held-out runs.
     run_gaps : run -> {"before", "refit", "after"}.
     decided : (id, side) of a blamed effect -> the channel that misses it most, and that channel's gap without and with
-    it. repeats : (id, side) of a blamed effect -> on how many parts of the data it was found again, and of how many.
+    it. repeats : (id, side) of a blamed effect -> on how many halves of the data it was found again, and of how many.
     seconds : time the diagnosis took; printed on the terminal only, so that the report stays the same to the byte.
     """
 

@@ -61,6 +61,9 @@ def print_summary(console: Console, diagnosis: dict[str, Any], details: Details)
             "  odds     "
             + escape("; ".join(f"{explanation_name(a['effects'])} {percent(a['probability'])}" for a in rivals[:4]))
         )
+    for (effect, side), (found, of) in details.repeats.items():
+        again = explanation_name([{"id": effect, "side": side}])
+        console.print(f"  repeated {escape(again)}: found again on {found} of {of} halves of the data")
     gap = diagnosis["gap"]
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_edge=False)
     table.add_column("  gap", style="bold")
