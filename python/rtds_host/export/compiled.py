@@ -26,10 +26,11 @@ MOTORS = "motors.h"
 
 
 def motor_parts(source: Source) -> list[Part]:
-    """How the motor units have each effect of a diagnosis: what acts elsewhere is left to the other simulator."""
+    """How the motor units have each effect and form: what acts elsewhere is left to the other simulator."""
     found = []
     for part in parts_of(source.content, source.robot, figures_of(source.model, source.robot), "python"):
-        inside = places_of(CATALOGUE[part.effect], source.robot) == {"rtl"}
+        # A form that no table of a motor unit holds is refused before.
+        inside = part.effect not in CATALOGUE or places_of(CATALOGUE[part.effect], source.robot) == {"rtl"}
         where = (
             "parameters and tables of the motor units" if inside else "acts in the body or the sensors, not in a motor"
         )
@@ -44,7 +45,7 @@ def robot_parts(source: Source) -> list[Part]:
     found = []
     for part in parts:
         kind, where = part.kind, "parameters" if part.kind == OWN else part.where
-        if CATALOGUE[part.effect].written(source.robot) & others:
+        if part.effect in CATALOGUE and CATALOGUE[part.effect].written(source.robot) & others:
             kind, where = LOST, "its equation is not in the compiled robot; that of the motor units has it"
         found.append(Part(part.effect, part.side, part.values, kind, where))
     return found

@@ -15,10 +15,13 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 from rtds_host.contract import builtin_robot
+from rtds_host.correction.close import model_of
 from rtds_host.diagnosis.replay.model import nominal_model
-from rtds_host.export import fmu, standalone
+from rtds_host.export import compiled, fmu, standalone
+from rtds_host.export.export import Source
 from rtds_host.export.figures import figures_of
 from rtds_host.export.python import parameters
+from rtds_host.export.table import LOST, OWN
 from rtds_host.link import open_link
 from rtds_host.native.library import FLAGS, compiler
 from rtds_host.native.words import motor_units
@@ -119,6 +122,35 @@ def test_both_fmus_are_valid(motors_fmu, robot_fmu):
 def test_the_motors_fmu_gives_the_bytes_of_the_model_link(motors_fmu, units, tmp_path):
     work = exchanges(300, 1)
     assert fed(Slave(motors_fmu, tmp_path), work).tobytes() == linked(units, work).tobytes()
+
+
+def diagnosed(term, over, curve):
+    """A diagnosis without an effect, with one form on both sides."""
+    form = {"term": term, "side": "both", "over": over, "units": [], "curve": [[x, y, 0.01] for x, y in curve]}
+    return {
+        "schema": "rtds-diagnosis/3",
+        "effects": [],
+        "nominal_fit": {},
+        "forms": [form | {"formula": None, "parameters": {}, "closes": 0.5}],
+    }
+
+
+def test_a_form_is_in_the_motors_tables_with_the_bytes_of_the_model_link(tmp_path):
+    content = diagnosed("voltage", "v_cmd", [(x, 0.02 * x * abs(x)) for x in np.linspace(-10.0, 10.0, 14)])
+    source = Source(content, model_of(content, ROBOT), ROBOT, "diagnosis.json")
+    parts = compiled.write(source, "fmu-motors", tmp_path / "motors.fmu")
+    assert [(part.effect, part.kind) for part in parts] == [("voltage over v_cmd", OWN)]
+    work, formed = exchanges(50, 2), motor_units(source.model, ROBOT)
+    found = fed(Slave(tmp_path / "motors.fmu", tmp_path / "unpacked"), work)
+    assert found.tobytes() == linked(formed, work).tobytes()
+    assert found.tobytes() != linked(motor_units(nominal_model(ROBOT), ROBOT), work).tobytes()
+
+
+def test_the_robots_fmu_says_that_it_leaves_a_form_out(tmp_path):
+    content = diagnosed("voltage", "v_cmd", [(x, 0.02 * x * abs(x)) for x in np.linspace(-10.0, 10.0, 14)])
+    source = Source(content, model_of(content, ROBOT), ROBOT, "diagnosis.json")
+    parts = compiled.write(source, "fmu", tmp_path / "robot.fmu")
+    assert [(part.effect, part.kind) for part in parts] == [("voltage over v_cmd", LOST)]
 
 
 def test_parameters_and_tables_set_from_outside_make_another_robots_motors(motors_fmu, tmp_path):
