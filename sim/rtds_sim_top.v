@@ -212,6 +212,17 @@ module rtds_sim_top #(
       .low_o        ()
   );
 
+`ifdef RTDS_WAVES
+  rtds_wave_view u_view (
+      .strobe_i    (strobe),
+      .valid_i     (valid),
+      .ready_i     (ready),
+      .step_count_i(step_count_o),
+      .inputs_i    (inputs_q),
+      .state_i     (state)
+  );
+`endif
+
 endmodule
 
 `default_nettype wire

@@ -35,6 +35,7 @@
 //                 model differs; =plain evaluates all clocks the general way; =count says at the end of each request on
 //                 standard error how many clocks were evaluated which way
 //   RTDS_NATIVE   sums and products are the host's own (sim/native)
+//   RTDS_WAVES    the model can be traced: what the environment asks for is written to an FST file (class Waves below)
 // rtds_phases.h, which rtds_host.link.pinning writes for the last three, says what a phase is.
 #include <algorithm>
 #include <cstdint>
@@ -52,6 +53,11 @@
 
 #ifdef RTDS_NATIVE
 #include "fp_native.h"
+#endif
+#ifdef RTDS_WAVES
+#include <fstream>
+
+#include "verilated_fst_c.h"
 #endif
 #if defined(RTDS_PROFILE) || defined(RTDS_PINNED)
 #include "rtds_phases.h"
@@ -367,6 +373,83 @@ bool run_edges(Root&, CData&, const CData&, std::uint64_t, std::uint64_t, long) 
     return false;
 }
 
+#ifdef RTDS_WAVES
+// Writes chosen signals to an FST file, from one step of the core to another and up to a size. The environment says which:
+//   RTDS_WAVES_FILE      the file; without it nothing is written
+//   RTDS_WAVES_SIGNALS   a file with a signal a line, full names
+//   RTDS_WAVES_FROM, RTDS_WAVES_UNTIL    the first step, and the first one no more
+//   RTDS_WAVES_BYTES     the size from which on nothing more is written
+//   RTDS_WAVES_CLOCKS    "1": the clock or the count of clocks is among the signals, so no clock may be left out
+// The file begins with the host's first request. What became of it goes to standard error, a line "waves: ...".
+class Waves {
+   public:
+    explicit Waves(Vtop& top) : top_(top) {
+        const char* const path = std::getenv("RTDS_WAVES_FILE");
+        if (path == nullptr) return;
+        path_ = path;
+        from_ = number("RTDS_WAVES_FROM");
+        until_ = number("RTDS_WAVES_UNTIL");
+        bytes_ = number("RTDS_WAVES_BYTES");
+        const char* const clocks = std::getenv("RTDS_WAVES_CLOCKS");
+        every_clock = clocks != nullptr && *clocks == '1';
+        fst_.set_time_resolution("10ns");  // half a period of the clock: no edge is between
+    }
+
+    bool every_clock = false;
+
+    // Whether the clock that comes is to be written.
+    bool look() {
+        if (path_.empty() || full_) return false;
+        begun_ = begun_ || top_.go_i;
+        return begun_ && top_.step_count_o >= from_ && top_.step_count_o < until_;
+    }
+
+    void dump() {
+        if (!fst_.isOpen() && !open()) return;
+        fst_.dump(now_ps / tick_ps);
+        if (++dumps_ % dumps_a_look == 0) {
+            fst_.flush();
+            std::ifstream file(path_, std::ios::binary | std::ios::ate);
+            if (static_cast<std::uint64_t>(file.tellg()) >= bytes_) {
+                full_ = true;
+                std::fprintf(stderr, "waves: full at step %llu\n", static_cast<unsigned long long>(top_.step_count_o));
+                fst_.close();
+            }
+        }
+    }
+
+    void close() {
+        if (fst_.isOpen()) fst_.close();
+        if (dumps_) std::fprintf(stderr, "waves: written\n");
+    }
+
+   private:
+    static constexpr std::uint64_t tick_ps = 10'000, dumps_a_look = 8192;
+
+    static std::uint64_t number(const char* name) {
+        const char* const text = std::getenv(name);
+        return text != nullptr ? std::strtoull(text, nullptr, 10) : ~0ull;
+    }
+
+    bool open() {
+        const char* const names = std::getenv("RTDS_WAVES_SIGNALS");
+        std::ifstream list(names != nullptr ? names : "");
+        for (std::string name; std::getline(list, name);)
+            if (!name.empty()) fst_.dumpvars(1, name);
+        top_.trace(&fst_, 99);
+        fst_.open(path_.c_str());
+        full_ = !fst_.isOpen();
+        return !full_;
+    }
+
+    Vtop& top_;
+    VerilatedFstC fst_;
+    std::string path_;
+    std::uint64_t from_ = 0, until_ = 0, bytes_ = 0, dumps_ = 0;
+    bool begun_ = false, full_ = false;
+};
+#endif
+
 template <std::size_t N>
 void toggle_next(Clock (&clocks)[N]) {
     if (N == 1) {  // the usual case, without the search
@@ -407,8 +490,14 @@ int main(int argc, char** argv) {
     }
 #endif
     Verilated::fatalOnVpiError(false);  // cocotb asks for objects that may not exist
+#ifdef RTDS_WAVES
+    Verilated::traceEverOn(true);
+#endif
     const std::unique_ptr<Vtop> owner(new Vtop(""));
     Vtop& top = *owner;
+#ifdef RTDS_WAVES
+    Waves waves(top);
+#endif
     Clock clocks[] = {RTDS_CLOCKS};
     for (Clock& clock : clocks) {
         *clock.port = 0;
@@ -431,6 +520,27 @@ int main(int argc, char** argv) {
         toggle_next(clocks);
         begin_time_step();
         top.eval();
+#ifdef RTDS_WAVES
+        // Both edges of each clock, but for clocks in which nothing moves that is written; outside of what is written the
+        // rising edges alone.
+        if (waves.look()) waves.dump();
+        while (before && top.RTDS_SYNC == sync && now_ps < due_ps) {
+            const std::uint64_t period_ps = 2 * clocks[0].half_ps;
+            const bool written = waves.look();
+            if (*clocks[0].port && !(written && waves.every_clock)) jump_idle(*root, period_ps, due_ps, 0);
+            if (written || !*clocks[0].port) {
+                clocks[0].next_ps = now_ps + clocks[0].half_ps;
+                toggle_next(clocks);
+                top.eval();
+                if (written) waves.dump();
+            } else {
+                now_ps += period_ps;
+                *before = 0;
+                Vtop___024root___eval(root);
+            }
+        }
+        if (before) clocks[0].next_ps = now_ps + clocks[0].half_ps;
+#endif
         if (before) {
             if (!*clocks[0].port && top.RTDS_SYNC == sync && now_ps < due_ps) {  // that was a falling edge
                 toggle_next(clocks);
@@ -457,6 +567,9 @@ int main(int argc, char** argv) {
         serve_vpi(top);
     }
 
+#ifdef RTDS_WAVES
+    waves.close();
+#endif
     top.final();
     VerilatedVpi::callCbs(cbEndOfSimulation);
     return Verilated::threadContextp()->errorCount() > 0 ? 1 : 0;

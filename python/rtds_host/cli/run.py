@@ -19,6 +19,7 @@ from rtds_host.cli.calibrate import link_options
 from rtds_host.contract import builtin_robots, check_writable, load_robot, read_run, staged_folder
 from rtds_host.errors import InputError, did_you_mean, visible
 from rtds_host.faults import Injection, read_faults, read_stimulus
+from rtds_host.link.waves import DEFAULT_BYTES, LEAST_BYTES, PRESETS, Waves
 from rtds_host.robot import check_engine, default_engine
 from rtds_host.robot.window import check_display, window
 from rtds_host.run import Effects, LinkChoice, Options, Outcome, Plan, make_plan, perform, write_outcome
@@ -36,6 +37,7 @@ SHORT_CUTS = {"duration": "duration_s", "radius": "radius_m", "length": "length_
 FAMILY_ALL = "paper"
 # A hundred times slower than Verilator: on a busy machine a healthy one may take this long over an exchange.
 ICARUS_TIMEOUT_S = 120.0
+BOARD_CLOCKS = "500"  # 10 us at 50 MHz: with these a waveform's time is the robot's
 
 
 def parse_settings(texts: Sequence[str]) -> dict[str, float]:
@@ -137,8 +139,12 @@ def run(
     ] = None,
     serial: Annotated[str, typer.Option(help="ad2: serial port of the chip's registers.")] = "",
     step_clocks: Annotated[
-        str, typer.Option(help="Clocks of the RTL from step to step: a number (500 as on the board), or min.")
-    ] = "min",
+        str | None,
+        typer.Option(
+            help="Clocks of the RTL from step to step: a number (500 as on the board), or min. Default: min, or 500 "
+            "with --waves."
+        ),
+    ] = None,
     robot: Annotated[str, typer.Option(help=f"{', '.join(builtin_robots())}, or the path of a robot.toml.")] = "burger",
     scaled: Annotated[
         bool,
@@ -212,6 +218,23 @@ def run(
     port: Annotated[int, typer.Option(help="live: port on 127.0.0.1; 0 takes one that is free.", min=0, max=65535)] = 0,
     browser: Annotated[bool, typer.Option(help="live: open the page in the browser.")] = True,
     gui: Annotated[bool, typer.Option("--gui", help="Open the physics engine's own window.")] = False,
+    waves: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write waveforms of the RTL into this .fst file, with views for GTKWave and Surfer beside it."
+        ),
+    ] = None,
+    wave_signals: Annotated[
+        list[str] | None,
+        typer.Option(
+            help=f"waves: a set of signals ({', '.join(PRESETS)}) or a name with * in it; may be repeated. "
+            "Default: motors."
+        ),
+    ] = None,
+    wave_window: Annotated[str, typer.Option(help="waves: from when to when, START:END in s of the run.")] = "",
+    wave_size: Annotated[
+        float, typer.Option(help="waves: size in MB at which the file ends.", min=1e-6 * LEAST_BYTES)
+    ] = 1e-6 * DEFAULT_BYTES,
 ) -> None:
     """Drive SCENARIO with the motors in RTL (or the bit-exact model) and write a run folder."""
     console = Console(highlight=False)
@@ -252,6 +275,11 @@ def run(
     changes = [chosen_effects(plan, effects, effect) for plan in plans]
     injections = _injections(plans, faults, stimulus)
     choice = link_choice(link, sim, step_clocks, link_options(link, calibration, wires, ad2, serial))
+    changes = [_effects(plan, effects, effect) for plan in plans]
+    more = link_options(link, calibration, wires, ad2, serial)
+    if waves is not None:
+        more["waves"] = _waves(waves, wave_signals, wave_window, wave_size, scenario, link, sim)
+    choice = _link(link, sim, step_clocks or ("min" if waves is None else BOARD_CLOCKS), more)
     target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / plans[0].scenario.name)
     check_writable(target)
     with _page(live, port, browser) as page:
@@ -369,6 +397,31 @@ def link_choice(link: str, sim: str, step_clocks: str, more: dict) -> LinkChoice
     ------
     InputError : clocks that are no number, a simulator that the link does not have.
     """
+
+
+def _waves(
+    path: Path, signals: list[str] | None, window: str, size_mb: float, scenario: str, link: str, sim: str
+) -> Waves:
+    """What `--waves` and its options ask for."""
+    if link != "rtl":
+        raise InputError(f"--waves: shows the motor units in Verilog, --link rtl; --link {link} has none")
+    if sim != "verilator":
+        raise InputError(f"--waves: written by verilator only, not by --sim {sim}")
+    if scenario == "all":
+        raise InputError("--waves: one scenario at a time, not all")
+    start, end = 0.0, None
+    if window:
+        first, colon, last = window.partition(":")
+        try:
+            start, end = float(first or 0), float(last) if last else None
+        except ValueError:
+            colon = ""
+        if not colon:
+            raise InputError(f"--wave-window {window}: START:END in s is needed, as in 0.5:0.6")
+    return Waves(path, tuple(signals or ("motors",)), start, end, round(1e6 * size_mb))
+
+
+def _link(link: str, sim: str, step_clocks: str, more: dict) -> LinkChoice:
     if link not in ("rtl", "chip"):
         return LinkChoice(link, more)
     try:
@@ -379,7 +432,7 @@ def link_choice(link: str, sim: str, step_clocks: str, more: dict) -> LinkChoice
         if sim != "verilator":
             raise InputError(f"--sim {sim}: the whole chip is simulated by verilator only")
         return LinkChoice("chip", {"step_clocks": clocks, **more}, "the whole chip (verilator, through its pins)")
-    options: dict = {"sim": sim, "step_clocks": clocks}
+    options: dict = {"sim": sim, "step_clocks": clocks, **more}
     if sim == "icarus":
         options["timeout_s"] = ICARUS_TIMEOUT_S
     return LinkChoice("rtl", options, f"rtl ({sim}, {step_clocks} clocks a step)")

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rtds_host.errors import InputError, LinkError
-from rtds_host.link import compiling, pinning
+from rtds_host.link import compiling, pinning, waves
 from rtds_host.remains import new_folder
 
 SIMULATORS = ("verilator", "icarus")
@@ -58,6 +58,9 @@ VERILATOR_FLAGS = ("-O3", "--x-assign", "fast", "--x-initial", "fast", "--noasse
 CXX_FLAGS = "-O3 -fschedule-insns -fsched-pressure -ffp-contract=off"
 PROFILE_CXX_FLAGS = "-O1 -ffp-contract=off"  # run once
 NATIVE = "sim/native"
+WAVES = "sim/waves"  # what the writer of FST files needs of a system
+WAVE_VIEW = "sim/rtds_wave_view.v"
+SIGNALS = "signals.txt"  # in a build with waves: its signals (`rtds_host.link.waves`)
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,7 @@ class Top:
     phases : nets or registers below the top of a `posedge_only` top, or (): their values together number the clocks of
         a step. The C++ main has an evaluation for each (`rtds_host.link.pinning`).
     profile : this build watches itself, to find what those evaluations are compiled for.
+    waves : this build can write waveforms (Verilator only; with `bridge`). Its file `SIGNALS` lists the signals.
     root : folder to which the names are relative: the source tree.
     """
 
@@ -105,12 +109,18 @@ class Top:
     native: bool = False
     phases: tuple[str, ...] = ()
     profile: bool = False
+    waves: bool = False
     root: Path = ROOT
 
     @property
     def plain(self) -> Top:
         """The same with the RTL's own operators and one evaluation for all clocks: Verilator's model as it comes."""
         return replace(self, native=False, phases=(), profile=False)
+
+    @property
+    def traced(self) -> Top:
+        """`plain`, able to write waveforms: every signal is the RTL's own."""
+        return replace(self.plain, waves=True, sources=(*self.sources, WAVE_VIEW))
 
     def files(self) -> list[Path]:
         """Every Verilog file of the design itself, in order.
@@ -215,6 +225,7 @@ class Built:
 
     command: tuple[str, ...]
     environment: Mapping[str, str]
+    folder: Path
 
 
 def _program(name: str) -> str:
@@ -254,6 +265,7 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
     if simulator == "verilator":
         files = top.compiled_files()
         files += sorted((top.root / NATIVE).glob("*.h")) if top.native else []
+        files += sorted((top.root / WAVES).glob("*.h")) if top.waves else []
         files += [Path(pinning.__file__)] if top.phases else []
         files += [top.root / top.control] if top.control else []
         files += [ROOT / top.main]
@@ -265,7 +277,7 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
         repr(top.posedge_only),
         top.sync,
         repr(top.idle),
-        repr((top.native, top.phases, top.profile)),
+        repr((top.native, top.phases, top.profile, top.waves)),
         *tools,
     ):
         digest.update(text.encode() + b"\0")
@@ -337,6 +349,7 @@ def _build_verilator(
         [[
             program, "--cc", "--exe", *cocotb, "--prefix", "Vtop", "--make", "json", "--Mdir", str(objects),
             "--top-module", top.module, "-Wno-fatal", *VERILATOR_FLAGS,
+            *(("--trace-fst", "+define+RTDS_WAVES") if top.waves else ()),
             "--output-split", "0",  # one C++ file: the model is small, and the compiler sees all of it
             *(f"-G{name}={value}" for name, value in top.parameters),
             *top.include_flags(),
@@ -348,6 +361,9 @@ def _build_verilator(
     )  # fmt: skip
     if top.native:
         defines += ["-DRTDS_NATIVE", f"-I{top.root / NATIVE}"]
+    if top.waves:
+        defines += ["-DRTDS_WAVES", f"-I{ROOT / WAVES}"]
+        waves.write_signals(scratch / SIGNALS, waves.declared(objects))
     if top.phases and top.bridge:
         defines += _phase_defines(top, objects)
     optimise = PROFILE_CXX_FLAGS if top.profile else CXX_FLAGS
@@ -384,6 +400,13 @@ def _build_icarus(top: Top, scratch: Path, log: Path) -> None:
     )  # fmt: skip
 
 
+def _building(top: Top, simulator: str) -> str:
+    """What is said before a build: it is the one long wait of a first run."""
+    took = "a second" if simulator == "icarus" else "about half a minute"
+    what = f"{simulator} simulator of {top.module}{' with waveforms' if top.waves else ''}"
+    return f"rtds: compiling the {what}, once for this state of the RTL: {took}"
+
+
 def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) -> Built:
     """The simulator of `top`, built if it is not there yet.
 
@@ -399,6 +422,8 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
     """
     if simulator not in SIMULATORS:
         raise InputError(f"sim: {simulator!r} is unknown, choose one of {', '.join(SIMULATORS)}")
+    if simulator != "verilator" and top.waves:
+        raise InputError(f"sim: waveforms are written by verilator only, not by {simulator}")
     if simulator != "verilator" and not top.bridge:
         raise InputError(f"sim: {top.module} is simulated by verilator only, not by {simulator}")
     say = say or (lambda line: print(line, file=sys.stderr, flush=True))
@@ -422,7 +447,7 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
                     say(f"rtds: {folder}: the simulator there is not the one that was built; it is built again")
                     shutil.rmtree(folder)
                 if not folder.is_dir():
-                    say(f"rtds: building the {simulator} simulator of {top.module} (once for this state of the RTL)")
+                    say(_building(top, simulator))
                     scratch, lock = new_folder(BUILDS, folder.name)
                     log = BUILDS / f"{folder.name}.log"  # outlives a build that fails
                     log.unlink(missing_ok=True)
@@ -448,4 +473,4 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
     else:
         command = ("vvp", "-n", "-m", str(libraries / "libcocotbvpi_icarus.so"), str(folder / "sim.vvp"), "-none")
         extra = {}
-    return Built(command, extra)
+    return Built(command, extra, folder)

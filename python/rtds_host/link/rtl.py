@@ -37,14 +37,16 @@ from rtds_host.link.base import (
     input_words,
     whole_steps,
 )
-from rtds_host.link.build import ROOT, TOPS, Top, build
+from rtds_host.link.build import ROOT, SIGNALS, TOPS, Top, build
 from rtds_host.link.configured import ConfiguredLink
+from rtds_host.link.waves import Recording, Waves, read_signals
 from rtds_host.motor.effect_tables import EffectWords
 from rtds_host.motor.parameters import parameter_words
 
 # Clocks a simulator works off in well under a second even on a busy machine: a longer exchange is put in several
 # requests, so that the time limit of one answer says something about the simulator and not about the exchange.
 REQUEST_CLOCKS = {"verilator": 2_000_000, "icarus": 50_000}
+REQUEST_CLOCKS_WITH_WAVES = 50_000  # each of them is written
 LEAST_CLOCKS = 27  # of a step, when it is started as soon as the core is ready
 LEAST_CLOCKS_WITH_EFFECTS = 51
 MAX_STEP_CLOCKS = 0xFFFF
@@ -52,6 +54,11 @@ SAMPLE_BYTES = 16  # of a row: two currents, two speeds
 _STDERR_LINES = 3
 _STDERR_CHARACTERS = 300
 _EXIT_GRACE_S = 2.0
+_EXIT_GRACE_WITH_WAVES_S = 60.0  # the last block of the file has to be compressed and written
+
+
+def _to_stderr(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
 
 
 def _period(step_clocks: int | str) -> int:
@@ -87,6 +94,8 @@ class RtlLink(ConfiguredLink):
     plain : Verilator's model as it comes: the RTL's own operators, one evaluation for all clocks. The results are the
         same, it takes three times as long. The environment's RTDS_PLAIN=1 asks for it, too.
     environment : more variables for the simulator's process.
+    waves : write waveforms of the RTL (Verilator only). The file and its views are there when the link is closed; no
+        result depends on it.
 
     Attributes
     ----------
@@ -112,6 +121,7 @@ class RtlLink(ConfiguredLink):
         every_clock: bool = False,
         plain: bool = False,
         environment: Mapping[str, str] | None = None,
+        waves: Waves | None = None,
     ) -> None:
         self.clocks = 0
         self._sim = sim
@@ -123,13 +133,20 @@ class RtlLink(ConfiguredLink):
         self._start_timeout_s = start_timeout_s
         self._progress = progress
         self._environment = {**({"RTDS_EVERY_CLOCK": "1"} if every_clock else {}), **(environment or {})}
+        self._waves, self._recording = waves, None
         wanted = TOPS[top] if isinstance(top, str) else top
+        if waves is not None:
+            wanted = wanted.traced
         self._start(wanted.plain if plain or os.environ.get("RTDS_PLAIN") == "1" else wanted)
 
     def _start(self, top: Top) -> None:
         """Build the top if need be, start it, take its greeting."""
         self._top = top
         built = build(top, self._sim, self._progress)
+        if self._waves is not None and self._recording is None:
+            chosen = self._waves.chosen(read_signals(built.folder / SIGNALS))
+            self._recording = Recording(self._waves, chosen, self._progress or _to_stderr)
+            self._close_recording = weakref.finalize(self, self._recording.close)
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the link
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
@@ -176,10 +193,14 @@ class RtlLink(ConfiguredLink):
         return str(hello.get("simulator", "nameless"))
 
     def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
-        if words.on and ("EFFECTS", 0) in self._top.parameters:
-            # The top that was started is without the effect unit, and faster; nothing has been exchanged with it yet.
-            self.close()
-            self._start(replace(self._top, parameters=()))
+        # The top that was started is without the effect unit, and faster; nothing has been exchanged with it yet.
+        other = words.on and ("EFFECTS", 0) in self._top.parameters
+        if self._recording is not None and not self._exchanged:
+            # The window of the waveforms is one of steps, whose length is known now.
+            self._environment.update(self._recording.environment(values[-1]))
+        if other or (self._recording is not None and not self._exchanged):
+            self._stop()
+            self._start(replace(self._top, parameters=()) if other else self._top)
         if words.on:
             table = b"".join(protocol.EFFECT_WORD.pack(*pair) for pair in words.writes())
             self._check_length(self._ask(protocol.EFFECTS, table, protocol.DONE), 0)
@@ -219,21 +240,40 @@ class RtlLink(ConfiguredLink):
         return exchange_of(np.concatenate(rows), steps, sample_steps, self.step_s)
 
     def close(self) -> None:
-        """See `Link.close`."""
+        """See `Link.close`.
+
+        Raises
+        ------
+        OutputError : waveforms cannot be put in their place.
+        """
+        said = self._stop()
+        if self._recording is not None:
+            recording, self._recording = self._recording, None
+            try:
+                if said is not None and self._exchanged:
+                    recording.finish(said)
+            finally:
+                self._close_recording()
+
+    def _stop(self) -> str | None:
+        """End the simulator; what it wrote to standard error, or None where that is done already."""
         if self._closed:
-            return
+            return None
         self._closed = True
         if self._process.poll() is None:
             try:
                 self._socket.settimeout(_EXIT_GRACE_S)
                 protocol.send_frame(self._socket, protocol.CLOSE)
-                self._process.wait(_EXIT_GRACE_S)
+                self._process.wait(_EXIT_GRACE_S if self._recording is None else _EXIT_GRACE_WITH_WAVES_S)
             except (OSError, subprocess.TimeoutExpired):
                 pass  # it does not leave by itself: _end kills it
             finally:
                 self._finalizer()
         self._finalizer()
+        self._stderr.seek(0)
+        said = self._stderr.read().decode(errors="replace")
         self._stderr.close()
+        return said
 
     def __enter__(self) -> Self:
         return self
@@ -244,7 +284,8 @@ class RtlLink(ConfiguredLink):
     def _pieces(self, steps: int, sample_steps: int) -> list[tuple[int, int, bool]]:
         """An exchange as requests (steps, sample every, are the rows wanted), each small enough for one answer."""
         least = LEAST_CLOCKS_WITH_EFFECTS if self._effects else LEAST_CLOCKS
-        most = max(1, REQUEST_CLOCKS[self._sim] // max(self._step_clocks, least))
+        clocks = REQUEST_CLOCKS[self._sim] if self._waves is None else REQUEST_CLOCKS_WITH_WAVES
+        most = max(1, clocks // max(self._step_clocks, least))
         pieces = []
         done = 0
         while done < steps:
@@ -332,6 +373,7 @@ class RtlLink(ConfiguredLink):
         self._finalizer()
         self._stderr.seek(0)
         lines = [line.strip() for line in self._stderr.read().decode(errors="replace").splitlines() if line.strip()]
+        self._recording = None  # a file that was not finished is none
         self.close()
         said = " | ".join(lines[-_STDERR_LINES:])[-_STDERR_CHARACTERS:]
         return LinkError(f"{self._sim} simulator (process {pid}): {what}" + (f"; it said: {said}" if said else ""))

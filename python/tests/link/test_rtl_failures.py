@@ -260,7 +260,7 @@ def test_two_processes_that_build_at_once_build_once(tmp_path):
     results = [process.communicate() for process in processes]
     assert [process.returncode for process in processes] == [0, 0, 0]
     assert len({out for out, _ in results}) == 1
-    assert sum("building the" in err for _, err in results) == 1
+    assert sum("compiling the" in err for _, err in results) == 1
     folders = [path for path in (tmp_path / "builds").iterdir() if path.is_dir()]
     assert len(folders) == 1 and not folders[0].name.startswith(".")
 
