@@ -221,7 +221,7 @@ def run(
     waves: Annotated[
         Path | None,
         typer.Option(
-            help="Write waveforms of the RTL into this .fst file, with views for GTKWave and Surfer beside it."
+            help="Write waveforms of the RTL into this .fst file, and views for GTKWave and Surfer next to it."
         ),
     ] = None,
     wave_signals: Annotated[
@@ -274,12 +274,10 @@ def run(
     plans = [make_plan(one, values, options) for one, values in _wanted(scenario, given)]
     changes = [chosen_effects(plan, effects, effect) for plan in plans]
     injections = _injections(plans, faults, stimulus)
-    choice = link_choice(link, sim, step_clocks, link_options(link, calibration, wires, ad2, serial))
-    changes = [_effects(plan, effects, effect) for plan in plans]
     more = link_options(link, calibration, wires, ad2, serial)
     if waves is not None:
         more["waves"] = _waves(waves, wave_signals, wave_window, wave_size, scenario, link, sim)
-    choice = _link(link, sim, step_clocks or ("min" if waves is None else BOARD_CLOCKS), more)
+    choice = link_choice(link, sim, step_clocks or ("min" if waves is None else BOARD_CLOCKS), more)
     target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / plans[0].scenario.name)
     check_writable(target)
     with _page(live, port, browser) as page:
@@ -397,6 +395,20 @@ def link_choice(link: str, sim: str, step_clocks: str, more: dict) -> LinkChoice
     ------
     InputError : clocks that are no number, a simulator that the link does not have.
     """
+    if link not in ("rtl", "chip"):
+        return LinkChoice(link, more)
+    try:
+        clocks: int | str = step_clocks if step_clocks == "min" else int(step_clocks)
+    except ValueError as error:
+        raise InputError(f"--step-clocks {step_clocks}: a whole number or min is needed") from error
+    if link == "chip":
+        if sim != "verilator":
+            raise InputError(f"--sim {sim}: the whole chip is simulated by verilator only")
+        return LinkChoice("chip", {"step_clocks": clocks, **more}, "the whole chip (verilator, through its pins)")
+    options: dict = {"sim": sim, "step_clocks": clocks, **more}
+    if sim == "icarus":
+        options["timeout_s"] = ICARUS_TIMEOUT_S
+    return LinkChoice("rtl", options, f"rtl ({sim}, {step_clocks} clocks a step)")
 
 
 def _waves(
@@ -419,23 +431,6 @@ def _waves(
         if not colon:
             raise InputError(f"--wave-window {window}: START:END in s is needed, as in 0.5:0.6")
     return Waves(path, tuple(signals or ("motors",)), start, end, round(1e6 * size_mb))
-
-
-def _link(link: str, sim: str, step_clocks: str, more: dict) -> LinkChoice:
-    if link not in ("rtl", "chip"):
-        return LinkChoice(link, more)
-    try:
-        clocks: int | str = step_clocks if step_clocks == "min" else int(step_clocks)
-    except ValueError as error:
-        raise InputError(f"--step-clocks {step_clocks}: a whole number or min is needed") from error
-    if link == "chip":
-        if sim != "verilator":
-            raise InputError(f"--sim {sim}: the whole chip is simulated by verilator only")
-        return LinkChoice("chip", {"step_clocks": clocks, **more}, "the whole chip (verilator, through its pins)")
-    options: dict = {"sim": sim, "step_clocks": clocks, **more}
-    if sim == "icarus":
-        options["timeout_s"] = ICARUS_TIMEOUT_S
-    return LinkChoice("rtl", options, f"rtl ({sim}, {step_clocks} clocks a step)")
 
 
 def _list(console: Console) -> None:

@@ -88,7 +88,7 @@ class Waves:
 
     Attributes
     ----------
-    path : the file, ending in .fst. Beside it come views: `.gtkw` for GTKWave and `.sucl` for Surfer.
+    path : the file, ending in .fst. Next to it come views: `.gtkw` for GTKWave and `.sucl` for Surfer.
     signals : names of `PRESETS`, or patterns: a signal's full name with * for any characters.
     start_s, end_s : window in the run's time, s; `end_s` None is the run's end.
     limit_bytes : size from which on nothing more is written (by at most a block of some thousand clocks more).
