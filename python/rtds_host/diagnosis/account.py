@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rtds_host.diagnosis.chance import MOST
+from rtds_host.diagnosis.chance import HANDFUL, MOST
 from rtds_host.diagnosis.choice import WORTH, Judged, leaves
 from rtds_host.diagnosis.evidence import believed, closer, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
@@ -80,7 +80,7 @@ def account(search: Search, fit: Fit) -> Account:
     while fit.hypothesis:
         standing = [_weighed(search, fit, member, one) for member, one in zip(fit.hypothesis, _without(search, fit))]
         exact = search.closed(fit)
-        fallen = (_unlikely(standing) or _poor(search, standing, fit)) if exact else _useless(standing)
+        fallen = (_unlikely(standing) or _poor(search, standing, fit)) if exact else _useless(search, standing)
         if fallen is None:
             break
         one, dropped[one.member] = fallen
@@ -184,10 +184,15 @@ def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
     return tried[k], gaps[k]
 
 
-def _useless(standing: list[Standing]) -> tuple[Standing, str] | None:
-    """The effect that helps least on runs left out, if it leaves more there than it may."""
+def _useless(search: Search, standing: list[Standing]) -> tuple[Standing, str] | None:
+    """The effect that helps least on runs left out, if it leaves more there than it may, or closes hardly a hundredth
+    of the gap: what is left beside a cause that closes nearly all may be of any form."""
     one = max(standing, key=lambda s: s.left)
-    return (one, f"{USELESS} (it leaves {min(one.left, 9.99):.2f} of the residual)") if one.left > WORTH else None
+    if one.left > WORTH:
+        return one, f"{USELESS} (it leaves {min(one.left, 9.99):.2f} of the rest)"
+    least = HANDFUL * search.gap(search.fits[()])
+    one = min(standing, key=lambda s: s.gaps[0] - s.gaps[1])
+    return (one, NOTHING) if one.gaps[0] - one.gaps[1] < least else None
 
 
 def _unlikely(standing: list[Standing]) -> tuple[Standing, str] | None:
