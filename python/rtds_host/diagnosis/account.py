@@ -189,7 +189,7 @@ def _useless(search: Search, standing: list[Standing]) -> tuple[Standing, str] |
     of the gap: what is left beside a cause that closes nearly all may be of any form."""
     one = max(standing, key=lambda s: s.left)
     if one.left > WORTH:
-        return one, f"{USELESS} (it leaves {min(one.left, 9.99):.2f} of the rest)"
+        return one, f"{USELESS} (it leaves {min(one.left, 9.99):.2f} of the unexplained part)"
     least = HANDFUL * search.gap(search.fits[()])
     one = min(standing, key=lambda s: s.gaps[0] - s.gaps[1])
     return (one, NOTHING) if one.gaps[0] - one.gaps[1] < least else None
