@@ -101,6 +101,7 @@ def choose(robot: Robot, diagnosis: Path | None = None, effects: list[str] | Non
             names.append(effect_text(entry["id"], entry["side"], values))
         for suffix, values in (data.get("nominal_fit") or {}).items():
             names.append(f"nominal_fit {suffix}: " + ", ".join(f"{key}={value:.6g}" for key, value in values.items()))
+        names += [f"form {e['term']} over {e['over']},side={e['side']}" for e in data.get("forms") or []]
         if not names:
             names.append("a diagnosis without effects")
     there = catalogue(robot)

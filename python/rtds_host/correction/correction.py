@@ -8,6 +8,7 @@ import numpy as np
 
 from rtds_host.errors import InputError
 from rtds_host.motor.effects import MotorParameters, SupplyEffects, UnitEffects
+from rtds_host.plant.forms import no_forms
 from rtds_host.robot import Body
 from rtds_host.robot.split import inertia_of
 from rtds_host.robot.urdf import base_inertia, yaw_inertia_kg_m2
@@ -96,7 +97,8 @@ class GearValues:
 @dataclass(frozen=True)
 class SensorValues:
     """How what is reported differs from what is; two-vectors [left, right], SI. `encoder_at_wheel`: 1 where w and th
-    are measured behind free play and springs, 0 before them."""
+    are measured behind free play and springs, 0 before them. `forms` (2, MOST, WIDTH) are added to readings, see
+    `rtds_host.plant.forms.reads`."""
 
     speed_gain: tuple[float, float] = (1.0, 1.0)
     current_gain: tuple[float, float] = (1.0, 1.0)
@@ -107,6 +109,7 @@ class SensorValues:
     gyro_bias_rad_s: float = 0.0
     delay_s: float = 0.0
     encoder_at_wheel: float = 0.0
+    forms: np.ndarray = field(default_factory=no_forms, compare=False)
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,8 @@ class Correction:
     `units` and `supply` go to the link, `body` into the physics engine, `gears` and `scrub_nm` into the layer between
     them, `sensors` into the signal path. `bus_measured`: the bus follows the log's `v_bus` (a replay only). `carrying`:
     the motors of units that carry a part of the body's inertia (`rtds_host.robot.split`), None where they carry none.
+    `forms` (2, MOST, WIDTH): terms that no table of a unit holds, which act between units and engine; `start_angles`:
+    rad, wheel angles [left, right] as the run begins, which these terms may run over.
     """
 
     units: tuple[UnitEffects, UnitEffects]
@@ -126,6 +131,8 @@ class Correction:
     sensors: SensorValues = field(default_factory=SensorValues)
     bus_measured: bool = False
     carrying: tuple[MotorParameters | None, MotorParameters | None] = (None, None)
+    forms: np.ndarray = field(default_factory=no_forms, compare=False)
+    start_angles: tuple[float, float] = (0.0, 0.0)
 
     def body_on(self, body: Body) -> Body:
         """The body of a run with this correction, see `BodyValues.on`.

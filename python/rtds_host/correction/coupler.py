@@ -10,6 +10,7 @@ import numpy as np
 from rtds_host.contract import GRAVITY_M_S2, Robot
 from rtds_host.correction import layer
 from rtds_host.correction.correction import Correction
+from rtds_host.correction.formed import NOTHING, Acting, Formed, mean_current
 from rtds_host.errors import InputError
 from rtds_host.link import Link
 from rtds_host.motor.effects import MotorParameters, UnitEffects
@@ -138,6 +139,7 @@ class Coupler:
         self.sent = np.zeros(2, np.float32)
         self.after_step: Callable[[], None] | None = None
         self.now = 0.0
+        self.formed, self.acting = Formed(robot, body, correction), NOTHING
         self.in_force = np.zeros(2)
         # Commands and when they were given; before the first none.
         self._past: list[tuple[float, np.ndarray]] = [(-np.inf, np.zeros(2))]
@@ -200,11 +202,18 @@ class Coupler:
         """
         total_s = sum(seconds for _, seconds in pieces)
         steps = round(total_s / STEP_S)
+        begun = self.now
         volts = self._schedule(pieces)
+        acting = self._acting(begun, total_s, volts)
+        if self.formed.any:
+            volts = volts + acting.volts
+            pieces = [(self.formed.sent(asked, acting.volts), seconds) for asked, seconds in pieces]
+        self.acting = acting
+        scrub, outside = self.scrub + acting.scrub, self.external + acting.against
         if self.foretell:
             known = np.clip(volts + self.offset_v, -1e4, 1e4)
             # A driven rotor is where it ought to be; a given one will be what the owed torque makes of it.
-            brake = self.disturbance + np.where(self.known == layer.DRIVEN, 0.0, self.owed)
+            brake = self.disturbance - acting.drive + np.where(self.known == layer.DRIVEN, 0.0, self.owed)
             state = self.state.copy()
             # A given rotor's speed is found to rounding; one that friction holds must be seen to stand, or what is owed
             # to it is counted as moving a rotor that is light beside the body.
@@ -223,10 +232,10 @@ class Coupler:
                 self.wheel_j,
                 self.ground,
                 self.lever,
-                self.scrub,
+                scrub,
                 0.0,
                 self.grip,
-                self.external,
+                outside,
             )
             load = torque + self.owed
             gain = (state[:, layer.ROTOR] - self.speed) / total_s
@@ -236,7 +245,7 @@ class Coupler:
             spin = max(-1.0, min(1.0, rate / 0.02))
         if self.carried.any():
             load = load - self.carried * gain
-        sent = (load / self.gear).astype(np.float32)
+        sent = ((load - acting.drive) / self.gear).astype(np.float32)
         self.sent = sent
         before = self.speed
         motion = self._exchange(pieces, sent)
@@ -250,7 +259,7 @@ class Coupler:
                 )
             acted = acted + self.carried * self.gained
         self._observe(motion, volts, acted, total_s)
-        happened = self._follow(motion, steps, spin, acted)
+        happened = self._follow(motion, steps, spin, acted + acting.drive, scrub)
         if self.foretell:
             behind = self.rotor[:, layer.INERTIA] * (self.speed - self.state[:, layer.ROTOR]) / total_s
             foretold = torque + self.carried * (self.gained - gain) if self.carried.any() else torque
@@ -258,11 +267,21 @@ class Coupler:
         self.load = happened
         return motion
 
+    def _acting(self, begun: float, seconds: float, volts: np.ndarray) -> Acting:
+        """What forms come to over an exchange that begins at `begun` s; volts : (n, 2) V of its layer steps."""
+        if not self.formed.any:
+            return NOTHING
+        # Forms of the exchange before drive the current, too.
+        known = volts.mean(axis=0) + self.offset_v + self.acting.volts
+        amps = mean_current(self.rotor, self.current, known, self.speed, seconds)
+        pose = self.engine.state()
+        return self.formed.at(begun, seconds, self.rotor, self.state, amps, self.in_force, (pose.x_m, pose.y_m))
+
     def load_of(self, rise: np.ndarray) -> np.ndarray:
         """Torques (2,) N m that the wheels take while their speeds change by `rise` (2,) rad/s², nothing giving
         between.
         """
-        return self.external + self.inertia @ rise + self.wheel_j * rise
+        return self.external + self.acting.against + self.inertia @ rise + self.wheel_j * rise
 
     def _exchange(self, pieces: list[Piece], sent: np.ndarray) -> Motion:
         times, speeds, currents = [], [], []
@@ -303,8 +322,11 @@ class Coupler:
         )
         self.current = current[-1].copy()
 
-    def _follow(self, motion: Motion, steps: int, spin: float, sent: np.ndarray) -> np.ndarray:
-        """Let gear, wheels and robot follow the rotors; the mean torque (2,) that the gears delivered."""
+    def _follow(self, motion: Motion, steps: int, spin: float, sent: np.ndarray, scrub: float) -> np.ndarray:
+        """Let gear, wheels and robot follow the rotors; the mean torque (2,) that the gears delivered.
+
+        sent : (2,) N m that the gears took off the rotors. scrub : N m against turning.
+        """
         per = round(STEP_S / LAYER_S)
         at = (np.arange(steps * per) + 1) * LAYER_S
         before, end = self.speed, motion.speeds[-1]
@@ -322,6 +344,9 @@ class Coupler:
             if self.known[k] == layer.DRIVEN:
                 gained = np.diff(given[:, k], prepend=before[k])
                 given[:, k] = self.rotor[k, layer.INERTIA] * gained + LAYER_S * sent[k]
+        if self.formed.any:
+            t = np.concatenate([[0.0], motion.t_s])
+            self.formed.turn(np.diff(t)[:, None], np.vstack([before, motion.speeds]))
         self.speed = end.copy()
         total = np.zeros(2)
         for k in range(steps):
@@ -340,10 +365,10 @@ class Coupler:
                 self.wheel_j,
                 self.ground,
                 self.lever,
-                self.scrub,
+                scrub,
                 spin,
                 self.grip,
-                self.external,
+                self.external + self.acting.against,
             )
             now = self.state[:, layer.GROUND]
             answer = self.engine.advance(now[None, :])

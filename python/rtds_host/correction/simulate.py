@@ -12,6 +12,7 @@ from rtds_host.contract import Robot, RunLog
 from rtds_host.correction import layer
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.coupler import Coupler, set_effects
+from rtds_host.correction.formed import with_forms
 from rtds_host.correction.translate import translate
 from rtds_host.diagnosis.replay.model import Model, row_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUTS
@@ -228,6 +229,8 @@ class _Replay:
         poses = np.array(self.poses)
         rate = np.interp(at, poses[:, 0], poses[:, 4])
         out[:, 7] = rate * (s.gyro_gain if s else 1.0) + (s.gyro_bias_rad_s if s else 0.0)
+        if s is not None:
+            with_forms(s.forms, out)
         for column in (8, 9, 10):
             out[:, column] = np.interp(pose_at, poses[:, 0], poses[:, column - 7])
         return out

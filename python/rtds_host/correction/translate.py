@@ -9,11 +9,12 @@ leaves a parameter unread raises `LookupError`.
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from rtds_host.contract import Robot
+from rtds_host.correction import formed
 from rtds_host.correction.correction import BodyValues, Correction, GearValues, SensorValues
 from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.forms.curves import points_of
@@ -44,6 +45,8 @@ PWM_POINTS = 129
 RIPPLE_POINTS = 129
 # Torques against speed: points of a curve.
 SPEED_POINTS = 129
+# Numerical: two branches of a form that differ at zero by less than this share of its size do not jump there.
+NO_JUMP = 1e-3
 # Beyond any speed of the motors, rad/s at the wheel.
 FAST_RAD_S = 16.0
 
@@ -98,11 +101,18 @@ def translate(
     if get("gear_ratio") != nominal.get("gear_ratio") or get("supply") != nominal.get("supply"):
         raise InputError("gear_ratio, supply: no effect changes them, they are the robot's own")
     mass = get("mass") + payload_kg
-    _refuse_forms(model, robot)
-    units = tuple(
-        _with_forms(_unit(get, k, robot, mass, start_angles[k]), model.forms[k], get("gear_ratio"), get("supply"))
+    placed = tuple(
+        _placed(
+            _unit(get, k, robot, mass, start_angles[k]),
+            model.forms[k],
+            robot,
+            get("gear_ratio"),
+            get("supply"),
+            start_angles[k],
+        )
         for k in (0, 1)
     )
+    units = tuple(one.unit for one in placed)
     supply = SupplyEffects(
         voltage_v=get("supply"),
         source_resistance_ohm=get("source_resistance"),
@@ -115,6 +125,7 @@ def translate(
         **get.named(SensorValues),
         **{name: get.pair(slot) for name, slot in _PAIRS.items()},
         delay_s=get("measurement_delay") + get("latency"),
+        forms=np.stack([one.sensors for one in placed]),
     )
     correction = Correction(
         units=units,
@@ -125,6 +136,8 @@ def translate(
         sensors=sensors,
         bus_measured=get("bus_measured") > 0,
         carrying=_carrying(units, gears, body, payload_kg, robot),
+        forms=np.stack([one.between for one in placed]),
+        start_angles=start_angles,
     )
     if get.unread:
         raise LookupError(f"parameters of the plant that nothing translates: {', '.join(sorted(get.unread))}")
@@ -196,50 +209,92 @@ def _unit(get: _Parameters, k: int, robot: Robot, mass: float, start_angle: floa
 
 
 # The forms that motor units have a table for.
-IN_UNITS = (("torque", "w"), ("voltage", "v_cmd"))
+IN_UNITS = (("torque", "w"), ("voltage", "v_cmd"), ("voltage", "i"), ("torque", "th"), ("torque", "motor_angle"))
 
 
-def _refuse_forms(model: Model, robot: Robot) -> None:
-    """Refuse forms that no table of a motor unit holds.
+@dataclass(frozen=True)
+class _Placed:
+    """A side's forms where they act: its `unit` with those that its tables hold, rows (MOST, WIDTH) of what acts
+    `between` units and engine, and of the `sensors`."""
+
+    unit: UnitEffects
+    between: np.ndarray
+    sensors: np.ndarray
+
+
+def _placed(unit: UnitEffects, rows: np.ndarray, robot: Robot, n: float, supply: float, start: float) -> _Placed:
+    """Put a side's forms (MOST, WIDTH) where they act: friction by speed and direction, a torque over an angle, the
+    command's curve and a voltage over the current into the unit, as far as it has a free table.
+
+    n : gear ratio; supply : V; start : rad, the wheel's angle as the run begins.
 
     Raises
     ------
-    InputError : names the form's term and what it runs over.
+    InputError : see `formed.beyond`.
     """
-    terms, overs = list(forms.TERMS), list(forms.OVERS)
-    for row in model.forms.reshape(-1, forms.WIDTH):
-        if row[forms.TERM]:
-            found = terms[int(row[forms.TERM]) - 1], overs[int(row[forms.OVER]) - 1]
-            if found not in IN_UNITS:
-                raise InputError(
-                    f"robot {robot.name!r}: forms: {found[0]} over {found[1]}: no table of a motor unit holds it; "
-                    "the replay does (`rtds predict`)"
-                )
-
-
-def _with_forms(unit: UnitEffects, rows: np.ndarray, n: float, supply: float) -> UnitEffects:
-    """A unit with the forms of its side (MOST, WIDTH) in its tables: friction by speed and direction, and the
-    command's curve. n : gear ratio; supply : V."""
-    for row in rows:
-        term, over = int(row[forms.TERM]), int(row[forms.OVER])
-        if not term:
+    between, sensors = np.array(rows), np.zeros_like(rows)
+    for k, row in enumerate(rows):
+        if not row[forms.TERM]:
             continue
-        high, values = float(row[forms.HIGH]), row[forms.VALUES :]
-        if (term, over) == (forms.TERM_CODE["torque"], forms.OVER_CODE["w"]):
-            speeds = n * np.linspace(0.0, high, forms.HALF)
-            ahead = Curve(tuple(speeds), tuple(-values[forms.HALF :] / n))
-            back = Curve(tuple(speeds), tuple(values[: forms.HALF][::-1] / n))
-            unit = replace(
-                unit,
-                friction_forward=_sum(unit.friction_forward, ahead),
-                friction_backward=_sum(unit.friction_backward, back),
-            )
+        term, over = list(forms.TERMS)[int(row[forms.TERM]) - 1], list(forms.OVERS)[int(row[forms.OVER]) - 1]
+        if term in formed.READINGS:
+            sensors[k] = row
+        elif (term, over) not in IN_UNITS or (held := _held(unit, row, over, robot, n, supply, start)) is None:
+            continue
         else:
-            x = points_of("v_cmd", -high, high)
-            more = Curve((*x[: forms.HALF], 0.0, *x[forms.HALF :]), (*values[: forms.HALF], 0.0, *values[forms.HALF :]))
-            plain = unit.command or Curve((-supply, supply), (-supply, supply))
-            unit = replace(unit, command=_sum(plain, more))
-    return unit
+            unit = held
+        between[k] = 0.0
+    if (more := formed.needs_command(between)) > 0.0:
+        unit = replace(unit, command=formed.beyond(unit.command, supply, more))
+    return _Placed(unit, between, sensors)
+
+
+def _held(
+    unit: UnitEffects, row: np.ndarray, over: str, robot: Robot, n: float, supply: float, start: float
+) -> UnitEffects | None:
+    """The unit with a form of `IN_UNITS` in its table, None where that is taken or cannot hold it."""
+    high, values = float(row[forms.HIGH]), row[forms.VALUES :]
+    if over == "w":
+        speeds = n * np.linspace(0.0, high, forms.HALF)
+        ahead = Curve(tuple(speeds), tuple(-values[forms.HALF :] / n))
+        back = Curve(tuple(speeds), tuple(values[: forms.HALF][::-1] / n))
+        return replace(
+            unit,
+            friction_forward=_sum(unit.friction_forward, ahead),
+            friction_backward=_sum(unit.friction_backward, back),
+        )
+    if over == "v_cmd":
+        x = points_of("v_cmd", -high, high)
+        more = Curve((*x[: forms.HALF], 0.0, *x[forms.HALF :]), (*values[: forms.HALF], 0.0, *values[forms.HALF :]))
+        plain = unit.command or Curve((-supply, supply), (-supply, supply))
+        return replace(unit, command=_sum(plain, more))
+    if over == "i":
+        ohm = unit.motor.resistance_ohm if unit.motor else robot.motor.resistance_ohm
+        return _with_drop(unit, high, values, ohm)
+    if unit.ripple is not None:
+        return None
+    cycles = formed.angle_of(over, n)
+    return replace(
+        unit,
+        ripple=formed.period_table(row, n),
+        ripple_periods_per_rad=cycles / (2.0 * math.pi * n),
+        ripple_start_rad=(cycles * start - float(row[forms.LOW])) % (2.0 * math.pi),
+    )
+
+
+def _with_drop(unit: UnitEffects, high: float, values: np.ndarray, ohm: float) -> UnitEffects | None:
+    """The unit with a voltage over the current, (POINTS,) V up to `high` A, in its table of drops; None where voltage
+    over winding and drop does not grow with the current, which that table is looked up by."""
+    most = unit.drop.at(1.0) if unit.drop else 0.0
+    half = np.linspace(0.0, high, forms.HALF)
+    x = np.concatenate([-half[::-1], half])
+    drops = -values
+    if abs(drops[forms.HALF] - drops[forms.HALF - 1]) < NO_JUMP * float(np.abs(values).max()):
+        drops[forms.HALF - 1 : forms.HALF + 1] = 0.5 * (drops[forms.HALF] + drops[forms.HALF - 1])
+    y = drops + np.repeat([-most, most], forms.HALF)
+    if (np.diff(ohm * x + y) < 0.0).any():
+        return None
+    return replace(unit, drop=Curve(tuple(x), tuple(y)))
 
 
 def _sum(one: Curve | None, other: Curve) -> Curve:

@@ -22,6 +22,7 @@ MOST = 3
 TERM, OVER, LOW, HIGH, VALUES = range(5)
 WIDTH = VALUES + POINTS
 
+# Rows are arrays or lists: exports have the same functions in plain Python (`rtds_host.export.python`).
 # Terms, from 1 (0: no form), with their units. Torques are at the wheel and drive forwards; `voltage` is at the nominal
 # bus behind the driver; `torque_constant` is relative; sensors add to what is reported.
 TERMS = {
@@ -137,16 +138,18 @@ def act(rows, quantities, acts):
     A torque over the wheel's speed is dry friction with a level for each direction: it can hold a wheel. By its slope
     it also goes into the friction by speed, so that long steps stay stable.
     """
-    acts[:] = 0.0
+    for n in range(ACTS):
+        acts[n] = 0.0
     for n in range(MOST):
-        term, over = int(rows[n, TERM]), int(rows[n, OVER])
+        row = rows[n]
+        term, over = int(row[TERM]), int(row[OVER])
         if term == 0:
             continue
         x = quantities[over - 1]
-        value, slope = curve(rows[n], x)
+        value, slope = curve(row, x)
         if term == _TORQUE and over == _W:
-            ahead = value if x > 0.0 else branch(rows[n], True, 0.0)[0]
-            back = value if x < 0.0 else branch(rows[n], False, 0.0)[0]
+            ahead = value if x > 0.0 else branch(row, True, 0.0)[0]
+            back = value if x < 0.0 else branch(row, False, 0.0)[0]
             acts[FORWARD] -= ahead
             acts[BACKWARD] += back
             acts[FLUID] -= slope
@@ -160,7 +163,7 @@ def act(rows, quantities, acts):
         elif term == _FORCE:
             acts[PUSH] += value
         elif term == _YAW and over == _RATE:
-            ahead, back = -branch(rows[n], True, 0.0)[0], branch(rows[n], False, 0.0)[0]
+            ahead, back = -branch(row, True, 0.0)[0], branch(row, False, 0.0)[0]
             level = -value if x > 0.0 else (value if x < 0.0 else max(ahead, back))
             acts[SCRUB] += max(level, 0.0)
             # What drives the turn holds nothing.
@@ -174,8 +177,9 @@ def reads(rows, term, over, x):
     """What a side's forms add to a sensor's reading of x, in x's unit; term, over : their codes."""
     total = 0.0
     for n in range(MOST):
-        if rows[n, TERM] == term and rows[n, OVER] == over:
-            total += curve(rows[n], x)[0]
+        row = rows[n]
+        if row[TERM] == term and row[OVER] == over:
+            total += curve(row, x)[0]
     return total
 
 

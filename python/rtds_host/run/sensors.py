@@ -10,6 +10,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from rtds_host.correction.correction import SensorValues
+from rtds_host.correction.formed import read_with_forms
 from rtds_host.run.path import Sample, SignalPath
 
 
@@ -83,12 +84,18 @@ class CorrectedPath(SignalPath):
         """What is reported. The pose is measured from outside: neither late nor wrong."""
         seen, v = self._late(t_s, sample), self.values
         gain = np.array(v.speed_gain)
+        currents, speeds, rate = read_with_forms(
+            v.forms,
+            seen.currents_a * np.array(v.current_gain) + np.array(v.current_bias_a),
+            seen.speeds_rad_s * gain,
+            seen.gyro_rad_s * v.gyro_gain + v.gyro_bias_rad_s,
+        )
         return Sample(
             v_bus=seen.v_bus,
-            currents_a=seen.currents_a * np.array(v.current_gain) + np.array(v.current_bias_a),
-            speeds_rad_s=seen.speeds_rad_s * gain,
+            currents_a=currents,
+            speeds_rad_s=speeds,
             angles_rad=seen.angles_rad * gain,
-            gyro_rad_s=seen.gyro_rad_s * v.gyro_gain + v.gyro_bias_rad_s,
+            gyro_rad_s=rate,
             x_m=sample.x_m,
             y_m=sample.y_m,
             yaw_rad=sample.yaw_rad,

@@ -186,7 +186,7 @@ def test_a_fourth_form_on_a_side_is_refused(tmp_path):
         read_diagnosis(diagnosis(tmp_path, *[ENTRY] * 4), builtin_robot("burger"))
 
 
-def test_motor_units_hold_friction_and_command_curves_and_refuse_others():
+def test_motor_units_hold_friction_and_command_curves():
     robot = builtin_robot("burger")
     model = with_form(nominal_model(robot), "torque", "w", -20.0, 20.0, lambda x: -0.02 * np.sign(x) - 0.001 * x)
     with_form(model, "voltage", "v_cmd", -10.0, 10.0, lambda x: 0.01 * x * np.abs(x), (0,))
@@ -197,5 +197,3 @@ def test_motor_units_hold_friction_and_command_curves_and_refuse_others():
     assert left.command.at(10.0) == pytest.approx(11.0)
     assert left.command.at(0.0) == 0.0
     assert right.command is None
-    with pytest.raises(InputError, match="force over x: no table of a motor unit"):
-        translate(with_form(nominal_model(robot), "force", "x", -1.0, 1.0, lambda x: x), robot)

@@ -1,0 +1,193 @@
+"""Forms that no table of a motor unit holds, in the simulator: between motor units and engine, and in the sensors.
+
+The equations are the replay's (`rtds_host.plant.forms.act`), taken once an exchange in its middle. Torques load the
+motors, forces on the body load the wheels, dry friction against turning joins the scrub. A voltage is sent as the
+command whose bridge voltage is larger by it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtds_host.contract import Robot
+from rtds_host.correction import layer
+from rtds_host.correction.correction import Correction
+from rtds_host.errors import InputError
+from rtds_host.motor.effects import Curve
+from rtds_host.plant import forms
+from rtds_host.robot import Body
+
+_CODE = forms.TERM_CODE
+# Terms of sensors, and what each runs over.
+READINGS = {"current_sensor": "i", "speed_sensor": "w", "gyro_sensor": "yaw_rate"}
+_ABOUT = {name: k for k, name in enumerate(forms.OVERS)}
+
+
+@dataclass(frozen=True)
+class Acting:
+    """What forms come to in an exchange: `drive` (2,) N·m at the wheels, forwards; `volts` (2,) V behind the driver at
+    the nominal bus; `against` (2,) N·m that loads the wheels for forces on the body; `scrub` N·m against turning."""
+
+    drive: np.ndarray
+    volts: np.ndarray
+    against: np.ndarray
+    scrub: float
+
+
+NOTHING = Acting(np.zeros(2), np.zeros(2), np.zeros(2), 0.0)
+
+
+class Formed:
+    """The forms of a correction along a run; it follows the wheels' angles by `turn`.
+
+    `any`: whether there is a form at all.
+    """
+
+    def __init__(self, robot: Robot, body: Body, correction: Correction | None):
+        rows = forms.no_forms() if correction is None else np.array(correction.forms)
+        self.any = bool(forms.any_of(rows))
+        self.gear, self.constant = robot.motor.gear_ratio, np.zeros(2)
+        self.radius, self.track = np.array(body.wheel_radius_m), body.track_width_m
+        self.lever = np.array([-self.radius[0], self.radius[1]]) / self.track
+        self.angles = np.array(correction.start_angles if correction else (0.0, 0.0), dtype=float)
+        self.delay_s = correction.supply.command_delay_s if correction else 0.0
+        if not self.any or correction is None:
+            return
+        # A voltage acts when its command does, all else now.
+        volts = rows[:, :, forms.TERM] == _CODE["voltage"]
+        self.late, self.prompt = rows.copy(), rows
+        self.late[~volts] = 0.0
+        self.prompt[volts] = 0.0
+        self.inverse: list[tuple[np.ndarray, np.ndarray] | None] = [None, None]
+        for k in (0, 1):
+            if volts[k].any():
+                self.inverse[k] = _inverse(correction.units[k].command, robot.name)
+
+    def at(
+        self,
+        now: float,
+        seconds: float,
+        rotor: np.ndarray,
+        state: np.ndarray,
+        currents: np.ndarray,
+        asked: np.ndarray,
+        place: tuple[float, float],
+    ) -> Acting:
+        """What acts over the coming exchange.
+
+        Parameters
+        ----------
+        now, seconds : s, its start and length. rotor, state : as of `layer.roll`, at its start. currents : (2,) A, the
+        expected mean over it. asked : (2,) V, commands in force. place : (x, y) m.
+        """
+        if not self.any:
+            return NOTHING
+        ground = state[:, layer.GROUND]
+        about = np.zeros(forms.ABOUT)
+        rate, speed = float(self.lever @ ground), 0.5 * float(self.radius @ ground)
+        about[_ABOUT["yaw_rate"]], about[_ABOUT["speed"]], about[_ABOUT["speed_yaw_rate"]] = rate, speed, speed * rate
+        about[_ABOUT["x"]], about[_ABOUT["y"]] = place
+        acts, prompt, late = np.zeros((2, forms.ACTS)), np.zeros((2, forms.ACTS)), np.zeros(forms.ACTS)
+        for k in (0, 1):
+            about[_ABOUT["v_cmd"]], about[_ABOUT["i"]] = asked[k], currents[k]
+            about[_ABOUT["w"]] = state[k, layer.ROTOR]
+            angle = self.angles[k] + 0.5 * seconds * state[k, layer.WHEEL]
+            about[_ABOUT["th"]], about[_ABOUT["motor_angle"]] = angle, self.gear * angle
+            about[_ABOUT["t"]] = now + 0.5 * seconds
+            forms.act(self.prompt[k], about, prompt[k])
+            about[_ABOUT["t"]] += self.delay_s
+            forms.act(self.late[k], about, late)
+            acts[k] = prompt[k]
+            acts[k, forms.VOLTS] = late[forms.VOLTS]
+        drive = acts[:, forms.DRIVE] + rotor[:, layer.KM] * acts[:, forms.CONSTANT] * currents
+        push, turn = acts[0, forms.PUSH], acts[0, forms.TURN]
+        against = -(0.5 * self.radius * push + self.lever * turn)
+        return Acting(drive, acts[:, forms.VOLTS], against, float(acts[0, forms.SCRUB]))
+
+    def sent(self, volts: np.ndarray, more: np.ndarray) -> np.ndarray:
+        """Commands (2,) V whose bridge voltages exceed those of `volts` by `more`, V at the nominal bus."""
+        out = np.array(volts, dtype=float)
+        for k, inverse in enumerate(self.inverse):
+            if inverse is not None and more[k] != 0.0:
+                asked, made = inverse
+                out[k] = np.interp(np.interp(out[k], asked, made) + more[k], made, asked)
+        return out
+
+    def turn(self, width: np.ndarray, speeds: np.ndarray) -> None:
+        """Follow the wheels: width (n, 1) s, speeds (n + 1, 2) rad/s."""
+        self.angles = self.angles + (0.5 * width * (speeds[1:] + speeds[:-1])).sum(axis=0)
+
+
+def mean_current(rotor: np.ndarray, current: np.ndarray, volts: np.ndarray, speed: np.ndarray, seconds: float):
+    """Mean current (2,) A over an exchange by the armature's equation at a steady speed; volts : (2,) V."""
+    settled = (volts - rotor[:, layer.KB] * speed) / rotor[:, layer.RESISTANCE]
+    tau = rotor[:, layer.INDUCTANCE] / rotor[:, layer.RESISTANCE] / seconds
+    return settled + (current - settled) * tau * -np.expm1(-1.0 / np.maximum(tau, 1e-9))
+
+
+def _inverse(command: Curve | None, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a driver's curve, asked and made, V, made ascending.
+
+    Raises
+    ------
+    InputError : a curve that falls somewhere: no command makes such voltages.
+    """
+    if command is None:
+        raise LookupError("a voltage form needs the driver's curve in its unit")
+    x, y = np.array(command.x), np.array(command.y)
+    if (np.diff(y) < 0.0).any():
+        raise InputError(
+            f"robot {name!r}: forms: a voltage over more than the command needs a driver whose voltage grows with it"
+        )
+    return x, y
+
+
+def needs_command(rows: np.ndarray) -> float:
+    """The largest voltage, V, by which forms of a side (MOST, WIDTH) move a command beyond the supply; 0 for none."""
+    mine = rows[rows[:, forms.TERM] == _CODE["voltage"]]
+    return float(np.abs(mine[:, forms.VALUES :]).max()) if len(mine) else 0.0
+
+
+def beyond(command: Curve | None, supply: float, more: float) -> Curve:
+    """A driver's curve that goes on by `more` V beyond the supply, V, on both sides."""
+    plain = command or Curve((-supply, supply), (-supply, supply))
+    end, top = plain.at(-supply), plain.at(supply)
+    inside = [(x, y) for x, y in zip(plain.x, plain.y, strict=True) if abs(x) < supply]
+    points = [(-supply - more, end - more), (-supply, end), *inside, (supply, top), (supply + more, top + more)]
+    x, y = zip(*points, strict=True)
+    return Curve(x, y)
+
+
+def read_with_forms(
+    rows: np.ndarray, currents: np.ndarray, speeds: np.ndarray, rate: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Readings with the forms of their sensors: currents (2,) A, speeds (2,) rad/s, yaw rate rad/s."""
+    if not forms.any_of(rows):
+        return currents, speeds, rate
+    codes = {term: (_CODE[term], forms.OVER_CODE[over]) for term, over in READINGS.items()}
+    amps = np.array([a + forms.reads(rows[k], *codes["current_sensor"], a) for k, a in enumerate(currents)])
+    turns = np.array([w + forms.reads(rows[k], *codes["speed_sensor"], w) for k, w in enumerate(speeds)])
+    return amps, turns, rate + forms.reads(rows[0], *codes["gyro_sensor"], rate)
+
+
+def with_forms(rows: np.ndarray, out: np.ndarray) -> None:
+    """Add to readings (n, 11), columns as the replay's `OUTPUTS`, what forms of sensors do, in place."""
+    if not forms.any_of(rows):
+        return
+    for row in out:
+        row[1:3], row[3:5], row[7] = read_with_forms(rows, row[1:3], row[3:5], float(row[7]))
+
+
+def angle_of(over: str, gear: float) -> float:
+    """Cycles a turn of the wheel of a quantity that repeats; 0 of others."""
+    return {"th": 1.0, "motor_angle": gear}.get(over, 0.0)
+
+
+def period_table(row: np.ndarray, gear: float) -> Curve:
+    """One period of a form over an angle as a unit's table: N·m at the shaft over rad."""
+    x = 2.0 * math.pi * np.arange(forms.POINTS + 1) / forms.POINTS
+    values = np.append(row[forms.VALUES :], row[forms.VALUES]) / gear
+    return Curve(tuple(x), tuple(values))

@@ -1,0 +1,114 @@
+"""Forms in the real-time simulator: in the units' tables, between units and engine, and in the sensors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rtds_host.contract import Case, builtin_robot
+from rtds_host.correction.agreement import designed_run, measured
+from rtds_host.correction.close import FINE_STEP_S, distance
+from rtds_host.correction.formed import beyond, needs_command
+from rtds_host.correction.simulate import Setting, simulate
+from rtds_host.correction.translate import translate
+from rtds_host.diagnosis.forms.curves import points_of, put
+from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.errors import InputError
+from rtds_host.motor.effects import Curve
+from rtds_host.plant import forms as plant
+from rtds_host.run.path import Sample
+from rtds_host.run.sensors import CorrectedPath
+
+ROBOT = builtin_robot("burger")
+TURN = plant.FULL_TURN
+
+
+def formed(*each):
+    """The nominal model with forms (term, over, low, high, law) on both sides."""
+    model = nominal_model(ROBOT)
+    for term, over, low, high, law in each:
+        put(model, (0, 1), term, over, low, high, law(points_of(over, low, high)))
+    return model
+
+
+# Three forms at a time: a robot holds no more on a side.
+TOGETHER = {
+    "body": [
+        ("force", "x", -1.0, 1.0, lambda x: -2.0 * np.tanh(6.0 * (x - 0.3))),
+        ("yaw_torque", "yaw_rate", -4.0, 4.0, lambda x: -0.02 * np.sign(x) - 0.01 * x),
+        ("torque", "t", 0.0, 2.0, lambda x: -0.05 + 0.05 * x),
+    ],
+    "motor": [
+        ("torque_constant", "i", -0.3, 0.3, lambda x: -0.5 * np.abs(x)),
+        ("voltage", "t", 0.0, 2.0, lambda x: -1.0 * x),
+        ("current_sensor", "i", -0.3, 0.3, lambda x: 0.2 * x),
+    ],
+    "tables": [
+        ("voltage", "i", -0.3, 0.3, lambda x: -0.5 * np.tanh(x / 0.05)),
+        ("torque", "motor_angle", 0.0, TURN, lambda x: 0.03 * np.sin(x + 0.4)),
+        ("torque", "th", 0.0, TURN, lambda x: 0.03 * np.sin(2.0 * x)),
+    ],
+}
+
+
+@pytest.mark.parametrize("which", TOGETHER)
+def test_forms_run_in_the_simulator_as_in_the_replay(which):
+    log = designed_run(1.5)
+    model, inputs = formed(*TOGETHER[which]), run_inputs(log, ROBOT)
+    truth, plain = (replay_run(one, inputs, FINE_STEP_S) for one in (model, nominal_model(ROBOT)))
+    out = simulate(log, ROBOT, model, Setting()).out
+    log = measured(log, truth)
+    case = Case("formed", ROBOT, (log,))
+    moved, _ = distance(case, [(log, truth, plain)])
+    apart, _ = distance(case, [(log, truth, out)])
+    assert moved > 1.0
+    assert apart < 0.02 * moved
+
+
+def test_a_second_torque_over_an_angle_acts_between_units_and_engine():
+    correction = translate(formed(*TOGETHER["tables"]), ROBOT)
+    left = correction.units[0]
+    assert left.ripple_periods_per_rad == pytest.approx(1.0 / TURN)
+    assert left.ripple.at(0.0) == pytest.approx(0.03 * np.sin(0.4) / ROBOT.motor.gear_ratio)
+    assert left.drop.at(0.3) == pytest.approx(0.5, rel=1e-3)
+    rows = correction.forms[0]
+    assert rows[rows[:, plant.TERM] > 0.0][:, plant.OVER].tolist() == [plant.OVER_CODE["th"]]
+
+
+def test_a_voltage_that_falls_with_the_current_faster_than_the_winding_takes_it_is_in_no_table():
+    steep = formed(("voltage", "i", -0.3, 0.3, lambda x: 2.0 * ROBOT.motor.resistance_ohm * x))
+    correction = translate(steep, ROBOT)
+    assert correction.units[0].drop is None
+    assert correction.forms[0, 0, plant.TERM] == plant.TERM_CODE["voltage"]
+
+
+def test_a_command_goes_on_beyond_the_supply_by_what_a_form_adds():
+    curve = beyond(Curve((-12.0, 12.0), (-6.0, 6.0)), 12.0, 1.5)
+    assert curve.at(12.0) == 6.0
+    assert curve.at(13.5) == 7.5
+    assert curve.at(-20.0) == -7.5
+    model = formed(("voltage", "t", 0.0, 2.0, lambda x: -1.5 * x))
+    assert needs_command(model.forms[0]) == pytest.approx(3.0)
+
+
+def test_a_voltage_over_time_behind_a_driver_that_turns_back_is_refused_in_one_line():
+    model = formed(("voltage", "t", 0.0, 2.0, lambda x: -x))
+    model.add("pwm_curve", 3.0)
+    log = designed_run(0.1)
+    with pytest.raises(InputError, match="forms: a voltage over more than the command"):
+        simulate(log, ROBOT, model, Setting())
+
+
+def test_sensors_of_a_run_read_with_their_forms():
+    model = formed(
+        ("speed_sensor", "w", -20.0, 20.0, lambda x: 0.1 * x),
+        ("gyro_sensor", "yaw_rate", -4.0, 4.0, lambda x: 0.2 * np.abs(x)),
+    )
+    sensors = translate(model, ROBOT).sensors
+    seen = Sample(12.0, np.array([0.1, 0.2]), np.array([5.0, -5.0]), np.zeros(2), -1.0, 0.0, 0.0, 0.0)
+    path = CorrectedPath(12.0, sensors)
+    read = path.sensors(0.0, seen)
+    assert read.speeds_rad_s == pytest.approx([5.5, -5.5])
+    assert read.gyro_rad_s == pytest.approx(-0.8)
+    assert read.currents_a == pytest.approx([0.1, 0.2])
+    assert CorrectedPath(12.0, replace(sensors, forms=plant.no_forms())).sensors(0.0, seen).gyro_rad_s == -1.0
