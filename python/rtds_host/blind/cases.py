@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rtds_host.blind import machines
+from rtds_host.blind import hard, machines
 from rtds_host.blind.accounts import Drive, draw_causes, worth
 from rtds_host.blind.kernel import SIDE_NAMES
 from rtds_host.blind.planar import (
@@ -37,18 +37,24 @@ from rtds_host.blind.planar import (
     sample_times,
     stem,
 )
-from rtds_host.blind.vocabulary import EFFECTS, OUTSIDE, draw_effect, draw_outside
+from rtds_host.blind.scales import draw_outside, scale_of
+from rtds_host.blind.vocabulary import EFFECTS, UNNAMED, draw_effect
 from rtds_host.contract import RunMeta, builtin_robot_path, load_robot, read_run, write_run
 
 SCENARIOS = ("coast", "crawl", "steps", "prbs", "spin", "circle", "eight", "linear", "teleop")
 TIERS = ("all", "tol", "few", "pair", "none", "unknown", "long")
-# Drawn only where they are asked for: several causes at once; other machines than the burger, and real loggers.
+# Drawn only where they are asked for: several causes at once; other machines than the burger, and real loggers;
+# machines as hard as measured ones.
 OTHERS = ("sizes", "loggers")
-ACCOUNTS = ("many", "messy", *OTHERS)
+ACCOUNTS = ("many", "messy", *OTHERS, "hard")
 KINDS = (*TIERS, *ACCOUNTS)
 WORLDS = ("planar", "mujoco")
 HELD_OUT = 2  # runs of each sealed case that the diagnoser never sees
 SLOW_EFFECTS = ("winding_heating", "battery_decline")
+
+
+def _burgers_scale():
+    return scale_of(load_robot(builtin_robot_path("burger")), 0.01, 16.0)
 
 
 def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=None) -> dict:
@@ -84,7 +90,7 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
         slow = str(rng.choice(SLOW_EFFECTS)) if rng.random() < 0.5 else None
         spec["effects"] = [draw_effect(rng, slow)]
     elif tier == "unknown":
-        spec["outside"] = draw_outside(rng, world=world)
+        spec["outside"] = draw_outside(rng, _burgers_scale(), world=world)
     elif tier not in ("none", *ACCOUNTS):
         raise ValueError(f"tier {tier!r} is not one of {', '.join(KINDS)}")
     if tier in ("pair", "none", "unknown", "few"):
@@ -126,6 +132,9 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
             spec["effects"] = [draw_effect(rng)]
     if rng.random() < 0.1:
         spec["form"] = "csv"
+    if tier == "hard":
+        hard.draw_case(rng, spec)
+        return spec
     if tier in OTHERS:
         machines.draw_conditions(rng, spec, tier == "loggers")
         spec["effects"], _ = draw_causes(rng, machines.robot_of(spec["robot"]), spec)
@@ -226,7 +235,8 @@ def make_case(
             rng,
             2e-4 if spec["world"] == "mujoco" else 1e-4,
         )
-        v_cmd, w_ref = commands_of(spec, run, t, rng, robot)
+        planned_by = np.random.default_rng(run["plan"]) if "plan" in run else rng
+        v_cmd, w_ref = commands_of(spec, run, t, planned_by, robot)
         closed = run["name"] in CLOSED
         heading = float(rng.choice([0.0, run["uphill_yaw_rad"], rng.uniform(-math.pi, math.pi)]))
         start = np.array([*rng.uniform(-1, 1, 2), heading, *rng.uniform(-20, 20, 2)])
@@ -277,7 +287,7 @@ def make_case(
         )
         write_run(place / run["name"], meta, columns, spec["form"])
         drives[place != folder].append((t, v_cmd, start, where, seed_run))
-        if sizes and place == folder and (spec["effects"] or spec["outside"]):
+        if sizes and place == folder and "left" not in spec and (spec["effects"] or spec["outside"]):
             if spec["world"] != "planar":  # both sides of the difference come from one world
                 raw = run_machine(machine, t, v_cmd, start, seed=seed_run, **where)
             a, b = _signature(machine, plain, robot, t, v_cmd, start, where, columns, seed_run, raw)
@@ -314,7 +324,9 @@ def make_case(
             for name, squares in rounding.items()
         }
     if sizes and spec["effects"]:
-        truth.update(_account(robot, spec, scatter, drives, truth.get("noise")))
+        truth.update(
+            hard.account(spec) if "left" in spec else _account(robot, spec, scatter, drives, truth.get("noise"))
+        )
         if logger is not None and held_out is not None:  # late stamps are no effect: the truth itself leaves a gap
             truth["held_out_gap"] |= {
                 "known": _left(machine, robot, held_out, truth["noise"]),
@@ -478,7 +490,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--tier", choices=KINDS, default="all")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--effect", choices=sorted(EFFECTS) + sorted(OUTSIDE), help="always this effect")
+    parser.add_argument("--effect", choices=sorted(EFFECTS) + sorted(UNNAMED), help="always this effect")
     parser.add_argument("--world", choices=WORLDS, default="planar")
     parser.add_argument("--no-sizes", action="store_true", help="do not compute the effects' sizes")
     args = parser.parse_args(argv)
@@ -486,8 +498,8 @@ def main(argv: list[str] | None = None) -> None:
     for k in range(args.n):
         rng = np.random.default_rng([args.seed, k, KINDS.index(args.tier)])
         spec = draw_spec(rng, args.tier, args.world)
-        if args.effect in OUTSIDE:
-            spec["effects"], spec["outside"] = [], draw_outside(rng, args.effect, args.world)
+        if args.effect in UNNAMED:
+            spec["effects"], spec["outside"] = [], draw_outside(rng, _burgers_scale(), args.effect, args.world)
         elif args.effect:
             spec["effects"], spec["outside"] = [draw_effect(rng, args.effect)], None
         name = f"case-{k:03d}"

@@ -19,6 +19,8 @@ import math
 import numpy as np
 from numba import njit
 
+from rtds_host.blind import unnamed
+
 GRAVITY_M_S2 = 9.80665
 
 SIDE_NAMES = (
@@ -78,6 +80,7 @@ SIDE_NAMES = (
     "detent_cycles",
     "detent_phase",
     "current_tau",
+    *unnamed.SIDE,
 )
 WORLD_NAMES = (
     "voltage",
@@ -116,6 +119,7 @@ WORLD_NAMES = (
     "pendulum",
     "pendulum_zero",
     "torque_per_volt",
+    *unnamed.WORLD,
 )
 (
     S_RESISTANCE,
@@ -173,7 +177,8 @@ WORLD_NAMES = (
     S_DETENT_CYCLES,
     S_DETENT_PHASE,
     S_CURRENT_TAU,
-) = range(len(SIDE_NAMES))
+) = range(len(SIDE_NAMES) - len(unnamed.SIDE))
+S_UNNAMED = len(SIDE_NAMES) - len(unnamed.SIDE)
 (
     W_VOLTAGE,
     W_GEAR,
@@ -209,6 +214,17 @@ WORLD_NAMES = (
     W_PENDULUM,
     W_PENDULUM_ZERO,
     W_TORQUE_PER_VOLT,
+    W_TICK,
+    W_CHOKE_OHM,
+    W_CHOKE_AMPS,
+    W_CHOKE_TAU,
+    W_CASTER,
+    W_CASTER_LENGTH,
+    W_NAP,
+    W_NAP_YAW,
+    W_SLOSH,
+    W_SLOSH_RATE,
+    W_SLOSH_RATIO,
 ) = range(len(WORLD_NAMES))
 
 BRISTLE_RAD = 1e-4  # travel after which a bristle yields: far below an encoder count
@@ -234,7 +250,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
     start : (5,) x, y, yaw, th_l, th_r at t = 0; everything else is at rest.
     w_ref : (n, 2) rad/s references, w_noise : (n, 2) rad/s noise on the controller's speed sensor, `period_rows`
         rows between two controller updates, `gains` (feed-forward V s/rad, kp, ki, limit V, speed gain l, r).
-    events : (k, 4): from s, to s, side, torque N m of a brake (outside of the catalogue).
+    events : (k, 4): from s, to s, side, torque N m of a brake; side -1: the link stalls, no command gets through.
 
     Returns
     -------
@@ -287,6 +303,27 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
     preslid = np.zeros(2)
     seen = np.zeros(2)
     relaxed = 0.0
+    state = np.zeros((2, unnamed.STATES))
+    more = np.ascontiguousarray(side[S_UNNAMED:].T)
+    left = np.ones(2)  # of the flux
+    taken = np.zeros(2)
+    ticks = -1
+    choked = 0.0
+    cocked = 0.0
+    swung = 0.0
+    swing_rate = 0.0
+    pushed = 0.0  # m/s2, the body's acceleration in the step before
+    # Moving means look back by whole steps: angles, and charges for the current.
+    back = np.zeros((2, 2), np.int64)
+    longest = 1
+    for s in range(2):
+        back[0, s] = int(round(more[s, unnamed.MEAN_S] / h))
+        back[1, s] = int(round(more[s, unnamed.CURRENT_MEAN_S] / h))
+        longest = max(longest, back[0, s], back[1, s])
+    past = np.zeros((2, 2, longest))
+    charge = np.zeros(2)
+    for s in range(2):
+        past[0, s, :] = thg[s]
     split = np.zeros(2, np.bool_)
     for s in range(2):
         split[s] = side[S_STIFFNESS, s] > 0 or side[S_BACKLASH, s] > 0
@@ -306,6 +343,12 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             current[1 + s] = seen[s] if side[S_CURRENT_TAU, s] > 0 else i[s]
             current[3 + s] = filtered[s] if side[S_FILTER_TAU, s] > 0 else wg[s]
             current[5 + s] = thg[s]
+            if back[0, s] > 0:
+                current[3 + s] = (thg[s] - past[0, s, k % back[0, s]]) / (back[0, s] * h)
+                past[0, s, k % back[0, s]] = thg[s]
+            if back[1, s] > 0:
+                current[1 + s] = (charge[s] - past[1, s, k % back[1, s]]) / (back[1, s] * h)
+                past[1, s, k % back[1, s]] = charge[s]
         current[7] = yawrate
         if k == 0:
             for q in range(8):
@@ -338,16 +381,25 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             row += 1
 
         # Command that reaches the driver, averaged over the step.
-        while acting + 1 < n and times[acting + 1] + delay_c <= t + 1e-9:
+        stalled = False
+        for e in range(events.shape[0]):
+            if events[e, 2] < 0.0 and events[e, 0] <= t < events[e, 1]:
+                stalled = True
+        while not stalled and acting + 1 < n and times[acting + 1] + delay_c <= t + 1e-9:
             acting += 1
         share = 0.0
-        if acting + 1 < n and times[acting + 1] + delay_c < t + h - 1e-9:
+        if not stalled and acting + 1 < n and times[acting + 1] + delay_c < t + h - 1e-9:
             share = (t + h - times[acting + 1] - delay_c) / h
         for s in range(2):
             now = v_cmd[acting, s] if acting >= 0 else 0.0
             if share > 0.0:
                 now += share * (v_cmd[acting + 1, s] - now)
             asked[s] = now
+        if world[W_TICK] > 0.0:
+            if int(t / world[W_TICK]) != ticks:
+                ticks = int(t / world[W_TICK])
+                taken[:] = asked
+            asked[:] = taken
         bus = vn - world[W_DECLINE] * t
         if world[W_BUS_NOISE] > 0.0:
             bus_noise += (
@@ -381,16 +433,24 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             drawn = i[0] * duty[0] + i[1] * duty[1]
             relaxed += h * (world[W_RELAX_OHM] * drawn - relaxed) / world[W_RELAX_TAU]
             bus -= relaxed
+        if world[W_CHOKE_OHM] > 0.0:
+            over = max(i[0] * duty[0] + i[1] * duty[1] - world[W_CHOKE_AMPS], 0.0)
+            choked += h * (world[W_CHOKE_OHM] * over - choked) / world[W_CHOKE_TAU]
+            bus -= choked
         for s in range(2):
             volts[s] *= bus / vn
             volts[s] = min(max(volts[s], -side[S_LIMIT, s]), side[S_LIMIT, s])
+            left[s] = unnamed.flux(more[s], state[s], i[s])
+            emf = side[S_BACK_EMF, s] * left[s] * gear * wg[s]
+            volts[s] = unnamed.output(more[s], state[s], h, volts[s], i[s], side[S_RESISTANCE, s], emf)
 
         # First half step of the currents.
         for s in range(2):
-            r = side[S_RESISTANCE, s] * (1.0 + rise[s])
+            r = unnamed.resistance(more[s], side[S_RESISTANCE, s] * (1.0 + rise[s]), i[s], thg[s])
             z = 0.5 * h * r / side[S_INDUCTANCE, s]
             decay = (1.0 - z / 2.0 + z * z / 12.0) / (1.0 + z / 2.0 + z * z / 12.0)
-            end = (volts[s] - side[S_BACK_EMF, s] * gear * wg[s]) / r if world[W_TORQUE_PER_VOLT] == 0.0 else 0.0
+            emf = side[S_BACK_EMF, s] * left[s] * gear * wg[s]
+            end = (volts[s] - emf) / r if world[W_TORQUE_PER_VOLT] == 0.0 else 0.0
             new = end + (i[s] - end) * decay
             pull = side[S_DROP, s] / r * (1.0 - decay)
             if pull > 0.0:
@@ -406,6 +466,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             if side[S_ECCENTRICITY, s] != 0.0:
                 radius *= 1.0 + side[S_ECCENTRICITY, s] * math.sin(thg[s] + side[S_ECCENTRIC_PHASE, s])
             w_rim = ww[s] if split[s] else wg[s]
+            radius *= 1.0 + more[s, unnamed.GROWTH] * w_rim * w_rim
             w = wg[s]
             ground = v + sign * 0.5 * track * yawrate
             rate = radius * w_rim - ground
@@ -421,7 +482,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             fl_fr += f
             turn += sign * 0.5 * track * f
 
-            km = side[S_TORQUE_CONSTANT, s]
+            km = side[S_TORQUE_CONSTANT, s] * left[s]
             if side[S_SATURATION, s] > 0.0:
                 km /= 1.0 + (i[s] / side[S_SATURATION, s]) ** 2
             motor = km * i[s] if world[W_TORQUE_PER_VOLT] == 0.0 else world[W_TORQUE_PER_VOLT] * volts[s]
@@ -431,7 +492,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             cap = side[S_COULOMB, s] + radius * side[S_ROLLING, s] * m * GRAVITY_M_S2 * 0.5
             if side[S_STRIBECK, s] != 0.0:
                 cap += side[S_STRIBECK, s] * math.exp(-((w / side[S_STRIBECK_SPEED, s]) ** 2))
-            cap += side[S_FRICTION_PER_S, s] * t
+            cap += side[S_FRICTION_PER_S, s] * t + unnamed.aged(more[s], state[s], h, w)
             cap += side[S_SWING, s] * 0.5 * (1.0 + math.cos(thg[s] - side[S_SWING_PHASE, s]))
             if side[S_RUB_TORQUE, s] > 0.0:
                 away = (thg[s] - side[S_RUB_ANGLE, s] + math.pi) % (2.0 * math.pi) - math.pi
@@ -452,6 +513,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             if side[S_RIPPLE, s] != 0.0:
                 other += side[S_RIPPLE, s] * math.sin(side[S_RIPPLE_CYCLES, s] * thg[s] + side[S_RIPPLE_PHASE, s])
 
+            other += unnamed.torque(more[s], state[s], h, w)
             if side[S_DAHL, s] > 0.0:
                 preslid[s] += w * h / side[S_DAHL_RAD, s] * (1.0 - preslid[s] * math.copysign(1.0, w))
                 preslid[s] = min(max(preslid[s], -1.0), 1.0)
@@ -519,9 +581,21 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             wave = 2.0 * math.pi / world[W_BUMP_LENGTH]
             tilt = world[W_BUMPS] * m * GRAVITY_M_S2
             gx -= tilt * (math.cos(wave * x) * math.cos(yaw) + math.cos(wave * y) * math.sin(yaw))
+        if world[W_NAP] != 0.0:
+            gx += unnamed.against_nap(world[W_NAP], world[W_NAP_YAW], yaw, v)
+        if world[W_SLOSH] > 0.0:
+            # What swings is part of the mass: it takes the body's acceleration from it and gives its spring's force.
+            turns = world[W_SLOSH_RATE]
+            pull = -turns * turns * swung - 2.0 * world[W_SLOSH_RATIO] * turns * swing_rate
+            swing_rate += h * (pull - pushed)
+            swung += h * swing_rate
+            gx += world[W_SLOSH] * m * (pushed - pull)
         ax_force = fl_fr + gx + m * cx * yawrate * yawrate
         moment = turn - m * cx * v * yawrate + cx * gy - cy * gx
         moment -= world[W_TURN_DRAG] * yawrate
+        if world[W_CASTER] > 0.0:
+            cocked -= h * (yawrate + v / world[W_CASTER_LENGTH] * math.sin(cocked))
+            moment -= world[W_CASTER] * math.sin(cocked) * math.tanh(v / unnamed.NAP_M_S)
         if world[W_SCRUB] > 0.0:
             scrub = min(max(scrub + yawrate * h / BRISTLE_RAD, -1.0), 1.0)
             top = world[W_SCRUB]
@@ -529,6 +603,7 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
             moment -= min(max(dry, -top), top)
         dv = (iz * ax_force + m * cy * moment) / det
         dr = (m * moment + m * cy * ax_force) / det
+        pushed = dv
         middle = yaw + 0.5 * h * yawrate
         v += h * dv
         yawrate += h * dr
@@ -538,15 +613,17 @@ def simulate(times, v_cmd, side, world, start, step_s, closed, w_ref, w_noise, p
 
         # Second half step of the currents, heat, filter.
         for s in range(2):
-            r = side[S_RESISTANCE, s] * (1.0 + rise[s])
+            r = unnamed.resistance(more[s], side[S_RESISTANCE, s] * (1.0 + rise[s]), i[s], thg[s])
             z = 0.5 * h * r / side[S_INDUCTANCE, s]
             decay = (1.0 - z / 2.0 + z * z / 12.0) / (1.0 + z / 2.0 + z * z / 12.0)
-            end = (volts[s] - side[S_BACK_EMF, s] * gear * wg[s]) / r if world[W_TORQUE_PER_VOLT] == 0.0 else 0.0
+            emf = side[S_BACK_EMF, s] * left[s] * gear * wg[s]
+            end = (volts[s] - emf) / r if world[W_TORQUE_PER_VOLT] == 0.0 else 0.0
             new = end + (i[s] - end) * decay
             pull = side[S_DROP, s] / r * (1.0 - decay)
             if pull > 0.0:
                 new = new - pull if new > pull else (new + pull if new < -pull else 0.0)
             i[s] = new
+            charge[s] += h * new
             if side[S_CURRENT_TAU, s] > 0.0:
                 seen[s] += (i[s] - seen[s]) * (1.0 - math.exp(-h / side[S_CURRENT_TAU, s]))
             if side[S_HEAT_TAU, s] > 0.0:

@@ -237,9 +237,18 @@ def menu(robot) -> list[str]:
     return [n for n in names if n != "longitudinal_slip" or of.force < 0.75 * of.weight]
 
 
-def draw_conditions(rng: np.random.Generator, spec: dict, dirty: bool) -> None:
-    """Fill a spec with a machine, its channels, rate and runs, and with a logger's habits where `dirty`."""
-    name = str(rng.choice(CLASSES))
+def draw_conditions(
+    rng: np.random.Generator,
+    spec: dict,
+    dirty: bool,
+    name: str | None = None,
+    span: tuple[float, float] | None = None,
+) -> None:
+    """Fill a spec with a machine, its channels, rate and runs, and with a logger's habits where `dirty`.
+
+    `name` : its class, default drawn of `CLASSES`. `span` : shortest and longest run, s, default the class's own.
+    """
+    name = name or str(rng.choice(CLASSES))
     text = draw_machine(rng, name)
     robot = robot_of(text)
     spec.update(
@@ -271,6 +280,7 @@ def draw_conditions(rng: np.random.Generator, spec: dict, dirty: bool) -> None:
         scenarios = AXIS_SCENARIOS
     if dirty and name in ("turtlebot", "desk") and rng.random() < 0.6:
         rate, shortest, longest = float(rng.choice([10.0, 20.0])), 8.0, 20.0
+    shortest, longest = span or (shortest, longest)
     spec["missing"] = sorted(set(spec["missing"]))
     spec["rate"] = rate
     if dirty:

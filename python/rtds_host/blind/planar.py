@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rtds_host.blind import kernel
+from rtds_host.blind import kernel, unnamed
 from rtds_host.blind.gap import channel_gaps
 from rtds_host.blind.kernel import SIDE_NAMES, WORLD_NAMES
 
@@ -15,7 +15,15 @@ STEP_S = 50e-6
 STEPS_S = (STEP_S, 25e-6, 20e-6, 10e-6)  # divisors of the log's grid of times
 GRAVITY_M_S2 = kernel.GRAVITY_M_S2
 # Time constants and lengths of what is not there: nothing may be divided by 0.
-NEUTRAL = {"bus_tau": 1.0, "gust_tau": 1.0, "dahl_rad": 1.0, "grease_tau": 1.0, "bump_length": 1.0, "relax_tau": 1.0}
+NEUTRAL = {
+    "bus_tau": 1.0,
+    "gust_tau": 1.0,
+    "dahl_rad": 1.0,
+    "grease_tau": 1.0,
+    "bump_length": 1.0,
+    "relax_tau": 1.0,
+    **unnamed.NEUTRAL,
+}
 CLOSED = ("spin", "circle", "eight", "linear", "teleop")
 CONTROLLED_V_S = 258.5 * 6.538e-3  # back-EMF at the gear's output that the controller's gains are meant for
 TOLERANCE_NAMES = {
@@ -50,6 +58,16 @@ class Sensing:
     clip_speed: float = math.inf
     encoder_wobble: np.ndarray = field(default_factory=lambda: np.zeros(2))
     current_bend: np.ndarray = field(default_factory=lambda: np.zeros(2))  # 1 / A^2: i reported as i / (1 + c i^2)
+    speed_floor: np.ndarray = field(default_factory=lambda: np.zeros(2))  # rad/s, below which a speed reads 0
+    current_floor: np.ndarray = field(default_factory=lambda: np.zeros(2))  # A, below which a current reads 0
+    gyro_pull: float = 0.0  # rad/s a m/s2 that a gyro reads of the robot's acceleration
+    gyro_drift: float = 0.0  # rad/s2
+    # A of current that switching makes at half duty, and the frequency, Hz, at which it beats with the samples.
+    ripple_amps: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    ripple_hz: float = 0.0
+
+    SIDED = ("encoder_wobble", "current_bend", "speed_floor", "current_floor", "ripple_amps")
+    WHOLE = ("clip_speed", "gyro_pull", "gyro_drift", "ripple_hz")
 
 
 @dataclass
@@ -62,6 +80,7 @@ class Machine:
     slope_extra: float = 0.0
     mass_extra: float = 0.0
     brakes: tuple | None = None  # (events a run, seconds, torque)
+    stalls: dict = field(default_factory=dict)  # of the link: "stalls" a run, "stall_s" seconds each
     tolerance: dict = field(default_factory=dict)
     base_step_s: float = STEP_S
     lever: tuple[float, float] = (0.0, 0.0)  # of an axis: inertia and gravity torque a unit of payload
@@ -274,14 +293,14 @@ def apply_outside(machine: Machine, outside: dict) -> None:
     for key, value in p.items():
         if key == "hold":
             machine.sensing.hold = [tuple(item) for item in value]
-        elif key == "clip_speed":
-            machine.sensing.clip_speed = value
-        elif key == "encoder_wobble":
-            machine.sensing.encoder_wobble[list(sides)] = value
-        elif key == "current_bend":
-            machine.sensing.current_bend[list(sides)] = value
+        elif key in Sensing.WHOLE:
+            setattr(machine.sensing, key, value)
+        elif key in Sensing.SIDED:
+            getattr(machine.sensing, key)[list(sides)] = value
         elif key == "brakes":
             machine.brakes = tuple(value)
+        elif key in ("stalls", "stall_s"):
+            machine.stalls[key] = value
         elif key in SIDE_NAMES or key in WORLD_NAMES:
             machine.set(key, value, sides)
         else:
@@ -490,6 +509,11 @@ def run_machine(
                 torque * rng.uniform(0.6, 1.4, begin.size),
             ]
         )
+    if machine.stalls:
+        begin = rng.uniform(0.05, 0.9, int(machine.stalls["stalls"])) * t[-1]
+        long = machine.stalls["stall_s"] * rng.uniform(0.5, 1.5, begin.size)
+        link = np.column_stack([begin, begin + long, np.full(begin.size, -1.0), np.zeros(begin.size)])
+        events = np.concatenate([events, link])
     if w_ref is None:
         w_ref = np.zeros((t.size, 2))
     if noise_w is None:
@@ -514,12 +538,21 @@ def run_machine(
         out = second.simulate(t, v_cmd, machine.side, place, start, *rest)
     else:
         out = kernel.simulate(t, v_cmd, machine.side, place, start, step_s or machine.step_s, *rest)
-    return apply_sensors({name: out[:, k].copy() for k, name in enumerate(CHANNELS)}, machine, t)
+    duty = np.clip(v_cmd / machine.world[WORLD_NAMES.index("voltage")], -1.0, 1.0)
+    return apply_sensors({name: out[:, k].copy() for k, name in enumerate(CHANNELS)}, machine, t, duty)
 
 
-def apply_sensors(raw: dict[str, np.ndarray], machine: Machine, t: np.ndarray) -> dict[str, np.ndarray]:
-    """Gains, biases and faults of a machine's instruments; `raw` (channel -> (n,)) is changed and returned."""
+def apply_sensors(
+    raw: dict[str, np.ndarray], machine: Machine, t: np.ndarray, duty: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
+    """Gains, biases and faults of a machine's instruments; `raw` (channel -> (n,)) is changed and returned.
+
+    duty : (n, 2) of the bridge, -1 to 1, whose switching a current's samples see; None without any.
+    """
     sensing = machine.sensing
+    if sensing.gyro_pull:
+        pace = np.gradient(raw["x"], t) * np.cos(raw["yaw"]) + np.gradient(raw["y"], t) * np.sin(raw["yaw"])
+        raw["gyro_z"] = raw["gyro_z"] + sensing.gyro_pull * np.gradient(pace, t)
     for s, label in enumerate("lr"):
         wobble = sensing.encoder_wobble[s]
         if wobble:
@@ -528,9 +561,16 @@ def apply_sensors(raw: dict[str, np.ndarray], machine: Machine, t: np.ndarray) -
             raw[f"th_{label}"] = angle + wobble * np.sin(angle)
         raw[f"w_{label}"] = np.clip(raw[f"w_{label}"] * sensing.speed_gain[s], -sensing.clip_speed, sensing.clip_speed)
         raw[f"th_{label}"] = raw[f"th_{label}"] * sensing.speed_gain[s]
+        raw[f"w_{label}"] = np.where(np.abs(raw[f"w_{label}"]) < sensing.speed_floor[s], 0.0, raw[f"w_{label}"])
+        if sensing.ripple_amps[s] and duty is not None:
+            # Of a triangle whose peaks go with d (1 - d); which part of it a sample meets beats slowly.
+            share = np.abs(duty[:, s])
+            meets = 2.0 * np.abs(2.0 * ((t * sensing.ripple_hz) % 1.0) - 1.0) - 1.0
+            raw[f"i_{label}"] += sensing.ripple_amps[s] * 4.0 * share * (1.0 - share) * meets
+        raw[f"i_{label}"] = np.where(np.abs(raw[f"i_{label}"]) < sensing.current_floor[s], 0.0, raw[f"i_{label}"])
         raw[f"i_{label}"] = raw[f"i_{label}"] / (1.0 + sensing.current_bend[s] * raw[f"i_{label}"] ** 2)
         raw[f"i_{label}"] = raw[f"i_{label}"] * sensing.current_gain[s] + sensing.current_bias[s]
-    raw["gyro_z"] = raw["gyro_z"] * sensing.gyro_gain + sensing.gyro_bias
+    raw["gyro_z"] = raw["gyro_z"] * sensing.gyro_gain + sensing.gyro_bias + sensing.gyro_drift * t
     for share, seconds, channel in sensing.hold:
         begin = share * t[-1]
         held = np.flatnonzero((t >= begin) & (t < begin + seconds))
@@ -592,15 +632,20 @@ def sample_times(
 def build_machine(robot, spec: dict, rng: np.random.Generator, effects: bool = True) -> Machine:
     """The physical robot of a spec; `effects` False leaves only its tolerance."""
     machine = nominal_machine(robot)
-    if spec["tolerance"]:
+    if "constants" in spec:
+        from rtds_host.blind.hard import put_ratios
+
+        put_ratios(machine, spec["constants"], robot)
+    elif spec["tolerance"]:
         add_tolerance(machine, rng, normal=spec.get("normal_tolerance", False))
     if effects:
         for effect in spec["effects"]:
             apply_effect(machine, effect)
         if spec["outside"]:
             apply_outside(machine, spec["outside"])
-        if spec.get("rest"):
-            apply_outside(machine, spec["rest"])
+        for nameless in (spec.get("rest"), *spec.get("forms", ())):
+            if nameless:
+                apply_outside(machine, nameless)
     return machine
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rtds_host.blind.vocabulary import EFFECTS, NAMELESS, OUTSIDE, PLANAR_ONLY, _log, _side, _signed
+from rtds_host.blind.vocabulary import EFFECTS, NAMELESS, OUTSIDE, PLANAR_ONLY, UNNAMED, _log, _side, _signed
 
 GRAVITY_M_S2 = 9.80665
 # Nameless effect -> the parameter that says how much of it there is, and whether more of it means more effect.
@@ -42,7 +42,27 @@ STRENGTH = {
     "current_antialias": ("current_tau", 1),
     "current_bend": ("current_bend", 1),
     "clock_drift": ("clock_drift", 1),
+    "supply_choked": ("choke_ohm", 1),
+    "current_chopped": ("current_limit", -1),
+    "driver_foldback": ("foldback", 1),
+    "bad_segment": ("segment", 1),
+    "demagnetised": ("demagnetised", 1),
+    "slip_elements": ("slip_torque", 1),
+    "rest_friction": ("dwell", 1),
+    "lagging_drag": ("lag_drag", 1),
+    "eddy_drag": ("eddy", 1),
+    "growing_tyre": ("growth", 1),
+    "caster_swing": ("caster", 1),
+    "carpet_nap": ("nap", 1),
+    "sloshing": ("slosh", 1),
+    "speed_floor": ("speed_floor", 1),
+    "current_floor": ("current_floor", 1),
+    "gyro_pull": ("gyro_pull", 1),
+    "gyro_drift": ("gyro_drift", 1),
+    "link_stalls": ("stall_s", 1),
 }
+# Strengths beyond which an effect is nonsense: a share, or a part of the mass.
+MOST = {"demagnetised": 0.6, "sloshing": 0.7}
 
 
 @dataclass(frozen=True)
@@ -289,21 +309,88 @@ def _nameless(rng: np.random.Generator, name: str, of: Scale) -> dict:
         "current_antialias": lambda: {"current_tau": of.period * _log(rng, 1.0, 4.0)},
         "current_bend": lambda: {"current_bend": 0.5 / of.amps**2},
         "clock_drift": lambda: {"clock_drift": 0.001},
+        **_unnamed(rng, of),
     }[name]()
 
 
-def draw_nameless(rng: np.random.Generator, of: Scale, world: str = "planar") -> dict:
-    """One effect that no name of the catalogue describes: id, side, subsystem, the world's parameters."""
-    menu = {**OUTSIDE, **NAMELESS}
-    name = str(rng.choice([item for item in STRENGTH if world == "planar" or item not in PLANAR_ONLY]))
-    subsystem, sided = menu[name]
+def _unnamed(rng: np.random.Generator, of: Scale) -> dict:
+    """Middle sizes of the laws of `unnamed.py`, of sensors and of the link: name -> a function that draws them."""
+    u, drag = rng.uniform, of.torque / of.speed
+    return {
+        "supply_choked": lambda: {
+            "choke_ohm": 0.3 * of.ohm,
+            "choke_amps": 0.15 * of.amps,
+            "choke_tau": of.duration * _log(rng, 0.005, 0.02),
+        },
+        "current_chopped": lambda: {"current_limit": 0.4 * of.amps},
+        "driver_foldback": lambda: {
+            "foldback": 0.5 / (of.volts * of.amps / 4),
+            "foldback_tau": of.duration * _log(rng, 0.1, 0.5),
+        },
+        "bad_segment": lambda: {"segment": 0.4, "segment_angle": u(-math.pi, math.pi), "segment_width": u(0.3, 0.9)},
+        "demagnetised": lambda: {"demagnetised": 0.06, "demagnetise_amps": of.amps * u(0.15, 0.4)},
+        "slip_elements": lambda: {"slip_torque": 0.02 * of.torque, "slip_rad": _log(rng, 0.02, 0.15)},
+        "rest_friction": lambda: {"dwell": 0.1 * of.torque, "dwell_s": 0.01 * of.duration},
+        "lagging_drag": lambda: {"lag_drag": 0.05 * drag, "lag_drag_tau": of.duration * _log(rng, 0.01, 0.05)},
+        "eddy_drag": lambda: {"eddy": 0.1 * drag, "eddy_speed": of.speed * u(0.1, 0.4)},
+        "growing_tyre": lambda: {"growth": 0.02 / of.speed**2},
+        "caster_swing": lambda: {"caster": 0.06 * of.weight * of.track, "caster_length": of.track * u(0.1, 0.3)},
+        "carpet_nap": lambda: {"nap": 0.12 * of.weight, "nap_yaw": u(-math.pi, math.pi)},
+        "sloshing": lambda: {
+            "slosh": 0.25,
+            "slosh_rate": 2.0 * math.pi * _log(rng, 2.0, 6.0) * 8.0 / max(of.duration, 1.0),
+            "slosh_ratio": u(0.02, 0.15),
+        },
+        "speed_floor": lambda: {"speed_floor": 0.12 * of.speed},
+        "current_floor": lambda: {"current_floor": 0.05 * of.amps},
+        "gyro_pull": lambda: {"gyro_pull": _signed(rng, 0.5, 1.0) * of.speed * of.radius / of.track * of.period},
+        "gyro_drift": lambda: {"gyro_drift": _signed(rng, 0.01, 0.03) * of.speed * of.radius / of.track / of.duration},
+        "link_stalls": lambda: {"stalls": int(rng.integers(15, 40)), "stall_s": of.duration * 0.0025},
+    }
+
+
+def draw_nameless(rng: np.random.Generator, of: Scale, world: str = "planar", name: str | None = None) -> dict:
+    """One effect that no name of the catalogue describes: id, side, subsystem, the world's parameters.
+
+    Drawn of what no line of the diagnoser knows and what has a strength, unless `name` says another one.
+    """
+    menu = [item for item in (*OUTSIDE, *NAMELESS) if item in STRENGTH]
+    name = name or str(rng.choice([item for item in menu if world == "planar" or item not in PLANAR_ONLY]))
+    subsystem, sided = UNNAMED[name]
     side = _side(rng, sided)
     parameters = {key: float(f"{value:.5g}") for key, value in _nameless(rng, name, of).items()}
     return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}
 
 
+def draw_outside(rng: np.random.Generator, of: Scale, name: str | None = None, world: str = "planar") -> dict:
+    """One effect outside of the catalogue on its own: up to five times as strong as a rest's middle size.
+
+    Parameters
+    ----------
+    name : one of `vocabulary.UNNAMED`, default drawn of `vocabulary.OUTSIDE`.
+    """
+    name = name or str(rng.choice([item for item in OUTSIDE if world == "planar" or item not in PLANAR_ONLY]))
+    if name in STRENGTH:
+        return strengthened(draw_nameless(rng, of, world, name), _log(rng, 1.0, 5.0))
+    subsystem, _ = UNNAMED[name]
+    u = rng.uniform
+    parameters = {
+        "random_brakes": lambda: {
+            "brakes": [int(rng.integers(3, 9)), _log(rng, 0.01, 0.05) * of.duration, of.torque * _log(rng, 0.02, 0.2)]
+        },
+        "speed_dropouts": lambda: {
+            "hold": [
+                [u(0.02, 0.95), _log(rng, 0.01, 0.05) * of.duration, str(rng.choice(["w_l", "w_r"]))]
+                for _ in range(int(rng.integers(5, 15)))
+            ]
+        },
+        "speed_clipped": lambda: {"clip_speed": of.speed * u(0.3, 0.6)},
+    }[name]()
+    return {"id": name, "side": "both", "subsystem": subsystem, "parameters": parameters}
+
+
 def strengthened(nameless: dict, factor: float) -> dict:
     """The same nameless effect, `factor` times as strong."""
     key, sense = STRENGTH[nameless["id"]]
-    value = nameless["parameters"][key] * factor**sense
+    value = min(nameless["parameters"][key] * factor**sense, MOST.get(nameless["id"], math.inf))
     return {**nameless, "parameters": {**nameless["parameters"], key: float(f"{value:.5g}")}}

@@ -205,26 +205,37 @@ def judge(truth: dict, answer: dict | None, entry: dict) -> dict:
     known = kind == "known"
     good_sets = [group for group in sets if len(group) <= LARGEST_SET and group & set(blamed)]
     rest = truth.get("rest")
+    forms = truth.get("forms", ())
+    shaped = {name for form in forms for name in form["names"]}
 
     def inside(effect: tuple[str, str]) -> bool:
         return effect in blamed or any(effect in group for group in good_sets)
 
     reached = {effect for effect in actual if inside(effect)}
     # A blamed effect is false if it is neither true nor declared to be confusable with a true one.
-    false = [b for b in blamed if b not in actual and not any(b in group and group & actual for group in good_sets)]
+    # What is there in another form counts under its nearest names, on whichever side of a robot.
+    false = [
+        b
+        for b in blamed
+        if b not in actual
+        and b[0] not in shaped
+        and not any(b in group and (group & actual or {name for name, _ in group} & shaped) for group in good_sets)
+    ]
+    said = {name for name, _ in blamed} | {name for group in good_sets for name, _ in group}
     sizes = [min((len(group) for group in good_sets if effect in group), default=1) for effect in reached]
     record.update(
         {
             "verdict": answer.get("verdict"),
             "blamed": [list(b) for b in blamed],
             "located": located[:3],
-            "verdict_right": answer.get("verdict") in (("known", "partial") if rest else (kind,)),
+            "verdict_right": answer.get("verdict") in (("known", "partial") if rest or forms else (kind,)),
             "asked": [
                 [*effect, effect in reached]
                 for effect in (
                     (e["id"], e["side"]) for e in truth["effects"] if e.get("gap_without", ASKED_GAP) >= ASKED_GAP
                 )
-            ],
+            ]
+            + [[form["id"], form["side"], bool(said & set(form["names"]))] for form in forms if form["matters"]],
             "named": [[*b, b not in false] for b in blamed],
             "rest": rest and rest["id"],
             "rest_said": said_of_rest(answer),
@@ -592,7 +603,10 @@ def score(
             records.append(record)
             if progress:
                 progress(done, len(truths))
-    visible = [r for r in records if r["kind"] != "known" or (r["size_sigma"] or 0) >= VISIBLE_SIGMA]
+    # Without a size in sigmas an effect was drawn to be seen.
+    visible = [
+        r for r in records if r["kind"] != "known" or r["size_sigma"] is None or r["size_sigma"] >= VISIBLE_SIGMA
+    ]
     seed = what_was_drawn(out)
     result = {
         "schema": SCHEMA,

@@ -49,6 +49,7 @@ WEIGHTS = {
     "messy": 8,
     "sizes": 8,
     "loggers": 8,
+    "hard": 8,
 }
 LONG_WEIGHTS = {
     "all": 60,
@@ -62,6 +63,7 @@ LONG_WEIGHTS = {
     "messy": 40,
     "sizes": 40,
     "loggers": 40,
+    "hard": 40,
 }
 LONG_CHECK = 300
 

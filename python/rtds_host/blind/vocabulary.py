@@ -49,46 +49,85 @@ EFFECTS = {
     "measurement_delay": ("timing", False),
 }
 
-# Effects that the catalogue does not hold: id -> (subsystem, has sides).
+# Effects that the catalogue does not hold: id -> (subsystem, has sides). No line of the diagnoser has their form.
 OUTSIDE = {
-    "command_hysteresis": ("driver", True),
     "command_quantised": ("driver", True),
-    "command_crosstalk": ("driver", True),
-    "slew_limit": ("driver", True),
     "bus_noise": ("driver", False),
-    "magnetic_saturation": ("winding", True),
-    "rub_spot": ("drivetrain", True),
-    "growing_friction": ("drivetrain", True),
-    "quadratic_drag": ("drivetrain", True),
+    "supply_choked": ("driver", False),
+    "current_chopped": ("driver", True),
+    "driver_foldback": ("driver", True),
+    "bad_segment": ("winding", True),
+    "demagnetised": ("winding", True),
     "random_brakes": ("drivetrain", False),
-    "wheel_eccentricity": ("wheel_ground", True),
-    "traction_limit": ("wheel_ground", True),
-    "floor_patch": ("wheel_ground", False),
-    "cable_drag": ("chassis", False),
-    "lateral_slope": ("chassis", False),
+    "slip_elements": ("drivetrain", True),
+    "rest_friction": ("drivetrain", True),
+    "lagging_drag": ("drivetrain", True),
+    "eddy_drag": ("drivetrain", True),
+    "growing_tyre": ("wheel_ground", True),
+    "caster_swing": ("wheel_ground", False),
+    "carpet_nap": ("wheel_ground", False),
     "gusts": ("chassis", False),
+    "sloshing": ("chassis", False),
     "speed_dropouts": ("sensing", False),
     "speed_clipped": ("sensing", False),
-    "encoder_wobble": ("sensing", True),
+    "speed_floor": ("sensing", True),
+    "current_floor": ("sensing", True),
+    "gyro_pull": ("sensing", False),
+    "gyro_drift": ("sensing", False),
+    "link_stalls": ("timing", False),
 }
 
 # What the catalogue does not hold either, and what only the rest of a case with several causes is made of.
 NAMELESS = {
-    "bus_relaxation": ("driver", False),
     "dahl_friction": ("drivetrain", True),
-    "position_friction": ("drivetrain", True),
     "cold_grease": ("drivetrain", True),
+}
+
+# Effects without a name whose form a signature of the diagnoser has (`diagnosis/localise`), found by their equations.
+# To find their place is recall, so that no sealed case is drawn from them; the two worlds still have them.
+FAMILIAR = {
+    "command_hysteresis": ("driver", True),
+    "command_crosstalk": ("driver", True),
+    "slew_limit": ("driver", True),
+    "bus_relaxation": ("driver", False),
+    "magnetic_saturation": ("winding", True),
+    "rub_spot": ("drivetrain", True),
+    "growing_friction": ("drivetrain", True),
+    "quadratic_drag": ("drivetrain", True),
+    "position_friction": ("drivetrain", True),
     "detents": ("drivetrain", True),
+    "wheel_eccentricity": ("wheel_ground", True),
+    "traction_limit": ("wheel_ground", True),
+    "floor_patch": ("wheel_ground", False),
     "turn_drag": ("wheel_ground", False),
     "uneven_floor": ("wheel_ground", False),
+    "cable_drag": ("chassis", False),
+    "lateral_slope": ("chassis", False),
+    "encoder_wobble": ("sensing", True),
     "current_antialias": ("sensing", True),
     "current_bend": ("sensing", True),
     "clock_drift": ("timing", False),
 }
+UNNAMED = {**OUTSIDE, **NAMELESS, **FAMILIAR}
 
+# A wheel that is out of true would lift the other one off the second world's floor; the laws of `unnamed.py` are the
+# planar world's.
 PLANAR_ONLY = (
     "wheel_eccentricity",
-)  # a wheel that is out of true would lift the other one off the second world's floor
+    "supply_choked",
+    "current_chopped",
+    "driver_foldback",
+    "bad_segment",
+    "demagnetised",
+    "slip_elements",
+    "rest_friction",
+    "lagging_drag",
+    "eddy_drag",
+    "growing_tyre",
+    "caster_swing",
+    "carpet_nap",
+    "sloshing",
+)
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:
@@ -196,43 +235,4 @@ def draw_effect(rng: np.random.Generator, name: str | None = None) -> dict:
     subsystem, sided = EFFECTS[name]
     side = _side(rng, sided)
     parameters = {key: float(f"{value:.5g}") for key, value in _parameters(rng, name).items()}
-    return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}
-
-
-def draw_outside(rng: np.random.Generator, name: str | None = None, world: str = "planar") -> dict:
-    """One effect outside of the catalogue, with the planar world's parameters."""
-    name = name or str(rng.choice([item for item in OUTSIDE if world == "planar" or item not in PLANAR_ONLY]))
-    subsystem, sided = OUTSIDE[name]
-    side = _side(rng, sided)
-    u = rng.uniform
-    parameters = {
-        "command_hysteresis": lambda: {"hysteresis": _log(rng, 0.4, 2.0)},
-        "command_quantised": lambda: {"quantum": _log(rng, 0.8, 2.5)},
-        "command_crosstalk": lambda: {"crosstalk": _signed(rng, 0.03, 0.2)},
-        "slew_limit": lambda: {"slew": _log(rng, 20.0, 150.0)},
-        "bus_noise": lambda: {"bus_noise": _log(rng, 0.15, 0.8), "bus_tau": _log(rng, 0.05, 1.0)},
-        "magnetic_saturation": lambda: {"saturation": _log(rng, 0.35, 1.2)},
-        "rub_spot": lambda: {
-            "rub_torque": _log(rng, 0.03, 0.2),
-            "rub_angle": u(-math.pi, math.pi),
-            "rub_width": u(0.15, 0.6),
-        },
-        "growing_friction": lambda: {"friction_per_s": _log(rng, 0.0005, 0.005)},
-        "quadratic_drag": lambda: {"quadratic": _log(rng, 0.002, 0.015)},
-        "random_brakes": lambda: {"brakes": [int(rng.integers(3, 9)), _log(rng, 0.15, 0.8), _log(rng, 0.05, 0.4)]},
-        "wheel_eccentricity": lambda: {"eccentricity": _log(rng, 0.01, 0.08), "eccentric_phase": u(-math.pi, math.pi)},
-        "traction_limit": lambda: {"traction": _log(rng, 0.4, 1.4)},
-        "floor_patch": lambda: {"patch_x": u(-0.3, 0.3), "patch_force": _log(rng, 0.4, 3.0)},
-        "cable_drag": lambda: {"cable": _log(rng, 0.4, 4.0)},
-        "lateral_slope": lambda: {"lateral_slope": _signed(rng, 0.02, 0.1)},
-        "gusts": lambda: {"gust": _log(rng, 0.3, 2.0), "gust_tau": _log(rng, 0.1, 1.0)},
-        "speed_dropouts": lambda: {
-            "hold": [
-                [u(0.02, 0.95), _log(rng, 0.15, 0.8), str(rng.choice(["w_l", "w_r"]))]
-                for _ in range(int(rng.integers(5, 15)))
-            ]
-        },
-        "speed_clipped": lambda: {"clip_speed": u(2.0, 4.0)},
-        "encoder_wobble": lambda: {"encoder_wobble": _log(rng, 0.015, 0.1)},
-    }[name]()
     return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}

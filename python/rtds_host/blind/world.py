@@ -506,10 +506,11 @@ def simulate(
             t = k * STEP_S
             if k > k0:
                 history[k] = reading()
-            while acting + 1 <= row and times[acting + 1] + delay_c <= t + 1e-9:
+            stalled = any(side_of < 0 and begin <= t < end for begin, end, side_of, _ in events)
+            while not stalled and acting + 1 <= row and times[acting + 1] + delay_c <= t + 1e-9:
                 acting += 1
             asked[:] = v_cmd[acting] if acting >= 0 else 0.0
-            if acting + 1 <= row:
+            if not stalled and acting + 1 <= row:
                 change = times[acting + 1] + delay_c - t
                 if change < STEP_S - 1e-9:
                     asked += (1.0 - change / STEP_S) * (v_cmd[acting + 1] - asked)

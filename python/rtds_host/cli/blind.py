@@ -53,8 +53,8 @@ def make(
         list[str] | None,
         typer.Option(
             help="Only these kinds of cases (repeatable, or with commas). "
-            "many, messy, sizes and loggers are drawn only where they are "
-            "named."
+            "many, messy, sizes, loggers and hard are drawn only where they "
+            "are named."
         ),
     ] = None,
     world: Annotated[list[str] | None, typer.Option(help="Only these worlds: planar, mujoco (repeatable).")] = None,

@@ -10,7 +10,7 @@ import pytest
 
 from rtds_host.blind import accounts, planar, scales, score, seal
 from rtds_host.blind.gap import channel_gaps, total
-from rtds_host.blind.vocabulary import EFFECTS, NAMELESS, OUTSIDE
+from rtds_host.blind.vocabulary import EFFECTS, NAMELESS, UNNAMED
 from rtds_host.contract import builtin_robot, read_case
 from rtds_host.errors import InputError
 
@@ -20,9 +20,10 @@ OF = scales.scale_of(ROBOT, 0.01, 15.0)
 
 
 def drive(seconds=5.0):
-    """Ahead, in a bend, turning about itself, back in a bend."""
+    """At rest, ahead, in a bend, turning about itself, back in a bend."""
     t = np.round(np.arange(0.0, seconds, 0.01), 4)
     volts = np.array([(8.0, 8.0), (8.0, 3.0), (-6.0, 6.0), (-8.0, -4.0)])[np.minimum(t * 4 / seconds, 3).astype(int)]
+    volts[t < 0.1 * seconds] = 0.0
     return accounts.Drive(t, volts, np.zeros(5), {"payload_kg": 0.0, "slope_rad": 0.0, "uphill": 0.0}, 5)
 
 
@@ -77,7 +78,7 @@ WITH_STRENGTH = [("planar", name) for name in sorted(scales.STRENGTH)] + [("mujo
 @pytest.mark.parametrize(("world", "name"), WITH_STRENGTH)
 def test_every_nameless_effect_acts_more_the_stronger_it_is(world, name):
     rng = np.random.default_rng(3)
-    subsystem, _ = {**OUTSIDE, **NAMELESS}[name]
+    subsystem, _ = UNNAMED[name]
     nameless = {"id": name, "side": "left", "subsystem": subsystem, "parameters": scales._nameless(rng, name, OF)}
     run = drive()
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rtds_host.blind
-from rtds_host.blind import cases, planar, vocabulary
+from rtds_host.blind import cases, planar, scales, vocabulary
 from rtds_host.blind.gap import channel_gaps, moves, total
 from rtds_host.contract import builtin_robot, read_case
 
@@ -137,14 +137,14 @@ def test_every_effect_of_the_catalogue_changes_what_is_measured(name):
     assert total(channel_gaps(t, out, plain, noise)) > 0.02
 
 
-@pytest.mark.parametrize("name", sorted(vocabulary.OUTSIDE))
+@pytest.mark.parametrize("name", sorted(vocabulary.UNNAMED))
 def test_every_effect_outside_of_the_catalogue_changes_what_is_measured(name):
     rng = np.random.default_rng(3)
     t = np.round(np.arange(0, 6.0, 0.01), 4)
     volts, _ = planar.scenario("coast", np.linspace(0, 14, t.size), rng, ROBOT)
     plain = planar.run_machine(planar.nominal_machine(ROBOT), t, volts.copy(), np.zeros(5), 0.0, 0.0, 0.0)
     machine = planar.nominal_machine(ROBOT)
-    planar.apply_outside(machine, vocabulary.draw_outside(rng, name))
+    planar.apply_outside(machine, scales.draw_outside(rng, scales.scale_of(ROBOT, 0.01, 16.0), name))
     out = planar.run_machine(machine, t, volts.copy(), np.zeros(5), 0.0, 0.0, 0.0, seed=5)
     assert all(np.isfinite(values).all() for values in out.values())
     noise = {c: ROBOT.noise(c) for c in planar.CHANNELS}

@@ -4,11 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from rtds_host.blind import cases, planar, vocabulary, world
+from rtds_host.blind import cases, planar, scales, vocabulary, world
 from rtds_host.blind.gap import channel_gaps, total
 from rtds_host.contract import builtin_robot, read_case
 
 ROBOT = builtin_robot("burger")
+OF = scales.scale_of(ROBOT, 0.01, 16.0)
 NOISE = {name: ROBOT.noise(name) for name in planar.CHANNELS}
 
 
@@ -46,10 +47,12 @@ def test_natures_form_of_an_effect_is_near_the_catalogues(name):
     assert apart < max(0.3, (0.6 if name in LOOSE else 0.1) * size), (size, apart)
 
 
-@pytest.mark.parametrize("name", sorted(set(vocabulary.OUTSIDE) - set(vocabulary.PLANAR_ONLY)))
+@pytest.mark.parametrize(
+    "name", sorted(set(vocabulary.UNNAMED) - set(vocabulary.NAMELESS) - set(vocabulary.PLANAR_ONLY))
+)
 def test_the_second_world_has_the_effects_outside_of_the_catalogue(name):
     machine = planar.nominal_machine(ROBOT)
-    planar.apply_outside(machine, vocabulary.draw_outside(np.random.default_rng(3), name, "mujoco"))
+    planar.apply_outside(machine, scales.draw_outside(np.random.default_rng(3), OF, name, "mujoco"))
     _, plain = drive(planar.nominal_machine(ROBOT), "mujoco", seconds=6.0)
     t, out = drive(machine, "mujoco", seconds=6.0)
     assert all(np.isfinite(values).all() for values in out.values())

@@ -1,0 +1,518 @@
+"""Cases as hard as measured machines: the tier `hard`.
+
+A measured machine has every part slightly of another form than a catalogue's formula, and constants that a shop page
+knows to some ten per cent. Here a machine gets all of `FORMS` that its kind can have, constants off by what its file
+declares in `[tolerance]`, and one or two effects of the catalogue. Half of the cases are axes whose runs last less than
+two seconds; the others are longer axes and robots.
+
+How hard a case is, is measured. The nearest machine that the catalogue can make (constants, the forms' nearest effects,
+the drawn effects) is fitted to the noise-free truth by least squares in the gap's own measure. The sensors' noise is
+then chosen so that this best fit leaves a gap of 2 to 10. An effect matters where the same fit without it leaves as
+much again (in squares) as what is left anyway; so does a form, without its nearest effects.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rtds_host.blind import machines, planar
+from rtds_host.blind.accounts import COUNTED, Drive, draw_names, possible
+from rtds_host.blind.gap import SAMPLED, moves
+from rtds_host.blind.kernel import SIDE_NAMES, WORLD_NAMES
+from rtds_host.blind.scales import Scale, draw_sized, scale_of
+from rtds_host.blind.vocabulary import _log
+from rtds_host.compat import tomllib
+
+LEFT_GAP = (2.0, 10.0)  # what the best fit of the catalogue leaves
+NOISE_FACTOR = (0.05, 8.0)  # of the drawn sensors' noise, within which they are sensors yet
+TOLERANCES = (0.1, 0.4)  # one sigma of constants, relative
+SIDES_APART = 0.02  # of one robot's two motors, of a batch
+SHORT_S = (0.5, 1.9)  # runs of half of the cases
+LONG_S = {"axis": (2.0, 5.0), "robot": (2.0, 4.0)}
+RATES = (100.0, 200.0, 500.0, 1000.0)  # of an axis' log
+ROUNDS = 40
+TRIES = 12  # effects that are looked at on a machine
+MATTERS = 1.0  # an effect matters where leaving it out adds so many times the square of what is left
+LARGEST = 30.0  # times what is left: an effect beyond that hides all else
+FIT_ROUNDS = 2
+# Ratios of constants that the file declares to be loose are calibrated and no cause (contract, section 2).
+CALIBRATED = (
+    "resistance_error",
+    "torque_constant_error",
+    "rotor_inertia_error",
+    "payload_error",
+    "yaw_inertia_error",
+)
+# Effects whose name a diagnoser may give a form, since it is the same part of the machine.
+ALIKE = {
+    "brush_film": ("bridge_drop", "driver_deadzone"),
+    "flux_droop": (),
+    "presliding": ("coulomb_friction", "stribeck_friction"),
+    "power_drag": ("viscous_friction", "coulomb_friction", "stribeck_friction"),
+    "speed_mean": ("speed_filter", "measurement_delay"),
+    "current_mean": (),
+    "switching_ripple": (),
+    "sampled_commands": ("command_delay",),
+}
+FORMS = tuple(ALIKE)
+ELECTRICAL = ("brush_film", "flux_droop", "current_mean", "switching_ripple")
+PLACES = {
+    "brush_film": "driver",
+    "flux_droop": "winding",
+    "presliding": "drivetrain",
+    "power_drag": "drivetrain",
+    "speed_mean": "sensing",
+    "current_mean": "sensing",
+    "switching_ripple": "driver",
+    "sampled_commands": "timing",
+}
+LONGEST_MEAN_S = 0.08
+LOG_STEP = 0.02  # of a logarithm, for a slope
+FARTHEST = 1.5  # a fit moves a logarithm by no more at once
+TRUST = 0.05  # share of a column's own square that a step is held back by
+
+
+def _form(rng: np.random.Generator, name: str, of: Scale) -> dict[str, float]:
+    """Parameters of a form at a machine's scales, of the size that data sheets and papers give them."""
+    power = rng.uniform(0.4, 0.8) if rng.random() < 0.6 else rng.uniform(1.3, 1.8)
+    return {
+        "brush_film": lambda: {
+            "film_volts": of.volts * _log(rng, 0.015, 0.1),
+            "film_amps": of.amps * _log(rng, 0.02, 0.15),
+        },
+        "flux_droop": lambda: {"droop": _log(rng, 0.08, 0.4), "droop_amps": of.amps * _log(rng, 0.3, 1.0)},
+        "presliding": lambda: {"slip_torque": of.torque * _log(rng, 0.01, 0.08), "slip_rad": _log(rng, 0.003, 0.05)},
+        "power_drag": lambda: {
+            "power_drag": of.torque * _log(rng, 0.015, 0.08),
+            "power_speed": of.speed,
+            "power": power,
+        },
+        "speed_mean": lambda: {"mean_s": min(of.period * _log(rng, 2.0, 8.0), max(2.0 * of.period, LONGEST_MEAN_S))},
+        "current_mean": lambda: {"current_mean_s": of.period * _log(rng, 1.0, 4.0)},
+        "switching_ripple": lambda: {
+            "ripple_amps": of.amps * _log(rng, 0.004, 0.03),
+            "ripple_hz": _log(rng, 5.0, 60.0),
+        },
+        "sampled_commands": lambda: {"tick_s": _log(rng, 0.004, 0.02)},
+    }[name]()
+
+
+def draw_form(rng: np.random.Generator, name: str, of: Scale, side: str) -> dict:
+    """One form: id, side, subsystem and the planar world's parameters."""
+    parameters = {key: float(f"{value:.5g}") for key, value in _form(rng, name, of).items()}
+    return {"id": name, "side": side, "subsystem": PLACES[name], "parameters": parameters}
+
+
+def draw_machine(rng: np.random.Generator) -> tuple[str, tuple[float, float]]:
+    """Class of a machine and shortest and longest run, s."""
+    if rng.random() < 0.5:
+        return str(rng.choice(machines.AXES)), SHORT_S
+    if rng.random() < 0.4:
+        return str(rng.choice(machines.AXES)), LONG_S["axis"]
+    return str(rng.choice(["desk", "turtlebot", "competition"])), LONG_S["robot"]
+
+
+def loosened(rng: np.random.Generator, text: str) -> tuple[str, dict]:
+    """A `robot.toml` that declares its constants to be loose, and the ratios that the machine has of them.
+
+    Returns
+    -------
+    (text, {"l": {name in the file: ratio}, "r": the same, "whole": of what the motors move}).
+    """
+    tables = tomllib.loads(text)
+    motor = _log(rng, *TOLERANCES)
+    loose = {"motor": motor}
+    if "axis" in tables:
+        for name in ("inertia_kg_m2", "mass_kg"):
+            if name in tables["axis"]:
+                loose[name] = _log(rng, *TOLERANCES)
+    else:
+        loose |= {"mass_kg": 0.1, "yaw_inertia_kg_m2": _log(rng, *TOLERANCES)}
+
+    def off(sigma: float) -> float:
+        return float(np.exp(np.clip(rng.standard_normal(), -2.0, 2.0) * math.sqrt(math.log1p(sigma**2))))
+
+    batch = {name: off(motor) for name in planar.TOLERANCE_NAMES if name in tables["motor"]}
+    ratios = {side: {name: value * off(SIDES_APART) for name, value in batch.items()} for side in "lr"}
+    ratios["whole"] = {name: off(sigma) for name, sigma in loose.items() if name != "motor"}
+    return _written(tables | {"tolerance": loose}), ratios
+
+
+def _written(tables: dict) -> str:
+    named = {name: values for name, values in tables.items() if isinstance(values, dict)}
+    return machines._toml(tables["name"], named)
+
+
+def with_noise(text: str, factor: float) -> str:
+    """A `robot.toml` whose sensors are `factor` times as noisy."""
+    tables = tomllib.loads(text)
+    return _written(tables | {"sensors": {name: value * factor for name, value in tables["sensors"].items()}})
+
+
+def put_ratios(machine: planar.Machine, ratios: dict, robot) -> None:
+    """Put a machine's own constants in the place of the file's."""
+    for s, label in enumerate("lr"):
+        fit = {}
+        for name, ratio in ratios[label].items():
+            for target in planar.TOLERANCE_NAMES[name]:
+                machine.scale(target, ratio, (s,))
+            fit[name] = getattr(robot.motor, name) * ratio
+        if "torque_constant_nm_per_a" in fit:
+            fit["back_emf_constant_v_s_per_rad"] = (
+                robot.motor.back_emf_constant_v_s_per_rad * ratios[label]["torque_constant_nm_per_a"]
+            )
+        machine.tolerance[label] = fit
+    axis = robot.axis
+    for name, ratio in ratios["whole"].items():
+        if axis is None:
+            machine.scale({"mass_kg": "mass", "yaw_inertia_kg_m2": "yaw_inertia"}[name], ratio)
+            continue
+        own = axis.inertia_kg_m2 if name == "inertia_kg_m2" else axis.mass_kg * machine.lever[0]
+        weight = 0.0 if name == "inertia_kg_m2" else axis.mass_kg * machine.lever[1]
+        for target, value in (("wheel_inertia", own), ("pendulum", weight)):
+            machine.world[WORLD_NAMES.index(target)] += value * (ratio - 1.0)
+
+
+# ---- the nearest machine of the catalogue ----------------------------------------
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One number of the nearest machine: `turn(machine, factor)` with the factor on where it starts.
+
+    cause : the id of the effect or form whose number it is, "" for a constant.
+    """
+
+    turn: Callable[[planar.Machine, float], None]
+    cause: str = ""
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """What the catalogue can say of a case: a machine for any setting of its knobs (logarithms, 0 where it starts)."""
+
+    robot: object
+    ratios: dict
+    effects: list[dict]
+    knobs: list[Knob]
+
+    def machine(self, at: np.ndarray, without: str = "") -> planar.Machine:
+        """The machine at a setting; `without`: leave out this effect, or this form's nearest effects."""
+        machine = planar.nominal_machine(self.robot)
+        put_ratios(machine, self.ratios, self.robot)
+        for effect in self.effects:
+            if effect["id"] != without:
+                turned = iter([at[j] for j, knob in enumerate(self.knobs) if knob.cause == effect["id"]])
+                numbers = {
+                    name: value * math.exp(next(turned)) if name in _continuous(effect) else value
+                    for name, value in effect["parameters"].items()
+                }
+                planar.apply_effect(machine, {**effect, "parameters": numbers})
+        for j, knob in enumerate(self.knobs):
+            if knob.cause == "" or knob.cause != without:
+                knob.turn(machine, math.exp(at[j]))
+        return machine
+
+
+def _continuous(effect: dict) -> list[str]:
+    return [name for name in effect["parameters"] if name not in ("cycles_per_rev", "phase_rad")]
+
+
+def _scaling(targets: tuple[str, ...], sides: tuple[int, ...]) -> Callable[[planar.Machine, float], None]:
+    def turn(machine: planar.Machine, factor: float) -> None:
+        for target in targets:
+            machine.scale(target, factor, sides)
+
+    return turn
+
+
+def _adding(target: str, start: float, sides: tuple[int, ...]) -> Callable[[planar.Machine, float], None]:
+    def turn(machine: planar.Machine, factor: float) -> None:
+        if target in WORLD_NAMES:
+            machine.world[WORLD_NAMES.index(target)] += start * factor
+        else:
+            machine.side[SIDE_NAMES.index(target), list(sides)] += start * factor
+
+    return turn
+
+
+def _still(machine: planar.Machine, factor: float) -> None:
+    """An effect's numbers are turned where it is applied."""
+
+
+def nearest(robot, ratios: dict, forms: list[dict], effects: list[dict]) -> Nearest:
+    """Knobs of the nearest machine: constants of each side, what the motors move, each form's nearest effects, and the
+    effects' own numbers."""
+    sides = (0,) if robot.axis is not None else (0, 1)
+    knobs = [Knob(_scaling(planar.TOLERANCE_NAMES[name], (s,))) for s in sides for name in ratios["lr"[s]]]
+    moved = ("wheel_inertia", "pendulum") if robot.axis is not None else ("mass", "yaw_inertia")
+    knobs += [Knob(_scaling((name,), sides)) for name in moved if name != "pendulum" or robot.axis.kind == "pendulum"]
+    starts = {
+        "brush_film": lambda p: [("drop", 0.8 * p["film_volts"])],
+        "presliding": lambda p: [("coulomb", p["slip_torque"])],
+        # A power of the speed is dry friction and viscous friction by parts.
+        "power_drag": lambda p: [("viscous", p["power_drag"] / p["power_speed"]), ("coulomb", 0.3 * p["power_drag"])],
+        "speed_mean": lambda p: [("filter_tau", p["mean_s"] / 2.0)],
+        "sampled_commands": lambda p: [("command_delay", p["tick_s"] / 2.0)],
+    }
+    for form in forms:
+        start = starts.get(form["id"], lambda p: [])
+        knobs += [Knob(_adding(*one, sides), form["id"]) for one in start(form["parameters"])]
+    knobs += [Knob(_still, effect["id"]) for effect in effects for _ in _continuous(effect)]
+    return Nearest(robot, ratios, effects, knobs)
+
+
+def residual(
+    noise: dict[str, float], drives: list[Drive], there: list[dict], other: list[dict], missing: set[str]
+) -> np.ndarray:
+    """Errors of a replay in units of noise, weighted so that the sum of squares is the gap's square less 1."""
+    parts: dict[str, list[np.ndarray]] = {}
+    for drive, a, b in zip(drives, there, other):
+        names = [name for name in COUNTED if name in noise and planar.stem(name) not in missing]
+        for name in (name for name in names if name in SAMPLED):
+            parts.setdefault(name, []).append((b[name] - a[name]) / noise[name])
+        ways = [name for name in names if name in ("x", "y", "yaw")]
+        ways += [name for name in names if name[:3] == "th_" and f"w_{name[-1]}" not in names]
+        if ways:
+            seen, made = (moves(drive.t, run, tuple(ways), run.get("yaw")) for run in (a, b))
+            for name in ways:
+                error = (made[name] - seen[name]) / (noise[name] * math.sqrt(2.0))
+                if np.isfinite(error).any():
+                    parts.setdefault(name, []).append(error[np.isfinite(error)])
+    weighted = [
+        error / math.sqrt(error.size * len(errors) * len(parts)) for errors in parts.values() for error in errors
+    ]
+    out = np.concatenate(weighted) if weighted else np.zeros(1)
+    return np.clip(np.nan_to_num(out, nan=1e6, posinf=1e6, neginf=-1e6), -1e6, 1e6)
+
+
+@dataclass
+class Fit:
+    """Best setting of a nearest machine, its residuals and their slopes over the knobs."""
+
+    at: np.ndarray
+    errors: np.ndarray
+    slopes: np.ndarray
+
+    @property
+    def left(self) -> float:
+        """Sum of squares."""
+        return float(self.errors @ self.errors)
+
+    def apart(self, change: np.ndarray) -> float:
+        """Sum of squares of a change of the residuals that no knob makes up for."""
+        way, *_ = np.linalg.lstsq(self.slopes, change, rcond=1e-6)
+        return float(np.sum((change - self.slopes @ way) ** 2))
+
+
+def fitted(model: Nearest, errors: Callable[[planar.Machine], np.ndarray], at: np.ndarray | None = None) -> Fit:
+    """Fit a nearest machine by damped Gauss-Newton steps, from a setting on or from where its knobs start.
+
+    Parameters
+    ----------
+    errors : machine -> residuals whose sum of squares is to be small.
+    """
+    at = np.zeros(len(model.knobs)) if at is None else at
+    now = errors(model.machine(at))
+    for _ in range(FIT_ROUNDS):
+        slopes = _slopes(model, errors, at, now)
+        at, now, better = _step(model, errors, at, now, slopes)
+        if not better:
+            break
+    return Fit(at, now, slopes)
+
+
+def without(model: Nearest, errors: Callable[[planar.Machine], np.ndarray], fit: Fit, cause: str) -> float:
+    """Sum of squares that is left without a cause, the others fitted again along the slopes of the whole fit."""
+    others = fit.slopes * np.array([knob.cause != cause for knob in model.knobs])
+    at, now = fit.at, errors(model.machine(fit.at, cause))
+    for _ in range(2):
+        at, now, better = _step(model, errors, at, now, others, cause)
+        if not better:
+            break
+    return float(now @ now)
+
+
+def _slopes(model: Nearest, errors, at: np.ndarray, now: np.ndarray) -> np.ndarray:
+    columns = []
+    for j in range(at.size):
+        moved = at.copy()
+        moved[j] += LOG_STEP
+        columns.append((errors(model.machine(moved)) - now) / LOG_STEP)
+    return np.column_stack(columns)
+
+
+def _step(
+    model: Nearest, errors, at: np.ndarray, now: np.ndarray, slopes: np.ndarray, cause: str = ""
+) -> tuple[np.ndarray, np.ndarray, bool]:
+    """One damped step, shortened until it helps: new setting, its residuals, and whether it helped by 3 per cent."""
+    gram = slopes.T @ slopes
+    held = np.diag(TRUST * np.diag(gram) + 1e-9 * max(np.trace(gram), 1e-12) + 1e-12)
+    way = np.clip(-np.linalg.solve(gram + held, slopes.T @ now), -FARTHEST, FARTHEST)
+    for part in (1.0, 0.3, 0.1):
+        place = at + part * way
+        there = errors(model.machine(place, cause))
+        if there @ there < now @ now:
+            return place, there, bool(there @ there < 0.97 * (now @ now))
+    return at, now, False
+
+
+# ---- the draw ----------------------------------------
+
+
+def drives_of(robot, spec: dict, machine: planar.Machine, runs: list[dict]) -> list[Drive]:
+    """Noise-free drives of planned runs, by each run's own seed; closed loops are closed around `machine`."""
+    drives = []
+    for run in runs:
+        t = planar.sample_times(run["duration"], spec["rate"], 0.0, 0.0, np.random.default_rng(0))
+        v_cmd, w_ref = planar.commands_of(spec, run, t, np.random.default_rng(run["plan"]), robot)
+        rest = robot.axis.zero_rad if robot.axis else 0.0
+        start = np.array([0.0, 0.0, run["uphill_yaw_rad"], rest, rest])
+        drive = Drive(t, v_cmd, start, planar.place_of(run), run["plan"])
+        if run["name"] in planar.CLOSED:
+            planar.run_machine(
+                machine,
+                t,
+                v_cmd,
+                start,
+                **drive.where,
+                closed=True,
+                w_ref=w_ref,
+                robot=robot,
+                period_rows=planar.control_rows(spec, run),
+                seed=drive.seed,
+            )
+        drives.append(drive)
+    return drives
+
+
+def draw_case(rng: np.random.Generator, spec: dict) -> None:
+    """Fill a spec of tier `hard`: machine, runs, constants, forms, effects, noise, and what the best fit leaves."""
+    for _ in range(ROUNDS):
+        _conditions(rng, spec)
+        robot = machines.robot_of(spec["robot"])
+        of = scale_of(robot, 1 / spec["rate"], float(np.mean([run["duration"] for run in spec["runs"]])))
+        side = "left" if robot.axis is not None else "both"
+        torque = robot.driver.mode == "torque"
+        spec["forms"] = [draw_form(rng, name, of, side) for name in FORMS if not (torque and name in ELECTRICAL)]
+        if _draw_effects(rng, robot, of, spec) and _measured(rng, robot, spec):
+            return
+    raise RuntimeError(f"no machine of tier hard was found in {ROUNDS} draws")
+
+
+class _Truth:
+    """A machine's noise-free replays of planned runs, and what another machine's replays differ from them by."""
+
+    def __init__(self, rng: np.random.Generator, robot, spec: dict, runs: list[dict]):
+        machine = planar.build_machine(robot, spec, rng)
+        self.noise, self.missing, self.step_s = planar.noises(robot, {}), set(spec["missing"]), machine.step_s
+        self.drives = drives_of(robot, spec, machine, runs)
+        self.there = self._replay(machine)
+
+    def _replay(self, machine: planar.Machine) -> list[dict]:
+        with np.errstate(over="ignore", invalid="ignore"):  # a trial that runs away is no fit, and says so by its size
+            return [drive.replay(machine, min(self.step_s, machine.step_s)) for drive in self.drives]
+
+    def errors(self, machine: planar.Machine) -> np.ndarray:
+        """Weighted residuals, see `residual`."""
+        return residual(self.noise, self.drives, self.there, self._replay(machine), self.missing)
+
+
+def _draw_effects(rng: np.random.Generator, robot, of: Scale, spec: dict) -> bool:
+    """Draw one or two effects that the best fit without them would not make up for; False where none was found."""
+    spec["effects"] = []
+    truth = _Truth(rng, robot, spec, spec["runs"])
+    model = nearest(robot, spec["constants"], spec["forms"], [])
+    fit = fitted(model, truth.errors)
+    shaped = {name for form in spec["forms"] for name in ALIKE[form["id"]]}
+    menu = [name for name in possible(robot, spec["missing"]) if name not in (*CALIBRATED, *shaped)]
+    axis = robot.axis.kind if robot.axis else None
+    count = int(rng.choice([1, 2]))
+    for _ in range(TRIES):
+        name = draw_names(rng, 1, tuple(e["id"] for e in spec["effects"]), menu)[0]
+        effect = draw_sized(rng, name, of, axis)
+        machine = planar.build_machine(robot, {**spec, "effects": [effect]}, rng)
+        change = truth.errors(machine)
+        if MATTERS * fit.left < fit.apart(change) and change @ change < (LARGEST * LARGEST) * fit.left:
+            spec["effects"].append(effect)
+        if len(spec["effects"]) == count:
+            return True
+    return bool(spec["effects"])
+
+
+def _conditions(rng: np.random.Generator, spec: dict) -> None:
+    name, span = draw_machine(rng)
+    machines.draw_conditions(rng, spec, False, name, span)
+    if name in machines.AXES:
+        spec["rate"] = float(rng.choice(RATES))
+        spec["missing"] = ["gyro_z", "pose", *[["v_bus"], ["v_bus", "th"], ["v_bus", "i"]][rng.integers(3)]]
+    else:
+        spec["runs"] = spec["runs"][:4]
+    spec["robot"], spec["constants"] = loosened(rng, spec["robot"])
+    for run in (*spec["runs"], *spec["held_out"]):
+        run["plan"] = int(rng.integers(2**31))
+        run["duration"] = min(run["duration"], span[1])
+
+
+def _measured(rng: np.random.Generator, robot, spec: dict) -> bool:
+    """Fit the nearest machine and choose the sensors' noise by what it leaves; False where a case is not of this tier.
+
+    Writes `spec["left"]`: gaps on the case's runs and on the held-out ones, and without each effect and form.
+    """
+    truth, fresh = (_Truth(rng, robot, spec, spec[which]) for which in ("runs", "held_out"))
+    plain = planar.build_machine(robot, {**spec, "effects": [], "forms": []}, rng)
+    model = nearest(robot, spec["constants"], spec["forms"], spec["effects"])
+    fit = fitted(model, truth.errors)
+    nominal = float(np.sum(truth.errors(planar.nominal_machine(robot)) ** 2))
+    factor = math.sqrt(fit.left / (math.exp(rng.uniform(*np.log(LEFT_GAP))) ** 2 - 1.0))
+    if not NOISE_FACTOR[0] < factor < NOISE_FACTOR[1] or not 4.0 * fit.left < nominal < 1e8:
+        return False
+    left_out = {effect["id"]: without(model, truth.errors, fit, effect["id"]) for effect in spec["effects"]}
+    if min(left_out.values()) < (1.0 + MATTERS) * fit.left:
+        return False
+    left_out |= {
+        form["id"]: without(model, truth.errors, fit, form["id"])
+        for form in spec["forms"]
+        if any(knob.cause == form["id"] for knob in model.knobs)
+    }
+    spec["robot"] = with_noise(spec["robot"], factor)
+
+    def gap(square: float) -> float:
+        return round(math.sqrt(1.0 + square / factor**2), 4)
+
+    def gaps(of: _Truth, known: float) -> dict[str, float]:
+        before, refit = (float(np.sum(of.errors(machine) ** 2)) for machine in (planar.nominal_machine(robot), plain))
+        return {"before": gap(before), "refit": gap(refit), "known": gap(known)}
+
+    spec["left"] = {
+        "gap": gaps(truth, fit.left),
+        "held_out_gap": gaps(fresh, float(np.sum(fresh.errors(model.machine(fit.at)) ** 2))),
+        "without": {name: gap(square) for name, square in left_out.items()},
+        "asked": [name for name, square in left_out.items() if square > (1.0 + MATTERS) * fit.left],
+    }
+    return True
+
+
+def account(spec: dict) -> dict:
+    """What the truth of a case says of its causes, as `cases._account` does for the other tiers.
+
+    `gap_without` is what the best fit leaves without an effect, or without a form's nearest effects, the others fitted
+    again. `forms` are there in another form than a catalogue's: `names` are the effects that say so, and `matters`
+    whether leaving them out doubles what is left.
+    """
+    left = spec["left"]
+    forms = [
+        {
+            **form,
+            "names": list(ALIKE[form["id"]]),
+            "gap_without": left["without"].get(form["id"]),
+            "matters": form["id"] in left["asked"],
+        }
+        for form in spec["forms"]
+    ]
+    effects = [{**effect, "gap_without": left["without"][effect["id"]]} for effect in spec["effects"]]
+    return {"gap": left["gap"], "held_out_gap": left["held_out_gap"], "effects": effects, "forms": forms}
