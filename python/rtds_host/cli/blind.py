@@ -14,6 +14,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from rtds_host.cli.answer import AsJson
+from rtds_host.cli.answer import answer as say
 from rtds_host.contract import check_writable, check_writable_file, refuse_inputs, write_atomic
 from rtds_host.errors import InputError, visible
 
@@ -60,6 +62,7 @@ def make(
     world: Annotated[list[str] | None, typer.Option(help="Only these worlds: planar, mujoco (repeatable).")] = None,
     seed: Annotated[int | None, typer.Option(help="Default: drawn, and kept with the sealed truth.")] = None,
     jobs: Annotated[int, typer.Option(help="Processes.")] = CORES,
+    as_json: AsJson = False,
 ) -> None:
     """Draw cases, seal their truths and publish the seals."""
     from rtds_host.blind.measured import make_measured
@@ -75,6 +78,9 @@ def make(
             if measured
             else make_cases(out, 60 if n is None else n, tier, world, seed, jobs, report)
         )
+    if as_json:
+        say({"folder": out / "public", "seals": out / "public" / "SEALS.json", "cases": sorted(seals)})
+        return
     Console().print(
         escape(visible(f"{len(seals)} cases in {out / 'public'}, sealed in {out / 'public' / 'SEALS.json'}"))
     )
@@ -89,6 +95,7 @@ def answer(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask scheduler (tcp://host:8786).")
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Let the diagnoser, as another process, answer every case that has no answer yet."""
     from rtds_host.blind.seal import answer as answer_cases
@@ -97,14 +104,17 @@ def answer(
     with _bar("diagnosing") as report:
         ledger = answer_cases(out, quick, jobs, timeout_s=timeout, progress=report, scheduler=scheduler)
     failed = [entry for entry in ledger if entry["sha256"] is None]
-    Console().print(
-        escape(
-            visible(
-                f"{len(ledger) - len(failed)} of {len(ledger)} cases answered, hashes in "
-                f"{out / 'answers' / 'LEDGER.jsonl'}"
+    if as_json:
+        say({"ledger": out / "answers" / "LEDGER.jsonl", "cases": len(ledger), "answers": ledger})
+    else:
+        Console().print(
+            escape(
+                visible(
+                    f"{len(ledger) - len(failed)} of {len(ledger)} cases answered, hashes in "
+                    f"{out / 'answers' / 'LEDGER.jsonl'}"
+                )
             )
         )
-    )
     for entry in failed:
         typer.echo(visible(f"{entry['case']}: exit status {entry['status']}: {entry['said']}"), err=True)
     if failed:
@@ -123,6 +133,7 @@ def score(
             metavar="DIR", help="Judge DIR/<case>/diagnosis.json in place of the sealed answers, into DIR/score."
         ),
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Open the truth, check every hash, and judge the answers."""
     from rtds_host.blind.measured import is_measured, score_measured
@@ -141,14 +152,27 @@ def score(
         if diagnoses:
             raise InputError("--diagnoses: not for draws on measured data, which are judged by their sealed answers")
         with _bar("scoring") as report:
-            score_measured(out, jobs, with_gap=closure, progress=report)
+            judged = score_measured(out, jobs, with_gap=closure, progress=report)
         text = (out / "score" / "page.md").read_text()
-        typer.echo(text, nl=False)
+        if as_json:
+            say(judged)
+        else:
+            typer.echo(text, nl=False)
         if page is not None:
             write_atomic(page, text)
         return
     with _bar("scoring") as report:
         result = score_cases(out, jobs, with_closure=closure, progress=report, diagnoses=diagnoses)
+    folder = (diagnoses or out) / "score"
+    if page is not None:
+        write_atomic(page, (folder / "page.md").read_text())
+        for name in PICTURES:
+            source = folder / name
+            if source.is_file():
+                write_atomic(page.parent / name, source.read_bytes())
+    if as_json:
+        say(result)
+        return
     console = Console()
     table = Table(title=f"{result['count']} sealed cases, seed {result['seed']}", title_justify="left")
     groups = {"all tiers": result["visible"], **result["tiers"]}
@@ -172,11 +196,4 @@ def score(
         *("–" if g["seconds_median"] is None else f"{g['seconds_median']:.0f} s" for g in groups.values()),
     )
     console.print(table)
-    folder = (diagnoses or out) / "score"
     console.print(escape(visible(f"figures and pictures in {folder}")))
-    if page is not None:
-        write_atomic(page, (folder / "page.md").read_text())
-        for name in PICTURES:
-            source = folder / name
-            if source.is_file():
-                write_atomic(page.parent / name, source.read_bytes())

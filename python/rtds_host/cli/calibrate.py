@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from rtds_host.cli.answer import AsJson, answer
 from rtds_host.contract import builtin_robot, check_writable_file, refuse_inputs
 from rtds_host.errors import InputError, visible
 from rtds_host.link import open_link
@@ -34,6 +35,7 @@ def calibrate(
     serial: Annotated[str, typer.Option(help="ad2 only: serial port of the chip's registers.")] = "",
     points: Annotated[int, typer.Option(help="Voltages a wire.")] = POINTS,
     reads: Annotated[int, typer.Option(help="Readings a point.")] = READS,
+    as_json: AsJson = False,
 ) -> None:
     """Measure gain and offset of every analog path between PC and chip and store them."""
     if link not in ("chip", "ad2"):
@@ -54,13 +56,19 @@ def calibrate(
         )
         measured = measure(rig, link, points, reads)
     save_paths(out, measured.paths)
+    lines = (*measured.paths.to_chip, *measured.paths.from_chip)
+    rows = list(zip((*TO_CHIP, *FROM_CHIP), lines, ideal_errors(measured.paths), measured.residuals_v, strict=True))
+    if as_json:
+        wires_said = [
+            {"wire": name, "gain": line.gain, "offset_v": line.offset_v, "error_without_v": before, "residual_v": after}
+            for name, line, before, after in rows
+        ]
+        answer({"file": out, "link": link, "wires": wires_said})
+        return
     table = Table(title=escape(visible(f"calibration  ->  {out}")), title_justify="left", box=None)
     for column in ("wire", "gain", "offset, mV", "error without it, mV", "left over, mV"):
         table.add_column(column, justify="left" if column == "wire" else "right")
-    lines = (*measured.paths.to_chip, *measured.paths.from_chip)
-    for name, line, before, after in zip(
-        (*TO_CHIP, *FROM_CHIP), lines, ideal_errors(measured.paths), measured.residuals_v, strict=True
-    ):
+    for name, line, before, after in rows:
         table.add_row(
             name, f"{line.gain:.5f}", f"{1e3 * line.offset_v:.2f}", f"{1e3 * before:.2f}", f"{1e3 * after:.2f}"
         )

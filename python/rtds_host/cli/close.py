@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rtds_host.cli.answer import AsJson, answer
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -55,6 +57,7 @@ def close(
     figure: Annotated[bool, typer.Option(help="Draw close.png.")] = True,
     seed: Annotated[int, typer.Option(help="Has no effect: a diagnosis uses no random numbers. Kept for scripts.")] = 1,
     jobs: Annotated[int, typer.Option(help="Cores for the diagnosis; 0 = all.", min=0)] = 0,
+    as_json: AsJson = False,
 ) -> None:
     """Diagnose CASE, put the effects into the real-time simulator, and report the gap there before and after."""
     from rich.console import Console
@@ -98,6 +101,9 @@ def close(
             seed=seed,
             progress=lambda stage, share: bar.update(task, description=stage, completed=share),
         )
+    if as_json:
+        answer({"folder": out, **result.content})
+        return
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=120)

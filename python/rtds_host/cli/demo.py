@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from rtds_host.cli.answer import AsJson, answer
+
 app = typer.Typer(add_completion=False)
 
 BAGS = ("square.mcap", "spin.mcap", "wander.mcap")
@@ -32,6 +34,7 @@ def example_bags() -> list[Path]:
 @app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="New folder for the case and the report.")] = Path("demo"),
+    as_json: AsJson = False,
 ) -> None:
     """Import three bags of a TurtleBot3 with one fault, and diagnose them.
 
@@ -45,6 +48,10 @@ def demo(
     bags = example_bags()
     check_writable(out)
     for run in import_case(bags, out / "case"):
-        print(visible(f"{out / 'case' / run.name}: {len(run.imported.columns['t'])} rows"))
-    run_one(out / "case", out / "report", quick=True, seed=1, jobs=0)
+        if not as_json:
+            print(visible(f"{out / 'case' / run.name}: {len(run.imported.columns['t'])} rows"))
+    result, _ = run_one(out / "case", out / "report", quick=True, seed=1, jobs=0, summary=not as_json)
+    if as_json:
+        answer({"case": out / "case", "report": out / "report" / "report.html", "diagnosis": result})
+        return
     print(visible(f"open {out / 'report' / 'report.html'}"))

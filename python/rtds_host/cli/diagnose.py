@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from rtds_host.cli.answer import AsJson, answer
+
 app = typer.Typer(add_completion=False)
 
 
@@ -35,9 +37,7 @@ def diagnose(
             help="One case: also diagnose halves of the data; the report says how often each effect was found again.",
         ),
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One case: print diagnosis.json in place of the summary.")
-    ] = False,
+    as_json: AsJson = False,
     mcap: Annotated[
         Path | None,
         typer.Option(
@@ -50,18 +50,12 @@ def diagnose(
 
     Several cases go on where an interrupted call stopped; status 1 if some failed, the others are complete.
     """
-    import json
-
     from rtds_host.cli.first_use import say_if_first
     from rtds_host.contract import check_writable, check_writable_file, places_of_case, refuse_inputs
     from rtds_host.diagnosis.batch import FILES, run_many, run_one
     from rtds_host.errors import InputError
 
     check_writable(out)
-    if as_json and (len(cases) > 1 or scheduler is not None):
-        raise InputError(
-            "--json: one case, diagnosed here, is printed; of several, OUT/cases.parquet holds the answers"
-        )
     if repeat and (len(cases) > 1 or scheduler is not None):
         raise InputError("--repeat: one case, diagnosed here, is repeated; give one case at a time")
     if mcap is not None:
@@ -75,7 +69,7 @@ def diagnose(
     if len(cases) == 1 and scheduler is None:
         result, details = run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs, summary=not as_json, repeat=repeat)
         if as_json:
-            print(json.dumps(result, indent=1))
+            answer({"folder": out, **result})
         if mcap is not None:
             from rtds_host.correction.close import model_of
             from rtds_host.diagnosis.predict import predicted_columns
@@ -97,6 +91,11 @@ def diagnose(
                 ],
             )
         return
-    failed = run_many(cases, out, quick=quick, seed=seed, jobs=jobs, scheduler=scheduler)
+    options = {"say": None} if as_json else {}
+    failed = run_many(cases, out, quick=quick, seed=seed, jobs=jobs, scheduler=scheduler, **options)
+    if as_json:
+        from pyarrow.parquet import read_table
+
+        answer({"folder": out, "cases": read_table(out / "cases.parquet").to_pylist()})
     if failed:
         raise typer.Exit(1)

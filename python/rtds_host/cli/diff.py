@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from rtds_host.cli.answer import AsJson, answer
+
 app = typer.Typer(add_completion=False)
 
 
@@ -14,12 +16,10 @@ app = typer.Typer(add_completion=False)
 def diff(
     first: Annotated[Path, typer.Argument(help="A diagnosis.json, or the folder it lies in.")],
     second: Annotated[Path, typer.Argument(help="Another one.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print the comparison as JSON.")] = False,
+    as_json: AsJson = False,
     html: Annotated[Path | None, typer.Option(metavar="FILE", help="Write it as a page, too.")] = None,
 ) -> None:
     """Say how two diagnoses differ: verdicts, gaps, and of each cause whether it came, went or changed its size."""
-    import json
-
     from rtds_host.contract import check_writable_file, refuse_inputs, write_atomic
     from rtds_host.diagnosis.differ import compare, label, lines, page, read
     from rtds_host.errors import visible
@@ -32,6 +32,6 @@ def diff(
     if html is not None:
         write_atomic(html, page(found, names))
     if as_json:
-        print(json.dumps(found, indent=1, ensure_ascii=False))
+        answer(found)
     else:
         print("\n".join(visible(line) for line in lines(found, names)))

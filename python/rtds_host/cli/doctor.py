@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import typer
+
+from rtds_host.cli.answer import AsJson, answer
 
 app = typer.Typer(add_completion=False)
 
 
 @app.command()
-def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False) -> None:
+def doctor(as_json: AsJson = False) -> None:
     """Say what is installed, what is missing, what needs it and how to get it; status 1 if the program cannot work."""
-    import json
-
     from rtds_host.start.doctor import as_json as content
     from rtds_host.start.doctor import findings
 
     found = findings()
     if as_json:
-        print(json.dumps(content(found), indent=1))
+        answer(content(found))
     else:
         width = max(len(one.name) for one in found)
         for one in found:

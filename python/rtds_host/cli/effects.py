@@ -6,13 +6,15 @@ from typing import Annotated
 
 import typer
 
+from rtds_host.cli.answer import AsJson, answer
+
 app = typer.Typer(add_completion=False)
 
 
 @app.command()
 def effects(
     name: Annotated[str | None, typer.Argument(help="One effect, in full; without it, all of them in a table.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the whole catalogue as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """List the effects that a diagnosis can name."""
     from rich.console import Console
@@ -74,8 +76,6 @@ def effects(
 
 def _print_json(name: str | None) -> None:
     """The catalogue, or one effect of it, with its parameters."""
-    import json
-
     from rtds_host.diagnosis.effects import CATALOGUE as known
     from rtds_host.errors import InputError, did_you_mean
 
@@ -91,4 +91,4 @@ def _print_json(name: str | None) -> None:
         for effect in known.values()
         if name in (None, effect.id)
     ]
-    print(json.dumps(content, indent=1))
+    answer({"effects": content})

@@ -2,14 +2,56 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+from rtds_host.cli.answer import AsJson, answer
 
 app = typer.Typer(add_completion=False)
 # Targets of `rtds_host.export.compiled`.
 COMPILED = ("fmu", "fmu-motors", "c")
+
+
+@dataclass
+class _Said:
+    """What an export says: lines for a person as they come, or one object for a program."""
+
+    as_json: bool
+    content: dict[str, Any] = field(default_factory=dict)
+
+    def line(self, text: str) -> None:
+        """Print a line for a person."""
+        from rtds_host.errors import visible
+
+        if not self.as_json:
+            print(visible(text), flush=True)
+
+    def parts(self, parts) -> None:
+        """How each effect is in the target."""
+        from rtds_host.export.table import LOST
+
+        for part in parts:
+            word = "left out" if part.kind == LOST else part.kind
+            self.line(f"  {word:<9} {part.text}")
+            self.line(f"            {part.where}")
+        self.content["effects"] = [
+            {
+                "id": part.effect,
+                "side": part.side,
+                "parameters": part.values,
+                "kind": "left out" if part.kind == LOST else part.kind,
+                "where": part.where,
+            }
+            for part in parts
+        ]
+
+    def end(self) -> None:
+        """Print the object, where a program asked."""
+        if self.as_json:
+            answer(self.content)
 
 
 @app.command()
@@ -47,6 +89,7 @@ def export(
         int, typer.Option(help="Write so many robots, their sizes drawn from the diagnosis' intervals.", min=0)
     ] = 0,
     seed: Annotated[int, typer.Option(help="Seed of --samples.", min=0)] = 1,
+    as_json: AsJson = False,
 ) -> None:
     """Write the robot with what is diagnosed in it for another simulator."""
     from rtds_host.contract import (
@@ -59,7 +102,7 @@ def export(
         staged_folder,
         write_atomic,
     )
-    from rtds_host.errors import InputError, visible
+    from rtds_host.errors import InputError
     from rtds_host.export.export import check_target, default_robot, read_source, said_of_driver
     from rtds_host.export.export import export as write
     from rtds_host.export.mjcf import driver_source
@@ -67,7 +110,7 @@ def export(
     if to in COMPILED:
         if check or samples or actuator != "general":
             raise InputError(f"--to {to}: goes without --actuator, --check and --samples")
-        _compiled(diagnosis, to, out, robot)
+        _compiled(diagnosis, to, out, robot, as_json)
         return
     check_target(to, actuator)
     if check and to != "mjcf":
@@ -84,36 +127,28 @@ def export(
     source = read_source(diagnosis, nominal)
     runs = [read_run(folder, nominal, need_measured=True) for folder in check or []]
     text, parts = write(source, to, actuator)
+    said = _Said(as_json, {"files": [out, *along], "to": to, "robot": nominal.name})
     if samples:
-        _samples(source, to, out, samples, seed, staged_folder, actuator)
+        _samples(said, source, to, out, samples, seed, staged_folder, actuator)
     else:
         write_atomic(out, text)
-        print(visible(f"{out}: {nominal.name} for {to}"))
+        said.line(f"{out}: {nominal.name} for {to}")
         for place in along:
             write_atomic(place, driver_source())
-            print(visible(f"{place}: what acts before its <dcmotor> and behind its sensors"))
-    for line in said_of_driver(nominal, to):
-        print(visible(f"  {line[0].lower()}{line[1:]}"))
-    _print_parts(parts)
+            said.line(f"{place}: what acts before its <dcmotor> and behind its sensors")
+    said.content["notices"] = list(said_of_driver(nominal, to))
+    for line in said.content["notices"]:
+        said.line(f"  {line[0].lower()}{line[1:]}")
+    said.parts(parts)
     if not parts:
-        print("  the diagnosis names no effect: this is the nominal robot, refitted")
+        said.line("  the diagnosis names no effect: this is the nominal robot, refitted")
     if runs:
-        _check(out, nominal, source.model, runs, actuator)
+        _check(said, out, nominal, source.model, runs, actuator)
+    said.end()
 
 
-def _print_parts(parts) -> None:
-    from rtds_host.errors import visible
-    from rtds_host.export.table import LOST
-
-    for part in parts:
-        word = "left out" if part.kind == LOST else part.kind
-        print(visible(f"  {word:<9} {part.text}"))
-        print(visible(f"            {part.where}"))
-
-
-def _compiled(name: Path, to: str, out: Path, robot: Path | None) -> None:
+def _compiled(name: Path, to: str, out: Path, robot: Path | None, as_json: bool) -> None:
     from rtds_host.contract import check_writable, check_writable_file, refuse_inputs
-    from rtds_host.errors import visible
     from rtds_host.export.compiled import TARGETS, write
     from rtds_host.native.source import source_of
 
@@ -121,15 +156,16 @@ def _compiled(name: Path, to: str, out: Path, robot: Path | None) -> None:
     refuse_inputs([out], [place for place in (name, robot) if place is not None])
     source = source_of(name, robot)
     parts = write(source, to, out)
-    print(visible(f"{out}: {source.robot.name}: {TARGETS[to]}"))
-    _print_parts(parts)
+    said = _Said(as_json, {"files": [out], "to": to, "robot": source.robot.name})
+    said.line(f"{out}: {source.robot.name}: {TARGETS[to]}")
+    said.parts(parts)
+    said.end()
 
 
-def _samples(source, to: str, out: Path, count: int, seed: int, staged_folder, actuator: str) -> None:
+def _samples(said: _Said, source, to: str, out: Path, count: int, seed: int, staged_folder, actuator: str) -> None:
     import json
 
     from rtds_host.correction.close import model_of
-    from rtds_host.errors import visible
     from rtds_host.export.export import ENDINGS, Source
     from rtds_host.export.export import export as write
     from rtds_host.export.mjcf import driver_source
@@ -158,24 +194,35 @@ def _samples(source, to: str, out: Path, count: int, seed: int, staged_folder, a
         if actuator == "dcmotor":
             # It reads its numbers from each file.
             (scratch / "driver.py").write_text(driver_source(), encoding="utf-8")
-    print(visible(f"{out}: {count} robots for {to}, seed {seed}"))
+    said.line(f"{out}: {count} robots for {to}, seed {seed}")
     for label in fixed:
-        print(visible(f"  not drawn {label}: the diagnosis gives no interval"))
+        said.line(f"  not drawn {label}: the diagnosis gives no interval")
+    said.content |= {
+        "files": [out / one["name"] for one in values],
+        "seed": seed,
+        "not_drawn": fixed,
+        "samples": values,
+    }
 
 
-def _check(out: Path, nominal, model, runs, actuator: str) -> None:
-    from rtds_host.errors import visible
+def _check(said: _Said, out: Path, nominal, model, runs, actuator: str) -> None:
     from rtds_host.export.check import check as check_runs
 
     checked = check_runs(out, nominal, model, runs, actuator)
-    print(f"{'gap':<28}{'nominal':>10}{'corrected':>11}{'closed':>9}")
+    said.content["check"] = {
+        name: {"before": one.before, "after": one.after, "closed": one.closed}
+        for name, one in (("mujoco", checked.mujoco), ("replay", checked.replay))
+    }
+    said.content["check"] |= {"share": checked.share, "apart": [vars(one) for one in checked.apart]}
+    said.line(f"{'gap':<28}{'nominal':>10}{'corrected':>11}{'closed':>9}")
     for name, closing in (("in MuJoCo, from the files", checked.mujoco), ("in the diagnosis' replay", checked.replay)):
         closed = "-" if closing.closed is None else f"{closing.closed:.3f}"
-        print(f"{name:<28}{closing.before:>10.3g}{closing.after:>11.3g}{closed:>9}")
+        said.line(f"{name:<28}{closing.before:>10.3g}{closing.after:>11.3g}{closed:>9}")
     if checked.share is not None:
-        print(f"MuJoCo closes {checked.share:.2f} of what the replay closes")
-    print(f"\n{'MuJoCo against the replay, of full scale':<44}{'rms':>9}{'largest':>10}{'full scale':>12}")
+        said.line(f"MuJoCo closes {checked.share:.2f} of what the replay closes")
+    said.line("")
+    said.line(f"{'MuJoCo against the replay, of full scale':<44}{'rms':>9}{'largest':>10}{'full scale':>12}")
     for one in checked.apart:
         unit = {"i": "A", "w": "rad/s", "p": "m"}[one.channel[0]]
-        label = visible(f"{one.run}  {one.channel}")
-        print(f"{label:<44}{one.rms:>9.2%}{one.largest:>10.2%}{f'{one.full:.4g} {unit}':>12}")
+        label = f"{one.run}  {one.channel}"
+        said.line(f"{label:<44}{one.rms:>9.2%}{one.largest:>10.2%}{f'{one.full:.4g} {unit}':>12}")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from rtds_host.cli.answer import AsJson, answer
 from rtds_host.contract import RunMeta
 from rtds_host.errors import InputError, visible
 from rtds_host.importers.mapping import builtin_mappings
@@ -54,7 +54,7 @@ def import_(
     end_s: Annotated[float, typer.Option(help="Take the recordings up to here.")] = math.inf,
     trust_units: Annotated[bool, typer.Option("--trust-units", help="Import even where a unit looks wrong.")] = False,
     parquet: Annotated[bool, typer.Option("--parquet", help="Write log.parquet instead of log.csv.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was imported as JSON, a list of runs.")] = False,
+    as_json: AsJson = False,
     list_topics: Annotated[
         bool, typer.Option("--list", help="Only list topics with their fields, or columns with guesses.")
     ] = False,
@@ -65,8 +65,11 @@ def import_(
     robots a small TOML file says which topic, field or column holds what, and in which unit: docs/import.md.
     """
     if list_topics:
-        from rtds_host.importers.listing import contents
+        from rtds_host.importers.listing import contents, held
 
+        if as_json:
+            answer({"recordings": [held(source) for source in sources]})
+            return
         for source in sources:
             for line in contents(source):
                 print(visible(line))
@@ -104,7 +107,7 @@ def import_(
             }
             for run in runs
         ]
-        print(json.dumps(said, indent=1))
+        answer({"case": out, "runs": said})
         return
     print(visible(runs[0].assumed))
     for run in runs:

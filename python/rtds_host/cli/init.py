@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from rtds_host.cli.answer import AsJson, answer
 from rtds_host.contract import builtin_robots
 
 app = typer.Typer(add_completion=False)
@@ -42,6 +43,7 @@ def init(
     mass: Annotated[float | None, typer.Option(help="Mass of the whole robot, kg.")] = None,
     counts: Annotated[float | None, typer.Option(help="Encoder counts for one turn of the shaft it sits on.")] = None,
     encoder: Annotated[str | None, typer.Option(help="Where the encoder sits: motor, gear or wheel.")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Write a commented robot.toml for a robot of your own, and a draft mapping for its recordings.
 
@@ -75,11 +77,12 @@ def init(
     for file in ("robot.toml", "mapping.toml", *(("effects.json",) if mjcf is not None else ())):
         if (out / file).exists():
             raise OutputError(f"{out / file}: is there already; choose another folder")
-    texts = {}
+    texts, lost = {}, []
     if like is not None:
         texts["robot.toml"] = builtin_robot_path(like).read_text(encoding="utf-8")
     elif mjcf is not None:
-        texts |= _from_mjcf(mjcf, figures, name or out.resolve().name, motor or [])
+        made, lost = _from_mjcf(mjcf, figures, name or out.resolve().name, motor or [])
+        texts |= made
     elif asked or log is None:
         texts["robot.toml"] = _from_sheet(figures, encoder, name or out.resolve().name)
     if log is not None:
@@ -89,6 +92,12 @@ def init(
 
     for file, text in texts.items():
         write_atomic(out / file, text)
+    if as_json:
+        answer({"folder": out, "files": [out / file for file in texts], "not_read": lost})
+        return
+    for line in lost:
+        print(visible(f"not read: {line}"))
+    for file in texts:
         print(visible(f"written: {out / file}"))
     if "effects.json" in texts:
         print(
@@ -108,20 +117,19 @@ def _not_of_model(figures: dict[str, float | None]) -> list[str]:
     return [key for key, value in figures.items() if value is not None and key not in OF_MODEL]
 
 
-def _from_mjcf(path: Path, figures: dict[str, float | None], name: str, motors: list[str]) -> dict[str, str]:
+def _from_mjcf(
+    path: Path, figures: dict[str, float | None], name: str, motors: list[str]
+) -> tuple[dict[str, str], list[str]]:
     import json
 
-    from rtds_host.errors import visible
     from rtds_host.start.mjcf import check, diagnosis_of, read_mjcf
 
     found = read_mjcf(path, name, motors, figures)
     check(path, found)
-    for line in found.lost:
-        print(visible(f"not read: {line}"))
     texts = {"robot.toml": found.text}
     if found.effects:
         texts["effects.json"] = json.dumps(diagnosis_of(found.effects), indent=1) + "\n"
-    return texts
+    return texts, list(found.lost)
 
 
 def _from_sheet(figures: dict[str, float | None], encoder: str | None, name: str) -> str:
@@ -133,10 +141,10 @@ def _from_sheet(figures: dict[str, float | None], encoder: str | None, name: str
         for key, (text, _, _) in FIGURES.items():
             if answers[key] is None:
                 optional = key == "stall_torque_nm"
-                said = typer.prompt(text, default="" if optional else None, show_default=False)
+                said = typer.prompt(text, default="" if optional else None, show_default=False, err=True)
                 answers[key] = _number(option(key), str(said)) if str(said).strip() else None
         if encoder is None:
-            encoder = str(typer.prompt(f"Where the encoder sits ({', '.join(ENCODERS)})", default="motor"))
+            encoder = str(typer.prompt(f"Where the encoder sits ({', '.join(ENCODERS)})", default="motor", err=True))
     missing = [option(key) for key, value in answers.items() if value is None and key != "stall_torque_nm"]
     if missing:
         raise InputError(f"{', '.join(missing)}: missing; or --like ROBOT, or run it in a terminal, which asks")

@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from rtds_host.cli.answer import AsJson, answer
+
 app = typer.Typer(add_completion=False)
 # Rows of the table on the terminal; the csv has all.
 SHOWN = 40
@@ -36,6 +38,7 @@ def plan(
         str | None, typer.Option(help="This manoeuvre (`rtds run --list`), not the most informative one.")
     ] = None,
     payload: Annotated[float | None, typer.Option(help="Payload, kg. Default: the manoeuvre's.", min=0.0)] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Plan the most informative manoeuvre: commands as a table, csv and a ROS 2 script, fitted to a floor."""
     from rtds_host.contract import check_writable, load_robot, refuse_inputs, staged_folder
@@ -44,7 +47,7 @@ def plan(
     from rtds_host.errors import InputError, did_you_mean
     from rtds_host.export.export import default_robot
     from rtds_host.plan.make import KINDS, Floor, check_robot, choose, driven_by_voltage, fit
-    from rtds_host.plan.write import FILES, write
+    from rtds_host.plan.write import FILES, summary, write
     from rtds_host.scenario import find_scenario
 
     check_writable(out)
@@ -78,6 +81,9 @@ def plan(
         why = "of the menu, the one on which the fewest effects of the catalogue look alike"
     with staged_folder(out) as scratch:
         write(made, scratch, why)
+    if as_json:
+        answer({"folder": out, "files": FILES, **summary(made, why)})
+        return
     _show(made, wheels, why, out)
 
 

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from rtds_host.cli.answer import AsJson, answer
+
 app = typer.Typer(add_completion=False)
 # What the replay puts where its state leaves the finite numbers.
 LOST = 1e6
@@ -26,6 +28,7 @@ def predict(
             "side by side too, for Foxglove or PlotJuggler.",
         ),
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Replay a run from its commands, with or without a diagnosis."""
     import io
@@ -71,5 +74,8 @@ def predict(
             f"{run}: from t = {moment(log.t[lost.argmax()])} s on the replay runs away beyond all bounds, its columns "
             f"hold {LOST:g}"
         )
+    if as_json:
+        answer({"file": out, "rows": len(log.t), "channels": names, "notices": notices})
+        return
     for notice in notices:
         print(f"note: {visible(notice)}", file=sys.stderr)

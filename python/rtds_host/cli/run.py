@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +15,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from rtds_host.cli.answer import AsJson, answer
 from rtds_host.cli.calibrate import link_options
 from rtds_host.contract import builtin_robots, check_writable, load_robot, read_run, staged_folder
 from rtds_host.errors import InputError, did_you_mean, visible
@@ -208,7 +209,7 @@ def run(
     ] = True,
     figure: Annotated[bool, typer.Option(help="Draw the six-panel figure.")] = True,
     form: Annotated[str, typer.Option("--format", help="Format of the log: csv or parquet.")] = "csv",
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summaries as JSON, a list of runs.")] = False,
+    as_json: AsJson = False,
     mcap: Annotated[
         bool, typer.Option("--mcap", help="Write run.mcap too, for Foxglove, PlotJuggler or ros2 bag.")
     ] = False,
@@ -241,7 +242,7 @@ def run(
     if not console.is_terminal:
         console = Console(highlight=False, width=120)
     if show_list:
-        _list(console)
+        _list(console, as_json)
         return
     if not scenario:
         raise InputError(f"no scenario given (known: {', '.join(scenarios())}, all)")
@@ -280,7 +281,7 @@ def run(
     choice = link_choice(link, sim, step_clocks or ("min" if waves is None else BOARD_CLOCKS), more)
     target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / plans[0].scenario.name)
     check_writable(target)
-    with _page(live, port, browser) as page:
+    with _page(live, port, browser, as_json) as page:
         with _bars(plans) as report, window(gui):
 
             def driven(plan: Plan, change: Effects | None, injection: Injection | None) -> Outcome:
@@ -319,7 +320,7 @@ def _tell(console: Console, summaries: list[tuple[Summary, Path]], mcap: bool, a
         if not as_json:
             _show(console, summary, place)
     if as_json:
-        print(json.dumps([{"folder": str(place), **summary.to_json()} for summary, place in summaries], indent=1))
+        answer({"runs": [{"folder": place, **summary.to_json()} for summary, place in summaries]})
 
 
 class _Page:
@@ -337,8 +338,8 @@ class _Page:
 
 
 @contextmanager
-def _page(live: bool, port: int, browser: bool) -> Iterator[_Page | None]:
-    """The page of `--live` while it is served, None without it."""
+def _page(live: bool, port: int, browser: bool, as_json: bool) -> Iterator[_Page | None]:
+    """The page of `--live` while it is served, None without it. With `as_json` its address goes to standard error."""
     if not live:
         yield None
         return
@@ -346,7 +347,8 @@ def _page(live: bool, port: int, browser: bool) -> Iterator[_Page | None]:
     from rtds_host.view.live import Feed
 
     feed = Feed()
-    with serve(feed, port, browser) as wait:
+    say = (lambda address: print(address, file=sys.stderr, flush=True)) if as_json else None
+    with serve(feed, port, browser, say) as wait:
         yield _Page(feed, wait)
 
 
@@ -433,7 +435,10 @@ def _waves(
     return Waves(path, tuple(signals or ("motors",)), start, end, round(1e6 * size_mb))
 
 
-def _list(console: Console) -> None:
+def _list(console: Console, as_json: bool) -> None:
+    if as_json:
+        answer({"scenarios": [_described(one) for one in scenarios().values()]})
+        return
     for one in scenarios().values():
         console.print(f"[bold]{one.name}[/bold]  {one.about}")
         console.print(
@@ -442,3 +447,16 @@ def _list(console: Console) -> None:
         )
         for name, parameter in one.parameters.items():
             console.print(f"    {name} = {parameter.default:g}: {parameter.about}")
+
+
+def _described(one: Scenario) -> dict:
+    """A scenario for a program to read."""
+    return {
+        "name": one.name,
+        "about": one.about,
+        "separates": one.separates,
+        "payload_kg": one.payload_kg,
+        "slope_rad": one.slope_rad,
+        "uphill_yaw_rad": one.uphill_yaw_rad,
+        "parameters": [{"name": name, **asdict(parameter)} for name, parameter in one.parameters.items()],
+    }

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from rtds_host.cli.answer import AsJson, answer
+
 app = typer.Typer(add_completion=False)
 
 
@@ -22,6 +24,7 @@ def serve(
     robot: Annotated[Path | None, typer.Option(help="With a diagnosis: the nominal robot.toml.")] = None,
     link: Annotated[str, typer.Option(help="model, or rtl: the Verilog in Verilator.")] = "model",
     runs: Annotated[int, typer.Option(help="End after so many connections; 0: on Ctrl-C.", min=0)] = 0,
+    as_json: AsJson = False,
 ) -> None:
     """Let another program step a robot's two motors. A connection is a run (docs/other-simulators.md)."""
     from rtds_host.errors import InputError, visible
@@ -37,5 +40,8 @@ def serve(
     found = source_of(source, robot)
     units = motor_units(found.model, found.robot)
     with listener(socket, port) as (listening, place):
-        print(visible(f"{found.robot.name}: listening on {place}, steps of {units.parameters[6]:g} s"), flush=True)
+        if as_json:
+            answer({"robot": found.robot.name, "address": place, "step_s": units.parameters[6]})
+        else:
+            print(visible(f"{found.robot.name}: listening on {place}, steps of {units.parameters[6]:g} s"), flush=True)
         serve_runs(listening, lambda: open_link(link), units, runs)

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from rtds_host.cli.answer import AsJson, answer
+
 app = typer.Typer(add_completion=False)
 
 
@@ -24,10 +26,12 @@ def view(
     ] = None,
     port: Annotated[int, typer.Option(help="Port on 127.0.0.1; 0 takes one that is free.", min=0, max=65535)] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    as_json: AsJson = False,
 ) -> None:
     """Show runs in a browser: path over the floor and signals, measured, nominal and corrected. Ctrl-C ends it."""
     from rtds_host.view.command import recorded, serve
     from rtds_host.view.live import Feed
 
-    with serve(Feed(recorded(runs, robot, diagnosis)), port, browser) as wait:
+    say = (lambda address: answer({"address": address})) if as_json else None
+    with serve(Feed(recorded(runs, robot, diagnosis)), port, browser, say) as wait:
         wait()

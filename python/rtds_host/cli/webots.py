@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from rtds_host.cli.answer import AsJson, answer
+
 app = typer.Typer(add_completion=False)
 
 
@@ -48,6 +50,7 @@ def webots(
     python: Annotated[
         Path | None, typer.Option(help="Python that Webots starts the controller with. Default: this one.")
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Write worlds and a controller for Webots, in which the motor units turn the wheels (docs/webots.md)."""
     from rtds_host.contract import check_writable, refuse_inputs
@@ -78,5 +81,9 @@ def webots(
         against=against,
         quit=quit_after,
     )
-    for world in write_project(out, settings, source, str(python or sys.executable), scenario or PAPER):
+    worlds = write_project(out, settings, source, str(python or sys.executable), scenario or PAPER)
+    if as_json:
+        answer({"folder": out, "worlds": [out / world for world in worlds]})
+        return
+    for world in worlds:
         print(visible(str(out / world)))

@@ -262,6 +262,7 @@ def run_many(
     jobs: int = 0,
     scheduler: str | None = None,
     work: Explain = explain,
+    say: Callable[[str], None] | None = partial(print, flush=True),
 ) -> list[str]:
     """`rtds diagnose` of several cases: a process a core, or the workers of a Dask cluster.
 
@@ -271,7 +272,8 @@ def run_many(
     Parameters
     ----------
     jobs : processes on this machine, 0 = one a core. scheduler : address of a Dask scheduler, in place of processes.
-    work : what is done with a case; found by its name in other processes.
+    work : what is done with a case; found by its name in other processes. say : takes a line of each case that is
+    done, None of nobody; failures go to standard error.
 
     Returns
     -------
@@ -284,6 +286,7 @@ def run_many(
     failure). LinkError : the cluster cannot be used, or is lost (what is done stays).
     """
     by_name = _checked(cases, out)
+    say = say or (lambda line: None)
     results = _Results(out)
     with results.locked():
         results.sweep(list(by_name))
@@ -299,7 +302,7 @@ def run_many(
         rows |= done
         todo = {name: case for name, case in by_name.items() if name not in rows}
         if done:
-            print(f"{len(done)} of {len(by_name)} cases are done already", flush=True)
+            say(f"{len(done)} of {len(by_name)} cases are done already")
         if scheduler is not None:
 
             def loaded(case: Path) -> tuple:
@@ -336,7 +339,7 @@ def run_many(
                         error = str(refused)
                 if error is None:
                     blamed = ", ".join(f"{e} ({s})" for e, s in zip(rows[name]["effects"], rows[name]["sides"]))
-                    print(visible(f"{name}: {rows[name]['verdict']}" + (f": {blamed}" if blamed else "")), flush=True)
+                    say(visible(f"{name}: {rows[name]['verdict']}" + (f": {blamed}" if blamed else "")))
                 else:
                     results.drop(name)
                     rows[name] = row_of(name, None, None, visible(error))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from rtds_host.errors import shown
 from rtds_host.importers.bag import Bag, is_bag, refuse_other
@@ -26,23 +27,57 @@ def contents(path: Path) -> Iterator[str]:
     yield from _topics(path) if is_bag(path) else _columns(path)
 
 
-def _columns(path: Path) -> Iterator[str]:
+def held(path: Path) -> dict[str, Any]:
+    """The same for a program: `topics` with their fields, or `columns` with what each may be.
+
+    Raises
+    ------
+    InputError : it cannot be read, or is neither.
+    """
+    refuse_other(path)
+    if is_bag(path):
+        return {"recording": str(path), "topics": _topics_held(path)}
+    return {"recording": str(path), "columns": _columns_held(path)}
+
+
+def _columns_held(path: Path) -> list[dict[str, Any]]:
     names, delimiter = header_of(path)
     with open(path, encoding="utf-8-sig", errors="replace") as stream:
         head = stream.read(LONGEST_ROW).splitlines()[:2]
     row = next(csv.reader(head[1:], delimiter=delimiter), [])
+    found = []
     for k, name in enumerate(names):
         channel = channel_of(name)
-        guess = f"  (guess: {channel}, {unit_of(name, channel)})" if channel else ""
-        yield f"{path.name}  {shown(name)}  first value {shown(row[k]) if k < len(row) else 'missing'}{guess}"
+        guess = {"channel": channel, "unit": unit_of(name, channel)} if channel else None
+        found.append({"name": name, "first": row[k] if k < len(row) else None, "guess": guess})
+    return found
+
+
+def _topics_held(path: Path) -> list[dict[str, Any]]:
+    bag = Bag(path, Mapping(path, ""))
+    known = bag.definitions()
+    return [
+        {
+            "name": one.topic,
+            "type": one.msgtype,
+            "messages": one.msgcount,
+            "fields": dict(_fields(known, one.msgtype)[:MOST_FIELDS]),
+        }
+        for one in sorted(bag.connections, key=lambda c: c.topic)
+    ]
+
+
+def _columns(path: Path) -> Iterator[str]:
+    for one in _columns_held(path):
+        guess = f"  (guess: {one['guess']['channel']}, {one['guess']['unit']})" if one["guess"] else ""
+        first = "missing" if one["first"] is None else shown(one["first"])
+        yield f"{path.name}  {shown(one['name'])}  first value {first}{guess}"
 
 
 def _topics(path: Path) -> Iterator[str]:
-    bag = Bag(path, Mapping(path, ""))
-    known = bag.definitions()
-    for one in sorted(bag.connections, key=lambda c: c.topic):
-        yield f"{path.name}  {one.topic}  {one.msgtype}  {one.msgcount} messages"
-        for name, kind in _fields(known, one.msgtype)[:MOST_FIELDS]:
+    for one in _topics_held(path):
+        yield f"{path.name}  {one['name']}  {one['type']}  {one['messages']} messages"
+        for name, kind in one["fields"].items():
             yield f"    {name}  {kind}"
 
 

@@ -61,11 +61,20 @@ def recorded(places: list[Path], robot: Path | None, diagnosis: Path | None) -> 
     return found
 
 
+def _print_address(address: str) -> None:
+    print(f"{address}  (Ctrl-C ends it)", flush=True)
+
+
 @contextmanager
-def serve(feed: Feed, port: int = 0, browser: bool = True) -> Iterator[Callable[[], None]]:
-    """Serve the page and say where; gives a function that waits until Ctrl-C, which ends it in order."""
+def serve(
+    feed: Feed, port: int = 0, browser: bool = True, say: Callable[[str], None] | None = None
+) -> Iterator[Callable[[], None]]:
+    """Serve the page and say where; gives a function that waits until Ctrl-C, which ends it in order.
+
+    say : takes the address; by default it is printed.
+    """
     with Viewer(feed, port) as viewer:
-        print(f"{viewer.address}  (Ctrl-C ends it)", flush=True)
+        (say or _print_address)(viewer.address)
         if browser:
             # Nobody's fault where there is no browser: the address stands above.
             with suppress(webbrowser.Error):

@@ -31,27 +31,32 @@ def printed(monkeypatch, capfd):
 
 def test_a_run_is_summed_up_as_json(printed, tmp_path):
     options = ("--link", "model", "--no-compare", "--no-figure", "--duration", "0.5", "--json")
-    (one,) = printed("run", "crawl", *options, "--out", tmp_path / "o")
+    (one,) = printed("run", "crawl", *options, "--out", tmp_path / "o")["runs"]
     assert one["folder"] == str(tmp_path / "o")
     assert one["scenario"] == "crawl" and (tmp_path / "o" / "log.csv").is_file()
 
 
 def test_an_import_is_said_as_json(printed, tmp_path):
-    (one,) = printed("import", EXAMPLES / "square.mcap", "--out", tmp_path / "case", "--json")
+    (one,) = printed("import", EXAMPLES / "square.mcap", "--out", tmp_path / "case", "--json")["runs"]
     assert one["rows"] > 10 and one["mode"] == "speed" and "mapping" in one["assumed"]
 
 
 def test_the_catalogue_is_told_as_json(printed):
-    assert {one["id"] for one in printed("effects", "--json")} == set(CATALOGUE)
-    (one,) = printed("effects", "backlash", "--json")
+    assert {one["id"] for one in printed("effects", "--json")["effects"]} == set(CATALOGUE)
+    (one,) = printed("effects", "backlash", "--json")["effects"]
     assert one["parameters"][0]["unit"] == "rad"
 
 
-def test_several_cases_are_not_one_json(monkeypatch, capfd, tmp_path):
-    monkeypatch.setattr(sys, "argv", ["rtds", "diagnose", "a", "b", "--json", "--out", str(tmp_path / "o")])
+def test_several_cases_are_a_list_in_one_json_also_where_they_fail(monkeypatch, capfd, tmp_path):
+    monkeypatch.setattr(
+        sys, "argv", ["rtds", "diagnose", "a", "b", "--json", "--jobs", "1", "--out", str(tmp_path / "o")]
+    )
     with pytest.raises(SystemExit) as ended:
         main()
-    assert ended.value.code == 2 and "cases.parquet holds the answers" in capfd.readouterr().err
+    assert ended.value.code == 1
+    found = json.loads(capfd.readouterr().out)["cases"]
+    assert [(one["case"], one["verdict"]) for one in found] == [("a", None), ("b", None)]
+    assert all("is no case folder" in one["error"] for one in found)
 
 
 def test_every_function_is_there_at_the_top():
