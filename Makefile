@@ -37,10 +37,10 @@ run: setup
 	$(BIN)/rtds run all --robot paper --out $(OUT)
 
 test: setup system
-	$(BIN)/python -m pytest -m "not long $(BROWSER)"
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not long $(BROWSER)"
 
 test-long: setup system
-	$(BIN)/python -m pytest -m "(long or not long) $(BROWSER)"
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "(long or not long) $(BROWSER)"
 
 sim: setup system
 	SIM_ONLY=$(SIM) $(BIN)/python -m pytest tb

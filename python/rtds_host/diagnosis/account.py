@@ -93,8 +93,7 @@ def account(search: Search, fit: Fit) -> Account:
         fit, standing = search.fits[()], []
     if not fit.hypothesis:
         fit = base
-    spare = [member for member, reason in dropped.items() if reason == NOTHING]
-    alike, rivals = lookalikes(search, fit, [(s.member, s.refitted) for s in standing], spare)
+    alike, rivals = lookalikes(search, fit, [(s.member, s.refitted) for s in standing])
     standing.sort(key=lambda s: -s.gain)
     return Account(
         fit,

@@ -140,3 +140,12 @@ def loop_on_wheels(case: Case) -> bool:
     wheels = any(log.has(f"{channel}_{side}") for log in case.runs for channel in ("w", "th") for side in "lr")
     motion = _logged(case, "i", "gyro", "x", "y", "yaw")
     return case.robot.driver.mode == "speed" and not (wheels and motion)
+
+
+def loop_beyond_wheels(case: Case) -> bool:
+    """Whether a base in speed mode is seen by its wheels and by pose or gyro, and no current is logged.
+
+    Its loop holds the speed that it counts. Wheels that count at another scale and wheels of another radius then differ
+    by how the loop settles only.
+    """
+    return case.robot.driver.mode == "speed" and not _logged(case, "i") and _logged(case, "gyro", "x", "y", "yaw")

@@ -68,8 +68,15 @@ class Explanations:
         return sum(math.log(each * (SIDE_PRIOR[side] if self.effects[e].sided else 1.0)) for e, side in hypothesis)
 
     def prior(self, fit: Fit) -> float:
-        """-2 log prior density of an explanation with its sizes."""
-        return prior_cost(fit.z, fit.u) - 2.0 * self.log_prior(fit.hypothesis)
+        """-2 log prior density of an explanation with its sizes.
+
+        An effect of one side is as likely as not on the other, too, of another size: friction on both wheels is one
+        cause that scatters, not two.
+        """
+        left, right = ({e for e, s in fit.hypothesis if s == side} for side in ("left", "right"))
+        alone = math.log(SIDE_PRIOR["right"] * EXPECTED_EFFECTS / len(self.effects))
+        log_prior = self.log_prior(fit.hypothesis) + len(left & right) * (math.log(SIDE_PRIOR["both"]) - alone)
+        return prior_cost(fit.z, fit.u) - 2.0 * log_prior
 
     def score(self, fit: Fit) -> float:
         """-2 log of evidence times prior."""

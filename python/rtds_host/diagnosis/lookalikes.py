@@ -7,9 +7,9 @@ from collections.abc import Container, Iterable
 from rtds_host.diagnosis.chance import SLIGHT
 from rtds_host.diagnosis.choice import AS_MUCH, Judged
 from rtds_host.diagnosis.evidence import compared, told_apart, worth_naming
-from rtds_host.diagnosis.fit import Fit
+from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.gap import LEAST
-from rtds_host.diagnosis.screen import Candidate, available, clashes
+from rtds_host.diagnosis.screen import Candidate, available, clashes, start_values
 from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.twins import near_twins, twins
 
@@ -19,27 +19,25 @@ LARGEST_SET = 3
 
 
 def lookalikes(
-    search: Search, fit: Fit, standing: Iterable[tuple[Member, Fit]], spare: Iterable[Member]
+    search: Search, fit: Fit, standing: Iterable[tuple[Member, Fit]]
 ) -> tuple[tuple[tuple[Member, ...], ...], list[Fit]]:
     """Effects that take a blamed one's place and fit as well, and the fits that show it.
 
     What opens a gap does not, however few blocks of time there are to tell it by. standing : blamed effects and the
-    explanation without each; spare : effects that were likely there beside them but closed next to nothing: those that
-    do most of what one does may be a part of it.
+    explanation without each.
 
-    A set has room for few. Those that are alike in principle come first and need no fit to be in it; then what is
-    nearly so, if it fits as well, and whatever else does; what is nearly so and was not met comes last.
+    A set has room for few. Those that are alike in principle come first; then what is nearly so, if it fits as well,
+    and whatever else does; what is nearly so and was not met comes last. Each was fitted in the effect's place, lies
+    within its bounds there and opens no gap: an upside-down gyro is no track of a negative width.
     """
     sets, rivals = [], []
     case, there = search.problem.case, {effect.id for effect in available(search.problem)} & search.wanted
     for one, without in standing:
-        part = [member for member in spare if _likened(search, member, one)]
-        part += [twin for member in part for twin in twins(case, member, fit.hypothesis)]
-        inherent, near, part = (
+        inherent, near = (
             [member for member in alike if member[0] in there and not clashes(member, fit.hypothesis)]
-            for alike in (twins(case, one, fit.hypothesis), near_twins(case, one), part)
+            for alike in (twins(case, one, fit.hypothesis), near_twins(case, one))
         )
-        swaps = _swaps(search, fit, one, without)
+        swaps, further = _swaps(search, fit, one, without), {}
         known = {member for member in swaps if member in near or member[0] in search.effects[one[0]].confused_with}
         fitting = _fitting(search, fit, swaps, known)
         # What a look-alike is confused with may be one, too: the motor's constant for viscous friction, and a gain for
@@ -52,15 +50,43 @@ def lookalikes(
         fitting |= _fitting(search, fit, further, further)
         found = sorted((member not in known, gain, member) for member, (gain, _) in fitting.items())
         rivals += [swapped for _, swapped in fitting.values()]
-        others = list(dict.fromkeys([*inherent, *part, *(member for *_, member in found), *near]))
-        if others:
-            sets.append((one, *others[: LARGEST_SET - 1]))
+        others = list(dict.fromkeys([*inherent, *(member for *_, member in found), *near]))
+        fitted = {member: swap for member, swap in (swaps | further).items() if member in others}
+        fitted |= {member: swap for member, (_, swap) in fitting.items()}
+        alike: list[Member] = []
+        for member in others:
+            if len(alike) < LARGEST_SET - 1 and _possible(search, fit, one, without, member, fitted.get(member)):
+                alike.append(member)
+        if alike:
+            sets.append((one, *alike))
     return tuple(sets), rivals
 
 
-def _likened(search: Search, member: Member, other: Member) -> bool:
-    """Whether an effect, or one that no run tells from it, is described as doing most of what another does."""
-    return any(one[0] in search.effects[other[0]].likened for one in (member, *twins(search.problem.case, member)))
+def _possible(search: Search, fit: Fit, one: Member, without: Fit, member: Member, met: Fit | None) -> bool:
+    """Whether another effect in one's place opens no gap at a size that it can have; `met`: a fit of it there."""
+
+    def fits(swapped: Fit) -> bool:
+        if not search.named(swapped):
+            return False
+        if search.closed(fit):
+            return not _opens(search.gap(swapped), search.gap(fit))
+        return Judged.of(search.problem, swapped).gap <= AS_MUCH * Judged.of(search.problem, fit).gap
+
+    if met is not None and fits(met):
+        return True
+    effect, own = search.effects[member[0]], dict(zip(fit.hypothesis, fit.values))[one]
+    starts = start_values(effect)
+    if "ratio" in own and [p.name for p in effect.parameters] == ["ratio"] and own["ratio"]:
+        # Of two factors that do the same, one is the other or its inverse.
+        starts = [*({"ratio": ratio} for ratio in (own["ratio"], 1.0 / own["ratio"])), *starts]
+    bounds = {p.name: (p.low, p.high) for p in effect.parameters}
+    inside = [{name: min(max(v, bounds[name][0]), bounds[name][1]) for name, v in start.items()} for start in starts]
+    begun = [joined({**without.parts, member: scaled(search.effects, (member,), [values])}) for values in inside]
+    rough = search.try_fits([(*start, without) for start in begun], rough=True)
+    if not rough:
+        return False
+    best = min(rough, key=search.score)
+    return fits(search.try_fit(best.hypothesis, best.u, best))
 
 
 def _fitting(

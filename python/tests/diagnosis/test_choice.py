@@ -8,11 +8,11 @@ from rtds_host.diagnosis.choice import WORTH, Judged, chosen, leaves
 from rtds_host.diagnosis.gap import Squares
 
 
-def judged(*horizons, prior=0.0):
+def judged(*horizons, prior=0.0, blocks=20):
     """An explanation by its gaps in speed and current; with two lists of them over whole runs and over pieces."""
     each = horizons if isinstance(horizons[0], tuple) else (horizons,)
     parts = [[{c: Squares(gap**2, 1) for c, gap in zip(("w_l", "i_l"), gaps)}] for gaps in each]
-    return Judged(SimpleNamespace(prior=prior), None, tuple(parts))
+    return Judged(SimpleNamespace(prior=prior), SimpleNamespace(block_count=blocks), tuple(parts))
 
 
 def taken(found):
@@ -53,6 +53,14 @@ def test_of_explanations_that_leave_as_much_the_one_more_probable_before_is_take
     """Two large effects that cancel leave a little less than two small ones."""
     large, small, worse = judged(2.0, 2.0, prior=30.0), judged(2.1, 2.1, prior=20.0), judged(2.5, 2.5, prior=1.0)
     assert taken({0: [judged(9.0, 9.0)], 2: [large, small, worse]}) is small
+
+
+@pytest.mark.parametrize(("blocks", "first"), [(20, True), (200, False)])
+def test_a_little_less_in_each_of_many_blocks_outweighs_what_was_more_probable_before(blocks, first):
+    """One block of time of unknown size says as much as any other: 200 of them ten times what 20 do."""
+    usual = judged(2.1, 2.1, prior=20.0, blocks=blocks)
+    closer = judged(2.0, 2.0, prior=30.0, blocks=blocks)
+    assert taken({0: [judged(9.0, 9.0)], 1: [usual, closer]}) is (usual if first else closer)
 
 
 def test_of_explanations_that_leave_as_much_one_that_is_not_worth_it_is_not_taken():

@@ -17,7 +17,7 @@ from rtds_host.diagnosis.evidence import CONVINCING, excess, told_apart
 from rtds_host.diagnosis.explanations import FAR
 from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side, to_values
 from rtds_host.diagnosis.intervals import Z90, _shift, _sigmas, intervals
-from rtds_host.diagnosis.lookalikes import _likened, _opens, _swaps, lookalikes
+from rtds_host.diagnosis.lookalikes import _opens, _swaps, lookalikes
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
@@ -286,15 +286,6 @@ def test_the_lag_of_the_speeds_may_be_one_of_all_that_is_measured_in_part():
     assert values[lag]["time_constant_s"] == pytest.approx(0.02, rel=0.05) and values[delay][
         "seconds"
     ] == pytest.approx(0.02, rel=0.05)
-
-
-@pytest.mark.parametrize(
-    "case,like", [(without(make_case(), *POSE), True), (make_case(), False)], ids=["no pose", "pose"]
-)
-def test_what_no_run_tells_from_a_delay_of_all_does_most_of_what_a_lag_of_the_speeds_does(case, like):
-    search = SimpleNamespace(problem=SimpleNamespace(case=case), effects=catalogue(case.robot))
-    assert _likened(search, ("measurement_delay", "both"), ("speed_filter", "both"))
-    assert _likened(search, ("command_delay", "both"), ("speed_filter", "both")) is like
 
 
 def test_a_delay_under_the_other_delays_name_is_renamed():
@@ -580,20 +571,25 @@ def test_a_gain_that_stands_in_for_a_bend_scatters_and_a_gain_does_not():
     assert low < 1.1 < high and high - low < 0.02
 
 
-@pytest.mark.parametrize("beside", [(), ("command_delay",)], ids=["alone", "beside a delay"])
-def test_a_delay_that_closes_nothing_is_declared_beside_a_lag_and_its_twin_unless_that_is_in_already(beside):
-    case, lag, spare = (
-        without(make_case(lambda m: m.put("speed_tau", 0.04)), *POSE),
-        ("speed_filter", "both"),
-        ("measurement_delay", "both"),
-    )
-    members = [((name, "both"), {"seconds": 0.002}) for name in beside]
-    search, fit = fitted(case, *members, (lag, {"time_constant_s": 0.04, "delay_s": 0.0}))
-    alone = search.without(fit, lag)[0]
-    search._screened(alone)
-    sets, _ = lookalikes(search, fit, [(lag, alone)], [spare])
-    declared = next(members for members in sets if members[0] == lag)
-    assert spare in declared and (("command_delay", "both") in declared) is not bool(beside)
+def test_a_gyro_that_is_upside_down_has_no_lookalike_of_a_negative_width():
+    """Without x and y a gyro's gain, the track's width and the wheels' radius are alike; but no width is negative."""
+    case = without(make_case(lambda m: m.scale("gyro_gain", -1.0)), *POSE)
+    upside, slower = (("gyro_gain", "both"), {"ratio": -1.0}), (("gyro_gain", "both"), {"ratio": 0.8})
+    search, fit = fitted(case, upside)
+    assert lookalikes(search, fit, [(upside[0], search.fits[()])])[0] == ()
+    search, fit = fitted(without(make_case(lambda m: m.scale("gyro_gain", 0.8)), *POSE), slower)
+    ((first, *others),) = lookalikes(search, fit, [(slower[0], search.fits[()])])[0]
+    assert first == slower[0] and ("track_width_error", "both") in others
+
+
+@pytest.mark.parametrize("ratio", [0.5, 2.0])
+def test_of_a_base_in_speed_mode_counts_and_radius_are_each_tried_at_the_inverse_of_the_other(ratio):
+    """Twice the counts halve the way of a base whose loop holds the speed that it counts; no slope leads from one to
+    the other."""
+    search, fit = fitted(make_case(), (("wheel_radius_error", "both"), {"ratio": ratio}))
+    start = search._likened(fit, ("wheel_radius_error", "both"))["speed_gain", "both"]
+    ((value,),) = [v.values() for v in to_values(search.effects, (("speed_gain", "both"),), start)]
+    assert value == pytest.approx(1.0 / fit.values[0]["ratio"])
 
 
 def test_the_other_delay_is_tried_in_a_delay_s_place_at_its_size():
@@ -797,7 +793,7 @@ def test_an_account_that_has_done_as_much_again_looks_for_no_look_alike_that_was
         assert not search.ended
         monkeypatch.setattr(search, "_over", share * search.problem.work)
         screened.clear()
-        alike, _ = lookalikes(search, fit, [(found, search.fits[()])], ())
+        alike, _ = lookalikes(search, fit, [(found, search.fits[()])])
         assert bool(screened) is not ended and search.ended is ended
         assert alike[0] == (found, twins(late, found)[0])
 

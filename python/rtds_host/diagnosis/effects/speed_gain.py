@@ -1,8 +1,24 @@
 """speed_gain: w and th reported times ratio."""
 
-from rtds_host.diagnosis.conditions import loop_on_wheels, speed_alone, torque_drives
+from collections.abc import Mapping
+
+from rtds_host.diagnosis.conditions import loop_beyond_wheels, loop_on_wheels, speed_alone, torque_drives
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
 from rtds_host.diagnosis.effects.exported import carried, reading
+from rtds_host.diagnosis.machine import Machine
+
+
+def _other_radius(
+    values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None
+) -> dict[str, float] | None:
+    """The radius with which a base drives as far as one that counts its wheels' turns at this scale.
+
+    Times its own where it is in already.
+    """
+    if values["ratio"] <= 0.0:
+        return None
+    return {"ratio": (beside["ratio"] if beside else 1.0) / values["ratio"]}
+
 
 EFFECT = Effect(
     id="speed_gain",
@@ -22,7 +38,8 @@ EFFECT = Effect(
     runs_in="signal",
     same_as={"driver_gain": speed_alone},
     same_with_friction={"payload_error": torque_drives, "driver_gain": torque_drives},
-    nearly_as={"command_gain": loop_on_wheels},
+    nearly_as={"command_gain": loop_on_wheels, "wheel_radius_error": loop_beyond_wheels},
+    likened={"wheel_radius_error": _other_radius},
     exports=reading("speed_gain"),
     exports_behind_servo={
         "urdf": carried("the loop's gains have it, and the speeds asked for take the scale in the comment"),

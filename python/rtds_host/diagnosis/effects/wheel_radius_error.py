@@ -1,8 +1,22 @@
 """wheel_radius_error: v = ratio r w."""
 
-from rtds_host.diagnosis.conditions import no_place, straight_without_place, turns_without_pose
+from collections.abc import Mapping
+
+from rtds_host.diagnosis.conditions import loop_beyond_wheels, no_place, straight_without_place, turns_without_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
 from rtds_host.diagnosis.effects.exported import own, row
+from rtds_host.diagnosis.machine import Machine
+
+
+def _other_counts(
+    values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """The scale of the encoders at which a base drives as far as one with wheels of this radius.
+
+    Times its own where it is in already.
+    """
+    return {"ratio": (beside["ratio"] if beside else 1.0) / values["ratio"]}
+
 
 EFFECT = Effect(
     id="wheel_radius_error",
@@ -32,7 +46,8 @@ EFFECT = Effect(
     runs_in="robot",
     axis=False,
     same_as={"track_width_error": no_place, "gyro_gain": turns_without_pose},
-    nearly_as={"payload_error": straight_without_place},
+    nearly_as={"payload_error": straight_without_place, "speed_gain": loop_beyond_wheels},
+    likened={"speed_gain": _other_counts},
     exports=row(
         own("geom size, wheels' pos"),
         own("collision sphere, joint origin"),
