@@ -40,6 +40,8 @@ class FaultLink:
         self._open = injection.of_kind("phase_open")
         if self._open and not hasattr(link, "set_resistances"):
             raise InputError(f"{self._open[0].fault}: this link cannot change a motor's resistance at an exact step")
+        self._lead = getattr(link, "resistance_lead_steps", 1)
+        self._check_changes(getattr(link, "resistance_spacing_steps", 1))
         self._dips = injection.of_kind("supply_dip")
         adc = injection.of_kind("adc_stuck")
         self._stuck = tuple(one for one in adc if one.fault.channel not in SENSOR_CHANNELS)
@@ -47,10 +49,35 @@ class FaultLink:
         self._wanted: list[float | None] = [None, None]
         scales = default_scaling()
         self._scales: tuple[AdcScale, ...] = tuple(scales.channel(name) for name in ADC_CHANNELS[:4])
-        # Steps before which an exchange is cut. Parameters given before a step act in the one after it.
+        # Steps before which an exchange is cut. Resistances given before a step act so many steps later.
         cuts = [at for one in (*self._dips, *self._stuck) for at in (one.start, one.end)]
-        cuts += [at - 1 for one in self._open for at in (one.start, one.end)]
+        cuts += [at - self._lead for at in self._changes()]
         self._cuts = np.unique(np.array([*cuts, *injection.rows.tolist(), NEVER], np.int64))
+
+    def _changes(self) -> list[int]:
+        """Steps from which on motors have other resistances than in the step before, in order; the first is 0.
+
+        What changes by the second step does so before the run: nothing acts in a link's very first step, which brings
+        the first parameters.
+        """
+        return sorted({at for one in self._open for at in (one.start, one.end) if 1 < at < NEVER})
+
+    def _check_changes(self, spacing: int) -> None:
+        """Whether the link can bring each change of resistances in time; a slow line takes a while for each."""
+        if not self._open or self._lead == spacing == 1:
+            return
+        changes = self._changes()
+        if changes and changes[0] <= self._lead:
+            raise InputError(
+                f"{self._open[0].fault}: this link takes {self._lead} steps to change a resistance: one changes at "
+                f"the run's beginning or {self._lead + 1} steps later"
+            )
+        for before, after in zip(changes, changes[1:]):
+            if after - before < spacing:
+                raise InputError(
+                    f"{self._open[0].fault}: this link takes {spacing} steps from one change of a resistance to the "
+                    f"next, and {after - before} are asked for at step {after}"
+                )
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.inner, name)
@@ -134,11 +161,13 @@ class FaultLink:
         return v, t
 
     def _set_resistances(self, force: bool = False) -> None:
-        """Give the motors the resistances of the step after the coming one, where they change there."""
+        """Give the motors the resistances of the step in which a change made now acts, where they change there.
+
+        force : before the run; those of its second step, the first in which parameters act.
+        """
         wanted: list[float | None] = [None, None]
-        # Nothing acts in a link's very first step, which brings the first parameters.
         for one in self._open:
-            if one.acts(self._step + 1):
+            if one.acts(1 if force else self._step + self._lead):
                 wanted[SIDES.index(one.fault.side)] = one.fault.resistance_ohm
         if force or wanted != self._wanted:
             self._wanted = wanted

@@ -19,7 +19,17 @@ import numpy as np
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link import protocol
 from rtds_host.link.analog import ADC_VOLTS_PER_STEP, Front, Paths, dac_volts
-from rtds_host.link.registers import OP_READ, SOF_ANSWER, RegisterClient, decode, encode_request, load_map
+from rtds_host.link.registers import (
+    FRAME_BYTES,
+    OP_READ,
+    OP_WRITE,
+    SOF_ANSWER,
+    RegisterClient,
+    decode,
+    encode_request,
+    float_word,
+    load_map,
+)
 from rtds_host.link.rtl import RtlLink
 from rtds_host.link.scaling import ADC_CHANNELS, SIGNED_CHANNELS, Scaling, default_scaling
 from rtds_host.motor.effect_tables import EffectWords
@@ -36,6 +46,12 @@ SATURATED = "sat_"
 _STATUS_STEPS = 40  # steps within which a register is read over the serial line, twice over
 _SERIAL_LIMIT_NS = 2_000_000
 _READ_ALL = 8  # steps after which all converters have settled, both parameters and inputs
+# A change of resistances on the serial line, at whose rate a byte takes one step: a request and its answer have nine
+# bytes each, so the next request begins after so many bytes that the chip passes over.
+_PAUSE_BYTES = 12
+_IDLE_BYTE = b"\xff"
+_CHANGED = ("R", "R_R")
+_COMMIT_BYTES = (len(_CHANGED) + 1) * FRAME_BYTES + len(_CHANGED) * _PAUSE_BYTES
 
 
 def parameter_registers(words: np.ndarray, method: int, source: str = "registers") -> dict[str, float | int]:
@@ -102,6 +118,11 @@ class ChipLink(RtlLink):
     LinkError : the simulator cannot be built or started.
     """
 
+    # The commit's last byte ends with its step. The next step takes the new words, the one after it computes with them.
+    resistance_lead_steps = _COMMIT_BYTES + 1
+    # The answer to the commit has come by then.
+    resistance_spacing_steps = _COMMIT_BYTES + FRAME_BYTES + 2
+
     def __init__(
         self,
         step_clocks: int | str = "min",
@@ -125,6 +146,7 @@ class ChipLink(RtlLink):
         self._pins = np.full(8, self.front.scaling.adc[0].zero_code * ADC_VOLTS_PER_STEP)
         self._wait_for = 0  # bytes of a status answer that are on their way
         self._received = b""
+        self._to_send = b""  # requests that begin with the next exchange
         self._identified = False
         self._wall_s = 0.0
         self._chip_steps = 0
@@ -167,7 +189,26 @@ class ChipLink(RtlLink):
         self._note(self.registers.flags("STATUS"))
 
     def _load_parameters(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
-        raise InputError("link chip: the serial line takes longer than a step, a resistance changes at no exact step")
+        """Have both resistances written during the exchanges that follow, and committed at an exact step.
+
+        Before the first exchange they are written at once, with all else.
+        """
+        if not self._exchanged:
+            self._load(words, values, method)
+            return
+        if self._wait_for:
+            raise InputError(
+                "set_resistances: the serial line is still busy with the change before, which takes "
+                f"{self.resistance_spacing_steps} steps"
+            )
+        sides = [float(parameter_words(side, method)[0][0]) for side in words.side_values(values)]
+        registers, command = load_map(), load_map().named("COMMAND")
+        requests = [
+            encode_request(k, OP_WRITE, registers.named(name).address, float_word(ohm))
+            for k, (name, ohm) in enumerate(zip(_CHANGED, sides, strict=True))
+        ]
+        commit = encode_request(len(requests), OP_WRITE, command.address, 1 << command.field("commit").bit)
+        self._to_send = (_PAUSE_BYTES * _IDLE_BYTE).join([*requests, commit])
 
     def report(self) -> dict:
         """Figures of the run so far, for a summary: simulated time and clocks, wall time, what was cut."""
@@ -230,19 +271,29 @@ class ChipLink(RtlLink):
         values = np.array(inputs, np.uint32).view(np.float32)
         self.write_wires(self.front.to_volts(values))
         send, expect = b"", 0
-        if not self._wait_for and steps >= _STATUS_STEPS:
+        if self._to_send:
+            send, self._to_send = self._to_send, b""
+            expect = self._wait_for = (len(_CHANGED) + 1) * FRAME_BYTES
+            self._received = b""
+        elif not self._wait_for and steps >= _STATUS_STEPS:
             send = encode_request(0, OP_READ, load_map().named("STATUS").address)
-            expect = self._wait_for = len(send)
+            expect = self._wait_for = FRAME_BYTES
             self._received = b""
         codes = self.run(steps, every, send, expect)
         if self._wait_for and len(self._received) >= self._wait_for:
-            answer = decode(self._received[: self._wait_for], SOF_ANSWER)
-            self._wait_for = 0
+            self._look_at_answers()
+        return self.front.from_volts(self._wire_volts(codes))
+
+    def _look_at_answers(self) -> None:
+        """Take the answers that came during exchanges: to a read of STATUS, or to a change of resistances."""
+        count, self._wait_for = self._wait_for, 0
+        for at in range(0, count, FRAME_BYTES):
+            answer = decode(self._received[at : at + FRAME_BYTES], SOF_ANSWER)
             if answer is None or answer[1]:
-                raise self._failure("the answer to a read of STATUS is damaged")
+                raise self._failure("an answer of the serial line is damaged")
+        if count == FRAME_BYTES:
             fields = load_map().named("STATUS").fields
             self._note({field.name: bool(answer[3] >> field.bit & 1) for field in fields})
-        return self.front.from_volts(self._wire_volts(codes))
 
     def _wire_volts(self, codes: np.ndarray) -> np.ndarray:
         volts = dac_volts(codes)

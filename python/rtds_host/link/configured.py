@@ -20,9 +20,13 @@ class ConfiguredLink:
     ----------
     step_s : see `Link`.
     effect_words : with effects, what the effect unit is loaded with, and by how much the tables miss the curves.
+    resistance_lead_steps : steps from a call of `set_resistances` to the first one in which they act.
+    resistance_spacing_steps : steps from one such call to the next, at least.
     """
 
     step_s = 0.0
+    resistance_lead_steps = 1
+    resistance_spacing_steps = 1
     effect_words: EffectWords | None = None
     _exchanged = False
     _wanted: tuple[UnitEffects | None, UnitEffects | None, SupplyEffects | None] = (None, None, None)
@@ -69,13 +73,15 @@ class ConfiguredLink:
     def set_resistances(self, ohm: tuple[float | None, float | None]) -> None:
         """Give [left, right] other armature resistances, ohm; None: those of `set_parameters` or of the effects.
 
-        May be called between any two exchanges, the first time before the first of them. Like parameters, they act one
-        step later than an input given now. Nothing else changes: tables and states stay.
+        May be called between any two exchanges, the first time before the first of them. They act
+        `resistance_lead_steps` later than an input given now: one step, as parameters do, or more where a slow line
+        carries them. Nothing else changes: tables and states stay.
 
         Raises
         ------
-        InputError : no parameters yet, the first call is late, a resistance gives no usable coefficients, or this link
-            cannot change one at an exact step. LinkError : the simulator does not answer.
+        InputError : no parameters yet, the first call is late, a resistance gives no usable coefficients, the call
+            before is not `resistance_spacing_steps` ago, or this link cannot change one at an exact step.
+        LinkError : the simulator does not answer.
         """
         self._check_open()
         if self._parameters is None:

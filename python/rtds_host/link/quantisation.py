@@ -100,6 +100,10 @@ class QuantisedLink:
         """See `Link.set_effects`; registers carry them, unquantised."""
         self.inner.set_effects(left, right, supply)
 
+    def set_resistances(self, ohm: tuple[float | None, float | None]) -> None:
+        """See `rtds_host.link.configured.ConfiguredLink.set_resistances`; registers carry them, unquantised."""
+        self.inner.set_resistances(ohm)  # type: ignore[attr-defined]
+
     def exchange(
         self, voltages: Sequence[float], torques: Sequence[float], interval_s: float, sample_s: float | None = None
     ) -> Exchange:

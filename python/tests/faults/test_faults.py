@@ -12,7 +12,9 @@ from rtds_host.diagnosis.gate import examine
 from rtds_host.errors import InputError
 from rtds_host.faults import Fault, FaultLink, Injection, read_faults, read_stimulus
 from rtds_host.link import open_link
+from rtds_host.link.chip import ChipLink
 from rtds_host.link.hps import HpsLink, SimulatedBus
+from rtds_host.link.quantisation import QuantisedLink
 from rtds_host.motor.effects import Curve, SupplyEffects, UnitEffects
 from rtds_host.run import LinkChoice, make_plan, perform, write_outcome
 from rtds_host.run.log import log_columns
@@ -216,8 +218,74 @@ def test_a_stimulus_that_cannot_be_played_ends_in_one_line(tmp_path, text, says)
         Injection.of((), read_stimulus(path), STEP_S, SUPPLY_V, 1.0)
 
 
+CHIP_FAULTS = (
+    Fault("phase_open", 0.0, 5.3e-4, side="left"),
+    Fault("phase_open", 1.15e-3, 1.77e-3, side="right"),
+    Fault("phase_open", 2.39e-3, side="left"),
+    Fault("phase_open", 2.39e-3, 3.02e-3, side="right"),
+)
+
+
+@pytest.mark.parametrize("effects", [False, pytest.param(True, marks=pytest.mark.long)])
+def test_a_phase_opens_behind_the_chips_serial_line_at_the_very_step_of_the_model(effects):
+    """The words go over the line while steps run, and the commit's last byte ends in the step before they are taken."""
+    found = []
+    for link in (ChipLink(), QuantisedLink(open_link("model"), None, ("voltages", "torques", "outputs"))):
+        with FaultLink(link, injection(*CHIP_FAULTS)) as faulty:
+            if effects:
+                level = Curve((0.0, 0.0), (1e-4, 1e-4))
+                dry = UnitEffects(friction_forward=level, friction_backward=level)
+                faulty.set_effects(dry, None, SupplyEffects(voltage_v=12.0, source_resistance_ohm=0.5))
+            faulty.set_parameters(**MOTOR)
+            if isinstance(link, QuantisedLink):  # the chip is one step on before its first exchange
+                link.exchange((0.0, 0.0), (0.0, 0.0), STEP_S)
+            for volts, load, steps in (((6.0, -9.0), (1e-4, 0.0), 70), ((9.0, 3.0), (0.0, 2e-4), 280)):
+                got = faulty.exchange(volts, load, steps * STEP_S, STEP_S)
+                found.append(np.hstack([got.speeds, got.currents]))
+    chip, model = np.vstack(found[:2]), np.vstack(found[2:])
+    assert np.array_equal(chip, model)
+    # Each change lies between these rows: an open phase has no current at the DAC, a closed one has.
+    for side, begins, ends in ((0, 1, 53), (1, 115, 177), (0, 239, 350), (1, 239, 302)):
+        assert not chip[begins:ends, 2 + side].any() and chip[ends : ends + 1, 2 + side].all()
+        assert begins == 1 or chip[begins - 1, 2 + side] != 0.0
+
+
+def test_two_changes_that_a_serial_line_has_no_time_for_end_in_one_line():
+    with ChipLink() as link:
+        link.set_parameters(**MOTOR)
+        link.set_resistances((1e6, None))
+        link.exchange((6.0, 6.0), (0.0, 0.0), 20 * STEP_S)
+        link.set_resistances((None, None))
+        link.exchange((6.0, 6.0), (0.0, 0.0), 20 * STEP_S)
+        with pytest.raises(InputError, match="still busy with the change before"):
+            link.set_resistances((1e6, None))
+        link.exchange((6.0, 6.0), (0.0, 0.0), (link.resistance_spacing_steps - 20) * STEP_S)
+        link.set_resistances((1e6, None))
+
+
+@pytest.mark.parametrize(
+    ("times", "says"),
+    [
+        ((2e-5, 1.0), "takes 52 steps to change a resistance: one changes at the run's beginning or 53 steps later"),
+        ((5.2e-4, 1.0), "or 53 steps later"),
+        ((1.0, 1.00061), "takes 62 steps from one change of a resistance to the next, and 61 are asked for at step"),
+    ],
+)
+def test_a_fault_that_a_slow_line_cannot_bring_in_time_ends_in_one_line(times, says):
+    class Slow:
+        resistance_lead_steps = ChipLink.resistance_lead_steps
+        resistance_spacing_steps = ChipLink.resistance_spacing_steps
+
+        def set_resistances(self, ohm):
+            raise AssertionError("not to be called")
+
+    with pytest.raises(InputError, match=says):
+        FaultLink(Slow(), injection(Fault("phase_open", *times, side="left")))
+    FaultLink(Slow(), injection(Fault("phase_open", 5.3e-4, 1.15e-3, side="left")))
+
+
 def test_a_link_without_exact_steps_says_so():
-    """What stands behind a serial line, or cannot change a resistance at all."""
+    """What cannot change a resistance at all."""
 
     class Board:
         def close(self):
@@ -334,6 +402,19 @@ def test_a_wheel_that_is_blocked_is_no_stuck_encoder(told, tmp_path):
     columns["i_l"][rows] = before[rows] / held.robot.motor.resistance_ohm
     blocked = dataclasses.replace(held, runs=(dataclasses.replace(log, columns=columns),))
     assert not [f for f in examine(blocked).findings if f.kind == "encoder_stuck"]
+
+
+def test_a_wheel_that_settles_without_noise_after_a_stuck_encoder_is_not_held(tmp_path):
+    """The few samples near the level are those of the smooth way to it, not of noise about it."""
+    plan = dataclasses.replace(make_plan("steps"), total_steps=5710)
+    fault = Fault("encoder_stuck", 3.00003, 5.5, side="left")
+    outcome = perform(plan, LinkChoice("model"), compare=False, injection=injection(fault, duration_s=plan.duration_s))
+    case = tmp_path / "case"
+    case.mkdir()
+    shutil.copy(builtin_robot_path("burger"), case / "robot.toml")
+    write_outcome(outcome, case / "steps", figure=False)
+    told = [f.kind for f in examine(read_case(case)).findings if f.kind in ("frozen", "encoder_stuck")]
+    assert told == ["encoder_stuck"]
 
 
 def test_the_text_of_a_fault_says_what_and_when():

@@ -9,7 +9,7 @@ import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.contract.clock import moment
-from rtds_host.diagnosis.chance import APART, FEWEST, HANDFUL, MEDIAN_OF_NORMAL, MOVES, SLIGHT, in_a_row
+from rtds_host.diagnosis.chance import APART, FEWEST, HANDFUL, MEDIAN_OF_NORMAL, MOST, MOVES, SLIGHT, in_a_row
 from rtds_host.diagnosis.gate.findings import Finding, percent
 from rtds_host.diagnosis.gate.limits import ROOM, channels
 from rtds_host.diagnosis.gate.timing import hole_s
@@ -179,11 +179,21 @@ def _repeats_about(v: np.ndarray, same: np.ndarray, first: np.ndarray, long: np.
 
 def _noisy_about(v: np.ndarray, value: float, noise: float) -> bool:
     """Whether a channel scatters from sample to sample about a value: a simulator's log, or a filtered one, settles and
-    then repeats itself without being held."""
+    then repeats itself without being held.
+
+    Noise bends the curve there and back: of two neighbouring second differences three quarters have opposite signs. On
+    the smooth way to a level none have.
+    """
     near = np.abs(v - value) < SHOWS * noise
-    bend = np.abs(v[2:] - 2.0 * v[1:-1] + v[:-2])[near[2:] & near[1:-1] & near[:-2]]
-    bend = bend[bend > 0]
-    return len(bend) > 0 and float(np.median(bend)) > MEDIAN_OF_NORMAL * math.sqrt(6.0) * noise / APART
+    bend = np.where(near[2:] & near[1:-1] & near[:-2], v[2:] - 2.0 * v[1:-1] + v[:-2], 0.0)
+    size = np.abs(bend[bend != 0.0])
+    pairs = bend[1:] * bend[:-1]
+    back = pairs[pairs != 0.0] < 0.0
+    return (
+        len(back) > 0
+        and float(np.mean(back)) > MOST
+        and float(np.median(size)) > MEDIAN_OF_NORMAL * math.sqrt(6.0) * noise / APART
+    )
 
 
 def _moves_within(log: RunLog, robot: Robot, c: str, rows: slice) -> bool:
