@@ -207,6 +207,7 @@ def _samples(said: _Said, source, to: str, out: Path, count: int, seed: int, sta
 
 def _check(said: _Said, out: Path, nominal, model, runs, actuator: str) -> None:
     from rtds_host.export.check import check as check_runs
+    from rtds_host.export.check import verdict
 
     checked = check_runs(out, nominal, model, runs, actuator)
     said.content["check"] = {
@@ -226,3 +227,5 @@ def _check(said: _Said, out: Path, nominal, model, runs, actuator: str) -> None:
         unit = {"i": "A", "w": "rad/s", "p": "m"}[one.channel[0]]
         label = f"{one.run}  {one.channel}"
         said.line(f"{label:<44}{one.rms:>9.2%}{one.largest:>10.2%}{f'{one.full:.4g} {unit}':>12}")
+    if checked.apart:
+        said.line(verdict(checked.apart))

@@ -18,6 +18,9 @@ from rtds_host.export.figures import figures_of
 from rtds_host.export.mujoco_replay import ExportedRobot
 from rtds_host.remains import temporary_folder
 
+# Share of full scale within which currents, speeds and paths are called those of the replay.
+CLOSE = 0.01
+
 
 @dataclass(frozen=True)
 class Closing:
@@ -34,13 +37,17 @@ class Closing:
 @dataclass(frozen=True)
 class Apart:
     """How far MuJoCo is from the replay of the same robot in one channel of one run: root mean square and largest
-    difference as shares of `full`, the channel's largest value in the replay (SI)."""
+    difference as shares of `full`, the channel's largest value in the replay (SI). `at_s`: when it is largest, s;
+    `beyond`: rows that differ by more than `CLOSE`, of `rows`."""
 
     run: str
     channel: str
     rms: float
     largest: float
     full: float
+    at_s: float
+    beyond: int
+    rows: int
 
 
 @dataclass(frozen=True)
@@ -58,8 +65,9 @@ class Checked:
         return None if ours is None or theirs is None or theirs <= 0.0 else ours / theirs
 
 
-def apart(run: str, mujoco: np.ndarray, replay: np.ndarray) -> list[Apart]:
-    """Differences in currents, speeds and path of two answers (n, 11), columns as the replay's `OUTPUTS`.
+def apart(run: str, t: np.ndarray, mujoco: np.ndarray, replay: np.ndarray) -> list[Apart]:
+    """Differences in currents, speeds and path of two answers (n, 11) at times t (n,), s; columns as the replay's
+    `OUTPUTS`.
 
     Full scale of the path is its largest distance from where it starts. A channel that never moves is left out.
     """
@@ -71,10 +79,28 @@ def apart(run: str, mujoco: np.ndarray, replay: np.ndarray) -> list[Apart]:
     far = np.hypot(*(replay[:, place] - replay[0, place]).T)
     found.append(("path", np.hypot(*(mujoco[:, place] - replay[:, place]).T), float(far.max())))
     return [
-        Apart(run, channel, float(np.sqrt(np.mean(miss**2))) / full, float(miss.max()) / full, full)
+        Apart(
+            run,
+            channel,
+            rms=float(np.sqrt(np.mean(miss**2))) / full,
+            largest=float(miss.max()) / full,
+            full=full,
+            at_s=float(t[int(miss.argmax())]),
+            beyond=int(np.count_nonzero(miss > CLOSE * full)),
+            rows=len(t),
+        )
         for channel, miss, full in found
         if full > 0.0
     ]
+
+
+def verdict(found: Sequence[Apart]) -> str:
+    """Whether all channels are within `CLOSE` of full scale, in a sentence."""
+    far = max(found, key=lambda one: one.largest)
+    where = f"{far.channel} of {far.run}, {far.largest:.2%} at {far.at_s:.3f} s"
+    if far.largest <= CLOSE:
+        return f"all within {CLOSE:.0%} of full scale; the largest is {where}"
+    return f"not all within {CLOSE:.0%} of full scale: {far.beyond} of {far.rows} rows; the largest is {where}"
 
 
 def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog], actuator: str = "general") -> Checked:
@@ -82,9 +108,8 @@ def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog], a
 
     Parameters
     ----------
-    corrected : MJCF file of `rtds export`; the nominal one is written beside, by the same writer. model : what
-    `corrected`
-        holds, for the diagnosis' own replay. actuator : of both files.
+    corrected : MJCF file of `rtds export`; the nominal one is written by the same writer.
+    model : what `corrected` holds, for the diagnosis' own replay. actuator : of both files.
 
     Raises
     ------
@@ -111,7 +136,7 @@ def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog], a
                 "replay before": replay_run(plain, data.inputs, REPORT_STEP_S),
                 "replay after": replay_run(model, data.inputs, min(REPORT_STEP_S, model.step_s)),
             }
-            differences += apart(log.name, outs["after"], outs["replay after"])
+            differences += apart(log.name, log.t, outs["after"], outs["replay after"])
             for name, out in outs.items():
                 parts[name].append(gaps.errors(log, robot, out))
     total = {name: gaps.gap(gaps.pooled(errors)) for name, errors in parts.items()}

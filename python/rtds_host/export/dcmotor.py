@@ -21,8 +21,9 @@ TIMESTEP_S = 2.5e-4
 # Resistance of copper by temperature, 1/K: gives the winding's rise a temperature.
 COPPER_PER_K = 3.93e-3
 # LuGre's bristle bends by so much at the wheel before it slips, or by more where its swing with the rotor would be too
-# fast for the step.
-BRISTLE_RAD, BRISTLE_SWING = 1e-4, 0.3
+# fast for the step. It may bend by less as long as the back EMF damps its swing: MuJoCo steps a bristle by explicit
+# Euler, which adds k h to a swing's damping c, negative, so that one stiffer than c/h rattles and creeps at rest.
+BRISTLE_RAD, BRISTLE_SWING, BRISTLE_DAMPED = 1e-4, 0.3, 0.8
 # Numbers of the cogging, in its order.
 COGGING = ("ripple_nm", "ripple_cycles", "ripple_phase_rad")
 # V; of a driver that answers nothing: MuJoCo wants a range.
@@ -61,7 +62,9 @@ def element(figures: Figures, side: Side) -> Element:
     stiffest = (BRISTLE_SWING / TIMESTEP_S) ** 2 * (side.rotor_kg_m2 + figures.body.wheel_inertia_kg_m2)
     lugre = (0.0, 0.0, 0.0, 0.0)
     if side.stribeck_nm:
-        lugre = (min(level / BRISTLE_RAD, stiffest) / n**2, side.dry_nm / n, level / n, side.stribeck_rad_s * n)
+        damped = BRISTLE_DAMPED * (side.braking + side.viscous_nm_s_per_rad) / TIMESTEP_S
+        stiffness = min(max(level / BRISTLE_RAD, damped), stiffest)
+        lugre = (stiffness / n**2, side.dry_nm / n, level / n, side.stribeck_rad_s * n)
     size_nm, cycles, phase = (side.torques[name] for name in COGGING)
     cogging = (size_nm / n, cycles / n, math.copysign(1.0, gain) * phase)
     return Element(

@@ -250,6 +250,9 @@ def _numbers(figures: Figures, actuator: str) -> dict[str, tuple[float, ...]]:
             "current_per_activation": (tuple(motor.current_per_activation for motor in motors), None),
             "current_delay_s": ((figures.measurement_delay_s,), 0.0),
             "load_share": (both("load_share"), 0.0),
+            "stribeck_nm": (both("stribeck_nm"), 0.0),
+            "stribeck_rad_s": (both("stribeck_rad_s") if any(both("stribeck_nm")) else (0.0,), 0.0),
+            "dry_nm": (both("dry_nm"), None) if any(both("stribeck_nm") + both("load_share")) else ((0.0,), 0.0),
             "asymmetry_nm_s_per_rad": (tuple(_by_speed(side) for side in figures.sides), 0.0),
         }
     if figures.loop is not None:

@@ -9,7 +9,9 @@
 The numbers are those of the file (custom/numeric). Before each step: the servo's loop, the driver's curve, dead zone
 and drop, the bus, gear loss by the torque that the gear transmits (bound of the joint's dry friction, by the torque of
 the step before), friction by direction and speed. Behind: gains, biases and filters of sensors, current in ampere.
-Where several environments share a model, each needs a model of its own if there is gear loss.
+Friction that falls with speed (Stribeck's) is the joint's dry friction here, with a bound by the speed, in place of the
+file's LuGre friction: a wheel then stands still until it breaks away, where a bristle yields before.
+Where several environments share a model, each needs a model of its own if there is gear loss or such friction.
 """
 
 import math
@@ -20,11 +22,13 @@ import numpy as np
 
 # laws: begin
 from rtds_host.plant.driver import clipped, duty, less_drop, servo
-from rtds_host.plant.friction import by_load, rolling
+from rtds_host.plant.friction import by_load, rolling, stribeck
 
 # laws: end
 GRAVITY_M_S2 = 9.80665
 SIDES = ("left", "right")
+# N·m; LuGre friction that is as good as none. Its stiffness stays: the number of activations hangs on it.
+NO_FRICTION_NM = 1e-12
 # Numbers of a file that leaves them out: nothing acts.
 NOTHING = {"speed_gain": 1.0, "current_gain": 1.0, "gyro_gain": 1.0, "voltage_gain": 1.0, "command_gain": 1.0}
 
@@ -47,11 +51,14 @@ class Driver:
         self.sensors = {name: int(model.sensor(name).adr[0]) for name in ("w_l", "w_r", "th_l", "th_r", "gyro")}
         radii = [float(model.geom("wheel_" + side).size[0]) for side in SIDES]
         coefficient = self.number("rolling_coefficient")[0]
-        self.dry = [
-            float(model.dof_frictionloss[dof]) + rolling(coefficient, payload_kg, radius)
-            for dof, radius in zip(self.dofs, radii)
-        ]
+        # Where the bound changes, the file's is a number: the model's may be that of a run before.
+        own = self.numbers.get("dry_nm", [float(model.dof_frictionloss[dof]) for dof in self.dofs])
+        self.dry = [dry + rolling(coefficient, payload_kg, radius) for dry, radius in zip(own, radii)]
         self.share = self.number("load_share")
+        self.extra, self.extra_until = self.number("stribeck_nm"), self.number("stribeck_rad_s")
+        for k in (0, 1):
+            if self.extra[k]:
+                model.actuator_biasprm[self.motors[k]][3:5] = NO_FRICTION_NM
         self.bus = self.supply
         self.integral, self.volts, self.loop_at = [0.0, 0.0], [0.0, 0.0], 0.0
         self.asked = deque([(0.0, (0.0, 0.0))])
@@ -98,8 +105,17 @@ class Driver:
             by_speed = self.number("asymmetry_nm_s_per_rad")[k]
             if by_speed:
                 data.qfrc_applied[self.dofs[k]] = -by_speed * abs(speeds[k])
-            if self.share[k]:
-                self.model.dof_frictionloss[self.dofs[k]] = self.dry[k] + by_load(self.share[k], *self._load(data, k))
+            if self.share[k] or self.extra[k]:
+                self.model.dof_frictionloss[self.dofs[k]] = self._bound(data, k, speeds[k])
+
+    def _bound(self, data, k, speed):
+        """Dry friction of a wheel, N·m, by its speed and by the torque that the gear transmits."""
+        bound = self.dry[k]
+        if self.extra[k]:
+            bound += stribeck(speed / self.extra_until[k], self.extra[k], lambda y: math.exp(-y))
+        if self.share[k]:
+            bound += by_load(self.share[k], *self._load(data, k))
+        return bound
 
     def _load(self, data, k):
         """Torques at a gear before and behind its dry friction, N·m at the wheel, in the last step."""
@@ -140,19 +156,23 @@ class Driver:
     def after(self, data):
         """Take filters and the late current to the end of a step."""
         now = [float(data.sensordata[self.sensors["w_" + side]]) for side in "lr"]
-        tau = self.number("speed_filter_s")
         if self.seen is None:
             self.seen, self.filtered = now, list(now)
-        for k in (0, 1):
-            if tau[k] > 0.0:
-                mean = 0.5 * (self.seen[k] + now[k])
-                self.filtered[k] = mean + (self.filtered[k] - mean) * math.exp(-self.model.opt.timestep / tau[k])
+        self.filtered = [self._behind(k, now[k]) for k in (0, 1)]
         self.seen = now
         delay = self.number("current_delay_s")[0]
         if delay > 0.0:
             self.past.append((data.time, self.currents(data)))
             while len(self.past) > 2 and self.past[1][0] <= data.time - delay:
                 self.past.popleft()
+
+    def _behind(self, k, now):
+        """A filter's speed once its sensor shows `now`, a step after what it has seen."""
+        tau = self.number("speed_filter_s")[k]
+        if tau <= 0.0:
+            return now
+        mean = 0.5 * (self.seen[k] + now)
+        return mean + (self.filtered[k] - mean) * math.exp(-self.model.opt.timestep / tau)
 
     def _late_currents(self, data):
         """Currents as they are reported, so many seconds late."""
@@ -174,7 +194,8 @@ class Driver:
         for k, side in enumerate("lr"):
             speed = float(data.sensordata[self.sensors["w_" + side]])
             if tau[k] > 0.0 and self.filtered is not None:
-                speed = self.filtered[k]
+                # Sensors evaluated since the step are a step ahead of the filter.
+                speed = self.filtered[k] if speed == self.seen[k] else self._behind(k, speed)
             found["i_" + side] = currents[k] * gain[k] + bias[k]
             found["w_" + side] = speed * scale[k]
             found["th_" + side] = float(data.sensordata[self.sensors["th_" + side]]) * scale[k]

@@ -72,5 +72,5 @@ EFFECT = Effect(
         own("staticFrictionEffort, dynamicFrictionEffort: two levels, no speed over which one fades"),
     ),
     resembles=(("torque", "w"),),
-    exports_dcmotor=own("actuator/dcmotor lugre"),
+    exports_dcmotor=own("actuator/dcmotor lugre; in its place with the driver module dry friction by speed"),
 )
