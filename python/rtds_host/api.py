@@ -156,20 +156,22 @@ def run(
     OutputError : `out` cannot be written.
     """
     from rtds_host.contract import check_writable
+    from rtds_host.robot import default_engine
 
     # Not from the package, whose face `rtds_host.run` calls this function.
     from rtds_host.run.plan import Options, make_plan
     from rtds_host.run.session import LinkChoice, perform, write_outcome
     from rtds_host.run.summary import Effects
+    from rtds_host.vectors import given
 
-    options = Options(robot=str(robot), **({} if engine is None else {"engine": engine}))
+    options = Options(robot=str(robot), engine=default_engine() if engine is None else engine)
     plan = make_plan(scenario, dict(values or {}), options)
     change = None
     if effects is not None or effect:
         from rtds_host.correction.choose import choose
         from rtds_host.correction.translate import translate
 
-        chosen = choose(plan.robot, None if effects is None else Path(effects), list(effect))
+        chosen = given(choose(plan.robot, None if effects is None else Path(effects), list(effect)), "what was chosen")
         change = Effects(
             translate(chosen.model, plan.robot, plan.body.payload_kg, step_s=plan.simulator_step_s), chosen.names
         )
@@ -217,7 +219,7 @@ def close(
     """
     import json
 
-    from rtds_host.contract.runlog import read_json
+    from rtds_host.contract.runlog import read_object
     from rtds_host.correction.close import close as close_case
     from rtds_host.correction.simulate import Setting
     from rtds_host.diagnosis.predict import read_diagnosis
@@ -231,7 +233,7 @@ def close(
     elif diagnosis is not None:
         path = Path(diagnosis)
         read_diagnosis(path, read.robot)
-        given = dict(read_json(path))  # type: ignore[call-overload]
+        given = read_object(path)
     options: dict[str, Any] = {} if engine is None else {"engine": engine}
     setting = Setting(
         link=link, link_options={"sim": "verilator", "step_clocks": "min"} if link == "rtl" else {}, **options

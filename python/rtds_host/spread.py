@@ -22,7 +22,7 @@ import traceback
 import uuid
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -81,13 +81,14 @@ def _start_worker() -> None:
     """A worker leaves Ctrl-C to its parent, and ends when the parent is gone, however it went."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
-
-    def watch() -> None:
-        multiprocessing.connection.wait([parent.sentinel])
-        os._exit(1)
-
     if parent is not None:
-        threading.Thread(target=watch, daemon=True).start()
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    """End this process when the one that `sentinel` belongs to has ended."""
+    multiprocessing.connection.wait([sentinel])
+    os._exit(1)
 
 
 @contextmanager
@@ -110,7 +111,7 @@ def process_pool(processes: int) -> Iterator[concurrent.futures.ProcessPoolExecu
                 process.terminate()
             # One that ends in the middle of a result leaves half of it in the pipe. The pool would wait for the other
             # half for as long as anybody could write it, and that is this process itself.
-            pool._result_queue._writer.close()
+            pool._result_queue._writer.close()  # type: ignore[attr-defined]  # no public way
         pool.shutdown(wait=True, cancel_futures=True)
 
 
@@ -127,7 +128,7 @@ def _interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> Iterator[Outcome]:
+def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> Generator[Outcome, None, None]:
     """Run `function(*arguments)` of each job in a pool of processes; yield outcomes as they come, each job once.
 
     A process that dies takes the whole pool with it. Those jobs that ran at that moment are then run again, each alone,
@@ -164,11 +165,11 @@ def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> I
                 )
                 for future in done:
                     job = running.pop(future)
-                    error = future.exception()
-                    if isinstance(error, BrokenProcessPool):
+                    raised = future.exception()
+                    if isinstance(raised, BrokenProcessPool):
                         lost.append(job)
-                    elif error is not None:
-                        yield Outcome(job[0], error=one_line(error))
+                    elif raised is not None:
+                        yield Outcome(job[0], error=one_line(raised))
                     else:
                         yield Outcome(job[0], future.result())
         lost += running.values()
@@ -178,7 +179,9 @@ def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> I
             suspects.extend(lost)
 
 
-def on_threads(function: Callable, jobs: Mapping[str, Callable[[], tuple]], width: int) -> Iterator[Outcome]:
+def on_threads(
+    function: Callable, jobs: Mapping[str, Callable[[], tuple]], width: int
+) -> Generator[Outcome, None, None]:
     """Like `on_cores` for jobs that start processes (`run_guarded`): a thread waits for each. Arguments as
     `on_cluster`'s.
 
@@ -372,7 +375,9 @@ class _Watch:
             raise LinkError(f"scheduler {self._scheduler}: is gone; call again to go on")
 
 
-def on_cluster(function: Callable, jobs: Mapping[str, Callable[[], tuple]], scheduler: str) -> Iterator[Outcome]:
+def on_cluster(
+    function: Callable, jobs: Mapping[str, Callable[[], tuple]], scheduler: str
+) -> Generator[Outcome, None, None]:
     """Run `function(*arguments)` of each job on a Dask cluster; yield outcomes as they come, each job once.
 
     The work of a worker that dies is done again by another. A job that keeps killing workers is run once more with no
@@ -394,7 +399,8 @@ def on_cluster(function: Callable, jobs: Mapping[str, Callable[[], tuple]], sche
         import distributed
 
         watch, idle_since = _Watch(client, scheduler), None
-        waiting, suspects = deque(jobs.items()), deque()
+        waiting = deque(jobs.items())
+        suspects: deque[tuple[str, Callable]] = deque()
         running: dict[Any, tuple[str, Callable]] = {}
         blamed: set[str] = set()
         try:
@@ -430,15 +436,15 @@ def on_cluster(function: Callable, jobs: Mapping[str, Callable[[], tuple]], sche
                     continue
                 for future in done:
                     name, make = running.pop(future)
-                    error = future.exception()
-                    if isinstance(error, distributed.scheduler.KilledWorker):
+                    raised = future.exception()
+                    if isinstance(raised, distributed.scheduler.KilledWorker):
                         if name in blamed:
                             yield Outcome(name, error="its workers died (killed, out of memory, or crashed)")
                         else:
                             suspects.append((name, make))
-                    elif error is not None:
+                    elif raised is not None:
                         trace = "".join(traceback.format_tb(future.traceback()))
-                        yield Outcome(name, error=_said(error, trace))
+                        yield Outcome(name, error=_said(raised, trace))
                     else:
                         yield Outcome(name, future.result())
                     future.release()

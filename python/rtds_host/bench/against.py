@@ -10,10 +10,12 @@ import sys
 import tarfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from rtds_host.bench.measure import STEP_S
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link.build import ROOT
+from rtds_host.vectors import given
 
 NEEDED = ("python", "rtl", "sim")
 # name, clocks a step, steps an exchange, effects, how many times as fast as the earlier state it is to be
@@ -74,25 +76,28 @@ class Worker:
         self.process = subprocess.Popen(
             list(map(str, command)), cwd=tree, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
+        # Both are pipes, as asked for above.
+        self.input: IO[str] = given(self.process.stdin, "the worker's input")
+        self.output: IO[str] = given(self.process.stdout, "the worker's output")
         self.answer()
 
     def answer(self) -> str:
         """The next line. Raises LinkError when there is none."""
-        line = self.process.stdout.readline()
+        line = self.output.readline()
         if not line:
             raise LinkError(f"{self.tree}: the loop ended with status {self.process.wait()}")
         return line
 
     def measure(self, seconds: float) -> tuple[float, float]:
         """(simulated over processor time, clocks a step) over about so many seconds."""
-        self.process.stdin.write(f"{seconds}\n")
-        self.process.stdin.flush()
+        self.input.write(f"{seconds}\n")
+        self.input.flush()
         steps, clocks, cpu_s = map(float, self.answer().split())
         return steps * STEP_S / max(cpu_s, 1e-2), clocks / steps
 
     def close(self) -> None:
         """End it."""
-        self.process.stdin.close()
+        self.input.close()
         self.process.wait()
 
 

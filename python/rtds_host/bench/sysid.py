@@ -30,7 +30,7 @@ import mujoco
 import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2, Case, Robot, read_case
-from rtds_host.contract.runlog import read_json
+from rtds_host.contract.runlog import read_object
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.diagnose import diagnose, taken
 from rtds_host.diagnosis.gate import examine
@@ -471,7 +471,7 @@ def row_of(case: Case, folds: int, iterations: int, report: Path | None = None, 
     if len(case.runs) < 2:
         raise InputError(f"{case.name}: holds one run, none can be left out")
     began = time.process_time()
-    found = diagnose(case, quick=True, threads=1)[0] if report is None else read_json(report / "diagnosis.json")
+    found = diagnose(case, quick=True, threads=1)[0] if report is None else read_object(report / "diagnosis.json")
     diagnosis_s = time.process_time() - began if report is None else math.nan
     runs = Problem(taken(case, examine(case)), 1).whole
     scales = scales_of(robot, runs)

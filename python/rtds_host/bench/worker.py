@@ -32,7 +32,8 @@ def main(step_clocks: str, exchange_steps: int, effects: bool) -> None:
     with RtlLink(sim="verilator", step_clocks=step_clocks if step_clocks == "min" else int(step_clocks)) as link:
         if effects:
             level = Curve((0.0, 0.0), (1e-4, 1e-4))  # N·m at the motor's shaft, at any speed
-            link.set_effects(*[UnitEffects(friction_forward=level, friction_backward=level)] * 2, None)
+            unit = UnitEffects(friction_forward=level, friction_backward=level)
+            link.set_effects(unit, unit, None)
         set_burger(link)
         link.exchange([0.0, 0.0], [0.0, 0.0], 10 * STEP_S)
         print("open", flush=True)

@@ -12,6 +12,7 @@ import math
 import shutil
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +41,7 @@ from rtds_host.blind.planar import (
 from rtds_host.blind.scales import draw_outside, scale_of
 from rtds_host.blind.vocabulary import EFFECTS, UNNAMED, draw_effect
 from rtds_host.contract import RunMeta, builtin_robot_path, load_robot, read_run, write_run
+from rtds_host.vectors import given
 
 SCENARIOS = ("coast", "crawl", "steps", "prbs", "spin", "circle", "eight", "linear", "teleop")
 TIERS = ("all", "tol", "few", "pair", "none", "unknown", "long")
@@ -62,7 +64,7 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
 
     `robot` (default the burger) gives the sizes of the kinds with several causes their scale.
     """
-    spec = {
+    spec: dict[str, Any] = {
         "tier": tier,
         "world": world,
         "effects": [],
@@ -247,7 +249,7 @@ def make_case(
             start[3:] = 0.0
         if robot.axis is not None and "th" not in spec["missing"]:
             start = np.array([0.0, 0.0, 0.0, robot.axis.zero_rad + rng.uniform(-0.5, 0.5), robot.axis.zero_rad])
-        own = math.sqrt(max(robot.noise("w_l") ** 2 - quantum_of("w_l", robot, counts) ** 2 / 12, 0))
+        own = math.sqrt(max(given(robot.noise("w_l"), "noise") ** 2 - quantum_of("w_l", robot, counts) ** 2 / 12, 0))
         white_w = own * np.column_stack([coloured(rng.standard_normal(t.size), t, *spec["colour"]) for _ in range(2)])
         where = place_of(run)
         raw = run_machine(
@@ -320,7 +322,7 @@ def make_case(
         truth["size_sigma"] = round(float(np.sqrt(max(change @ change - seen @ np.linalg.solve(gram, seen), 0))), 3)
     if rounding:
         truth["noise"] = {
-            name: float(f"{math.hypot(robot.noise(name), math.sqrt(np.mean(squares))):.6g}")
+            name: float(f"{math.hypot(given(robot.noise(name), 'noise'), math.sqrt(np.mean(squares))):.6g}")
             for name, squares in rounding.items()
         }
     if sizes and spec["effects"]:
@@ -409,7 +411,7 @@ def _account(robot, spec: dict, scatter: int, drives: dict[bool, list], noise: d
             robot, {**spec, "effects": effects, "rest": rest, "tolerance": tolerance}, np.random.default_rng(scatter)
         )
 
-    out = {}
+    out: dict[str, Any] = {}
     for held, name in ((False, "gap"), (True, "held_out_gap")):
         if not drives[held]:
             continue

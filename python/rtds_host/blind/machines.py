@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -192,7 +193,7 @@ def _draw_axis(rng: np.random.Generator, name: str) -> str:
     torque, lag = _log(rng, 0.03, 30), _log(rng, 0.02, 0.2)  # lag: the mechanical time constant
     inertia = lag * torque / speed
     part = rng.uniform(0.25, 0.75)  # the load's of it
-    axis = {"kind": name}
+    axis: dict[str, Any] = {"kind": name}
     if name == "inertia":
         axis["inertia_kg_m2"] = part * inertia
     elif name == "pendulum":
@@ -269,7 +270,7 @@ def draw_conditions(
         rate = float(rng.choice(rates))
         menus = [[], ["pose"], ["pose"], ["pose", "v_bus"], ["v_bus"], ["pose", "gyro_z"], ["pose", "i"]]
         spec["missing"] = ["pose", *menus[rng.integers(4)]] if name == "micromouse" else menus[rng.integers(len(menus))]
-        scenarios = SCENARIOS
+        scenarios: tuple[str, ...] = SCENARIOS
     else:
         rate, shortest, longest = float(rng.choice([100.0, 250.0, 500.0, 1000.0])), 0.6, 6.0
         spec["missing"] = [

@@ -39,6 +39,7 @@ from rtds_host.contract import (
 )
 from rtds_host.errors import InputError
 from rtds_host.remains import temporary_folder
+from rtds_host.vectors import given
 
 KIND = "measured"
 SCHEMA = "rtds-blind-measured/1"
@@ -75,7 +76,7 @@ def _write_run(run: RunLog, plant: Plant | None, folder: Path) -> None:
 
 def _write_case(case: Case, plant: Plant | None, withheld: set[str], public: Path, sealed: Path) -> None:
     """A case as planted: what the diagnoser may see, and the withheld runs beside the truth."""
-    data = tomllib.loads((case.path / "robot.toml").read_text())
+    data = tomllib.loads((given(case.path, "case.path") / "robot.toml").read_text())
     for (section, key), value in (plant.declared if plant is not None else {}).items():
         data.setdefault(section, {})[key] = value
     data["name"] = "measured"
@@ -272,7 +273,7 @@ def judge_planted(truth: dict, said: dict | None, base_said: dict | None, entry:
         "named": bool(named),
         "found": bool(same),
         "near": bool(same or any(m["named"] for m in alike)),
-        "match": (named or same or [m for m in alike if m["named"]] or [None])[0],
+        "match": next(iter(named or same or [m for m in alike if m["named"]]), None),
         "covered": named[0]["covered"] if named else None,
         "size_error": named[0]["size_error"] if named else None,
         "silent": answer.verdict == "known" and set(answer.effects) == set(base.effects) and not same,
@@ -315,7 +316,7 @@ def _gap(robot_path: Path, held_out: Path, diagnosis: Path, command: list[str] |
         columns = predicted(folder, robot_path, diagnosis, command)
         if isinstance(columns, str):
             return columns
-        noise = {name: robot.noise(name) for name in run.columns if robot.noise(name)}
+        noise = {name: size for name in run.columns if (size := robot.noise(name))}
         columns.setdefault("yaw", np.zeros(len(run.t)))  # an axis has no heading
         gaps.append(channel_gaps(run.t, run.columns, columns, noise))
     return total(pooled(gaps)) if gaps else None

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -148,6 +149,11 @@ class _Facts:
         self.current = any(_has(case, f"i_{s}") for s in robot.sides)
         self.sides = ("left",) if robot.axis is not None else ("both", "left", "right")
 
+    @property
+    def mass_kg(self) -> float:
+        """The declared mass of the load."""
+        return self.robot.sole_axis.mass_kg if self.axis is not None else self.robot.wheeled.mass_kg
+
     def load_factor(self, factor: float) -> list[Equivalent]:
         """What a load declared `factor` times too heavy looks like roughly: a weaker or stronger drive."""
         drive = [_exact("driver_gain", "ratio", factor), _exact("speed_gain", "ratio", factor)]
@@ -158,12 +164,12 @@ class _Facts:
     def beyond(self, low: float, high: float | None = None) -> list[Equivalent]:
         """Mass (of an inertia: inertia) beyond the declared, and the rotor's where gravity does not tell them apart."""
         high = low if high is None else high
-        axis, motor = self.axis, self.robot.motor
+        motor = self.robot.motor
         name = "inertia_kg_m2" if self.kind == "inertia" else "mass_kg"
         same = [Equivalent("payload_error", name, min(low, high), max(low, high))]
         rotor = motor.rotor_inertia_kg_m2 * motor.gear_ratio**2
         if self.kind in ("inertia", "linear") and rotor > 0:
-            arm = 1.0 if self.kind == "inertia" else axis.metres_per_rad**2
+            arm = 1.0 if self.kind == "inertia" else self.robot.sole_axis.metres_per_rad**2
             ratio = 1.0 + low * arm / rotor
             if ratio > 0:
                 same.append(_exact("rotor_inertia_error", "ratio", ratio))
@@ -171,7 +177,8 @@ class _Facts:
 
     def drive(self, factor: float) -> tuple[list[Equivalent], list[Equivalent]]:
         """(same, alike) of a drive that is `factor` times what is declared."""
-        same, alike = [_exact("driver_gain", "ratio", factor)], []
+        same = [_exact("driver_gain", "ratio", factor)]
+        alike: list[Equivalent] = []
         (alike if self.gravity else same).append(_exact("speed_gain", "ratio", factor))
         if self.mode == "voltage":
             alike.append(_exact("torque_constant_error", "ratio", factor))
@@ -185,7 +192,7 @@ class _Facts:
 
 def _mass(f: _Facts, rng: np.random.Generator) -> Plant:
     section = "axis" if f.axis is not None else "chassis"
-    mass = (f.axis or f.robot.chassis).mass_kg
+    mass = f.mass_kg
     declared = _declare(mass, _ratio(rng))
     return Plant(
         "mass",
@@ -198,7 +205,7 @@ def _mass(f: _Facts, rng: np.random.Generator) -> Plant:
 
 
 def _inertia(f: _Facts, rng: np.random.Generator) -> Plant:
-    inertia = f.axis.inertia_kg_m2
+    inertia = f.robot.sole_axis.inertia_kg_m2
     declared = _declare(inertia, _ratio(rng))
     return Plant(
         "inertia",
@@ -211,7 +218,7 @@ def _inertia(f: _Facts, rng: np.random.Generator) -> Plant:
 
 
 def _length(f: _Facts, rng: np.random.Generator) -> Plant:
-    length, mass = f.axis.length_m, f.axis.mass_kg
+    length, mass = f.robot.sole_axis.length_m, f.mass_kg
     declared = _declare(length, _ratio(rng))
     k = declared / length
     # No effect is a wrong arm. The nearest is the mass: 1/k makes gravity's torque right, 1/k^2 the inertia.
@@ -226,7 +233,7 @@ def _length(f: _Facts, rng: np.random.Generator) -> Plant:
 
 
 def _transmission(f: _Facts, rng: np.random.Generator) -> Plant:
-    metres, mass = f.axis.metres_per_rad, f.axis.mass_kg
+    metres, mass = f.robot.sole_axis.metres_per_rad, f.mass_kg
     declared = _declare(metres, _ratio(rng))
     k = declared / metres
     # Nothing but the mass is behind the transmission, so that it is the mass in all respects.
@@ -345,7 +352,8 @@ def _command_bias(f: _Facts, rng: np.random.Generator) -> Plant:
 
 def _speed_gain(f: _Facts, rng: np.random.Generator) -> Plant:
     side, k = str(rng.choice(f.sides)), _ratio(rng)
-    same, alike = [_exact("speed_gain", "ratio", k)], []
+    same = [_exact("speed_gain", "ratio", k)]
+    alike: list[Equivalent] = []
     (alike if f.gravity else same).append(_exact("driver_gain", "ratio", k))
     if f.mode == "voltage" and not f.current:
         alike.append(_exact("torque_constant_error", "ratio", 1 / k))
@@ -421,11 +429,11 @@ def kinds(case: Case) -> dict[str, Callable[[np.random.Generator], Plant]]:
     """Changes that make sense for a case: name -> draws one of random size."""
     f = _Facts(case)
     found: list[tuple[str, Callable[[_Facts, np.random.Generator], Plant]]] = []
-    if f.kind != "inertia" and (f.axis or f.robot.chassis).mass_kg > 0:
+    if f.kind != "inertia" and f.mass_kg > 0:
         found.append(("mass", _mass))
     if f.kind == "inertia":
         found.append(("inertia", _inertia))
-    if f.kind == "pendulum" and f.axis.length_m > 0:
+    if f.kind == "pendulum" and f.robot.sole_axis.length_m > 0:
         found.append(("length", _length))
     if f.kind == "linear":
         found.append(("length", _transmission))
@@ -446,4 +454,4 @@ def kinds(case: Case) -> dict[str, Callable[[np.random.Generator], Plant]]:
     if f.current:
         found += [("current gain", _current_gain), ("current bias", _current_bias)]
     found.append(("all late", _all_late))
-    return {name: (lambda rng, draw=draw: draw(f, rng)) for name, draw in found}
+    return {name: partial(draw, f) for name, draw in found}

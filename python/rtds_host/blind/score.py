@@ -664,7 +664,7 @@ def by_effect(records: list[dict]) -> list[tuple[str, int, int, int, int]]:
             row = counts.setdefault(name, [0, 0, 0, 0])
             row[2] += 1
             row[3] += hit
-    return [(name, *row) for name, row in sorted(counts.items())]
+    return [(name, row[0], row[1], row[2], row[3]) for name, row in sorted(counts.items())]
 
 
 def page(result: dict) -> str:

@@ -350,7 +350,7 @@ def answer(
     outcomes = on_cluster(_ask, questions, scheduler) if scheduler else on_threads(_ask, questions, jobs)
     with closing(outcomes):
         for done, outcome in enumerate(outcomes if todo else (), 1):
-            entry, content = outcome.value or (
+            answer: tuple[dict, bytes | None] = outcome.value or (
                 {
                     "case": outcome.name,
                     "status": -1,
@@ -360,6 +360,7 @@ def answer(
                 },
                 None,
             )
+            entry, content = answer
             if content is not None:
                 write_atomic(out / "answers" / entry["case"] / "diagnosis.json", content)
             _append(out, {**entry, "quick": quick})

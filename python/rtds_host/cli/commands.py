@@ -7,6 +7,7 @@ import io
 import itertools
 import os
 import sys
+from typing import cast
 
 import click
 import typer
@@ -62,7 +63,8 @@ class _Commands(click.Group):
                 f"no such command: {name!r} (known: {', '.join(COMMANDS)}){did_you_mean(name, COMMANDS)}"
             )
         module = importlib.import_module(f"rtds_host.cli.{MODULES.get(name, name)}")
-        command = typer.main.get_command(module.app)
+        # Typer's own copy of click makes it, with the interface of click's.
+        command = cast(click.Command, typer.main.get_command(module.app))
         command.name = name
         return command
 

@@ -53,16 +53,14 @@ def main() -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     except KeyboardInterrupt as error:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        asked = _asked(error)
+        by = _asked(error)
         with suppress(OSError):  # whoever read it has gone first
-            print(
-                f"rtds: {'interrupted' if asked == signal.SIGINT else 'ended by a signal'}", file=sys.stderr, flush=True
-            )
+            print(f"rtds: {'interrupted' if by == signal.SIGINT else 'ended by a signal'}", file=sys.stderr, flush=True)
             sys.stdout.flush()
         _release()
         # Had the signal struck while some import executed a string, Python would end by the signal, whatever status it
         # is given.
-        os._exit(128 + asked)
+        os._exit(128 + by)
     sys.exit(status)
 
 

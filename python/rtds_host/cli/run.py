@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from rtds_host.cli.answer import AsJson, answer
@@ -27,6 +27,7 @@ from rtds_host.run import Effects, LinkChoice, Options, Outcome, Plan, make_plan
 from rtds_host.run.loop import default_path
 from rtds_host.run.summary import Summary, lines
 from rtds_host.scenario import Scenario, own_scenario, scenarios
+from rtds_host.vectors import given
 
 if TYPE_CHECKING:
     from rtds_host.view.live import Feed, LivePath
@@ -87,7 +88,7 @@ def _bars(plans: list[Plan]) -> Iterator[Callable[[str, float], None]]:
         TimeRemainingColumn(),
     )
     lengths = {plan.scenario.name: plan.duration_s for plan in plans}
-    tasks: dict[str, int] = {}
+    tasks: dict[str, TaskID] = {}
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
 
         def report(label: str, t_s: float) -> None:
@@ -364,7 +365,7 @@ def chosen_effects(plan: Plan, diagnosis: Path | None, effects: list[str] | None
     from rtds_host.correction.choose import choose
     from rtds_host.correction.translate import translate
 
-    chosen = choose(plan.robot, diagnosis, effects)
+    chosen = given(choose(plan.robot, diagnosis, effects), "what was chosen")
     return Effects(
         translate(chosen.model, plan.robot, plan.body.payload_kg, step_s=plan.simulator_step_s), chosen.names
     )

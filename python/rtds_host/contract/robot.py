@@ -134,6 +134,30 @@ class Robot:
     tolerance: dict[str, float] = field(default_factory=dict)
 
     @property
+    def wheeled(self) -> Chassis:
+        """The chassis of a robot with two wheels; a caller that may meet a single axis asks `chassis`.
+
+        Raises
+        ------
+        TypeError : a single axis.
+        """
+        if self.chassis is None:
+            raise TypeError(f"robot {self.name!r} is a single axis and has no chassis")
+        return self.chassis
+
+    @property
+    def sole_axis(self) -> Axis:
+        """The load of a single axis; a caller that may meet a robot with wheels asks `axis`.
+
+        Raises
+        ------
+        TypeError : a robot with a chassis.
+        """
+        if self.axis is None:
+            raise TypeError(f"robot {self.name!r} has a chassis and is no single axis")
+        return self.axis
+
+    @property
     def sides(self) -> tuple[str, ...]:
         """Suffixes of the sides that exist: ("l", "r"), or ("l",) for a single axis."""
         return ("l",) if self.axis is not None else ("l", "r")
@@ -245,117 +269,32 @@ def builtin_robots() -> tuple[str, ...]:
 
 
 def _parse(path: Path, data: dict) -> Robot:
+    """The robot of a file's tables; of two faults the one that is named is the first in this order.
+
+    Raises
+    ------
+    InputError : a table or key that is missing, or a value that is not allowed.
+    """
     if data.get("schema") != SCHEMA:
         raise InputError(f"{path}: schema: is {shown(data.get('schema'))}, this program reads {SCHEMA!r}")
-
-    def section(name: str, required: bool = True) -> _Section | None:
-        table = data.get(name)
-        if table is None:
-            if required:
-                raise InputError(f"{path}: [{name}]: missing")
-            return None
-        if not isinstance(table, dict):
-            raise InputError(f"{path}: [{name}]: is no table")
-        return _Section(path, name, table)
-
     name, told = _name(path, data)
     if ("chassis" in data) == ("axis" in data):
         raise InputError(f"{path}: exactly one of [chassis] and [axis] is needed")
-
-    table = section("driver", required=False)
-    driver = Driver()
-    if table is not None:
-        mode = table.choice("mode", ("voltage", "torque", "speed"), "voltage")
-        driver = Driver(
-            mode=mode,
-            torque_nm_per_v=table.number("torque_nm_per_v", low=-1e3, high=1e3) if mode == "torque" else math.nan,
-            bus=table.choice("bus", ("nominal", "measured"), "nominal"),
-        )
-        if driver.torque_nm_per_v == 0:
-            raise table.fail("torque_nm_per_v", "is 0, no command would do anything")
-    electrical = driver.mode != "torque"
-
-    table = section("motor")
-    absent = None if electrical else math.nan
-    # Bounds reject slips of unit (mm for m, mH for H), not unusual machines.
-    motor = Motor(
-        resistance_ohm=table.number("resistance_ohm", absent, high=1e5, positive=True),
-        inductance_h=table.number("inductance_h", absent, high=100.0, positive=True),
-        torque_constant_nm_per_a=table.number("torque_constant_nm_per_a", absent, high=1e3, positive=True),
-        back_emf_constant_v_s_per_rad=table.number("back_emf_constant_v_s_per_rad", absent, high=1e3, positive=True),
-        rotor_inertia_kg_m2=table.number("rotor_inertia_kg_m2", low=0.0, high=1e3),
-        viscous_friction_nm_s_per_rad=table.number("viscous_friction_nm_s_per_rad", low=0.0, high=1e3),
-        gear_ratio=table.number("gear_ratio", high=1e5, positive=True),
-    )
-    if electrical and "chassis" in data:
-        for key in ("rotor_inertia_kg_m2",):
-            if getattr(motor, key) <= 0:
-                raise table.fail(key, "is 0, it must be above 0 for a robot")
-
-    supply = section("supply")
-    supply_v = supply.number("voltage_v", high=1e4, positive=True)
-
-    chassis = axis = None
-    if "chassis" in data:
-        table = section("chassis")
-        chassis = Chassis(
-            mass_kg=table.number("mass_kg", high=1e4, positive=True),
-            yaw_inertia_kg_m2=table.number("yaw_inertia_kg_m2", high=1e5, positive=True),
-            wheel_radius_m=table.number("wheel_radius_m", high=10.0, positive=True),
-            wheel_inertia_kg_m2=table.number("wheel_inertia_kg_m2", low=0.0, high=1e3),
-            track_width_m=table.number("track_width_m", high=100.0, positive=True),
-            com_x_m=table.number("com_x_m", 0.0, low=-10, high=10),
-            com_y_m=table.number("com_y_m", 0.0, low=-10, high=10),
-            com_z_m=table.number("com_z_m", 0.0, low=0, high=10),
-        )
-    else:
-        table = section("axis")
-        kind = table.choice("kind", ("inertia", "pendulum", "linear"))
-        axis = Axis(
-            kind=kind,
-            inertia_kg_m2=table.number("inertia_kg_m2", None if kind == "inertia" else 0.0, low=0.0, high=1e6),
-            mass_kg=table.number("mass_kg", None if kind != "inertia" else 0.0, low=0.0, high=1e6),
-            length_m=table.number("length_m", None if kind == "pendulum" else 0.0, low=0.0, high=1e3),
-            metres_per_rad=table.number("metres_per_rad", None if kind == "linear" else 0.0, low=-1e3, high=1e3),
-            zero_rad=table.number("zero_rad", 0.0, low=-1e6, high=1e6),
-        )
-        load = {
-            "inertia": axis.inertia_kg_m2,
-            "pendulum": axis.inertia_kg_m2 + axis.mass_kg * axis.length_m**2,
-            "linear": axis.mass_kg * axis.metres_per_rad**2,
-        }[kind]
-        if load + motor.rotor_inertia_kg_m2 * motor.gear_ratio**2 <= 0:
-            raise InputError(f"{path}: [axis]: load and rotor have no inertia at all")
-
+    driver = _driver(_optional(path, data, "driver"))
+    motor = _motor(_section(path, data, "motor"), driver.mode != "torque", "chassis" in data)
+    supply_v = _section(path, data, "supply").number("voltage_v", high=1e4, positive=True)
+    chassis = _chassis(_section(path, data, "chassis")) if "chassis" in data else None
+    axis = None if "chassis" in data else _axis(_section(path, data, "axis"), motor)
     servo = None
     if driver.mode == "speed":
-        table = section("servo")
-        left_out = frozenset(SERVO_GAINS - table.table.keys())
-        # A loop that asks for the whole supply at an error of the no-load speed, and takes a fifth of a second to
-        # settle.
-        guess = motor.back_emf_constant_v_s_per_rad * motor.gear_ratio
-        # A period in other units than seconds would keep the replay busy for ever.
-        period = table.number("period_s", positive=True, low=1e-6, high=10.0)
-        if period < SHORTEST_PERIOD_S:
-            told += (
-                f"{path.name}: [servo] period_s is {period:g}, replayed in steps of {SHORTEST_PERIOD_S:g} s: no wheel "
-                "shows the difference",
-            )
-        servo = Servo(
-            kp_v_s_per_rad=table.number("kp_v_s_per_rad", guess, low=0.0, high=1e9),
-            ki_v_per_rad=table.number("ki_v_per_rad", 5.0 * guess, low=0.0, high=1e9),
-            limit_v=table.number("limit_v", positive=True, high=1e4),
-            period_s=max(period, SHORTEST_PERIOD_S),
-            left_out=left_out,
-        )
-
-    table = section("sensors")
+        servo, more = _servo(_section(path, data, "servo"), motor)
+        told += more
+    table = _section(path, data, "sensors")
     sensors = {
         key: table.number(key, positive=True, high=1e9)
         for key in sorted(set(NOISE_KEYS.values()))
         if key in table.table
     }
-    tolerance = _tolerance(section("tolerance", required=False), Axis if chassis is None else Chassis)
     return Robot(
         name=name,
         motor=motor,
@@ -367,8 +306,126 @@ def _parse(path: Path, data: dict) -> Robot:
         sensors=sensors,
         notices=(*told, *_strange(path, data)),
         encoder=table.choice("encoder", ENCODERS) if "encoder" in table.table else None,
-        tolerance=tolerance,
+        tolerance=_tolerance(_optional(path, data, "tolerance"), Axis if chassis is None else Chassis),
     )
+
+
+def _section(path: Path, data: dict, name: str) -> _Section:
+    """A table of the file.
+
+    Raises
+    ------
+    InputError : the table is missing, or its name stands for a value.
+    """
+    table = _optional(path, data, name)
+    if table is None:
+        raise InputError(f"{path}: [{name}]: missing")
+    return table
+
+
+def _optional(path: Path, data: dict, name: str) -> _Section | None:
+    """A table of the file, or None where there is none.
+
+    Raises
+    ------
+    InputError : its name stands for a value.
+    """
+    table = data.get(name)
+    if table is None:
+        return None
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: [{name}]: is no table")
+    return _Section(path, name, table)
+
+
+def _driver(table: _Section | None) -> Driver:
+    if table is None:
+        return Driver()
+    mode = table.choice("mode", ("voltage", "torque", "speed"), "voltage")
+    driver = Driver(
+        mode=mode,
+        torque_nm_per_v=table.number("torque_nm_per_v", low=-1e3, high=1e3) if mode == "torque" else math.nan,
+        bus=table.choice("bus", ("nominal", "measured"), "nominal"),
+    )
+    if driver.torque_nm_per_v == 0:
+        raise table.fail("torque_nm_per_v", "is 0, no command would do anything")
+    return driver
+
+
+def _motor(table: _Section, electrical: bool, wheeled: bool) -> Motor:
+    """The motor's constants; without `electrical` ones where a torque is commanded.
+
+    Bounds reject slips of unit (mm for m, mH for H), not unusual motors.
+    """
+    absent = None if electrical else math.nan
+    motor = Motor(
+        resistance_ohm=table.number("resistance_ohm", absent, high=1e5, positive=True),
+        inductance_h=table.number("inductance_h", absent, high=100.0, positive=True),
+        torque_constant_nm_per_a=table.number("torque_constant_nm_per_a", absent, high=1e3, positive=True),
+        back_emf_constant_v_s_per_rad=table.number("back_emf_constant_v_s_per_rad", absent, high=1e3, positive=True),
+        rotor_inertia_kg_m2=table.number("rotor_inertia_kg_m2", low=0.0, high=1e3),
+        viscous_friction_nm_s_per_rad=table.number("viscous_friction_nm_s_per_rad", low=0.0, high=1e3),
+        gear_ratio=table.number("gear_ratio", high=1e5, positive=True),
+    )
+    if electrical and wheeled and motor.rotor_inertia_kg_m2 <= 0:
+        raise table.fail("rotor_inertia_kg_m2", "is 0, it must be above 0 for a robot")
+    return motor
+
+
+def _chassis(table: _Section) -> Chassis:
+    return Chassis(
+        mass_kg=table.number("mass_kg", high=1e4, positive=True),
+        yaw_inertia_kg_m2=table.number("yaw_inertia_kg_m2", high=1e5, positive=True),
+        wheel_radius_m=table.number("wheel_radius_m", high=10.0, positive=True),
+        wheel_inertia_kg_m2=table.number("wheel_inertia_kg_m2", low=0.0, high=1e3),
+        track_width_m=table.number("track_width_m", high=100.0, positive=True),
+        com_x_m=table.number("com_x_m", 0.0, low=-10, high=10),
+        com_y_m=table.number("com_y_m", 0.0, low=-10, high=10),
+        com_z_m=table.number("com_z_m", 0.0, low=0, high=10),
+    )
+
+
+def _axis(table: _Section, motor: Motor) -> Axis:
+    kind = table.choice("kind", ("inertia", "pendulum", "linear"))
+    axis = Axis(
+        kind=kind,
+        inertia_kg_m2=table.number("inertia_kg_m2", None if kind == "inertia" else 0.0, low=0.0, high=1e6),
+        mass_kg=table.number("mass_kg", None if kind != "inertia" else 0.0, low=0.0, high=1e6),
+        length_m=table.number("length_m", None if kind == "pendulum" else 0.0, low=0.0, high=1e3),
+        metres_per_rad=table.number("metres_per_rad", None if kind == "linear" else 0.0, low=-1e3, high=1e3),
+        zero_rad=table.number("zero_rad", 0.0, low=-1e6, high=1e6),
+    )
+    load = {
+        "inertia": axis.inertia_kg_m2,
+        "pendulum": axis.inertia_kg_m2 + axis.mass_kg * axis.length_m**2,
+        "linear": axis.mass_kg * axis.metres_per_rad**2,
+    }[kind]
+    if load + motor.rotor_inertia_kg_m2 * motor.gear_ratio**2 <= 0:
+        raise InputError(f"{table.path}: [axis]: load and rotor have no inertia at all")
+    return axis
+
+
+def _servo(table: _Section, motor: Motor) -> tuple[Servo, tuple[str, ...]]:
+    """The speed loop, and what is said of a period that the replay does not take."""
+    left_out = frozenset(SERVO_GAINS - table.table.keys())
+    # A loop that asks for the whole supply at an error of the no-load speed, and takes a fifth of a second to settle.
+    guess = motor.back_emf_constant_v_s_per_rad * motor.gear_ratio
+    # A period in other units than seconds would keep the replay busy for ever.
+    period = table.number("period_s", positive=True, low=1e-6, high=10.0)
+    told: tuple[str, ...] = ()
+    if period < SHORTEST_PERIOD_S:
+        told = (
+            f"{table.path.name}: [servo] period_s is {period:g}, replayed in steps of {SHORTEST_PERIOD_S:g} s: no "
+            "wheel shows the difference",
+        )
+    servo = Servo(
+        kp_v_s_per_rad=table.number("kp_v_s_per_rad", guess, low=0.0, high=1e9),
+        ki_v_per_rad=table.number("ki_v_per_rad", 5.0 * guess, low=0.0, high=1e9),
+        limit_v=table.number("limit_v", positive=True, high=1e4),
+        period_s=max(period, SHORTEST_PERIOD_S),
+        left_out=left_out,
+    )
+    return servo, told
 
 
 def _tolerance(table: _Section | None, body: type[Axis | Chassis]) -> dict[str, float]:
@@ -411,6 +468,10 @@ def _name(path: Path, data: dict) -> tuple[str, tuple[str, ...]]:
     return name, (f"{path.name}: name holds characters that cannot be written, it is read as {shown(name)}",)
 
 
+def _keys(table: object) -> tuple[str, ...]:
+    return tuple(table) if isinstance(table, dict) else ()
+
+
 def _strange(path: Path, data: dict) -> tuple[str, ...]:
     """Notices of tables and keys that the contract does not name: a slip of the pen would pass for a default."""
     known = {
@@ -422,12 +483,7 @@ def _strange(path: Path, data: dict) -> tuple[str, ...]:
     # What is wrong in it ends in an error.
     known["tolerance"] = set(data.get("tolerance", ()))
     names = [name for name in data if name not in known and name not in ("schema", "name")]
-    keys = [
-        (name, key)
-        for name in known
-        for key in (data.get(name) if isinstance(data.get(name), dict) else ())
-        if key not in known[name]
-    ]
+    keys = [(name, key) for name in known for key in _keys(data.get(name)) if key not in known[name]]
     found = [f"{path.name}: {shown(name)} is not in the contract, ignored" for name in names[:MOST_NOTICES]]
     found += [
         f"{path.name}: [{name}] {listed([key])} is not in the contract, ignored" for name, key in keys[:MOST_NOTICES]

@@ -147,6 +147,19 @@ def read_json(path: Path) -> object:
         raise InputError(f"{path}: is not valid JSON ({error})") from error
 
 
+def read_object(path: Path) -> dict:
+    """A JSON file that holds an object.
+
+    Raises
+    ------
+    InputError : it cannot be read, is no JSON, or holds something else.
+    """
+    data = read_json(path)
+    if not isinstance(data, dict):
+        raise InputError(f"{path}: is no JSON object")
+    return data
+
+
 def _meta_content(path: Path) -> dict:
     data = read_json(path)
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:

@@ -113,7 +113,7 @@ def compare(effect: str, side: str, log: RunLog, robot: Robot, setting: Setting)
     case = Case("designed", robot, (log,))
     size, _ = distance(case, [(log, truth, plain)])
     apart, channels = distance(case, [(log, truth, out)])
-    worst = max(channels, key=channels.get)
+    worst = max(channels, key=lambda channel: channels[channel])
     bound, reason = CATALOGUE[effect].agrees_within or (BOUND, "")
     return Row(effect, side, values, CATALOGUE[effect].runs_in, size, apart, (worst, channels[worst]), bound, reason)
 

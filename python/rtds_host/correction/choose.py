@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rtds_host.contract import Robot
-from rtds_host.contract.runlog import read_json
+from rtds_host.contract.runlog import read_object
 from rtds_host.diagnosis.effects import SIDES, Effect, catalogue, inside
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.replay.model import Model, nominal_model
@@ -92,7 +92,7 @@ def choose(robot: Robot, diagnosis: Path | None = None, effects: list[str] | Non
     model, names = nominal_model(robot), []
     if diagnosis is not None:
         model = read_diagnosis(diagnosis, robot)
-        data = read_json(Path(diagnosis))
+        data = read_object(Path(diagnosis))
         for entry in data.get("effects") or []:
             values = {
                 key: value["value"] if isinstance(value, dict) else value

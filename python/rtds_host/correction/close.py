@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from rtds_host.contract import Case, RunLog, places_of_case, read_writable_case, refuse_inputs, staged_folder
-from rtds_host.contract.runlog import read_json
+from rtds_host.contract.runlog import read_object
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.remainder import Remainder, estimate
 from rtds_host.correction.result import Result, Run
@@ -85,6 +86,11 @@ def as_measured(log: RunLog, out: np.ndarray) -> RunLog:
 def distance(case: Case, runs: Iterable[tuple[RunLog, np.ndarray, np.ndarray]]) -> tuple[float, dict[str, float]]:
     """How far answers lie apart, (log, one, other) each, measured as a gap is: in units of the sensors' noise."""
     return _gap([gaps.errors(as_measured(log, one), case.robot, other) for log, one, other in runs])
+
+
+def _tell(say: Callable[[str, float], None], stage: str, base: float, per_s: float, t_s: float) -> None:
+    """Say how far a run is: a share that grows from `base` with the time."""
+    say(stage, base + per_s * t_s)
 
 
 def _round(value: float | None, digits: int = 5) -> float | None:
@@ -174,9 +180,7 @@ def close(
                 setting,
                 start,
                 change if wanted is not None else None,
-                lambda t, stage=stage, base=base, log=log: say(
-                    stage, base + 0.25 / len(logs) * t / max(log.t[-1] - log.t[0], 1e-9)
-                ),
+                partial(_tell, say, stage, base, 0.25 / len(logs) / max(log.t[-1] - log.t[0], 1e-9)),
             )
             simulated[name] = got.out
             notes += [note for note in got.notes if note not in notes]
@@ -211,7 +215,7 @@ def model_of(diagnosis: dict, robot, path: Path | None = None) -> Model:
 def _content(case: Case, setting: Setting, diagnosis: dict, names: tuple[str, ...], runs: list[Run]) -> dict:
     robot = case.robot
     gap: dict[str, dict] = {}
-    channels: dict[str, dict[str, float]] = {}
+    channels: dict[str, dict[str, float | None]] = {}
     for which, outs in (("replay", "replayed"), ("simulator", "simulated")):
         before, by_before = _gap([gaps.errors(r.log, robot, getattr(r, outs)["before"]) for r in runs])
         after, by_after = _gap([gaps.errors(r.log, robot, getattr(r, outs)["after"]) for r in runs])
@@ -271,7 +275,7 @@ def _causes(
     here = run.simulated["after"]
     own, _ = distance(case, [(log, fine, run.replayed["after"])])
     total, _ = distance(case, [(log, fine, here)])
-    rows = [
+    rows: list[dict] = [
         {"varied": "nothing", "cause": "all that is left", "moves": 0.0, "from_replay": _round(total)},
         {"varied": "the replay's step", "cause": "step of the replay", "moves": _round(own), "from_replay": None},
     ]
@@ -303,7 +307,7 @@ def close_folder(folder: Path, out: Path, diagnosis: Path | None = None, figure:
     given = None
     if diagnosis is not None:
         read_diagnosis(diagnosis, case.robot)
-        given = read_json(diagnosis)
+        given = read_object(diagnosis)
         if given.get("verdict") not in ("none", "known", "partial", "unknown"):
             raise InputError(
                 f"{diagnosis}: verdict: is {given.get('verdict')!r}, it must be none, known, partial or unknown"

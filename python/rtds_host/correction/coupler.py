@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rtds_host.contract import GRAVITY_M_S2, Robot
+from rtds_host.contract import GRAVITY_M_S2, Motor, Robot
 from rtds_host.correction import layer
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.formed import NOTHING, Acting, Formed, mean_current
@@ -93,18 +93,18 @@ class Coupler:
         self.scrub = correction.scrub_nm if correction else 0.0
         self.side = np.zeros((2, 8))
         self.grip = np.ones(2)
-        for k in range(2):
-            if gears[k] is not None:
+        for k, gear in enumerate(gears):
+            if gear is not None:
                 self.side[k, :7] = (
-                    gears[k].stiffness_nm_per_rad,
-                    gears[k].damping_nm_s_per_rad,
-                    gears[k].backlash_rad,
-                    gears[k].restitution,
-                    gears[k].slip_per_newton,
-                    gears[k].slip_relaxation_m,
-                    gears[k].slip_damping_n_s_per_m,
+                    gear.stiffness_nm_per_rad,
+                    gear.damping_nm_s_per_rad,
+                    gear.backlash_rad,
+                    gear.restitution,
+                    gear.slip_per_newton,
+                    gear.slip_relaxation_m,
+                    gear.slip_damping_n_s_per_m,
                 )
-                self.grip[k] = gears[k].grip * 0.5 * body.total_mass_kg * GRAVITY_M_S2 * body.wheel_radius_m[k]
+                self.grip[k] = gear.grip * 0.5 * body.total_mass_kg * GRAVITY_M_S2 * body.wheel_radius_m[k]
             self.side[k, layer.RADIUS] = body.wheel_radius_m[k]
         self.wheel_j = body.wheel_inertia_kg_m2
         # The engine's, and the robot's, where the engine could not build it (`BodyValues.on`).
@@ -145,7 +145,7 @@ class Coupler:
         self._past: list[tuple[float, np.ndarray]] = [(-np.inf, np.zeros(2))]
 
     def _rotor(self, robot: Robot, unit: UnitEffects) -> list[float]:
-        m: MotorParameters = unit.motor or robot.motor
+        m: MotorParameters | Motor = unit.motor or robot.motor
         n = self.gear
         levels = [
             n * max(curve.at(0.0), 0.0) if curve is not None else 0.0

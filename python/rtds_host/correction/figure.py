@@ -18,10 +18,12 @@ from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.figures import caption, save
 
 if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
+
     from rtds_host.correction.result import Result, Run
 
 MEASURED, NOMINAL, CORRECTED = "#222222", "#c8501e", "#1f5fa8"
-STYLE = {
+STYLE: dict[RcKeyType, float] = {
     "font.size": 8,
     "axes.grid": True,
     "grid.alpha": 0.3,

@@ -88,11 +88,11 @@ class Remainder:
         ------
         InputError : a motor unit cannot hold them.
         """
-        units = tuple(
+        left, right = (
             self._on(unit, self.curves[side], float(start[3 + k])) if side in self.curves else unit
             for k, (side, unit) in enumerate(zip("lr", correction.units, strict=True))
         )
-        return replace(correction, units=units)
+        return replace(correction, units=(left, right))
 
     def _on(self, unit: UnitEffects, curve: Curve, angle: float) -> UnitEffects:
         n = self.gear_ratio
@@ -180,9 +180,9 @@ def _blocks(log: RunLog, robot: Robot, model: Model, k: int, tops: dict[str, flo
         hats = _hats(np.abs(w), SPEED_NODES)
         torques = -np.hstack([np.maximum(-sign, 0.0)[:, None] * hats[:, ::-1], np.maximum(sign, 0.0)[:, None] * hats])
         by_block["torque"]["torque against speed"] = _torque_columns(s, k, torques)
-    if "torque against wheel angle" in kinds and s.th[k] is not None:
+    if "torque against wheel angle" in kinds and (angle := s.th[k]) is not None:
         nodes = np.linspace(0.0, 2.0 * math.pi, ANGLE_NODES + 1)
-        hats = _hats(np.mod(middles(filled(s.t, s.th[k])), 2.0 * math.pi), nodes)
+        hats = _hats(np.mod(middles(filled(s.t, angle)), 2.0 * math.pi), nodes)
         hats[:, 0] += hats[:, -1]
         by_block["torque"]["torque against wheel angle"] = _torque_columns(s, k, hats[:, :-1])
     if "voltage against command" in kinds:
@@ -196,14 +196,14 @@ def _blocks(log: RunLog, robot: Robot, model: Model, k: int, tops: dict[str, flo
         for block, columns in _volt_columns(s, k, lost, 0.5 * (lost[1:] + lost[:-1])).items():
             by_block[block]["voltage against current"] = columns
     found = []
-    for block, columns in by_block.items():
-        if f"{block}_{side}" not in s.blocks or not columns:
+    for block, by_kind in by_block.items():
+        if f"{block}_{side}" not in s.blocks or not by_kind:
             continue
         residual, noise, rows = s.blocks[f"{block}_{side}"]
         found.append(
             _Block(
                 residual[rows] / noise[rows],
-                {kind: c[rows] / noise[rows][:, None] for kind, c in columns.items()},
+                {kind: c[rows] / noise[rows][:, None] for kind, c in by_kind.items()},
                 ((s.t[rows] - s.t[0]) / FOLD_S).astype(int) % 2,
             )
         )

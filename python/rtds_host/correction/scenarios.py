@@ -24,6 +24,7 @@ from rtds_host.figures import caption, save
 from rtds_host.robot import ENGINES, default_engine
 from rtds_host.run import Effects, LinkChoice, Options, Outcome, make_plan, perform
 from rtds_host.run.plan import robot_path
+from rtds_host.vectors import given
 
 SCENARIOS = ("linear", "circle", "eight")
 NOMINAL, CHANGED, PLAIN = "#c8501e", "#1f5fa8", "#444444"
@@ -78,10 +79,10 @@ def markdown(pairs: list[Pair]) -> str:
     for pair in pairs:
         for text, outcome in (("nominal", pair.nominal), ("with effects", pair.changed)):
             s = outcome.summary
-            g = s.engine_gap
+            g, at = given(s.engine_gap, "engine_gap"), s.tracking
             lines.append(
-                f"| {pair.scenario} | {text} | {1e3 * s.end_position_error_m:.2f} mm,"
-                f" {math.degrees(s.end_yaw_error_rad):.3f}° off | {1e3 * s.speed_error_rms_rad_s:.2f} mrad/s |"
+                f"| {pair.scenario} | {text} | {1e3 * at.position_m:.2f} mm,"
+                f" {math.degrees(at.yaw_rad):.3f}° off | {1e3 * at.speed_rad_s:.2f} mrad/s |"
                 f" {1e3 * s.peak_current_a[0]:.0f}, {1e3 * s.peak_current_a[1]:.0f} mA | {1e3 * g.end_position_m:.3f}"
                 f" mm, {math.degrees(g.end_yaw_rad):.4f}° apart | {1e3 * g.speed_rms_rad_s:.2g} mrad/s,"
                 f" {1e3 * g.current_rms_a:.2g} mA, {1e3 * g.load_rms_nm:.2g} mN·m |"

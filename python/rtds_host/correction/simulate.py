@@ -111,11 +111,12 @@ def simulate(
         raise InputError(
             f"robot {robot.name!r}: [driver] mode is {robot.driver.mode!r}, the real-time simulator drives by voltage"
         )
-    body = make_body(robot, *map(float, run[:3]))
+    payload_kg, slope_rad, uphill_yaw_rad = (float(value) for value in run[:3])
+    body = make_body(robot, payload_kg, slope_rad, uphill_yaw_rad)
     notes: list[str] = []
     correction = None
     if model is not None:
-        correction = translate(model, robot, float(run[0]), (float(start[3]), float(start[4])), setting.step_s)
+        correction = translate(model, robot, payload_kg, (float(start[3]), float(start[4])), setting.step_s)
         if change is not None:
             correction = change(correction, start)
         body = correction.body_on(body)
@@ -130,7 +131,7 @@ def simulate(
         set_link(link, robot, correction, setting)
         if setting.converters:
             link = QuantisedLink(link)
-        with open_engine(setting.engine, body, tuple(map(float, start[:3]))) as engine:
+        with open_engine(setting.engine, body, (float(start[0]), float(start[1]), float(start[2]))) as engine:
             replay = _Replay(t - t[0], clipped, clipped * scale[:, None], correction, setting, robot, body)
             coupler = Coupler(robot, body, link, engine, correction, setting.exchange_steps, setting.foretell)
             replay.drive(coupler, engine, progress)
@@ -198,7 +199,8 @@ class _Replay:
         self.t = np.concatenate(times)
         self.speeds, self.currents = np.concatenate(speeds), np.concatenate(currents)
         # What the encoders see: the rotors at the gear's output, or the wheels.
-        self.seen_t, self.seen = self.t, self.speeds
+        self.seen_t: np.ndarray = self.t
+        self.seen: np.ndarray = self.speeds
         if behind:
             self.seen_t, self.seen = np.arange(len(wheels)) * STEP_S, np.array(wheels)
 

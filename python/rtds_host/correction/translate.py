@@ -112,7 +112,7 @@ def translate(
         )
         for k in (0, 1)
     )
-    units = tuple(one.unit for one in placed)
+    left, right = (one.unit for one in placed)
     supply = SupplyEffects(
         voltage_v=get("supply"),
         source_resistance_ohm=get("source_resistance"),
@@ -120,22 +120,29 @@ def translate(
         command_delay_s=round(get("command_delay") / step_s) * step_s,
     )
     body = BodyValues(**get.named(BodyValues), wheel_radius_m=get.pair("radius"))
-    gears = tuple(GearValues(**get.named(GearValues, k)) for k in (0, 1))
+    gears = GearValues(**get.named(GearValues, 0)), GearValues(**get.named(GearValues, 1))
     sensors = SensorValues(
         **get.named(SensorValues),
-        **{name: get.pair(slot) for name, slot in _PAIRS.items()},
+        speed_gain=get.pair("speed_gain"),
+        current_gain=get.pair("current_gain"),
+        current_bias_a=get.pair("current_bias"),
+        speed_filter_s=get.pair("speed_tau"),
+        speed_late_s=get.pair("speed_late"),
         delay_s=get("measurement_delay") + get("latency"),
         forms=np.stack([one.sensors for one in placed]),
     )
     correction = Correction(
-        units=units,
+        units=(left, right),
         supply=supply,
         body=body,
         gears=gears,
         scrub_nm=get("scrub"),
         sensors=sensors,
         bus_measured=get("bus_measured") > 0,
-        carrying=_carrying(units, gears, body, payload_kg, robot),
+        carrying=(
+            _carrying(left, gears[0], body, payload_kg, robot),
+            _carrying(right, gears[1], body, payload_kg, robot),
+        ),
         forms=np.stack([one.between for one in placed]),
         start_angles=start_angles,
     )
@@ -145,31 +152,27 @@ def translate(
 
 
 def _carrying(
-    units: tuple[UnitEffects, ...], gears: tuple[GearValues, ...], body: BodyValues, payload_kg: float, robot: Robot
-) -> tuple[MotorParameters | None, ...]:
-    """Motors of the units that carry a part of the body's inertia: where the body is heavy beside the rotor, and
-    nothing gives between them.
+    unit: UnitEffects, gear: GearValues, body: BodyValues, payload_kg: float, robot: Robot
+) -> MotorParameters | None:
+    """Motor of a unit that includes a part of the body's inertia: where the body is heavy compared with the rotor, and
+    nothing gives between them. None elsewhere.
 
     Raises
     ------
     InputError : friction that grows with the load, where the unit would see a part of the load only.
     """
     n = robot.motor.gear_ratio
-    found: list[MotorParameters | None] = []
-    for unit, gear in zip(units, gears, strict=True):
-        own = unit.motor or MotorParameters(**{f.name: getattr(robot.motor, f.name) for f in fields(MotorParameters)})
-        carried = share(body.at_wheels(payload_kg), n * n * own.rotor_inertia_kg_m2).carried_kg_m2
-        if carried == 0.0 or gear.stiffness_nm_per_rad or gear.backlash_rad:
-            found.append(None)
-            continue
-        if unit.load_share:
-            raise InputError(
-                f"robot {robot.name!r}: gear friction that grows with the load cannot be simulated where the body "
-                "is heavy compared with the rotor: the motor unit then includes inertia of the body and sees only the "
-                "remaining load"
-            )
-        found.append(replace(own, rotor_inertia_kg_m2=own.rotor_inertia_kg_m2 + carried / n**2))
-    return tuple(found)
+    own = unit.motor or MotorParameters(**{f.name: getattr(robot.motor, f.name) for f in fields(MotorParameters)})
+    carried = share(body.at_wheels(payload_kg), n * n * own.rotor_inertia_kg_m2).carried_kg_m2
+    if carried == 0.0 or gear.stiffness_nm_per_rad or gear.backlash_rad:
+        return None
+    if unit.load_share:
+        raise InputError(
+            f"robot {robot.name!r}: gear friction that grows with the load cannot be simulated where the body "
+            "is heavy compared with the rotor: the motor unit then includes inertia of the body and sees only the "
+            "remaining load"
+        )
+    return replace(own, rotor_inertia_kg_m2=own.rotor_inertia_kg_m2 + carried / n**2)
 
 
 def _refuse(get: _Parameters, robot: Robot) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rtds_host import __version__
 from rtds_host.contract import Robot
-from rtds_host.contract.runlog import read_json
+from rtds_host.contract.runlog import read_object
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.replay.model import Model
@@ -104,7 +104,7 @@ def said_of_driver(robot: Robot, target: str) -> list[str]:
     """What a target's robot is driven by, where that is not plain volts of a steady supply: lines."""
     lines = []
     if robot.driver.mode == "speed":
-        how, body = SERVO[target], robot.chassis
+        how, body = SERVO[target], robot.wheeled
         there = "acts there" if how.kind == OWN else "is in the file for whoever drives it"
         lines.append(f"Driven by wheel speeds, rad/s, through the servo's loop, which {there}: {how.where}.")
         lines.append(
@@ -164,7 +164,7 @@ def read_source(path: Path, robot: Robot) -> Source:
     InputError : see `read_diagnosis`.
     """
     model = read_diagnosis(path, robot)
-    return Source(dict(read_json(path)), model, robot, path.name)  # type: ignore[call-overload]
+    return Source(read_object(path), model, robot, path.name)
 
 
 def export(source: Source, target: str, actuator: str = "general") -> tuple[str, list[Part]]:

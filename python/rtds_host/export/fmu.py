@@ -179,17 +179,16 @@ def motors(units: MotorUnits, name: str, comment: str) -> Unit:
         found.append(Variable(f"effects.{key}", "parameter", f"effects.{key}", value, description=text, type="Int32"))
     for k, side in enumerate(SIDES):
         for n, key in enumerate(CONSTANTS):
-            value, text = float(words.constants[k, n]), "constant of the effect unit"
+            constant, text = float(words.constants[k, n]), "constant of the effect unit"
             member = f"effects.constants[{k}][{n}]"
-            found.append(Variable(f"{side}.effects.{key}", "parameter", member, value, "", text, "Float32"))
+            found.append(Variable(f"{side}.effects.{key}", "parameter", member, constant, "", text, "Float32"))
     for k, side in enumerate(SIDES):
         for n, key in enumerate(TABLES):
             text = "lines {intercept, slope} of the table's cells"
             member, shape = f"effects.tables[{k}][{n}]", (CELLS, 2)
-            value = words.tables[k, n]
-            found.append(Variable(f"{side}.effects.{key}", "parameter", member, value, "", text, "Float32", shape))
-    start = f".effects = {c_effects(words)},"
-    return Unit(name, comment, tuple(found), MOTOR_SOURCES, start)
+            lines = words.tables[k, n]
+            found.append(Variable(f"{side}.effects.{key}", "parameter", member, lines, "", text, "Float32", shape))
+    return Unit(name, comment, tuple(found), MOTOR_SOURCES, f".effects = {c_effects(words)},")
 
 
 def robot(figures: Figures, name: str, comment: str) -> Unit:
@@ -217,11 +216,12 @@ def robot(figures: Figures, name: str, comment: str) -> Unit:
     without = {*NO_NUMBERS, *figures.sides[0].torques} - {*TORQUES_IN_C}
     numbers: dict[str, float | list[float]] = {"command_gain": [1.0, 1.0]}
     numbers |= {key: value for key, value in planar.parameters(figures).items() if key not in without}
-    for key, value in numbers.items():
-        sides = enumerate(value) if isinstance(value, list) else [(None, value)]
-        for k, number in sides:
-            member, label = (key, key) if k is None else (f"{key}[{k}]", f"{SIDES[k]}.{key}")
-            found.append(Variable(label, "parameter", member, float(number), _unit(key)))
+    for key, numeral in numbers.items():
+        if isinstance(numeral, list):
+            for k, number in enumerate(numeral):
+                found.append(Variable(f"{SIDES[k]}.{key}", "parameter", f"{key}[{k}]", float(number), _unit(key)))
+        else:
+            found.append(Variable(key, "parameter", key, float(numeral), _unit(key)))
     loop = figures.loop
     found.append(
         Variable(

@@ -227,7 +227,7 @@ def _numbers(figures: Figures, actuator: str) -> dict[str, tuple[float, ...]]:
         return tuple(getattr(side, name) for side in figures.sides)
 
     drop = both("drop_v")
-    there = {
+    there: dict[str, tuple[tuple[float, ...], float | None]] = {
         "drop_v": (drop, 0.0),
         "back_emf_v_s_per_rad": (both("back_emf_v_s_per_rad") if any(drop) else (0.0,), 0.0),
         "voltage_gain": (both("voltage_gain") if any(drop) else (1.0,), 1.0),

@@ -62,8 +62,9 @@ class Driver:
         self.bus = self.supply
         self.integral, self.volts, self.loop_at = [0.0, 0.0], [0.0, 0.0], 0.0
         self.asked = deque([(0.0, (0.0, 0.0))])
-        self.past = deque()
-        self.filtered = self.seen = None
+        self.past: deque = deque()
+        self.filtered: list = []
+        self.seen: list = []
         for dof, dry in zip(self.dofs, self.dry):
             model.dof_frictionloss[dof] = dry
 
@@ -156,7 +157,7 @@ class Driver:
     def after(self, data):
         """Take filters and the late current to the end of a step."""
         now = [float(data.sensordata[self.sensors["w_" + side]]) for side in "lr"]
-        if self.seen is None:
+        if not self.seen:
             self.seen, self.filtered = now, list(now)
         self.filtered = [self._behind(k, now[k]) for k in (0, 1)]
         self.seen = now
@@ -193,7 +194,7 @@ class Driver:
         found = {"v_bus": self.bus}
         for k, side in enumerate("lr"):
             speed = float(data.sensordata[self.sensors["w_" + side]])
-            if tau[k] > 0.0 and self.filtered is not None:
+            if tau[k] > 0.0 and self.filtered:
                 # Sensors evaluated since the step are a step ahead of the filter.
                 speed = self.filtered[k] if speed == self.seen[k] else self._behind(k, speed)
             found["i_" + side] = currents[k] * gain[k] + bias[k]

@@ -18,7 +18,7 @@ from rtds_host.plant.friction import rolling
 from rtds_host.plant.torque import summed
 from rtds_host.plant.torques import TORQUES
 
-PLACE = "PARAMETERS = {}\n"
+PLACE = "PARAMETERS: dict = {}\n"
 # Where the template imports the plant's laws, the module has their source.
 LAWS = re.compile(r"# laws: begin\n.*# laws: end\n", re.DOTALL)
 # Laws that those of the template call.
@@ -27,7 +27,7 @@ CALLED = (less_drop,)
 NO_LIMIT_V = 1e9
 
 
-def parameters(figures: Figures) -> dict[str, float | list[float]]:
+def parameters(figures: Figures) -> dict[str, Any]:
     """What `standalone.Robot` needs."""
     body = figures.body
 

@@ -45,7 +45,7 @@ def draw(diagnosis: dict, robot: Robot, count: int, seed: int) -> tuple[list[dic
                         fixed.append(label)
                     continue
                 parameter = bounds[(entry["id"], name)]
-                value, low, high = given["value"], *interval
+                value, (low, high) = given["value"], interval
                 if parameter.logarithmic and min(value, low) > 0.0:
                     edge = high if z > 0.0 else low
                     new = value * float(np.exp(abs(z) / NINETY * np.log(edge / value)))

@@ -26,7 +26,7 @@ from rtds_host.plant.torques import TORQUES
 shaped_torque = functions(TORQUES, "p, k", lambda entry: f"p['{entry.export}'][k]", plain=True)[0]
 
 # laws: end
-PARAMETERS = {}
+PARAMETERS: dict = {}
 GRAVITY_M_S2 = 9.80665
 STEP_S = 2.5e-4
 SWEEPS = 30

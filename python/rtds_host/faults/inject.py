@@ -6,7 +6,6 @@ ordinary exchanges of the link inside: the bit-exact model and the RTL see the s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from rtds_host.faults.timeline import NEVER, Injection, Timed
 from rtds_host.link import Exchange, Link
 from rtds_host.link.base import input_words, sample_times, whole_steps
 from rtds_host.link.scaling import ADC_CHANNELS, AdcScale, default_scaling
+from rtds_host.vectors import Vector
 
 
 class FaultLink:
@@ -91,8 +91,8 @@ class FaultLink:
 
     def exchange(
         self,
-        voltages: Sequence[float],
-        torques: Sequence[float],
+        voltages: Vector,
+        torques: Vector,
         interval_s: float,
         sample_s: float | None = None,
     ) -> Exchange:

@@ -172,8 +172,9 @@ def _signals(file: Bag | Table, mapping: Mapping, robot: Robot, notices: list[st
             continue
         for n, source in enumerate(there):
             rest = there[n + 1 :]
-            if rest and source.topic in getattr(file, "broken", {}):
-                notices.append(f"{file.broken[source.topic]}; {channel} is taken from {rest[0].topic}")
+            damage = file.broken.get(source.topic or "") if isinstance(file, Bag) else None
+            if rest and damage is not None:
+                notices.append(f"{damage}; {channel} is taken from {rest[0].topic}")
                 continue
             raw = file.series(source)
             if len(raw) < 2:
@@ -286,10 +287,10 @@ def _commands(file: Bag | Table, mapping: Mapping, robot: Robot, signals: dict[s
             for name, values in zip(speeds, wheels.T):
                 signals[name] = replace(raw, values=values).last_of_equal_times()
             track = _geometry(twist, robot)[1]
-            if abs(track / robot.chassis.track_width_m - 1.0) > 0.05:
+            if abs(track / robot.wheeled.track_width_m - 1.0) > 0.05:
                 notices.append(
                     f"{file.path.name}: {twist.topic or 'twist'} became wheel speeds with the mapping's track "
-                    f"of {track:g} m, the nominal robot's is {robot.chassis.track_width_m:g} m"
+                    f"of {track:g} m, the nominal robot's is {robot.wheeled.track_width_m:g} m"
                 )
     for names in (voltages, speeds):
         missing = [name for name in names if name not in signals]

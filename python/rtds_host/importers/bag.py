@@ -8,6 +8,7 @@ import struct
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import apsw
 import numpy as np
@@ -23,6 +24,7 @@ from rtds_host.importers.bounds import check_bag
 from rtds_host.importers.checksums import check_mcap
 from rtds_host.importers.mapping import Mapping, Source, Twist
 from rtds_host.importers.series import NS, Series
+from rtds_host.vectors import given
 
 SUFFIXES = (".mcap", ".db3")
 # What a damaged file makes the reader raise, besides its own error: it trusts lengths, indices and texts it reads.
@@ -97,7 +99,7 @@ class _Topic:
     msgtype: str
     log_ns: np.ndarray
     stamp_ns: np.ndarray | None
-    values: dict[object, list]
+    values: dict[Source | Twist, list]
 
 
 class Bag:
@@ -228,7 +230,7 @@ class Bag:
         store = self._typestore({c.topic: c for c in self.connections if c.topic in wanted})
         logs: dict[str, list[int]] = {topic: [] for topic in wanted}
         stamps: dict[str, list[int]] = {topic: [] for topic in wanted}
-        getters: dict[str, list[tuple[object, Callable]]] = {}
+        getters: dict[str, list[tuple[Source | Twist, Callable]]] = {}
         counts: dict[int, int] = {}
         try:
             with Reader(self.file) as reader:
@@ -295,16 +297,16 @@ class Bag:
     def _getter(self, request: Source | Twist, example: object, msgtype: str) -> Callable:
         if isinstance(request, Twist):
             nested = hasattr(example, "twist")
-            names = (
+            names: tuple[str, ...] = (
                 request.linear or ("twist.linear.x" if nested else "linear.x"),
                 request.angular or ("twist.angular.z" if nested else "angular.z"),
             )
         else:
-            names = request.pair or (request.field,)
+            names = request.pair or (given(request.field, "field"),)
         paths = [self._path(request, name, example, msgtype) for name in names]
         joint = getattr(request, "joint", None)
 
-        def number(path: list, message: object, count: int) -> float:
+        def number(path: list, message: Any, count: int) -> float:
             value = message
             for step in path:
                 if isinstance(step, int):
@@ -328,10 +330,11 @@ class Bag:
                     return math.nan
                 value = value[index]
             if isinstance(value, (list, np.ndarray, str)):
+                field = request.field if isinstance(request, Source) else request.topic
                 raise InputError(
-                    f"{self.path}: topic {request.topic}: field {request.field!r} holds "
+                    f"{self.path}: topic {request.topic}: field {field!r} holds "
                     f"{type(value).__name__}, one number is needed: name an element, as in "
-                    f"{request.field}[0], or a joint ({request.place})"
+                    f"{field}[0], or a joint ({request.place})"
                 )
             return float(value)
 
@@ -383,13 +386,13 @@ class Bag:
         ------
         InputError : the topic cannot be decoded, its time goes back, a value is infinite.
         """
-        topic = request.topic
+        topic = given(request.topic, "topic")
         if topic in self.broken:
             raise InputError(self.broken[topic])
         data = self._read[topic]
         # A commanded twist acts when it arrives, whatever the sender's stamp (a laptop's clock, often) says.
-        recorded = self._use_record_time or data.stamp_ns is None or isinstance(request, Twist)
-        t_ns = data.log_ns if recorded else data.stamp_ns
+        recorded = self._use_record_time or isinstance(request, Twist)
+        t_ns = data.log_ns if recorded or data.stamp_ns is None else data.stamp_ns
         back = np.flatnonzero(np.diff(t_ns) < 0)
         if back.size:
             k = int(back[0])

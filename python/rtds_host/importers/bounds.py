@@ -8,10 +8,12 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from shutil import disk_usage
+from typing import cast
 
 from backports import zstd
 from lz4.frame import LZ4FrameDecompressor
 from rosbags.rosbag2 import Reader
+from rosbags.rosbag2.reader import DirectoryReader
 
 from rtds_host.errors import InputError
 
@@ -156,7 +158,7 @@ def _check_messages(path: Path) -> None:
         return
     with Reader(path) as reader:
         total = 0
-        for storage in reader.storage.storages:
+        for storage in cast(DirectoryReader, reader.storage).storages:
             for connection, _, data in storage.messages(list(storage.connections)):
                 size = _size("zstd", data, LARGEST_PIECE) if data[:4] == ZSTD_MAGIC else len(data)
                 total += size

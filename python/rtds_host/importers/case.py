@@ -166,7 +166,8 @@ def _names(paths: list[Path], names: Sequence[str], case: Path | None) -> list[s
     if names and len(names) != len(paths):
         raise InputError(f"{len(paths)} recordings but {len(names)} names were given")
     result = []
-    for path, name in zip(paths, names or [None] * len(paths)):
+    wanted: Sequence[str | None] = names or [None] * len(paths)
+    for path, name in zip(paths, wanted):
         if name is None:
             stem = path.resolve().name if path.is_dir() else path.stem
             name = re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).strip("._-") or "run"

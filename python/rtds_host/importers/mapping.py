@@ -8,6 +8,7 @@ import sys
 from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
+from typing import overload
 
 from rtds_host.contract.inputs import read_toml
 from rtds_host.errors import InputError, did_you_mean, shown
@@ -160,6 +161,33 @@ class _Parser:
                     place, f"key {shown(key)} is unknown, known are {', '.join(allowed)}{did_you_mean(key, allowed)}"
                 )
 
+    @overload
+    def number(
+        self,
+        place: str,
+        table: dict,
+        key: str,
+        default: float,
+        positive: bool = False,
+        low: float = -math.inf,
+        high: float = math.inf,
+    ) -> float: ...
+
+    @overload
+    def number(
+        self,
+        place: str,
+        table: dict,
+        key: str,
+        default: None,
+        positive: bool = False,
+        low: float = -math.inf,
+        high: float = math.inf,
+    ) -> float | None: ...
+
+    @overload
+    def number(self, place: str, table: dict, key: str, default: float | None) -> float | None: ...
+
     def number(
         self,
         place: str,
@@ -182,6 +210,14 @@ class _Parser:
         if value > high:
             raise self.fail(place, f"{key} is {value:g}, it must be at most {high:g}")
         return float(value)
+
+    @overload
+    def text(self, place: str, table: dict, key: str, default: str, choices: tuple[str, ...] | None = None) -> str: ...
+
+    @overload
+    def text(
+        self, place: str, table: dict, key: str, default: str | None, choices: tuple[str, ...] | None = None
+    ) -> str | None: ...
 
     def text(
         self, place: str, table: dict, key: str, default: str | None, choices: tuple[str, ...] | None = None
@@ -330,14 +366,19 @@ class _Parser:
             place=f"{self.path}: {place}",
             channel=channel,
             pair=pair,
-            **{key: self.text(place, table, key, None) for key in ("topic", "field", "joint", "column", "unit")},
+            topic=self.text(place, table, "topic", None),
+            field=self.text(place, table, "field", None),
+            joint=self.text(place, table, "joint", None),
+            column=self.text(place, table, "column", None),
+            unit=self.text(place, table, "unit", None),
             scale=number(place, table, "scale", 1.0),
             offset=number(place, table, "offset", 0.0),
             reverse=table.get("reverse", False),
-            **{
-                key: number(place, table, key, None, positive=True)
-                for key in ("full_scale", "counts_per_rev", "wheel_radius_m", "track_width_m", "wraps_at")
-            },
+            full_scale=number(place, table, "full_scale", None, positive=True),
+            counts_per_rev=number(place, table, "counts_per_rev", None, positive=True),
+            wheel_radius_m=number(place, table, "wheel_radius_m", None, positive=True),
+            track_width_m=number(place, table, "track_width_m", None, positive=True),
+            wraps_at=number(place, table, "wraps_at", None, positive=True),
             shaft=self.text(place, table, "shaft", "wheel", ("wheel", "motor")),
             late_samples=int(late),
             late_s=number(place, table, "late_s", 0.0, low=-LATEST_S, high=LATEST_S),

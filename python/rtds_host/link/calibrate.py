@@ -85,7 +85,7 @@ def measure(rig: Rig, link: str, points: int = POINTS, reads: int = READS) -> Me
     nominal, read = _from_chip(rig, points, reads)
     from_chip = [_fit(f"from_chip.{name}", nominal[:, k], read[:, k], DAC_STEP_V) for k, name in enumerate(FROM_CHIP)]
     residuals = np.array([residual for _, residual in (*to_chip, *from_chip)])
-    about = {
+    about: dict[str, str | float] = {
         "measured": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "link": link,
         "points": float(points),

@@ -33,7 +33,7 @@ from rtds_host.link.registers import (
 from rtds_host.link.rtl import RtlLink
 from rtds_host.link.scaling import ADC_CHANNELS, SIGNED_CHANNELS, Scaling, default_scaling
 from rtds_host.motor.effect_tables import EffectWords
-from rtds_host.motor.parameters import parameter_words
+from rtds_host.motor.parameters import Parameters, parameter_words
 
 STEP_NS = 10_000  # one ADC sequence, one step
 BOARD_CLOCKS = 500  # of 50 MHz, a step
@@ -153,7 +153,7 @@ class ChipLink(RtlLink):
         super().__init__("verilator", BOARD_CLOCKS, timeout_s, start_timeout_s, "chip", progress)
         self.registers = RegisterClient(_SimulatedLine(self), where="simulated chip")
 
-    def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+    def _load(self, words: EffectWords, values: Parameters, method: str) -> None:
         """Write the parameters, and effects if there are any. The first call also sets currents and speeds to zero at
         its end, as does every one with effects.
 
@@ -188,7 +188,7 @@ class ChipLink(RtlLink):
         self.run(_READ_ALL)
         self._note(self.registers.flags("STATUS"))
 
-    def _load_parameters(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+    def _load_parameters(self, words: EffectWords, values: Parameters, method: str) -> None:
         """Have both resistances written during the exchanges that follow, and committed at an exact step.
 
         Before the first exchange they are written at once, with all else.

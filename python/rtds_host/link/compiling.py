@@ -64,7 +64,9 @@ def run(
     """
     deadline = time.monotonic() + timeout_s
     before, descriptor = guard()  # should this process be killed, no compiler works on
-    waiting, running, failed = list(commands), [], None
+    waiting = list(commands)
+    running: list[subprocess.Popen] = []
+    failed: int | None = None
     with open(log, "ab") as stream:
         try:
             while (waiting and failed is None) or running:

@@ -10,7 +10,7 @@ from rtds_host.errors import InputError
 from rtds_host.link.base import EFFECTS_LATE, NO_PARAMETERS
 from rtds_host.motor.effect_tables import EffectWords, tables_of
 from rtds_host.motor.effects import MotorParameters, SupplyEffects, UnitEffects
-from rtds_host.motor.parameters import parameter_words
+from rtds_host.motor.parameters import Parameters, parameter_words
 
 
 class ConfiguredLink:
@@ -30,7 +30,7 @@ class ConfiguredLink:
     effect_words: EffectWords | None = None
     _exchanged = False
     _wanted: tuple[UnitEffects | None, UnitEffects | None, SupplyEffects | None] = (None, None, None)
-    _parameters: tuple[tuple[float, ...], str] | None = None
+    _parameters: tuple[Parameters, str] | None = None
     _resistances: tuple[float | None, float | None] | None = None
 
     def set_parameters(
@@ -95,7 +95,11 @@ class ConfiguredLink:
         self._load_parameters(words, values, method)
         self._resistances = ohm
 
-    def _compile(self, wanted, parameters) -> None:
+    def _compile(
+        self,
+        wanted: tuple[UnitEffects | None, UnitEffects | None, SupplyEffects | None],
+        parameters: tuple[Parameters, str] | None,
+    ) -> None:
         """Take effects and parameters over, once both are known and hold together."""
         if parameters is not None:
             values, method = parameters
@@ -108,11 +112,11 @@ class ConfiguredLink:
             self.effect_words = None if words.ideal else words
         self._wanted, self._parameters = wanted, parameters
 
-    def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+    def _load(self, words: EffectWords, values: Parameters, method: str) -> None:
         """Bring effects and the (7,) parameters of `set_parameters` to where the motors are computed."""
         raise NotImplementedError
 
-    def _load_parameters(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+    def _load_parameters(self, words: EffectWords, values: Parameters, method: str) -> None:
         """Bring the sides' parameters there, and no effects.
 
         Raises
@@ -134,9 +138,7 @@ class ConfiguredLink:
 RESISTANCES_LATE = "set_resistances: an exchange has been made, the first call comes before the first exchange"
 
 
-def _with_resistances(
-    words: EffectWords, values: tuple[float, ...], ohm: tuple[float | None, float | None]
-) -> EffectWords:
+def _with_resistances(words: EffectWords, values: Parameters, ohm: tuple[float | None, float | None]) -> EffectWords:
     """The same words for motors of their own, each with its resistance."""
     sides = [[float(x) for x in side[:6]] for side in words.side_values(values)]
     for side, resistance in zip(sides, ohm):

@@ -37,7 +37,8 @@ from rtds_host.link.base import (
 from rtds_host.link.build import ROOT, TOPS, build
 from rtds_host.link.configured import ConfiguredLink
 from rtds_host.motor.effect_tables import EffectWords
-from rtds_host.motor.parameters import parameter_words
+from rtds_host.motor.parameters import Parameters, parameter_words
+from rtds_host.vectors import Vector
 
 SOURCE = "rtl/hps/rtds_hps.v"
 BASE = 0xFF20_0000  # of the lightweight bridge in the ARM's addresses (Cyclone V HPS technical reference manual)
@@ -289,7 +290,7 @@ class HpsLink(ConfiguredLink):
     def _write(self, *pairs: tuple[str, int]) -> None:
         self.bus.run([(WRITE, self._at[name], value) for name, value in pairs])
 
-    def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+    def _load(self, words: EffectWords, values: Parameters, method: str) -> None:
         if words.on:
             orders: list[tuple[int, int, int]] = []
             for address, data in words.writes():
@@ -297,19 +298,21 @@ class HpsLink(ConfiguredLink):
             self.bus.run(orders)
         self._load_parameters(words, values, method)
 
-    def _load_parameters(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+    def _load_parameters(self, words: EffectWords, values: Parameters, method: str) -> None:
         (left, index), (right, _) = (parameter_words(side, method) for side in words.side_values(values))
         left_words, right_words = left.view(np.uint32).tolist(), right.view(np.uint32).tolist()
         switches = index | words.on << 1 | words.own << 2 | words.delay << 4 | words.stride << 16
         period = self._step_clocks
         if period is None:
-            period = round(values[6] * CLOCK_HZ)
+            clocks = round(values[6] * CLOCK_HZ)
+        else:
+            clocks = 0 if period == "min" else int(period)
         orders = [
             (WRITE, self._at[name], value)
             for name, value in (
                 ("SWITCHES", switches),
                 ("H", left_words[6]),
-                ("STEP_CLOCKS", 0 if period == "min" else period),
+                ("STEP_CLOCKS", clocks),
             )
         ]
         for name, side in (("MOTOR_L", left_words), ("MOTOR_R", right_words)):
@@ -322,8 +325,8 @@ class HpsLink(ConfiguredLink):
 
     def exchange(
         self,
-        voltages: Sequence[float],
-        torques: Sequence[float],
+        voltages: Vector,
+        torques: Vector,
         interval_s: float,
         sample_s: float | None = None,
     ) -> Exchange:

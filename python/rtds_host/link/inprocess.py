@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from rtds_host.compat import Self
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link.base import CLOSED, NO_PARAMETERS, Exchange, exchange_of, input_words, whole_steps
 from rtds_host.link.configured import ConfiguredLink
+from rtds_host.vectors import Vector
 
 
 class InProcessLink(ConfiguredLink):
@@ -19,8 +18,8 @@ class InProcessLink(ConfiguredLink):
 
     def exchange(
         self,
-        voltages: Sequence[float],
-        torques: Sequence[float],
+        voltages: Vector,
+        torques: Vector,
         interval_s: float,
         sample_s: float | None = None,
     ) -> Exchange:

@@ -9,6 +9,7 @@ from rtds_host.link.inprocess import InProcessLink
 from rtds_host.motor import MotorPair
 from rtds_host.motor.effect_model import EffectPair
 from rtds_host.motor.effect_tables import EffectWords
+from rtds_host.motor.parameters import Parameters
 
 
 class ModelLink(InProcessLink):
@@ -33,17 +34,21 @@ class ModelLink(InProcessLink):
         if self._energy and not all(part is None or part.absent for part in (left, right, supply)):
             raise InputError("set_effects: energy terms are kept of ideal motor units only")
 
-    def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+    def _load(self, words: EffectWords, values: Parameters, method: str) -> None:
         if words.ideal:
             self.pair.set_parameters(*values, method)
             self.effects = None
         else:
-            self._load_parameters(words, values, method)
-            self.effects.load(words)
+            self._effects_with(words, values, method).load(words)
 
-    def _load_parameters(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+    def _load_parameters(self, words: EffectWords, values: Parameters, method: str) -> None:
+        self._effects_with(words, values, method)
+
+    def _effects_with(self, words: EffectWords, values: Parameters, method: str) -> EffectPair:
+        """The pair with effects, made where there is none yet, with these parameters."""
         self.effects = self.effects or EffectPair()
         self.effects.set_parameters(words.side_values(values), method)
+        return self.effects
 
     def _step(self, v: np.ndarray, t: np.ndarray, steps: int, sample_steps: int) -> np.ndarray:
         if self.effects is None:

@@ -24,8 +24,9 @@ from rtds_host.compat import Self
 from rtds_host.errors import RtdsError
 from rtds_host.link import open_link
 from rtds_host.link.base import Exchange, Link
-from rtds_host.link.scaling import ADC_CHANNELS, DAC_OUTPUTS, Scaling, default_scaling
+from rtds_host.link.scaling import ADC_CHANNELS, DAC_OUTPUTS, AdcScale, DacScale, Scaling, default_scaling
 from rtds_host.motor.effects import SupplyEffects, UnitEffects
+from rtds_host.vectors import Vector
 
 STAGES = ("parameters", "voltages", "torques", "outputs")
 """Where a converter is: four parameters, two voltages, two torques through the ADC, four outputs through the DAC."""
@@ -275,7 +276,11 @@ def ranges(scaling: Scaling | None = None) -> str:
         "w": "rad/s",
     }
     lines = ["| converter | quantity | unit | at code 0 | at code 4095 | one step |", "|---|---|---|---|---|---|"]
-    for names, scales, part in ((ADC_CHANNELS, scaling.adc, "ADC"), (DAC_OUTPUTS, scaling.dac, "DAC")):
+    parts: tuple[tuple[tuple[str, ...], Sequence[AdcScale | DacScale], str], ...] = (
+        (ADC_CHANNELS, scaling.adc, "ADC"),
+        (DAC_OUTPUTS, scaling.dac, "DAC"),
+    )
+    for names, scales, part in parts:
         for place, (name, scale) in enumerate(zip(names, scales, strict=True)):
             low, high = scale.limits
             step = (high - low) / 4095

@@ -17,7 +17,7 @@ import sys
 import tempfile
 import time
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,7 +41,8 @@ from rtds_host.link.build import ROOT, SIGNALS, TOPS, Top, build
 from rtds_host.link.configured import ConfiguredLink
 from rtds_host.link.waves import Recording, Waves, read_signals
 from rtds_host.motor.effect_tables import EffectWords
-from rtds_host.motor.parameters import parameter_words
+from rtds_host.motor.parameters import Parameters, parameter_words
+from rtds_host.vectors import Vector
 
 # Clocks a simulator works off in well under a second even on a busy machine: a longer exchange is put in several
 # requests, so that the time limit of one answer says something about the simulator and not about the exchange.
@@ -133,7 +134,8 @@ class RtlLink(ConfiguredLink):
         self._start_timeout_s = start_timeout_s
         self._progress = progress
         self._environment = {**({"RTDS_EVERY_CLOCK": "1"} if every_clock else {}), **(environment or {})}
-        self._waves, self._recording = waves, None
+        self._waves = waves
+        self._recording: Recording | None = None
         wanted = TOPS[top] if isinstance(top, str) else top
         if waves is not None:
             wanted = wanted.traced
@@ -145,8 +147,8 @@ class RtlLink(ConfiguredLink):
         built = build(top, self._sim, self._progress)
         if self._waves is not None and self._recording is None:
             chosen = self._waves.chosen(read_signals(built.folder / SIGNALS))
-            self._recording = Recording(self._waves, chosen, self._progress or _to_stderr)
-            self._close_recording = weakref.finalize(self, self._recording.close)
+            self._recording = recording = Recording(self._waves, chosen, self._progress or _to_stderr)
+            self._close_recording = weakref.finalize(self, recording.close)
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the link
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
@@ -192,7 +194,7 @@ class RtlLink(ConfiguredLink):
             raise self._failure(f"it speaks version {str(hello['version'])[:20]} of the link, not {protocol.VERSION}")
         return str(hello.get("simulator", "nameless"))
 
-    def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+    def _load(self, words: EffectWords, values: Parameters, method: str) -> None:
         # The top that was started is without the effect unit, and faster; nothing has been exchanged with it yet.
         other = words.on and ("EFFECTS", 0) in self._top.parameters
         if self._recording is not None and not self._exchanged:
@@ -206,7 +208,7 @@ class RtlLink(ConfiguredLink):
             self._check_length(self._ask(protocol.EFFECTS, table, protocol.DONE), 0)
         self._load_parameters(words, values, method)
 
-    def _load_parameters(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+    def _load_parameters(self, words: EffectWords, values: Parameters, method: str) -> None:
         (left, method_index), (right, _) = (parameter_words(side, method) for side in words.side_values(values))
         payload = protocol.PARAMETERS_PAYLOAD.pack(
             *left.view(np.uint32).tolist(), *right[:6].view(np.uint32).tolist(), method_index, self._step_clocks,
@@ -218,8 +220,8 @@ class RtlLink(ConfiguredLink):
 
     def exchange(
         self,
-        voltages: Sequence[float],
-        torques: Sequence[float],
+        voltages: Vector,
+        torques: Vector,
         interval_s: float,
         sample_s: float | None = None,
     ) -> Exchange:

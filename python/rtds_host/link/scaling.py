@@ -154,7 +154,9 @@ class Scaling:
 
     def register_values(self) -> dict[str, float]:
         """Register name -> value, to write these scalings to a chip."""
-        pairs = [("ADC", name, scale) for name, scale in zip(ADC_CHANNELS, self.adc)]
+        pairs: list[tuple[str, str, AdcScale | DacScale]] = [
+            ("ADC", name, scale) for name, scale in zip(ADC_CHANNELS, self.adc)
+        ]
         pairs += [("DAC", name, scale) for name, scale in zip(DAC_OUTPUTS, self.dac)]
         return {
             f"{kind}_{name.upper()}_{what.upper()}": float(getattr(scale, what))
@@ -172,7 +174,8 @@ def scaling_from(read: Callable[[str], float]) -> Scaling:
     """
 
     def pair(kind: str, name: str) -> tuple[np.float32, np.float32]:
-        return tuple(np.float32(read(f"{kind}_{name.upper()}_{what}")) for what in ("GAIN", "OFFSET"))
+        gain, offset = (np.float32(read(f"{kind}_{name.upper()}_{what}")) for what in ("GAIN", "OFFSET"))
+        return gain, offset
 
     adc = tuple(AdcScale(*pair("ADC", name), place < SIGNED_CHANNELS) for place, name in enumerate(ADC_CHANNELS))
     return Scaling(adc, tuple(DacScale(*pair("DAC", name)) for name in DAC_OUTPUTS))

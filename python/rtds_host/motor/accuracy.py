@@ -18,6 +18,7 @@ import numpy as np
 from rtds_host.motor import reference
 from rtds_host.motor.model import MotorPair, _step
 from rtds_host.motor.parameters import METHODS, coefficients, parameter_words
+from rtds_host.vectors import Vector
 
 # Nominal motor of the contract's robot: R, L, Km, Kb, J, B (SI, motor shaft) and its supply.
 NOMINAL = (8.6, 1.0e-3, 6.538e-3, 6.538e-3, 1.0e-7, 4.372e-7)
@@ -72,7 +73,7 @@ class Deviation:
 
 
 def deviation(
-    values: Sequence[float], method: str, segments: Sequence[tuple[float, float, float]], supply_v: float = SUPPLY_V
+    values: Vector, method: str, segments: Sequence[tuple[float, float, float]], supply_v: float = SUPPLY_V
 ) -> Deviation:
     """The model against the same difference equation in float64, from rest, compared at every step.
 
@@ -103,7 +104,7 @@ def deviation(
     )
 
 
-def method_error(values: Sequence[float], method: str, seconds: float = 0.1) -> tuple[float, float]:
+def method_error(values: Vector, method: str, seconds: float = 0.1) -> tuple[float, float]:
     """Largest error of the difference equation (in float64) against the exact solution, on a step to SUPPLY_V.
 
     Returns (current, speed) as parts of full scale.

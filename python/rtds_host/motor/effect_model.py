@@ -8,7 +8,6 @@ each step the program of `effect_program` prepares what the next one works with.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numba
 import numpy as np
@@ -18,6 +17,7 @@ from rtds_host.motor.effect_program import CONSTANTS, OUTPUTS, STATES, TABLE_ORI
 from rtds_host.motor.effect_tables import DELAY_ENTRIES, TABLE_WORDS, EffectWords
 from rtds_host.motor.model import SAMPLE_COLUMNS, STATE_COLUMNS, _step, canonical_words
 from rtds_host.motor.parameters import coefficients, parameter_words
+from rtds_host.vectors import Vector
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -244,7 +244,7 @@ class EffectPair:
         if rho is not None:
             self._c[:, 8] = rho
 
-    def step(self, v: Sequence[float], t: Sequence[float], n_steps: int, sample_every: int | None = None) -> np.ndarray:
+    def step(self, v: Vector, t: Vector, n_steps: int, sample_every: int | None = None) -> np.ndarray:
         """Steps with the inputs held.
 
         Parameters
@@ -256,16 +256,16 @@ class EffectPair:
         -------
         (m, 2, 4) float32: i, w, i_lo, w_lo of [left, right] at each sample.
         """
-        v, t = np.ascontiguousarray(v, np.float32), np.ascontiguousarray(t, np.float32)
+        volts, torques = np.ascontiguousarray(v, np.float32), np.ascontiguousarray(t, np.float32)
         every = n_steps if sample_every is None else sample_every
         out = np.empty((-(-n_steps // every), 2, len(STATE_COLUMNS)), np.float32)
         done = row = 0
         if self._next is not None:
-            row = self._advance(v, t, 1, every, 0, n_steps, out, 0)
+            row = self._advance(volts, torques, 1, every, 0, n_steps, out, 0)
             self._c, self._next = self._next, None
             done = 1
         if done < n_steps:
-            self._advance(v, t, n_steps - done, every, done, n_steps, out, row)
+            self._advance(volts, torques, n_steps - done, every, done, n_steps, out, row)
         self.step_count = (self.step_count + n_steps) & 0xFFFFFFFF
         return out
 

@@ -295,13 +295,16 @@ class _Scheduler:
         ports = ("mul_a", "mul_b") if _unit(op) == "mul" else ("add_a", "add_b")
         signs = (False, op == "sub")
         for a, b, minus in ((first, second, signs), (second, first, signs[::-1])):
-            sources = self.source(ports[0], a, clock), self.source(ports[1], b, clock, a.startswith("other."))
-            if None not in sources and not (op == "wrap" and sources[0] != "sum"):
+            source_a, source_b = (
+                self.source(ports[0], a, clock),
+                self.source(ports[1], b, clock, a.startswith("other.")),
+            )
+            if source_a is not None and source_b is not None and not (op == "wrap" and source_a != "sum"):
                 break
         else:
             raise ScheduleError(f"{name} = {op} {first}, {second}: an operand cannot be had in clock {clock}")
         operands = []
-        for source, operand in zip(sources, (a, b), strict=True):
+        for source, operand in ((source_a, a), (source_b, b)):
             if source == "register":
                 self.latest_read[operand] = min(self.latest_read.get(operand, STEP_CLOCKS + READ), clock)
                 if operand in self.kind and operand not in self.addresses:
@@ -364,9 +367,10 @@ def words() -> list[dict[str, int]]:
     program = schedule()
     rom: list[dict[str, int]] = [{} for _ in range(STEP_CLOCKS + 1)]
 
-    def put(clock: int, **fields: int) -> None:
+    def put(clock: int, **fields: int | None) -> None:
         for field, value in fields.items():
-            assert field not in rom[clock] and 0 <= value < 1 << FIELDS[field], (clock, field, value)
+            assert field not in rom[clock], (clock, field)
+            assert value is not None and 0 <= value < 1 << FIELDS[field], (clock, field, value)
             rom[clock][field] = value
 
     for issue in program.issues:

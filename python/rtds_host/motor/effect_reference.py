@@ -122,7 +122,9 @@ def run(
     """
     step_s = float(parameters[6])
     zero, through = Curve((0.0,), (0.0,)), Curve((-1e9, 1e9), (-1e9, 1e9))
-    xs, ys, starts, c, d, numbers = [], [], [0], [], [], []
+    xs: list[float] = []
+    ys: list[float] = []
+    starts, c, d, numbers = [0], [], [], []
     for unit in units:
         values = (*(unit.motor.values if unit.motor else parameters[:6]), step_s)
         matrices = difference_matrices(values, method)

@@ -8,7 +8,7 @@ nearest line of the grid. `EffectWords.deviations` says by how much a table miss
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from rtds_host.errors import InputError
 from rtds_host.motor.effect_program import CELLS, CONSTANTS, REGISTERS, SIDES, TABLE_ORIGIN, TABLES
 from rtds_host.motor.effects import FULL_TURN, Curve, MotorParameters, SupplyEffects, UnitEffects
+from rtds_host.vectors import Vector
 
 SIDE_NAMES = ("left", "right")
 DELAY_ENTRIES = 4096
@@ -69,7 +70,7 @@ class EffectWords:
     deviations: tuple[Deviation, ...]
     delay_error_s: float
 
-    def side_values(self, parameters: Sequence[float]) -> np.ndarray:
+    def side_values(self, parameters: Vector) -> np.ndarray:
         """(2, 7) the parameters of [left, right], SI: the sides' own, or those of `set_parameters`; the step is
         shared.
         """
@@ -116,7 +117,7 @@ def tables_of(
     left: UnitEffects | None,
     right: UnitEffects | None,
     supply: SupplyEffects | None,
-    parameters: Sequence[float],
+    parameters: Vector,
 ) -> EffectWords:
     """Compile effects for motors and a step.
 
@@ -132,7 +133,7 @@ def tables_of(
     units = (left or UnitEffects(), right or UnitEffects())
     supply = supply or SupplyEffects()
     step_s = float(parameters[6])
-    motors = tuple(unit.motor for unit in units)
+    motors = (units[0].motor, units[1].motor)
     on = not supply.absent or not all(unit.plain for unit in units)
     constants = np.zeros((SIDES, len(CONSTANTS)), np.float64)
     tables = np.zeros((SIDES, len(TABLES), CELLS, 2), np.float32)

@@ -6,7 +6,6 @@ compiled without `fastmath`, so that nothing is reordered or contracted. Each st
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numba
@@ -14,6 +13,7 @@ import numpy as np
 
 from rtds_host.errors import InputError
 from rtds_host.motor.parameters import PARAMETER_NAMES, coefficients, parameter_words
+from rtds_host.vectors import Vector
 
 # Columns of the samples, and the order of the RTL's outputs.
 SAMPLE_COLUMNS = ("i_l", "w_l", "i_r", "w_r")
@@ -246,9 +246,7 @@ class MotorPair:
         self._sums[:] = 0.0
         self.step_count = 0
 
-    def step(
-        self, v2: Sequence[float], t2: Sequence[float], n_steps: int, sample_every: int | None = None
-    ) -> np.ndarray:
+    def step(self, v2: Vector, t2: Vector, n_steps: int, sample_every: int | None = None) -> np.ndarray:
         """Run `n_steps` steps with the inputs held.
 
         Parameters

@@ -14,11 +14,11 @@ coefficients are positive and the update carries the signs. Derivation: docs/mot
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
 from rtds_host.errors import InputError
+from rtds_host.vectors import Vector
 
 METHODS = ("backward_euler", "trapezoidal")  # index = METHOD of the core's settings
 
@@ -32,6 +32,9 @@ PARAMETER_NAMES = (
     "viscous_friction_nm_s_per_rad",
     "step_s",
 )
+
+# Their values, SI.
+Parameters = tuple[float, float, float, float, float, float, float]
 
 COEFFICIENT_NAMES = ("R", "Kb", "Km", "B", "G11", "G12", "G21", "G22", "h")
 
@@ -47,7 +50,7 @@ def usable(word: np.float32) -> bool:
     return bits >> 31 == 0 and exponent not in (0, 255)
 
 
-def coefficients(words: Sequence[float], method: int) -> tuple[np.ndarray, bool]:
+def coefficients(words: Vector, method: int) -> tuple[np.ndarray, bool]:
     """The coefficients in the RTL's operations and their order.
 
     Parameters
@@ -79,7 +82,7 @@ def coefficients(words: Sequence[float], method: int) -> tuple[np.ndarray, bool]
     return np.array([r, kb, km, b, g11, g12, g21, g22, h], dtype=np.float32), fault
 
 
-def parameter_words(values: Sequence[float], method: str) -> tuple[np.ndarray, int]:
+def parameter_words(values: Vector, method: str) -> tuple[np.ndarray, int]:
     """Seven parameters checked by the parameter unit's rule and rounded to binary32.
 
     Parameters

@@ -9,16 +9,15 @@ not from the closed forms of the parameter unit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numba
 import numpy as np
 import scipy.linalg
 
 from rtds_host.motor.parameters import METHODS
+from rtds_host.vectors import Vector
 
 
-def continuous_matrices(values: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+def continuous_matrices(values: Vector) -> tuple[np.ndarray, np.ndarray]:
     """A (2, 2) and B (2, 2) of dx/dt = A x + B u, with x = (i, w) in A, rad/s and u = (V, T) in V, N m.
 
     values : (7,) in the order of `rtds_host.motor.PARAMETER_NAMES`, SI; the step is not used.
@@ -27,7 +26,7 @@ def continuous_matrices(values: Sequence[float]) -> tuple[np.ndarray, np.ndarray
     return np.array([[-r / l, -kb / l], [km / j, -b / j]]), np.array([[1.0 / l, 0.0], [0.0, -1.0 / j]])
 
 
-def difference_matrices(values: Sequence[float], method: str) -> tuple[np.ndarray, np.ndarray]:
+def difference_matrices(values: Vector, method: str) -> tuple[np.ndarray, np.ndarray]:
     """C, D (2, 2) of x+ = x + C x + D u, [C, D] = (I - theta h A)^-1 h [A, B]; theta = 1 or 1/2."""
     a, b = continuous_matrices(values)
     h = float(values[6])
@@ -36,7 +35,7 @@ def difference_matrices(values: Sequence[float], method: str) -> tuple[np.ndarra
     return np.linalg.solve(system, h * a), np.linalg.solve(system, h * b)
 
 
-def exact_matrices(values: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+def exact_matrices(values: Vector) -> tuple[np.ndarray, np.ndarray]:
     """As `difference_matrices`, for the exact solution with inputs held: C = e^(hA) - I, D = A^-1 C B."""
     a, b = continuous_matrices(values)
     h = float(values[6])

@@ -16,7 +16,8 @@ from rtds_host.link.compiling import first_error
 from rtds_host.link.inprocess import InProcessLink
 from rtds_host.motor.effect_program import CELLS, CONSTANTS, SIDES, TABLES
 from rtds_host.motor.effect_tables import EffectWords
-from rtds_host.motor.parameters import METHODS, PARAMETER_NAMES
+from rtds_host.motor.parameters import METHODS, PARAMETER_NAMES, Parameters
+from rtds_host.vectors import Vector
 
 SOURCES = Path(__file__).parent / "c"
 # Order of operations as written, in single precision; no warning about the other compiler's pragmas.
@@ -130,7 +131,7 @@ class NativePair:
         effects.tables[:] = np.asarray(tables, np.float32).ravel().tolist()
         self._check(self._c.rtds_set_effects(ctypes.byref(self._pair), ctypes.byref(effects)))
 
-    def step(self, v: Sequence[float], t: Sequence[float], n_steps: int, sample_every: int | None = None) -> np.ndarray:
+    def step(self, v: Vector, t: Vector, n_steps: int, sample_every: int | None = None) -> np.ndarray:
         """As `rtds_host.motor.MotorPair.step`: (m, 4) float32, i_l w_l i_r w_r."""
         every = n_steps if sample_every is None else sample_every
         out = np.empty((-(-n_steps // every), 4), np.float32)
@@ -167,7 +168,7 @@ class NativeLink(InProcessLink):
     def __init__(self, library: Path) -> None:
         self.pair = NativePair(library)
 
-    def _load(self, words: EffectWords, values: tuple[float, ...], method: str) -> None:
+    def _load(self, words: EffectWords, values: Parameters, method: str) -> None:
         self.pair.set_parameters(words.side_values(values), method)
         self.pair.load(words)
 

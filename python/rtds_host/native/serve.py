@@ -122,10 +122,10 @@ def _answer(link: Link, kind: int, payload: bytes) -> tuple[int, bytes]:
         rows[:, 0::2], rows[:, 1::2] = got.currents, got.speeds
         return SAMPLES, rows.tobytes()
     if kind == PARAMETERS:
-        *values, method = _unpack(PARAMETERS_PAYLOAD, "PARAMETERS", payload)
+        r, l, km, kb, j, b, step_s, method = _unpack(PARAMETERS_PAYLOAD, "PARAMETERS", payload)
         if method >= len(METHODS):
             raise InputError(f"PARAMETERS: method {method}: 0 and 1 are known")
-        link.set_parameters(*values, METHODS[method])
+        link.set_parameters(r, l, km, kb, j, b, step_s, METHODS[method])
         return DONE, b""
     raise InputError(f"a request of kind {kind} is unknown")
 

@@ -12,7 +12,7 @@ from rtds_host.diagnosis.replay.model import Model
 from rtds_host.errors import InputError
 from rtds_host.motor.effect_tables import EffectWords, tables_of
 from rtds_host.motor.effects import SupplyEffects, UnitEffects
-from rtds_host.motor.parameters import parameter_words
+from rtds_host.motor.parameters import Parameters, parameter_words
 
 STEP_S = 1e-5
 FLOAT_MAX = float(np.finfo(np.float32).max)
@@ -33,7 +33,7 @@ class MotorUnits:
     values: np.ndarray
     words: EffectWords
     effects: tuple[UnitEffects | None, UnitEffects | None, SupplyEffects | None]
-    parameters: tuple[float, ...]
+    parameters: Parameters
 
 
 def motor_units(model: Model, robot: Robot, step_s: float = STEP_S) -> MotorUnits:

@@ -68,7 +68,7 @@ class Plan:
 def _speeds(robot: Robot, out: np.ndarray) -> np.ndarray:
     """Forward speed and yaw rate (n, 2) of a replay."""
     w = out[:, [OUTPUT_INDEX["w_l"], OUTPUT_INDEX["w_r"]]]
-    radius, track = robot.chassis.wheel_radius_m, robot.chassis.track_width_m
+    radius, track = robot.wheeled.wheel_radius_m, robot.wheeled.track_width_m
     return np.column_stack([radius * w.mean(axis=1), radius * (w[:, 1] - w[:, 0]) / track])
 
 
@@ -98,9 +98,9 @@ def _commands(scenario: Scenario, robot: Robot, kind: str, scale: float, payload
     if kind == "voltage":
         return knots(t, volts, NAMES["voltage"], held=True)
     out = replay_run(nominal_model(robot), run_inputs(as_run(scenario, robot, payload_kg, t, volts), robot))
-    moved = _speeds(robot, out)
-    moved[-1] = 0.0
-    return knots(t, moved, NAMES["cmd_vel"])
+    driven = _speeds(robot, out)
+    driven[-1] = 0.0
+    return knots(t, driven, NAMES["cmd_vel"])
 
 
 def _volts(

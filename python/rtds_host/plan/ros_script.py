@@ -12,7 +12,7 @@ KIND = "cmd_vel"
 RATE_HZ = 50.0
 COUNTDOWN_S = 3.0
 # Time in s and both values, straight in between.
-KNOTS = []
+KNOTS: list = []
 
 
 def command_at(t):

@@ -17,7 +17,7 @@ from rtds_host.plan.make import Plan
 FILES = ("plan.json", "commands.csv", "drive.py")
 SCHEMA = "rtds-plan/1"
 CSV_STEP_S = 0.02
-PLACES = ('KIND = "cmd_vel"\n', "KNOTS = []\n")
+PLACES = ('KIND = "cmd_vel"\n', "KNOTS: list = []\n")
 
 
 def script(plan: Plan) -> str:

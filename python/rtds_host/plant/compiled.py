@@ -43,5 +43,6 @@ def law(function: Callable) -> Any:
 def loop(function: Callable) -> Any:
     """Compile a loop that uses equations or positions of parameters, with a cache entry that follows both."""
     dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
-    dispatcher._cache = KeyedCache(dispatcher.py_func)
+    # Numba has no public way to give a function another cache.
+    dispatcher._cache = KeyedCache(dispatcher.py_func)  # type: ignore[attr-defined]
     return dispatcher

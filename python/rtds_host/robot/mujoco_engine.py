@@ -111,9 +111,9 @@ class MujocoEngine:
 
     def _base(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Rotation (3, 3), origin, its velocity and angular velocity of the base, all in the ground's axes."""
-        rotation = np.zeros(9)
-        mujoco.mju_quat2Mat(rotation, self._data.qpos[3:7])
-        rotation = rotation.reshape(3, 3)
+        flat = np.zeros(9)
+        mujoco.mju_quat2Mat(flat, self._data.qpos[3:7])
+        rotation = flat.reshape(3, 3)
         return (rotation, self._data.qpos[:3].copy(), self._data.qvel[:3].copy(), rotation @ self._data.qvel[3:6])
 
     def _planar(self) -> tuple[float, float, float]:

@@ -151,7 +151,6 @@ class PyBulletEngine:
         left = right = 0.0
         first = len(speeds_rad_s) - max(1, round(last * len(speeds_rad_s)))
         before = self._spin
-        one = two = None
         for k, targets in enumerate(np.asarray(speeds_rad_s, dtype=float).tolist()):
             p.setJointMotorControlArray(
                 robot, wheels, p.VELOCITY_CONTROL, targetVelocities=targets, forces=limit, physicsClientId=client

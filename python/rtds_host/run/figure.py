@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 
@@ -15,6 +16,9 @@ from rtds_host.figures import caption, save
 from rtds_host.run.loop import Record
 from rtds_host.run.plan import Plan
 
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
+
 LEFT, RIGHT, PLAIN = "#1f5fa8", "#c8501e", "#444444"
 
 
@@ -24,7 +28,7 @@ def draw(plan: Plan, record: Record, folder: Path) -> list[Path]:
     Panels: (a) path, (b) speed references and simulated speeds, (c) armature currents, (d) x, y and yaw over time,
     (e) speed errors, (f) load torques and supply voltages.
     """
-    style = {
+    style: dict[RcKeyType, float] = {
         "font.size": 8,
         "axes.grid": True,
         "grid.alpha": 0.3,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rtds_host.control import Observation, make_controller
+from rtds_host.control import Controller, Observation, make_controller
 from rtds_host.correction import layer
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.coupler import Coupler, set_effects
@@ -22,6 +22,7 @@ from rtds_host.run.path import Sample, SignalPath
 from rtds_host.run.plan import Plan
 from rtds_host.run.sensors import CorrectedPath
 from rtds_host.scenario import SpeedMotion, reference_poses, wheel_references
+from rtds_host.vectors import given
 
 # Opens an engine of a name with a body at a pose, as `rtds_host.robot.open_engine` does.
 OpenEngine = Callable[[str, Body, tuple[float, float, float]], Engine]
@@ -181,12 +182,17 @@ class _Loop:
         if coupler is not None and correction is not None and correction.sensors.encoder_at_wheel > 0.0:
             self.behind = coupler.elastic
         self.seen = np.zeros((count, 2)) if self.behind.any() else self.speeds
-        self.references = self.poses = self.controller = self.voltages = None
+        self.references: np.ndarray | None = None
+        self.poses: np.ndarray | None = None
+        self.controller: Controller | None = None
+        self.voltages: np.ndarray | None = None
         motion = plan.motion
         if isinstance(motion, SpeedMotion):
             self.references = wheel_references(motion, plan.robot, self.t)
             self.poses = reference_poses(motion, STEP_S)
-            self.controller = make_controller(plan.controller, plan.unit_motor, plan.robot.supply_v)
+            self.controller = make_controller(
+                given(plan.controller, "controller"), plan.unit_motor, plan.robot.supply_v
+            )
         else:
             period = round(motion.period_s / STEP_S)
             self.voltages = motion.voltages((np.arange(count) // period * period) * STEP_S)
@@ -220,7 +226,7 @@ class _Loop:
             commanded[k] = self._command(start, end, measured, loads[k])
             applied[k] = self.path.voltages(self.t[start], commanded[k], seen)
             if self.coupler is not None:
-                sent += self._move_together(start, end, applied[k], look)
+                sent += self._move_together(self.coupler, start, end, applied[k], look)
                 torque = self.coupler.load
                 if progress is not None:
                     progress(self.t[end])
@@ -261,27 +267,28 @@ class _Loop:
         }
 
     def _command(self, start: int, end: int, measured: Sample, load: np.ndarray) -> np.ndarray:
-        if self.controller is None:
+        if self.voltages is not None:
             return self.voltages[start].astype(np.float32).astype(np.float64)
-        if self.plan.carried_kg_m2:
+        references, controller = given(self.references, "references"), given(self.controller, "controller")
+        if self.coupler is not None and self.plan.carried_kg_m2:
             # The controller's motors carry a part of the body; the rest loads them as they speed up, both wheels
             # together.
-            rise = (self.references[end] - measured.speeds_rad_s) / ((end - start) * STEP_S)
+            rise = (references[end] - measured.speeds_rad_s) / ((end - start) * STEP_S)
             load = (self.coupler.load_of(rise) - self.plan.carried_kg_m2 * rise) / self.ratio
         seen = Observation(
             speeds_rad_s=measured.speeds_rad_s * self.ratio,
             currents_a=measured.currents_a,
             torques_nm=load.astype(np.float64),
         )
-        volts = self.controller.command(
-            seen, self.references[start] * self.ratio, self.references[end] * self.ratio, (end - start) * STEP_S
+        volts = controller.command(
+            seen, references[start] * self.ratio, references[end] * self.ratio, (end - start) * STEP_S
         )
         # The link works in single precision: the log then holds exactly what acted.
         return volts.astype(np.float32).astype(np.float64)
 
     def _move_robot(self, start: int, end: int, torque: np.ndarray, look: Callable) -> np.ndarray:
         """Let the robot follow over the exchange, with a row of the log where one is due; the mean torque."""
-        lead = self.speeds if self.plan.coupling == "closed" else self.references
+        lead = self.speeds if self.plan.coupling == "closed" else given(self.references, "references")
         wheels = self.path.wheels(lead[start + 1 : end + 1], torque)
         total, now = np.zeros(2), start
         while now < end:
@@ -295,18 +302,20 @@ class _Loop:
                 look(now)
         return total / (end - start)
 
-    def _move_together(self, start: int, end: int, volts: np.ndarray, look: Callable) -> list[np.ndarray]:
+    def _move_together(
+        self, coupler: Coupler, start: int, end: int, volts: np.ndarray, look: Callable
+    ) -> list[np.ndarray]:
         """Motors and robot without lag, engine step by engine step; the torques (2,) that were sent to the shafts."""
         sent = []
         for step in range(start + 1, end + 1):
-            motion = self.coupler.advance([(volts, STEP_S)])
-            sent.append(self.coupler.sent)
+            motion = coupler.advance([(volts, STEP_S)])
+            sent.append(coupler.sent)
             width = np.diff(motion.t_s, prepend=0.0)[:, None]
             speeds = np.vstack([self.speeds[step - 1], motion.speeds])
             turned = (0.5 * width * (speeds[1:] + speeds[:-1])).sum(axis=0)
             self.speeds[step], self.currents[step] = motion.speeds[-1], motion.currents[-1]
             if self.behind.any():
-                self.seen[step] = np.where(self.behind, self.coupler.state[:, layer.WHEEL], motion.speeds[-1])
+                self.seen[step] = np.where(self.behind, coupler.state[:, layer.WHEEL], motion.speeds[-1])
                 wheels = 0.5 * STEP_S * (self.seen[step - 1] + self.seen[step])
                 turned = np.where(self.behind, wheels, turned)
             self.angles = self.angles + turned
@@ -329,7 +338,7 @@ class _Loop:
     def _bus(self, step: int) -> float:
         """Voltage of the supply."""
         nominal = self.plan.robot.supply_v
-        if self.correction is None:
+        if self.correction is None or self.coupler is None:
             return nominal
         supply = self.correction.supply
         draw = float(self.currents[step] @ self.coupler.in_force) / nominal

@@ -162,7 +162,7 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None, 
     )
     exchange = _steps("exchange", pick(exchange_s, CONTROLLERS[options.controller]))
     # A row must stand wherever the command may change.
-    period = _steps("scenario's period", motion.period_s) if voltage else exchange
+    period = _steps("scenario's period", motion.period_s) if isinstance(motion, VoltageMotion) else exchange
     grid = period if period % exchange == 0 else exchange
     log = _divisor(grid, LOG_LIMIT_STEPS) if options.log_s is None else _steps("log interval", options.log_s)
     if grid % log:

@@ -19,6 +19,7 @@ from rtds_host.robot import available_engines
 from rtds_host.run.loop import drive_with
 from rtds_host.run.plan import Options, Plan, make_plan
 from rtds_host.run.summary import Summary, summarise
+from rtds_host.vectors import given
 
 SCENARIOS = ("linear", "circle", "eight")
 START, END = "<!-- ready robots: begin -->", "<!-- ready robots: end -->"
@@ -71,7 +72,8 @@ def table(drives: Sequence[Drive]) -> str:
             why = "; ".join(f"{engine}: {text}" for engine, text in refused.items())
             rows.append(f"| `{key[0]}` | {key[1]} | {why} | | | | |")
             continue
-        plan, found = same[0].plan, [one.summary for one in same]
+        plan, found = given(same[0].plan, "plan"), [given(one.summary, "summary") for one in same]
+        errors = [s.tracking for s in found]
         way = ", ".join(
             f"{name.removesuffix('_m')} {plan.values[name]:.3g}{' m' if name.endswith('_m') else ''}"
             for name in ("length_m", "radius_m", "scale")
@@ -79,10 +81,11 @@ def table(drives: Sequence[Drive]) -> str:
         )
         rows.append(
             f"| `{key[0]}` | {key[1]} | {plan.body.payload_kg:.3g} kg, {way}, {plan.duration_s:g} s |"
-            f" {found[0].inertia_ratio:.2f} | {1e3 * max(s.end_position_error_m for s in found):.2f} mm,"
-            f" {max(abs(math.degrees(s.end_yaw_error_rad)) for s in found):.3f}° |"
-            f" {1e3 * max(s.speed_error_rms_rad_s for s in found):.2f} mrad/s |"
-            f" {max(s.energy_imbalance for s in found):.0e}, {max(abs(s.robot_energy_gap) for s in found):.0e} |"
+            f" {found[0].inertia_ratio:.2f} | {1e3 * max(at.position_m for at in errors):.2f} mm,"
+            f" {max(abs(math.degrees(at.yaw_rad)) for at in errors):.3f}° |"
+            f" {1e3 * max(at.speed_rad_s for at in errors):.2f} mrad/s |"
+            f" {max(given(s.energy_imbalance, 'energy_imbalance') for s in found):.0e},"
+            f" {max(abs(given(s.robot_energy_gap, 'robot_energy_gap')) for s in found):.0e} |"
         )
     return "\n".join(rows) + "\n"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from rtds_host.robot import STEP_S
 from rtds_host.run.energy import Audit, audit, ends_alike
 from rtds_host.run.loop import Record
 from rtds_host.run.plan import Plan
+from rtds_host.vectors import given
 
 # What the paper states for its own set-up.
 PAPER_STEP_RATIO = 2000
@@ -36,6 +38,15 @@ class Effects:
 
     correction: Correction
     names: tuple[str, ...]
+
+
+class Tracking(NamedTuple):
+    """How a run followed its reference: at the end, the largest distance on the way, and both wheels' speeds (rms)."""
+
+    position_m: float
+    yaw_rad: float
+    farthest_m: float
+    speed_rad_s: float
 
 
 @dataclass(frozen=True)
@@ -81,6 +92,21 @@ class Summary:
     link_report: dict | None
     effects: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
+
+    @property
+    def tracking(self) -> Tracking:
+        """How the reference was followed.
+
+        Raises
+        ------
+        ValueError : the run had no reference.
+        """
+        return Tracking(
+            given(self.end_position_error_m, "end_position_error_m"),
+            given(self.end_yaw_error_rad, "end_yaw_error_rad"),
+            given(self.path_error_max_m, "path_error_max_m"),
+            given(self.speed_error_rms_rad_s, "speed_error_rms_rad_s"),
+        )
 
     def to_json(self) -> dict:
         """For `summary.json`."""
@@ -181,6 +207,21 @@ def summarise(
     )
 
 
+def _errors(s: Summary, at: Tracking) -> list[tuple[str, str]]:
+    """Rows on the path and on the speeds of a run with a reference."""
+    path = (
+        f"{1e3 * at.position_m:.2f} mm and {math.degrees(at.yaw_rad):.3f} deg off; "
+        f"largest distance on the way {1e3 * at.farthest_m:.2f} mm"
+    )
+    speed = f"{at.speed_rad_s:.5f} rad/s with {s.controller!r} at {1e3 * s.exchange_s:g} ms"
+    if s.compared_error_rms_rad_s is not None and s.compared_exchange_s is not None:
+        speed += (
+            f", {s.compared_error_rms_rad_s:.5f} with {s.compared_controller!r} at "
+            f"{1e3 * s.compared_exchange_s:g} ms (ratio {s.compared_error_rms_rad_s / at.speed_rad_s:.3g})"
+        )
+    return [("end of the path", path), ("speed error (rms)", speed)]
+
+
 def lines(summary: Summary) -> list[tuple[str, str]]:
     """The summary as pairs of a label and a text, in the order they are printed."""
     s = summary
@@ -202,19 +243,7 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
             )
         )
     if s.controller is not None:
-        text = (
-            f"{1e3 * s.end_position_error_m:.2f} mm and {math.degrees(s.end_yaw_error_rad):.3f} deg off; "
-            f"largest distance on the way {1e3 * s.path_error_max_m:.2f} mm"
-        )
-        rows.append(("end of the path", text))
-        text = f"{s.speed_error_rms_rad_s:.5f} rad/s with {s.controller!r} at {1e3 * s.exchange_s:g} ms"
-        if s.compared_error_rms_rad_s is not None:
-            text += (
-                f", {s.compared_error_rms_rad_s:.5f} with {s.compared_controller!r} at "
-                f"{1e3 * s.compared_exchange_s:g} ms (ratio "
-                f"{s.compared_error_rms_rad_s / s.speed_error_rms_rad_s:.3g})"
-            )
-        rows.append(("speed error (rms)", text))
+        rows += _errors(s, s.tracking)
     wall = f"{s.wall_s:.2f} s for {s.simulated_s:g} s simulated ({s.simulated_s / s.wall_s:.3g} times real time)"
     if s.engine_gap is not None:
         g = s.engine_gap
@@ -234,10 +263,13 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
         ("current below zero", pair(s.current_negative_s, ".2f", "s")),
     ]
     if s.drawn_j is not None:
+        recovered, copper, viscous, shaft, stored = (
+            given(values, "energy") for values in (s.recovered_j, s.copper_j, s.viscous_j, s.shaft_j, s.stored_j)
+        )
         rows += [
-            ("energy drawn", pair(s.drawn_j, ".3f", "J") + ", recovered " + pair(s.recovered_j, ".4f", "J")),
-            ("  copper, viscous", pair(s.copper_j, ".3f", "J") + ",  " + pair(s.viscous_j, ".3f", "J")),
-            ("  shafts, stored", pair(s.shaft_j, ".3f", "J") + ",  " + pair(s.stored_j, ".4f", "J")),
+            ("energy drawn", pair(s.drawn_j, ".3f", "J") + ", recovered " + pair(recovered, ".4f", "J")),
+            ("  copper, viscous", pair(copper, ".3f", "J") + ",  " + pair(viscous, ".3f", "J")),
+            ("  shafts, stored", pair(shaft, ".3f", "J") + ",  " + pair(stored, ".4f", "J")),
             (
                 "  balance",
                 f"off by {s.energy_imbalance:.1e} of the largest term, every step summed"
@@ -248,7 +280,7 @@ def lines(summary: Summary) -> list[tuple[str, str]]:
                 "stood still, nothing went to and fro"
                 if s.robot_energy_gap is None
                 else (
-                    f"gained {s.robot_energy_j:.3f} J, the shafts gave {sum(s.shaft_j):.3f} J "
+                    f"gained {s.robot_energy_j:.3f} J, the shafts gave {sum(shaft):.3f} J "
                     f"(off by {100 * s.robot_energy_gap:.3f} % of what went to and fro)"
                 ),
             ),

@@ -185,5 +185,5 @@ def reference_poses(motion: SpeedMotion, step_s: float) -> np.ndarray:
 def wheel_references(motion: SpeedMotion, robot: Robot, t: np.ndarray) -> np.ndarray:
     """Wheel speeds (n, 2) rad/s, [left, right], at the times `t`; v = r (w_r + w_l)/2, yaw rate = r (w_r - w_l)/b."""
     speed, rate = motion.speeds(t).T
-    half = 0.5 * robot.chassis.track_width_m * rate
-    return np.column_stack([speed - half, speed + half]) / robot.chassis.wheel_radius_m
+    half = 0.5 * robot.wheeled.track_width_m * rate
+    return np.column_stack([speed - half, speed + half]) / robot.wheeled.wheel_radius_m

@@ -14,7 +14,7 @@ from rtds_host.scenario.base import Parameter, Scenario, SpeedMotion, Values, ch
 
 def build(values: Values, robot: Robot) -> SpeedMotion:
     check_ramps("circle", values, ("ramp_s", "stop_s"))
-    radius, half = values["radius_m"], 0.5 * robot.chassis.track_width_m
+    radius, half = values["radius_m"], 0.5 * robot.wheeled.track_width_m
     if radius <= half:
         raise InputError(
             f"scenario 'circle': radius_m is {radius:g}, it must be above half the track ({half:g} m): "

@@ -31,9 +31,9 @@ def ramped(t: np.ndarray, segments: Sequence[tuple[float, float, float]], ramp_s
     Each piece starts with its ramp; a last ramp to zero is added. Returns (n, 2).
     """
     times, levels, now = [0.0], [(0.0, 0.0)], 0.0
-    for seconds, *level in segments:
+    for seconds, left, right in segments:
         times += [now + ramp_s, now + seconds]
-        levels += [tuple(level), tuple(level)]
+        levels += [(left, right), (left, right)]
         now += seconds
     times.append(now + ramp_s)
     levels.append((0.0, 0.0))

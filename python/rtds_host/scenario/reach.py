@@ -9,7 +9,7 @@ import numpy as np
 from rtds_host.contract import GRAVITY_M_S2, Robot
 from rtds_host.errors import InputError
 from rtds_host.robot import Body
-from rtds_host.scenario.base import Scenario, SpeedMotion, Values, reference_poses, wheel_references
+from rtds_host.scenario.base import Motion, Scenario, SpeedMotion, Values, reference_poses, wheel_references
 
 STEP_S = 0.01
 # A speed law's kink is worth a jump of acceleration; the voltage is judged beside it, not on it.
@@ -21,7 +21,7 @@ def needed_voltage(motion: SpeedMotion, robot: Robot, body: Body) -> tuple[np.nd
 
     Inverse dynamics of the contract's nominal model (its section 2), winding in its steady state.
     """
-    motor, chassis = robot.motor, robot.chassis
+    motor, chassis = robot.motor, robot.wheeled
     steps = max(2, round(motion.duration_s / STEP_S))
     step = motion.duration_s / steps
     t = (np.arange(steps) + 0.5) * step
@@ -43,7 +43,7 @@ def needed_voltage(motion: SpeedMotion, robot: Robot, body: Body) -> tuple[np.nd
     return motor.resistance_ohm * current + motor.back_emf_constant_v_s_per_rad * ratio * wheel, t
 
 
-def check_reach(scenario: Scenario, values: Values, robot: Robot, body: Body) -> SpeedMotion:
+def check_reach(scenario: Scenario, values: Values, robot: Robot, body: Body) -> Motion:
     """Build a motion and make sure that the supply's voltage suffices for it.
 
     Raises
@@ -63,7 +63,7 @@ def check_reach(scenario: Scenario, values: Values, robot: Robot, body: Body) ->
     message = (
         f"scenario {scenario.name!r}: beyond the motors' reach: the {('left', 'right')[side]} wheel's "
         f"{wheel:.3g} rad/s at t = {t[worst]:.2f} s needs {abs(volts[worst, side]):.1f} V, the supply has "
-        f"{robot.supply_v:g} V (no-load limit {free:.3g} rad/s = {free * robot.chassis.wheel_radius_m:.3g} m/s)"
+        f"{robot.supply_v:g} V (no-load limit {free:.3g} rad/s = {free * robot.wheeled.wheel_radius_m:.3g} m/s)"
     )
     shortest = _shortest(scenario, values, robot, body)
     raise InputError(message + (f"; a duration from {shortest:.1f} s on would do" if shortest else ""))
@@ -83,6 +83,8 @@ def _shortest(scenario: Scenario, values: Values, robot: Robot, body: Body) -> f
 
     def fits(seconds: float) -> bool:
         motion = scenario.build({**values, "duration_s": seconds}, robot)
+        if not isinstance(motion, SpeedMotion):
+            return True
         return bool(np.abs(needed_voltage(motion, robot, body)[0]).max() <= robot.supply_v)
 
     low, high = values["duration_s"], 2.0 * values["duration_s"]

@@ -209,7 +209,8 @@ def _draft_of_bag(path: Path) -> str:
         "# Look at each line that says `guess` and take the word out. Units and keys: docs/import.md.",
         'schema = "rtds-mapping/1"',
     ]
-    used, seen = set(), set()
+    used: set[str] = set()
+    seen: set[str] = set()
     for topic, kind, _ in topics:
         if kind == JOINTS and not {"w_l"} & seen:
             for side, joint in (("l", "wheel_left_joint"), ("r", "wheel_right_joint")):

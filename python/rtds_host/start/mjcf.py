@@ -137,8 +137,8 @@ def drives(path: Path, model: Any, wanted: Sequence[str], voltage: float | None)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     is_motor = model.actuator_gaintype == int(mujoco.mjtGain.mjGAIN_DCMOTOR)
-    there = {model.actuator(k).name or f"number {k}": k for k in np.flatnonzero(is_motor)}
-    there = {name: int(k) for name, k in there.items() if model.actuator_gainprm[k][CONSTANT] > 0.0}
+    there = {model.actuator(k).name or f"number {k}": k for k in np.flatnonzero(is_motor).tolist()}
+    there = {name: k for name, k in there.items() if model.actuator_gainprm[k][CONSTANT] > 0.0}
     if not there:
         raise InputError(f"{path}: holds no <dcmotor> that drives a joint")
     for name in wanted:

@@ -64,8 +64,7 @@ class LivePath(SignalPath):
         self._last: tuple[float, Sample] | None = None
         self._volts = np.zeros(2)
         self._loads = np.zeros(2)
-        self._speeds = isinstance(plan.motion, SpeedMotion)
-        if self._speeds:
+        if isinstance(plan.motion, SpeedMotion):
             self._note_reference()
 
     def _note_reference(self) -> None:
@@ -118,7 +117,7 @@ class LivePath(SignalPath):
             "v_cmd": self._volts,
             "torque": self._loads,
         }
-        if self._speeds:
+        if isinstance(self.plan.motion, SpeedMotion):
             pairs["w_ref"] = wheel_references(self.plan.motion, self.plan.robot, np.array([t_s]))[0]
         row |= {f"{name}_{side}": float(pair[k]) for name, pair in pairs.items() for k, side in enumerate("lr")}
         self.feed.extend(self.number, "measured", {name: figure(value) for name, value in row.items()})

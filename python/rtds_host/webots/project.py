@@ -169,11 +169,12 @@ def write_project(
     InputError : a scenario, a robot or an option that cannot be used. OutputError : the place cannot be written.
     """
     copies = {"robot.toml": source}
-    for key in ("diagnosis", "calibration"):
-        place = getattr(settings, key)
+    inside: dict[str, str] = {}
+    for key, place in (("diagnosis", settings.diagnosis), ("calibration", settings.calibration)):
         if place is not None:
-            copies[f"{key}{Path(place).suffix}"] = Path(place)
-            settings = replace(settings, **{key: f"{key}{Path(place).suffix}"})
+            inside[key] = f"{key}{Path(place).suffix}"
+            copies[inside[key]] = Path(place)
+    settings = replace(settings, diagnosis=inside.get("diagnosis"), calibration=inside.get("calibration"))
     _refuse_others(folder)
     known = {name for scenario in scenarios for name in find_scenario(scenario).parameters}
     for name in parse_settings(settings.setting):

@@ -212,7 +212,7 @@ def _turns(log: RunLog, robot: Robot) -> dict[str, tuple[np.ndarray, np.ndarray]
             rate[good] = np.gradient(log.columns["yaw"][good], log.t[good])
             found["yaw"] = log.columns["yaw"], rate
     if log.has("w_l") and log.has("w_r"):
-        rate = (log.columns["w_r"] - log.columns["w_l"]) * robot.chassis.wheel_radius_m / robot.chassis.track_width_m
+        rate = (log.columns["w_r"] - log.columns["w_l"]) * robot.wheeled.wheel_radius_m / robot.wheeled.track_width_m
         if np.isfinite(rate).sum() > 2:
             found["wheels"] = _integrated(log.t, rate), rate
     return found

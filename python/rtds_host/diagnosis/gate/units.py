@@ -263,7 +263,7 @@ def turned_by_wheels(log: RunLog, robot: Robot, channel: str) -> np.ndarray | No
         good = np.isfinite(source)
         values = np.interp(log.t, log.t[good], source[good])
         speeds.append(values if source is w else np.gradient(values, log.t))
-    rate = (speeds[1] - speeds[0]) * robot.chassis.wheel_radius_m / robot.chassis.track_width_m
+    rate = (speeds[1] - speeds[0]) * robot.wheeled.wheel_radius_m / robot.wheeled.track_width_m
     return np.concatenate([[0.0], np.cumsum(rate[:-1] * np.diff(log.t))]) if channel == "yaw" else rate
 
 
