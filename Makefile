@@ -8,7 +8,7 @@ BROWSER = $(shell command -v chromium >/dev/null 2>&1 && command -v chromedriver
 OUT    ?= out
 export SIM
 
-.PHONY: setup system run test test-long sim lint formal synth pnr mutate coverage coverage-python registers bench blind blind-long fuzz docs clean
+.PHONY: setup system run test test-long sim lint types formal synth pnr mutate coverage coverage-python registers bench blind blind-long fuzz docs clean
 
 setup: $(VENV)/.ready
 
@@ -45,8 +45,12 @@ test-long: setup system
 sim: setup system
 	SIM_ONLY=$(SIM) $(BIN)/python -m pytest tb
 
+types: setup
+	$(BIN)/mypy
+
 lint: setup
 	$(BIN)/ruff check python tb sim examples setup.py
+	$(BIN)/mypy
 	$(BIN)/python tb/lint/lint.py
 
 formal: setup
@@ -99,4 +103,4 @@ docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 clean:
-	rm -rf build $(OUT) .pytest_cache .ruff_cache
+	rm -rf build $(OUT) .pytest_cache .ruff_cache .mypy_cache

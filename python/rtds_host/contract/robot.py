@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rtds_host.contract.inputs import read_toml
 from rtds_host.errors import InputError, did_you_mean, listed, shown, visible
+from rtds_host.vectors import given
 
 SCHEMA = "rtds-robot/1"
 GRAVITY_M_S2 = 9.80665
@@ -139,11 +140,9 @@ class Robot:
 
         Raises
         ------
-        TypeError : a single axis.
+        ValueError : a single axis.
         """
-        if self.chassis is None:
-            raise TypeError(f"robot {self.name!r} is a single axis and has no chassis")
-        return self.chassis
+        return given(self.chassis, "the chassis of a single axis")
 
     @property
     def sole_axis(self) -> Axis:
@@ -151,11 +150,9 @@ class Robot:
 
         Raises
         ------
-        TypeError : a robot with a chassis.
+        ValueError : a robot with a chassis.
         """
-        if self.axis is None:
-            raise TypeError(f"robot {self.name!r} has a chassis and is no single axis")
-        return self.axis
+        return given(self.axis, "the single axis of a robot with wheels")
 
     @property
     def sides(self) -> tuple[str, ...]:
@@ -168,6 +165,15 @@ class Robot:
         With what rounding adds to it, where a log was looked at for that (`measured_noise`, by channel).
         """
         return self.measured_noise.get(channel, self.sensors.get(NOISE_KEYS.get(channel, "")))
+
+    def known_noise(self, channel: str) -> float:
+        """`noise` of a channel that has one, in its unit.
+
+        Raises
+        ------
+        ValueError : the channel has none.
+        """
+        return given(self.noise(channel), f"the noise of {channel}")
 
     def tolerance_of(self, name: str) -> float | None:
         """Relative standard deviation that `[tolerance]` declares for a constant of [motor], [axis] or [chassis], by

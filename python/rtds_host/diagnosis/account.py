@@ -151,7 +151,7 @@ def _weighed(search: Search, fit: Fit, member: tuple[str, str], refitted: Fit) -
     share = search.takes_off(fit, refitted)
     without, gap = _closest(search, fit, refitted)
     found = Judged.of(problem, fit)
-    others = [Judged.of(problem, one) for one in {id(f): f for f in (without, refitted)}.values()]
+    others = [Judged.of(problem, one) for one in ((refitted,) if without is refitted else (without, refitted))]
     left = max(leaves(found, one) for one in others)
     evidence = [believed(gain, t), believed(*closer(problem, fit, without))]
     if not search.closed(fit):

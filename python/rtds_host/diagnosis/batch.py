@@ -27,6 +27,7 @@ from rtds_host.diagnosis.report.made import written
 from rtds_host.errors import InputError, OutputError, visible
 from rtds_host.remains import scratch_name, sweep
 from rtds_host.spread import cores, on_cluster, on_cores
+from rtds_host.vectors import given
 
 FILES = ("diagnosis.json", "report.html")
 # Beside the results of many cases: what is done, and the lock.
@@ -124,7 +125,7 @@ def explain(case: Case, quick: bool, seed: int, threads: int) -> tuple[dict, str
     keep_freed()
     result, details = diagnose(case, quick=quick, threads=threads, seed=seed)
     validate(result)
-    return result, report_page(result, details), details.seconds
+    return result, report_page(result, details), given(details.seconds, "the time it took")
 
 
 def name_of(folder: Path) -> str:
@@ -298,7 +299,7 @@ def run_many(
         for row in rows.values():
             print(f"rtds: {row['error']}", file=sys.stderr, flush=True)
         keys = {name: fingerprint(case, quick) for name, case in by_name.items() if name not in rows}
-        done = {name: row for name, key in keys.items() if (row := results.row(name, key)) is not None}
+        done = {name: kept for name, key in keys.items() if (kept := results.row(name, key)) is not None}
         rows |= done
         todo = {name: case for name, case in by_name.items() if name not in rows}
         if done:

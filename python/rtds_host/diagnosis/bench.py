@@ -274,7 +274,7 @@ def page(rows: list[dict], command: str) -> str:
         "| truth | answer | cases |",
         "|---|---|---|",
     ]
-    wrong = Counter()
+    wrong: Counter[tuple[str, str]] = Counter()
     for r in single:
         if not exact(r):
             name = ", ".join(sorted(f"{e} ({s})" for e, s in _named(r["diagnosis"]))) or r["diagnosis"]["verdict"]

@@ -75,7 +75,7 @@ def shares(problem: Problem, fit: Fit, after: float, place: Localisation) -> lis
             "share": value / total,
         }
         for key, value in sorted(parts.items(), key=lambda p: -p[1])
-        if key != TOLERANCE
+        if isinstance(key, tuple)  # all but `TOLERANCE`
     ]
     rows.append({"what": TOLERANCE, "share": parts[TOLERANCE] / total})
     located = place.shares()

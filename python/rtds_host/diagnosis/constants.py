@@ -19,6 +19,8 @@ import ast
 import re
 from pathlib import Path
 
+from rtds_host.vectors import given
+
 KINDS = ("numerical", "contract", "physical", "probability", "layout", "judgement")
 # A reason that begins with one of these is of that kind.
 WORDS = {"Numerical": "numerical", "Physical": "physical", "Probability": "probability", "Layout": "layout"}
@@ -90,11 +92,12 @@ def constants(root: Path) -> list[tuple[str, str, str, str]]:
             while above and lines[above - 1].startswith("# "):
                 above -= 1
             # A comment stands for the constants that follow it without an empty line, up to the next.
-            reasons[statement.end_lineno] = (
+            last = given(statement.end_lineno, "the line of a statement")
+            reasons[last] = (
                 " ".join(line[2:] for line in lines[above:first]) if above < first else reasons.get(first, "")
             )
             rows += [
-                (str(path.relative_to(root)), name, ast.get_source_segment(text, value), reasons[statement.end_lineno])
+                (str(path.relative_to(root)), name, ast.get_source_segment(text, value) or "", reasons[last])
                 for name, value in named
                 if _set_by_hand(value)
             ]

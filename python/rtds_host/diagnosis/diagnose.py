@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -31,6 +32,7 @@ from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.scatter import scattered
 from rtds_host.diagnosis.search import Search
+from rtds_host.vectors import given
 
 SCHEMA = "rtds-diagnosis/3"
 # Named effects that leave no more than this of the gap explain it (contract, section 5).
@@ -167,16 +169,17 @@ def _chosen(case: Case, search: Search, best: Fit, threads: int, without: frozen
 
 def _by_runs_left_out(searches: list[Search], best: Fit) -> tuple[Search, Fit]:
     """The explanation that runs left out choose of what beams of these searches find and of the first one's best."""
-    search, found = searches[0], {}
+    search = searches[0]
+    found: dict[int, list[tuple[Judged, Search]]] = {}
     for one in searches:
         for count, fits in widened(one).items():
             mine = [best] if one is search and len(best.hypothesis) == count and best not in fits else []
             found.setdefault(count, []).extend((Judged.of(one.problem, fit), one) for fit in [*mine, *fits])
     if len(best.hypothesis) not in found:
         found[len(best.hypothesis)] = [(Judged.of(search.problem, best), search)]
-    owner = {id(judged): one for mine in found.values() for judged, one in mine}
     taken = chosen({count: [judged for judged, _ in mine] for count, mine in found.items()}, search.prior)
-    return owner[id(taken)], taken.fit
+    owner = next(one for mine in found.values() for judged, one in mine if judged is taken)
+    return owner, taken.fit
 
 
 def conclude(
@@ -200,7 +203,8 @@ def conclude(
     rest = min(max(1.0 - effect_closed, 0.0), 1.0) if effect_closed is not None else 0.0
     structured = _beyond_noise(problem, weighed.fit, total["after"]) and _correlated(problem, weighed.fit)
     verdict = _verdict(total, bool(weighed.standing), structured, rest)
-    known = intervals(problem, weighed.fit, gate.timing.stamps_s, gate.timing.step_s)
+    timing = given(gate.timing, "the clock")
+    known = intervals(problem, weighed.fit, timing.stamps_s, timing.step_s)
     scatter = scattered(problem, weighed.fit) if weighed.standing else {}
     localisation = localise(problem.looked_at, weighed.base.model(problem))
     after = localise(problem.looked_at, weighed.fit.model(problem), held=True) if weighed.standing else localisation
@@ -253,7 +257,7 @@ def conclude(
         traces=held.traces,
         regimes={k: {n: _round(v) for n, v in e.items()} for k, e in held.regimes.items()},
         run_gaps=held.runs,
-        decided={tuple(_named(problem, member).values()): found for member, found in held.decided.items()},
+        decided={(member[0], _side(problem, member)): found for member, found in held.decided.items()},
         notes=list(problem.case.notices)
         + held.notes
         + shapes.notes
@@ -372,7 +376,12 @@ def _setup(problem: Problem, fit: Fit) -> dict:
 
 
 def _named(problem: Problem, member: tuple[str, str]) -> dict[str, str]:
-    return {"id": member[0], "side": problem.effects[member[0]].side_on(problem.robot.axis, member[1])}
+    return {"id": member[0], "side": _side(problem, member)}
+
+
+def _side(problem: Problem, member: tuple[str, str]) -> str:
+    """The side as it is written: a single axis has none but "left"."""
+    return problem.effects[member[0]].side_on(problem.robot.axis, member[1])
 
 
 def _alternatives(problem: Problem, weighed: Account, verdict: str) -> list[dict]:
@@ -381,14 +390,15 @@ def _alternatives(problem: Problem, weighed: Account, verdict: str) -> list[dict
     it."""
     one = 1.0 / (1.0 + len(problem.effects))
     outside = {"none": 0.0, "unknown": 1.0 - one}.get(verdict, one)
-    rows = [
+    rows: list[dict[str, Any]] = [
         {"effects": [_named(problem, member) for member in hypothesis], "probability": p * (1.0 - outside)}
         for hypothesis, p in weighed.alternatives
     ]
     rows.append({"effects": "unknown", "probability": outside})
     first = rows[-1] if verdict == "unknown" else rows[0]
     rows.sort(key=lambda r: (-r["probability"], r is not first))
-    result, total = [], 0.0
+    result: list[dict] = []
+    total = 0.0
     for row in rows:
         if total >= 0.995 and row["probability"] < 0.005:
             break

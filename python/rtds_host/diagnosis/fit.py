@@ -184,7 +184,7 @@ def side_by_side(problem: Problem, works: Iterable[Asking[T]]) -> list[T]:
 
     def on(k: int, work: Asking[T], answer: list[np.ndarray] | None) -> None:
         try:
-            asked[k] = work, *work.send(answer)
+            asked[k] = work, *(next(work) if answer is None else work.send(answer))
         except StopIteration as end:
             asked.pop(k, None)
             results[k] = end.value

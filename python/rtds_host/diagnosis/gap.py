@@ -71,22 +71,25 @@ def errors_at(log: RunLog, robot: Robot, out: np.ndarray) -> dict[str, tuple[np.
     result = {}
     channels = gap_channels(log, robot)
     for c in channels:
-        noise = robot.noise(c)
         if c in SAMPLED:
             rows = np.flatnonzero(np.isfinite(log.columns[c]))
-            result[c] = rows, (out[rows, OUTPUT_INDEX[c]] - log.columns[c][rows]) / log.noise(c, noise, rows)
+            result[c] = (
+                rows,
+                (out[rows, OUTPUT_INDEX[c]] - log.columns[c][rows]) / log.noise(c, robot.known_noise(c), rows),
+            )
         elif c.startswith("th_") or (c == "yaw" and "x" not in channels):
             rows = window_rows(log.t, np.flatnonzero(np.isfinite(log.columns[c])))
             moved = np.diff(out[rows, OUTPUT_INDEX[c]]) - np.diff(log.columns[c][rows])
-            result[c] = rows[:-1], moved / _of_moves(log, c, noise, rows)
+            result[c] = rows[:-1], moved / _of_moves(log, c, robot.known_noise(c), rows)
     if "x" in channels:
-        pose = [log.columns[c] for c in ("x", "y", "yaw")]
+        x, y, yaw = pose = [log.columns[c] for c in ("x", "y", "yaw")]
         rows = window_rows(log.t, np.flatnonzero(np.isfinite(pose).all(axis=0)))
-        measured = moves(*pose, rows)
-        replayed = moves(*(out[:, OUTPUT_INDEX[c]] for c in ("x", "y", "yaw")), rows)
+        measured = moves(x, y, yaw, rows)
+        x, y, yaw = (out[:, OUTPUT_INDEX[c]] for c in ("x", "y", "yaw"))
+        replayed = moves(x, y, yaw, rows)
         for c, a, b in zip(("x", "y", "yaw"), measured, replayed):
             if c in channels:
-                result[c] = rows[:-1], (b - a) / _of_moves(log, c, robot.noise(c), rows)
+                result[c] = rows[:-1], (b - a) / _of_moves(log, c, robot.known_noise(c), rows)
     return result
 
 

@@ -12,6 +12,7 @@ from scipy.special import stdtrit
 from rtds_host.contract import RunLog
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import Account
+from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.left_out import left_out, parted
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
 from rtds_host.diagnosis.problem import STRETCH_S, Problem
@@ -47,10 +48,10 @@ class HeldOut:
 def held_out(problem: Problem, account: Account) -> HeldOut:
     """Gaps of the nominal robot, the refitted one, and the one with the effects that stand, on runs left out."""
     robot = problem.robot
-    models = {"refit": account.base, "after": account.fit}
+    models: dict[str | tuple[str, str], Fit] = {"refit": account.base, "after": account.fit}
     models.update({s.member: s.without for s in account.standing})
     step = min(REPORT_STEP_S, account.fit.model(problem).step_s)
-    parts: dict[object, list[dict[str, gaps.Squares]]] = {name: [] for name in ("before", *models)}
+    parts: dict[str | tuple[str, str], list[dict[str, gaps.Squares]]] = {name: [] for name in ("before", *models)}
     by_regime: dict[str, dict[str, list[dict[str, gaps.Squares]]]] = {}
     runs, traces, stretches = {}, {}, []
     notes = [
@@ -80,25 +81,29 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
     }
     for data, mine in zip(problem.whole, pieces):
         nominal = replay_run(problem.nominal, data.inputs, step)
-        own: dict[object, list[dict[str, gaps.Squares]]] = {name: [] for name in parts}
+        own: dict[str | tuple[str, str], list[dict[str, gaps.Squares]]] = {name: [] for name in parts}
         shown = {"refit": np.empty_like(nominal), "after": np.empty_like(nominal)}
         for first, last, _ in mine:
             log = data.log.rows(first, last)
             motion: dict[str, np.ndarray] = {}
             # One replay at a time, and of its errors the squares: a run may have a million rows.
-            for name in ("after", "before", *(n for n in models if n != "after")):
+            names: list[str | tuple[str, str]] = ["after", "before", *(n for n in models if n != "after")]
+            for name in names:
                 out = nominal if name == "before" else replay_run(next(fitted[name]), data.inputs, step)
                 motion = motion or _regimes(problem, log, out[first:last])
                 found = gaps.errors_at(log, robot, out[first:last])
                 own[name].append({channel: gaps.squares(error) for channel, (_, error) in found.items()})
-                for regime, inside in motion.items() if isinstance(name, str) else ():
+                if not isinstance(name, str):
+                    continue
+                for regime, inside in motion.items():
                     part = {channel: gaps.squares(error[inside[rows]]) for channel, (rows, error) in found.items()}
                     by_regime.setdefault(regime, {}).setdefault(name, []).append(part)
                 if name in shown:
                     shown[name][first:last] = out[first:last]
-            stretches.append(tuple(gaps.gap(gaps.pooled(own[name][-1:])) for name in ("before", "after")))
-        for name, found in own.items():
-            parts[name] += found
+            ends = gaps.gap(gaps.pooled(own["before"][-1:])), gaps.gap(gaps.pooled(own["after"][-1:]))
+            stretches.append(ends)
+        for name, squares in own.items():
+            parts[name] += squares
         runs[data.log.name] = {name: gaps.gap(gaps.pooled(own[name])) for name in ("before", "refit", "after")}
         traces[data.log.name] = {
             c: Trace(data.log.t, data.log.columns[c], nominal[:, n], shown["refit"][:, n], shown["after"][:, n])

@@ -139,10 +139,10 @@ def over_runs(problem: Problem, parts: Sequence[Foretold]) -> list[Errors]:
                 owners.append(k)
     found: list[dict[str, gaps.Squares]] = [{} for _ in parts]
     for k, errors in zip(owners, problem.pool.map(lambda job: _errors(problem, *job), jobs), strict=True):
-        for channel, one in errors.items():
+        for channel, more in errors.items():
             before = found[k].get(channel, gaps.Squares(0.0, 0))
-            found[k][channel] = gaps.Squares(before.total + one.total, before.count + one.count)
-    return found
+            found[k][channel] = gaps.Squares(before.total + more.total, before.count + more.count)
+    return list(found)
 
 
 def over_pieces(problem: Problem, parts: Sequence[Foretold]) -> list[Errors]:

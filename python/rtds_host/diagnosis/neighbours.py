@@ -49,7 +49,7 @@ class Neighbours(Explanations):
     # ---- screenings
 
     def _screens(
-        self, fit: Fit, moves: dict[Signature, np.ndarray], before: Sequence[Screen] = (None, None)
+        self, fit: Fit, moves: dict[Signature, np.ndarray], before: Sequence[Screen | None] = (None, None)
     ) -> list[Screen]:
         """What effects promise on top of a fit, by the discrepancy it leaves and by none; `before`: the same of other
         moves.
@@ -71,10 +71,11 @@ class Neighbours(Explanations):
         periodic = [effect.id for effect in self.effects.values() if effect.periodic]
         sought = [effect for effect in periodic if effect in self.wanted]
         extra = ripple.starts(problem, problem.replay(fit.model(problem)), sought) if sought else {}
-        before, kept = (None, None), {}
+        before: Sequence[Screen | None] = (None, None)
+        kept: dict[Signature, np.ndarray] = {}
         if not self.afresh:
-            before = self._screens(fit, self.moves)
-            ranked = [dict.fromkeys(c.member[0] for c in screen.candidates()) for screen in before]
+            before = screens = self._screens(fit, self.moves)
+            ranked = [dict.fromkeys(c.member[0] for c in screen.candidates()) for screen in screens]
             retaken = {effect for effects in ranked for effect in list(effects)[:RETAKEN]} | set(periodic)
             kept = {s: m for s, m in self.moves.items() if s.effect not in retaken}
         moves = moves_of(
@@ -228,7 +229,8 @@ class Neighbours(Explanations):
     def exchange(self, fit: Fit, count: int) -> Fit:
         """Exchange an effect for another side of it or for what the screening without it proposes, if the evidence asks
         for it."""
-        starts, swaps, found = [], [], []
+        starts, swaps = [], []
+        found: list[Fit] = []
         for member, alone in zip(fit.hypothesis, self.without(fit, *fit.hypothesis)):
             starts += [*self._sides(fit, member), *self._parted(alone, member), *self._halved(fit, member)]
             found += self.namesakes(fit, member).values()

@@ -166,18 +166,19 @@ def nuisances_of(case: Case, nominal: Model) -> list[Nuisance]:
     row_s = float(np.median([np.median(np.diff(log.t)) for log in case.runs]))
     if row_s > CONTROLLER_S:
         found.append(Nuisance("command's row", None, EARLY, {}, row_s / math.sqrt(3.0), low=0.0, high=math.sqrt(3.0)))
-    if robot.driver.mode == "speed":
+    servo = robot.servo
+    if servo is not None:
         found += [
             Nuisance(
                 name,
                 None,
                 keys,
-                {key: getattr(robot.servo, key) for key in keys},
+                {key: getattr(servo, key) for key in keys},
                 SERVO_PRIOR if declared else SERVO_PRIOR_UNDECLARED,
                 estimated=not declared,
             )
             for name, keys in SERVO.items()
-            for declared in (not robot.servo.left_out & keys.keys(),)
+            for declared in (not servo.left_out & keys.keys(),)
             if nominal.get(name) > 0
         ]
         found.append(Nuisance("latency", None, LATENCY, {}, LATENCY_S, low=0.0))

@@ -234,7 +234,9 @@ def _trends(rows: list[dict]) -> str:
         for (effect, side, name), points in found.items()
         if len(points) >= TREND
     ]
-    gaps = [(k, row["case"], row["gap_refit"], None, None) for k, row in done if row["gap_refit"] is not None]
+    gaps: list[tuple[int, str, float, float | None, float | None]] = [
+        (k, row["case"], row["gap_refit"], None, None) for k, row in done if row["gap_refit"] is not None
+    ]
     if len(gaps) >= TREND:
         drawn.insert(0, _trend("gap with motor values refitted", "", gaps, len(rows)))
     if not drawn:

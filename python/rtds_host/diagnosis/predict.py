@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 from pathlib import Path
@@ -108,12 +109,12 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
             if former in given and by in given:
                 numbers = [_number(path, f"{place}.parameters.{name}", _value(given[name])) for name in (former, by)]
                 given = {**{name: one for name, one in given.items() if name != former}, present: math.prod(numbers)}
-        known = {p.reported(robot.axis)[0] for p in effect.parameters}
+        parameters = {p.reported(robot.axis)[0] for p in effect.parameters}
         for name in given:
-            if name not in known:
+            if name not in parameters:
                 raise InputError(
                     f"{path}: {place}.parameters.{name}: is no parameter of {effect.id} "
-                    f"(known: {', '.join(sorted(known))})"
+                    f"(known: {', '.join(sorted(parameters))})"
                 )
         for p in effect.parameters:
             name, unit, one = p.reported(robot.axis)
@@ -144,15 +145,15 @@ def _value(entry: object) -> object:
 
 
 def _number(path: Path, place: str, value: object, positive: bool = False) -> float:
-    try:
-        finite = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-    except OverflowError:
-        finite = False
-    if not finite:
+    number = math.nan
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        with contextlib.suppress(OverflowError):
+            number = float(value)
+    if not math.isfinite(number):
         raise InputError(f"{path}: {place}: is {str(value)[:40]!r}, a finite number is needed")
-    if positive and value <= 0:
-        raise InputError(f"{path}: {place}: is {value:g}, it must be above 0")
-    return float(value)
+    if positive and number <= 0:
+        raise InputError(f"{path}: {place}: is {number:g}, it must be above 0")
+    return number
 
 
 def check_body(model: Model, log: RunLog) -> None:

@@ -127,7 +127,7 @@ class RunData:
     log: RunLog
     inputs: tuple[np.ndarray, ...]
     sampled: _Samples | None = None
-    angles: list[tuple[str, int, _Windows, np.ndarray, float]] = field(default_factory=list)
+    angles: list[tuple[str, int, _Windows, np.ndarray, np.ndarray]] = field(default_factory=list)
     pose: tuple | None = None
     time: np.ndarray = field(default_factory=lambda: np.empty(0))
     block: np.ndarray = field(default_factory=lambda: np.empty(0, int))
@@ -318,12 +318,12 @@ class Problem:
             if windows is not None:
                 spread = np.sqrt(1.0 / windows.counts[1:] + 1.0 / windows.counts[:-1])
                 columns = [log.columns[c] if full or c == "yaw" else np.zeros(len(log.t)) for c in ("x", "y", "yaw")]
-                noise = [
-                    np.hypot(robot.noise(c) * spread, windows.unsure(log, c)) if robot.noise(c) else spread
+                scales = [
+                    np.hypot(size * spread, windows.unsure(log, c)) if (size := robot.noise(c)) else spread
                     for c in ("x", "y", "yaw")
                 ]
                 counted = tuple(k for k, c in enumerate(("x", "y", "yaw")) if robot.noise(c) and (full or c == "yaw"))
-                data.pose = (counted, windows, self._moves(windows, *columns), noise)
+                data.pose = (counted, windows, self._moves(windows, *columns), scales)
                 for k in counted:
                     note(("x", "y", "yaw")[k], windows.times[:-1])
         data.block = np.concatenate(blocks) if blocks else np.empty(0, int)
@@ -632,7 +632,7 @@ class Problem:
         runs = self._abreast(judged)
         # The search asks for the gap of the same explanation time and again.
         asked = (
-            id(runs),
+            runs,
             *(one.inputs[-1].tobytes() for one in judged),
             model.side.tobytes(),
             model.common.tobytes(),
@@ -647,7 +647,7 @@ class Problem:
             (out,) = runs.replay([model])
             outs = np.split(out, runs.rows[1:-1])
         else:
-            outs = self.pool.map(lambda data: replay_run(model, data.inputs), judged)
+            outs = list(self.pool.map(lambda data: replay_run(model, data.inputs), judged))
         return gap(pooled([errors(data.log, self.robot, out) for data, out in zip(judged, outs)]))
 
     def with_nuisances(self, z: np.ndarray) -> Model:

@@ -53,7 +53,8 @@ def scattered(problem: Problem, fit: Fit) -> dict[tuple[str, str], tuple[float, 
     for member in fit.hypothesis:
         sized = [(k, p) for k, (effect, side, p) in columns if (effect.id, side) == member and not p.shape]
         at = [k for k, _ in columns if fit.free[k] and k not in {j for j, _ in sized}]
-        own = sum(jacobian[:, k].astype(float) * _size(p, float(fit.u[k - len(fit.z)])) for k, p in sized)
+        of_each = (jacobian[:, k].astype(float) * _size(p, float(fit.u[k - len(fit.z)])) for k, p in sized)
+        own = sum(of_each, np.zeros(len(jacobian)))
         own = _apart(fit, jacobian, own, at)
         known = np.bincount(problem.blocks, own * own, minlength=problem.block_count)
         weighed = known - np.bincount(problem.blocks, own * white, minlength=problem.block_count)

@@ -115,6 +115,11 @@ class Screen:
     screening with the same discrepancy, of whose moves some may be among these.
     """
 
+    signatures: list[Signature]
+    sums: list[tuple[int, int]]
+    rows: np.ndarray
+    squares: np.ndarray
+
     def __init__(
         self,
         problem: Problem,

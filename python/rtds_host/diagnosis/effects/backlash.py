@@ -1,7 +1,7 @@
 """backlash: free play between gear and wheel, centred at the start."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import lost, own, row
+from rtds_host.diagnosis.effects.exported import RIGID, lost, own, row
 
 EFFECT = Effect(
     id="backlash",
@@ -57,7 +57,9 @@ EFFECT = Effect(
     ),
     exports=row(
         own("a second hinge with a range; its flanks do not rebound"),
-        *[lost("the joint is rigid")] * 3,
+        RIGID,
+        RIGID,
+        RIGID,
         lost("its gear is rigid"),
     ),
 )

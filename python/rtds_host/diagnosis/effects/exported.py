@@ -45,6 +45,7 @@ def row(mjcf: How, urdf: How, sdf: How, usd: How, python: How | None = None) -> 
 
 NO_DRIVER = lost("a joint is driven by a torque there, there is no driver before it")
 TO_EFFORT = "torque a volt, damping (back EMF) and limits of the wheel's joint"
+RIGID = lost("the joint is rigid")
 NO_SENSOR = lost("URDF has no sensors")
 BODY = "inertials and joint origins"
 USD_READ = "rtds.sensors"

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, put
-from rtds_host.diagnosis.effects.exported import lost, own, row
+from rtds_host.diagnosis.effects.exported import RIGID, lost, own, row
 from rtds_host.diagnosis.machine import Machine
 
 
@@ -66,7 +66,9 @@ EFFECT = Effect(
     runs_in="robot",
     exports=row(
         own("a second hinge with stiffness and damping"),
-        *[lost("the joint is rigid")] * 3,
+        RIGID,
+        RIGID,
+        RIGID,
         lost("its gear is rigid"),
     ),
 )

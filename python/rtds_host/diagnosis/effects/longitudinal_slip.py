@@ -33,6 +33,8 @@ def _soft_gear(
     }
 
 
+CREEP = lost("a contact creeps by force alone or slides, not by a share of the speed")
+
 EFFECT = Effect(
     id="longitudinal_slip",
     subsystem="wheel_ground",
@@ -114,7 +116,10 @@ EFFECT = Effect(
     former={"relaxation_m": ("softness_m_per_n", "slip_per_newton")},
     compared_at={"slip_per_newton": 0.02, "softness_m_per_n": 6e-05, "damping_n_s_per_m": 50.0, "grip": 0.9},
     exports=row(
-        *[lost("a contact creeps by force alone or slides, not by a share of the speed")] * 4,
+        CREEP,
+        CREEP,
+        CREEP,
+        CREEP,
         lost("its tyre builds up over a length of rolling and saturates; the module rolls without slip"),
     ),
 )

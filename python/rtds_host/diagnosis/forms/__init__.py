@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -84,7 +85,7 @@ def _entry(problem: Problem, found: Found, form: Form, side: str, share: float) 
     values, covariance = values_of(found.fit, form, side)
     basis, _ = shapes(form.over)
     errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, covariance, basis), 0.0))
-    entry = {
+    entry: dict[str, Any] = {
         "term": form.term,
         "side": side if problem.robot.axis is None else "left",
         "over": form.over,

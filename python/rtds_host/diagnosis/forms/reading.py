@@ -55,7 +55,7 @@ def _curve(path: Path, place: str, points: object) -> np.ndarray:
     """A curve's points (n, 2)."""
     if not isinstance(points, list) or len(points) < 2:
         raise InputError(f"{path}: {place}: a list of at least two points is needed")
-    found = []
+    found: list[list[float]] = []
     for k, point in enumerate(points):
         numbers = point[:2] if isinstance(point, list) and len(point) >= 2 else []
         if not numbers or not all(

@@ -118,7 +118,8 @@ def _without_glitches(case: Case, bounds: Limits, noise: dict[str, float]) -> tu
     aside: list[dict[str, np.ndarray]] = [{} for _ in case.runs]
     for c in channels(case.robot):
         rows = sum(run[c][2] for run in per_run if c in run)
-        sure, count = (sum(sum(len(part) for part in run[c][:n]) for run in per_run if c in run) for n in (1, 2))
+        sure = sum(len(run[c][0]) for run in per_run if c in run)
+        count = sure + sum(len(run[c][1]) for run in per_run if c in run)
         if not count:
             continue
         if sure > max(1.0, SLIGHT * rows) or count - sure > handful(rows):
@@ -194,7 +195,8 @@ def _compared(
 
 def _commands(log: RunLog, case: Case) -> list[Finding]:
     """Commands that the supply cannot give."""
-    robot, found = case.robot, []
+    robot = case.robot
+    found: list[Finding] = []
     if robot.driver.mode != "voltage":
         return found
     for name in (f"v_cmd_{s}" for s in robot.sides):
@@ -227,7 +229,7 @@ def _rounded(noise: dict[str, float], steps: dict[str, float], declared: dict[st
             f"{declared[c]:.3g}.",
         )
         for c in noise
-        if declared.get(c) and noise[c] > (1.0 + SLIGHT) * declared[c]
+        if (size := declared.get(c)) and noise[c] > (1.0 + SLIGHT) * size
     ]
 
 

@@ -175,7 +175,7 @@ def _believed(case: Case, s: str, replays: list[np.ndarray]) -> bool:
 
 def _turn(case: Case) -> dict[str, str]:
     """Of gyro, yaw and wheels, which the same turns show, the one that the other two contradict -> why."""
-    pairs = {}
+    pairs: dict[tuple[str, str], list[np.ndarray | None]] = {}
     for log in case.runs:
         shown = _turns(log, case.robot)
         for a in shown:

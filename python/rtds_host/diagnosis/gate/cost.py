@@ -27,7 +27,7 @@ def record(folder: Path, rows: int) -> None:
     columns = {"v_cmd_l": volts[:, 0], "v_cmd_r": volts[:, 1]}
     out = replay_run(nominal_model(robot), run_inputs(RunLog("run", RunMeta(), t, columns), robot))
     for k, c in enumerate(OUTPUTS):
-        columns[c] = out[:, k] + robot.noise(c) * rng.standard_normal(rows)
+        columns[c] = out[:, k] + robot.known_noise(c) * rng.standard_normal(rows)
     (folder / "robot.toml").write_text(builtin_robot_path("burger").read_text())
     write_run(folder / "run", RunMeta(), {"t": t, **columns})
 

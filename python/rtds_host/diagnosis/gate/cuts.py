@@ -78,7 +78,7 @@ def _cut(log: RunLog, case: Case) -> tuple[list[RunLog], list[Finding]]:
             )
         ]
     bounds = np.concatenate([[0], holes + 1, [len(log.t)]])
-    starts = []
+    starts: list[tuple[int, int] | None] = []
     for k, (a, b) in enumerate(itertools.pairwise(bounds)):
         first = int(a) if k == 0 else start_row(log, case, np.arange(a, b))
         if first is None or not _long_enough(log, first, int(b)):

@@ -111,8 +111,10 @@ def isolated(
             columns[c][np.concatenate([sure, lone])] = np.nan
         more = _found(replace(log, columns=columns), case, bounds, noise)
         found = {
-            c: (*(np.concatenate([rows, more[c][k]]) if c in more else rows for k, rows in enumerate(parts)), count)
-            for c, (*parts, count) in found.items()
+            c: (np.concatenate([sure, more[c][0]]), np.concatenate([lone, more[c][1]]), count)
+            if c in more
+            else (sure, lone, count)
+            for c, (sure, lone, count) in found.items()
         }
     return found
 
@@ -153,7 +155,7 @@ def _found(
                         and off[k] > MOVES * usual
                     )
                     and off[k] > _commanded(log, case, bounds, c, rows, k, span[k])
-                    for k in np.flatnonzero(doubtful)
+                    for k in np.flatnonzero(doubtful).tolist()
                 ]
             )
             lone = np.flatnonzero(doubtful)[alone]

@@ -33,7 +33,7 @@ def inertia(robot: Robot) -> float:
     if robot.chassis is not None:
         body = robot.chassis
         return own + body.wheel_inertia_kg_m2 + 0.5 * body.mass_kg * body.wheel_radius_m**2
-    axis = robot.axis
+    axis = robot.sole_axis
     arm = {"inertia": 0.0, "pendulum": axis.length_m, "linear": axis.metres_per_rad}[axis.kind]
     return own + axis.inertia_kg_m2 + axis.mass_kg * arm**2
 

@@ -209,7 +209,7 @@ def _moves_within(log: RunLog, robot: Robot, c: str, rows: slice) -> bool:
         parts = np.array([np.median(part) for part in np.array_split(v, min(len(v), PARTS))])
         # A gyro has an offset: its level alone says little.
         level = abs(float(np.median(v))) / {"w": MOVES, "g": SHOWS}.get(other[0], math.inf)
-        if max(level, float(np.ptp(parts)) / 2.0 / MOVES) > robot.noise(other):
+        if max(level, float(np.ptp(parts)) / 2.0 / MOVES) > robot.known_noise(other):
             return True
     return False
 
@@ -233,7 +233,7 @@ def _at_rest(log: RunLog, robot: Robot, c: str, value: float, rows: slice, repla
     Only what sees the same thing contradicts it: the wheel's angle, or gyro and other wheel; the yaw, or both wheels;
     of a current the nominal robot's. What nothing contradicts is believed.
     """
-    noise = robot.noise(c)
+    noise = robot.known_noise(c)
     if abs(value) > MOVES * noise:
         return False
     seconds = float(np.ptp(log.t[rows]))

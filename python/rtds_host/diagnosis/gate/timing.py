@@ -45,8 +45,8 @@ def rolled_over_turned(log: RunLog, case: Case) -> float | None:
             )
             rim = 0.5 * case.robot.chassis.wheel_radius_m * np.abs(log.columns["w_l"] + log.columns["w_r"])
             ratios.append(clock_ratio(log, rim, way, (case.robot.noise("x") or 0.0) * CHORDS / STRETCHES))
-    ratios = [r for r in ratios if r is not None]
-    return float(np.median(ratios)) if ratios else None
+    known = [r for r in ratios if r is not None]
+    return float(np.median(known)) if known else None
 
 
 def clock_ratio(log: RunLog, speed: np.ndarray, angle: np.ndarray, noise: float) -> float | None:

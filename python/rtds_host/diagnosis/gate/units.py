@@ -203,7 +203,7 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
                     )
                 )
             continue
-        column = replayed[:, OUTPUT_INDEX[c]]
+        column: np.ndarray | None = replayed[:, OUTPUT_INDEX[c]]
         if c in ("gyro_z", "yaw"):
             # A turn is a small difference of two sides: where one of them is weaker than nominal, the replay hardly
             # turns.
@@ -365,7 +365,7 @@ def _refuse_duty(compared: list[tuple[RunLog, Compared]], robot: Robot) -> None:
         if not driven or max(float(np.max(np.abs(log.columns[name]))) for log, _ in driven) > 1.0 + SLIGHT:
             continue
         told = [
-            (log, abs(found.ratios.get(f"w_{s}", found.ratios.get(f"th_{s}"))[0]))
+            (log, abs(found.ratios[f"w_{s}" if f"w_{s}" in found.ratios else f"th_{s}"][0]))
             for log, found in driven
             if f"w_{s}" in found.ratios or f"th_{s}" in found.ratios
         ]
@@ -490,7 +490,7 @@ def check_minutes(log: RunLog, case: Case) -> None:
         if (
             not np.isfinite(out).all()
             or factor == minute
-            and any(np.std(v) < MOVES * robot.noise(c) for c, v in columns.items())
+            and any(np.std(v) < MOVES * robot.known_noise(c) for c, v in columns.items())
         ):
             return
         pace.append(
@@ -545,7 +545,7 @@ def _follows(log: RunLog, robot: Robot, replayed: np.ndarray) -> float:
             continue
         good = np.isfinite(log.columns[c])
         v, r = log.columns[c], replayed[:, OUTPUT_INDEX[c]]
-        if good.sum() < FEWEST or not np.isfinite(r).all() or np.std(v[good]) < MOVES * robot.noise(c):
+        if good.sum() < FEWEST or not np.isfinite(r).all() or np.std(v[good]) < MOVES * robot.known_noise(c):
             continue
         rows = np.arange(len(v), dtype=float)
         shifts = (0.0, -1.0) if c[0] == "w" else (0.0,)

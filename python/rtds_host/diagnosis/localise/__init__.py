@@ -19,6 +19,7 @@ hands its energy to its subsystem, and what no signature explains stays with the
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -69,7 +70,7 @@ class Localisation:
     lost: tuple[str, ...]
     lag_s: float
 
-    def shares(self) -> list[dict[str, object]]:
+    def shares(self) -> list[dict[str, Any]]:
         """The contract's `located`: subsystems with their share, largest first, summing to 1; [] where no gap is."""
         return [
             {"subsystem": s, "share": v}

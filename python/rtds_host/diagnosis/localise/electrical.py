@@ -26,7 +26,7 @@ def bus_block(run: Signals) -> None:
     if run.bus is None or run.robot.driver.bus == "measured":
         return
     rows = np.isfinite(run.bus)
-    run.block("bus", run.bus - (run.supply - run.sag), run.robot.noise("v_bus"), rows)
+    run.block("bus", run.bus - (run.supply - run.sag), run.robot.known_noise("v_bus"), rows)
     if not run.signatures:
         return
     run.put("driver:sag", "bus", -run.draw)
@@ -51,7 +51,7 @@ def current_block(run: Signals, k: int) -> None:
     if run.has_i[k]:
         decay = np.concatenate([[0.0], np.exp(-run.dt / tau)])
         expected = settled + decay * (np.concatenate([[i[0]], i[:-1]]) - settled)
-        noise_i = run.robot.noise(f"i_{s}") / abs(model.get("current_gain", k))
+        noise_i = run.robot.known_noise(f"i_{s}") / abs(model.get("current_gain", k))
         # Speeds filled in between slow samples are less certain than the samples.
         noise = np.sqrt(noise_i**2 * (1 + decay**2) + (ke / res * np.hypot(run.w_noise[k], run.w_extra[k])) ** 2)
         rows = run.i_rows[k] & run.w_rows[k]
@@ -68,8 +68,8 @@ def current_block(run: Signals, k: int) -> None:
     over = SIGN_CURRENT * run.machine.amps
     run.volt_columns(f"driver:drop_{s}", k, -np.tanh(i / over), -np.tanh(middles(i) / over))
     for part in LIMITS:
-        over = [-np.sign(v) * np.maximum(np.abs(v) - part * top, 0.0) for v in (end, mean)]
-        run.volt_columns(f"driver:limit{part:g}_{s}", k, *over)
+        cut_end, cut_mean = (-np.sign(v) * np.maximum(np.abs(v) - part * top, 0.0) for v in (end, mean))
+        run.volt_columns(f"driver:limit{part:g}_{s}", k, cut_end, cut_mean)
     ramp = (t - t[0]) / run.supply
     run.volt_columns("driver:decline", k, -ramp * end, -middles(ramp) * mean)
     run.volt_columns("driver:sag", k, -run.draw / run.supply * end, -middles(run.draw) / run.supply * mean)

@@ -23,7 +23,7 @@ def turn_block(run: Signals) -> None:
     r = [model.get("radius", k) for k in (0, 1)]
     track = model.get("track")
     if run.gyro is not None and np.isfinite(run.wheel_rate).all():
-        noise_gyro = run.robot.noise("gyro_z") / abs(model.get("gyro_gain"))
+        noise_gyro = run.robot.known_noise("gyro_z") / abs(model.get("gyro_gain"))
         true = (run.gyro - model.get("gyro_bias")) / model.get("gyro_gain")
         noise = np.hypot(
             noise_gyro,
@@ -48,9 +48,10 @@ def turn_block(run: Signals) -> None:
             continue
         run.speed_columns(f"sensing:speed_gain_{s}", k, w, True)
         run.speed_columns(f"sensing:speed_filter_{s}", k, -run.acc[k], False)
-        if run.th[k] is not None:
+        th = run.th[k]
+        if th is not None:
             # A magnet or a disc off its axis reads too fast and too slow by turns, once and twice a revolution.
-            angle = filled(run.t, run.th[k])
+            angle = filled(run.t, th)
             for cycles in (1, 2):
                 for suffix, wave in (("", np.sin), ("b", np.cos)):
                     run.speed_columns(f"sensing:speed_wobble{cycles}_{s}{suffix}", k, w * wave(cycles * angle), True)
@@ -61,14 +62,14 @@ def turn_block(run: Signals) -> None:
                 run.way_columns(cause, k, error)
                 if run.gyro is not None:
                     run.put(cause, "turn", (1 if k else -1) * r[k] / track * error)
-        if run.th[k] is not None and run.has_w[k]:
-            slow = smooth(np.gradient(filled(run.t, run.th[k]), run.t), 2)
+        if th is not None and run.has_w[k]:
+            slow = smooth(np.gradient(filled(run.t, th), run.t), 2)
             run.speed_columns(f"sensing:speed_fault_{s}", k, smooth(w, 2) - slow, False)
 
 
 def way_block(run: Signals) -> None:
     """Wheel angles -> how the pose moves."""
-    if run.way is None:
+    if run.way is None or run.yaw is None:
         return
     model, t = run.model, run.t
     rows, _, _, full = run.way
@@ -77,9 +78,10 @@ def way_block(run: Signals) -> None:
     turned, angle_noise = [], []
     for k in (0, 1):
         s = run.robot.sides[k]
-        if run.th[k] is not None:
-            turned.append(np.diff(filled(t, run.th[k])))
-            angle_noise.append(run.robot.noise(f"th_{s}") * np.sqrt(2.0))
+        th = run.th[k]
+        if th is not None:
+            turned.append(np.diff(filled(t, th)))
+            angle_noise.append(run.robot.known_noise(f"th_{s}") * np.sqrt(2.0))
         else:
             turned.append(middles(run.w[k]) * run.dt)
             angle_noise.append(run.w_noise[k] * np.sqrt(gap.WINDOW_S * float(np.median(run.dt))))
@@ -91,21 +93,21 @@ def way_block(run: Signals) -> None:
     c, s = np.cos(heading), np.sin(heading)
     measured = [np.diff(run.yaw[rows])]
     way_noise = np.hypot(r[0] * angle_noise[0], r[1] * angle_noise[1])
-    noise = [np.full(len(rows) - 1, np.hypot(run.robot.noise("yaw") * np.sqrt(2.0), way_noise / track))]
+    noise = [np.full(len(rows) - 1, np.hypot(run.robot.known_noise("yaw") * np.sqrt(2.0), way_noise / track))]
     if full:
         measured += [c * dx + s * dy, c * dy - s * dx]
         far = np.hypot(dx, dy)
-        flat = np.hypot(run.robot.noise("x") * np.sqrt(2.0), 0.5 * way_noise)
-        noise += [np.full(len(dx), flat), np.hypot(flat, run.robot.noise("yaw") * far)]
-    residual = np.concatenate(measured) - run.way_stack(ds, dyaw)
+        flat = np.hypot(run.robot.known_noise("x") * np.sqrt(2.0), 0.5 * way_noise)
+        noise += [np.full(len(dx), flat), np.hypot(flat, run.robot.known_noise("yaw") * far)]
+    residual = np.concatenate(measured) - run.way_stack(run.way, ds, dyaw)
     where = np.tile(rows[:-1], 3 if full else 1)
     run.block("way", residual, np.concatenate(noise), where)
     if not run.signatures:
         return
     zero = np.zeros(run.n - 1)
-    run.put("chassis:track", "way", run.way_stack(zero, -dyaw))
+    run.put("chassis:track", "way", run.way_stack(run.way, zero, -dyaw))
     forward = 0.5 * (r[0] * run.w[0] + r[1] * run.w[1])
-    late = run.way_stack(np.diff(forward), np.diff(run.wheel_rate))
+    late = run.way_stack(run.way, np.diff(forward), np.diff(run.wheel_rate))
     run.put("timing:pose", "way", late)
     run.put(
         "timing:pose_drift", "way", late * np.tile(((t - t[0]) / max(t[-1] - t[0], 1e-9))[rows[:-1]], 3 if full else 1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rtds_host.contract import Robot, RunLog
@@ -32,6 +34,17 @@ def duties(volts, supply, curve, deadzone, gain):
     return out
 
 
+class Way(NamedTuple):
+    """Windows of a measured pose: their rows; cosine and sine (n - 1,) of the heading gained in the window, of each
+    interval; whether the position is measured with the heading.
+    """
+
+    rows: np.ndarray
+    cosine: np.ndarray
+    sine: np.ndarray
+    placed: bool
+
+
 class Signals:
     """Signals of one run, brought to its rows, with each block's residual and, where asked for, the signatures'
     columns.
@@ -46,10 +59,38 @@ class Signals:
         self.sides = range(len(robot.sides))
         self.body = robot.chassis is not None
         self.blocks: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}  # residual, noise, rows
-        self.way = self.heading = self.wheel_rate = None
-        self.slope = 0.0
         self.columns: dict[str, dict[str, np.ndarray]] = {}
-        self._signals()
+        # By side. Speeds, their noise, what else they may be off by, and the rows that have a sample.
+        self.w: list[np.ndarray] = []
+        self.w_noise: list[float] = []
+        self.w_extra: list[np.ndarray] = []
+        self.w_rows: list[np.ndarray] = []
+        self.has_w: list[bool] = []
+        self.th: list[np.ndarray | None] = []
+        # Currents and the rows that have a sample; voltages just before each row and in the mean of each interval.
+        self.i: list[np.ndarray] = []
+        self.has_i: list[bool] = []
+        self.i_rows: list[np.ndarray] = []
+        self.volts: list[np.ndarray] = []
+        self.v_end: list[np.ndarray] = []
+        self.v_mean: list[np.ndarray] = []
+        # Resistance (n,), electrical time constant, back EMF at the wheel, and the current of a steady voltage (n,).
+        self.electric: list[tuple[np.ndarray, float, float, np.ndarray]] = []
+        self.supply = model.get("supply")
+        self.voltage_mode = robot.driver.mode == "voltage"
+        self.delay = model.get("command_delay") - model.get("command_early") + model.get("measurement_delay")
+        self.bus = self.get("v_bus")
+        self.yaw = self.get("yaw") if self.body else None
+        self.gyro = self.get("gyro_z") if self.body else None
+        # Of a robot on wheels: heading and yaw rate by the wheels, mass with payload, slope; the windows of its pose.
+        self.heading, self.wheel_rate = np.zeros(self.n), np.zeros(self.n)
+        self.mass = self.slope = 0.0
+        self.way: Way | None = None
+        self._speeds()
+        self._drive()
+        if self.body:
+            self._heading()
+        self._changes()
         self._loads()
         self._pose_windows()
 
@@ -67,19 +108,9 @@ class Signals:
         total = cumulated(command[:-1], self.dt)
         return before, np.diff(np.interp(t - delay, t, total, left=0.0)) / self.dt
 
-    def _signals(self) -> None:
-        log, robot, model, t = self.log, self.robot, self.model, self.t
-        gear = model.get("gear_ratio")
-        self.supply = model.get("supply")
-        self.voltage_mode = robot.driver.mode == "voltage"
-        self.delay = model.get("command_delay") - model.get("command_early") + model.get("measurement_delay")
-        self.w, self.w_noise, self.w_rows, self.th, self.i, self.has_i, self.i_rows = [], [], [], [], [], [], []
-        self.v_end, self.v_mean, self.volts, self.electric = [], [], [], []
-        command = log.commands(robot.driver.mode)
-        self.bus = self.get("v_bus")
-        measured_bus = robot.driver.bus == "measured" and log.has("v_bus")
-        scale = filled(t, log.columns["v_bus"]) / self.supply if measured_bus else 1.0
-        self.has_w, self.w_extra = [], []
+    def _speeds(self) -> None:
+        """Speeds and angles at the gear's output, with the noise of a sample and the rows that have one."""
+        robot, model, t = self.robot, self.model, self.t
         for k, s in zip(self.sides, robot.sides):
             gain = model.get("speed_gain", k)
             w, th = self.get(f"w_{s}"), self.get(f"th_{s}")
@@ -88,13 +119,13 @@ class Signals:
             self.w_extra.append(np.zeros(self.n))
             if w is not None:
                 self.w.append(filled(t, w) / gain)
-                self.w_noise.append(robot.noise(f"w_{s}"))
+                self.w_noise.append(robot.known_noise(f"w_{s}"))
                 self.w_rows.append(np.isfinite(w))
             elif th is not None:
                 angle = filled(t, th) / gain
                 speed = np.gradient(angle, t)
                 self.w.append(speed)
-                noise = robot.noise(f"th_{s}") * np.sqrt(2.0) / (2.0 * float(np.median(self.dt)))
+                noise = robot.known_noise(f"th_{s}") * np.sqrt(2.0) / (2.0 * float(np.median(self.dt)))
                 self.w_noise.append(noise)
                 # Where the speed bends, a difference of angles about the row is not its speed.
                 bend = np.zeros(self.n)
@@ -106,7 +137,14 @@ class Signals:
                 self.w.append(np.full(self.n, np.nan))
                 self.w_noise.append(np.nan)
                 self.w_rows.append(np.zeros(self.n, bool))
-        for k, s in zip(self.sides, robot.sides):
+
+    def _drive(self) -> None:
+        """Commands, voltages behind the driver, currents."""
+        log, robot, model, t = self.log, self.robot, self.model, self.t
+        command = log.commands(robot.driver.mode)
+        measured_bus = robot.driver.bus == "measured" and log.has("v_bus")
+        scale = filled(t, log.columns["v_bus"]) / self.supply if measured_bus else 1.0
+        for k in self.sides:
             raw = np.clip(command[:, k], -self.supply, self.supply) if self.voltage_mode else command[:, k]
             raw = raw * scale if robot.driver.mode != "speed" else raw
             self.volts.append(raw)
@@ -114,68 +152,76 @@ class Signals:
             self.v_end.append(end)
             self.v_mean.append(mean)
         # Currents of both sides before the drivers: a sagging supply couples them.
-        guess = []
-        for k, s in zip(self.sides, robot.sides):
-            i = self.get(f"i_{s}")
-            if i is not None:
-                guess.append((filled(t, i) - model.get("current_bias", k)) / model.get("current_gain", k))
-            elif self.voltage_mode:
-                guess.append((self.v_end[k] - model.get("back_emf", k) * gear * self.w[k]) / model.get("resistance", k))
-            else:
-                guess.append(np.zeros(self.n))
+        guess = [self._guess(k) for k in self.sides]
         # A side of which nothing is measured draws an unknown current, taken for none.
         self.draw = sum(np.nan_to_num(guess[k], nan=0.0) * self.v_end[k] for k in self.sides) / self.supply
         sag = model.get("source_resistance") * self.draw + model.get("decline") * (t - t[0] + log.since_s)
         self.sag = sag
-        for k, s in zip(self.sides, robot.sides):
-            factor = 1.0 - sag / self.supply if not measured_bus else 1.0
-            ke = model.get("back_emf", k) * gear
-            end = self.driver(self.v_end[k], k) * factor
-            mean = self.driver(self.v_mean[k], k) * (middles(factor) if np.ndim(factor) else factor)
-            limit = model.get("limit", k)
-            end, mean = np.clip(end, -limit, limit), np.clip(mean, -limit, limit)
-            if model.get("drop", k):
-                end = end - model.get("drop", k) * np.tanh((end - ke * self.w[k]) / SIGN_V)
-                mean = mean - model.get("drop", k) * np.tanh((mean - ke * middles(self.w[k])) / SIGN_V)
-            self.v_end[k], self.v_mean[k] = end, mean
-            res = model.get("resistance", k) * np.ones(self.n)
-            if model.get("heat_rise", k):
-                res = res * (1.0 + model.get("heat_rise", k) * self.heat(guess[k], res[0], model.get("heat_tau", k)))
-            tau = model.get("inductance", k) / res[0]
-            settled = (end - ke * self.w[k]) / res
-            measured = self.get(f"i_{s}")
-            self.has_i.append(measured is not None)
-            self.i_rows.append(np.zeros(self.n, bool) if measured is None else np.isfinite(measured))
-            if measured is not None:
-                # Rows without a sample follow the equation, shifted onto the samples about them.
-                true = (measured - model.get("current_bias", k)) / model.get("current_gain", k)
-                i = settled + (filled(t, true - settled) if np.isfinite(true - settled).any() else 0.0)
-            else:
-                i = settled
-            self.i.append(i)
-            self.electric.append((res, tau, ke, settled))
-        # Heading, for the slope and the pose.
-        self.yaw = self.get("yaw") if self.body else None
-        self.gyro = self.get("gyro_z") if self.body else None
-        if self.body:
-            r = [model.get("radius", k) for k in (0, 1)]
-            rate = (r[1] * self.w[1] - r[0] * self.w[0]) / model.get("track")
-            if self.yaw is not None:
-                self.heading = filled(t, self.yaw)
-            else:
-                start = 0.0
-                turn = (
-                    rate
-                    if self.gyro is None
-                    else ((filled(t, self.gyro) - model.get("gyro_bias")) / model.get("gyro_gain"))
-                )
-                self.heading = start + cumulated(middles(turn), self.dt)
-            self.mass = model.get("mass") + log.meta.payload_kg
-            self.slope = log.meta.slope_rad + model.get("slope_extra")
-            self.wheel_rate = rate
+        for k in self.sides:
+            self._winding(k, guess[k], None if measured_bus else 1.0 - sag / self.supply)
+
+    def _guess(self, k: int) -> np.ndarray:
+        """The current (n,) A that a side has or, where it is not measured, would have at a steady voltage."""
+        model = self.model
+        i = self.get(f"i_{self.robot.sides[k]}")
+        if i is not None:
+            return (filled(self.t, i) - model.get("current_bias", k)) / model.get("current_gain", k)
+        if self.voltage_mode:
+            ke = model.get("back_emf", k) * model.get("gear_ratio")
+            return (self.v_end[k] - ke * self.w[k]) / model.get("resistance", k)
+        return np.zeros(self.n)
+
+    def _winding(self, k: int, guess: np.ndarray, factor: np.ndarray | None) -> None:
+        """Voltage behind the driver, times `factor` (n,) where the bus sags, and the current that follows from it."""
+        model, t = self.model, self.t
+        ke = model.get("back_emf", k) * model.get("gear_ratio")
+        end, mean = self.driver(self.v_end[k], k), self.driver(self.v_mean[k], k)
+        if factor is not None:
+            end, mean = end * factor, mean * middles(factor)
+        limit = model.get("limit", k)
+        end, mean = np.clip(end, -limit, limit), np.clip(mean, -limit, limit)
+        if model.get("drop", k):
+            end = end - model.get("drop", k) * np.tanh((end - ke * self.w[k]) / SIGN_V)
+            mean = mean - model.get("drop", k) * np.tanh((mean - ke * middles(self.w[k])) / SIGN_V)
+        self.v_end[k], self.v_mean[k] = end, mean
+        res = model.get("resistance", k) * np.ones(self.n)
+        if model.get("heat_rise", k):
+            res = res * (1.0 + model.get("heat_rise", k) * self.heat(guess, res[0], model.get("heat_tau", k)))
+        tau = model.get("inductance", k) / res[0]
+        settled = (end - ke * self.w[k]) / res
+        measured = self.get(f"i_{self.robot.sides[k]}")
+        self.has_i.append(measured is not None)
+        self.i_rows.append(np.zeros(self.n, bool) if measured is None else np.isfinite(measured))
+        if measured is not None:
+            # Rows without a sample follow the equation, shifted onto the samples about them.
+            true = (measured - model.get("current_bias", k)) / model.get("current_gain", k)
+            i = settled + (filled(t, true - settled) if np.isfinite(true - settled).any() else 0.0)
+        else:
+            i = settled
+        self.i.append(i)
+        self.electric.append((res, tau, ke, settled))
+
+    def _heading(self) -> None:
+        """Heading of a robot on wheels, for the slope and the pose."""
+        model, log, t = self.model, self.log, self.t
+        r = [model.get("radius", k) for k in (0, 1)]
+        rate = (r[1] * self.w[1] - r[0] * self.w[0]) / model.get("track")
+        if self.yaw is not None:
+            self.heading = filled(t, self.yaw)
+        else:
+            turn = (
+                rate if self.gyro is None else (filled(t, self.gyro) - model.get("gyro_bias")) / model.get("gyro_gain")
+            )
+            self.heading = 0.0 + cumulated(middles(turn), self.dt)
+        self.mass = model.get("mass") + log.meta.payload_kg
+        self.slope = log.meta.slope_rad + model.get("slope_extra")
+        self.wheel_rate = rate
+
+    def _changes(self) -> None:
+        """Accelerations, and which way the wheels turn."""
         half = max(1, round(SMOOTH_S / float(np.median(self.dt))))
         self.half = half
-        self.acc = [np.gradient(smooth(w, half), t) for w in self.w]
+        self.acc = [np.gradient(smooth(w, half), self.t) for w in self.w]
         speed = max(float(np.nanmax(np.abs(w), initial=0.0)) for w in self.w)
         self.sign = [
             np.tanh(smooth(w, half) / max(SIGN_SHARE * speed, SIGN_NOISES * noise, 1e-9))
@@ -230,7 +276,7 @@ class Signals:
         # The last row of a window belongs to the next one; intervals take the heading of the window they lie in.
         start = np.maximum(np.searchsorted(rows, np.arange(self.n - 1), side="right") - 1, 0)
         mid = middles(self.heading) - self.heading[rows][start]
-        self.way = (rows, np.cos(mid), np.sin(mid), full)
+        self.way = Way(rows, np.cos(mid), np.sin(mid), full)
 
     def driver(self, volts: np.ndarray, k: int) -> np.ndarray:
         """Voltage behind the driver's curve, dead zone and gain, as the replay has it."""
@@ -292,11 +338,12 @@ class Signals:
         lever = (1 if k else -1) * r / self.model.get("track")
         ds = 0.5 * r * middles(speed) * self.dt
         dyaw = lever * middles(speed) * self.dt
-        self.put(cause, "way", self.way_stack(ds, dyaw))
+        self.put(cause, "way", self.way_stack(self.way, ds, dyaw))
 
-    def way_stack(self, ds: np.ndarray, dyaw: np.ndarray) -> np.ndarray:
+    @staticmethod
+    def way_stack(way: Way, ds: np.ndarray, dyaw: np.ndarray) -> np.ndarray:
         """Yaw, forward and sideways moves of each window, one after the other."""
-        rows, c, s, full = self.way
+        rows, c, s, full = way
         parts = [np.diff(np.concatenate([[0.0], np.cumsum(dyaw)])[rows])]
         if full:
             parts += [np.diff(np.concatenate([[0.0], np.cumsum(ds * f)])[rows]) for f in (c, s)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numba
@@ -180,7 +181,7 @@ def nominal_model(robot: Robot) -> Model:
         model.put("com_x", body.com_x_m)
         model.put("com_y", body.com_y_m)
     else:
-        axis = robot.axis
+        axis = robot.sole_axis
         model.put("axis", {"inertia": 1, "pendulum": 2, "linear": 3}[axis.kind])
         model.put("axis_inertia", axis.inertia_kg_m2)
         model.put("axis_mass", axis.mass_kg)
@@ -437,7 +438,7 @@ class Abreast:
         fewest = max((model.fewest for model in models), default=math.inf) * max(threads / max(len(models), 1), 1.0)
         return len(models) * float(self.rows[-1]) >= fewest * max(float(np.diff(self.rows).max(initial=0)), 1.0)
 
-    def replay(self, models: list[Model], steps: list[float | None] | None = None) -> np.ndarray:
+    def replay(self, models: list[Model], steps: Sequence[float | None] | None = None) -> np.ndarray:
         """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `abreast`; steps : as of
         `replay_run`.
         """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -73,7 +74,7 @@ class Details:
     candidates: list[Candidate] = field(default_factory=list)
     traces: dict[str, dict[str, Trace]] = field(default_factory=dict)
     regimes: dict[str, dict[str, float | None]] = field(default_factory=dict)
-    run_gaps: dict[str, dict[str, float | None]] = field(default_factory=dict)
+    run_gaps: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
     decided: dict[tuple[str, str], tuple[str, float, float]] = field(default_factory=dict)
     repeats: dict[tuple[str, str], tuple[int, int]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from html import escape
 from typing import Any
 
@@ -16,7 +16,7 @@ from rtds_host.diagnosis.report.words import channel_name, effect_name, manoeuvr
 MODELS = (("before", "nominal"), ("refit", "refitted"), ("after", "with effects"))
 
 
-def _gap_bars(entry: dict[str, float | None], top: float, models: Iterable[tuple[str, str]]) -> str:
+def _gap_bars(entry: Mapping[str, float | None], top: float, models: Iterable[tuple[str, str]]) -> str:
     scale = math.log10(max(top, 1.1)) + 0.3
 
     def size(v: float | None) -> float | None:
@@ -26,7 +26,11 @@ def _gap_bars(entry: dict[str, float | None], top: float, models: Iterable[tuple
 
 
 def _gap_table(
-    first: str, gaps: dict[str, dict[str, float | None]], name: str, blamed: bool, words: dict[str, str] | None = None
+    first: str,
+    gaps: Mapping[str, Mapping[str, float | None]],
+    name: str,
+    blamed: bool,
+    words: dict[str, str] | None = None,
 ) -> str:
     if not gaps:
         return ""

@@ -174,7 +174,7 @@ def enumerated(names: list[str], last: str) -> str:
 
 def explanation_name(effects: list[dict[str, Any]] | str) -> str:
     """An alternative of the contract as words."""
-    if effects == "unknown":
+    if isinstance(effects, str):  # "unknown"
         return "none of the catalogue"
     return " and ".join(effect_name(e) for e in effects) if effects else "no effect"
 
