@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -91,8 +92,8 @@ def diagnose(
                 ],
             )
         return
-    options = {"say": None} if as_json else {}
-    failed = run_many(cases, out, quick=quick, seed=seed, jobs=jobs, scheduler=scheduler, **options)
+    say = None if as_json else partial(print, flush=True)
+    failed = run_many(cases, out, quick=quick, seed=seed, jobs=jobs, scheduler=scheduler, say=say)
     if as_json:
         from pyarrow.parquet import read_table
 

@@ -174,7 +174,7 @@ def _samples(said: _Said, source, to: str, out: Path, count: int, seed: int, sta
     drawn, fixed = draw(source.content, source.robot, count, seed)
     digits = len(str(count - 1))
     with staged_folder(out) as scratch:
-        values = []
+        values: list[dict[str, Any]] = []
         for k, content in enumerate(drawn):
             name = f"sample-{k:0{digits}d}"
             text, parts = write(

@@ -77,7 +77,8 @@ def init(
     for file in ("robot.toml", "mapping.toml", *(("effects.json",) if mjcf is not None else ())):
         if (out / file).exists():
             raise OutputError(f"{out / file}: is there already; choose another folder")
-    texts, lost = {}, []
+    texts: dict[str, str] = {}
+    lost: list[str] = []
     if like is not None:
         texts["robot.toml"] = builtin_robot_path(like).read_text(encoding="utf-8")
     elif mjcf is not None:
