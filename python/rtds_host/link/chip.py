@@ -286,14 +286,15 @@ class ChipLink(RtlLink):
 
     def _look_at_answers(self) -> None:
         """Take the answers that came during exchanges: to a read of STATUS, or to a change of resistances."""
-        count, self._wait_for = self._wait_for, 0
+        count, self._wait_for, status = self._wait_for, 0, 0
         for at in range(0, count, FRAME_BYTES):
             answer = decode(self._received[at : at + FRAME_BYTES], SOF_ANSWER)
             if answer is None or answer[1]:
                 raise self._failure("an answer of the serial line is damaged")
+            status = answer[3]
         if count == FRAME_BYTES:
             fields = load_map().named("STATUS").fields
-            self._note({field.name: bool(answer[3] >> field.bit & 1) for field in fields})
+            self._note({field.name: bool(status >> field.bit & 1) for field in fields})
 
     def _wire_volts(self, codes: np.ndarray) -> np.ndarray:
         volts = dac_volts(codes)

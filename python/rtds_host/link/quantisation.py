@@ -105,9 +105,7 @@ class QuantisedLink:
         """See `rtds_host.link.configured.ConfiguredLink.set_resistances`; registers carry them, unquantised."""
         self.inner.set_resistances(ohm)  # type: ignore[attr-defined]
 
-    def exchange(
-        self, voltages: Sequence[float], torques: Sequence[float], interval_s: float, sample_s: float | None = None
-    ) -> Exchange:
+    def exchange(self, voltages: Vector, torques: Vector, interval_s: float, sample_s: float | None = None) -> Exchange:
         """See `Link.exchange`; inputs as the ADC reads them, samples as the DAC shows them."""
         if "voltages" in self.stages:
             voltages = [self._read(name, float(value)) for name, value in zip(("v_l", "v_r"), voltages, strict=True)]
