@@ -213,7 +213,7 @@ def _version() -> str:
     return __version__
 
 
-def _reachable(scheduler: str) -> None:
+def check_reachable(scheduler: str) -> None:
     """Whether the address is one, and somebody listens there: in words and at once, not after Dask's own patience.
 
     Raises
@@ -306,8 +306,8 @@ def _certified(scheduler: str) -> None:
 
 
 @contextmanager
-def _client(scheduler: str) -> Iterator[Any]:
-    _reachable(scheduler)
+def client_of(scheduler: str) -> Iterator[Any]:
+    check_reachable(scheduler)
     try:
         import dask
         import distributed
@@ -363,13 +363,13 @@ class _Watch:
     """Notices that the scheduler is gone: Dask itself goes on trying to reach it."""
 
     def __init__(self, client: Any, scheduler: str):
-        self._client, self._scheduler = client, scheduler
+        self.client_of, self._scheduler = client, scheduler
         self._seen = time.monotonic()
 
     def look(self) -> None:
         """Raises LinkError when it has been gone for a while."""
         now = time.monotonic()
-        if self._client.status == "running":
+        if self.client_of.status == "running":
             self._seen = now
         elif now - self._seen > GONE_S:
             raise LinkError(f"scheduler {self._scheduler}: is gone; call again to go on")
@@ -395,7 +395,7 @@ def on_cluster(
     version, the scheduler is lost on the way. ValueError : `function` is not importable.
     """
     _portable(function)
-    with _client(scheduler) as client:
+    with client_of(scheduler) as client:
         import distributed
 
         watch, idle_since = _Watch(client, scheduler), None

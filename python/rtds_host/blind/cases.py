@@ -280,7 +280,7 @@ def make_case(
                 values = np.where(np.arange(t.size) % every == 0, values, np.nan)
             columns[name] = np.round(values, 6 if counts is None else 9)
         if logger is not None:
-            columns = _logged(columns, logger, robot, rng, place == folder, rounding)
+            columns = as_logged(columns, logger, robot, rng, place == folder, rounding)
         meta = RunMeta(
             scenario=run["name"],
             payload_kg=run["payload_kg"],
@@ -350,7 +350,7 @@ def _left(machine: Machine, robot, held_out: Path, rounded: dict) -> float:
     return round(math.sqrt(np.mean([np.mean(values) for values in gaps.values()])), 4)
 
 
-def _logged(
+def as_logged(
     columns: dict[str, np.ndarray],
     logger,
     robot,

@@ -24,7 +24,7 @@ from rtds_host.blind.accounts import COUNTED, Drive, draw_names, possible
 from rtds_host.blind.gap import SAMPLED, moves
 from rtds_host.blind.kernel import SIDE_NAMES, WORLD_NAMES
 from rtds_host.blind.scales import Scale, draw_sized, scale_of
-from rtds_host.blind.vocabulary import _log
+from rtds_host.blind.vocabulary import log_uniform
 from rtds_host.compat import tomllib
 
 LEFT_GAP = (2.0, 10.0)  # what the best fit of the catalogue leaves
@@ -81,23 +81,31 @@ def _form(rng: np.random.Generator, name: str, of: Scale) -> dict[str, float]:
     power = rng.uniform(0.4, 0.8) if rng.random() < 0.6 else rng.uniform(1.3, 1.8)
     return {
         "brush_film": lambda: {
-            "film_volts": of.volts * _log(rng, 0.015, 0.1),
-            "film_amps": of.amps * _log(rng, 0.02, 0.15),
+            "film_volts": of.volts * log_uniform(rng, 0.015, 0.1),
+            "film_amps": of.amps * log_uniform(rng, 0.02, 0.15),
         },
-        "flux_droop": lambda: {"droop": _log(rng, 0.08, 0.4), "droop_amps": of.amps * _log(rng, 0.3, 1.0)},
-        "presliding": lambda: {"slip_torque": of.torque * _log(rng, 0.01, 0.08), "slip_rad": _log(rng, 0.003, 0.05)},
+        "flux_droop": lambda: {
+            "droop": log_uniform(rng, 0.08, 0.4),
+            "droop_amps": of.amps * log_uniform(rng, 0.3, 1.0),
+        },
+        "presliding": lambda: {
+            "slip_torque": of.torque * log_uniform(rng, 0.01, 0.08),
+            "slip_rad": log_uniform(rng, 0.003, 0.05),
+        },
         "power_drag": lambda: {
-            "power_drag": of.torque * _log(rng, 0.015, 0.08),
+            "power_drag": of.torque * log_uniform(rng, 0.015, 0.08),
             "power_speed": of.speed,
             "power": power,
         },
-        "speed_mean": lambda: {"mean_s": min(of.period * _log(rng, 2.0, 8.0), max(2.0 * of.period, LONGEST_MEAN_S))},
-        "current_mean": lambda: {"current_mean_s": of.period * _log(rng, 1.0, 4.0)},
-        "switching_ripple": lambda: {
-            "ripple_amps": of.amps * _log(rng, 0.004, 0.03),
-            "ripple_hz": _log(rng, 5.0, 60.0),
+        "speed_mean": lambda: {
+            "mean_s": min(of.period * log_uniform(rng, 2.0, 8.0), max(2.0 * of.period, LONGEST_MEAN_S))
         },
-        "sampled_commands": lambda: {"tick_s": _log(rng, 0.004, 0.02)},
+        "current_mean": lambda: {"current_mean_s": of.period * log_uniform(rng, 1.0, 4.0)},
+        "switching_ripple": lambda: {
+            "ripple_amps": of.amps * log_uniform(rng, 0.004, 0.03),
+            "ripple_hz": log_uniform(rng, 5.0, 60.0),
+        },
+        "sampled_commands": lambda: {"tick_s": log_uniform(rng, 0.004, 0.02)},
     }[name]()
 
 
@@ -124,14 +132,14 @@ def loosened(rng: np.random.Generator, text: str) -> tuple[str, dict]:
     (text, {"l": {name in the file: ratio}, "r": the same, "whole": of what the motors move}).
     """
     tables = tomllib.loads(text)
-    motor = _log(rng, *TOLERANCES)
+    motor = log_uniform(rng, *TOLERANCES)
     loose = {"motor": motor}
     if "axis" in tables:
         for name in ("inertia_kg_m2", "mass_kg"):
             if name in tables["axis"]:
-                loose[name] = _log(rng, *TOLERANCES)
+                loose[name] = log_uniform(rng, *TOLERANCES)
     else:
-        loose |= {"mass_kg": 0.1, "yaw_inertia_kg_m2": _log(rng, *TOLERANCES)}
+        loose |= {"mass_kg": 0.1, "yaw_inertia_kg_m2": log_uniform(rng, *TOLERANCES)}
 
     def off(sigma: float) -> float:
         return float(np.exp(np.clip(rng.standard_normal(), -2.0, 2.0) * math.sqrt(math.log1p(sigma**2))))
@@ -144,7 +152,7 @@ def loosened(rng: np.random.Generator, text: str) -> tuple[str, dict]:
 
 def _written(tables: dict) -> str:
     named = {name: values for name, values in tables.items() if isinstance(values, dict)}
-    return machines._toml(tables["name"], named)
+    return machines.robot_toml(tables["name"], named)
 
 
 def with_noise(text: str, factor: float) -> str:
@@ -404,7 +412,7 @@ def draw_case(rng: np.random.Generator, spec: dict) -> None:
     raise RuntimeError(f"no machine of tier hard was found in {ROUNDS} draws")
 
 
-class _Truth:
+class Truth:
     """A machine's noise-free replays of planned runs, and what another machine's replays differ from them by."""
 
     def __init__(self, rng: np.random.Generator, robot, spec: dict, runs: list[dict]):
@@ -425,7 +433,7 @@ class _Truth:
 def _draw_effects(rng: np.random.Generator, robot, of: Scale, spec: dict) -> bool:
     """Draw one or two effects that the best fit without them would not make up for; False where none was found."""
     spec["effects"] = []
-    truth = _Truth(rng, robot, spec, spec["runs"])
+    truth = Truth(rng, robot, spec, spec["runs"])
     model = nearest(robot, spec["constants"], spec["forms"], [])
     fit = fitted(model, truth.errors)
     shaped = {name for form in spec["forms"] for name in ALIKE[form["id"]]}
@@ -463,7 +471,7 @@ def _measured(rng: np.random.Generator, robot, spec: dict) -> bool:
 
     Writes `spec["left"]`: gaps on the case's runs and on the held-out ones, and without each effect and form.
     """
-    truth, fresh = (_Truth(rng, robot, spec, spec[which]) for which in ("runs", "held_out"))
+    truth, fresh = (Truth(rng, robot, spec, spec[which]) for which in ("runs", "held_out"))
     plain = planar.build_machine(robot, {**spec, "effects": [], "forms": []}, rng)
     model = nearest(robot, spec["constants"], spec["forms"], spec["effects"])
     fit = fitted(model, truth.errors)
@@ -484,7 +492,7 @@ def _measured(rng: np.random.Generator, robot, spec: dict) -> bool:
     def gap(square: float) -> float:
         return round(math.sqrt(1.0 + square / factor**2), 4)
 
-    def gaps(of: _Truth, known: float) -> dict[str, float]:
+    def gaps(of: Truth, known: float) -> dict[str, float]:
         before, refit = (float(np.sum(of.errors(machine) ** 2)) for machine in (planar.nominal_machine(robot), plain))
         return {"before": gap(before), "refit": gap(refit), "known": gap(known)}
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rtds_host.blind.scales import GRAVITY_M_S2, Scale, scale_of
-from rtds_host.blind.vocabulary import EFFECTS, _log
+from rtds_host.blind.vocabulary import EFFECTS, log_uniform
 from rtds_host.contract import load_robot
 from rtds_host.remains import temporary_folder
 
@@ -112,7 +112,7 @@ class Logger:
 def draw_logger(rng: np.random.Generator, rate: float) -> Logger:
     """A logger with two or three of the habits of real ones."""
     rounding = rng.choice(["decimals", "digits", "none"], p=[0.4, 0.35, 0.25])
-    stamp = min(_log(rng, 0.0005, 0.004), 0.2 / rate)
+    stamp = min(log_uniform(rng, 0.0005, 0.004), 0.2 / rate)
     return Logger(
         decimals=int(rng.choice([2, 3], p=[0.7, 0.3])) if rounding == "decimals" else None,
         digits=3 if rounding == "digits" else None,
@@ -123,7 +123,7 @@ def draw_logger(rng: np.random.Generator, rate: float) -> Logger:
     )
 
 
-def _toml(name: str, tables: dict[str, dict]) -> str:
+def robot_toml(name: str, tables: dict[str, dict]) -> str:
     lines = ['schema = "rtds-robot/1"', f'name = "{name}"']
     for table, values in tables.items():
         lines += ["", f"[{table}]"]
@@ -140,10 +140,10 @@ def _motor(rng, gear: float, volts: float, torque: float, speed: float, rotor: f
     km = volts / (gear * speed)
     amps = torque / (gear * km)
     ohm = volts / amps
-    idle = _log(rng, 0.015, 0.07)  # no-load current over stall current
+    idle = log_uniform(rng, 0.015, 0.07)  # no-load current over stall current
     return {
         "resistance_ohm": ohm,
-        "inductance_h": ohm * _log(rng, 0.8e-4, 3e-4),
+        "inductance_h": ohm * log_uniform(rng, 0.8e-4, 3e-4),
         "torque_constant_nm_per_a": km,
         "back_emf_constant_v_s_per_rad": km,
         "rotor_inertia_kg_m2": rotor / gear**2,
@@ -159,50 +159,50 @@ def draw_machine(rng: np.random.Generator, name: str) -> str:
 
 def _sensors(rng, amps: float, speed: float, volts: float) -> dict:
     return {
-        "i_a": amps * _log(rng, 0.002, 0.006),
-        "w_rad_s": speed * _log(rng, 0.0015, 0.005),
-        "th_rad": _log(rng, 4e-4, 2e-3),
-        "v_bus_v": volts * _log(rng, 0.001, 0.004),
+        "i_a": amps * log_uniform(rng, 0.002, 0.006),
+        "w_rad_s": speed * log_uniform(rng, 0.0015, 0.005),
+        "th_rad": log_uniform(rng, 4e-4, 2e-3),
+        "v_bus_v": volts * log_uniform(rng, 0.001, 0.004),
     }
 
 
 def _draw_robot(rng: np.random.Generator, name: str) -> str:
-    mass, radius, track, gear, volts, top, stall, share = (_log(rng, *limits) for limits in ROBOTS[name][:8])
+    mass, radius, track, gear, volts, top, stall, share = (log_uniform(rng, *limits) for limits in ROBOTS[name][:8])
     torque, speed = stall * mass * radius / 2, top / radius
     motor = _motor(rng, gear, volts, torque, speed, share * mass / 2 * radius**2)
     sensors = _sensors(rng, volts / motor["resistance_ohm"], speed, volts)
     turn = 2 * top / track  # a gyro that measures fast turns is no fine one
     sensors |= {
-        "gyro_rad_s": max(_log(rng, 0.002, 0.01), 5e-4 * turn),
-        "xy_m": _log(rng, 0.0008, 0.002),
-        "yaw_rad": max(_log(rng, 0.001, 0.003), 5e-5 * turn),
+        "gyro_rad_s": max(log_uniform(rng, 0.002, 0.01), 5e-4 * turn),
+        "xy_m": log_uniform(rng, 0.0008, 0.002),
+        "yaw_rad": max(log_uniform(rng, 0.001, 0.003), 5e-5 * turn),
     }
     chassis = {
         "mass_kg": mass,
-        "yaw_inertia_kg_m2": mass * track**2 * _log(rng, 0.08, 0.15),
+        "yaw_inertia_kg_m2": mass * track**2 * log_uniform(rng, 0.08, 0.15),
         "wheel_radius_m": radius,
-        "wheel_inertia_kg_m2": 0.5 * mass * _log(rng, 0.02, 0.05) * radius**2,
+        "wheel_inertia_kg_m2": 0.5 * mass * log_uniform(rng, 0.02, 0.05) * radius**2,
         "track_width_m": track,
         "com_z_m": radius,
     }
-    return _toml(name, {"motor": motor, "supply": {"voltage_v": volts}, "chassis": chassis, "sensors": sensors})
+    return robot_toml(name, {"motor": motor, "supply": {"voltage_v": volts}, "chassis": chassis, "sensors": sensors})
 
 
 def _draw_axis(rng: np.random.Generator, name: str) -> str:
-    volts, speed, gear = _log(rng, 5, 48), _log(rng, 5, 120), _log(rng, 1, 200)
-    torque, lag = _log(rng, 0.03, 30), _log(rng, 0.02, 0.2)  # lag: the mechanical time constant
+    volts, speed, gear = log_uniform(rng, 5, 48), log_uniform(rng, 5, 120), log_uniform(rng, 1, 200)
+    torque, lag = log_uniform(rng, 0.03, 30), log_uniform(rng, 0.02, 0.2)  # lag: the mechanical time constant
     inertia = lag * torque / speed
     part = rng.uniform(0.25, 0.75)  # the load's of it
     axis: dict[str, Any] = {"kind": name}
     if name == "inertia":
         axis["inertia_kg_m2"] = part * inertia
     elif name == "pendulum":
-        weight = torque * _log(rng, 0.05, 0.3)  # m g l
+        weight = torque * log_uniform(rng, 0.05, 0.3)  # m g l
         axis["length_m"] = part * inertia * GRAVITY_M_S2 / weight  # so that m l2 is the load's part
         axis["length_m"] = min(max(axis["length_m"], 0.03), 0.6)
         axis["mass_kg"] = weight / (GRAVITY_M_S2 * axis["length_m"])
     else:
-        axis["metres_per_rad"] = _log(rng, 0.002, 0.02)
+        axis["metres_per_rad"] = log_uniform(rng, 0.002, 0.02)
         axis["mass_kg"] = part * inertia / axis["metres_per_rad"] ** 2
     motor = _motor(rng, gear, volts, torque, speed, (1 - part) * inertia)
     tables = {"motor": motor, "supply": {"voltage_v": volts}, "axis": axis}
@@ -215,7 +215,7 @@ def _draw_axis(rng: np.random.Generator, name: str) -> str:
             "viscous_friction_nm_s_per_rad": torque / speed / gear**2 * rng.uniform(0.5, 1.0),
         }
         del sensors["i_a"]
-    return _toml(name, {**tables, "sensors": sensors})
+    return robot_toml(name, {**tables, "sensors": sensors})
 
 
 def robot_of(text: str):
@@ -263,7 +263,7 @@ def draw_conditions(
         drive=float(
             rng.uniform(0.35, 0.6) if name in ("competition", "pendulum", "micromouse") else rng.uniform(0.6, 1.0)
         ),
-        counts={stem: _log(rng, 0.02, 1.2) for stem in ("v_bus", "i", "w", "th", "gyro_z", "x", "y", "yaw")},
+        counts={stem: log_uniform(rng, 0.02, 1.2) for stem in ("v_bus", "i", "w", "th", "gyro_z", "x", "y", "yaw")},
     )
     if name in ROBOTS:
         rates, shortest, longest = ROBOTS[name][8], *ROBOTS[name][9]
@@ -297,7 +297,7 @@ def draw_conditions(
             "payload_kg": round(float(load * (k % 2)), 3),
             "slope_rad": slope,
             "uphill_yaw_rad": round(float(rng.uniform(-math.pi, math.pi)), 4),
-            "duration": round(_log(rng, shortest, longest), 2),
+            "duration": round(log_uniform(rng, shortest, longest), 2),
         }
 
     names = [str(item) for item in rng.permutation(scenarios)]

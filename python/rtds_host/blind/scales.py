@@ -11,7 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rtds_host.blind.vocabulary import EFFECTS, NAMELESS, OUTSIDE, PLANAR_ONLY, UNNAMED, _log, _side, _signed
+from rtds_host.blind.vocabulary import (
+    EFFECTS,
+    NAMELESS,
+    OUTSIDE,
+    PLANAR_ONLY,
+    UNNAMED,
+    log_uniform,
+    random_side,
+    with_sign,
+)
 
 GRAVITY_M_S2 = 9.80665
 # Nameless effect -> the parameter that says how much of it there is, and whether more of it means more effect.
@@ -153,44 +162,44 @@ def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
     drag = of.torque / of.speed
 
     def ratio(low: float, high: float) -> dict:
-        return {"ratio": 1.0 + _signed(rng, low, high)}
+        return {"ratio": 1.0 + with_sign(rng, low, high)}
 
     def late(low_rows: float, high_s: float) -> dict:
         low = low_rows * of.period
-        return {"seconds": _log(rng, low, max(min(high_s, 0.15 * of.duration), 6 * low))}
+        return {"seconds": log_uniform(rng, low, max(min(high_s, 0.15 * of.duration), 6 * low))}
 
     if name == "supply_sag":
-        return {"resistance_ohm": of.ohm * _log(rng, 0.015, 0.25)}
+        return {"resistance_ohm": of.ohm * log_uniform(rng, 0.015, 0.25)}
     if name == "battery_decline":
-        return {"rate_v_per_s": of.volts / of.duration * _log(rng, 0.008, 0.12)}
+        return {"rate_v_per_s": of.volts / of.duration * log_uniform(rng, 0.008, 0.12)}
     if name in ("driver_deadzone", "bridge_drop"):
-        return {"volts": of.volts * _log(rng, 0.004, 0.07)}
+        return {"volts": of.volts * log_uniform(rng, 0.004, 0.07)}
     if name == "driver_gain":
         return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.015, 0.3)
     if name == "voltage_limit":
         return {"volts": of.volts * float(rng.uniform(0.33, 0.75))}
     if name == "pwm_curve":
-        return {"curvature": _log(rng, 0.03, 0.95) * (1 if rng.random() < 0.8 else -1)}
+        return {"curvature": log_uniform(rng, 0.03, 0.95) * (1 if rng.random() < 0.8 else -1)}
     if name == "resistance_error":
         return ratio(0.05, 0.4)
     if name == "winding_heating":
         power = of.volts * of.amps / 4
         return {
-            "rise_per_watt": _log(rng, 0.2, 3.0) / power,
-            "time_constant_s": _log(rng, 0.15 * of.duration, 3.0 * of.duration),
+            "rise_per_watt": log_uniform(rng, 0.2, 3.0) / power,
+            "time_constant_s": log_uniform(rng, 0.15 * of.duration, 3.0 * of.duration),
         }
     if name == "torque_constant_error":
         return ratio(0.04, 0.25)
     if name == "coulomb_friction":
-        return {"torque_nm": of.torque * _log(rng, 0.002, 0.06)}
+        return {"torque_nm": of.torque * log_uniform(rng, 0.002, 0.06)}
     if name == "stribeck_friction":
         return {
-            "torque_nm": of.torque * _log(rng, 0.003, 0.03),
-            "extra_torque_nm": of.torque * _log(rng, 0.005, 0.04),
-            "speed_rad_s": of.speed * _log(rng, 0.02, 0.2),
+            "torque_nm": of.torque * log_uniform(rng, 0.003, 0.03),
+            "extra_torque_nm": of.torque * log_uniform(rng, 0.005, 0.04),
+            "speed_rad_s": of.speed * log_uniform(rng, 0.02, 0.2),
         }
     if name == "viscous_friction":
-        value = drag * _log(rng, 0.004, 0.12)
+        value = drag * log_uniform(rng, 0.004, 0.12)
         return {
             "nm_s_per_rad": -min(value, 0.85 * of.viscous)
             if rng.random() < 0.25 and of.viscous > 0.01 * drag
@@ -199,21 +208,21 @@ def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
     if name == "friction_asymmetry":
         sign = 1 if rng.random() < 0.5 else -1
         return {
-            "torque_nm": sign * of.torque * _log(rng, 0.0015, 0.02),
-            "nm_s_per_rad": sign * drag * _log(rng, 0.0015, 0.03),
+            "torque_nm": sign * of.torque * log_uniform(rng, 0.0015, 0.02),
+            "nm_s_per_rad": sign * drag * log_uniform(rng, 0.0015, 0.03),
         }
     if name == "load_friction":
-        return {"ratio": _log(rng, 0.05, 0.45)}
+        return {"ratio": log_uniform(rng, 0.05, 0.45)}
     if name == "backlash":
-        return {"angle_rad": _log(rng, 0.006, 0.15)}
+        return {"angle_rad": log_uniform(rng, 0.006, 0.15)}
     if name == "gear_compliance":
         return {
-            "stiffness_nm_per_rad": of.torque * _log(rng, 0.15, 6.0),
-            "damping_nm_s_per_rad": drag * _log(rng, 0.006, 0.1),
+            "stiffness_nm_per_rad": of.torque * log_uniform(rng, 0.15, 6.0),
+            "damping_nm_s_per_rad": drag * log_uniform(rng, 0.006, 0.1),
         }
     if name == "torque_ripple":
         return {
-            "amplitude_nm": of.torque * _log(rng, 0.003, 0.08),
+            "amplitude_nm": of.torque * log_uniform(rng, 0.003, 0.08),
             "phase_rad": float(rng.uniform(-math.pi, math.pi)),
             "cycles_per_rev": int(rng.choice([1, 2, 3, 4, 5, 6, 8, 10, 12])),
         }
@@ -222,34 +231,36 @@ def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
     if name == "wheel_radius_error":
         return ratio(0.006, 0.1)
     if name == "longitudinal_slip":
-        return {"slip_per_newton": _log(rng, 0.02, 0.4) / of.force}
+        return {"slip_per_newton": log_uniform(rng, 0.02, 0.4) / of.force}
     if name == "spin_scrub":
-        return {"torque_nm": of.weight * of.track * _log(rng, 0.003, 0.07)}
+        return {"torque_nm": of.weight * of.track * log_uniform(rng, 0.003, 0.07)}
     if name == "rolling_resistance":
-        return {"coefficient": _log(rng, 0.004, 0.06)}
+        return {"coefficient": log_uniform(rng, 0.004, 0.06)}
     if name == "track_width_error":
         return ratio(0.01, 0.15)
     if name == "payload_error":
-        value = of.mass * _log(rng, 0.1, 2.0)
+        value = of.mass * log_uniform(rng, 0.1, 2.0)
         return {"mass_kg": -min(value, 0.4 * of.mass) if rng.random() < 0.2 else value}
     if name == "com_offset":
-        return {"x_m": of.track * _signed(rng, 0.04, 0.3), "y_m": of.track * _signed(rng, 0.0125, 0.09)}
+        return {"x_m": of.track * with_sign(rng, 0.04, 0.3), "y_m": of.track * with_sign(rng, 0.0125, 0.09)}
     if name == "slope_error":
-        return {"slope_rad": _signed(rng, 0.004, 0.06)}
+        return {"slope_rad": with_sign(rng, 0.004, 0.06)}
     if name == "yaw_inertia_error":
-        return {"ratio": _log(rng, 1.6, 7.0) if rng.random() < 0.8 else _log(rng, 0.35, 0.6)}
+        return {"ratio": log_uniform(rng, 1.6, 7.0) if rng.random() < 0.8 else log_uniform(rng, 0.35, 0.6)}
     if name == "speed_gain":
         return ratio(0.01, 0.15)
     if name == "current_gain":
         return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.03, 0.4)
     if name == "current_bias":
-        return {"amperes": of.amps * _signed(rng, 0.0015, 0.06)}
+        return {"amperes": of.amps * with_sign(rng, 0.0015, 0.06)}
     if name == "speed_filter":
         return {
-            "time_constant_s": _log(rng, max(0.4 * of.period, 0.001), max(min(0.08, 0.2 * of.duration), 4 * of.period))
+            "time_constant_s": log_uniform(
+                rng, max(0.4 * of.period, 0.001), max(min(0.08, 0.2 * of.duration), 4 * of.period)
+            )
         }
     if name == "gyro_bias":
-        return {"rad_s": _signed(rng, 0.002, 0.12)}
+        return {"rad_s": with_sign(rng, 0.002, 0.12)}
     if name == "gyro_gain":
         return ratio(0.01, 0.15)
     if name in ("command_delay", "measurement_delay"):
@@ -263,21 +274,21 @@ def draw_sized(rng: np.random.Generator, name: str, of: Scale, axis: str | None 
     `axis` is the kind of a single axis: it has but a left side, and an inertia's payload is an inertia.
     """
     subsystem, sided = EFFECTS[name]
-    side = _side(rng, sided) if axis is None else "left"
+    side = random_side(rng, sided) if axis is None else "left"
     parameters = {key: float(f"{value:.5g}") for key, value in _parameters(rng, name, of).items()}
     if axis == "inertia" and name == "payload_error":
         parameters = {"inertia_kg_m2": parameters["mass_kg"]}
     return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}
 
 
-def _nameless(rng: np.random.Generator, name: str, of: Scale) -> dict:
+def nameless_parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
     """Middle sizes; `strengthened` brings them to what a case asks for."""
     u, drag = rng.uniform, of.torque / of.speed
     travel = of.speed * of.radius * of.duration  # what the machine could drive in a run
     return {
         "command_hysteresis": lambda: {"hysteresis": 0.06 * of.volts},
         "command_quantised": lambda: {"quantum": 0.1 * of.volts},
-        "command_crosstalk": lambda: {"crosstalk": _signed(rng, 0.05, 0.1)},
+        "command_crosstalk": lambda: {"crosstalk": with_sign(rng, 0.05, 0.1)},
         "slew_limit": lambda: {"slew": 5.0 * of.volts},
         "magnetic_saturation": lambda: {"saturation": 0.5 * of.amps},
         "rub_spot": lambda: {
@@ -291,22 +302,25 @@ def _nameless(rng: np.random.Generator, name: str, of: Scale) -> dict:
         "traction_limit": lambda: {"traction": 0.1 * of.weight},
         "floor_patch": lambda: {"patch_x": 0.1 * travel * u(-1, 1), "patch_force": 0.1 * of.weight},
         "cable_drag": lambda: {"cable": 0.3 * of.weight / max(travel, of.track)},
-        "lateral_slope": lambda: {"lateral_slope": _signed(rng, 0.02, 0.05)},
-        "gusts": lambda: {"gust": 0.08 * of.weight, "gust_tau": _log(rng, 0.1, 1.0)},
-        "bus_noise": lambda: {"bus_noise": 0.02 * of.volts, "bus_tau": _log(rng, 0.05, 1.0)},
+        "lateral_slope": lambda: {"lateral_slope": with_sign(rng, 0.02, 0.05)},
+        "gusts": lambda: {"gust": 0.08 * of.weight, "gust_tau": log_uniform(rng, 0.1, 1.0)},
+        "bus_noise": lambda: {"bus_noise": 0.02 * of.volts, "bus_tau": log_uniform(rng, 0.05, 1.0)},
         "encoder_wobble": lambda: {"encoder_wobble": 0.03},
-        "bus_relaxation": lambda: {"relax_ohm": 0.1 * of.ohm, "relax_tau": of.duration * _log(rng, 0.05, 0.3)},
-        "dahl_friction": lambda: {"dahl": 0.02 * of.torque, "dahl_rad": _log(rng, 0.1, 1.0)},
+        "bus_relaxation": lambda: {"relax_ohm": 0.1 * of.ohm, "relax_tau": of.duration * log_uniform(rng, 0.05, 0.3)},
+        "dahl_friction": lambda: {"dahl": 0.02 * of.torque, "dahl_rad": log_uniform(rng, 0.1, 1.0)},
         "position_friction": lambda: {"swing": 0.03 * of.torque, "swing_phase": u(-math.pi, math.pi)},
-        "cold_grease": lambda: {"grease": 0.05 * drag, "grease_tau": of.duration * _log(rng, 0.1, 0.6)},
+        "cold_grease": lambda: {"grease": 0.05 * drag, "grease_tau": of.duration * log_uniform(rng, 0.1, 0.6)},
         "detents": lambda: {
             "detent": 0.04 * of.torque,
             "detent_cycles": int(rng.integers(14, 31)),
             "detent_phase": u(-math.pi, math.pi),
         },
         "turn_drag": lambda: {"turn_drag": 0.2 * of.weight * of.track * of.track / (2 * of.speed * of.radius)},
-        "uneven_floor": lambda: {"bumps": 0.02, "bump_length": max(of.track, 0.05 * travel) * _log(rng, 0.5, 2.0)},
-        "current_antialias": lambda: {"current_tau": of.period * _log(rng, 1.0, 4.0)},
+        "uneven_floor": lambda: {
+            "bumps": 0.02,
+            "bump_length": max(of.track, 0.05 * travel) * log_uniform(rng, 0.5, 2.0),
+        },
+        "current_antialias": lambda: {"current_tau": of.period * log_uniform(rng, 1.0, 4.0)},
         "current_bend": lambda: {"current_bend": 0.5 / of.amps**2},
         "clock_drift": lambda: {"clock_drift": 0.001},
         **_unnamed(rng, of),
@@ -320,31 +334,33 @@ def _unnamed(rng: np.random.Generator, of: Scale) -> dict:
         "supply_choked": lambda: {
             "choke_ohm": 0.3 * of.ohm,
             "choke_amps": 0.15 * of.amps,
-            "choke_tau": of.duration * _log(rng, 0.005, 0.02),
+            "choke_tau": of.duration * log_uniform(rng, 0.005, 0.02),
         },
         "current_chopped": lambda: {"current_limit": 0.4 * of.amps},
         "driver_foldback": lambda: {
             "foldback": 0.5 / (of.volts * of.amps / 4),
-            "foldback_tau": of.duration * _log(rng, 0.1, 0.5),
+            "foldback_tau": of.duration * log_uniform(rng, 0.1, 0.5),
         },
         "bad_segment": lambda: {"segment": 0.4, "segment_angle": u(-math.pi, math.pi), "segment_width": u(0.3, 0.9)},
         "demagnetised": lambda: {"demagnetised": 0.06, "demagnetise_amps": of.amps * u(0.15, 0.4)},
-        "slip_elements": lambda: {"slip_torque": 0.02 * of.torque, "slip_rad": _log(rng, 0.02, 0.15)},
+        "slip_elements": lambda: {"slip_torque": 0.02 * of.torque, "slip_rad": log_uniform(rng, 0.02, 0.15)},
         "rest_friction": lambda: {"dwell": 0.1 * of.torque, "dwell_s": 0.01 * of.duration},
-        "lagging_drag": lambda: {"lag_drag": 0.05 * drag, "lag_drag_tau": of.duration * _log(rng, 0.01, 0.05)},
+        "lagging_drag": lambda: {"lag_drag": 0.05 * drag, "lag_drag_tau": of.duration * log_uniform(rng, 0.01, 0.05)},
         "eddy_drag": lambda: {"eddy": 0.1 * drag, "eddy_speed": of.speed * u(0.1, 0.4)},
         "growing_tyre": lambda: {"growth": 0.02 / of.speed**2},
         "caster_swing": lambda: {"caster": 0.06 * of.weight * of.track, "caster_length": of.track * u(0.1, 0.3)},
         "carpet_nap": lambda: {"nap": 0.12 * of.weight, "nap_yaw": u(-math.pi, math.pi)},
         "sloshing": lambda: {
             "slosh": 0.25,
-            "slosh_rate": 2.0 * math.pi * _log(rng, 2.0, 6.0) * 8.0 / max(of.duration, 1.0),
+            "slosh_rate": 2.0 * math.pi * log_uniform(rng, 2.0, 6.0) * 8.0 / max(of.duration, 1.0),
             "slosh_ratio": u(0.02, 0.15),
         },
         "speed_floor": lambda: {"speed_floor": 0.12 * of.speed},
         "current_floor": lambda: {"current_floor": 0.05 * of.amps},
-        "gyro_pull": lambda: {"gyro_pull": _signed(rng, 0.5, 1.0) * of.speed * of.radius / of.track * of.period},
-        "gyro_drift": lambda: {"gyro_drift": _signed(rng, 0.01, 0.03) * of.speed * of.radius / of.track / of.duration},
+        "gyro_pull": lambda: {"gyro_pull": with_sign(rng, 0.5, 1.0) * of.speed * of.radius / of.track * of.period},
+        "gyro_drift": lambda: {
+            "gyro_drift": with_sign(rng, 0.01, 0.03) * of.speed * of.radius / of.track / of.duration
+        },
         "link_stalls": lambda: {"stalls": int(rng.integers(15, 40)), "stall_s": of.duration * 0.0025},
     }
 
@@ -357,8 +373,8 @@ def draw_nameless(rng: np.random.Generator, of: Scale, world: str = "planar", na
     menu = [item for item in (*OUTSIDE, *NAMELESS) if item in STRENGTH]
     name = name or str(rng.choice([item for item in menu if world == "planar" or item not in PLANAR_ONLY]))
     subsystem, sided = UNNAMED[name]
-    side = _side(rng, sided)
-    parameters = {key: float(f"{value:.5g}") for key, value in _nameless(rng, name, of).items()}
+    side = random_side(rng, sided)
+    parameters = {key: float(f"{value:.5g}") for key, value in nameless_parameters(rng, name, of).items()}
     return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}
 
 
@@ -371,16 +387,20 @@ def draw_outside(rng: np.random.Generator, of: Scale, name: str | None = None, w
     """
     name = name or str(rng.choice([item for item in OUTSIDE if world == "planar" or item not in PLANAR_ONLY]))
     if name in STRENGTH:
-        return strengthened(draw_nameless(rng, of, world, name), _log(rng, 1.0, 5.0))
+        return strengthened(draw_nameless(rng, of, world, name), log_uniform(rng, 1.0, 5.0))
     subsystem, _ = UNNAMED[name]
     u = rng.uniform
     parameters = {
         "random_brakes": lambda: {
-            "brakes": [int(rng.integers(3, 9)), _log(rng, 0.01, 0.05) * of.duration, of.torque * _log(rng, 0.02, 0.2)]
+            "brakes": [
+                int(rng.integers(3, 9)),
+                log_uniform(rng, 0.01, 0.05) * of.duration,
+                of.torque * log_uniform(rng, 0.02, 0.2),
+            ]
         },
         "speed_dropouts": lambda: {
             "hold": [
-                [u(0.02, 0.95), _log(rng, 0.01, 0.05) * of.duration, str(rng.choice(["w_l", "w_r"]))]
+                [u(0.02, 0.95), log_uniform(rng, 0.01, 0.05) * of.duration, str(rng.choice(["w_l", "w_r"]))]
                 for _ in range(int(rng.integers(5, 15)))
             ]
         },

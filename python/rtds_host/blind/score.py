@@ -543,7 +543,7 @@ def open_answers(out: Path, diagnoses: Path) -> tuple[dict[str, dict], dict[str,
     return truths, answers, ledger
 
 
-def _program() -> str:
+def program_state() -> str:
     """SHA-256 of the sources that predict and judge: what another state measured is measured again."""
     sources = sorted(PACKAGE.rglob("*.py"))
     return hashlib.sha256("".join(f"{p.relative_to(PACKAGE)} {hash_file(p)}\n" for p in sources).encode()).hexdigest()
@@ -574,7 +574,7 @@ def score(
     by_case = {entry["case"]: entry for entry in ledger}
     folder = (diagnoses or out) / "score"
     said = diagnoses or out / "answers"
-    kept, program = folder / "cases", _program()
+    kept, program = folder / "cases", program_state()
 
     def one(case: str) -> dict:
         record = {"case": case, **judge(truths[case], answers.get(case), by_case[case])}
@@ -638,7 +638,7 @@ def score(
     return result
 
 
-def _cell(value: dict | None) -> str:
+def share_cell(value: dict | None) -> str:
     if value is None:
         return "–"
     low, high = value["wilson95"]
@@ -694,7 +694,7 @@ def page(result: dict) -> str:
         "| cases (answered) | " + " | ".join(f"{tables[g]['cases']} ({tables[g]['answered']})" for g in groups) + " |"
     )
     for name, title in FIGURES:
-        lines.append(f"| {title} | " + " | ".join(_cell(tables[g][name]) for g in groups) + " |")
+        lines.append(f"| {title} | " + " | ".join(share_cell(tables[g][name]) for g in groups) + " |")
 
     def line(title: str, text) -> str:
         return f"| {title} | " + " | ".join(text(tables[g]) for g in groups) + " |"
@@ -718,7 +718,7 @@ def page(result: dict) -> str:
         )
     )
     for name, title in POOLED:
-        lines.append(line(title, lambda t, name=name: _cell(t[name])))
+        lines.append(line(title, lambda t, name=name: share_cell(t[name])))
     lines.append(
         line(
             "time a case, median (longest)",
@@ -729,8 +729,8 @@ def page(result: dict) -> str:
     lines += [
         "",
         (
-            f"Hardly visible effects: {small['cases']} cases, cause and side right {_cell(small['cause_right'])}, "
-            f"in a set {_cell(small['in_set'])}, otherwise nothing named or something else."
+            f"Hardly visible effects: {small['cases']} cases, cause and side right {share_cell(small['cause_right'])}, "
+            f"in a set {share_cell(small['in_set'])}, otherwise nothing named or something else."
         ),
         "",
         "![what was there against what was named](confusion.png)",

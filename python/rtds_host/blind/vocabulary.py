@@ -130,64 +130,67 @@ PLANAR_ONLY = (
 )
 
 
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
+def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(math.exp(rng.uniform(math.log(low), math.log(high))))
 
 
-def _signed(rng: np.random.Generator, low: float, high: float) -> float:
-    return _log(rng, low, high) * (1 if rng.random() < 0.5 else -1)
+def with_sign(rng: np.random.Generator, low: float, high: float) -> float:
+    return log_uniform(rng, low, high) * (1 if rng.random() < 0.5 else -1)
 
 
-def _side(rng: np.random.Generator, sided: bool) -> str:
+def random_side(rng: np.random.Generator, sided: bool) -> str:
     return str(rng.choice(["both", "left", "right"])) if sided else "both"
 
 
 def _parameters(rng: np.random.Generator, name: str) -> dict:
     def ratio(low: float, high: float) -> dict:
-        return {"ratio": 1.0 + _signed(rng, low, high)}
+        return {"ratio": 1.0 + with_sign(rng, low, high)}
 
     if name == "supply_sag":
-        return {"resistance_ohm": _log(rng, 0.15, 2.0)}
+        return {"resistance_ohm": log_uniform(rng, 0.15, 2.0)}
     if name == "battery_decline":
-        return {"rate_v_per_s": _log(rng, 0.004, 0.08)}
+        return {"rate_v_per_s": log_uniform(rng, 0.004, 0.08)}
     if name in ("driver_deadzone", "bridge_drop"):
-        return {"volts": _log(rng, 0.04, 0.8)}
+        return {"volts": log_uniform(rng, 0.04, 0.8)}
     if name == "driver_gain":
         return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.015, 0.2)
     if name == "voltage_limit":
         return {"volts": float(rng.uniform(4.0, 9.0))}
     if name == "pwm_curve":
-        return {"curvature": _log(rng, 0.02, 0.9) * (1 if rng.random() < 0.8 else -1)}
+        return {"curvature": log_uniform(rng, 0.02, 0.9) * (1 if rng.random() < 0.8 else -1)}
     if name == "resistance_error":
         return ratio(0.05, 0.4)
     if name == "winding_heating":
-        return {"rise_per_watt": _log(rng, 0.06, 1.0), "time_constant_s": _log(rng, 3.0, 60.0)}
+        return {"rise_per_watt": log_uniform(rng, 0.06, 1.0), "time_constant_s": log_uniform(rng, 3.0, 60.0)}
     if name == "torque_constant_error":
         return ratio(0.04, 0.25)
     if name == "coulomb_friction":
-        return {"torque_nm": _log(rng, 0.003, 0.1)}
+        return {"torque_nm": log_uniform(rng, 0.003, 0.1)}
     if name == "stribeck_friction":
         return {
-            "torque_nm": _log(rng, 0.005, 0.06),
-            "extra_torque_nm": _log(rng, 0.008, 0.08),
-            "speed_rad_s": _log(rng, 0.15, 1.5),
+            "torque_nm": log_uniform(rng, 0.005, 0.06),
+            "extra_torque_nm": log_uniform(rng, 0.008, 0.08),
+            "speed_rad_s": log_uniform(rng, 0.15, 1.5),
         }
     if name == "viscous_friction":
-        value = _log(rng, 0.0015, 0.04)
+        value = log_uniform(rng, 0.0015, 0.04)
         return {"nm_s_per_rad": -min(value, 0.025) if rng.random() < 0.3 else value}
     if name == "friction_asymmetry":
         sign = 1 if rng.random() < 0.5 else -1
-        return {"torque_nm": sign * _log(rng, 0.003, 0.04), "nm_s_per_rad": sign * _log(rng, 0.0005, 0.01)}
+        return {
+            "torque_nm": sign * log_uniform(rng, 0.003, 0.04),
+            "nm_s_per_rad": sign * log_uniform(rng, 0.0005, 0.01),
+        }
     if name == "load_friction":
-        return {"ratio": _log(rng, 0.05, 0.45)}
+        return {"ratio": log_uniform(rng, 0.05, 0.45)}
     if name == "backlash":
-        return {"angle_rad": _log(rng, 0.004, 0.15)}
+        return {"angle_rad": log_uniform(rng, 0.004, 0.15)}
     if name == "gear_compliance":
-        stiffness = _log(rng, 0.3, 15.0)
-        return {"stiffness_nm_per_rad": stiffness, "damping_nm_s_per_rad": _log(rng, 0.002, 0.03)}
+        stiffness = log_uniform(rng, 0.3, 15.0)
+        return {"stiffness_nm_per_rad": stiffness, "damping_nm_s_per_rad": log_uniform(rng, 0.002, 0.03)}
     if name == "torque_ripple":
         return {
-            "amplitude_nm": _log(rng, 0.005, 0.08),
+            "amplitude_nm": log_uniform(rng, 0.005, 0.08),
             "cycles_per_rev": int(rng.choice([1, 2, 3, 4, 5, 6, 8, 10, 12])),
             "phase_rad": float(rng.uniform(-math.pi, math.pi)),
         }
@@ -196,36 +199,36 @@ def _parameters(rng: np.random.Generator, name: str) -> dict:
     if name == "wheel_radius_error":
         return ratio(0.004, 0.08)
     if name == "longitudinal_slip":
-        return {"slip_per_newton": _log(rng, 0.004, 0.08)}
+        return {"slip_per_newton": log_uniform(rng, 0.004, 0.08)}
     if name == "spin_scrub":
-        return {"torque_nm": _log(rng, 0.004, 0.1)}
+        return {"torque_nm": log_uniform(rng, 0.004, 0.1)}
     if name == "rolling_resistance":
-        return {"coefficient": _log(rng, 0.004, 0.06)}
+        return {"coefficient": log_uniform(rng, 0.004, 0.06)}
     if name == "track_width_error":
         return ratio(0.008, 0.12)
     if name == "payload_error":
-        value = _log(rng, 0.1, 2.0)
+        value = log_uniform(rng, 0.1, 2.0)
         return {"mass_kg": -min(value, 0.4) if rng.random() < 0.2 else value}
     if name == "com_offset":
-        return {"x_m": _signed(rng, 0.006, 0.05), "y_m": _signed(rng, 0.002, 0.02)}
+        return {"x_m": with_sign(rng, 0.006, 0.05), "y_m": with_sign(rng, 0.002, 0.02)}
     if name == "slope_error":
-        return {"slope_rad": _signed(rng, 0.004, 0.06)}
+        return {"slope_rad": with_sign(rng, 0.004, 0.06)}
     if name == "yaw_inertia_error":
-        return {"ratio": _log(rng, 1.6, 9.0) if rng.random() < 0.8 else _log(rng, 0.3, 0.6)}
+        return {"ratio": log_uniform(rng, 1.6, 9.0) if rng.random() < 0.8 else log_uniform(rng, 0.3, 0.6)}
     if name == "speed_gain":
         return ratio(0.008, 0.12)
     if name == "current_gain":
         return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.03, 0.3)
     if name == "current_bias":
-        return {"amperes": _signed(rng, 0.002, 0.06)}
+        return {"amperes": with_sign(rng, 0.002, 0.06)}
     if name == "speed_filter":
-        return {"time_constant_s": _log(rng, 0.004, 0.08)}
+        return {"time_constant_s": log_uniform(rng, 0.004, 0.08)}
     if name == "gyro_bias":
-        return {"rad_s": _signed(rng, 0.001, 0.05)}
+        return {"rad_s": with_sign(rng, 0.001, 0.05)}
     if name == "gyro_gain":
         return ratio(0.01, 0.15)
     if name in ("command_delay", "measurement_delay"):
-        return {"seconds": _log(rng, 0.0015, 0.04)}
+        return {"seconds": log_uniform(rng, 0.0015, 0.04)}
     raise ValueError(f"effect {name!r} is not in the contract")
 
 
@@ -233,6 +236,6 @@ def draw_effect(rng: np.random.Generator, name: str | None = None) -> dict:
     """One effect of the catalogue: id, side, subsystem and parameters, drawn at random (id too unless given)."""
     name = name or str(rng.choice(list(EFFECTS)))
     subsystem, sided = EFFECTS[name]
-    side = _side(rng, sided)
+    side = random_side(rng, sided)
     parameters = {key: float(f"{value:.5g}") for key, value in _parameters(rng, name).items()}
     return {"id": name, "side": side, "subsystem": subsystem, "parameters": parameters}

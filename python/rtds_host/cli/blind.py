@@ -137,7 +137,7 @@ def score(
 ) -> None:
     """Open the truth, check every hash, and judge the answers."""
     from rtds_host.blind.measured import is_measured, score_measured
-    from rtds_host.blind.score import FIGURES, PICTURES, POOLED, _cell
+    from rtds_host.blind.score import FIGURES, PICTURES, POOLED, share_cell
     from rtds_host.blind.score import score as score_cases
     from rtds_host.blind.seal import read_seals
 
@@ -180,7 +180,7 @@ def score(
     for name in groups:
         table.add_column(name)
     for name, title in FIGURES:
-        table.add_row(title, *(_cell(group[name]) for group in groups.values()))
+        table.add_row(title, *(share_cell(group[name]) for group in groups.values()))
     table.add_row(
         "closure, median",
         *("–" if g["closure"]["median"] is None else f"{g['closure']['median']:.2f}" for g in groups.values()),
@@ -190,7 +190,7 @@ def score(
         *("–" if g["of_closable"]["median"] is None else f"{g['of_closable']['median']:.2f}" for g in groups.values()),
     )
     for name, title in POOLED:
-        table.add_row(title, *(_cell(g[name]) for g in groups.values()))
+        table.add_row(title, *(share_cell(g[name]) for g in groups.values()))
     table.add_row(
         "time a case, median",
         *("–" if g["seconds_median"] is None else f"{g['seconds_median']:.0f} s" for g in groups.values()),

@@ -159,7 +159,7 @@ def _sha(text: bytes) -> str:
     return hashlib.sha256(text).hexdigest()
 
 
-class _Results:
+class Results:
     """Folder of many results: which are done, of what input, and whether their files are still the ones written."""
 
     def __init__(self, out: Path):
@@ -288,7 +288,7 @@ def run_many(
     """
     by_name = _checked(cases, out)
     say = say or (lambda line: None)
-    results = _Results(out)
+    results = Results(out)
     with results.locked():
         results.sweep(list(by_name))
         rows = {

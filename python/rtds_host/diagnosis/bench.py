@@ -64,11 +64,11 @@ def _kept(job: tuple[str, str, str, bool, str | None, str]) -> dict:
     path = Path(rows) / f"{tier}-{Path(folder).name}-{'quick' if quick else 'full'}-{removed or 'whole'}.json"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(path, json.dumps(_examine(job[:-1])))
+        write_atomic(path, json.dumps(answers_to(job[:-1])))
     return json.loads(path.read_text())
 
 
-def _examine(job: tuple[str, str, str, bool, str | None]) -> dict:
+def answers_to(job: tuple[str, str, str, bool, str | None]) -> dict:
     tier, folder, truth_file, quick, removed = job
     truth = json.loads(Path(truth_file).read_text())
     began = time.process_time()
@@ -91,7 +91,7 @@ def _examine(job: tuple[str, str, str, bool, str | None]) -> dict:
     }
 
 
-def _named(diagnosis: dict) -> set[tuple[str, str]]:
+def members_named(diagnosis: dict) -> set[tuple[str, str]]:
     return {(e["id"], e["side"]) for e in diagnosis["effects"]}
 
 
@@ -100,7 +100,7 @@ def _true(truth: dict) -> set[tuple[str, str]]:
 
 
 def _in_set(diagnosis: dict, truth: dict) -> bool:
-    named = _named(diagnosis)
+    named = members_named(diagnosis)
     sets = [{(m["id"], m["side"]) for m in members} for members in diagnosis["indistinguishable"]]
     return (
         diagnosis["verdict"] in ("known", "partial")
@@ -165,7 +165,7 @@ def page(rows: list[dict], command: str) -> str:
         lines.append(f"| {name} | {value} |")
 
     def exact(r: dict) -> bool:
-        return r["diagnosis"]["verdict"] in ("known", "partial") and _named(r["diagnosis"]) == _true(r["truth"])
+        return r["diagnosis"]["verdict"] in ("known", "partial") and members_named(r["diagnosis"]) == _true(r["truth"])
 
     row("right cause and side, all channels, no tolerance", _share([exact(r) for r in strong if r["tier"] == "all"]))
     row("the same with motors off by 1 %", _share([exact(r) for r in strong if r["tier"] == "tol"]))
@@ -180,7 +180,7 @@ def page(rows: list[dict], command: str) -> str:
     row("pairs: both", _share([exact(r) or _in_set(r["diagnosis"], r["truth"]) for r in strong if r["tier"] == "pair"]))
     row(
         "pairs: at least one",
-        _share([bool(_named(r["diagnosis"]) & _true(r["truth"])) for r in strong if r["tier"] == "pair"]),
+        _share([bool(members_named(r["diagnosis"]) & _true(r["truth"])) for r in strong if r["tier"] == "pair"]),
     )
     row(
         "right subsystem (largest share)",
@@ -245,7 +245,7 @@ def page(rows: list[dict], command: str) -> str:
     pairs = [r for r in strong if r["tier"] == "pair"]
 
     def answer(r: dict, method: str) -> set[tuple[str, str]]:
-        return _named(r["diagnosis"]) if method == METHODS[0] else {tuple(x) for x in r["others"][method]}
+        return members_named(r["diagnosis"]) if method == METHODS[0] else {tuple(x) for x in r["others"][method]}
 
     def rate(hits: list[bool]) -> str:
         return f"{np.mean(hits):.0%}" if hits else "–"
@@ -277,7 +277,9 @@ def page(rows: list[dict], command: str) -> str:
     wrong: Counter[tuple[str, str]] = Counter()
     for r in single:
         if not exact(r):
-            name = ", ".join(sorted(f"{e} ({s})" for e, s in _named(r["diagnosis"]))) or r["diagnosis"]["verdict"]
+            name = (
+                ", ".join(sorted(f"{e} ({s})" for e, s in members_named(r["diagnosis"]))) or r["diagnosis"]["verdict"]
+            )
             wrong[(", ".join(sorted(f"{e} ({s})" for e, s in _true(r["truth"]))), name)] += 1
     lines += [f"| {a} | {b} | {n} |" for (a, b), n in sorted(wrong.items())] or ["| – | – | 0 |"]
     right = Counter(e for r in single if exact(r) for e, _ in _true(r["truth"]))

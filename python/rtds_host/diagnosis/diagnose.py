@@ -116,7 +116,7 @@ def investigate(
     if case.robot.encoder is None:
         search, best = _encoder_placed(case, search, best, threads, without)
     if not search.closed(best):
-        search, best = _chosen(search.problem.case, search, best, threads, without)
+        search, best = chosen_search(search.problem.case, search, best, threads, without)
     say("account", 0.7)
     return Investigation(search.problem, search, account(search, best))
 
@@ -142,7 +142,7 @@ def _encoder_placed(case: Case, search: Search, best: Fit, threads: int, without
     return (other, found) if other.score(found) < search.score(best) else (search, best)
 
 
-def _chosen(case: Case, search: Search, best: Fit, threads: int, without: frozenset[str]) -> tuple[Search, Fit]:
+def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: frozenset[str]) -> tuple[Search, Fit]:
     """Of all explanations that were found of whole runs and, of an axis, of pieces, the one that runs left out choose,
     and the search that it is of.
 
@@ -261,13 +261,13 @@ def conclude(
         notes=list(problem.case.notices)
         + held.notes
         + shapes.notes
-        + _ended(found.search)
+        + said_of_end(found.search)
         + _louder(problem, weighed.fit),
     )
     return diagnosis, details
 
 
-def _ended(search: Search) -> list[str]:
+def said_of_end(search: Search) -> list[str]:
     """What is said of a search that ended before it was done."""
     further = "; without --quick it goes on three times as long" if search.quick else ""
     return (

@@ -164,11 +164,11 @@ def next_experiment(problem: Problem, search: Search, weighed: Account, diagnosi
         "scenario": text,
         "separates": separates,
         "expected_separation": float(f"{value:.3g}"),
-        "why": f"{_purpose(bool(weighed.alike), place, compared)}: {scenario.about}",
+        "why": f"{purpose_of(bool(weighed.alike), place, compared)}: {scenario.about}",
     }
 
 
-def _purpose(alike: bool, place: str | None, compared: bool) -> str:
+def purpose_of(alike: bool, place: str | None, compared: bool) -> str:
     """What the manoeuvre is for, in a clause: to separate indistinguishable effects (`alike`), or to excite an
     unmodelled part at `place`; `compared`: whether that of the menu was chosen by replays."""
     blind = "could not be computed for this robot, and this one holds a bit of everything"

@@ -151,23 +151,23 @@ class Explanations:
     def try_fits(self, starts: Iterable[Start], rough: bool = False) -> list[Fit]:
         """The same of several explanations and what each starts from, side by side."""
         starts = list(starts)
-        self._reached(starts, rough)
+        self.reached(starts, rough)
         return [self.fits[hypothesis] for hypothesis, _, _ in starts]
 
-    def _reached(self, starts: list[Start], rough: bool) -> list[float]:
+    def reached(self, starts: list[Start], rough: bool) -> list[float]:
         """The same, and the scores of these very fits."""
         keys = [
             (hypothesis, start.tobytes(), beside.hypothesis, beside.cost, rough) for hypothesis, start, beside in starts
         ]
         new = {key: one for key, one in zip(keys, starts) if key not in self._begun or one[0] not in self.fits}
-        for key, fit in zip(new, side_by_side(self.problem, [self._fitting(*one, rough) for one in new.values()])):
+        for key, fit in zip(new, side_by_side(self.problem, [self.fitting_to(*one, rough) for one in new.values()])):
             best = self.fits.get(fit.hypothesis)
             if best is None or fit.cost < best.cost:
                 self.fits[fit.hypothesis] = fit
             self._begun[key] = self.score(fit)
         return [self._begun[key] for key in keys]
 
-    def _fitting(self, hypothesis: Hypothesis, start: np.ndarray, beside: Fit, rough: bool) -> Asking[Fit]:
+    def fitting_to(self, hypothesis: Hypothesis, start: np.ndarray, beside: Fit, rough: bool) -> Asking[Fit]:
         z = beside.z
         if len(z):
             # Nuisances that bent to stand in for an effect are a poor place to start from.
@@ -209,11 +209,11 @@ class Explanations:
         for member in members:
             for values in self.effects[member[0]].restarts if not self.closed(fit) else ():
                 hypothesis, start = joined({**fit.parts, member: scaled(self.effects, (member,), [dict(values)])})
-                if self._reached([(hypothesis, start, fit)], rough=True)[0] < self.score(fit) + FAR:
+                if self.reached([(hypothesis, start, fit)], rough=True)[0] < self.score(fit) + FAR:
                     fit = self.try_fit(hypothesis, start, fit)
             for _ in range(3):
                 moved = min(
-                    self.try_fits((fit.hypothesis, start, fit) for start in self._lower(fit, member)),
+                    self.try_fits((fit.hypothesis, start, fit) for start in self.lower_kept(fit, member)),
                     key=self.score,
                     default=fit,
                 )
@@ -222,7 +222,7 @@ class Explanations:
                 fit = moved
         return fit
 
-    def _lower(self, fit: Fit, member: tuple[str, str]) -> list[np.ndarray]:
+    def lower_kept(self, fit: Fit, member: tuple[str, str]) -> list[np.ndarray]:
         """Starts about an optimum from which its misfit may fall further: the best with the nuisances that were fitted
         beside it, and the best without any, since these bend to a size in the wrong valley."""
         problem = self.problem

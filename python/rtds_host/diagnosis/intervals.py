@@ -40,7 +40,7 @@ def intervals(
     """
     if not fit.hypothesis:
         return {}
-    sigma, free = dict(zip(_keys(fit), _sigmas(problem, fit))), dict(zip(_keys(fit), fit.free[len(fit.z) :]))
+    sigma, free = dict(zip(_keys(fit), sigmas_of(problem, fit))), dict(zip(_keys(fit), fit.free[len(fit.z) :]))
     uneven = scattered(problem, fit)
     # Commands have the same stamps as samples: a delay is known no better than these are, or than it is one in all
     # runs, or than the latency of a servo's board, which it is one sum with.
@@ -90,7 +90,7 @@ def _sandwich(problem: Problem, fit: Fit, groups: np.ndarray) -> np.ndarray:
     return result
 
 
-def _shift(fit: Fit) -> np.ndarray:
+def command_shift(fit: Fit) -> np.ndarray:
     """How far (z, u) move, (k + p,), if residuals count as white noise in place of a discrepancy.
 
     J. A. Hausman, Econometrica 46, 1978: two estimates that weigh slow and fast misfits otherwise agree where the
@@ -121,10 +121,10 @@ def _shift(fit: Fit) -> np.ndarray:
     return result
 
 
-def _sigmas(problem: Problem, fit: Fit) -> np.ndarray:
+def sigmas_of(problem: Problem, fit: Fit) -> np.ndarray:
     """One sigma of each parameter, in spreads: the largest of what the likelihood says, what the scatter between blocks
     of time says, and what that between runs does; and what it hangs on how the rest is weighed."""
     variances = [np.diag(fit.covariance), _sandwich(problem, fit, problem.blocks)]
     if len(problem.whole) > 2:
         variances.append(_sandwich(problem, fit, problem.runs_of))
-    return np.sqrt(np.max(variances, axis=0) + _shift(fit) ** 2)[len(fit.z) :]
+    return np.sqrt(np.max(variances, axis=0) + command_shift(fit) ** 2)[len(fit.z) :]

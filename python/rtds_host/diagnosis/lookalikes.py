@@ -37,7 +37,7 @@ def lookalikes(
             [member for member in alike if member[0] in there and not clashes(member, fit.hypothesis)]
             for alike in (twins(case, one, fit.hypothesis), near_twins(case, one))
         )
-        swaps, further = _swaps(search, fit, one, without), {}
+        swaps, further = swaps_of(search, fit, one, without), {}
         known = {member for member in swaps if member in near or member[0] in search.effects[one[0]].confused_with}
         fitting = _fitting(search, fit, swaps, known)
         # What a look-alike is confused with may be one, too: the motor's constant for viscous friction, and a gain for
@@ -69,7 +69,7 @@ def _possible(search: Search, fit: Fit, one: Member, without: Fit, member: Membe
         if not search.named(swapped):
             return False
         if search.closed(fit):
-            return not _opens(search.gap(swapped), search.gap(fit))
+            return not opens_gap(search.gap(swapped), search.gap(fit))
         return Judged.of(search.problem, swapped).gap <= AS_MUCH * Judged.of(search.problem, fit).gap
 
     if met is not None and fits(met):
@@ -113,7 +113,7 @@ def _fitting(
     for member, swapped in swaps.items():
         (gain, t), taken = compared(search.problem, fit, swapped), search.takes_off(fit, swapped)
         told = told_apart(gain, t, taken, search.problem.block_count, SLIGHT if member in known else 0.0)
-        if not told and search.named(swapped) and not _opens(search.gap(swapped), search.gap(fit)):
+        if not told and search.named(swapped) and not opens_gap(search.gap(swapped), search.gap(fit)):
             found[member] = gain, swapped
     return found
 
@@ -133,7 +133,7 @@ def _further(search: Search, one: Member, without: Fit, like: Iterable[Member]) 
     }
 
 
-def _swaps(search: Search, fit: Fit, one: Member, without: Fit) -> dict[Member, Fit]:
+def swaps_of(search: Search, fit: Fit, one: Member, without: Fit) -> dict[Member, Fit]:
     """What might be there in an effect's place, each with the fit that has it there: its namesakes, what a screening
     without it promises, and what the search met."""
     swaps = search.namesakes(fit, one)
@@ -154,6 +154,6 @@ def _swaps(search: Search, fit: Fit, one: Member, without: Fit) -> dict[Member, 
     return swaps
 
 
-def _opens(other: float, gap: float) -> bool:
+def opens_gap(other: float, gap: float) -> bool:
     """Whether an explanation leaves a gap that is larger than another's by what is worth naming; noise alone is 1."""
     return other >= LEAST and worth_naming(other, max(gap, 1.0))

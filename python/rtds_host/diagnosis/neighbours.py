@@ -60,7 +60,7 @@ class Neighbours(Explanations):
         self._flat = Screen(self.problem, fit, moves, self.problem.white(), flat or self._flat)
         return [Screen(self.problem, fit, moves, fit.noise, first), self._flat]
 
-    def _screened(self, fit: Fit) -> list[Screen]:
+    def screened(self, fit: Fit) -> list[Screen]:
         """Screenings of a fit. What promised little by the signatures of the screening before, and slow effects, keep
         these.
 
@@ -115,7 +115,7 @@ class Neighbours(Explanations):
     def grow(self, fit: Fit, count: int) -> Fit | None:
         """Add the effect that the evidence asks for most; None if there is none."""
         starts = [
-            joined(_with(fit, one.member, self.entered(fit, one))) for one in self.promising(self._screened(fit), count)
+            joined(_with(fit, one.member, self.entered(fit, one))) for one in self.promising(self.screened(fit), count)
         ]
         found = self.try_fits([(*start, fit) for start in starts], rough=True)
         found = sorted((f for f in found if self.score(f) < self.score(fit)), key=self.score)
@@ -232,7 +232,7 @@ class Neighbours(Explanations):
         starts, swaps = [], []
         found: list[Fit] = []
         for member, alone in zip(fit.hypothesis, self.without(fit, *fit.hypothesis)):
-            starts += [*self._sides(fit, member), *self._parted(alone, member), *self._halved(fit, member)]
+            starts += [*self._sides(fit, member), *self.parted_sides(alone, member), *self.halved(fit, member)]
             found += self.namesakes(fit, member).values()
             sure = believed(*compared(self.problem, fit, alone)) > SURE
             swaps += [
@@ -329,7 +329,7 @@ class Neighbours(Explanations):
         parts = {**swapped.parts, member: 0.5 * fit.parts[member], other: 0.5 * swapped.parts[other]}
         return [(*joined(parts), swapped)]
 
-    def _halved(self, fit: Fit, member: tuple[str, str]) -> list[Start]:
+    def halved(self, fit: Fit, member: tuple[str, str]) -> list[Start]:
         """A lag that may be two of half its length: what no screening on top of their sum promises, and no small step
         leads to.
         """
@@ -404,7 +404,7 @@ class Neighbours(Explanations):
             if side != member[1] and not clashes((member[0], side), tuple(rest)) and len(self.problem.robot.sides) == 2
         ]
 
-    def _parted(self, alone: Fit, member: tuple[str, str]) -> list[Start]:
+    def parted_sides(self, alone: Fit, member: tuple[str, str]) -> list[Start]:
         """What is left without an effect of one side, with another one that is on both of a size of its own on each:
         the two sides of a machine differ in one thing more often than in two."""
         if member[1] == "both":

@@ -29,7 +29,9 @@ class Search(Neighbours):
     def __init__(self, problem: Problem, quick: bool = False, without: frozenset[str] = frozenset()):
         super().__init__(problem, quick, without)
         self.looked: set[Hypothesis] = set()  # explanations on top of which slow effects were looked for
-        self._until = self._over = math.inf  # work at which the search ends, and at which the account looks for no more
+        self._until = self.last_work = (
+            math.inf
+        )  # work at which the search ends, and at which the account looks for no more
         self.ended = False  # whether one of them did before it was done
 
     def begin(self) -> Fit:
@@ -38,7 +40,7 @@ class Search(Neighbours):
         problem.follow_angles(True)
         problem.align(problem.nominal)
         most = self._most()
-        self._until, self._over = problem.work + most, problem.work + 2.0 * most
+        self._until, self.last_work = problem.work + most, problem.work + 2.0 * most
         self.slow_moves, self.afresh, self.looked = {}, True, {()}
         noise = problem.white().estimated(problem.residual(problem.nominal))
         return self.fits.setdefault((), self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, 4))
@@ -82,10 +84,10 @@ class Search(Neighbours):
         noise = problem.white().estimated(problem.residual(problem.nominal))
         self.slow_moves, self.afresh, self.looked = {}, True, {()}
         most = self._most()
-        self._until, self._over = problem.work + most, problem.work + 2.0 * most
+        self._until, self.last_work = problem.work + most, problem.work + 2.0 * most
         fit = self.fits[()] = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, 4)
         for _ in range(EXCHANGES):
-            fit = self._climb(fit)
+            fit = self.climb(fit)
             fit = self.polished(fit, fit.hypothesis)
             better = self.exchange(fit, 1 if self.spent() else 2 if self.quick else 4)
             better = self.exchange_pairs(fit) if better is fit and not self.spent() else better
@@ -110,7 +112,7 @@ class Search(Neighbours):
         """Whether the account has done as much again: no look-alike is then looked for that was not met, which is noted
         likewise.
         """
-        return self._done(self._over)
+        return self._done(self.last_work)
 
     def _done(self, work: float) -> bool:
         if self.problem.work >= work and not self.ended:
@@ -126,7 +128,7 @@ class Search(Neighbours):
             del self.fits[hypothesis]
         return self.polished(self.try_fit(fit.hypothesis, fit.u, fit), fit.hypothesis)
 
-    def _next(self, stands: Fit, closest: float) -> Fit | None:
+    def next_step(self, stands: Fit, closest: float) -> Fit | None:
         """The most probable explanation met with one effect more that is believed; None if there is none. What promises
         most may be a stand-in that no run but one asks for."""
         met = [
@@ -142,7 +144,7 @@ class Search(Neighbours):
                 return self.try_fit(fit.hypothesis, fit.u, fit)
         return None
 
-    def _climb(self, fit: Fit) -> Fit:
+    def climb(self, fit: Fit) -> Fit:
         """Add effects while they are believed. One may only be believed once another is in; but one after another that
         is not leads nowhere, and none of them stays."""
         stands, doubtful, closest = fit, 0, self.gap(fit)
@@ -150,7 +152,7 @@ class Search(Neighbours):
         while len(fit.hypothesis) < MOST_EFFECTS and not self.spent():
             grown = self.grow(fit, looked_at)
             if grown is None or (doubtful == DOUBTFUL and not self._believed(grown, stands, closest)):
-                other = self._next(stands, closest) if not self.closed(stands) else None
+                other = self.next_step(stands, closest) if not self.closed(stands) else None
                 if other is not None:
                     stands = fit = self.polished(other, set(other.hypothesis) - set(stands.hypothesis))
                     self.trace.append(f"add {set(stands.hypothesis)}, which is believed")

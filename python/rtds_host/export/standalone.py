@@ -82,7 +82,7 @@ class Robot:
         self.asked.append((self.t, (left, right)))
         count = max(1, math.ceil(dt / STEP_S - 1e-9))
         for _ in range(count):
-            self._advance(dt / count)
+            self.advance(dt / count)
         latest = self.p["measurement_delay_s"] + max(self.p["speed_late_s"])
         while len(self.seen) > 2 and self.seen[1][0] <= self.t - latest:
             self.seen.popleft()
@@ -153,7 +153,7 @@ class Robot:
         level += by_load(p["load_share"][k], self.load[k], 0.0)
         return level + p["asymmetry_nm"][k], level - p["asymmetry_nm"][k]
 
-    def _advance(self, h):
+    def advance(self, h):
         p, w = self.p, self.w
         asked = self._command()
         top = p["supply_v"]

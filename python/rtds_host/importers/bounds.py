@@ -25,7 +25,7 @@ MCAP_MAGIC, ZSTD_MAGIC = b"\x89MCAP0\r\n", b"\x28\xb5\x2f\xfd"
 CHUNK = 0x06
 
 
-def _size(compression: str, data: bytes, most: int) -> int:
+def unpacked_size(compression: str, data: bytes, most: int) -> int:
     """Bytes that some data unpack to, counted until there are more than `most`; damaged data count as what came of
     them.
     """
@@ -48,7 +48,7 @@ def _size(compression: str, data: bytes, most: int) -> int:
     return count
 
 
-def _chunks(path: Path) -> Iterator[tuple[str, int, bytes]]:
+def chunks_of(path: Path) -> Iterator[tuple[str, int, bytes]]:
     """Compression, declared size and data of each chunk of an MCAP file; ends where the file is damaged."""
     with open(path, "rb") as stream:
         if stream.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
@@ -121,8 +121,8 @@ def _streamed(stream, most: int) -> int:
 
 def _check_mcap(file: Path) -> None:
     total = 0
-    for compression, declared, data in _chunks(file):
-        size = declared if declared > LARGEST_PIECE else max(declared, _size(compression, data, LARGEST_PIECE))
+    for compression, declared, data in chunks_of(file):
+        size = declared if declared > LARGEST_PIECE else max(declared, unpacked_size(compression, data, LARGEST_PIECE))
         if size > LARGEST_PIECE:
             raise InputError(
                 f"{file}: a chunk of {len(data)} bytes would unpack to {_gib(size)} or more, at most "
@@ -160,7 +160,7 @@ def _check_messages(path: Path) -> None:
         total = 0
         for storage in cast(DirectoryReader, reader.storage).storages:
             for connection, _, data in storage.messages(list(storage.connections)):
-                size = _size("zstd", data, LARGEST_PIECE) if data[:4] == ZSTD_MAGIC else len(data)
+                size = unpacked_size("zstd", data, LARGEST_PIECE) if data[:4] == ZSTD_MAGIC else len(data)
                 total += size
                 if size > LARGEST_PIECE or total > LARGEST_BAG:
                     raise InputError(

@@ -239,12 +239,12 @@ class Ad2Link(ConfiguredLink):
         self._overruns = self._in_a_row = self._held = self._samples = 0
         self._next_status = 0.0
         self._closed = False
-        self._pair = DiscoveryPair(serial_numbers)
+        self.both = DiscoveryPair(serial_numbers)
         try:
             self._safe()
             self.registers = open_port(port) if isinstance(port, str) else port
         except BaseException:
-            self._pair.close()
+            self.both.close()
             raise
 
     def _check_step(self, step_s: float) -> None:
@@ -292,11 +292,11 @@ class Ad2Link(ConfiguredLink):
         try:
             start = self._begin(interval_s)
             volts = self.front.to_volts(values)
-            self._pair.write(volts if self._in_a_row == 0 else self._zero())
+            self.both.write(volts if self._in_a_row == 0 else self._zero())
             self._look_at_status(start)
             rows = self._sample(start, times)
         except LinkError as error:
-            self._pair.write_what_answers(self._zero())
+            self.both.write_what_answers(self._zero())
             self.close()
             raise LinkError(f"{error}; the voltages are at zero") from error
         self._due = start + interval_s
@@ -320,11 +320,11 @@ class Ad2Link(ConfiguredLink):
 
     def write_wires(self, volts: np.ndarray) -> None:
         """Put (4,) V on the wires to the chip. Raises LinkError."""
-        self._pair.write(volts)
+        self.both.write(volts)
 
     def read_wires(self) -> np.ndarray:
         """(4,) V that come out of the wires from the chip. Raises LinkError."""
-        return self._pair.read()
+        return self.both.read()
 
     def settle(self) -> None:
         """Let outputs and converters settle."""
@@ -335,8 +335,8 @@ class Ad2Link(ConfiguredLink):
         if self._closed:
             return
         self._closed = True
-        self._pair.write_what_answers(self._zero())
-        self._pair.close()
+        self.both.write_what_answers(self._zero())
+        self.both.close()
         self.registers.close()
 
     def __enter__(self) -> Self:
@@ -351,7 +351,7 @@ class Ad2Link(ConfiguredLink):
         return Front(self.front.scaling, self.front.calibration).to_volts((0.0, 0.0, 0.0, 0.0))
 
     def _safe(self) -> None:
-        self._pair.write(self._zero())
+        self.both.write(self._zero())
 
     def _begin(self, interval_s: float) -> float:
         """The time this exchange was due; keeps how late it is, and restarts the schedule on an overrun."""
@@ -391,7 +391,7 @@ class Ad2Link(ConfiguredLink):
                 self._held += 1
             else:
                 self._clock.sleep_until(start + t)
-                rows[k] = self._pair.read()
+                rows[k] = self.both.read()
             self._samples += 1
         return rows
 

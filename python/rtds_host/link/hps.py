@@ -265,7 +265,7 @@ class HpsLink(ConfiguredLink):
     def __init__(self, bus: Bus | None = None, step_clocks: int | str | None = None) -> None:
         if step_clocks not in (None, "min") and not (isinstance(step_clocks, int) and 1 <= step_clocks <= 0xFFFF):
             raise InputError(f"step_clocks: {step_clocks!r} must be 'min' or a whole number from 1 to 65535")
-        self._at = addresses()
+        self.offsets = addresses()
         self._step_clocks = step_clocks
         self._closed = False
         self._steps = 0
@@ -285,16 +285,16 @@ class HpsLink(ConfiguredLink):
             raise
 
     def _read(self, *names: str) -> list[int]:
-        return self.bus.run([(READ, self._at[name], 0) for name in names])
+        return self.bus.run([(READ, self.offsets[name], 0) for name in names])
 
     def _write(self, *pairs: tuple[str, int]) -> None:
-        self.bus.run([(WRITE, self._at[name], value) for name, value in pairs])
+        self.bus.run([(WRITE, self.offsets[name], value) for name, value in pairs])
 
     def _load(self, words: EffectWords, values: Parameters, method: str) -> None:
         if words.on:
             orders: list[tuple[int, int, int]] = []
             for address, data in words.writes():
-                orders += [(WRITE, self._at["FX_ADDRESS"], address), (WRITE, self._at["FX_DATA"], data)]
+                orders += [(WRITE, self.offsets["FX_ADDRESS"], address), (WRITE, self.offsets["FX_DATA"], data)]
             self.bus.run(orders)
         self._load_parameters(words, values, method)
 
@@ -308,7 +308,7 @@ class HpsLink(ConfiguredLink):
         else:
             clocks = 0 if period == "min" else int(period)
         orders = [
-            (WRITE, self._at[name], value)
+            (WRITE, self.offsets[name], value)
             for name, value in (
                 ("SWITCHES", switches),
                 ("H", left_words[6]),
@@ -316,7 +316,7 @@ class HpsLink(ConfiguredLink):
             )
         ]
         for name, side in (("MOTOR_L", left_words), ("MOTOR_R", right_words)):
-            orders += [(WRITE, self._at[name] + 4 * k, side[k]) for k in range(6)]
+            orders += [(WRITE, self.offsets[name] + 4 * k, side[k]) for k in range(6)]
         self.bus.run(orders)
 
     def _check_step(self, step_s: float) -> None:
@@ -339,7 +339,7 @@ class HpsLink(ConfiguredLink):
         every = steps if sample_s is None else whole_steps("sample_s", sample_s, self.step_s)
         self._exchanged = True
         words = np.concatenate([v, t]).view(np.uint32).tolist()
-        orders = [(WRITE, self._at["INPUTS"] + 4 * k, word) for k, word in enumerate(words)]
+        orders = [(WRITE, self.offsets["INPUTS"] + 4 * k, word) for k, word in enumerate(words)]
         rows: list[np.ndarray] = []
         done = 0
         while done < steps:
@@ -364,7 +364,7 @@ class HpsLink(ConfiguredLink):
     def _request(self, orders: list[tuple[int, int, int]], steps: int, every: int) -> np.ndarray:
         """One request; (n, 4) float32 with columns i_l w_l i_r w_r."""
         rows = -(-steps // every)
-        at = self._at
+        at = self.offsets
         begin = [
             *orders,
             (WRITE, at["SAMPLE_STEPS"], every),

@@ -30,7 +30,7 @@ EFFECT_ADDRESS_MASK = 0x3FFF
 NO_ANSWER = "bus does not answer"
 # Bytes passed over on the way to one answer: more is no noise before it but a line that does not stop talking.
 NOISE_BYTES = 1024
-_SLICE_S = 0.02  # of waiting on a serial port, after which the time is looked at
+SLICE_S = 0.02  # of waiting on a serial port, after which the time is looked at
 
 
 # --- map ----------------------------------------------------------------------------------------------------------
@@ -227,8 +227,8 @@ class SerialTransport:
         self._timeout_s = timeout_s
         self._until = 0.0
         try:
-            self._port = serial.Serial(
-                device, baudrate=baud, timeout=min(_SLICE_S, timeout_s), write_timeout=write_timeout_s
+            self.port = serial.Serial(
+                device, baudrate=baud, timeout=min(SLICE_S, timeout_s), write_timeout=write_timeout_s
             )
         except (serial.SerialException, OSError, ValueError) as error:
             raise LinkError(f"{device}: cannot open the serial port ({error})") from error
@@ -236,7 +236,7 @@ class SerialTransport:
     def send(self, data: bytes) -> None:
         """Write all bytes; the time for the answer begins. Raises LinkError when the device takes none, or is gone."""
         try:
-            self._port.write(data)
+            self.port.write(data)
         except self._busy as error:
             raise LinkError(f"{self.device}: the serial port takes no bytes") from error
         except (self._error, OSError) as error:
@@ -248,7 +248,7 @@ class SerialTransport:
         got = b""
         try:
             while len(got) < count and time.monotonic() < self._until:
-                got += self._port.read(count - len(got))
+                got += self.port.read(count - len(got))
         except (self._error, OSError) as error:
             raise LinkError(f"{self.device}: the serial port is gone ({error})") from error
         return got
@@ -256,13 +256,13 @@ class SerialTransport:
     def flush_input(self) -> None:
         """Forget what came in so far. Raises LinkError when the device is gone."""
         try:
-            self._port.reset_input_buffer()
+            self.port.reset_input_buffer()
         except (self._error, OSError) as error:
             raise LinkError(f"{self.device}: the serial port is gone ({error})") from error
 
     def close(self) -> None:
         """Close the device."""
-        self._port.close()
+        self.port.close()
 
 
 # --- client -------------------------------------------------------------------------------------------------------

@@ -272,10 +272,14 @@ class RtlLink(ConfiguredLink):
             finally:
                 self._finalizer()
         self._finalizer()
-        self._stderr.seek(0)
-        said = self._stderr.read().decode(errors="replace")
+        said = self.said()
         self._stderr.close()
         return said
+
+    def said(self) -> str:
+        """What the open simulator has written to its standard error so far."""
+        self._stderr.seek(0)
+        return self._stderr.read().decode(errors="replace")
 
     def __enter__(self) -> Self:
         return self
@@ -373,8 +377,7 @@ class RtlLink(ConfiguredLink):
         """End the simulator and put all there is to say into one line."""
         pid = self.pid
         self._finalizer()
-        self._stderr.seek(0)
-        lines = [line.strip() for line in self._stderr.read().decode(errors="replace").splitlines() if line.strip()]
+        lines = [line.strip() for line in self.said().splitlines() if line.strip()]
         self._recording = None  # a file that was not finished is none
         self.close()
         said = " | ".join(lines[-_STDERR_LINES:])[-_STDERR_CHARACTERS:]

@@ -16,7 +16,7 @@ import numba
 import numpy as np
 
 from rtds_host.motor import reference
-from rtds_host.motor.model import MotorPair, _step
+from rtds_host.motor.model import MotorPair, step_motors
 from rtds_host.motor.parameters import METHODS, coefficients, parameter_words
 from rtds_host.vectors import Vector
 
@@ -42,7 +42,7 @@ def _compare(x32, c32, x64, c, d, v, t, n_steps):
     do = d[1, 0] * v64 + d[1, 1] * t64
     worst_i, worst_w, worst_i2, worst_w2 = 0.0, 0.0, 0.0, 0.0
     for _ in range(n_steps):
-        i, w, i_lo, w_lo = _step(i, w, i_lo, w_lo, r, kb, km, b, g11, g12, g21, g22, v, t)
+        i, w, i_lo, w_lo = step_motors(i, w, i_lo, w_lo, r, kb, km, b, g11, g12, g21, g22, v, t)
         a, o = a + (c[0, 0] * a + c[0, 1] * o + da), o + (c[1, 0] * a + c[1, 1] * o + do)
         worst_i = max(worst_i, abs(np.float64(i) - a))
         worst_w = max(worst_w, abs(np.float64(w) - o))

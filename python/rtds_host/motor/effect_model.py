@@ -15,7 +15,7 @@ import numpy as np
 from rtds_host.errors import InputError
 from rtds_host.motor.effect_program import CONSTANTS, OUTPUTS, STATES, TABLE_ORIGIN, TABLES
 from rtds_host.motor.effect_tables import DELAY_ENTRIES, TABLE_WORDS, EffectWords
-from rtds_host.motor.model import SAMPLE_COLUMNS, STATE_COLUMNS, _step, canonical_words
+from rtds_host.motor.model import SAMPLE_COLUMNS, STATE_COLUMNS, canonical_words, step_motors
 from rtds_host.motor.parameters import coefficients, parameter_words
 from rtds_host.vectors import Vector
 
@@ -154,7 +154,9 @@ def _run_effects(on, state, ahead, inner, c, constants, tables, memory, late, de
             if on:
                 i, w, i_lo, w_lo = _step_with_friction(i, w, i_lo, w_lo, k, ahead[m], late[_PREPARED] != 0)
             else:
-                i, w, i_lo, w_lo = _step(i, w, i_lo, w_lo, k[0], k[1], k[2], k[3], k[4], k[5], k[6], k[7], v[m], t[m])
+                i, w, i_lo, w_lo = step_motors(
+                    i, w, i_lo, w_lo, k[0], k[1], k[2], k[3], k[4], k[5], k[6], k[7], v[m], t[m]
+                )
             state[m, 0], state[m, 1], state[m, 2], state[m, 3] = i, w, i_lo, w_lo
         if on:
             if late[_DELAY_PHASE] == 0:

@@ -38,7 +38,7 @@ def _increments(i, w, i_lo, w_lo, r, kb, km, b, g11, g12, g21, g22, v, t):
 
 
 @numba.njit(inline="always")
-def _step(i, w, i_lo, w_lo, r, kb, km, b, g11, g12, g21, g22, v, t):
+def step_motors(i, w, i_lo, w_lo, r, kb, km, b, g11, g12, g21, g22, v, t):
     """One step of one motor, all float32: (i, w, i_lo, w_lo) after it."""
     ti, tw = _increments(i, w, i_lo, w_lo, r, kb, km, b, g11, g12, g21, g22, v, t)
     i_new = i + ti
@@ -57,8 +57,8 @@ def _run(state, c, v, t, n_steps, every, done, total, out, row):
     while done < end:
         stop = min(end, (done // every + 1) * every)
         for _ in range(stop - done):
-            il, wl, ill, wll = _step(il, wl, ill, wll, r, kb, km, b, g11, g12, g21, g22, vl, tl)
-            ir, wr, irl, wrl = _step(ir, wr, irl, wrl, r, kb, km, b, g11, g12, g21, g22, vr, tr)
+            il, wl, ill, wll = step_motors(il, wl, ill, wll, r, kb, km, b, g11, g12, g21, g22, vl, tl)
+            ir, wr, irl, wrl = step_motors(ir, wr, irl, wrl, r, kb, km, b, g11, g12, g21, g22, vr, tr)
         done = stop
         if done % every == 0 or done == total:
             out[row, 0], out[row, 1], out[row, 2], out[row, 3] = il, wl, ir, wr
@@ -88,7 +88,7 @@ def _run_energy(state, c, p, theta, v, t, n_steps, every, done, total, out, row,
             i0, w0 = np.float64(i) + np.float64(i_lo), np.float64(w) + np.float64(w_lo)
             stored = -0.5 * (l64 * i0 * i0 + j64 * w0 * w0)
             for _ in range(stop - done):
-                i, w, i_lo, w_lo = _step(i, w, i_lo, w_lo, r, kb, km, b, g11, g12, g21, g22, v[m], t[m])
+                i, w, i_lo, w_lo = step_motors(i, w, i_lo, w_lo, r, kb, km, b, g11, g12, g21, g22, v[m], t[m])
                 i1, w1 = np.float64(i) + np.float64(i_lo), np.float64(w) + np.float64(w_lo)
                 di, dw = i1 - i0, w1 - w0
                 im, wm = i0 + theta * di, w0 + theta * dw  # where the method takes the derivative
@@ -334,7 +334,7 @@ def _trace(state, c, v, t, out):
     for m in range(2):
         i, w, i_lo, w_lo = state[m, 0], state[m, 1], state[m, 2], state[m, 3]
         for k in range(len(out)):
-            i, w, i_lo, w_lo = _step(i, w, i_lo, w_lo, c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], v[m], t[m])
+            i, w, i_lo, w_lo = step_motors(i, w, i_lo, w_lo, c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], v[m], t[m])
             out[k, m, 0], out[k, m, 1], out[k, m, 2], out[k, m, 3] = i, w, i_lo, w_lo
         state[m, 0], state[m, 1], state[m, 2], state[m, 3] = i, w, i_lo, w_lo
 

@@ -51,7 +51,7 @@ def limits_of(motor: Motor, supply_v: float) -> Limits:
 
 def ground_rotation(slope_rad: float, uphill_yaw_rad: float) -> np.ndarray:
     """Rotation (3, 3) from the ground's axes to the world's: the ground rises along `uphill_yaw_rad`."""
-    return _rotation(ground_axis(uphill_yaw_rad), slope_rad)
+    return rotation_of(ground_axis(uphill_yaw_rad), slope_rad)
 
 
 def ground_axis(uphill_yaw_rad: float) -> np.ndarray:
@@ -59,14 +59,14 @@ def ground_axis(uphill_yaw_rad: float) -> np.ndarray:
     return np.array([math.sin(uphill_yaw_rad), -math.cos(uphill_yaw_rad), 0.0])
 
 
-def _rotation(axis: np.ndarray, angle: float) -> np.ndarray:
+def rotation_of(axis: np.ndarray, angle: float) -> np.ndarray:
     """Rodrigues' formula."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
 
 
-def _axis_angle(rotation: np.ndarray) -> np.ndarray:
+def axis_angle(rotation: np.ndarray) -> np.ndarray:
     """Axis and angle (4,) of a rotation (3, 3), by its quaternion; about z where it does not turn at all."""
     # The largest of the four components is found first: none is divided by a small number (Shepperd 1978).
     m = rotation
@@ -163,7 +163,7 @@ def _looks(body: Body) -> str:
 def _robot(body: Body, pose: tuple[float, float, float], scenario: str, limits: Limits) -> str:
     base = base_inertia(body)
     tilt = ground_rotation(body.slope_rad, body.uphill_yaw_rad)
-    turned = tilt @ _rotation(np.array([0.0, 0.0, 1.0]), pose[2])
+    turned = tilt @ rotation_of(np.array([0.0, 0.0, 1.0]), pose[2])
     skids = "\n".join(
         f"Pose {{ translation {_vector((x, body.com_m[1], SKID_RADIUS_M))} "
         f"children [ Sphere {{ radius {SKID_RADIUS_M:.12g} }} ] }}"
@@ -173,7 +173,7 @@ def _robot(body: Body, pose: tuple[float, float, float], scenario: str, limits: 
     children = "\n".join((_wheel(body, 0, limits), _wheel(body, 1, limits), _looks(body)))
     return f"""DEF ROBOT Robot {{
   translation {_vector(tilt @ np.array([pose[0], pose[1], 0.0]))}
-  rotation {_vector(_axis_angle(turned))}
+  rotation {_vector(axis_angle(turned))}
   name "robot"
   controller "{CONTROLLER}"
   customData "{scenario}"
@@ -237,8 +237,8 @@ def make_world(robot: Robot, body: Body, pose: tuple[float, float, float], scena
     """
     contacts = "\n".join((_contact("tyre", body.tyre_friction), _contact("skid", 0.0)))
     title = _quoted(f"{robot.name}: {scenario}")
-    looks = _rotation(np.array([0.0, 0.0, 1.0]), 0.5 * math.pi)
-    looks = looks @ _rotation(np.array([0.0, 1.0, 0.0]), VIEW_DOWN_RAD)
+    looks = rotation_of(np.array([0.0, 0.0, 1.0]), 0.5 * math.pi)
+    looks = looks @ rotation_of(np.array([0.0, 1.0, 0.0]), VIEW_DOWN_RAD)
     return f"""#VRML_SIM {RELEASE} utf8
 WorldInfo {{
   title {title}
@@ -254,7 +254,7 @@ WorldInfo {{
   ]
 }}
 Viewpoint {{
-  orientation {_vector(_axis_angle(looks))}
+  orientation {_vector(axis_angle(looks))}
   position {_vector(VIEW_FROM_M)}
   follow "robot"
 }}

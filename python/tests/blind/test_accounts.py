@@ -79,7 +79,12 @@ WITH_STRENGTH = [("planar", name) for name in sorted(scales.STRENGTH)] + [("mujo
 def test_every_nameless_effect_acts_more_the_stronger_it_is(world, name):
     rng = np.random.default_rng(3)
     subsystem, _ = UNNAMED[name]
-    nameless = {"id": name, "side": "left", "subsystem": subsystem, "parameters": scales._nameless(rng, name, OF)}
+    nameless = {
+        "id": name,
+        "side": "left",
+        "subsystem": subsystem,
+        "parameters": scales.nameless_parameters(rng, name, OF),
+    }
     run = drive()
 
     def raw(machine):

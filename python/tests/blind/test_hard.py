@@ -84,7 +84,7 @@ def test_a_fit_finds_constants_that_are_all_that_differs():
     spec = {"constants": ratios, "tolerance": True, "effects": [], "outside": None, "forms": [], "missing": []}
     run = {"name": "steps", "plan": 4, "payload_kg": 0.0, "slope_rad": 0.0, "uphill_yaw_rad": 0.0, "duration": 0.8}
     spec |= {"rate": 500.0, "machine": "inertia", "drive": 0.8}
-    truth = hard._Truth(np.random.default_rng(0), robot, spec, [run])
+    truth = hard.Truth(np.random.default_rng(0), robot, spec, [run])
     known = hard.nearest(robot, ratios, [], [])
     assert np.abs(truth.errors(known.machine(np.zeros(len(known.knobs))))).max() == 0.0
     wrong = {**ratios, "l": {name: 1.0 for name in ratios["l"]}, "whole": {"inertia_kg_m2": 1.0}}

@@ -197,7 +197,7 @@ def test_a_lost_row_takes_no_command_with_it():
     t = np.arange(0, 4.0, 0.02)
     columns = {"t": t, "v_cmd_l": np.where(t < 2, 3.0, -3.0), "w_l": t}
     robot = drawn("inertia")
-    out = cases._logged(columns, machines.Logger(hole_rows=7), robot, np.random.default_rng(6), True, {})
+    out = cases.as_logged(columns, machines.Logger(hole_rows=7), robot, np.random.default_rng(6), True, {})
     assert t.size - 7 <= out["t"].size < t.size
     held = out["v_cmd_l"][np.searchsorted(out["t"], t, side="right") - 1]
     assert np.array_equal(held, columns["v_cmd_l"])

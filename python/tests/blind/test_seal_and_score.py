@@ -179,7 +179,7 @@ def test_closures_are_kept_until_the_answer_or_the_program_is_another(copied, mo
     monkeypatch.setattr(score, "closure", counted)
     count = len(seal.read_seals(copied))
     for state, times in (("one", 1), ("one", 1), ("other", 2)):
-        monkeypatch.setattr(score, "_program", lambda state=state: state)
+        monkeypatch.setattr(score, "program_state", lambda state=state: state)
         score.score(copied)
         assert len(asked) == times * count
 

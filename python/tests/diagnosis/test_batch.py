@@ -195,7 +195,7 @@ def test_a_killed_run_leaves_nothing_half_written_and_the_next_goes_on(cases, tm
 
 
 def test_a_second_run_into_the_same_folder_is_refused(cases, tmp_path):
-    results = batch._Results(tmp_path / "out")
+    results = batch.Results(tmp_path / "out")
     with results.locked(), pytest.raises(OutputError, match="another rtds diagnose"):
         batch.run_many(cases, tmp_path / "out", work=fake)
 

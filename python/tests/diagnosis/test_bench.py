@@ -27,9 +27,11 @@ def test_a_case_is_answered_by_each_method_and_counted_on_the_page(tmp_path, cha
     shutil.copy(builtin_robot_path("burger"), tmp_path / "case" / "robot.toml")
     said = {"verdict": "known" if truth else "none", "effects": truth, "size_sigma": 50.0}
     (tmp_path / "truth.json").write_text(json.dumps(said))
-    row = bench._examine(("all" if truth else "none", str(tmp_path / "case"), str(tmp_path / "truth.json"), True, None))
+    row = bench.answers_to(
+        ("all" if truth else "none", str(tmp_path / "case"), str(tmp_path / "truth.json"), True, None)
+    )
     expected = {(e["id"], e["side"]) for e in truth}
-    assert bench._named(row["diagnosis"]) == expected
+    assert bench.members_named(row["diagnosis"]) == expected
     # A rest of white noise alone is what both methods are made for.
     assert {tuple(member) for member in row["others"]["BIC over candidates"]} == expected
     assert len(row["others"]["largest improvement of fit"]) == 1

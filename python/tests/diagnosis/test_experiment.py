@@ -8,7 +8,7 @@ import pytest
 from diagnosis_cases import make_case
 
 from rtds_host.contract import Servo
-from rtds_host.diagnosis.experiment import _purpose, next_experiment
+from rtds_host.diagnosis.experiment import next_experiment, purpose_of
 from rtds_host.diagnosis.problem import Problem
 
 DELAYS = (("command_delay", "both"), ("measurement_delay", "both"))
@@ -71,4 +71,4 @@ def test_no_manoeuvre_is_said_to_separate_what_none_was_tried_on(problem):
     ],
 )
 def test_what_a_manoeuvre_is_for(alike, place, compared, said):
-    assert _purpose(alike, place, compared).startswith(said)
+    assert purpose_of(alike, place, compared).startswith(said)

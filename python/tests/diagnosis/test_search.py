@@ -11,13 +11,13 @@ from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis import search as search_module
 from rtds_host.diagnosis.account import account
-from rtds_host.diagnosis.diagnose import _ended, diagnose
+from rtds_host.diagnosis.diagnose import diagnose, said_of_end
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, excess, told_apart
 from rtds_host.diagnosis.explanations import FAR
 from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side, to_values
-from rtds_host.diagnosis.intervals import Z90, _shift, _sigmas, intervals
-from rtds_host.diagnosis.lookalikes import _opens, _swaps, lookalikes
+from rtds_host.diagnosis.intervals import Z90, command_shift, intervals, sigmas_of
+from rtds_host.diagnosis.lookalikes import lookalikes, opens_gap, swaps_of
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
@@ -281,7 +281,7 @@ def test_the_lag_of_the_speeds_may_be_one_of_all_that_is_measured_in_part():
         (("speed_filter", "both"), {"time_constant_s": 0.04, "delay_s": 0.0}),
     )
     lag, delay = ("speed_filter", "both"), ("measurement_delay", "both")
-    ((hypothesis, u, _),) = search._halved(fit, lag)
+    ((hypothesis, u, _),) = search.halved(fit, lag)
     values = dict(zip(hypothesis, to_values(search.effects, hypothesis, u)))
     assert values[lag]["time_constant_s"] == pytest.approx(0.02, rel=0.05) and values[delay][
         "seconds"
@@ -355,7 +355,7 @@ def test_a_part_of_a_slip_is_promised_where_all_of_it_would_be_too_much():
         model.put("slip_relaxation", 0.0013, (0,))
 
     search, fit = fitted(make_case(slippery))
-    size, screened = search.effects["longitudinal_slip"].parameters[0], search._screened(fit)
+    size, screened = search.effects["longitudinal_slip"].parameters[0], search.screened(fit)
     assert {dict(s.values)["slip_per_newton"] for s in search.moves if s.effect == SLIP[0]} == {size.starts[1]}
     for screen in screened:
         slip = next(c for c in screen.candidates() if c.member == SLIP)
@@ -373,7 +373,7 @@ def test_one_delay_that_is_two_is_told_apart():
         model.put("measurement_delay", 0.03)
 
     search, fit = fitted(make_case(late), (("measurement_delay", "both"), {"seconds": 0.05}))
-    search._screened(fit)
+    search.screened(fit)
     found = search.exchange(fit, 2)
     assert found.hypothesis == (("command_delay", "both"), ("measurement_delay", "both"))
     assert [values["seconds"] for values in found.values] == pytest.approx([0.02, 0.03], abs=0.002)
@@ -404,7 +404,7 @@ def test_two_effects_are_exchanged_for_two_others_at_once():
     search, fit = fitted(
         make_case(weak), (("current_gain", "both"), {"ratio": 1.12}), (("driver_gain", "both"), {"ratio": 1.1})
     )
-    search._screened(fit)
+    search.screened(fit)
     assert search.exchange(fit, 4).hypothesis == fit.hypothesis
     found = search.exchange_pairs(fit)
     assert found.hypothesis == (("resistance_error", "both"), ("torque_constant_error", "both"))
@@ -462,7 +462,7 @@ def test_fits_go_side_by_side_as_they_go_alone():
     search.problem.residuals = lambda *given: asked.append(given) or residuals(*given)
 
     def works():
-        first, *others = (search._fitting(*start, True) for start in starts)
+        first, *others = (search.fitting_to(*start, True) for start in starts)
         return [first, (nothing for nothing in ()), *others]
 
     alone = [side_by_side(search.problem, [work])[0] for work in works()]
@@ -501,8 +501,8 @@ def test_a_restart_that_is_far_behind_in_a_rough_fit_is_left(monkeypatch, behind
         (member, {"slip_per_newton": 0.05, "softness_m_per_n": 0.0005, "damping_n_s_per_m": 2.4, "grip": 0.9}),
     )
     monkeypatch.setattr(search, "closed", lambda fit: False)
-    monkeypatch.setattr(search, "_reached", lambda starts, rough: [search.score(fit) + FAR + behind])
-    monkeypatch.setattr(search, "_lower", lambda fit, member: [])
+    monkeypatch.setattr(search, "reached", lambda starts, rough: [search.score(fit) + FAR + behind])
+    monkeypatch.setattr(search, "lower_kept", lambda fit, member: [])
     tried = []
     monkeypatch.setattr(search, "try_fit", lambda *start: tried.append(start) or fit)
     search.polished(fit, [member])
@@ -587,7 +587,7 @@ def test_of_a_base_in_speed_mode_counts_and_radius_are_each_tried_at_the_inverse
     """Twice the counts halve the way of a base whose loop holds the speed that it counts; no slope leads from one to
     the other."""
     search, fit = fitted(make_case(), (("wheel_radius_error", "both"), {"ratio": ratio}))
-    start = search._likened(fit, ("wheel_radius_error", "both"))["speed_gain", "both"]
+    start = search.likened(fit, ("wheel_radius_error", "both"))["speed_gain", "both"]
     ((value,),) = [v.values() for v in to_values(search.effects, (("speed_gain", "both"),), start)]
     assert value == pytest.approx(1.0 / fit.values[0]["ratio"])
 
@@ -598,7 +598,7 @@ def test_the_other_delay_is_tried_in_a_delay_s_place_at_its_size():
     """
     delay, other = ("command_delay", "both"), ("measurement_delay", "both")
     search, fit = fitted(make_case(lambda m: m.put("command_delay", 0.0083)), (delay, {"seconds": 0.0083}))
-    swapped = _swaps(search, fit, delay, search.without(fit, delay)[0])[other]
+    swapped = swaps_of(search, fit, delay, search.without(fit, delay)[0])[other]
     assert swapped.hypothesis == (other,) and swapped.values[0]["seconds"] == pytest.approx(0.0083, rel=0.1)
 
 
@@ -609,9 +609,9 @@ def test_what_the_search_met_is_weighed_in_an_effects_place():
         make_case(lambda m: m.scale("voltage_gain", 0.95)), (gain, {"ratio": 0.95}), (beside, {"torque_nm": 0.001})
     )
     (alone,) = search.without(fit, gain)
-    assert other not in _swaps(search, fit, gain, alone)
+    assert other not in swaps_of(search, fit, gain, alone)
     met = search.try_fit(*joined({other: np.zeros(1), beside: fit.parts[beside]}), fit, rough=True)
-    assert _swaps(search, fit, gain, alone)[other] is met
+    assert swaps_of(search, fit, gain, alone)[other] is met
 
 
 def test_the_next_effect_is_one_that_every_run_asks_for():
@@ -627,9 +627,9 @@ def test_the_next_effect_is_one_that_every_run_asks_for():
         f.hypothesis: f
         for f in (nothing, search.try_fit((delay,), scaled(search.effects, (delay,), [{"seconds": 0.003}]), nothing))
     }
-    assert search._next(nothing, search.gap(nothing)) is None
+    assert search.next_step(nothing, search.gap(nothing)) is None
     search.fits[wanted.hypothesis] = wanted
-    assert search._next(nothing, search.gap(nothing)).hypothesis == (gain,)
+    assert search.next_step(nothing, search.gap(nothing)).hypothesis == (gain,)
 
 
 @pytest.mark.parametrize(
@@ -641,9 +641,9 @@ def test_a_size_is_known_no_better_than_two_ways_to_weigh_the_rest_agree(rest, l
         make_case(lambda m: (m.scale("gyro_gain", 0.95), m.add("slope_extra", rest))), (gain, {"ratio": 0.95})
     )
     fit = search.fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise.estimated(fit.residual))
-    shift, own = abs(_shift(fit)[-1]), np.sqrt(fit.covariance[-1, -1])
+    shift, own = abs(command_shift(fit)[-1]), np.sqrt(fit.covariance[-1, -1])
     assert least * own <= shift <= most * own
-    assert _sigmas(search.problem, fit)[-1] >= np.hypot(shift, own)
+    assert sigmas_of(search.problem, fit)[-1] >= np.hypot(shift, own)
 
 
 def test_an_account_says_what_stands_in_its_plainer_form():
@@ -686,10 +686,10 @@ def test_what_one_side_has_beside_an_effect_of_both_may_be_that_effect_of_anothe
     """Whatever stands on the right beside a gain of both: without it, each side has a gain of its own, roughly
     fitted. What stands on both may not."""
     search, alone = fitted(make_case(uneven), (("driver_gain", "both"), {"ratio": 0.8}))
-    (found,) = search.try_fits(search._parted(alone, ("pwm_curve", "right")), rough=True)
+    (found,) = search.try_fits(search.parted_sides(alone, ("pwm_curve", "right")), rough=True)
     assert found.hypothesis == (("driver_gain", "left"), ("driver_gain", "right"))
     assert [values["ratio"] for values in found.values] == pytest.approx([0.8, 0.64], rel=0.05)
-    assert search._parted(alone, ("pwm_curve", "both")) == []
+    assert search.parted_sides(alone, ("pwm_curve", "both")) == []
 
 
 def test_no_dead_zone_exceeds_the_largest_command():
@@ -734,7 +734,7 @@ def test_a_look_alike_opens_no_gap(other, gap, opens):
     """Of noise alone (a gap of 1) one explanation leaves no more than another; beside a rest no more than half of that
     comes on top.
     """
-    assert _opens(other, gap) is opens
+    assert opens_gap(other, gap) is opens
 
 
 def test_noise_that_is_larger_than_declared_is_told_with_its_size():
@@ -791,7 +791,7 @@ def test_an_account_that_has_done_as_much_again_looks_for_no_look_alike_that_was
         fit = search.run()
         (found,) = fit.hypothesis
         assert not search.ended
-        monkeypatch.setattr(search, "_over", share * search.problem.work)
+        monkeypatch.setattr(search, "last_work", share * search.problem.work)
         screened.clear()
         alike, _ = lookalikes(search, fit, [(found, search.fits[()])])
         assert bool(screened) is not ended and search.ended is ended
@@ -812,8 +812,8 @@ def test_work_is_the_same_on_any_number_of_cores():
 
 @pytest.mark.parametrize("quick", [True, False])
 def test_a_report_says_that_a_search_ended_early(quick):
-    assert _ended(SimpleNamespace(ended=False, quick=quick)) == []
-    (note,) = _ended(SimpleNamespace(ended=True, quick=quick))
+    assert said_of_end(SimpleNamespace(ended=False, quick=quick)) == []
+    (note,) = said_of_end(SimpleNamespace(ended=True, quick=quick))
     assert "before it was done" in note and ("without --quick" in note) == quick
 
 
@@ -835,5 +835,5 @@ def test_where_runs_began_elsewhere_the_effect_that_led_there_is_weighed_against
 
     monkeypatch.setattr(search, "grow", grow)
     monkeypatch.setattr(search.problem, "align", lambda model: next(aligned, 0.0))
-    found = search._climb(nothing)
+    found = search.climb(nothing)
     assert found.hypothesis == ((driver,) if moved else (gyro,))

@@ -219,7 +219,7 @@ def test_the_robot_fmu_goes_as_the_exported_python_module(name, tmp_path, monkey
         now += steps
         module.step(left, right, 1e-5)
         for _ in range(steps - 1):
-            module._advance(1e-5)
+            module.advance(1e-5)
         expected = module.sensors()
         # The same equations in the same order; libraries may differ in the last digits of a sine.
         np.testing.assert_allclose(slave.get(*NAMES), [expected[n] for n in NAMES], rtol=1e-9, atol=1e-12)

@@ -422,6 +422,21 @@ class _NoProcess:
         pass
 
 
+class _Answered(RtlLink):
+    """A link to a simulator whose answer waits in a socket already."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._closed, self._effects, self._steps, self._sim, self.clocks, self.pid = False, False, 0, "fake", 0, 0
+        self._socket, self._process, self._stderr, self.timeout_s = connection, _NoProcess(), io.BytesIO(), 1.0
+        self._finalizer = lambda: None
+
+    def samples(self, steps: int, every: int) -> np.ndarray:
+        return self._request([0, 0, 0, 0], steps, every)
+
+    def end(self) -> None:
+        self._stderr.close()
+
+
 def simulator(place: Path, rng: random.Random, given: bytes | None = None) -> Result:
     """What comes from a simulator as the answer to a request for samples."""
     rows, every = rng.randrange(1, 9), rng.randrange(1, 4)
@@ -436,18 +451,15 @@ def simulator(place: Path, rng: random.Random, given: bytes | None = None) -> Re
     ours, theirs = socket.socketpair()
     theirs.sendall(data)
     theirs.shutdown(socket.SHUT_WR)
-    link = RtlLink.__new__(RtlLink)
-    link._closed, link._effects, link._steps, link._sim, link.clocks, link.pid = False, False, 0, "fake", 0, 0
-    link._socket, link._process, link._stderr, link.timeout_s = ours, _NoProcess(), io.BytesIO(), 1.0
-    link._finalizer = lambda: None
+    link = _Answered(ours)
     try:
-        got = link._request([0, 0, 0, 0], steps, every)
+        got = link.samples(steps, every)
     except LinkError as error:
         return (REFUSED, str(error)) if "\n" not in str(error) else (TROUBLE, repr(error))
     finally:
         ours.close()
         theirs.close()
-        link._stderr.close()
+        link.end()
     try:
         wanted = reference.samples_frame(data, rows, steps)
     except Refused as why:

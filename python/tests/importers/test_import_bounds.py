@@ -54,7 +54,7 @@ def test_a_chunk_that_lies_about_its_size(tmp_path):
     path = bomb(tmp_path / "bomb.mcap", CompressionType.ZSTD)
     data = path.read_bytes()
     # The same number stands in the chunk and in the index of chunks.
-    declared = next(bounds._chunks(path))[1].to_bytes(8, "little")
+    declared = next(bounds.chunks_of(path))[1].to_bytes(8, "little")
     assert int.from_bytes(declared, "little") > ZEROS and data.count(declared) == 2
     path.write_bytes(data.replace(declared, (1000).to_bytes(8, "little")))
     refuse(path, tmp_path, r"a chunk of \d+ bytes would unpack to 0\.0\d+ GiB or more")
@@ -92,7 +92,7 @@ def test_compressed_bags_of_ordinary_size_are_read(tmp_path):
     for kind in ("zstd", "lz4"):
         data = turtlebot().mcap()
         pack = zstd.compress(data) if kind == "zstd" else lz4.compress(data)
-        assert bounds._size(kind, pack, 2**24) == len(data)
-        assert bounds._size(kind, pack + pack, 2**24) in (len(data), 2 * len(data))
+        assert bounds.unpacked_size(kind, pack, 2**24) == len(data)
+        assert bounds.unpacked_size(kind, pack + pack, 2**24) in (len(data), 2 * len(data))
     import_case([turtlebot().mcap_folder(tmp_path / "bag")], tmp_path / "case")
     assert (tmp_path / "case" / "bag" / "log.csv").is_file()

@@ -141,7 +141,7 @@ class TestFaults:
         board.exchange()
         seen = []
         dwf.fake_unplug(1)
-        pair = board.link._pair
+        pair = board.link.both
         close = pair.close
         pair.close = lambda: (seen.append(dwf.fake_output(0, 0)), close())
         with pytest.raises(LinkError, match="device 2 \\(210321AAAA02\\) does not answer .*disconnected.* at zero"):

@@ -67,10 +67,10 @@ def test_a_step_is_as_long_as_real_time_has_it_and_what_comes_late_is_counted():
         link.set_parameters(**BURGER)
         link.exchange([6.0, 6.0], [0.0, 0.0], 20 * STEP_S)
         assert link.late_clocks == 0
-        before = link.bus.run([(READ, link._at["CLOCKS"], 0)])[0]
+        before = link.bus.run([(READ, link.offsets["CLOCKS"], 0)])[0]
         link.bus.run([(2, 0, 5000)])  # the host is away for ten steps
         link.exchange([6.0, 6.0], [0.0, 0.0], 20 * STEP_S)
-        after = link.bus.run([(READ, link._at["CLOCKS"], 0)])[0]
+        after = link.bus.run([(READ, link.offsets["CLOCKS"], 0)])[0]
     assert after - before >= 20 * 500
     assert 4500 < link.late_clocks < 5500
 
@@ -101,15 +101,15 @@ def test_an_exchange_of_a_millisecond_takes_so_many_clocks_of_the_bus(samples, r
 
 def test_what_the_registers_refuse_ends_in_one_line():
     with HpsLink(SimulatedBus()) as link:
-        for order in ((WRITE, link._at["IDENTITY"], 1), (READ, 0x0F0, 0), (READ, 0x1000, 0), (WRITE, 0x0F0, 1)):
+        for order in ((WRITE, link.offsets["IDENTITY"], 1), (READ, 0x0F0, 0), (READ, 0x1000, 0), (WRITE, 0x0F0, 1)):
             with pytest.raises(LinkError, match="hps bus: (read of|write to) 0x[0-9a-f]+ was refused"):
                 link.bus.run([order])
-        link.bus.run([(WRITE, link._at["INPUTS"], 7)])
-        link.bus.run([(WRITE, link._at["STEP_CLOCKS"], 500), (WRITE, link._at["GO"], 3)])
+        link.bus.run([(WRITE, link.offsets["INPUTS"], 7)])
+        link.bus.run([(WRITE, link.offsets["STEP_CLOCKS"], 500), (WRITE, link.offsets["GO"], 3)])
         with pytest.raises(LinkError, match="write to 0x040 was refused"):  # a request is under way
-            link.bus.run([(WRITE, link._at["INPUTS"], 8)])
-        link.bus.run([(UNTIL_ZERO, link._at["STATUS"], hps.BUSY)])
-        assert link.bus.run([(READ, link._at["INPUTS"], 0)]) == [7]
+            link.bus.run([(WRITE, link.offsets["INPUTS"], 8)])
+        link.bus.run([(UNTIL_ZERO, link.offsets["STATUS"], hps.BUSY)])
+        assert link.bus.run([(READ, link.offsets["INPUTS"], 0)]) == [7]
 
 
 def test_a_simulator_that_is_killed_ends_in_one_line():

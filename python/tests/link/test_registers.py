@@ -205,14 +205,14 @@ def test_a_line_that_does_not_stop_talking_ends_in_one_line_within_the_stated_ti
     transport = SerialTransport(board().device, timeout_s=0.25)
     clock = Clock()
     monkeypatch.setattr(registers, "time", clock)
-    transport._port.close()
-    transport._port = Chatter(clock, pieces(), every_s, registers._SLICE_S)
+    transport.port.close()
+    transport.port = Chatter(clock, pieces(), every_s, registers.SLICE_S)
     client = RegisterClient(transport, where="line")
     with pytest.raises(
         LinkError, match=r"^line: bus does not answer to what was asked; \d+ other bytes came on its line$"
     ):
         client.read("ID")
-    assert clock.t <= 3 * (0.25 + registers._SLICE_S)
+    assert clock.t <= 3 * (0.25 + registers.SLICE_S)
 
 
 def test_a_real_port_on_which_noise_comes_without_end_is_given_up(board):

@@ -213,8 +213,7 @@ def test_each_phases_evaluation_leaves_the_whole_model_as_the_general_one_does(s
 
 def clocks_by_kind(link):
     """(clocks evaluated by phase, in general), which the simulator says on its standard error."""
-    link._stderr.seek(0)
-    last = link._stderr.read().decode().splitlines()[-1]
+    last = link.said().splitlines()[-1]
     return tuple(int(number) for number in re.findall(r"\d+", last))
 
 

@@ -254,7 +254,7 @@ def test_the_mock_refuses_what_webots_refuses(tmp_path, mock, supervisor):
             act()
             pytest.fail(f"the mock took number {k}")
     sensor.enable(8)
-    for one in robot._motors:
+    for one in robot.motors:
         one.setPosition(float("inf"))
         one.setVelocity(0.5)
     robot.step(4)
@@ -270,7 +270,7 @@ def test_the_mock_refuses_what_webots_refuses(tmp_path, mock, supervisor):
 def test_a_torque_of_the_other_sign_is_noticed(tmp_path, mock, supervisor, monkeypatch):
     folder = project(tmp_path)
     monkeypatch.setattr(
-        mock.Motor, "getTorqueFeedback", lambda motor: -motor.torque if motor._feedback._ready() is None else 0.0
+        mock.Motor, "getTorqueFeedback", lambda motor: -motor.torque if motor.feedback.check_ready() is None else 0.0
     )
     with pytest.raises(InputError, match="another sign"):
         drive_world(supervisor(folder / "worlds/linear.wbt"), folder, MODEL)
@@ -294,6 +294,6 @@ def test_the_engine_reports_pose_wheels_and_energy_of_the_world(tmp_path, superv
         assert engine.energy_j() - before == pytest.approx(work, rel=0.01)
         with pytest.raises(InputError, match="its motor allows"):
             engine.advance(np.full((1, 2), 100.0))
-    robot._ends_ms = 1
+    robot.ends_ms = 1
     with pytest.raises(RunEnded):
         engine.advance(np.zeros((1, 2)))

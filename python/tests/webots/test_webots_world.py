@@ -10,7 +10,7 @@ from rtds_host.contract import GRAVITY_M_S2, builtin_robot, builtin_robots
 from rtds_host.robot import make_body
 from rtds_host.robot.urdf import yaw_inertia_kg_m2
 from rtds_host.webots import names
-from rtds_host.webots.world import _axis_angle, _rotation, ground_rotation, make_world
+from rtds_host.webots.world import axis_angle, ground_rotation, make_world, rotation_of
 
 SLOPES = {"linear": (2.0, 0.1, math.pi), "circle": (2.0, 0.1, 0.5 * math.pi), "eight": (0.0, 0.1, math.pi)}
 START = (0.3, -1.0, 0.4)
@@ -102,6 +102,6 @@ def test_axis_and_angle_give_back_any_rotation():
     for angle in (0.0, 1e-9, 0.3, 0.5 * math.pi, 3.0, math.pi):
         for _ in range(20):
             axis = rng.normal(size=3)
-            rotation = _rotation(axis / np.linalg.norm(axis), angle)
-            found = _axis_angle(rotation)
-            assert _rotation(found[:3], found[3]) == pytest.approx(rotation, abs=1e-7)
+            rotation = rotation_of(axis / np.linalg.norm(axis), angle)
+            found = axis_angle(rotation)
+            assert rotation_of(found[:3], found[3]) == pytest.approx(rotation, abs=1e-7)

@@ -66,9 +66,9 @@ AXIS, AX_J, AX_M, AX_ARM, AX_ZERO = common_indices("axis", "axis_inertia", "axis
 torque_of, shaped_by = map(law, functions(TORQUES, "side, k", lambda entry: f"side[k, {SIDE_INDEX[entry.name]}]"))
 
 
-_CURRENT, _SPEED, _GYRO = (forms.TERM_CODE[f"{name}_sensor"] for name in ("current", "speed", "gyro"))
-_OVER_V, _OVER_I, _OVER_W, _OVER_RATE, _OVER_TH, _OVER_MOTOR, _OVER_TURNS, _OVER_SPEED, _OVER_T, _OVER_X, _OVER_Y = (
-    range(len(forms.OVERS))
+CURRENT, SPEED, GYRO = (forms.TERM_CODE[f"{name}_sensor"] for name in ("current", "speed", "gyro"))
+OVER_V, OVER_I, OVER_W, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS, OVER_SPEED, OVER_T, OVER_X, OVER_Y = range(
+    len(forms.OVERS)
 )
 
 
@@ -259,13 +259,13 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 if side[k, W_LATE] <= 0.0:
                     out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
                 if formed:
-                    out[ka, 1 + k] += forms.reads(curves[k], _CURRENT, _OVER_I + 1, out[ka, 1 + k])
+                    out[ka, 1 + k] += forms.reads(curves[k], CURRENT, OVER_I + 1, out[ka, 1 + k])
                     if side[k, W_LATE] <= 0.0:
-                        out[ka, 3 + k] += forms.reads(curves[k], _SPEED, _OVER_W + 1, out[ka, 3 + k])
+                        out[ka, 3 + k] += forms.reads(curves[k], SPEED, OVER_W + 1, out[ka, 3 + k])
                 out[ka, 5 + k] = (th[k] + before * play[k]) * side[k, W_GAIN]
             out[ka, 7] = sensors.scaled(rate, com[GYRO_GAIN], com[GYRO_BIAS])
             if formed:
-                out[ka, 7] += forms.reads(curves[0], _GYRO, _OVER_RATE + 1, out[ka, 7])
+                out[ka, 7] += forms.reads(curves[0], GYRO, OVER_RATE + 1, out[ka, 7])
             ka += 1
         if lagging:
             for k in range(2):
@@ -273,7 +273,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 while side[k, W_LATE] > 0.0 and kw[k] < n and t[kw[k]] - later <= now + 1e-9:
                     speed = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
                     if formed:
-                        speed += forms.reads(curves[k], _SPEED, _OVER_W + 1, speed)
+                        speed += forms.reads(curves[k], SPEED, OVER_W + 1, speed)
                     if t[kw[k]] - later < t[0]:
                         # Before a start the speed is what lies between the start and what is reported then.
                         speed = start[9 + k] + (speed - start[9 + k]) * (t[kw[k]] - t[0]) / later
@@ -297,7 +297,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             for k in range(sides):
                 told = seen[k] * side[k, W_GAIN]
                 if formed:
-                    told += forms.reads(curves[k], _SPEED, _OVER_W + 1, told)
+                    told += forms.reads(curves[k], SPEED, OVER_W + 1, told)
                 miss = (wcmd0 if k == 0 else wcmd1) * side[k, C_GAIN] - told
                 limit = min(com[SERVO_LIMIT], supply)
                 va[k], integ[k] = driver.servo(miss, integ[k], com[KP], com[KI], com[SERVO_T], limit, com[RELEASE])
@@ -357,14 +357,14 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 gx -= pull * along
                 gz += ground.slope_torque(pull, com[COM_X], com[COM_Y], along, across)
             if formed:
-                about[_OVER_RATE], about[_OVER_SPEED], about[_OVER_TURNS] = rate, v, v * rate
-                about[_OVER_T], about[_OVER_X], about[_OVER_Y] = elapsed, x, y
+                about[OVER_RATE], about[OVER_SPEED], about[OVER_TURNS] = rate, v, v * rate
+                about[OVER_T], about[OVER_X], about[OVER_Y] = elapsed, x, y
                 for k in range(sides):
-                    about[_OVER_V], about[_OVER_I], about[_OVER_W] = va[k], cur[k], wm[k]
+                    about[OVER_V], about[OVER_I], about[OVER_W] = va[k], cur[k], wm[k]
                     at = th[k] + 0.5 * h * w[k]
                     if angle.shape[0] > 0 and kc > 0:
                         at = _followed(angle, t_cmd, kc, k, now + done - 0.5 * h - dc) / side[k, W_GAIN]
-                    about[_OVER_TH], about[_OVER_MOTOR] = at, ratio * at
+                    about[OVER_TH], about[OVER_MOTOR] = at, ratio * at
                     forms.act(curves[k], about, acts[k])
                     ve[k] = vd[k] + acts[k, forms.VOLTS]
                 gx += acts[0, forms.PUSH]

@@ -141,17 +141,17 @@ def _begin_forms(s, l, curves, model):
 @loop
 def _told(curves, model, k, speed):
     """What forms add to a speed's reading, rad/s."""
-    return forms.reads(curves[model, k], one._SPEED, one._OVER_W + 1, speed)
+    return forms.reads(curves[model, k], one.SPEED, one.OVER_W + 1, speed)
 
 
 @loop
 def _read(out, row, curves, model, held_s, l):
     """Add what forms do to the readings in a row of `out`; speeds with a delay of their own come later."""
     for k in range(2):
-        out[row, 1 + k] += forms.reads(curves[model, k], one._CURRENT, one._OVER_I + 1, out[row, 1 + k])
+        out[row, 1 + k] += forms.reads(curves[model, k], one.CURRENT, one.OVER_I + 1, out[row, 1 + k])
         if held_s[k, l] <= 0.0:
             out[row, 3 + k] += _told(curves, model, k, out[row, 3 + k])
-    out[row, 7] += forms.reads(curves[model, 0], one._GYRO, one._OVER_RATE + 1, out[row, 7])
+    out[row, 7] += forms.reads(curves[model, 0], one.GYRO, one.OVER_RATE + 1, out[row, 7])
 
 
 @loop
@@ -159,16 +159,16 @@ def _formed(s, l, model, sides, coms, curves, shaped, about, acts):
     """Put into a lane's rows what its forms come to in a step; arguments as of `replay_lanes`, and work space."""
     rate, v = s[RATE + l], s[V + l]
     half, elapsed = 0.5 * s[H + l], s[NOW + l] + s[DONE + l] - s[H + l] - s[BEGUN + l]
-    about[one._OVER_RATE], about[one._OVER_SPEED], about[one._OVER_TURNS] = rate, v, v * rate
-    about[one._OVER_T], about[one._OVER_X], about[one._OVER_Y] = elapsed, s[X + l], s[Y + l]
+    about[one.OVER_RATE], about[one.OVER_SPEED], about[one.OVER_TURNS] = rate, v, v * rate
+    about[one.OVER_T], about[one.OVER_X], about[one.OVER_Y] = elapsed, s[X + l], s[Y + l]
     for k in range(2):
         o = k * _SIDE + l
-        about[one._OVER_V], about[one._OVER_I], about[one._OVER_W] = s[o + VA], s[o + CUR], s[o + WM]
+        about[one.OVER_V], about[one.OVER_I], about[one.OVER_W] = s[o + VA], s[o + CUR], s[o + WM]
         at = s[o + TH] + half * s[o + W]
         if s[FOLLOWS + l] > 0.0:
             share = (s[NOW + l] + s[DONE + l] - half - s[SINCE + l]) * s[PER_SPAN + l]
             at = s[o + AT] + min(max(share, 0.0), 1.0) * s[o + AHEAD]
-        about[one._OVER_TH], about[one._OVER_MOTOR] = at, coms[model, one.GEAR] * at
+        about[one.OVER_TH], about[one.OVER_MOTOR] = at, coms[model, one.GEAR] * at
         forms.act(curves[model, k], about, acts)
         s[o + SHAPED] = (s[o + SHAPED] if shaped else 0.0) + acts[forms.DRIVE]
         s[o + GKM] = s[o + OWN_GKM] * (1.0 + acts[forms.CONSTANT])

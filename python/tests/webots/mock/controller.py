@@ -66,7 +66,7 @@ class Sensor(Device):
     def getSamplingPeriod(self) -> int:
         return self._period
 
-    def _ready(self) -> None:
+    def check_ready(self) -> None:
         if self._period <= 0:
             raise Refused(f"{self._name}: read for a disabled device")
         if self._robot.now_ms < self._since + self._period:
@@ -77,7 +77,7 @@ class PositionSensor(Sensor):
     """Angle of a wheel, rad."""
 
     def getValue(self) -> float:
-        self._ready()
+        self.check_ready()
         return float(self._robot.angles[self._robot.side_of(self._name)])
 
 
@@ -85,7 +85,7 @@ class GPS(Sensor):
     """Place of the device in the world, m."""
 
     def getValues(self) -> list[float]:
-        self._ready()
+        self.check_ready()
         return self._robot.place_of(self._robot.nodes[self._name]["translation"]).tolist()
 
 
@@ -93,7 +93,7 @@ class Gyro(Sensor):
     """Angular velocity in the robot's axes, rad/s."""
 
     def getValues(self) -> list[float]:
-        self._ready()
+        self.check_ready()
         return [0.0, 0.0, self._robot.state.yaw_rate_rad_s]
 
 
@@ -105,7 +105,7 @@ class Motor(Device):
         node = robot.nodes[name]
         self._max_velocity, self._max_torque = node["maxVelocity"], node["maxTorque"]
         self.position, self.velocity, self.torque = 0.0, self._max_velocity, math.nan
-        self._feedback = Sensor(robot, name)
+        self.feedback = Sensor(robot, name)
 
     def setPosition(self, position: float) -> None:
         self.position = _argument(position, "setPosition")
@@ -130,10 +130,10 @@ class Motor(Device):
         return self._max_torque
 
     def enableTorqueFeedback(self, sampling_period: int) -> None:
-        self._feedback.enable(sampling_period)
+        self.feedback.enable(sampling_period)
 
     def getTorqueFeedback(self) -> float:
-        self._feedback._ready()
+        self.feedback.check_ready()
         return self.torque
 
 
@@ -206,14 +206,14 @@ class Robot:
         self.nodes = {one["name"]: one for kind in DEVICES for one in self._node.all(kind)}
         step = world[0]["basicTimeStep"]
         self.basic_ms, self.now_ms = int(step), 0
-        self._ends_ms = int(os.environ.get("MOCK_END_MS", "0"))
+        self.ends_ms = int(os.environ.get("MOCK_END_MS", "0"))
         body, pose = body_of(world)
         self._engine = open_engine(os.environ["MOCK_ENGINE"], body, pose, 1e-3 * step)
         self._state: RobotState | None = None
         self.angles = np.zeros(2)
         self._devices = {name: KINDS[node.type](self, name) for name, node in self.nodes.items()}
         joints = self._node.all("HingeJoint")
-        self._motors = [self._devices[joint["device"][0]["name"]] for joint in joints]
+        self.motors = [self._devices[joint["device"][0]["name"]] for joint in joints]
         self._sides = {one["name"]: k for k, joint in enumerate(joints) for one in joint["device"]}
 
     @property
@@ -256,13 +256,13 @@ class Robot:
         if not isinstance(time_step, int) or time_step <= 0 or time_step % self.basic_ms:
             raise Refused(f"step({time_step!r}): no multiple of basicTimeStep = {self.basic_ms} ms")
         for _ in range(time_step // self.basic_ms):
-            if self._ends_ms and self.now_ms >= self._ends_ms:
+            if self.ends_ms and self.now_ms >= self.ends_ms:
                 return -1
-            if not all(math.isinf(motor.position) for motor in self._motors):
+            if not all(math.isinf(motor.position) for motor in self.motors):
                 raise Refused("a motor is in position control, which is not what this robot is driven with")
-            speeds = np.array([[motor.velocity for motor in self._motors]])
+            speeds = np.array([[motor.velocity for motor in self.motors]])
             torques = self._engine.advance(speeds)
-            for motor, torque in zip(self._motors, torques.tolist(), strict=True):
+            for motor, torque in zip(self.motors, torques.tolist(), strict=True):
                 motor.torque = torque
             self.angles = self.angles + 1e-3 * self.basic_ms * speeds[0]
             self._state = None

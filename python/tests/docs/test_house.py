@@ -1,0 +1,85 @@
+"""What the code's own text must hold: no module reaches into another's private names."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+# Public in spite of the underscore: those of named tuples, and what the standard library documents.
+DOCUMENTED = {"_asdict", "_exit", "_fields", "_make", "_replace"}
+# Where another library has no public way: attribute -> whose it is.
+FOREIGN = {
+    "_cache": "numba's dispatchers",
+    "_log": "cocotb's handles",
+    "_name": "cocotb's handles",
+    "_result_queue": "concurrent.futures",
+    "_run_finalizers": "multiprocessing.util",
+    "_writer": "concurrent.futures",
+}
+BY_NAME = {"delattr", "getattr", "hasattr", "setattr"}
+
+
+def private(name: str) -> bool:
+    return name.startswith("_") and name != "_" and not name.startswith("__") and name not in DOCUMENTED
+
+
+def defined(tree: ast.AST) -> set[str]:
+    """Names that a module defines: functions, classes, variables, attributes of its own objects."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            found.add(node.id)
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store) and own(node.value):
+            found.add(node.attr)
+    return found
+
+
+def own(node: ast.expr) -> bool:
+    """Whether an expression is the object, the class or the base class that a method belongs to."""
+    if isinstance(node, ast.Call):
+        node = node.func
+    return isinstance(node, ast.Name) and node.id in ("self", "cls", "super")
+
+
+def reached(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Private names of other modules that a module imports or uses: line and name."""
+    names = defined(tree)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            yield from ((node.lineno, alias.name) for alias in node.names if private(alias.name))
+        elif isinstance(node, ast.Attribute) and private(node.attr) and not own(node.value):
+            if node.attr not in names and node.attr not in FOREIGN:
+                yield node.lineno, node.attr
+        elif isinstance(node, ast.Call) and len(node.args) > 1 and isinstance(node.args[1], ast.Constant):
+            called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if called in BY_NAME and not own(node.args[0]) and private(str(node.args[1].value)):
+                yield node.lineno, str(node.args[1].value)
+
+
+def test_no_module_reaches_into_the_private_names_of_another():
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {name}"
+        for folder in ("python", "tb", "sim", "examples")
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for line, name in reached(ast.parse(path.read_text()))
+    ]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from rtds_host.link.base import _steps",
+        "from rtds_host.link import base\nbase._steps(1)",
+        "import rtds_host\nrtds_host._steps",
+        "def test(monkeypatch, base):\n    monkeypatch.setattr(base, '_steps', None)",
+    ],
+)
+def test_a_private_name_of_another_module_is_found(text):
+    assert [name for _, name in reached(ast.parse(text))] == ["_steps"]
