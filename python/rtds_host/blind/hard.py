@@ -14,6 +14,7 @@ much again (in squares) as what is left anyway; so does a form, without its near
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -156,9 +157,16 @@ def _written(tables: dict) -> str:
 
 
 def with_noise(text: str, factor: float) -> str:
-    """A `robot.toml` whose sensors are `factor` times as noisy."""
-    tables = tomllib.loads(text)
-    return _written(tables | {"sensors": {name: value * factor for name, value in tables["sensors"].items()}})
+    """A `robot.toml` whose sensors are `factor` times as noisy; all else stays as it is written."""
+    lines, table = [], ""
+    for line in text.splitlines():
+        if head := re.match(r"\s*\[(.*?)\]", line):
+            table = head.group(1).strip()
+        entry = re.match(r"(\s*\w+\s*=\s*)([-+\w.]+)", line)
+        if table == "sensors" and entry and re.match(r"[-+.\d]", entry.group(2)):
+            line = f"{entry.group(1)}{float(f'{float(entry.group(2)) * factor:.6g}')!r}{line[entry.end() :]}"
+        lines.append(line)
+    return "\n".join(lines) + "\n"
 
 
 def put_ratios(machine: planar.Machine, ratios: dict, robot) -> None:

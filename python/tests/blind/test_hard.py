@@ -99,6 +99,8 @@ def test_sensors_are_scaled_and_nothing_else():
     louder = machines.robot_of(hard.with_noise(text, 3.0))
     assert louder.noise("w_l") == pytest.approx(3.0 * machines.robot_of(text).noise("w_l"), rel=1e-3)
     assert louder.motor == machines.robot_of(text).motor
+    table = '[sensors]  # of all\nencoder = "motor"\nw_rad_s = 0.02  # noise\n[supply]\nvoltage_v = 12.0\n'
+    assert hard.with_noise(table, 2.0) == table.replace("0.02", "0.04")
 
 
 # ---- the forms -----------------------------------------------------------------------------------

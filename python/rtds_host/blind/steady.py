@@ -1,0 +1,158 @@
+"""Does an answer hang on the declared noise, or on which runs were given? Neither needs a truth.
+
+``python -m rtds_host.blind.steady CASE… --out DIR [--noise 0.333 --noise 3] [--halves]`` lets the diagnoser answer each
+case as it is, with its `[sensors]` multiplied by each factor, and on two disjoint halves of its runs. It prints how
+often the names are the same. Answers stay in DIR, and an interrupted call goes on where it stopped.
+
+Two answers have the same names where each effect that counts in the one is named in the other, or declared there as
+indistinguishable from a named one, and the other way round. Which effects count:
+
+- noise: all, where both answers leave a gap above 2. Below that the noise does say how much can be seen.
+- halves: those whose `gap_without` is 1.5 or more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+from pathlib import Path
+
+from rtds_host.blind.hard import with_noise
+from rtds_host.blind.score import ASKED_GAP, LARGEST_SET, wilson
+from rtds_host.blind.seal import diagnoser_command
+from rtds_host.errors import InputError
+from rtds_host.remains import run_guarded, temporary_folder
+
+LEFT_GAP = 2.0
+NOISE = (1 / 3, 0.5, 2.0, 3.0)
+
+Member = tuple[str, str]
+
+
+def named(answer: dict, least: float = 0.0) -> set[Member]:
+    """Effects that an answer names, those whose absence leaves a gap of `least` or more."""
+    # An effect without that figure was named for another reason, so it counts.
+    return {
+        (effect["id"], effect["side"])
+        for effect in answer["effects"]
+        if (effect.get("gap_without") or float("inf")) >= least
+    }
+
+
+def said(answer: dict) -> set[Member]:
+    """Effects that an answer names, and those of small declared sets with a named one."""
+    names = named(answer)
+    sets = [{(member["id"], member["side"]) for member in group} for group in answer["indistinguishable"]]
+    return names.union(*(group for group in sets if len(group) <= LARGEST_SET and group & names))
+
+
+def same(one: dict, other: dict, least: float = 0.0) -> bool:
+    """Whether two answers have the same names, see above."""
+    return named(one, least) <= said(other) and named(other, least) <= said(one)
+
+
+def scaled(case: Path, target: Path, factor: float) -> Path:
+    """A copy of a case whose robot declares `factor` times the noise."""
+    shutil.copytree(case, target)
+    robot = target / "robot.toml"
+    robot.write_text(with_noise(robot.read_text(), factor))
+    return target
+
+
+def half(case: Path, target: Path, which: int) -> Path:
+    """A copy of a case with every other of its runs, from the first (0) or the second (1) on.
+
+    Raises
+    ------
+    InputError : it has a single run.
+    """
+    runs = sorted(p for p in case.iterdir() if p.is_dir())
+    if len(runs) < 2:
+        raise InputError(f"{case}: has one run, halves need two")
+    target.mkdir()
+    shutil.copyfile(case / "robot.toml", target / "robot.toml")
+    for run in runs[which::2]:
+        shutil.copytree(run, target / run.name)
+    return target
+
+
+def answered(case: Path, change, out: Path, command: list[str], timeout_s: float = 900.0) -> dict | None:
+    """The diagnosis of a changed copy of a case, kept in `out`; None where the diagnoser gave none.
+
+    Parameters
+    ----------
+    change : (case, target) -> folder to diagnose.
+    """
+    kept = out / "diagnosis.json"
+    if not kept.is_file():
+        with temporary_folder() as scratch:
+            run_guarded([*command, str(change(case, scratch / "case")), "--out", str(out)], timeout_s, scratch)
+    return json.loads(kept.read_text()) if kept.is_file() else None
+
+
+def _line(title: str, hits: list[bool]) -> str:
+    low, high = wilson(sum(hits), len(hits))
+    return f"{title}: {sum(hits)}/{len(hits)}, 95 % {100 * low:.0f} to {100 * high:.0f} %"
+
+
+def _names(answer: dict | None) -> str:
+    if answer is None:
+        return "no answer"
+    left = (answer.get("gap") or {}).get("after")
+    return f"{', '.join(' '.join(member) for member in sorted(named(answer))) or answer['verdict']} ({left})"
+
+
+def noise_of(case: Path, factors: list[float], out: Path, command: list[str]) -> list[tuple[float, bool | None]]:
+    """For each factor whether the names are those of the case as it is; None where a gap of 2 or less is left."""
+    plain = answered(case, lambda source, target: shutil.copytree(source, target), out / "plain", command)
+    result = []
+    for factor in factors:
+        other = answered(case, lambda a, b, by=factor: scaled(a, b, by), out / f"noise-{factor:.3g}", command)
+        gaps = [(answer or {}).get("gap", {}).get("after") for answer in (plain, other)]
+        counts = all(gap is not None and gap > LEFT_GAP for gap in gaps)
+        verdict = same(plain, other) if counts else None
+        result.append((factor, verdict))
+        print(f"{case.name}: noise × {factor:.3g}: {_names(plain)}; {_names(other)}: {verdict}", flush=True)
+    return result
+
+
+def halves_of(case: Path, out: Path, command: list[str]) -> bool | None:
+    """Whether both halves of a case's runs give the same names; None where one gives no answer."""
+    parts = [answered(case, lambda a, b, which=k: half(a, b, which), out / f"half-{k}", command) for k in (0, 1)]
+    verdict = None if None in parts else same(parts[0], parts[1], ASKED_GAP)
+    print(f"{case.name}: halves: {_names(parts[0])}; {_names(parts[1])}: {verdict}", flush=True)
+    return verdict
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Entry point, see the module."""
+    parser = argparse.ArgumentParser(prog="rtds_host.blind.steady", description=__doc__)
+    parser.add_argument("cases", nargs="+", type=Path, metavar="CASE")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--noise", type=float, action="append", help="factor on [sensors]; default 1/3, 1/2, 2, 3")
+    parser.add_argument("--halves", action="store_true", help="compare halves of the runs in place of noises")
+    args = parser.parse_args(argv)
+    command = diagnoser_command(True, 1)
+    hits: dict[str, list[bool]] = {}
+    try:
+        for case in args.cases:
+            if args.halves:
+                found = {"halves": halves_of(case, args.out / case.name, command)}
+            else:
+                found = {
+                    f"noise × {factor:.3g}": verdict
+                    for factor, verdict in noise_of(case, args.noise or list(NOISE), args.out / case.name, command)
+                }
+            for title, verdict in found.items():
+                if verdict is not None:
+                    hits.setdefault(title, []).append(verdict)
+    except InputError as error:
+        sys.exit(f"{error}")
+    for title, values in hits.items():
+        print(_line(title, values))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,81 @@
+"""Whether two answers have the same names, and how the copies are made that ask for it."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from rtds_host.blind import steady
+from rtds_host.contract import RunMeta, builtin_robot, builtin_robot_path, read_case, write_run
+from rtds_host.errors import InputError
+
+
+def answer(*names, sets=(), left=3.0, without=5.0):
+    effects = [{"id": name, "side": "both", "gap_without": without} for name in names]
+    groups = [[{"id": name, "side": "both"} for name in group] for group in sets]
+    return {"verdict": "partial", "effects": effects, "indistinguishable": groups, "gap": {"after": left}}
+
+
+@pytest.fixture
+def case(tmp_path):
+    folder = tmp_path / "case"
+    folder.mkdir()
+    (folder / "robot.toml").write_bytes(builtin_robot_path("burger").read_bytes())
+    t = np.arange(0, 1.0, 0.01)
+    for name in ("a", "b", "c"):
+        columns = {"t": t, "v_cmd_l": 5 + 0 * t, "v_cmd_r": 5 + 0 * t, "w_l": t, "w_r": t}
+        write_run(folder / name, RunMeta(scenario=name), columns)
+    return folder
+
+
+def test_names_are_the_same_where_each_is_named_or_declared_in_the_other():
+    assert steady.same(answer("supply_sag"), answer("supply_sag"))
+    assert not steady.same(answer("supply_sag"), answer("supply_sag", "gyro_bias"))
+    declared = answer("bridge_drop", sets=[("bridge_drop", "driver_deadzone")])
+    assert steady.same(declared, answer("driver_deadzone", sets=[("bridge_drop", "driver_deadzone")]))
+    assert not steady.same(declared, answer("driver_deadzone"))
+    large = [("bridge_drop", "driver_deadzone", "supply_sag", "driver_gain")]
+    assert not steady.same(answer("bridge_drop", sets=large), answer("driver_deadzone", sets=large))
+
+
+def test_effects_that_hardly_matter_are_not_asked_of_the_other_half():
+    assert steady.same(answer("gyro_bias", without=1.2), answer(), least=1.5)
+    assert not steady.same(answer("gyro_bias", without=1.6), answer(), least=1.5)
+
+
+def test_copies_differ_in_noise_or_in_runs_alone(case, tmp_path):
+    louder = read_case(steady.scaled(case, tmp_path / "louder", 3.0))
+    plain = builtin_robot("burger")
+    assert louder.robot.noise("w_l") == pytest.approx(3 * plain.noise("w_l"), rel=1e-3)
+    assert (louder.robot.motor, louder.robot.chassis) == (plain.motor, plain.chassis) and len(louder.runs) == 3
+    names = [[run.name for run in read_case(steady.half(case, tmp_path / f"half{k}", k)).runs] for k in (0, 1)]
+    assert names == [["a", "c"], ["b"]]
+
+
+def test_a_case_of_one_run_has_no_halves(case, tmp_path):
+    with pytest.raises(InputError, match="halves need two"):
+        steady.half(steady.half(case, tmp_path / "one", 1), tmp_path / "none", 0)
+
+
+def test_the_tool_counts_and_goes_on_where_it_stopped(case, tmp_path, monkeypatch, capsys):
+    """A diagnoser that names a gain where the noise is large, and leaves less there than asks for the same names."""
+    script = tmp_path / "diagnoser.py"
+    script.write_text(
+        "import json, sys\nfrom pathlib import Path\n"
+        "place, out = Path(sys.argv[1]), Path(sys.argv[3])\n"
+        "from rtds_host.contract import load_robot\n"
+        "large = load_robot(place / 'robot.toml').noise('w_l') > 0.05\n"
+        f"answer = {answer('gyro_bias')!r}\n"
+        "if large: answer['effects'][0]['id'] = 'gyro_gain'\n"
+        "out.mkdir(parents=True)\n(out / 'diagnosis.json').write_text(json.dumps(answer))\n"
+    )
+    monkeypatch.setattr(steady, "diagnoser_command", lambda quick, threads: [sys.executable, str(script)])
+    steady.main([str(case), "--out", str(tmp_path / "out"), "--noise", "0.5", "--noise", "3"])
+    text = capsys.readouterr().out
+    assert "noise × 0.5: 1/1" in text and "noise × 3: 0/1" in text
+    script.unlink()
+    steady.main([str(case), "--out", str(tmp_path / "out"), "--noise", "3"])
+    assert "noise × 3: 0/1" in capsys.readouterr().out
+    kept = json.loads((tmp_path / "out" / "case" / "noise-3" / "diagnosis.json").read_text())
+    assert kept["effects"][0]["id"] == "gyro_gain"
