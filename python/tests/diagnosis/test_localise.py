@@ -200,33 +200,26 @@ def test_a_replay_that_runs_away_leaves_the_blocks_as_they_are(monkeypatch):
     assert scores(localise(case, model, held=True)) == plain
 
 
+# Laws of another world that no signature has the form of: their place follows from the blocks alone.
 NAMELESS = {
-    "a wheel that is not centred": (
-        "wheel_ground",
-        {"id": "wheel_eccentricity", "side": "left", "parameters": {"eccentricity": 0.05, "eccentric_phase": 0.7}},
-    ),
-    "a patch of floor that drags": (
-        "wheel_ground",
-        {"id": "floor_patch", "side": "both", "parameters": {"patch_x": 0.1, "patch_force": 1.0}},
-    ),
-    "a tyre that loses its grip": (
-        "wheel_ground",
-        {"id": "traction_limit", "side": "both", "parameters": {"traction": 0.4}},
-    ),
-    "a driver that slews": ("driver", {"id": "slew_limit", "side": "both", "parameters": {"slew": 60.0}}),
-    "a battery that relaxes": (
+    "commands in coarse steps": ("driver", {"id": "command_quantised", "side": "both", "parameters": {"quantum": 1.5}}),
+    "a supply that gives way": (
         "driver",
-        {"id": "bus_relaxation", "side": "both", "parameters": {"relax_ohm": 1.5, "relax_tau": 1.0}},
+        {"id": "supply_choked", "side": "both", "parameters": {"choke_ohm": 4.0, "choke_amps": 0.2, "choke_tau": 0.1}},
     ),
-    "a torque that falls behind its current": (
-        "winding",
-        {"id": "magnetic_saturation", "side": "both", "parameters": {"saturation": 0.6}},
+    "a drag that falls again with the speed": (
+        "drivetrain",
+        {"id": "eddy_drag", "side": "both", "parameters": {"eddy": 0.06, "eddy_speed": 1.5}},
     ),
-    "commands with hysteresis": (
-        "driver",
-        {"id": "command_hysteresis", "side": "both", "parameters": {"hysteresis": 1.2}},
+    "gusts": ("chassis", {"id": "gusts", "side": "both", "parameters": {"gust": 1.5, "gust_tau": 0.4}}),
+    "a load that sloshes": (
+        "chassis",
+        {"id": "sloshing", "side": "both", "parameters": {"slosh": 0.6, "slosh_rate": 12.0, "slosh_ratio": 0.05}},
     ),
-    "clocks that drift apart": ("timing", {"id": "clock_drift", "side": "both", "parameters": {"clock_drift": 0.002}}),
+    "a speed that reads zero when small": (
+        "sensing",
+        {"id": "speed_floor", "side": "both", "parameters": {"speed_floor": 1.0}},
+    ),
 }
 
 

@@ -26,7 +26,6 @@ import numpy as np
 from rtds_host.contract import Case
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise.blocks import own_blocks, replay_blocks
-from rtds_host.diagnosis.localise.ground import extent
 from rtds_host.diagnosis.localise.lost import lost
 from rtds_host.diagnosis.localise.shares import BLOCKS, Sums, share
 from rtds_host.diagnosis.replay.model import Model
@@ -91,8 +90,7 @@ def localise(case: Case, model: Model, held: bool = False) -> Localisation:
     -------
     blocks in the order of the signal chain, scores in units of noise, shares of the subsystems.
     """
-    where = extent(case.runs) if case.robot.chassis is not None else None
-    runs = [(own_blocks if held else replay_blocks)(log, case.robot, model, where) for log in case.runs]
+    runs = [(own_blocks if held else replay_blocks)(log, case.robot, model) for log in case.runs]
     sums = Sums(runs, held)
     located, chosen, lag = share(sums)
     excess = {b: max(sums.energy[b] - sums.count[b], 0.0) for b in sums.blocks}

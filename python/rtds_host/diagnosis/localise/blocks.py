@@ -9,7 +9,7 @@ import numpy as np
 
 from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis.localise.electrical import bus_block, current_block
-from rtds_host.diagnosis.localise.ground import Extent, floor_columns, turn_block, way_block
+from rtds_host.diagnosis.localise.ground import turn_block, way_block
 from rtds_host.diagnosis.localise.mechanical import torque_block
 from rtds_host.diagnosis.localise.shares import in_noise
 from rtds_host.diagnosis.localise.signals import Signals
@@ -18,11 +18,9 @@ from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 
-def replay_blocks(
-    log: RunLog, robot: Robot, model: Model, where: Extent | None = None, signatures: bool = True
-) -> Signals:
+def replay_blocks(log: RunLog, robot: Robot, model: Model, signatures: bool = True) -> Signals:
     """All blocks of one run, each driven by measured signals, with every cause's signature in them unless it is not
-    asked for; `where`: where all runs went, for what a floor does at a place."""
+    asked for."""
     run = Signals(log, robot, model, signatures)
     bus_block(run)
     for k in run.sides:
@@ -32,8 +30,6 @@ def replay_blocks(
     if run.body:
         turn_block(run)
         way_block(run)
-        if where is not None and signatures:
-            floor_columns(run, where)
     for k in run.sides:
         speed_twice_block(run, k)
     yaw_twice_block(run)
@@ -48,11 +44,9 @@ def _as_replayed(log: RunLog, out: np.ndarray) -> RunLog:
     return replace(log, columns={**log.columns, **measured})
 
 
-def own_blocks(
-    log: RunLog, robot: Robot, model: Model, where: Extent | None = None, signatures: bool = True
-) -> Signals:
+def own_blocks(log: RunLog, robot: Robot, model: Model, signatures: bool = True) -> Signals:
     """A run's blocks less what they leave of the model's own replay; parameters as of `replay_blocks`."""
-    run = replay_blocks(log, robot, model, where, signatures)
+    run = replay_blocks(log, robot, model, signatures)
     out = replay_run(model, run_inputs(log, robot))
     if not np.isfinite(out).all():
         return run  # a replay that ran away says nothing of the blocks

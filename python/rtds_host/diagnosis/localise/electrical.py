@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from rtds_host.diagnosis.localise.series import filled, first_order, middles, slewed, smooth
+from rtds_host.diagnosis.localise.series import filled, middles, smooth
 from rtds_host.diagnosis.localise.signals import Signals
 
 # Numerical: delays whose signatures are taken.
 DELAYS_S = (0.002, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08)
-# Numerical: how far clocks that drift have parted at the end of a run.
-DRIFTS_S = (0.005, 0.02, 0.08)
-# Numerical: largest voltages a second that a driver slews by, and parts of a run that a battery takes to relax.
-SLEWS = (1.0, 3.0, 10.0, 30.0)
-RELAXES = (0.05, 0.2)
 # Numerical: parts of the largest command that a driver is limited to, time constants of a winding's heat, s, and the
 # share of the stall current over which a current's sign turns over.
 LIMITS = (0.5, 0.7, 0.85)
@@ -31,13 +26,6 @@ def bus_block(run: Signals) -> None:
         return
     run.put("driver:sag", "bus", -run.draw)
     run.put("driver:decline", "bus", -(run.t - run.t[0]))
-    for part, relaxed in _relaxed(run):
-        run.put(f"driver:relax@{part:g}", "bus", -relaxed)
-
-
-def _relaxed(run: Signals) -> list[tuple[float, np.ndarray]]:
-    """A battery's voltage follows the load late; for each of `RELAXES`, the draw as it does, (n,) A."""
-    return [(part, first_order(run.draw, np.exp(-run.dt / (part * (run.t[-1] - run.t[0]))))) for part in RELAXES]
 
 
 def current_block(run: Signals, k: int) -> None:
@@ -76,36 +64,12 @@ def current_block(run: Signals, k: int) -> None:
     if run.bus is not None and run.robot.driver.bus == "nominal":
         bus = smooth(filled(t, run.bus) - (run.supply - run.sag), run.half) / run.supply
         run.volt_columns("driver:bus", k, bus * end, middles(bus) * mean)
-    if len(run.sides) == 2:
-        other_end, other_mean = run.held(run.volts[1 - k], run.delay)
-        run.volt_columns(f"driver:crosstalk_{s}", k, other_end, other_mean)
-    step = [np.concatenate([[0.0], np.diff(v)]) for v in (end, mean)]
-    direction = []
-    for v, d in zip((end, mean), step):
-        moved = np.flatnonzero(np.abs(d) > 1e-9)
-        last = np.searchsorted(moved, np.arange(len(v)), side="right") - 1
-        direction.append(np.where(last >= 0, np.sign(d[moved[np.maximum(last, 0)]]) if len(moved) else 0.0, 0.0))
-    run.volt_columns(f"driver:hysteresis_{s}", k, -direction[0], -direction[1])
     for delay in DELAYS_S:
         late_end, late_mean = run.held(volts, run.delay + delay)
         run.volt_columns(f"timing:late@{delay:g}", k, late_end - end, late_mean - mean, late=True)
-    grown = (t - t[0]) / max(t[-1] - t[0], 1e-9)
-    for drift in DRIFTS_S:
-        late_end, late_mean = run.held(volts, run.delay + drift)
-        run.volt_columns(
-            f"timing:drift{drift:g}", k, grown * (late_end - end), middles(grown) * (late_mean - mean), late=True
-        )
-    for slew in SLEWS:
-        slow = slewed(end, slew * top * run.dt)
-        run.volt_columns(f"driver:slew{slew:g}_{s}", k, slow - end, middles(slow) - mean, late=True)
-    for part, relaxed in _relaxed(run):
-        run.volt_columns(
-            f"driver:relax@{part:g}", k, -relaxed / run.supply * end, -middles(relaxed) / run.supply * mean
-        )
 
     run.volt_columns(f"winding:resistance_{s}", k, -res * i, -middles(res * i))
     for seconds in HEATS_S:
         heat = run.heat(i, float(res[0]), seconds)
         run.volt_columns(f"winding:heating{seconds:g}_{s}", k, -res * i * heat, -middles(res * i * heat))
     run.volt_columns(f"winding:constant_{s}", k, -ke * w, -ke * middles(w))
-    run.volt_columns(f"winding:saturation_{s}b", k, -ke * w * np.abs(i), -ke * middles(w * np.abs(i)))

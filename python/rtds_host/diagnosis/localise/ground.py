@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 
-from rtds_host.contract import GRAVITY_M_S2, RunLog
+from rtds_host.contract import GRAVITY_M_S2
 from rtds_host.diagnosis import gap
 from rtds_host.diagnosis.localise.series import filled, middles, smooth
 from rtds_host.diagnosis.localise.signals import Signals
-
-# Numerical: places along the way, and lengths of a floor's ups and downs, as parts of how far the runs went.
-QUARTERS = (0.2, 0.4, 0.6, 0.8)
-WAVES = (0.1, 0.2, 0.4, 0.8, 1.6)
 
 
 def turn_block(run: Signals) -> None:
@@ -49,19 +42,6 @@ def turn_block(run: Signals) -> None:
         run.speed_columns(f"sensing:speed_gain_{s}", k, w, True)
         run.speed_columns(f"sensing:speed_filter_{s}", k, -run.acc[k], False)
         th = run.th[k]
-        if th is not None:
-            # A magnet or a disc off its axis reads too fast and too slow by turns, once and twice a revolution.
-            angle = filled(run.t, th)
-            for cycles in (1, 2):
-                for suffix, wave in (("", np.sin), ("b", np.cos)):
-                    run.speed_columns(f"sensing:speed_wobble{cycles}_{s}{suffix}", k, w * wave(cycles * angle), True)
-            # A wheel that is not round or not centred rolls farther and less far by turns, and its sensor knows nothing
-            # of it.
-            for suffix, wave in (("", np.sin), ("b", np.cos)):
-                cause, error = f"wheel_ground:eccentric_{s}{suffix}", w * wave(angle)
-                run.way_columns(cause, k, error)
-                if run.gyro is not None:
-                    run.put(cause, "turn", (1 if k else -1) * r[k] / track * error)
         if th is not None and run.has_w[k]:
             slow = smooth(np.gradient(filled(run.t, th), run.t), 2)
             run.speed_columns(f"sensing:speed_fault_{s}", k, smooth(w, 2) - slow, False)
@@ -109,9 +89,6 @@ def way_block(run: Signals) -> None:
     forward = 0.5 * (r[0] * run.w[0] + r[1] * run.w[1])
     late = run.way_stack(run.way, np.diff(forward), np.diff(run.wheel_rate))
     run.put("timing:pose", "way", late)
-    run.put(
-        "timing:pose_drift", "way", late * np.tile(((t - t[0]) / max(t[-1] - t[0], 1e-9))[rows[:-1]], 3 if full else 1)
-    )
     for k in (0, 1):
         s = run.robot.sides[k]
         run.way_columns(f"wheel_ground:radius_{s}", k, run.w[k])
@@ -123,46 +100,3 @@ def way_block(run: Signals) -> None:
         run.way_columns(f"wheel_ground:slip_{s}", k, lost)
         if run.gyro is not None:
             run.put(f"wheel_ground:slip_{s}", "turn", (1 if k else -1) * r[k] / track * lost)
-
-
-@dataclass(frozen=True)
-class Extent:
-    """Where a case's runs went: the places that a quarter, half and three quarters of the way along each axis lie at,
-    and how far it is from end to end, m."""
-
-    quarters: dict[str, tuple[float, ...]]
-    span: float
-
-
-def extent(logs: Sequence[RunLog]) -> Extent | None:
-    """Extent of the measured poses of all runs; None without a measured position or where nothing moved."""
-    if not all(log.has("x") and log.has("y") for log in logs):
-        return None
-    places = {c: np.concatenate([log.columns[c] for log in logs]) for c in ("x", "y")}
-    places = {c: values[np.isfinite(values)] for c, values in places.items()}
-    if min(len(values) for values in places.values()) < 3:
-        return None
-    span = max(float(np.ptp(values)) for values in places.values())
-    quarters = {
-        c: tuple(float(values.min() + part * np.ptp(values)) for part in QUARTERS) for c, values in places.items()
-    }
-    return Extent(quarters, span) if span > 0.0 else None
-
-
-def floor_columns(run: Signals, where: Extent) -> None:
-    """What a floor does at a place: a patch that drags, and ups and downs that push both wheels, whatever the run."""
-    x, y = (filled(run.t, run.log.columns[c]) for c in ("x", "y"))
-    for k in run.sides:
-        weight = GRAVITY_M_S2 * 0.5 * run.model.get("radius", k) * run.mass
-        for axis, place in (("x", x), ("y", y)):
-            for at in where.quarters[axis]:
-                run.torque_columns(
-                    f"wheel_ground:patch_{axis}@{at:g}", k, middles(-run.sign[k] * weight * (place > at))
-                )
-        for part in WAVES:
-            wave = 2.0 * np.pi / (part * where.span)
-            for axis, place, along in (("x", x, np.cos(run.heading)), ("y", y, np.sin(run.heading))):
-                for name, of in (("s", np.sin), ("c", np.cos)):
-                    run.torque_columns(
-                        f"wheel_ground:bumps{part:g}@{axis}{name}", k, middles(-weight * along * of(wave * place))
-                    )

@@ -8,22 +8,18 @@ import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2
 from rtds_host.diagnosis.chance import APART, MOVES
-from rtds_host.diagnosis.localise.series import cumulated, filled, first_order, middles, near, smooth
+from rtds_host.diagnosis.localise.series import cumulated, filled, middles, near, smooth
 from rtds_host.diagnosis.localise.signals import WINDOW_S, Signals
 from rtds_host.plant.friction import rolling, stribeck
 from rtds_host.plant.ground import pendulum
 from rtds_host.plant.torque import ANGLE
 from rtds_host.plant.torques import TORQUES
 
-# Numerical: parts of the largest force met that a tyre may pass on, and of the largest current beyond which a motor's
-# torque falls behind; and how long a tyre that lost its grip takes to regain it.
-TRACTIONS = (0.2, 0.4, 0.6, 0.8)
-SLIPPED_S = 0.1
 # Numerical: speeds over which friction fades, of the speed without load, and cycles a turn of a ripple.
 FADES = (0.04, 0.14)
 RIPPLES = (1, 2, 3, 4, 6, 8, 12, 18)
-# Numerical: shares of the machine's largest yaw rate, speed without load and stall torque over which a sign turns over.
-SIGN_TURN, SIGN_WAY, SIGN_LOAD = 0.01, 0.06, 0.002
+# Numerical: shares of the machine's largest yaw rate and stall torque over which a sign turns over.
+SIGN_TURN, SIGN_LOAD = 0.01, 0.002
 
 
 def _exp_minus(y: np.ndarray) -> np.ndarray:
@@ -113,7 +109,6 @@ def torque_block(run: Signals, k: int) -> None:
     _current_columns(wheel)
     if body is not None:
         _body_columns(wheel, body)
-        _tyre_columns(wheel, body)
 
 
 def _motor_torque(run: Signals, k: int) -> tuple[np.ndarray, float] | None:
@@ -195,29 +190,18 @@ def _residual(run: Signals, k: int, torque: np.ndarray, current_noise: float) ->
 
 
 def _friction_columns(wheel: _Wheel) -> None:
-    """Frictions, and torques over the wheel's angle."""
+    """Frictions and the rotor's inertia."""
     run, k, s, put = wheel.run, wheel.k, wheel.side, wheel.put
-    model, t, mid, sign_mid, angle = run.model, run.t, wheel.mid, wheel.sign, wheel.angle
+    model, mid, sign_mid = run.model, wheel.mid, wheel.sign
     gear = model.get("gear_ratio")
     put(f"drivetrain:coulomb_{s}", -sign_mid)
     put(f"drivetrain:steady_{s}", np.ones(run.n - 1))
     for fade in FADES:
         put(f"drivetrain:stribeck{fade:g}_{s}", -sign_mid * np.exp(-((mid / (fade * run.machine.speed)) ** 2)))
     put(f"drivetrain:viscous_{s}", -max(gear**2 * model.get("viscous", k), 1e-9) * mid)
-    put(f"drivetrain:quadratic_{s}", -mid * np.abs(mid))
     put(f"drivetrain:direction_{s}", -np.abs(sign_mid))
     put(f"drivetrain:direction_{s}b", -np.abs(mid))
     put(f"drivetrain:load_{s}", -np.abs(wheel.drive - wheel.fluid * mid) * sign_mid)
-    put(f"drivetrain:place_{s}", -sign_mid * np.sin(middles(angle)))
-    put(f"drivetrain:place_{s}b", -sign_mid * np.cos(middles(angle)))
-    if model.get("ripple", k):
-        # One that is of another size at another place of the turn, and may be in another phase there.
-        bites = np.sin(model.get("ripple_cycles", k) * middles(angle) + model.get("ripple_phase", k))
-        turned = np.cos(model.get("ripple_cycles", k) * middles(angle) + model.get("ripple_phase", k))
-        for ahead, wave in (("", bites), ("@1", turned)):
-            put(f"drivetrain:detent{ahead}_{s}", wave * np.sin(middles(angle)))
-            put(f"drivetrain:detent{ahead}_{s}b", wave * np.cos(middles(angle)))
-    put(f"drivetrain:growing_{s}", -sign_mid * middles(t - t[0]))
     own = gear**2 * model.get("rotor_inertia", k)
     run.put(f"drivetrain:inertia_{s}", f"torque_{s}", -run.cut(own * run.w[k]) / run.inertia[k])
 
@@ -261,42 +245,25 @@ def _current_columns(wheel: _Wheel) -> None:
         put(f"sensing:current_gain_{s}", -run.km[k] * middles(i))
         run.put(f"sensing:current_bias_{s}", f"current_{s}", np.ones(run.n))
         put(f"sensing:current_bias_{s}", np.full(run.n - 1, -run.km[k]))
-        # A current sensor that bends, and one that lags.
-        run.put(f"sensing:current_bend_{s}", f"current_{s}", i * np.abs(i))
-        put(f"sensing:current_bend_{s}", -run.km[k] * middles(i * np.abs(i)))
-        # Of the current that follows from voltage and speed: a difference of samples would be the residual's own noise.
-        end = run.electric[k][3]
-        slope = np.diff(end, prepend=end[0])
-        run.put(f"sensing:current_lag_{s}", f"current_{s}", -slope)
-        put(f"sensing:current_lag_{s}", run.km[k] * middles(slope))
-        # One that lies in whatever way: what it reads beyond what voltage and speed ask for, in the current and in no
-        # torque.
-        read = smooth(i - end, run.half)
+        # A sensor that lies in whatever way: what it reads beyond what voltage and speed ask for, in the current and in
+        # no torque.
+        read = smooth(i - run.electric[k][3], run.half)
         run.put(f"sensing:current_fault_{s}", f"current_{s}", read)
         put(f"sensing:current_fault_{s}", -run.km[k] * middles(read))
         put(f"winding:constant_{s}", run.km[k] * middles(i))
-        put(f"winding:saturation_{s}", -run.km[k] * middles(i * np.abs(i)))
-        largest = float(np.max(np.abs(smooth(i, run.half)), initial=0.0))
-        for part in TRACTIONS:
-            put(
-                f"winding:saturation@{part:g}_{s}",
-                -run.km[k] * middles(i - np.clip(i, -part * largest, part * largest)),
-            )
     elif run.voltage_mode:
         put(f"winding:constant_{s}", wheel.drive)
 
 
 def _body_columns(wheel: _Wheel, body: _Body) -> None:
-    """Rolling and turning resistance, mass and its centre, slope, yaw inertia, drag."""
-    run, t, put, r, lever = wheel.run, wheel.run.t, wheel.put, body.radius, body.lever
+    """Rolling and turning resistance, mass and its centre, slope, yaw inertia, a wheel's radius."""
+    run, put, r, lever = wheel.run, wheel.put, body.radius, body.lever
     weight = GRAVITY_M_S2 * r * 0.5
     put("wheel_ground:rolling", -wheel.sign * weight * run.mass)
     put("wheel_ground:scrub", -lever * body.yaw_sign)
-    put("wheel_ground:turn_drag", -lever * middles(run.wheel_rate))
     put("chassis:mass", middles(body.pull) / run.mass - 0.25 * r * r * middles(run.acc[0] + run.acc[1]))
     uphill = run.heading - run.log.meta.uphill_yaw_rad
     put("chassis:slope", -weight * run.mass * middles(np.cos(uphill)))
-    put("chassis:slope_side", -weight * run.mass * middles(np.sin(uphill)))
     put(
         "chassis:com_x",
         lever
@@ -306,25 +273,4 @@ def _body_columns(wheel: _Wheel, body: _Body) -> None:
     put("chassis:com_x", 0.5 * r * run.mass * middles(run.wheel_rate) ** 2)
     put("chassis:com_y", lever * run.mass * GRAVITY_M_S2 * middles(body.climb))
     put("chassis:yaw_inertia", -middles(body.turning))
-    put("chassis:drag", -0.5 * r * np.tanh(middles(run.w[0] + run.w[1]) / (SIGN_WAY * run.machine.speed)))
-    if run.log.has("x") and run.log.has("y"):
-        # A tether pulls towards where the run began.
-        x, y = (filled(t, run.log.columns[c]) for c in ("x", "y"))
-        away = (x - x[0]) * np.cos(run.heading) + (y - y[0]) * np.sin(run.heading)
-        put("chassis:tether", -0.5 * r * middles(away))
-
-
-def _tyre_columns(wheel: _Wheel, body: _Body) -> None:
-    """A wheel's radius, and a tyre that gives no more than so much: what it cannot pass on is left to the wheel, and
-    lost on the way.
-    """
-    run, k, s, load = wheel.run, wheel.k, wheel.side, body.load
-    wheel.put(f"wheel_ground:radius_{s}", -middles(load))
-    most = float(np.max(np.abs(smooth(load, run.half)), initial=0.0))
-    for part in TRACTIONS:
-        excess = load - np.clip(load, -part * most, part * most)
-        wheel.put(f"wheel_ground:traction{part:g}_{s}", middles(excess))
-        slipped = -first_order(excess, np.exp(-run.dt / SLIPPED_S))
-        run.way_columns(f"wheel_ground:traction{part:g}_{s}b", k, slipped)
-        if run.gyro is not None:
-            run.put(f"wheel_ground:traction{part:g}_{s}b", "turn", body.lever * slipped)
+    put(f"wheel_ground:radius_{wheel.side}", -middles(body.load))

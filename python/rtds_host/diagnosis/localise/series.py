@@ -42,15 +42,6 @@ def first_order(drive, decay):
     return out
 
 
-@numba.njit(cache=True)
-def slewed(values, most):
-    """Values (n,) followed by no more than `most` (n - 1,) from row to row."""
-    out = np.zeros(len(values))
-    for j in range(len(most)):
-        out[j + 1] = out[j] + min(max(values[j + 1] - out[j], -most[j]), most[j])
-    return out
-
-
 def filled(t: np.ndarray, values: np.ndarray) -> np.ndarray:
     good = np.isfinite(values)
     return values if good.all() else np.interp(t, t[good], values[good])
