@@ -48,8 +48,10 @@ def said(answer: dict) -> set[Member]:
     return names.union(*(group for group in sets if len(group) <= LARGEST_SET and group & names))
 
 
-def same(one: dict, other: dict, least: float = 0.0) -> bool:
-    """Whether two answers have the same names, see above."""
+def same(one: dict | None, other: dict | None, least: float = 0.0) -> bool | None:
+    """Whether two answers have the same names, see above; None where one is missing."""
+    if one is None or other is None:
+        return None
     return named(one, least) <= said(other) and named(other, least) <= said(one)
 
 
@@ -121,7 +123,7 @@ def noise_of(case: Path, factors: list[float], out: Path, command: list[str]) ->
 def halves_of(case: Path, out: Path, command: list[str]) -> bool | None:
     """Whether both halves of a case's runs give the same names; None where one gives no answer."""
     parts = [answered(case, lambda a, b, which=k: half(a, b, which), out / f"half-{k}", command) for k in (0, 1)]
-    verdict = None if None in parts else same(parts[0], parts[1], ASKED_GAP)
+    verdict = same(parts[0], parts[1], ASKED_GAP)
     print(f"{case.name}: halves: {_names(parts[0])}; {_names(parts[1])}: {verdict}", flush=True)
     return verdict
 
