@@ -375,6 +375,11 @@ class _Watch:
             raise LinkError(f"scheduler {self._scheduler}: is gone; call again to go on")
 
 
+def _submitted(client: Any, function: Callable, name: str, arguments: tuple) -> Any:
+    """The future of one job on the cluster."""
+    return client.submit(function, *arguments, key=f"rtds-{name}-{uuid.uuid4().hex}", pure=False)
+
+
 def on_cluster(
     function: Callable, jobs: Mapping[str, Callable[[], tuple]], scheduler: str
 ) -> Generator[Outcome, None, None]:
@@ -413,13 +418,11 @@ def on_cluster(
                     except (RtdsError, OSError, MemoryError) as error:
                         yield Outcome(name, error=one_line(error))
                         continue
-                    future = client.submit(function, *arguments, key=f"rtds-{name}-{uuid.uuid4().hex}", pure=False)
-                    running[future] = (name, make)
+                    running[_submitted(client, function, name, arguments)] = (name, make)
                 if not running and not waiting and suspects:
                     name, make = suspects.popleft()
                     blamed.add(name)
-                    future = client.submit(function, *make(), key=f"rtds-{name}-{uuid.uuid4().hex}", pure=False)
-                    running[future] = (name, make)
+                    running[_submitted(client, function, name, make())] = (name, make)
                 if not running:
                     continue
                 try:

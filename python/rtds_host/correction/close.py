@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rtds_host.contract import Case, RunLog, places_of_case, read_writable_case, refuse_inputs, staged_folder
+from rtds_host.contract import Case, Robot, RunLog, places_of_case, read_writable_case, refuse_inputs, staged_folder
 from rtds_host.contract.runlog import read_object
 from rtds_host.correction.correction import Correction
 from rtds_host.correction.remainder import Remainder, estimate
@@ -163,38 +163,50 @@ def close(
 
     runs = []
     for k, log in enumerate(logs):
-        start = inputs[log.name][-1]
-        step = min(REPORT_STEP_S, model.step_s)
-        replayed = {
-            "before": replay_run(nominal_model(robot), inputs[log.name], step),
-            "after": replay_run(model, inputs[log.name], step),
-        }
-        simulated = {}
-        for name, wanted in (("before", None), ("after", model)):
-            stage = f"{log.name}: {'nominal' if wanted is None else 'corrected'}"
-            base = 0.5 + 0.5 * (k + (name == "after") * 0.5) / len(logs)
-            got = simulate(
-                log,
-                robot,
-                wanted,
-                setting,
-                start,
-                change if wanted is not None else None,
-                partial(_tell, say, stage, base, 0.25 / len(logs) / max(log.t[-1] - log.t[0], 1e-9)),
-            )
-            simulated[name] = got.out
-            notes += [note for note in got.notes if note not in notes]
-        runs.append(Run(log, start, replayed, simulated))
+        run, told_of = _driven(
+            log, robot, model, setting, inputs[log.name], change, say, (0.5 + 0.5 * k / len(logs), 0.5 / len(logs))
+        )
+        runs.append(run)
+        notes += [note for note in told_of if note not in notes]
     content = _content(case, setting, diagnosis, names, runs)
     if remainder is not None:
         content["table"] = remainder.to_json()
     if causes:
         say("causes", 0.97)
-        content["difference"]["causes"] = _causes(case, model, runs[0], inputs[runs[0].log.name], setting, change)
-        content["difference"]["causes_on"] = runs[0].log.name
+        first = runs[0]
+        why = _causes(case, model, first, inputs[first.log.name], setting, change)
+        content["difference"] |= {"causes": why, "causes_on": first.log.name}
     content["notes"] = notes
     say("done", 1.0)
     return Result(content, runs, diagnosis, notes)
+
+
+def _driven(
+    log: RunLog,
+    robot: Robot,
+    model: Model,
+    setting: Setting,
+    inputs: tuple[np.ndarray, ...],
+    change: Callable[[Correction, np.ndarray], Correction] | None,
+    say: Callable[[str, float], None],
+    share: tuple[float, float],
+) -> tuple[Run, list[str]]:
+    """One run in replay and simulator, nominal and corrected, and what is said of it; `share`: where its part of the
+    work begins and how much of it that is.
+    """
+    start, notes = inputs[-1], []
+    step = min(REPORT_STEP_S, model.step_s)
+    replayed = {"before": replay_run(nominal_model(robot), inputs, step), "after": replay_run(model, inputs, step)}
+    simulated = {}
+    for name, wanted in (("before", None), ("after", model)):
+        stage = f"{log.name}: {'nominal' if wanted is None else 'corrected'}"
+        base = share[0] + 0.5 * share[1] * (name == "after")
+        per_s = 0.5 * share[1] / max(log.t[-1] - log.t[0], 1e-9)
+        told = partial(_tell, say, stage, base, per_s)
+        got = simulate(log, robot, wanted, setting, start, change if wanted is not None else None, told)
+        simulated[name] = got.out
+        notes += [note for note in got.notes if note not in notes]
+    return Run(log, start, replayed, simulated), notes
 
 
 def model_of(diagnosis: dict, robot, path: Path | None = None) -> Model:

@@ -91,19 +91,7 @@ def assemble(
     mode = _commands(file, mapping, robot, signals, notices)
     sides = robot.sides
     commands = [f"{'w_cmd' if mode == 'speed' else 'v_cmd'}_{s}" for s in sides]
-    if not any(f"{kind}_{s}" in signals for kind in ("w", "th") for s in sides):
-        lacking = "; ".join(
-            dict.fromkeys(
-                file.wanting(source)
-                for kind in ("w", "th")
-                for s in sides
-                for source in mapping.signals.get(f"{kind}_{s}", ())
-            )
-        )
-        raise InputError(
-            f"{path}: no measured wheel speed or angle (w_*, th_*): {lacking or str(mapping.path) + ' maps none'}"
-        )
-
+    _check_wheels(file, mapping, robot, signals)
     for name in ("x", "y", "yaw"):
         used = [source for source in mapping.signals.get(name, ()) if source.use == "start"]
         if used and name in signals:
@@ -121,6 +109,36 @@ def assemble(
     notices += [f"{path.name}: {text}" for text in faint(signals, robot)]
 
     signals, start_ns = _span(path, signals, commands, mapping, start_s, end_s, notices)
+    columns = _columns(signals, commands, start_ns, form)
+    return Imported(
+        path, mode, columns, start_ns, {n: int(np.isfinite(c).sum()) for n, c in columns.items()}, tuple(notices)
+    )
+
+
+def _check_wheels(file: Bag | Table, mapping: Mapping, robot: Robot, signals: dict[str, Series]) -> None:
+    """Whether a wheel's speed or angle is measured.
+
+    Raises
+    ------
+    InputError : none is; says what the recording lacks.
+    """
+    if any(f"{kind}_{s}" in signals for kind in ("w", "th") for s in robot.sides):
+        return
+    lacking = "; ".join(
+        dict.fromkeys(
+            file.wanting(source)
+            for kind in ("w", "th")
+            for s in robot.sides
+            for source in mapping.signals.get(f"{kind}_{s}", ())
+        )
+    )
+    raise InputError(
+        f"{file.path}: no measured wheel speed or angle (w_*, th_*): {lacking or str(mapping.path) + ' maps none'}"
+    )
+
+
+def _columns(signals: dict[str, Series], commands: list[str], start_ns: int, form: str) -> dict[str, np.ndarray]:
+    """The log's columns, NaN where a row has no sample of one."""
     t_ns = np.unique(np.concatenate([series.t_ns for series in signals.values()]))
     longest = (t_ns[-1] - t_ns[0]) / NS
     # A csv's nine digits hold microseconds up to 1000 s, ten of them up to 10000 s.
@@ -134,9 +152,7 @@ def assemble(
         column = np.full(len(ticks), math.nan)
         column[np.searchsorted(ticks, (series.t_ns - start_ns + grid // 2) // grid)] = series.values
         columns[name] = column
-    return Imported(
-        path, mode, columns, start_ns, {n: int(np.isfinite(c).sum()) for n, c in columns.items()}, tuple(notices)
-    )
+    return columns
 
 
 def _clock(file: Bag | Table, mapping: Mapping) -> list[str]:

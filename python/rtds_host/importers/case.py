@@ -71,17 +71,7 @@ def import_case(
     meta = meta or RunMeta(scenario="", notes="")
     out = Path(out)
     paths = [Path(source) for source in sources]
-    for option, value in (("--start-s", start_s), ("--end-s", end_s)):
-        if math.isnan(value) or value < 0 or start_s == math.inf:
-            raise InputError(f"{option} {value:g}: a time from the recording's start on is needed, in seconds")
-    if start_s >= end_s:
-        raise InputError(f"--start-s {start_s:g}: lies not before --end-s {end_s:g}")
-    if not paths:
-        raise InputError("nothing to import: give at least one bag or csv file")
-    for path in paths:
-        if not path.exists():
-            raise InputError(f"{path}: does not exist")
-        refuse_other(path)
+    _check_sources(paths, start_s, end_s)
     told = "given"
     if mapping is None:
         for path in paths:
@@ -95,25 +85,10 @@ def import_case(
         Path(part) if part and len(paths) == 1 else path.with_name(f"{path.stem}-{part}") if part else path
         for path, part in parts
     ]
-    exists = out.is_dir() and any(out.iterdir())
-    if exists and not append:
-        raise InputError(f"{out}: exists already; --append adds runs to it")
-    if append and not (out / "robot.toml").is_file():
-        raise InputError(f"{out / 'robot.toml'}: missing, there is no case to append to")
-    if append and robot is None:
-        nominal_path = out / "robot.toml"
-    else:
-        name = robot or mapped.robot
-        if name is None:
-            raise InputError(f"{out}: no nominal robot: give --robot NAME or --robot FILE (or robot = in the mapping)")
-        if os.path.sep not in name and not name.endswith(".toml"):
-            nominal_path = builtin_robot_path(name)
-        else:  # a mapping's path is relative to the mapping
-            nominal_path = Path(name) if robot is not None else mapped.path.parent / name
+    nominal_path = _nominal_path(out, robot, mapped, append)
     nominal = load_robot(nominal_path)
     whose = "given" if robot is not None else "the case's" if append else "the mapping's; --robot NAME for another"
     assumed = f"mapping {mapped.name} ({told}); nominal robot {nominal.name} ({whose})"
-
     runs: list[ImportedRun] = []
     for (path, part), name in zip(parts, _names(stems, names, out if append else None), strict=True):
         said = replace(meta, **mapped.runs.get(name, {}))
@@ -139,7 +114,55 @@ def import_case(
         if mapped.driver.get("bus") == "measured" and "v_bus" not in run.imported.columns:
             told = f"{run.imported.path.name}: v_bus is not there, the bus is taken to hold its nominal voltage"
             runs[k] = replace(run, imported=replace(run.imported, notices=(*run.imported.notices, told)))
-    text = case_robot(nominal_path, nominal, mapped, runs[0].imported.mode)
+    _write(runs, out, case_robot(nominal_path, nominal, mapped, runs[0].imported.mode), append, form)
+    return runs
+
+
+def _check_sources(paths: list[Path], start_s: float, end_s: float) -> None:
+    """Whether there is something to import, and the times make sense.
+
+    Raises
+    ------
+    InputError : there is not; names the option or the file.
+    """
+    for option, value in (("--start-s", start_s), ("--end-s", end_s)):
+        if math.isnan(value) or value < 0 or start_s == math.inf:
+            raise InputError(f"{option} {value:g}: a time from the recording's start on is needed, in seconds")
+    if start_s >= end_s:
+        raise InputError(f"--start-s {start_s:g}: lies not before --end-s {end_s:g}")
+    if not paths:
+        raise InputError("nothing to import: give at least one bag or csv file")
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path}: does not exist")
+        refuse_other(path)
+
+
+def _nominal_path(out: Path, robot: str | None, mapped: Mapping, append: bool) -> Path:
+    """Where the nominal robot is read from.
+
+    Raises
+    ------
+    InputError : no robot is named, or the case is there already, or is not there.
+    """
+    exists = out.is_dir() and any(out.iterdir())
+    if exists and not append:
+        raise InputError(f"{out}: exists already; --append adds runs to it")
+    if append and not (out / "robot.toml").is_file():
+        raise InputError(f"{out / 'robot.toml'}: missing, there is no case to append to")
+    if append and robot is None:
+        return out / "robot.toml"
+    name = robot or mapped.robot
+    if name is None:
+        raise InputError(f"{out}: no nominal robot: give --robot NAME or --robot FILE (or robot = in the mapping)")
+    if os.path.sep not in name and not name.endswith(".toml"):
+        return builtin_robot_path(name)
+    # A mapping's path is relative to the mapping.
+    return Path(name) if robot is not None else mapped.path.parent / name
+
+
+def _write(runs: list[ImportedRun], out: Path, text: str, append: bool, form: str) -> None:
+    """The case, whole or not at all; `text` is its robot.toml."""
     with staged_folder(out) as scratch, _named(scratch, out):
         (scratch / "robot.toml").write_text(text, encoding="utf-8")
         robot_written = load_robot(scratch / "robot.toml")
@@ -150,7 +173,6 @@ def import_case(
         for run in runs:
             write_run(scratch / run.name, run.meta, run.imported.columns, form)
             read_run(scratch / run.name, robot_written, need_measured=True)
-    return runs
 
 
 @contextmanager

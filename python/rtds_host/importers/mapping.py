@@ -141,6 +141,12 @@ def load_mapping(path_or_name: str | os.PathLike, above: tuple[str, ...] = ()) -
     return _Parser(path, (*above, place)).mapping(data)
 
 
+TOP_LEVEL = (
+    *("schema", "name", "robot", "base", "time", "table", "signal", "twist", "commands"),
+    *("driver", "servo", "sensors", "definitions", "runs"),
+)
+
+
 class _Parser:
     def __init__(self, path: Path, above: tuple[str, ...] = ()):
         self.path, self.above = path, above
@@ -234,26 +240,7 @@ class _Parser:
     def mapping(self, data: dict) -> Mapping:
         if data.get("schema") != SCHEMA:
             raise InputError(f"{self.path}: schema: is {shown(data.get('schema'))}, this program reads {SCHEMA!r}")
-        self.only(
-            "top level",
-            data,
-            (
-                "schema",
-                "name",
-                "robot",
-                "base",
-                "time",
-                "table",
-                "signal",
-                "twist",
-                "commands",
-                "driver",
-                "servo",
-                "sensors",
-                "definitions",
-                "runs",
-            ),
-        )
+        self.only("top level", data, TOP_LEVEL)
         base = self.text("base", data, "base", None)
         below = load_mapping(base, self.above) if base else Mapping(self.path, self.path.stem)
 
@@ -264,20 +251,7 @@ class _Parser:
         commands = self.table(data, "commands")
         self.only("[commands]", commands, ("before_first", "timeout_s"))
 
-        signals = dict(below.signals)
-        for channel, entry in self.table(data, "signal").items():
-            place = f"[signal.{channel}]"
-            if channel not in QUANTITY:
-                raise self.fail(
-                    place,
-                    f"is no channel of the contract, channels are {', '.join(QUANTITY)}"
-                    f"{did_you_mean(channel, QUANTITY)}",
-                )
-            entries = entry if isinstance(entry, list) else [entry]
-            if not all(isinstance(item, dict) for item in entries):
-                raise self.fail(place, "must be a table or a list of tables")
-            signals[channel] = tuple(self.source(place, channel, item) for item in entries)
-
+        signals = {**below.signals, **self.signals(data)}
         twist = below.twist
         if "twist" in data:
             twist = self.twist(self.table(data, "twist"))
@@ -324,6 +298,23 @@ class _Parser:
             definitions=definitions,
             runs=runs,
         )
+
+    def signals(self, data: dict) -> dict[str, tuple[Source, ...]]:
+        """Sources of each channel, as [signal] names them."""
+        found = {}
+        for channel, entry in self.table(data, "signal").items():
+            place = f"[signal.{channel}]"
+            if channel not in QUANTITY:
+                raise self.fail(
+                    place,
+                    f"is no channel of the contract, channels are {', '.join(QUANTITY)}"
+                    f"{did_you_mean(channel, QUANTITY)}",
+                )
+            entries = entry if isinstance(entry, list) else [entry]
+            if not all(isinstance(item, dict) for item in entries):
+                raise self.fail(place, "must be a table or a list of tables")
+            found[channel] = tuple(self.source(place, channel, item) for item in entries)
+        return found
 
     def apart(self, signals: dict[str, tuple[Source, ...]]) -> None:
         """One number of a log cannot be two measurements, nor a command and what came of it."""

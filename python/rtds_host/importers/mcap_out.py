@@ -5,11 +5,12 @@ from __future__ import annotations
 import io
 import math
 import os
+from collections.abc import Iterator
 
 import numpy as np
 from mcap_ros2.writer import Writer
 
-from rtds_host.contract import Robot, RunLog, write_atomic
+from rtds_host.contract import Chassis, Robot, RunLog, write_atomic
 from rtds_host.importers.messages import definition, full_name
 from rtds_host.importers.series import NS
 
@@ -42,113 +43,115 @@ def write_mcap(path: str | os.PathLike, run: RunLog, robot: Robot | None = None,
     buffer = io.BytesIO()
     with Writer(buffer) as writer:
         schemas: dict[str, object] = {}
-
-        def put(topic: str, kind: str, message: dict, now: int) -> None:
-            if kind not in schemas:
-                schemas[kind] = writer.register_msgdef(full_name(kind), definition(kind))
-            writer.write_message(topic, schemas[kind], message, log_time=now, publish_time=now)
-
         sides = [s for s in JOINTS if f"w_{s}" in columns or f"th_{s}" in columns]
         speeds = np.column_stack([columns.get(f"w_{s}", empty) for s in sides]) if sides else np.empty((len(run.t), 0))
         angles = np.column_stack([columns.get(f"th_{s}", empty) for s in sides]) if sides else np.empty((len(run.t), 0))
         for k, t in enumerate(run.t):
             now = start_ns + round(float(t) * NS)
             stamp = {"sec": now // NS, "nanosec": now % NS}
-            for name in PLAIN:
-                if name in columns and math.isfinite(columns[name][k]):
-                    put(f"/{name}", "std_msgs/Float64", {"data": float(columns[name][k])}, now)
-            moving, turned = np.isfinite(speeds[k]).any(), np.isfinite(angles[k]).any()
-            if moving or turned:
-                put(
-                    "/joint_states",
-                    "sensor_msgs/JointState",
-                    {
-                        "header": {"stamp": stamp, "frame_id": "base_link"},
-                        "name": [JOINTS[s] for s in sides],
-                        "position": angles[k].tolist() if turned else [],
-                        "velocity": speeds[k].tolist() if moving else [],
-                        "effort": [],
-                    },
-                    now,
-                )
-            rate = columns.get("gyro_z", empty)[k]
-            if math.isfinite(rate):
-                put(
-                    "/imu",
-                    "sensor_msgs/Imu",
-                    {
-                        "header": {"stamp": stamp, "frame_id": "imu_link"},
-                        "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
-                        "orientation_covariance": UNKNOWN,
-                        "angular_velocity": {"x": 0.0, "y": 0.0, "z": float(rate)},
-                        "angular_velocity_covariance": [0.0] * 9,
-                        "linear_acceleration": {"x": 0.0, "y": 0.0, "z": 0.0},
-                        "linear_acceleration_covariance": UNKNOWN,
-                    },
-                    now,
-                )
-            bus = columns.get("v_bus", empty)[k]
-            if math.isfinite(bus):
-                put(
-                    "/battery_state",
-                    "sensor_msgs/BatteryState",
-                    {
-                        "header": {"stamp": stamp, "frame_id": ""},
-                        "voltage": float(bus),
-                        "present": True,
-                        **{
-                            key: math.nan
-                            for key in ("temperature", "current", "charge", "capacity", "design_capacity", "percentage")
-                        },
-                        "power_supply_status": 0,
-                        "power_supply_health": 0,
-                        "power_supply_technology": 0,
-                        "cell_voltage": [],
-                        "cell_temperature": [],
-                        "location": "",
-                        "serial_number": "",
-                    },
-                    now,
-                )
-            x, y, yaw = (columns.get(name, empty)[k] for name in ("x", "y", "yaw"))
-            if math.isfinite(x) and math.isfinite(y) and math.isfinite(yaw):
-                turn = {"x": 0.0, "y": 0.0, "z": math.sin(yaw / 2.0), "w": math.cos(yaw / 2.0)}
-                place = {"x": float(x), "y": float(y), "z": 0.0}
-                forward = spin = math.nan
-                if robot is not None and robot.chassis is not None and len(sides) == 2:
-                    forward = robot.chassis.wheel_radius_m * float(speeds[k].sum()) / 2.0
-                    spin = (
-                        robot.chassis.wheel_radius_m * float(speeds[k, 1] - speeds[k, 0]) / robot.chassis.track_width_m
-                    )
-                put(
-                    "/odom",
-                    "nav_msgs/Odometry",
-                    {
-                        "header": {"stamp": stamp, "frame_id": "odom"},
-                        "child_frame_id": "base_footprint",
-                        "pose": {"pose": {"position": place, "orientation": turn}, "covariance": NO_COVARIANCE},
-                        "twist": {
-                            "twist": {
-                                "linear": {"x": forward, "y": 0.0, "z": 0.0},
-                                "angular": {"x": 0.0, "y": 0.0, "z": spin},
-                            },
-                            "covariance": NO_COVARIANCE,
-                        },
-                    },
-                    now,
-                )
-                put(
-                    "/tf",
-                    "tf2_msgs/TFMessage",
-                    {
-                        "transforms": [
-                            {
-                                "header": {"stamp": stamp, "frame_id": "odom"},
-                                "child_frame_id": "base_footprint",
-                                "transform": {"translation": place, "rotation": turn},
-                            }
-                        ]
-                    },
-                    now,
-                )
+            row = {name: float(columns[name][k]) for name in columns}
+            for topic, kind, message in (
+                *_plain(row),
+                *_joints(stamp, sides, speeds[k], angles[k]),
+                *_sensors(stamp, row),
+                *_pose(stamp, row, speeds[k], robot.chassis if robot is not None and len(sides) == 2 else None),
+            ):
+                if kind not in schemas:
+                    schemas[kind] = writer.register_msgdef(full_name(kind), definition(kind))
+                writer.write_message(topic, schemas[kind], message, log_time=now, publish_time=now)
     write_atomic(path, buffer.getvalue())
+
+
+# Topic, type and content of a message.
+Message = tuple[str, str, dict]
+
+
+def _plain(row: dict[str, float]) -> Iterator[Message]:
+    """Commands, currents and references of a row, one number each."""
+    for name in PLAIN:
+        if math.isfinite(row.get(name, math.nan)):
+            yield f"/{name}", "std_msgs/Float64", {"data": row[name]}
+
+
+def _joints(stamp: dict, sides: list[str], speeds: np.ndarray, angles: np.ndarray) -> Iterator[Message]:
+    """Wheels' speeds (sides,) rad/s and angles (sides,) rad."""
+    moving, turned = np.isfinite(speeds).any(), np.isfinite(angles).any()
+    if moving or turned:
+        yield (
+            "/joint_states",
+            "sensor_msgs/JointState",
+            {
+                "header": {"stamp": stamp, "frame_id": "base_link"},
+                "name": [JOINTS[s] for s in sides],
+                "position": angles.tolist() if turned else [],
+                "velocity": speeds.tolist() if moving else [],
+                "effort": [],
+            },
+        )
+
+
+def _sensors(stamp: dict, row: dict[str, float]) -> Iterator[Message]:
+    """Yaw rate and supply."""
+    rate, bus = row.get("gyro_z", math.nan), row.get("v_bus", math.nan)
+    if math.isfinite(rate):
+        yield (
+            "/imu",
+            "sensor_msgs/Imu",
+            {
+                "header": {"stamp": stamp, "frame_id": "imu_link"},
+                "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+                "orientation_covariance": UNKNOWN,
+                "angular_velocity": {"x": 0.0, "y": 0.0, "z": rate},
+                "angular_velocity_covariance": [0.0] * 9,
+                "linear_acceleration": {"x": 0.0, "y": 0.0, "z": 0.0},
+                "linear_acceleration_covariance": UNKNOWN,
+            },
+        )
+    if math.isfinite(bus):
+        unknown = ("temperature", "current", "charge", "capacity", "design_capacity", "percentage")
+        yield (
+            "/battery_state",
+            "sensor_msgs/BatteryState",
+            {
+                "header": {"stamp": stamp, "frame_id": ""},
+                "voltage": bus,
+                "present": True,
+                **{key: math.nan for key in unknown},
+                "power_supply_status": 0,
+                "power_supply_health": 0,
+                "power_supply_technology": 0,
+                "cell_voltage": [],
+                "cell_temperature": [],
+                "location": "",
+                "serial_number": "",
+            },
+        )
+
+
+def _pose(stamp: dict, row: dict[str, float], speeds: np.ndarray, body: Chassis | None) -> Iterator[Message]:
+    """Pose, and with the `body` the speeds that the wheels' (2,) rad/s make of it."""
+    x, y, yaw = (row.get(name, math.nan) for name in ("x", "y", "yaw"))
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(yaw)):
+        return
+    turn = {"x": 0.0, "y": 0.0, "z": math.sin(yaw / 2.0), "w": math.cos(yaw / 2.0)}
+    place = {"x": x, "y": y, "z": 0.0}
+    forward = spin = math.nan
+    if body is not None:
+        forward = body.wheel_radius_m * float(speeds.sum()) / 2.0
+        spin = body.wheel_radius_m * float(speeds[1] - speeds[0]) / body.track_width_m
+    at = {"header": {"stamp": stamp, "frame_id": "odom"}, "child_frame_id": "base_footprint"}
+    linear, angular = {"x": forward, "y": 0.0, "z": 0.0}, {"x": 0.0, "y": 0.0, "z": spin}
+    yield (
+        "/odom",
+        "nav_msgs/Odometry",
+        {
+            **at,
+            "pose": {"pose": {"position": place, "orientation": turn}, "covariance": NO_COVARIANCE},
+            "twist": {"twist": {"linear": linear, "angular": angular}, "covariance": NO_COVARIANCE},
+        },
+    )
+    yield (
+        "/tf",
+        "tf2_msgs/TFMessage",
+        {"transforms": [{**at, "transform": {"translation": place, "rotation": turn}}]},
+    )

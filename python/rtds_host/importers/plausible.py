@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from rtds_host.contract import Robot
+from rtds_host.contract import Chassis, Robot
 from rtds_host.importers.series import NS, Series
 from rtds_host.importers.units import DEGREE, RPM, TURN
 
@@ -85,22 +85,22 @@ def faint(signals: dict[str, Series], robot: Robot) -> list[str]:
 
 def complaints(signals: dict[str, Series], robot: Robot, mode: str) -> list[str]:
     """What looks like a wrong unit: one clause a channel, naming it. `signals`: contract's channel -> SI series."""
+    signals = {name: series for name, series in signals.items() if len(series) >= 2}
+    found = _beyond_motor(signals, robot, mode)
+    if not found:
+        found = _at_odds(signals, robot)
+    if not found and robot.chassis is not None:
+        found = _other_turns(signals, robot.chassis)
+    return found
+
+
+def _beyond_motor(signals: dict[str, Series], robot: Robot, mode: str) -> list[str]:
+    """Values that the motor and its supply cannot bring."""
     found = []
     sides = robot.sides
     motor = robot.motor
     back_emf = motor.back_emf_constant_v_s_per_rad * motor.gear_ratio
     electrical = mode != "torque" and math.isfinite(back_emf) and math.isfinite(motor.resistance_ohm)
-    signals = {name: series for name, series in signals.items() if len(series) >= 2}
-    radius = robot.chassis.wheel_radius_m if robot.chassis else math.nan
-    speed_factors = {
-        "rpm": 1.0 / RPM,
-        "deg/s": 1.0 / DEGREE,
-        "rev/s": 1.0 / TURN,
-        "m/s": radius,
-        "mm/s": 1e3 * radius,
-        "rad/s of the motor": motor.gear_ratio,
-    }
-
     if electrical:
         no_load = robot.supply_v / back_emf
         for name in [f"{kind}_{s}" for kind in ("w", "w_cmd") for s in sides]:
@@ -127,10 +127,22 @@ def complaints(signals: dict[str, Series], robot: Robot, mode: str) -> list[str]
         bus = float(np.median(signals["v_bus"].values))
         if not robot.supply_v / TOLERATED < bus < TOLERATED * robot.supply_v:
             found.append(f"v_bus is {bus:.3g} V, the nominal supply is {robot.supply_v:.3g} V")
-    if found:
-        return found
+    return found
 
-    for s in sides:
+
+def _at_odds(signals: dict[str, Series], robot: Robot) -> list[str]:
+    """Speeds that the same wheel's angle or command contradicts by a factor that is a unit's."""
+    found = []
+    radius = robot.chassis.wheel_radius_m if robot.chassis else math.nan
+    speed_factors = {
+        "rpm": 1.0 / RPM,
+        "deg/s": 1.0 / DEGREE,
+        "rev/s": 1.0 / TURN,
+        "m/s": radius,
+        "mm/s": 1e3 * radius,
+        "rad/s of the motor": robot.motor.gear_ratio,
+    }
+    for s in robot.sides:
         w, th, command = (signals.get(f"{kind}_{s}") for kind in ("w", "th", "w_cmd"))
         if w is not None and th is not None and len(edges := _edges(w, th)):
             ratio = _ratio(_means(w, edges), _slopes(th, edges))
@@ -146,21 +158,25 @@ def complaints(signals: dict[str, Series], robot: Robot, mode: str) -> list[str]
                 guess = _guess(ratio, speed_factors)
                 if guess:
                     found.append(f"w_{s} is {ratio:.3g} times w_cmd_{s}{guess}")
-    if robot.chassis is None or found:
-        return found
+    return found
 
-    wheels = [signals[f"w_{s}"] for s in sides if f"w_{s}" in signals]
+
+def _other_turns(signals: dict[str, Series], body: Chassis) -> list[str]:
+    """Turns and ways that the wheels contradict."""
+    found: list[str] = []
+    radius = body.wheel_radius_m
+    wheels = [signals[f"w_{s}"] for s in "lr" if f"w_{s}" in signals]
     slope_of = _means
-    if len(wheels) < len(sides):
-        wheels = [signals[f"th_{s}"] for s in sides if f"th_{s}" in signals]
+    if len(wheels) < 2:
+        wheels = [signals[f"th_{s}"] for s in "lr" if f"th_{s}" in signals]
         slope_of = _slopes
-    if len(wheels) < len(sides):
+    if len(wheels) < 2:
         return found
     for name, slope in (("gyro_z", _means), ("yaw", _slopes)):
         series = signals.get(name)
         if series is not None and len(edges := _edges(series, *wheels)):
             left, right = (slope_of(wheel, edges) for wheel in wheels)
-            ratio = _ratio(slope(series, edges), radius * (right - left) / robot.chassis.track_width_m)
+            ratio = _ratio(slope(series, edges), radius * (right - left) / body.track_width_m)
             if ratio is not None and not 1.0 / TOLERATED < abs(ratio) < TOLERATED:
                 found.append(
                     f"{name} is {ratio:.3g} times what the wheels' speeds make of it"

@@ -147,7 +147,6 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None, 
         pick(options.uphill_yaw_rad, scenario.uphill_yaw_rad),
         options.support,
     )
-    split = make_split(robot, body) if options.coupling == "closed" else None
     chosen = scenario.values(values)
     motion = check_reach(scenario, chosen, robot, body)
     voltage = isinstance(motion, VoltageMotion)
@@ -156,20 +155,7 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None, 
             f"scenario {scenario.name!r}: drives by voltage, there is no reference the robot could "
             "follow with coupling 'paper'"
         )
-    exchange_s = pick(
-        options.exchange_s,
-        None if scenario.exchange_s is None or options.controller == "paper" else scenario.exchange_s,
-    )
-    exchange = _steps("exchange", pick(exchange_s, CONTROLLERS[options.controller]))
-    # A row must stand wherever the command may change.
-    period = _steps("scenario's period", motion.period_s) if isinstance(motion, VoltageMotion) else exchange
-    grid = period if period % exchange == 0 else exchange
-    log = _divisor(grid, LOG_LIMIT_STEPS) if options.log_s is None else _steps("log interval", options.log_s)
-    if grid % log:
-        raise InputError(
-            f"log interval: is {log * STEP_S:g} s, it must divide {grid * STEP_S:g} s, at which the "
-            "voltages change, or the log could not hold them"
-        )
+    exchange, log = _intervals(scenario, motion, options)
     if 0 < options.simulator_step_s < FINEST_STEP_S:
         raise InputError(f"step: is {options.simulator_step_s:g} s, it must be at least {FINEST_STEP_S:g} s")
     total = max(1, math.ceil(motion.duration_s / STEP_S - 1e-6))
@@ -190,8 +176,31 @@ def make_plan(scenario: str | Scenario, values: dict[str, float] | None = None, 
         total_steps=total,
         simulator_step_s=options.simulator_step_s,
         method=options.method,
-        split=split,
+        split=make_split(robot, body) if options.coupling == "closed" else None,
     )
+
+
+def _intervals(scenario: Scenario, motion: Motion, options: Options) -> tuple[int, int]:
+    """Engine steps between exchanges, and between rows of the log.
+
+    Raises
+    ------
+    InputError : an interval that is no whole number of steps, or a log that misses changes of the command.
+    """
+    exchange_s = options.exchange_s
+    if exchange_s is None and options.controller != "paper":
+        exchange_s = scenario.exchange_s
+    exchange = _steps("exchange", CONTROLLERS[options.controller] if exchange_s is None else exchange_s)
+    # A row must stand wherever the command may change.
+    period = _steps("scenario's period", motion.period_s) if isinstance(motion, VoltageMotion) else exchange
+    grid = period if period % exchange == 0 else exchange
+    log = _divisor(grid, LOG_LIMIT_STEPS) if options.log_s is None else _steps("log interval", options.log_s)
+    if grid % log:
+        raise InputError(
+            f"log interval: is {log * STEP_S:g} s, it must divide {grid * STEP_S:g} s, at which the "
+            "voltages change, or the log could not hold them"
+        )
+    return exchange, log
 
 
 def other_controller(plan: Plan) -> Plan:

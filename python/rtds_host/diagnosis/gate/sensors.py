@@ -84,25 +84,26 @@ def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Fi
                     found.append(judge[0])
                     aside[c] = np.union1d(aside.get(c, np.empty(0, int)), good[judge[1]])
         if c == "yaw" or c.startswith("th_"):
-            steps = np.diff(v)
-            # Against the steps beside it: a fast wheel may turn by a whole turn from sample to sample.
-            usual = float(np.quantile(np.abs(steps), 1.0 - HANDFUL))
-            turns = np.flatnonzero(
-                (np.abs(np.abs(steps) - 2 * math.pi) < max(usual, MOVES * noise))
-                & (np.abs(steps - np.append(steps[1:], steps[-2])) > math.pi)
-            )
-            if turns.size and np.median(np.abs(steps)) < SLIGHT * 2 * math.pi:
-                found.append(
-                    Finding(
-                        log.name,
-                        c,
-                        "wrapped",
-                        "warning",
-                        f"{c} jumps by a whole turn {turns.size} time(s), first at "
-                        f"t = {moment(t[turns[0] + 1])} s: it is wrapped; unwrap it.",
-                    )
-                )
+            found += _wrapped(log, c, v, t, noise)
     return found, aside
+
+
+def _wrapped(log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float) -> list[Finding]:
+    """Whether an angle (n,) rad jumps by whole turns."""
+    steps = np.diff(v)
+    # Against the steps beside it: a fast wheel may turn by a whole turn from sample to sample.
+    usual = float(np.quantile(np.abs(steps), 1.0 - HANDFUL))
+    turns = np.flatnonzero(
+        (np.abs(np.abs(steps) - 2 * math.pi) < max(usual, MOVES * noise))
+        & (np.abs(steps - np.append(steps[1:], steps[-2])) > math.pi)
+    )
+    if not turns.size or not np.median(np.abs(steps)) < SLIGHT * 2 * math.pi:
+        return []
+    text = (
+        f"{c} jumps by a whole turn {turns.size} time(s), first at t = {moment(t[turns[0] + 1])} s: it is wrapped; "
+        "unwrap it."
+    )
+    return [Finding(log.name, c, "wrapped", "warning", text)]
 
 
 def _slow(log: RunLog, c: str, t: np.ndarray) -> list[Finding]:
