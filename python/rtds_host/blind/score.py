@@ -667,6 +667,29 @@ def by_effect(records: list[dict]) -> list[tuple[str, int, int, int, int]]:
     return [(name, row[0], row[1], row[2], row[3]) for name, row in sorted(counts.items())]
 
 
+def _closure(t: dict) -> str:
+    """Median and quartiles of what was closed."""
+    c = t["closure"]
+    return "–" if c["median"] is None else f"{c['median']:.2f} ({c['quartiles'][0]:.2f} to {c['quartiles'][1]:.2f})"
+
+
+def _case_row(r: dict) -> str:
+    """The row of one case: what was there against what was named."""
+    missed = {(name, side) for name, side, hit in r["asked"] if not hit}
+    there = ", ".join(f"**{i} {s}**" if (i, s) in missed else f"{i} {s}" for i, s in r["truth"]) or (
+        f"outside: {r['outside']}" if r["outside"] else "nothing"
+    )
+    there += f"; rest: {r['rest']}" if r["rest"] else ""
+    blamed = ", ".join(f"{i} {s}" for i, s in r["blamed"]) or "nothing"
+    c = r["closure"] or {}
+    return (
+        f"| {r['case']} | {r['tier']} | {r['world']} | {there} | {blamed} | {r['verdict'] or 'no answer'} |"
+        f" {r['size_sigma'] if r['size_sigma'] is not None else '–'} |"
+        f" {'–' if c.get('closed') is None else format(c['closed'], '.2f')} |"
+        f" {'–' if r['seconds'] is None else format(r['seconds'], '.0f')} s |"
+    )
+
+
 def page(result: dict) -> str:
     """A page in Markdown with the figures of a scored check."""
     groups = [*result["tiers"], "visible", *result["worlds"]]
@@ -699,11 +722,7 @@ def page(result: dict) -> str:
     def line(title: str, text) -> str:
         return f"| {title} | " + " | ".join(text(tables[g]) for g in groups) + " |"
 
-    def closed(t: dict) -> str:
-        c = t["closure"]
-        return "–" if c["median"] is None else f"{c['median']:.2f} ({c['quartiles'][0]:.2f} to {c['quartiles'][1]:.2f})"
-
-    lines.append(line("closure on unseen runs, median (quartiles)", closed))
+    lines.append(line("closure on unseen runs, median (quartiles)", _closure))
     lines.append(
         line(
             "of what the known part can close, median",
@@ -749,18 +768,5 @@ def page(result: dict) -> str:
         "| case | kind | world | there | named | verdict | size (sigma) | closed | time |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
-    for r in result["cases"]:
-        missed = {(name, side) for name, side, hit in r["asked"] if not hit}
-        there = ", ".join(f"**{i} {s}**" if (i, s) in missed else f"{i} {s}" for i, s in r["truth"]) or (
-            f"outside: {r['outside']}" if r["outside"] else "nothing"
-        )
-        there += f"; rest: {r['rest']}" if r["rest"] else ""
-        blamed = ", ".join(f"{i} {s}" for i, s in r["blamed"]) or "nothing"
-        c = r["closure"] or {}
-        lines.append(
-            f"| {r['case']} | {r['tier']} | {r['world']} | {there} | {blamed} | {r['verdict'] or 'no answer'} |"
-            f" {r['size_sigma'] if r['size_sigma'] is not None else '–'} |"
-            f" {'–' if c.get('closed') is None else format(c['closed'], '.2f')} |"
-            f" {'–' if r['seconds'] is None else format(r['seconds'], '.0f')} s |"
-        )
+    lines += [_case_row(r) for r in result["cases"]]
     return "\n".join(lines) + "\n"

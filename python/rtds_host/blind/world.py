@@ -123,6 +123,33 @@ COPPER_PER_K = 0.0039
 PRESLIDING_RAD = 2e-3
 
 
+def _actuators(label: str, p: np.ndarray, gear: float) -> list[str]:
+    """Motor, dry friction and cogging of one side; `p`: its column of `side`."""
+    actuators = []
+    thermal = ""
+    if p[S_HEAT_TAU] > 0:
+        thermal = f'thermal="{p[S_HEAT_PER_WATT] / COPPER_PER_K:.9g} 0 {p[S_HEAT_TAU]:.9g} {COPPER_PER_K} 25 25"'
+    actuators.append(
+        f'<dcmotor name="motor_{label}" joint="gear_{label}" gear="{gear:.9g}" resistance="{p[S_RESISTANCE]:.9g}" '
+        f'motorconst="{p[S_TORQUE_CONSTANT]:.9g} {p[S_BACK_EMF]:.9g}" inductance="{p[S_INDUCTANCE]:.9g} 0" '
+        f"{thermal}/>"
+    )
+    coulomb, extra = p[S_COULOMB], p[S_STRIBECK]
+    if coulomb + extra > 0:
+        stiff = (coulomb + extra) / PRESLIDING_RAD
+        actuators.append(
+            f'<dcmotor name="dry_{label}" joint="gear_{label}" input="none" motorconst="0 0" resistance="1" '
+            f'lugre="{stiff:.9g} {0.3 * math.sqrt(stiff * 7e-3):.9g} {max(coulomb, 1e-6):.9g} '
+            f'{coulomb + extra:.9g} {p[S_STRIBECK_SPEED]:.9g}"/>'
+        )
+    if p[S_RIPPLE] != 0:
+        actuators.append(
+            f'<dcmotor name="cogs_{label}" joint="gear_{label}" input="none" motorconst="0 0" resistance="1" '
+            f'cogging="{p[S_RIPPLE]:.9g} {round(p[S_RIPPLE_CYCLES])} {p[S_RIPPLE_PHASE]:.9g}"/>'
+        )
+    return actuators
+
+
 def model_xml(side: np.ndarray, world: np.ndarray) -> str:
     """The robot as MJCF.
 
@@ -183,27 +210,7 @@ def model_xml(side: np.ndarray, world: np.ndarray) -> str:
             f'axis="0 1 0" armature="{gear * gear * p[S_INERTIA]:.9g}" damping="{max(damping, 0.0):.9g}" '
             f'frictionloss="{roll:.9g}"/>{inner}</body>'
         )
-        thermal = ""
-        if p[S_HEAT_TAU] > 0:
-            thermal = f'thermal="{p[S_HEAT_PER_WATT] / COPPER_PER_K:.9g} 0 {p[S_HEAT_TAU]:.9g} {COPPER_PER_K} 25 25"'
-        actuators.append(
-            f'<dcmotor name="motor_{label}" joint="gear_{label}" gear="{gear:.9g}" resistance="{p[S_RESISTANCE]:.9g}" '
-            f'motorconst="{p[S_TORQUE_CONSTANT]:.9g} {p[S_BACK_EMF]:.9g}" inductance="{p[S_INDUCTANCE]:.9g} 0" '
-            f"{thermal}/>"
-        )
-        coulomb, extra = p[S_COULOMB], p[S_STRIBECK]
-        if coulomb + extra > 0:
-            stiff = (coulomb + extra) / PRESLIDING_RAD
-            actuators.append(
-                f'<dcmotor name="dry_{label}" joint="gear_{label}" input="none" motorconst="0 0" resistance="1" '
-                f'lugre="{stiff:.9g} {0.3 * math.sqrt(stiff * 7e-3):.9g} {max(coulomb, 1e-6):.9g} '
-                f'{coulomb + extra:.9g} {p[S_STRIBECK_SPEED]:.9g}"/>'
-            )
-        if p[S_RIPPLE] != 0:
-            actuators.append(
-                f'<dcmotor name="cogs_{label}" joint="gear_{label}" input="none" motorconst="0 0" resistance="1" '
-                f'cogging="{p[S_RIPPLE]:.9g} {round(p[S_RIPPLE_CYCLES])} {p[S_RIPPLE_PHASE]:.9g}"/>'
-            )
+        actuators += _actuators(label, p, gear)
     return (
         f'<mujoco model="second-world"><compiler angle="radian"/><option timestep="{STEP_S}" integrator="implicitfast"'
         f' cone="elliptic" impratio="10" iterations="30" tolerance="1e-10" gravity="{GRAVITY_M_S2 * gx:.9g}'

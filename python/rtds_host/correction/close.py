@@ -116,8 +116,7 @@ def close(
     Parameters
     ----------
     setting : of the simulator. diagnosis : content of a diagnosis.json and the path it was read from; without it the
-    runs that
-        are not held out are diagnosed (`quick`: by a narrower search).
+        runs that are not held out are diagnosed (`quick`: by a narrower search).
     hold_out : names of the runs to replay; by default the last one, with a given diagnosis all.
     causes : vary the simulator one thing at a time on the first of them, to say where it differs from the replay.
     table : estimate what the diagnosis leaves as a table and load it too. remainder : a table estimated before.
@@ -153,8 +152,7 @@ def close(
     # The diagnosis has put the clock of its runs right by itself; the ones that are replayed need it, too.
     case, told = on_its_clock(case, model)
     notes += [finding.text for finding in told]
-    logs = [run for run in case.runs if run.name in names]
-    inputs = _inputs(case, model, logs)
+    inputs = _inputs(case, model, logs := [run for run in case.runs if run.name in names])
     if table and remainder is None:
         remainder = estimate(on_its_clock(fitted, model)[0], model, diagnosis)
         if remainder is None:

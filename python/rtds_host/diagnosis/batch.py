@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
@@ -26,7 +26,7 @@ from rtds_host.diagnosis.report import print_summary, report_page, validate
 from rtds_host.diagnosis.report.made import written
 from rtds_host.errors import InputError, OutputError, visible
 from rtds_host.remains import scratch_name, sweep
-from rtds_host.spread import cores, on_cluster, on_cores
+from rtds_host.spread import Outcome, cores, on_cluster, on_cores
 from rtds_host.vectors import given
 
 FILES = ("diagnosis.json", "report.html")
@@ -255,6 +255,36 @@ def _checked(cases: list[Path], out: Path) -> dict[str, Path]:
     return by_name
 
 
+def _bar() -> Progress:
+    """How many cases are done, where somebody looks on."""
+    return Progress(
+        TextColumn("diagnosing"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}", markup=False),
+        console=Console(stderr=True),
+        transient=True,
+        disable=not sys.stderr.isatty(),
+    )
+
+
+def _outcomes(
+    work: Explain, todo: Mapping[str, Path], quick: bool, seed: int, jobs: int, scheduler: str | None
+) -> Generator[Outcome, None, None]:
+    """Outcomes of the cases as they come, here or from a cluster."""
+    if scheduler is not None:
+
+        def loaded(case: Path) -> tuple:
+            return read_writable_case(case), quick, seed, 1
+
+        return on_cluster(work, {name: partial(loaded, case) for name, case in todo.items()}, scheduler)
+    processes = jobs if jobs > 0 else cores()
+    threads = max(1, processes // max(1, len(todo)))
+    arguments = {name: (work, str(case), quick, seed, threads) for name, case in todo.items()}
+    return on_cores(_explain_folder, arguments, processes)
+
+
 def run_many(
     cases: list[Path],
     out: Path,
@@ -304,31 +334,8 @@ def run_many(
         todo = {name: case for name, case in by_name.items() if name not in rows}
         if done:
             say(f"{len(done)} of {len(by_name)} cases are done already")
-        if scheduler is not None:
-
-            def loaded(case: Path) -> tuple:
-                return read_writable_case(case), quick, seed, 1
-
-            outcomes = on_cluster(work, {name: partial(loaded, case) for name, case in todo.items()}, scheduler)
-        else:
-            processes = jobs if jobs > 0 else cores()
-            threads = max(1, processes // max(1, len(todo)))
-            outcomes = on_cores(
-                _explain_folder,
-                {name: (work, str(case), quick, seed, threads) for name, case in todo.items()},
-                processes,
-            )
-        columns = (
-            TextColumn("diagnosing"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("{task.description}", markup=False),
-        )
-        with (
-            closing(outcomes),
-            Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar,
-        ):
+        outcomes = _outcomes(work, todo, quick, seed, jobs, scheduler)
+        with closing(outcomes), _bar() as bar:
             task = bar.add_task("", total=len(by_name), completed=len(rows))
             for outcome in outcomes if todo else ():
                 name, error = outcome.name, outcome.error

@@ -17,7 +17,9 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -140,97 +142,142 @@ def _coverage(rows: list[dict]) -> list[bool]:
     return result
 
 
-def page(rows: list[dict], command: str) -> str:
-    """The page: rates with 95 % intervals by Wilson, the comparison, and the confusions."""
+@dataclass(frozen=True)
+class Groups:
+    """Cases of the table by what they test: all; of a visible effect, a weak one, a single one; of none, of one outside
+    the catalogue; with their effect taken out of the catalogue.
+    """
+
+    main: list[dict]
+    strong: list[dict]
+    weak: list[dict]
+    single: list[dict]
+    none: list[dict]
+    unknown: list[dict]
+    removed: list[dict]
+
+
+def grouped(rows: list[dict]) -> Groups:
+    """The groups of some answered cases."""
     main = [r for r in rows if not r["removed"]]
     strong = [r for r in main if r["truth"]["verdict"] == "known" and (r["truth"].get("size_sigma") or 0) >= SIZE_SIGMA]
-    weak = [r for r in main if r["truth"]["verdict"] == "known" and r not in strong]
-    single = [r for r in strong if r["tier"] in ("all", "tol")]
-    none = [r for r in main if r["tier"] == "none"]
-    unknown = [r for r in main if r["tier"] == "unknown"]
+    return Groups(
+        main,
+        strong,
+        [r for r in main if r["truth"]["verdict"] == "known" and r not in strong],
+        [r for r in strong if r["tier"] in ("all", "tol")],
+        [r for r in main if r["tier"] == "none"],
+        [r for r in main if r["tier"] == "unknown"],
+        [r for r in rows if r["removed"]],
+    )
+
+
+def exact(r: dict) -> bool:
+    """Whether a case's answer is its truth."""
+    return r["diagnosis"]["verdict"] in ("known", "partial") and members_named(r["diagnosis"]) == _true(r["truth"])
+
+
+def page(rows: list[dict], command: str) -> str:
+    """The page: rates with 95 % intervals by Wilson, the comparison, and the confusions."""
+    of = grouped(rows)
     lines = [
         "# How often the diagnosis is right",
         "",
         (
-            f"Made by `{command}`: {len(main)} cases of the planar world, and {len(rows) - len(main)} with their "
+            f"Made by `{command}`: {len(of.main)} cases of the planar world, and {len(of.removed)} with their "
             "effect taken out of the catalogue. Truths of at least 5 sigma (nuisances projected off) unless said "
             "otherwise; 95 % intervals."
         ),
         "",
         "| | |",
         "|---|---|",
+        *(f"| {name} | {value} |" for name, value in (*_rates(of), *_beyond(of), *_sizes(of))),
     ]
+    return "\n".join([*lines, *_against(of), *_confusions(of)])
 
-    def row(name: str, value: str) -> None:
-        lines.append(f"| {name} | {value} |")
 
-    def exact(r: dict) -> bool:
-        return r["diagnosis"]["verdict"] in ("known", "partial") and members_named(r["diagnosis"]) == _true(r["truth"])
-
-    row("right cause and side, all channels, no tolerance", _share([exact(r) for r in strong if r["tier"] == "all"]))
-    row("the same with motors off by 1 %", _share([exact(r) for r in strong if r["tier"] == "tol"]))
-    row(
+def _rates(of: Groups) -> Iterator[tuple[str, str]]:
+    """How often causes, sides and places are right."""
+    yield (
+        "right cause and side, all channels, no tolerance",
+        _share([exact(r) for r in of.strong if r["tier"] == "all"]),
+    )
+    yield ("the same with motors off by 1 %", _share([exact(r) for r in of.strong if r["tier"] == "tol"]))
+    yield (
         "right or inside a declared set of at most 3 (both)",
-        _share([exact(r) or _in_set(r["diagnosis"], r["truth"]) for r in single]),
+        _share([exact(r) or _in_set(r["diagnosis"], r["truth"]) for r in of.single]),
     )
-    row(
+    yield (
         "few channels: right or inside a set",
-        _share([exact(r) or _in_set(r["diagnosis"], r["truth"]) for r in strong if r["tier"] == "few"]),
+        _share([exact(r) or _in_set(r["diagnosis"], r["truth"]) for r in of.strong if r["tier"] == "few"]),
     )
-    row("pairs: both", _share([exact(r) or _in_set(r["diagnosis"], r["truth"]) for r in strong if r["tier"] == "pair"]))
-    row(
+    yield (
+        "pairs: both",
+        _share([exact(r) or _in_set(r["diagnosis"], r["truth"]) for r in of.strong if r["tier"] == "pair"]),
+    )
+    yield (
         "pairs: at least one",
-        _share([bool(members_named(r["diagnosis"]) & _true(r["truth"])) for r in strong if r["tier"] == "pair"]),
+        _share([bool(members_named(r["diagnosis"]) & _true(r["truth"])) for r in of.strong if r["tier"] == "pair"]),
     )
-    row(
+    yield (
         "right subsystem (largest share)",
         _share(
             [
                 bool(r["diagnosis"]["located"])
                 and r["diagnosis"]["located"][0]["subsystem"] in {e["subsystem"] for e in r["truth"]["effects"]}
-                for r in single
+                for r in of.single
             ]
         ),
     )
-    row("false cause where there is none", _share([bool(r["diagnosis"]["effects"]) for r in none]))
-    row("unknown recognised (outside effects)", _share([r["diagnosis"]["verdict"] == "unknown" for r in unknown]))
-    row("wrongly unknown", _share([r["diagnosis"]["verdict"] == "unknown" for r in single]))
-    removed = [r for r in rows if r["removed"]]
-    same = [r for r in removed if r["diagnosis"]["verdict"] == "known" and r["diagnosis"]["gap"]["after"] < 1.1]
-    small = [r for r in removed if r["diagnosis"]["verdict"] == "none" and r["diagnosis"]["gap"]["refit"] < 1.1]
-    row(
+    yield ("false cause where there is none", _share([bool(r["diagnosis"]["effects"]) for r in of.none]))
+    yield ("unknown recognised (outside effects)", _share([r["diagnosis"]["verdict"] == "unknown" for r in of.unknown]))
+    yield ("wrongly unknown", _share([r["diagnosis"]["verdict"] == "unknown" for r in of.single]))
+
+
+def _beyond(of: Groups) -> Iterator[tuple[str, str]]:
+    """What becomes of an effect that the catalogue does not have."""
+    same = [r for r in of.removed if r["diagnosis"]["verdict"] == "known" and r["diagnosis"]["gap"]["after"] < 1.1]
+    small = [r for r in of.removed if r["diagnosis"]["verdict"] == "none" and r["diagnosis"]["gap"]["refit"] < 1.1]
+    yield (
         "unknown, effect taken out of the catalogue, where that leaves a gap and no other effect does the same",
-        _share([r["diagnosis"]["verdict"] == "unknown" for r in removed if r not in same and r not in small]),
+        _share([r["diagnosis"]["verdict"] == "unknown" for r in of.removed if r not in same and r not in small]),
     )
-    row(
+    yield (
         "… others of these: another effect leaves a gap below 1.1; the refit alone does, and nothing is named",
-        f"{len(same)} and {len(small)} of {len(removed)}",
+        f"{len(same)} and {len(small)} of {len(of.removed)}",
     )
+
+
+def _sizes(of: Groups) -> Iterator[tuple[str, str]]:
+    """Closure, intervals, weak effects and time."""
     closed = [
         r["diagnosis"]["gap"]["closed"]
-        for r in strong
+        for r in of.strong
         if r["diagnosis"]["verdict"] == "known" and r["diagnosis"]["gap"]["closed"] is not None
     ]
-    row(
+    yield (
         "closure on held-out runs, median (5 % quantile)",
         f"{np.median(closed):.3f} ({np.quantile(closed, 0.05):.3f}), {len(closed)} cases" if closed else "no case",
     )
-    row("90 % intervals that hold the truth", _share(_coverage([r for r in single if exact(r)])))
-    row(
+    yield ("90 % intervals that hold the truth", _share(_coverage([r for r in of.single if exact(r)])))
+    yield (
         f"weak effects (below {SIZE_SIGMA:g} sigma): right, none, other",
         " / ".join(
             str(x)
             for x in (
-                sum(exact(r) for r in weak),
-                sum(r["diagnosis"]["verdict"] == "none" for r in weak),
-                sum(not exact(r) and r["diagnosis"]["verdict"] != "none" for r in weak),
+                sum(exact(r) for r in of.weak),
+                sum(r["diagnosis"]["verdict"] == "none" for r in of.weak),
+                sum(not exact(r) and r["diagnosis"]["verdict"] != "none" for r in of.weak),
             )
         ),
     )
-    seconds = [r["seconds"] for r in main]
-    row("CPU seconds a case, median (largest)", f"{np.median(seconds):.1f} ({max(seconds):.0f})")
+    seconds = [r["seconds"] for r in of.main]
+    yield ("CPU seconds a case, median (largest)", f"{np.median(seconds):.1f} ({max(seconds):.0f})")
 
-    lines += [
+
+def _against(of: Groups) -> list[str]:
+    """The comparison with other methods on the same fits."""
+    lines = [
         "",
         "## Against what one would do today",
         "",
@@ -242,7 +289,7 @@ def page(rows: list[dict], command: str) -> str:
         ),
         "|---|---|---|---|---|",
     ]
-    pairs = [r for r in strong if r["tier"] == "pair"]
+    pairs = [r for r in of.strong if r["tier"] == "pair"]
 
     def answer(r: dict, method: str) -> set[tuple[str, str]]:
         return members_named(r["diagnosis"]) if method == METHODS[0] else {tuple(x) for x in r["others"][method]}
@@ -256,16 +303,20 @@ def page(rows: list[dict], command: str) -> str:
             + " | ".join(
                 [
                     method,
-                    rate([answer(r, method) == _true(r["truth"]) for r in single]),
+                    rate([answer(r, method) == _true(r["truth"]) for r in of.single]),
                     rate([answer(r, method) == _true(r["truth"]) for r in pairs]),
-                    rate([bool(answer(r, method)) for r in none]),
-                    rate([bool(answer(r, method)) for r in unknown]),
+                    rate([bool(answer(r, method)) for r in of.none]),
+                    rate([bool(answer(r, method)) for r in of.unknown]),
                 ]
             )
             + " |"
         )
+    return lines
 
-    lines += [
+
+def _confusions(of: Groups) -> list[str]:
+    """What single effects were taken for, and how many of each were right."""
+    lines = [
         "",
         "## Confusions",
         "",
@@ -275,21 +326,21 @@ def page(rows: list[dict], command: str) -> str:
         "|---|---|---|",
     ]
     wrong: Counter[tuple[str, str]] = Counter()
-    for r in single:
+    for r in of.single:
         if not exact(r):
             name = (
                 ", ".join(sorted(f"{e} ({s})" for e, s in members_named(r["diagnosis"]))) or r["diagnosis"]["verdict"]
             )
             wrong[(", ".join(sorted(f"{e} ({s})" for e, s in _true(r["truth"]))), name)] += 1
     lines += [f"| {a} | {b} | {n} |" for (a, b), n in sorted(wrong.items())] or ["| – | – | 0 |"]
-    right = Counter(e for r in single if exact(r) for e, _ in _true(r["truth"]))
-    total = Counter(e for r in single for e, _ in _true(r["truth"]))
+    right = Counter(e for r in of.single if exact(r) for e, _ in _true(r["truth"]))
+    total = Counter(e for r in of.single for e, _ in _true(r["truth"]))
     lines += [
         "",
         "Right of all, by effect: " + ", ".join(f"{e} {right[e]}/{n}" for e, n in sorted(total.items())) + ".",
         "",
     ]
-    return "\n".join(lines)
+    return lines
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.heldout import HeldOut, held_out
 from rtds_host.diagnosis.intervals import Key, intervals
 from rtds_host.diagnosis.likelihood import correlated
-from rtds_host.diagnosis.localise import localise
+from rtds_host.diagnosis.localise import Localisation, localise
 from rtds_host.diagnosis.localise.shares import FAINT
 from rtds_host.diagnosis.nuisances import SETUP
 from rtds_host.diagnosis.problem import CHANNELS, Problem
@@ -248,11 +248,25 @@ def conclude(
         "next_experiment": None,
     }
     diagnosis["next_experiment"] = next_experiment(problem, found.search, weighed, diagnosis)
-    details = Details(
+    lies = localisation, after if weighed.standing else None
+    return diagnosis, _details(found, gate, weighed, held, shapes.notes, lies)
+
+
+def _details(
+    found: Investigation,
+    gate: Gate,
+    weighed: Account,
+    held: HeldOut,
+    notes: list[str],
+    lies: tuple[Localisation, Localisation | None],
+) -> Details:
+    """What the report shows beyond the diagnosis; `lies`: where the gap lies before and after the effects."""
+    problem = found.problem
+    return Details(
         case=problem.case,
         gate=gate,
-        localisation=localisation,
-        localisation_after=after if weighed.standing else None,
+        localisation=lies[0],
+        localisation_after=lies[1],
         candidates=_candidates(found, weighed),
         traces=held.traces,
         regimes={k: {n: _round(v) for n, v in e.items()} for k, e in held.regimes.items()},
@@ -260,11 +274,10 @@ def conclude(
         decided={(member[0], _side(problem, member)): found for member, found in held.decided.items()},
         notes=list(problem.case.notices)
         + held.notes
-        + shapes.notes
+        + notes
         + said_of_end(found.search)
         + _louder(problem, weighed.fit),
     )
-    return diagnosis, details
 
 
 def said_of_end(search: Search) -> list[str]:

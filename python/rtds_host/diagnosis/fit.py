@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import deque
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypeVar
@@ -312,6 +312,25 @@ class Fitter:
             self.problem, [self.fitting(hypothesis, start, z, noise, iterations, known, fixed, by_nuisance, least)]
         )[0]
 
+    def _own(self, hypothesis: Hypothesis, known: Mapping[tuple[str, str], np.ndarray]) -> list[int]:
+        """Places in (z, u) of the parameters whose derivatives are not known."""
+        own, at = [], self.count
+        for member in hypothesis:
+            count = len(self.effects[member[0]].parameters)
+            own += [] if member in known else list(range(at, at + count))
+            at += count
+        return own
+
+    def _slope(
+        self, x: np.ndarray, r: np.ndarray, noise: Likelihood, by_nuisance: np.ndarray, by_effect: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient (k + p,) and Hessian (k + p, k + p) of half the objective, by Gauss and Newton."""
+        jacobian = noise.whitened([*by_nuisance.T, *by_effect.T])
+        white = noise.whiten(r)
+        weight = prior_weight(x[: self.count], x[self.count :])
+        gradient = (jacobian.T @ white.astype(np.float32)).astype(float) + weight * x
+        return gradient, (jacobian.T @ jacobian).astype(float) + np.diag(weight)
+
     def fitting(
         self,
         hypothesis: Hypothesis,
@@ -337,11 +356,7 @@ class Fitter:
         """
         k = self.count
         known = known or {}
-        own, at = [], k
-        for member in hypothesis:
-            count = len(self.effects[member[0]].parameters)
-            own += [] if member in known else list(range(at, at + count))
-            at += count
+        own = self._own(hypothesis, known)
         low, high = self._bounds(hypothesis)
         x = np.clip(np.concatenate([z, start]), low, high)
         (r,) = yield [self.model(hypothesis, x)], None
@@ -357,12 +372,7 @@ class Fitter:
         free = np.ones(len(x), bool)
         for _ in range(iterations):
             by_effect = self._assembled(hypothesis, known, (yield from self._derivatives(hypothesis, x, r, own, high)))
-            jacobian = noise.whitened([*by_nuisance.T, *by_effect.T])
-            white = noise.whiten(r)
-            weight = prior_weight(x[:k], x[k:])
-            gradient = (jacobian.T @ white.astype(np.float32)).astype(float) + weight * x
-            hessian = (jacobian.T @ jacobian).astype(float) + np.diag(weight)
-            del jacobian, white  # large, and there are others beside this fit
+            gradient, hessian = self._slope(x, r, noise, by_nuisance, by_effect)
             free = ~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0)))
             keep = np.flatnonzero(free)
             improved = 0.0
@@ -370,7 +380,7 @@ class Fitter:
                 damped = hessian[np.ix_(keep, keep)] + attempt * np.diag(np.diag(hessian)[keep])
                 step = np.zeros(len(x))
                 step[keep] = -np.linalg.solve(damped, gradient[keep])
-                promised = abs(gradient @ step)
+                promised = float(abs(gradient @ step))
                 trial, moved, new = yield from self._tried(hypothesis, np.clip(x + step, low, high), noise, fixed)
                 if new >= now and promised >= least and attempt == 0.0:
                     # Along a bent valley a part of the step leads on where damping would hold it: to the least of the

@@ -6,13 +6,14 @@ import contextlib
 import math
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.contract.clock import SETTLED_S
 from rtds_host.contract.runlog import read_json
-from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue, inside
+from rtds_host.diagnosis.effects import CATALOGUE, SIDES, Effect, catalogue, inside
 from rtds_host.diagnosis.forms.reading import apply_forms
 from rtds_host.diagnosis.gate.findings import Finding
 from rtds_host.diagnosis.gate.limits import limits
@@ -42,8 +43,32 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
     if not isinstance(data, dict) or data.get("schema") not in DIAGNOSIS_SCHEMAS:
         raise InputError(f"{path}: schema: this program reads {' and '.join(map(repr, DIAGNOSIS_SCHEMAS))}")
     model = nominal_model(robot)
+    _put_refit(model, path, data.get("nominal_fit") or {}, robot)
+    _put_setup(model, path, data.get("setup") or {})
+    if "effects" not in data:
+        raise InputError(f"{path}: effects: missing, it is [] where no effect is named")
+    if not isinstance(data["effects"], list):
+        raise InputError(f"{path}: effects: is {data['effects']!r}, a list is needed")
+    taken: dict[tuple[str, int], str] = {}
+    for k, entry in enumerate(data["effects"]):
+        place = f"effects[{k}]"
+        effect = _effect_of(path, place, entry, robot)
+        sides = [s for s in effect.sides if effect.side_on(robot.axis, s) == entry.get("side")]
+        if not sides:
+            known = dict.fromkeys(effect.side_on(robot.axis, s) for s in effect.sides)
+            raise InputError(f"{path}: {place}.side: {entry.get('side')!r} must be one of {', '.join(known)}")
+        for side in SIDES[sides[0]]:
+            before = taken.setdefault((effect.id, side), place)
+            if before != place:
+                raise InputError(f"{path}: {place}: {effect.id} on this side is in {before} already")
+        effect.apply(model, SIDES[sides[0]], _values_of(path, place, entry, effect, robot))
+    apply_forms(model, data.get("forms"), path, robot)
+    return model
+
+
+def _put_refit(model: Model, path: Path, refit: object, robot: Robot) -> None:
+    """Put a diagnosis' `nominal_fit` into the model."""
     refitted = entries(robot)
-    refit = data.get("nominal_fit") or {}
     if not isinstance(refit, dict):
         raise InputError(f"{path}: nominal_fit: is {refit!r}, an object with l and r is needed")
     for suffix, values in refit.items():
@@ -59,7 +84,10 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
             if below and number >= 0.0:
                 raise InputError(f"{path}: {place}: is {number:g}, it must be below 0")
             model.put(refitted[key], number, ("lr".index(suffix),))
-    setup = data.get("setup") or {}
+
+
+def _put_setup(model: Model, path: Path, setup: object) -> None:
+    """Put what a diagnosis says of clocks and sensors into the model."""
     if not isinstance(setup, dict):
         raise InputError(f"{path}: setup: is {setup!r}, an object is needed")
     for key, value in setup.items():
@@ -71,73 +99,75 @@ def read_diagnosis(path: str | os.PathLike, robot: Robot) -> Model:
         if not low <= number <= high:
             raise InputError(f"{path}: setup.{key}: is {number:g}, it must lie within {low:g} to {high:g}")
         model.put(SETUP[key], number)
-    if "effects" not in data:
-        raise InputError(f"{path}: effects: missing, it is [] where no effect is named")
-    effects_there, effects = catalogue(robot), data["effects"]
+
+
+def _effect_of(path: Path, place: str, entry: Any, robot: Robot) -> Effect:
+    """The effect that an entry of a diagnosis names.
+
+    Raises
+    ------
+    InputError : the catalogue does not have it, or not on this robot.
+    """
+    effects_there = catalogue(robot)
+    name = entry.get("id") if isinstance(entry, dict) else None
+    effect = effects_there.get(name) if isinstance(name, str) else None
+    if effect is None and isinstance(name, str) and name in CATALOGUE:
+        raise InputError(
+            f"{path}: {place}.id: {name} acts before a speed loop, and [driver] mode is {robot.driver.mode!r}"
+        )
+    if effect is None:
+        raise InputError(
+            f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in the catalogue"
+            f" (see `rtds effects`){did_you_mean(name, effects_there) if isinstance(name, str) else ''}"
+        )
+    return effect
+
+
+def _values_of(path: Path, place: str, entry: dict, effect: Effect, robot: Robot) -> dict[str, float]:
+    """Values of an effect's parameters, as the model has them.
+
+    Raises
+    ------
+    InputError : a parameter that is missing, unknown or beyond its bounds.
+    """
     # What is a share of what runs show has no bound where no run is known.
     unknown = OF_RUNS | (OF_SPEEDS_MET | OF_ASKED if robot.driver.mode == "torque" else set())
-    if not isinstance(effects, list):
-        raise InputError(f"{path}: effects: is {effects!r}, a list is needed")
-    taken: dict[tuple[str, int], str] = {}
-    for k, entry in enumerate(effects):
-        place = f"effects[{k}]"
-        name = entry.get("id") if isinstance(entry, dict) else None
-        effect = effects_there.get(name) if isinstance(name, str) else None
-        if effect is None and isinstance(name, str) and name in CATALOGUE:
+    values = {}
+    relative = {p.name: p for p in CATALOGUE[effect.id].parameters}
+    given = entry.get("parameters") or {}
+    if not isinstance(given, dict):
+        raise InputError(f"{path}: {place}.parameters: is {given!r}, an object is needed")
+    for former, (present, by) in effect.former.items():
+        if former in given and by in given:
+            numbers = [_number(path, f"{place}.parameters.{name}", _value(given[name])) for name in (former, by)]
+            given = {**{name: one for name, one in given.items() if name != former}, present: math.prod(numbers)}
+    parameters = {p.reported(robot.axis)[0] for p in effect.parameters}
+    for name in given:
+        if name not in parameters:
             raise InputError(
-                f"{path}: {place}.id: {name} acts before a speed loop, and [driver] mode is {robot.driver.mode!r}"
+                f"{path}: {place}.parameters.{name}: is no parameter of {effect.id} "
+                f"(known: {', '.join(sorted(parameters))})"
             )
-        if effect is None:
+    for p in effect.parameters:
+        name, unit, one = p.reported(robot.axis)
+        if name not in given and p.optional:
+            values[p.name] = p.null
+            continue
+        if name not in given:
+            raise InputError(f"{path}: {place}.parameters.{name}: missing")
+        written = _number(path, f"{place}.parameters.{name}", _value(given[name]))
+        low, high = (
+            (-math.inf if p.low < 0.0 else 0.0, math.inf)
+            if relative[p.name].scale in unknown
+            else (one * p.low, one * p.high)
+        )
+        value = inside(written, low, high)
+        if value is None:
             raise InputError(
-                f"{path}: {place}.id: {entry.get('id') if isinstance(entry, dict) else entry!r} is not in the catalogue"
-                f" (see `rtds effects`){did_you_mean(name, effects_there) if isinstance(name, str) else ''}"
+                f"{path}: {place}.parameters.{name}: is {written:g}, it must lie within {low:g} to {high:g} {unit}"
             )
-        sides = [s for s in effect.sides if effect.side_on(robot.axis, s) == entry.get("side")]
-        if not sides:
-            known = dict.fromkeys(effect.side_on(robot.axis, s) for s in effect.sides)
-            raise InputError(f"{path}: {place}.side: {entry.get('side')!r} must be one of {', '.join(known)}")
-        for side in SIDES[sides[0]]:
-            before = taken.setdefault((effect.id, side), place)
-            if before != place:
-                raise InputError(f"{path}: {place}: {effect.id} on this side is in {before} already")
-        values = {}
-        relative = {p.name: p for p in CATALOGUE[effect.id].parameters}
-        given = entry.get("parameters") or {}
-        if not isinstance(given, dict):
-            raise InputError(f"{path}: {place}.parameters: is {given!r}, an object is needed")
-        for former, (present, by) in effect.former.items():
-            if former in given and by in given:
-                numbers = [_number(path, f"{place}.parameters.{name}", _value(given[name])) for name in (former, by)]
-                given = {**{name: one for name, one in given.items() if name != former}, present: math.prod(numbers)}
-        parameters = {p.reported(robot.axis)[0] for p in effect.parameters}
-        for name in given:
-            if name not in parameters:
-                raise InputError(
-                    f"{path}: {place}.parameters.{name}: is no parameter of {effect.id} "
-                    f"(known: {', '.join(sorted(parameters))})"
-                )
-        for p in effect.parameters:
-            name, unit, one = p.reported(robot.axis)
-            if name not in given and p.optional:
-                values[p.name] = p.null
-                continue
-            if name not in given:
-                raise InputError(f"{path}: {place}.parameters.{name}: missing")
-            written = _number(path, f"{place}.parameters.{name}", _value(given[name]))
-            low, high = (
-                (-math.inf if p.low < 0.0 else 0.0, math.inf)
-                if relative[p.name].scale in unknown
-                else (one * p.low, one * p.high)
-            )
-            value = inside(written, low, high)
-            if value is None:
-                raise InputError(
-                    f"{path}: {place}.parameters.{name}: is {written:g}, it must lie within {low:g} to {high:g} {unit}"
-                )
-            values[p.name] = value / one if one else p.null
-        effect.apply(model, SIDES[sides[0]], values)
-    apply_forms(model, data.get("forms"), path, robot)
-    return model
+        values[p.name] = value / one if one else p.null
+    return values
 
 
 def _value(entry: object) -> object:
