@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from rtds_host.bench.measure import DRY, STEP_S, set_burger
+from rtds_host.bench.measure import DRY, STEP_S, measure_rtl, set_burger
 from rtds_host.errors import RtdsError
 from rtds_host.link import Link, open_link
 from rtds_host.link.protocol import EXCHANGE, HEADER
@@ -111,6 +111,36 @@ def _fmu(folder: Path, units: MotorUnits) -> Callable[[int], None] | None:
     return exchange
 
 
+def _rtl_rate(effects: bool, steps: int, seconds: float) -> float:
+    """Steps a second of the simulator's time on a processor; this process, which waits for it, is not in it."""
+    return measure_rtl("verilator", "min", steps, seconds, effects=effects).times_real_time_of_a_free_core / STEP_S
+
+
+def _dcmotor_rates(folder: Path, seconds: float) -> tuple[float, float, float]:
+    """MuJoCo's steps a second for a robot with two `<dcmotor>`: the file alone, and with the module of its driver; and
+    the length of a step, s."""
+    import mujoco
+
+    from rtds_host.contract import builtin_robot
+    from rtds_host.diagnosis.replay.model import nominal_model
+    from rtds_host.export import mjcf
+    from rtds_host.export.figures import figures_of
+    from rtds_host.export.mujoco_replay import driver_class
+
+    robot = builtin_robot("burger")
+    (folder / "robot.xml").write_text(mjcf.write(figures_of(nominal_model(robot), robot), "", "dcmotor"))
+    model = mujoco.MjModel.from_xml_path(str(folder / "robot.xml"))
+    driver, data, other = driver_class()(model), mujoco.MjData(model), mujoco.MjData(model)
+    other.ctrl[:2] = 6.0, 5.0
+
+    def with_module(steps: int) -> None:
+        for _ in range(steps):
+            driver.step(data, 6.0, 5.0)
+
+    alone = _rate(lambda steps: mujoco.mj_step(model, other, steps), 100, seconds)
+    return alone, _rate(with_module, 100, seconds), float(model.opt.timestep)
+
+
 def run(seconds: float) -> None:
     """Measure and print, line by line."""
     print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f} before the start; {seconds:g} s a figure")
@@ -139,6 +169,13 @@ def run(seconds: float) -> None:
                 )
                 print(f"{name + ', effects' * effects:<44}{cells}", flush=True)
             connection.close()
+        rates = [_rtl_rate(effects, steps, seconds) for steps in EXCHANGES]
+        cells = "".join(f"{f'{rate:.3g} ({rate / one:.2g})':>22}" for rate, one in zip(rates, base, strict=True))
+        print(f"{'RTL link, Verilator' + ', effects' * effects:<44}{cells}", flush=True)
+    with temporary_folder() as folder:
+        alone, with_module, step_s = _dcmotor_rates(folder, seconds)
+    print(f"\nrobot with two <dcmotor> in MuJoCo, steps of {step_s * 1e3:g} ms a second of processor time")
+    print(f"{'file alone':<44}{alone:>22.3g}\n{'with the module of its driver':<44}{with_module:>22.3g}")
 
 
 def main() -> int:
