@@ -249,10 +249,10 @@ def run(
         raise InputError(f"no scenario given (known: {', '.join(scenarios())}, all)")
     if form not in ("csv", "parquet"):
         raise InputError(f"--format {form}: unknown (known: csv, parquet){did_you_mean(form, ('csv', 'parquet'))}")
-    given = parse_settings(setting or [])
+    figures = parse_settings(setting or [])
     for name, value in (("duration", duration), ("radius", radius), ("length", length)):
         if value is not None:
-            given[SHORT_CUTS[name]] = value
+            figures[SHORT_CUTS[name]] = value
     engine = engine or default_engine(lambda line: print(line, file=sys.stderr))
     options = Options(
         robot=robot,
@@ -273,7 +273,7 @@ def run(
         check_engine(against, "--against")
     if gui:
         check_display("--gui")
-    plans = [make_plan(one, values, options) for one, values in _wanted(scenario, given)]
+    plans = [make_plan(one, values, options) for one, values in _wanted(scenario, figures)]
     changes = [chosen_effects(plan, effects, effect) for plan in plans]
     injections = _injections(plans, faults, stimulus)
     more = link_options(link, calibration, wires, ad2, serial)

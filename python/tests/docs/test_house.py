@@ -1,4 +1,4 @@
-"""What the code's own text must hold: no module reaches into another's private names."""
+"""What the code's text must hold: how long functions are, and that no module reaches into another's private names."""
 
 from __future__ import annotations
 
@@ -9,6 +9,13 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
+PACKAGE = ROOT / "python" / "rtds_host"
+LONGEST = 80
+# A compiled loop is one function, since what it calls would have to be handed all of its state.
+COMPILED = {"loop", "njit"}
+# The blind check's worlds are written apart from all else, scenario by scenario and effect by effect.
+APART = PACKAGE / "blind"
+
 # Public in spite of the underscore: those of named tuples, and what the standard library documents.
 DOCUMENTED = {"_asdict", "_exit", "_fields", "_make", "_replace"}
 # Where another library has no public way: attribute -> whose it is.
@@ -21,6 +28,21 @@ FOREIGN = {
     "_writer": "concurrent.futures",
 }
 BY_NAME = {"delattr", "getattr", "hasattr", "setattr"}
+
+
+def long_functions(tree: ast.AST) -> Iterator[tuple[str, int, set[str]]]:
+    """Functions of more lines than allowed: name, lines, the names of their decorators.
+
+    The parameters of a command are its options with their help, and count no more than any other table.
+    """
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            named = (d.func if isinstance(d, ast.Call) else d for d in node.decorator_list)
+            decorators = {d.attr if isinstance(d, ast.Attribute) else ast.unparse(d) for d in named}
+            first = node.body[0].lineno if "command" in decorators else node.lineno
+            lines = node.end_lineno - first + 1
+            if lines > LONGEST:
+                yield node.name, lines, decorators
 
 
 def private(name: str) -> bool:
@@ -62,6 +84,17 @@ def reached(tree: ast.AST) -> Iterator[tuple[int, str]]:
                 yield node.lineno, str(node.args[1].value)
 
 
+def test_functions_are_short_but_for_compiled_loops():
+    found = [
+        f"{path.relative_to(ROOT)}: {name} has {lines} lines"
+        for path in sorted(PACKAGE.rglob("*.py"))
+        if APART not in path.parents
+        for name, lines, decorators in long_functions(ast.parse(path.read_text()))
+        if not decorators & COMPILED
+    ]
+    assert not found, "\n".join(found)
+
+
 def test_no_module_reaches_into_the_private_names_of_another():
     found = [
         f"{path.relative_to(ROOT)}:{line}: {name}"
@@ -83,3 +116,11 @@ def test_no_module_reaches_into_the_private_names_of_another():
 )
 def test_a_private_name_of_another_module_is_found(text):
     assert [name for _, name in reached(ast.parse(text))] == ["_steps"]
+
+
+def test_a_long_function_is_found_unless_it_is_compiled():
+    body = "    x = 1\n" * LONGEST
+    ((name, lines, decorators),) = long_functions(ast.parse(f"def slow():\n{body}"))
+    assert (name, lines, decorators) == ("slow", LONGEST + 1, set())
+    ((_, _, decorators),) = long_functions(ast.parse(f"@numba.njit(cache=True)\ndef fast():\n{body}"))
+    assert decorators & COMPILED
