@@ -105,7 +105,7 @@ def export(
     from rtds_host.errors import InputError
     from rtds_host.export.export import check_target, default_robot, read_source, said_of_driver
     from rtds_host.export.export import export as write
-    from rtds_host.export.mjcf import driver_source
+    from rtds_host.export.mjcf import driver_source, forms_source
 
     if to in COMPILED:
         if check or samples or actuator != "general":
@@ -119,12 +119,18 @@ def export(
         raise InputError("--check: not with --samples; export the diagnosis itself")
     (check_writable if samples else check_writable_file)(out)
     robot = robot or default_robot(diagnosis)
-    along = [out.with_name(f"{out.stem}_driver.py")] if actuator == "dcmotor" and not samples else []
+    nominal = load_robot(robot)
+    source = read_source(diagnosis, nominal)
+    # What goes along with an MJCF file: its text, and what it is for.
+    along: dict[Path, tuple[str, str]] = {}
+    if actuator == "dcmotor" and not samples:
+        place = out.with_name(f"{out.stem}_driver.py")
+        along[place] = driver_source(), "what acts before its <dcmotor> and behind its sensors"
+    elif to == "mjcf" and source.content.get("forms") and not samples:
+        along[out.with_name(f"{out.stem}_forms.py")] = forms_source(), "applies the curves of its terms without a name"
     for place in along:
         check_writable_file(place)
     refuse_inputs([out, *along], [diagnosis, robot, *(place for run in check or () for place in places_of_run(run))])
-    nominal = load_robot(robot)
-    source = read_source(diagnosis, nominal)
     runs = [read_run(folder, nominal, need_measured=True) for folder in check or []]
     text, parts = write(source, to, actuator)
     said = _Said(as_json, {"files": [out, *along], "to": to, "robot": nominal.name})
@@ -133,9 +139,9 @@ def export(
     else:
         write_atomic(out, text)
         said.line(f"{out}: {nominal.name} for {to}")
-        for place in along:
-            write_atomic(place, driver_source())
-            said.line(f"{place}: what acts before its <dcmotor> and behind its sensors")
+        for place, (module, what) in along.items():
+            write_atomic(place, module)
+            said.line(f"{place}: {what}")
     said.content["notices"] = list(said_of_driver(nominal, to))
     for line in said.content["notices"]:
         said.line(f"  {line[0].lower()}{line[1:]}")
@@ -168,7 +174,7 @@ def _samples(said: _Said, source, to: str, out: Path, count: int, seed: int, sta
     from rtds_host.correction.close import model_of
     from rtds_host.export.export import ENDINGS, Source
     from rtds_host.export.export import export as write
-    from rtds_host.export.mjcf import driver_source
+    from rtds_host.export.mjcf import driver_source, forms_source
     from rtds_host.export.samples import draw
 
     drawn, fixed = draw(source.content, source.robot, count, seed)
@@ -194,6 +200,8 @@ def _samples(said: _Said, source, to: str, out: Path, count: int, seed: int, sta
         if actuator == "dcmotor":
             # It reads its numbers from each file.
             (scratch / "driver.py").write_text(driver_source(), encoding="utf-8")
+        elif to == "mjcf" and source.content.get("forms"):
+            (scratch / "forms.py").write_text(forms_source(), encoding="utf-8")
     said.line(f"{out}: {count} robots for {to}, seed {seed}")
     for label in fixed:
         said.line(f"  not drawn {label}: the diagnosis gives no interval")

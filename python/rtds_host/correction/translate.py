@@ -17,7 +17,7 @@ from rtds_host.contract import Robot
 from rtds_host.correction import formed
 from rtds_host.correction.correction import BodyValues, Correction, GearValues, SensorValues
 from rtds_host.diagnosis.effects import Effect
-from rtds_host.diagnosis.forms.curves import points_of
+from rtds_host.diagnosis.forms.curves import named, points_of
 from rtds_host.diagnosis.replay.model import Model, nominal_model
 from rtds_host.errors import InputError
 from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
@@ -237,9 +237,10 @@ def _placed(unit: UnitEffects, rows: np.ndarray, robot: Robot, n: float, supply:
     """
     between, sensors = np.array(rows), np.zeros_like(rows)
     for k, row in enumerate(rows):
-        if not row[forms.TERM]:
+        name = named(row)
+        if name is None:
             continue
-        term, over = list(forms.TERMS)[int(row[forms.TERM]) - 1], list(forms.OVERS)[int(row[forms.OVER]) - 1]
+        term, over = name
         if term in formed.READINGS:
             sensors[k] = row
         elif (term, over) not in IN_UNITS or (held := _held(unit, row, over, robot, n, supply, start)) is None:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from rtds_host.contract import staged_folder, write_atomic
-from rtds_host.correction.translate import places_of
+from rtds_host.correction.translate import places_of, translate
 from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.forms.curves import named
 from rtds_host.export import fmu
 from rtds_host.export.export import Part, Source, comment_of, parts_of
 from rtds_host.export.figures import figures_of
 from rtds_host.export.table import LOST, OWN
 from rtds_host.native.library import SOURCES
 from rtds_host.native.words import header, motor_units
+from rtds_host.plant.forms import WIDTH
 from rtds_host.plant.torques import TORQUES
 
 # --to, and what it gives.
@@ -28,13 +31,17 @@ MOTORS = "motors.h"
 def motor_parts(source: Source) -> list[Part]:
     """How the motor units have each effect and form: what acts elsewhere is left to the other simulator."""
     found = []
+    between = translate(source.model, source.robot)
+    elsewhere = {named(row) for rows in (between.forms, between.sensors.forms) for row in rows.reshape(-1, WIDTH)}
     for part in parts_of(source.content, source.robot, figures_of(source.model, source.robot), "python"):
-        # A form that no table of a motor unit holds is refused before.
-        inside = part.effect not in CATALOGUE or places_of(CATALOGUE[part.effect], source.robot) == {"rtl"}
+        if part.form is not None:
+            inside = part.form not in elsewhere
+        else:
+            inside = places_of(CATALOGUE[part.effect], source.robot) == {"rtl"}
         where = (
             "parameters and tables of the motor units" if inside else "acts in the body or the sensors, not in a motor"
         )
-        found.append(Part(part.effect, part.side, part.values, OWN if inside else LOST, where))
+        found.append(replace(part, kind=OWN if inside else LOST, where=where))
     return found
 
 
@@ -47,7 +54,7 @@ def robot_parts(source: Source) -> list[Part]:
         kind, where = part.kind, "parameters" if part.kind == OWN else part.where
         if part.effect in CATALOGUE and CATALOGUE[part.effect].written(source.robot) & others:
             kind, where = LOST, "its equation is not in the compiled robot; that of the motor units has it"
-        found.append(Part(part.effect, part.side, part.values, kind, where))
+        found.append(replace(part, kind=kind, where=where))
     return found
 
 

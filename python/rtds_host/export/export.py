@@ -15,6 +15,7 @@ from rtds_host.diagnosis.replay.model import Model
 from rtds_host.errors import InputError, did_you_mean, visible
 from rtds_host.export import mjcf, python, sdf, urdf, usd
 from rtds_host.export.figures import Figures, figures_of
+from rtds_host.export.forms import FORMS, lines_of
 from rtds_host.export.table import BEHIND_SERVO, CARRIED, DCMOTOR, LOST, OWN, SERVO, TABLE, TARGETS, How
 
 WRITERS: dict[str, Callable[[Figures, str], str]] = {
@@ -30,20 +31,20 @@ ENDINGS = {"mjcf": ".xml", "urdf": ".urdf", "sdf": ".sdf", "usd-json": ".json", 
 @dataclass(frozen=True)
 class Part:
     """One effect of a diagnosis in a target: `effect` and `side` as the diagnosis names them, `values` by parameter,
-    `kind` and `where` as of `rtds_host.export.table.How`."""
+    `kind` and `where` as of `rtds_host.export.table.How`. `form`: term and quantity of a form."""
 
     effect: str
     side: str
     values: dict[str, float]
     kind: str
     where: str
+    form: tuple[str, str] | None = None
 
     @property
     def text(self) -> str:
         """The effect with its values, as a line."""
-        return f"{self.effect} ({self.side}) " + ", ".join(
-            f"{name} = {value:.5g}" for name, value in self.values.items()
-        )
+        sizes = ", ".join(f"{name} = {value:.5g}" for name, value in self.values.items())
+        return f"{self.effect} ({self.side}) {sizes}".rstrip()
 
 
 def check_target(target: str, actuator: str = "general") -> None:
@@ -84,12 +85,11 @@ def parts_of(diagnosis: dict, robot: Robot, figures: Figures, target: str, actua
         how = special.get(entry["id"], TABLE[entry["id"]][target])
         where = f"{how.where} ({how.needs})" if how.needs and actuator == "general" else how.where
         found.append(Part(entry["id"], entry["side"], values, how.kind, where))
-    found += [
-        Part(
-            f"{form['term']} over {form['over']}", form["side"], {}, LOST, "a free curve; its table is in the diagnosis"
-        )
-        for form in diagnosis.get("forms") or []
-    ]
+    for form in diagnosis.get("forms") or []:
+        law = f" = {form['formula']}" if form.get("formula") else ""
+        values = {name: float(p["value"]) for name, p in (form.get("parameters") or {}).items()}
+        how, name = FORMS[target], (form["term"], form["over"])
+        found.append(Part(f"{name[0]} over {name[1]}{law}", form["side"], values, how.kind, how.where, name))
     return found
 
 
@@ -124,9 +124,16 @@ DCMOTOR_SAYS = (
 )
 
 
-def comment_of(parts: list[Part], source: str, robot: Robot, target: str, actuator: str = "general") -> str:
-    """The head of a file: where it comes from, and what is and is not in it. No double hyphen, which ends an XML
-    comment.
+def comment_of(
+    parts: list[Part],
+    source: str,
+    robot: Robot,
+    target: str,
+    actuator: str = "general",
+    forms: list[dict] | None = None,
+) -> str:
+    """The head of a file: where it comes from, what is and is not in it, and tables of `forms`. No double hyphen, which
+    ends an XML comment.
     """
     lines = [
         f"{robot.name}, by rtds {__version__} export of {source}. SI units; the x axis points forward.",
@@ -140,6 +147,8 @@ def comment_of(parts: list[Part], source: str, robot: Robot, target: str, actuat
             lines += [f"  {part.text}: {part.where}" for part in mine]
     if not parts:
         lines.append("No effect is in it.")
+    if forms and target in ("urdf", "sdf"):
+        lines += ["Tables of terms without a name, [over, value]:", *lines_of(forms)]
     text = "\n".join(visible(line) for line in lines)
     while "--" in text:
         text = text.replace("--", "- -")
@@ -177,7 +186,7 @@ def export(source: Source, target: str, actuator: str = "general") -> tuple[str,
     check_target(target, actuator)
     figures = figures_of(source.model, source.robot)
     parts = parts_of(source.content, source.robot, figures, target, actuator)
-    comment = comment_of(parts, source.name, source.robot, target, actuator)
+    comment = comment_of(parts, source.name, source.robot, target, actuator, source.content.get("forms"))
     if target == "mjcf":
         return mjcf.write(figures, comment, actuator), parts
     return WRITERS[target](figures, comment), parts

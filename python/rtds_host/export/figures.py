@@ -6,12 +6,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
 
 from rtds_host.contract import Robot
 from rtds_host.correction.correction import BodyValues
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.errors import InputError
+from rtds_host.plant.forms import no_forms
 from rtds_host.plant.friction import rolling
 from rtds_host.plant.schema import COMMON, SIDE, Entry
 from rtds_host.plant.torques import TORQUES
@@ -84,7 +87,7 @@ class Loop:
 @dataclass(frozen=True)
 class Figures:
     """A robot: `body` as an engine builds it, without payload on level ground, and two sides. `loop` is None where it
-    is driven by volts."""
+    is driven by volts. `forms` (2, MOST, WIDTH): rows of free curves, see `rtds_host.plant.forms`."""
 
     name: str
     body: Body
@@ -103,6 +106,7 @@ class Figures:
     encoder_at_wheel: float
     noise: dict[str, float]
     loop: Loop | None = None
+    forms: np.ndarray = field(default_factory=no_forms, compare=False)
 
     def limit_v(self, side: Side) -> float:
         """Largest command, V, that still has an effect: the supply, or the driver's own limit before its gain."""
@@ -167,4 +171,5 @@ def figures_of(model: Model, robot: Robot) -> Figures:
         **_named(model, COMMON, Figures),
         noise=dict(robot.sensors),
         loop=loop,
+        forms=np.array(model.forms),
     )

@@ -24,6 +24,7 @@ from rtds_host.export.figures import Figures
 from rtds_host.motor.effect_program import CELLS, CONSTANTS, TABLES
 from rtds_host.native.library import SOURCES, compile_shared
 from rtds_host.native.words import STEP_S, MotorUnits, c_effects, float_text
+from rtds_host.plant import forms
 from rtds_host.plant.schema import SIDE
 from rtds_host.remains import temporary_folder
 
@@ -82,8 +83,8 @@ SUFFIXES = {
     "_v": "V",
     "_a": "A",
 }
-# What no number of the robot is in the FMU: noise, and the servo, which is given apart.
-NO_NUMBERS = ("noise", "servo")
+# What no number of the robot is in the FMU: noise; servo and forms, which are given apart.
+NO_NUMBERS = ("noise", "servo", "forms")
 # Of the torques by angle or speed, the numbers that the C model of the robot has.
 TORQUES_IN_C = ("ripple_nm", "ripple_cycles", "ripple_phase_rad")
 
@@ -222,6 +223,12 @@ def robot(figures: Figures, name: str, comment: str) -> Unit:
                 found.append(Variable(f"{SIDES[k]}.{key}", "parameter", f"{key}[{k}]", float(number), _unit(key)))
         else:
             found.append(Variable(key, "parameter", key, float(numeral), _unit(key)))
+    for k, rows in enumerate(planar.rows_of(figures) or ()):
+        for n, row in enumerate(rows):
+            if row[forms.TERM]:
+                text = "a free curve: its term, what it runs over, ends of its grid, and values"
+                member, label = f"forms[{k}][{n}]", f"{SIDES[k]}.form_{n + 1}"
+                found.append(Variable(label, "parameter", member, np.array(row), "", text, shape=(forms.WIDTH,)))
     loop = figures.loop
     found.append(
         Variable(
@@ -236,7 +243,8 @@ def robot(figures: Figures, name: str, comment: str) -> Unit:
 
 def _start_text(variable: Variable) -> str:
     if isinstance(variable.start, np.ndarray):
-        return " ".join(float_text(value) for value in variable.start.ravel())
+        text = repr if variable.type == "Float64" else float_text
+        return " ".join(text(float(value)) for value in variable.start.ravel())
     if variable.type == "Float32":
         return float_text(float(variable.start or 0.0))
     return repr(variable.start)
@@ -263,7 +271,9 @@ def values_header(unit: Unit) -> str:
         count = int(np.prod(v.shape, dtype=int))
         rows.append(f"  {{offsetof(struct fmu_model, {v.member}), {count}, {types[v.type]}, {kinds[v.causality]}}},")
         if v.start is not None and not v.member.startswith("effects."):
-            starts.append(f".{v.member} = {v.start!r},")
+            array = isinstance(v.start, np.ndarray)
+            start = "{" + ", ".join(map(repr, v.start.tolist())) + "}" if array else repr(v.start)
+            starts.append(f".{v.member} = {start},")
     return "\n".join(
         [
             f"/* {unit.name}: written by rtds {__version__}; see fmu_model.h. */",

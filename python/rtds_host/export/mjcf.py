@@ -8,13 +8,17 @@ step). Elements and their meaning: MuJoCo, XML Reference (mujoco.readthedocs.io)
 
 from __future__ import annotations
 
+import inspect
 import math
+from dataclasses import replace
 from xml.sax.saxutils import quoteattr
 
-from rtds_host.export import dcmotor, mjcf_driver
+from rtds_host.diagnosis.forms.curves import named
+from rtds_host.export import dcmotor, mjcf_driver, mjcf_forms
 from rtds_host.export.figures import SIDES, Figures, Side
-from rtds_host.export.python import alone
+from rtds_host.export.python import alone, form_constants, source_of
 from rtds_host.export.table import LOST, OWN, How
+from rtds_host.plant import forms
 from rtds_host.robot.body import SKID_RADIUS_M
 from rtds_host.robot.urdf import base_inertia, supports
 
@@ -113,13 +117,31 @@ def _wheel(figures: Figures, k: int) -> str:
     )
 
 
+def formed(figures: Figures, term: str, over: str | None = None) -> bool:
+    """Whether a robot has a form of a term, and over this quantity."""
+    names = [named(row) for row in figures.forms.reshape(-1, forms.WIDTH)]
+    return any(name is not None and name[0] == term and over in (None, name[1]) for name in names)
+
+
+def most_v(figures: Figures, k: int) -> float:
+    """Largest control of a side, V: its limit, and what forms of its voltage add to the supply."""
+    side = figures.sides[k]
+    if not formed(figures, "voltage") or side.voltage_gain == 0.0:
+        return figures.limit_v(side)
+    rows, gain = figures.forms[k], abs(side.voltage_gain)
+    mine = rows[rows[:, forms.TERM] == forms.TERM_CODE["voltage"], forms.VALUES :]
+    return min(figures.supply_v + float(abs(mine).sum(axis=0).max(initial=0.0)) / gain, side.limit_v / gain)
+
+
 def _motor(figures: Figures, k: int, actuator: str) -> str:
     side, name = figures.sides[k], SIDES[k]
-    top = figures.limit_v(side)
+    top = most_v(figures, k)
     # Behind a servo the speeds asked for are late, its voltages are not.
     late = 0.0 if figures.loop is not None else figures.command_delay_s
     if actuator == "dcmotor":
-        return dcmotor.text(name, _late(late, dcmotor.TIMESTEP_S), dcmotor.element(figures, side))
+        motor = dcmotor.element(figures, side)
+        motor = replace(motor, top_v=max(top, motor.top_v)) if side.voltage_gain else motor
+        return dcmotor.text(name, _late(late, dcmotor.TIMESTEP_S), motor)
     common = (
         f'name="motor_{name}" joint="wheel_{name}" gear="{side.gear_nm_per_a:.9g}" ctrllimited="true" '
         f'ctrlrange="{vector(-top, top)}"{_late(late)}'
@@ -168,7 +190,7 @@ def _behind(figures: Figures, side: Side) -> bool:
 
 def _scrub(figures: Figures) -> str:
     """Dry friction against turning: of a tendon whose length is the yaw angle of wheels that roll without slip."""
-    if not figures.scrub_nm:
+    if not (figures.scrub_nm or formed(figures, "yaw_torque", "yaw_rate")):
         return ""
     text = f'    <fixed name="scrub" frictionloss="{figures.scrub_nm:.9g}" {FIRM}>\n'
     for side, name, sign in zip(figures.sides, SIDES, (-1.0, 1.0), strict=True):
@@ -265,13 +287,34 @@ def _numbers(figures: Figures, actuator: str) -> dict[str, tuple[float, ...]]:
             "command_delay_s": ((figures.command_delay_s,), 0.0),
             "command_gain": (both("command_gain"), 1.0),
         }
+    if forms.any_of(figures.forms):
+        there |= {
+            "gear_ratio": ((figures.gear_ratio,), None),
+            "winding_ohm": (both("resistance_ohm"), None),
+            "torque_per_current_nm_per_a": (both("gear_nm_per_a"), None),
+        }
+        for name, rows in zip(SIDES, figures.forms, strict=True):
+            for n, row in enumerate(rows):
+                if row[forms.TERM]:
+                    there[f"form_{name}_{n + 1}"] = (tuple(float(v) for v in row), None)
     kept = {name: values for name, (values, nothing) in there.items() if any(value != nothing for value in values)}
     return {"supply_v": (figures.supply_v,), **kept}
 
 
 def driver_source() -> str:
     """Source of the Python module that goes along with `dcmotor`; it reads its numbers from the file."""
-    return alone(mjcf_driver, "class Driver:")
+    forms_class = inspect.getsource(mjcf_forms.Forms)
+    return alone(mjcf_driver, "class Driver:", more=(*_form_sources(), forms_class))
+
+
+def forms_source() -> str:
+    """Source of the Python module that goes along with a file that has forms; it reads its numbers from the file."""
+    return alone(mjcf_forms, "class Forms:", (forms.curve, forms.branch), (form_constants(),))
+
+
+def _form_sources() -> list[str]:
+    """Source of what `Forms` uses."""
+    return [form_constants(), *source_of((forms.curve, forms.branch, forms.act, forms.reads))]
 
 
 def write(figures: Figures, comment: str, actuator: str = "general") -> str:

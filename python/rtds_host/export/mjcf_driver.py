@@ -21,6 +21,7 @@ import mujoco
 import numpy as np
 
 # laws: begin
+from rtds_host.export.mjcf_forms import Forms
 from rtds_host.plant.driver import clipped, duty, less_drop, servo
 from rtds_host.plant.friction import by_load, rolling, stribeck
 
@@ -67,6 +68,7 @@ class Driver:
         self.seen: list = []
         for dof, dry in zip(self.dofs, self.dry):
             model.dof_frictionloss[dof] = dry
+        self.forms = Forms(model)
 
     def number(self, name):
         """A pair of the file's numbers, [left, right]."""
@@ -98,16 +100,20 @@ class Driver:
                 - self.number("decline_v_per_s")[0] * data.time
                 - self.number("source_resistance_ohm")[0] * drawn
             )
+        dry = [self._bound(data, k, speeds[k]) for k in (0, 1)]
+        more = self.forms.before(data, asked, currents, dry)
         for k in (0, 1):
-            volts = duty(asked[k], self.supply, curve[k], dead[k], 1.0) * self.bus / self.supply
+            level = duty(asked[k], self.supply, curve[k], dead[k], 1.0)
+            volts = (level + (more[k] / gain[k] if gain[k] else 0.0)) * self.bus / self.supply
             if drop[k] and gain[k]:
                 volts = less_drop(gain[k] * volts, emf[k] * speeds[k], drop[k]) / gain[k]
             data.ctrl[self.motors[k]] = volts
             by_speed = self.number("asymmetry_nm_s_per_rad")[k]
             if by_speed:
-                data.qfrc_applied[self.dofs[k]] = -by_speed * abs(speeds[k])
-            if self.share[k] or self.extra[k]:
-                self.model.dof_frictionloss[self.dofs[k]] = self._bound(data, k, speeds[k])
+                other = float(data.qfrc_applied[self.dofs[k]]) if self.forms.any else 0.0
+                data.qfrc_applied[self.dofs[k]] = other - by_speed * abs(speeds[k])
+            if (self.share[k] or self.extra[k]) and not self.forms.any:
+                self.model.dof_frictionloss[self.dofs[k]] = dry[k]
 
     def _bound(self, data, k, speed):
         """Dry friction of a wheel, N·m, by its speed and by the torque that the gear transmits."""
@@ -148,7 +154,8 @@ class Driver:
             )
             scale, gain = self.number("speed_gain"), self.number("command_gain")
             for k in (0, 1):
-                miss = self.asked[0][1][k] * gain[k] - speeds[k] * scale[k]
+                told = self.forms.told(k, speeds[k] * scale[k])
+                miss = self.asked[0][1][k] * gain[k] - told
                 self.volts[k], self.integral[k] = servo(miss, self.integral[k], kp, ki, period, limit, 0.0)
             while self.loop_at <= now + 1e-9:
                 self.loop_at += period
@@ -202,4 +209,5 @@ class Driver:
             found["th_" + side] = float(data.sensordata[self.sensors["th_" + side]]) * scale[k]
         rate = float(data.sensordata[self.sensors["gyro"] + 2])
         found["gyro_z"] = rate * self.number("gyro_gain")[0] + self.number("gyro_bias_rad_s")[0]
+        self.forms.readings(found)
         return found

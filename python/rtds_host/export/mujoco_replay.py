@@ -20,7 +20,7 @@ from rtds_host.contract import GRAVITY_M_S2, RunLog
 from rtds_host.correction.correction import LEAST_BASE_SHARE
 from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, said_of_file
-from rtds_host.export.mjcf import driver_source
+from rtds_host.export.mjcf import driver_source, forms_source
 from rtds_host.plant.driver import duty, less_drop, servo
 
 MOTORS = ("motor_left", "motor_right")
@@ -33,6 +33,14 @@ def driver_class() -> Any:
     module = ModuleType("driver")
     exec(compile(driver_source(), "driver.py", "exec"), module.__dict__)
     return module.Driver
+
+
+@functools.cache
+def forms_class() -> Any:
+    """`Forms` of the module that goes along with a file with forms, from the very text."""
+    module = ModuleType("forms")
+    exec(compile(forms_source(), "forms.py", "exec"), module.__dict__)
+    return module.Forms
 
 
 class Servo:
@@ -195,6 +203,7 @@ class ExportedRobot:
             return self._replay_winding(log, start, measured_bus)
         self._roll(log.meta.payload_kg)
         model, data = self.model, self._start(start)
+        self.forms = forms_class()(model)
         usual = model.opt.timestep
         t = log.t - log.t[0]
         loop = self.servo()
@@ -240,9 +249,13 @@ class ExportedRobot:
             model.opt.timestep = (t[row + 1] - t[row]) / steps
             for step in range(steps):
                 if loop:
-                    asked = loop.at(data.time, t, commands, data.qvel[self.moving] * scale)
+                    told = data.qvel[self.moving] * scale
+                    asked = loop.at(data.time, t, commands, np.array([self.forms.told(k, told[k]) for k in (0, 1)]))
                 # A driver's gain is the actuator's.
                 driven = np.array([duty.py_func(asked[k], self.supply_v, curve[k], dead[k], 1.0) for k in (0, 1)])
+                if self.forms.any:
+                    more = self.forms.before(data, [float(v) for v in asked], data.actuator_force[self.motors].tolist())
+                    driven += np.divide(more, self.gains, out=np.zeros(2), where=self.gains != 0.0)
                 if measured_bus is not None:
                     bus = float(measured_bus[row])
                 else:
@@ -322,6 +335,10 @@ class ExportedRobot:
         row[7] = (
             read[self.sensors["gyro"] + 2] * self.number("gyro_gain", 1.0)[0] + self.number("gyro_bias_rad_s", 0.0)[0]
         )
+        if self.forms.any:
+            found = dict(zip(OUTPUTS, row.tolist(), strict=True))
+            self.forms.readings(found)
+            row[:] = [found[name] for name in OUTPUTS]
         place, heading = self.sensors["position"], self.sensors["heading"]
         row[8:10] = read[place : place + 2]
         now = math.atan2(read[heading + 1], read[heading])

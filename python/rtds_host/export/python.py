@@ -11,8 +11,9 @@ from dataclasses import asdict
 from types import ModuleType
 from typing import Any
 
-from rtds_host.export import standalone
+from rtds_host.export import settled, standalone
 from rtds_host.export.figures import Figures
+from rtds_host.plant import forms
 from rtds_host.plant.driver import less_drop
 from rtds_host.plant.friction import rolling
 from rtds_host.plant.torque import summed
@@ -22,7 +23,14 @@ PLACE = "PARAMETERS: dict = {}\n"
 # Where the template imports the plant's laws, the module has their source.
 LAWS = re.compile(r"# laws: begin\n.*# laws: end\n", re.DOTALL)
 # Laws that those of the template call.
-CALLED = (less_drop,)
+CALLED = (less_drop, forms.curve, forms.branch)
+# Constants of `rtds_host.plant.forms` that its functions use.
+FORM_CONSTANTS = (
+    *("POINTS", "HALF", "MOST", "TERM", "OVER", "LOW", "HIGH", "VALUES", "_LAST_BRANCH", "_FIRST_TURN", "_LAST_TURN"),
+    *("_TORQUE", "_VOLTAGE", "_CONSTANT", "_FORCE", "_YAW", "_W", "_RATE", "DRIVE", "FORWARD", "BACKWARD", "FLUID"),
+    *("VOLTS", "CONSTANT", "PUSH", "TURN", "SCRUB", "ACTS", "ABOUT"),
+)
+READINGS = ("I_READ", "W_READ", "GYRO_READ")
 # Nobody commands more.
 NO_LIMIT_V = 1e9
 
@@ -84,8 +92,23 @@ def parameters(figures: Figures) -> dict[str, Any]:
         },
         **{name: [float(side.torques[name]) for side in figures.sides] for name in figures.sides[0].torques},
         "servo": asdict(figures.loop) if figures.loop else None,
+        "gear_ratio": figures.gear_ratio,
+        "forms": rows_of(figures),
         "noise": dict(figures.noise),
     }
+
+
+def rows_of(figures: Figures) -> list[list[list[float]]] | None:
+    """Rows of forms, a list for each side, see `rtds_host.plant.forms`; None without any."""
+    return figures.forms.tolist() if forms.any_of(figures.forms) else None
+
+
+def form_constants() -> str:
+    """Source of the constants that the functions of forms use, and of `settled`."""
+    there = {**{name: getattr(forms, name) for name in FORM_CONSTANTS}, **{n: getattr(standalone, n) for n in READINGS}}
+    there["V_OVER_I"] = settled.V_OVER_I
+    constants = "\n".join(f"{name} = {value!r}" for name, value in there.items())
+    return f"{constants}\n\n\n{inspect.getsource(settled.settled).rstrip()}"
 
 
 def source_of(laws: Iterable[Any]) -> list[str]:
@@ -111,7 +134,7 @@ def write(figures: Figures, comment: str) -> str:
     """The robot as a Python module; `comment` stands at its head."""
     head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
     numbers = pprint.pformat(parameters(figures), width=120, sort_dicts=False)
-    shapes = [*source_of(torque.law for torque in TORQUES.values())]
+    shapes = [form_constants(), *source_of(torque.law for torque in TORQUES.values())]
     shapes.append(summed(TORQUES, "p, k", lambda entry: f'p["{entry.export}"][k]'))
     source = alone(standalone, "class Robot:", CALLED, shapes)
     if PLACE not in source:

@@ -6,16 +6,34 @@
 
 Model: wheels that roll without slip carry a body on a plane; each motor is a resistance with a back EMF (its inductance
 left out). Dry friction holds or slips: impulses within their bounds, found by projected Gauss-Seidel (J. J. Moreau,
-1988). A servo is a saturated PI controller on the reported wheel speed. `PARAMETERS` holds the robot; units are SI,
-pairs are [left, right].
+1988). A servo is a saturated PI controller on the reported wheel speed. Terms of unmodelled form are curves over a
+quantity. `PARAMETERS` holds the robot; units are SI, pairs are [left, right].
 """
 
 import math
 from collections import deque
 
 # laws: begin
+from rtds_host.export.settled import settled
 from rtds_host.plant.driver import behind_driver, clipped, draw, duty, servo
 from rtds_host.plant.elementary import exponential
+from rtds_host.plant.forms import (
+    ABOUT,
+    ACTS,
+    BACKWARD,
+    CONSTANT,
+    DRIVE,
+    FLUID,
+    FORWARD,
+    OVER_CODE,
+    PUSH,
+    SCRUB,
+    TERM_CODE,
+    TURN,
+    VOLTS,
+    act,
+    reads,
+)
 from rtds_host.plant.friction import by_load, rolling, stribeck, viscous
 from rtds_host.plant.ground import along_slope, offset_forces, slope_torque
 from rtds_host.plant.motor import warm, warmer
@@ -23,6 +41,10 @@ from rtds_host.plant.sensors import low_pass, scaled
 from rtds_host.plant.torque import functions
 from rtds_host.plant.torques import TORQUES
 
+# Readings that a curve may add to: its term, and what it runs over.
+I_READ = TERM_CODE["current_sensor"], OVER_CODE["i"]
+W_READ = TERM_CODE["speed_sensor"], OVER_CODE["w"]
+GYRO_READ = TERM_CODE["gyro_sensor"], OVER_CODE["yaw_rate"]
 shaped_torque = functions(TORQUES, "p, k", lambda entry: f"p['{entry.export}'][k]", plain=True)[0]
 
 # laws: end
@@ -53,6 +75,10 @@ class Robot:
         self.load = [0.0, 0.0]
         self.filtered = [0.0, 0.0]
         self.bus = p["supply_v"]
+        # Curves of each side, and what they come to now.
+        self.forms = p.get("forms")
+        self.acts = [[0.0] * ACTS, [0.0] * ACTS]
+        self.made = [0.0, 0.0]
         self.mass = p["mass_kg"] + payload_kg
         self.slope = slope_rad + p["slope_extra_rad"]
         self.uphill = uphill_yaw_rad
@@ -107,13 +133,19 @@ class Robot:
         share = 1.0 if t1 <= t0 else min(max((at - t0) / (t1 - t0), 0.0), 1.0)
         return {name: (1.0 - share) * a[name] + share * b[name] for name in a}
 
+    def _reads(self, k, sensor, value):
+        """What curves add to the reading of a sensor of side k."""
+        return reads(self.forms[k], sensor[0], sensor[1], value) if self.forms else 0.0
+
     def _report(self):
         p = self.p
-        found = {"v_bus": self.bus, "gyro_z": scaled(self._rate(), p["gyro_gain"], p["gyro_bias_rad_s"])}
+        rate = scaled(self._rate(), p["gyro_gain"], p["gyro_bias_rad_s"])
+        found = {"v_bus": self.bus, "gyro_z": rate + self._reads(0, GYRO_READ, rate)}
         for k, side in enumerate("lr"):
-            found["i_" + side] = scaled(self.i[k], p["current_gain"][k], p["current_bias_a"][k])
+            current = scaled(self.i[k], p["current_gain"][k], p["current_bias_a"][k])
             speed = self.filtered[k] if p["speed_filter_s"][k] > 0.0 else self.w[k]
-            found["w_" + side] = speed * p["speed_gain"][k]
+            found["i_" + side] = current + self._reads(k, I_READ, current)
+            found["w_" + side] = speed * p["speed_gain"][k] + self._reads(k, W_READ, speed * p["speed_gain"][k])
             found["th_" + side] = self.start[k] + (self.th[k] - self.start[k]) * p["speed_gain"][k]
         return found
 
@@ -131,7 +163,8 @@ class Robot:
         if self.loop_at <= self.t + 1e-9:
             gains, volts = (loop["kp_v_s_per_rad"], loop["ki_v_per_rad"], loop["period_s"], loop["limit_v"], 0.0), []
             for k in (0, 1):
-                miss = self.asked[0][1][k] * self.p["command_gain"][k] - self.w[k] * self.p["speed_gain"][k]
+                told = self.w[k] * self.p["speed_gain"][k]
+                miss = self.asked[0][1][k] * self.p["command_gain"][k] - told - self._reads(k, W_READ, told)
                 wanted, self.integral[k] = servo(miss, self.integral[k], *gains)
                 volts.append(wanted)
             self.loop_volts = tuple(volts)
@@ -151,33 +184,52 @@ class Robot:
         if p["stribeck_nm"][k]:
             level += stribeck(self.w[k] / p["stribeck_rad_s"][k], p["stribeck_nm"][k], exponential)
         level += by_load(p["load_share"][k], self.load[k], 0.0)
-        return level + p["asymmetry_nm"][k], level - p["asymmetry_nm"][k]
+        ahead, back = self.acts[k][FORWARD], self.acts[k][BACKWARD]
+        return level + p["asymmetry_nm"][k] + ahead, level - p["asymmetry_nm"][k] + back
+
+    def _act(self, asked, h):
+        """Let curves act over a step of h seconds; asked : V, clipped."""
+        about = [0.0] * ABOUT
+        speed, rate = self.forward[0] * self.w[0] + self.forward[1] * self.w[1], self._rate()
+        for k in (0, 1):
+            angle = self.th[k] + 0.5 * h * self.w[k]
+            ohm = warm(self.p["resistance_ohm"][k], self.rise[k])
+            current, self.made[k] = settled(self.forms[k], ohm, self.i[k], self.made[k])
+            about[:7] = asked[k], current, self.w[k], rate, angle, self.p["gear_ratio"] * angle, speed * rate
+            about[7:] = speed, self.t, self.x, self.y
+            act(self.forms[k], about, self.acts[k])
 
     def advance(self, h):
         p, w = self.p, self.w
         asked = self._command()
         top = p["supply_v"]
         drawn = sum(draw(self.i[k], clipped(asked[k], top), top) for k in (0, 1))
+        if self.forms:
+            self._act([clipped(volts, top) for volts in asked], h)
+        gear = [p["gear_nm_per_a"][k] * (1.0 + self.acts[k][CONSTANT]) for k in (0, 1)]
         self.bus = top - p["decline_v_per_s"] * self.t - p["source_resistance_ohm"] * drawn
         a = [[self.inertia[j][k] for k in (0, 1)] for j in (0, 1)]
         b = [sum(a[j][k] * w[k] for k in (0, 1)) for j in (0, 1)]
         volts, ohm, ke, fluid = [0.0, 0.0], [0.0, 0.0], p["back_emf_v_s_per_rad"], [0.0, 0.0]
         for k in (0, 1):
-            level = self._volts(asked[k], k) * self.bus / top
+            level = (self._volts(asked[k], k) + self.acts[k][VOLTS]) * self.bus / top
             volts[k] = behind_driver(level, ke[k] * w[k], p["limit_v"][k], p["drop_v"][k])
             ohm[k] = warm(p["resistance_ohm"][k], self.rise[k])
             fluid[k] = viscous(p["viscous_nm_s_per_rad"][k], p["asymmetry_nm_s_per_rad"][k], w[k])
+            fluid[k] += self.acts[k][FLUID]
             # Half implicit: the middle of the step, of second order.
-            damping = p["gear_nm_per_a"][k] * ke[k] / ohm[k] + fluid[k]
-            extra = shaped_torque(self.th[k] + 0.5 * h * w[k], w[k], p, k, math.sin)
+            damping = gear[k] * ke[k] / ohm[k] + fluid[k]
+            extra = shaped_torque(self.th[k] + 0.5 * h * w[k], w[k], p, k, math.sin) + self.acts[k][DRIVE]
             a[k][k] += 0.5 * h * damping
-            b[k] += h * (p["gear_nm_per_a"][k] * volts[k] / ohm[k] + extra - 0.5 * damping * w[k])
+            b[k] += h * (gear[k] * volts[k] / ohm[k] + extra - 0.5 * damping * w[k])
         speed, rate = self.forward[0] * w[0] + self.forward[1] * w[1], self._rate()
         heading = self.yaw + 0.5 * h * rate - self.uphill
         pull = along_slope(self.mass, self.slope, math.sin)
         push, twist = offset_forces(self.mass, p["com_x_m"], speed, rate)
-        push -= pull * math.cos(heading)
-        twist += slope_torque(pull, p["com_x_m"], p["com_y_m"], math.cos(heading), math.sin(heading))
+        push += self.acts[0][PUSH] - pull * math.cos(heading)
+        twist += self.acts[0][TURN] + slope_torque(
+            pull, p["com_x_m"], p["com_y_m"], math.cos(heading), math.sin(heading)
+        )
         for k in (0, 1):
             b[k] += h * (self.forward[k] * push + self.turn[k] * twist)
         new, impulses = self._slip(a, b, h)
@@ -188,7 +240,7 @@ class Robot:
             if p["heat_rise_per_w"][k]:
                 heat, slow = p["heat_rise_per_w"][k], p["heat_tau_s"][k]
                 self.rise[k] = warmer(self.rise[k], h, heat, slow, current, ohm[k])
-            torque = p["gear_nm_per_a"][k] * current - fluid[k] * mean - p["rotor_kg_m2"][k] * (new[k] - w[k]) / h
+            torque = gear[k] * current - fluid[k] * mean - p["rotor_kg_m2"][k] * (new[k] - w[k]) / h
             self.load[k] = max(abs(torque), abs(torque + impulses[k] / h))
             tau = p["speed_filter_s"][k]
             if tau > 0.0:
@@ -209,8 +261,9 @@ class Robot:
         determinant = a[0][0] * a[1][1] - a[0][1] * a[1][0]
         inverse = ((a[1][1] / determinant, -a[0][1] / determinant), (-a[1][0] / determinant, a[0][0] / determinant))
         ways = [((1.0, 0.0), *self._friction(0)), ((0.0, 1.0), *self._friction(1))]
-        if self.p["scrub_nm"]:
-            ways.append((self.turn, self.p["scrub_nm"], self.p["scrub_nm"]))
+        scrub = self.p["scrub_nm"] + self.acts[0][SCRUB]
+        if scrub:
+            ways.append((self.turn, scrub, scrub))
         ways = [(way, -h * f, h * g) for way, f, g in ways if f or g]
         new = [inverse[j][0] * b[0] + inverse[j][1] * b[1] for j in (0, 1)]
         impulses = [0.0] * len(ways)

@@ -12,6 +12,7 @@ import math
 from dataclasses import asdict
 
 from rtds_host.export.figures import SIDES, Figures
+from rtds_host.export.forms import written_forms
 from rtds_host.export.joints import drive
 from rtds_host.robot.urdf import base_inertia
 
@@ -90,6 +91,7 @@ def write(figures: Figures, comment: str) -> str:
         "noise": figures.noise,
         **sensors,
     }
+    curves = written_forms(figures)
     content = {
         "schema": SCHEMA,
         "name": figures.name,
@@ -97,4 +99,6 @@ def write(figures: Figures, comment: str) -> str:
         "prims": prims,
         "rtds": {"actuators": fed, "sensors": read, "world": {"slope_extra_rad": figures.slope_extra_rad}},
     }
+    if curves:
+        content["rtds"]["forms"] = curves
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"

@@ -1,11 +1,11 @@
 """FMUs: valid, run by fmpy, the motors with the model link's bytes, the robot as the exported Python module."""
 
-import copy
 import ctypes
 import random
 import subprocess
 import zipfile
 from pathlib import Path
+from types import ModuleType
 
 import fmpy
 import numpy as np
@@ -16,11 +16,12 @@ from fmpy.validation import validate_fmu
 
 from rtds_host.contract import builtin_robot
 from rtds_host.correction.close import model_of
+from rtds_host.diagnosis.forms.curves import points_of, put
 from rtds_host.diagnosis.replay.model import nominal_model
-from rtds_host.export import compiled, fmu, standalone
+from rtds_host.export import compiled, fmu
 from rtds_host.export.export import Source
 from rtds_host.export.figures import figures_of
-from rtds_host.export.python import parameters
+from rtds_host.export.python import parameters, write
 from rtds_host.export.table import LOST, OWN
 from rtds_host.link import open_link
 from rtds_host.native.library import FLAGS, compiler
@@ -146,11 +147,13 @@ def test_a_form_is_in_the_motors_tables_with_the_bytes_of_the_model_link(tmp_pat
     assert found.tobytes() != linked(motor_units(nominal_model(ROBOT), ROBOT), work).tobytes()
 
 
-def test_the_robots_fmu_says_that_it_leaves_a_form_out(tmp_path):
-    content = diagnosed("voltage", "v_cmd", [(x, 0.02 * x * abs(x)) for x in np.linspace(-10.0, 10.0, 14)])
+def test_motors_alone_leave_a_form_out_that_no_table_of_theirs_holds(tmp_path):
+    content = diagnosed("force", "x", [(-1.0, 0.3), (1.0, -0.3)])
     source = Source(content, model_of(content, ROBOT), ROBOT, "diagnosis.json")
-    parts = compiled.write(source, "fmu", tmp_path / "robot.fmu")
-    assert [(part.effect, part.kind) for part in parts] == [("voltage over v_cmd", LOST)]
+    parts = compiled.write(source, "c", tmp_path / "motors")
+    assert [(part.effect, part.kind) for part in parts] == [("force over x", LOST)]
+    parts = compiled.robot_parts(source)
+    assert [(part.effect, part.kind) for part in parts] == [("force over x", OWN)]
 
 
 def test_parameters_and_tables_set_from_outside_make_another_robots_motors(motors_fmu, tmp_path):
@@ -197,18 +200,38 @@ PLANAR = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", PLANAR)
-def test_the_robot_fmu_goes_as_the_exported_python_module(name, tmp_path, monkeypatch):
-    effects, robot, start = PLANAR[name]
-    monkeypatch.setattr(standalone, "STEP_S", 1e-5)
-    # As in the exported file, which holds the equations as plain functions.
-    for name, law in vars(standalone).copy().items():
-        if hasattr(law, "py_func"):
-            monkeypatch.setattr(standalone, name, law.py_func)
-    figures = figures_of(model_with(*effects, robot=robot), robot)
+# Forms of some of them: term, quantity, ends of the grid, values.
+FORMS = {
+    "slope": (
+        ("force", "x", -0.2, 0.2, lambda x: -2.0 * x),
+        ("yaw_torque", "yaw_rate", -3.0, 3.0, lambda x: -0.02 * np.sign(x) - 0.01 * x),
+        ("torque_constant", "i", -0.4, 0.4, lambda x: -0.4 * np.abs(x)),
+    ),
+    "dry": (
+        ("torque", "w", -20.0, 20.0, lambda x: -0.02 * np.sign(x) - 0.001 * x),
+        ("voltage", "i", -0.4, 0.4, lambda x: -0.5 * np.tanh(x / 0.05)),
+        ("torque", "motor_angle", 0.0, 2.0 * np.pi, np.sin),
+    ),
+    "servo": (
+        ("speed_sensor", "w", -20.0, 20.0, lambda x: 0.01 * x * np.abs(x)),
+        ("torque", "t", 0.0, 1.0, lambda x: 0.1 * x),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", PLANAR)
+def test_the_robot_fmu_goes_as_the_exported_python_module(case, tmp_path):
+    effects, robot, start = PLANAR[case]
+    model = model_with(*effects, robot=robot)
+    for form in FORMS.get(case, ()):
+        put(model, (0, 1), *form[:-1], form[-1](points_of(*form[1:-1])))
+    figures = figures_of(model, robot)
     (tmp_path / "it.fmu").write_bytes(fmu.build(fmu.robot(figures, "it", "")))
     slave = Slave(tmp_path / "it.fmu", tmp_path / "unpacked", start)
-    module = standalone.Robot(copy.deepcopy(parameters(figures)), **start)
+    exported = ModuleType("exported")
+    exec(compile(write(figures, ""), "exported.py", "exec"), exported.__dict__)
+    exported.STEP_S = 1e-5
+    module = exported.Robot(**start)
     draw, now = random.Random(3), 0
     key = "w_cmd" if figures.loop else "v_cmd"
     for _ in range(12):
@@ -229,7 +252,7 @@ def test_the_robot_fmu_goes_as_the_exported_python_module(name, tmp_path, monkey
 def test_each_number_of_the_module_is_a_parameter_of_the_fmu():
     figures = figures_of(nominal_model(ROBOT), ROBOT)
     names = {v.name.rpartition(".")[2] for v in fmu.robot(figures, "it", "").variables if v.causality == "parameter"}
-    assert parameters(figures).keys() - {"servo", "noise"} <= names
+    assert parameters(figures).keys() - {"servo", "noise", "forms"} <= names
 
 
 def test_an_fmu_declares_units_and_start_values(motors_fmu, robot_fmu):

@@ -179,6 +179,13 @@ def read(curve: np.ndarray, over: str) -> tuple[float, float, np.ndarray]:
     return low, high, np.interp(points_of(over, low, high), x, y)
 
 
+def named(row: np.ndarray) -> tuple[str, str] | None:
+    """Term and quantity of a model's row (WIDTH,), None of a row without a form."""
+    if not row[plant.TERM]:
+        return None
+    return list(plant.TERMS)[int(row[plant.TERM]) - 1], list(plant.OVERS)[int(row[plant.OVER]) - 1]
+
+
 def sides_of(side: str) -> tuple[int, ...]:
     """Rows of a side by its name."""
     return SIDES[side]

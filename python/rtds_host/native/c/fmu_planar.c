@@ -15,6 +15,16 @@
 
 #define GRAVITY_M_S2 9.80665
 #define SWEEPS 30
+/* Free curves, as rtds_host/plant/forms.py has them: rows of a term, what it runs over, the ends of its grid and its
+   values. Terms and quantities count from 1. */
+#define MOST 3
+#define POINTS 14
+#define HALF 7
+enum { TERM, OVER, LOW, HIGH, VALUES, WIDTH = VALUES + POINTS };
+enum { NO_TERM, TORQUE, VOLTAGE, TORQUE_CONSTANT, FORCE, YAW_TORQUE, CURRENT_SENSOR, SPEED_SENSOR, GYRO_SENSOR };
+enum { OVER_NOTHING, OVER_V, OVER_I, OVER_W, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS, OVER_SPEED, OVER_T, OVER_X,
+       OVER_Y, QUANTITIES };
+enum { DRIVE, FORWARD, BACKWARD, FLUID, VOLTS, CONSTANT, PUSH, TURN, SCRUB, ACTS };
 /* What the sensors report: v_bus, gyro_z, then i, w and th of left and right. */
 enum { V_BUS, GYRO, I_L, I_R, W_L, W_R, TH_L, TH_R, CHANNELS };
 
@@ -32,11 +42,13 @@ struct fmu_model {
   double asymmetry_nm_s_per_rad[2], load_share[2], ripple_nm[2], ripple_cycles[2], ripple_phase_rad[2], radius_m[2];
   double speed_gain[2], current_gain[2], current_bias_a[2], speed_filter_s[2], speed_late_s[2];
   double command_gain[2]; /* of a speed asked for, before the servo */
+  double gear_ratio, forms[2][MOST][WIDTH];
   int32_t servo_on;
   double servo_kp_v_s_per_rad, servo_ki_v_per_rad, servo_limit_v, servo_period_s;
   /* From here on: no variables of the FMU. */
   double t, th[2], w[2], i[2], rise[2], load[2], filtered[2], bus, mass, slope, forward[2], turn[2], inertia[2][2];
-  double integral[2], loop_at, loop_volts[2];
+  double integral[2], loop_at, loop_volts[2], acts[2][ACTS], made[2];
+  int formed;
   asked_t *asked;
   seen_t *seen;
   size_t asked_room, asked_first, asked_count, seen_room, seen_first, seen_count;
@@ -65,6 +77,104 @@ double fmu_step_s(const fmu_model *m) { return m->step_s; }
 
 static double within(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
+/* Value and slope of one branch at a size of x, 0 included: the value next to the jump. */
+static double branch(const double *row, int positive, double size, double *slope) {
+  const double per = (HALF - 1) / row[HIGH], at = size * per;
+  const int first = positive ? VALUES + HALF : VALUES + HALF - 1, way = positive ? 1 : -1;
+  *slope = 0.0;
+  if (at >= HALF - 1) return row[first + way * (HALF - 1)];
+  const int k = (int)at;
+  const double a = row[first + way * k], b = row[first + way * (k + 1)];
+  *slope = (b - a) * per * way;
+  return a + (b - a) * (at - k);
+}
+
+/* Value and slope of a curve at x; at a jump's place it is zero, with no slope. */
+static double curve(const double *row, double x, double *slope) {
+  const int over = (int)row[OVER];
+  const double span = row[HIGH] - row[LOW];
+  *slope = 0.0;
+  if (over <= OVER_RATE) {
+    if (x == 0.0 || row[HIGH] <= 0.0) return 0.0;
+    return branch(row, x > 0.0, fabs(x), slope);
+  }
+  if (span <= 0.0) return row[VALUES];
+  const int turns = over == OVER_TH || over == OVER_MOTOR;
+  const double per = (turns ? POINTS : POINTS - 1) / span;
+  double at = (x - row[LOW]) * per;
+  if (turns) at -= floor(at / POINTS) * POINTS;
+  else if (at <= 0.0) return row[VALUES];
+  else if (at >= POINTS - 1) return row[VALUES + POINTS - 1];
+  int k = (int)at;
+  if (k >= POINTS) k = POINTS - 1;
+  const double a = row[VALUES + k], b = k + 1 < POINTS ? row[VALUES + k + 1] : row[VALUES];
+  *slope = (b - a) * per;
+  return a + (b - a) * (at - k);
+}
+
+/* What the curves of side k come to; x[n] is the quantity n. */
+static void act(fmu_model *m, int k, const double x[QUANTITIES]) {
+  double *acts = m->acts[k], none;
+  memset(acts, 0, sizeof m->acts[k]);
+  for (int n = 0; n < MOST; n++) {
+    const double *row = m->forms[k][n];
+    const int term = (int)row[TERM], over = (int)row[OVER];
+    if (term == NO_TERM) continue;
+    double slope;
+    const double at = x[over], value = curve(row, at, &slope);
+    if (term == TORQUE && over == OVER_W) {
+      acts[FORWARD] -= at > 0.0 ? value : branch(row, 1, 0.0, &none);
+      acts[BACKWARD] += at < 0.0 ? value : branch(row, 0, 0.0, &none);
+      acts[FLUID] -= slope;
+      acts[DRIVE] -= slope * at;
+    } else if (term == TORQUE) {
+      acts[DRIVE] += value;
+    } else if (term == VOLTAGE) {
+      acts[VOLTS] += value;
+    } else if (term == TORQUE_CONSTANT) {
+      acts[CONSTANT] += value;
+    } else if (term == FORCE) {
+      acts[PUSH] += value;
+    } else if (term == YAW_TORQUE && over == OVER_RATE) {
+      const double ahead = -branch(row, 1, 0.0, &none), back = branch(row, 0, 0.0, &none);
+      const double level = at > 0.0 ? -value : at < 0.0 ? value : fmax(ahead, back);
+      acts[SCRUB] += fmax(level, 0.0);
+      if (level < 0.0 && at != 0.0) acts[TURN] += value;
+    } else if (term == YAW_TORQUE) {
+      acts[TURN] += value;
+    }
+  }
+}
+
+/* What the curves of side k add to a sensor's reading of x. */
+static double reads(const fmu_model *m, int k, int term, int over, double x) {
+  double total = 0.0, slope;
+  for (int n = 0; n < MOST; n++)
+    if (m->forms[k][n][TERM] == term && m->forms[k][n][OVER] == over) total += curve(m->forms[k][n], x, &slope);
+  return total;
+}
+
+/* The current that curves of voltage over the current allow: ohm i - f(i) is what else drives. */
+static double settled(fmu_model *m, int k) {
+  const double ohm = m->resistance_ohm[k] * (1.0 + m->rise[k]);
+  double most = 0.0;
+  int there = 0;
+  for (int n = 0; n < MOST; n++) {
+    const double *row = m->forms[k][n];
+    there = there || (row[TERM] == VOLTAGE && row[OVER] == OVER_I);
+    for (int j = VALUES; j < WIDTH; j++) most += fabs(row[j]);
+  }
+  if (!there) return m->i[k];
+  const double free = ohm * m->i[k] - m->made[k];
+  double high = (fabs(free) + most) / ohm, low = -high;
+  for (int n = 0; n < 48; n++) {
+    const double middle = 0.5 * (low + high);
+    if (ohm * middle - reads(m, k, VOLTAGE, OVER_I, middle) < free) low = middle; else high = middle;
+  }
+  m->made[k] = reads(m, k, VOLTAGE, OVER_I, 0.5 * (low + high));
+  return 0.5 * (low + high);
+}
+
 static double rate_of(const fmu_model *m) { return m->turn[0] * m->w[0] + m->turn[1] * m->w[1]; }
 
 static void push_seen(fmu_model *m) {
@@ -76,10 +186,13 @@ static void push_seen(fmu_model *m) {
   s->t = m->t;
   s->value[V_BUS] = m->bus;
   s->value[GYRO] = rate_of(m) * m->gyro_gain + m->gyro_bias_rad_s;
+  s->value[GYRO] += reads(m, 0, GYRO_SENSOR, OVER_RATE, s->value[GYRO]);
   for (int k = 0; k < 2; k++) {
     const double speed = m->speed_filter_s[k] > 0.0 ? m->filtered[k] : m->w[k];
     s->value[I_L + k] = m->i[k] * m->current_gain[k] + m->current_bias_a[k];
     s->value[W_L + k] = speed * m->speed_gain[k];
+    s->value[I_L + k] += reads(m, k, CURRENT_SENSOR, OVER_I, s->value[I_L + k]);
+    s->value[W_L + k] += reads(m, k, SPEED_SENSOR, OVER_W, s->value[W_L + k]);
     s->value[TH_L + k] = m->start[3 + k] + (m->th[k] - m->start[3 + k]) * m->speed_gain[k];
   }
 }
@@ -134,6 +247,17 @@ const char *fmu_initialise(fmu_model *m) {
   const char *why = check(m);
   if (why != NULL) return why;
   m->bus = m->supply_v;
+  m->formed = 0;
+  memset(m->acts, 0, sizeof m->acts);
+  m->made[0] = m->made[1] = 0.0;
+  for (int k = 0; k < 2; k++)
+    for (int n = 0; n < MOST; n++) {
+      const double *row = m->forms[k][n];
+      if (!(row[TERM] >= 0.0 && row[TERM] <= GYRO_SENSOR && row[OVER] >= 0.0 && row[OVER] < QUANTITIES))
+        return "form: no such term or quantity";
+      if (row[TERM] != 0.0 && row[OVER] < 1.0) return "form: a term needs a quantity";
+      m->formed = m->formed || row[TERM] != 0.0;
+    }
   m->mass = m->mass_kg + m->payload_kg;
   m->slope = m->slope_rad + m->slope_extra_rad;
   m->x = m->start[0], m->y = m->start[1], m->yaw = m->start[2];
@@ -180,7 +304,8 @@ static void command_now(fmu_model *m, double volts[2]) {
   if (m->loop_at <= m->t + 1e-9) {
     const double top = m->servo_limit_v;
     for (int k = 0; k < 2; k++) {
-      const double miss = asked[k] * m->command_gain[k] - m->w[k] * m->speed_gain[k];
+      const double told = m->w[k] * m->speed_gain[k];
+      const double miss = asked[k] * m->command_gain[k] - told - reads(m, k, SPEED_SENSOR, OVER_W, told);
       m->integral[k] = within(m->integral[k] + m->servo_ki_v_per_rad * miss * m->servo_period_s, -top, top);
       m->loop_volts[k] = within(m->servo_kp_v_s_per_rad * miss + m->integral[k], -top, top);
     }
@@ -211,9 +336,9 @@ static int bounds_of(const fmu_model *m, double h, bound_t *b) {
         level += m->stribeck_nm[k] * exp(-(s * s));
       }
       level += m->load_share[k] * m->load[k];
-      f = level + m->asymmetry_nm[k], g = level - m->asymmetry_nm[k];
+      f = level + m->asymmetry_nm[k] + m->acts[k][FORWARD], g = level - m->asymmetry_nm[k] + m->acts[k][BACKWARD];
     } else {
-      f = g = m->scrub_nm;
+      f = g = m->scrub_nm + m->acts[0][SCRUB];
     }
     if (f == 0.0 && g == 0.0) continue;
     b[n].way[0] = k == 2 ? m->turn[0] : k == 0;
@@ -260,15 +385,17 @@ static void slip(const fmu_model *m, double a[2][2], const double b[2], double h
 static void drive(fmu_model *m, const double asked[2], int k, double h, double a[2][2], double b[2], double *volts,
                   double *ohm, double *fluid) {
   const double ke = m->back_emf_v_s_per_rad[k], limit = m->limit_v[k];
-  const double u = within(driver(m, asked[k], k) * m->bus / m->supply_v, -limit, limit);
+  const double u = within((driver(m, asked[k], k) + m->acts[k][VOLTS]) * m->bus / m->supply_v, -limit, limit);
   *volts = u - within(u - ke * m->w[k], -m->drop_v[k], m->drop_v[k]);
   *ohm = m->resistance_ohm[k] * (1.0 + m->rise[k]);
-  *fluid = m->viscous_nm_s_per_rad[k] + copysign(m->asymmetry_nm_s_per_rad[k], m->w[k]);
-  const double damping = m->gear_nm_per_a[k] * ke / *ohm + *fluid;
+  *fluid = m->viscous_nm_s_per_rad[k] + copysign(m->asymmetry_nm_s_per_rad[k], m->w[k]) +
+           m->acts[k][FLUID];
+  const double gear = m->gear_nm_per_a[k] * (1.0 + m->acts[k][CONSTANT]);
+  const double damping = gear * ke / *ohm + *fluid;
   const double ripple = m->ripple_nm[k] * sin(m->ripple_cycles[k] * (m->th[k] + 0.5 * h * m->w[k]) +
                                               m->ripple_phase_rad[k]);
   a[k][k] += 0.5 * h * damping;
-  b[k] += h * (m->gear_nm_per_a[k] * *volts / *ohm + ripple - 0.5 * damping * m->w[k]);
+  b[k] += h * (gear * *volts / *ohm + ripple + m->acts[k][DRIVE] - 0.5 * damping * m->w[k]);
 }
 
 /* Current, heat, load and reported speed of side k after the step. */
@@ -279,7 +406,8 @@ static void settle(fmu_model *m, int k, double h, double now, double volts, doub
   m->i[k] = (volts - ke * now) / ohm;
   if (m->heat_rise_per_w[k] != 0.0)
     m->rise[k] += h * (m->heat_rise_per_w[k] * current * current * ohm - m->rise[k]) / m->heat_tau_s[k];
-  const double torque = m->gear_nm_per_a[k] * current - fluid * mean - m->rotor_kg_m2[k] * (now - w) / h;
+  const double gear = m->gear_nm_per_a[k] * (1.0 + m->acts[k][CONSTANT]);
+  const double torque = gear * current - fluid * mean - m->rotor_kg_m2[k] * (now - w) / h;
   m->load[k] = fmax(fabs(torque), fabs(torque + impulse / h));
   if (tau > 0.0) {
     const double ramp = (now - w) / h;
@@ -294,6 +422,13 @@ static void advance(fmu_model *m, double h) {
   command_now(m, asked);
   const double draw = (m->i[0] * within(asked[0], -top, top) + m->i[1] * within(asked[1], -top, top)) / top;
   m->bus = top - m->decline_v_per_s * m->t - m->source_resistance_ohm * draw;
+  if (m->formed)
+    for (int k = 0; k < 2; k++) {
+      const double turns = rate_of(m), moves = f[0] * w[0] + f[1] * w[1], angle = m->th[k] + 0.5 * h * w[k];
+      const double x[QUANTITIES] = {0.0,   within(asked[k], -top, top), settled(m, k),  w[k],  turns, angle,
+                                    m->gear_ratio * angle,      moves * turns, moves, m->t,  m->x,  m->y};
+      act(m, k, x);
+    }
   memcpy(a, m->inertia, sizeof a);
   for (int j = 0; j < 2; j++) b[j] = a[j][0] * w[0] + a[j][1] * w[1];
   for (int k = 0; k < 2; k++) drive(m, asked, k, h, a, b, &volts[k], &ohm[k], &fluid[k]);
@@ -301,8 +436,9 @@ static void advance(fmu_model *m, double h) {
   const double heading = m->yaw + 0.5 * h * rate - m->uphill_yaw_rad;
   const double pull = m->mass * GRAVITY_M_S2 * sin(m->slope);
   const double mx = m->mass * m->com_x_m;
-  const double push = mx * rate * rate - pull * cos(heading);
-  const double twist = -mx * speed * rate + pull * (m->com_x_m * sin(heading) + m->com_y_m * cos(heading));
+  const double push = mx * rate * rate - pull * cos(heading) + m->acts[0][PUSH];
+  const double twist = -mx * speed * rate + pull * (m->com_x_m * sin(heading) + m->com_y_m * cos(heading)) +
+                       m->acts[0][TURN];
   for (int k = 0; k < 2; k++) b[k] += h * (f[k] * push + g[k] * twist);
   slip(m, a, b, h, now, impulses);
   for (int k = 0; k < 2; k++) settle(m, k, h, now[k], volts[k], ohm[k], fluid[k], impulses[k]);

@@ -1,0 +1,121 @@
+"""Terms that MuJoCo has no element for, as curves, for a robot of `rtds export --to mjcf`.
+
+    model = mujoco.MjModel.from_xml_path("robot.xml")
+    data = mujoco.MjData(model)
+    forms = Forms(model)
+    more = forms.before(data, volts, currents)  # before each step: sets torques, gives V to add behind the driver
+    forms.readings(found)                       # adds to what sensors report, by channel
+
+The curves are those of the file: custom/numeric form_left_1 and so on, each a term, what it runs over, the ends of its
+grid and its values. Torques are `qfrc_applied`, dry friction is that of the wheels' joints and of the tendon `scrub`.
+"""
+
+import math
+
+# laws: begin
+from rtds_host.export.settled import settled
+from rtds_host.plant.forms import (
+    ABOUT,
+    ACTS,
+    BACKWARD,
+    CONSTANT,
+    DRIVE,
+    FLUID,
+    FORWARD,
+    MOST,
+    OVER_CODE,
+    PUSH,
+    SCRUB,
+    TERM_CODE,
+    TURN,
+    VALUES,
+    VOLTS,
+    act,
+    reads,
+)
+
+I_READ = TERM_CODE["current_sensor"], OVER_CODE["i"]
+W_READ = TERM_CODE["speed_sensor"], OVER_CODE["w"]
+GYRO_READ = TERM_CODE["gyro_sensor"], OVER_CODE["yaw_rate"]
+POINTS, WIDTH = 14, VALUES + 14
+# laws: end
+
+
+class Forms:
+    """The curves of one simulation. It changes the model's dry friction: each simulation needs a model of its own."""
+
+    def __init__(self, model):
+        numbers = {model.numeric(k).name: [float(v) for v in model.numeric(k).data] for k in range(model.nnumeric)}
+        self.model, self.any = model, any(name.startswith("form_") for name in numbers)
+        nothing = [0.0] * (VALUES + POINTS)
+        self.rows = [[numbers.get(f"form_{side}_{n + 1}", nothing) for n in range(MOST)] for side in ("left", "right")]
+        self.acts = [[0.0] * ACTS, [0.0] * ACTS]
+        if not self.any:
+            return
+        self.ohm, self.made = numbers["winding_ohm"], [0.0, 0.0]
+        self.ratio = numbers["gear_ratio"][0]
+        self.torque_per_a = numbers["torque_per_current_nm_per_a"]
+        self.wheels = [model.joint("wheel_" + side) for side in ("left", "right")]
+        names = [model.joint(k).name for k in range(model.njnt)]
+        self.gears = [model.joint("gear_" + side) if "gear_" + side in names else None for side in ("left", "right")]
+        self.base = model.joint("base")
+        tendons = [model.tendon(k).name for k in range(model.ntendon)]
+        self.scrub = tendons.index("scrub") if "scrub" in tendons else None
+        self.still = [float(model.dof_frictionloss[int(wheel.dofadr[0])]) for wheel in self.wheels]
+        self.scrubs = float(model.tendon_frictionloss[self.scrub]) if self.scrub is not None else 0.0
+
+    def before(self, data, asked, currents, still=None):
+        """Set torques of the coming step; returns [left, right] V behind the driver at the nominal bus.
+
+        asked : V in force, clipped; currents : A; still : N m, dry friction of the wheels without curves, where it
+        changes.
+        """
+        if not self.any:
+            return [0.0, 0.0]
+        at, dof = int(self.base.qposadr[0]), int(self.base.dofadr[0])
+        x, y, w, z = (float(data.qpos[at + k]) for k in (0, 1, 3, 6))
+        yaw = 2.0 * math.atan2(z, w)
+        speed = float(data.qvel[dof]) * math.cos(yaw) + float(data.qvel[dof + 1]) * math.sin(yaw)
+        rate, about = float(data.qvel[dof + 5]), [0.0] * ABOUT
+        about[7:] = speed, float(data.time), x, y
+        for k, wheel in enumerate(self.wheels):
+            turns = float(data.qvel[int(wheel.dofadr[0])])
+            angle = float(data.qpos[int(wheel.qposadr[0])])
+            if self.gears[k] is not None:
+                angle += float(data.qpos[int(self.gears[k].qposadr[0])])
+            current, self.made[k] = settled(self.rows[k], self.ohm[k], currents[k], self.made[k])
+            about[:7] = asked[k], current, turns, rate, angle, self.ratio * angle, speed * rate
+            act(self.rows[k], about, self.acts[k])
+            self._load(data, k, turns, current, self.still[k] if still is None else still[k])
+        push = self.acts[0][PUSH]
+        data.qfrc_applied[dof] = push * math.cos(yaw)
+        data.qfrc_applied[dof + 1] = push * math.sin(yaw)
+        data.qfrc_applied[dof + 5] = self.acts[0][TURN]
+        if self.scrub is not None:
+            self.model.tendon_frictionloss[self.scrub] = self.scrubs + self.acts[0][SCRUB]
+        return [self.acts[0][VOLTS], self.acts[1][VOLTS]]
+
+    def _load(self, data, k, turns, current, still):
+        """Torque and dry friction of a wheel that turns by `turns` rad/s."""
+        acts, dof = self.acts[k], int(self.wheels[k].dofadr[0])
+        # Against the way it turns; at rest, or nearly, a push either way is held by about as much.
+        level = still + (acts[FORWARD] if turns > 0.0 else acts[BACKWARD] if turns < 0.0 else 0.0)
+        if turns == 0.0:
+            level += 0.5 * (acts[FORWARD] + acts[BACKWARD])
+        self.model.dof_frictionloss[dof] = max(level, 0.0)
+        drive = acts[DRIVE] - acts[FLUID] * turns + self.torque_per_a[k] * acts[CONSTANT] * current
+        # A level below none drives on what turns.
+        data.qfrc_applied[dof] = drive - math.copysign(min(level, 0.0), turns)
+
+    def told(self, k, speed):
+        """A reported wheel speed, rad/s, with what curves add to it."""
+        return speed + reads(self.rows[k], W_READ[0], W_READ[1], speed)
+
+    def readings(self, found):
+        """Add to readings, by channel, what curves of sensors do, in place."""
+        if not self.any:
+            return
+        for k, side in enumerate("lr"):
+            found["i_" + side] += reads(self.rows[k], I_READ[0], I_READ[1], found["i_" + side])
+            found["w_" + side] = self.told(k, found["w_" + side])
+        found["gyro_z"] += reads(self.rows[0], GYRO_READ[0], GYRO_READ[1], found["gyro_z"])
