@@ -271,8 +271,9 @@ def values_header(unit: Unit) -> str:
         count = int(np.prod(v.shape, dtype=int))
         rows.append(f"  {{offsetof(struct fmu_model, {v.member}), {count}, {types[v.type]}, {kinds[v.causality]}}},")
         if v.start is not None and not v.member.startswith("effects."):
-            array = isinstance(v.start, np.ndarray)
-            start = "{" + ", ".join(map(repr, v.start.tolist())) + "}" if array else repr(v.start)
+            start = repr(v.start)
+            if isinstance(v.start, np.ndarray):
+                start = "{" + ", ".join(map(repr, v.start.tolist())) + "}"
             starts.append(f".{v.member} = {start},")
     return "\n".join(
         [

@@ -81,8 +81,9 @@ class Forms:
         for k, wheel in enumerate(self.wheels):
             turns = float(data.qvel[int(wheel.dofadr[0])])
             angle = float(data.qpos[int(wheel.qposadr[0])])
-            if self.gears[k] is not None:
-                angle += float(data.qpos[int(self.gears[k].qposadr[0])])
+            gear = self.gears[k]
+            if gear is not None:
+                angle += float(data.qpos[int(gear.qposadr[0])])
             current, self.made[k] = settled(self.rows[k], self.ohm[k], currents[k], self.made[k])
             about[:7] = asked[k], current, turns, rate, angle, self.ratio * angle, speed * rate
             act(self.rows[k], about, self.acts[k])

@@ -76,7 +76,7 @@ class Robot:
         self.filtered = [0.0, 0.0]
         self.bus = p["supply_v"]
         # Curves of each side, and what they come to now.
-        self.forms = p.get("forms")
+        self.forms = p.get("forms") or []
         self.acts = [[0.0] * ACTS, [0.0] * ACTS]
         self.made = [0.0, 0.0]
         self.mass = p["mass_kg"] + payload_kg

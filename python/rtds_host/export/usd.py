@@ -92,13 +92,12 @@ def write(figures: Figures, comment: str) -> str:
         **sensors,
     }
     curves = written_forms(figures)
+    others: dict = {"actuators": fed, "sensors": read, "world": {"slope_extra_rad": figures.slope_extra_rad}}
     content = {
         "schema": SCHEMA,
         "name": figures.name,
         "notes": comment.splitlines(),
         "prims": prims,
-        "rtds": {"actuators": fed, "sensors": read, "world": {"slope_extra_rad": figures.slope_extra_rad}},
+        "rtds": others | ({"forms": curves} if curves else {}),
     }
-    if curves:
-        content["rtds"]["forms"] = curves
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
