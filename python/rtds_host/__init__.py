@@ -10,6 +10,8 @@ The functions of this package, each described in `rtds_host.api`:
 - `import_case(sources, out)` turns recordings into a case, `export(diagnosis, to)` writes the robot for another
   simulator, `plan(robot)` makes the manoeuvre that would tell most.
 
+`plots` draws runs and diagnoses into matplotlib's axes.
+
 `import rtds_host` loads none of what they need (0.01 s); the first call does.
 """
 
@@ -35,12 +37,14 @@ __all__ = [
     "export",
     "import_case",
     "plan",
+    "plots",
     "predict",
     "read_case",
     "run",
 ]
 
 if TYPE_CHECKING:
+    from rtds_host import plots
     from rtds_host.api import close, diagnose, export, import_case, plan, predict, read_case, run
     from rtds_host.errors import InputError, LinkError, OutputError, RtdsError
 
@@ -48,6 +52,10 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name == "plots":
+        import importlib
+
+        return importlib.import_module("rtds_host.plots")
     from rtds_host import api, errors
 
     return getattr(errors if name.endswith("Error") else api, name)

@@ -67,7 +67,14 @@ def brief(text: str) -> str:
     return f"{text[:kept]} … ({len(text) - 2 * kept} characters left out) … {text[-kept:]}"
 
 
-class RtdsError(Exception):
+class _Brief(type):
+    """What `help` lists of an error: nothing that every Python exception has, which is seventy lines."""
+
+    def __dir__(cls) -> list[str]:
+        return []
+
+
+class RtdsError(Exception, metaclass=_Brief):
     """A person can cause or meet it. ``str(error)`` is one line that names the place and what is wrong."""
 
     def __init__(self, *parts: object):

@@ -13,6 +13,9 @@ import typer
 # The option of every command that answers.
 AsJson = Annotated[bool, typer.Option("--json", help="Print the answer as one JSON object, and nothing else.")]
 
+# The option of every command that takes a while.
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress on the terminal.")]
+
 
 def plain(value: Any) -> Any:
     """A value as JSON has it: paths and names as text, arrays as lists, dataclasses as objects, and numbers that are

@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from rtds_host.cli.answer import AsJson
+from rtds_host.cli.answer import AsJson, Quiet
 from rtds_host.cli.answer import answer as say
 from rtds_host.contract import check_writable, check_writable_file, refuse_inputs, write_atomic
 from rtds_host.errors import InputError, visible
@@ -29,10 +29,10 @@ Folder = Annotated[Path, typer.Option("--out", "-o", help="Folder of the check."
 
 
 @contextmanager
-def _bar(title: str) -> Iterator[Callable[[int, int], None]]:
+def _bar(title: str, quiet: bool) -> Iterator[Callable[[int, int], None]]:
     console = Console(stderr=True)
     columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as progress:
         task = progress.add_task(title, total=None)
         yield lambda done, count: progress.update(task, completed=done, total=count)
 
@@ -63,6 +63,7 @@ def make(
     seed: Annotated[int | None, typer.Option(help="Default: drawn, and kept with the sealed truth.")] = None,
     jobs: Annotated[int, typer.Option(help="Processes.")] = CORES,
     as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Draw cases, seal their truths and publish the seals."""
     from rtds_host.blind.measured import make_measured
@@ -72,7 +73,7 @@ def make(
     if measured and (tier or world):
         raise InputError("--measured: has neither tiers nor worlds")
     tier = [name.strip() for item in tier for name in item.split(",")] if tier else None
-    with _bar("making cases") as report:
+    with _bar("making cases", quiet) as report:
         seals = (
             make_measured(out, measured, n, seed, report)
             if measured
@@ -96,12 +97,13 @@ def answer(
         str | None, typer.Option(metavar="ADDRESS", help="Hand the cases to this Dask scheduler (tcp://host:8786).")
     ] = None,
     as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Let the diagnoser, as another process, answer every case that has no answer yet."""
     from rtds_host.blind.seal import answer as answer_cases
 
     check_writable(out)
-    with _bar("diagnosing") as report:
+    with _bar("diagnosing", quiet) as report:
         ledger = answer_cases(out, quick, jobs, timeout_s=timeout, progress=report, scheduler=scheduler)
     failed = [entry for entry in ledger if entry["sha256"] is None]
     if as_json:
@@ -134,6 +136,7 @@ def score(
         ),
     ] = None,
     as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Open the truth, check every hash, and judge the answers."""
     from rtds_host.blind.measured import is_measured, score_measured
@@ -151,7 +154,7 @@ def score(
     if is_measured(out):
         if diagnoses:
             raise InputError("--diagnoses: not for draws on measured data, which are judged by their sealed answers")
-        with _bar("scoring") as report:
+        with _bar("scoring", quiet) as report:
             judged = score_measured(out, jobs, with_gap=closure, progress=report)
         text = (out / "score" / "page.md").read_text()
         if as_json:
@@ -161,7 +164,7 @@ def score(
         if page is not None:
             write_atomic(page, text)
         return
-    with _bar("scoring") as report:
+    with _bar("scoring", quiet) as report:
         result = score_cases(out, jobs, with_closure=closure, progress=report, diagnoses=diagnoses)
     folder = (diagnoses or out) / "score"
     if page is not None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rtds_host.cli.answer import AsJson, answer
+from rtds_host.cli.answer import AsJson, Quiet, answer
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -58,11 +58,13 @@ def close(
     seed: Annotated[int, typer.Option(help="Has no effect: a diagnosis uses no random numbers. Kept for scripts.")] = 1,
     jobs: Annotated[int, typer.Option(help="Cores for the diagnosis; 0 = all.", min=0)] = 0,
     as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Diagnose CASE, put the effects into the real-time simulator, and report the gap there before and after."""
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from rtds_host.bars import stages
+    from rtds_host.cli.first_use import say_if_first
     from rtds_host.contract import check_writable
     from rtds_host.correction.close import close_folder
     from rtds_host.correction.simulate import Setting
@@ -78,15 +80,8 @@ def close(
     setting = Setting(
         link=link, link_options={"sim": sim, "step_clocks": "min"} if link == "rtl" else {}, engine=engine
     )
-    with Progress(
-        TextColumn("{task.description:<24}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-        transient=True,
-        disable=not sys.stderr.isatty(),
-    ) as bar:
-        task = bar.add_task("reading", total=1.0)
+    say_if_first(quiet)
+    with stages(quiet) as report:
         result = close_folder(
             case,
             out,
@@ -99,7 +94,7 @@ def close(
             table=table,
             threads=jobs if jobs > 0 else cores(),
             seed=seed,
-            progress=lambda stage, share: bar.update(task, description=stage, completed=share),
+            progress=report,
         )
     if as_json:
         answer({"folder": out, **result.content})

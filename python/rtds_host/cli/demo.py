@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rtds_host.cli.answer import AsJson, answer
+from rtds_host.cli.answer import AsJson, Quiet, answer
 
 app = typer.Typer(add_completion=False)
 
@@ -35,11 +35,13 @@ def example_bags() -> list[Path]:
 def demo(
     out: Annotated[Path, typer.Option(help="New folder for the case and the report.")] = Path("demo"),
     as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Import three bags of a TurtleBot3 with one fault, and diagnose them.
 
     Writes OUT/case and OUT/report/report.html. The fault is in examples/truth.json of the repository.
     """
+    from rtds_host.cli.first_use import say_if_first
     from rtds_host.contract import check_writable
     from rtds_host.diagnosis.batch import run_one
     from rtds_host.errors import visible
@@ -47,11 +49,12 @@ def demo(
 
     bags = example_bags()
     check_writable(out)
+    say_if_first(quiet)
     for run in import_case(bags, out / "case"):
         if not as_json:
             print(visible(f"{out / 'case' / run.name}: {len(run.imported.columns['t'])} rows"))
-    result, _ = run_one(out / "case", out / "report", quick=True, seed=1, jobs=0, summary=not as_json)
+    found = run_one(out / "case", out / "report", quick=True, seed=1, jobs=0, summary=not as_json, quiet=quiet)
     if as_json:
-        answer({"case": out / "case", "report": out / "report" / "report.html", "diagnosis": result})
+        answer({"case": out / "case", "report": out / "report" / "report.html", "diagnosis": found[0]})
         return
     print(visible(f"open {out / 'report' / 'report.html'}"))

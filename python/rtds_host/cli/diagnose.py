@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rtds_host.cli.answer import AsJson, answer
+from rtds_host.cli.answer import AsJson, Quiet, answer
 
 app = typer.Typer(add_completion=False)
 
@@ -39,6 +39,7 @@ def diagnose(
         ),
     ] = False,
     as_json: AsJson = False,
+    quiet: Quiet = False,
     mcap: Annotated[
         Path | None,
         typer.Option(
@@ -66,9 +67,11 @@ def diagnose(
             )
         check_writable_file(mcap)
         refuse_inputs([mcap], [*places_of_case(cases[0]), *(out / name for name in FILES)])
-    say_if_first()
+    say_if_first(quiet)
     if len(cases) == 1 and scheduler is None:
-        result, details = run_one(cases[0], out, quick=quick, seed=seed, jobs=jobs, summary=not as_json, repeat=repeat)
+        result, details = run_one(
+            cases[0], out, quick=quick, seed=seed, jobs=jobs, summary=not as_json, repeat=repeat, quiet=quiet
+        )
         if as_json:
             answer({"folder": out, **result})
         if mcap is not None:
@@ -93,7 +96,7 @@ def diagnose(
             )
         return
     say = None if as_json else partial(print, flush=True)
-    failed = run_many(cases, out, quick=quick, seed=seed, jobs=jobs, scheduler=scheduler, say=say)
+    failed = run_many(cases, out, quick=quick, seed=seed, jobs=jobs, scheduler=scheduler, say=say, quiet=quiet)
     if as_json:
         from pyarrow.parquet import read_table
 

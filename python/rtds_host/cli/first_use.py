@@ -15,10 +15,10 @@ def is_compiled(package: Path, elsewhere: str | None = None) -> bool:
     return any(place.is_dir() and next(place.rglob("*.nbi"), None) is not None for place in places)
 
 
-def say_if_first() -> None:
+def say_if_first(quiet: bool = False) -> None:
     """Say on a terminal that compiling comes first, where nothing is compiled yet."""
     from rtds_host.diagnosis import replay
 
     package = Path(str(replay.__file__)).parent
-    if sys.stderr.isatty() and not is_compiled(package, os.environ.get("NUMBA_CACHE_DIR")):
+    if not quiet and sys.stderr.isatty() and not is_compiled(package, os.environ.get("NUMBA_CACHE_DIR")):
         print(SAID, file=sys.stderr, flush=True)

@@ -43,6 +43,24 @@ def init(
     mass: Annotated[float | None, typer.Option(help="Mass of the whole robot, kg.")] = None,
     counts: Annotated[float | None, typer.Option(help="Encoder counts for one turn of the shaft it sits on.")] = None,
     encoder: Annotated[str | None, typer.Option(help="Where the encoder sits: motor, gear or wheel.")] = None,
+    axis: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND", help="One motor alone, in place of two wheels: it turns an inertia, a pendulum or linear."
+        ),
+    ] = None,
+    load_inertia: Annotated[
+        float | None, typer.Option(help="axis inertia: inertia at the gear's output, kg·m².")
+    ] = None,
+    load_mass: Annotated[
+        float | None, typer.Option(help="axis pendulum, linear: mass at the arm's end, or of the carriage, kg.")
+    ] = None,
+    arm_length: Annotated[
+        float | None, typer.Option(help="axis pendulum: distance of the mass from the axis, m.")
+    ] = None,
+    travel: Annotated[
+        float | None, typer.Option(help="axis linear: travel for one turn of the gear's output, m.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Write a commented robot.toml for a robot of your own, and a draft mapping for its recordings.
@@ -65,14 +83,19 @@ def init(
         "track_width_m": track_width,
         "mass_kg": mass,
         "counts": counts,
+        "load_inertia_kg_m2": load_inertia,
+        "load_mass_kg": load_mass,
+        "arm_length_m": arm_length,
+        "travel_m": travel,
     }
-    asked = any(value is not None for value in figures.values()) or encoder is not None
+    asked = any(value is not None for value in figures.values()) or encoder is not None or axis is not None
     if like is not None and asked:
         raise InputError(f"--like {like}: a robot that comes along has its own figures; give one or the other")
     if motor and mjcf is None:
         raise InputError(f"--motor {motor[0]}: only with --mjcf")
-    if mjcf is not None and (like is not None or encoder is not None or _not_of_model(figures)):
-        which = "--like" if like is not None else option((_not_of_model(figures) or ["encoder"])[0])
+    alone = [key for key, given in (("axis", axis), ("encoder", encoder)) if given is not None]
+    if mjcf is not None and (like is not None or alone or _not_of_model(figures)):
+        which = "--like" if like is not None else option((_not_of_model(figures) or alone)[0])
         raise InputError(f"--mjcf {mjcf}: goes without {which}, the model has its own figures")
     for file in ("robot.toml", "mapping.toml", *(("effects.json",) if mjcf is not None else ())):
         if (out / file).exists():
@@ -85,7 +108,7 @@ def init(
         made, lost = _from_mjcf(mjcf, figures, name or out.resolve().name, motor or [])
         texts |= made
     elif asked or log is None:
-        texts["robot.toml"] = _from_sheet(figures, encoder, name or out.resolve().name)
+        texts["robot.toml"] = _from_sheet(figures, encoder, name or out.resolve().name, axis)
     if log is not None:
         texts["mapping.toml"] = draft_mapping(log)
     out.mkdir(parents=True, exist_ok=True)
@@ -133,13 +156,18 @@ def _from_mjcf(
     return texts, list(found.lost)
 
 
-def _from_sheet(figures: dict[str, float | None], encoder: str | None, name: str) -> str:
+def _from_sheet(figures: dict[str, float | None], encoder: str | None, name: str, axis: str | None) -> str:
     from rtds_host.errors import InputError
-    from rtds_host.start.datasheet import ENCODERS, FIGURES, Sheet, option, robot_text
+    from rtds_host.start.datasheet import ENCODERS, AxisSheet, Sheet, axis_text, figures_of, option, robot_text
 
-    answers = dict(figures)
+    wanted = figures_of(axis)
+    useless = [option(key) for key, value in figures.items() if value is not None and key not in wanted]
+    if useless:
+        what = f"--axis {axis}" if axis else "a robot on two wheels (--axis says what else)"
+        raise InputError(f"{', '.join(useless)}: has no meaning for {what}")
+    answers = {key: figures[key] for key in wanted}
     if sys.stdin.isatty():
-        for key, (text, _, _) in FIGURES.items():
+        for key, (text, _, _) in wanted.items():
             if answers[key] is None:
                 optional = key == "stall_torque_nm"
                 said = typer.prompt(text, default="" if optional else None, show_default=False, err=True)
@@ -149,6 +177,8 @@ def _from_sheet(figures: dict[str, float | None], encoder: str | None, name: str
     missing = [option(key) for key, value in answers.items() if value is None and key != "stall_torque_nm"]
     if missing:
         raise InputError(f"{', '.join(missing)}: missing; or --like ROBOT, or run it in a terminal, which asks")
+    if axis is not None:
+        return axis_text(AxisSheet(name=name, kind=axis, encoder=encoder or "motor", **answers))  # type: ignore[arg-type]
     return robot_text(Sheet(name=name, encoder=encoder or "motor", **answers))  # type: ignore[arg-type]
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rtds_host.cli.answer import AsJson, answer
+from rtds_host.cli.answer import AsJson, Quiet, answer
 
 app = typer.Typer(add_completion=False)
 # What the replay puts where its state leaves the finite numbers.
@@ -29,6 +29,7 @@ def predict(
         ),
     ] = None,
     as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Replay a run from its commands, with or without a diagnosis."""
     import io
@@ -50,7 +51,7 @@ def predict(
     log = read_run(run, nominal)
     if mcap is not None and os.path.realpath(mcap) == os.path.realpath(out):
         raise OutputError(f"{mcap}: --out and --mcap name one file; choose another")
-    say_if_first()
+    say_if_first(quiet)
     columns, clock = predicted(log, nominal, read_diagnosis(diagnosis, nominal) if diagnosis else None)
     text = io.StringIO()
     names = list(columns)

@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from rtds_host.cli.answer import AsJson, answer
+from rtds_host.cli.answer import AsJson, Quiet, answer
 from rtds_host.cli.calibrate import link_options
 from rtds_host.contract import builtin_robots, check_writable, load_robot, read_run, staged_folder
 from rtds_host.errors import InputError, did_you_mean, visible
@@ -77,7 +77,7 @@ def _wanted(scenario: str, given: dict[str, float]) -> list[tuple[Scenario, dict
 
 
 @contextmanager
-def _bars(plans: list[Plan]) -> Iterator[Callable[[str, float], None]]:
+def _bars(plans: list[Plan], quiet: bool) -> Iterator[Callable[[str, float], None]]:
     """A progress bar a run on standard error, where that is a terminal."""
     console = Console(stderr=True)
     columns = (
@@ -89,7 +89,7 @@ def _bars(plans: list[Plan]) -> Iterator[Callable[[str, float], None]]:
     )
     lengths = {plan.scenario.name: plan.duration_s for plan in plans}
     tasks: dict[str, TaskID] = {}
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with Progress(*columns, console=console, transient=True, disable=quiet or not console.is_terminal) as progress:
 
         def report(label: str, t_s: float) -> None:
             if label not in tasks:
@@ -211,6 +211,7 @@ def run(
     figure: Annotated[bool, typer.Option(help="Draw the six-panel figure.")] = True,
     form: Annotated[str, typer.Option("--format", help="Format of the log: csv or parquet.")] = "csv",
     as_json: AsJson = False,
+    quiet: Quiet = False,
     mcap: Annotated[
         bool, typer.Option("--mcap", help="Write run.mcap too, for Foxglove, PlotJuggler or ros2 bag.")
     ] = False,
@@ -277,13 +278,15 @@ def run(
     changes = [chosen_effects(plan, effects, effect) for plan in plans]
     injections = _injections(plans, faults, stimulus)
     more = link_options(link, calibration, wires, ad2, serial)
+    if quiet and link in ("rtl", "chip"):
+        more["progress"] = lambda line: None
     if waves is not None:
         more["waves"] = _waves(waves, wave_signals, wave_window, wave_size, scenario, link, sim)
     choice = link_choice(link, sim, step_clocks or ("min" if waves is None else BOARD_CLOCKS), more)
     target = out if out is not None else (Path("out") if scenario == "all" else Path("out") / plans[0].scenario.name)
     check_writable(target)
     with _page(live, port, browser, as_json) as page:
-        with _bars(plans) as report, window(gui):
+        with _bars(plans, quiet) as report, window(gui):
 
             def driven(plan: Plan, change: Effects | None, injection: Injection | None) -> Outcome:
                 path = page.path(plan, change, injection) if page is not None else None

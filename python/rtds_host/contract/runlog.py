@@ -23,6 +23,7 @@ from rtds_host.contract.robot import Robot, load_robot
 from rtds_host.errors import LONGEST_VALUE, InputError, brief, did_you_mean, listed, shown, visible
 
 if TYPE_CHECKING:
+    import pandas
     import pyarrow.parquet as pq
 
 SCHEMA = "rtds-run/1"
@@ -72,6 +73,20 @@ class RunMeta:
         }
 
 
+def as_table(columns: dict[str, np.ndarray]) -> pandas.DataFrame:
+    """Channels (n,) by name, `t` among them, as a table over time.
+
+    Raises
+    ------
+    InputError : pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError as error:
+        raise InputError("pandas is not installed: pip install pandas") from error
+    return pandas.DataFrame(columns).set_index("t")
+
+
 @dataclass(frozen=True)
 class RunLog:
     """One recorded run.
@@ -91,6 +106,15 @@ class RunLog:
     notices: tuple[str, ...] = ()
     unsure: dict[str, np.ndarray] = field(default_factory=dict)
     since_s: float = 0.0
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The run as a table: index `t`, s, and a column a channel, SI, NaN where a row has no sample.
+
+        Raises
+        ------
+        InputError : pandas is not installed.
+        """
+        return as_table({"t": self.t, **self.columns})
 
     def has(self, channel: str) -> bool:
         """Whether at least one sample of the channel exists."""

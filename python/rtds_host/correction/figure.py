@@ -5,12 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
 from rtds_host.contract import Case
 from rtds_host.diagnosis import gap as gaps
@@ -48,10 +45,10 @@ def draw(case: Case, result: Result, path: Path) -> None:
     before, after = (gaps.errors_at(run.log, case.robot, run.simulated[name]) for name in ("before", "after"))
     sizes = {c: float(np.sqrt(np.mean(e**2))) for c, (_, e) in before.items() if c in gaps.SAMPLED and len(e)}
     shown = sorted(sorted(sizes, key=lambda c: -sizes[c])[: ROWS - 1], key=gaps.SAMPLED.index)
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(
-            len(shown) + 1, 2, figsize=(11.0, 2.0 * (len(shown) + 1)), layout="constrained", squeeze=False
-        )
+    with rc_context(STYLE):
+        # Without pyplot: a notebook keeps its own way to show figures.
+        figure = Figure(figsize=(11.0, 2.0 * (len(shown) + 1)), layout="constrained")
+        axes = figure.subplots(len(shown) + 1, 2, squeeze=False)
         t = run.log.t
         for (left, right), channel in zip(axes, shown):
             title, unit, scale = UNITS[channel[0]]
@@ -76,7 +73,6 @@ def draw(case: Case, result: Result, path: Path) -> None:
             figure, f"{case.name}, run {run.log.name}: {effects}; motors in {sim['link']}, robot in {sim['engine']}"
         )
         save(figure, path, dpi=130, metadata={"Software": None})
-        plt.close(figure)
 
 
 def _path(axis, run: Run) -> None:

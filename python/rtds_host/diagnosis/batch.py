@@ -13,9 +13,10 @@ from functools import partial
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from rtds_host import __version__
+from rtds_host.bars import stages, watched
 from rtds_host.contract import Case, places_of_case, read_writable_case, refuse_inputs, staged_folder, write_atomic
 from rtds_host.contract.inputs import regular_bytes
 from rtds_host.diagnosis.diagnose import diagnose
@@ -91,27 +92,13 @@ def run_one(
     jobs: int = 0,
     summary: bool = True,
     repeat: bool = False,
+    quiet: bool = False,
 ) -> tuple:
-    """`rtds diagnose` of one case: progress and, with `summary`, that on the terminal. Returns (diagnosis, details)."""
-    errors = Console(stderr=True)
-    with Progress(
-        TextColumn("{task.description:<12}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        console=errors,
-        transient=True,
-        disable=not sys.stderr.isatty(),
-    ) as bar:
-        task = bar.add_task("reading", total=1.0)
-        result, details = write_diagnosis(
-            folder,
-            out,
-            quick,
-            seed,
-            jobs if jobs > 0 else cores(),
-            lambda stage, share: bar.update(task, description=stage, completed=share),
-            repeat,
-        )
+    """`rtds diagnose` of one case: progress, unless `quiet`, and with `summary` that on the terminal. Returns
+    (diagnosis, details).
+    """
+    with stages(quiet) as report:
+        result, details = write_diagnosis(folder, out, quick, seed, jobs if jobs > 0 else cores(), report, repeat)
     if summary:
         print_summary(Console(), result, details)
     return result, details
@@ -255,17 +242,18 @@ def _checked(cases: list[Path], out: Path) -> dict[str, Path]:
     return by_name
 
 
-def _bar() -> Progress:
+def _bar(quiet: bool) -> Progress:
     """How many cases are done, where somebody looks on."""
     return Progress(
         TextColumn("diagnosing"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
         TextColumn("{task.description}", markup=False),
         console=Console(stderr=True),
         transient=True,
-        disable=not sys.stderr.isatty(),
+        disable=not watched(quiet),
     )
 
 
@@ -294,6 +282,7 @@ def run_many(
     scheduler: str | None = None,
     work: Explain = explain,
     say: Callable[[str], None] | None = partial(print, flush=True),
+    quiet: bool = False,
 ) -> list[str]:
     """`rtds diagnose` of several cases: a process a core, or the workers of a Dask cluster.
 
@@ -304,7 +293,7 @@ def run_many(
     ----------
     jobs : processes on this machine, 0 = one a core. scheduler : address of a Dask scheduler, in place of processes.
     work : what is done with a case; found by its name in other processes. say : takes a line of each case that is
-    done, None of nobody; failures go to standard error.
+    done, None of nobody; failures go to standard error. quiet : no progress on a terminal.
 
     Returns
     -------
@@ -335,7 +324,7 @@ def run_many(
         if done:
             say(f"{len(done)} of {len(by_name)} cases are done already")
         outcomes = _outcomes(work, todo, quick, seed, jobs, scheduler)
-        with closing(outcomes), _bar() as bar:
+        with closing(outcomes), _bar(quiet) as bar:
             task = bar.add_task("", total=len(by_name), completed=len(rows))
             for outcome in outcomes if todo else ():
                 name, error = outcome.name, outcome.error

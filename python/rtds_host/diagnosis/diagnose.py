@@ -17,6 +17,7 @@ from rtds_host.diagnosis.account import Account, Standing, account, declared
 from rtds_host.diagnosis.beam import widened
 from rtds_host.diagnosis.chance import MOVES, SLIGHT
 from rtds_host.diagnosis.choice import Judged, chosen
+from rtds_host.diagnosis.effort import Effort
 from rtds_host.diagnosis.experiment import next_experiment
 from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.forms import Forms, forms_of
@@ -31,7 +32,7 @@ from rtds_host.diagnosis.nuisances import SETUP
 from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.scatter import scattered
-from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.search import MOST_WORK, QUICK_WORK, Search
 from rtds_host.vectors import given
 
 SCHEMA = "rtds-diagnosis/3"
@@ -66,16 +67,25 @@ def diagnose(
     InputError : the data make a diagnosis impossible; the message says why.
     """
     began = time.perf_counter()
-    say = progress or (lambda stage, share: None)
+    effort = effort_of(case, quick, progress or (lambda stage, share: None))
+    say = effort.say
     say("gate", 0.0)
     gate = examine(case)
     # A replay has a thread a core; further ones of linear algebra would only wait for them, busily.
-    with threadpool_limits(1, "blas"):
+    with threadpool_limits(1, "blas"), effort.watched():
         found = investigate(taken(case, gate), quick, threads, say, without)
         diagnosis, details = conclude(found, gate, say)
     details.seconds = time.perf_counter() - began
     say("done", 1.0)
     return diagnosis, details
+
+
+def effort_of(case: Case, quick: bool, say: Callable[[str, float], None]) -> Effort:
+    """What counts the work of a case's diagnosis: at most of three searches of an axis, of two of a robot, and as much
+    as one for the account.
+    """
+    most = QUICK_WORK if quick else MOST_WORK
+    return Effort(say, {"candidates": most * (3 if case.robot.axis is not None else 2), "account": most})
 
 
 def taken(case: Case, gate: Gate) -> Case:

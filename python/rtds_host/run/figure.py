@@ -5,12 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
 from rtds_host.figures import caption, save
 from rtds_host.run.loop import Record
@@ -20,6 +17,17 @@ if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
 LEFT, RIGHT, PLAIN = "#1f5fa8", "#c8501e", "#444444"
+SIZE_IN = (12.0, 6.6)
+STYLE: dict[RcKeyType, float] = {
+    "font.size": 8,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "lines.linewidth": 0.9,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
 
 
 def draw(plan: Plan, record: Record, folder: Path) -> list[Path]:
@@ -28,35 +36,30 @@ def draw(plan: Plan, record: Record, folder: Path) -> list[Path]:
     Panels: (a) path, (b) speed references and simulated speeds, (c) armature currents, (d) x, y and yaw over time,
     (e) speed errors, (f) load torques and supply voltages.
     """
-    style: dict[RcKeyType, float] = {
-        "font.size": 8,
-        "axes.grid": True,
-        "grid.alpha": 0.3,
-        "lines.linewidth": 0.9,
-        "legend.fontsize": 7,
-        "legend.frameon": False,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-    }
-    with plt.rc_context(style):
-        figure, axes = plt.subplots(2, 3, figsize=(12.0, 6.6), layout="constrained")
-        _path(axes[0, 0], record)
-        _speeds(axes[0, 1], record)
-        _pair(axes[0, 2], record.t_s, 1e3 * record.currents, "(c) armature currents", "current (mA)")
-        axes[0, 2].axhline(0.0, color=PLAIN, linewidth=0.6)
-        _pose(axes[1, 0], record)
-        _errors(axes[1, 1], record)
-        _loads(axes[1, 2], plan, record)
-        caption(
-            figure,
-            f"{plan.scenario.name}: {plan.robot.name}, payload {plan.body.payload_kg:g} kg, slope "
-            f"{plan.body.slope_rad:g} rad, {plan.controller or 'voltages given'}",
-        )
+    with rc_context(STYLE):
+        # Without pyplot: a notebook keeps its own way to show figures.
+        figure = Figure(figsize=SIZE_IN, layout="constrained")
+        fill(figure.subplots(2, 3), plan, record)
         paths = [folder / "figure.png", folder / "figure.pdf"]
         save(figure, paths[0], dpi=130, metadata={"Software": None})
         save(figure, paths[1], metadata={"CreationDate": None})
-        plt.close(figure)
     return paths
+
+
+def fill(axes: np.ndarray, plan: Plan, record: Record) -> None:
+    """Draw the six panels into (2, 3) axes of one figure, and its caption."""
+    _path(axes[0, 0], record)
+    _speeds(axes[0, 1], record)
+    _pair(axes[0, 2], record.t_s, 1e3 * record.currents, "(c) armature currents", "current (mA)")
+    axes[0, 2].axhline(0.0, color=PLAIN, linewidth=0.6)
+    _pose(axes[1, 0], record)
+    _errors(axes[1, 1], record)
+    _loads(axes[1, 2], plan, record)
+    caption(
+        axes[0, 0].figure,
+        f"{plan.scenario.name}: {plan.robot.name}, payload {plan.body.payload_kg:g} kg, slope "
+        f"{plan.body.slope_rad:g} rad, {plan.controller or 'voltages given'}",
+    )
 
 
 def _pair(axis, t: np.ndarray, values: np.ndarray, title: str, label: str, style: str = "-") -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtds_host.contract import staged_folder, write_run
-from rtds_host.errors import InputError
+from rtds_host.contract.runlog import as_table
 from rtds_host.faults.timeline import Injection
 from rtds_host.robot import open_engine
 from rtds_host.run.log import log_columns, run_meta
@@ -55,11 +55,7 @@ class Outcome:
         ------
         InputError : pandas is not installed.
         """
-        try:
-            import pandas
-        except ImportError as error:
-            raise InputError("pandas is not installed: pip install pandas") from error
-        return pandas.DataFrame(log_columns(self.record)).set_index("t")
+        return as_table(log_columns(self.record))
 
 
 def perform(

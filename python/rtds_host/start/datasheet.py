@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from rtds_host.contract.robot import LONGEST_NAME
-from rtds_host.errors import InputError, shown, visible
+from rtds_host.errors import InputError, did_you_mean, shown, visible
 
 ENCODERS = ("motor", "gear", "wheel")
 RPM = 2.0 * math.pi / 60.0
@@ -45,6 +45,29 @@ class Sheet:
     stall_torque_nm: float | None = None
 
 
+@dataclass(frozen=True)
+class AxisSheet:
+    """Figures of a gear motor at its gear's output, as of `Sheet`, and of the load that it alone moves.
+
+    `kind`: one of `LOADS`, which says what of the load it needs; the others are None. `travel_m` a turn of the output.
+    """
+
+    name: str
+    kind: str
+    voltage_v: float
+    stall_current_a: float
+    no_load_rpm: float
+    no_load_current_a: float
+    gear_ratio: float
+    counts: float
+    encoder: str = "motor"
+    stall_torque_nm: float | None = None
+    load_inertia_kg_m2: float | None = None
+    load_mass_kg: float | None = None
+    arm_length_m: float | None = None
+    travel_m: float | None = None
+
+
 # Field of `Sheet` -> what is asked, lowest and highest value.
 FIGURES: dict[str, tuple[str, float, float]] = {
     "voltage_v": ("Supply voltage of the motors, V", 0.1, 1e3),
@@ -58,16 +81,44 @@ FIGURES: dict[str, tuple[str, float, float]] = {
     "mass_kg": ("Mass of the whole robot, kg", 1e-3, 1e4),
     "counts": ("Encoder counts a turn of what it sits on, all edges counted", 1.0, 1e8),
 }
+# Of a load, likewise; and the figures of each kind of load.
+LOAD_FIGURES: dict[str, tuple[str, float, float]] = {
+    "load_inertia_kg_m2": ("Inertia of the load at the gear's output, kg·m²", 1e-12, 1e6),
+    "load_mass_kg": ("Mass at the arm's end, or of the carriage, kg", 1e-6, 1e5),
+    "arm_length_m": ("Distance of that mass from the axis, m", 1e-4, 100.0),
+    "travel_m": ("Travel of the carriage for one turn of the gear's output, m", 1e-7, 100.0),
+}
+LOADS = {
+    "inertia": ("load_inertia_kg_m2",),
+    "pendulum": ("load_mass_kg", "arm_length_m"),
+    "linear": ("load_mass_kg", "travel_m"),
+}
+OF_ROBOT = ("wheel_radius_m", "track_width_m", "mass_kg")
 
 
-def check(sheet: Sheet) -> None:
+def figures_of(kind: str | None) -> dict[str, tuple[str, float, float]]:
+    """What is asked of a robot with two wheels (None), or of a motor with a kind of load.
+
+    Raises
+    ------
+    InputError : there is no such kind.
+    """
+    if kind is None:
+        return FIGURES
+    if kind not in LOADS:
+        raise InputError(f"--axis {shown(kind)}: unknown (known: {', '.join(LOADS)}){did_you_mean(kind, LOADS)}")
+    motor = {name: asked for name, asked in FIGURES.items() if name not in OF_ROBOT}
+    return {**motor, **{name: LOAD_FIGURES[name] for name in LOADS[kind]}}
+
+
+def check(sheet: Sheet | AxisSheet) -> None:
     """Refuse figures that no motor has.
 
     Raises
     ------
     InputError : names the figure, and what it must be.
     """
-    for name, (_, low, high) in FIGURES.items():
+    for name, (_, low, high) in figures_of(sheet.kind if isinstance(sheet, AxisSheet) else None).items():
         value = getattr(sheet, name)
         if value is not None and not low <= value <= high:
             raise InputError(f"{option(name)} {value:g}: it must lie within {low:g} to {high:g}")
@@ -83,7 +134,7 @@ def check(sheet: Sheet) -> None:
 
 
 # Units that end the names of figures and are not in their options.
-UNITS = ("_v", "_a", "_nm", "_m", "_kg")
+UNITS = ("_kg_m2", "_v", "_a", "_nm", "_m", "_kg")
 
 
 def option(name: str) -> str:
@@ -101,14 +152,12 @@ class Constants:
     constant: float
     inertia_kg_m2: float
     friction_nm_s: float
-    yaw_inertia_kg_m2: float
-    wheel_inertia_kg_m2: float
     angle_noise_rad: float
     gear_loss: float | None
 
 
-def constants(sheet: Sheet) -> Constants:
-    """Motor and body constants of a sheet; the equations are this module's. InputError as `check`."""
+def constants(sheet: Sheet | AxisSheet) -> Constants:
+    """Motor constants of a sheet; the equations are this module's. InputError as `check`."""
     check(sheet)
     resistance = sheet.voltage_v / sheet.stall_current_a
     speed = sheet.no_load_rpm * RPM
@@ -124,8 +173,6 @@ def constants(sheet: Sheet) -> Constants:
         constant=constant,
         inertia_kg_m2=MECHANICAL_S * constant**2 / resistance,
         friction_nm_s=constant * sheet.no_load_current_a / (speed * sheet.gear_ratio),
-        yaw_inertia_kg_m2=sheet.mass_kg * (GYRATION * sheet.track_width_m) ** 2,
-        wheel_inertia_kg_m2=0.5 * WHEEL_SHARE * sheet.mass_kg * sheet.wheel_radius_m**2,
         angle_noise_rad=2.0 * math.pi / turn / math.sqrt(12.0),
         gear_loss=loss,
     )
@@ -145,24 +192,22 @@ def _loss(found: Constants) -> str:
     )
 
 
-def robot_text(sheet: Sheet) -> str:
-    """The text of `robot.toml` for a sheet. InputError as `check`."""
-    found = constants(sheet)
+def _motor(sheet: Sheet | AxisSheet, found: Constants, what: str) -> str:
+    """Head, [motor] and [supply] of a file."""
     given = (
         f"{sheet.voltage_v:g} V, stall {sheet.stall_current_a:g} A"
         + (f" and {sheet.stall_torque_nm:g} N·m" if sheet.stall_torque_nm is not None else "")
         + f", no load {sheet.no_load_rpm:g} rpm and {sheet.no_load_current_a:g} A"
     )
     name = sheet.name.replace("\\", "\\\\").replace('"', '\\"')
-    speed_noise = found.angle_noise_rad * math.sqrt(2.0) / SAMPLE_S
     return f"""\
-# A nominal robot made by `rtds init` from a data sheet: {given}.
+# A nominal {what} made by `rtds init` from a data sheet: {given}.
 # SI units. Motor values are at the motor's shaft, before the gear. Put in what you know better.
 {_loss(found)}
 schema = "rtds-robot/1"
 name = "{name}"
 
-[motor]                                    # the same for both sides
+[motor]{"                                    # the same for both sides" if isinstance(sheet, Sheet) else ""}
 resistance_ohm = {found.resistance_ohm:.5g}                # worked out: voltage / stall current
 inductance_h = {found.inductance_h:.3g}                  # assumed: {1e3 * ELECTRICAL_S:g} ms times the resistance
 torque_constant_nm_per_a = {found.constant:.5g}     # worked out: from the no-load speed, equal to the next one
@@ -173,27 +218,21 @@ gear_ratio = {sheet.gear_ratio:.9g}                         # given
 
 [supply]
 voltage_v = {sheet.voltage_v:.9g}                          # given
+"""
 
-[chassis]
-mass_kg = {sheet.mass_kg:.9g}                             # given: everything but payload, wheels included
-yaw_inertia_kg_m2 = {found.yaw_inertia_kg_m2:.3g}            # assumed: mass ({GYRATION:g} track)^2
-wheel_radius_m = {sheet.wheel_radius_m:.9g}                    # given
-wheel_inertia_kg_m2 = {found.wheel_inertia_kg_m2:.3g}        # assumed: a disc of {100 * WHEEL_SHARE:g} % of the mass
-track_width_m = {sheet.track_width_m:.9g}                      # given
-com_x_m = 0.0                              # centre of mass: on the middle of the axle
-com_y_m = 0.0
-com_z_m = {HEIGHT_RADII * sheet.wheel_radius_m:.3g}                            # assumed: for physics engines only
 
-[sensors]                                  # one standard deviation of white noise on a sample
-encoder = "{sheet.encoder}"                         # where the encoder sits: motor, gear or wheel
+def _sensors(sheet: Sheet | AxisSheet, found: Constants) -> str:
+    """What every file says of its sensors."""
+    speed_noise = found.angle_noise_rad * math.sqrt(2.0) / SAMPLE_S
+    return f"""\
 th_rad = {found.angle_noise_rad:.3g}                        # worked out: one count, evenly spread
 w_rad_s = {speed_noise:.3g}                       # worked out: two angles {SAMPLE_S:g} s apart
 i_a = {0.01 * sheet.stall_current_a:.3g}                             # assumed: 1 % of the stall current
-gyro_rad_s = 0.003                         # assumed
-xy_m = 0.001                               # assumed
-yaw_rad = 0.002                            # assumed
 v_bus_v = {0.0025 * sheet.voltage_v:.3g}                            # assumed: 0.25 % of the supply
+"""
 
+
+TOLERANCE_OF_MOTOR = f"""\
 [tolerance]                                # one standard deviation, relative
 resistance_ohm = {WORKED_OUT:g}
 torque_constant_nm_per_a = {WORKED_OUT:g}
@@ -201,7 +240,66 @@ back_emf_constant_v_s_per_rad = {WORKED_OUT:g}
 inductance_h = {ASSUMED:g}
 rotor_inertia_kg_m2 = {ASSUMED:g}
 viscous_friction_nm_s_per_rad = {ASSUMED:g}
-mass_kg = {GIVEN:g}
+"""
+
+
+def robot_text(sheet: Sheet) -> str:
+    """The text of `robot.toml` for a sheet. InputError as `check`."""
+    found = constants(sheet)
+    yaw_inertia = sheet.mass_kg * (GYRATION * sheet.track_width_m) ** 2
+    wheel_inertia = 0.5 * WHEEL_SHARE * sheet.mass_kg * sheet.wheel_radius_m**2
+    return f"""\
+{_motor(sheet, found, "robot")}
+[chassis]
+mass_kg = {sheet.mass_kg:.9g}                             # given: everything but payload, wheels included
+yaw_inertia_kg_m2 = {yaw_inertia:.3g}            # assumed: mass ({GYRATION:g} track)^2
+wheel_radius_m = {sheet.wheel_radius_m:.9g}                    # given
+wheel_inertia_kg_m2 = {wheel_inertia:.3g}        # assumed: a disc of {100 * WHEEL_SHARE:g} % of the mass
+track_width_m = {sheet.track_width_m:.9g}                      # given
+com_x_m = 0.0                              # centre of mass: on the middle of the axle
+com_y_m = 0.0
+com_z_m = {HEIGHT_RADII * sheet.wheel_radius_m:.3g}                            # assumed: for physics engines only
+
+[sensors]                                  # one standard deviation of white noise on a sample
+encoder = "{sheet.encoder}"                         # where the encoder sits: motor, gear or wheel
+{_sensors(sheet, found)}gyro_rad_s = 0.003                         # assumed
+xy_m = 0.001                               # assumed
+yaw_rad = 0.002                            # assumed
+
+{TOLERANCE_OF_MOTOR}mass_kg = {GIVEN:g}
 yaw_inertia_kg_m2 = {ASSUMED:g}
 wheel_inertia_kg_m2 = {ASSUMED:g}
 """
+
+
+def axis_text(sheet: AxisSheet) -> str:
+    """The text of `robot.toml` for a motor with a load of its own (docs/formats.md, section 7). InputError as `check`,
+    or where a figure of the load is missing.
+    """
+    missing = [option(name) for name in LOADS.get(sheet.kind, ()) if getattr(sheet, name) is None]
+    if missing:
+        raise InputError(f"{', '.join(missing)}: missing for --axis {sheet.kind}")
+    found = constants(sheet)
+    if sheet.kind == "inertia":
+        load = [f"inertia_kg_m2 = {sheet.load_inertia_kg_m2:.9g}    # given, at the gear's output"]
+        known = [f"inertia_kg_m2 = {WORKED_OUT:g}"]
+    elif sheet.kind == "pendulum":
+        load = [
+            f"mass_kg = {sheet.load_mass_kg:.9g}           # given: a point at the arm's end",
+            f"length_m = {sheet.arm_length_m:.9g}          # given",
+            "inertia_kg_m2 = 0.0     # the arm's own, about the axis: put it in where it counts",
+            "zero_rad = 0.0          # th_l when it hangs straight down",
+        ]
+        known = [f"mass_kg = {GIVEN:g}", f"length_m = {GIVEN:g}"]
+    else:
+        load = [
+            f"mass_kg = {sheet.load_mass_kg:.9g}           # given: the carriage with what it carries",
+            f"metres_per_rad = {(sheet.travel_m or 0.0) / (2.0 * math.pi):.9g}    # worked out: travel a turn / 2 pi",
+        ]
+        known = [f"mass_kg = {GIVEN:g}"]
+    body = "\n".join([f'kind = "{sheet.kind}"', *load])
+    return (
+        f"{_motor(sheet, found, 'axis')}\n[axis]                   # what it moves, seen from the gear's output\n"
+        f"{body}\n\n[sensors]                                  # one standard deviation of white noise on a sample\n"
+        f"{_sensors(sheet, found)}\n{TOLERANCE_OF_MOTOR}" + "\n".join(known) + "\n"
+    )

@@ -13,7 +13,7 @@ from rtds_host.compat import tomllib
 from rtds_host.contract import builtin_robot_path, load_robot, read_case
 from rtds_host.errors import InputError
 from rtds_host.scenario import own_scenario
-from rtds_host.start.datasheet import FIGURES, Sheet, check, constants, option, robot_text
+from rtds_host.start.datasheet import FIGURES, LOAD_FIGURES, LOADS, Sheet, check, constants, option, robot_text
 from rtds_host.start.doctor import findings
 from rtds_host.start.draft import channel_of, unit_of
 
@@ -98,7 +98,7 @@ def test_figures_that_no_motor_has_are_named_by_their_option(figure, value, said
 
 def test_every_figure_has_an_option_of_the_command(rtds):
     status, out, _ = rtds("init", "--help")
-    assert status == 0 and all(option(name) in out for name in FIGURES)
+    assert status == 0 and all(option(name) in out for name in (*FIGURES, *LOAD_FIGURES))
 
 
 def test_a_script_gives_options_and_gets_a_robot(rtds, tmp_path):
@@ -113,6 +113,50 @@ def test_what_is_missing_is_named_and_nothing_is_written(rtds, tmp_path):
     status, _, said = rtds("init", tmp_path / "mine", "--voltage", "12")
     assert status == 2 and "--stall-current, --no-load-rpm" in said[0] and "missing" in said[0]
     assert not (tmp_path / "mine").exists()
+
+
+MOTOR = WORDS[: WORDS.index("--wheel-radius")] + ["--counts", "4096", "--encoder", "gear"]
+OF_LOAD = {
+    "inertia": ["--load-inertia", "1.5e-3"],
+    "pendulum": ["--load-mass", "0.4", "--arm-length", "0.2"],
+    "linear": ["--load-mass", "2.5", "--travel", "0.008"],
+}
+
+
+@pytest.mark.parametrize("kind", LOADS)
+def test_a_motor_with_a_load_of_its_own_is_an_axis_with_tolerances(rtds, tmp_path, kind):
+    status, _, said = rtds("init", tmp_path / "arm", "--axis", kind, *MOTOR, *OF_LOAD[kind])
+    assert (status, said) == (0, [])
+    robot = load_robot(tmp_path / "arm" / "robot.toml")
+    assert robot.chassis is None and robot.axis.kind == kind and robot.notices == ()
+    assert robot.motor.resistance_ohm == pytest.approx(12.0 / 1.4, rel=1e-4)
+    load = {
+        "inertia": {"inertia_kg_m2": 1.5e-3},
+        "pendulum": {"mass_kg": 0.4, "length_m": 0.2, "zero_rad": 0.0},
+        "linear": {"mass_kg": 2.5, "metres_per_rad": 0.008 / (2.0 * math.pi)},
+    }[kind]
+    for name, value in load.items():
+        assert getattr(robot.axis, name) == pytest.approx(value)
+    declared = {name for name in load if name in ("inertia_kg_m2", "mass_kg", "length_m")}
+    assert declared <= set(robot.tolerance) and robot.tolerance_of("rotor_inertia_kg_m2") == 0.5
+    assert robot.noise("th_l") == pytest.approx(2 * math.pi / 4096 / math.sqrt(12), rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--axis", "arm", *MOTOR], "--axis 'arm': unknown (known: inertia, pendulum, linear)"),
+        (["--axis", "linear", *MOTOR, "--load-mass", "1"], "--travel: missing"),
+        (["--axis", "inertia", *MOTOR, "--load-inertia", "-1"], "--load-inertia -1: it must lie within"),
+        (["--axis", "inertia", *MOTOR, "--track-width", "1"], "--track-width: has no meaning for --axis inertia"),
+        ([*WORDS, "--travel", "1"], "--travel: has no meaning for a robot on two wheels"),
+        (["--like", "burger", "--axis", "linear"], "--like burger: a robot that comes along has its own figures"),
+    ],
+)
+def test_an_axis_that_cannot_be_is_a_line_and_nothing_is_written(rtds, tmp_path, words, said):
+    status, _, lines = rtds("init", tmp_path / "arm", *words)
+    assert status == 2 and len(lines) == 1 and lines[0].startswith(f"rtds: {said}")
+    assert not (tmp_path / "arm").exists()
 
 
 def test_a_robot_that_comes_along_is_copied_word_for_word(rtds, tmp_path):
