@@ -1,7 +1,7 @@
 """What the bridges of all simulation tops share: the socket, the order of requests, reading ports.
 
 A bridge for a further top subclasses `Bridge`, fills `handlers` and implements `reset`; its module stands in the
-top's entry in `rtds_host.link.build.TOPS`.
+top's entry in `rtds_host.link.tops.TOPS`.
 """
 
 from __future__ import annotations

@@ -20,10 +20,9 @@ from typing import Protocol
 
 import numpy as np
 
-from rtds_host.compat import Self
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link.analog import ADC_HIGH_V, ADC_LOW_V, Front, Paths, clamp_to_adc
-from rtds_host.link.base import CLOSED, NO_PARAMETERS, Exchange, exchange_of, input_words, sample_times, whole_steps
+from rtds_host.link.base import sample_times
 from rtds_host.link.chip import STEP_NS, check_status, effect_registers, parameter_registers
 from rtds_host.link.configured import ConfiguredLink
 from rtds_host.link.registers import RegisterClient, open_serial
@@ -268,30 +267,18 @@ class Ad2Link(ConfiguredLink):
         self.front.clipped |= check_status(self.registers.flags("STATUS"), "chip")
         self._due = None
 
-    def exchange(
-        self,
-        voltages: Vector,
-        torques: Vector,
-        interval_s: float,
-        sample_s: float | None = None,
-    ) -> Exchange:
-        """See `Link.exchange`. A sample whose successor is due already repeats the one before it.
+    def _run_steps(self, v: np.ndarray, t: np.ndarray, steps: int, every: int) -> np.ndarray:
+        """See `ConfiguredLink`. A sample whose successor is due already repeats the one before it.
 
         Raises
         ------
         LinkError : a device or the chip is lost, or the host does not keep up; the outputs are then at zero.
         """
-        self._check_open()
-        if self.step_s == 0.0:
-            raise InputError(NO_PARAMETERS)
-        self._exchanged = True
-        values = np.concatenate([input_words("voltages", voltages), input_words("torques", torques)])
-        steps = whole_steps("interval_s", interval_s, self.step_s)
-        sample_steps = steps if sample_s is None else whole_steps("sample_s", sample_s, self.step_s)
-        times = sample_times(steps, sample_steps, self.step_s)
+        interval_s = steps * self.step_s
+        times = sample_times(steps, every, self.step_s)
         try:
             start = self._begin(interval_s)
-            volts = self.front.to_volts(values)
+            volts = self.front.to_volts(np.concatenate([v, t]))
             self.both.write(volts if self._in_a_row == 0 else self._zero())
             self._look_at_status(start)
             rows = self._sample(start, times)
@@ -300,7 +287,7 @@ class Ad2Link(ConfiguredLink):
             self.close()
             raise LinkError(f"{error}; the voltages are at zero") from error
         self._due = start + interval_s
-        return exchange_of(self.front.from_volts(rows), steps, sample_steps, self.step_s)
+        return self.front.from_volts(rows)
 
     def report(self) -> dict:
         """Figures of the run so far: lateness of the exchanges in s, jitter (its standard deviation), overruns."""
@@ -338,12 +325,6 @@ class Ad2Link(ConfiguredLink):
         self.both.write_what_answers(self._zero())
         self.both.close()
         self.registers.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exc_info: object) -> None:
-        self.close()
 
     # --- inside -----------------------------------------------------------------------------------------------------
 
@@ -394,7 +375,3 @@ class Ad2Link(ConfiguredLink):
                 rows[k] = self.both.read()
             self._samples += 1
         return rows
-
-    def _check_open(self) -> None:
-        if self._closed:
-            raise LinkError(CLOSED)

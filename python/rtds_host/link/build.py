@@ -18,28 +18,15 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link import compiling, pinning, waves
+from rtds_host.link.tops import BUILDS, NATIVE, ROOT, Top
 from rtds_host.remains import new_folder
 
 SIMULATORS = ("verilator", "icarus")
-_PACKAGE = Path(__file__).resolve().parents[1]
-_CHECKOUT = _PACKAGE.parents[1]
-
-
-def _places() -> tuple[Path, Path]:
-    """(folder with `rtl` and `sim`, folder of the builds): those of the checkout, or of an installed package its own
-    copy and the user's cache."""
-    if (_CHECKOUT / "rtl" / "core" / "core.f").is_file():
-        return _CHECKOUT, _CHECKOUT / "build" / "sim"
-    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return _PACKAGE / "hardware", Path(cache) / "rtds" / "sim"
-
-
-ROOT, BUILDS = _places()
 BUILD_TIMEOUT_S = 600.0
 HASH = "sha256"  # beside a simulator: what it was when it was built
 _POLL_S = 0.1
@@ -57,166 +44,8 @@ VERILATOR_FLAGS = ("-O3", "--x-assign", "fast", "--x-initial", "fast", "--noasse
 # A product and a sum must not become one operation: the host's arithmetic stands for the RTL's operators.
 CXX_FLAGS = "-O3 -fschedule-insns -fsched-pressure -ffp-contract=off"
 PROFILE_CXX_FLAGS = "-O1 -ffp-contract=off"  # run once
-NATIVE = "sim/native"
 WAVES = "sim/waves"  # what the writer of FST files needs of a system
-WAVE_VIEW = "sim/rtds_wave_view.v"
 SIGNALS = "signals.txt"  # in a build with waves: its signals (`rtds_host.link.waves`)
-
-
-@dataclass(frozen=True)
-class Top:
-    """A simulation top and what belongs to it.
-
-    Attributes
-    ----------
-    module : name of the top module.
-    file_lists : `.f` lists, relative to `root`.
-    sources : further Verilog files, relative to `root`; the top itself among them.
-    clocks : (port, half period in ps) of each clock that the C++ main drives. On Icarus the top makes its own clocks
-        (it is compiled with RTDS_CLOCK_INSIDE).
-    posedge_only : there is one clock, nothing depends on its falling edge or its level, and the design makes no event
-    of
-        its own (a derived clock).
-    sync : one-bit output that toggles when the bridge is wanted.
-    control : Verilator control file that makes the bridge's ports public.
-    bridge : Python module below ``sim/`` with the cocotb test that serves the link; "" where the main serves it itself,
-        without cocotb (Verilator only, and then without `sync` and `control`).
-    main : C++ main of the Verilator build, below the source tree.
-    parameters : (name, value) of the top module's parameters that are not left at their defaults.
-    idle : (port, register, register, clocks) of a `posedge_only` top, or (): while the port is 1 nothing looks at the
-    first
-        register, which counts clocks, but for whether it has reached the second, and after so many clocks nothing else
-        moves. The C++ main jumps such clocks.
-    native : sums and products are the host's own arithmetic on Verilator (`sim/native`): the same results, less time.
-    phases : nets or registers below the top of a `posedge_only` top, or (): their values together number the clocks of
-        a step. The C++ main has an evaluation for each (`rtds_host.link.pinning`).
-    profile : this build watches itself, to find what those evaluations are compiled for.
-    waves : this build can write waveforms (Verilator only; with `bridge`). Its file `SIGNALS` lists the signals.
-    root : folder to which the names are relative: the source tree.
-    """
-
-    module: str
-    file_lists: tuple[str, ...]
-    sources: tuple[str, ...]
-    clocks: tuple[tuple[str, int], ...]
-    posedge_only: bool
-    sync: str
-    control: str
-    bridge: str
-    main: str = "sim/verilator_main.cpp"
-    parameters: tuple[tuple[str, int], ...] = ()
-    idle: tuple[str, str, str, int] | tuple[()] = ()
-    native: bool = False
-    phases: tuple[str, ...] = ()
-    profile: bool = False
-    waves: bool = False
-    root: Path = ROOT
-
-    @property
-    def plain(self) -> Top:
-        """The same with the RTL's own operators and one evaluation for all clocks: Verilator's model as it comes."""
-        return replace(self, native=False, phases=(), profile=False)
-
-    @property
-    def traced(self) -> Top:
-        """`plain`, able to write waveforms: every signal is the RTL's own."""
-        return replace(self.plain, waves=True, sources=(*self.sources, WAVE_VIEW))
-
-    def files(self) -> list[Path]:
-        """Every Verilog file of the design itself, in order.
-
-        Raises
-        ------
-        LinkError : a list or file is missing (for instance an installation without the source tree).
-        """
-        paths: list[Path] = []
-        for file_list in self.file_lists:
-            paths += _read_file_list(self.root / file_list, self.root)
-        paths += [self.root / name for name in self.sources]
-        paths = list(dict.fromkeys(paths))
-        for path in paths:
-            if not path.is_file():
-                raise LinkError(f"{path}: no such file; the rtl link needs the source tree")
-        return paths
-
-    def compiled_files(self) -> list[Path]:
-        """The files that Verilator is given: with `native`, operators of `sim/native` in place of the RTL's.
-
-        Raises
-        ------
-        LinkError : as `files`.
-        """
-        if not self.native:
-            return self.files()
-        stand_ins = {path.name: path for path in (self.root / NATIVE).glob("*.v")}
-        return [stand_ins.get(path.name, path) for path in self.files()]
-
-    def headers(self) -> list[Path]:
-        """The Verilog headers beside the files, which any of them may include."""
-        return sorted(header for folder in {path.parent for path in self.files()} for header in folder.glob("*.vh"))
-
-    def include_flags(self) -> list[str]:
-        """-I of the headers' folders, for both simulators."""
-        return [f"-I{folder}" for folder in sorted({header.parent for header in self.headers()})]
-
-
-def _read_file_list(path: Path, root: Path) -> list[Path]:
-    """The files of a `.f` list: a path a line, from the list's own folder or from the root; `-f` includes a list."""
-    try:
-        lines = path.read_text().splitlines()
-    except OSError as error:
-        raise LinkError(f"{path}: cannot read ({error.strerror}); the rtl link needs the source tree") from error
-    found: list[Path] = []
-    for line in lines:
-        entry = line.split("//")[0].split("#")[0].strip()
-        if not entry:
-            continue
-        name = entry.removeprefix("-f").strip()
-        beside = path.parent / name
-        target = (beside if beside.is_file() else root / name).resolve()
-        found += _read_file_list(target, root) if entry.startswith("-f") else [target]
-    return found
-
-
-TOPS: Mapping[str, Top] = {
-    "core": Top(
-        module="rtds_sim_top",
-        file_lists=("rtl/fp/fp.f", "rtl/core/core.f"),
-        sources=("sim/rtds_sim_top.v",),
-        clocks=(("clk_i", 10_000),),
-        posedge_only=True,
-        sync="sync_o",
-        control="sim/rtds_sim_top.vlt",
-        bridge="bridge_core",
-        parameters=(("EFFECTS", 0),),
-        idle=("idle_o", "period_q", "step_clocks_q", 3),
-        native=True,
-        phases=("u_core.u_sequencer.slot_q", "strobe"),
-    ),
-    "hps": Top(
-        module="rtds_hps",
-        file_lists=("rtl/hps/hps.f",),
-        sources=(),
-        clocks=(),
-        posedge_only=False,
-        sync="",
-        control="",
-        bridge="",
-        main="sim/hps_main.cpp",
-        native=True,
-    ),
-    "chip": Top(
-        module="rtds_chip",
-        file_lists=("rtl/top/top.f",),
-        sources=(),
-        clocks=(),
-        posedge_only=False,
-        sync="",
-        control="",
-        bridge="",
-        main="sim/chip_main.cpp",
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -322,7 +151,13 @@ def _locked(path: Path, wait_message: Callable[[], None]) -> Iterator[None]:
 
 
 def _build_verilator(
-    top: Top, scratch: Path, program: str, environment: Mapping[str, str], libraries: Path, log: Path
+    top: Top,
+    scratch: Path,
+    program: str,
+    environment: Mapping[str, str],
+    libraries: Path,
+    log: Path,
+    opener: pinning.Opener | None,
 ) -> None:
     defines, cocotb, linked, control = [], [], [], []
     if top.bridge:
@@ -365,13 +200,13 @@ def _build_verilator(
         defines += ["-DRTDS_WAVES", f"-I{ROOT / WAVES}"]
         waves.write_signals(scratch / SIGNALS, waves.declared(objects))
     if top.phases and top.bridge:
-        defines += _phase_defines(top, objects)
+        defines += _phase_defines(top, objects, opener)
     optimise = PROFILE_CXX_FLAGS if top.profile else CXX_FLAGS
     compiling.compile_all(objects / "Vtop.json", scratch / "sim", optimise, defines, linked, log, BUILD_TIMEOUT_S)
     shutil.rmtree(objects)
 
 
-def _phase_defines(top: Top, objects: Path) -> list[str]:
+def _phase_defines(top: Top, objects: Path, opener: pinning.Opener | None) -> list[str]:
     """Write the header with the phases of a step for the main, and say which of its parts to compile.
 
     Nothing where the generated code does not keep what numbers the phases: then all clocks are evaluated alike.
@@ -379,8 +214,12 @@ def _phase_defines(top: Top, objects: Path) -> list[str]:
     header = (objects / "Vtop___024root.h").read_text()
     if top.profile:
         text = pinning.profile_header(top, header)
+    elif not pinning.phase_macros(top, header):
+        text = ""
+    elif opener is None:
+        raise TypeError(f"build: {top.module} has an evaluation a phase, which takes an opener to find")
     else:
-        text = pinning.pinned_header(top, header, pinning.watch(top)) if pinning.phase_macros(top, header) else ""
+        text = pinning.pinned_header(top, header, pinning.watch(top, opener))
     if not text:
         return []
     (objects / pinning.HEADER).write_text(text)
@@ -407,13 +246,16 @@ def _building(top: Top, simulator: str) -> str:
     return f"rtds: compiling the {what}, once for this state of the RTL: {took}"
 
 
-def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) -> Built:
+def build(
+    top: Top, simulator: str, say: Callable[[str], None] | None = None, opener: pinning.Opener | None = None
+) -> Built:
     """The simulator of `top`, built if it is not there yet.
 
     Parameters
     ----------
     simulator : one of `SIMULATORS`.
     say : called with a line when something takes long (default: to stderr).
+    opener : opens the simulator that is watched, of a top with `phases` on Verilator (see `rtds_host.link.pinning`).
 
     Raises
     ------
@@ -453,7 +295,7 @@ def build(top: Top, simulator: str, say: Callable[[str], None] | None = None) ->
                     log.unlink(missing_ok=True)
                     try:
                         if simulator == "verilator":
-                            _build_verilator(top, scratch, program, environment, libraries, log)
+                            _build_verilator(top, scratch, program, environment, libraries, log, opener)
                         else:
                             _build_icarus(top, scratch, log)
                         (scratch / HASH).write_text(_hash(scratch))

@@ -1,20 +1,33 @@
 """What the links share that are told parameters and effects in any order: checks, compilation, one call to load
-both.
+both; and the frame of an exchange.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from rtds_host.errors import InputError
-from rtds_host.link.base import EFFECTS_LATE, NO_PARAMETERS
+import numpy as np
+
+from rtds_host.compat import Self
+from rtds_host.errors import InputError, LinkError
+from rtds_host.link.base import (
+    CLOSED,
+    EFFECTS_LATE,
+    NO_PARAMETERS,
+    Exchange,
+    exchange_of,
+    input_words,
+    whole_steps,
+)
 from rtds_host.motor.effect_tables import EffectWords, tables_of
 from rtds_host.motor.effects import MotorParameters, SupplyEffects, UnitEffects
 from rtds_host.motor.parameters import Parameters, parameter_words
+from rtds_host.vectors import Vector
 
 
 class ConfiguredLink:
-    """`Link.set_parameters` and `Link.set_effects` by way of `_load`, which a link implements.
+    """`Link.set_parameters` and `Link.set_effects` by way of `_load`, `Link.exchange` by way of `_run_steps`; a link
+    implements both, and `close`.
 
     Attributes
     ----------
@@ -28,6 +41,7 @@ class ConfiguredLink:
     resistance_lead_steps = 1
     resistance_spacing_steps = 1
     effect_words: EffectWords | None = None
+    _closed = False
     _exchanged = False
     _wanted: tuple[UnitEffects | None, UnitEffects | None, SupplyEffects | None] = (None, None, None)
     _parameters: tuple[Parameters, str] | None = None
@@ -125,8 +139,41 @@ class ConfiguredLink:
         """
         raise InputError("set_resistances: this link cannot change a resistance at an exact step")
 
-    def _check_open(self) -> None:
+    def exchange(
+        self,
+        voltages: Vector,
+        torques: Vector,
+        interval_s: float,
+        sample_s: float | None = None,
+    ) -> Exchange:
+        """See `Link.exchange`."""
+        self._check_open()
+        if self.step_s == 0.0:
+            raise InputError(NO_PARAMETERS)
+        v, t = input_words("voltages", voltages), input_words("torques", torques)
+        steps = whole_steps("interval_s", interval_s, self.step_s)
+        every = steps if sample_s is None else whole_steps("sample_s", sample_s, self.step_s)
+        self._exchanged = True
+        return exchange_of(self._run_steps(v, t, steps, every), steps, every, self.step_s)
+
+    def _run_steps(self, v: np.ndarray, t: np.ndarray, steps: int, every: int) -> np.ndarray:
+        """Samples (n, 4) float32, i_l w_l i_r w_r, each `every` of `steps` steps and at their end, with the inputs
+        (2,) float32 held."""
         raise NotImplementedError
+
+    def close(self) -> None:
+        """See `Link.close`."""
+        self._closed = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        self.close()
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise LinkError(CLOSED)
 
     def _check_step(self, step_s: float) -> None:
         """Raises InputError where this link cannot make such a step."""

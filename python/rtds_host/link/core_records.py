@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from rtds_host.link.build import ROOT
+from rtds_host.link.tops import ROOT
 
 HEADER = "rtl/core/rtds_core_records.vh"
 PLACES = {

@@ -10,35 +10,21 @@ from __future__ import annotations
 import mmap
 import os
 import re
-import signal
-import socket
 import struct
-import subprocess
-import tempfile
 import time
-import weakref
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 
-from rtds_host.compat import Self
 from rtds_host.errors import InputError, LinkError
-from rtds_host.link import protocol
-from rtds_host.link.base import (
-    CLOSED,
-    NO_PARAMETERS,
-    NONFINITE,
-    Exchange,
-    exchange_of,
-    input_words,
-    whole_steps,
-)
-from rtds_host.link.build import ROOT, TOPS, build
+from rtds_host.link.base import NONFINITE
+from rtds_host.link.build import build
+from rtds_host.link.child import Child
 from rtds_host.link.configured import ConfiguredLink
+from rtds_host.link.tops import ROOT, TOPS
 from rtds_host.motor.effect_tables import EffectWords
 from rtds_host.motor.parameters import Parameters, parameter_words
-from rtds_host.vectors import Vector
 
 SOURCE = "rtl/hps/rtds_hps.v"
 BASE = 0xFF20_0000  # of the lightweight bridge in the ARM's addresses (Cyclone V HPS technical reference manual)
@@ -50,7 +36,6 @@ MAX_SAMPLES = 32
 REQUEST_STEPS = 50_000  # half a second of real time: then an answer's time limit says something about the board
 READ, WRITE, PASS, UNTIL_ZERO = range(4)
 RESPONSES = {2: "refused (SLVERR)", 3: "nothing there (DECERR)"}
-_EXIT_GRACE_S = 2.0
 
 
 def addresses() -> dict[str, int]:
@@ -138,13 +123,6 @@ class MemoryBus:
         self._memory.close()
 
 
-def _end(process: subprocess.Popen[bytes], sock: socket.socket) -> None:
-    sock.close()
-    if process.poll() is None:
-        process.kill()
-    process.wait()
-
-
 class SimulatedBus:
     """The RTL of `rtds_hps` in Verilator as a child process; every order is an AXI transaction.
 
@@ -165,38 +143,18 @@ class SimulatedBus:
     def __init__(self, timeout_s: float = 60.0, environment: Mapping[str, str] | None = None) -> None:
         self.timeout_s = timeout_s
         self.reads = self.writes = self.clocks = 0
-        built = build(TOPS["hps"], "verilator")
-        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the bus
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
-        try:
-            self._process = subprocess.Popen(
-                built.command,
-                stdin=subprocess.DEVNULL,
-                stdout=self._stderr,
-                stderr=self._stderr,
-                env={**os.environ, **(environment or {}), protocol.FD_VARIABLE: str(theirs.fileno())},
-                pass_fds=(theirs.fileno(),),
-                start_new_session=True,
-            )
-        except OSError as error:
-            ours.close()
-            raise LinkError(f"{built.command[0]}: the simulator cannot be started ({error.strerror})") from error
-        finally:
-            theirs.close()
-        ours.settimeout(timeout_s)
-        self._socket = ours
-        self.pid = self._process.pid
-        self._finalizer = weakref.finalize(self, _end, self._process, ours)
+        self._child = Child(build(TOPS["hps"], "verilator"), environment or {})
+        self._child.socket.settimeout(timeout_s)
+        self.pid = self._child.pid
 
     def run(self, orders: Sequence[tuple[int, int, int]]) -> list[int]:
         """See `Bus.run`."""
         flat = [word for order in orders for word in order]
         try:
-            self._socket.sendall(struct.pack(f"<I{len(flat)}I", len(orders), *flat))
+            self._child.socket.sendall(struct.pack(f"<I{len(flat)}I", len(orders), *flat))
             payload = self._receive(12 * len(orders))
         except TimeoutError as error:
-            self.close()
-            raise LinkError(f"hps simulator (process {self.pid}): no answer for {self.timeout_s:g} s") from error
+            raise self._child.failure("hps", f"no answer for {self.timeout_s:g} s; it has been ended") from error
         except OSError as error:
             raise self._gone() from error
         found = []
@@ -215,7 +173,7 @@ class SimulatedBus:
     def _receive(self, count: int) -> bytes:
         parts = []
         while count:
-            part = self._socket.recv(count)
+            part = self._child.socket.recv(count)
             if not part:
                 raise self._gone()
             parts.append(part)
@@ -223,25 +181,11 @@ class SimulatedBus:
         return b"".join(parts)
 
     def _gone(self) -> LinkError:
-        try:
-            status: int | None = self._process.wait(_EXIT_GRACE_S)
-        except subprocess.TimeoutExpired:
-            status = None
-        self._stderr.seek(0)
-        said = " | ".join(self._stderr.read().decode(errors="replace").split("\n")[-3:]).strip(" |")[:300]
-        self.close()
-        how = (
-            "it closed the link without leaving"
-            if status is None
-            else f"it was killed by {signal.Signals(-status).name}"
-            if status < 0
-            else f"it ended with exit status {status}"
-        )
-        return LinkError(f"hps simulator (process {self.pid}): {how}" + (f"; it said: {said}" if said else ""))
+        return self._child.failure("hps", self._child.how_it_went())
 
     def close(self) -> None:
         """See `Bus.close`."""
-        self._finalizer()
+        self._child.end()
 
 
 class HpsLink(ConfiguredLink):
@@ -267,7 +211,6 @@ class HpsLink(ConfiguredLink):
             raise InputError(f"step_clocks: {step_clocks!r} must be 'min' or a whole number from 1 to 65535")
         self.offsets = addresses()
         self._step_clocks = step_clocks
-        self._closed = False
         self._steps = 0
         self.late_clocks = 0
         self._late = 0
@@ -323,21 +266,7 @@ class HpsLink(ConfiguredLink):
         if self._step_clocks is None and not 1 <= round(step_s * CLOCK_HZ) <= 0xFFFF:
             raise InputError(f"step_s: {step_s:g} s is not between one and 65535 clocks of 20 ns, as real time needs")
 
-    def exchange(
-        self,
-        voltages: Vector,
-        torques: Vector,
-        interval_s: float,
-        sample_s: float | None = None,
-    ) -> Exchange:
-        """See `Link.exchange`."""
-        self._check_open()
-        if self.step_s == 0.0:
-            raise InputError(NO_PARAMETERS)
-        v, t = input_words("voltages", voltages), input_words("torques", torques)
-        steps = whole_steps("interval_s", interval_s, self.step_s)
-        every = steps if sample_s is None else whole_steps("sample_s", sample_s, self.step_s)
-        self._exchanged = True
+    def _run_steps(self, v: np.ndarray, t: np.ndarray, steps: int, every: int) -> np.ndarray:
         words = np.concatenate([v, t]).view(np.uint32).tolist()
         orders = [(WRITE, self.offsets["INPUTS"] + 4 * k, word) for k, word in enumerate(words)]
         rows: list[np.ndarray] = []
@@ -349,7 +278,7 @@ class HpsLink(ConfiguredLink):
             done += piece
             if sampled:
                 rows.append(found)
-        return exchange_of(np.concatenate(rows), steps, every, self.step_s)
+        return np.concatenate(rows)
 
     @staticmethod
     def _piece(done: int, steps: int, every: int) -> tuple[int, bool]:
@@ -397,13 +326,3 @@ class HpsLink(ConfiguredLink):
         if not self._closed:
             self._closed = True
             self.bus.close()
-
-    def _check_open(self) -> None:
-        if self._closed:
-            raise LinkError(CLOSED)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exc_info: object) -> None:
-        self.close()

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from rtds_host.errors import InputError
-from rtds_host.link.inprocess import InProcessLink
+from rtds_host.link.configured import ConfiguredLink
 from rtds_host.motor import MotorPair
 from rtds_host.motor.effect_model import EffectPair
 from rtds_host.motor.effect_tables import EffectWords
 from rtds_host.motor.parameters import Parameters
 
 
-class ModelLink(InProcessLink):
+class ModelLink(ConfiguredLink):
     """`rtds_host.motor.MotorPair` as a `Link`: the same bytes as the RTL gives, without a simulator.
 
     Parameters
@@ -50,7 +50,7 @@ class ModelLink(InProcessLink):
         self.effects.set_parameters(words.side_values(values), method)
         return self.effects
 
-    def _step(self, v: np.ndarray, t: np.ndarray, steps: int, sample_steps: int) -> np.ndarray:
+    def _run_steps(self, v: np.ndarray, t: np.ndarray, steps: int, sample_steps: int) -> np.ndarray:
         if self.effects is None:
             return self.pair.step(v, t, steps, sample_steps)
         return self.effects.samples(self.effects.step(v, t, steps, sample_steps))

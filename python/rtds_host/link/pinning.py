@@ -12,20 +12,20 @@ from __future__ import annotations
 import os
 import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rtds_host.errors import LinkError
+from rtds_host.link.base import Link
+from rtds_host.link.tops import Top
 from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects
 from rtds_host.motor.parameters import METHODS
 
-if TYPE_CHECKING:
-    from rtds_host.link.build import Top
-    from rtds_host.link.rtl import RtlLink
+# Opens a simulator of a top for whoever watches it, given clocks a step and more variables for its process.
+Opener = Callable[[Top, "int | str", Mapping[str, str]], Link]
 
 HEADER = "rtds_phases.h"
 PROFILE_VARIABLE = "RTDS_PROFILE"
@@ -118,7 +118,7 @@ def pinned_header(top: Top, header: str, profile: str) -> str:
     return "".join(lines) if phases else ""
 
 
-def _drive(link: RtlLink, exchanges: int) -> None:
+def _drive(link: Link, exchanges: int) -> None:
     """Exchanges of a run's kind: wheels driven and held, at rest and reversing."""
     rng = np.random.default_rng(1)
     for number in range(exchanges):
@@ -151,14 +151,12 @@ def _sets_of_effects() -> list[tuple[UnitEffects, UnitEffects, SupplyEffects | N
     return [(dry, dry, None), (replace(full, motor=None), full, supply)]
 
 
-def _watched(watching: Top, step_clocks: int | str, number: int) -> str:
+def _watched(watching: Top, opener: Opener, step_clocks: int | str, number: int) -> str:
     """The profile of one run, of the first or second set of settings."""
-    from rtds_host.link.rtl import RtlLink
-
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "profile"
         environment = {PROFILE_VARIABLE: os.fspath(place)}
-        with RtlLink(step_clocks=step_clocks, top=watching, environment=environment) as link:
+        with opener(watching, step_clocks, environment) as link:
             if ("EFFECTS", 0) not in watching.parameters:
                 link.set_effects(*_sets_of_effects()[number])
             link.set_parameters(*MOTOR, step_s=_STEP_S, method=METHODS[number])
@@ -169,15 +167,15 @@ def _watched(watching: Top, step_clocks: int | str, number: int) -> str:
             raise LinkError(f"the simulator that was to be watched left no profile ({error.strerror})") from error
 
 
-def watch(top: Top) -> str:
-    """The profile of a top: it is built with the means to watch itself, and run.
+def watch(top: Top, opener: Opener) -> str:
+    """The profile of a top: `opener` builds it with the means to watch itself, and it is run.
 
     Raises
     ------
     LinkError : it cannot be built or run, or left no profile.
     """
     watching = replace(top, bridge="bridge_core", profile=True)
-    return joined([_watched(watching, clocks, number) for clocks, number in (("min", 0), (500, 1), ("min", 1))])
+    return joined([_watched(watching, opener, clocks, number) for clocks, number in (("min", 0), (500, 1), ("min", 1))])
 
 
 def joined(profiles: Sequence[str]) -> str:

@@ -9,12 +9,9 @@ from __future__ import annotations
 
 import json
 import os
-import signal
-import socket
 import struct
 import subprocess
 import sys
-import tempfile
 import time
 import weakref
 from collections.abc import Callable, Mapping
@@ -25,24 +22,16 @@ import find_libpython
 import numpy as np
 
 import rtds_host
-from rtds_host.compat import Self
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link import protocol
-from rtds_host.link.base import (
-    CLOSED,
-    NO_PARAMETERS,
-    NONFINITE,
-    Exchange,
-    exchange_of,
-    input_words,
-    whole_steps,
-)
-from rtds_host.link.build import ROOT, SIGNALS, TOPS, Top, build
+from rtds_host.link.base import NONFINITE
+from rtds_host.link.build import SIGNALS, build
+from rtds_host.link.child import EXIT_GRACE_S, STDERR_CHARACTERS, Child
 from rtds_host.link.configured import ConfiguredLink
+from rtds_host.link.tops import ROOT, TOPS, Top
 from rtds_host.link.waves import Recording, Waves, read_signals
 from rtds_host.motor.effect_tables import EffectWords
 from rtds_host.motor.parameters import Parameters, parameter_words
-from rtds_host.vectors import Vector
 
 # Clocks a simulator works off in well under a second even on a busy machine: a longer exchange is put in several
 # requests, so that the time limit of one answer says something about the simulator and not about the exchange.
@@ -52,9 +41,6 @@ LEAST_CLOCKS = 27  # of a step, when it is started as soon as the core is ready
 LEAST_CLOCKS_WITH_EFFECTS = 51
 MAX_STEP_CLOCKS = 0xFFFF
 SAMPLE_BYTES = 16  # of a row: two currents, two speeds
-_STDERR_LINES = 3
-_STDERR_CHARACTERS = 300
-_EXIT_GRACE_S = 2.0
 _EXIT_GRACE_WITH_WAVES_S = 60.0  # the last block of the file has to be compressed and written
 
 
@@ -70,14 +56,6 @@ def _period(step_clocks: int | str) -> int:
     return step_clocks
 
 
-def _end(process: subprocess.Popen, sock: socket.socket) -> None:
-    """Leave no simulator behind (also run when the interpreter ends with the link still open)."""
-    sock.close()
-    if process.poll() is None:
-        process.kill()  # SIGKILL ends a stopped process too
-    process.wait()
-
-
 class RtlLink(ConfiguredLink):
     """The Verilog of both motor units in Verilator or Icarus, as a `Link`.
 
@@ -88,7 +66,7 @@ class RtlLink(ConfiguredLink):
         unit is ready. Idle clocks change no result, they only take time.
     timeout_s : longest wait for any one answer of the simulator, s.
     start_timeout_s : longest wait for its first sign of life, s.
-    top : the simulation top, an entry of `rtds_host.link.build.TOPS` or a `Top`.
+    top : the simulation top, an entry of `rtds_host.link.tops.TOPS` or a `Top`.
     progress : called with a line when the simulator has to be built first (default: to stderr).
     every_clock : evaluate the idle clocks, too. Otherwise Verilator's main jumps them: states, clocks and results are
     the same.
@@ -144,38 +122,14 @@ class RtlLink(ConfiguredLink):
     def _start(self, top: Top) -> None:
         """Build the top if need be, start it, take its greeting."""
         self._top = top
-        built = build(top, self._sim, self._progress)
+        built = build(top, self._sim, self._progress, _watched)
         if self._waves is not None and self._recording is None:
             chosen = self._waves.chosen(read_signals(built.folder / SIGNALS))
             self._recording = recording = Recording(self._waves, chosen, self._progress or _to_stderr)
             self._close_recording = weakref.finalize(self, recording.close)
-        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the link
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
-        try:
-            self._process = subprocess.Popen(
-                built.command,
-                stdin=subprocess.DEVNULL,
-                stdout=self._stderr,
-                stderr=self._stderr,
-                env={
-                    **os.environ,
-                    **built.environment,
-                    **_environment(top, theirs.fileno()),
-                    **self._environment,
-                },
-                pass_fds=(theirs.fileno(),),
-                start_new_session=True,  # Ctrl-C reaches the host alone, which ends the simulator
-            )
-        except OSError as error:
-            ours.close()
-            raise LinkError(f"{built.command[0]}: the simulator cannot be started ({error.strerror})") from error
-        finally:
-            theirs.close()
+        self._child = Child(built, {**_environment(top), **self._environment})
         self._closed = False
-        self._socket = ours
-        self.pid = self._process.pid
-        self._finalizer = weakref.finalize(self, _end, self._process, ours)
-
+        self.pid = self._child.pid
         try:
             self.simulator = self._greeting(self._answer(protocol.HELLO, self._start_timeout_s))
         except BaseException:
@@ -218,28 +172,14 @@ class RtlLink(ConfiguredLink):
         self._check_length(self._ask(protocol.PARAMETERS, payload, protocol.DONE), 0)
         self._effects = words.on
 
-    def exchange(
-        self,
-        voltages: Vector,
-        torques: Vector,
-        interval_s: float,
-        sample_s: float | None = None,
-    ) -> Exchange:
-        """See `Link.exchange`."""
-        self._check_open()
-        if self.step_s == 0.0:
-            raise InputError(NO_PARAMETERS)
-        v, t = input_words("voltages", voltages), input_words("torques", torques)
-        steps = whole_steps("interval_s", interval_s, self.step_s)
-        sample_steps = steps if sample_s is None else whole_steps("sample_s", sample_s, self.step_s)
+    def _run_steps(self, v: np.ndarray, t: np.ndarray, steps: int, every: int) -> np.ndarray:
         inputs = np.concatenate([v, t]).view(np.uint32).tolist()
-        self._exchanged = True
         rows = [
             row if wanted else row[:0]
-            for piece, every, wanted in self._pieces(steps, sample_steps)
-            for row in (self._request(inputs, piece, every),)
+            for piece, sampled, wanted in self._pieces(steps, every)
+            for row in (self._request(inputs, piece, sampled),)
         ]
-        return exchange_of(np.concatenate(rows), steps, sample_steps, self.step_s)
+        return np.concatenate(rows)
 
     def close(self) -> None:
         """See `Link.close`.
@@ -262,30 +202,24 @@ class RtlLink(ConfiguredLink):
         if self._closed:
             return None
         self._closed = True
-        if self._process.poll() is None:
+        child = self._child
+        if child.process.poll() is None:
             try:
-                self._socket.settimeout(_EXIT_GRACE_S)
-                protocol.send_frame(self._socket, protocol.CLOSE)
-                self._process.wait(_EXIT_GRACE_S if self._recording is None else _EXIT_GRACE_WITH_WAVES_S)
+                child.socket.settimeout(EXIT_GRACE_S)
+                protocol.send_frame(child.socket, protocol.CLOSE)
+                child.process.wait(EXIT_GRACE_S if self._recording is None else _EXIT_GRACE_WITH_WAVES_S)
             except (OSError, subprocess.TimeoutExpired):
-                pass  # it does not leave by itself: _end kills it
+                pass  # it does not leave by itself: it is killed
             finally:
-                self._finalizer()
-        self._finalizer()
+                child.end()
+        child.end()
         said = self.said()
-        self._stderr.close()
+        child.stderr.close()
         return said
 
     def said(self) -> str:
         """What the open simulator has written to its standard error so far."""
-        self._stderr.seek(0)
-        return self._stderr.read().decode(errors="replace")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exc_info: object) -> None:
-        self.close()
+        return self._child.said()
 
     def _pieces(self, steps: int, sample_steps: int) -> list[tuple[int, int, bool]]:
         """An exchange as requests (steps, sample every, are the rows wanted), each small enough for one answer."""
@@ -338,8 +272,8 @@ class RtlLink(ConfiguredLink):
 
     def _ask(self, kind: int, payload: bytes, expected: int) -> bytes:
         try:
-            self._socket.settimeout(self.timeout_s)
-            protocol.send_frame(self._socket, kind, payload)
+            self._child.socket.settimeout(self.timeout_s)
+            protocol.send_frame(self._child.socket, kind, payload)
         except TimeoutError as error:
             raise self._no_answer(self.timeout_s) from error
         except OSError as error:
@@ -348,7 +282,7 @@ class RtlLink(ConfiguredLink):
 
     def _answer(self, expected: int, timeout_s: float) -> bytes:
         try:
-            kind, payload = protocol.receive_frame(self._socket, protocol.Deadline(timeout_s, _Starved(self.pid)))
+            kind, payload = protocol.receive_frame(self._child.socket, protocol.Deadline(timeout_s, _Starved(self.pid)))
         except TimeoutError as error:
             raise self._no_answer(timeout_s) from error
         except (OSError, protocol.Closed) as error:
@@ -356,7 +290,7 @@ class RtlLink(ConfiguredLink):
         except (ValueError, struct.error) as error:
             raise self._failure(f"cannot make sense of the simulator's answer ({error})") from error
         if kind == protocol.FAILED:
-            raise self._failure(" ".join(payload.decode(errors="replace").split())[:_STDERR_CHARACTERS])
+            raise self._failure(" ".join(payload.decode(errors="replace").split())[:STDERR_CHARACTERS])
         if kind != expected:
             raise self._failure(f"the simulator answered with a frame of kind {kind} instead of {expected}")
         return payload
@@ -365,27 +299,19 @@ class RtlLink(ConfiguredLink):
         return self._failure(f"no answer for {timeout_s:g} s; it has been ended")
 
     def _gone(self) -> LinkError:
-        try:
-            status = self._process.wait(_EXIT_GRACE_S)
-        except subprocess.TimeoutExpired:
-            return self._failure("it closed the link without leaving; it has been ended")
-        if status < 0:
-            return self._failure(f"it was killed by {signal.Signals(-status).name}")
-        return self._failure(f"it ended with exit status {status}")
+        return self._failure(self._child.how_it_went())
 
     def _failure(self, what: str) -> LinkError:
         """End the simulator and put all there is to say into one line."""
-        pid = self.pid
-        self._finalizer()
-        lines = [line.strip() for line in self.said().splitlines() if line.strip()]
+        error = self._child.failure(self._sim, what)
         self._recording = None  # a file that was not finished is none
         self.close()
-        said = " | ".join(lines[-_STDERR_LINES:])[-_STDERR_CHARACTERS:]
-        return LinkError(f"{self._sim} simulator (process {pid}): {what}" + (f"; it said: {said}" if said else ""))
+        return error
 
-    def _check_open(self) -> None:
-        if self._closed:
-            raise LinkError(CLOSED)
+
+def _watched(top: Top, step_clocks: int | str, environment: Mapping[str, str]) -> RtlLink:
+    """The simulator that watches itself: an opener of `rtds_host.link.pinning`."""
+    return RtlLink(step_clocks=step_clocks, top=top, environment=environment)
 
 
 class _Starved:
@@ -411,9 +337,10 @@ class _Starved:
         return 1e-9 * waited + now - self._since
 
 
-def _environment(top: Top, descriptor: int) -> dict[str, str]:
+def _environment(top: Top) -> dict[str, str]:
+    """Variables that cocotb needs in the simulator's process; none where the main serves the link itself."""
     if not top.bridge:
-        return {protocol.FD_VARIABLE: str(descriptor)}
+        return {}
     import cocotb_tools.config
 
     python = find_libpython.find_libpython()
@@ -432,5 +359,4 @@ def _environment(top: Top, descriptor: int) -> dict[str, str]:
         "COCOTB_RESULTS_FILE": os.devnull,
         "COCOTB_LOG_LEVEL": "ERROR",
         "GPI_LOG_LEVEL": "ERROR",
-        protocol.FD_VARIABLE: str(descriptor),
     }

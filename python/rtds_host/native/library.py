@@ -13,7 +13,7 @@ import numpy as np
 
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link.compiling import first_error
-from rtds_host.link.inprocess import InProcessLink
+from rtds_host.link.configured import ConfiguredLink
 from rtds_host.motor.effect_program import CELLS, CONSTANTS, SIDES, TABLES
 from rtds_host.motor.effect_tables import EffectWords
 from rtds_host.motor.parameters import METHODS, PARAMETER_NAMES, Parameters
@@ -162,7 +162,7 @@ class NativePair:
             raise InputError(f"motor library: {STATUS[status]}")
 
 
-class NativeLink(InProcessLink):
+class NativeLink(ConfiguredLink):
     """`NativePair` as a `Link`."""
 
     def __init__(self, library: Path) -> None:
@@ -172,5 +172,5 @@ class NativeLink(InProcessLink):
         self.pair.set_parameters(words.side_values(values), method)
         self.pair.load(words)
 
-    def _step(self, v: np.ndarray, t: np.ndarray, steps: int, sample_steps: int) -> np.ndarray:
+    def _run_steps(self, v: np.ndarray, t: np.ndarray, steps: int, sample_steps: int) -> np.ndarray:
         return self.pair.step(v, t, steps, sample_steps)

@@ -46,6 +46,7 @@ from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.predict import DIAGNOSIS_SCHEMAS
 from rtds_host.errors import LinkError, RtdsError
 from rtds_host.link import protocol
+from rtds_host.link.child import Child
 from rtds_host.link.registers import NOISE_BYTES, RegisterClient, encode_answer
 from rtds_host.link.rtl import RtlLink
 
@@ -422,19 +423,28 @@ class _NoProcess:
         pass
 
 
+class _FakeChild(Child):
+    """A simulator's process that has ended, with this end of its socket."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self.socket, self.process, self.stderr, self.pid = connection, _NoProcess(), io.BytesIO(), 0
+
+    def end(self) -> None:
+        pass
+
+
 class _Answered(RtlLink):
     """A link to a simulator whose answer waits in a socket already."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._closed, self._effects, self._steps, self._sim, self.clocks, self.pid = False, False, 0, "fake", 0, 0
-        self._socket, self._process, self._stderr, self.timeout_s = connection, _NoProcess(), io.BytesIO(), 1.0
-        self._finalizer = lambda: None
+        self._child, self._recording, self.timeout_s = _FakeChild(connection), None, 1.0
 
     def samples(self, steps: int, every: int) -> np.ndarray:
         return self._request([0, 0, 0, 0], steps, every)
 
     def end(self) -> None:
-        self._stderr.close()
+        self._child.stderr.close()
 
 
 def simulator(place: Path, rng: random.Random, given: bytes | None = None) -> Result:

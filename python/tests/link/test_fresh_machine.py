@@ -25,12 +25,13 @@ import dataclasses, sys
 from pathlib import Path
 from rtds_host.link import build
 from rtds_host.link.rtl import RtlLink
+from rtds_host.link.tops import TOPS
 from link_cases import BURGER, STEP_S
 
 folder = Path(sys.argv[1])
 build.BUILDS = folder / "builds"
 tree = folder / "tree"
-top = dataclasses.replace(build.TOPS["core"], root=tree, main=str(tree / build.TOPS["core"].main))
+top = dataclasses.replace(TOPS["core"], root=tree, main=str(tree / TOPS["core"].main))
 with RtlLink(top=top) as link:
     link.set_parameters(**BURGER)
     print((link.exchange([1.0, 1.0], [0.0, 0.0], 10 * STEP_S).speeds[-1] > 0.0).all())

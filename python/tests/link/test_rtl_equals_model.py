@@ -9,8 +9,8 @@ import pytest
 from link_cases import BURGER, STEP_S
 
 from rtds_host.link import open_link
-from rtds_host.link.build import TOPS
 from rtds_host.link.rtl import RtlLink
+from rtds_host.link.tops import TOPS
 from rtds_host.motor.effects import Curve, SupplyEffects, UnitEffects
 
 

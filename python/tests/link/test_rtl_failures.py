@@ -13,7 +13,7 @@ import pytest
 from link_cases import BURGER, STEP_S
 
 from rtds_host.errors import InputError, LinkError
-from rtds_host.link import build, open_link, protocol
+from rtds_host.link import build, open_link, protocol, tops
 from rtds_host.link.rtl import RtlLink
 
 TIMEOUT_S = 1.5
@@ -119,7 +119,7 @@ async def serve(dut):
 def top_with_bridge(folder, body):
     """The usual top with a bridge that misbehaves."""
     (folder / "fake_bridge.py").write_text(FAKE_BRIDGE.format(body=body))
-    return dataclasses.replace(build.TOPS["core"], bridge="fake_bridge")
+    return dataclasses.replace(tops.TOPS["core"], bridge="fake_bridge")
 
 
 SILENT = "time.sleep(60)"
@@ -188,8 +188,8 @@ def test_a_simulator_that_misbehaves_gives_one_line(tmp_path, monkeypatch, body,
 def copy_of_sources(folder):
     """A source tree of its own, to be broken."""
     for name in ("rtl/fp", "rtl/core", "rtl/effects", "sim"):
-        shutil.copytree(build.ROOT / name, folder / name)
-    return dataclasses.replace(build.TOPS["core"], root=folder)
+        shutil.copytree(tops.ROOT / name, folder / name)
+    return dataclasses.replace(tops.TOPS["core"], root=folder)
 
 
 def test_a_failing_build_quotes_the_compiler_keeps_its_log_and_leaves_no_build(simulator, tmp_path, monkeypatch):
@@ -234,26 +234,27 @@ def test_a_core_that_never_gets_ready_is_noticed_by_the_top(tmp_path, monkeypatc
 )
 def test_a_missing_program_is_named_with_its_package(monkeypatch, simulator, missing, package):
     monkeypatch.setattr(build.shutil, "which", lambda name: None if name == missing else f"/usr/bin/{name}")
-    line = failure_of(lambda: build.build(build.TOPS["core"], simulator))
+    line = failure_of(lambda: build.build(tops.TOPS["core"], simulator))
     assert line == f"{missing} is not installed, it is needed to simulate the RTL: {package}"
 
 
 def test_missing_sources_are_named(tmp_path):
-    top = dataclasses.replace(build.TOPS["core"], root=tmp_path)
+    top = dataclasses.replace(tops.TOPS["core"], root=tmp_path)
     assert f"{tmp_path}/rtl/fp/fp.f: cannot read" in failure_of(lambda: build.build(top, "verilator"))
 
 
 def test_a_place_that_cannot_hold_a_build_is_named(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(build, "BUILDS", tmp_path / "file" / "sim")
-    line = failure_of(lambda: build.build(build.TOPS["core"], "verilator"))
+    line = failure_of(lambda: build.build(tops.TOPS["core"], "verilator"))
     assert "cannot build there" in line
 
 
 def test_two_processes_that_build_at_once_build_once(tmp_path):
     program = (
-        "import sys; from pathlib import Path; from rtds_host.link import build; build.BUILDS = Path(sys.argv[2]); "
-        "print(build.build(build.TOPS['core'], sys.argv[1]).command)"
+        "import sys; from pathlib import Path; from rtds_host.link import build, tops; "
+        "build.BUILDS = Path(sys.argv[2]); "
+        "print(build.build(tops.TOPS['core'], sys.argv[1]).command)"
     )
     command = [sys.executable, "-c", program, QUICK_BUILD, str(tmp_path / "builds")]
     processes = [subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(3)]
@@ -269,7 +270,7 @@ def test_two_processes_that_build_at_once_build_once(tmp_path):
 def test_a_damaged_simulator_is_noticed_and_built_anew(tmp_path, monkeypatch, damage):
     monkeypatch.setattr(build, "BUILDS", tmp_path / "builds")
     said = []
-    build.build(build.TOPS["core"], QUICK_BUILD, say=said.append)
+    build.build(tops.TOPS["core"], QUICK_BUILD, say=said.append)
     folder = next(path for path in build.BUILDS.iterdir() if path.is_dir())
     program = next(folder.glob("sim*"))
     whole = program.read_bytes()
@@ -282,13 +283,13 @@ def test_a_damaged_simulator_is_noticed_and_built_anew(tmp_path, monkeypatch, da
     else:
         (folder / build.HASH).unlink()
     said.clear()
-    build.build(build.TOPS["core"], QUICK_BUILD, say=said.append)
+    build.build(tops.TOPS["core"], QUICK_BUILD, say=said.append)
     assert len(said) == 2 and "the simulator there is not the one that was built; it is built again" in said[0]
     with RtlLink(sim=QUICK_BUILD) as link:
         link.set_parameters(**BURGER)
         one_step(link)
     said.clear()
-    build.build(build.TOPS["core"], QUICK_BUILD, say=said.append)
+    build.build(tops.TOPS["core"], QUICK_BUILD, say=said.append)
     assert said == []
 
 
