@@ -1,11 +1,15 @@
 """What both links refuse, and how they say it."""
 
+import ast
+import graphlib
+from pathlib import Path
+
 import numpy as np
 import pytest
 from link_cases import BURGER, STEP_S
 
 from rtds_host.errors import InputError, LinkError
-from rtds_host.link import open_link
+from rtds_host.link import base, open_link
 
 
 @pytest.fixture(scope="module", params=["model", "rtl"])
@@ -99,3 +103,21 @@ def test_a_closed_link_says_so(fresh_link):
         fresh_link.exchange([1.0, 1.0], [0.0, 0.0], STEP_S)
     with pytest.raises(LinkError, match="the link is closed"):
         fresh_link.set_parameters(**BURGER)
+
+
+def test_the_modules_of_the_links_import_each_other_in_one_direction_only():
+    """Imports within functions count, too: a late one hides a circle."""
+    folder = Path(base.__file__).parent
+    graph = {}
+    for path in folder.glob("*.py"):
+        if path.stem == "__init__":  # opens any link, and is imported by none of them for that
+            continue
+        wanted = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module == "rtds_host.link":
+                wanted |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("rtds_host.link."):
+                wanted.add(node.module.split(".")[2])
+        graph[path.stem] = {name for name in wanted if (folder / f"{name}.py").is_file()}
+    assert "tops" in graph["build"] and "build" in graph["rtl"]
+    list(graphlib.TopologicalSorter(graph).static_order())  # raises CycleError with the circle

@@ -1,6 +1,7 @@
 """Whatever happens to the simulator, the host gets one line within the time limit and leaves nothing behind."""
 
 import dataclasses
+import itertools
 import os
 import shutil
 import signal
@@ -8,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 from link_cases import BURGER, STEP_S
@@ -322,7 +324,9 @@ class Starving:
         return self.now
 
 
-def test_time_without_a_processor_does_not_count_and_comes_to_an_end():
+def test_time_without_a_processor_does_not_count_and_comes_to_an_end(monkeypatch):
+    clock = itertools.count(0.0, 0.005)
+    monkeypatch.setattr(protocol, "time", SimpleNamespace(monotonic=lambda: next(clock)))
     ours, theirs = socket.socketpair()
     with ours, theirs:
         starving = Starving(0.01, 0.05)
