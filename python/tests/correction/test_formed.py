@@ -112,3 +112,27 @@ def test_sensors_of_a_run_read_with_their_forms():
     assert read.gyro_rad_s == pytest.approx(-0.8)
     assert read.currents_a == pytest.approx([0.1, 0.2])
     assert CorrectedPath(12.0, replace(sensors, forms=plant.no_forms())).sensors(0.0, seen).gyro_rad_s == -1.0
+
+
+IN_RTL = {
+    "friction": ("torque", "w", -25.0, 25.0, lambda x: -0.05 * np.sign(x) - 0.001 * x),
+    "command": ("voltage", "v_cmd", -12.0, 12.0, lambda x: -0.02 * x * np.abs(x)),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("which", IN_RTL)
+def test_a_form_closes_in_the_rtl_with_the_bytes_of_the_model(which):
+    log = designed_run(0.6)
+    model, inputs = formed(IN_RTL[which]), run_inputs(log, ROBOT)
+    truth = replay_run(model, inputs, FINE_STEP_S)
+    rtl = Setting(link="rtl", link_options={"sim": "verilator", "step_clocks": "min"})
+    by_rtl, by_model = (simulate(log, ROBOT, model, setting).out for setting in (rtl, Setting()))
+    assert by_rtl.tobytes() == by_model.tobytes()
+    nominal = simulate(log, ROBOT, None, Setting()).out
+    log = measured(log, truth)
+    case = Case("formed", ROBOT, (log,))
+    before, after = (distance(case, [(log, truth, out)])[0] for out in (nominal, by_rtl))
+    print(f"{which}: gap before {before:.3g}, after {after:.2g}")
+    assert before > 1.0
+    assert after < 0.02 * before
