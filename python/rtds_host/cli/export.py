@@ -92,6 +92,7 @@ def export(
     as_json: AsJson = False,
 ) -> None:
     """Write the robot with what is diagnosed in it for another simulator."""
+    from rtds_host.cli.first_use import say_if_first
     from rtds_host.contract import (
         check_writable,
         check_writable_file,
@@ -149,6 +150,7 @@ def export(
     if not parts:
         said.line("  the diagnosis names no effect: this is the nominal robot, refitted")
     if runs:
+        say_if_first()
         _check(said, out, nominal, source.model, runs, actuator)
     said.end()
 

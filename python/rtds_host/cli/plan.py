@@ -41,6 +41,7 @@ def plan(
     as_json: AsJson = False,
 ) -> None:
     """Plan the most informative manoeuvre: commands as a table, csv and a ROS 2 script, fitted to a floor."""
+    from rtds_host.cli.first_use import say_if_first
     from rtds_host.contract import check_writable, load_robot, refuse_inputs, staged_folder
     from rtds_host.diagnosis.predict import read_diagnosis
     from rtds_host.diagnosis.replay.model import nominal_model
@@ -63,6 +64,7 @@ def plan(
     nominal = load_robot(robot or default_robot(source)) if diagnosed else load_robot(source)
     kind = kind or ("cmd_vel" if nominal.driver.mode == "speed" else "voltage")
     check_robot(nominal, kind)
+    say_if_first()
     model = read_diagnosis(source, nominal) if diagnosed else None
     wheels = driven_by_voltage(nominal)
     models = [nominal_model(wheels)]

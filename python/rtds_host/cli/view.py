@@ -29,9 +29,11 @@ def view(
     as_json: AsJson = False,
 ) -> None:
     """Show runs in a browser: path over the floor and signals, measured, nominal and corrected. Ctrl-C ends it."""
+    from rtds_host.cli.first_use import say_if_first
     from rtds_host.view.command import recorded, serve
     from rtds_host.view.live import Feed
 
+    say_if_first()
     say = (lambda address: answer({"address": address})) if as_json else None
     with serve(Feed(recorded(runs, robot, diagnosis)), port, browser, say) as wait:
         wait()

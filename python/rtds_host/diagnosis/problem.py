@@ -535,9 +535,9 @@ class Problem:
         """
         steps = steps or [model.step_s for model in models]
         found = [np.empty(self.size) for _ in models]
-        work = sum(self._taken(model, step_s) + WHITENED * self.size for model, step_s in zip(models, steps))
-        self.work += work
-        spend(work)
+        taken = sum(self._taken(model, step_s) + WHITENED * self.size for model, step_s in zip(models, steps))
+        self.work += taken
+        spend(taken)
         # Those with springs or free play beside each other: what one lane has is computed in all.
         abreast = sorted(
             (k for k, model in enumerate(models) if model.abreast), key=lambda k: (models[k].slow, steps[k])
