@@ -184,9 +184,9 @@ def test_an_operation_a_clock_earlier_than_its_operands_is_refused(monkeypatch):
     """The schedule's own check is of some use: most operations of the critical path cannot come a clock sooner."""
     refused = 0
     for name in ("draws", "sagged", "scaled", "limited", "driving", "drop.product", "u_v", "angle.new", "rise_lo.new"):
-        slots = dict(effect_program.SLOTS)
-        slots[name] -= 1
-        monkeypatch.setattr(effect_program, "SLOTS", slots)
+        clocks = dict(effect_program.ISSUE_CLOCKS)
+        clocks[name] -= 1
+        monkeypatch.setattr(effect_program, "ISSUE_CLOCKS", clocks)
         with pytest.raises(effect_program.ScheduleError):
             effect_program.schedule()
         refused += 1

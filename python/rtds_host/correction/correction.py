@@ -117,8 +117,8 @@ class Correction:
     """All that makes the simulator another robot than the nominal one.
 
     `units` and `supply` go to the link, `body` into the physics engine, `gears` and `scrub_nm` into the layer between
-    them, `sensors` into the signal path. `bus_measured`: the bus follows the log's `v_bus` (a replay only). `carrying`:
-    the motors of units that carry a part of the body's inertia (`rtds_host.robot.split`), None where they carry none.
+    them, `sensors` into the signal path. `bus_measured`: the bus follows the log's `v_bus` (a replay only).
+    `loaded_motors`: those of units with a part of the body's inertia (`rtds_host.robot.split`), None of the others.
     `forms` (2, MOST, WIDTH): terms that no table of a unit holds, which act between units and engine; `start_angles`:
     rad, wheel angles [left, right] as the run begins, which these terms may run over.
     """
@@ -130,7 +130,7 @@ class Correction:
     scrub_nm: float = 0.0
     sensors: SensorValues = field(default_factory=SensorValues)
     bus_measured: bool = False
-    carrying: tuple[MotorParameters | None, MotorParameters | None] = (None, None)
+    loaded_motors: tuple[MotorParameters | None, MotorParameters | None] = (None, None)
     forms: np.ndarray = field(default_factory=no_forms, compare=False)
     start_angles: tuple[float, float] = (0.0, 0.0)
 
@@ -154,7 +154,7 @@ class Correction:
     def links_effects(self) -> dict:
         """Arguments of `Link.set_effects`."""
         loaded = (
-            unit if motor is None else replace(unit, motor=motor) for unit, motor in zip(self.units, self.carrying)
+            unit if motor is None else replace(unit, motor=motor) for unit, motor in zip(self.units, self.loaded_motors)
         )
         left, right = (None if unit.absent else unit for unit in loaded)
         return {

@@ -62,11 +62,11 @@ class Coupler:
     correction : what differs from the nominal robot; None: nothing.
     exchange_steps : engine steps between two exchanges of torques.
     foretell : give the motors the torque of the coming exchange, foretold; without it, that of the one before.
-    carried_kg_m2 : without a correction, the inertia at each wheel that the link's motors carry for the body beside
+    reflected_kg_m2 : without a correction, the inertia at each wheel that the link's motors carry for the body beside
     their
         rotor (`rtds_host.robot.split`); a correction says so itself.
 
-    `carried` (2,) kg m²: what they carry. `gained` (2,) rad/s²: mean change of the rotors' speeds over the last
+    `reflected` (2,) kg m²: what they carry. `gained` (2,) rad/s²: mean change of the rotors' speeds over the last
     exchange. `sent` (2,) float32 N m at the shaft: torques of the last exchange; `load` (2,) N m: what the wheels took.
     `in_force` (2,) V: commands that act at its end, `now` s. `after_step` is called after each engine step.
     """
@@ -80,7 +80,7 @@ class Coupler:
         correction: Correction | None = None,
         exchange_steps: int = 1,
         foretell: bool = True,
-        carried_kg_m2: float = 0.0,
+        reflected_kg_m2: float = 0.0,
     ):
         self.link, self.engine = link, engine
         self.exchange_steps, self.foretell = exchange_steps, foretell
@@ -116,12 +116,12 @@ class Coupler:
             )
         self.ground = np.linalg.inv(wheel_inertia(body, wanted)[0])
         self.rotor = np.array([self._rotor(robot, unit) for unit in units])
-        self.carried = np.full(2, carried_kg_m2)
+        self.reflected = np.full(2, reflected_kg_m2)
         if correction:
-            self.carried = np.array(
+            self.reflected = np.array(
                 [
                     0.0 if m is None else self.gear**2 * m.rotor_inertia_kg_m2 - self.rotor[k, layer.INERTIA]
-                    for k, m in enumerate(correction.carrying)
+                    for k, m in enumerate(correction.loaded_motors)
                 ]
             )
         self.gained = np.zeros(2)
@@ -217,7 +217,7 @@ class Coupler:
             state = self.state.copy()
             # A given rotor's speed is found to rounding; one that friction holds must be seen to stand, or what is owed
             # to it is counted as moving a rotor that is light beside the body.
-            state[(self.carried > 0.0) & (self.speed == 0.0), layer.ROTOR] = 0.0
+            state[(self.reflected > 0.0) & (self.speed == 0.0), layer.ROTOR] = 0.0
             torque, spin = layer.roll(
                 LAYER_S,
                 _FORETOLD,
@@ -243,26 +243,26 @@ class Coupler:
             torque, load, gain = self.load, self.load, self.gained
             rate = float(self.lever @ self.state[:, layer.GROUND])
             spin = max(-1.0, min(1.0, rate / 0.02))
-        if self.carried.any():
-            load = load - self.carried * gain
+        if self.reflected.any():
+            load = load - self.reflected * gain
         sent = ((load - acting.drive) / self.gear).astype(np.float32)
         self.sent = sent
         before = self.speed
         motion = self._exchange(pieces, sent)
         acted = sent.astype(float) * self.gear
         self.gained = (motion.speeds[-1] - before) / total_s
-        if self.carried.any():
+        if self.reflected.any():
             if np.abs(motion.speeds[-1]).max() > self.runaway:
                 raise InputError(
                     f"the wheels have lost the ground at {self.now:.3f} s: so hard a start, or stop, lifts the robot"
                     " off its wheels; ask for less voltage at once"
                 )
-            acted = acted + self.carried * self.gained
+            acted = acted + self.reflected * self.gained
         self._observe(motion, volts, acted, total_s)
         happened = self._follow(motion, steps, spin, acted + acting.drive, scrub)
         if self.foretell:
             behind = self.rotor[:, layer.INERTIA] * (self.speed - self.state[:, layer.ROTOR]) / total_s
-            foretold = torque + self.carried * (self.gained - gain) if self.carried.any() else torque
+            foretold = torque + self.reflected * (self.gained - gain) if self.reflected.any() else torque
             self.owed = np.where(self.known == layer.DRIVEN, behind, happened - foretold)
         self.load = happened
         return motion

@@ -139,9 +139,9 @@ def translate(
         scrub_nm=get("scrub"),
         sensors=sensors,
         bus_measured=get("bus_measured") > 0,
-        carrying=(
-            _carrying(left, gears[0], body, payload_kg, robot),
-            _carrying(right, gears[1], body, payload_kg, robot),
+        loaded_motors=(
+            _loaded_motor(left, gears[0], body, payload_kg, robot),
+            _loaded_motor(right, gears[1], body, payload_kg, robot),
         ),
         forms=np.stack([one.between for one in placed]),
         start_angles=start_angles,
@@ -151,7 +151,7 @@ def translate(
     return correction
 
 
-def _carrying(
+def _loaded_motor(
     unit: UnitEffects, gear: GearValues, body: BodyValues, payload_kg: float, robot: Robot
 ) -> MotorParameters | None:
     """Motor of a unit that includes a part of the body's inertia: where the body is heavy compared with the rotor, and
@@ -163,8 +163,8 @@ def _carrying(
     """
     n = robot.motor.gear_ratio
     own = unit.motor or MotorParameters(**{f.name: getattr(robot.motor, f.name) for f in fields(MotorParameters)})
-    carried = share(body.at_wheels(payload_kg), n * n * own.rotor_inertia_kg_m2).carried_kg_m2
-    if carried == 0.0 or gear.stiffness_nm_per_rad or gear.backlash_rad:
+    reflected = share(body.at_wheels(payload_kg), n * n * own.rotor_inertia_kg_m2).reflected_kg_m2
+    if reflected == 0.0 or gear.stiffness_nm_per_rad or gear.backlash_rad:
         return None
     if unit.load_share:
         raise InputError(
@@ -172,7 +172,7 @@ def _carrying(
             "is heavy compared with the rotor: the motor unit then includes inertia of the body and sees only the "
             "remaining load"
         )
-    return replace(own, rotor_inertia_kg_m2=own.rotor_inertia_kg_m2 + carried / n**2)
+    return replace(own, rotor_inertia_kg_m2=own.rotor_inertia_kg_m2 + reflected / n**2)
 
 
 def _refuse(get: _Parameters, robot: Robot) -> None:

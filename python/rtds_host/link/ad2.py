@@ -8,7 +8,7 @@ Digilent's WaveForms runtime behind pydwf.
 
 Time is real: exchange k is due one interval after exchange k - 1, whatever the host does in between. How late it began
 is kept. One that begins later than half its interval is an overrun: what was asked for belongs to a robot of long ago,
-so zero volts and zero torque go out instead, and the schedule starts anew. Three in a row, or a lost device, end the
+so zero volts and zero torque go out instead, and the schedule starts again. Three in a row, or a lost device, end the
 run with the outputs at zero.
 """
 
@@ -251,7 +251,7 @@ class Ad2Link(ConfiguredLink):
             raise InputError(f"step: {step_s:g} s: the board makes a step each {1e-9 * STEP_NS:g} s, no other")
 
     def _load(self, words: EffectWords, values: Parameters, method: str) -> None:
-        """Bring the chip to rest with these parameters and effects; the schedule starts anew."""
+        """Bring the chip to rest with these parameters and effects; the schedule starts again."""
         (left, method_index), (right, _) = (parameter_words(side, method) for side in words.side_values(values))
         self._safe()
         if words.on:

@@ -217,13 +217,13 @@ class EffectPair:
         self._rest()
 
     def load(self, words: EffectWords) -> None:
-        """Take tables, constants and delay over, and run with them; the unit's own state starts anew."""
+        """Take tables, constants and delay over, and run with them; the unit's own state starts again."""
         self.constants[:] = words.constants
         self.tables[:] = words.tables
         self.switch(words.on, words.delay, words.stride)
 
     def switch(self, on: bool, delay: int = 0, stride: int = 1) -> None:
-        """Effects on or off; a unit that was off starts anew. `delay` counts entries of `stride` steps each."""
+        """Effects on or off; a unit that was off starts again. `delay` counts entries of `stride` steps each."""
         if not 0 <= delay < DELAY_ENTRIES or stride < 1:
             raise InputError(f"delay, stride: {delay}, {stride}: 0 to {DELAY_ENTRIES - 1} entries of one step or more")
         if not (on and self.on):

@@ -2,11 +2,11 @@
 
 The effect unit (rtl/effects/effect_engine.v) carries out one list of operations in every step, on both sides at once: a
 side has one multiplier, one adder, one memory of registers and its tables, and hands a result straight on to the
-operation that waits for it. `OPERATIONS` says what is computed, in the names of docs/effect-unit.md; `SLOTS` says in
-which clock after the strobe each operation is issued. `schedule` finds out where each operand comes from at that clock
-and when a result is written for later, and refuses a list in which one cannot be had; `word` is what the ROM says in
-one clock. The bit-exact model (`effect_model`) does the same arithmetic, written out; the RTL's tests hold the two
-together.
+operation that waits for it. `OPERATIONS` says what is computed, in the names of docs/effect-unit.md; `ISSUE_CLOCKS`
+says in which clock after the strobe each operation is issued. `schedule` finds out where each operand comes from at
+that clock and when a result is written for later, and refuses a list in which one cannot be had; `word` is what the ROM
+says in one clock. The bit-exact model (`effect_model`) does the same arithmetic, written out; the RTL's tests hold the
+two together.
 
     python -m rtds_host.motor.effect_program rtl/effects
 """
@@ -129,7 +129,7 @@ NEW_STATES = {"fall.sum": "fall", "rise.sum": "rise", "angle.new": "angle"} | {
 # The clock in which each operation is issued (for `limit`: is done). Found by a search over list schedules for the
 # shortest step; that it is one the engine can carry out is checked by `schedule`, that it means OPERATIONS by the
 # tests.
-SLOTS: dict[str, int] = {
+ISSUE_CLOCKS: dict[str, int] = {
     "command.u": 4, "fall.t": 4, "cooled": 5, "more_f": 6, "fall.sum": 7, "more_b": 7, "command.product": 9,
     "command.offset": 9, "full": 10, "bridge": 12, "fall.z": 15, "unsagged": 16, "draw": 17, "fall_lo.new": 18,
     "backward.u": 18, "turned": 19, "copper": 20, "per_draw": 21, "draws": 21, "angle.t": 22, "forward.u": 22,
@@ -189,7 +189,7 @@ MADE_BY = "python -m rtds_host.motor.effect_program rtl/effects"
 
 
 class ScheduleError(ValueError):
-    """`SLOTS` cannot be carried out: the message names the operation, the operand and the clock."""
+    """`ISSUE_CLOCKS` cannot be carried out: the message names the operation, the operand and the clock."""
 
 
 @dataclass(frozen=True)
@@ -230,25 +230,25 @@ def _unit(op: str) -> str:
 
 
 class _Scheduler:
-    def __init__(self, slots: dict[str, int]) -> None:
-        self.slots = slots
+    def __init__(self, clocks: dict[str, int]) -> None:
+        self.clocks = clocks
         self.kind = {result: op for result, op, *_ in OPERATIONS}
-        if set(slots) != set(self.kind):
-            raise ScheduleError(f"clocks: {sorted(set(slots) ^ set(self.kind))}: not the clocks of the operations")
+        if set(clocks) != set(self.kind):
+            raise ScheduleError(f"clocks: {sorted(set(clocks) ^ set(self.kind))}: not the clocks of the operations")
         self.addresses = {name: k for k, name in enumerate(CONSTANTS)} | INPUTS | {"zero": ZERO}
         for k, name in enumerate(STATES):
             self.addresses[name] = STATE_FIRST + 2 * k
         for result, name in NEW_STATES.items():
             self.addresses.setdefault(result, self.addresses[name] + 1)
         self.results = {
-            unit: sorted((slots[name] + LATENCY, name) for name, op in self.kind.items() if _unit(op) == unit)
+            unit: sorted((clocks[name] + LATENCY, name) for name, op in self.kind.items() if _unit(op) == unit)
             for unit in ("mul", "add")
         }
         for unit, results in self.results.items():
-            clocks = [clock for clock, _ in results]
-            if len(set(clocks)) != len(clocks):
+            taken = [clock for clock, _ in results]
+            if len(set(taken)) != len(taken):
                 raise ScheduleError(f"{unit}: two operations in one clock")
-        self.lines = sorted((slots[f"{table}.u"] + LATENCY + LOOK, table) for table in TABLES)
+        self.lines = sorted((clocks[f"{table}.u"] + LATENCY + LOOK, table) for table in TABLES)
         self.latest_read: dict[str, int] = {}  # of each result or input, the first clock with it as an operand
 
     def standing(self, events: list[tuple[int, str]], clock: int) -> str | None:
@@ -272,7 +272,7 @@ class _Scheduler:
             there = self.standing(self.lines, clock) == table
             return word if there and port == {"slope": "mul_a", "intercept": "add_b"}[word] else None
         if name == "limited":
-            return "limited" if port == "add_a" and clock > self.slots[name] else None
+            return "limited" if port == "add_a" and clock > self.clocks[name] else None
         if name in self.kind:
             unit = _unit(self.kind[name])
             if self.standing(self.results[unit], clock) == name:
@@ -280,14 +280,14 @@ class _Scheduler:
                     return "product"
                 if unit == "add" and port != "add_b":
                     return "sum"
-            return "register" if clock >= self.slots[name] + LATENCY + READ else None
+            return "register" if clock >= self.clocks[name] + LATENCY + READ else None
         if name in INPUTS:
             return "register" if clock >= INPUT_FROM[name] + READ else None
         return "register" if clock >= FIRST_READ else None
 
     def issue(self, operation: tuple[str, ...]) -> Issue:
         name, op, first, second = operation
-        clock = self.slots[name]
+        clock = self.clocks[name]
         if op == "limit":
             if self.standing(self.results["add"], clock) != first:
                 raise ScheduleError(f"{name}: {first} is not there in clock {clock}")
@@ -350,15 +350,15 @@ def schedule() -> Program:
 
     Raises
     ------
-    ScheduleError : an operation of `SLOTS` cannot have an operand in its clock, or a result comes too late.
+    ScheduleError : an operation of `ISSUE_CLOCKS` cannot have an operand in its clock, or a result comes too late.
     """
-    scheduler = _Scheduler(SLOTS)
+    scheduler = _Scheduler(ISSUE_CLOCKS)
     issues = sorted(
         (scheduler.issue(operation) for operation in OPERATIONS), key=lambda issue: (issue.clock, issue.unit)
     )
     for name, needed in NEEDED.items():
-        if SLOTS[name] + LATENCY >= needed:
-            raise ScheduleError(f"{name}: is there in clock {SLOTS[name] + LATENCY + 1}, needed in {needed}")
+        if ISSUE_CLOCKS[name] + LATENCY >= needed:
+            raise ScheduleError(f"{name}: is there in clock {ISSUE_CLOCKS[name] + LATENCY + 1}, needed in {needed}")
     return Program(tuple(issues), tuple(scheduler.writes()))
 
 
@@ -469,7 +469,7 @@ def verilog() -> str:
     rom = words()
     comments: dict[int, list[str]] = {}
     for name, op, a, b in OPERATIONS:
-        comments.setdefault(SLOTS[name], []).append(f"{name} = {op} {a}{', ' + b if b else ''}")
+        comments.setdefault(ISSUE_CLOCKS[name], []).append(f"{name} = {op} {a}{', ' + b if b else ''}")
     last = max(clock for clock, fields in enumerate(rom) if fields)
     names = list(FIELDS)
     lines = [

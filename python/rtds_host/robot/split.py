@@ -53,23 +53,25 @@ class Split:
     Attributes
     ----------
     ratio : the body's inertia at the wheel over the rotor's; the explicit split is stable below 1.
-    carried_kg_m2 : inertia at each wheel that the motor units carry for the body; 0 with the explicit split.
+    reflected_kg_m2 : inertia at each wheel that the motor units carry for the body; 0 with the explicit split.
     returned : largest share of a change of speed that comes back an exchange later, below 1.
     """
 
     ratio: float
-    carried_kg_m2: float
+    reflected_kg_m2: float
     returned: float
 
     def motor(self, motor: Motor) -> Motor:
-        """The motor as its unit has it: what is carried adds to the rotor's inertia."""
-        if self.carried_kg_m2 == 0.0:
+        """The motor as its unit has it: what is reflected adds to the rotor's inertia."""
+        if self.reflected_kg_m2 == 0.0:
             return motor
-        return replace(motor, rotor_inertia_kg_m2=motor.rotor_inertia_kg_m2 + self.carried_kg_m2 / motor.gear_ratio**2)
+        return replace(
+            motor, rotor_inertia_kg_m2=motor.rotor_inertia_kg_m2 + self.reflected_kg_m2 / motor.gear_ratio**2
+        )
 
 
 def make_split(robot: Robot, body: Body) -> Split:
-    """The explicit split where it is quiet (a ratio of up to 0.8), else the one with a carried inertia."""
+    """The explicit split where it is quiet (a ratio of up to 0.8), else the one with a reflected inertia."""
     whole = wheel_inertia(body, yaw_inertia_kg_m2(body))[0] + body.wheel_inertia_kg_m2 * np.eye(2)
     return share(whole, robot.motor.gear_ratio**2 * robot.motor.rotor_inertia_kg_m2)
 
@@ -80,5 +82,7 @@ def share(whole: np.ndarray, rotor: float) -> Split:
     """
     values = np.linalg.eigvalsh(whole)
     ratio = float(values[-1]) / rotor
-    carried = 0.0 if ratio <= EXPLICIT_LIMIT else 0.5 * float(np.trace(whole))
-    return Split(ratio=ratio, carried_kg_m2=carried, returned=float(np.abs(values - carried).max()) / (rotor + carried))
+    reflected = 0.0 if ratio <= EXPLICIT_LIMIT else 0.5 * float(np.trace(whole))
+    return Split(
+        ratio=ratio, reflected_kg_m2=reflected, returned=float(np.abs(values - reflected).max()) / (rotor + reflected)
+    )

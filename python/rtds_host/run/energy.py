@@ -79,12 +79,12 @@ def audit(plan: Plan, record: Record) -> Audit:
     with ModelLink(energy=True) as link:
         set_motors(link, plan)
         throughput, before = 0.0, np.zeros(2)
-        carried = 0.5 * record.carried_kg_m2 / plan.robot.motor.gear_ratio**2
+        reflected = 0.5 * record.reflected_kg_m2 / plan.robot.motor.gear_ratio**2
         for start, end, volts, load in zip(
             record.starts, record.ends, record.applied, record.shaft_torques, strict=True
         ):
             last = link.exchange(volts, load, (end - start) * STEP_S)
-            moving = carried * last.speeds[-1].astype(np.float64) ** 2
+            moving = reflected * last.speeds[-1].astype(np.float64) ** 2
             work = link.pair.energy.shaft_j + moving
             throughput += float(np.abs(work - before).sum())
             before = work

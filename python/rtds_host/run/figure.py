@@ -113,7 +113,7 @@ def _loads(axis, plan: Plan, record: Record) -> None:
     t = record.t_s[record.starts]
     wheel = record.shaft_torques.astype(float) * plan.robot.motor.gear_ratio
     gained = (record.speeds[record.ends] - record.speeds[record.starts]) / (record.t_s[record.ends] - t)[:, None]
-    wheel = wheel + record.carried_kg_m2 * gained
+    wheel = wheel + record.reflected_kg_m2 * gained
     for side, colour, name in ((0, LEFT, "left"), (1, RIGHT, "right")):
         axis.step(t, 1e3 * wheel[:, side], where="post", color=colour, linestyle=":", label=f"torque {name}")
     axis.set(title="(f) load torques at the wheel, supply voltages", xlabel="t (s)", ylabel="torque (mN m)")

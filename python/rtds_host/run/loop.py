@@ -42,7 +42,7 @@ class Record:
     commanded, applied : (m, 2) V, asked for and at the motors; `applied` is float32.
     shaft_torques : (m, 2) float32, N m at the motor shaft, held over the exchange; without the torque of what the motor
         units carry of the body.
-    carried_kg_m2 : (2,) inertia at each wheel that the motor units carried for the body (`rtds_host.robot.split`).
+    reflected_kg_m2 : (2,) inertia of the body at each wheel, reflected into the motor units (`rtds_host.robot.split`).
     rows : (k,) engine steps of the log's rows; `samples` their measured values, `truth` the true ones.
     engine_energy_j : energy of the robot gained over the run. wall_s : time the loop took.
     link_report : what the link has to say about itself (pacing, clocks, ranges that cut), or None.
@@ -62,7 +62,7 @@ class Record:
     samples: list[Sample]
     truth: list[Sample]
     engine_energy_j: float
-    carried_kg_m2: np.ndarray
+    reflected_kg_m2: np.ndarray
     wall_s: float
     link_report: dict | None = None
 
@@ -130,8 +130,8 @@ def drive(
     with engine_of(plan.engine, body, plan.motion.start) as engine:
         began = time.perf_counter()
         coupler = None
-        if correction is not None or injection is not None or plan.carried_kg_m2:
-            coupler = Coupler(plan.robot, body, link, engine, correction, carried_kg_m2=plan.carried_kg_m2)
+        if correction is not None or injection is not None or plan.reflected_kg_m2:
+            coupler = Coupler(plan.robot, body, link, engine, correction, reflected_kg_m2=plan.reflected_kg_m2)
         record = _Loop(plan, link, engine, path, coupler, correction, injection).run(progress)
         report = getattr(link, "report", None)
         return Record(**record, wall_s=time.perf_counter() - began, link_report=report() if report else None)
@@ -263,18 +263,18 @@ class _Loop:
             "samples": samples,
             "truth": truth,
             "engine_energy_j": engine.energy_j() - energy,
-            "carried_kg_m2": np.zeros(2) if self.coupler is None else self.coupler.carried,
+            "reflected_kg_m2": np.zeros(2) if self.coupler is None else self.coupler.reflected,
         }
 
     def _command(self, start: int, end: int, measured: Sample, load: np.ndarray) -> np.ndarray:
         if self.voltages is not None:
             return self.voltages[start].astype(np.float32).astype(np.float64)
         references, controller = given(self.references, "references"), given(self.controller, "controller")
-        if self.coupler is not None and self.plan.carried_kg_m2:
+        if self.coupler is not None and self.plan.reflected_kg_m2:
             # The controller's motors carry a part of the body; the rest loads them as they speed up, both wheels
             # together.
             rise = (references[end] - measured.speeds_rad_s) / ((end - start) * STEP_S)
-            load = (self.coupler.load_of(rise) - self.plan.carried_kg_m2 * rise) / self.ratio
+            load = (self.coupler.load_of(rise) - self.plan.reflected_kg_m2 * rise) / self.ratio
         seen = Observation(
             speeds_rad_s=measured.speeds_rad_s * self.ratio,
             currents_a=measured.currents_a,

@@ -53,9 +53,9 @@ class Plan:
         return self.total_steps * STEP_S
 
     @property
-    def carried_kg_m2(self) -> float:
+    def reflected_kg_m2(self) -> float:
         """Inertia at each wheel that the motor units carry for the body."""
-        return self.split.carried_kg_m2 if self.split else 0.0
+        return self.split.reflected_kg_m2 if self.split else 0.0
 
     @property
     def unit_motor(self) -> Motor:

@@ -91,7 +91,7 @@ def perform(
 
     change = effects.correction if effects else None
     record = drive_with(plan, link.name, link.options, path, report(plan.scenario.name), change, engine_of, injection)
-    twin = LinkChoice("model")
+    in_model = LinkChoice("model")
     compared = rival = None
     if compare and plan.controller is not None:
         other = other_controller(plan)
@@ -99,8 +99,8 @@ def perform(
             other,
             drive_with(
                 other,
-                twin.name,
-                twin.options,
+                in_model.name,
+                in_model.options,
                 None,
                 report(f"{plan.scenario.name} ({other.controller})"),
                 change,
@@ -113,8 +113,8 @@ def perform(
             against,
             drive_with(
                 replace(plan, engine=against),
-                twin.name,
-                twin.options,
+                in_model.name,
+                in_model.options,
                 path,
                 report(f"{plan.scenario.name} ({against})"),
                 change,

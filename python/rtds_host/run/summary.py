@@ -178,7 +178,7 @@ def summarise(
         wall_s=record.wall_s,
         step_ratio=int(record.ends[0] - record.starts[0]) * STEP_S / plan.simulator_step_s,
         inertia_ratio=plan.split.ratio if plan.split else None,
-        carried_inertia_kg_m2=record.carried_kg_m2.tolist(),
+        carried_inertia_kg_m2=record.reflected_kg_m2.tolist(),
         end_position_error_m=errors[0],
         end_yaw_error_rad=errors[1],
         path_error_max_m=errors[2],

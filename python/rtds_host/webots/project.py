@@ -80,7 +80,7 @@ class Settings:
                     f"time step: {step} ms do not divide the exchange interval of {1e3 * plan.exchange_s:g} ms"
                 )
             plan = make_plan(found, values, replace(options, log_s=plan.exchange_s))
-        if step > 1 and (plan.carried_kg_m2 or self.diagnosis or self.effect):
+        if step > 1 and (plan.reflected_kg_m2 or self.diagnosis or self.effect):
             raise InputError(
                 f"time step: is {step} ms; with effects, and where the body outweighs the rotors, torques are "
                 "exchanged each millisecond: it must be 1"

@@ -45,9 +45,9 @@ def growth(robot, body, carried, interval_s):
 def test_a_body_light_beside_its_rotors_is_the_engines_alone(burger):
     split = make_split(burger, make_body(burger, payload_kg=2.0))
     assert split.ratio == pytest.approx(0.2476, abs=1e-4)
-    assert split.carried_kg_m2 == 0.0 and split.motor(burger.motor) is burger.motor
-    assert make_split(burger, make_body(burger, payload_kg=8.7)).carried_kg_m2 == 0.0
-    assert make_split(burger, make_body(burger, payload_kg=9.0)).carried_kg_m2 > 0.0
+    assert split.reflected_kg_m2 == 0.0 and split.motor(burger.motor) is burger.motor
+    assert make_split(burger, make_body(burger, payload_kg=8.7)).reflected_kg_m2 == 0.0
+    assert make_split(burger, make_body(burger, payload_kg=9.0)).reflected_kg_m2 > 0.0
 
 
 def test_a_heavier_body_is_carried_in_the_mean_of_driving_and_turning(burger):
@@ -55,9 +55,9 @@ def test_a_heavier_body_is_carried_in_the_mean_of_driving_and_turning(burger):
     split = make_split(burger, body)
     straight, turning = 0.5 * 15.0 * 0.033**2, 2.0 * 2.5e-3 * 0.033**2 / 0.160**2
     assert split.ratio == pytest.approx((straight + 2.07e-5) / (258.5**2 * 1e-7))
-    assert split.carried_kg_m2 == pytest.approx(0.5 * (straight + turning) + 2.07e-5)
+    assert split.reflected_kg_m2 == pytest.approx(0.5 * (straight + turning) + 2.07e-5)
     n2 = burger.motor.gear_ratio**2
-    assert n2 * split.motor(burger.motor).rotor_inertia_kg_m2 == pytest.approx(n2 * 1e-7 + split.carried_kg_m2)
+    assert n2 * split.motor(burger.motor).rotor_inertia_kg_m2 == pytest.approx(n2 * 1e-7 + split.reflected_kg_m2)
 
 
 @pytest.mark.parametrize("times", [4.0, 20.0, 1e3, 1e6])
@@ -69,7 +69,7 @@ def test_what_comes_back_late_dies_out_whatever_the_gear(burger, times, interval
     body = make_body(robot, payload_kg=2.0)
     split = make_split(robot, body)
     assert split.ratio > 0.8 and split.returned < 1.0
-    assert growth(robot, body, split.carried_kg_m2, interval_s) < 1.0
+    assert growth(robot, body, split.reflected_kg_m2, interval_s) < 1.0
 
 
 def test_without_it_the_exchange_grows_above_a_ratio_of_one(burger):
@@ -84,6 +84,8 @@ def test_any_inertia_of_two_wheels_is_shared_so_that_less_than_all_comes_back(se
     root = rng.normal(size=(2, 2)) * 10.0 ** rng.uniform(-3, 3, size=(2, 1))
     whole = root @ root.T
     split = share(whole, rotor=1e-6 * np.trace(whole))
-    late = np.linalg.eigvalsh(whole - split.carried_kg_m2 * np.eye(2)) / (1e-6 * np.trace(whole) + split.carried_kg_m2)
+    late = np.linalg.eigvalsh(whole - split.reflected_kg_m2 * np.eye(2)) / (
+        1e-6 * np.trace(whole) + split.reflected_kg_m2
+    )
     assert np.abs(late).max() == pytest.approx(split.returned, rel=1e-9)
     assert split.returned < 1.0

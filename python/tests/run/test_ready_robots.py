@@ -47,7 +47,7 @@ def test_every_scenario_scaled_to_a_robot_is_within_its_reach(name, scenario):
 def test_robots_of_low_gearing_are_among_them():
     for name in LOW_GEARED:
         robot = builtin_robot(name)
-        assert make_split(robot, make_body(robot)).carried_kg_m2 > 0.0
+        assert make_split(robot, make_body(robot)).reflected_kg_m2 > 0.0
 
 
 def test_scaled_values_keep_the_shape():
