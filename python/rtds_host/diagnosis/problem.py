@@ -562,7 +562,7 @@ class Problem:
                 for part in np.array_split(abreast, count)
             )
 
-        def work() -> None:
+        def do_jobs() -> None:
             # One wait a core: one a job would cost as much as a short replay.
             while True:
                 try:
@@ -571,8 +571,8 @@ class Problem:
                     return
                 job()
 
-        others = [self.pool.submit(work) for _ in range(min(self.threads, len(jobs)) - 1)]
-        work()
+        others = [self.pool.submit(do_jobs) for _ in range(min(self.threads, len(jobs)) - 1)]
+        do_jobs()
         for other in others:
             other.result()
         return found

@@ -207,10 +207,7 @@ class ExportedRobot:
         usual = model.opt.timestep
         t = log.t - log.t[0]
         loop = self.servo()
-        if loop:
-            commands = log.commands("speed") * self.number("command_gain", 1.0)
-        else:
-            commands = np.clip(log.commands("voltage"), -self.supply_v, self.supply_v)
+        commands = self._commands(log, loop is not None)
         scale = self.number("speed_gain", 1.0)
         dead, curve = self.number("deadzone_v", 0.0), self.number("pwm_curve", 0.0)
         source, decline = self.number("source_resistance_ohm", 0.0)[0], self.number("decline_v_per_s", 0.0)[0]
@@ -251,11 +248,7 @@ class ExportedRobot:
                 if loop:
                     told = data.qvel[self.moving] * scale
                     asked = loop.at(data.time, t, commands, np.array([self.forms.told(k, told[k]) for k in (0, 1)]))
-                # A driver's gain is the actuator's.
-                driven = np.array([duty.py_func(asked[k], self.supply_v, curve[k], dead[k], 1.0) for k in (0, 1)])
-                if self.forms.any:
-                    more = self.forms.before(data, [float(v) for v in asked], data.actuator_force[self.motors].tolist())
-                    driven += np.divide(more, self.gains, out=np.zeros(2), where=self.gains != 0.0)
+                driven = self._driven(data, asked, curve, dead)
                 if measured_bus is not None:
                     bus = float(measured_bus[row])
                 else:
@@ -271,6 +264,21 @@ class ExportedRobot:
                     late_filter()
         model.opt.timestep = usual
         return out
+
+    def _commands(self, log: RunLog, speeds: bool) -> np.ndarray:
+        """Commands (n, 2) of a run: V, or rad/s for a servo."""
+        if speeds:
+            return log.commands("speed") * self.number("command_gain", 1.0)
+        return np.clip(log.commands("voltage"), -self.supply_v, self.supply_v)
+
+    def _driven(self, data: mujoco.MjData, asked: np.ndarray, curve: np.ndarray, dead: np.ndarray) -> np.ndarray:
+        """Voltages (2,) V behind the driver at a full supply, of those asked for."""
+        # A driver's gain is the actuator's.
+        driven = np.array([duty.py_func(asked[k], self.supply_v, curve[k], dead[k], 1.0) for k in (0, 1)])
+        if self.forms.any:
+            more = self.forms.before(data, [float(v) for v in asked], data.actuator_force[self.motors].tolist())
+            driven += np.divide(more, self.gains, out=np.zeros(2), where=self.gains != 0.0)
+        return driven
 
     def _replay_winding(self, log: RunLog, start: np.ndarray, measured_bus: np.ndarray | None) -> np.ndarray:
         """`replay` of a file with `<dcmotor>`: what goes along as a module acts around each step."""
