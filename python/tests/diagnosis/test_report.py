@@ -19,7 +19,7 @@ from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.report import print_summary, report_page, validate
 from rtds_host.diagnosis.report.html import unplaced
 from rtds_host.diagnosis.report.made import written
-from rtds_host.diagnosis.report.words import verdict_sentence
+from rtds_host.diagnosis.report.words import percent_closed, verdict_sentence
 
 
 @pytest.fixture(scope="module")
@@ -876,3 +876,8 @@ def test_another_run_and_another_line_can_be_shown(opened):
     assert second != first
     opened.execute_script("document.querySelector('#keys input[value=nominal]').click()")
     assert opened.execute_script(shot) != second
+
+
+@pytest.mark.parametrize(("closed", "said"), [(1.06, "100 %"), (0.931, "93 %"), (-0.2, "-20 %"), (None, "–")])
+def test_of_a_gap_no_more_is_closed_than_all(closed, said):
+    assert percent_closed(closed) == said

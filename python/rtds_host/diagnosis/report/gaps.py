@@ -11,7 +11,7 @@ from rtds_host.diagnosis.report.advice import exportable
 from rtds_host.diagnosis.report.details import Details
 from rtds_host.diagnosis.report.html import bar, section, table, with_code
 from rtds_host.diagnosis.report.traces import misfit, why_not_counted
-from rtds_host.diagnosis.report.words import channel_name, effect_name, manoeuvre, number, percent
+from rtds_host.diagnosis.report.words import channel_name, effect_name, manoeuvre, number, percent, percent_closed
 
 MODELS = (("before", "nominal"), ("refit", "refitted"), ("after", "with effects"))
 
@@ -86,7 +86,7 @@ def gaps(diagnosis: dict[str, Any], details: Details) -> str:
             else ""
         )
         parts.append(
-            f'<p id="closed">{percent(gap["closed"])} of the way from the nominal robot\'s gap to 1 is closed'
+            f'<p id="closed">{percent_closed(gap["closed"])} of the way from the nominal robot\'s gap to 1 is closed'
             f"{another}.</p>"
         )
     if details.regimes:

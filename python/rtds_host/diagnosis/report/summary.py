@@ -18,6 +18,7 @@ from rtds_host.diagnosis.report.words import (
     manoeuvre,
     number,
     percent,
+    percent_closed,
     value_words,
     verdict_sentence,
 )
@@ -69,7 +70,7 @@ def print_summary(console: Console, diagnosis: dict[str, Any], details: Details)
     table.add_column("  gap", style="bold")
     figures = [("nominal", number(gap.get("before"))), ("refitted", number(gap.get("refit")))]
     if diagnosis["effects"]:
-        figures += [("with effects", number(gap.get("after"))), ("closed", percent(gap.get("closed")))]
+        figures += [("with effects", number(gap.get("after"))), ("closed", percent_closed(gap.get("closed")))]
     for name, _ in figures:
         table.add_column(name, justify="right")
     table.add_row("  held out", *(value for _, value in figures))

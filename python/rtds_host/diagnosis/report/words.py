@@ -141,6 +141,11 @@ def percent(value: float | None) -> str:
     return f"{shown:.1f} %" if 0 < abs(shown) < 1 or 99 < shown < 99.95 else f"{shown:.0f} %"
 
 
+def percent_closed(value: float | None) -> str:
+    """What of a gap is closed; a replay that is closer than the declared noise closes all of it, and no more."""
+    return percent(None if value is None else min(value, 1.0))
+
+
 def plain_name(effect_id: str) -> str:
     """`coulomb_friction` -> "Coulomb friction"."""
     name = effect_id.replace("_", " ")
@@ -326,7 +331,7 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
 
     names = "; ".join(sized(effect) for effect in effects)
     closed = gap.get("effect_closed")
-    share = f", {percent(closed)} of it closed" if closed is not None else ""
+    share = f", {percent_closed(closed)} of it closed" if closed is not None else ""
     each = "each at least " if len(effects) > 1 else ""
     sure = f": {each}{percent(min(e['probability'] for e in effects))} probable"
     probable = "" if any(twins_of(diagnosis, e) for e in effects) else sure
