@@ -36,7 +36,7 @@ SHORT_S = (0.5, 1.9)  # runs of half of the cases
 LONG_S = {"axis": (2.0, 5.0), "robot": (2.0, 4.0)}
 RATES = (100.0, 200.0, 500.0, 1000.0)  # of an axis' log
 ROUNDS = 40
-TRIES = 12  # effects that are looked at on a machine
+TRIES, SIZES = 20, 5  # effects that are looked at on a machine, sizes of one of them
 MATTERS = 1.0  # an effect matters where leaving it out adds so many times the square of what is left
 LARGEST = 30.0  # times what is left: an effect beyond that hides all else
 FIT_ROUNDS = 2
@@ -90,7 +90,7 @@ def _form(rng: np.random.Generator, name: str, of: Scale) -> dict[str, float]:
             "droop_amps": of.amps * log_uniform(rng, 0.3, 1.0),
         },
         "presliding": lambda: {
-            "slip_torque": of.torque * log_uniform(rng, 0.01, 0.08),
+            "slip_torque": of.torque * log_uniform(rng, 0.02, 0.12),
             "slip_rad": log_uniform(rng, 0.003, 0.05),
         },
         "power_drag": lambda: {
@@ -448,8 +448,11 @@ def _draw_effects(rng: np.random.Generator, robot, of: Scale, spec: dict) -> boo
     menu = [name for name in possible(robot, spec["missing"]) if name not in (*CALIBRATED, *shaped)]
     axis = robot.axis.kind if robot.axis else None
     count = int(rng.choice([1, 2]))
-    for _ in range(TRIES):
-        name = draw_names(rng, 1, tuple(e["id"] for e in spec["effects"]), menu)[0]
+    name = ""
+    for k in range(TRIES):
+        # Several sizes of each, or the few effects that matter at any size would be all that is drawn.
+        if k % SIZES == 0 or name in {e["id"] for e in spec["effects"]}:
+            name = draw_names(rng, 1, tuple(e["id"] for e in spec["effects"]), menu)[0]
         effect = draw_sized(rng, name, of, axis)
         machine = planar.build_machine(robot, {**spec, "effects": [effect]}, rng)
         change = truth.errors(machine)
