@@ -34,7 +34,7 @@ COMMANDS = {
     "effects": "List the effects that a diagnosis can name, or describe one in full.",
     "init": "Write a robot's file from a data sheet, and a draft mapping for its recordings.",
     "doctor": "Say what is installed, what is missing and how to get it.",
-    "import": "Turn ROS 2 bags or csv files of a real robot into a case.",
+    "import": "Turn ROS bags or csv files of a real robot into a case.",
     "completion": "Print a completion script for bash, zsh or fish.",
     "blind": "Check the diagnosis on sealed cases: make, answer, score.",
 }

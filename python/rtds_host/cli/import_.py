@@ -1,4 +1,4 @@
-"""`rtds import`: ROS 2 bags and csv files of real robots into a case."""
+"""`rtds import`: ROS bags and csv files of real robots into a case."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def import_(
         list[Path],
         typer.Argument(
             metavar="BAG_OR_CSV",
-            help="ROS 2 bags (a folder, .mcap or .db3), csv files, one run each, or SysId's .json.",
+            help="ROS bags (a folder, .mcap, .db3 or .bag), csv files, one run each, or SysId's .json.",
         ),
     ],
     out: Annotated[Path | None, typer.Option("--out", metavar="CASE", help="Folder of the case.")] = None,
@@ -59,7 +59,7 @@ def import_(
         bool, typer.Option("--list", help="Only list topics with their fields, or columns with guesses.")
     ] = False,
 ) -> None:
-    """Import ROS 2 bags or csv files as the runs of a case.
+    """Import ROS bags or csv files as the runs of a case.
 
     Bags of a TurtleBot3 (also in Gazebo), a Create 3 or a Jackal and SysId's JSON files need no mapping. For other
     robots a small TOML file says which topic, field or column holds what, and in which unit: docs/import.md.

@@ -1,4 +1,4 @@
-"""Logs of real robots: ROS 2 bags and csv files into cases, and runs into MCAP for the usual viewers."""
+"""Logs of real robots: ROS bags and csv files into cases, and runs into MCAP for the usual viewers."""
 
 from rtds_host.importers.case import ImportedRun, import_case
 from rtds_host.importers.mapping import builtin_mappings, load_mapping

@@ -1,4 +1,5 @@
-"""ROS 2 bags: sqlite3 and MCAP, a folder or a single file, read with `rosbags` (no ROS installation needed)."""
+"""Bags of ROS 2 (sqlite3 and MCAP, a folder or a single file) and of ROS 1 (.bag), read with `rosbags`: no ROS
+installation is needed."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from typing import Any
 import apsw
 import numpy as np
 from backports import zstd
+from rosbags import rosbag1
 from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.serde import SerdeError
@@ -27,9 +29,11 @@ from rtds_host.importers.series import NS, Series
 from rtds_host.vectors import given
 
 SUFFIXES = (".mcap", ".db3")
+ROS1_SUFFIX, ROS1_MAGIC = ".bag", b"#ROSBAG V2.0\n"
 # What a damaged file makes the reader raise, besides its own error: it trusts lengths, indices and texts it reads.
 DAMAGE = (
     ReaderError,
+    rosbag1.ReaderError,
     apsw.Error,
     struct.error,
     zstd.ZstdError,
@@ -48,7 +52,7 @@ CLOCKS_APART_S = 0.5
 
 # First bytes of recordings that are not read -> what they are, and what to do.
 OTHERS = {
-    b"#ROSBAG V": "is a ROS 1 bag, turn it into a ROS 2 bag with `rosbags-convert --src FILE --dst FOLDER`",
+    b"#ROSBAG V1": "is a ROS 1 bag of an old format, bring it to format 2.0 with `rosbag fix`",
     b"WPILOG": "is a WPILib data log, export it as csv with the DataLog tool and write a mapping",
     b"\x89HDF": "is an HDF5 file, export its channels as csv and write a mapping",
     b"MATLAB": "is a MATLAB file, export its channels as csv and write a mapping",
@@ -74,8 +78,8 @@ def refuse_other(path: Path) -> None:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path looks like a bag: a folder, or a file named .mcap or .db3."""
-    return path.is_dir() or path.suffix in SUFFIXES
+    """Whether a path looks like a bag: a folder, or a file named .mcap, .db3 or .bag."""
+    return path.is_dir() or path.suffix in (*SUFFIXES, ROS1_SUFFIX)
 
 
 def _one_line(error: BaseException) -> str:
@@ -123,7 +127,7 @@ class Bag:
             for file in sorted(self.file.glob("*.mcap")) if self.file.is_dir() else [self.file]:
                 if file.suffix == ".mcap":
                     check_mcap(file)
-            with Reader(self.file) as reader:
+            with self._reader() as reader:
                 self.connections = list(reader.connections)
                 self.topics = {c.topic: c.msgtype for c in self.connections if c.msgcount > 0}
                 if reader.message_count == 0:
@@ -137,9 +141,19 @@ class Bag:
         except DAMAGE as error:
             raise self._damaged(error) from error
 
+    @property
+    def is_ros1(self) -> bool:
+        """Whether it is a bag of ROS 1."""
+        return self.file.suffix == ROS1_SUFFIX
+
+    def _reader(self) -> Reader | rosbag1.Reader:
+        """A reader of the bag, not opened yet; both kinds have the same methods."""
+        return rosbag1.Reader(self.file) if self.is_ros1 else Reader(self.file)
+
     def _damaged(self, error: BaseException) -> InputError:
         reason = _one_line(error)
-        hint = " (`mcap recover` may save what is there)" if str(self.file).endswith(".mcap") else ""
+        hints = {".mcap": " (`mcap recover` may save what is there)", ".bag": " (`rosbag reindex` may mend it)"}
+        hint = hints.get(self.file.suffix, "")
         return InputError(f"{self.path}: is truncated or damaged: {reason}{hint}")
 
     def _storage(self, path: Path) -> Path:
@@ -147,10 +161,16 @@ class Bag:
             raise InputError(f"{path}: does not exist")
         if not path.is_dir():
             refuse_other(path)
-            if path.suffix not in SUFFIXES:
-                raise InputError(f"{path}: is no bag (a bag is a folder with metadata.yaml, or a .mcap or .db3 file)")
+            if not is_bag(path):
+                raise InputError(
+                    f"{path}: is no bag (a bag is a folder with metadata.yaml, or a .mcap, .db3 or .bag file)"
+                )
             if path.stat().st_size == 0:
                 raise InputError(f"{path}: is empty")
+            if path.suffix == ROS1_SUFFIX:
+                with open_regular(path) as stream:
+                    if stream.read(len(ROS1_MAGIC)) != ROS1_MAGIC:
+                        raise InputError(f"{path}: is no ROS 1 bag: it does not begin with '#ROSBAG V2.0'")
             return path
         if (path / "metadata.yaml").is_file():
             return path
@@ -166,7 +186,7 @@ class Bag:
         return self._storage(found[0])
 
     def _typestore(self, needed: dict[str, Connection]):
-        """Types of the bag's own definitions; what is missing there from the mapping, then from ROS 2's own."""
+        """Types of the bag's own definitions; what is missing there from the mapping, then from ROS's own."""
         store = get_typestore(Stores.EMPTY)
         types: dict = {}
         for connection in self.connections:
@@ -194,7 +214,7 @@ class Bag:
                     f"{self.mapping.path}: [definitions] {name}: cannot be read ({_one_line(error)})"
                 ) from error
             types = {**parsed, **types}
-        standard = get_typestore(Stores.ROS2_JAZZY).fielddefs
+        standard = get_typestore(Stores.ROS1_NOETIC if self.is_ros1 else Stores.ROS2_JAZZY).fielddefs
         # Only what is needed: registering all of ROS takes longer than reading a small bag.
         todo = [connection.msgtype for connection in needed.values()] + list(types)
         seen: dict = {}
@@ -233,7 +253,8 @@ class Bag:
         getters: dict[str, list[tuple[Source | Twist, Callable]]] = {}
         counts: dict[int, int] = {}
         try:
-            with Reader(self.file) as reader:
+            decode = store.deserialize_ros1 if self.is_ros1 else store.deserialize_cdr
+            with self._reader() as reader:
                 connections = [c for c in reader.connections if c.topic in wanted and c.topic not in self.broken]
                 for connection, log_ns, raw in reader.messages(connections=connections) if connections else ():
                     topic = connection.topic
@@ -241,7 +262,7 @@ class Bag:
                     if topic in self.broken:
                         continue
                     try:
-                        message = store.deserialize_cdr(raw, connection.msgtype)
+                        message = decode(raw, connection.msgtype)
                     except (SerdeError, TypesysError, KeyError) as error:
                         if connection.msgtype not in store.fielddefs:
                             what = f"its type {connection.msgtype} is not defined in the bag, add it to [definitions]"

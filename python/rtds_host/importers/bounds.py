@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import bz2
 import sqlite3
 import struct
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from shutil import disk_usage
 from typing import cast
@@ -31,18 +32,19 @@ def unpacked_size(compression: str, data: bytes, most: int) -> int:
     """
     if not compression:
         return len(data)
-    if compression not in ("zstd", "lz4"):
+    unpackers = {"zstd": zstd.ZstdDecompressor, "lz4": LZ4FrameDecompressor, "bz2": bz2.BZ2Decompressor}
+    if compression not in unpackers:
         return 0  # the reader knows no other, and says so
     count = 0
     while data and count <= most:
-        unpack = zstd.ZstdDecompressor() if compression == "zstd" else LZ4FrameDecompressor()
+        unpack = unpackers[compression]()
         try:
             while not unpack.eof and count <= most:
                 count += len(unpack.decompress(data, max_length=STEP))
                 data = b""
                 if unpack.needs_input and not unpack.eof:
                     return count
-        except (zstd.ZstdError, RuntimeError, EOFError):
+        except (zstd.ZstdError, RuntimeError, EOFError, OSError):
             return count
         data = unpack.unused_data or b""
     return count
@@ -69,6 +71,43 @@ def chunks_of(path: Path) -> Iterator[tuple[str, int, bytes]]:
             stream.seek(following)
 
 
+def ros1_chunks_of(path: Path) -> Iterator[tuple[str, int, bytes]]:
+    """The same of a ROS 1 bag, whose records are a header of named fields and data, each after its length.
+
+    Source: the bag file format 2.0 (wiki.ros.org/Bags/Format/2.0).
+    """
+    with open(path, "rb") as stream:
+        if not stream.readline(16).startswith(b"#ROSBAG V2"):
+            return
+        end = path.stat().st_size
+        while len(head := stream.read(4)) == 4:
+            length = struct.unpack("<I", head)[0]
+            if stream.tell() + length + 4 > end:
+                return
+            header = stream.read(length)
+            size = struct.unpack("<I", stream.read(4))[0]
+            following = stream.tell() + size
+            if following > end:
+                return
+            fields = dict(_ros1_fields(header))
+            if fields.get(b"op") == b"\x05" and len(fields.get(b"size", b"")) == 4:
+                compression = fields.get(b"compression", b"").decode("ascii", "replace")
+                declared = struct.unpack("<I", fields[b"size"])[0]
+                yield "" if compression == "none" else compression, declared, stream.read(size)
+            stream.seek(following)
+
+
+def _ros1_fields(header: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Names and values of a header's fields; ends where it is damaged."""
+    while len(header) >= 4:
+        length = struct.unpack("<I", header[:4])[0]
+        name, equals, value = header[4 : 4 + length].partition(b"=")
+        if not equals:
+            return
+        yield name, value
+        header = header[4 + length :]
+
+
 def _gib(count: int) -> str:
     return f"{count / 2**30:.3g} GiB"
 
@@ -85,7 +124,9 @@ def check_bag(path: Path) -> None:
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
     for file in files:
         if file.suffix == ".mcap":
-            _check_mcap(file)
+            _check_chunks(file, chunks_of(file), "ros2 bag convert")
+        elif file.suffix == ".bag":
+            _check_chunks(file, ros1_chunks_of(file), "rosbag filter")
         elif file.suffix == ".db3":
             _check_sqlite(file)
         elif file.suffix == ".zstd":
@@ -119,9 +160,9 @@ def _streamed(stream, most: int) -> int:
     return count
 
 
-def _check_mcap(file: Path) -> None:
+def _check_chunks(file: Path, chunks: Iterable[tuple[str, int, bytes]], cut: str) -> None:
     total = 0
-    for compression, declared, data in chunks_of(file):
+    for compression, declared, data in chunks:
         size = declared if declared > LARGEST_PIECE else max(declared, unpacked_size(compression, data, LARGEST_PIECE))
         if size > LARGEST_PIECE:
             raise InputError(
@@ -130,9 +171,7 @@ def _check_mcap(file: Path) -> None:
             )
         total += size
         if total > LARGEST_BAG:
-            raise InputError(
-                f"{file}: would unpack to more than {_gib(LARGEST_BAG)}; cut it down with `ros2 bag convert`"
-            )
+            raise InputError(f"{file}: would unpack to more than {_gib(LARGEST_BAG)}; cut it down with `{cut}`")
 
 
 def _check_sqlite(file: Path) -> None:

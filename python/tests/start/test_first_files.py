@@ -222,7 +222,7 @@ def test_a_listing_shows_columns_with_guesses_and_topics_with_fields(rtds):
 @pytest.mark.parametrize(
     ("name", "start", "said"),
     [
-        ("a.bag", b"#ROSBAG V2.0\n", "is a ROS 1 bag"),
+        ("a.bag", b"#ROSBAG V1.2\n", "is a ROS 1 bag of an old format"),
         ("a.wpilog", b"WPILOG\x00\x01", "is a WPILib data log"),
         ("a.mat", b"MATLAB 5.0", "is a MATLAB file"),
     ],
