@@ -219,7 +219,7 @@ class Neighbours(Explanations):
             [
                 (*joined({**{h: u for h, u in parts.items() if h != member}, other: start}), fit)
                 for member in fit.hypothesis
-                for other, start in self._likened(fit, member).items()
+                for other, start in self.likened(fit, member).items()
                 if other in parts
             ]
         )
@@ -336,7 +336,7 @@ class Neighbours(Explanations):
         others = {other: fit.parts[member] for other in self._alike(fit, member)}
         others |= {
             other: start
-            for other, start in self._likened(fit, member).items()
+            for other, start in self.likened(fit, member).items()
             if other not in fit.hypothesis and (self.effects[member[0]].steep or self.effects[other[0]].steep)
         }
         return [
@@ -367,7 +367,7 @@ class Neighbours(Explanations):
             if not clashes((other, member[1]), rest) and not self._doubles((other, member[1]), rest)
         ]
 
-    def _likened(self, fit: Fit, member: tuple[str, str]) -> dict[tuple[str, str], np.ndarray]:
+    def likened(self, fit: Fit, member: tuple[str, str]) -> dict[tuple[str, str], np.ndarray]:
         """Effects that do most of what one of an explanation does, on its side where they have sides, and with which
         scaled parameters; together with its own where they are in already."""
         at = dict(zip(fit.hypothesis, fit.values))
@@ -434,7 +434,7 @@ class Neighbours(Explanations):
         rest = {h: u for h, u in fit.parts.items() if h != member}
         found = {}
         starts = {other: fit.parts[member] for other in self._alike(fit, member)}
-        starts |= {other: start for other, start in self._likened(fit, member).items() if other not in rest}
+        starts |= {other: start for other, start in self.likened(fit, member).items() if other not in rest}
         for other, start in starts.items():
             named = self.try_fit(*joined({**rest, other: start}), fit)
             # What stands beside a delay may have bent to it; but not by so much.

@@ -57,6 +57,7 @@ def test_nothing_is_shared_with_the_diagnoser():
                         "spread",
                         "remains",
                         "compat",
+                        "vectors",
                     ), (path.name, name)
 
 

@@ -15,11 +15,10 @@ import typer
 
 from rtds_host.contract import check_writable_file
 from rtds_host.contract.runlog import read_json
+from rtds_host.diagnosis.intervals import Z90
 from rtds_host.diagnosis.report.words import OVER_WORDS, TERM_WORDS, form_name
 from rtds_host.errors import InputError, RtdsError
 
-# Standard errors to either side of 90 % of a normal.
-BAND = 1.645
 CURVE = "#1f5fa8"
 
 
@@ -56,7 +55,7 @@ def draw(forms: list[dict[str, Any]], out: Path) -> None:
         figure, axes = plt.subplots(1, len(forms), figsize=(4.6 * len(forms), 3.2), layout="constrained", squeeze=False)
         for axis, form in zip(axes[0], forms, strict=True):
             x, y, error = np.array([[*point, 0.0][:3] for point in form["curve"]], dtype=float).T
-            axis.fill_between(x, y - BAND * error, y + BAND * error, color=CURVE, alpha=0.2, label="90 %")
+            axis.fill_between(x, y - Z90 * error, y + Z90 * error, color=CURVE, alpha=0.2, label="90 %")
             axis.plot(x, y, "o-", color=CURVE, markersize=2.5)
             axis.axhline(0.0, color="#444444", linewidth=0.6)
             units = form["units"]
