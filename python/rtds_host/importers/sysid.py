@@ -4,6 +4,10 @@ Format: wpilibsuite/sysid, docs/data-collection.md. A test of a drivetrain has r
 velocities (left, right), angle and its rate; any other mechanism's of time, voltage, position and velocity. Positions
 are to be in turns of the output, whatever `units` says; not every team's code does so, and the angle's unit is said
 nowhere. Both are found out here by what the nominal motor and the wheels say, or asked for.
+
+Its forerunner, frc-characterization, has the same tests with other rows: time, battery, autospeed, voltages, positions,
+velocities and the gyro's angle of a drivetrain; time, battery, autospeed, voltage, position and velocity of any other
+mechanism (its robot projects, `numberArray`). It has no rate of the angle, which then stays empty.
 """
 
 from __future__ import annotations
@@ -20,6 +24,8 @@ from rtds_host.errors import InputError
 from rtds_host.importers.mapping import Mapping
 from rtds_host.importers.table import Table
 
+# A value that a row of frc-characterization does not hold.
+ABSENT = math.nan
 TESTS = ("slow-forward", "slow-backward", "fast-forward", "fast-backward")
 DRIVETRAIN = (
     "timestamp",
@@ -33,6 +39,8 @@ DRIVETRAIN = (
     "angular rate",
 )
 SIMPLE = ("timestamp", "voltage", "position", "velocity")
+# Columns of a row of frc-characterization that a row of SysId has, in that order, by the length of the row.
+FORERUNNER = {10: (0, 3, 4, 5, 6, 7, 8, 9), 6: (0, 3, 4, 5)}
 # Units of `units`, as turns of a wheel of circumference c.
 LENGTHS_M = {"Meters": 1.0, "Feet": 0.3048, "Inches": 0.0254}
 TURNS = {"Rotations": 1.0, "Radians": 1.0 / (2.0 * math.pi), "Degrees": 1.0 / 360.0}
@@ -59,6 +67,7 @@ def read_sysid(path: Path) -> dict:
         raise InputError(f"{path}: is no JSON ({error})") from error
     if not isinstance(data, dict) or not any(name in data for name in TESTS):
         raise InputError(f"{path}: is no SysId file: none of {', '.join(TESTS)} is there")
+    data = _as_sysid(data)
     kind = data.get("test", "")
     if not isinstance(kind, str) or not isinstance(data.get("units", ""), str):
         raise InputError(f"{path}: test and units must be texts")
@@ -74,11 +83,26 @@ def read_sysid(path: Path) -> dict:
                     f"is {kind!r}"
                 )
             for value in row:
+                if value is ABSENT:
+                    continue
                 if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                     raise InputError(f"{path}: {name}, row {number}: {str(value)[:20]} is no finite number")
     if not tests_in(data):
         raise InputError(f"{path}: no test has as many as two rows")
     return data
+
+
+def _as_sysid(data: dict) -> dict:
+    """A file of frc-characterization with the rows that SysId would have written; any other as it is."""
+    rows = [row for name in TESTS for row in (data.get(name) if isinstance(data.get(name), list) else ())]
+    lengths = {len(row) if isinstance(row, list) else 0 for row in rows}
+    if data.get("sysid") or len(lengths) != 1 or not lengths <= FORERUNNER.keys():
+        return data
+    (length,) = lengths
+    drivetrain, columns = length == max(FORERUNNER), FORERUNNER[length]
+    absent = [ABSENT] * (len(DRIVETRAIN) - len(columns)) if drivetrain else []
+    tests = {name: [[row[k] for k in columns] + absent for row in data[name]] for name in TESTS if name in data}
+    return {**data, **tests, "test": "Drivetrain" if drivetrain else "Simple"}
 
 
 def columns_of(kind: str) -> tuple[str, ...]:
@@ -108,7 +132,10 @@ class SysIdTable(Table):
         self.path, self.mapping, self.notices = path, mapping, []
         data = read_sysid(path)
         self.names = list(columns_of(data.get("test", "")))
-        self.rows = [(number, [repr(float(value)) for value in row]) for number, row in enumerate(data[test], start=1)]
+        self.rows = [
+            (number, ["" if value is ABSENT else repr(float(value)) for value in row])
+            for number, row in enumerate(data[test], start=1)
+        ]
         self._set_clock()
 
 

@@ -15,6 +15,7 @@ from rtds_host.diagnosis.predict import predicted_columns
 from rtds_host.errors import InputError
 from rtds_host.importers import import_case, load_mapping
 from rtds_host.importers.mapping import builtin_mappings
+from rtds_host.importers.sysid import read_sysid
 
 
 def renamed(recording, prefix):
@@ -233,6 +234,29 @@ def test_a_sysid_file_becomes_a_run_a_test(tmp_path):
     assert "gyro_z" not in fast.columns
     truth = predicted_columns(fast, case.robot)
     assert fast.columns["w_l"] == pytest.approx(truth["w_l"], abs=1e-6)
+
+
+@pytest.mark.parametrize("turning", [False, True])
+def test_a_file_of_its_forerunner_holds_the_same_but_for_the_rate_of_the_angle(tmp_path, turning):
+    """frc-characterization logged battery and throttle as well, and the gyro's angle alone."""
+    new = sysid(turning=turning)
+    rows = {name: [[r[0], 12.1, 0.3, *r[1:7], r[7]] for r in new[name]] for name in new if name.endswith("ward")}
+    old = {**{key: new[key] for key in ("units", "unitsPerRotation")}, **rows}
+    runs = []
+    for name, data in (("new", new), ("old", old)):
+        (tmp_path / name).mkdir()
+        import_case([written(tmp_path / name, data)], tmp_path / f"case-{name}", robot="frc_cim")
+        runs.append(read_case(tmp_path / f"case-{name}").runs)
+    for one, other in zip(*runs, strict=True):
+        assert one.name == other.name and "gyro_z" not in other.columns
+        for channel in ("v_cmd_l", "v_cmd_r", "th_l", "w_r"):
+            assert np.array_equal(one.columns[channel], other.columns[channel])
+
+
+def test_a_mechanism_of_the_forerunner_becomes_an_axis_of_one_side(tmp_path):
+    new = sysid(test="Simple")
+    old = {name: [[r[0], 12.1, 0.3, *r[1:]] for r in new[name]] for name in new if name.endswith("ward")}
+    assert read_sysid(written(tmp_path, {**old, "test": "Arm"}))["slow-forward"] == new["slow-forward"]
 
 
 def test_a_robot_must_be_named_for_it(tmp_path):
