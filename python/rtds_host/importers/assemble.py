@@ -19,6 +19,7 @@ from rtds_host.importers.series import NS, Series
 from rtds_host.importers.sysid import SysIdTable, angle_is_told, check_units
 from rtds_host.importers.table import Table
 from rtds_host.importers.units import FIXED, QUANTITY, factor
+from rtds_host.importers.wpilog import WpiLog, is_wpilog
 
 AT_REST_RAD_S, AT_REST_RAD = 0.2, 0.05
 # A counter that starts anew jumps by nearly all its range, where it otherwise goes by small steps.
@@ -68,7 +69,7 @@ def assemble(
     ------
     InputError : one line that names the file, the topic or column, and what is wrong.
     """
-    file = SysIdTable(path, mapping, part) if part else Bag(path, mapping) if is_bag(path) else Table(path, mapping)
+    file = SysIdTable(path, mapping, part) if part else _opened(path, mapping)
     space = find_namespace(path, file.topics, mapping, namespace) if isinstance(file, Bag) else ""
     if space:
         mapping = within(mapping, space)
@@ -115,6 +116,11 @@ def assemble(
     )
 
 
+def _opened(path: Path, mapping: Mapping) -> Bag | Table:
+    kind = Bag if is_bag(path) else WpiLog if is_wpilog(path) else Table
+    return kind(path, mapping)
+
+
 def _check_wheels(file: Bag | Table, mapping: Mapping, robot: Robot, signals: dict[str, Series]) -> None:
     """Whether a wheel's speed or angle is measured.
 
@@ -156,8 +162,8 @@ def _columns(signals: dict[str, Series], commands: list[str], start_ns: int, for
 
 
 def _clock(file: Bag | Table, mapping: Mapping) -> list[str]:
-    """What speaks against the declared unit of a table's time (a bag's times have none to declare)."""
-    if isinstance(file, Bag):
+    """What speaks against the declared unit of a table's time (those of bags and data logs have none to declare)."""
+    if isinstance(file, Bag | WpiLog):
         return []
     times = np.unique(file.t_ns) / NS
     step = float(np.median(np.diff(times)))

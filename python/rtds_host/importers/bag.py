@@ -53,12 +53,15 @@ CLOCKS_APART_S = 0.5
 # First bytes of recordings that are not read -> what they are, and what to do.
 OTHERS = {
     b"#ROSBAG V1": "is a ROS 1 bag of an old format, bring it to format 2.0 with `rosbag fix`",
-    b"WPILOG": "is a WPILib data log, export it as csv with the DataLog tool and write a mapping",
+    b"WPILOG": "is a WPILib data log, name it .wpilog",
     b"\x89HDF": "is an HDF5 file, export its channels as csv and write a mapping",
     b"MATLAB": "is a MATLAB file, export its channels as csv and write a mapping",
     b"PAR1": "is a Parquet file, a csv file is needed",
     b"ULog\x01": "is a PX4 log, turn it into csv with `ulog2csv` and write a mapping",
 }
+
+# Of these, what has a reader of its own under this name.
+OWN_SUFFIX = {b"WPILOG": ".wpilog"}
 
 
 def refuse_other(path: Path) -> None:
@@ -73,7 +76,7 @@ def refuse_other(path: Path) -> None:
     with open_regular(path) as stream:
         start = stream.read(16)
     for magic, what in OTHERS.items():
-        if start.startswith(magic):
+        if start.startswith(magic) and path.suffix != OWN_SUFFIX.get(magic):
             raise InputError(f"{path}: {what}")
 
 

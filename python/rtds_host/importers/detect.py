@@ -8,6 +8,7 @@ from rtds_host.errors import InputError
 from rtds_host.importers.bag import Bag, is_bag, refuse_other
 from rtds_host.importers.mapping import Mapping
 from rtds_host.importers.sysid import is_sysid, test_of
+from rtds_host.importers.wpilog import is_wpilog
 
 # Topics (their ends, for they may be in a namespace) that only one kind of robot has; the first that is there counts.
 TELLING = (
@@ -30,6 +31,8 @@ def likely_mapping(path: Path) -> str:
         return "wpilib_sysid" if test_of(path).startswith("Drivetrain") else "wpilib_sysid_simple"
     if not is_bag(path):
         refuse_other(path)
+        if is_wpilog(path):
+            raise InputError(f"{path}: a WPILib data log needs --mapping, which says what its entries are")
         raise InputError(f"{path}: a table needs --mapping, which says what its columns are")
     topics = set(Bag(path, Mapping(path, "")).topics)
     for name, end in TELLING:

@@ -10,6 +10,7 @@ from typing import Any
 from rtds_host.errors import shown
 from rtds_host.importers.bag import Bag, is_bag, refuse_other
 from rtds_host.importers.mapping import Mapping
+from rtds_host.importers.wpilog import is_wpilog, read_entries
 from rtds_host.start.draft import channel_of, header_of, unit_of
 
 # How deep fields of a message are shown, how many of one type; characters of a first row that are looked at.
@@ -17,7 +18,7 @@ DEEPEST, MOST_FIELDS, LONGEST_ROW = 4, 60, 2**20
 
 
 def contents(path: Path) -> Iterator[str]:
-    """Lines that say what a bag or a csv file holds.
+    """Lines that say what a bag, a csv file or a data log holds.
 
     Raises
     ------
@@ -41,16 +42,20 @@ def held(path: Path) -> dict[str, Any]:
 
 
 def _columns_held(path: Path) -> list[dict[str, Any]]:
+    if is_wpilog(path):
+        return [_held_column(name, f"{values[0]:g}") for name, (_, values) in read_entries(path).items()]
     names, delimiter = header_of(path)
     with open(path, encoding="utf-8-sig", errors="replace") as stream:
         head = stream.read(LONGEST_ROW).splitlines()[:2]
     row = next(csv.reader(head[1:], delimiter=delimiter), [])
-    found = []
-    for k, name in enumerate(names):
-        channel = channel_of(name)
-        guess = {"channel": channel, "unit": unit_of(name, channel)} if channel else None
-        found.append({"name": name, "first": row[k] if k < len(row) else None, "guess": guess})
-    return found
+    return [_held_column(name, row[k] if k < len(row) else None) for k, name in enumerate(names)]
+
+
+def _held_column(name: str, first: str | None) -> dict[str, Any]:
+    """A column's (or an entry's) name, its first value and what it may be."""
+    channel = channel_of(name)
+    guess = {"channel": channel, "unit": unit_of(name, channel)} if channel else None
+    return {"name": name, "first": first, "guess": guess}
 
 
 def _topics_held(path: Path) -> list[dict[str, Any]]:

@@ -94,7 +94,7 @@ def read_sysid(path: Path) -> dict:
 
 def _as_sysid(data: dict) -> dict:
     """A file of frc-characterization with the rows that SysId would have written; any other as it is."""
-    rows = [row for name in TESTS for row in (data.get(name) if isinstance(data.get(name), list) else ())]
+    rows = [row for name in TESTS if isinstance(data.get(name), list) for row in data[name]]
     lengths = {len(row) if isinstance(row, list) else 0 for row in rows}
     if data.get("sysid") or len(lengths) != 1 or not lengths <= FORERUNNER.keys():
         return data

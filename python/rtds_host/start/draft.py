@@ -142,6 +142,8 @@ def draft_mapping(path: Path) -> str:
     from rtds_host.importers.bag import is_bag, refuse_other
 
     refuse_other(path)
+    if path.suffix == ".wpilog":
+        raise InputError(f"{path}: drafts are made of bags and csv files; `rtds import --list` shows a log's entries")
     return _draft_of_bag(path) if is_bag(path) else _draft_of_csv(path)
 
 

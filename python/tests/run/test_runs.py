@@ -10,7 +10,7 @@ from rtds_host.contract import RunMeta, read_run
 from rtds_host.errors import InputError
 from rtds_host.link import open_link
 from rtds_host.robot import available_engines, make_body
-from rtds_host.run import LinkChoice, Options, SignalPath, drive_with, make_plan, perform, write_outcome
+from rtds_host.run import LinkChoice, Options, SignalPath, drive_with, figure, make_plan, perform, write_outcome
 from rtds_host.run.energy import audit
 from rtds_host.run.log import log_columns
 from rtds_host.run.summary import lines
@@ -126,13 +126,9 @@ def test_run_folder_is_the_contracts(tmp_path, outcomes):
 
 
 def test_figure_has_the_papers_six_panels(tmp_path, outcomes, monkeypatch):
-    import matplotlib.pyplot as plt
-
-    from rtds_host.run.figure import draw
-
     kept = []
-    monkeypatch.setattr(plt, "close", kept.append)
-    draw(outcomes["eight"].plan, outcomes["eight"].record, tmp_path)
+    monkeypatch.setattr(figure, "save", lambda drawn, *_, **__: kept.append(drawn))
+    figure.draw(outcomes["eight"].plan, outcomes["eight"].record, tmp_path)
     titles = [axis.get_title()[:3] for axis in kept[0].axes if axis.get_title()]
     assert titles == ["(a)", "(b)", "(c)", "(d)", "(e)", "(f)"]
 

@@ -223,8 +223,8 @@ def test_a_listing_shows_columns_with_guesses_and_topics_with_fields(rtds):
     ("name", "start", "said"),
     [
         ("a.bag", b"#ROSBAG V1.2\n", "is a ROS 1 bag of an old format"),
-        ("a.wpilog", b"WPILOG\x00\x01", "is a WPILib data log"),
         ("a.mat", b"MATLAB 5.0", "is a MATLAB file"),
+        ("a.log", b"WPILOG\x00\x01", "is a WPILib data log"),
     ],
 )
 @pytest.mark.parametrize("command", [("import", "--list"), ("import", "--out", "case"), ("init", "mine", "--log")])
