@@ -35,6 +35,7 @@ def test_exported_names_are_unambiguous_and_those_that_exports_have():
         "rotor_kg_m2",
         "dry_nm",
         "torques",
+        "forms",
         "name",
         "body",
         "sides",
