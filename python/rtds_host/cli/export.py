@@ -11,8 +11,6 @@ import typer
 from rtds_host.cli.answer import AsJson, answer
 
 app = typer.Typer(add_completion=False)
-# Targets of `rtds_host.export.compiled`.
-COMPILED = ("fmu", "fmu-motors", "c")
 
 
 @dataclass
@@ -104,7 +102,7 @@ def export(
         write_atomic,
     )
     from rtds_host.errors import InputError
-    from rtds_host.export.export import check_target, default_robot, read_source, said_of_driver
+    from rtds_host.export.export import COMPILED, check_target, default_robot, read_source, said_of_driver
     from rtds_host.export.export import export as write
     from rtds_host.export.mjcf import driver_source, forms_source
 
@@ -129,8 +127,11 @@ def export(
         along[place] = driver_source(), "what acts before its <dcmotor> and behind its sensors"
     elif to == "mjcf" and source.content.get("forms") and not samples:
         along[out.with_name(f"{out.stem}_forms.py")] = forms_source(), "applies the curves of its terms without a name"
-    for place in along:
+    for place, (module, _) in along.items():
         check_writable_file(place)
+        # Nobody named this file, so that one of another origin is not replaced.
+        if place.exists() and not place.read_bytes().startswith(module.splitlines()[0].encode()):
+            raise InputError(f"{place}: goes along with {out}, and is a file of another origin; choose another --out")
     refuse_inputs([out, *along], [diagnosis, robot, *(place for run in check or () for place in places_of_run(run))])
     runs = [read_run(folder, nominal, need_measured=True) for folder in check or []]
     text, parts = write(source, to, actuator)

@@ -25,6 +25,8 @@ WRITERS: dict[str, Callable[[Figures, str], str]] = {
     "usd-json": usd.write,
     "python": python.write,
 }
+# Targets that `rtds_host.export.compiled` writes.
+COMPILED = ("fmu", "fmu-motors", "c")
 ENDINGS = {"mjcf": ".xml", "urdf": ".urdf", "sdf": ".sdf", "usd-json": ".json", "python": ".py"}
 
 
@@ -55,7 +57,8 @@ def check_target(target: str, actuator: str = "general") -> None:
     InputError : there is none.
     """
     if target not in TARGETS:
-        raise InputError(f"--to {target}: unknown (known: {', '.join(TARGETS)}){did_you_mean(target, TARGETS)}")
+        every = [*TARGETS, *COMPILED]
+        raise InputError(f"--to {target}: unknown (known: {', '.join(every)}){did_you_mean(target, every)}")
     known = mjcf.ACTUATORS
     if actuator not in known:
         raise InputError(f"--actuator {actuator}: unknown (known: {', '.join(known)}){did_you_mean(actuator, known)}")
@@ -197,8 +200,10 @@ def default_robot(diagnosis: Path) -> Path:
 
     Raises
     ------
-    InputError : there is none.
+    InputError : there is none, or no such diagnosis.
     """
+    if not diagnosis.exists():
+        raise InputError(f"{diagnosis}: no such file")
     for folder in (diagnosis.parent, diagnosis.parent.parent):
         if (folder / "robot.toml").is_file():
             return folder / "robot.toml"

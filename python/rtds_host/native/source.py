@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rtds_host.contract import builtin_robot, builtin_robots, load_robot
 from rtds_host.diagnosis.replay.model import nominal_model
-from rtds_host.errors import InputError
+from rtds_host.errors import InputError, did_you_mean
 from rtds_host.export.export import Source, default_robot, read_source
 
 
@@ -29,6 +29,10 @@ def source_of(name: str | Path, robot: Path | None = None) -> Source:
     elif path.suffix == ".toml":
         nominal = load_robot(path)
     if nominal is None:
+        if not path.exists():
+            robots = builtin_robots()
+            guess = did_you_mean(str(name), robots)
+            raise InputError(f"{name}: no such file, and no robot of the package ({', '.join(robots)}){guess}")
         return read_source(path, load_robot(robot or default_robot(path)))
     if robot is not None:
         raise InputError(f"--robot {robot}: {name} is a robot itself, --robot goes with a diagnosis")

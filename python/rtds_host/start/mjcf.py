@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -65,18 +66,32 @@ def compiled(path: Path) -> Any:
 
     Raises
     ------
-    InputError : it cannot be read, or MuJoCo is too old or takes it for no model.
+    InputError : it cannot be read or holds a NaN, or MuJoCo is too old or takes it for no model.
     """
     import mujoco
 
     if not hasattr(mujoco.mjtGain, "mjGAIN_DCMOTOR"):
         raise InputError(f"{path}: MuJoCo {mujoco.__version__} has no <dcmotor>, 3.7 or later has")
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder, an MJCF file is needed")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
+    # MuJoCo's own handler writes to stderr and leaves MUJOCO_LOG.TXT in the folder of work.
+    warned: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(warned.append)
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        model = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, UnicodeError) as error:
         raise InputError(f"{path}: MuJoCo does not take it: {visible(' '.join(str(error).split()))}") from error
+    finally:
+        mujoco.set_mju_user_warning(before)
+    for line in warned:
+        said = visible(" ".join(line.split()))
+        if "'NaN'" in said:
+            raise InputError(f"{path}: MuJoCo warns of it: {said}")
+        print(f"rtds: {path}: MuJoCo warns of it: {said}", file=sys.stderr)
+    return model
 
 
 def _effects(model: Any, k: int, dof: int, gear: float) -> tuple[tuple[str, dict[str, float]], ...]:
@@ -275,13 +290,37 @@ voltage_v = {drive.top_v:.9g}
 """
 
 
-def _sensor_text(drive: Drive, robot: bool) -> str:
-    more = "gyro_rad_s = 0.003\nxy_m = 0.001\nyaw_rad = 0.002\n" if robot else ""
-    return (
-        "[sensors]                       # assumed: MuJoCo's sensors are exact\n"
-        f"th_rad = {ANGLE_RAD:.3g}\nw_rad_s = {SPEED_RAD_S:g}\ni_a = {0.01 * drive.top_v / drive.resistance_ohm:.3g}\n"
-        f"v_bus_v = {0.0025 * drive.top_v:.3g}\n{more}"
-    )
+def _noise(model: Any, drive: Drive) -> dict[str, float]:
+    """Noise that the file gives sensors of a motor's hinge, and a gyro: by the name in robot.toml, rad and rad/s."""
+    import mujoco
+
+    kinds = {
+        int(mujoco.mjtSensor.mjSENS_JOINTPOS): "th_rad",
+        int(mujoco.mjtSensor.mjSENS_JOINTVEL): "w_rad_s",
+        int(mujoco.mjtSensor.mjSENS_GYRO): "gyro_rad_s",
+    }
+    found: dict[str, float] = {}
+    for kind, place, noise in zip(model.sensor_type, model.sensor_objid, model.sensor_noise, strict=True):
+        name = kinds.get(int(kind))
+        if name is None or noise <= 0.0 or (name != "gyro_rad_s" and model.jnt_bodyid[place] != drive.body):
+            continue
+        found.setdefault(name, float(noise))
+    return found
+
+
+def _sensor_text(model: Any, drive: Drive, robot: bool) -> str:
+    numbers = {
+        "th_rad": f"{ANGLE_RAD:.3g}",
+        "w_rad_s": f"{SPEED_RAD_S:g}",
+        "i_a": f"{0.01 * drive.top_v / drive.resistance_ohm:.3g}",
+        "v_bus_v": f"{0.0025 * drive.top_v:.3g}",
+    }
+    if robot:
+        numbers |= {"gyro_rad_s": "0.003", "xy_m": "0.001", "yaw_rad": "0.002"}
+    read = {name: f"{value:.9g}  # noise of the file's sensor" for name, value in _noise(model, drive).items()}
+    numbers |= {name: text for name, text in read.items() if name in numbers}
+    lines = "".join(f"{name} = {text}\n" for name, text in numbers.items())
+    return f"[sensors]                       # assumed where nothing else is said\n{lines}"
 
 
 def _axis_text(model: Any, drive: Drive) -> str:
@@ -371,7 +410,7 @@ def read_mjcf(
         "# SI units; motor values are at the motor's shaft.\n"
         + "".join(f"# Not in here: {line}\n" for line in lost)
         + f'schema = "rtds-robot/1"\nname = "{quoted}"\n\n{_motor_text(found[0])}\n{load}\n'
-        + f"{_sensor_text(found[0], len(found) == 2)}\n"
+        + f"{_sensor_text(model, found[0], len(found) == 2)}\n"
         + f"[tolerance]                     # assumed\nmotor = {ASSUMED:g}\n"
     )
     return Read(text, effects, lost)

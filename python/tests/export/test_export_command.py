@@ -87,3 +87,31 @@ def test_a_file_of_another_kind_is_no_robot(tmp_path):
     (tmp_path / "other.xml").write_text("<mujoco/>")
     with pytest.raises(RtdsError, match=r"other.xml: is no robot of `rtds export --to mjcf`"):
         ExportedRobot(tmp_path / "other.xml")
+
+
+def test_a_missing_source_is_named_as_missing(tmp_path):
+    for to, name, complaint in (
+        ("mjcf", "none.json", "none.json: no such file"),
+        ("c", "none.json", "none.json: no such file, and no robot of the package"),
+        ("fmu", "burgr", "did you mean 'burger'?"),
+    ):
+        done = export(name, "--to", to, "--out", tmp_path / "out")
+        assert isinstance(done.exception, RtdsError) and complaint in str(done.exception), to
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_unknown_target_lists_the_compiled_ones(tmp_path):
+    done = export("burger", "--to", "fmu-robot", "--out", tmp_path / "out")
+    assert isinstance(done.exception, RtdsError) and "python, fmu, fmu-motors, c)" in str(done.exception)
+
+
+def test_a_module_of_another_origin_is_not_replaced_by_the_driver(tmp_path):
+    case = write_labelled("friction", tmp_path / "case")
+    other = tmp_path / "robot_driver.py"
+    other.write_text("print('mine')\n")
+    words = (case / "diagnosis.json", "--to", "mjcf", "--actuator", "dcmotor", "--out", tmp_path / "robot.xml")
+    done = export(*words)
+    assert isinstance(done.exception, RtdsError) and "robot_driver.py" in str(done.exception)
+    assert other.read_text() == "print('mine')\n" and not (tmp_path / "robot.xml").exists()
+    other.unlink()
+    assert export(*words).exit_code == 0 and export(*words).exit_code == 0

@@ -138,3 +138,27 @@ def test_a_missing_file_and_a_motor_without_a_model_are_refused(tmp_path):
     assert isinstance(done.exception, RtdsError) and re.search("none.xml: no such file", str(done.exception))
     done = init(tmp_path / "read", "--motor", "m")
     assert isinstance(done.exception, RtdsError) and "--motor m: only with --mjcf" in str(done.exception)
+
+
+@pytest.mark.parametrize("more", [FULL.replace('300"', '300" resistance="nan"'), FULL.replace("1e-5", "nan")])
+def test_a_nan_is_one_line_and_mujoco_leaves_no_log(more, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    done = init("read", "--mjcf", arm(tmp_path, more))
+    assert isinstance(done.exception, RtdsError) and "arm.xml" in str(done.exception) and "NaN" in str(done.exception)
+    assert sorted(place.name for place in tmp_path.iterdir()) == ["arm.xml"]
+    assert "WARNING" not in capfd.readouterr().err
+
+
+def test_a_folder_is_no_model(tmp_path):
+    done = init(tmp_path / "read", "--mjcf", tmp_path)
+    assert isinstance(done.exception, RtdsError) and "is a folder" in str(done.exception)
+
+
+def test_noise_of_the_sensors_in_a_model_comes_back(tmp_path):
+    _, robot, _ = there_and_back([], tmp_path)
+    for name in ("th_rad", "w_rad_s", "gyro_rad_s"):
+        assert robot.sensors[name] == pytest.approx(ROBOT.sensors[name], rel=1e-6), name
+    text = (tmp_path / "read" / "robot.toml").read_text()
+    assert text.count("noise of the file's sensor") == 3
+    assert init(tmp_path / "axis", "--mjcf", arm(tmp_path)).exit_code == 0
+    assert "noise of the file's sensor" not in (tmp_path / "axis" / "robot.toml").read_text()
