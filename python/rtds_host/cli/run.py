@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -308,9 +308,11 @@ def run(
                         outcome = driven(plan, change, injection)
                         write_outcome(outcome, scratch / plan.scenario.name, figure, form)
                         summaries.append((outcome.summary, target / plan.scenario.name))
-        _tell(console, summaries, mcap, as_json)
-        if page is not None:
-            page.wait()
+        # All is written: Ctrl-C ends the page from here on, not the run.
+        with suppress(KeyboardInterrupt) if page is not None else nullcontext():
+            _tell(console, summaries, mcap, as_json)
+            if page is not None:
+                page.wait()
 
 
 def _tell(console: Console, summaries: list[tuple[Summary, Path]], mcap: bool, as_json: bool) -> None:
