@@ -7,6 +7,7 @@ import sys
 
 import matplotlib
 import numpy as np
+import pandas
 import pytest
 
 matplotlib.use("agg")
@@ -107,12 +108,9 @@ def test_help_on_an_error_fits_on_a_screen_and_the_error_is_an_ordinary_one(name
     assert str(back) == "one line" and isinstance(back, rtds_host.RtdsError) and "args" in dir(back)
 
 
-def test_a_log_is_a_table_for_pandas_or_says_what_to_install(log):
-    try:
-        import pandas
-    except ImportError:
-        with pytest.raises(rtds_host.InputError, match="pip install pandas"):
-            log.to_pandas()
-        return
+def test_a_log_is_a_table_for_pandas_or_says_what_to_install(log, monkeypatch):
     table = log.to_pandas()
     assert isinstance(table, pandas.DataFrame) and table.index.name == "t" and list(table.columns) == list(log.columns)
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(rtds_host.InputError, match="pip install pandas"):
+        log.to_pandas()

@@ -4,6 +4,7 @@ import json
 import sys
 from pathlib import Path
 
+import pandas
 import pytest
 
 import rtds_host
@@ -74,16 +75,13 @@ def test_a_plan_is_made_and_written(tmp_path):
     assert (tmp_path / "plan" / "commands.csv").is_file()
 
 
-def test_a_run_is_a_table_for_pandas():
+def test_a_run_is_a_table_for_pandas_or_says_how_to_get_it(monkeypatch):
     outcome = rtds_host.run("crawl", link="model", values={"duration_s": 0.5}, figure=False)
-    try:
-        import pandas
-    except ImportError:
-        with pytest.raises(rtds_host.InputError, match="pip install pandas"):
-            outcome.to_pandas()
-        return
     table = outcome.to_pandas()
     assert isinstance(table, pandas.DataFrame) and table.index.name == "t" and {"w_l", "i_r"} <= set(table.columns)
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(rtds_host.InputError, match="pip install pandas"):
+        outcome.to_pandas()
 
 
 def test_the_robot_of_a_diagnosis_is_exported_by_its_path(tmp_path):
