@@ -13,6 +13,19 @@ if TYPE_CHECKING:
 
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
+    from matplotlib.typing import RcKeyType
+
+# Of all figures of runs.
+STYLE: dict[RcKeyType, float] = {
+    "font.size": 8,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "lines.linewidth": 0.9,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
 
 
 def caption(figure: Figure, text: str) -> None:

@@ -139,6 +139,24 @@ def draw_names(
     return names[len(taken) :]
 
 
+def close_loop(robot, spec: dict, machine, run: dict, drive: Drive, w_ref) -> None:
+    """Let a run's controller set the commands of its drive, in place, if the run is one with a closed loop."""
+    if run["name"] not in planar.CLOSED:
+        return
+    planar.run_machine(
+        machine,
+        drive.t,
+        drive.v_cmd,
+        drive.start,
+        **drive.where,
+        closed=True,
+        w_ref=w_ref,
+        robot=robot,
+        period_rows=planar.control_rows(spec, run),
+        seed=drive.seed,
+    )
+
+
 def _trial(robot, spec: dict, machine, rng: np.random.Generator, whole: bool = False) -> list[Drive]:
     """Noise-free drives of a case's runs, or the beginnings of the first; closed loops are closed around `machine`."""
     drives = []
@@ -148,19 +166,7 @@ def _trial(robot, spec: dict, machine, rng: np.random.Generator, whole: bool = F
         rest = robot.axis.zero_rad if robot.axis else 0.0
         start = np.array([0.0, 0.0, run["uphill_yaw_rad"], rest, rest])
         drive = Drive(t, v_cmd, start, planar.place_of(run), int(rng.integers(2**31)))
-        if run["name"] in planar.CLOSED:
-            planar.run_machine(
-                machine,
-                t,
-                v_cmd,
-                start,
-                **drive.where,
-                closed=True,
-                w_ref=w_ref,
-                robot=robot,
-                period_rows=planar.control_rows(spec, run),
-                seed=drive.seed,
-            )
+        close_loop(robot, spec, machine, run, drive, w_ref)
         drives.append(drive)
     return drives
 

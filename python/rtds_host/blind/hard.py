@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.blind import machines, planar
-from rtds_host.blind.accounts import COUNTED, Drive, draw_names, possible
+from rtds_host.blind.accounts import COUNTED, Drive, close_loop, draw_names, possible
 from rtds_host.blind.gap import SAMPLED, moves
 from rtds_host.blind.kernel import SIDE_NAMES, WORLD_NAMES
 from rtds_host.blind.scales import Scale, draw_sized, scale_of
@@ -169,30 +169,6 @@ def with_noise(text: str, factor: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-def put_ratios(machine: planar.Machine, ratios: dict, robot) -> None:
-    """Put a machine's own constants in the place of the file's."""
-    for s, label in enumerate("lr"):
-        fit = {}
-        for name, ratio in ratios[label].items():
-            for target in planar.TOLERANCE_NAMES[name]:
-                machine.scale(target, ratio, (s,))
-            fit[name] = getattr(robot.motor, name) * ratio
-        if "torque_constant_nm_per_a" in fit:
-            fit["back_emf_constant_v_s_per_rad"] = (
-                robot.motor.back_emf_constant_v_s_per_rad * ratios[label]["torque_constant_nm_per_a"]
-            )
-        machine.tolerance[label] = fit
-    axis = robot.axis
-    for name, ratio in ratios["whole"].items():
-        if axis is None:
-            machine.scale({"mass_kg": "mass", "yaw_inertia_kg_m2": "yaw_inertia"}[name], ratio)
-            continue
-        own = axis.inertia_kg_m2 if name == "inertia_kg_m2" else axis.mass_kg * machine.lever[0]
-        weight = 0.0 if name == "inertia_kg_m2" else axis.mass_kg * machine.lever[1]
-        for target, value in (("wheel_inertia", own), ("pendulum", weight)):
-            machine.world[WORLD_NAMES.index(target)] += value * (ratio - 1.0)
-
-
 # ---- the nearest machine of the catalogue ----------------------------------------
 
 
@@ -219,7 +195,7 @@ class Nearest:
     def machine(self, at: np.ndarray, without: str = "") -> planar.Machine:
         """The machine at a setting; `without`: leave out this effect, or this form's nearest effects."""
         machine = planar.nominal_machine(self.robot)
-        put_ratios(machine, self.ratios, self.robot)
+        planar.put_ratios(machine, self.ratios, self.robot)
         for effect in self.effects:
             if effect["id"] != without:
                 turned = iter([at[j] for j, knob in enumerate(self.knobs) if knob.cause == effect["id"]])
@@ -389,19 +365,7 @@ def drives_of(robot, spec: dict, machine: planar.Machine, runs: list[dict]) -> l
         rest = robot.axis.zero_rad if robot.axis else 0.0
         start = np.array([0.0, 0.0, run["uphill_yaw_rad"], rest, rest])
         drive = Drive(t, v_cmd, start, planar.place_of(run), run["plan"])
-        if run["name"] in planar.CLOSED:
-            planar.run_machine(
-                machine,
-                t,
-                v_cmd,
-                start,
-                **drive.where,
-                closed=True,
-                w_ref=w_ref,
-                robot=robot,
-                period_rows=planar.control_rows(spec, run),
-                seed=drive.seed,
-            )
+        close_loop(robot, spec, machine, run, drive, w_ref)
         drives.append(drive)
     return drives
 

@@ -629,12 +629,34 @@ def sample_times(
     return t
 
 
+def put_ratios(machine: Machine, ratios: dict, robot) -> None:
+    """Put a machine's own constants in the place of the file's."""
+    for s, label in enumerate("lr"):
+        fit = {}
+        for name, ratio in ratios[label].items():
+            for target in TOLERANCE_NAMES[name]:
+                machine.scale(target, ratio, (s,))
+            fit[name] = getattr(robot.motor, name) * ratio
+        if "torque_constant_nm_per_a" in fit:
+            fit["back_emf_constant_v_s_per_rad"] = (
+                robot.motor.back_emf_constant_v_s_per_rad * ratios[label]["torque_constant_nm_per_a"]
+            )
+        machine.tolerance[label] = fit
+    axis = robot.axis
+    for name, ratio in ratios["whole"].items():
+        if axis is None:
+            machine.scale({"mass_kg": "mass", "yaw_inertia_kg_m2": "yaw_inertia"}[name], ratio)
+            continue
+        own = axis.inertia_kg_m2 if name == "inertia_kg_m2" else axis.mass_kg * machine.lever[0]
+        weight = 0.0 if name == "inertia_kg_m2" else axis.mass_kg * machine.lever[1]
+        for target, value in (("wheel_inertia", own), ("pendulum", weight)):
+            machine.world[WORLD_NAMES.index(target)] += value * (ratio - 1.0)
+
+
 def build_machine(robot, spec: dict, rng: np.random.Generator, effects: bool = True) -> Machine:
     """The physical robot of a spec; `effects` False leaves only its tolerance."""
     machine = nominal_machine(robot)
     if "constants" in spec:
-        from rtds_host.blind.hard import put_ratios
-
         put_ratios(machine, spec["constants"], robot)
     elif spec["tolerance"]:
         add_tolerance(machine, rng, normal=spec.get("normal_tolerance", False))

@@ -12,24 +12,12 @@ from matplotlib.figure import Figure
 from rtds_host.contract import Case
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
-from rtds_host.figures import caption, save
+from rtds_host.figures import STYLE, caption, save
 
 if TYPE_CHECKING:
-    from matplotlib.typing import RcKeyType
-
     from rtds_host.correction.result import Result, Run
 
 MEASURED, NOMINAL, CORRECTED = "#222222", "#c8501e", "#1f5fa8"
-STYLE: dict[RcKeyType, float] = {
-    "font.size": 8,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "lines.linewidth": 0.9,
-    "legend.fontsize": 7,
-    "legend.frameon": False,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
 UNITS = {"i": ("current", "mA", 1e3), "w": ("wheel speed", "rad/s", 1.0), "g": ("yaw rate", "rad/s", 1.0)}
 ROWS = 4
 

@@ -3,31 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from rtds_host.figures import caption, save
+from rtds_host.figures import STYLE, caption, save
 from rtds_host.run.loop import Record
 from rtds_host.run.plan import Plan
 
-if TYPE_CHECKING:
-    from matplotlib.typing import RcKeyType
-
 LEFT, RIGHT, PLAIN = "#1f5fa8", "#c8501e", "#444444"
 SIZE_IN = (12.0, 6.6)
-STYLE: dict[RcKeyType, float] = {
-    "font.size": 8,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "lines.linewidth": 0.9,
-    "legend.fontsize": 7,
-    "legend.frameon": False,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
 
 
 def draw(plan: Plan, record: Record, folder: Path) -> list[Path]:

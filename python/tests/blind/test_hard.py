@@ -75,7 +75,7 @@ def test_a_pendulums_wrong_mass_swings_and_weighs_alike():
     text, ratios = hard.loosened(np.random.default_rng(3), axis_of("pendulum"))
     robot = machines.robot_of(text)
     machine, plain = planar.nominal_machine(robot), planar.nominal_machine(robot)
-    hard.put_ratios(machine, ratios, robot)
+    planar.put_ratios(machine, ratios, robot)
     weight = planar.WORLD_NAMES.index("pendulum")
     assert machine.world[weight] / plain.world[weight] == pytest.approx(ratios["whole"]["mass_kg"])
 
