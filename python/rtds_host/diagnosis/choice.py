@@ -1,9 +1,12 @@
 """The choice between explanations: by what they leave of runs that they were not fitted to.
 
 One criterion, wherever a gap remains: each effect must leave at most `WORTH` of what is left without it, on runs left
-out (contract, section 5: what does not help there is not included, however likely it is). What is left is G^2 - 1, the
-squared gap less that of noise; it is taken over all channels at once, and as the geometric mean over channels, so that
-an effect that one quiet channel shows is not lost beside a loud one.
+out (contract, section 5: what does not help there is not included, however likely it is). What is left is G^2 - f, the
+squared gap less that of noise, f being 1 where the noise is as declared. It is taken over all channels at once, and as
+the geometric mean over channels, so that an effect that one quiet channel shows is not lost beside a loud one.
+
+f is measured (`sample_noise`), so that the choice does not hang on the noise that a file declares: declared three times
+too small, white noise would count as unexplained, and each effect would seem to leave more than it does.
 
 An axis is judged over two horizons, whole runs and pieces that start from the measured state, by the geometric mean of
 what is left over both. Over a whole run slow effects add up, but where the motion is unstable, as near an upright
@@ -48,13 +51,14 @@ class Judged:
     @cached_property
     def together(self) -> float:
         """What is left of the squared gap beyond noise, of all channels at once: geometric mean over the horizons."""
-        return _mean([_left(gaps.gap(gaps.pooled(parts))) for parts in self.horizons])
+        found = [gaps.pooled(parts) for parts in self.horizons]
+        return _mean([_left(gaps.gap(channels), self._noise(channels)) for channels in found])
 
     @cached_property
     def each(self) -> Mapping[tuple[int, str], float]:
         """The same of each channel by itself, by horizon and channel."""
         return {
-            (horizon, channel): _left(gap)
+            (horizon, channel): _left(gap, self._noise((channel,)))
             for horizon, parts in enumerate(self.horizons)
             for channel, gap in gaps.pooled(parts).items()
         }
@@ -62,11 +66,15 @@ class Judged:
     @property
     def gap(self) -> float:
         """The gap that would leave as much."""
-        return math.sqrt(1.0 + self.together)
+        return math.sqrt(self._noise(gaps.pooled(self.horizons[0])) + self.together)
+
+    def _noise(self, channels: Collection[str]) -> float:
+        """The squared gap that the sensors' noise alone makes in some channels, 1 where it is as declared."""
+        return sum(self.problem.sample_noise.get(channel, 1.0) ** 2 for channel in channels) / len(channels)
 
 
-def _left(gap: float) -> float:
-    return max(gap**2 - 1.0, NO_GAP)
+def _left(gap: float, noise: float) -> float:
+    return max(gap**2 - noise, NO_GAP * noise)
 
 
 def _mean(values: Collection[float]) -> float:

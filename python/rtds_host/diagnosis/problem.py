@@ -137,6 +137,9 @@ class RunData:
 
 CHANNELS = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
 
+# Numerical: rows of a block whose noise is measured.
+NOISE_ROWS = 20
+
 
 class Problem:
     """Residuals of a case for any model, of whole runs or (of a single axis) of `pieces` of them.
@@ -199,6 +202,26 @@ class Problem:
     def in_pieces(self) -> Problem:
         """The same case in pieces of its runs, each from its measured state."""
         return self if self.pieces else Problem(self.case, self.threads, pieces=True)
+
+    @functools.cached_property
+    def sample_noise(self) -> dict[str, float]:
+        """Channel -> the noise that its samples show over the declared one; of channels with enough samples, of which
+        most are no copies of the one before.
+
+        By third differences, which motion hardly has: the median over blocks of 20 rows of their root mean square,
+        over sqrt(20), that of white noise of one unit.
+        """
+        found: dict[str, list[float]] = {}
+        for log in self.case.runs:
+            for channel, values in log.columns.items():
+                noise, there = self.robot.noise(channel), values[np.isfinite(values)]
+                held = bool(np.median(np.abs(np.diff(there))) == 0.0) if len(there) > 1 else True
+                if noise and len(there) >= 2 * NOISE_ROWS and not held:
+                    third = np.diff(there, 3) / (math.sqrt(20.0) * noise)
+                    blocks = np.array_split(third, len(third) // NOISE_ROWS)
+                    found.setdefault(channel, []).extend(float(np.sqrt(np.mean(block**2))) for block in blocks)
+        sizes = {channel: float(np.median(blocks)) for channel, blocks in found.items()}
+        return {channel: size for channel, size in sizes.items() if size > 0.0}
 
     @property
     def looked_at(self) -> Case:
