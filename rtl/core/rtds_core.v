@@ -46,12 +46,16 @@ module rtds_core #(
   output wire [127:0] state_o,
   output wire [127:0] low_o,
   output wire         ready_o,
-  output reg          overrun_o,
+  output wire         overrun_o,
   output wire         nonfinite_o,
-  output reg          param_fault_o,
-  output reg   [31:0] step_count_o
+  output wire         param_fault_o,
+  output wire  [31:0] step_count_o
 );
   `include "rtds_core_records.vh"
+
+  reg         overrun_q;
+  reg         param_fault_q;
+  reg  [31:0] step_count_q;
 
   // ---- strobe ----------------------------------------------------------------------------------------------------
   wire sequencer_idle;
@@ -64,8 +68,8 @@ module rtds_core #(
   assign ready_o = sequencer_ready & ~param_pending;
 
   always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) overrun_o <= 1'b0;
-    else overrun_o <= strobe_i & ~accept;
+    if (!rst_ni) overrun_q <= 1'b0;
+    else overrun_q <= strobe_i & ~accept;
   end
 
   always @(posedge clk_i or negedge rst_ni) begin
@@ -74,80 +78,76 @@ module rtds_core #(
   end
 
   // ---- parameters: taken at the strobe, computed beside the step, committed after it -----------------------------
-  // The right motor's stand apart only where it has its own: without, they cannot start a computation.
-  wire [191:0] param2_in = settings_i[SETTINGS_FX_OWN] ? motor_r_i : 192'd0;
-  wire [226:0] param_in  = {
-    settings_i[SETTINGS_FX_OWN], fx_on, settings_i[SETTINGS_METHOD], settings_i[SETTINGS_H+:32], motor_l_i
-  };
-  reg  [226:0] given_q;    // what there was in the last clock
-  reg  [191:0] given2_q;
-  reg          differs_q;  // and that it is not the last set read
-  reg          accept_q;
-  reg  [226:0] param_q;    // the last set read, from the second clock after the strobe on
-  reg  [191:0] param2_q;
-  reg          seen_q;     // there was one
-  reg          second_q;   // the right motor's coefficients are being computed, or stand
-  reg          again_q;    // they start
-  reg          waiting_q;  // coefficients stand, not yet committed
-  reg  [287:0] left_q;     // the left motor's, while the right one's are computed
-  reg          fault_q;    // and whether they are unusable
-  reg  [287:0] coef_l_q;   // in force
-  reg  [287:0] coef_r_q;
-  wire [287:0] coef;
-  wire         param_busy;
-  wire         param_done;
-  wire         fault_one;
+  // A set is all that the coefficients follow from: the settings below the delay, and both motors.
+  localparam integer SET_MOTOR_L = SETTINGS_DELAY;
+  localparam integer SET_MOTOR_R = SET_MOTOR_L + MOTOR_BITS;
+  localparam integer SET_BITS    = SET_MOTOR_R + MOTOR_BITS;
 
-  wire         own;
-  wire         with_rho;
-  wire         method;
-  wire  [31:0] h;
-  wire [191:0] motor_l;
+  wire [SET_BITS-1:0] set_in;
 
-  assign {own, with_rho, method, h, motor_l} = param_q;
+  assign set_in[SETTINGS_H+:32]          = settings_i[SETTINGS_H+:32];
+  assign set_in[SETTINGS_METHOD]         = settings_i[SETTINGS_METHOD];
+  assign set_in[SETTINGS_FX_ON]          = fx_on;
+  assign set_in[SETTINGS_FX_OWN]         = settings_i[SETTINGS_FX_OWN];
+  assign set_in[SET_MOTOR_L+:MOTOR_BITS] = motor_l_i;
+  // The right motor's are its own or nothing: without, they cannot start a computation.
+  assign set_in[SET_MOTOR_R+:MOTOR_BITS] = settings_i[SETTINGS_FX_OWN] ? motor_r_i : {MOTOR_BITS{1'b0}};
 
-  wire         fault   = fault_one | (own & fault_q);
-  wire         commit  = waiting_q & sequencer_idle;
-  wire         refresh = commit & ~fault;
+  reg   [SET_BITS-1:0] given_q;    // what there was in the last clock
+  reg                  differs_q;  // and that it is not the last set read
+  reg                  accept_q;
+  reg   [SET_BITS-1:0] set_q;      // the last set read, from the second clock after the strobe on
+  reg                  seen_q;     // there was one
+  reg                  second_q;   // the right motor's coefficients are being computed, or stand
+  reg                  again_q;    // they start
+  reg                  waiting_q;  // coefficients stand, not yet committed
+  reg  [COEF_BITS-1:0] left_q;     // the left motor's, while the right one's are computed
+  reg                  fault_q;    // and whether they are unusable
+  wire [COEF_BITS-1:0] coef;
+  wire                 param_busy;
+  wire                 param_done;
+  wire                 fault_one;
+
+  reg  [2*COEF_BITS-1:0] coef_q;   // in force, of both sides
+
+  wire own     = set_q[SETTINGS_FX_OWN];
+  wire fault   = fault_one | (own & fault_q);
+  wire commit  = waiting_q & sequencer_idle;
+  wire refresh = commit & ~fault;
 
   // The strobe comes late in its clock: it chooses among so many bits in the next one.
-  wire         start   = accept_q & (~seen_q | differs_q);
+  wire start   = accept_q & (~seen_q | differs_q);
 
   // In the clock of `start` a step has just begun: nothing else starts in it.
   assign param_pending = again_q | param_busy | param_done | waiting_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      given_q       <= 227'd0;
-      given2_q      <= 192'd0;
-      differs_q     <= 1'b0;
-      accept_q      <= 1'b0;
+      given_q   <= {SET_BITS{1'b0}};
+      differs_q <= 1'b0;
+      accept_q  <= 1'b0;
     end else begin
-      given_q       <= param_in;
-      given2_q      <= param2_in;
-      differs_q     <= (param_in != param_q) | (param2_in != param2_q);
-      accept_q      <= accept;
+      given_q   <= set_in;
+      differs_q <= set_in != set_q;
+      accept_q  <= accept;
     end
   end
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      param_q       <= 227'd0;
-      param2_q      <= 192'd0;
+      set_q         <= {SET_BITS{1'b0}};
       seen_q        <= 1'b0;
       second_q      <= 1'b0;
       again_q       <= 1'b0;
       waiting_q     <= 1'b0;
-      left_q        <= 288'd0;
+      left_q        <= {COEF_BITS{1'b0}};
       fault_q       <= 1'b0;
-      coef_l_q      <= 288'd0;
-      coef_r_q      <= 288'd0;
-      param_fault_o <= 1'b0;
+      coef_q        <= {(2 * COEF_BITS){1'b0}};
+      param_fault_q <= 1'b0;
     end else if (accept_q | param_pending) begin
       again_q <= param_done & own & ~second_q;
       if (accept_q) begin
-        param_q  <= given_q;
-        param2_q <= given2_q;
+        set_q    <= given_q;
         seen_q   <= 1'b1;
         second_q <= 1'b0;
       end
@@ -158,10 +158,10 @@ module rtds_core #(
       end
       if (param_done & (~own | second_q)) waiting_q <= 1'b1;
       else if (commit) waiting_q <= 1'b0;
-      if (commit) param_fault_o <= fault;
+      if (commit) param_fault_q <= fault;
       if (refresh) begin
-        coef_l_q <= own ? left_q : coef;
-        coef_r_q <= coef;
+        coef_q[COEF_BITS*LEFT+:COEF_BITS]  <= own ? left_q : coef;
+        coef_q[COEF_BITS*RIGHT+:COEF_BITS] <= coef;
       end
     end
   end
@@ -170,10 +170,10 @@ module rtds_core #(
     .clk_i   (clk_i),
     .rst_ni  (rst_ni),
     .start_i (start | again_q),
-    .motor_i (second_q ? param2_q : motor_l),
-    .h_i     (h),
-    .rho_i   (with_rho),
-    .method_i(method),
+    .motor_i (second_q ? set_q[SET_MOTOR_R+:MOTOR_BITS] : set_q[SET_MOTOR_L+:MOTOR_BITS]),
+    .h_i     (set_q[SETTINGS_H+:32]),
+    .rho_i   (set_q[SETTINGS_FX_ON]),
+    .method_i(set_q[SETTINGS_METHOD]),
     .busy_o  (param_busy),
     .done_o  (param_done),
     .fault_o (fault_one),
@@ -206,8 +206,8 @@ module rtds_core #(
         .inputs_i    (inputs_i),
         .delay_i     (settings_i[SETTINGS_DELAY+:12]),
         .stride_i    (settings_i[SETTINGS_STRIDE+:16]),
-        .r_i         ({coef_r_q[COEF_R+:32], coef_l_q[COEF_R+:32]}),
-        .kb_i        ({coef_r_q[COEF_KB+:32], coef_l_q[COEF_KB+:32]}),
+        .r_i         ({coef_q[COEF_BITS*RIGHT+COEF_R+:32], coef_q[COEF_BITS*LEFT+COEF_R+:32]}),
+        .kb_i        ({coef_q[COEF_BITS*RIGHT+COEF_KB+:32], coef_q[COEF_BITS*LEFT+COEF_KB+:32]}),
         .state_i     (state_o),
         .u_v_o       (u_v),
         .u_t_o       (u_t),
@@ -224,123 +224,99 @@ module rtds_core #(
   endgenerate
 
   // ---- motors ----------------------------------------------------------------------------------------------------
-  wire       add_en_n;  // *_n: of the next clock
-  wire       mul_en_n;
-  wire [6:0] add_n;
-  wire [3:0] mul_n;
-  wire       save_p_n;
+  wire       add_en_d;  // *_d: of the next clock
+  wire       mul_en_d;
+  wire [6:0] add_d;
+  wire [3:0] mul_d;
+  wire       save_p_d;
   wire       save_c;
-  wire       save_lo_n;
+  wire       save_lo_d;
   wire       save_last;
   wire       save_f;
   wire       save_b;
   wire       save_taken;
-  wire       ahead_n;
+  wire       ahead_d;
   wire       take;
 
   rtds_sequencer u_sequencer (
-    .clk_i    (clk_i),
-    .rst_ni   (rst_ni),
-    .clear_i  (clear_i),
-    .start_i  (accept),
-    .refresh_i(refresh),
-    .fx_on_i  (fx_on),
-    .effects_i(fx_q & (EFFECTS != 0)),
-    .hold_i   (param_pending),
-    .idle_o   (sequencer_idle),
-    .ready_o  (sequencer_ready),
-    .next_o   (new_state),
-    .valid_o  (valid_o),
-    .add_en_n_o  (add_en_n),
-    .mul_en_n_o  (mul_en_n),
-    .add_n_o     (add_n),
-    .mul_n_o     (mul_n),
-    .save_p_n_o  (save_p_n),
-    .save_c_o (save_c),
-    .save_lo_n_o (save_lo_n),
+    .clk_i       (clk_i),
+    .rst_ni      (rst_ni),
+    .clear_i     (clear_i),
+    .start_i     (accept),
+    .refresh_i   (refresh),
+    .fx_on_i     (fx_on),
+    .effects_i   (fx_q & (EFFECTS != 0)),
+    .hold_i      (param_pending),
+    .idle_o      (sequencer_idle),
+    .ready_o     (sequencer_ready),
+    .next_o      (new_state),
+    .valid_o     (valid_o),
+    .add_en_d_o  (add_en_d),
+    .mul_en_d_o  (mul_en_d),
+    .add_d_o     (add_d),
+    .mul_d_o     (mul_d),
+    .save_p_d_o  (save_p_d),
+    .save_c_o    (save_c),
+    .save_lo_d_o (save_lo_d),
     .save_last_o (save_last),
     .save_f_o    (save_f),
     .save_b_o    (save_b),
     .save_taken_o(save_taken),
-    .ahead_n_o   (ahead_n),
+    .ahead_d_o   (ahead_d),
     .take_o      (take)
   );
 
-  rtds_motor u_left (
-    .clk_i    (clk_i),
-    .rst_ni   (rst_ni),
-    .clear_i  (clear_i),
-    .take_i   (take),
-    .add_en_n_i (add_en_n),
-    .mul_en_n_i (mul_en_n),
-    .add_n_i    (add_n),
-    .mul_n_i    (mul_n),
-    .save_p_n_i (save_p_n),
-    .save_c_i (save_c),
-    .save_hi_n_i(new_state),
-    .save_lo_n_i(save_lo_n),
-    .save_last_i (save_last),
-    .save_f_i    (save_f & (EFFECTS != 0)),
-    .save_b_i    (save_b & (EFFECTS != 0)),
-    .save_taken_i(save_taken & (EFFECTS != 0)),
-    .ahead_n_i  (ahead_n & (EFFECTS != 0)),
-    .effects_i(fx_q & (EFFECTS != 0)),
-    .rest_i   (fx_rest_q),
-    .u_v_i    (u_v[0+:32]),
-    .u_t_i    (u_t[0+:32]),
-    .level_f_i(level_f[0+:32]),
-    .level_b_i(level_b[0+:32]),
-    .coef_i   (coef_l_q),
-    .v_i      (inputs_i[INPUTS_V_L+:32]),
-    .t_i      (inputs_i[INPUTS_T_L+:32]),
-    .i_hi_o   (state_o[STATE_I_L+:32]),
-    .w_hi_o   (state_o[STATE_W_L+:32]),
-    .i_lo_o   (low_o[STATE_I_L+:32]),
-    .w_lo_o   (low_o[STATE_W_L+:32])
-  );
-
-  rtds_motor u_right (
-    .clk_i    (clk_i),
-    .rst_ni   (rst_ni),
-    .clear_i  (clear_i),
-    .take_i   (take),
-    .add_en_n_i (add_en_n),
-    .mul_en_n_i (mul_en_n),
-    .add_n_i    (add_n),
-    .mul_n_i    (mul_n),
-    .save_p_n_i (save_p_n),
-    .save_c_i (save_c),
-    .save_hi_n_i(new_state),
-    .save_lo_n_i(save_lo_n),
-    .save_last_i (save_last),
-    .save_f_i    (save_f & (EFFECTS != 0)),
-    .save_b_i    (save_b & (EFFECTS != 0)),
-    .save_taken_i(save_taken & (EFFECTS != 0)),
-    .ahead_n_i  (ahead_n & (EFFECTS != 0)),
-    .effects_i(fx_q & (EFFECTS != 0)),
-    .rest_i   (fx_rest_q),
-    .u_v_i    (u_v[32+:32]),
-    .u_t_i    (u_t[32+:32]),
-    .level_f_i(level_f[32+:32]),
-    .level_b_i(level_b[32+:32]),
-    .coef_i   (coef_r_q),
-    .v_i      (inputs_i[INPUTS_V_R+:32]),
-    .t_i      (inputs_i[INPUTS_T_R+:32]),
-    .i_hi_o   (state_o[STATE_I_R+:32]),
-    .w_hi_o   (state_o[STATE_W_R+:32]),
-    .i_lo_o   (low_o[STATE_I_R+:32]),
-    .w_lo_o   (low_o[STATE_W_R+:32])
-  );
+  genvar side;
+  generate
+    for (side = LEFT; side <= RIGHT; side = side + 1) begin : g_side
+      rtds_motor u_motor (
+        .clk_i       (clk_i),
+        .rst_ni      (rst_ni),
+        .clear_i     (clear_i),
+        .take_i      (take),
+        .add_en_d_i  (add_en_d),
+        .mul_en_d_i  (mul_en_d),
+        .add_d_i     (add_d),
+        .mul_d_i     (mul_d),
+        .save_p_d_i  (save_p_d),
+        .save_c_i    (save_c),
+        .save_hi_d_i (new_state),
+        .save_lo_d_i (save_lo_d),
+        .save_last_i (save_last),
+        .save_f_i    (save_f & (EFFECTS != 0)),
+        .save_b_i    (save_b & (EFFECTS != 0)),
+        .save_taken_i(save_taken & (EFFECTS != 0)),
+        .ahead_d_i   (ahead_d & (EFFECTS != 0)),
+        .effects_i   (fx_q & (EFFECTS != 0)),
+        .rest_i      (fx_rest_q),
+        .u_v_i       (u_v[32*side+:32]),
+        .u_t_i       (u_t[32*side+:32]),
+        .level_f_i   (level_f[32*side+:32]),
+        .level_b_i   (level_b[32*side+:32]),
+        .coef_i      (coef_q[COEF_BITS*side+:COEF_BITS]),
+        .v_i         (inputs_i[(side == LEFT ? INPUTS_V_L : INPUTS_V_R)+:32]),
+        .t_i         (inputs_i[(side == LEFT ? INPUTS_T_L : INPUTS_T_R)+:32]),
+        .i_hi_o      (state_o[(side == LEFT ? STATE_I_L : STATE_I_R)+:32]),
+        .w_hi_o      (state_o[(side == LEFT ? STATE_W_L : STATE_W_R)+:32]),
+        .i_lo_o      (low_o[(side == LEFT ? STATE_I_L : STATE_I_R)+:32]),
+        .w_lo_o      (low_o[(side == LEFT ? STATE_W_L : STATE_W_R)+:32])
+      );
+    end
+  endgenerate
 
   // ---- status ----------------------------------------------------------------------------------------------------
   assign nonfinite_o = (&state_o[STATE_I_L+23+:8]) | (&state_o[STATE_W_L+23+:8])
                      | (&state_o[STATE_I_R+23+:8]) | (&state_o[STATE_W_R+23+:8]);
 
   always @(posedge clk_i or negedge rst_ni) begin
-    if (!rst_ni) step_count_o <= 32'd0;
-    else if (clear_i) step_count_o <= 32'd0;
-    else if (new_state) step_count_o <= step_count_o + 32'd1;
+    if (!rst_ni) step_count_q <= 32'd0;
+    else if (clear_i) step_count_q <= 32'd0;
+    else if (new_state) step_count_q <= step_count_q + 32'd1;
   end
+
+  assign overrun_o     = overrun_q;
+  assign param_fault_o = param_fault_q;
+  assign step_count_o  = step_count_q;
 endmodule
 
 `default_nettype wire

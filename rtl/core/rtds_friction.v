@@ -18,9 +18,11 @@ module rtds_friction (
   input  wire        save_taken_i,  // free_i is the free speed
   input  wire [31:0] product_i,
   input  wire [31:0] free_i,
-  output reg  [31:0] taken_o,
-  output reg         held_o
+  output wire [31:0] taken_o,
+  output wire        held_o
 );
+  reg  [31:0] taken_q;
+  reg         held_q;
   reg  [31:0] most_f_q;
   reg  [31:0] most_b_q;
   reg         holds_f_q;  // the level holds what moves so: it is of that sign, and no NaN
@@ -57,8 +59,8 @@ module rtds_friction (
       most_b_q  <= 32'd0;
       holds_f_q <= 1'b1;
       holds_b_q <= 1'b0;
-      taken_o   <= 32'd0;
-      held_o    <= 1'b0;
+      taken_q   <= 32'd0;
+      held_q    <= 1'b0;
     end else begin
       holds_f_q <= ~most_f_q[31] & ~nan(most_f_q[30:0]);  // the levels are saved long before they are needed
       holds_b_q <= most_b_q[31] & ~nan(most_b_q[30:0]);
@@ -66,9 +68,12 @@ module rtds_friction (
       else if (save_f_i) most_f_q <= product_i;
       if (clear_i) most_b_q <= 32'd0;
       else if (save_b_i) most_b_q <= product_i;
-      if (save_taken_i) {held_o, taken_o} <= take(free_i, most_f_q, most_b_q, holds_f_q, holds_b_q);
+      if (save_taken_i) {held_q, taken_q} <= take(free_i, most_f_q, most_b_q, holds_f_q, holds_b_q);
     end
   end
+
+  assign taken_o = taken_q;
+  assign held_o  = held_q;
 endmodule
 
 `default_nettype wire

@@ -17,19 +17,19 @@ module rtds_motor (
   input  wire         clear_i,
   // from rtds_sequencer
   input  wire         take_i,
-  input  wire         add_en_n_i,   // *_n_i: of the next clock
-  input  wire         mul_en_n_i,
-  input  wire   [6:0] add_n_i,
-  input  wire   [3:0] mul_n_i,
-  input  wire         save_p_n_i,
+  input  wire         add_en_d_i,   // *_d_i: of the next clock
+  input  wire         mul_en_d_i,
+  input  wire   [6:0] add_d_i,
+  input  wire   [3:0] mul_d_i,
+  input  wire         save_p_d_i,
   input  wire         save_c_i,
-  input  wire         save_hi_n_i,
-  input  wire         save_lo_n_i,
+  input  wire         save_hi_d_i,
+  input  wire         save_lo_d_i,
   input  wire         save_last_i,
   input  wire         save_f_i,
   input  wire         save_b_i,
   input  wire         save_taken_i,
-  input  wire         ahead_n_i,    // the multiplier's factor is of the effect unit
+  input  wire         ahead_d_i,    // the multiplier's factor is of the effect unit
   // effects: what stands for V and T, levels of dry friction, N.m, the one backward with a minus
   input  wire         effects_i,
   input  wire         rest_i,       // no friction until the next levels
@@ -62,11 +62,11 @@ module rtds_motor (
     if (take_i) t_q <= t_i;
   end
 
-  (* dont_merge *) reg ahead_q;  // each motor's own, as in rtds_row
+  reg ahead_q;  // each motor's own, as in rtds_row
 
-  (* keep *) always @(posedge clk_i or negedge rst_ni) begin
+  always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) ahead_q <= 1'b0;
-    else ahead_q <= ahead_n_i;
+    else ahead_q <= ahead_d_i;
   end
 
   wire [31:0] v = ahead_q ? u_v_i : v_i;
@@ -91,14 +91,14 @@ module rtds_motor (
     .clk_i    (clk_i),
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
-    .add_en_n_i (add_en_n_i),
-    .mul_en_n_i (mul_en_n_i),
-    .add_n_i    (add_n_i),
-    .mul_n_i    (mul_n_i),
-    .save_p_n_i (save_p_n_i),
+    .add_en_d_i (add_en_d_i),
+    .mul_en_d_i (mul_en_d_i),
+    .add_d_i    (add_d_i),
+    .mul_d_i    (mul_d_i),
+    .save_p_d_i (save_p_d_i),
     .save_c_i   (save_c_i),
-    .save_hi_n_i(save_hi_n_i),
-    .save_lo_n_i(save_lo_n_i),
+    .save_hi_d_i(save_hi_d_i),
+    .save_lo_d_i(save_lo_d_i),
     .zero_i   (1'b0),
     .k_i      (coef_i[COEF_RHO+:32]),
     .y4_i     (taken),
@@ -126,14 +126,14 @@ module rtds_motor (
     .clk_i    (clk_i),
     .rst_ni   (rst_ni),
     .clear_i  (clear_i),
-    .add_en_n_i (add_en_n_i),
-    .mul_en_n_i (mul_en_n_i),
-    .add_n_i    (add_n_i),
-    .mul_n_i    (mul_n_i),
-    .save_p_n_i (save_p_n_i),
+    .add_en_d_i (add_en_d_i),
+    .mul_en_d_i (mul_en_d_i),
+    .add_d_i    (add_d_i),
+    .mul_d_i    (mul_d_i),
+    .save_p_d_i (save_p_d_i),
     .save_c_i   (save_c_i),
-    .save_hi_n_i(save_hi_n_i),
-    .save_lo_n_i(save_lo_n_i),
+    .save_hi_d_i(save_hi_d_i),
+    .save_lo_d_i(save_lo_d_i),
     .zero_i   (effects_i & held & save_last_i),
     .k_i      (coef_i[COEF_G22+:32]),
     .y4_i     (level_f_i),

@@ -22,10 +22,11 @@ module rtds_param_unit (
   input  wire         rho_i,
   input  wire         method_i,   // 0 backward Euler (theta 1), 1 trapezoidal (theta 1/2)
   output wire         busy_o,
-  output reg          done_o,
-  output reg          fault_o,
+  output wire         done_o,
+  output wire         fault_o,
   output wire [287:0] coef_o
 );
+  `include "fp_clocks.vh"
   `include "rtds_core_records.vh"
 
   wire [31:0] r  = motor_i[MOTOR_R+:32];
@@ -56,8 +57,9 @@ module rtds_param_unit (
   localparam [3:0] OP_G22   = 4'd14;  // lp = x * lp
   localparam [3:0] OP_RHO   = 4'd15;  // rho = c / lp, between d and c d
 
-  localparam [5:0] LAST_OTHER = 6'd3;  // clocks of an operation, less one: latency of the operator
-  localparam [5:0] LAST_DIV   = 6'd32;
+  // Clocks of an operation, less one: latency of the operator.
+  localparam [5:0] LAST_OTHER = (FP_ADD_CLOCKS[5:0] > FP_MUL_CLOCKS[5:0]) ? FP_ADD_CLOCKS[5:0] : FP_MUL_CLOCKS[5:0];
+  localparam [5:0] LAST_DIV   = FP_DIV_CLOCKS[5:0];
 
   reg  [31:0] x_q;
   reg  [31:0] y_q;
@@ -72,6 +74,8 @@ module rtds_param_unit (
   reg [3:0] op_q;
   reg [5:0] clock_q;   // clock within the operation
   reg       first_q;   // its first clock
+  reg       done_q;
+  reg       fault_q;
 
   wire       is_add = (op_q == OP_LP) | (op_q == OP_JP) | (op_q == OP_DET);
   wire       is_rho = op_q == OP_RHO;
@@ -150,8 +154,8 @@ module rtds_param_unit (
       op_q    <= OP_TH;
       clock_q <= 6'd0;
       first_q <= 1'b0;
-      done_o  <= 1'b0;
-      fault_o <= 1'b0;
+      done_q  <= 1'b0;
+      fault_q <= 1'b0;
       x_q     <= 32'd0;
       y_q     <= 32'd0;
       lp_q    <= 32'd0;
@@ -160,7 +164,7 @@ module rtds_param_unit (
       d_q     <= 32'd0;
       rho_q   <= 32'd0;
     end else begin
-      done_o  <= 1'b0;
+      done_q  <= 1'b0;
       first_q <= start_i;
       if (start_i) begin
         busy_q  <= 1'b1;
@@ -169,7 +173,7 @@ module rtds_param_unit (
       end else if (busy_q) begin
         clock_q <= clock_q + 6'd1;
         if (op_q == OP_TH)
-          fault_o <= ~(usable(r[31:23]) & usable(l[31:23]) & usable(km[31:23]) & usable(kb[31:23])
+          fault_q <= ~(usable(r[31:23]) & usable(l[31:23]) & usable(km[31:23]) & usable(kb[31:23])
                      & usable(j[31:23]) & usable(b[31:23]) & usable(h_i[31:23]));
         if (clock_q == last) begin
           clock_q <= 6'd0;
@@ -186,11 +190,11 @@ module rtds_param_unit (
             default: ;
           endcase
           if (op_q == OP_G11 || op_q == OP_G12 || op_q == OP_G21 || op_q == OP_G22)
-            fault_o <= fault_o | ~usable(result[31:23]);
+            fault_q <= fault_q | ~usable(result[31:23]);
           if (op_q == OP_G22) begin
             busy_q  <= 1'b0;
             first_q <= 1'b0;
-            done_o  <= 1'b1;
+            done_q  <= 1'b1;
           end
         end
       end
@@ -209,6 +213,9 @@ module rtds_param_unit (
   assign busy_o               = busy_q;
 
   wire unused = &{1'b0, div_valid};
+
+  assign done_o  = done_q;
+  assign fault_o = fault_q;
 endmodule
 
 `default_nettype wire

@@ -21,15 +21,15 @@ module rtds_row #(
   input  wire        clk_i,
   input  wire        rst_ni,
   input  wire        clear_i,     // state to zero
-  // from rtds_sequencer; *_n_i is of the next clock: each row has it in registers of its own
-  input  wire        add_en_n_i,  // operands enter the adder
-  input  wire        mul_en_n_i,
-  input  wire  [6:0] add_n_i,     // which: {minus (2), second (3), first (2)}
-  input  wire  [3:0] mul_n_i,     // into the multiplier: {friction, input, G rather than S, second rather than first}
-  input  wire        save_p_n_i,  // first product of two
+  // from rtds_sequencer; *_d_i is of the next clock: each row has it in registers of its own
+  input  wire        add_en_d_i,  // operands enter the adder
+  input  wire        mul_en_d_i,
+  input  wire  [6:0] add_d_i,     // which: {minus (2), second (3), first (2)}
+  input  wire  [3:0] mul_d_i,     // into the multiplier: {friction, input, G rather than S, second rather than first}
+  input  wire        save_p_d_i,  // first product of two
   input  wire        save_c_i,
-  input  wire        save_hi_n_i,
-  input  wire        save_lo_n_i, // t, later lo'
+  input  wire        save_hi_d_i,
+  input  wire        save_lo_d_i, // t, later lo'
   input  wire        zero_i,      // what is saved is zero: the shaft is held
   // coefficients: R, Kb, G11, G12 or Km, B, G21, G22
   input  wire [31:0] a1_i,
@@ -51,22 +51,22 @@ module rtds_row #(
   input  wire [31:0] s2_i,
   output wire [31:0] y_o,         // the adder's result
   output wire [31:0] hi_o,        // the new one in the clock in which it is saved
-  output reg  [31:0] lo_o         // t while a step is between its two sums
+  output wire [31:0] lo_o         // t while a step is between its two sums
 );
   `include "rtds_ops.vh"
 
   // ---- control -----------------------------------------------------------------------------------------------------
-  // The same in all four rows, and so many operands read it that each row's own stands beside them. Tools would join them again:
-  // `keep` is for Yosys, `dont_merge` for Quartus.
-  (* dont_merge *) reg  [6:0] add_q;
-  (* dont_merge *) reg  [3:0] mul_q;
-  (* dont_merge *) reg  [2:0] add_en_q;  // a bit for each stage, the first in bit 0
-  (* dont_merge *) reg  [2:0] mul_en_q;
-  (* dont_merge *) reg        save_p_q;
-  (* dont_merge *) reg        save_hi_q;
-  (* dont_merge *) reg        save_lo_q;
+  // The same in all four rows, and so many operands read it that each row's own stands beside them. A tool would join them again
+  // unless told not to: quartus/*.qsf and tb/common/own_registers.py do.
+  reg  [6:0] add_q;
+  reg  [3:0] mul_q;
+  reg  [2:0] add_en_q;  // a bit for each stage, the first in bit 0
+  reg  [2:0] mul_en_q;
+  reg        save_p_q;
+  reg        save_hi_q;
+  reg        save_lo_q;
 
-  (* keep *) always @(posedge clk_i or negedge rst_ni) begin
+  always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       add_q     <= ADD_Z0;
       mul_q     <= MUL_V;
@@ -76,13 +76,13 @@ module rtds_row #(
       save_hi_q <= 1'b0;
       save_lo_q <= 1'b0;
     end else begin
-      add_q     <= add_n_i;
-      mul_q     <= mul_n_i;
-      add_en_q  <= {add_en_q[1:0], add_en_n_i};
-      mul_en_q  <= {mul_en_q[1:0], mul_en_n_i};
-      save_p_q  <= save_p_n_i;
-      save_hi_q <= save_hi_n_i;
-      save_lo_q <= save_lo_n_i;
+      add_q     <= add_d_i;
+      mul_q     <= mul_d_i;
+      add_en_q  <= {add_en_q[1:0], add_en_d_i};
+      mul_en_q  <= {mul_en_q[1:0], mul_en_d_i};
+      save_p_q  <= save_p_d_i;
+      save_hi_q <= save_hi_d_i;
+      save_lo_q <= save_lo_d_i;
     end
   end
 
@@ -91,6 +91,7 @@ module rtds_row #(
   reg  [31:0] p_q;   // first product, until it is added to the second
   reg  [31:0] c_q;
   reg  [31:0] hi_q;
+  reg  [31:0] lo_q;
 
   // ---- multiplier --------------------------------------------------------------------------------------------------
   reg  [31:0] mul_a;
@@ -127,7 +128,7 @@ module rtds_row #(
       A_C:     add_a = c_q;
       A_Y:     add_a = y;
       A_P:     add_a = p_q;
-      default: add_a = lo_o;
+      default: add_a = lo_q;
     endcase
     case (add_q[4:2])
       B_M:     add_b = m;
@@ -153,17 +154,17 @@ module rtds_row #(
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       hi_q <= 32'd0;
-      lo_o <= 32'd0;
+      lo_q <= 32'd0;
       p_q  <= 32'd0;
       c_q  <= 32'd0;
     end else if (clear_i) begin
       hi_q <= 32'd0;
-      lo_o <= 32'd0;
+      lo_q <= 32'd0;
       p_q  <= 32'd0;
       c_q  <= 32'd0;  // of a zero state, whatever the coefficients
     end else begin
       if (save_hi_q) hi_q <= new_word;
-      if (save_lo_q) lo_o <= new_word;
+      if (save_lo_q) lo_q <= new_word;
       if (save_p_q) p_q <= m;
       if (save_c_i) c_q <= y;
     end
@@ -172,6 +173,8 @@ module rtds_row #(
   assign hi_o = save_hi_q ? new_word : hi_q;
   assign y_o  = y;
   assign m_o  = m;
+
+  assign lo_o = lo_q;
 endmodule
 
 `default_nettype wire

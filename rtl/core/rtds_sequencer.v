@@ -56,164 +56,210 @@ module rtds_sequencer (
   output wire       idle_o,
   output wire       ready_o,     // idle, and nothing to be done before the next strobe
   output wire       next_o,      // valid_o in the next clock
-  output reg        valid_o,     // the adders' results are the new high words, which are saved
-  output wire       add_en_n_o,  // *_n_o: of the next clock, for registers of the rows
-  output wire       mul_en_n_o,
-  output wire [6:0] add_n_o,     // what enters the adder: see rtds_row
-  output wire [3:0] mul_n_o,     // and the multiplier
-  output wire       save_p_n_o,
+  output wire       valid_o,     // the adders' results are the new high words, which are saved
+  output wire       add_en_d_o,  // *_d_o: of the next clock, for registers of the rows
+  output wire       mul_en_d_o,
+  output wire [6:0] add_d_o,     // what enters the adder: see rtds_row
+  output wire [3:0] mul_d_o,     // and the multiplier
+  output wire       save_p_d_o,
   output wire       save_c_o,
-  output wire       save_lo_n_o,
+  output wire       save_lo_d_o,
   output wire       save_last_o,  // what is saved is the new state
   output wire       save_f_o,     // products of rtds_friction
   output wire       save_b_o,
   output wire       save_taken_o,
-  output wire       ahead_n_o,   // the multiplier's factor is of the effect unit
+  output wire       ahead_d_o,   // the multiplier's factor is of the effect unit
   output wire       take_o       // no step is in hand: inputs are taken, in each clock until one starts
 );
+  `include "fp_clocks.vh"
   `include "rtds_ops.vh"
 
-  localparam [6:0] SLOT_IDLE  = 7'd0;
-  localparam [6:0] SLOT_FIRST = 7'd1;
-  localparam [6:0] SLOT_SPLIT = 7'd11;
-  localparam [6:0] SLOT_NEW   = 7'd12;
-  localparam [6:0] SLOT_LAST  = 7'd25;
-  localparam [6:0] E          = 7'd64;       // slot E0
-  localparam [6:0] E_BACK     = E + 7'd15;   // before 12
-  localparam [6:0] E_GO_ON    = E + 7'd30;   // after 25
-  localparam [6:0] E_HOLD     = E + 7'd43;
-  localparam [6:0] E_AHEAD    = E + 7'd44;
-  localparam [6:0] E_LAST     = E + 7'd49;
+  // A slot is named by what enters an operator in it, or by what is saved at its end.
+  localparam [6:0] SLOT_IDLE    = 7'd0;
+  localparam [6:0] SLOT_FIRST   = SLOT_IDLE + 7'd1;
+  localparam [6:0] SLOT_V       = SLOT_IDLE + FP_MUL_CLOCKS;
+  localparam [6:0] SLOT_SAVE_T  = SLOT_FIRST + FP_MUL_CLOCKS;
+  localparam [6:0] SLOT_T       = SLOT_V + FP_ADD_CLOCKS;
+  localparam [6:0] SLOT_HI      = SLOT_T + FP_ADD_CLOCKS;
+  localparam [6:0] SLOT_NEW     = SLOT_HI + FP_ADD_CLOCKS;  // the new high words stand
+  localparam [6:0] SLOT_SPLIT   = SLOT_NEW - 7'd1;
+  localparam [6:0] SLOT_W       = SLOT_NEW + 7'd1;
+  localparam [6:0] SLOT_LO      = SLOT_NEW + FP_ADD_CLOCKS;
+  localparam [6:0] SLOT_S       = SLOT_W + FP_MUL_CLOCKS;
+  localparam [6:0] SLOT_SAVE_LO = SLOT_LO + FP_ADD_CLOCKS;
+  localparam [6:0] SLOT_S1      = SLOT_S + FP_ADD_CLOCKS;
+  localparam [6:0] SLOT_S2      = SLOT_S1 + 7'd1;
+  localparam [6:0] SLOT_C1      = SLOT_S1 + FP_MUL_CLOCKS;
+  localparam [6:0] SLOT_LAST    = SLOT_C1 + FP_ADD_CLOCKS;
+
+  localparam [6:0] E        = 7'd64;                          // slot E0
+  localparam [6:0] E_FIRST  = E + 7'd1;
+  localparam [6:0] E_FREE   = E + FP_ADD_CLOCKS;              // after UV of E50
+  localparam [6:0] E_TAKEN  = E_FREE + FP_ADD_CLOCKS;
+  localparam [6:0] E_RHO    = E_TAKEN + 7'd1;
+  localparam [6:0] E_P      = E_RHO + FP_MUL_CLOCKS;
+  localparam [6:0] E_HI     = E_P + FP_ADD_CLOCKS;
+  localparam [6:0] E_NEW    = E_HI + FP_ADD_CLOCKS;           // SLOT_NEW stands for it, and so on to SLOT_LAST
+  localparam [6:0] E_BACK   = E_NEW - 7'd1;
+  localparam [6:0] E_GO_ON  = E_NEW + (SLOT_LAST - SLOT_NEW) + 7'd1;
+  localparam [6:0] E_AHEAD  = E + 7'd44;                      // u_t stands, then levels and u_v: effect_engine
+  localparam [6:0] E_HOLD   = E_AHEAD - 7'd1;
+  localparam [6:0] E_F      = E_AHEAD + 7'd1;
+  localparam [6:0] E_B      = E_F + 7'd1;
+  localparam [6:0] E_UT     = E_AHEAD + FP_MUL_CLOCKS;
+  localparam [6:0] E_SAVE_F = E_F + FP_MUL_CLOCKS;
+  localparam [6:0] E_LAST   = E_B + FP_MUL_CLOCKS;
+
+  // Where a slot has a sum and a product, or a sum and a save of a product, it has both for this reason.
+  generate
+    if (FP_ADD_CLOCKS != FP_MUL_CLOCKS) begin : g_bad_clocks
+      FP_ADD_CLOCKS_must_be_FP_MUL_CLOCKS u_error ();
+    end
+  endgenerate
 
   reg [6:0] slot_q;
-  reg [6:0] slot_m;     // the next one, if nothing starts or ends in this clock
-  reg [6:0] slot_n;
+  reg [6:0] slot_next;  // the next one, if nothing starts or ends in this clock
+  reg [6:0] slot_d;
   reg       refresh_q;
   reg       due_q;      // E44 to E50 have waited for the coefficients
+  reg       valid_q;
 
   always @* begin
-    slot_m = slot_q + 7'd1;
-    if (slot_q == E_BACK) slot_m = SLOT_NEW;
-    if (slot_q == SLOT_LAST) slot_m = (effects_i & ~refresh_q) ? E_GO_ON : due_q ? E_HOLD : SLOT_IDLE;
-    if (slot_q == E_HOLD && hold_i) slot_m = SLOT_IDLE;
-    if (slot_q == E_LAST) slot_m = SLOT_IDLE;
-    if (slot_q == SLOT_IDLE) slot_m = (due_q & ~hold_i) ? E_HOLD : SLOT_IDLE;
-    slot_n = slot_m;
-    if (start_i) slot_n = fx_on_i ? E + 7'd1 : SLOT_FIRST;
-    if (refresh_i) slot_n = SLOT_NEW;
-    if (clear_i) slot_n = SLOT_IDLE;
+    slot_next = slot_q + 7'd1;
+    if (slot_q == E_BACK) slot_next = SLOT_NEW;
+    if (slot_q == SLOT_LAST) slot_next = (effects_i & ~refresh_q) ? E_GO_ON : due_q ? E_HOLD : SLOT_IDLE;
+    if (slot_q == E_HOLD && hold_i) slot_next = SLOT_IDLE;
+    if (slot_q == E_LAST) slot_next = SLOT_IDLE;
+    if (slot_q == SLOT_IDLE) slot_next = (due_q & ~hold_i) ? E_HOLD : SLOT_IDLE;
+    slot_d = slot_next;
+    if (start_i) slot_d = fx_on_i ? E_FIRST : SLOT_FIRST;
+    if (refresh_i) slot_d = SLOT_NEW;
+    if (clear_i) slot_d = SLOT_IDLE;
   end
 
-  // What a slot does besides.
-  localparam [10:0] WAIT  = 11'h480;  // in case that a step starts: inputs are taken, V enters the multiplier
-  localparam [10:0] AHEAD = 11'h200;  // one of them of the effect unit
-  localparam [10:0] ADD   = 11'h100;  // operands enter the adder,
-  localparam [10:0] MUL   = 11'h080;  // factors the multiplier
-  localparam [10:0] P     = 11'h040;  // save the first product of two
-  localparam [10:0] C     = 11'h020;  // what enters the adder gives c
-  localparam [10:0] LO    = 11'h010;
-  localparam [10:0] LAST  = 11'h008;
-  localparam [10:0] F     = 11'h004;
-  localparam [10:0] B     = 11'h002;
-  localparam [10:0] TAKEN = 11'h001;
+  // What a slot does besides: the place of each bit, and the bits.
+  localparam integer AT_TAKEN = 0;
+  localparam integer AT_B     = 1;
+  localparam integer AT_F     = 2;
+  localparam integer AT_LAST  = 3;
+  localparam integer AT_LO    = 4;
+  localparam integer AT_C     = 5;
+  localparam integer AT_P     = 6;
+  localparam integer AT_MUL   = 7;
+  localparam integer AT_ADD   = 8;
+  localparam integer AT_AHEAD = 9;
+  localparam integer AT_TAKE  = 10;
 
-  reg [6:0] add_n;
-  reg [3:0] mul_n;
-  reg [10:0] does_n;
+  localparam [10:0] TAKEN = 11'd1 << AT_TAKEN;
+  localparam [10:0] B     = 11'd1 << AT_B;
+  localparam [10:0] F     = 11'd1 << AT_F;
+  localparam [10:0] LAST  = 11'd1 << AT_LAST;
+  localparam [10:0] LO    = 11'd1 << AT_LO;
+  localparam [10:0] C     = 11'd1 << AT_C;      // what enters the adder gives c
+  localparam [10:0] P     = 11'd1 << AT_P;      // save the first product of two
+  localparam [10:0] MUL   = 11'd1 << AT_MUL;    // factors enter the multiplier,
+  localparam [10:0] ADD   = 11'd1 << AT_ADD;    // operands the adder
+  localparam [10:0] AHEAD = 11'd1 << AT_AHEAD;  // one of the factors is of the effect unit
+  // In case that a step starts: inputs are taken, V enters the multiplier.
+  localparam [10:0] WAIT  = (11'd1 << AT_TAKE) | MUL;
+
+  reg  [6:0] add_d;
+  reg  [3:0] mul_d;
+  reg [10:0] does_d;
 
   always @* begin
-    add_n  = ADD_V;
-    mul_n  = MUL_V;
-    does_n = 11'd0;
-    case (slot_m)
+    add_d  = ADD_V;
+    mul_d  = MUL_V;
+    does_d = 11'd0;
+    case (slot_next)
       SLOT_IDLE: begin  // after E49 this is E50, whether a step starts in it or not
-        add_n  = ADD_UV;
-        does_n = (slot_q == E_LAST) ? WAIT | ADD : WAIT;
+        add_d  = ADD_UV;
+        does_d = (slot_q == E_LAST) ? WAIT | ADD : WAIT;
       end
-      7'd3: does_n = ADD;
-      7'd4: does_n = P;
-      7'd6: begin
-        add_n  = ADD_T;
-        does_n = ADD;
+      SLOT_V: does_d = ADD;
+      SLOT_SAVE_T: does_d = P;
+      SLOT_T: begin
+        add_d  = ADD_T;
+        does_d = ADD;
       end
-      7'd9, E + 7'd3, E + 7'd13: begin
-        add_n  = ADD_HI;
-        does_n = ADD | LO;
+      SLOT_HI, E_FREE, E_HI: begin
+        add_d  = ADD_HI;
+        does_d = ADD | LO;
       end
       SLOT_NEW: begin
-        add_n  = ADD_Z;
-        mul_n  = MUL_I;
-        does_n = ADD | MUL | LAST;
+        add_d  = ADD_Z;
+        mul_d  = MUL_I;
+        does_d = ADD | MUL | LAST;
       end
-      7'd13: begin
-        mul_n  = MUL_W;
-        does_n = MUL;
+      SLOT_W: begin
+        mul_d  = MUL_W;
+        does_d = MUL;
       end
-      7'd15: begin
-        add_n  = ADD_LO;
-        does_n = ADD | P;
+      SLOT_LO: begin
+        add_d  = ADD_LO;
+        does_d = ADD | P;
       end
-      7'd16: begin
-        add_n  = ADD_S;
-        does_n = ADD;
+      SLOT_S: begin
+        add_d  = ADD_S;
+        does_d = ADD;
       end
-      7'd18: does_n = refresh_q ? 11'd0 : LO | LAST;
-      7'd19: begin
-        mul_n  = MUL_S1;
-        does_n = MUL;
+      SLOT_SAVE_LO: does_d = refresh_q ? 11'd0 : LO | LAST;
+      SLOT_S1: begin
+        mul_d  = MUL_S1;
+        does_d = MUL;
       end
-      7'd20: begin
-        mul_n  = MUL_S2;
-        does_n = MUL;
+      SLOT_S2: begin
+        mul_d  = MUL_S2;
+        does_d = MUL;
       end
-      7'd22: begin
-        add_n  = ADD_C1;
-        does_n = ADD;
+      SLOT_C1: begin
+        add_d  = ADD_C1;
+        does_d = ADD;
       end
       SLOT_LAST: begin
-        add_n  = ADD_C2;
-        does_n = ADD | C;
+        add_d  = ADD_C2;
+        does_d = ADD | C;
       end
-      E + 7'd6: does_n = TAKEN;
-      E + 7'd7, E + 7'd45: begin
-        mul_n  = MUL_FIRST;
-        does_n = MUL;
+      E_TAKEN: does_d = TAKEN;
+      E_RHO, E_F: begin
+        mul_d  = MUL_FIRST;
+        does_d = MUL;
       end
-      E + 7'd10: begin
-        add_n  = ADD_P;
-        does_n = ADD;
+      E_P: begin
+        add_d  = ADD_P;
+        does_d = ADD;
       end
       E_AHEAD: begin
-        mul_n  = MUL_T;
-        does_n = MUL | AHEAD;
+        mul_d  = MUL_T;
+        does_d = MUL | AHEAD;
       end
-      E + 7'd46: begin
-        mul_n  = MUL_OTHER;
-        does_n = MUL;
+      E_B: begin
+        mul_d  = MUL_OTHER;
+        does_d = MUL;
       end
-      E + 7'd47: begin
-        add_n  = ADD_UT;
-        mul_n  = MUL_V;
-        does_n = ADD | MUL | AHEAD;
+      E_UT: begin
+        add_d  = ADD_UT;
+        mul_d  = MUL_V;
+        does_d = ADD | MUL | AHEAD;
       end
-      E + 7'd48: does_n = F;
-      E_LAST: does_n = B;
+      E_SAVE_F: does_d = F;
+      E_LAST: does_d = B;
       default: ;
     endcase
     // What starts or ends comes late in a clock and from far away: it chooses last.
     if (start_i) begin
-      mul_n  = MUL_T;
-      does_n = fx_on_i ? 11'd0 : MUL;
+      mul_d  = MUL_T;
+      does_d = fx_on_i ? 11'd0 : MUL;
     end
     if (refresh_i) begin
-      add_n  = ADD_Z;
-      mul_n  = MUL_I;
-      does_n = ADD | MUL | LAST;
+      add_d  = ADD_Z;
+      mul_d  = MUL_I;
+      does_d = ADD | MUL | LAST;
     end
     if (clear_i) begin
-      add_n  = ADD_Z0;
-      mul_n  = MUL_V;
-      does_n = WAIT | ADD;
+      add_d  = ADD_Z0;
+      mul_d  = MUL_V;
+      does_d = WAIT | ADD;
     end
   end
 
@@ -223,15 +269,15 @@ module rtds_sequencer (
     if (!rst_ni) begin
       slot_q    <= SLOT_IDLE;
       refresh_q <= 1'b0;
-      valid_o   <= 1'b0;
+      valid_q   <= 1'b0;
       due_q     <= 1'b0;
       does_q    <= WAIT | ADD;
     end else begin
-      slot_q  <= slot_n;
-      valid_o <= next_o;
-      does_q  <= does_n;
+      slot_q  <= slot_d;
+      valid_q <= next_o;
+      does_q  <= does_d;
       if (start_i | refresh_i) refresh_q <= refresh_i;
-      if (clear_i | slot_n == E_AHEAD) due_q <= 1'b0;
+      if (clear_i | slot_d == E_AHEAD) due_q <= 1'b0;
       else if (slot_q == E_HOLD) due_q <= 1'b1;
     end
   end
@@ -241,27 +287,29 @@ module rtds_sequencer (
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) c_later_q <= 3'd0;
-    else c_later_q <= clear_i ? 3'd0 : {c_later_q[1:0], does_q[5]};
+    else c_later_q <= clear_i ? 3'd0 : {c_later_q[1:0], does_q[AT_C]};
   end
 
   assign idle_o       = slot_q == SLOT_IDLE;
   assign ready_o      = idle_o & ~due_q;
   assign next_o       = (slot_q == SLOT_SPLIT | slot_q == E_BACK) & ~clear_i;
-  assign add_en_n_o   = does_n[8];
-  assign mul_en_n_o   = does_n[7];
-  assign add_n_o      = add_n;
-  assign mul_n_o      = mul_n;
-  assign save_p_n_o   = does_n[6];
+  assign add_en_d_o   = does_d[AT_ADD];
+  assign mul_en_d_o   = does_d[AT_MUL];
+  assign add_d_o      = add_d;
+  assign mul_d_o      = mul_d;
+  assign save_p_d_o   = does_d[AT_P];
   assign save_c_o     = c_later_q[2];
-  assign save_lo_n_o  = does_n[4];
-  assign save_last_o  = does_q[3];
-  assign save_f_o     = does_q[2];
-  assign save_b_o     = does_q[1];
-  assign save_taken_o = does_q[0];
-  assign ahead_n_o    = does_n[9];
-  assign take_o       = does_q[10];
+  assign save_lo_d_o  = does_d[AT_LO];
+  assign save_last_o  = does_q[AT_LAST];
+  assign save_f_o     = does_q[AT_F];
+  assign save_b_o     = does_q[AT_B];
+  assign save_taken_o = does_q[AT_TAKEN];
+  assign ahead_d_o    = does_d[AT_AHEAD];
+  assign take_o       = does_q[AT_TAKE];
 
-  wire unused = ^{does_q[9:6], does_q[4]};
+  wire unused = ^{does_q[AT_AHEAD:AT_P], does_q[AT_LO]};
+
+  assign valid_o = valid_q;
 endmodule
 
 `default_nettype wire

@@ -19,8 +19,9 @@ module effect_delay (
   input  wire [11:0] delay_i,
   input  wire [15:0] stride_i,
   input  wire [63:0] v_i,
-  output reg  [63:0] v_o
+  output wire [63:0] v_o
 );
+  reg [63:0] v_out_q;
   reg [63:0] memory [0:4095];
   reg [63:0] entry_q;
   reg [63:0] v_q;       // what there was in the last clock,
@@ -63,7 +64,7 @@ module effect_delay (
       read_q   <= 1'b0;
       there_q  <= 1'b0;
       now_q    <= 1'b0;
-      v_o      <= 64'd0;
+      v_out_q  <= 64'd0;
     end else if (!rest_i) begin
       strobe_q <= strobe_i;
       read_q   <= entry;
@@ -74,16 +75,18 @@ module effect_delay (
         now_q   <= delay_q == 12'd0;
         if (!there) filled_q <= filled_q + 12'd1;
       end
-      if (read_q) v_o <= now_q ? v_later_q : there_q ? entry_q : 64'd0;
+      if (read_q) v_out_q <= now_q ? v_later_q : there_q ? entry_q : 64'd0;
     end else begin
       strobe_q <= 1'b0;
       at_q     <= 12'd0;
       filled_q <= 12'd0;
       phase_q  <= 16'd0;
       read_q   <= 1'b0;
-      v_o      <= 64'd0;
+      v_out_q  <= 64'd0;
     end
   end
+
+  assign v_o = v_out_q;
 endmodule
 
 `default_nettype wire

@@ -48,10 +48,10 @@ module effect_side (
   input  wire [31:0] t_i,
   input  wire [31:0] other_i,     // product_o of the other side
   output wire [31:0] product_o,
-  output reg  [31:0] u_v_o,
-  output reg  [31:0] u_t_o,
-  output reg  [31:0] level_f_o,
-  output reg  [31:0] level_b_o,
+  output wire [31:0] u_v_o,
+  output wire [31:0] u_t_o,
+  output wire [31:0] level_f_o,
+  output wire [31:0] level_b_o,
   // words from the host, while run_i is 0
   input  wire        wr_constant_i,
   input  wire        wr_table_i,
@@ -59,6 +59,11 @@ module effect_side (
   input  wire [31:0] wr_data_i
 );
   `include "effect_codes.vh"
+
+  reg  [31:0] u_v_q;
+  reg  [31:0] u_t_q;
+  reg  [31:0] level_f_q;
+  reg  [31:0] level_b_q;
 
   wire [31:0] product;
   wire [31:0] sum;
@@ -232,13 +237,18 @@ module effect_side (
     if (limit_i) limited_q <= limited(sum, reg_add_b_q[30:0]);
     if (put_i) begin
       case (which_i)
-        WHICH_U_V:     u_v_o <= sum;
-        WHICH_U_T:     u_t_o <= sum;
-        WHICH_LEVEL_F: level_f_o <= sum;
-        default:       level_b_o <= sum;
+        WHICH_U_V:     u_v_q <= sum;
+        WHICH_U_T:     u_t_q <= sum;
+        WHICH_LEVEL_F: level_f_q <= sum;
+        default:       level_b_q <= sum;
       endcase
     end
   end
+
+  assign u_v_o     = u_v_q;
+  assign u_t_o     = u_t_q;
+  assign level_f_o = level_f_q;
+  assign level_b_o = level_b_q;
 endmodule
 
 `default_nettype wire

@@ -23,7 +23,7 @@ module fp_add (
   input  wire        sub_i,
   input  wire [31:0] a_i,
   input  wire [31:0] b_i,
-  output reg  [31:0] y_o
+  output wire [31:0] y_o
 );
   // ---- stage 1: which is larger, and by how many places ----------------------------------------------------------
   function automatic is_nan;  // one operand is, or infinity less infinity
@@ -194,11 +194,15 @@ module fp_add (
     end
   endfunction
 
+  reg  [31:0] y_q;
+
   always @(posedge clk_i) begin
     if (en_i[2])
-      y_o <= pack(sign2_q, unlike2_q, ~(|sum2_q), nan2_q, inf2_q | over(exp2_q, sum2_q[27]),
+      y_q <= pack(sign2_q, unlike2_q, ~(|sum2_q), nan2_q, inf2_q | over(exp2_q, sum2_q[27]),
                   rounded(exp2_q, sum2_q, stop2_q, zeros2_q));
   end
+
+  assign y_o = y_q;
 endmodule
 
 `default_nettype wire

@@ -19,9 +19,12 @@ module fp_div (
   input  wire        start_i,
   input  wire [31:0] a_i,
   input  wire [31:0] b_i,
-  output reg         valid_o,
-  output reg  [31:0] y_o
+  output wire        valid_o,
+  output wire [31:0] y_o
 );
+  reg         valid_q;
+  reg  [31:0] y_q;
+
   localparam [4:0] STEP_IDLE    = 5'd0;
   localparam [4:0] STEP_SHIFT_A = 5'd1;
   localparam [4:0] STEP_SHIFT_B = 5'd2;
@@ -38,9 +41,9 @@ module fp_div (
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
       step_q  <= STEP_IDLE;
-      valid_o <= 1'b0;
+      valid_q <= 1'b0;
     end else if (en_i) begin
-      valid_o <= (step_q == STEP_PACK) & ~start_i;
+      valid_q <= (step_q == STEP_PACK) & ~start_i;
       if (start_i)                  step_q <= STEP_SHIFT_A;
       else if (step_q == STEP_PACK) step_q <= STEP_IDLE;
       else if (step_q != STEP_IDLE) step_q <= step_q + 5'd1;
@@ -155,14 +158,17 @@ module fp_div (
         over_q   <= exp_q > 10'sd254;
       end
       if (step_q == STEP_PACK) begin
-        if (a_nan | b_nan | (a_max & b_max) | (a_zero & b_zero)) y_o <= 32'h7FC0_0000;
+        if (a_nan | b_nan | (a_max & b_max) | (a_zero & b_zero)) y_q <= 32'h7FC0_0000;
         else if (a_max | b_zero | (~b_max & ~a_zero & (over_q | (&packed_q[30:23]))))
-          y_o <= {a_q[31] ^ b_q[31], 31'h7F80_0000};
-        else if (a_zero | b_max) y_o <= {a_q[31] ^ b_q[31], 31'd0};
-        else y_o <= {a_q[31] ^ b_q[31], packed_q};
+          y_q <= {a_q[31] ^ b_q[31], 31'h7F80_0000};
+        else if (a_zero | b_max) y_q <= {a_q[31] ^ b_q[31], 31'd0};
+        else y_q <= {a_q[31] ^ b_q[31], packed_q};
       end
     end
   end
+
+  assign valid_o = valid_q;
+  assign y_o     = y_q;
 endmodule
 
 `default_nettype wire

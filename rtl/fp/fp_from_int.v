@@ -14,7 +14,7 @@ module fp_from_int #(
   input  wire        clk_i,
   input  wire        en_i,
   input  wire [31:0] x_i,
-  output reg  [31:0] y_o
+  output wire [31:0] y_o
 );
   generate
     if (FRAC < 0 || FRAC > 63) begin : g_bad_frac
@@ -24,10 +24,10 @@ module fp_from_int #(
 
   localparam [7:0] EXP_TOP = 8'd158 - FRAC;  // biased exponent of bit 31
 
-  reg        sign_q;
-  reg [31:0] size_q;
-  reg  [4:0] zeros_q;
-  reg        zero_q;
+  reg        sign1_q;
+  reg [31:0] size1_q;
+  reg  [4:0] zeros1_q;
+  reg        zero1_q;
 
   wire [31:0] size = x_i[31] ? ~x_i + 32'd1 : x_i;
 
@@ -35,22 +35,26 @@ module fp_from_int #(
 
   always @(posedge clk_i) begin
     if (en_i) begin
-      sign_q  <= x_i[31];
-      size_q  <= size;
-      zeros_q <= leading_zeros(size);
-      zero_q  <= ~(|size);
+      sign1_q  <= x_i[31];
+      size1_q  <= size;
+      zeros1_q <= leading_zeros(size);
+      zero1_q  <= ~(|size);
     end
   end
 
-  wire [31:0] left   = size_q << zeros_q;
+  wire [31:0] left   = size1_q << zeros1_q;
   wire        up     = left[7] & ((|left[6:0]) | left[8]);
-  wire [30:0] word = {EXP_TOP - {3'd0, zeros_q}, left[30:8]} + {30'd0, up};
+  wire [30:0] word   = {EXP_TOP - {3'd0, zeros1_q}, left[30:8]} + {30'd0, up};
+
+  reg  [31:0] y_q;
 
   always @(posedge clk_i) begin
-    if (en_i) y_o <= zero_q ? 32'd0 : {sign_q, word};
+    if (en_i) y_q <= zero1_q ? 32'd0 : {sign1_q, word};
   end
 
   wire unused = &{1'b0, left[31]};
+
+  assign y_o = y_q;
 endmodule
 
 `default_nettype wire

@@ -17,7 +17,7 @@ module fp_mul (
   input  wire  [2:0] en_i,
   input  wire [31:0] a_i,
   input  wire [31:0] b_i,
-  output reg  [31:0] y_o
+  output wire [31:0] y_o
 );
   /* verilator lint_off UNUSEDSIGNAL */  // of a function's arguments not every bit is used
   // ---- stage 1 ---------------------------------------------------------------------------------------------------
@@ -87,20 +87,20 @@ module fp_mul (
     end
   endfunction
 
-  reg        sign_q;
-  reg [47:0] product_q;
-  reg  [5:0] right_q;
-  reg  [8:0] exp_q;
-  reg        nan_q;
-  reg        inf_q;
+  reg        sign2_q;
+  reg [47:0] product2_q;
+  reg  [5:0] right2_q;
+  reg  [8:0] exp2_q;
+  reg        nan2_q;
+  reg        inf2_q;
 
   always @(posedge clk_i) begin
     if (en_i[1]) begin
-      sign_q           <= sign1_q;
-      product_q        <= a1_q * b1_q;
-      {right_q, exp_q} <= place(subnormal(a1_q, b1_q), exp1_q, ~(|a1_q) | ~(|b1_q));
-      nan_q            <= is_nan(a1_q, b1_q, a_max1_q, b_max1_q);
-      inf_q            <= a_max1_q | b_max1_q;
+      sign2_q           <= sign1_q;
+      product2_q        <= a1_q * b1_q;
+      {right2_q, exp2_q} <= place(subnormal(a1_q, b1_q), exp1_q, ~(|a1_q) | ~(|b1_q));
+      nan2_q            <= is_nan(a1_q, b1_q, a_max1_q, b_max1_q);
+      inf2_q            <= a_max1_q | b_max1_q;
     end
   end
 
@@ -203,9 +203,13 @@ module fp_mul (
   endfunction
   /* verilator lint_on UNUSEDSIGNAL */
 
+  reg  [31:0] y_q;
+
   always @(posedge clk_i) begin
-    if (en_i[2]) y_o <= pack(sign_q, nan_q, inf_q, rounded(product_q, right_q, exp_q));
+    if (en_i[2]) y_q <= pack(sign2_q, nan2_q, inf2_q, rounded(product2_q, right2_q, exp2_q));
   end
+
+  assign y_o = y_q;
 endmodule
 
 `default_nettype wire

@@ -15,9 +15,9 @@ module fp_to_int #(
   input  wire        clk_i,
   input  wire        en_i,
   input  wire [31:0] x_i,
-  output reg  [31:0] y_o,
-  output reg         sat_o,
-  output reg         nan_o
+  output wire [31:0] y_o,
+  output wire        sat_o,
+  output wire        nan_o
 );
   generate
     if (FRAC < 0 || FRAC > 31) begin : g_bad_frac
@@ -35,39 +35,47 @@ module fp_to_int #(
   wire        below  = ~over & (|right[8:6]);
   wire [56:0] placed = {normal, x_i[22:0], 33'd0} >> right[5:0];
 
-  reg        sign_q;
-  reg        max_q;
-  reg        nan_q;
-  reg [31:0] whole_q;
-  reg        half_q;
-  reg        rest_q;
+  reg        sign1_q;
+  reg        max1_q;
+  reg        nan1_q;
+  reg [31:0] whole1_q;
+  reg        half1_q;
+  reg        rest1_q;
 
   always @(posedge clk_i) begin
     if (en_i) begin
-      sign_q  <= x_i[31];
-      max_q   <= over;
-      nan_q   <= (&exp) & (|x_i[22:0]);
-      whole_q <= below ? 32'd0 : placed[56:25];
-      half_q  <= ~below & placed[24];
-      rest_q  <= |placed[23:0];
+      sign1_q  <= x_i[31];
+      max1_q   <= over;
+      nan1_q   <= (&exp) & (|x_i[22:0]);
+      whole1_q <= below ? 32'd0 : placed[56:25];
+      half1_q  <= ~below & placed[24];
+      rest1_q  <= |placed[23:0];
     end
   end
 
-  wire        up    = half_q & (rest_q | whole_q[0]);
+  wire        up    = half1_q & (rest1_q | whole1_q[0]);
   // Rounding up needs places below the point, and then the magnitude is below 2^24: it cannot carry out of the range.
-  wire        beyond = max_q | (whole_q[31] & ~(sign_q & ~(|whole_q[30:0])));
+  wire        beyond = max1_q | (whole1_q[31] & ~(sign1_q & ~(|whole1_q[30:0])));
   // -(n + 1) is ~n, -n is ~n + 1: rounding and negation in one sum.
-  wire [31:0] rounded = (whole_q ^ {32{sign_q}}) + {31'd0, sign_q ^ up};
+  wire [31:0] rounded = (whole1_q ^ {32{sign1_q}}) + {31'd0, sign1_q ^ up};
+
+  reg  [31:0] y_q;
+  reg         sat_q;
+  reg         nan_q;
 
   always @(posedge clk_i) begin
     if (en_i) begin
-      nan_o <= nan_q;
-      sat_o <= beyond & ~nan_q;
-      if (nan_q)      y_o <= 32'd0;
-      else if (beyond) y_o <= sign_q ? 32'h8000_0000 : 32'h7FFF_FFFF;
-      else            y_o <= rounded;
+      nan_q <= nan1_q;
+      sat_q <= beyond & ~nan1_q;
+      if (nan1_q)      y_q <= 32'd0;
+      else if (beyond) y_q <= sign1_q ? 32'h8000_0000 : 32'h7FFF_FFFF;
+      else            y_q <= rounded;
     end
   end
+
+  assign y_o   = y_q;
+  assign sat_o = sat_q;
+  assign nan_o = nan_q;
 endmodule
 
 `default_nettype wire

@@ -22,18 +22,23 @@ module hps_run #(
   input  wire  [31:0] steps_i,
   input  wire  [31:0] sample_steps_i,
   input  wire  [15:0] step_clocks_i,
-  output reg          busy_o,
-  output reg          stuck_o,      // until the next go_i
-  output reg    [5:0] count_o,      // samples kept
-  output reg   [31:0] late_o,
+  output wire         busy_o,
+  output wire         stuck_o,      // until the next go_i
+  output wire   [5:0] count_o,      // samples kept
+  output wire  [31:0] late_o,
   input  wire   [4:0] sample_i,     // sample to be read
-  output reg  [127:0] sample_o,
+  output wire [127:0] sample_o,
   // rtds_core
   output wire         strobe_o,
   input  wire         ready_i,
   input  wire         valid_i,
   input  wire [127:0] state_i
 );
+  reg         busy_q;
+  reg         stuck_q;
+  reg   [5:0] count_q;
+  reg  [31:0] late_q;
+  reg [127:0] sample_out_q;
   reg [127:0] store [0:31];
   reg         pending_q;
   reg         started_q;   // there was a strobe
@@ -48,19 +53,19 @@ module hps_run #(
   wire keep        = step_done & (last_step | (sample_q == 32'd1));
   wire give_up     = wait_q == GIVE_UP;
 
-  assign strobe_o = busy_o & ready_i & period_over & ~pending_q & ~last_step & ~clear_i;
+  assign strobe_o = busy_q & ready_i & period_over & ~pending_q & ~last_step & ~clear_i;
 
   always @(posedge clk_i) begin
-    if (keep) store[count_o[4:0]] <= state_i;
-    sample_o <= store[sample_i];
+    if (keep) store[count_q[4:0]] <= state_i;
+    sample_out_q <= store[sample_i];
   end
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      busy_o    <= 1'b0;
-      stuck_o   <= 1'b0;
-      count_o   <= 6'd0;
-      late_o    <= 32'd0;
+      busy_q    <= 1'b0;
+      stuck_q   <= 1'b0;
+      count_q   <= 6'd0;
+      late_q    <= 32'd0;
       pending_q <= 1'b0;
       started_q <= 1'b0;
       left_q    <= 32'd0;
@@ -68,17 +73,17 @@ module hps_run #(
       period_q  <= 16'd0;
       wait_q    <= 13'd0;
     end else if (clear_i) begin
-      busy_o    <= 1'b0;
-      stuck_o   <= 1'b0;
-      count_o   <= 6'd0;
-      late_o    <= 32'd0;
+      busy_q    <= 1'b0;
+      stuck_q   <= 1'b0;
+      count_q   <= 6'd0;
+      late_q    <= 32'd0;
       pending_q <= 1'b0;
       started_q <= 1'b0;
       wait_q    <= 13'd0;
     end else begin
       if (strobe_o) period_q <= 16'd1;
       else if (period_q != 16'hFFFF) period_q <= period_q + 16'd1;
-      if (started_q & period_over & ~strobe_o & (step_clocks_i != 16'd0)) late_o <= late_o + 32'd1;
+      if (started_q & period_over & ~strobe_o & (step_clocks_i != 16'd0)) late_q <= late_q + 32'd1;
 
       if (strobe_o) begin
         pending_q <= 1'b1;
@@ -88,24 +93,30 @@ module hps_run #(
       if (step_done) begin
         pending_q <= 1'b0;
         sample_q  <= keep ? sample_steps_i : sample_q - 32'd1;
-        if (keep & ~count_o[5]) count_o <= count_o + 6'd1;
-        if (last_step) busy_o <= 1'b0;
+        if (keep & ~count_q[5]) count_q <= count_q + 6'd1;
+        if (last_step) busy_q <= 1'b0;
       end
-      wait_q <= (strobe_o | step_done | ~busy_o | ~(pending_q | period_over) | give_up) ? 13'd0 : wait_q + 13'd1;
+      wait_q <= (strobe_o | step_done | ~busy_q | ~(pending_q | period_over) | give_up) ? 13'd0 : wait_q + 13'd1;
       if (give_up) begin
-        stuck_o   <= 1'b1;
-        busy_o    <= 1'b0;
+        stuck_q   <= 1'b1;
+        busy_q    <= 1'b0;
         pending_q <= 1'b0;
       end
-      if (go_i & ~busy_o) begin
-        busy_o   <= steps_i != 32'd0;
-        stuck_o  <= 1'b0;
+      if (go_i & ~busy_q) begin
+        busy_q   <= steps_i != 32'd0;
+        stuck_q  <= 1'b0;
         left_q   <= steps_i;
         sample_q <= sample_steps_i;
-        count_o  <= 6'd0;
+        count_q  <= 6'd0;
       end
     end
   end
+
+  assign busy_o   = busy_q;
+  assign stuck_o  = stuck_q;
+  assign count_o  = count_q;
+  assign late_o   = late_q;
+  assign sample_o = sample_out_q;
 endmodule
 
 `default_nettype wire

@@ -247,6 +247,19 @@ module rtds_hps #(
     end
   end
 
+  wire [SETTINGS_BITS-1:0] settings;
+  wire     [WORD_BITS-1:0] word;
+
+  assign settings[SETTINGS_H+:32]      = h_q;
+  assign settings[SETTINGS_METHOD]     = switches_q[0];
+  assign settings[SETTINGS_FX_ON]      = switches_q[1];
+  assign settings[SETTINGS_FX_OWN]     = switches_q[2];
+  assign settings[SETTINGS_DELAY+:12]  = switches_q[15:4];
+  assign settings[SETTINGS_STRIDE+:16] = switches_q[31:16];
+
+  assign word[WORD_ADDRESS+:14] = fx_address_q;
+  assign word[WORD_DATA+:32]    = reg_wdata;
+
   hps_run u_run (
     .clk_i         (clk_i),
     .rst_ni        (rst_ni),
@@ -275,9 +288,9 @@ module rtds_hps #(
     .inputs_i     (inputs_q),
     .motor_l_i    (motor_l_q),
     .motor_r_i    (motor_r_q),
-    .settings_i   ({switches_q[31:4], switches_q[2:0], h_q}),
+    .settings_i   (settings),
     .word_valid_i (fx_write),
-    .word_i       ({reg_wdata, fx_address_q}),
+    .word_i       (word),
     .word_ready_o (fx_ready),
     .valid_o      (valid),
     .ready_o      (ready),

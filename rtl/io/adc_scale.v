@@ -11,8 +11,8 @@
 //            A valid_i while busy is ignored (records come 500 clocks apart). The parameters that were not in
 //            the record keep their value; params_valid_o is 1 once each of the four was read since reset.
 //
-//            V and T that do not come from the ADC follow values_i a clock later. The choice stands before the output registers,
-//            so that nothing stands between these and the motors, which may be far away.
+//            V and T that do not come from the ADC follow v_*_i and t_*_i a clock later. The choice stands before the output
+//            registers, so that nothing stands between these and the motors, which may be far away.
 //
 // Latency    13 clocks: valid_i before edge n + 1, outputs after edge n + 13. One chain for all: from int (2),
 //            times gain (3), plus offset (3); five operands enter it one after the other; one output register.
@@ -22,32 +22,41 @@
 `default_nettype none
 
 module adc_scale (
-    input  wire         clk_i,          // 50 MHz
-    input  wire         rst_ni,
-    input  wire         valid_i,
-    input  wire [ 11:0] code_v_l_i,
-    input  wire [ 11:0] code_v_r_i,
-    input  wire [ 11:0] code_t_l_i,
-    input  wire [ 11:0] code_t_r_i,
-    input  wire [ 11:0] code_p_i,
-    input  wire [  1:0] index_p_i,      // 0 B, 1 J, 2 Km, 3 Kb
-    input  wire [  1:0] from_adc_i,     // {T, V}: else
-    input  wire [127:0] values_i,       // V_l V_r T_l T_r, low to high
-    input  wire [255:0] gain_i,
-    input  wire [255:0] offset_i,
-    output wire         valid_o,
-    output wire [ 31:0] v_l_o,
-    output wire [ 31:0] v_r_o,
-    output wire [ 31:0] t_l_o,
-    output wire [ 31:0] t_r_o,
-    output wire [ 31:0] p_b_o,
-    output wire [ 31:0] p_j_o,
-    output wire [ 31:0] p_km_o,
-    output wire [ 31:0] p_kb_o,
-    output wire         params_valid_o
+  input  wire         clk_i,          // 50 MHz
+  input  wire         rst_ni,
+  input  wire         valid_i,
+  input  wire [ 11:0] code_v_l_i,
+  input  wire [ 11:0] code_v_r_i,
+  input  wire [ 11:0] code_t_l_i,
+  input  wire [ 11:0] code_t_r_i,
+  input  wire [ 11:0] code_p_i,
+  input  wire [  1:0] index_p_i,      // 0 B, 1 J, 2 Km, 3 Kb
+  input  wire [  1:0] from_adc_i,     // {T, V}: else
+  input  wire [ 31:0] v_l_i,          // those that do not come from the ADC
+  input  wire [ 31:0] v_r_i,
+  input  wire [ 31:0] t_l_i,
+  input  wire [ 31:0] t_r_i,
+  input  wire [255:0] gain_i,
+  input  wire [255:0] offset_i,
+  output wire         valid_o,
+  output wire [ 31:0] v_l_o,
+  output wire [ 31:0] v_r_o,
+  output wire [ 31:0] t_l_o,
+  output wire [ 31:0] t_r_o,
+  output wire [ 31:0] p_b_o,
+  output wire [ 31:0] p_j_o,
+  output wire [ 31:0] p_km_o,
+  output wire [ 31:0] p_kb_o,
+  output wire         params_valid_o
 );
 
-  localparam [3:0] LAST_CLOCK = 4'd12;  // of a record, counted from the clock of valid_i = 0
+  `include "adc_record.vh"
+  `include "fp_clocks.vh"
+
+  // Of a record, counted from the clock of valid_i = 0. Five operands enter the chain, one a clock; FIRST_CLOCK has the first
+  // one's result.
+  localparam [3:0] FIRST_CLOCK = FP_FROM_INT_CLOCKS[3:0] + FP_MUL_CLOCKS[3:0] + FP_ADD_CLOCKS[3:0];
+  localparam [3:0] LAST_CLOCK  = FIRST_CLOCK + 4'd4;
 
   reg  [ 3:0] count_q;  // 0: idle
   wire        start = valid_i && (count_q == 4'd0);
@@ -79,7 +88,7 @@ module adc_scale (
       wait_q  <= {code_t_l_i, code_t_r_i, code_v_l_i, code_v_r_i};
       index_q <= index_p_i;
     end else begin
-      wait_q <= {wait_q[35:0], 12'd0};
+      wait_q <= wait_q << CODE_BITS;
     end
   end
 
@@ -88,7 +97,7 @@ module adc_scale (
   wire [31:0] signed_int = {{21{!wait_q[47]}}, wait_q[46:36]};
   wire [31:0] entering = busy ? signed_int : parameter_int;
 
-  // Channel whose gain (one clock after it entered) and offset (four clocks after) is looked up; chosen a clock before.
+  // Channel whose gain (one clock after the operand entered) and offset (four clocks after) is looked up; chosen a clock before.
   function [2:0] channel;
     input [2:0] place;
     input [1:0] index;
@@ -103,7 +112,7 @@ module adc_scale (
     end
   endfunction
 
-  wire [ 3:0] offset_place = count_q - 4'd3;
+  wire [ 3:0] offset_place = count_q - (FP_FROM_INT_CLOCKS[3:0] + FP_MUL_CLOCKS[3:0] - 4'd2);
   reg  [ 2:0] gain_channel_q;
   reg  [ 2:0] offset_channel_q;
   reg  [31:0] gain_q;
@@ -132,33 +141,33 @@ module adc_scale (
   wire [31:0] value;
 
   fp_from_int #(
-      .FRAC(0)
+    .FRAC(0)
   ) u_from_int (
-      .clk_i(clk_i),
-      .en_i (1'b1),
-      .x_i  (entering),
-      .y_o  (number)
+    .clk_i(clk_i),
+    .en_i (1'b1),
+    .x_i  (entering),
+    .y_o  (number)
   );
 
   // A code has 12 bits, so of a number's fraction the last 12 are zero: where a product is made of small blocks, it takes fewer.
   fp_mul u_mul (
-      .clk_i(clk_i),
-      .en_i ({3{busy}}),
-      .a_i  ({number[31:12], 12'd0}),
-      .b_i  (gain_q),
-      .y_o  (product)
+    .clk_i(clk_i),
+    .en_i ({3{busy}}),
+    .a_i  ({number[31:12], 12'd0}),
+    .b_i  (gain_q),
+    .y_o  (product)
   );
 
   fp_add u_add (
-      .clk_i(clk_i),
-      .en_i ({3{busy}}),
-      .sub_i(1'b0),
-      .a_i  (product),
-      .b_i  (offset_q),
-      .y_o  (value)
+    .clk_i(clk_i),
+    .en_i ({3{busy}}),
+    .sub_i(1'b0),
+    .a_i  (product),
+    .b_i  (offset_q),
+    .y_o  (value)
   );
 
-  // Results come in clocks 8 to 12; the last one completes the record.
+  // Results come from FIRST_CLOCK to LAST_CLOCK; the last one completes the record.
   reg [31:0] part_p_q;
   reg [31:0] part_t_l_q;
   reg [31:0] part_t_r_q;
@@ -171,10 +180,10 @@ module adc_scale (
       part_t_r_q <= 32'd0;
       part_v_l_q <= 32'd0;
     end else begin
-      if (count_q == 4'd8) part_p_q <= value;
-      if (count_q == 4'd9) part_t_l_q <= value;
-      if (count_q == 4'd10) part_t_r_q <= value;
-      if (count_q == 4'd11) part_v_l_q <= value;
+      if (count_q == FIRST_CLOCK) part_p_q <= value;
+      if (count_q == FIRST_CLOCK + 4'd1) part_t_l_q <= value;
+      if (count_q == FIRST_CLOCK + 4'd2) part_t_r_q <= value;
+      if (count_q == FIRST_CLOCK + 4'd3) part_v_l_q <= value;
     end
   end
 
@@ -202,12 +211,12 @@ module adc_scale (
         seen_q[index_q]         <= 1'b1;
       end
       if (done || !from_adc_i[0]) begin
-        v_l_q <= from_adc_i[0] ? part_v_l_q : values_i[31:0];
-        v_r_q <= from_adc_i[0] ? value : values_i[63:32];
+        v_l_q <= from_adc_i[0] ? part_v_l_q : v_l_i;
+        v_r_q <= from_adc_i[0] ? value : v_r_i;
       end
       if (done || !from_adc_i[1]) begin
-        t_l_q <= from_adc_i[1] ? part_t_l_q : values_i[95:64];
-        t_r_q <= from_adc_i[1] ? part_t_r_q : values_i[127:96];
+        t_l_q <= from_adc_i[1] ? part_t_l_q : t_l_i;
+        t_r_q <= from_adc_i[1] ? part_t_r_q : t_r_i;
       end
     end
   end
@@ -217,10 +226,10 @@ module adc_scale (
   assign v_r_o          = v_r_q;
   assign t_l_o          = t_l_q;
   assign t_r_o          = t_r_q;
-  assign p_b_o          = param_q[31:0];
-  assign p_j_o          = param_q[63:32];
-  assign p_km_o         = param_q[95:64];
-  assign p_kb_o         = param_q[127:96];
+  assign p_b_o          = param_q[32*PARAM_B+:32];
+  assign p_j_o          = param_q[32*PARAM_J+:32];
+  assign p_km_o         = param_q[32*PARAM_KM+:32];
+  assign p_kb_o         = param_q[32*PARAM_KB+:32];
   assign params_valid_o = &seen_q;
 
   wire unused = &{1'b0, offset_place[3], number[11:0]};

@@ -24,25 +24,25 @@
 `default_nettype none
 
 module adc_sequencer (
-    input  wire        clk_i,          // 40 MHz
-    input  wire        clk_cnv_i,      // 40 MHz, 7.5 ns after clk_i (see ltc2308_spi)
-    input  wire        rst_ni,         // asserted asynchronously, released with clk_i
-    input  wire        enable_i,       // level, in the clk_i domain
-    // the record, held from one end of sequence to the next
-    output wire [11:0] code_v_l_o,
-    output wire [11:0] code_v_r_o,
-    output wire [11:0] code_t_l_o,
-    output wire [11:0] code_t_r_o,
-    output wire [11:0] code_p_o,
-    output wire [ 1:0] index_p_o,      // 0 B, 1 J, 2 Km, 3 Kb
-    output wire        done_toggle_o,  // changes with every new record
-    output wire        valid_o,        // one clock: the record is new
-    output wire        silent_o,       // level: the last sequence was all zeros or all ones
-    // pins
-    output wire        adc_convst_o,
-    output wire        adc_sck_o,
-    output wire        adc_sdi_o,
-    input  wire        adc_sdo_i
+  input  wire        clk_i,          // 40 MHz
+  input  wire        clk_cnv_i,      // 40 MHz, 7.5 ns after clk_i (see ltc2308_spi)
+  input  wire        rst_ni,         // asserted asynchronously, released with clk_i
+  input  wire        enable_i,       // level, in the clk_i domain
+  // the record, held from one end of sequence to the next
+  output wire [11:0] code_v_l_o,
+  output wire [11:0] code_v_r_o,
+  output wire [11:0] code_t_l_o,
+  output wire [11:0] code_t_r_o,
+  output wire [11:0] code_p_o,
+  output wire [ 1:0] index_p_o,      // 0 B, 1 J, 2 Km, 3 Kb
+  output wire        done_toggle_o,  // changes with every new record
+  output wire        valid_o,        // one clock: the record is new
+  output wire        silent_o,       // level: the last sequence was all zeros or all ones
+  // pins
+  output wire        adc_convst_o,
+  output wire        adc_sck_o,
+  output wire        adc_sdi_o,
+  input  wire        adc_sdo_i
 );
 
   localparam [2:0] SLOT_P = 3'd0;
@@ -93,17 +93,17 @@ module adc_sequencer (
   wire run = enable_i || (now_slot_q != SLOT_P);
 
   ltc2308_spi u_spi (
-      .clk_i       (clk_i),
-      .clk_cnv_i   (clk_cnv_i),
-      .rst_ni      (rst_ni),
-      .run_i       (run),
-      .next_ch_i   (next_ch),
-      .valid_o     (spi_valid),
-      .code_o      (spi_code),
-      .adc_convst_o(adc_convst_o),
-      .adc_sck_o   (adc_sck_o),
-      .adc_sdi_o   (adc_sdi_o),
-      .adc_sdo_i   (adc_sdo_i)
+    .clk_i       (clk_i),
+    .clk_cnv_i   (clk_cnv_i),
+    .rst_ni      (rst_ni),
+    .run_i       (run),
+    .next_ch_i   (next_ch),
+    .valid_o     (spi_valid),
+    .code_o      (spi_code),
+    .adc_convst_o(adc_convst_o),
+    .adc_sck_o   (adc_sck_o),
+    .adc_sdi_o   (adc_sdi_o),
+    .adc_sdo_i   (adc_sdo_i)
   );
 
   // Codes of the running sequence, and whether all of them so far were 000 or FFF.

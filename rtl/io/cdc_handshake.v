@@ -18,19 +18,19 @@
 `default_nettype none
 
 module cdc_handshake #(
-    parameter WIDTH = 8
+  parameter WIDTH = 8
 ) (
-    input  wire             src_clk_i,
-    input  wire             src_rst_ni,
-    input  wire             src_valid_i,
-    output wire             src_ready_o,
-    input  wire [WIDTH-1:0] src_data_i,
-    output wire             src_dropped_o,
+  input  wire             src_clk_i,
+  input  wire             src_rst_ni,
+  input  wire             src_valid_i,
+  output wire             src_ready_o,
+  input  wire [WIDTH-1:0] src_data_i,
+  output wire             src_dropped_o,
 
-    input  wire             dst_clk_i,
-    input  wire             dst_rst_ni,
-    output wire             dst_valid_o,
-    output wire [WIDTH-1:0] dst_data_o
+  input  wire             dst_clk_i,
+  input  wire             dst_rst_ni,
+  output wire             dst_valid_o,
+  output wire [WIDTH-1:0] dst_data_o
 );
 
   // Source side: hold the word, toggle the request.
@@ -75,17 +75,17 @@ module cdc_handshake #(
   assign dst_data_o  = cdc_data_q;
 
   cdc_sync u_req (
-      .clk_i (dst_clk_i),
-      .rst_ni(dst_rst_ni),
-      .d_i   (req_q),
-      .q_o   (dst_req)
+    .clk_i (dst_clk_i),
+    .rst_ni(dst_rst_ni),
+    .d_i   (req_q),
+    .q_o   (dst_req)
   );
 
   cdc_sync u_ack (
-      .clk_i (src_clk_i),
-      .rst_ni(src_rst_ni),
-      .d_i   (ack_q),
-      .q_o   (src_ack)
+    .clk_i (src_clk_i),
+    .rst_ni(src_rst_ni),
+    .d_i   (ack_q),
+    .q_o   (src_ack)
   );
 
 `ifdef FORMAL

@@ -9,10 +9,10 @@
 `default_nettype none
 
 module cdc_sync (
-    input  wire clk_i,
-    input  wire rst_ni,
-    input  wire d_i,
-    output wire q_o
+  input  wire clk_i,
+  input  wire rst_ni,
+  input  wire d_i,
+  output wire q_o
 );
 
   (* altera_attribute = "-name SYNCHRONIZER_IDENTIFICATION FORCED" *)

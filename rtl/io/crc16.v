@@ -4,9 +4,9 @@
 `default_nettype none
 
 module crc16 (
-    input  wire [15:0] crc_i,
-    input  wire [ 7:0] data_i,
-    output wire [15:0] crc_o
+  input  wire [15:0] crc_i,
+  input  wire [ 7:0] data_i,
+  output wire [15:0] crc_o
 );
 
   function [15:0] step_byte;

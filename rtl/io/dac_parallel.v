@@ -26,25 +26,25 @@
 `default_nettype none
 
 module dac_parallel #(
-    parameter [11:0] SAFE_CODE = 12'h800
+  parameter [11:0] SAFE_CODE = 12'h800
 ) (
-    input  wire        clk_i,        // 50 MHz
-    input  wire        rst_ni,       // everything but the pin's register
-    input  wire        rst_pin_ni,   // asserted asynchronously, also on lost lock
-    input  wire        write_i,
-    input  wire [47:0] code_i,
-    input  wire        fault_i,      // in the clk_i domain
-    output wire        ready_o,
-    output wire        dropped_o,
-    output wire        safe_o,
-    output wire        updated_o,
-    // pins
-    output wire [11:0] dac_db_o,
-    output wire [ 1:0] dac_a_o,
-    output wire        dac_cs_no,
-    output wire        dac_rw_o,
-    output wire        dac_ldac_no,
-    output wire        dac_reset_no
+  input  wire        clk_i,        // 50 MHz
+  input  wire        rst_ni,       // everything but the pin's register
+  input  wire        rst_pin_ni,   // asserted asynchronously, also on lost lock
+  input  wire        write_i,
+  input  wire [47:0] code_i,
+  input  wire        fault_i,      // in the clk_i domain
+  output wire        ready_o,
+  output wire        dropped_o,
+  output wire        safe_o,
+  output wire        updated_o,
+  // pins
+  output wire [11:0] dac_db_o,
+  output wire [ 1:0] dac_a_o,
+  output wire        dac_cs_no,
+  output wire        dac_rw_o,
+  output wire        dac_ldac_no,
+  output wire        dac_reset_no
 );
 
   localparam [2:0] LAST_PHASE = 3'd4;

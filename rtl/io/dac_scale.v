@@ -17,22 +17,27 @@
 `default_nettype none
 
 module dac_scale (
-    input  wire         clk_i,     // 50 MHz
-    input  wire         rst_ni,
-    input  wire         valid_i,
-    input  wire [ 31:0] i_l_i,
-    input  wire [ 31:0] w_l_i,
-    input  wire [ 31:0] i_r_i,
-    input  wire [ 31:0] w_r_i,
-    input  wire [127:0] gain_i,
-    input  wire [127:0] offset_i,
-    output wire         valid_o,
-    output wire [ 47:0] code_o,
-    output wire [  3:0] sat_o,
-    output wire [  3:0] nan_o
+  input  wire         clk_i,     // 50 MHz
+  input  wire         rst_ni,
+  input  wire         valid_i,
+  input  wire [ 31:0] i_l_i,
+  input  wire [ 31:0] w_l_i,
+  input  wire [ 31:0] i_r_i,
+  input  wire [ 31:0] w_r_i,
+  input  wire [127:0] gain_i,
+  input  wire [127:0] offset_i,
+  output wire         valid_o,
+  output wire [ 47:0] code_o,
+  output wire [  3:0] sat_o,
+  output wire [  3:0] nan_o
 );
 
-  localparam [3:0] LAST_CLOCK = 4'd11;  // of a set of values, counted from the clock of valid_i = 0
+  `include "fp_clocks.vh"
+
+  // Of a set of values, counted from the clock of valid_i = 0. Four of them enter the chain, one a clock; FIRST_CLOCK has the
+  // first one's result.
+  localparam [3:0] FIRST_CLOCK = FP_MUL_CLOCKS[3:0] + FP_ADD_CLOCKS[3:0] + FP_TO_INT_CLOCKS[3:0];
+  localparam [3:0] LAST_CLOCK  = FIRST_CLOCK + 4'd3;
 
   reg  [3:0] count_q;  // 0: idle
   wire       start = valid_i && (count_q == 4'd0);
@@ -63,7 +68,7 @@ module dac_scale (
 
   // The gain is wanted in the clock in which the value enters, the offset three clocks later.
   wire [ 1:0] gain_place = count_q[1:0];
-  wire [ 3:0] offset_place = count_q - 4'd2;
+  wire [ 3:0] offset_place = count_q - (FP_MUL_CLOCKS[3:0] - 4'd1);
   reg  [31:0] offset_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
@@ -79,31 +84,31 @@ module dac_scale (
   wire        no_number;
 
   fp_mul u_mul (
-      .clk_i(clk_i),
-      .en_i ({busy_q, busy_q, 1'b1}),
-      .a_i  (entering),
-      .b_i  (gain_i[32*gain_place+:32]),
-      .y_o  (product)
+    .clk_i(clk_i),
+    .en_i ({busy_q, busy_q, 1'b1}),
+    .a_i  (entering),
+    .b_i  (gain_i[32*gain_place+:32]),
+    .y_o  (product)
   );
 
   fp_add u_add (
-      .clk_i(clk_i),
-      .en_i ({3{busy_q}}),
-      .sub_i(1'b0),
-      .a_i  (product),
-      .b_i  (offset_q),
-      .y_o  (steps)
+    .clk_i(clk_i),
+    .en_i ({3{busy_q}}),
+    .sub_i(1'b0),
+    .a_i  (product),
+    .b_i  (offset_q),
+    .y_o  (steps)
   );
 
   fp_to_int #(
-      .FRAC(0)
+    .FRAC(0)
   ) u_to_int (
-      .clk_i(clk_i),
-      .en_i (busy_q),
-      .x_i  (steps),
-      .y_o  (whole),
-      .sat_o(beyond),
-      .nan_o(no_number)
+    .clk_i(clk_i),
+    .en_i (busy_q),
+    .x_i  (steps),
+    .y_o  (whole),
+    .sat_o(beyond),
+    .nan_o(no_number)
   );
 
   // Clamp to -2048 .. 2047: in range when bits 31 to 11 agree. What fp_to_int clamped to 32 bits is out of range
@@ -113,7 +118,7 @@ module dac_scale (
   wire        flagged = low || high || no_number;
   wire [11:0] code = low ? 12'h000 : high ? 12'hFFF : {!whole[11], whole[10:0]};
 
-  // Results come in clocks 8 to 11; the last one completes the set.
+  // Results come from FIRST_CLOCK to LAST_CLOCK; the last one completes the set.
   reg  [35:0] part_code_q;
   reg  [ 2:0] part_sat_q;
   reg  [ 2:0] part_nan_q;

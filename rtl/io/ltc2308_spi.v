@@ -35,17 +35,17 @@
 `default_nettype none
 
 module ltc2308_spi (
-    input  wire        clk_i,         // 40 MHz
-    input  wire        clk_cnv_i,     // 40 MHz, 7.5 ns after clk_i
-    input  wire        rst_ni,        // asserted asynchronously, released with clk_i
-    input  wire        run_i,         // 1: start another cycle
-    input  wire [ 2:0] next_ch_i,     // channel of the next conversion
-    output wire        valid_o,       // one clock: code_o is new
-    output wire [11:0] code_o,        // straight binary, 1 mV a step
-    output wire        adc_convst_o,
-    output wire        adc_sck_o,
-    output wire        adc_sdi_o,
-    input  wire        adc_sdo_i
+  input  wire        clk_i,         // 40 MHz
+  input  wire        clk_cnv_i,     // 40 MHz, 7.5 ns after clk_i
+  input  wire        rst_ni,        // asserted asynchronously, released with clk_i
+  input  wire        run_i,         // 1: start another cycle
+  input  wire [ 2:0] next_ch_i,     // channel of the next conversion
+  output wire        valid_o,       // one clock: code_o is new
+  output wire [11:0] code_o,        // straight binary, 1 mV a step
+  output wire        adc_convst_o,
+  output wire        adc_sck_o,
+  output wire        adc_sdi_o,
+  input  wire        adc_sdo_i
 );
 
   localparam [6:0] CYCLE = 7'd80;       // 2 us
@@ -90,10 +90,10 @@ module ltc2308_spi (
   wire sck_en = active_q && (count_q >= CONVERSION - 7'd1) && (count_q < CONVERSION + BITS - 7'd1);
 
   ltc2308_spi_sck u_sck (
-      .clk_i (clk_i),
-      .rst_ni(rst_ni),
-      .en_i  (sck_en),
-      .sck_o (adc_sck_o)
+    .clk_i (clk_i),
+    .rst_ni(rst_ni),
+    .en_i  (sck_en),
+    .sck_o (adc_sck_o)
   );
 
   // SDI: single ended, channel, unipolar, awake; the part wants the odd bit of the channel first.

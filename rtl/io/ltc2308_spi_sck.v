@@ -7,33 +7,33 @@
 `default_nettype none
 
 module ltc2308_spi_sck (
-    input  wire clk_i,
-    input  wire rst_ni,
-    input  wire en_i,
-    output wire sck_o
+  input  wire clk_i,
+  input  wire rst_ni,
+  input  wire en_i,
+  output wire sck_o
 );
 
   altddio_out #(
-      .intended_device_family("Cyclone V"),
-      .extend_oe_disable     ("OFF"),
-      .invert_output         ("OFF"),
-      .lpm_hint              ("UNUSED"),
-      .lpm_type              ("altddio_out"),
-      .oe_reg                ("UNREGISTERED"),
-      .power_up_high         ("OFF"),
-      .width                 (1)
+    .intended_device_family("Cyclone V"),
+    .extend_oe_disable     ("OFF"),
+    .invert_output         ("OFF"),
+    .lpm_hint              ("UNUSED"),
+    .lpm_type              ("altddio_out"),
+    .oe_reg                ("UNREGISTERED"),
+    .power_up_high         ("OFF"),
+    .width                 (1)
   ) u_ddio (
-      .aclr      (!rst_ni),
-      .aset      (1'b0),
-      .datain_h  (1'b0),
-      .datain_l  (en_i),
-      .dataout   (sck_o),
-      .oe        (1'b1),
-      .oe_out    (),
-      .outclock  (clk_i),
-      .outclocken(1'b1),
-      .sclr      (1'b0),
-      .sset      (1'b0)
+    .aclr      (!rst_ni),
+    .aset      (1'b0),
+    .datain_h  (1'b0),
+    .datain_l  (en_i),
+    .dataout   (sck_o),
+    .oe        (1'b1),
+    .oe_out    (),
+    .outclock  (clk_i),
+    .outclocken(1'b1),
+    .sclr      (1'b0),
+    .sset      (1'b0)
   );
 
 endmodule

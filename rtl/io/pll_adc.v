@@ -13,13 +13,13 @@
 `endif
 
 module pll_adc #(
-    parameter LOCK_NS = 2000  // simulation only
+  parameter LOCK_NS = 2000  // simulation only
 ) (
-    input  wire refclk_i,
-    input  wire rst_i,
-    output wire outclk_adc_o,
-    output wire outclk_cnv_o,
-    output wire locked_o
+  input  wire refclk_i,
+  input  wire rst_i,
+  output wire outclk_adc_o,
+  output wire outclk_cnv_o,
+  output wire locked_o
 );
 
 `ifdef SYNTHESIS
@@ -27,25 +27,25 @@ module pll_adc #(
   wire fb;
 
   altera_pll #(
-      .fractional_vco_multiplier("false"),
-      .reference_clock_frequency("50.0 MHz"),
-      .operation_mode("direct"),
-      .number_of_clocks(2),
-      .output_clock_frequency0("40.000000 MHz"),
-      .phase_shift0("0 ps"),
-      .duty_cycle0(50),
-      .output_clock_frequency1("40.000000 MHz"),
-      .phase_shift1("7500 ps"),
-      .duty_cycle1(50),
-      .pll_type("General"),
-      .pll_subtype("General")
+    .fractional_vco_multiplier("false"),
+    .reference_clock_frequency("50.0 MHz"),
+    .operation_mode("direct"),
+    .number_of_clocks(2),
+    .output_clock_frequency0("40.000000 MHz"),
+    .phase_shift0("0 ps"),
+    .duty_cycle0(50),
+    .output_clock_frequency1("40.000000 MHz"),
+    .phase_shift1("7500 ps"),
+    .duty_cycle1(50),
+    .pll_type("General"),
+    .pll_subtype("General")
   ) u_pll (
-      .rst     (rst_i),
-      .refclk  (refclk_i),
-      .fbclk   (fb),
-      .fboutclk(fb),
-      .outclk  ({outclk_cnv_o, outclk_adc_o}),
-      .locked  (locked_o)
+    .rst     (rst_i),
+    .refclk  (refclk_i),
+    .fbclk   (fb),
+    .fboutclk(fb),
+    .outclk  ({outclk_cnv_o, outclk_adc_o}),
+    .locked  (locked_o)
   );
 
 `else

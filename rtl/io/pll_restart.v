@@ -10,13 +10,13 @@
 `default_nettype none
 
 module pll_restart #(
-    parameter PULSE = 16,      // 320 ns
-    parameter WAIT  = 131071   // 2.6 ms, less than 2**17; the PLL locks within 1 ms
+  parameter PULSE = 16,      // 320 ns
+  parameter WAIT  = 131071   // 2.6 ms, less than 2**17; the PLL locks within 1 ms
 ) (
-    input  wire clk_i,
-    input  wire rst_ni,
-    input  wire locked_i,
-    output wire rst_o
+  input  wire clk_i,
+  input  wire rst_ni,
+  input  wire locked_i,
+  output wire rst_o
 );
 
   // A value that the widths here cannot hold ends the elaboration, with its name.
@@ -34,10 +34,10 @@ module pll_restart #(
   reg         rst_q;
 
   cdc_sync u_locked (
-      .clk_i (clk_i),
-      .rst_ni(rst_ni),
-      .d_i   (locked_i),
-      .q_o   (locked)
+    .clk_i (clk_i),
+    .rst_ni(rst_ni),
+    .d_i   (locked_i),
+    .q_o   (locked)
   );
 
   always @(posedge clk_i or negedge rst_ni) begin

@@ -19,20 +19,20 @@
 `default_nettype none
 
 module reset_ctrl #(
-    parameter LOCK_CLOCKS = 63  // 1 .. 255
+  parameter LOCK_CLOCKS = 63  // 1 .. 255
 ) (
-    input  wire clk_sys_i,
-    input  wire clk_adc_i,
-    input  wire ext_rst_ni,   // button, low = reset
-    input  wire pll_locked_i, // asynchronous
-    output wire rst_sys_no,
-    output wire rst_run_no,
-    output wire rst_pin_no,
-    output wire rst_adc_no,
-    output wire open_o,
-    output wire held_o,
-    output wire locked_o,
-    output wire lock_lost_o
+  input  wire clk_sys_i,
+  input  wire clk_adc_i,
+  input  wire ext_rst_ni,   // button, low = reset
+  input  wire pll_locked_i, // asynchronous
+  output wire rst_sys_no,
+  output wire rst_run_no,
+  output wire rst_pin_no,
+  output wire rst_adc_no,
+  output wire open_o,
+  output wire held_o,
+  output wire locked_o,
+  output wire lock_lost_o
 );
 
   // A value that the widths here cannot hold ends the elaboration, with its name.
@@ -43,18 +43,18 @@ module reset_ctrl #(
   endgenerate
 
   reset_sync u_sys (
-      .clk_i       (clk_sys_i),
-      .async_rst_ni(ext_rst_ni),
-      .rst_no      (rst_sys_no)
+    .clk_i       (clk_sys_i),
+    .async_rst_ni(ext_rst_ni),
+    .rst_no      (rst_sys_no)
   );
 
   // The lock's own synchroniser is cleared by the lock itself: no glitch is too short to be seen.
   wire lock_sync;
 
   reset_sync u_lock (
-      .clk_i       (clk_sys_i),
-      .async_rst_ni(pll_locked_i),
-      .rst_no      (lock_sync)
+    .clk_i       (clk_sys_i),
+    .async_rst_ni(pll_locked_i),
+    .rst_no      (lock_sync)
   );
 
   reg [7:0] lock_count_q;
@@ -75,15 +75,15 @@ module reset_ctrl #(
   wire lock_allowed = lock_ok_q && ext_rst_ni;
 
   reset_sync u_pin (
-      .clk_i       (clk_sys_i),
-      .async_rst_ni(lock_allowed),
-      .rst_no      (rst_pin_no)
+    .clk_i       (clk_sys_i),
+    .async_rst_ni(lock_allowed),
+    .rst_no      (rst_pin_no)
   );
 
   reset_sync u_adc (
-      .clk_i       (clk_adc_i),
-      .async_rst_ni(lock_allowed),
-      .rst_no      (rst_adc_no)
+    .clk_i       (clk_adc_i),
+    .async_rst_ni(lock_allowed),
+    .rst_no      (rst_adc_no)
   );
 
   // lock_ok_q falls at any time: synchronise it before an edge is taken from it. It stays low for
@@ -93,10 +93,10 @@ module reset_ctrl #(
   reg  held_q;
 
   cdc_sync u_ok (
-      .clk_i (clk_sys_i),
-      .rst_ni(rst_sys_no),
-      .d_i   (lock_ok_q),
-      .q_o   (ok_sync)
+    .clk_i (clk_sys_i),
+    .rst_ni(rst_sys_no),
+    .d_i   (lock_ok_q),
+    .q_o   (ok_sync)
   );
 
   always @(posedge clk_sys_i or negedge rst_sys_no) begin
@@ -113,9 +113,9 @@ module reset_ctrl #(
   wire run_allowed = ok_prev_q && ext_rst_ni;
 
   reset_sync u_run (
-      .clk_i       (clk_sys_i),
-      .async_rst_ni(run_allowed),
-      .rst_no      (rst_run_no)
+    .clk_i       (clk_sys_i),
+    .async_rst_ni(run_allowed),
+    .rst_no      (rst_run_no)
   );
 
   assign open_o      = ok_sync;

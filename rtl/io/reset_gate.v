@@ -10,11 +10,11 @@
 `default_nettype none
 
 module reset_gate #(
-    parameter WIDTH = 1
+  parameter WIDTH = 1
 ) (
-    input  wire             open_i,
-    input  wire [WIDTH-1:0] d_i,
-    output wire [WIDTH-1:0] q_o
+  input  wire             open_i,
+  input  wire [WIDTH-1:0] d_i,
+  output wire [WIDTH-1:0] q_o
 );
 
   assign q_o = d_i & {WIDTH{open_i}};

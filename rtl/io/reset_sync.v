@@ -8,9 +8,9 @@
 `default_nettype none
 
 module reset_sync (
-    input  wire clk_i,
-    input  wire async_rst_ni,
-    output wire rst_no
+  input  wire clk_i,
+  input  wire async_rst_ni,
+  output wire rst_no
 );
 
   (* altera_attribute = "-name SYNCHRONIZER_IDENTIFICATION FORCED" *)

@@ -17,44 +17,44 @@
 `default_nettype none
 
 module rtds_ctrl #(
-    parameter SILENT_CLOCKS = 1023,  // 20.46 us: the time of two records and some, so that one lost is not late as well
-    parameter BUSY_CLOCKS = 127
+  parameter SILENT_CLOCKS = 1023,  // 20.46 us: the time of two records and some, so that one lost is not late as well
+  parameter BUSY_CLOCKS = 127
 ) (
-    input  wire         clk_i,
-    input  wire         rst_ni,
+  input  wire         clk_i,
+  input  wire         rst_ni,
 
-    input  wire         run_i,
-    input  wire         blank_i,
-    input  wire         clear_i,
-    input  wire [191:0] motor_i,        // as the registers have it
-    input  wire [  3:0] from_adc_i,     // b j km kb
-    output wire         idle_o,
+  input  wire         run_i,
+  input  wire         blank_i,
+  input  wire         clear_i,
+  input  wire [191:0] motor_i,        // as the registers have it
+  input  wire [  3:0] from_adc_i,     // parameters, see adc_record.vh
+  output wire         idle_o,
 
-    input  wire         record_valid_i,
-    input  wire [ 59:0] record_codes_i,
-    input  wire         silent_i,       // the sequencer saw a dead line
-    input  wire         dropped_i,      // the crossing or the DAC lost one
+  input  wire         record_valid_i,
+  input  wire [ 59:0] record_codes_i, // the record's codes
+  input  wire         silent_i,       // the sequencer saw a dead line
+  input  wire         dropped_i,      // the crossing or the DAC lost one
 
-    output wire         scale_start_o,
-    input  wire         scale_valid_i,
-    input  wire [127:0] scale_values_i, // B J KM KB, low to high
-    input  wire         scale_params_i, // every parameter channel has been read
+  output wire         scale_start_o,
+  input  wire         scale_valid_i,
+  input  wire [127:0] scale_values_i, // the same, a word each
+  input  wire         scale_params_i, // every parameter channel has been read
 
-    output wire         core_strobe_o,
-    output wire [191:0] motor_o,        // each parameter from its source
-    input  wire         core_ready_i,
-    input  wire         core_nonfinite_i,
+  output wire         core_strobe_o,
+  output wire [191:0] motor_o,        // each parameter from its source
+  input  wire         core_ready_i,
+  input  wire         core_nonfinite_i,
 
-    input  wire         codes_valid_i,  // dac_scale is done
-    output wire         dac_write_o,
-    output wire         dac_fault_o,
-    input  wire         dac_ldac_ni,    // low from the falling edge of LDAC on, for a clock or more
+  input  wire         codes_valid_i,  // dac_scale is done
+  output wire         dac_write_o,
+  output wire         dac_fault_o,
+  input  wire         dac_ldac_ni,    // low from the falling edge of LDAC on, for a clock or more
 
-    output wire         alive_o,
-    output wire         halted_o,
-    output wire         silent_event_o,
-    output wire         dropped_event_o,
-    output wire [ 31:0] latency_o       // {largest, last}
+  output wire         alive_o,
+  output wire         halted_o,
+  output wire         silent_event_o,
+  output wire         dropped_event_o,
+  output wire [ 31:0] latency_o       // {largest, last}
 );
 
   // A value that the widths here cannot hold ends the elaboration, with its name.
@@ -67,6 +67,7 @@ module rtds_ctrl #(
     end
   endgenerate
 
+  `include "adc_record.vh"
   `include "rtds_core_records.vh"
 
   // --- admission -----------------------------------------------------------------------------------------
@@ -126,10 +127,10 @@ module rtds_ctrl #(
   // --- sources -------------------------------------------------------------------------------------------
   assign motor_o[MOTOR_R+:32]  = motor_i[MOTOR_R+:32];
   assign motor_o[MOTOR_L+:32]  = motor_i[MOTOR_L+:32];
-  assign motor_o[MOTOR_B+:32]  = from_adc_i[0] ? scale_values_i[31:0] : motor_i[MOTOR_B+:32];
-  assign motor_o[MOTOR_J+:32]  = from_adc_i[1] ? scale_values_i[63:32] : motor_i[MOTOR_J+:32];
-  assign motor_o[MOTOR_KM+:32] = from_adc_i[2] ? scale_values_i[95:64] : motor_i[MOTOR_KM+:32];
-  assign motor_o[MOTOR_KB+:32] = from_adc_i[3] ? scale_values_i[127:96] : motor_i[MOTOR_KB+:32];
+  assign motor_o[MOTOR_B+:32]  = from_adc_i[PARAM_B] ? scale_values_i[32*PARAM_B+:32] : motor_i[MOTOR_B+:32];
+  assign motor_o[MOTOR_J+:32]  = from_adc_i[PARAM_J] ? scale_values_i[32*PARAM_J+:32] : motor_i[MOTOR_J+:32];
+  assign motor_o[MOTOR_KM+:32] = from_adc_i[PARAM_KM] ? scale_values_i[32*PARAM_KM+:32] : motor_i[MOTOR_KM+:32];
+  assign motor_o[MOTOR_KB+:32] = from_adc_i[PARAM_KB] ? scale_values_i[32*PARAM_KB+:32] : motor_i[MOTOR_KB+:32];
 
   // Until each parameter channel has been read once there is nothing to compute coefficients from.
   assign core_strobe_o = scale_valid_i && (scale_params_i || from_adc_i == 4'd0);

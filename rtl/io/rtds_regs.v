@@ -20,40 +20,40 @@
 `default_nettype none
 
 module rtds_regs #(
-    parameter [31:0] BUILD_ID = 32'd0
+  parameter [31:0] BUILD_ID = 32'd0
 ) (
-    input  wire          clk_i,
-    input  wire          rst_ni,
+  input  wire          clk_i,
+  input  wire          rst_ni,
 
-    input  wire [   7:0] avs_address_i,
-    input  wire          avs_read_i,
-    input  wire          avs_write_i,
-    input  wire [  31:0] avs_writedata_i,
-    output wire [  31:0] avs_readdata_o,
-    output wire          avs_readdatavalid_o,
-    output wire          avs_writeresponsevalid_o,
-    output wire [   1:0] avs_response_o,
+  input  wire [   7:0] avs_address_i,
+  input  wire          avs_read_i,
+  input  wire          avs_write_i,
+  input  wire [  31:0] avs_writedata_i,
+  output wire [  31:0] avs_readdata_o,
+  output wire          avs_readdatavalid_o,
+  output wire          avs_writeresponsevalid_o,
+  output wire [   1:0] avs_response_o,
 
-    // to the chip
-    output wire          run_o,
-    output wire          blank_o,
-    output wire [1407:0] config_o,        // CFG_WORDS words of the config group in force
-    output wire          clear_o,
-    output wire          fx_valid_o,      // a word for the effect unit
-    output wire [  13:0] fx_address_o,
-    output wire [  31:0] fx_data_o,
-    input  wire          fx_ready_i,      // it takes one
-    input  wire          idle_i,          // no step is in hand
+  // to the chip
+  output wire          run_o,
+  output wire          blank_o,
+  output wire [1407:0] config_o,        // CFG_WORDS words of the config group in force
+  output wire          clear_o,
+  output wire          fx_valid_o,      // a word for the effect unit
+  output wire [  13:0] fx_address_o,
+  output wire [  31:0] fx_data_o,
+  input  wire          fx_ready_i,      // it takes one
+  input  wire          idle_i,          // no step is in hand
 
-    // from the chip
-    input  wire          open_i,          // latency_i, now_i and codes_i may be looked at
-    input  wire [  10:0] event_i,         // set the sticky bit of the same number
-    input  wire [   5:0] live_i,          // bits 5:0 of LIVE
-    input  wire          step_i,          // one step done
-    input  wire          serial_error_i,
-    input  wire [  31:0] latency_i,
-    input  wire [ 383:0] now_i,           // NOW_I_L (lowest word) .. NOW_KB
-    input  wire [ 159:0] codes_i          // CODES_V (lowest word) .. CODES_R
+  // from the chip
+  input  wire          open_i,          // latency_i, now_i and codes_i may be looked at
+  input  wire [  10:0] event_i,         // set the sticky bit of the same number
+  input  wire [   5:0] live_i,          // bits 5:0 of LIVE
+  input  wire          step_i,          // one step done
+  input  wire          serial_error_i,
+  input  wire [  31:0] latency_i,
+  input  wire [ 383:0] now_i,           // NOW_I_L (lowest word) .. NOW_KB
+  input  wire [ 159:0] codes_i          // CODES_V (lowest word) .. CODES_R
 );
 
   `include "rtds_regs_map.vh"
@@ -62,8 +62,8 @@ module rtds_regs #(
   localparam [1:0] RESP_REFUSED = 2'd2;
   localparam [1:0] RESP_NONE = 2'd3;
 
-  localparam [7:0] NOW_WORDS = 8'd12;
-  localparam [7:0] CODE_WORDS = 8'd5;
+  localparam [7:0] NOW_WORDS = ADDR_NOW_KB - ADDR_NOW_I_L + 8'd1;
+  localparam [7:0] CODE_WORDS = ADDR_CODES_R - ADDR_CODES_V + 8'd1;
 
   wire [7:0] address = avs_address_i;
   wire       write = avs_write_i;
@@ -119,7 +119,7 @@ module rtds_regs #(
 
   genvar k;
   generate
-    for (k = 0; k < CFG_WORDS; k = k + 1) begin : gen_config
+    for (k = 0; k < CFG_WORDS; k = k + 1) begin : g_config
       always @(posedge clk_i or negedge rst_ni) begin
         if (!rst_ni) chosen_q[k] <= 1'b0;
         else chosen_q[k] <= write_q && config_q && cfg_word_q == k;
@@ -233,11 +233,11 @@ module rtds_regs #(
   wire [31:0] observed_d;
 
   reset_gate #(
-      .WIDTH(32)
+    .WIDTH(32)
   ) u_observed (
-      .open_i(open_i),
-      .d_i   (now_q ? now_i[32*now_word_q+:32] : codes_q ? codes_i[32*code_word_q+:32] : latency_i),
-      .q_o   (observed_d)
+    .open_i(open_i),
+    .d_i   (now_q ? now_i[32*now_word_q+:32] : codes_q ? codes_i[32*code_word_q+:32] : latency_i),
+    .q_o   (observed_d)
   );
 
   always @(posedge clk_i or negedge rst_ni) begin

@@ -14,28 +14,28 @@
 `default_nettype none
 
 module serial_bridge #(
-    parameter TIMEOUT_CLKS = 100000  // longest pause inside a request, < 2**20
+  parameter TIMEOUT_CLKS = 100000  // longest pause inside a request, < 2**20
 ) (
-    input  wire        clk_i,
-    input  wire        rst_ni,
+  input  wire        clk_i,
+  input  wire        rst_ni,
 
-    input  wire        rx_valid_i,
-    input  wire [ 7:0] rx_data_i,
-    input  wire        rx_error_i,
-    output wire        tx_valid_o,
-    input  wire        tx_ready_i,
-    output wire [ 7:0] tx_data_o,
+  input  wire        rx_valid_i,
+  input  wire [ 7:0] rx_data_i,
+  input  wire        rx_error_i,
+  output wire        tx_valid_o,
+  input  wire        tx_ready_i,
+  output wire [ 7:0] tx_data_o,
 
-    output wire [ 7:0] avm_address_o,
-    output wire        avm_read_o,
-    output wire        avm_write_o,
-    output wire [31:0] avm_writedata_o,
-    input  wire [31:0] avm_readdata_i,
-    input  wire        avm_readdatavalid_i,
-    input  wire        avm_writeresponsevalid_i,
-    input  wire [ 1:0] avm_response_i,
+  output wire [ 7:0] avm_address_o,
+  output wire        avm_read_o,
+  output wire        avm_write_o,
+  output wire [31:0] avm_writedata_o,
+  input  wire [31:0] avm_readdata_i,
+  input  wire        avm_readdatavalid_i,
+  input  wire        avm_writeresponsevalid_i,
+  input  wire [ 1:0] avm_response_i,
 
-    output wire        error_o
+  output wire        error_o
 );
 
   // A value that the widths here cannot hold ends the elaboration, with its name.
@@ -80,9 +80,9 @@ module serial_bridge #(
   wire [15:0] crc_next;
 
   crc16 u_crc (
-      .crc_i (crc_start),
-      .data_i(crc_byte),
-      .crc_o (crc_next)
+    .crc_i (crc_start),
+    .data_i(crc_byte),
+    .crc_o (crc_next)
   );
 
   // Collected request: op, address, four data bytes, two CRC bytes.

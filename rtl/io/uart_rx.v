@@ -8,14 +8,14 @@
 `default_nettype none
 
 module uart_rx #(
-    parameter CLKS_PER_BIT = 50  // 8 .. 65535
+  parameter CLKS_PER_BIT = 50  // 8 .. 65535
 ) (
-    input  wire       clk_i,
-    input  wire       rst_ni,
-    input  wire       rx_i,
-    output wire       valid_o,
-    output wire [7:0] data_o,
-    output wire       error_o
+  input  wire       clk_i,
+  input  wire       rst_ni,
+  input  wire       rx_i,
+  output wire       valid_o,
+  output wire [7:0] data_o,
+  output wire       error_o
 );
 
   // A value that the widths here cannot hold ends the elaboration, with its name.
@@ -31,10 +31,10 @@ module uart_rx #(
   wire line_n;
 
   cdc_sync u_rx (
-      .clk_i (clk_i),
-      .rst_ni(rst_ni),
-      .d_i   (!rx_i),
-      .q_o   (line_n)
+    .clk_i (clk_i),
+    .rst_ni(rst_ni),
+    .d_i   (!rx_i),
+    .q_o   (line_n)
   );
 
   wire       line = !line_n;

@@ -6,14 +6,14 @@
 `default_nettype none
 
 module uart_tx #(
-    parameter CLKS_PER_BIT = 50  // 8 .. 65535
+  parameter CLKS_PER_BIT = 50  // 8 .. 65535
 ) (
-    input  wire       clk_i,
-    input  wire       rst_ni,
-    input  wire       valid_i,
-    output wire       ready_o,
-    input  wire [7:0] data_i,
-    output wire       tx_o
+  input  wire       clk_i,
+  input  wire       rst_ni,
+  input  wire       valid_i,
+  output wire       ready_o,
+  input  wire [7:0] data_i,
+  output wire       tx_o
 );
 
   // A value that the widths here cannot hold ends the elaboration, with its name.

@@ -26,7 +26,7 @@ TASKS = {
         ("io/cdc_sync.v", "io/reset_sync.v", "io/reset_ctrl.v"), True, 4, 40, ""),
     "sequencer_f": (
         "step: valid 12 clocks after the strobe, ready after 26; with effects 16, 50",
-        ("core/rtds_sequencer.v", "core/rtds_ops.vh"), False, 8, 56, ""),
+        ("core/rtds_sequencer.v", "core/rtds_ops.vh", "fp/fp_clocks.vh"), False, 8, 56, ""),
     "spi_f": (
         "SPI: 12 pulses, 1 result a cycle of 80 clocks", ("io/ltc2308_spi.v", "io/ltc2308_spi_sck.v"), False, 4, 180,
         "blackbox ltc2308_spi_sck"),

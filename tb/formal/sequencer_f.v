@@ -22,8 +22,8 @@ module sequencer_f (
   localparam [6:0] ADD_Z0 = 7'b0000100;
 
   wire idle, ready, valid;
-  wire add_en_n;
-  wire [6:0] add_n;
+  wire add_en_d;
+  wire [6:0] add_d;
   reg [2:0] add_en = 3'b001;  // as in rtds_row
   reg [6:0] add = ADD_Z0;
   reg effects_q = 1'b0;  // from the clock after a start to the next
@@ -32,7 +32,7 @@ module sequencer_f (
 
   rtds_sequencer dut (
       .clk_i(clk), .rst_ni(rst_n), .clear_i(clear), .start_i(start), .refresh_i(refresh), .fx_on_i(fx_on), .effects_i(effects_q),
-      .hold_i(hold), .idle_o(idle), .ready_o(ready), .valid_o(valid), .add_en_n_o(add_en_n), .add_n_o(add_n)
+      .hold_i(hold), .idle_o(idle), .ready_o(ready), .valid_o(valid), .add_en_d_o(add_en_d), .add_d_o(add_d)
   );
 
   always @(posedge clk or negedge rst_n) begin
@@ -40,8 +40,8 @@ module sequencer_f (
       add_en <= 3'b001;
       add <= ADD_Z0;
     end else begin
-      add_en <= {add_en[1:0], add_en_n};
-      add <= add_n;
+      add_en <= {add_en[1:0], add_en_d};
+      add <= add_d;
     end
   end
 

@@ -1,11 +1,11 @@
 """`make pnr`: synthesis, place and route of the chip on an ECP5; frequency, longest paths by module, resources, budget.
 
-    python tb/pnr/pnr.py [--seeds 1 2 3 4 5 6 7 8] [--parallel 2] [--fresh]
+    python tb/pnr/pnr.py [--seeds 1 2 3 4 5 6 7 8] [--parallel 2] [--nice 15] [--fresh]
 
 Eight seeds by default: a placement scatters by some megahertz, so three of them prove little. A seed takes minutes of
-one core, and two run at a time, niced. What nextpnr said is kept in build/pnr, so that seeds may be run one after the
-other: a seed whose netlist and arguments have not changed is not run again. A seed that does not route is counted, and
-is the lowest when the median is taken. Status 1 when the budget is missed.
+one core, and two run at a time, niced, unless told otherwise. What nextpnr said is kept in build/pnr, so that seeds may
+be run one after the other: a seed whose netlist and arguments have not changed is not run again. A seed that does not
+route is counted, and is the lowest when the median is taken. Status 1 when the budget is missed.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from pathlib import Path
 import tomllib
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from common.own_registers import keep_commands
 from common.runner import ROOT, read_file_list
 
 HERE = Path(__file__).resolve().parent
@@ -78,9 +79,9 @@ def synthesise() -> str:
     shutil.copy(PRODUCT, folder / PRODUCT.name)
     # Without the last step of synth_ecp5, which gives cells names of far neighbours.
     script = (
-        f"read_verilog -DSYNTHESIS -Isrc {' '.join(names)}; hierarchy -top {TOP}; proc; flatten; opt_clean; wreduce; "
-        f"techmap -map src/{PRODUCT.name}; opt_clean; synth_ecp5 -top {TOP} -run begin:check; hierarchy -check; "
-        "blackbox =A:whitebox; write_json chip.json"
+        f"read_verilog -DSYNTHESIS -Isrc {' '.join(names)}; hierarchy -top {TOP}; proc; {keep_commands()}flatten; "
+        f"opt_clean; wreduce; techmap -map src/{PRODUCT.name}; opt_clean; synth_ecp5 -top {TOP} -run begin:check; "
+        "hierarchy -check; blackbox =A:whitebox; write_json chip.json"
     )
     digest = hashlib.sha256((script + inspect.getsource(promote_controls) + f"{RESET_FLOPS} {ENABLE_FLOPS}").encode())
     for path in sorted(folder.iterdir()):
@@ -327,12 +328,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS))
     parser.add_argument("--parallel", type=int, default=2, help="seeds at a time")
+    parser.add_argument("--nice", type=int, default=NICE, help="as low a priority as this")
     parser.add_argument("--fresh", action="store_true", help="run a seed even if its result is kept")
     options = parser.parse_args()
     budget = tomllib.loads((HERE / "budget.toml").read_text())
     try:
         WORK.mkdir(parents=True, exist_ok=True)
-        os.nice(max(0, NICE - os.nice(0)))
+        os.nice(max(0, options.nice - os.nice(0)))
         key = synthesise()
         with ThreadPoolExecutor(max_workers=options.parallel) as pool:
             results = list(pool.map(lambda seed: place_and_route(seed, key, budget, options.fresh), options.seeds))

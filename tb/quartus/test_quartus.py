@@ -9,6 +9,7 @@ import shutil
 import subprocess
 
 import pytest
+from common.own_registers import OWN_REGISTERS
 from common.runner import ROOT, headers, read_file_list
 
 from quartus import board_files as files
@@ -51,7 +52,7 @@ def pin_problems(ports, qsf, board):
     standards = {port: value for name, value, port in qsf.instances if name == "IO_STANDARD"}
     problems += [f"{port}: no pin" for port in ports if port not in placed]
     problems += [f"{port}: no I/O standard" for port in ports if standards.get(port) != "3.3-V LVTTL"]
-    names = [port for port, _ in qsf.pins] + [port for _, _, port in qsf.instances]
+    names = [port for port, _ in qsf.pins] + [port for name, _, port in qsf.instances if name != "DONT_MERGE_REGISTER"]
     problems += [f"{port}: no such port" for port in sorted(set(names) - set(ports))]
     used = [pin for _, pin in qsf.pins]
     problems += [f"{pin}: used {used.count(pin)} times" for pin in sorted(set(used)) if used.count(pin) > 1]
@@ -87,6 +88,44 @@ def test_a_wrong_pin_is_found(design, fault, finds):
     text = files.QSF.read_text()
     assert fault[0] in text
     assert finds in pin_problems(design.ports, files.read_qsf(text.replace(*fault)), files.board())
+
+
+def own_register_problems(registers, qsf):
+    """Registers that Quartus may join with those of other instances, and assignments for none."""
+    patterns = [place for name, value, place in qsf.instances if (name, value) == ("DONT_MERGE_REGISTER", "ON")]
+    wanted = {
+        register
+        for register in registers
+        for module, names in OWN_REGISTERS.items()
+        if re.search(rf"\b{module}:\w+(?:\[\d+\]\.\w+)?\|(?:{'|'.join(names)})(?:\[|$)", register)
+    }
+    found = {register for register in registers if any(files.matches(pattern, register) for pattern in patterns)}
+    idle = [pattern for pattern in patterns if not any(files.matches(pattern, register) for register in registers)]
+    problems = [f"{register}: may be joined" for register in sorted(wanted - found)]
+    problems += [f"{register}: is kept without need" for register in sorted(found - wanted)]
+    return problems + [f"{pattern}: no such register" for pattern in idle]
+
+
+def test_each_instance_keeps_its_own_control_registers(design, qsf):
+    assert own_register_problems(design.registers, qsf) == []
+    names = {register for names in OWN_REGISTERS.values() for register in names}
+    assert names <= {re.sub(r"\[\d+\]$", "", register.rsplit("|", 1)[1]) for register in design.registers}
+
+
+@pytest.mark.parametrize(
+    "fault, finds",
+    [
+        (("|mul_q[*]", "|mull_q[*]"), "*|rtds_row:*|mull_q[*]: no such register"),
+        (("*|rtds_motor:*|ahead_q", "*|rtds_row:*|p_q[*]"), "may be joined"),
+        (("|save_lo_q", "|lo_q[*]"), "is kept without need"),
+    ],
+)
+def test_a_register_that_may_be_joined_is_found(design, fault, finds):
+    text = files.QSF.read_text()
+    assert text.count(fault[0]) == 1
+    assert any(
+        finds in problem for problem in own_register_problems(design.registers, files.read_qsf(text.replace(*fault)))
+    )
 
 
 # What Quartus Prime 20 to 23 leaves behind: the lines it adds at a first compilation, and how it writes those it knows.
@@ -392,7 +431,7 @@ def test_no_register_hears_of_anothers_reset(gated):
     [
         (
             "rtds_report.v",
-            ("assign idle_o = gated_idle || held_i;", "assign idle_o = idle_i || held_i;"),
+            ("assign idle_o  = idle_gated || held_i;", "assign idle_o  = idle_i || held_i;"),
             "u_regs.take_q",
         ),
         ("rtds_regs.v", ("readdata_d = observed_word_q;", "readdata_d = codes_i[31:0];"), "u_regs.readdata_q"),

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from common.own_registers import keep_commands
 from common.runner import ROOT, read_file_list
 
 from rtds_host.compat import tomllib
@@ -56,7 +57,11 @@ def synthesise(names: list[str]) -> dict:
         " opt_clean; tee -q -o check.txt check; tee -q -o latches.txt select -count t:$dlatch t:$adlatch t:$dlatchsr",
         "check.log",
     )
-    yosys(f"{read}; synth_intel_alm -family cyclonev -top {TOP}; tee -q -o stat.json stat -json", "synth.log")
+    yosys(
+        f"{read}; read_verilog -lib +/intel_alm/common/megafunction_bb.v; hierarchy -top {TOP}; proc; {keep_commands()}"
+        f"synth_intel_alm -family cyclonev -top {TOP}; tee -q -o stat.json stat -json",
+        "synth.log",
+    )
     return json.loads((WORK / "stat.json").read_text())["modules"][f"\\{TOP}"]["num_cells_by_type"]
 
 

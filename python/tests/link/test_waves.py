@@ -99,7 +99,7 @@ def test_a_window_holds_its_steps_and_every_clock_of_them(everything):
 def test_all_signals_of_the_core_are_there_with_the_operators_in_it(everything):
     names = changes(everything)
     assert len(names) > 500
-    assert any(".u_left.u_electrical.u_mul." in name for name in names)
+    assert any(".g_side[0].u_motor.u_electrical.u_mul." in name for name in names)
 
 
 def test_a_file_ends_at_its_size_and_says_where(tmp_path):
