@@ -82,6 +82,8 @@ module rtds_core #(
   localparam integer SET_MOTOR_L = SETTINGS_DELAY;
   localparam integer SET_MOTOR_R = SET_MOTOR_L + MOTOR_BITS;
   localparam integer SET_BITS    = SET_MOTOR_R + MOTOR_BITS;
+  localparam integer PART_BITS   = 32;  // compared at once
+  localparam integer SET_PARTS   = (SET_BITS + PART_BITS - 1) / PART_BITS;
 
   wire [SET_BITS-1:0] set_in;
 
@@ -94,7 +96,7 @@ module rtds_core #(
   assign set_in[SET_MOTOR_R+:MOTOR_BITS] = settings_i[SETTINGS_FX_OWN] ? motor_r_i : {MOTOR_BITS{1'b0}};
 
   reg   [SET_BITS-1:0] given_q;    // what there was in the last clock
-  reg                  differs_q;  // and that it is not the last set read
+  reg [SET_PARTS-1:0]  differs_q;  // and which parts of it are not those of the last set read
   reg                  accept_q;
   reg   [SET_BITS-1:0] set_q;      // the last set read, from the second clock after the strobe on
   reg                  seen_q;     // there was one
@@ -116,22 +118,33 @@ module rtds_core #(
   wire refresh = commit & ~fault;
 
   // The strobe comes late in its clock: it chooses among so many bits in the next one.
-  wire start   = accept_q & (~seen_q | differs_q);
+  wire start   = accept_q & (~seen_q | (|differs_q));
 
   // In the clock of `start` a step has just begun: nothing else starts in it.
   assign param_pending = again_q | param_busy | param_done | waiting_q;
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin
-      given_q   <= {SET_BITS{1'b0}};
-      differs_q <= 1'b0;
-      accept_q  <= 1'b0;
+      given_q  <= {SET_BITS{1'b0}};
+      accept_q <= 1'b0;
     end else begin
-      given_q   <= set_in;
-      differs_q <= set_in != set_q;
-      accept_q  <= accept;
+      given_q  <= set_in;
+      accept_q <= accept;
     end
   end
+
+  genvar part;
+  generate
+    for (part = 0; part < SET_PARTS; part = part + 1) begin : g_part
+      localparam integer FIRST = PART_BITS * part;
+      localparam integer BITS  = (part == SET_PARTS - 1) ? SET_BITS - FIRST : PART_BITS;
+
+      always @(posedge clk_i or negedge rst_ni) begin
+        if (!rst_ni) differs_q[part] <= 1'b0;
+        else differs_q[part] <= set_in[FIRST+:BITS] != set_q[FIRST+:BITS];
+      end
+    end
+  endgenerate
 
   always @(posedge clk_i or negedge rst_ni) begin
     if (!rst_ni) begin

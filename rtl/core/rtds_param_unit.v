@@ -29,12 +29,17 @@ module rtds_param_unit (
   `include "fp_clocks.vh"
   `include "rtds_core_records.vh"
 
-  wire [31:0] r  = motor_i[MOTOR_R+:32];
-  wire [31:0] l  = motor_i[MOTOR_L+:32];
-  wire [31:0] km = motor_i[MOTOR_KM+:32];
-  wire [31:0] kb = motor_i[MOTOR_KB+:32];
-  wire [31:0] j  = motor_i[MOTOR_J+:32];
-  wire [31:0] b  = motor_i[MOTOR_B+:32];
+  // Which motor it is was chosen far away: what is computed comes from registers here. The first operation needs none of it.
+  reg [MOTOR_BITS-1:0] motor_q;
+
+  always @(posedge clk_i) motor_q <= motor_i;
+
+  wire [31:0] r  = motor_q[MOTOR_R+:32];
+  wire [31:0] l  = motor_q[MOTOR_L+:32];
+  wire [31:0] km = motor_q[MOTOR_KM+:32];
+  wire [31:0] kb = motor_q[MOTOR_KB+:32];
+  wire [31:0] j  = motor_q[MOTOR_J+:32];
+  wire [31:0] b  = motor_q[MOTOR_B+:32];
 
   localparam [31:0] ONE  = 32'h3F80_0000;
   localparam [31:0] HALF = 32'h3F00_0000;

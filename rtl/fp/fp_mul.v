@@ -32,18 +32,22 @@ module fp_mul (
   reg        sign1_q;
   reg [23:0] a1_q;
   reg [23:0] b1_q;
+  reg        a_small1_q;  // a is subnormal or zero; a1_q[23] says so, too, but is drawn to the product's blocks
+  reg        b_small1_q;
   reg  [9:0] exp1_q;
   reg        a_max1_q;
   reg        b_max1_q;
 
   always @(posedge clk_i) begin
     if (en_i[0]) begin
-      sign1_q  <= a_i[31] ^ b_i[31];
-      a1_q     <= {|a_i[30:23], a_i[22:0]};
-      b1_q     <= {|b_i[30:23], b_i[22:0]};
-      exp1_q   <= exponent(a_i[30:23], b_i[30:23]);
-      a_max1_q <= &a_i[30:23];
-      b_max1_q <= &b_i[30:23];
+      sign1_q    <= a_i[31] ^ b_i[31];
+      a1_q       <= {|a_i[30:23], a_i[22:0]};
+      b1_q       <= {|b_i[30:23], b_i[22:0]};
+      a_small1_q <= ~(|a_i[30:23]);
+      b_small1_q <= ~(|b_i[30:23]);
+      exp1_q     <= exponent(a_i[30:23], b_i[30:23]);
+      a_max1_q   <= &a_i[30:23];
+      b_max1_q   <= &b_i[30:23];
     end
   end
 
@@ -61,9 +65,11 @@ module fp_mul (
   // Fraction of the subnormal factor, its upper end a one if there is none. Of two subnormals the product is far below the
   // smallest one: the leading zeros of one are enough.
   function automatic [23:0] subnormal;
-    input [23:0] a;
-    input [23:0] b;
-    subnormal = {a[23] & b[23], a[23] ? b[22:0] : a[22:0]};
+    input [22:0] a;
+    input [22:0] b;
+    input        a_small;
+    input        b_small;
+    subnormal = {~a_small & ~b_small, a_small ? a : b};
   endfunction
 
   // {right shift of {product, 24 zeros}: 24 less the left shift, 1 to 56;
@@ -96,11 +102,12 @@ module fp_mul (
 
   always @(posedge clk_i) begin
     if (en_i[1]) begin
-      sign2_q           <= sign1_q;
-      product2_q        <= a1_q * b1_q;
-      {right2_q, exp2_q} <= place(subnormal(a1_q, b1_q), exp1_q, ~(|a1_q) | ~(|b1_q));
-      nan2_q            <= is_nan(a1_q, b1_q, a_max1_q, b_max1_q);
-      inf2_q            <= a_max1_q | b_max1_q;
+      sign2_q            <= sign1_q;
+      product2_q         <= a1_q * b1_q;
+      {right2_q, exp2_q} <= place(subnormal(a1_q[22:0], b1_q[22:0], a_small1_q, b_small1_q), exp1_q,
+                                  ~(|a1_q) | ~(|b1_q));
+      nan2_q             <= is_nan(a1_q, b1_q, a_max1_q, b_max1_q);
+      inf2_q             <= a_max1_q | b_max1_q;
     end
   end
 
