@@ -69,7 +69,7 @@ def diagnose(
     from rtds_host.diagnosis.batch import refuse_case, write_result
     from rtds_host.diagnosis.diagnose import diagnose as diagnose_case
     from rtds_host.diagnosis.report import report_page, validate
-    from rtds_host.spread import cores
+    from rtds_host.workers import cores
 
     if out is not None:
         check_writable(Path(out))
@@ -223,7 +223,7 @@ def close(
     from rtds_host.correction.close import close as close_case
     from rtds_host.correction.simulate import Setting
     from rtds_host.diagnosis.predict import read_diagnosis
-    from rtds_host.spread import cores
+    from rtds_host.workers import cores
 
     read = _case(case)
     given: dict[str, Any] | None = None
@@ -296,7 +296,7 @@ def export(diagnosis: Path_, to: str, *, robot: Robot | Path_ | None = None, out
     Parameters
     ----------
     diagnosis : path of a `diagnosis.json`. to : "mjcf", "urdf", "sdf", "usd-json" or "python".
-    robot : nominal robot as read, or its `robot.toml`; by default the one of the case beside the diagnosis.
+    robot : nominal robot as read, or its `robot.toml`; by default the one of the case next to the diagnosis.
     out : file for the text; nothing is written without it.
 
     Returns

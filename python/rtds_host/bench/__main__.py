@@ -1,4 +1,4 @@
-"""`python -m rtds_host.bench`: prints the speed of the links beside what they aim at."""
+"""`python -m rtds_host.bench`: prints the speed of the links next to what they aim at."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The present state of the loop beside an earlier one: the same loops in turn, ratios of each pair."""
+"""The present state of the loop next to an earlier one: the same loops in turn, ratios of each pair."""
 
 from __future__ import annotations
 

@@ -35,8 +35,8 @@ from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.diagnose import diagnose, taken
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.problem import Problem, RunData
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
 from rtds_host.errors import InputError, RtdsError
 from rtds_host.export import mjcf
 from rtds_host.export.dcmotor import BRISTLE_SWING, COPPER_PER_K
@@ -44,7 +44,7 @@ from rtds_host.export.figures import figures_of
 
 # s; a step of a robot with contacts, the longest and shortest of an axis.
 ROBOT_STEP_S, LONGEST_STEP_S, SHORTEST_STEP_S = 2e-3, 1e-3, 2.5e-4
-# Relative bounds of the nominal constants beside named effects.
+# Relative bounds of the nominal constants next to named effects.
 REFIT = 0.2
 # Shares of the largest torque that friction starts with; the better of both after a few steps goes on.
 STARTS, FIRST_STEPS = (0.01, 0.1), 4

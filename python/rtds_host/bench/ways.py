@@ -12,13 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rtds_host.bench.measure import DRY, STEP_S, measure_rtl, set_burger
+from rtds_host.cleanup import temporary_folder
 from rtds_host.errors import RtdsError
 from rtds_host.link import Link, open_link
 from rtds_host.link.protocol import EXCHANGE, HEADER
 from rtds_host.native.library import SOURCES, NativeLink, compile_shared
 from rtds_host.native.serve import EXCHANGE_PAYLOAD, HELLO_PAYLOAD, listener, serve_runs
 from rtds_host.native.words import MotorUnits, motor_units
-from rtds_host.remains import temporary_folder
 
 # Steps of an exchange: an engine's step of 32 ms, one of 1 ms, and the motors' own.
 EXCHANGES = (3200, 100, 1)

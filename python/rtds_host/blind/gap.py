@@ -9,7 +9,7 @@ import numpy as np
 SAMPLED = ("i_l", "i_r", "w_l", "w_r", "gyro_z")
 
 
-def moves(
+def displacements(
     t: np.ndarray, columns: Mapping[str, np.ndarray], names: tuple[str, ...], heading: np.ndarray | None
 ) -> dict[str, np.ndarray]:
     """How far channels move in each complete consecutive window of 1 s.
@@ -75,8 +75,8 @@ def channel_gaps(
         return gaps
     # A single axis has no heading, and nothing that one would turn.
     own = measured["yaw"] if "yaw" in measured and np.isfinite(measured["yaw"]).any() else replayed.get("yaw")
-    seen = moves(t, measured, tuple(wanted), own)
-    made = moves(t, replayed, tuple(wanted), replayed.get("yaw"))
+    seen = displacements(t, measured, tuple(wanted), own)
+    made = displacements(t, replayed, tuple(wanted), replayed.get("yaw"))
     for name in wanted:
         error = seen[name] - made[name]
         error = error[np.isfinite(error)]

@@ -22,7 +22,7 @@ import numpy as np
 
 from rtds_host.blind import machines, planar
 from rtds_host.blind.accounts import COUNTED, Drive, close_loop, draw_names, possible
-from rtds_host.blind.gap import SAMPLED, moves
+from rtds_host.blind.gap import SAMPLED, displacements
 from rtds_host.blind.kernel import SIDE_NAMES, WORLD_NAMES
 from rtds_host.blind.scales import Scale, draw_sized, scale_of
 from rtds_host.blind.vocabulary import log_uniform
@@ -270,7 +270,7 @@ def residual(
         ways = [name for name in names if name in ("x", "y", "yaw")]
         ways += [name for name in names if name[:3] == "th_" and f"w_{name[-1]}" not in names]
         if ways:
-            seen, made = (moves(drive.t, run, tuple(ways), run.get("yaw")) for run in (a, b))
+            seen, made = (displacements(drive.t, run, tuple(ways), run.get("yaw")) for run in (a, b))
             for name in ways:
                 error = (made[name] - seen[name]) / (noise[name] * math.sqrt(2.0))
                 if np.isfinite(error).any():

@@ -15,8 +15,8 @@ import numpy as np
 
 from rtds_host.blind.scales import GRAVITY_M_S2, Scale, scale_of
 from rtds_host.blind.vocabulary import EFFECTS, log_uniform
+from rtds_host.cleanup import temporary_folder
 from rtds_host.contract import load_robot
-from rtds_host.remains import temporary_folder
 
 # Ranges of robots: kg, wheel radius m, track m, gear, supply V, top speed m/s, acceleration at stall m/s2, rotors'
 # share of the inertia that the motors move (as mass at the rim over half of the robot's), rate of the log Hz, run s.

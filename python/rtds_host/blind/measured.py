@@ -24,6 +24,7 @@ from rtds_host.blind.plants import Plant, kinds
 from rtds_host.blind.score import pooled, predicted, share
 from rtds_host.blind.seal import lock, open_truths, publish, refuse_again, what_was_drawn
 from rtds_host.blind.vocabulary import EFFECTS
+from rtds_host.cleanup import temporary_folder
 from rtds_host.compat import tomllib
 from rtds_host.contract import (
     Case,
@@ -38,7 +39,6 @@ from rtds_host.contract import (
     write_run,
 )
 from rtds_host.errors import InputError
-from rtds_host.remains import temporary_folder
 from rtds_host.vectors import given
 
 KIND = "measured"
@@ -75,7 +75,7 @@ def _write_run(run: RunLog, plant: Plant | None, folder: Path) -> None:
 
 
 def _write_case(case: Case, plant: Plant | None, withheld: set[str], public: Path, sealed: Path) -> None:
-    """A case as planted: what the diagnoser may see, and the withheld runs beside the truth."""
+    """A case as planted: what the diagnoser may see, and the withheld runs next to the truth."""
     data = tomllib.loads((given(case.path, "case.path") / "robot.toml").read_text())
     for (section, key), value in (plant.declared if plant is not None else {}).items():
         data.setdefault(section, {})[key] = value
@@ -95,7 +95,7 @@ def make_measured(
     Parameters
     ----------
     out : folder of the check. cases : case folders of measured data, each a data set; their names must differ.
-    draws : planted cases a data set (default 20), beside one that is left as it was.
+    draws : planted cases a data set (default 20), next to one that is left as it was.
     seed : default drawn from the system; kept with the sealed truth. progress : called with (done, count).
 
     Returns

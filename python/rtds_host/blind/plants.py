@@ -48,7 +48,7 @@ class Equivalent:
         return self.parameter == "ratio"
 
     def to_json(self) -> dict:
-        """As it stands in a sealed truth."""
+        """As it is in a sealed truth."""
         return {
             "id": self.effect,
             "subsystem": EFFECTS[self.effect][0],

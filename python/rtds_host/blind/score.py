@@ -22,10 +22,10 @@ from rtds_host.blind.gap import channel_gaps, total
 from rtds_host.blind.planar import noises, nominal_machine, replay_gap
 from rtds_host.blind.seal import check_truths, hash_file, open_truths, what_was_drawn
 from rtds_host.blind.vocabulary import EFFECTS
+from rtds_host.cleanup import run_supervised, temporary_folder
 from rtds_host.contract import load_robot, read_run, write_atomic
 from rtds_host.errors import InputError
 from rtds_host.figures import name_ticks, save
-from rtds_host.remains import run_guarded, temporary_folder
 
 VISIBLE_SIGMA = 5.0  # smaller effects are reported apart
 ASKED_GAP = 1.5  # an effect whose absence leaves less is not asked for
@@ -68,7 +68,7 @@ def predicted(run: Path, robot: Path, diagnosis: Path, command: list[str] | None
     """A run replayed with a diagnosis by the program's own `rtds predict`: column -> (n,), or its last complaint."""
     with temporary_folder() as scratch:
         target = scratch / "pred.csv"
-        done = run_guarded(
+        done = run_supervised(
             [
                 *(command or predict_command()),
                 str(run),
@@ -154,7 +154,7 @@ def _parameters(truth: dict, blamed: dict) -> list[dict]:
     return out
 
 
-def said_of_rest(answer: dict) -> str | None:
+def said_of_residual(answer: dict) -> str | None:
     """Subsystem in which an answer places what it has no name for.
 
     Schema 2 says so (`gap.rest`, or else the largest placed rest of the budget); schema 1 only by the place that it
@@ -238,8 +238,8 @@ def judge(truth: dict, answer: dict | None, entry: dict) -> dict:
             + [[form["id"], form["side"], bool(said & set(form["names"]))] for form in forms if form["matters"]],
             "named": [[*b, b not in false] for b in blamed],
             "rest": rest and rest["id"],
-            "rest_said": said_of_rest(answer),
-            "rest_right": said_of_rest(answer) == rest["subsystem"]
+            "rest_said": said_of_residual(answer),
+            "rest_right": said_of_residual(answer) == rest["subsystem"]
             if rest and rest["gap_without"] >= REST_GAP
             else None,
             "closable": closable(truth),
@@ -278,7 +278,7 @@ def closable(truth: dict) -> float | None:
     return share_closed(gaps["before"], gaps["known"]) if gaps else None
 
 
-# Beside the page of figures.
+# Next to the page of figures.
 PICTURES = ("confusion.png", "calibration.png")
 FIGURES = (
     ("verdict_right", "verdict right"),

@@ -3,7 +3,7 @@
 Folder of one check::
 
     OUT/public/case-001/…        what a diagnoser may see (contract cases)
-    OUT/public/SEALS.json        salted SHA-256 of every truth, published beside the cases before any diagnosis
+    OUT/public/SEALS.json        salted SHA-256 of every truth, published next to the cases before any diagnosis
     OUT/sealed/case-001/truth.json, held-out/…   the truth with its salt, and runs that no diagnoser sees
     OUT/answers/case-001/diagnosis.json          what the diagnoser said
     OUT/answers/LEDGER.jsonl     one line an answer: its SHA-256, its time, and the hash of the line before
@@ -29,10 +29,10 @@ from pathlib import Path
 import numpy as np
 
 from rtds_host.blind.cases import KINDS, TIERS, WORLDS, draw_spec, make_case
+from rtds_host.cleanup import run_supervised, temporary_folder
 from rtds_host.contract import write_atomic
 from rtds_host.errors import InputError
-from rtds_host.remains import run_guarded, temporary_folder
-from rtds_host.spread import cores, on_cluster, on_threads, process_pool
+from rtds_host.workers import cores, on_cluster, on_threads, process_pool
 
 SEALS_SCHEMA = "rtds-blind-seals/1"
 # Share of the cases a tier gets in a mixed check: one for everyone (60 cases), one for figures (310 cases, so that
@@ -294,7 +294,7 @@ def _ask(
         target = scratch / "answer"
         begin = time.monotonic()
         try:
-            done = run_guarded([*command, str(place), "--out", str(target)], timeout_s, scratch)
+            done = run_supervised([*command, str(place), "--out", str(target)], timeout_s, scratch)
             status, said = done.returncode, (done.stderr.strip().splitlines() or [""])[-1]
         except subprocess.TimeoutExpired:
             status, said = -1, f"no answer within {timeout_s:g} s"

@@ -22,16 +22,16 @@ from pathlib import Path
 from rtds_host.blind.hard import with_noise
 from rtds_host.blind.score import ASKED_GAP, LARGEST_SET, wilson
 from rtds_host.blind.seal import diagnoser_command
+from rtds_host.cleanup import run_supervised, temporary_folder
 from rtds_host.errors import InputError
-from rtds_host.remains import run_guarded, temporary_folder
 
 LEFT_GAP = 2.0
 NOISE = (1 / 3, 0.5, 2.0, 3.0)
 
-Member = tuple[str, str]
+Cause = tuple[str, str]
 
 
-def named(answer: dict, least: float = 0.0) -> set[Member]:
+def named(answer: dict, least: float = 0.0) -> set[Cause]:
     """Effects that an answer names, those whose absence leaves a gap of `least` or more."""
     # An effect without that figure was named for another reason, so it counts.
     return {
@@ -41,7 +41,7 @@ def named(answer: dict, least: float = 0.0) -> set[Member]:
     }
 
 
-def said(answer: dict) -> set[Member]:
+def said(answer: dict) -> set[Cause]:
     """Effects that an answer names, and those of small declared sets with a named one."""
     names = named(answer)
     sets = [{(member["id"], member["side"]) for member in group} for group in answer["indistinguishable"]]
@@ -90,7 +90,7 @@ def answered(case: Path, change, out: Path, command: list[str], timeout_s: float
     kept = out / "diagnosis.json"
     if not kept.is_file():
         with temporary_folder() as scratch:
-            run_guarded([*command, str(change(case, scratch / "case")), "--out", str(out)], timeout_s, scratch)
+            run_supervised([*command, str(change(case, scratch / "case")), "--out", str(out)], timeout_s, scratch)
     return json.loads(kept.read_text()) if kept.is_file() else None
 
 

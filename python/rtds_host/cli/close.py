@@ -70,7 +70,7 @@ def close(
     from rtds_host.correction.simulate import Setting
     from rtds_host.errors import InputError, did_you_mean
     from rtds_host.robot import check_engine, default_engine
-    from rtds_host.spread import cores
+    from rtds_host.workers import cores
 
     if link not in LINKS:
         raise InputError(f"--link {link}: unknown (known: {', '.join(LINKS)}){did_you_mean(link, LINKS)}")

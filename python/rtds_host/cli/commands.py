@@ -17,7 +17,7 @@ from typer.exceptions import TyperException
 from rtds_host import __version__
 from rtds_host.errors import InputError, RtdsError, brief, did_you_mean, said_of_file, visible
 
-# Sub-command -> what it does. Each stands in the module rtds_host.cli.<name> as the Typer app `app`.
+# Sub-command -> what it does. Each is in the module rtds_host.cli.<name> as the Typer app `app`.
 COMMANDS = {
     "demo": "Diagnose example bags that come with the package.",
     "run": "Drive a scenario with the motors in RTL (or the bit-exact model) and write a run folder.",
@@ -126,7 +126,7 @@ def main() -> None:
         # Nobody foresaw it. Python's own status 1 would say that other cases are complete.
         if os.environ.get("RTDS_TRACEBACK"):
             raise
-        from rtds_host.spread import one_line
+        from rtds_host.workers import one_line
 
         print(f"rtds: {visible(one_line(error))} (RTDS_TRACEBACK=1 shows more)", file=sys.stderr)
         status = 2

@@ -24,7 +24,7 @@ def effects(
     from rtds_host.contract.robot import builtin_robot
     from rtds_host.correction.translate import PLACE_NAMES
     from rtds_host.diagnosis.effects import CATALOGUE
-    from rtds_host.diagnosis.machine import machine_of
+    from rtds_host.diagnosis.scales import scales_of
     from rtds_host.errors import InputError, did_you_mean
 
     console = Console()
@@ -53,7 +53,7 @@ def effects(
         raise InputError(
             f"effect {name!r}: not in the catalogue (`rtds effects` lists it){did_you_mean(name, CATALOGUE)}"
         )
-    effect = CATALOGUE[name].on(machine_of(builtin_robot("burger")))
+    effect = CATALOGUE[name].on(scales_of(builtin_robot("burger")))
     lines = [
         f"{effect.id}: {effect.subsystem}, {' or '.join(effect.sides)}",
         f"  {effect.equation}",

@@ -29,10 +29,10 @@ class _Said:
 
     def parts(self, parts) -> None:
         """How each effect is in the target."""
-        from rtds_host.export.table import LOST
+        from rtds_host.export.table import LEFT_OUT
 
         for part in parts:
-            word = "left out" if part.kind == LOST else part.kind
+            word = "left out" if part.kind == LEFT_OUT else part.kind
             self.line(f"  {word:<9} {part.text}")
             self.line(f"            {part.where}")
         self.content["effects"] = [
@@ -40,7 +40,7 @@ class _Said:
                 "id": part.effect,
                 "side": part.side,
                 "parameters": part.values,
-                "kind": "left out" if part.kind == LOST else part.kind,
+                "kind": "left out" if part.kind == LEFT_OUT else part.kind,
                 "where": part.where,
             }
             for part in parts

@@ -10,7 +10,7 @@ SAID = "rtds: compiling the replay, once, about a minute"
 
 
 def is_compiled(package: Path, elsewhere: str | None = None) -> bool:
-    """Whether compiled functions of the replay are kept, beside its source or in the folder of NUMBA_CACHE_DIR."""
+    """Whether compiled functions of the replay are kept, next to its source or in the folder of NUMBA_CACHE_DIR."""
     places = [package / "__pycache__", *([Path(elsewhere)] if elsewhere else [])]
     return any(place.is_dir() and next(place.rglob("*.nbi"), None) is not None for place in places)
 

@@ -300,7 +300,7 @@ def run(
                 write_outcome(outcome, target, figure, form)
                 summaries = [(outcome.summary, target)]
             else:
-                # A case whole or not at all: robot.toml beside the runs.
+                # A case whole or not at all: robot.toml next to the runs.
                 summaries = []
                 with staged_folder(target) as scratch:
                     (scratch / "robot.toml").write_bytes(plans[0].robot_path.read_bytes())
@@ -316,7 +316,7 @@ def run(
 
 
 def _tell(console: Console, summaries: list[tuple[Summary, Path]], mcap: bool, as_json: bool) -> None:
-    """Print what became of the runs, with recordings beside them where they are asked for."""
+    """Print what became of the runs, with recordings next to them where they are asked for."""
     for summary, place in summaries:
         if mcap:
             from rtds_host.importers import write_mcap

@@ -19,7 +19,7 @@ PER_SECOND = {
 
 
 def moment(t: float) -> str:
-    """A time of a log's clock, s, as it stands in the log, so that it can be searched for there: no exponent,
+    """A time of a log's clock, s, as it is in the log, so that it can be searched for there: no exponent,
     to 1 µs.
     """
     # A Unix time in binary64 has no more digits.

@@ -9,8 +9,8 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from rtds_host.cleanup import new_file, new_folder
 from rtds_host.errors import OutputError
-from rtds_host.remains import new_file, new_folder
 
 
 def _reason(error: OSError) -> str:
@@ -20,12 +20,12 @@ def _reason(error: OSError) -> str:
 
 
 def _scratch_place(target: Path) -> Path:
-    """Where a scratch folder can be moved from: beside the target, or inside where it is a mount or its parent
+    """Where a scratch folder can be moved from: next to the target, or inside where it is a mount or its parent
     is shut.
     """
     if target.is_dir():
-        beside = os.access(target.parent, os.W_OK | os.X_OK) and target.parent.stat().st_dev == target.stat().st_dev
-        return target.parent if beside else target
+        sibling = os.access(target.parent, os.W_OK | os.X_OK) and target.parent.stat().st_dev == target.stat().st_dev
+        return target.parent if sibling else target
     return target.parent
 
 

@@ -261,7 +261,7 @@ def _is_number(text: str) -> bool:
 
 @dataclass
 class _Table:
-    """What stands in a log: the contract's columns, name -> (n,); names it does not have; rows of the file; notices;
+    """What is in a log: the contract's columns, name -> (n,); names it does not have; rows of the file; notices;
     whether the last row was cut, so that it is to be checked as far as it goes and then set aside."""
 
     columns: dict[str, np.ndarray]

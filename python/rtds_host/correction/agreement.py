@@ -22,9 +22,9 @@ from rtds_host.contract import Case, Robot, RunLog, RunMeta, builtin_robot, writ
 from rtds_host.correction.close import FINE_STEP_S, distance
 from rtds_host.correction.simulate import Setting, simulate
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
-from rtds_host.diagnosis.machine import machine_of
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
+from rtds_host.diagnosis.scales import scales_of
 from rtds_host.errors import InputError, RtdsError, did_you_mean
 from rtds_host.robot import default_engine
 
@@ -87,7 +87,7 @@ def values_of(effect: str) -> dict[str, float]:
     given = CATALOGUE[effect].compared_at
     return {
         p.name: given.get(p.name, p.starts[len(p.starts) // 2])
-        for p in CATALOGUE[effect].on(machine_of(builtin_robot("burger"))).parameters
+        for p in CATALOGUE[effect].on(scales_of(builtin_robot("burger"))).parameters
     }
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rtds_host.cleanup import temporary_folder
 from rtds_host.contract import Case, Robot, RunLog, places_of_case, read_writable_case, refuse_inputs, staged_folder
 from rtds_host.contract.runlog import read_object
 from rtds_host.correction.correction import Correction
@@ -20,10 +21,9 @@ from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.predict import on_its_clock, read_diagnosis
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError, did_you_mean
-from rtds_host.remains import temporary_folder
 
 SCHEMA = "rtds-close/1"
 # A replay so fine that its own step does not count.

@@ -97,14 +97,14 @@ class GearValues:
 @dataclass(frozen=True)
 class SensorValues:
     """How what is reported differs from what is; two-vectors [left, right], SI. `encoder_at_wheel`: 1 where w and th
-    are measured behind free play and springs, 0 before them. `forms` (2, MOST, WIDTH) are added to readings, see
+    are measured behind free play and springs, 0 before them. `forms` (2, MOST_FORMS, WIDTH) are added to readings, see
     `rtds_host.plant.forms.reads`."""
 
     speed_gain: tuple[float, float] = (1.0, 1.0)
     current_gain: tuple[float, float] = (1.0, 1.0)
     current_bias_a: tuple[float, float] = (0.0, 0.0)
     speed_filter_s: tuple[float, float] = (0.0, 0.0)
-    speed_late_s: tuple[float, float] = (0.0, 0.0)
+    speed_delay_s: tuple[float, float] = (0.0, 0.0)
     gyro_gain: float = 1.0
     gyro_bias_rad_s: float = 0.0
     delay_s: float = 0.0
@@ -119,8 +119,8 @@ class Correction:
     `units` and `supply` go to the link, `body` into the physics engine, `gears` and `scrub_nm` into the layer between
     them, `sensors` into the signal path. `bus_measured`: the bus follows the log's `v_bus` (a replay only).
     `loaded_motors`: those of units with a part of the body's inertia (`rtds_host.robot.split`), None of the others.
-    `forms` (2, MOST, WIDTH): terms that no table of a unit holds, which act between units and engine; `start_angles`:
-    rad, wheel angles [left, right] as the run begins, which these terms may run over.
+    `forms` (2, MOST_FORMS, WIDTH): terms that no table of a unit holds, which act between units and engine;
+    `start_angles`: rad, wheel angles [left, right] as the run begins, which these terms may run over.
     """
 
     units: tuple[UnitEffects, UnitEffects]

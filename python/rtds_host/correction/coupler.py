@@ -62,7 +62,7 @@ class Coupler:
     correction : what differs from the nominal robot; None: nothing.
     exchange_steps : engine steps between two exchanges of torques.
     foretell : give the motors the torque of the coming exchange, foretold; without it, that of the one before.
-    reflected_kg_m2 : without a correction, the inertia at each wheel that the link's motors carry for the body beside
+    reflected_kg_m2 : without a correction, the inertia at each wheel that the link's motors carry for the body next to
     their
         rotor (`rtds_host.robot.split`); a correction says so itself.
 
@@ -216,7 +216,7 @@ class Coupler:
             brake = self.disturbance - acting.drive + np.where(self.known == layer.DRIVEN, 0.0, self.owed)
             state = self.state.copy()
             # A given rotor's speed is found to rounding; one that friction holds must be seen to stand, or what is owed
-            # to it is counted as moving a rotor that is light beside the body.
+            # to it is counted as moving a rotor that is light against the body.
             state[(self.reflected > 0.0) & (self.speed == 0.0), layer.ROTOR] = 0.0
             torque, spin = layer.roll(
                 LAYER_S,

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from rtds_host.contract import Case
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.figures import STYLE, caption, save
 
 if TYPE_CHECKING:

@@ -146,7 +146,8 @@ def _inverse(command: Curve | None, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def needs_command(rows: np.ndarray) -> float:
-    """The largest voltage, V, by which forms of a side (MOST, WIDTH) move a command beyond the supply; 0 for none."""
+    """The largest voltage, V, by which forms of a side (MOST_FORMS, WIDTH) move a command beyond the supply; 0 for
+    none."""
     mine = rows[rows[:, forms.TERM] == _CODE["voltage"]]
     return float(np.abs(mine[:, forms.VALUES :]).max()) if len(mine) else 0.0
 

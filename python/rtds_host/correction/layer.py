@@ -5,7 +5,7 @@ against the yaw rate have no place in it, and fed back an exchange late they wou
 the wheels and the body as the engine has them: its inertia at the wheels M is known, and what else it answered with
 (the slope's pull, the centre of mass's) is E = torque - M acceleration, which changes slowly.
 
-The same kernel is used twice an exchange. *Before*, with the motors' equations beside it, it foretells the mean torque
+The same kernel is used twice an exchange. *Before*, with the motors' equations next to it, it foretells the mean torque
 that will load each motor, so that a motor unit hears of its load in the exchange it acts in. *After*, with what the
 rotors did as the link gave it, it finds what the wheels did. What was foretold wrongly is made good in the next
 exchange: no angular momentum is lost. A rotor behind a rigid gear is taken at its word; one behind a spring or in

@@ -192,8 +192,8 @@ def _blocks(log: RunLog, robot: Robot, model: Model, k: int, tops: dict[str, flo
             by_block[block]["voltage against command"] = columns
     if "voltage against current" in kinds:
         nodes = np.linspace(-tops["amperes"], tops["amperes"], CURRENT_NODES)
-        lost = -_hats(s.i[k], nodes)
-        for block, columns in _volt_columns(s, k, lost, 0.5 * (lost[1:] + lost[:-1])).items():
+        undetermined = -_hats(s.i[k], nodes)
+        for block, columns in _volt_columns(s, k, undetermined, 0.5 * (undetermined[1:] + undetermined[:-1])).items():
             by_block[block]["voltage against current"] = columns
     found = []
     for block, by_kind in by_block.items():

@@ -14,8 +14,8 @@ from rtds_host.correction.correction import Correction
 from rtds_host.correction.coupler import Coupler, set_effects
 from rtds_host.correction.formed import with_forms
 from rtds_host.correction.translate import translate
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import Model, row_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 from rtds_host.link import Link, open_link
 from rtds_host.link.quantisation import QuantisedLink
@@ -223,7 +223,7 @@ class _Replay:
                 speed = _low_pass(self.seen_t, np.ascontiguousarray(speed), s.speed_filter_s[k])
             gain = s.speed_gain[k] if s else 1.0
             out[:, 1 + k] = current * (s.current_gain[k] if s else 1.0) + (s.current_bias_a[k] if s else 0.0)
-            out[:, 3 + k] = np.interp(at - (s.speed_late_s[k] if s else 0.0), self.seen_t, speed) * gain
+            out[:, 3 + k] = np.interp(at - (s.speed_delay_s[k] if s else 0.0), self.seen_t, speed) * gain
             out[:, 5 + k] = start[3 + k] + np.interp(at, self.seen_t, angle) * gain
         out[:, 0] = self.robot.supply_v
         if supply is not None:

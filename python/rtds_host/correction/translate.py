@@ -52,7 +52,9 @@ FAST_RAD_S = 16.0
 
 
 # What a correction holds as a pair, left and right, of the sensors: its name there, and the parameter's.
-_PAIRS = {SIDE[name].export: name for name in ("speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late")}
+_PAIRS = {
+    SIDE[name].export: name for name in ("speed_gain", "current_gain", "current_bias", "speed_tau", "speed_delay")
+}
 
 
 class _Parameters:
@@ -127,7 +129,7 @@ def translate(
         current_gain=get.pair("current_gain"),
         current_bias_a=get.pair("current_bias"),
         speed_filter_s=get.pair("speed_tau"),
-        speed_late_s=get.pair("speed_late"),
+        speed_delay_s=get.pair("speed_delay"),
         delay_s=get("measurement_delay") + get("latency"),
         forms=np.stack([one.sensors for one in placed]),
     )
@@ -217,7 +219,7 @@ IN_UNITS = (("torque", "w"), ("voltage", "v_cmd"), ("voltage", "i"), ("torque", 
 
 @dataclass(frozen=True)
 class _Placed:
-    """A side's forms where they act: its `unit` with those that its tables hold, rows (MOST, WIDTH) of what acts
+    """A side's forms where they act: its `unit` with those that its tables hold, rows (MOST_FORMS, WIDTH) of what acts
     `between` units and engine, and of the `sensors`."""
 
     unit: UnitEffects
@@ -226,8 +228,8 @@ class _Placed:
 
 
 def _placed(unit: UnitEffects, rows: np.ndarray, robot: Robot, n: float, supply: float, start: float) -> _Placed:
-    """Put a side's forms (MOST, WIDTH) where they act: friction by speed and direction, a torque over an angle, the
-    command's curve and a voltage over the current into the unit, as far as it has a free table.
+    """Put a side's forms (MOST_FORMS, WIDTH) where they act: friction by speed and direction, a torque over an angle,
+    the command's curve and a voltage over the current into the unit, as far as it has a free table.
 
     n : gear ratio; supply : V; start : rad, the wheel's angle as the run begins.
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rtds_host.diagnosis.chance import HANDFUL, MOST
 from rtds_host.diagnosis.choice import WORTH, Judged, leaves
 from rtds_host.diagnosis.evidence import believed, closer, compared, excess, worth_naming
 from rtds_host.diagnosis.fit import Fit, Hypothesis
@@ -22,6 +21,7 @@ from rtds_host.diagnosis.lookalikes import lookalikes
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.scatter import absent
 from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.thresholds import FEW_SHARE, MAJORITY
 
 # Why an effect does not stand that the likelihood sees.
 NOTHING = "closes next to nothing of the gap"
@@ -38,7 +38,7 @@ class Standing:
     gap on runs left out, a ratio (`choice.leaves`); probability : that it is present.
     """
 
-    member: tuple[str, str]
+    cause: tuple[str, str]
     without: Fit
     refitted: Fit
     gaps: tuple[float, float]
@@ -55,7 +55,7 @@ class Account:
 
     base : nuisances refitted, no effect; dropped : (effect, side) -> why it was in the most probable explanation and
     does not stand; alike : sets, each holding a blamed one first; alternatives : other explanations and how likely each
-    is beside the first, best first; shares : of each blamed effect that has look-alikes, its share of their common
+    is next to the first, best first; shares : of each blamed effect that has look-alikes, its share of their common
     probability, by prior.
     """
 
@@ -67,9 +67,9 @@ class Account:
     alternatives: tuple[tuple[Hypothesis, float], ...]
     shares: dict[tuple[str, str], float] = field(default_factory=dict)
 
-    def share(self, member: tuple[str, str]) -> float:
+    def share(self, cause: tuple[str, str]) -> float:
         """What of its probability is an effect's own; the rest is that of its look-alikes (contract, section 5)."""
-        return self.shares.get(member, 1.0)
+        return self.shares.get(cause, 1.0)
 
 
 def account(search: Search, fit: Fit) -> Account:
@@ -78,22 +78,22 @@ def account(search: Search, fit: Fit) -> Account:
     plain = search.prune(fit) if search.closed(fit) else _plainest(search, fit)
     fit = plain if search.named(plain) else fit
     while fit.hypothesis:
-        standing = [_weighed(search, fit, member, one) for member, one in zip(fit.hypothesis, _without(search, fit))]
+        standing = [_weighed(search, fit, cause, one) for cause, one in zip(fit.hypothesis, _without(search, fit))]
         exact = search.closed(fit)
         fallen = (_unlikely(standing) or _poor(search, standing, fit)) if exact else _useless(search, standing)
         if fallen is None:
             break
-        one, dropped[one.member] = fallen
+        one, dropped[one.cause] = fallen
         fit = search.try_fit(one.refitted.hypothesis, one.refitted.u, one.refitted)
     else:
         standing = []
     base = _base(search)
     if fit.hypothesis and left_out_gap(search.problem, fit) > left_out_gap(search.problem, base):
-        dropped |= {member: USELESS for member in fit.hypothesis}
+        dropped |= {cause: USELESS for cause in fit.hypothesis}
         fit, standing = search.fits[()], []
     if not fit.hypothesis:
         fit = base
-    alike, rivals = lookalikes(search, fit, [(s.member, s.refitted) for s in standing])
+    alike, rivals = lookalikes(search, fit, [(s.cause, s.refitted) for s in standing])
     standing.sort(key=lambda s: -s.gain)
     return Account(
         fit,
@@ -102,7 +102,7 @@ def account(search: Search, fit: Fit) -> Account:
         dropped,
         alike,
         _alternatives(search, fit, standing, rivals),
-        {members[0]: _share(search, members) for members in alike},
+        {causes[0]: _share(search, causes) for causes in alike},
     )
 
 
@@ -145,7 +145,7 @@ def _without(search: Search, fit: Fit) -> list[Fit]:
     return search.try_fits((one.hypothesis, one.u, one) for one in search.without(fit, *fit.hypothesis))
 
 
-def _weighed(search: Search, fit: Fit, member: tuple[str, str], refitted: Fit) -> Standing:
+def _weighed(search: Search, fit: Fit, cause: tuple[str, str], refitted: Fit) -> Standing:
     problem = search.problem
     gain, t = compared(problem, fit, refitted)
     share = search.takes_off(fit, refitted)
@@ -157,10 +157,10 @@ def _weighed(search: Search, fit: Fit, member: tuple[str, str], refitted: Fit) -
     if not search.closed(fit):
         # The likelihood of unknown size a block of time, of runs that the effect was not fitted to.
         evidence.append(-0.5 * problem.block_count * math.log(left))
-    odds = search.log_prior((member,)) + max(evidence)
+    odds = search.log_prior((cause,)) + max(evidence)
     probability = 1.0 / (1.0 + math.exp(-max(min(odds, 50.0), -50.0)))
     return Standing(
-        member,
+        cause,
         without,
         refitted,
         (gap, problem.gap_as_fitted(fit.model(problem))),
@@ -185,11 +185,11 @@ def _closest(search: Search, fit: Fit, without: Fit) -> tuple[Fit, float]:
 
 def _useless(search: Search, standing: list[Standing]) -> tuple[Standing, str] | None:
     """The effect that helps least on runs left out, if it leaves more there than it may, or closes hardly a hundredth
-    of the gap: what is left beside a cause that closes nearly all may be of any form."""
+    of the gap: what is left next to a cause that closes nearly all may be of any form."""
     one = max(standing, key=lambda s: s.left)
     if one.left > WORTH:
         return one, f"{USELESS} (it leaves {min(one.left, 9.99):.2f} of the unexplained part)"
-    least = HANDFUL * search.gap(search.fits[()])
+    least = FEW_SHARE * search.gap(search.fits[()])
     one = min(standing, key=lambda s: s.gaps[0] - s.gaps[1])
     return (one, NOTHING) if one.gaps[0] - one.gaps[1] < least else None
 
@@ -197,7 +197,7 @@ def _useless(search: Search, standing: list[Standing]) -> tuple[Standing, str] |
 def _unlikely(standing: list[Standing]) -> tuple[Standing, str] | None:
     """The effect that is least likely there, if it is less likely there than not."""
     one = min(standing, key=lambda s: s.probability)
-    if one.probability >= MOST:
+    if one.probability >= MAJORITY:
         return None
     return one, f"is missed too unevenly to be there (gain {one.gain:.0f}, {one.t:.1f} times its scatter over the runs)"
 
@@ -212,7 +212,7 @@ def _poor(search: Search, standing: list[Standing], fit: Fit) -> tuple[Standing,
             # without the effect and all else as it is. One whose place is taken to within noise must open more than
             # noise then.
             replaced = without < LEAST and excess(search.problem, search.fits[one.without.hypothesis]) == 0.0
-            without = max(without, search.problem.gap_as_fitted(absent(search.problem, fit, one.member)))
+            without = max(without, search.problem.gap_as_fitted(absent(search.problem, fit, one.cause)))
             worth = worth_naming(without, gap) and not (replaced and without**2 - gap**2 < 1.0)
         else:
             worth = worth_naming(without, gap, one.share)
@@ -221,9 +221,9 @@ def _poor(search: Search, standing: list[Standing], fit: Fit) -> tuple[Standing,
     return (min(poor, key=lambda found: found[0])[1], NOTHING) if poor else None
 
 
-def _share(search: Search, members: tuple[tuple[str, str], ...]) -> float:
+def _share(search: Search, causes: tuple[tuple[str, str], ...]) -> float:
     """Of a set of look-alikes, the first one's share by prior."""
-    priors = [math.exp(search.log_prior((member,))) for member in members]
+    priors = [math.exp(search.log_prior((cause,))) for cause in causes]
     return priors[0] / sum(priors)
 
 

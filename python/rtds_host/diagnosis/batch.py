@@ -17,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from rtds_host import __version__
 from rtds_host.bars import stages, watched
+from rtds_host.cleanup import scratch_name, sweep
 from rtds_host.contract import Case, places_of_case, read_writable_case, refuse_inputs, staged_folder, write_atomic
 from rtds_host.contract.inputs import regular_bytes
 from rtds_host.diagnosis.diagnose import diagnose
@@ -26,12 +27,11 @@ from rtds_host.diagnosis.repeat import repeats
 from rtds_host.diagnosis.report import print_summary, report_page, validate
 from rtds_host.diagnosis.report.made import written
 from rtds_host.errors import InputError, OutputError, visible
-from rtds_host.remains import scratch_name, sweep
-from rtds_host.spread import Outcome, cores, on_cluster, on_cores
 from rtds_host.vectors import given
+from rtds_host.workers import Outcome, cores, on_cluster, on_cores
 
 FILES = ("diagnosis.json", "report.html")
-# Beside the results of many cases: what is done, and the lock.
+# Next to the results of many cases: what is done, and the lock.
 STATE = ".rtds"
 SHARED = ("cases.parquet", "index.html")
 # Layout: bytes of a case's name; with what stands before and behind it while a file is written, 255 are possible.

@@ -8,7 +8,7 @@ used for the fit (`choice`).
 from __future__ import annotations
 
 from rtds_host.diagnosis.fit import Fit, joined
-from rtds_host.diagnosis.screen import Screen, clashes, moves_of
+from rtds_host.diagnosis.screen import Screen, clashes, sensitivities_of
 from rtds_host.diagnosis.search import Search
 
 # Numerical: explanations that are kept of each number of effects, those that are fitted in earnest, the most effects,
@@ -30,10 +30,10 @@ def widened(search: Search) -> dict[int, list[Fit]]:
         problem.follow_angles(True)
         beam = [search.fits[()]]
         for _ in range(DEPTH):
-            grown = _grown(search, beam)
-            if not grown or search.score(grown[0]) > min(map(search.score, beam)):
+            extended = _extended(search, beam)
+            if not extended or search.score(extended[0]) > min(map(search.score, beam)):
                 break
-            beam = grown
+            beam = extended
             if search.spent():
                 break
         problem.follow_angles(False)
@@ -45,20 +45,20 @@ def widened(search: Search) -> dict[int, list[Fit]]:
     return found
 
 
-def _grown(search: Search, beam: list[Fit]) -> list[Fit]:
+def _extended(search: Search, beam: list[Fit]) -> list[Fit]:
     """The most probable explanations with one effect more than those of the beam, fitted in earnest."""
     problem, starts = search.problem, []
     for fit in beam:
         wanted = {e for e in search.wanted if not search.effects[e].periodic}
         if search.spent():
             break
-        moves = moves_of(search.fitter, fit, {}, wanted, {}, coarse=search.quick)
-        screens = [Screen(problem, fit, moves, noise) for noise in (fit.noise, problem.white())]
+        sensitivities = sensitivities_of(search.fitter, fit, {}, wanted, {}, coarse=search.quick)
+        screens = [Screen(problem, fit, sensitivities, noise) for noise in (fit.noise, problem.white())]
         count = TRIED[problem.robot.axis is not None]
         starts += [
-            (*joined({**fit.parts, one.member: search.entered(fit, one)}), fit)
+            (*joined({**fit.parts, one.cause: search.entered(fit, one)}), fit)
             for one in search.promising(screens, count)
-            if not clashes(one.member, fit.hypothesis)
+            if not clashes(one.cause, fit.hypothesis)
         ]
     rough = {f.hypothesis: f for f in search.try_fits(starts, rough=True)}
     first = sorted(rough.values(), key=search.score)[:REFINED]

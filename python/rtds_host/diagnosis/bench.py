@@ -3,7 +3,7 @@
 Cases come from the independent planar world (`rtds_host.blind.cases`, as another process); the same searches are
 judged by two common methods: BIC over the candidates, and the largest improvement of fit. Prints a page in Markdown and
 writes it where `--page` says. What was examined is kept below `--out`: an interrupted run goes on where it stopped, a
-changed diagnosis begins anew.
+changed diagnosis begins again.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rtds_host.diagnosis.diagnose import Investigation, conclude, investigate, t
 from rtds_host.diagnosis.fit import Fit, Hypothesis, prior_cost
 from rtds_host.diagnosis.gate import examine
 
-# Layout: truths that move the residuals by fewer sigmas are told apart, as in the score of sealed cases.
+# Layout: truths that move the residuals by fewer sigmas are distinguished, as in the score of sealed cases.
 SIZE_SIGMA = 5.0
 TIERS = {"all": 60, "tol": 40, "few": 30, "pair": 30, "none": 40, "unknown": 30}
 METHODS = ("this program", "BIC over candidates", "largest improvement of fit")
@@ -93,7 +93,7 @@ def answers_to(job: tuple[str, str, str, bool, str | None]) -> dict:
     }
 
 
-def members_named(diagnosis: dict) -> set[tuple[str, str]]:
+def causes_named(diagnosis: dict) -> set[tuple[str, str]]:
     return {(e["id"], e["side"]) for e in diagnosis["effects"]}
 
 
@@ -102,8 +102,8 @@ def _true(truth: dict) -> set[tuple[str, str]]:
 
 
 def _in_set(diagnosis: dict, truth: dict) -> bool:
-    named = members_named(diagnosis)
-    sets = [{(m["id"], m["side"]) for m in members} for members in diagnosis["indistinguishable"]]
+    named = causes_named(diagnosis)
+    sets = [{(m["id"], m["side"]) for m in causes} for causes in diagnosis["indistinguishable"]]
     return (
         diagnosis["verdict"] in ("known", "partial")
         and len(named) == len(_true(truth))
@@ -174,7 +174,7 @@ def grouped(rows: list[dict]) -> Groups:
 
 def exact(r: dict) -> bool:
     """Whether a case's answer is its truth."""
-    return r["diagnosis"]["verdict"] in ("known", "partial") and members_named(r["diagnosis"]) == _true(r["truth"])
+    return r["diagnosis"]["verdict"] in ("known", "partial") and causes_named(r["diagnosis"]) == _true(r["truth"])
 
 
 def page(rows: list[dict], command: str) -> str:
@@ -217,7 +217,7 @@ def _rates(of: Groups) -> Iterator[tuple[str, str]]:
     )
     yield (
         "pairs: at least one",
-        _share([bool(members_named(r["diagnosis"]) & _true(r["truth"])) for r in of.strong if r["tier"] == "pair"]),
+        _share([bool(causes_named(r["diagnosis"]) & _true(r["truth"])) for r in of.strong if r["tier"] == "pair"]),
     )
     yield (
         "right subsystem (largest share)",
@@ -292,7 +292,7 @@ def _against(of: Groups) -> list[str]:
     pairs = [r for r in of.strong if r["tier"] == "pair"]
 
     def answer(r: dict, method: str) -> set[tuple[str, str]]:
-        return members_named(r["diagnosis"]) if method == METHODS[0] else {tuple(x) for x in r["others"][method]}
+        return causes_named(r["diagnosis"]) if method == METHODS[0] else {tuple(x) for x in r["others"][method]}
 
     def rate(hits: list[bool]) -> str:
         return f"{np.mean(hits):.0%}" if hits else "–"
@@ -328,9 +328,7 @@ def _confusions(of: Groups) -> list[str]:
     wrong: Counter[tuple[str, str]] = Counter()
     for r in of.single:
         if not exact(r):
-            name = (
-                ", ".join(sorted(f"{e} ({s})" for e, s in members_named(r["diagnosis"]))) or r["diagnosis"]["verdict"]
-            )
+            name = ", ".join(sorted(f"{e} ({s})" for e, s in causes_named(r["diagnosis"]))) or r["diagnosis"]["verdict"]
             wrong[(", ".join(sorted(f"{e} ({s})" for e, s in _true(r["truth"]))), name)] += 1
     lines += [f"| {a} | {b} | {n} |" for (a, b), n in sorted(wrong.items())] or ["| – | – | 0 |"]
     right = Counter(e for r in of.single if exact(r) for e, _ in _true(r["truth"]))

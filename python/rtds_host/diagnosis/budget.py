@@ -1,7 +1,7 @@
 """The account of the gap: where before^2 - 1 comes from, and where the part without a name lies.
 
 Shares are Shapley values (L. S. Shapley, Contributions to the Theory of Games II, 1953): what an effect takes off the
-squared gap, averaged over all orders in which effects and tolerances could be put in. What they leave is the rest,
+squared gap, averaged over all orders in which effects and tolerances could be put in. What they leave is the residual,
 placed by the blocks that are replayed from measured signals (`localise`).
 """
 
@@ -59,12 +59,12 @@ def explained(problem: Problem, fit: Fit) -> dict[Hashable, float]:
 
 
 def shares(problem: Problem, fit: Fit, after: float, place: Localisation) -> list[dict]:
-    """The contract's `budget`: effects, tolerances and the rest by subsystem, at least 0, summing to 1; [] without a
-    gap.
+    """The contract's `budget`: effects, tolerances and the residual by subsystem, at least 0, summing to 1; [] without
+    a gap.
     """
     parts = {key: max(value, 0.0) for key, value in explained(problem, fit).items()}
-    rest = max(after**2 - 1.0, 0.0)
-    total = sum(parts.values()) + rest
+    residual = max(after**2 - 1.0, 0.0)
+    total = sum(parts.values()) + residual
     if total <= 0.0:
         return []
     rows = [
@@ -79,14 +79,16 @@ def shares(problem: Problem, fit: Fit, after: float, place: Localisation) -> lis
     ]
     rows.append({"what": TOLERANCE, "share": parts[TOLERANCE] / total})
     located = place.shares()
-    rows += [{"what": "rest", "subsystem": row["subsystem"], "share": rest / total * row["share"]} for row in located]
+    rows += [
+        {"what": "rest", "subsystem": row["subsystem"], "share": residual / total * row["share"]} for row in located
+    ]
     if not located:
-        rows.append({"what": "rest", "subsystem": None, "share": rest / total})
+        rows.append({"what": "rest", "subsystem": None, "share": residual / total})
     return rows
 
 
 def located(problem: Problem, rows: list[dict]) -> list[dict]:
-    """The contract's `located`: each subsystem's share of what is blamed and of the placed rest, largest first."""
+    """The contract's `located`: each subsystem's share of what is blamed and of the placed residual, largest first."""
     found: dict[str, float] = {}
     for row in rows:
         place = problem.effects[row["id"]].subsystem if row["what"] == "effect" else row.get("subsystem")

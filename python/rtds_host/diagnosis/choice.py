@@ -3,7 +3,7 @@
 One criterion, wherever a gap remains: each effect must leave at most `WORTH` of what is left without it, on runs left
 out (contract, section 5: what does not help there is not included, however likely it is). What is left is G^2 - f, the
 squared gap less that of noise, f being 1 where the noise is as declared. It is taken over all channels at once, and as
-the geometric mean over channels, so that an effect that one quiet channel shows is not lost beside a loud one.
+the geometric mean over channels, so that an effect that one quiet channel shows is not lost next to a loud one.
 
 f is measured (`sample_noise`), so that the choice does not hang on the noise that a file declares: declared three times
 too small, white noise would count as unexplained, and each effect would seem to leave more than it does.

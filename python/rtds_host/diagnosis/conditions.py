@@ -1,6 +1,7 @@
 """What runs lack, so that some effects make the same replays on them, whatever the algorithm (formats, section 3).
 
-An effect's own file says which others it is alike with, and by which of these conditions; `twins` reads them.
+An effect's own file says which others it is alike with, and by which of these conditions; `indistinguishable` reads
+them.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
-from rtds_host.diagnosis.chance import MOVES
+from rtds_host.diagnosis.thresholds import SIGNIFICANT
 
 # Numerical: commands of both wheels that differ by no more than this share of the largest are alike.
 STRAIGHT = 0.02
@@ -71,7 +72,7 @@ def _ways(log: RunLog, robot: Robot, k: int, side: str) -> tuple[bool, bool]:
         if log.has(channel):
             values, noise = (
                 log.columns[channel][np.isfinite(log.columns[channel])],
-                MOVES * (robot.noise(channel) or 0.0),
+                SIGNIFICANT * (robot.noise(channel) or 0.0),
             )
             if channel[0] == "w":
                 return bool((values < -noise).any()), bool((values > noise).any())

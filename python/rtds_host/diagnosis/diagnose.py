@@ -15,7 +15,6 @@ from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.account import Account, Standing, account, declared
 from rtds_host.diagnosis.beam import widened
-from rtds_host.diagnosis.chance import MOVES, SLIGHT
 from rtds_host.diagnosis.choice import Judged, chosen
 from rtds_host.diagnosis.effort import Effort
 from rtds_host.diagnosis.experiment import next_experiment
@@ -33,11 +32,12 @@ from rtds_host.diagnosis.problem import CHANNELS, Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.scatter import scattered
 from rtds_host.diagnosis.search import MOST_WORK, QUICK_WORK, Search
+from rtds_host.diagnosis.thresholds import MINOR_SHARE, SIGNIFICANT
 from rtds_host.vectors import given
 
 SCHEMA = "rtds-diagnosis/3"
 # Named effects that leave no more than this of the gap explain it (contract, section 5).
-REST_OF_KNOWN = 0.3
+RESIDUAL_OF_KNOWN = 0.3
 # Numerical: a nuisance that moved by less than so many of its sigmas did not move.
 MOVED = 0.01
 
@@ -210,9 +210,9 @@ def conclude(
     total = {name: held.gap(name) for name in ("before", "refit", "after")}
     closed = gaps.closed(total["before"], total["after"])
     effect_closed = gaps.closed(total["refit"], total["after"])
-    rest = min(max(1.0 - effect_closed, 0.0), 1.0) if effect_closed is not None else 0.0
+    unexplained = min(max(1.0 - effect_closed, 0.0), 1.0) if effect_closed is not None else 0.0
     structured = _beyond_noise(problem, weighed.fit, total["after"]) and _correlated(problem, weighed.fit)
-    verdict = _verdict(total, bool(weighed.standing), structured, rest)
+    verdict = _verdict(total, bool(weighed.standing), structured, unexplained)
     timing = given(gate.timing, "the clock")
     known = intervals(problem, weighed.fit, timing.stamps_s, timing.step_s)
     scatter = scattered(problem, weighed.fit) if weighed.standing else {}
@@ -232,15 +232,14 @@ def conclude(
         "verdict": verdict,
         "located": [{**row, "share": _round(row["share"])} for row in located],
         "effects": [
-            {**_effect(problem, weighed, one, held, known), **_scatter(*scatter[one.member])}
-            for one in weighed.standing
+            {**_effect(problem, weighed, one, held, known), **_scatter(*scatter[one.cause])} for one in weighed.standing
         ],
         "forms": shapes.entries,
         "budget": [{**row, "share": _round(row["share"])} for row in rows],
         "nominal_fit": _nominal_fit(problem, weighed.fit),
         **_setup(problem, weighed.fit),
         "alternatives": _alternatives(problem, weighed, verdict),
-        "indistinguishable": [[_named(problem, member) for member in members] for members in weighed.alike],
+        "indistinguishable": [[_named(problem, cause) for cause in causes] for causes in weighed.alike],
         "gap": {
             **{name: _round(value) for name, value in total.items()},
             "closed": None if closed is None else _round(closed),
@@ -249,7 +248,7 @@ def conclude(
             "effect_closed": None if effect_closed is None else _round(effect_closed),
             "channels": {c: {name: _round(held.channels[name][c]) for name in total} for c in held.channels["before"]},
             "rest": {
-                "share": _round(rest),
+                "share": _round(unexplained),
                 "structured": bool(structured),
                 "subsystem": placed[0]["subsystem"] if structured and placed else None,
             },
@@ -281,7 +280,7 @@ def _details(
         traces=held.traces,
         regimes={k: {n: _round(v) for n, v in e.items()} for k, e in held.regimes.items()},
         run_gaps=held.runs,
-        decided={(member[0], _side(problem, member)): found for member, found in held.decided.items()},
+        decided={(cause[0], _side(problem, cause)): found for cause, found in held.decided.items()},
         notes=list(problem.case.notices)
         + held.notes
         + notes
@@ -300,16 +299,17 @@ def said_of_end(search: Search) -> list[str]:
     )
 
 
-def _verdict(total: dict[str, float], named: bool, structured: bool, rest: float) -> str:
+def _verdict(total: dict[str, float], named: bool, structured: bool, unexplained: float) -> str:
     if total["refit"] < gaps.LEAST:
         return "none"
     if not named:
         return "unknown" if structured else "none"
-    return "partial" if structured and rest > REST_OF_KNOWN else "known"
+    return "partial" if structured and unexplained > RESIDUAL_OF_KNOWN else "known"
 
 
 def _beyond_noise(problem: Problem, fit: Fit, gap: float) -> bool:
-    """Whether there is a rest: in the gap, or in what the gap does not count, the bus and angles beside speeds."""
+    """Whether there is a residual: in the gap, or in what the gap does not count, the bus and angles as well as
+    speeds."""
     return gap >= gaps.LEAST or float(fit.residual @ fit.residual) >= (1.0 + FAINT) * problem.size
 
 
@@ -318,10 +318,10 @@ def _correlated(problem: Problem, fit: Fit) -> bool:
     sample's noise, are off by more than chance."""
     for k in np.unique(problem.channels_of):
         mine = fit.residual[problem.channels_of == k]
-        chance = 1.0 + MOVES * np.sqrt(2.0 / len(mine))
+        chance = 1.0 + SIGNIFICANT * np.sqrt(2.0 / len(mine))
         if CHANNELS[k].startswith(("x", "y", "th")) and float(np.mean(mine**2)) > max(chance, gaps.LEAST**2):
             return True
-    return correlated(fit.residual, problem.channels_of, MOVES)
+    return correlated(fit.residual, problem.channels_of, SIGNIFICANT)
 
 
 def _louder(problem: Problem, fit: Fit) -> list[str]:
@@ -333,7 +333,7 @@ def _louder(problem: Problem, fit: Fit) -> list[str]:
         # Of angles and poses displacements are compared, which have other samples than the log.
         if not name.startswith(("v_bus", "i_", "w_", "gyro_z")) or times < gaps.LEAST:
             continue
-        if not correlated(fit.residual[mine], problem.channels_of[mine], MOVES):
+        if not correlated(fit.residual[mine], problem.channels_of[mine], SIGNIFICANT):
             found.append(
                 f"{name}: its residuals are white, as of a sensor {times:.2g} times as noisy as [sensors] says"
             )
@@ -347,22 +347,22 @@ def _round(value: float, digits: int = 5) -> float:
 def _effect(
     problem: Problem, weighed: Account, one: Standing, held: HeldOut, known: dict[Key, tuple[float, float] | None]
 ) -> dict:
-    effect, values = problem.effects[one.member[0]], dict(zip(weighed.fit.hypothesis, weighed.fit.values))[one.member]
+    effect, values = problem.effects[one.cause[0]], dict(zip(weighed.fit.hypothesis, weighed.fit.values))[one.cause]
     entry = {}
     for p in effect.parameters:
         name, _, unit = p.reported(problem.robot.axis)
-        within = known[one.member, p.name]
+        within = known[one.cause, p.name]
         entry[name] = {
             "value": _round(unit * values[p.name]),
             "ci90": None if within is None else [_round(unit * end) for end in within],
         }
-    probability = one.probability * weighed.share(one.member)
+    probability = one.probability * weighed.share(one.cause)
     return {
-        **_named(problem, one.member),
+        **_named(problem, one.cause),
         "subsystem": effect.subsystem,
         "probability": _round(probability, 4),
         "parameters": entry,
-        "gap_without": _round(held.without[one.member]),
+        "gap_without": _round(held.without[one.cause]),
     }
 
 
@@ -388,7 +388,7 @@ def _setup(problem: Problem, fit: Fit) -> dict:
     found = {
         key: _round(value, 4)
         for z, nuisance in zip(fit.z, problem.nuisances)
-        if abs(z) >= SLIGHT
+        if abs(z) >= MINOR_SHARE
         for key, value in nuisance.values(z).items()
         if key in SETUP
     }
@@ -398,23 +398,23 @@ def _setup(problem: Problem, fit: Fit) -> dict:
     return {"setup": found} if found else {}
 
 
-def _named(problem: Problem, member: tuple[str, str]) -> dict[str, str]:
-    return {"id": member[0], "side": _side(problem, member)}
+def _named(problem: Problem, cause: tuple[str, str]) -> dict[str, str]:
+    return {"id": cause[0], "side": _side(problem, cause)}
 
 
-def _side(problem: Problem, member: tuple[str, str]) -> str:
+def _side(problem: Problem, cause: tuple[str, str]) -> str:
     """The side as it is written: a single axis has none but "left"."""
-    return problem.effects[member[0]].side_on(problem.robot.axis, member[1])
+    return problem.effects[cause[0]].side_on(problem.robot.axis, cause[1])
 
 
 def _alternatives(problem: Problem, weighed: Account, verdict: str) -> list[dict]:
     """Explanations and "unknown", best first: what the catalogue lacks is one effect more, as likely as each of its
-    own; where none of these stands beside a gap, it is what is left. Doubt of an effect is in the explanations without
-    it."""
+    own; where none of these is included and a gap remains, it is what is left. Doubt of an effect is in the
+    explanations without it."""
     one = 1.0 / (1.0 + len(problem.effects))
     outside = {"none": 0.0, "unknown": 1.0 - one}.get(verdict, one)
     rows: list[dict[str, Any]] = [
-        {"effects": [_named(problem, member) for member in hypothesis], "probability": p * (1.0 - outside)}
+        {"effects": [_named(problem, cause) for cause in hypothesis], "probability": p * (1.0 - outside)}
         for hypothesis, p in weighed.alternatives
     ]
     rows.append({"effects": "unknown", "probability": outside})
@@ -434,7 +434,7 @@ def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
     """What was tried, best first, with the reason in words."""
     problem, search, chosen = found.problem, found.search, weighed.fit
     likely = dict(weighed.alternatives)
-    equals = {member for members in weighed.alike for member in members[1:]}
+    equals = {cause for causes in weighed.alike for cause in causes[1:]}
     fits = sorted(search.fits.values(), key=lambda f: (f.hypothesis != chosen.hypothesis, search.score(f)))[:14]
     base = search.fits[()]
     rows = []
@@ -459,8 +459,8 @@ def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
             )
         rows.append(
             Candidate(
-                effects=[_named(problem, member) for member in fit.hypothesis],
-                parameters=[_reported(problem, member, values) for member, values in zip(fit.hypothesis, fit.values)],
+                effects=[_named(problem, cause) for cause in fit.hypothesis],
+                parameters=[_reported(problem, cause, values) for cause, values in zip(fit.hypothesis, fit.values)],
                 improvement=_round(
                     (float(base.residual @ base.residual) - float(fit.residual @ fit.residual)) / problem.size, 4
                 ),
@@ -472,6 +472,6 @@ def _candidates(found: Investigation, weighed: Account) -> list[Candidate]:
     return rows
 
 
-def _reported(problem: Problem, member: tuple[str, str], values: dict[str, float]) -> dict[str, float]:
-    shown = [(p.reported(problem.robot.axis), values[p.name]) for p in problem.effects[member[0]].parameters]
+def _reported(problem: Problem, cause: tuple[str, str], values: dict[str, float]) -> dict[str, float]:
+    shown = [(p.reported(problem.robot.axis), values[p.name]) for p in problem.effects[cause[0]].parameters]
     return {name: _round(unit * value, 4) for (name, _, unit), value in shown}

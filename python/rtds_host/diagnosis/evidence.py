@@ -4,12 +4,12 @@ Two explanations are compared block by block of time. No block convinces by more
 it is the models' error that speaks. The gain of log likelihood G, the sum of these g_b over B blocks, is judged against
 its own scatter (Q. H. Vuong, Econometrica 57, 1989): with t = G / (sqrt(B) sd(g)), no more than exp(t^2 / 2) to one can
 be believed of it, however large it is. What is missed steadily, nearly wherever it acts, is there; what is missed in a
-few stretches stands in for something else.
+few stretches replaces something else.
 
 And an effect must be worth naming: what it takes off the squared gap is at least what counts as a gap at all, and
-beside a rest either half of that rest, or a tenth of the likelihood's excess: of a large rest any form takes a little.
-Where nothing stays, the residuals being no larger than their noise, the likelihood is exact, and tells it from a
-tolerance that would take its place (`account`).
+next to a residual either half of that rest, or a tenth of the likelihood's excess: of a large residual any form takes a
+little. Where nothing stays, the residuals being no larger than their noise, the likelihood is exact, and tells it from
+a tolerance that would take its place (`account`).
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import math
 
 import numpy as np
 
-from rtds_host.diagnosis.chance import MOST, SLIGHT
 from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.thresholds import MAJORITY, MINOR_SHARE
 
 # Probability: odds at which one block of time, and a comparison of two explanations, convinces.
 CONVINCING = 20.0
@@ -30,21 +30,21 @@ WORTH = LEAST**2 - 1.0
 
 
 def worth_adding(without: float, gap: float) -> bool:
-    """Whether an effect that lowers the gap from `without` to `gap` takes off a gap and a tenth of the rest: enough to
-    go on beside it.
+    """Whether an effect that lowers the gap from `without` to `gap` takes off a gap and a tenth of the residual: enough
+    to go on next to it.
     """
-    return without**2 - gap**2 >= max(WORTH, SLIGHT * (gap**2 - 1.0))
+    return without**2 - gap**2 >= max(WORTH, MINOR_SHARE * (gap**2 - 1.0))
 
 
 def worth_naming(without: float, gap: float, share: float = 0.0) -> bool:
-    """Whether an effect that lowers the gap from `without` to `gap` takes off more than a stand-in for the rest would;
-    `share`: what it takes off the likelihood's excess over white noise, of that without it."""
+    """Whether an effect that lowers the gap from `without` to `gap` takes off more than a substitute for the residual
+    would; `share`: what it takes off the likelihood's excess over white noise, of that without it."""
     closes = without**2 - gap**2
     # What makes none of a gap, for the larger part.
-    if without >= LEAST > gap and closes >= MOST * (without**2 - 1.0):
+    if without >= LEAST > gap and closes >= MAJORITY * (without**2 - 1.0):
         return True
-    # What outweighs half of the rest is told from it; less of it any of a hundred forms may take.
-    return closes >= WORTH and (closes >= MOST * (gap**2 - 1.0) or share >= SLIGHT)
+    # What outweighs half of the residual is told from it; less of it any of a hundred forms may take.
+    return closes >= WORTH and (closes >= MAJORITY * (gap**2 - 1.0) or share >= MINOR_SHARE)
 
 
 def excess(problem: Problem, fit: Fit) -> float:
@@ -88,12 +88,12 @@ def believed(gain: float, t: float) -> float:
     return math.copysign(min(abs(gain), 0.5 * t * t), gain)
 
 
-def told_apart(gain: float, t: float, part: float, blocks: int, least: float = 0.0) -> bool:
+def distinguishable(gain: float, t: float, part: float, blocks: int, least: float = 0.0) -> bool:
     """Whether an explanation is told from another, which has another effect in one's place.
 
     gain, t : of log likelihood by it, as of `compared`; part : what it takes off the other's excess over white noise, a
     share of that, `least` the smallest that tells; blocks : of time. A form that is not quite the machine's own misses
-    the same in every block, which no scatter between blocks shows. But of a rest that is spread over so many blocks any
-    form takes one block's share by chance.
+    the same in every block, which no scatter between blocks shows. But of a residual that is spread over so many blocks
+    any form takes one block's share by chance.
     """
     return believed(gain, t) >= math.log(CONVINCING) and part * blocks >= 1.0 and part >= least

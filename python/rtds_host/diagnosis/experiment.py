@@ -17,8 +17,8 @@ from rtds_host.contract import Case, Robot, RunLog, RunMeta
 from rtds_host.diagnosis.account import Account
 from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.diagnosis.report.words import SUBSYSTEM_WORDS
 from rtds_host.diagnosis.screen import available, clashes, start_values
 from rtds_host.diagnosis.search import Search
@@ -32,7 +32,7 @@ from rtds_host.scenario.reach import needed_voltage
 SAMPLE_S = 0.01
 # Numerical: variants of a manoeuvre that are tried: as it is, and with so many times the robot's own mass as payload.
 PAYLOADS = (0.0, 2.0)
-# Numerical: how many effects of a subsystem stand for what could be the rest.
+# Numerical: how many effects of a subsystem stand for what could be the residual.
 SUPPOSED = 2
 
 
@@ -90,15 +90,15 @@ def _separation(plan: RunLog, problem: Problem, a: Fit, b: Fit, known: np.ndarra
     return float(np.sqrt(max(left, 0.0)))
 
 
-def _in_its_place(search: Search, weighed: Account, member: tuple[str, str], other: tuple[str, str]) -> Fit:
+def _in_its_place(search: Search, weighed: Account, cause: tuple[str, str], other: tuple[str, str]) -> Fit:
     """The explanation with a look-alike in place of a blamed effect that the search never met there."""
-    without = next(one.without for one in weighed.standing if one.member == member)
+    without = next(one.without for one in weighed.standing if one.cause == cause)
     start = scaled(search.effects, (other,), start_values(search.effects[other[0]])[:1])
     return search.try_fit(*joined({**without.parts, other: start}), without, rough=True)
 
 
 def _supposed(problem: Problem, fit: Fit, subsystem: str | None) -> list[Fit]:
-    """The explanation with one effect more that could be the rest: of its subsystem, at a usual size."""
+    """The explanation with one effect more that could be the residual: of its subsystem, at a usual size."""
     found = []
     for effect in available(problem):
         side = effect.sides[0]
@@ -118,25 +118,25 @@ def _supposed(problem: Problem, fit: Fit, subsystem: str | None) -> list[Fit]:
 
 
 def next_experiment(problem: Problem, search: Search, weighed: Account, diagnosis: dict) -> dict | None:
-    """The manoeuvre to run next (contract, section 5): the one that parts twins, or that would tell most about the
-    rest.
+    """The manoeuvre to run next (contract, section 5): the one that separates indistinguishable effects, or that would
+    tell most about the residual.
 
     Returns
     -------
-    None where the verdict is `none`, or `known` without twins; else {"scenario", "separates", "expected_separation",
-    "why"}, `scenario` with the options of `rtds run`.
+    None where the verdict is `none`, or `known` without indistinguishable effects; else {"scenario", "separates",
+    "expected_separation", "why"}, `scenario` with the options of `rtds run`.
     """
     verdict = diagnosis["verdict"]
     if verdict == "none" or (verdict == "known" and not weighed.alike):
         return None
     place = diagnosis["gap"]["rest"]["subsystem"]
     if weighed.alike:
-        members = weighed.alike[0]
-        kept = {h for h in weighed.fit.hypothesis if h != members[0]}
+        causes = weighed.alike[0]
+        kept = {h for h in weighed.fit.hypothesis if h != causes[0]}
         rivals = [
-            search.fits.get(tuple(sorted({*kept, m}))) or _in_its_place(search, weighed, members[0], m) for m in members
+            search.fits.get(tuple(sorted({*kept, m}))) or _in_its_place(search, weighed, causes[0], m) for m in causes
         ]
-        separates = [{"id": e, "side": problem.effects[e].side_on(problem.robot.axis, s)} for e, s in members]
+        separates = [{"id": e, "side": problem.effects[e].side_on(problem.robot.axis, s)} for e, s in causes]
     else:
         supposed = _supposed(problem, weighed.fit, place)
         rivals = [weighed.fit, *supposed]

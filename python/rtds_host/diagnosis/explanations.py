@@ -11,7 +11,6 @@ from collections.abc import Iterable
 import numpy as np
 
 from rtds_host.diagnosis import ripple
-from rtds_host.diagnosis.chance import SLIGHT
 from rtds_host.diagnosis.effects import Effect
 from rtds_host.diagnosis.effects.base import WRITTEN
 from rtds_host.diagnosis.evidence import believed, compared, excess, worth_adding
@@ -33,6 +32,7 @@ from rtds_host.diagnosis.fit import (
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.nuisances import band
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.thresholds import MINOR_SHARE
 
 # Probability: effects that a robot has beyond its tolerances, on average; which ones and on which side is anybody's
 # guess.
@@ -88,7 +88,7 @@ class Explanations:
 
     def named(self, fit: Fit) -> bool:
         """Whether each effect is big enough to be named, and no larger than can be: a `ratio` within 3 % of 1 on R, K,
-        J or B is a nuisance, and a size that rests on its bound stands in for something else."""
+        J or B is a nuisance, and a size that rests on its bound replaces something else."""
         return all(
             not self._within_tolerance(e, values) and not self._at_its_bound(e, values)
             for (e, _), values in zip(fit.hypothesis, fit.values)
@@ -127,26 +127,26 @@ class Explanations:
         """Whether an explanation leaves no gap to speak of."""
         return self.gap(fit) < LEAST
 
-    def _believed(self, grown: Fit, fit: Fit, closest: float) -> bool:
+    def _believed(self, extended: Fit, fit: Fit, closest: float) -> bool:
         """Whether an explanation is more likely than a part of it, as far as its gain can be believed, and takes off
         no small part of what that leaves beyond noise, or of the gap.
 
         closest : the smallest gap before. Of the two measures of what is left either may say little before others are
         in.
         """
-        prior = self.log_prior(grown.hypothesis) - self.log_prior(fit.hypothesis)
-        if prior + believed(*compared(self.problem, grown, fit)) < 0.0:
+        prior = self.log_prior(extended.hypothesis) - self.log_prior(fit.hypothesis)
+        if prior + believed(*compared(self.problem, extended, fit)) < 0.0:
             return False
-        return self.score(fit) - self.score(grown) >= SLIGHT * excess(self.problem, fit) or worth_adding(
-            closest, self.gap(grown)
+        return self.score(fit) - self.score(extended) >= MINOR_SHARE * excess(self.problem, fit) or worth_adding(
+            closest, self.gap(extended)
         )
 
     # ---- fits
 
-    def try_fit(self, hypothesis: Hypothesis, start: np.ndarray, beside: Fit, rough: bool = False) -> Fit:
+    def try_fit(self, hypothesis: Hypothesis, start: np.ndarray, reference: Fit, rough: bool = False) -> Fit:
         """Fit an explanation, starting from the nuisances and the discrepancy of another; the better of this and
         an earlier fit. `rough`: with the other's derivatives by the effects that both hold at the same size."""
-        return self.try_fits([(hypothesis, start, beside)], rough)[0]
+        return self.try_fits([(hypothesis, start, reference)], rough)[0]
 
     def try_fits(self, starts: Iterable[Start], rough: bool = False) -> list[Fit]:
         """The same of several explanations and what each starts from, side by side."""
@@ -157,7 +157,8 @@ class Explanations:
     def reached(self, starts: list[Start], rough: bool) -> list[float]:
         """The same, and the scores of these very fits."""
         keys = [
-            (hypothesis, start.tobytes(), beside.hypothesis, beside.cost, rough) for hypothesis, start, beside in starts
+            (hypothesis, start.tobytes(), reference.hypothesis, reference.cost, rough)
+            for hypothesis, start, reference in starts
         ]
         new = {key: one for key, one in zip(keys, starts) if key not in self._begun or one[0] not in self.fits}
         for key, fit in zip(new, side_by_side(self.problem, [self.fitting_to(*one, rough) for one in new.values()])):
@@ -167,8 +168,8 @@ class Explanations:
             self._begun[key] = self.score(fit)
         return [self._begun[key] for key in keys]
 
-    def fitting_to(self, hypothesis: Hypothesis, start: np.ndarray, beside: Fit, rough: bool) -> Asking[Fit]:
-        z = beside.z
+    def fitting_to(self, hypothesis: Hypothesis, start: np.ndarray, reference: Fit, rough: bool) -> Asking[Fit]:
+        z = reference.z
         if len(z):
             # Nuisances that bent to stand in for an effect are a poor place to start from.
             starts = [z, np.zeros_like(z)]
@@ -179,17 +180,19 @@ class Explanations:
         if rough:
             parts = split(self.effects, hypothesis, start)
             known = {
-                m: c for m, c in beside.columns.items() if m in parts and np.array_equal(parts[m], beside.parts[m])
+                m: c
+                for m, c in reference.columns.items()
+                if m in parts and np.array_equal(parts[m], reference.parts[m])
             }
         return (
             yield from self.fitter.fitting(
                 hypothesis,
                 start,
                 z,
-                beside.noise,
+                reference.noise,
                 ROUGH_ITERATIONS if rough else ITERATIONS,
                 known,
-                by_nuisance=beside.by_nuisance,
+                by_nuisance=reference.by_nuisance,
                 least=ROUGH_GAIN if rough else STEP_GAIN,
             )
         )
@@ -202,18 +205,18 @@ class Explanations:
             self._refitted = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), flat, fixed=True)
         return self._refitted
 
-    def polished(self, fit: Fit, members: Iterable[tuple[str, str]]) -> Fit:
+    def polished(self, fit: Fit, causes: Iterable[tuple[str, str]]) -> Fit:
         """Look about an optimum of some effects whose misfit has many minima, and fit again from what is found
         there.
         """
-        for member in members:
-            for values in self.effects[member[0]].restarts if not self.closed(fit) else ():
-                hypothesis, start = joined({**fit.parts, member: scaled(self.effects, (member,), [dict(values)])})
+        for cause in causes:
+            for values in self.effects[cause[0]].restarts if not self.closed(fit) else ():
+                hypothesis, start = joined({**fit.parts, cause: scaled(self.effects, (cause,), [dict(values)])})
                 if self.reached([(hypothesis, start, fit)], rough=True)[0] < self.score(fit) + FAR:
                     fit = self.try_fit(hypothesis, start, fit)
             for _ in range(3):
                 moved = min(
-                    self.try_fits((fit.hypothesis, start, fit) for start in self.lower_kept(fit, member)),
+                    self.try_fits((fit.hypothesis, start, fit) for start in self.lower_kept(fit, cause)),
                     key=self.score,
                     default=fit,
                 )
@@ -222,11 +225,11 @@ class Explanations:
                 fit = moved
         return fit
 
-    def lower_kept(self, fit: Fit, member: tuple[str, str]) -> list[np.ndarray]:
+    def lower_kept(self, fit: Fit, cause: tuple[str, str]) -> list[np.ndarray]:
         """Starts about an optimum from which its misfit may fall further: the best with the nuisances that were fitted
-        beside it, and the best without any, since these bend to a size in the wrong valley."""
+        next to it, and the best without any, since these bend to a size in the wrong valley."""
         problem = self.problem
-        trials = [joined({**fit.parts, member: part})[1] for part in self._about(fit, member)]
+        trials = [joined({**fit.parts, cause: part})[1] for part in self._about(fit, cause)]
         values = [to_values(self.effects, fit.hypothesis, u) for u in trials]
         found = {}
         for z in (fit.z, np.zeros_like(fit.z)) if trials else ():
@@ -237,21 +240,21 @@ class Explanations:
                 found[k] = trials[k]
         return list(found.values())
 
-    def _about(self, fit: Fit, member: tuple[str, str]) -> list[np.ndarray]:
+    def _about(self, fit: Fit, cause: tuple[str, str]) -> list[np.ndarray]:
         """Other parameters of an effect from which its misfit may fall further, scaled; none where it is smooth."""
-        effect, values = self.effects[member[0]], fit.values[fit.hypothesis.index(member)]
+        effect, values = self.effects[cause[0]], fit.values[fit.hypothesis.index(cause)]
         found = []
         if effect.rough:
             found = sizes(effect, values, ROUGH_FACTORS)
         if effect.periodic:
             outs = self.problem.replay(fit.model(self.problem))
-            found = ripple.neighbours(values, ripple.turned(outs, member[1]))
-        return [scaled(self.effects, (member,), [trial]) for trial in found]
+            found = ripple.neighbours(values, ripple.turned(outs, cause[1]))
+        return [scaled(self.effects, (cause,), [trial]) for trial in found]
 
     def _named_values(
-        self, fit: Fit, member: tuple[str, str], start: np.ndarray
+        self, fit: Fit, cause: tuple[str, str], start: np.ndarray
     ) -> tuple[Hypothesis, list[dict[str, float]]]:
-        hypothesis, u = joined({**fit.parts, member: start})
+        hypothesis, u = joined({**fit.parts, cause: start})
         return hypothesis, to_values(self.effects, hypothesis, u)
 
 

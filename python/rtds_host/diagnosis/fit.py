@@ -29,10 +29,10 @@ Effects = dict[str, Effect]
 # Numerical: what a step must still bring, in -2 log probability, in earnest and where a fit may be rough.
 STEP_GAIN, ROUGH_GAIN = 0.2, 2.0
 # Numerical: a step that brought no more than this shows that the nuisances' derivatives are out of date, or the end;
-# how often they are taken anew.
+# how often they are taken again.
 RENEWED, RENEWALS = 5.0, 1
 # Numerical: fits that go on side by side: a replay of each fills the lanes, and each keeps its derivatives.
-BESIDE = 8
+AT_ONCE = 8
 # Numerical: shares of the diagonal that are added to the normal equations, and the shortest part of a step without any.
 DAMPINGS, SHORTEST = (0.0, 0.03, 1.0, 30.0), 0.05
 
@@ -70,9 +70,9 @@ def apply(effects: Effects, model: Model, hypothesis: Hypothesis, values: list[d
 def split(effects: Effects, hypothesis: Hypothesis, u: np.ndarray) -> dict[tuple[str, str], np.ndarray]:
     """The part of `u` that belongs to each effect."""
     parts, k = {}, 0
-    for member in hypothesis:
-        n = len(effects[member[0]].parameters)
-        parts[member] = u[k : k + n]
+    for cause in hypothesis:
+        n = len(effects[cause[0]].parameters)
+        parts[cause] = u[k : k + n]
         k += n
     return parts
 
@@ -138,9 +138,9 @@ class Fit:
     def columns(self) -> dict[tuple[str, str], np.ndarray]:
         """Derivatives by effect, (N, n) each."""
         result, k = {}, 0
-        for member in self.hypothesis:
-            n = len(self.effects[member[0]].parameters)
-            result[member] = self.by_effect[:, k : k + n]
+        for cause in self.hypothesis:
+            n = len(self.effects[cause[0]].parameters)
+            result[cause] = self.by_effect[:, k : k + n]
             k += n
         return result
 
@@ -178,7 +178,7 @@ Asking = Generator[tuple[list[Model], list[float] | None], list[np.ndarray], T]
 
 
 def side_by_side(problem: Problem, works: Iterable[Asking[T]]) -> list[T]:
-    """Do what asks for residuals side by side: what several ask for at a time is replayed abreast, where each alone
+    """Do what asks for residuals side by side: what several ask for at a time is replayed in a batch, where each alone
     would fill few lanes."""
     waiting, asked, results = deque(enumerate(works)), {}, {}
 
@@ -190,7 +190,7 @@ def side_by_side(problem: Problem, works: Iterable[Asking[T]]) -> list[T]:
             results[k] = end.value
 
     while waiting or asked:
-        while waiting and len(asked) < BESIDE:
+        while waiting and len(asked) < AT_ONCE:
             on(*waiting.popleft(), None)
         now = list(asked.items())
         found = iter(
@@ -254,11 +254,11 @@ class Fitter:
         if not known:
             return new
         columns, at = [], 0
-        for member in hypothesis:
-            if member in known:
-                columns.append(known[member])
+        for cause in hypothesis:
+            if cause in known:
+                columns.append(known[cause])
             else:
-                count = len(self.effects[member[0]].parameters)
+                count = len(self.effects[cause[0]].parameters)
                 columns.append(new[:, at : at + count])
                 at += count
         return np.concatenate(columns, axis=1) if columns else new
@@ -287,7 +287,7 @@ class Fitter:
             if at:
                 moved, common = x.copy(), float(x[at].mean())
                 moved[at] -= common
-                moved[j] += common * self.problem.nuisances[at[0]].sigma / p.spread
+                moved[j] += common * self.problem.nuisances[at[0]].sigma / p.prior_width
                 inside = np.all((moved >= low) & (moved <= high))
                 if inside and prior_cost(moved[: self.count], moved[self.count :]) < prior_cost(
                     x[: self.count], x[self.count :]
@@ -315,9 +315,9 @@ class Fitter:
     def _own(self, hypothesis: Hypothesis, known: Mapping[tuple[str, str], np.ndarray]) -> list[int]:
         """Places in (z, u) of the parameters whose derivatives are not known."""
         own, at = [], self.count
-        for member in hypothesis:
-            count = len(self.effects[member[0]].parameters)
-            own += [] if member in known else list(range(at, at + count))
+        for cause in hypothesis:
+            count = len(self.effects[cause[0]].parameters)
+            own += [] if cause in known else list(range(at, at + count))
             at += count
         return own
 

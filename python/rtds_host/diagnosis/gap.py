@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.contract import Robot, RunLog
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 
 SAMPLED = ("i_l", "i_r", "w_l", "w_r", "gyro_z")
 # Over which a pose's move counts (contract, section 4).
@@ -45,7 +45,7 @@ def window_rows(t: np.ndarray, rows: np.ndarray, window_s: float = WINDOW_S) -> 
     return rows[np.unique(np.searchsorted(times, marks - 1e-6))]
 
 
-def moves(x: np.ndarray, y: np.ndarray, yaw: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, ...]:
+def displacements(x: np.ndarray, y: np.ndarray, yaw: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, ...]:
     """How far a pose moves in each window, seen from the heading at its start: three arrays (windows,)."""
     dx, dy = np.diff(x[rows]), np.diff(y[rows])
     c, s = np.cos(yaw[rows[:-1]]), np.sin(yaw[rows[:-1]])
@@ -84,9 +84,9 @@ def errors_at(log: RunLog, robot: Robot, out: np.ndarray) -> dict[str, tuple[np.
     if "x" in channels:
         x, y, yaw = pose = [log.columns[c] for c in ("x", "y", "yaw")]
         rows = window_rows(log.t, np.flatnonzero(np.isfinite(pose).all(axis=0)))
-        measured = moves(x, y, yaw, rows)
+        measured = displacements(x, y, yaw, rows)
         x, y, yaw = (out[:, OUTPUT_INDEX[c]] for c in ("x", "y", "yaw"))
-        replayed = moves(x, y, yaw, rows)
+        replayed = displacements(x, y, yaw, rows)
         for c, a, b in zip(("x", "y", "yaw"), measured, replayed):
             if c in channels:
                 result[c] = rows[:-1], (b - a) / _of_moves(log, c, robot.known_noise(c), rows)

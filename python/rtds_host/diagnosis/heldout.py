@@ -16,8 +16,8 @@ from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.left_out import left_out, parted
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
 from rtds_host.diagnosis.problem import STRETCH_S, Problem
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, replay_run
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.diagnosis.report.details import Trace
 
 # Ends of a 90 % interval (contract, section 5).
@@ -49,7 +49,7 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
     """Gaps of the nominal robot, the refitted one, and the one with the effects that stand, on runs left out."""
     robot = problem.robot
     models: dict[str | tuple[str, str], Fit] = {"refit": account.base, "after": account.fit}
-    models.update({s.member: s.without for s in account.standing})
+    models.update({s.cause: s.without for s in account.standing})
     step = min(REPORT_STEP_S, account.fit.model(problem).step_s)
     parts: dict[str | tuple[str, str], list[dict[str, gaps.Squares]]] = {name: [] for name in ("before", *models)}
     by_regime: dict[str, dict[str, list[dict[str, gaps.Squares]]]] = {}
@@ -111,13 +111,13 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
             if data.log.has(c)
         }
     channels = {name: gaps.pooled(parts[name]) for name in ("before", "refit", "after")}
-    lacking = {s.member: gaps.pooled(parts[s.member]) for s in account.standing}
-    without = {member: gaps.gap(found) for member, found in lacking.items()}
+    lacking = {s.cause: gaps.pooled(parts[s.cause]) for s in account.standing}
+    without = {cause: gaps.gap(found) for cause, found in lacking.items()}
     decided = {
-        member: max(
+        cause: max(
             ((c, value, channels["after"][c]) for c, value in found.items()), key=lambda d: d[1] ** 2 - d[2] ** 2
         )
-        for member, found in lacking.items()
+        for cause, found in lacking.items()
     }
     return HeldOut(channels, without, decided, runs, _by_regime(by_regime), traces, _for_another(stretches), notes)
 

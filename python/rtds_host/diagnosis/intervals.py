@@ -47,10 +47,10 @@ def intervals(
     latency_s = LATENCY_S if any(LATENCY.keys() & n.keys.keys() for n in problem.nuisances) else 0.0
     late = math.hypot(stamps_s, problem.lag_s, latency_s)
     result: dict[Key, tuple[float, float] | None] = {}
-    for member, values in zip(fit.hypothesis, fit.values):
-        effect = problem.effects[member[0]]
+    for cause, values in zip(fit.hypothesis, fit.values):
+        effect = problem.effects[cause[0]]
         for p in effect.parameters:
-            key, value = (member, p.name), values[p.name]
+            key, value = (cause, p.name), values[p.name]
             # Of what is absent far off, a stiff spring, a high limit, the size is the value itself.
             size = abs(value - p.null) if p.null in (0.0, 1.0) else abs(value)
             # Where in its row a sensor measures is known to the row.
@@ -62,7 +62,7 @@ def intervals(
                 else 0.0
             )
             spread = Z90 * math.hypot(
-                sigma[key] * p.slope(value), effect.form * size, timed, 0.0 if p.shape else uneven[member][0] * size
+                sigma[key] * p.slope(value), effect.form * size, timed, 0.0 if p.shape else uneven[cause][0] * size
             )
             low, high = max(value - spread, p.low), min(value + spread, p.high)
             result[key] = (low, high) if free[key] and (low > p.low or high < p.high) else None
@@ -94,7 +94,7 @@ def command_shift(fit: Fit) -> np.ndarray:
     """How far (z, u) move, (k + p,), if residuals count as white noise in place of a discrepancy.
 
     J. A. Hausman, Econometrica 46, 1978: two estimates that weigh slow and fast misfits otherwise agree where the
-    explanation is whole; what parts them is the rest that one of them took for an effect. Prior and dispersion are
+    explanation is whole; what parts them is the residual that one of them took for an effect. Prior and dispersion are
     those of the fit.
     """
     keep = np.flatnonzero(fit.free)
@@ -117,13 +117,13 @@ def command_shift(fit: Fit) -> np.ndarray:
         for effect, side, p in parameters(fit.effects, fit.hypothesis)
         if p.steep and free[(effect.id, side), p.name]
     }
-    result[len(fit.z) :][[member in late for member, _ in _keys(fit)]] = 0.0
+    result[len(fit.z) :][[cause in late for cause, _ in _keys(fit)]] = 0.0
     return result
 
 
 def sigmas_of(problem: Problem, fit: Fit) -> np.ndarray:
     """One sigma of each parameter, in spreads: the largest of what the likelihood says, what the scatter between blocks
-    of time says, and what that between runs does; and what it hangs on how the rest is weighed."""
+    of time says, and what that between runs does; and what it hangs on how the residual is weighed."""
     variances = [np.diag(fit.covariance), _sandwich(problem, fit, problem.blocks)]
     if len(problem.whole) > 2:
         variances.append(_sandwich(problem, fit, problem.runs_of))

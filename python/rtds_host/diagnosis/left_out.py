@@ -31,17 +31,17 @@ def left_out(problem: Problem, fit: Fit, parts: Sequence[np.ndarray]) -> list[Mo
     keep = np.flatnonzero(fit.free)
     jacobian = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep].astype(float)
     others = [np.setdiff1d(np.arange(len(fit.residual)), rows) for rows in parts]
-    moves = [np.zeros(len(fit.free)) for _ in parts]
+    sensitivities = [np.zeros(len(fit.free)) for _ in parts]
     taken = [_cost(fit, fit.residual, rows) for rows in others]
-    best = list(moves)
+    best = list(sensitivities)
     residuals = [fit.residual] * len(parts)
     for turn in range(STEPS):
-        moves = [
+        sensitivities = [
             move + _step(fit, keep, jacobian, residual, rows, move, begun=not turn)
-            for move, residual, rows in zip(moves, residuals, others, strict=True)
+            for move, residual, rows in zip(sensitivities, residuals, others, strict=True)
         ]
-        residuals = problem.residuals([_moved(problem, fit, move) for move in moves])
-        for k, (move, residual, rows) in enumerate(zip(moves, residuals, others, strict=True)):
+        residuals = problem.residuals([_moved(problem, fit, move) for move in sensitivities])
+        for k, (move, residual, rows) in enumerate(zip(sensitivities, residuals, others, strict=True)):
             cost = _cost(fit, residual, rows)
             if cost < taken[k]:
                 best[k], taken[k] = move, cost
@@ -148,7 +148,7 @@ def over_runs(problem: Problem, parts: Sequence[Foretold]) -> list[Errors]:
 def over_pieces(problem: Problem, parts: Sequence[Foretold]) -> list[Errors]:
     """The same over pieces of an axis' runs that each start from the measured state; empty for a robot.
 
-    Channels are those of the search's residual, angles beside speeds.
+    Channels are those of the search's residual, angles as well as speeds.
     """
     if problem.robot.axis is None:
         return []

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable
 
-from rtds_host.diagnosis.chance import SLIGHT
 from rtds_host.diagnosis.choice import AS_MUCH, Judged
-from rtds_host.diagnosis.evidence import compared, told_apart, worth_naming
+from rtds_host.diagnosis.evidence import compared, distinguishable, worth_naming
 from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.gap import LEAST
+from rtds_host.diagnosis.indistinguishable import indistinguishable, nearly_indistinguishable
 from rtds_host.diagnosis.screen import Candidate, available, clashes, start_values
 from rtds_host.diagnosis.search import Search
-from rtds_host.diagnosis.twins import near_twins, twins
+from rtds_host.diagnosis.thresholds import MINOR_SHARE
 
-Member = tuple[str, str]
+Cause = tuple[str, str]
 # Members that a set of look-alikes may have (contract, section 5).
 LARGEST_SET = 3
 
 
 def lookalikes(
-    search: Search, fit: Fit, standing: Iterable[tuple[Member, Fit]]
-) -> tuple[tuple[tuple[Member, ...], ...], list[Fit]]:
+    search: Search, fit: Fit, standing: Iterable[tuple[Cause, Fit]]
+) -> tuple[tuple[tuple[Cause, ...], ...], list[Fit]]:
     """Effects that take a blamed one's place and fit as well, and the fits that show it.
 
     What opens a gap does not, however few blocks of time there are to tell it by. standing : blamed effects and the
@@ -34,35 +34,35 @@ def lookalikes(
     case, there = search.problem.case, {effect.id for effect in available(search.problem)} & search.wanted
     for one, without in standing:
         inherent, near = (
-            [member for member in alike if member[0] in there and not clashes(member, fit.hypothesis)]
-            for alike in (twins(case, one, fit.hypothesis), near_twins(case, one))
+            [cause for cause in alike if cause[0] in there and not clashes(cause, fit.hypothesis)]
+            for alike in (indistinguishable(case, one, fit.hypothesis), nearly_indistinguishable(case, one))
         )
         swaps, further = swaps_of(search, fit, one, without), {}
-        known = {member for member in swaps if member in near or member[0] in search.effects[one[0]].confused_with}
+        known = {cause for cause in swaps if cause in near or cause[0] in search.effects[one[0]].confused_with}
         fitting = _fitting(search, fit, swaps, known)
         # What a look-alike is confused with may be one, too: the motor's constant for viscous friction, and a gain for
         # that.
         further = {
-            member: swaps.get(member) or search.swapped(fit, without, candidate)
-            for member, candidate in _further(search, one, without, fitting).items()
-            if member not in known
+            cause: swaps.get(cause) or search.swapped(fit, without, candidate)
+            for cause, candidate in _further(search, one, without, fitting).items()
+            if cause not in known
         }
         fitting |= _fitting(search, fit, further, further)
-        found = sorted((member not in known, gain, member) for member, (gain, _) in fitting.items())
+        found = sorted((cause not in known, gain, cause) for cause, (gain, _) in fitting.items())
         rivals += [swapped for _, swapped in fitting.values()]
-        others = list(dict.fromkeys([*inherent, *(member for *_, member in found), *near]))
-        fitted = {member: swap for member, swap in (swaps | further).items() if member in others}
-        fitted |= {member: swap for member, (_, swap) in fitting.items()}
-        alike: list[Member] = []
-        for member in others:
-            if len(alike) < LARGEST_SET - 1 and _possible(search, fit, one, without, member, fitted.get(member)):
-                alike.append(member)
+        others = list(dict.fromkeys([*inherent, *(cause for *_, cause in found), *near]))
+        fitted = {cause: swap for cause, swap in (swaps | further).items() if cause in others}
+        fitted |= {cause: swap for cause, (_, swap) in fitting.items()}
+        alike: list[Cause] = []
+        for cause in others:
+            if len(alike) < LARGEST_SET - 1 and _possible(search, fit, one, without, cause, fitted.get(cause)):
+                alike.append(cause)
         if alike:
             sets.append((one, *alike))
     return tuple(sets), rivals
 
 
-def _possible(search: Search, fit: Fit, one: Member, without: Fit, member: Member, met: Fit | None) -> bool:
+def _possible(search: Search, fit: Fit, one: Cause, without: Fit, cause: Cause, met: Fit | None) -> bool:
     """Whether another effect in one's place opens no gap at a size that it can have; `met`: a fit of it there."""
 
     def fits(swapped: Fit) -> bool:
@@ -74,14 +74,14 @@ def _possible(search: Search, fit: Fit, one: Member, without: Fit, member: Membe
 
     if met is not None and fits(met):
         return True
-    effect, own = search.effects[member[0]], dict(zip(fit.hypothesis, fit.values))[one]
+    effect, own = search.effects[cause[0]], dict(zip(fit.hypothesis, fit.values))[one]
     starts = start_values(effect)
     if "ratio" in own and [p.name for p in effect.parameters] == ["ratio"] and own["ratio"]:
         # Of two factors that do the same, one is the other or its inverse.
         starts = [*({"ratio": ratio} for ratio in (own["ratio"], 1.0 / own["ratio"])), *starts]
     bounds = {p.name: (p.low, p.high) for p in effect.parameters}
     inside = [{name: min(max(v, bounds[name][0]), bounds[name][1]) for name, v in start.items()} for start in starts]
-    begun = [joined({**without.parts, member: scaled(search.effects, (member,), [values])}) for values in inside]
+    begun = [joined({**without.parts, cause: scaled(search.effects, (cause,), [values])}) for values in inside]
     rough = search.try_fits([(*start, without) for start in begun], rough=True)
     if not rough:
         return False
@@ -90,8 +90,8 @@ def _possible(search: Search, fit: Fit, one: Member, without: Fit, member: Membe
 
 
 def _fitting(
-    search: Search, fit: Fit, swaps: dict[Member, Fit], known: Container[Member]
-) -> dict[Member, tuple[float, Fit]]:
+    search: Search, fit: Fit, swaps: dict[Cause, Fit], known: Container[Cause]
+) -> dict[Cause, tuple[float, Fit]]:
     """Of effects in another one's place those that fit as well, and open no gap: what the likelihood gains without
     each, and its fit.
 
@@ -100,57 +100,57 @@ def _fitting(
     tells. What is `known` to be confused with it must be told from it by more than slight a part of what it leaves: the
     forms of a machine that is described no better differ by as much.
     """
-    found: dict[Member, tuple[float, Fit]] = {}
+    found: dict[Cause, tuple[float, Fit]] = {}
     if not search.closed(fit):
         own = Judged.of(search.problem, fit)
-        for member, swapped in swaps.items():
+        for cause, swapped in swaps.items():
             gain, _ = compared(search.problem, fit, swapped)
             # More parameters always leave a little less.
             plain = len(swapped.u) <= len(fit.u) and search.named(swapped)
             if plain and Judged.of(search.problem, swapped).gap <= AS_MUCH * own.gap:
-                found[member] = gain, swapped
+                found[cause] = gain, swapped
         return found
-    for member, swapped in swaps.items():
+    for cause, swapped in swaps.items():
         (gain, t), taken = compared(search.problem, fit, swapped), search.takes_off(fit, swapped)
-        told = told_apart(gain, t, taken, search.problem.block_count, SLIGHT if member in known else 0.0)
+        told = distinguishable(gain, t, taken, search.problem.block_count, MINOR_SHARE if cause in known else 0.0)
         if not told and search.named(swapped) and not opens_gap(search.gap(swapped), search.gap(fit)):
-            found[member] = gain, swapped
+            found[cause] = gain, swapped
     return found
 
 
-def _further(search: Search, one: Member, without: Fit, like: Iterable[Member]) -> dict[Member, Candidate]:
+def _further(search: Search, one: Cause, without: Fit, like: Iterable[Cause]) -> dict[Cause, Candidate]:
     """What look-alikes of an effect are confused with, as far as it could be in its place, and where a fit of it
     begins.
     """
-    wanted = {search.in_place(other, member) for member in like for other in search.effects[member[0]].confused_with}
+    wanted = {search.in_place(other, cause) for cause in like for other in search.effects[cause[0]].confused_with}
     if not wanted or search.exhausted():
         return {}
     # What holds the effect is the same with a further parameter, for no better fit.
     return {
-        c.member: c
+        c.cause: c
         for c in search.rivals(without, one, len(search.effects))
-        if c.member in wanted and one[0] not in search.effects[c.member[0]].contains
+        if c.cause in wanted and one[0] not in search.effects[c.cause[0]].contains
     }
 
 
-def swaps_of(search: Search, fit: Fit, one: Member, without: Fit) -> dict[Member, Fit]:
+def swaps_of(search: Search, fit: Fit, one: Cause, without: Fit) -> dict[Cause, Fit]:
     """What might be there in an effect's place, each with the fit that has it there: its namesakes, what a screening
     without it promises, and what the search met."""
     swaps = search.namesakes(fit, one)
 
-    def other(member: Member) -> bool:
+    def other(cause: Cause) -> bool:
         # What holds the effect is the same with a further parameter, for no better fit.
-        return member not in swaps and one[0] not in search.effects[member[0]].contains
+        return cause not in swaps and one[0] not in search.effects[cause[0]].contains
 
     for candidate in search.rivals(without, one, LARGEST_SET) if not search.exhausted() else ():
-        if other(candidate.member):
-            swaps[candidate.member] = search.swapped(fit, without, candidate)
-    beside = set(fit.hypothesis) - {one}
+        if other(candidate.cause):
+            swaps[candidate.cause] = search.swapped(fit, without, candidate)
+    remaining = set(fit.hypothesis) - {one}
     for hypothesis, met in search.fits.items():
-        if len(hypothesis) == len(fit.hypothesis) and beside <= set(hypothesis) and hypothesis != fit.hypothesis:
-            (member,) = set(hypothesis) - beside
-            if other(member):
-                swaps[member] = met
+        if len(hypothesis) == len(fit.hypothesis) and remaining <= set(hypothesis) and hypothesis != fit.hypothesis:
+            (cause,) = set(hypothesis) - remaining
+            if other(cause):
+                swaps[cause] = met
     return swaps
 
 

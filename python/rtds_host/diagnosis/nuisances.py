@@ -66,11 +66,11 @@ class Nuisance:
         """Put it into a model at z sigmas."""
         sides = (0, 1) if self.side is None else (self.side,)
         values = self.values(z)
-        for key, slot in self.keys.items():
+        for key, quantity in self.keys.items():
             if self.nominal:
-                model.scale(slot, math.exp(self.sigma * z), sides)
+                model.scale(quantity, math.exp(self.sigma * z), sides)
             else:
-                model.put(slot, values[key], sides)
+                model.put(quantity, values[key], sides)
 
 
 # Names in [motor] and [servo] -> entries of the model; those of a nuisance vary together.
@@ -104,7 +104,7 @@ EARLY = {"command_early_s": "command_early"}
 ANTI_WINDUP = {"anti_windup": "servo_release"}
 SKEWS = {"gyro_z": {"gyro_late_s": "gyro_late"}, "yaw": {"pose_late_s": "pose_late"}}
 # Name in a diagnosis' `setup` -> entry of the model.
-SETUP = {key: slot for keys in (LATENCY, ANTI_WINDUP, EARLY, *SKEWS.values()) for key, slot in keys.items()}
+SETUP = {key: quantity for keys in (LATENCY, ANTI_WINDUP, EARLY, *SKEWS.values()) for key, quantity in keys.items()}
 # No nuisance: where the encoder was taken to sit.
 SETUP["encoder_at_wheel"] = "encoder_at_wheel"
 
@@ -121,7 +121,7 @@ def body_of(robot: Robot) -> dict[str, dict[str, str]]:
 def entries(robot: Robot) -> dict[str, str]:
     """Name in a diagnosis' `nominal_fit` -> entry of the model of a robot."""
     groups = (*MOTOR.values(), *WINDING.values(), *GEAR.values(), *body_of(robot).values(), *SERVO.values())
-    return {key: slot for keys in groups for key, slot in keys.items()}
+    return {key: quantity for keys in groups for key, quantity in keys.items()}
 
 
 def sigma_of(relative: float) -> float:

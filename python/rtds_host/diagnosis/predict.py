@@ -20,10 +20,10 @@ from rtds_host.diagnosis.gate.limits import limits
 from rtds_host.diagnosis.gate.rounding import effective_noise
 from rtds_host.diagnosis.gate.stamps import evened
 from rtds_host.diagnosis.gate.starts import awake
-from rtds_host.diagnosis.machine import OF_ASKED, OF_RUNS, OF_SPEEDS_MET
 from rtds_host.diagnosis.nuisances import SETUP, entries
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
+from rtds_host.diagnosis.scales import OF_ASKED, OF_RUNS, OF_SPEEDS_MET
 from rtds_host.errors import InputError, did_you_mean
 
 # Diagnoses of the first schema hold all that a prediction needs.

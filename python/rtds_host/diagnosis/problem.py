@@ -1,6 +1,6 @@
 """A case as a fitting problem: whitened residuals of whole-run replays, in blocks of time.
 
-The residuals hold more than the gap of the contract counts (angles beside speeds, the bus voltage, window ends
+The residuals hold more than the gap of the contract counts (angles as well as speeds, the bus voltage, window ends
 averaged over their neighbours), since each sample that narrows an explanation is welcome in the choice.
 """
 
@@ -16,17 +16,16 @@ import numba
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
-from rtds_host.diagnosis.chance import MOST, MOVES
 from rtds_host.diagnosis.effects import Effect, catalogue
 from rtds_host.diagnosis.effort import spend
 from rtds_host.diagnosis.gap import WINDOW_S, errors, gap, pooled
 from rtds_host.diagnosis.gate.cuts import start_row
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.nuisances import nuisances_of
-from rtds_host.diagnosis.replay.lanes import LANES
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import (
-    Abreast,
     Model,
+    ReplayBatch,
     following,
     nominal_model,
     piece_inputs,
@@ -34,7 +33,8 @@ from rtds_host.diagnosis.replay.model import (
     run_inputs,
     stretch_inputs,
 )
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.replay.simd import SIMD_WIDTH
+from rtds_host.diagnosis.thresholds import MAJORITY, SIGNIFICANT
 
 # Numerical: stretches whose residuals are counted as one draw are as long as the gap's windows; shorter where all runs
 # together are, so that there are enough of them, of a few rows each.
@@ -50,9 +50,9 @@ SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 80_000, 20.0
 # A piece of an axis' run is as long as what is missing is remembered: what lasts longer is a scale, a bias or a load.
 PIECE_S = 0.3
 # Numerical: chi2 that chance alone does not bring.
-CHI2 = MOVES**2
+CHI2 = SIGNIFICANT**2
 # Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a
-# residual, in steps of one abreast.
+# residual, in steps of one in a batch.
 ALONE, WAITING, WHITENED = 8.0, 3.0, 0.35
 # Numerical: lags that are tried in a run, in delays of the others.
 LAGS = np.linspace(0.0, 3.0, 25)
@@ -163,9 +163,9 @@ class Problem:
         coarsest = max(float(np.median(np.diff(log.t))) for log in case.runs)
         self.block_s = min(WINDOW_S, max(lasted / LEAST_BLOCKS, ROWS_A_BLOCK * coarsest))
         self.pieces = pieces
-        self._kept: list[Abreast] = []
+        self._kept: list[ReplayBatch] = []
         self._gaps: dict[tuple, float] = {}
-        self.work = 0.0  # done on residuals so far, in steps of a replay abreast
+        self.work = 0.0  # done on residuals so far, in steps of a replay in a batch
         self.pool = ThreadPoolExecutor(self.threads)
         self.whole = [RunData(log, run_inputs(log, case.robot)) for log in case.runs]
         self.searched = min(1.0, SEARCHED_S / lasted, SEARCHED_ROWS / sum(len(log.t) for log in case.runs))
@@ -461,12 +461,12 @@ class Problem:
         return largest
 
     def align_commands(self, model: Model) -> float:
-        """Estimate by how much later than in the others commands act in single runs, beside a delay; the largest
+        """Estimate by how much later than in the others commands act in single runs, next to a delay; the largest
         change, s.
 
-        A link is set up anew for each run, and its lag is not always the same: one delay for all would be bent, and all
-        else with it. What is so in half of the runs is the delay. It serves the search alone: every gap of a diagnosis
-        is with one delay.
+        A link is set up again for each run, and its lag is not always the same: one delay for all would be bent, and
+        all else with it. What is so in half of the runs is the delay. It serves the search alone: every gap of a
+        diagnosis is with one delay.
         """
         delay = model.get("command_delay") + model.get("measurement_delay")
         if delay <= 0.0 or self.pieces or self.searched < 1.0:
@@ -497,11 +497,11 @@ class Problem:
         if as_others < CHI2:
             return 0.0
         lates = delay * (LAGS - 1.0)
-        if model.abreast:
+        if model.batched:
             later = [model.copy() for _ in lates]
             for one, late in zip(later, lates):
                 one.add("command_delay", late - was)
-            values = [missed(out) for out in Abreast([data.inputs]).replay(later)]
+            values = [missed(out) for out in ReplayBatch([data.inputs]).replay(later)]
         else:
             values = list(self.pool.map(beyond, lates))
         k = int(np.argmin(values))
@@ -513,7 +513,7 @@ class Problem:
             method="bounded",
             options={"xatol": 1e-3},
         )
-        return float(best.x) if best.fun < (1.0 - MOST) * as_others else 0.0
+        return float(best.x) if best.fun < (1.0 - MAJORITY) * as_others else 0.0
 
     def _shift(self, lates: dict[str, float]) -> None:
         """Let the commands of some runs act so much later (s), those of the others when they were given."""
@@ -561,28 +561,28 @@ class Problem:
         taken = sum(self._taken(model, step_s) + WHITENED * self.size for model, step_s in zip(models, steps))
         self.work += taken
         spend(taken)
-        # Those with springs or free play beside each other: what one lane has is computed in all.
-        abreast = sorted(
-            (k for k, model in enumerate(models) if model.abreast), key=lambda k: (models[k].slow, steps[k])
+        # Those with springs or free play side by side: what one lane has is computed in all.
+        batched = sorted(
+            (k for k, model in enumerate(models) if model.batched), key=lambda k: (models[k].slow, steps[k])
         )
-        runs = self._abreast(self.runs)
-        if not runs.worth([models[k] for k in abreast], self.threads):
-            abreast = []
-        alone = sorted(set(range(len(models))) - set(abreast))
+        runs = self._batch(self.runs)
+        if not runs.worth([models[k] for k in batched], self.threads):
+            batched = []
+        alone = sorted(set(range(len(models))) - set(batched))
         jobs = deque(
             functools.partial(self._alone, models[k], data, found[k][rows], steps[k])
             for k in alone
             for data, rows in self.rows
         )
-        if abreast:
+        if batched:
             # Lanes are to be full, and shares for all cores, but none so large that its replays leave the cache.
-            lanes = len(abreast) * len(self.runs) // LANES
-            count = min(len(abreast), max(lanes // 4, min(lanes, self.threads), 1))
+            lanes = len(batched) * len(self.runs) // SIMD_WIDTH
+            count = min(len(batched), max(lanes // 4, min(lanes, self.threads), 1))
             jobs.extend(
                 functools.partial(
                     self._together, runs, [models[k] for k in part], [found[k] for k in part], [steps[k] for k in part]
                 )
-                for part in np.array_split(abreast, count)
+                for part in np.array_split(batched, count)
             )
 
         def do_jobs() -> None:
@@ -604,7 +604,7 @@ class Problem:
         """Work that replays of all runs are: a step from row to row at the least. It hangs on the model, not on how
         many cores there are.
         """
-        each = WAITING if model.waits else 1.0 if model.abreast else ALONE
+        each = WAITING if model.waits else 1.0 if model.batched else ALONE
         return each * sum(
             max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in self.runs
         )
@@ -612,19 +612,19 @@ class Problem:
     def _alone(self, model: Model, data: RunData, into: np.ndarray, step_s: float) -> None:
         self.run_residual(data, replay_run(model, data.inputs, step_s), into)
 
-    def _together(self, runs: Abreast, models: list[Model], into: list[np.ndarray], steps: list[float]) -> None:
+    def _together(self, runs: ReplayBatch, models: list[Model], into: list[np.ndarray], steps: list[float]) -> None:
         for found, outs in zip(into, runs.replay(models, steps)):
             for (data, rows), first, last in zip(self.rows, runs.rows, runs.rows[1:]):
                 self.run_residual(data, outs[first:last], found[rows])
 
-    def _abreast(self, data: list[RunData]) -> Abreast:
+    def _batch(self, data: list[RunData]) -> ReplayBatch:
         """Some runs, all that are searched or all that are judged, as they are replayed by now."""
         inputs = [one.inputs for one in data]
         for kept in self._kept:
             if len(kept.inputs) == len(inputs) and all(a is b for a, b in zip(kept.inputs, inputs)):
                 return kept
         # One for what is searched and one for what is judged.
-        self._kept, self._gaps = [Abreast(inputs), *self._kept[:1]], {}
+        self._kept, self._gaps = [ReplayBatch(inputs), *self._kept[:1]], {}
         return self._kept[0]
 
     def follow_angles(self, follow: bool) -> None:
@@ -650,12 +650,12 @@ class Problem:
 
     def gap_as_fitted(self, model: Model) -> float:
         """The same with commands as late in each run as they were fitted, `align_commands`: what an effect is worth
-        beside that.
+        next to that.
         """
         return self._gap(model, [data for data, _ in self.judged()])
 
     def _gap(self, model: Model, judged: list[RunData]) -> float:
-        runs = self._abreast(judged)
+        runs = self._batch(judged)
         # The search asks for the gap of the same explanation time and again.
         asked = (
             runs,
@@ -668,8 +668,8 @@ class Problem:
             self._gaps[asked] = self._gap_of(model, judged, runs)
         return self._gaps[asked]
 
-    def _gap_of(self, model: Model, judged: list[RunData], runs: Abreast) -> float:
-        if model.abreast and runs.worth([model], self.threads):
+    def _gap_of(self, model: Model, judged: list[RunData], runs: ReplayBatch) -> float:
+        if model.batched and runs.worth([model], self.threads):
             (out,) = runs.replay([model])
             outs = np.split(out, runs.rows[1:-1])
         else:

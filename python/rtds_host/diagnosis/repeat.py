@@ -13,7 +13,7 @@ from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.errors import InputError
 
-Member = tuple[str, str]
+Cause = tuple[str, str]
 
 
 def halves(case: Case) -> list[Case]:
@@ -41,7 +41,7 @@ def repeats(
     diagnosis: dict[str, Any],
     threads: int = 2,
     say: Callable[[str, float], None] = lambda *_: None,
-) -> dict[Member, tuple[int, int]]:
+) -> dict[Cause, tuple[int, int]]:
     """Each named effect of a diagnosis -> on how many halves it was found again, by name or declared as
     indistinguishable, and how many halves there were. A half that makes no case of its own finds nothing.
 
@@ -56,10 +56,10 @@ def repeats(
             found.append(_members(diagnose(part, quick=True, threads=threads)[0]))
         except InputError:
             found.append(set())
-    return {member: (sum(member in there for there in found), len(found)) for member in wanted}
+    return {cause: (sum(cause in there for there in found), len(found)) for cause in wanted}
 
 
-def _members(diagnosis: dict[str, Any]) -> set[Member]:
+def _members(diagnosis: dict[str, Any]) -> set[Cause]:
     """Named effects, and what was declared as indistinguishable from one."""
-    rows = [*diagnosis["effects"], *(member for members in diagnosis["indistinguishable"] for member in members)]
+    rows = [*diagnosis["effects"], *(cause for causes in diagnosis["indistinguishable"] for cause in causes)]
     return {(row["id"], row["side"]) for row in rows}

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rtds_host.diagnosis.chance import FEWEST, HANDFUL
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
+from rtds_host.diagnosis.thresholds import FEW_SHARE, FEWEST_SAMPLES
 
 # Physical: most cycles a turn that are looked for: the cogging of a geared motor.
 MOST_CYCLES = 400.0
@@ -65,8 +65,8 @@ def _series(problem: Problem, outs: list[np.ndarray], suffix: str) -> list[tuple
                 angle = np.interp(log.t, log.t[known], th[known])
             error = (out[:, OUTPUT_INDEX[channel]] - log.columns[channel]) / problem.robot.noise(channel)
             speed = np.abs(out[:, OUTPUT_INDEX[f"w_{suffix}"]])
-            moving = good & (speed > HANDFUL * speed.max())
-            if moving.sum() > FEWEST:
+            moving = good & (speed > FEW_SHARE * speed.max())
+            if moving.sum() > FEWEST_SAMPLES:
                 angles.append(angle[moving])
                 values.append(error[moving] - error[moving].mean())
         if angles:

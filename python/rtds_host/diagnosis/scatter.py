@@ -50,8 +50,8 @@ def scattered(problem: Problem, fit: Fit) -> dict[tuple[str, str], tuple[float, 
     white, jacobian = fit.whitened()
     columns = list(enumerate(parameters(fit.effects, fit.hypothesis), len(fit.z)))
     result = {}
-    for member in fit.hypothesis:
-        sized = [(k, p) for k, (effect, side, p) in columns if (effect.id, side) == member and not p.shape]
+    for cause in fit.hypothesis:
+        sized = [(k, p) for k, (effect, side, p) in columns if (effect.id, side) == cause and not p.shape]
         at = [k for k, _ in columns if fit.free[k] and k not in {j for j, _ in sized}]
         of_each = (jacobian[:, k].astype(float) * _size(p, float(fit.u[k - len(fit.z)])) for k, p in sized)
         own = sum(of_each, np.zeros(len(jacobian)))
@@ -59,7 +59,7 @@ def scattered(problem: Problem, fit: Fit) -> dict[tuple[str, str], tuple[float, 
         known = np.bincount(problem.blocks, own * own, minlength=problem.block_count)
         weighed = known - np.bincount(problem.blocks, own * white, minlength=problem.block_count)
         most, setting = max((scatter(values, weighed, known), name) for name, values in met.items())
-        result[member] = (most, setting if most > 0.0 else None)
+        result[cause] = (most, setting if most > 0.0 else None)
     return result
 
 
@@ -67,8 +67,8 @@ def _apart(fit: Fit, jacobian: np.ndarray, own: np.ndarray, at: list[int]) -> np
     """What an effect does, whitened (N,), less what the parameters `at` can take up of it."""
     if not at:
         return own
-    beside = jacobian[:, at].astype(float)
-    return own - beside @ np.linalg.solve(fit.precision[np.ix_(at, at)], beside.T @ own)
+    others = jacobian[:, at].astype(float)
+    return own - others @ np.linalg.solve(fit.precision[np.ix_(at, at)], others.T @ own)
 
 
 def _size(p: Parameter, u: float) -> float:
@@ -95,9 +95,9 @@ def scatter(values: np.ndarray, weighed: np.ndarray, known: np.ndarray) -> float
     return math.sqrt(max(between - chance * (degrees + 2.0 * math.log(CONVINCING)), 0.0) / float(sums.sum()))
 
 
-def absent(problem: Problem, fit: Fit, member: tuple[str, str]) -> Model:
+def absent(problem: Problem, fit: Fit, cause: tuple[str, str]) -> Model:
     """The model of a fit with everything but one of its effects."""
-    kept = [(other, values) for other, values in zip(fit.hypothesis, fit.values) if other != member]
+    kept = [(other, values) for other, values in zip(fit.hypothesis, fit.values) if other != cause]
     return apply(
         fit.effects, problem.with_nuisances(fit.z), tuple(other for other, _ in kept), [values for _, values in kept]
     )

@@ -38,7 +38,7 @@ class Candidate:
     One side of an effect that is in on both stands for one of another size on that side.
     """
 
-    member: tuple[str, str]
+    cause: tuple[str, str]
     gain: float
     start: np.ndarray
 
@@ -70,7 +70,7 @@ def available(problem: Problem) -> list[Effect]:
     ]
 
 
-def moves_of(
+def sensitivities_of(
     fitter: Fitter,
     fit: Fit,
     extra: dict[tuple[str, str], list[dict]],
@@ -111,8 +111,8 @@ class Screen:
 
     Parameters
     ----------
-    moves : changes of the residuals by signature, from `moves_of`; noise : the discrepancy to whiten by; before : a
-    screening with the same discrepancy, of whose moves some may be among these.
+    moves : changes of the residuals by signature, from `sensitivities_of`; noise : the discrepancy to whiten by; before
+    : a screening with the same discrepancy, of whose moves some may be among these.
     """
 
     signatures: list[Signature]
@@ -124,11 +124,11 @@ class Screen:
         self,
         problem: Problem,
         fit: Fit,
-        moves: dict[Signature, np.ndarray],
+        sensitivities: dict[Signature, np.ndarray],
         noise: Likelihood,
         before: Screen | None = None,
     ):
-        self.moves = moves
+        self.sensitivities = sensitivities
         self.effects = problem.effects
         self.taken = fit.hypothesis
         self._taken = dict(zip(fit.hypothesis, fit.values))
@@ -139,7 +139,7 @@ class Screen:
         weight = prior_weight(fit.z, fit.u)[keep]
         at = np.concatenate([fit.z, fit.u])[keep]
         white = noise.whiten(fit.residual).astype(np.float32)
-        self._take(moves, noise, before)
+        self._take(sensitivities, noise, before)
         self.shared = self._summed((self.rows @ jacobian).astype(float))
         self.inner = np.linalg.inv((jacobian.T @ jacobian).astype(float) + np.diag(weight))
         cross = self.shared @ self.inner
@@ -148,11 +148,11 @@ class Screen:
             (jacobian.T @ white).astype(float) + weight * at
         )
 
-    def _take(self, moves: dict[Signature, np.ndarray], noise: Likelihood, before: Screen | None) -> None:
+    def _take(self, sensitivities: dict[Signature, np.ndarray], noise: Likelihood, before: Screen | None) -> None:
         """Whitened signatures, a row each; those of both sides are sums of two and have no row; and the squares
         of all.
         """
-        if before is not None and before.moves is moves:
+        if before is not None and before.sensitivities is sensitivities:
             self.signatures, self.sums, self.rows, self.squares = (
                 before.signatures,
                 before.sums,
@@ -160,13 +160,13 @@ class Screen:
                 before.squares,
             )
             return
-        left = {(s.effect, s.values): k for k, s in enumerate(moves) if s.side == "left"}
+        left = {(s.effect, s.values): k for k, s in enumerate(sensitivities) if s.side == "left"}
         self.sums = [
             (left[s.effect, s.values], k)
-            for k, s in enumerate(moves)
+            for k, s in enumerate(sensitivities)
             if s.side == "right" and (s.effect, s.values) in left and not self.effects[s.effect].nonlinear
         ]
-        signatures = list(moves)
+        signatures = list(sensitivities)
         self.signatures = signatures + [
             Signature(signatures[k].effect, "both", signatures[k].values) for k, _ in self.sums
         ]
@@ -174,12 +174,16 @@ class Screen:
         known = (
             {}
             if before is None
-            else {s: row for s, row in zip(before.moves, before.rows) if moves.get(s) is before.moves[s]}
+            else {
+                s: row
+                for s, row in zip(before.sensitivities, before.rows)
+                if sensitivities.get(s) is before.sensitivities[s]
+            }
         )
         new = [k for k, s in enumerate(signatures) if s not in known]
         for k in sorted(set(range(len(signatures))) - set(new)):
             self.rows[k] = known[signatures[k]]
-        noise.whiten_into([moves[signatures[k]] for k in new], [self.rows[k] for k in new])
+        noise.whiten_into([sensitivities[signatures[k]] for k in new], [self.rows[k] for k in new])
         squares = np.einsum("ij,ij->i", self.rows, self.rows).astype(float)
         self.squares = np.concatenate(
             [squares, [squares[a] + squares[b] + 2.0 * float(self.rows[a] @ self.rows[b]) for a, b in self.sums]]
@@ -192,16 +196,16 @@ class Screen:
         left, right = np.transpose(self.sums)
         return np.concatenate([products, products[left] + products[right]])
 
-    def _rows_of(self, members: Sequence[int]) -> np.ndarray:
+    def _rows_of(self, causes: Sequence[int]) -> np.ndarray:
         """Some signatures, whitened, (n, N)."""
         count = len(self.rows)
         return np.stack(
-            [self.rows[k] if k < count else np.add(*(self.rows[n] for n in self.sums[k - count])) for k in members]
+            [self.rows[k] if k < count else np.add(*(self.rows[n] for n in self.sums[k - count])) for k in causes]
         )
 
-    def _gram(self, members: Sequence[int]) -> np.ndarray:
+    def _gram(self, causes: Sequence[int]) -> np.ndarray:
         """Products of some signatures, projected, a little more than singular."""
-        rows, shared = self._rows_of(members), self.shared[list(members)]
+        rows, shared = self._rows_of(causes), self.shared[list(causes)]
         gram = (rows @ rows.T).astype(float) - shared @ self.inner @ shared.T
         # In their own measure: of signatures of 1e5 noises a billionth of one is lost.
         return gram + 1e-9 * np.diag(1.0 + np.abs(np.diag(gram)))
@@ -238,23 +242,23 @@ class Screen:
         for k, s in enumerate(self.signatures):
             groups.setdefault((s.effect, s.side), []).append(k)
         result = [
-            self._best((name, side), members)
-            for (name, side), members in groups.items()
+            self._best((name, side), causes)
+            for (name, side), causes in groups.items()
             if not clashes((name, side), self.taken) or (splits((name, side), self.taken) and self.effects[name].sized)
         ]
         return sorted(result, key=lambda c: -c.gain)
 
-    def pairs(self, members: Sequence[tuple[str, str]]) -> list[tuple[float, Candidate, Candidate]]:
-        """What pairs of effects promise together, best first; of `members`, (effect, side), those that a size alone
+    def pairs(self, causes: Sequence[tuple[str, str]]) -> list[tuple[float, Candidate, Candidate]]:
+        """What pairs of effects promise together, best first; of `causes`, (effect, side), those that a size alone
         describes.
         """
         at: dict[tuple[str, str], int] = {}
         for k, s in enumerate(self.signatures):
-            member = s.effect, s.side
-            if member not in members or not self.effects[s.effect].sized or clashes(member, self.taken):
+            cause = s.effect, s.side
+            if cause not in causes or not self.effects[s.effect].sized or clashes(cause, self.taken):
                 continue
-            if member not in at or self._line(k)[1] > self._line(at[member])[1]:
-                at[member] = k
+            if cause not in at or self._line(k)[1] > self._line(at[cause])[1]:
+                at[cause] = k
         names, ks = list(at), list(at.values())
         if len(names) < 2:
             return []
@@ -290,33 +294,33 @@ class Screen:
             p.name: p.null for p in self.effects[signature.effect].parameters
         }
 
-    def _best(self, member: tuple[str, str], members: list[int]) -> Candidate:
-        effect = self.effects[member[0]]
+    def _best(self, cause: tuple[str, str], causes: list[int]) -> Candidate:
+        effect = self.effects[cause[0]]
         if effect.separate:
-            return self._separate(member, members)
+            return self._separate(cause, causes)
         if effect.periodic:
-            return self._periodic(member, members)
+            return self._periodic(cause, causes)
         step_of = self._part if effect.nonlinear else self._line
-        (step, gain), k = max(((step_of(k), k) for k in members), key=lambda item: item[0][1])
-        return Candidate(member, gain, self._sized(k, step))
+        (step, gain), k = max(((step_of(k), k) for k in causes), key=lambda item: item[0][1])
+        return Candidate(cause, gain, self._sized(k, step))
 
-    def _separate(self, member: tuple[str, str], members: list[int]) -> Candidate:
-        parameters = self.effects[member[0]].parameters
+    def _separate(self, cause: tuple[str, str], causes: list[int]) -> Candidate:
+        parameters = self.effects[cause[0]].parameters
         null = {p.name: p.null for p in parameters}
-        gram = self._gram(members)
-        steps = np.clip(-np.linalg.solve(gram, self.slope[members]), -20, 20)
-        gain = float(-(2 * steps @ self.slope[members] + steps @ gram @ steps))
+        gram = self._gram(causes)
+        steps = np.clip(-np.linalg.solve(gram, self.slope[causes]), -20, 20)
+        gain = float(-(2 * steps @ self.slope[causes] + steps @ gram @ steps))
         values = dict(null)
-        for step, k in zip(steps, members):
+        for step, k in zip(steps, causes):
             for name, value in self.signatures[k].values:
                 values[name] += step * (value - null[name])
-        return Candidate(member, gain, scaled(self.effects, (member,), [values]))
+        return Candidate(cause, gain, scaled(self.effects, (cause,), [values]))
 
-    def _periodic(self, member: tuple[str, str], members: list[int]) -> Candidate:
+    def _periodic(self, cause: tuple[str, str], causes: list[int]) -> Candidate:
         """Amplitude and phase by least squares on the quadratures of each number of cycles."""
-        size, cycles, phase = (p.name for p in self.effects[member[0]].parameters)
-        best = Candidate(member, 0.0, np.zeros(3))
-        for pair in zip(members[::2], members[1::2]):
+        size, cycles, phase = (p.name for p in self.effects[cause[0]].parameters)
+        best = Candidate(cause, 0.0, np.zeros(3))
+        for pair in zip(causes[::2], causes[1::2]):
             gram = self._gram(pair)
             steps = -np.linalg.solve(gram, self.slope[list(pair)])
             gain = float(-(steps @ self.slope[list(pair)]))
@@ -327,17 +331,17 @@ class Screen:
                     cycles: values[cycles],
                     phase: float(np.arctan2(steps[1], steps[0])),
                 }
-                best = Candidate(member, gain, scaled(self.effects, (member,), [values]))
+                best = Candidate(cause, gain, scaled(self.effects, (cause,), [values]))
         return best
 
 
-def splits(member: tuple[str, str], hypothesis: Hypothesis) -> bool:
+def splits(cause: tuple[str, str], hypothesis: Hypothesis) -> bool:
     """Whether a member is one side of an effect that an explanation holds on both."""
-    return member[1] != "both" and (member[0], "both") in hypothesis
+    return cause[1] != "both" and (cause[0], "both") in hypothesis
 
 
-def clashes(member: tuple[str, str], hypothesis: Hypothesis) -> bool:
+def clashes(cause: tuple[str, str], hypothesis: Hypothesis) -> bool:
     """Whether an explanation holds this effect on this side already."""
-    effect, side = member
+    effect, side = cause
     mine = [s for e, s in hypothesis if e == effect]
     return bool(mine) and ("both" in mine or side == "both" or side in mine)

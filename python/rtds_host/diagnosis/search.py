@@ -1,5 +1,5 @@
 """The search for explanations: effects are added while the evidence asks for them, taken out again, exchanged, and
-looked for anew from where the first ones are missing."""
+looked for again from where the first ones are missing."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Search(Neighbours):
         problem.align(problem.nominal)
         most = self._most()
         self._until, self.last_work = problem.work + most, problem.work + 2.0 * most
-        self.slow_moves, self.afresh, self.looked = {}, True, {()}
+        self.slow_sensitivities, self.afresh, self.looked = {}, True, {()}
         noise = problem.white().estimated(problem.residual(problem.nominal))
         return self.fits.setdefault((), self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, 4))
 
@@ -82,7 +82,7 @@ class Search(Neighbours):
     def _search(self) -> Fit:
         problem = self.problem
         noise = problem.white().estimated(problem.residual(problem.nominal))
-        self.slow_moves, self.afresh, self.looked = {}, True, {()}
+        self.slow_sensitivities, self.afresh, self.looked = {}, True, {()}
         most = self._most()
         self._until, self.last_work = problem.work + most, problem.work + 2.0 * most
         fit = self.fits[()] = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, 4)
@@ -128,59 +128,60 @@ class Search(Neighbours):
             del self.fits[hypothesis]
         return self.polished(self.try_fit(fit.hypothesis, fit.u, fit), fit.hypothesis)
 
-    def next_step(self, stands: Fit, closest: float) -> Fit | None:
+    def next_step(self, accepted: Fit, closest: float) -> Fit | None:
         """The most probable explanation met with one effect more that is believed; None if there is none. What promises
-        most may be a stand-in that no run but one asks for."""
+        most may be a substitute that no run but one asks for."""
         met = [
             f
             for f in self.fits.values()
-            if len(f.hypothesis) == len(stands.hypothesis) + 1
+            if len(f.hypothesis) == len(accepted.hypothesis) + 1
             and self.named(f)
-            and set(stands.hypothesis) < set(f.hypothesis)
-            and self.score(f) < self.score(stands)
+            and set(accepted.hypothesis) < set(f.hypothesis)
+            and self.score(f) < self.score(accepted)
         ]
         for fit in sorted(met, key=self.score):
-            if self._believed(fit, stands, closest):
+            if self._believed(fit, accepted, closest):
                 return self.try_fit(fit.hypothesis, fit.u, fit)
         return None
 
     def climb(self, fit: Fit) -> Fit:
         """Add effects while they are believed. One may only be believed once another is in; but one after another that
         is not leads nowhere, and none of them stays."""
-        stands, doubtful, closest = fit, 0, self.gap(fit)
+        accepted, doubtful, closest = fit, 0, self.gap(fit)
         looked_at = 5 if self.quick else 10
         while len(fit.hypothesis) < MOST_EFFECTS and not self.spent():
-            grown = self.grow(fit, looked_at)
-            if grown is None or (doubtful == DOUBTFUL and not self._believed(grown, stands, closest)):
-                other = self.next_step(stands, closest) if not self.closed(stands) else None
+            extended = self.extend(fit, looked_at)
+            if extended is None or (doubtful == DOUBTFUL and not self._believed(extended, accepted, closest)):
+                other = self.next_step(accepted, closest) if not self.closed(accepted) else None
                 if other is not None:
-                    stands = fit = self.polished(other, set(other.hypothesis) - set(stands.hypothesis))
-                    self.trace.append(f"add {set(stands.hypothesis)}, which is believed")
+                    accepted = fit = self.polished(other, set(other.hypothesis) - set(accepted.hypothesis))
+                    self.trace.append(f"add {set(accepted.hypothesis)}, which is believed")
                     doubtful, closest = 0, min(closest, self.gap(fit))
                     continue
-                if stands.hypothesis in self.looked or self.closed(stands):
+                if accepted.hypothesis in self.looked or self.closed(accepted):
                     break
                 # What a delay or a wrong constant hid from the first screening: a swinging gear, a slipping tyre.
-                fit = stands
+                fit = accepted
                 self.looked.add(fit.hypothesis)
-                self.slow_moves, self.afresh, doubtful = {}, True, 0
+                self.slow_sensitivities, self.afresh, doubtful = {}, True, 0
                 continue
             self.trace.append(
-                f"add {set(grown.hypothesis) - set(fit.hypothesis)} {self.score(fit):.0f} -> {self.score(grown):.0f}"
+                f"add {set(extended.hypothesis) - set(fit.hypothesis)} "
+                f"{self.score(fit):.0f} -> {self.score(extended):.0f}"
             )
-            fit = self.prune(grown)
+            fit = self.prune(extended)
             model = fit.model(self.problem)
             if max(self.problem.align(model), self.problem.align_commands(model)) > 0.0:
                 # Runs began elsewhere or later than was thought: what was fitted to other beginnings is of no use.
                 self.fitter.by_nuisance = None
-                kept = {f.hypothesis: f for f in (self.fits[()], stands, fit)}
+                kept = {f.hypothesis: f for f in (self.fits[()], accepted, fit)}
                 self.fits = {h: self.fitter.fit(h, f.u, f.z, f.noise, ITERATIONS) for h, f in kept.items()}
-                stands, fit = self.fits[stands.hypothesis], self.fits[fit.hypothesis]
+                accepted, fit = self.fits[accepted.hypothesis], self.fits[fit.hypothesis]
                 # Where runs began wrongly, what made up for that promised most.
-                other = self.grow(stands, looked_at) if fit is not stands else None
+                other = self.extend(accepted, looked_at) if fit is not accepted else None
                 fit = min((f for f in (fit, other) if f is not None), key=self.score)
-            if self._believed(fit, stands, closest):
-                stands, doubtful, closest = fit, 0, min(closest, self.gap(fit))
+            if self._believed(fit, accepted, closest):
+                accepted, doubtful, closest = fit, 0, min(closest, self.gap(fit))
             else:
                 doubtful += 1
-        return stands
+        return accepted

@@ -12,7 +12,7 @@ from rtds_host.diagnosis.forms.curves import named
 from rtds_host.export import fmu
 from rtds_host.export.export import Part, Source, comment_of, parts_of
 from rtds_host.export.figures import figures_of
-from rtds_host.export.table import LOST, OWN
+from rtds_host.export.table import LEFT_OUT, OWN
 from rtds_host.native.library import SOURCES
 from rtds_host.native.words import header, motor_units
 from rtds_host.plant.forms import WIDTH
@@ -41,7 +41,7 @@ def motor_parts(source: Source) -> list[Part]:
         where = (
             "parameters and tables of the motor units" if inside else "acts in the body or the sensors, not in a motor"
         )
-        found.append(replace(part, kind=OWN if inside else LOST, where=where))
+        found.append(replace(part, kind=OWN if inside else LEFT_OUT, where=where))
     return found
 
 
@@ -53,7 +53,7 @@ def robot_parts(source: Source) -> list[Part]:
     for part in parts:
         kind, where = part.kind, "parameters" if part.kind == OWN else part.where
         if part.effect in CATALOGUE and CATALOGUE[part.effect].written(source.robot) & others:
-            kind, where = LOST, "its equation is not in the compiled robot; that of the motor units has it"
+            kind, where = LEFT_OUT, "its equation is not in the compiled robot; that of the motor units has it"
         found.append(replace(part, kind=kind, where=where))
     return found
 

@@ -16,7 +16,7 @@ from rtds_host.errors import InputError, did_you_mean, visible
 from rtds_host.export import mjcf, python, sdf, urdf, usd
 from rtds_host.export.figures import Figures, figures_of
 from rtds_host.export.forms import FORMS, lines_of
-from rtds_host.export.table import BEHIND_SERVO, CARRIED, DCMOTOR, LOST, OWN, SERVO, TABLE, TARGETS, How
+from rtds_host.export.table import AS_NUMBER, BEHIND_SERVO, DCMOTOR, LEFT_OUT, OWN, SERVO, TABLE, TARGETS, How
 
 WRITERS: dict[str, Callable[[Figures, str], str]] = {
     "mjcf": mjcf.write,
@@ -98,8 +98,8 @@ def parts_of(diagnosis: dict, robot: Robot, figures: Figures, target: str, actua
 
 TITLES = {
     OWN: "in the file, and it acts there",
-    CARRIED: "in the file as numbers, for whoever feeds commands and reads sensors",
-    LOST: "not expressible, left out",
+    AS_NUMBER: "in the file as numbers, for whoever feeds commands and reads sensors",
+    LEFT_OUT: "not expressible, left out",
 }
 
 
@@ -196,7 +196,7 @@ def export(source: Source, target: str, actuator: str = "general") -> tuple[str,
 
 
 def default_robot(diagnosis: Path) -> Path:
-    """The `robot.toml` beside a diagnosis or in the folder above.
+    """The `robot.toml` next to a diagnosis or in the folder above.
 
     Raises
     ------

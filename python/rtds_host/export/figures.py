@@ -59,7 +59,7 @@ class Side:
     current_gain: float
     current_bias_a: float
     speed_filter_s: float
-    speed_late_s: float
+    speed_delay_s: float
     command_gain: float
 
     @property
@@ -87,7 +87,7 @@ class Loop:
 @dataclass(frozen=True)
 class Figures:
     """A robot: `body` as an engine builds it, without payload on level ground, and two sides. `loop` is None where it
-    is driven by volts. `forms` (2, MOST, WIDTH): rows of free curves, see `rtds_host.plant.forms`."""
+    is driven by volts. `forms` (2, MOST_FORMS, WIDTH): rows of free curves, see `rtds_host.plant.forms`."""
 
     name: str
     body: Body

@@ -18,6 +18,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from rtds_host import __version__
+from rtds_host.cleanup import temporary_folder
 from rtds_host.errors import InputError
 from rtds_host.export import python as planar
 from rtds_host.export.figures import Figures
@@ -26,7 +27,6 @@ from rtds_host.native.library import SOURCES, compile_shared
 from rtds_host.native.words import STEP_S, MotorUnits, c_effects, float_text
 from rtds_host.plant import forms
 from rtds_host.plant.schema import SIDE
-from rtds_host.remains import temporary_folder
 
 MOTOR_SOURCES = ("rtds_fmi3.c", "fmu_motors.c", "rtds_motor.c")
 ROBOT_SOURCES = ("rtds_fmi3.c", "fmu_planar.c")

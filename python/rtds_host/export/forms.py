@@ -6,15 +6,15 @@ import numpy as np
 
 from rtds_host.diagnosis.forms.curves import named, points_of
 from rtds_host.export.figures import SIDES, Figures
-from rtds_host.export.table import CARRIED, OWN, How
+from rtds_host.export.table import AS_NUMBER, OWN, How
 from rtds_host.plant import forms
 
 # How each target has a form.
 FORMS = {
-    "mjcf": How(CARRIED, "custom/numeric form_left_1 and so on, which the Python module that goes along applies"),
-    "urdf": How(CARRIED, "comment: its table, and its formula where it has one"),
-    "sdf": How(CARRIED, "comment: its table, and its formula where it has one"),
-    "usd-json": How(CARRIED, "rtds.forms"),
+    "mjcf": How(AS_NUMBER, "custom/numeric form_left_1 and so on, which the Python module that goes along applies"),
+    "urdf": How(AS_NUMBER, "comment: its table, and its formula where it has one"),
+    "sdf": How(AS_NUMBER, "comment: its table, and its formula where it has one"),
+    "usd-json": How(AS_NUMBER, "rtds.forms"),
     "python": How(OWN, "`Robot`"),
 }
 

@@ -1,6 +1,6 @@
 """MJCF: a free robot on a plane whose wheels are driven by volts.
 
-`ctrl` is the commanded voltage of a motor, also behind a servo, whose loop stands in the file as numbers. The
+`ctrl` is the commanded voltage of a motor, also behind a servo, whose loop is in the file as numbers. The
 actuator's force is its current: with gear N·Km the joint feels N·Km·i and the actuator sees the speed N·Km·w, so that
 gain 1/R and bias -Kb/(R·Km) make it i = (V - N·Kb·w)/R (the inductance left out: its time constant is a fraction of the
 step). Elements and their meaning: MuJoCo, XML Reference (mujoco.readthedocs.io).
@@ -17,7 +17,7 @@ from rtds_host.diagnosis.forms.curves import named
 from rtds_host.export import dcmotor, mjcf_driver, mjcf_forms
 from rtds_host.export.figures import SIDES, Figures, Side
 from rtds_host.export.python import alone, form_constants, source_of
-from rtds_host.export.table import LOST, OWN, How
+from rtds_host.export.table import LEFT_OUT, OWN, How
 from rtds_host.plant import forms
 from rtds_host.robot.body import SKID_RADIUS_M
 from rtds_host.robot.urdf import base_inertia, supports
@@ -25,7 +25,7 @@ from rtds_host.robot.urdf import base_inertia, supports
 TIMESTEP_S = 5e-4
 # What a wheel's motor is written as: `general` gives its current from the voltage at once, `dcmotor` has a winding.
 ACTUATORS = ("general", "dcmotor")
-# A body without mass does not exist in MuJoCo; this much is nothing beside any robot.
+# A body without mass does not exist in MuJoCo; this much is negligible next to any robot.
 NO_MASS_KG = 1e-6
 # Friction and limits of joints as hard as the step allows.
 FIRM = 'solreffriction="0.001 1" solimpfriction="0.9999 0.9999 0.001"'
@@ -58,7 +58,7 @@ def heats(side: Side) -> bool:
 
 
 def holds_asymmetry(side: Side) -> bool:
-    """Whether friction that differs by direction is a torque beside dry friction: it is, as long as both keep their
+    """Whether friction that differs by direction is a torque next to dry friction: it is, as long as both keep their
     signs.
     """
     return abs(side.asymmetry_nm) <= side.dry_nm
@@ -70,13 +70,13 @@ def exceptions(figures: Figures, actuator: str = "general") -> dict[str, How]:
     found: dict[str, How] = {}
     for name, side in zip(SIDES, figures.sides, strict=True):
         if actuator == "general" and side.heat_rise_per_w > 0.0 and not heats(side):
-            found["heat_rise"] = How(LOST, f"{name}: MuJoCo's motor needs Km = Kb and a driver without a gain")
+            found["heat_rise"] = How(LEFT_OUT, f"{name}: MuJoCo's motor needs Km = Kb and a driver without a gain")
         if side.asymmetry_nm and not holds_asymmetry(side):
-            found["asymmetry"] = How(LOST, f"{name}: larger than the dry friction of that side")
+            found["asymmetry"] = How(LEFT_OUT, f"{name}: larger than the dry friction of that side")
         elif actuator == "general" and side.asymmetry_nm_s_per_rad:
             found["asymmetry"] = How(OWN, f"actuator/general biasprm; {name}: its part by speed is left out")
         if side.backlash_rad and side.stiffness_nm_per_rad:
-            found["backlash"] = How(LOST, f"{name}: the hinge that would have it is the gear's spring")
+            found["backlash"] = How(LEFT_OUT, f"{name}: the hinge that would have it is the gear's spring")
     return found
 
 
@@ -225,7 +225,7 @@ def _sensors(figures: Figures, actuator: str) -> str:
 
     text = ""
     for side, name, letter in zip(figures.sides, SIDES, "lr", strict=True):
-        later = _late(figures.measurement_delay_s + side.speed_late_s, step)
+        later = _late(figures.measurement_delay_s + side.speed_delay_s, step)
         seen = "tendon" if _behind(figures, side) else "joint"
         text += (
             f'    <actuatorfrc name="{force}_{letter}" actuator="motor_{name}"'
@@ -241,7 +241,7 @@ def _sensors(figures: Figures, actuator: str) -> str:
 
 
 def _numbers(figures: Figures, actuator: str) -> dict[str, tuple[float, ...]]:
-    """What stands in the file for whoever feeds commands and reads sensors; only what differs from nothing, and the
+    """What is in the file for whoever feeds commands and reads sensors; only what differs from nothing, and the
     supply.
     """
 
@@ -318,7 +318,7 @@ def _form_sources() -> list[str]:
 
 
 def write(figures: Figures, comment: str, actuator: str = "general") -> str:
-    """The robot as MJCF; `comment` stands at its head, `actuator` is one of `ACTUATORS`."""
+    """The robot as MJCF; `comment` is at its head, `actuator` is one of `ACTUATORS`."""
     body = figures.body
     base = base_inertia(body)
     height = 0.5 * sum(body.wheel_radius_m)

@@ -22,7 +22,7 @@ from rtds_host.plant.forms import (
     DRIVE,
     FLUID,
     FORWARD,
-    MOST,
+    MOST_FORMS,
     OVER_CODE,
     PUSH,
     SCRUB,
@@ -48,7 +48,9 @@ class Forms:
         numbers = {model.numeric(k).name: [float(v) for v in model.numeric(k).data] for k in range(model.nnumeric)}
         self.model, self.any = model, any(name.startswith("form_") for name in numbers)
         nothing = [0.0] * (VALUES + POINTS)
-        self.rows = [[numbers.get(f"form_{side}_{n + 1}", nothing) for n in range(MOST)] for side in ("left", "right")]
+        self.rows = [
+            [numbers.get(f"form_{side}_{n + 1}", nothing) for n in range(MOST_FORMS)] for side in ("left", "right")
+        ]
         self.acts = [[0.0] * ACTS, [0.0] * ACTS]
         if not self.any:
             return

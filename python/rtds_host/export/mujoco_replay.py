@@ -18,7 +18,7 @@ import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2, RunLog
 from rtds_host.correction.correction import LEAST_BASE_SHARE
-from rtds_host.diagnosis.replay.slots import OUTPUTS
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.errors import InputError, said_of_file
 from rtds_host.export.mjcf import driver_source, forms_source
 from rtds_host.plant.driver import duty, less_drop, servo
@@ -141,7 +141,7 @@ class ExportedRobot:
             [-math.sin(slope) * math.cos(uphill_yaw_rad), -math.sin(slope) * math.sin(uphill_yaw_rad), -math.cos(slope)]
         )
         model.body_mass[self.payload] += payload_kg
-        # A payload adds no yaw inertia about the axle's mid-point: where it lies beside that, the base has so much
+        # A payload adds no yaw inertia about the axle's mid-point: where it lies next to that, the base has so much
         # less.
         base = model.body("base").id
         taken = payload_kg * float(np.sum(model.body_pos[self.payload][:2] ** 2))

@@ -26,7 +26,19 @@ LAWS = re.compile(r"# laws: begin\n.*# laws: end\n", re.DOTALL)
 CALLED = (less_drop, forms.curve, forms.branch)
 # Constants of `rtds_host.plant.forms` that its functions use.
 FORM_CONSTANTS = (
-    *("POINTS", "HALF", "MOST", "TERM", "OVER", "LOW", "HIGH", "VALUES", "_LAST_BRANCH", "_FIRST_TURN", "_LAST_TURN"),
+    *(
+        "POINTS",
+        "HALF",
+        "MOST_FORMS",
+        "TERM",
+        "OVER",
+        "LOW",
+        "HIGH",
+        "VALUES",
+        "_LAST_BRANCH",
+        "_FIRST_TURN",
+        "_LAST_TURN",
+    ),
     *("_TORQUE", "_VOLTAGE", "_CONSTANT", "_FORCE", "_YAW", "_W", "_RATE", "DRIVE", "FORWARD", "BACKWARD", "FLUID"),
     *("VOLTS", "CONSTANT", "PUSH", "TURN", "SCRUB", "ACTS", "ABOUT"),
 )
@@ -86,7 +98,7 @@ def parameters(figures: Figures) -> dict[str, Any]:
                 "current_gain",
                 "current_bias_a",
                 "speed_filter_s",
-                "speed_late_s",
+                "speed_delay_s",
                 "command_gain",
             )
         },
@@ -131,7 +143,7 @@ def alone(template: ModuleType, mark: str, called: tuple = (), more: Sequence[st
 
 
 def write(figures: Figures, comment: str) -> str:
-    """The robot as a Python module; `comment` stands at its head."""
+    """The robot as a Python module; `comment` is at its head."""
     head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
     numbers = pprint.pformat(parameters(figures), width=120, sort_dicts=False)
     shapes = [form_constants(), *source_of(torque.law for torque in TORQUES.values())]

@@ -66,7 +66,7 @@ def _plugin(figures: Figures, k: int) -> str:
 
 
 def write(figures: Figures, comment: str) -> str:
-    """The robot as an SDF model; `comment` stands at its head."""
+    """The robot as an SDF model; `comment` is at its head."""
     body = figures.body
     base = base_inertia(body)
     spin = body.wheel_inertia_kg_m2

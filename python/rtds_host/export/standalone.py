@@ -109,7 +109,7 @@ class Robot:
         count = max(1, math.ceil(dt / STEP_S - 1e-9))
         for _ in range(count):
             self.advance(dt / count)
-        latest = self.p["measurement_delay_s"] + max(self.p["speed_late_s"])
+        latest = self.p["measurement_delay_s"] + max(self.p["speed_delay_s"])
         while len(self.seen) > 2 and self.seen[1][0] <= self.t - latest:
             self.seen.popleft()
 
@@ -117,7 +117,7 @@ class Robot:
         """What is reported now, without noise: a dictionary by channel."""
         late = self.p["measurement_delay_s"]
         found = self._seen(late)
-        for side, more in zip("lr", self.p["speed_late_s"]):
+        for side, more in zip("lr", self.p["speed_delay_s"]):
             if more:
                 found["w_" + side] = self._seen(late + more)["w_" + side]
         return {**found, "x": self.x, "y": self.y, "yaw": self.yaw}

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from rtds_host.diagnosis.effects import CATALOGUE
-from rtds_host.diagnosis.effects.exported import CARRIED, LOST, OWN, TARGETS, USD_FED, How, carried, own, row
+from rtds_host.diagnosis.effects.exported import AS_NUMBER, LEFT_OUT, OWN, TARGETS, USD_FED, How, as_number, own, row
 
 # How each target has each effect; behind a servo's loop where that differs.
 TABLE: dict[str, dict[str, How]] = {
@@ -28,10 +28,10 @@ BEHIND_SERVO: dict[str, dict[str, How]] = {
 }
 # The loop of a robot that is driven by wheel speeds (`mode = "speed"`).
 SERVO = row(
-    carried("custom/numeric servo_kp_v_s_per_rad, servo_ki_v_per_rad, servo_limit_v, servo_period_s"),
-    carried("comment: the loop's gains and limits as torques"),
+    as_number("custom/numeric servo_kp_v_s_per_rad, servo_ki_v_per_rad, servo_limit_v, servo_period_s"),
+    as_number("comment: the loop's gains and limits as torques"),
     own("plugin JointController"),
-    carried(f"{USD_FED} servo"),
+    as_number(f"{USD_FED} servo"),
 )
 
 # What differs with `--actuator dcmotor`.
@@ -50,14 +50,14 @@ def markdown() -> str:
     lines = ["| effect | " + " | ".join(f"`{target}`" for target in TARGETS) + " |", "|---" * (len(TARGETS) + 1) + "|"]
     for effect, hows in (("[servo]", SERVO), *sorted(TABLE.items())):
         cells = [
-            f"*{how.kind}*: {how.where}" if how.kind != LOST else f"left out: {how.where}" for how in hows.values()
+            f"*{how.kind}*: {how.where}" if how.kind != LEFT_OUT else f"left out: {how.where}" for how in hows.values()
         ]
         lines.append(f"| `{effect}` | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
 def markdown_of_dcmotor() -> str:
-    """What differs with `--actuator dcmotor`, as it stands in the documentation."""
+    """What differs with `--actuator dcmotor`, as it is in the documentation."""
     lines = ["| effect | with `--actuator dcmotor` |", "|---|---|"]
     lines += [f"| `{effect}` | *{how.kind}*: {how.where} |" for effect, how in sorted(DCMOTOR.items())]
     return "\n".join(lines) + "\n"
@@ -75,9 +75,9 @@ def put_into(page: Path) -> None:
 
 __all__ = [
     "BEHIND_SERVO",
-    "CARRIED",
+    "AS_NUMBER",
     "DCMOTOR",
-    "LOST",
+    "LEFT_OUT",
     "OWN",
     "SERVO",
     "TABLE",

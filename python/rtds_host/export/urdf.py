@@ -51,7 +51,7 @@ def _sphere(radius: float, at: tuple[float, ...] = (0.0, 0.0, 0.0)) -> str:
 
 
 def write(figures: Figures, comment: str) -> str:
-    """The robot as URDF; `comment` stands at its head."""
+    """The robot as URDF; `comment` is at its head."""
     body = figures.body
     base = base_inertia(body)
     spin = body.wheel_inertia_kg_m2

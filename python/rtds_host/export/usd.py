@@ -72,7 +72,7 @@ def write(figures: Figures, comment: str) -> str:
         sensors[f"wheel_{name}"] = {
             "speed_gain": side.speed_gain,
             "speed_filter_s": side.speed_filter_s,
-            "speed_late_s": side.speed_late_s,
+            "speed_delay_s": side.speed_delay_s,
             "current_gain": side.current_gain,
             "current_bias_a": side.current_bias_a,
         }

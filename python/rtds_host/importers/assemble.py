@@ -22,7 +22,7 @@ from rtds_host.importers.units import FIXED, QUANTITY, factor
 from rtds_host.importers.wpilog import WpiLog, is_wpilog
 
 AT_REST_RAD_S, AT_REST_RAD = 0.2, 0.05
-# A counter that starts anew jumps by nearly all its range, where it otherwise goes by small steps.
+# A counter that starts again jumps by nearly all its range, where it otherwise goes by small steps.
 JUMP, SMALL = 0.8, 0.05
 
 
@@ -223,7 +223,7 @@ def _signals(file: Bag | Table, mapping: Mapping, robot: Robot, notices: list[st
 
 
 def _unwrapped(raw: Series, source: Source, notices: list[str]) -> np.ndarray:
-    """Raw numbers without the jumps where they start anew.
+    """Raw numbers without the jumps where they start again.
 
     Raises
     ------
@@ -232,7 +232,7 @@ def _unwrapped(raw: Series, source: Source, notices: list[str]) -> np.ndarray:
     values = raw.values
     span = float(np.ptp(values))
     if source.wraps_at is not None:
-        # A counter that wraps at 4096 shows 0 to 4095; a rounded heading may show 360 beside 0.
+        # A counter that wraps at 4096 shows 0 to 4095; a rounded heading may show 360 next to 0.
         if span > source.wraps_at * (1.0 + 1e-3):
             raise InputError(
                 f"{source.place}: wraps_at is {source.wraps_at:g}, but {raw.origin} spans {span:.6g}, from "

@@ -61,7 +61,7 @@ def check_mcap(file: Path) -> None:
 
 
 def _check_summary(summary: bytes) -> None:
-    """Whether each channel that has messages, by the summary's own count, stands in it."""
+    """Whether each channel that has messages, by the summary's own count, is in it."""
     channels, counted, at = set(), {}, 0
     while at + 9 <= len(summary):
         opcode, length = struct.unpack_from("<BQ", summary, at)

@@ -2,7 +2,7 @@
 
 A build stands in ``build/sim/<top>-<simulator>-<key>`` (of an installed package: in ``~/.cache/rtds/sim``); the key is
 a hash of everything that goes into it. It is made in a scratch folder and renamed when complete; a lock file lets a
-second process wait for the first. What the tools said of a build that failed is kept beside it, in ``<folder>.log``.
+second process wait for the first. What the tools said of a build that failed is kept next to it, in ``<folder>.log``.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from rtds_host.cleanup import new_folder
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link import compiling, pinning, waves
 from rtds_host.link.tops import BUILDS, NATIVE, ROOT, Top
-from rtds_host.remains import new_folder
 
 SIMULATORS = ("verilator", "icarus")
 BUILD_TIMEOUT_S = 600.0
-HASH = "sha256"  # beside a simulator: what it was when it was built
+HASH = "sha256"  # next to a simulator: what it was when it was built
 _POLL_S = 0.1
 
 # Debian and Ubuntu package of each program a build or run needs.

@@ -17,8 +17,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from rtds_host.cleanup import supervisor
 from rtds_host.errors import LinkError
-from rtds_host.remains import guard
 
 COMPILER = "g++"
 _POLL_S = 0.02
@@ -63,7 +63,7 @@ def run(
         the compiler's own line.
     """
     deadline = time.monotonic() + timeout_s
-    before, descriptor = guard()  # should this process be killed, no compiler works on
+    before, descriptor = supervisor()  # should this process be killed, no compiler works on
     waiting = list(commands)
     running: list[subprocess.Popen] = []
     failed: int | None = None
@@ -112,7 +112,7 @@ def compilation(
 
     Parameters
     ----------
-    plan : `<folder>/<prefix>.json`; objects are made beside it.
+    plan : `<folder>/<prefix>.json`; objects are made next to it.
     program : the program to make.
     optimise : optimisation of the model and of the sources given to Verilator ("-O3", or several options
         with blanks between); its run-time library gets -Os.

@@ -212,7 +212,7 @@ class HpsLink(ConfiguredLink):
         self.offsets = addresses()
         self._step_clocks = step_clocks
         self._steps = 0
-        self.late_clocks = 0
+        self.delayed_clocks = 0
         self._late = 0
         self.bus: Bus = MemoryBus() if bus is None else bus
         try:
@@ -305,7 +305,7 @@ class HpsLink(ConfiguredLink):
         found = self.bus.run([*begin, *ends, *samples])[len(begin) - 1 :]
         status, counted, kept, late = found[:4]
         self._steps = (self._steps + steps) & 0xFFFF_FFFF
-        self.late_clocks += (late - self._late) & 0xFFFF_FFFF
+        self.delayed_clocks += (late - self._late) & 0xFFFF_FFFF
         self._late = late
         if status & STUCK:
             raise LinkError("hps: the core gave no ready or valid for thousands of clocks")
@@ -319,7 +319,7 @@ class HpsLink(ConfiguredLink):
 
     def report(self) -> dict[str, object]:
         """What the link has to say about itself: strobes counted, and by how much they were late, s."""
-        return {"steps": self._steps, "late_s": self.late_clocks / CLOCK_HZ}
+        return {"steps": self._steps, "late_s": self.delayed_clocks / CLOCK_HZ}
 
     def close(self) -> None:
         """See `Link.close`."""

@@ -52,7 +52,7 @@ def verilog_header(regs: RegisterMap) -> str:
 
 
 def verilog_fields(regs: RegisterMap) -> str:
-    """The config group as wires with names, for `include beside a vector `cfg`."""
+    """The config group as wires with names, for `include next to a vector `cfg`."""
     lines = [
         (
             "// The config group by names: of the vector `cfg` (config_o of rtds_regs) a wire for each word and each"

@@ -116,7 +116,7 @@ class Top:
         return [stand_ins.get(path.name, path) for path in self.files()]
 
     def headers(self) -> list[Path]:
-        """The Verilog headers beside the files, which any of them may include."""
+        """The Verilog headers next to the files, which any of them may include."""
         return sorted(header for folder in {path.parent for path in self.files()} for header in folder.glob("*.vh"))
 
     def include_flags(self) -> list[str]:
@@ -136,8 +136,8 @@ def _read_file_list(path: Path, root: Path) -> list[Path]:
         if not entry:
             continue
         name = entry.removeprefix("-f").strip()
-        beside = path.parent / name
-        target = (beside if beside.is_file() else root / name).resolve()
+        sibling = path.parent / name
+        target = (sibling if sibling.is_file() else root / name).resolve()
         found += _read_file_list(target, root) if entry.startswith("-f") else [target]
     return found
 

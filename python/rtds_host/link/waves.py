@@ -138,7 +138,7 @@ class Waves:
 
 @dataclass
 class Recording:
-    """Waveforms while a simulator writes them: a scratch file beside the wanted one, which takes its place at the end.
+    """Waveforms while a simulator writes them: a scratch file next to the wanted one, which takes its place at the end.
 
     `say` is called with a line about what became of the file.
     """

@@ -49,7 +49,7 @@ ACROSS = 1  # from both sides' products to the adders: `own` and `other`, which 
 READ = 3  # from the clock of a write to the first operation that can read it
 FIRST_READ = 4  # the first clock with operands from the registers: the ROM's first word counts in clock 2
 STEP_CLOCKS = 50  # from a strobe to the next one, in whose clock the last result may still be written
-# The clock in which the motor units take an output: it stands in its register by then.
+# The clock in which the motor units take an output: it is in its register by then.
 NEEDED = {"u_t": STEP_CLOCKS - 6, "level_f": STEP_CLOCKS - 5, "level_b": STEP_CLOCKS - 4, "u_v": STEP_CLOCKS - 3}
 
 
@@ -141,7 +141,7 @@ ISSUE_CLOCKS: dict[str, int] = {
     "angle.z": 42, "u_v": 43, "rise.z": 44, "angle_lo.new": 45, "rise_lo.new": 47,
 }  # fmt: skip
 
-# Fields of the ROM's word and their bits, the first one uppermost. What stands in the word of clock k:
+# Fields of the ROM's word and their bits, the first one uppermost. What is in the word of clock k:
 FIELDS = {
     "mul": 1,        # factors enter the multiplier
     "mul_a": 2,      # the first one, a code of MUL_A
@@ -417,7 +417,7 @@ def word(fields: dict[str, int]) -> int:
 
 
 def address_name(address: int) -> str:
-    """What stands in a register: a constant, an input, a state, zero, or a temporary result by its number."""
+    """What is in a register: a constant, an input, a state, zero, or a temporary result by its number."""
     if address == ZERO:
         return "zero"
     if address >= STATE_FIRST:

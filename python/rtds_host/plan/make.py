@@ -13,8 +13,8 @@ from rtds_host.contract.robot import Driver
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.effects import SIDES, catalogue
 from rtds_host.diagnosis.experiment import as_run
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
 from rtds_host.errors import InputError
 from rtds_host.plan.commands import Commands, knots
 from rtds_host.robot import make_body
@@ -28,8 +28,8 @@ SAMPLE_S = 0.01
 LEAST_SCALE = 0.2
 HALVINGS = 7
 HEADINGS = np.radians(np.arange(0.0, 180.0, 5.0))
-# Signatures with a larger cosine look alike, since less than half of the one (its sine, 0.44) is left beside the other;
-# one below so many units of noise is not seen.
+# Signatures with a larger cosine look alike, since less than half of the one (its sine, 0.44) is left next to the
+# other; one below so many units of noise is not seen.
 ALIKE, SEEN = 0.9, 2.0
 
 

@@ -44,7 +44,7 @@ def sine(x):
     """sin(x), x in rad within 1e4 turns, to 1e-11: sine and cosine of half of what is left of the angle after whole
     turns.
     """
-    # Beside 1.5 * 2^52 no digits behind the point are left: it rounds.
+    # Next to 1.5 * 2^52 no digits behind the point are left: it rounds.
     turns = (x * (0.5 / math.pi) + 6755399441055744.0) - 6755399441055744.0
     y = 0.5 * ((x - turns * 6.28318530717958623200) - turns * 2.44929359829470635445e-16)
     q = y * y

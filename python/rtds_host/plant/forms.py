@@ -1,9 +1,9 @@
 """Forms: terms of the equations that have no name, as curves over a quantity of the replay.
 
 A form is one row of `WIDTH` numbers: which term it adds to, over which quantity, the ends of its grid, and its values
-at `POINTS` points. A robot has up to `MOST` of them a side. Three grids serve (`BRANCHES`, `PERIODIC`, even). Between
-the points a curve is straight, beyond its ends it holds its last value. A piecewise linear curve is a spline of degree
-one: C. de Boor, "A Practical Guide to Splines", 2001, chapter 3.
+at `POINTS` points. A robot has up to `MOST_FORMS` of them a side. Three grids serve (`BRANCHES`, `PERIODIC`, even).
+Between the points a curve is straight, beyond its ends it holds its last value. A piecewise linear curve is a spline of
+degree one: C. de Boor, "A Practical Guide to Splines", 2001, chapter 3.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rtds_host.plant.compiled import loop
 # Numerical: points of a curve, of one of its two branches, and forms a side.
 POINTS = 14
 HALF = POINTS // 2
-MOST = 3
+MOST_FORMS = 3
 # Columns of a form's row: its term, what it runs over, the ends of its grid, and its values from there on.
 TERM, OVER, LOW, HIGH, VALUES = range(5)
 WIDTH = VALUES + POINTS
@@ -72,8 +72,8 @@ ABOUT = len(OVERS)
 
 
 def no_forms() -> np.ndarray:
-    """Rows (2, `MOST`, `WIDTH`) of a robot without a form."""
-    return np.zeros((2, MOST, WIDTH))
+    """Rows (2, `MOST_FORMS`, `WIDTH`) of a robot without a form."""
+    return np.zeros((2, MOST_FORMS, WIDTH))
 
 
 @loop
@@ -131,7 +131,7 @@ def act(rows, quantities, acts):
 
     Parameters
     ----------
-    rows : (MOST, WIDTH). quantities : (len(OVERS),) of this side now, in the order of `OVERS`.
+    rows : (MOST_FORMS, WIDTH). quantities : (len(OVERS),) of this side now, in the order of `OVERS`.
     acts : (ACTS,) filled: torque N·m, levels of dry friction N·m, friction by speed N·m·s/rad, voltage V, relative
         torque constant, force N, torque about the vertical N·m and its part against the yaw rate N·m.
 
@@ -140,7 +140,7 @@ def act(rows, quantities, acts):
     """
     for n in range(ACTS):
         acts[n] = 0.0
-    for n in range(MOST):
+    for n in range(MOST_FORMS):
         row = rows[n]
         term, over = int(row[TERM]), int(row[OVER])
         if term == 0:
@@ -176,7 +176,7 @@ def act(rows, quantities, acts):
 def reads(rows, term, over, x):
     """What a side's forms add to a sensor's reading of x, in x's unit; term, over : their codes."""
     total = 0.0
-    for n in range(MOST):
+    for n in range(MOST_FORMS):
         row = rows[n]
         if row[TERM] == term and row[OVER] == over:
             total += curve(row, x)[0]
@@ -185,9 +185,9 @@ def reads(rows, term, over, x):
 
 @loop
 def any_of(rows):
-    """Whether there is a form among rows (2, MOST, WIDTH)."""
+    """Whether there is a form among rows (2, MOST_FORMS, WIDTH)."""
     for k in range(rows.shape[0]):
-        for n in range(MOST):
+        for n in range(MOST_FORMS):
             if rows[k, n, TERM] != 0.0:
                 return True
     return False
@@ -195,8 +195,8 @@ def any_of(rows):
 
 @loop
 def holds(rows):
-    """Whether a side's forms (MOST, WIDTH) hold dry friction."""
-    for n in range(MOST):
+    """Whether a side's forms (MOST_FORMS, WIDTH) hold dry friction."""
+    for n in range(MOST_FORMS):
         if rows[n, TERM] == _TORQUE and rows[n, OVER] == _W:
             return True
     return False

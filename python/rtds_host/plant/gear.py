@@ -37,7 +37,7 @@ def held_gain(h, load, gain):
 
 @law
 def behind_gain(h, load, gain, rotor_gain):
-    """The same with a rotor that follows; rotor_gain : 1/(kg·m²), its own beside the spring."""
+    """The same with a rotor that follows; rotor_gain : 1/(kg·m²), its own next to the spring."""
     return 1.0 / (load + h * gain * (1.0 - h * gain * rotor_gain))
 
 

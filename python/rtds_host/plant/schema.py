@@ -55,7 +55,7 @@ SIDE = _table(
     Entry("current_gain", "1", 1.0, SIGNAL, "current_gain", "sensor"),
     Entry("current_bias", "A", 0.0, SIGNAL, "current_bias_a", "sensor"),
     Entry("speed_tau", "s", 0.0, SIGNAL, "speed_filter_s", "sensor's low-pass filter", **_MORE),
-    Entry("speed_late", "s", 0.0, SIGNAL, "speed_late_s", "sensor's delay beyond the others'", **_MORE),
+    Entry("speed_delay", "s", 0.0, SIGNAL, "speed_delay_s", "sensor's delay beyond the others'", **_MORE),
     Entry("command_gain", "1", 1.0, REFUSED, "command_gain", "speed mode: speed asked of the loop over the command"),
     *(entry for torque in TORQUES.values() for entry in torque.entries),
 )

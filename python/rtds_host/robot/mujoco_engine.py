@@ -25,7 +25,7 @@ CONTACT = 'solref="0.004 1" solimp="0.9999 0.9999 0.001"'
 
 
 def armature_kg_m2(body: Body) -> float:
-    """Armature of a wheel, beside which the body's inertia at the wheel is nothing."""
+    """Armature of a wheel, next to which the body's inertia at the wheel is nothing."""
     return max(ARMATURE_KG_M2, ARMATURE_OF_BODY * inertia_at_wheel_kg_m2(body))
 
 

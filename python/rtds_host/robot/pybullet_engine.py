@@ -9,9 +9,9 @@ import sys
 
 import numpy as np
 
+from rtds_host.cleanup import temporary_folder
 from rtds_host.compat import Self
 from rtds_host.errors import InputError
-from rtds_host.remains import temporary_folder
 from rtds_host.robot.body import Body, inertia_at_wheel_kg_m2
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import WHEEL_JOINTS, make_urdf, supports

@@ -6,7 +6,7 @@ change of the speeds comes back one exchange late as -M/I_r times itself, less w
 the exchange, the less). It dies out while the largest eigenvalue of M is below I_r: the *explicit* split, for robots of
 high gearing.
 
-Elsewhere the motor units *carry* an inertia m at each wheel beside their rotor, as an armature: it takes part in every
+Elsewhere the motor units *carry* an inertia m at each wheel next to their rotor, as an armature: it takes part in every
 step of theirs, implicitly, and only the rest comes back late, as the correction (M - m) dw/dt and whatever else the
 engine answered with. The rest has the eigenvalues (lambda - m)/(I_r + m); with m half the trace of M, the mean of both
 lambda > 0,

@@ -85,7 +85,7 @@ def make_urdf(body: Body) -> str:
     ]
     text.append("  </link>\n")
     for name, x in supports(body):
-        # A link of its own gives it a friction of its own; its mass is nothing beside the robot's.
+        # A link of its own gives it a friction of its own; its mass is negligible next to the robot's.
         text.append(
             f'  <link name="{name}">\n    <inertial><mass value="1e-9"/><inertia ixx="1e-15" iyy="1e-15" '
             'izz="1e-15" ixy="0" ixz="0" iyz="0"/></inertial>\n'

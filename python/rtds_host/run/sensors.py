@@ -36,7 +36,7 @@ class CorrectedPath(SignalPath):
         self.values = sensors
         self._filters = np.array(sensors.speed_filter_s)
         self._delay = sensors.delay_s
-        self._lates = self._delay + np.array(sensors.speed_late_s)
+        self._lates = self._delay + np.array(sensors.speed_delay_s)
         self.watches = bool(self._lates.max() > 0.0 or (self._filters > 0.0).any())
         self._past: deque[tuple[float, Sample]] = deque()
         self._speeds = self._filtered = np.zeros(2)

@@ -12,7 +12,7 @@ from rtds_host.robot import Body
 from rtds_host.scenario.base import Motion, Scenario, SpeedMotion, Values, reference_poses, wheel_references
 
 STEP_S = 0.01
-# A speed law's kink is worth a jump of acceleration; the voltage is judged beside it, not on it.
+# A speed law's kink is worth a jump of acceleration; the voltage is judged next to it, not on it.
 SEARCH_LIMIT = 100.0
 
 

@@ -444,9 +444,9 @@ def check(path: Path, found: Read) -> None:
     ------
     InputError : a value of the model lies out of what a robot or an effect may have.
     """
+    from rtds_host.cleanup import temporary_folder
     from rtds_host.contract import load_robot
     from rtds_host.diagnosis.predict import read_diagnosis
-    from rtds_host.remains import temporary_folder
 
     with temporary_folder() as folder:
         (folder / "robot.toml").write_text(found.text, encoding="utf-8")

@@ -16,7 +16,7 @@ from rtds_host.view.lines import Lines, lines_of_run
 from rtds_host.view.live import Feed
 from rtds_host.view.server import Viewer
 
-# More beside one another than a page can show.
+# More side by side than a page can show.
 MOST_RUNS = 24
 
 

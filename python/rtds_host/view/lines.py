@@ -68,7 +68,7 @@ def _layer(columns: dict[str, np.ndarray], t: np.ndarray, rows: np.ndarray) -> d
 
 
 def lines_of_run(log: RunLog, robot: Robot | None = None, corrected: Model | None = None) -> Lines:
-    """A recorded run, with replays beside it.
+    """A recorded run, with replays next to it.
 
     Parameters
     ----------

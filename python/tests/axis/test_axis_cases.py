@@ -14,10 +14,10 @@ from axis_machine import AXES, GEAR, MOTOR, write_axis_case
 from rtds_host.contract import read_case
 from rtds_host.diagnosis import diagnose as diagnose_module
 from rtds_host.diagnosis.diagnose import diagnose, investigate
+from rtds_host.diagnosis.indistinguishable import indistinguishable
 from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
-from rtds_host.diagnosis.twins import twins
 from rtds_host.errors import InputError
 
 WRONG = {
@@ -85,7 +85,7 @@ FRICTION = ("coulomb_friction", "left")
 def test_without_gravity_what_drives_cannot_be_told_from_what_is_driven(tmp_path, kind, mode, member, beside, expected):
     """m w' = g T - friction: with friction free, g and 1 / m make the same replays; the rotor's inertia adds to the
     load's, and is like what the load is like."""
-    assert twins(axis_case(tmp_path, kind, mode), member, (member, beside)) == expected
+    assert indistinguishable(axis_case(tmp_path, kind, mode), member, (member, beside)) == expected
 
 
 @pytest.mark.parametrize(
@@ -231,7 +231,7 @@ def test_an_axis_is_searched_in_pieces_only_where_a_gap_remains(tmp_path, monkey
     assert bool(asked) is pieces and found.gap < 1.1
 
 
-def test_a_delay_of_a_servo_is_known_no_better_than_the_latency_beside_it(tmp_path):
+def test_a_delay_of_a_servo_is_known_no_better_than_the_latency_next_to_it(tmp_path):
     """How much of what comes late is the board's latency, of some ten milliseconds, no log of commands and speeds
     tells.
     """

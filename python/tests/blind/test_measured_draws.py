@@ -239,7 +239,7 @@ COULOMB = effect("coulomb_friction", torque_nm=0.03)
 BASE = says(COULOMB)
 
 
-def test_the_planted_cause_beside_the_machines_own_is_right_on_whichever_side_an_axis_has():
+def test_the_planted_cause_next_to_the_machines_own_is_right_on_whichever_side_an_axis_has():
     for side in ("left", "both"):
         r = measured.judge_planted(
             MASS, says(COULOMB, effect("payload_error", side, mass_kg=(0.12, [0.09, 0.15]))), BASE, ENTRY
@@ -254,7 +254,7 @@ def test_a_wrong_direction_or_a_size_off_by_more_than_a_factor_of_two_is_not_rig
     assert not r["found"] and not r["new_false"]
 
 
-def test_a_stand_in_is_near_and_anything_else_blamed_anew_is_a_false_cause():
+def test_a_substitute_is_near_and_anything_else_blamed_again_is_a_false_cause():
     r = measured.judge_planted(MASS, says(COULOMB, effect("driver_gain", ratio=0.85)), BASE, ENTRY)
     assert r["near"] and not r["found"] and not r["new_false"]
     r = measured.judge_planted(MASS, says(COULOMB, effect("backlash", angle_rad=0.1)), BASE, ENTRY)

@@ -10,7 +10,7 @@ import pytest
 
 import rtds_host.blind
 from rtds_host.blind import cases, planar, scales, vocabulary
-from rtds_host.blind.gap import channel_gaps, moves, total
+from rtds_host.blind.gap import channel_gaps, displacements, total
 from rtds_host.contract import builtin_robot, read_case
 
 ROBOT = builtin_robot("burger")
@@ -199,7 +199,7 @@ def test_the_gap_counts_moves_seen_from_the_heading_at_each_window():
     assert gaps == pytest.approx({"x": 0, "y": 0, "yaw": 0}, abs=1e-9)
     shifted = dict(turned, x=0.21 * t)
     assert channel_gaps(t, shifted, turned, {"x": 0.001})["x"] == pytest.approx(0.01 / 0.001 / math.sqrt(2))
-    assert moves(t, {"x": np.full(t.size, np.nan)}, ("x",), None)["x"].size == 3
+    assert displacements(t, {"x": np.full(t.size, np.nan)}, ("x",), None)["x"].size == 3
 
 
 def test_the_angle_counts_only_where_the_speed_is_missing():

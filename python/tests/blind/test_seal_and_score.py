@@ -372,7 +372,7 @@ def test_a_small_effect_that_is_named_is_right_but_not_asked_for():
     assert [hit for *_, hit in r["asked"]] == [False, False] and r["named"] == [["gyro_bias", "both", True]]
 
 
-def test_a_case_with_a_rest_may_be_called_known_or_partial_and_the_rest_has_a_place():
+def test_a_case_with_a_residual_may_be_called_known_or_partial_and_the_residual_has_a_place():
     rest = {"id": "cable_drag", "subsystem": "chassis", "gap_without": 2.0, "share": 0.2}
     for verdict, right in (("known", True), ("partial", True), ("unknown", False)):
         said = {**answer(("driver_gain", "both", {}), verdict=verdict), "gap": {"rest": {"subsystem": "chassis"}}}

@@ -200,7 +200,7 @@ def test_a_row_without_an_end_is_no_log(run, monkeypatch):
 
 
 def test_a_log_of_half_a_million_rows_is_read_within_bounded_memory(run):
-    """Numbers are 20 MB here; reading must not need many times that beside what the program itself takes."""
+    """Numbers are 20 MB here; reading must not need many times that next to what the program itself takes."""
     count = 500_000
     body = "".join(f"{0.01 * k:.2f},1.5,-1.5,{0.001 * (k % 977):.6f},0.25\n" for k in range(count))
     (run / "log.csv").write_text(HEADER + body)

@@ -1,4 +1,4 @@
-"""`rtds close`: the gap in the real-time simulator before and after, beside the replay's own."""
+"""`rtds close`: the gap in the real-time simulator before and after, next to the replay's own."""
 
 import json
 from dataclasses import replace

@@ -68,7 +68,7 @@ def drive(
 
 
 def exact(volts, seconds, inertia, rotor=M.rotor_inertia_kg_m2):
-    """Speed at the wheel of a motor with so much inertia at the wheel beside its rotor, after a voltage step."""
+    """Speed at the wheel of a motor with so much inertia at the wheel next to its rotor, after a voltage step."""
     n = M.gear_ratio
     total = rotor + inertia / n**2
     km, r, inductance, b = M.torque_constant_nm_per_a, M.resistance_ohm, M.inductance_h, M.viscous_friction_nm_s_per_rad

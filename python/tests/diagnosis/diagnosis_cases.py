@@ -5,8 +5,8 @@ import numpy as np
 from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.localise import localise
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.diagnosis.report import Candidate, Details, Trace
 
 STEP_S = 0.01

@@ -15,8 +15,8 @@ from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
 from rtds_host.contract.robot import Servo
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.diagnose import diagnose
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.diagnosis.report import validate
 
 
@@ -61,19 +61,19 @@ def test_clocks_of_gyro_and_pose_that_are_some_milliseconds_off_are_no_cause():
 
 
 @pytest.mark.parametrize(
-    "slot,amount,sides,effect,side,parameter",
+    "quantity,amount,sides,effect,side,parameter",
     [
         ("coulomb", 0.03, (0, 1), "coulomb_friction", "both", "torque_nm"),
         ("command_delay", 0.006, (0, 1), "command_delay", "both", "seconds"),
         ("current_bias", 0.012, (1,), "current_bias", "right", "amperes"),
     ],
 )
-def test_one_effect_is_named_with_its_side_and_size(slot, amount, sides, effect, side, parameter):
-    diagnosis, details = run(make_case(lambda m: m.add(slot, amount, sides), seed=22))
+def test_one_effect_is_named_with_its_side_and_size(quantity, amount, sides, effect, side, parameter):
+    diagnosis, details = run(make_case(lambda m: m.add(quantity, amount, sides), seed=22))
     assert diagnosis["verdict"] == "known" and blamed(diagnosis) == [(effect, side)]
     ((who, (channel, lacking, explained)),) = details.decided.items()
     assert who == (effect, side) and lacking > 2.0 and explained == pytest.approx(1.0, abs=0.1)
-    assert channel == "i_r" or slot != "current_bias"
+    assert channel == "i_r" or quantity != "current_bias"
     assert lacking == pytest.approx(diagnosis["gap"]["channels"][channel]["refit"], rel=0.02)
     entry = diagnosis["effects"][0]["parameters"][parameter]
     assert entry["value"] == pytest.approx(amount, rel=0.1)
@@ -129,7 +129,7 @@ def test_how_a_servos_integral_gives_way_at_its_limit_is_no_cause():
 
 def test_a_speed_that_alone_is_late_is_the_speeds_lag_and_no_delay_of_all():
     """Drivers that count over a span of time, or send the speed later than the angle: the angle shows which."""
-    diagnosis, _ = run(make_case(lambda m: m.put("speed_late", 0.02), seed=61))
+    diagnosis, _ = run(make_case(lambda m: m.put("speed_delay", 0.02), seed=61))
     assert diagnosis["verdict"] == "known" and blamed(diagnosis) == [("speed_filter", "both")]
     parameters = diagnosis["effects"][0]["parameters"]
     assert (
@@ -147,15 +147,15 @@ def test_a_filter_of_the_speeds_and_a_delay_of_all_are_two():
     assert sorted(blamed(diagnosis)) == [("measurement_delay", "both"), ("speed_filter", "both")]
 
 
-def test_two_small_effects_that_tolerances_nearly_make_stand_where_they_do_not():
+def test_two_small_effects_that_tolerances_nearly_make_are_included_where_they_do_not():
     """Tolerances leave less than a gap in the place of either, but more than noise; in that of both they leave
     a gap.
     """
 
     def change(model):
         model.scale("resistance", 0.9, (1,))
-        for slot, value in (("ripple", 0.007), ("ripple_cycles", 4.0), ("ripple_phase", -1.9)):
-            model.put(slot, value, (1,))
+        for quantity, value in (("ripple", 0.007), ("ripple_cycles", 4.0), ("ripple_phase", -1.9)):
+            model.put(quantity, value, (1,))
 
     diagnosis, _ = run(make_case(change, seed=62, seconds=20.0))
     assert 1.1 <= diagnosis["gap"]["refit"] < 1.2
@@ -169,7 +169,7 @@ def test_an_effect_that_the_catalogue_lacks_is_unknown():
     assert diagnosis["alternatives"][0]["effects"] == "unknown" and diagnosis["located"]
 
 
-def test_what_a_stand_in_leaves_is_said_to_have_structure():
+def test_what_a_substitute_leaves_is_said_to_have_structure():
     # Larger wheels turn as a wider track does, and drive further than the pose says: nine tenths of the gap go, not
     # all.
     diagnosis, _ = run(make_case(lambda m: m.scale("track", 1.08), seed=53), without=frozenset(["track_width_error"]))
@@ -178,7 +178,7 @@ def test_what_a_stand_in_leaves_is_said_to_have_structure():
     assert diagnosis["gap"]["channels"]["x"]["after"] > 2.0 * diagnosis["gap"]["channels"]["x"]["refit"]
 
 
-def test_several_effects_stand_beside_a_rest_without_a_name():
+def test_several_effects_are_included_next_to_a_residual_without_a_name():
     # A filter that the catalogue is not asked about stays as the rest; friction and a gain are named all the same.
     def change(model):
         model.put("speed_tau", 0.05)
@@ -217,10 +217,10 @@ def test_what_the_channels_cannot_separate_is_declared_with_a_run_that_would():
     case = Case(case.name, case.robot, tuple(r for r in case.runs if r.meta.slope_rad == 0.0))
     diagnosis, _ = run(case)
     assert len(diagnosis["indistinguishable"]) == 1
-    members = {m["id"] for m in diagnosis["indistinguishable"][0]}
-    assert {"command_delay", "measurement_delay"} <= members and len(members) <= 3
+    causes = {m["id"] for m in diagnosis["indistinguishable"][0]}
+    assert {"command_delay", "measurement_delay"} <= causes and len(causes) <= 3
     # They share the probability that one of them is there.
-    assert diagnosis["effects"][0]["probability"] == pytest.approx(1.0 / len(members), abs=0.02)
+    assert diagnosis["effects"][0]["probability"] == pytest.approx(1.0 / len(causes), abs=0.02)
 
 
 def test_one_run_works_with_halves_held_out_and_says_so():
@@ -271,7 +271,7 @@ def test_ripple_is_found_in_angles_and_gyro_where_no_speed_and_no_current_is_mea
     assert diagnosis["effects"][0]["parameters"]["cycles_per_rev"]["value"] == pytest.approx(7.0, abs=0.1)
 
 
-def test_a_blemish_beside_a_large_effect_is_not_blamed():
+def test_a_blemish_next_to_a_large_effect_is_not_blamed():
     # A gain that is off by 0.2 % shows in the residuals, and is no cause anyone would look for.
     def change(model):
         model.add("coulomb", 0.05)
@@ -281,16 +281,16 @@ def test_a_blemish_beside_a_large_effect_is_not_blamed():
     assert blamed(diagnosis) == [("coulomb_friction", "both")]
 
 
-@pytest.mark.parametrize("slot,gain", [("gyro_gain", 1.001), ("speed_gain", 1.002), ("current_gain", 1.004)])
-def test_a_blemish_without_a_gap_is_none(slot, gain):
+@pytest.mark.parametrize("quantity,gain", [("gyro_gain", 1.001), ("speed_gain", 1.002), ("current_gain", 1.004)])
+def test_a_blemish_without_a_gap_is_none(quantity, gain):
     # Samples enough show a scale that is off by a few thousandths, as any two simulators of one robot are, however sure
     # it is.
-    diagnosis, _ = run(make_case(lambda m: m.scale(slot, gain), seed=32))
+    diagnosis, _ = run(make_case(lambda m: m.scale(quantity, gain), seed=32))
     assert diagnosis["verdict"] == "none" and diagnosis["effects"] == []
     assert diagnosis["gap"]["refit"] < 1.1 and diagnosis["alternatives"][0]["effects"] == []
 
 
-def test_a_fair_effect_is_no_blemish_for_a_small_one_beside_it_that_explains_more():
+def test_a_fair_effect_is_no_blemish_for_a_small_one_next_to_it_that_explains_more():
     def change(model):
         model.add("command_delay", 0.0029)
         model.scale("resistance", 1.15, (0,))
@@ -316,7 +316,7 @@ def test_intervals_of_what_is_so_by_definition_are_as_narrow_as_the_data_allow()
 def test_the_interval_of_a_speeds_lag_has_room_for_half_a_row_that_counting_takes():
     def change(model):
         model.put("speed_tau", 0.03)
-        model.put("speed_late", 0.005)
+        model.put("speed_delay", 0.005)
 
     # Rows of 10 ms: the counts of one are on average half of it old.
     diagnosis, _ = run(make_case(change, seed=31))
@@ -327,13 +327,13 @@ def test_the_interval_of_a_speeds_lag_has_room_for_half_a_row_that_counting_take
     assert low < 0.0305 and high - low < 0.012
 
 
-def swinging_gear(slot, value, stiffness):
+def swinging_gear(quantity, value, stiffness):
     """A change of the truth: a spring in the right gear, and another effect."""
 
     def change(model):
         model.put("stiffness", stiffness, (1,))
         model.put("damping", 0.004, (1,))
-        model.add(slot, value)
+        model.add(quantity, value)
 
     return change
 
@@ -346,6 +346,6 @@ def test_a_swinging_gear_is_found_under_a_delay_that_hides_it():
     }
 
 
-def test_a_small_effect_beside_a_large_one_is_named_where_it_takes_all_of_a_rest_that_is_a_gap():
+def test_a_small_effect_next_to_a_large_one_is_named_where_it_takes_all_of_a_residual_that_is_a_gap():
     diagnosis, _ = run(make_case(swinging_gear("coulomb", 0.008, stiffness=1.0), seed=42))
     assert {e["id"] for e in diagnosis["effects"]} == {"gear_compliance", "coulomb_friction"}

@@ -32,7 +32,7 @@ from rtds_host.diagnosis.overview import SCHEMA, overview_page, row_of, table_by
 from rtds_host.diagnosis.report.html import unplaced
 from rtds_host.errors import InputError, LinkError, OutputError
 from rtds_host.errors import visible as said_name
-from rtds_host.spread import on_cluster, on_cores
+from rtds_host.workers import on_cluster, on_cores
 
 NAMES = ("one", "two", "three")
 
@@ -468,7 +468,7 @@ def test_an_address_where_nobody_answers_is_said_in_one_line(cases, tmp_path, ca
 
 
 def test_somebody_who_says_nothing_at_the_address_is_given_up(cases, tmp_path, monkeypatch, capfd):
-    monkeypatch.setattr("rtds_host.spread.CONNECT_S", 1.0)
+    monkeypatch.setattr("rtds_host.workers.CONNECT_S", 1.0)
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
         with pytest.raises(LinkError, match=f"^scheduler {address}: does not answer"):

@@ -31,9 +31,9 @@ def test_a_case_is_answered_by_each_method_and_counted_on_the_page(tmp_path, cha
         ("all" if truth else "none", str(tmp_path / "case"), str(tmp_path / "truth.json"), True, None)
     )
     expected = {(e["id"], e["side"]) for e in truth}
-    assert bench.members_named(row["diagnosis"]) == expected
+    assert bench.causes_named(row["diagnosis"]) == expected
     # A rest of white noise alone is what both methods are made for.
-    assert {tuple(member) for member in row["others"]["BIC over candidates"]} == expected
+    assert {tuple(cause) for cause in row["others"]["BIC over candidates"]} == expected
     assert len(row["others"]["largest improvement of fit"]) == 1
     page = bench.page([row], "the command")
     assert "Made by `the command`: 1 cases" in page

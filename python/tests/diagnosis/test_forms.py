@@ -13,7 +13,7 @@ from rtds_host.diagnosis.forms import Forms, forms_of
 from rtds_host.diagnosis.forms.curves import points_of, put
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.model import Abreast, Model, nominal_model, replay_run
+from rtds_host.diagnosis.replay.model import Model, ReplayBatch, nominal_model, replay_run
 from rtds_host.errors import InputError
 from rtds_host.plant import forms as plant
 
@@ -39,7 +39,7 @@ def problem() -> Problem:
 
 
 @pytest.mark.parametrize(
-    ("slot", "size", "form"),
+    ("quantity", "size", "form"),
     [
         ("coulomb", 0.02, ("torque", "w", -20.0, 20.0, lambda x: -0.02 * np.sign(x))),
         ("scrub", 0.03, ("yaw_torque", "yaw_rate", -9.0, 9.0, lambda x: -0.03 * np.sign(x))),
@@ -48,9 +48,9 @@ def problem() -> Problem:
         ("current_bias", 0.1, ("current_sensor", "i", -2.0, 2.0, lambda x: 0.1 + 0.0 * x)),
     ],
 )
-def test_a_form_with_an_effects_values_replays_as_the_effect(problem, slot, size, form):
+def test_a_form_with_an_effects_values_replays_as_the_effect(problem, quantity, size, form):
     effect, formed = nominal_model(problem.robot), nominal_model(problem.robot)
-    effect.add(slot, size)
+    effect.add(quantity, size)
     with_form(formed, *form)
     inputs = problem.whole[0].inputs
     one, other = replay_run(effect, inputs), replay_run(formed, inputs)
@@ -67,7 +67,7 @@ def test_replays_one_by_one_and_in_a_batch_agree_with_every_form(problem):
             low, high = (0.0, TURN) if over in plant.PERIODIC else (-3.0, 3.0)
             model = with_form(nominal_model(problem.robot), term, over, low, high, lambda x: 0.02 * np.cos(x))
             models.append(with_form(model, "torque", "w", -9.0, 9.0, lambda x: -0.01 * np.sign(x), (1,)))
-    batch = Abreast([problem.whole[0].inputs])
+    batch = ReplayBatch([problem.whole[0].inputs])
     for model, out in zip(models, batch.replay(models), strict=True):
         assert np.allclose(out, replay_run(model, problem.whole[0].inputs), atol=1e-9)
 
@@ -75,7 +75,7 @@ def test_replays_one_by_one_and_in_a_batch_agree_with_every_form(problem):
 def test_a_robot_with_a_form_does_not_change_its_neighbours_in_a_batch(problem):
     plain = nominal_model(problem.robot)
     formed = with_form(plain.copy(), "torque", "th", 0.0, TURN, np.sin)
-    batch = Abreast([data.inputs for data in problem.whole])
+    batch = ReplayBatch([data.inputs for data in problem.whole])
     mixed = batch.replay([plain, formed, plain, formed])
     assert np.array_equal(mixed[0], batch.replay([plain, plain])[0])
     assert np.abs(mixed[1] - mixed[0]).max() > 0.1

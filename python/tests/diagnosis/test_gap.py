@@ -8,8 +8,8 @@ from diagnosis_cases import make_case
 
 from rtds_host.contract import RunLog
 from rtds_host.diagnosis import gap as gaps
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 
 
 def truth(case):
@@ -42,7 +42,7 @@ def test_pose_is_compared_by_moves_over_whole_seconds_in_the_heading_at_their_st
     rows = gaps.window_rows(t, np.arange(351))
     assert list(t[rows]) == [0.0, 1.0, 2.0, 3.0]
     # Driving along +y with heading 90 degrees is driving forward.
-    forward, left, turn = gaps.moves(np.zeros(351), 0.2 * t, np.full(351, math.pi / 2), rows)
+    forward, left, turn = gaps.displacements(np.zeros(351), 0.2 * t, np.full(351, math.pi / 2), rows)
     assert np.allclose(forward, 0.2) and np.allclose(left, 0) and np.allclose(turn, 0)
 
 

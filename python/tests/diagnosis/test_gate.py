@@ -8,8 +8,8 @@ from diagnosis_cases import changed, make_case, without
 
 from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.gate import examine
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 
 
@@ -328,7 +328,7 @@ def test_an_answer_before_the_command_is_warned_of(case):
     assert early and all(f.severity == "warning" and "earlier" in f.text for f in early)
 
 
-def test_runs_that_answer_later_and_earlier_are_told_apart(case):
+def test_runs_that_answer_later_and_earlier_are_distinguished(case):
     """One finding for all runs says what is so in all: not that every run is early since one is."""
     shift = iter((0.04, -0.04, 0.04))
 

@@ -15,8 +15,8 @@ from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.gap import errors, gap, pooled
 from rtds_host.diagnosis.gate import examine, stamps
 from rtds_host.diagnosis.gate.rounding import step_of
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 
 
@@ -154,14 +154,14 @@ def test_more_than_a_handful_are_not_glitches(case):
 
 
 @pytest.mark.parametrize(("channel", "size"), [("w_r", -27.0), ("gyro_z", 9.0)])
-def test_a_sample_far_off_is_set_aside_where_a_command_steps_beside_it(case, channel, size):
+def test_a_sample_far_off_is_set_aside_where_a_command_steps_next_to_it(case, channel, size):
     log = next(log for log in case.runs if log.name == "steps")
     step = int(np.flatnonzero(np.abs(np.diff(log.columns["v_cmd_l"])) > 3.0)[2])
     bad = spoiled(case, channel, size, rows=(step + 1,), run=case.runs.index(log))
     assert aside(bad, examine(bad)) == {("steps", channel): [step + 1]}
 
 
-def test_a_sample_that_cannot_be_is_no_witness_of_another_beside_it(case):
+def test_a_sample_that_cannot_be_is_no_witness_of_another_next_to_it(case):
     bad = spoiled(spoiled(case, "th_r", -30.0, rows=(301,)), "w_r", -40.0, rows=(300,))
     name = case.runs[0].name
     assert aside(bad, examine(bad)) == {(name, "th_r"): [301], (name, "w_r"): [300]}
@@ -648,12 +648,12 @@ def test_what_a_stamp_is_off_counts_as_noise_where_a_channel_changes():
     assert left(examine(late).case.runs, late.robot) == pytest.approx(1.0, abs=0.1)
 
 
-# ---- two glitches beside each other
+# ---- two glitches side by side
 # -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("apart", [1, 2])
-def test_glitches_of_two_channels_beside_each_other_are_no_witnesses(case, apart):
+def test_glitches_of_two_channels_next_to_each_other_are_no_witnesses(case, apart):
     """What moved the robot is in all its channels in the same row."""
     both = spoiled(spoiled(case, "w_r", 12.0, rows=(300,)), "gyro_z", 0.6, rows=(300 - apart,))
     assert aside(case, examine(both)) == {("spin", "w_r"): [300], ("spin", "gyro_z"): [300 - apart]}

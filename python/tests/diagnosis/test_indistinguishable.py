@@ -1,4 +1,4 @@
-"""Which effects are indistinguishable in principle stands in the effects' own files, alike in both of a pair."""
+"""Which effects are indistinguishable in principle is in the effects' own files, alike in both of a pair."""
 
 from dataclasses import replace
 
@@ -7,9 +7,9 @@ import pytest
 
 from rtds_host.contract import Case, Driver, RunLog, RunMeta, Servo, builtin_robot
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
+from rtds_host.diagnosis.indistinguishable import indistinguishable, nearly_indistinguishable
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
-from rtds_host.diagnosis.twins import near_twins, twins
 
 TABLES = ("same_as", "same_with_friction", "nearly_as")
 SERVO = replace(builtin_robot("burger"), driver=Driver(mode="speed"), servo=Servo(0.44, 8.6, 12.0, 0.001))
@@ -44,10 +44,10 @@ def test_what_is_like_another_effect_is_so_mutually_and_by_the_same_condition(ta
 def test_a_scaled_command_is_a_scaled_speed_unless_wheels_and_motion_are_both_measured(channels, alike):
     case = speed_case(*channels)
     for one, other in (("command_gain", "speed_gain"), ("speed_gain", "command_gain")):
-        assert ((other, "both") in near_twins(case, (one, "both"))) == alike
-        assert (other, "both") not in twins(case, (one, "both"))
+        assert ((other, "both") in nearly_indistinguishable(case, (one, "both"))) == alike
+        assert (other, "both") not in indistinguishable(case, (one, "both"))
     voltage = replace(case, robot=builtin_robot("burger"))
-    assert ("command_gain", "both") not in near_twins(voltage, ("speed_gain", "both"))
+    assert ("command_gain", "both") not in nearly_indistinguishable(voltage, ("speed_gain", "both"))
 
 
 def test_seen_by_pose_and_gyro_a_command_gain_is_a_speed_gains_inverse():

@@ -115,15 +115,15 @@ def answer(verdict="known", side="left", value=0.1, effect="coulomb_friction", a
     }
 
 
-TWINS = ({"id": "driver_deadzone", "side": "left"}, {"id": "coulomb_friction", "side": "left"})
+INDISTINGUISHABLE = ({"id": "driver_deadzone", "side": "left"}, {"id": "coulomb_friction", "side": "left"})
 SAME, LESS = Transformation("same", lambda c: c), Transformation("less", lambda c: c, same=False)
 FLIPPED = Transformation("flipped", lambda c: c, mirrored=True)
 NOISIER = Transformation("noisier", lambda c: c, noisier=True)
 
 
-def test_of_declared_twins_either_may_stand_for_both():
-    base = answer(alike=TWINS)
-    assert differences(base, answer(effect="driver_deadzone", alike=TWINS), SAME) == []
+def test_of_effects_declared_indistinguishable_either_may_be_named_for_both():
+    base = answer(alike=INDISTINGUISHABLE)
+    assert differences(base, answer(effect="driver_deadzone", alike=INDISTINGUISHABLE), SAME) == []
     assert len(differences(base, answer(effect="driver_deadzone"), SAME)) == 2
 
 
@@ -140,13 +140,13 @@ def test_of_declared_twins_either_may_stand_for_both():
         (answer(side="right"), FLIPPED, []),
         (answer(), FLIPPED, ["left is lost", "right is named"]),
         (
-            answer(effect="driver_deadzone", alike=TWINS),
+            answer(effect="driver_deadzone", alike=INDISTINGUISHABLE),
             SAME,
             ["coulomb_friction left is lost", "driver_deadzone left is named"],
         ),
         (answer("unknown", effect=None), LESS, []),
         (answer(effect="driver_deadzone"), LESS, ["driver_deadzone left is named"]),
-        (answer(effect="driver_deadzone", alike=TWINS), LESS, []),
+        (answer(effect="driver_deadzone", alike=INDISTINGUISHABLE), LESS, []),
     ],
 )
 def test_a_cell_is_good_where_the_answer_stays_or_only_says_less(other, change, words):
@@ -154,7 +154,7 @@ def test_a_cell_is_good_where_the_answer_stays_or_only_says_less(other, change, 
     assert len(found) == len(words) and all(word in text for word, text in zip(words, found))
 
 
-# A driver that gives a tenth less one way has no name; a gain that stands in for half of that closes about a tenth of
+# A driver that gives a tenth less one way has no name; a gain that replaces half of that closes about a tenth of
 # the rest, and is named or not by how logs are rounded (known limits).
 NOT_YET = {"friction, one without a name": {"two decimals", "no current"}}
 

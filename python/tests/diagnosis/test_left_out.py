@@ -26,9 +26,7 @@ def fitted(case: Case, parts: dict[tuple[str, str], dict[str, float]]) -> tuple[
     search = Search(Problem(case, 1))
     noise = search.problem.white()
     search.fits[()] = search.fitter.fit((), np.empty(0), np.zeros(search.fitter.count), noise)
-    hypothesis, start = joined(
-        {member: scaled(search.effects, (member,), [values]) for member, values in parts.items()}
-    )
+    hypothesis, start = joined({cause: scaled(search.effects, (cause,), [values]) for cause, values in parts.items()})
     return search, search.try_fit(hypothesis, start, search.fits[()])
 
 
@@ -80,7 +78,7 @@ def test_of_a_single_run_each_half_is_left_out_in_turn(monkeypatch, searched):
     assert left_out_gap(search.problem, fit) > together > 1.1
 
 
-def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_does_not_stand():
+def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_is_not_included():
     """A driver that was weak in one run of four: its gain follows that run, and the others are foretold worse
     with it.
     """
@@ -97,7 +95,7 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_does_not_stand
         Case("one of four", robot, runs), {COULOMB: {"torque_nm": 0.04}, ("driver_gain", "both"): {"ratio": 0.9}}
     )
     found = account(search, fit)
-    assert [one.member for one in found.standing] == [COULOMB]
+    assert [one.cause for one in found.standing] == [COULOMB]
     assert "not fitted to" in found.dropped["driver_gain", "both"]
 
 
@@ -113,7 +111,7 @@ def test_what_one_run_alone_knows_of_and_fits_amiss_in_the_others_does_not_stand
         (9.0, 8.0, 0.4, True),  # little of the gap, but much of what the likelihood sees
     ],
 )
-def test_an_effect_is_worth_naming_if_it_outweighs_half_of_the_rest_or_is_much_of_what_the_likelihood_sees(
+def test_an_effect_is_worth_naming_if_it_outweighs_half_of_the_residual_or_is_much_of_what_the_likelihood_sees(
     without, gap, share, worth
 ):
     assert worth_naming(without, gap, share) is worth

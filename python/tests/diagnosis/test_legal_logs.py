@@ -14,15 +14,15 @@ from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.evidence import closer, compared
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.gate.cuts import cut
+from rtds_host.diagnosis.indistinguishable import indistinguishable
 from rtds_host.diagnosis.left_out import parted
 from rtds_host.diagnosis.localise import localise
 from rtds_host.diagnosis.localise.series import relaxed
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, piece_inputs, replay_run, run_inputs, stretch_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.scatter import groups
 from rtds_host.diagnosis.settings import settings
-from rtds_host.diagnosis.twins import twins
 from rtds_host.errors import InputError
 
 ROBOT = builtin_robot("burger")
@@ -56,16 +56,16 @@ def test_a_speed_that_nothing_brakes_is_half_way_between_its_ends():
     assert relaxed(values, dt, 1e-6) == pytest.approx([1.0, 3.0], rel=1e-3)
 
 
-@pytest.mark.parametrize("slot, amount", [("pwm_curve", 0.2), ("deadzone", 0.3), ("voltage_gain", -0.1)])
-def test_the_current_s_block_knows_what_a_driver_does(slot, amount):
-    case = make_case(lambda model: model.add(slot, amount), seconds=4.0)
+@pytest.mark.parametrize("quantity, amount", [("pwm_curve", 0.2), ("deadzone", 0.3), ("voltage_gain", -0.1)])
+def test_the_current_s_block_knows_what_a_driver_does(quantity, amount):
+    case = make_case(lambda model: model.add(quantity, amount), seconds=4.0)
     model = nominal_model(ROBOT)
     assert max(scores(case, model)[f"current_{s}"] for s in "lr") > 1.5
-    model.add(slot, amount)
+    model.add(quantity, amount)
     assert max(scores(case, model)[f"current_{s}"] for s in "lr") < 1.1
 
 
-def test_angles_count_beside_speeds_whose_noise_nobody_declares():
+def test_angles_count_next_to_speeds_whose_noise_nobody_declares():
     case = with_only(make_case(seconds=4.0), "w_l", "w_r", "th_l", "th_r")
     robot = replace(ROBOT, sensors={"th_rad": ROBOT.sensors["th_rad"]})
     assert gaps.gap_channels(case.runs[0], robot) == ("th_l", "th_r")
@@ -206,7 +206,9 @@ def test_a_wheel_that_is_braked_and_never_turns_back_moves_one_way():
     log = RunLog("run", RunMeta(), t, {"v_cmd_l": volts[:, 0], "v_cmd_r": volts[:, 1]})
     out = replay_run(nominal_model(ROBOT), run_inputs(log, ROBOT))
     log = replace(log, columns={**log.columns, **{c: out[:, OUTPUTS.index(c)] for c in ("w_l", "w_r", "i_l", "i_r")}})
-    assert ("friction_asymmetry", "both") in twins(Case("case", ROBOT, (log,)), ("coulomb_friction", "both"))
+    assert ("friction_asymmetry", "both") in indistinguishable(
+        Case("case", ROBOT, (log,)), ("coulomb_friction", "both")
+    )
 
 
 def test_speeds_that_are_commanded_are_a_setting():

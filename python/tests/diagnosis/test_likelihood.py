@@ -50,7 +50,7 @@ def test_a_column_is_weighted_as_the_residual_is():
 
 @pytest.mark.parametrize("period", [5, 40, 500], ids=["a few rows", "a part of a block", "many blocks"])
 def test_residuals_that_follow_one_another_are_correlated(period):
-    """Whatever the time in which they come and go; a sound channel beside does not hide it."""
+    """Whatever the time in which they come and go; a sound channel next to does not hide it."""
     wave = np.sin(np.arange(len(GROUPS)) * 2.0 * np.pi / period)
     channels = np.repeat([0, 1], len(GROUPS))
     assert correlated(np.concatenate([noise(2), noise() + wave]), channels, 4.9)

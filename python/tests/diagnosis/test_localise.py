@@ -12,8 +12,8 @@ from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise import BLOCKS, blocks, localise
 from rtds_host.diagnosis.localise.shares import Sums
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 
 
 def located(case):
@@ -91,7 +91,7 @@ def test_the_model_with_the_effect_brings_the_blocks_back_to_noise():
     assert scores(localise(case, model))["torque_l"] < 1.6
 
 
-def test_what_a_block_does_not_know_of_a_model_is_no_rest():
+def test_what_a_block_does_not_know_of_a_model_is_no_residual():
     """The reading of a filtered speed disagrees with the angle; a model that has the filter says by how much."""
     case = make_case(lambda m: m.put("speed_tau", 0.05))
     model = nominal_model(case.robot)
@@ -166,8 +166,8 @@ def test_faults_that_no_signature_knows_stay_with_their_block():
 def test_what_missing_channels_cost_is_said_and_the_rest_still_works():
     case = without(make_case(lambda m: m.add("coulomb", 0.05)), "i_l", "i_r", "x", "y", "yaw")
     result = located(case)
-    assert any("without current" in text for text in result.lost)
-    assert any("x and y" in text for text in result.lost)
+    assert any("without current" in text for text in result.undetermined)
+    assert any("x and y" in text for text in result.undetermined)
     assert "current_l" not in scores(result) and scores(result)["torque_l"] > 3
 
 

@@ -14,12 +14,13 @@ from rtds_host.contract import GRAVITY_M_S2, Axis, Case, RunLog, RunMeta, builti
 from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
 from rtds_host.diagnosis.fit import apply
 from rtds_host.diagnosis.problem import CHANNELS, Problem
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.replay.model import (
     FINE_STEP_S,
     LONGEST_DELAY_S,
     REPORT_STEP_S,
     STEP_S,
-    Abreast,
+    ReplayBatch,
     nominal_model,
     piece_inputs,
     replay_run,
@@ -27,7 +28,6 @@ from rtds_host.diagnosis.replay.model import (
     run_inputs,
     stretch_inputs,
 )
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.screen import available, start_values
 from rtds_host.plant.elementary import sine
 
@@ -125,7 +125,7 @@ def test_a_bus_that_sags_is_that_of_its_differential_equation():
     model.put("source_resistance", source)
     inputs = run_inputs(log, ROBOT)
     for step, share in ((STEP_S, 0.3), (REPORT_STEP_S, 0.1)):
-        for out in (replay_run(model, inputs, step), Abreast([inputs]).replay([model], [step])[0]):
+        for out in (replay_run(model, inputs, step), ReplayBatch([inputs]).replay([model], [step])[0]):
             for k, name in enumerate(("i_l", "i_r", "w_l", "w_r")):
                 worst = np.abs(out[:, OUTPUT_INDEX[name]] - s[:, k]).max()
                 assert worst < share * ROBOT.noise(name), (name, step, worst)
@@ -235,8 +235,8 @@ def test_a_spring_on_a_body_without_inertia_takes_the_finest_step(change):
     model = nominal_model(ROBOT)
     model.put("stiffness", 3.0)
     assert model.step_s > FINE_STEP_S
-    for slot, value in change.items():
-        model.put(slot, value)
+    for quantity, value in change.items():
+        model.put(quantity, value)
     assert model.step_s == FINE_STEP_S
 
 
@@ -275,7 +275,7 @@ PAIRS = [
 
 @pytest.mark.parametrize("side", ["right", "both"])
 def test_any_two_effects_together_keep_the_replay_finite(side):
-    # From a standstill too: one wheel that sticks beside a scrub has to be replayed as well.
+    # From a standstill too: one wheel that sticks next to a scrub has to be replayed as well.
     log = run("spin", seconds=2.0)
     inputs = run_inputs(log, ROBOT)
     for pair in PAIRS:
@@ -292,7 +292,7 @@ def test_the_sine_of_lanes_is_that_of_the_library_within_ten_thousand_turns():
 
 
 @pytest.mark.parametrize("side", ["left", "both"])
-def test_replays_abreast_are_those_one_by_one(side):
+def test_replays_in_a_batch_are_those_one_by_one(side):
     logs = [run("steps", seconds=2.0), run("spin", seconds=3.0, slope=0.0), run("weave", seconds=1.0)]
     inputs = [run_inputs(log, ROBOT) for log in logs]
     # One that begins in motion, with speeds that are reported late.
@@ -303,13 +303,13 @@ def test_replays_abreast_are_those_one_by_one(side):
         for effect in pair:
             effect.apply(model, SIDES[side if effect.sided else "both"], start_values(effect)[-1])
         if len(models) % 3 == 0:
-            model.put("speed_late", 0.0137, SIDES[side])
+            model.put("speed_delay", 0.0137, SIDES[side])
         models.append(model)
-    # One that runs away leaves those beside it as they are.
+    # One that runs away leaves those next to it as they are.
     models[1].put("mass", -1.0)
-    models = [model for model in models if model.abreast]
+    models = [model for model in models if model.batched]
     noise = np.array([ROBOT.noise(name) for name in OUTPUTS])
-    runs = Abreast(inputs)
+    runs = ReplayBatch(inputs)
     for model, mine in zip(models, runs.replay(models), strict=True):
         for one, out in zip(inputs, np.split(mine, runs.rows[1:-1]), strict=True):
             alone = replay_run(model, one)
@@ -345,18 +345,18 @@ def test_a_delayed_command_shifts_everything_and_a_delayed_measurement_all_but_t
     inputs = run_inputs(RunLog("fine", log.meta, fine, smooth), ROBOT)
     nominal = replay_run(nominal_model(ROBOT), inputs, 1e-3)
     late = {}
-    for slot in ("command_delay", "measurement_delay"):
+    for quantity in ("command_delay", "measurement_delay"):
         model = nominal_model(ROBOT)
-        model.put(slot, delay)
-        late[slot] = replay_run(model, inputs, 1e-3)
+        model.put(quantity, delay)
+        late[quantity] = replay_run(model, inputs, 1e-3)
     inside = fine > 0.1
     # Currents jump with the command: between samples they cannot be interpolated.
     whole = abs(delay / 0.001 - round(delay / 0.001)) < 1e-9 and round(delay / 0.001) % 10 == 0
     for name in ("w_l", "gyro_z", "i_r") if whole else ("w_l", "gyro_z"):
         k = OUTPUT_INDEX[name]
         shifted = np.interp(fine - delay, fine, nominal[:, k])
-        for slot in late:
-            assert np.abs(late[slot][inside, k] - shifted[inside]).max() < 0.5 * ROBOT.noise(name)
+        for quantity in late:
+            assert np.abs(late[quantity][inside, k] - shifted[inside]).max() < 0.5 * ROBOT.noise(name)
     assert np.allclose(late["measurement_delay"][:, 8:], nominal[:, 8:], atol=1e-6)
     assert np.abs(late["command_delay"][:, 8:] - nominal[:, 8:]).max() > ROBOT.noise("x")
 
@@ -488,15 +488,15 @@ def test_what_an_effect_changes_is_seen_by_longer_steps_too():
 
 
 @pytest.mark.parametrize("late", [0.004, -0.004, 0.0137, 50.0, -50.0])
-@pytest.mark.parametrize(("slot", "late_ones"), [("gyro_late", {"gyro_z"}), ("pose_late", {"x", "y", "yaw"})])
-def test_a_clock_that_is_late_reports_what_was_earlier_between_samples_too(slot, late_ones, late):
+@pytest.mark.parametrize(("quantity", "late_ones"), [("gyro_late", {"gyro_z"}), ("pose_late", {"x", "y", "yaw"})])
+def test_a_clock_that_is_late_reports_what_was_earlier_between_samples_too(quantity, late_ones, late):
     """Before the first sample and behind the last one it reports these."""
     run = make_run("weave", nominal_model(ROBOT), ROBOT, "weave", seed=3)
     uneven = run.t[np.sort(np.random.default_rng(6).choice(len(run.t), 300, replace=False))]
     inputs = (uneven, *run_inputs(run, ROBOT)[1:])
     model = nominal_model(ROBOT)
     on_time = replay_run(model, inputs)
-    model.put(slot, late)
+    model.put(quantity, late)
     out = replay_run(model, inputs)
     for channel, k in OUTPUT_INDEX.items():
         expected = np.interp(uneven - late, uneven, on_time[:, k]) if channel in late_ones else on_time[:, k]
@@ -538,7 +538,7 @@ def test_pieces_of_an_axis_begin_with_what_its_late_speed_reports():
     """
     robot = replace(ROBOT, chassis=None, axis=Axis("inertia", 1e-3))
     model = nominal_model(robot)
-    model.put("speed_late", 0.02, (0,))
+    model.put("speed_delay", 0.02, (0,))
     model.put("speed_tau", 0.01, (0,))
     t = np.arange(0.0, 4.0, 0.001)
     volts = 5.0 * np.sin(2.0 * np.pi * t / 0.7)
@@ -549,7 +549,7 @@ def test_pieces_of_an_axis_begin_with_what_its_late_speed_reports():
     speeds = problem.channels_of == CHANNELS.index("w_l")
     assert len(problem.runs) > 10
     assert np.median(np.abs(problem.residual(model)[speeds])) < 0.1
-    model.put("speed_late", 0.0, (0,))
+    model.put("speed_delay", 0.0, (0,))
     assert np.median(np.abs(problem.residual(model)[speeds])) > 1.0
 
 
@@ -590,7 +590,7 @@ def test_a_current_at_the_start_is_what_its_sensor_makes_of_it(gain, bias, delay
     alone = replay_run(model, inputs)[:, OUTPUT_INDEX["i_r"]]
     still = log.t <= delay_s
     assert alone[still] == pytest.approx(bias, abs=1e-12)
-    assert Abreast([inputs]).replay([model] * 4)[2][still, OUTPUT_INDEX["i_r"]] == pytest.approx(bias, abs=1e-12)
+    assert ReplayBatch([inputs]).replay([model] * 4)[2][still, OUTPUT_INDEX["i_r"]] == pytest.approx(bias, abs=1e-12)
 
 
 def test_a_piece_begins_with_the_current_that_its_winding_carries(tmp_path):

@@ -366,20 +366,20 @@ def test_causes_that_look_alike_are_checked_and_none_of_them_is_mended(details):
     budget = [{"what": "effect", **resistance, "share": 0.95}, {"what": "rest", "subsystem": None, "share": 0.05}]
     alone = words_of(sections("known", details, effects=[effect], budget=budget)[1])
     assert "If this shows it: inflate" in alone and CATALOGUE["rolling_resistance"].check in alone
-    twins = sections("known", details, effects=[effect], budget=budget, indistinguishable=[[resistance, gain]])
-    do, everything = words_of(twins[1]), words_of(" ".join(twins))
+    alike = sections("known", details, effects=[effect], budget=budget, indistinguishable=[[resistance, gain]])
+    do, everything = words_of(alike[1]), words_of(" ".join(alike))
     assert "rolling resistance or speed gain (both sides) would look the same in these runs" in do
     assert "Rolling resistance or speed gain (both sides) makes this robot differ" in everything
     assert (
         "These runs cannot tell which." in everything
         and "certain" not in everything
-        and "ikely" not in words_of(twins[0])
+        and "ikely" not in words_of(alike[0])
     )
     for one in (resistance, gain):
         assert CATALOGUE[one["id"]].check in do and CATALOGUE[one["id"]].advice not in everything
     assert "nflate" not in everything
     assert "trust it for driving like these runs" in do and "trust it" not in alone
-    assert "looks the same here: speed gain (both sides)" in words_of(twins[0])
+    assert "looks the same here: speed gain (both sides)" in words_of(alike[0])
     assert "97 % shared with speed gain (both sides)" in everything
 
 
@@ -443,7 +443,7 @@ def test_the_summary_names_effect_value_gap_and_next_run(details):
 
 
 def account():
-    """The contract's example of section 5: two causes and a form beside a rest."""
+    """The contract's example of section 5: two causes and a form next to a rest."""
     diagnosis = example_of("partial")
     coulomb, delay = {"id": "coulomb_friction", "side": "both"}, {"id": "command_delay", "side": "both"}
     gain = {"id": "driver_gain", "side": "both"}
@@ -662,7 +662,7 @@ def test_each_channel_has_a_plot_with_measured_nominal_and_after(opened):
     assert {nominal, after} <= set(colours) and band not in colours
     missed = next(c for c in canvases if c.get_attribute("data-missed") == "w_l")
     assert {nominal, after, band} <= set(opened.execute_script(PIXELS, missed))
-    # Beside the trace, at the same height.
+    # Next to the trace, at the same height.
     assert missed.rect["y"] == chosen.rect["y"] and missed.rect["x"] > chosen.rect["x"] + chosen.rect["width"]
 
 

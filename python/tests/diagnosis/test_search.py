@@ -13,18 +13,18 @@ from rtds_host.diagnosis import search as search_module
 from rtds_host.diagnosis.account import account
 from rtds_host.diagnosis.diagnose import diagnose, said_of_end
 from rtds_host.diagnosis.effects import catalogue
-from rtds_host.diagnosis.evidence import CONVINCING, excess, told_apart
+from rtds_host.diagnosis.evidence import CONVINCING, distinguishable, excess
 from rtds_host.diagnosis.explanations import FAR
-from rtds_host.diagnosis.fit import BESIDE, joined, scaled, side_by_side, to_values
+from rtds_host.diagnosis.fit import AT_ONCE, joined, scaled, side_by_side, to_values
+from rtds_host.diagnosis.indistinguishable import indistinguishable, nearly_indistinguishable
 from rtds_host.diagnosis.intervals import Z90, command_shift, intervals, sigmas_of
 from rtds_host.diagnosis.lookalikes import lookalikes, opens_gap, swaps_of
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.diagnosis.scatter import scatter, scattered
-from rtds_host.diagnosis.screen import Screen, moves_of
+from rtds_host.diagnosis.screen import Screen, sensitivities_of
 from rtds_host.diagnosis.search import Search
-from rtds_host.diagnosis.twins import near_twins, twins
 
 POSE = ("x", "y", "yaw")
 
@@ -58,7 +58,7 @@ def straight(case: Case) -> Case:
 
 
 @pytest.mark.parametrize(
-    "case,member,expected",
+    "case,cause,expected",
     [
         (make_case(), ("command_delay", "both"), []),
         (without(make_case(), *POSE), ("command_delay", "both"), [("measurement_delay", "both")]),
@@ -104,12 +104,12 @@ def straight(case: Case) -> Case:
     ],
     ids=lambda v: v[0] if isinstance(v, tuple) else "",
 )
-def test_twins_are_what_the_runs_lack_the_channels_or_motions_to_part(case, member, expected):
-    assert twins(case, member) == expected
+def test_indistinguishable_effects_are_what_the_runs_lack_the_channels_or_motions_to_part(case, cause, expected):
+    assert indistinguishable(case, cause) == expected
 
 
 @pytest.mark.parametrize(
-    "case,member,expected",
+    "case,cause,expected",
     [
         (
             without(make_case(), "i_l", "i_r"),
@@ -126,8 +126,10 @@ def test_twins_are_what_the_runs_lack_the_channels_or_motions_to_part(case, memb
     ],
     ids=lambda v: v[0] if isinstance(v, tuple) else "",
 )
-def test_near_twins_are_what_the_runs_lack_the_current_or_a_second_slope_to_part(case, member, expected):
-    assert near_twins(case, member) == expected
+def test_nearly_indistinguishable_effects_are_what_the_runs_lack_the_current_or_a_second_slope_to_part(
+    case, cause, expected
+):
+    assert nearly_indistinguishable(case, cause) == expected
 
 
 def late_case(lates: dict[str, float]) -> Case:
@@ -169,14 +171,14 @@ def test_a_run_whose_commands_act_later_than_the_others_does_not_bend_the_delay(
     [({}, 0.15), ({"r1": 0.2, "r2": 0.2}, 0.15), ({"r1": 0.2}, 0.0)],
     ids=["all alike", "half of them: no delay is common", "no delay known"],
 )
-def test_commands_are_late_in_single_runs_only_beside_the_delay_of_most(lates, delay):
+def test_commands_are_late_in_single_runs_only_next_to_the_delay_of_most(lates, delay):
     problem = Problem(late_case(lates))
     model = problem.nominal.copy()
     model.put("command_delay", delay)
     assert problem.align_commands(model) == 0.0 and not problem.lates
 
 
-def test_a_delay_without_a_pose_is_declared_with_its_twin_and_named_once():
+def test_a_delay_without_a_pose_is_declared_with_what_is_indistinguishable_and_named_once():
     def late(model):
         model.put("command_delay", 0.02)
 
@@ -190,8 +192,8 @@ def test_a_delay_without_a_pose_is_declared_with_its_twin_and_named_once():
 @pytest.mark.parametrize("off", [-0.03, 0.002, 0.05])
 def test_a_ripples_cycles_are_fitted_to_a_share_of_what_a_run_turns(off):
     def change(model):
-        for slot, value in (("ripple", 0.02), ("ripple_cycles", 12.0), ("ripple_phase", 0.7)):
-            model.put(slot, value)
+        for quantity, value in (("ripple", 0.02), ("ripple_cycles", 12.0), ("ripple_phase", 0.7)):
+            model.put(quantity, value)
 
     start = {"amplitude_nm": 0.015, "cycles_per_rev": 12.0 + off, "phase_rad": 0.5}
     _, fit = fitted(make_case(change, seconds=20.0), (("torque_ripple", "both"), start))
@@ -214,8 +216,8 @@ def test_the_spectrum_of_a_ripple_is_as_fine_as_its_peak():
     """
     robot = builtin_robot("burger")
     model = nominal_model(robot)
-    for slot, value in (("ripple", 0.02), ("ripple_cycles", 11.63)):
-        model.put(slot, value, (0,))
+    for quantity, value in (("ripple", 0.02), ("ripple_cycles", 11.63)):
+        model.put(quantity, value, (0,))
     case = Case("rippled", robot, tuple(make_run(f"r{k}", model, robot, "weave", 20.0, k) for k in range(2)))
     problem = Problem(case)
     found = ripple.spectra(problem, problem.replay(problem.nominal))
@@ -264,14 +266,14 @@ def test_a_long_run_is_searched_in_stretches_from_all_over_and_judged_whole():
     assert len(details.traces["hours"]["w_l"].t) == len(case.runs[0].t)
 
 
-def fitted(case: Case, *members: tuple[tuple[str, str], dict[str, float]]):
+def fitted(case: Case, *causes: tuple[tuple[str, str], dict[str, float]]):
     """A search of a case, and the fit of some effects from given sizes."""
     problem = Problem(case, 1)
     search = Search(problem, quick=True)
     search.fits[()] = search.fitter.fit((), np.empty(0), np.zeros(search.fitter.count), problem.white())
-    hypothesis = tuple(member for member, _ in members)
+    hypothesis = tuple(cause for cause, _ in causes)
     return search, search.try_fit(
-        hypothesis, scaled(search.effects, hypothesis, [values for _, values in members]), search.fits[()]
+        hypothesis, scaled(search.effects, hypothesis, [values for _, values in causes]), search.fits[()]
     )
 
 
@@ -356,14 +358,14 @@ def test_a_part_of_a_slip_is_promised_where_all_of_it_would_be_too_much():
 
     search, fit = fitted(make_case(slippery))
     size, screened = search.effects["longitudinal_slip"].parameters[0], search.screened(fit)
-    assert {dict(s.values)["slip_per_newton"] for s in search.moves if s.effect == SLIP[0]} == {size.starts[1]}
+    assert {dict(s.values)["slip_per_newton"] for s in search.sensitivities if s.effect == SLIP[0]} == {size.starts[1]}
     for screen in screened:
-        slip = next(c for c in screen.candidates() if c.member == SLIP)
+        slip = next(c for c in screen.candidates() if c.cause == SLIP)
         assert slip.gain > 0.0
         assert 0.3 * size.starts[1] < size.value(slip.start[0]) < 0.8 * size.starts[1]
 
 
-def test_one_delay_that_is_two_is_told_apart():
+def test_one_delay_that_is_two_is_distinguished():
     """A command late by 20 ms and samples by 30 read as samples late by 50: on top of their sum no screening promises
     the other.
     """
@@ -445,7 +447,7 @@ def test_fits_go_side_by_side_as_they_go_alone():
     """More fits than go on at a time, one of which asks for nothing at all: the same fits, in their order, of fewer
     calls for residuals.
     """
-    members = [
+    causes = [
         ("resistance_error", "both"),
         ("driver_gain", "both"),
         ("coulomb_friction", "both"),
@@ -454,9 +456,9 @@ def test_fits_go_side_by_side_as_they_go_alone():
     ]
     search, none = fitted(make_case(lambda m: m.scale("resistance", 1.1)))
     starts = [
-        ((member,), u, none)
-        for member in members
-        for u in (np.full(len(search.effects[member[0]].parameters), size) for size in (0.1, 0.2))
+        ((cause,), u, none)
+        for cause in causes
+        for u in (np.full(len(search.effects[cause[0]].parameters), size) for size in (0.1, 0.2))
     ]
     asked, residuals = [], search.problem.residuals
     search.problem.residuals = lambda *given: asked.append(given) or residuals(*given)
@@ -468,7 +470,7 @@ def test_fits_go_side_by_side_as_they_go_alone():
     alone = [side_by_side(search.problem, [work])[0] for work in works()]
     calls = len(asked)
     together = side_by_side(search.problem, works())
-    assert len(starts) > BESIDE and len(asked) - calls < 0.5 * calls
+    assert len(starts) > AT_ONCE and len(asked) - calls < 0.5 * calls
     assert [fit and fit.hypothesis for fit in together] == [
         starts[0][0],
         None,
@@ -481,7 +483,7 @@ def test_fits_go_side_by_side_as_they_go_alone():
 
 
 def test_a_rough_fit_keeps_the_derivatives_of_what_stays_as_it_is():
-    """Those of an effect that begins at another size are taken anew there."""
+    """Those of an effect that begins at another size are taken again there."""
     gain, friction = ("driver_gain", "both"), ("coulomb_friction", "both")
     search, fit = fitted(
         make_case(lambda m: m.scale("voltage_gain", 0.9)), (friction, {"torque_nm": 0.001}), (gain, {"ratio": 0.9})
@@ -495,18 +497,18 @@ def test_a_rough_fit_keeps_the_derivatives_of_what_stays_as_it_is():
 
 @pytest.mark.parametrize(("behind", "earnest"), [(-1.0, True), (1.0, False)])
 def test_a_restart_that_is_far_behind_in_a_rough_fit_is_left(monkeypatch, behind, earnest):
-    member = ("longitudinal_slip", "both")
+    cause = ("longitudinal_slip", "both")
     search, fit = fitted(
         make_case(lambda m: m.scale("resistance", 1.1)),
-        (member, {"slip_per_newton": 0.05, "softness_m_per_n": 0.0005, "damping_n_s_per_m": 2.4, "grip": 0.9}),
+        (cause, {"slip_per_newton": 0.05, "softness_m_per_n": 0.0005, "damping_n_s_per_m": 2.4, "grip": 0.9}),
     )
     monkeypatch.setattr(search, "closed", lambda fit: False)
     monkeypatch.setattr(search, "reached", lambda starts, rough: [search.score(fit) + FAR + behind])
-    monkeypatch.setattr(search, "lower_kept", lambda fit, member: [])
+    monkeypatch.setattr(search, "lower_kept", lambda fit, cause: [])
     tried = []
     monkeypatch.setattr(search, "try_fit", lambda *start: tried.append(start) or fit)
-    search.polished(fit, [member])
-    assert len(tried) == (len(search.effects[member[0]].restarts) if earnest else 0)
+    search.polished(fit, [cause])
+    assert len(tried) == (len(search.effects[cause[0]].restarts) if earnest else 0)
 
 
 def test_what_is_no_larger_than_its_noise_leaves_nothing_without_a_name():
@@ -635,7 +637,7 @@ def test_the_next_effect_is_one_that_every_run_asks_for():
 @pytest.mark.parametrize(
     "rest,least,most", [(0.0, 0.0, 0.1), (0.02, 2.0, np.inf)], ids=["nothing left", "a slope that has no name"]
 )
-def test_a_size_is_known_no_better_than_two_ways_to_weigh_the_rest_agree(rest, least, most):
+def test_a_size_is_known_no_better_than_two_ways_to_weigh_the_residual_agree(rest, least, most):
     gain = ("gyro_gain", "both")
     search, fit = fitted(
         make_case(lambda m: (m.scale("gyro_gain", 0.95), m.add("slope_extra", rest))), (gain, {"ratio": 0.95})
@@ -650,7 +652,7 @@ def test_an_account_says_what_stands_in_its_plainer_form():
     """Coulomb friction, found with an extra at low speed that is not there."""
     stribeck = ("stribeck_friction", "both"), {"torque_nm": 0.03, "extra_torque_nm": 0.002, "speed_rad_s": 1.0}
     search, fit = fitted(make_case(lambda m: m.add("coulomb", 0.03)), stribeck)
-    assert [one.member for one in account(search, fit).standing] == [("coulomb_friction", "both")]
+    assert [one.cause for one in account(search, fit).standing] == [("coulomb_friction", "both")]
 
 
 def test_signatures_that_are_one_and_large_promise_no_pair():
@@ -660,10 +662,10 @@ def test_signatures_that_are_one_and_large_promise_no_pair():
     problem = Problem(replace(case, robot=robot), 1)
     search = Search(problem, quick=True)
     fit = search.fits[()] = search.fitter.fit((), np.empty(0), np.zeros(search.fitter.count), problem.white(), 0)
-    moves = moves_of(search.fitter, fit, {}, {"driver_gain"}, {})
-    one = next(iter(moves))
-    twin = replace(one, effect="speed_gain", values=one.values)
-    screen = Screen(problem, fit, {one: moves[one], twin: 2.0 * moves[one]}, problem.white())
+    sensitivities = sensitivities_of(search.fitter, fit, {}, {"driver_gain"}, {})
+    one = next(iter(sensitivities))
+    equal = replace(one, effect="speed_gain", values=one.values)
+    screen = Screen(problem, fit, {one: sensitivities[one], equal: 2.0 * sensitivities[one]}, problem.white())
     assert all(np.isfinite(gain) for gain, *_ in screen.pairs([("driver_gain", one.side), ("speed_gain", one.side)]))
 
 
@@ -677,13 +679,13 @@ def test_an_effect_of_both_sides_is_parted_where_they_differ():
     """One gain for both leaves half of what they differ by on each side; the screening proposes a gain of its own for
     one, from that of both, and with the other's kept."""
     search, fit = fitted(make_case(uneven), (("driver_gain", "both"), {"ratio": 0.72}))
-    grown = search.grow(fit, 5)
-    assert grown.hypothesis == (("driver_gain", "left"), ("driver_gain", "right"))
-    assert [values["ratio"] for values in grown.values] == pytest.approx([0.8, 0.64], rel=0.02)
+    extended = search.extend(fit, 5)
+    assert extended.hypothesis == (("driver_gain", "left"), ("driver_gain", "right"))
+    assert [values["ratio"] for values in extended.values] == pytest.approx([0.8, 0.64], rel=0.02)
 
 
-def test_what_one_side_has_beside_an_effect_of_both_may_be_that_effect_of_another_size():
-    """Whatever stands on the right beside a gain of both: without it, each side has a gain of its own, roughly
+def test_what_one_side_has_next_to_an_effect_of_both_may_be_that_effect_of_another_size():
+    """Whatever stands on the right next to a gain of both: without it, each side has a gain of its own, roughly
     fitted. What stands on both may not."""
     search, alone = fitted(make_case(uneven), (("driver_gain", "both"), {"ratio": 0.8}))
     (found,) = search.try_fits(search.parted_sides(alone, ("pwm_curve", "right")), rough=True)
@@ -720,18 +722,18 @@ def test_no_dead_zone_exceeds_the_largest_command():
         (60.0, 1.0, 0.05, False),  # in a few stretches
     ],
 )
-def test_what_tells_two_effects_apart_is_more_of_the_rest_than_chance_takes(gain, t, part, told):
-    assert told_apart(gain, t, part, 100) is told
-    # What is known to be confused is told apart by more than a slight part of what the other leaves.
-    assert not told_apart(gain, t, part, 100, least=0.1)
-    assert told_apart(60.0, 4.1, 0.15, 100, least=0.1)
+def test_what_distinguishes_two_effects_is_more_of_the_residual_than_chance_takes(gain, t, part, told):
+    assert distinguishable(gain, t, part, 100) is told
+    # What is known to be confused is distinguished by more than a slight part of what the other leaves.
+    assert not distinguishable(gain, t, part, 100, least=0.1)
+    assert distinguishable(60.0, 4.1, 0.15, 100, least=0.1)
 
 
 @pytest.mark.parametrize(
     "other,gap,opens", [(1.05, 0.5, False), (15.0, 0.5, True), (9.5, 9.0, False), (20.0, 9.0, True)]
 )
 def test_a_look_alike_opens_no_gap(other, gap, opens):
-    """Of noise alone (a gap of 1) one explanation leaves no more than another; beside a rest no more than half of that
+    """Of noise alone (a gap of 1) one explanation leaves no more than another; next to a rest no more than half of that
     comes on top.
     """
     assert opens_gap(other, gap) is opens
@@ -754,7 +756,7 @@ def test_noise_that_is_larger_than_declared_is_told_with_its_size():
 
 @pytest.mark.parametrize("share", [0.0, 0.2], ids=["none", "some"])
 def test_a_search_ends_with_what_its_work_has_found(monkeypatch, share):
-    """Beside a large rest, or where much slips and swings, there is always something more to try."""
+    """Next to a large rest, or where much slips and swings, there is always something more to try."""
     several = make_case(
         lambda m: (
             m.put("command_delay", 0.05),
@@ -795,7 +797,7 @@ def test_an_account_that_has_done_as_much_again_looks_for_no_look_alike_that_was
         screened.clear()
         alike, _ = lookalikes(search, fit, [(found, search.fits[()])])
         assert bool(screened) is not ended and search.ended is ended
-        assert alike[0] == (found, twins(late, found)[0])
+        assert alike[0] == (found, indistinguishable(late, found)[0])
 
 
 def test_work_is_the_same_on_any_number_of_cores():
@@ -829,11 +831,11 @@ def test_where_runs_began_elsewhere_the_effect_that_led_there_is_weighed_against
     promised = iter([gyro, driver])
     aligned = iter([moved])
 
-    def grow(fit, count):
-        member = next(promised, None) if fit.hypothesis == () else None
-        return member and search.try_fit((member,), scaled(search.effects, (member,), [{"ratio": 0.95}]), fit)
+    def extend(fit, count):
+        cause = next(promised, None) if fit.hypothesis == () else None
+        return cause and search.try_fit((cause,), scaled(search.effects, (cause,), [{"ratio": 0.95}]), fit)
 
-    monkeypatch.setattr(search, "grow", grow)
+    monkeypatch.setattr(search, "extend", extend)
     monkeypatch.setattr(search.problem, "align", lambda model: next(aligned, 0.0))
     found = search.climb(nothing)
     assert found.hypothesis == ((driver,) if moved else (gyro,))

@@ -9,8 +9,8 @@ from diagnosis_cases import changed, make_case, without
 
 from rtds_host.contract import Axis, Case, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.gate import examine
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.errors import InputError
 
 ROBOT = builtin_robot("burger")
@@ -71,7 +71,7 @@ def test_a_run_of_a_tenth_of_a_second_is_read_whenever_it_began(seconds, rows, s
 
 
 @pytest.mark.parametrize("supply", [7.4, 12.0, 24.0])
-def test_a_duty_in_place_of_volts_is_seen_beside_a_brake(supply):
+def test_a_duty_in_place_of_volts_is_seen_next_to_a_brake(supply):
     t = np.arange(0.0, 0.5, 0.002)
     brake = bench_run("brake", t, np.zeros(len(t)), 30.0)
     drive = bench_run("forward", t, np.where(t < 0.2, 0.4, -0.9) * supply)

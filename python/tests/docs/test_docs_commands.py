@@ -81,7 +81,7 @@ def outputs(body: list[str]) -> tuple[str, ...]:
 
 
 def blocks(page: Path) -> list[Block]:
-    """Blocks of commands of a page; fails on a command that stands in a block without a language or is indented."""
+    """Blocks of commands of a page; fails on a command that is in a block without a language or is indented."""
     found: list[Block] = []
     mark, language, body, start, follows = "", None, [], 0, False
     for number, line in enumerate(page.read_text().splitlines(), 1):
@@ -233,7 +233,7 @@ def test_the_long_commands_of_a_page_work_too(page, tmp_path):
     run_page(page, tmp_path, long=True)
 
 
-@pytest.mark.long  # dependencies are fetched, and all of numba is compiled anew
+@pytest.mark.long  # dependencies are fetched, and all of numba is compiled again
 @pytest.mark.parametrize("name", ["tutorial.md", "tutorial-bag.md"])
 def test_a_tutorial_works_from_an_installed_wheel(name, fresh, tmp_path):
     run_page(ROOT / "docs" / name, tmp_path, long=True, installed=fresh)

@@ -12,8 +12,8 @@ from rtds_host.contract import Case, Driver, RunLog, RunMeta, Servo, builtin_rob
 from rtds_host.correction.agreement import designed_run, values_of
 from rtds_host.correction.close import FINE_STEP_S, distance
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 
 ROBOT = builtin_robot("burger")
 # The same behind a servo, with a loop as a TurtleBot3's.
@@ -45,7 +45,7 @@ def model_of_one(effect, robot=ROBOT):
     """A model with one effect, at the size at which effects are compared."""
     values = SIZES.get(effect) or values_of(effect)
     if effect == "friction_asymmetry":
-        # A torque beside dry friction that is at least as large.
+        # A torque next to dry friction that is at least as large.
         return model_with(
             (effect, "both", {**values, "nm_s_per_rad": 0.0}), ("coulomb_friction", "both", {"torque_nm": 0.03})
         )

@@ -14,8 +14,8 @@ from rtds_host.cli.export import app
 from rtds_host.correction.agreement import designed_run, values_of
 from rtds_host.correction.close import FINE_STEP_S
 from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import RtdsError
 from rtds_host.export import mjcf
 from rtds_host.export.check import apart as differences

@@ -74,7 +74,7 @@ def test_a_wrong_option_is_refused_and_nothing_written(words, complaint, tmp_pat
     assert not (tmp_path / "robot.xml").exists()
 
 
-def test_without_a_robot_beside_the_diagnosis_one_is_asked_for(tmp_path):
+def test_without_a_robot_next_to_the_diagnosis_one_is_asked_for(tmp_path):
     case = write_labelled("friction", tmp_path / "case")
     (case / "robot.toml").unlink()
     done = export(case / "diagnosis.json", "--to", "mjcf", "--out", tmp_path / "robot.xml")

@@ -22,7 +22,7 @@ from rtds_host.export import compiled, fmu
 from rtds_host.export.export import Source
 from rtds_host.export.figures import figures_of
 from rtds_host.export.python import parameters, write
-from rtds_host.export.table import LOST, OWN
+from rtds_host.export.table import LEFT_OUT, OWN
 from rtds_host.link import open_link
 from rtds_host.native.library import FLAGS, compiler
 from rtds_host.native.words import motor_units
@@ -151,7 +151,7 @@ def test_motors_alone_leave_a_form_out_that_no_table_of_theirs_holds(tmp_path):
     content = diagnosed("force", "x", [(-1.0, 0.3), (1.0, -0.3)])
     source = Source(content, model_of(content, ROBOT), ROBOT, "diagnosis.json")
     parts = compiled.write(source, "c", tmp_path / "motors")
-    assert [(part.effect, part.kind) for part in parts] == [("force over x", LOST)]
+    assert [(part.effect, part.kind) for part in parts] == [("force over x", LEFT_OUT)]
     parts = compiled.robot_parts(source)
     assert [(part.effect, part.kind) for part in parts] == [("force over x", OWN)]
 

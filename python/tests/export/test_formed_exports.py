@@ -13,8 +13,8 @@ from rtds_host.correction.agreement import designed_run, measured
 from rtds_host.correction.close import FINE_STEP_S, model_of
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.forms.curves import Form, points_of, written
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.export.check import check
 from rtds_host.export.export import Source, export
 from rtds_host.export.figures import figures_of

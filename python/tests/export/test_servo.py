@@ -14,15 +14,15 @@ from typer.testing import CliRunner
 
 from rtds_host.cli.export import app
 from rtds_host.contract import Driver, RunLog, builtin_robot_path, write_run
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 from rtds_host.export import mjcf, python, sdf, urdf, usd
 from rtds_host.export.check import check
 from rtds_host.export.export import Source, export
 from rtds_host.export.figures import figures_of
 from rtds_host.export.mujoco_replay import ExportedRobot
-from rtds_host.export.table import CARRIED, LOST, OWN
+from rtds_host.export.table import AS_NUMBER, LEFT_OUT, OWN
 
 LOG = speed_run()
 EFFECTS = {
@@ -135,7 +135,7 @@ def test_gazebos_loop_drives_a_wheel_as_the_replay_does():
     plugin, joint = next(root.iter("plugin")), next(root.iter("joint"))
     p, i, most, effort = (float(plugin.find(key).text) for key in ("p_gain", "i_gain", "i_max", "cmd_max"))
     damping, dry = (float(joint.find(f"axis/dynamics/{key}").text) for key in ("damping", "friction"))
-    # Gazebo's joints have no armature: the rotor's inertia is put beside the wheel's here, which the replay has too.
+    # Gazebo's joints have no armature: the rotor's inertia is put next to the wheel's here, which the replay has too.
     inertia = heavy.chassis.wheel_inertia_kg_m2 + heavy.motor.gear_ratio**2 * heavy.motor.rotor_inertia_kg_m2
     t = np.arange(0, 1.0, 0.001)
     asked = np.where(t < 0.5, 4.0, -2.0)
@@ -167,10 +167,10 @@ def test_the_lists_say_how_the_loop_and_what_lies_before_it_are_there():
         assert "Driven by wheel speeds, rad/s, through the servo's loop" in text
         assert "r = 0.033 m, b = 0.16 m" in text
     assert kinds == {
-        "mjcf": (CARRIED, CARRIED),
-        "urdf": (LOST, CARRIED),
-        "sdf": (LOST, CARRIED),
-        "usd-json": (CARRIED, CARRIED),
+        "mjcf": (AS_NUMBER, AS_NUMBER),
+        "urdf": (LEFT_OUT, AS_NUMBER),
+        "sdf": (LEFT_OUT, AS_NUMBER),
+        "usd-json": (AS_NUMBER, AS_NUMBER),
         "python": (OWN, OWN),
     }
 

@@ -14,14 +14,14 @@ from export_cases import ROBOT, SERVO, apart, diagnosis_of, model_of_one, model_
 from rtds_host.contract.robot import Robot
 from rtds_host.correction.agreement import designed_run
 from rtds_host.diagnosis.effects import CATALOGUE, catalogue
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.errors import InputError
 from rtds_host.export import mjcf, python, sdf, urdf, usd
 from rtds_host.export.export import WRITERS, Source, export
 from rtds_host.export.figures import figures_of
 from rtds_host.export.mujoco_replay import ExportedRobot
-from rtds_host.export.table import CARRIED, LOST, OWN, TABLE, TARGETS, markdown
+from rtds_host.export.table import AS_NUMBER, LEFT_OUT, OWN, TABLE, TARGETS, markdown
 
 LOG = designed_run(3.3)
 # Units of noise. MuJoCo steps 0.5 ms by a rule of first order and has no inductance: 0.4 without any effect.
@@ -48,14 +48,14 @@ def test_every_effect_has_a_place_or_a_reason_for_each_target():
     for effect, row in TABLE.items():
         assert tuple(row) == TARGETS == tuple(WRITERS), effect
         for target, how in row.items():
-            assert how.kind in (OWN, CARRIED, LOST) and len(how.where) > 3, (effect, target)
+            assert how.kind in (OWN, AS_NUMBER, LEFT_OUT) and len(how.where) > 3, (effect, target)
 
 
 def test_the_page_shows_the_table():
     assert markdown() in PAGE.read_text()
 
 
-@pytest.mark.parametrize("effect", ["nominal", *of_kind("mjcf", OWN, CARRIED)])
+@pytest.mark.parametrize("effect", ["nominal", *of_kind("mjcf", OWN, AS_NUMBER)])
 def test_the_mujoco_robot_does_what_the_replay_does(effect, tmp_path):
     needs = TABLE[effect]["mjcf"].needs if effect in TABLE else ""
     if needs and not NEW_MUJOCO:
@@ -70,7 +70,7 @@ def test_the_mujoco_robot_does_what_the_replay_does(effect, tmp_path):
     assert effect == "nominal" or far < 0.7 * size
 
 
-@pytest.mark.parametrize("effect", ["nominal", *of_kind("python", OWN, CARRIED)])
+@pytest.mark.parametrize("effect", ["nominal", *of_kind("python", OWN, AS_NUMBER)])
 def test_the_python_robot_does_what_the_replay_does(effect, tmp_path):
     model = nominal_model(ROBOT) if effect == "nominal" else model_of_one(effect)
     file = tmp_path / "robot.py"
@@ -112,8 +112,8 @@ def test_what_is_in_a_file_changes_it_and_what_is_left_out_does_not(target, writ
             ),
             "",
         )
-        if row[target].kind != LOST:
-            # An asymmetry needs dry friction beside it in MuJoCo; `test_the_mujoco_robot…` has both.
+        if row[target].kind != LEFT_OUT:
+            # An asymmetry needs dry friction next to it in MuJoCo; `test_the_mujoco_robot…` has both.
             assert text != plain or (effect, target) == ("friction_asymmetry", "mjcf"), effect
         elif target in ("urdf", "sdf"):
             assert text == plain, effect
@@ -176,25 +176,26 @@ def test_what_a_target_cannot_have_stands_in_its_file_and_in_the_list():
     )
     text, parts = export(source, "mjcf")
     assert {part.effect: part.kind for part in parts} == {
-        "load_friction": LOST,
+        "load_friction": LEFT_OUT,
         "coulomb_friction": OWN,
-        "speed_gain": CARRIED,
+        "speed_gain": AS_NUMBER,
     }
     head = text.partition("-->")[0]
     assert "Not expressible, left out:\n  load_friction (left) ratio = 0.2: friction there" in head
     text, parts = export(source, "urdf")
-    assert [part.effect for part in parts if part.kind == LOST] == ["load_friction", "speed_gain"]
+    assert [part.effect for part in parts if part.kind == LEFT_OUT] == ["load_friction", "speed_gain"]
     ElementTree.fromstring(text)
 
 
 @pytest.mark.parametrize(("effects", "kind", "reason"), [
-    ([("friction_asymmetry", "both", {"torque_nm": 0.02, "nm_s_per_rad": 0.0})], LOST, "larger than the dry friction"),
+    ([("friction_asymmetry", "both", {"torque_nm": 0.02, "nm_s_per_rad": 0.0})], LEFT_OUT,
+     "larger than the dry friction"),
     ([("friction_asymmetry", "both", {"torque_nm": 0.02, "nm_s_per_rad": 0.001}),
       ("coulomb_friction", "both", {"torque_nm": 0.03})], OWN, "its part by speed is left out"),
     ([("winding_heating", "left", {"rise_per_watt": 0.1, "time_constant_s": 9.0}),
-      ("driver_gain", "left", {"ratio": 0.9})], LOST, "a driver without a gain"),
+      ("driver_gain", "left", {"ratio": 0.9})], LEFT_OUT, "a driver without a gain"),
     ([("backlash", "left", {"angle_rad": 0.01, "restitution": 0.0}),
-      ("gear_compliance", "left", {"stiffness_nm_per_rad": 6.0, "damping_nm_s_per_rad": 0.03})], LOST,
+      ("gear_compliance", "left", {"stiffness_nm_per_rad": 6.0, "damping_nm_s_per_rad": 0.03})], LEFT_OUT,
       "the gear's spring"),
 ])  # fmt: skip
 def test_numbers_that_mujoco_cannot_have_are_named_with_their_reason(effects, kind, reason):

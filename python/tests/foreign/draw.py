@@ -46,7 +46,7 @@ def fault(cause: str | None, chance: random.Random) -> tuple[Fault, list[dict]]:
 
 
 def draw(folder: Path, number: int, seed: int) -> dict:
-    """Write the bags of one robot into `folder`, and its truth beside them as truth.json; returns the truth."""
+    """Write the bags of one robot into `folder`, and its truth next to them as truth.json; returns the truth."""
     chance = random.Random(f"{seed}/{number}")
     cause = None if number % 2 == 0 else CAUSES[number // 2 % len(CAUSES)]
     made, effects = fault(cause, chance)

@@ -1,9 +1,9 @@
 """Feeds the program inputs that are almost right, and counts what it makes of them: `make fuzz`.
 
 Every input must end in a right answer or in one clear line with status 2, within a minute, with nothing half-written
-and nothing left beside it. What is accepted is compared with what a reader of the harness' own (`reference.py`) sees in
-it: an answer to something that is not there is a silent misreading. An input is known by seed and number, `--only SEED
-NUMBER` shows it; `findings.py` holds what was found before, and comes first.
+and nothing left next to it. What is accepted is compared with what a reader of the harness' own (`reference.py`) sees
+in it: an answer to something that is not there is a silent misreading. An input is known by seed and number, `--only
+SEED NUMBER` shows it; `findings.py` holds what was found before, and comes first.
 """
 
 from __future__ import annotations
@@ -615,7 +615,7 @@ def answers(pipe: multiprocessing.connection.Connection, pid: int, seconds: floa
 def campaign(
     seed: int, steps: list[tuple[str, str | None]], seconds: float, show: Callable[[str], None]
 ) -> dict[str, Counter]:
-    """All inputs in a process of its own, which is begun anew where one hangs or kills it; kind -> counts of what came
+    """All inputs in a process of its own, which is begun again where one hangs or kills it; kind -> counts of what came
     of them.
     """
     counts: dict[str, Counter] = {}

@@ -53,7 +53,7 @@ def test_a_chunk_that_says_how_large_it_is(tmp_path, compression):
 def test_a_chunk_that_lies_about_its_size(tmp_path):
     path = bomb(tmp_path / "bomb.mcap", CompressionType.ZSTD)
     data = path.read_bytes()
-    # The same number stands in the chunk and in the index of chunks.
+    # The same number is in the chunk and in the index of chunks.
     declared = next(bounds.chunks_of(path))[1].to_bytes(8, "little")
     assert int.from_bytes(declared, "little") > ZEROS and data.count(declared) == 2
     path.write_bytes(data.replace(declared, (1000).to_bytes(8, "little")))

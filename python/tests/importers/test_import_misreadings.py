@@ -72,7 +72,7 @@ def test_a_number_that_does_not_fit_into_one_round_is_refused(tmp_path, period):
         bring(tmp_path, table(tmp_path, rows()), MAPPING.replace("wraps_at = 360", f"wraps_at = {period}"))
 
 
-def test_an_angle_that_starts_anew_unsaid_is_noted(tmp_path):
+def test_an_angle_that_starts_again_unsaid_is_noted(tmp_path):
     notices = said(tmp_path, table(tmp_path, rows()), MAPPING.replace(", wraps_at = 360", ""))
     assert any("jumps 1 time(s) by nearly its whole range (359)" in notice for notice in notices)
 

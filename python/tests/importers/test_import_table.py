@@ -75,7 +75,7 @@ period_s = 0.01
 w_l = { pair = ["v", "omega"] }
 w_r = { pair = ["v", "omega"] }
 """
-    (tmp_path / "burger.toml").write_text(builtin_robot_path("burger").read_text())  # beside the mapping
+    (tmp_path / "burger.toml").write_text(builtin_robot_path("burger").read_text())  # next to the mapping
     lines = [f"{0.05 * k},66,{math.degrees(0.5):.9f},0.066,0.5" for k in range(30)]
     run = bring(tmp_path, table(tmp_path, None, text="\n".join(["s,v_mm,turn,v,omega", *lines])), mapping)
     for side, sign in (("l", -1), ("r", 1)):

@@ -48,7 +48,7 @@ def log(entries: dict[str, tuple[str, list[tuple[int, bytes]]]]) -> bytes:
 
 @pytest.fixture
 def drive(tmp_path):
-    """A robot's drive, its speeds logged half a row after its voltages, with a text and a truth value beside them."""
+    """A robot's drive, its speeds logged half a row after its voltages, with a text and a truth value next to them."""
     t = np.arange(0.0, 6.0, 0.02)
     volts = 3.0 * np.sin(t)
     columns = predicted_columns(RunLog("drive", RunMeta("drive"), t, {"v_cmd_l": volts, "v_cmd_r": volts}), ROBOT)

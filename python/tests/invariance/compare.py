@@ -20,7 +20,7 @@ def _sets(answer: dict, mirrored: bool) -> list[set[tuple[str, str]]]:
 
 
 def differences(base: dict, other: dict, change: Transformation) -> list[str]:
-    """What of the answer `other` is not as it should be beside `base`, one clause each; [] is a good cell.
+    """What of the answer `other` is not as it should be next to `base`, one clause each; [] is a good cell.
 
     Where the answer must stay: the verdict, the effects with their sides, and each size within the base's 90 % interval
     (a null interval bounds nothing; of what changes its sign in a mirror the magnitude counts; where samples get other
@@ -42,7 +42,7 @@ def differences(base: dict, other: dict, change: Transformation) -> list[str]:
     lost, new = [key for key in known if key not in told], [key for key in told if key not in known]
     declared = [_sets(base, False), _sets(other, change.mirrored)]
     for was, now in itertools.product(tuple(lost), tuple(new)):
-        # Both answers say that these two cannot be told apart: which one stands for both is no difference.
+        # Both answers say that these two cannot be distinguished: which one stands for both is no difference.
         if was in lost and now in new and all(any({was, now} <= members for members in sets) for sets in declared):
             lost.remove(was)
             new.remove(now)

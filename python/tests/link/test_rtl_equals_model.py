@@ -233,7 +233,7 @@ def test_nearly_all_clocks_of_a_run_are_evaluated_by_phase(step_clocks, effects,
 
 
 def test_a_clock_that_begins_unlike_its_phase_is_evaluated_in_general():
-    """New parameters are computed beside the steps: control is not what it was in the runs that were watched."""
+    """New parameters are computed next to the steps: control is not what it was in the runs that were watched."""
     with RtlLink(environment={"RTDS_LOOP": "count"}) as link:
         link.set_parameters(**BURGER)
         link.exchange([6.0, -3.0], [0.0, 0.0], 100 * STEP_S)

@@ -269,7 +269,7 @@ def test_two_processes_that_build_at_once_build_once(tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["a byte", "cut", "gone", "no hash"])
-def test_a_damaged_simulator_is_noticed_and_built_anew(tmp_path, monkeypatch, damage):
+def test_a_damaged_simulator_is_noticed_and_built_again(tmp_path, monkeypatch, damage):
     monkeypatch.setattr(build, "BUILDS", tmp_path / "builds")
     said = []
     build.build(tops.TOPS["core"], QUICK_BUILD, say=said.append)

@@ -117,7 +117,7 @@ print("as it should be")
     return path
 
 
-@pytest.mark.long  # dependencies are fetched, and all of numba is compiled anew
+@pytest.mark.long  # dependencies are fetched, and all of numba is compiled again
 def test_the_notebook_runs_from_an_installed_wheel(fresh, tmp_path):
     for name in ("rover.csv", "rover.toml", "truth.json"):
         (tmp_path / name).write_bytes((ROOT / "examples" / name).read_bytes())

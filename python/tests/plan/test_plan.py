@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 from rtds_host.cli.plan import app
 from rtds_host.contract import RunLog, RunMeta, builtin_robot, builtin_robot_path
 from rtds_host.diagnosis.effects import CATALOGUE
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
 from rtds_host.errors import InputError, RtdsError
 from rtds_host.plan.commands import knots
 from rtds_host.plan.make import Floor, alike_pairs, choose, fit

@@ -9,8 +9,8 @@ import pytest
 from rtds_host.contract import Driver, RunLog, RunMeta, Servo, builtin_robot, builtin_robot_path
 from rtds_host.contract.robot import load_robot
 from rtds_host.diagnosis.effects import SIDES, catalogue
-from rtds_host.diagnosis.replay.model import Abreast, nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
+from rtds_host.diagnosis.replay.model import ReplayBatch, nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError
 
 ROBOT = builtin_robot("burger")
@@ -88,7 +88,7 @@ def test_the_vectorised_replay_has_the_encoder_where_the_scalar_one_has_it(name)
         models.append(model_with(speed_filter={"time_constant_s": 0.02}, **{name: GIVING[name]}))
         models[-1].put("encoder_at_wheel", place)
     inputs = run_inputs(run(), ROBOT)
-    for model, out in zip(models, Abreast([inputs]).replay(models), strict=True):
+    for model, out in zip(models, ReplayBatch([inputs]).replay(models), strict=True):
         assert np.abs(out - replay_run(model, inputs)).max() < 1e-6
 
 

@@ -1,4 +1,4 @@
-"""What is special about an effect stands in its own file: other modules do not ask for an effect by its name."""
+"""What is special about an effect is in its own file: other modules do not ask for an effect by its name."""
 
 import ast
 from pathlib import Path

@@ -34,7 +34,7 @@ LISTENS = "0A"  # state of a socket in /proc/net/tcp
 
 
 def inside() -> None:
-    """Begin this program anew with networks, mounts and processes of its own: nothing of it stays."""
+    """Begin this program again with networks, mounts and processes of its own: nothing of it stays."""
     user = [] if os.geteuid() == 0 else ["--user", "--map-root-user"]
     os.environ[INSIDE] = "1"
     os.execvp(

@@ -2,7 +2,7 @@
 
 A killed command must leave no process ten seconds later, no shared memory, and no output that is half there. Its
 scratch may stay until the same command starts again: when all kills are done each command runs once to its end, and
-then nothing but outputs may be left, neither beside them nor among the temporary files.
+then nothing but outputs may be left, neither next to them nor among the temporary files.
 """
 
 from __future__ import annotations
@@ -255,7 +255,7 @@ class Bench:
         return "done" if status == 0 else "ended"
 
     def left(self) -> list[str]:
-        """Scratch beside the outputs and among the temporary files."""
+        """Scratch next to the outputs and among the temporary files."""
         return scratch(self.place) + [f"tmp/{name}" for name in os.listdir(self.temporary)]
 
 

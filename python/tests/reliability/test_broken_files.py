@@ -234,7 +234,7 @@ def test_a_batch_that_is_ended_by_a_signal_says_so_and_leaves_no_semaphore(case,
         shutil.copytree(case, tmp_path / f"case{k}")
     program = (
         "import os, signal, sys, threading, time\n"
-        "from rtds_host import spread\n"
+        "from rtds_host import workers\n"
         "from rtds_host.cli.main import main\n"
         "made = spread.process_pool\n"
         "def pool(count):\n"

@@ -42,7 +42,7 @@ def growth(robot, body, carried, interval_s):
     return np.abs(np.linalg.eigvals(matrix)).max()
 
 
-def test_a_body_light_beside_its_rotors_is_the_engines_alone(burger):
+def test_a_body_light_next_to_its_rotors_is_the_engines_alone(burger):
     split = make_split(burger, make_body(burger, payload_kg=2.0))
     assert split.ratio == pytest.approx(0.2476, abs=1e-4)
     assert split.reflected_kg_m2 == 0.0 and split.motor(burger.motor) is burger.motor

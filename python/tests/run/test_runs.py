@@ -62,7 +62,7 @@ def test_energy_balances_at_every_step_and_with_the_robot(outcomes, name):
     assert summary.model_agrees
 
 
-def test_what_backward_euler_damps_away_is_nothing_beside_the_rest(outcomes):
+def test_what_backward_euler_damps_away_is_nothing_next_to_the_rest(outcomes):
     for outcome in outcomes.values():
         assert np.all(np.abs(outcome.summary.numerical_j) < 1e-3 * np.array(outcome.summary.drawn_j))
 
@@ -190,7 +190,7 @@ def test_engines_agree_on_a_run():
     assert gap.speed_rms_rad_s < 1e-4 and gap.current_rms_a < 1e-5 and gap.load_rms_nm < 1e-4
 
 
-def test_paper_coupling_lets_the_robot_follow_the_reference_and_the_motors_beside_it():
+def test_paper_coupling_lets_the_robot_follow_the_reference_and_the_motors_next_to_it():
     plan = short(options=Options(coupling="paper", controller="paper"))
     record = drive_with(plan, "model")
     assert record.truth[-1].x_m == pytest.approx(0.15, abs=1e-5), "whatever the motors do"

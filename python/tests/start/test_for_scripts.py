@@ -104,12 +104,12 @@ def test_the_first_command_says_that_it_compiles_and_the_next_one_does_not(tmp_p
 
 @pytest.mark.parametrize("name", ["distributed", "dask"])
 def test_without_the_extra_a_cluster_is_refused_with_what_to_install(monkeypatch, name):
-    from rtds_host import spread
+    from rtds_host import workers
 
-    monkeypatch.setattr(spread, "check_reachable", lambda _: None)
+    monkeypatch.setattr(workers, "check_reachable", lambda _: None)
     monkeypatch.setitem(sys.modules, name, None)
     with (
         pytest.raises(rtds_host.LinkError, match=r"pip install 'rtds-host\[cluster\]'"),
-        spread.client_of("tcp://here:1"),
+        workers.client_of("tcp://here:1"),
     ):
         pass

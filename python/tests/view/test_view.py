@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from rtds_host.contract import RunLog, RunMeta, builtin_robot, builtin_robot_path, read_run, write_run
+from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUTS
 from rtds_host.run import LinkChoice, Options, SignalPath, drive_with, make_plan, perform
 from rtds_host.view import Feed, LivePath, Viewer, lines_of_run
 from rtds_host.view.command import recorded
@@ -255,7 +255,7 @@ def test_each_run_has_the_six_panels_and_no_error(page):
         assert len(drawn) == 6 and drawn[0] == 3 and min(drawn) > 0
     label = cards[0].find_element("css selector", "canvas").get_attribute("aria-label")
     assert label.startswith("(a) way over the floor, run left, at 3.00 s: ") and "measured" in label
-    # Beside one another.
+    # Side by side.
     assert cards[0].rect["y"] == cards[1].rect["y"]
 
 

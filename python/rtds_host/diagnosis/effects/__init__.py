@@ -1,6 +1,6 @@
 """The catalogue of effects: one module an effect, found by being there.
 
-To add one, write a module beside these that defines `EFFECT`, and its test; see docs/add-an-effect.md.
+To add one, write a module next to these that defines `EFFECT`, and its test; see docs/add-an-effect.md.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis.effects.base import SIDES, Condition, Effect, Parameter, inside
-from rtds_host.diagnosis.machine import machine_of
+from rtds_host.diagnosis.scales import scales_of
 
 CATALOGUE: dict[str, Effect] = {}
 for _module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
@@ -22,13 +22,13 @@ for _module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
 
 
 def catalogue(robot: Robot, runs: Sequence[RunLog] = ()) -> dict[str, Effect]:
-    """The effects with their numbers in SI on a machine; `runs`: its logs, see `machine_of`.
+    """The effects with their numbers in SI on a machine; `runs`: its logs, see `scales_of`.
 
     What acts before a speed loop is left out where a robot has none.
     """
-    machine = machine_of(robot, runs)
+    scales = scales_of(robot, runs)
     return {
-        name: effect.on(machine)
+        name: effect.on(scales)
         for name, effect in CATALOGUE.items()
         if robot.driver.mode == "speed" or not effect.before_loop
     }

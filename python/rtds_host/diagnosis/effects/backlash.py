@@ -1,7 +1,7 @@
 """backlash: free play between gear and wheel, centred at the start."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import RIGID, lost, own, row
+from rtds_host.diagnosis.effects.exported import RIGID, left_out, own, row
 
 EFFECT = Effect(
     id="backlash",
@@ -14,7 +14,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=0.6,
-            spread=0.04,
+            prior_width=0.04,
             difference=0.05,
             starts=(0.003, 0.005, 0.007, 0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0.16),
             meaning="total free play",
@@ -25,7 +25,7 @@ EFFECT = Effect(
             null=0.0,
             low=0.0,
             high=0.8,
-            spread=0.2,
+            prior_width=0.2,
             starts=(0.0,),
             difference=0.25,
             optional=True,
@@ -60,6 +60,6 @@ EFFECT = Effect(
         RIGID,
         RIGID,
         RIGID,
-        lost("its gear is rigid"),
+        left_out("its gear is rigid"),
     ),
 )

@@ -10,8 +10,8 @@ from functools import partial
 from rtds_host.contract import Case, Robot
 from rtds_host.contract.robot import Axis
 from rtds_host.diagnosis.effects.exported import How
-from rtds_host.diagnosis.machine import Machine
 from rtds_host.diagnosis.replay.model import Model, nominal_model
+from rtds_host.diagnosis.scales import Scales
 from rtds_host.plant.schema import COMMON, SIDE
 
 SIDES = {"both": (0, 1), "left": (0,), "right": (1,)}
@@ -21,7 +21,7 @@ SIDES = {"both": (0, 1), "left": (0,), "right": (1,)}
 class Parameter:
     """One number of an effect.
 
-    scale : what of a machine (an attribute of `Machine`) null, low, high, spread and starts are shares of; `on` makes
+    scale : what of a machine (an attribute of `Scales`) null, low, high, spread and starts are shares of; `on` makes
     them SI. least : the scale below whose negative it cannot fall; most : the one that it cannot exceed; reach : the
     one that the upper bound is raised to, where that is larger. null : value
     at which the effect is absent; low, high : bounds; spread : one sigma of what is met in practice, about `null` (sets
@@ -37,7 +37,7 @@ class Parameter:
     null: float
     low: float
     high: float
-    spread: float
+    prior_width: float
     starts: tuple[float, ...]
     meaning: str = ""
     difference: float = 0.01
@@ -51,14 +51,14 @@ class Parameter:
     most: str = ""
     reach: str = ""
 
-    def on(self, machine: Machine) -> Parameter:
+    def on(self, scales: Scales) -> Parameter:
         """The same in SI on a machine."""
-        unit = getattr(machine, self.scale)
-        low = max(unit * self.low, -getattr(machine, self.least)) if self.least else unit * self.low
-        high = min(unit * self.high, getattr(machine, self.most)) if self.most else unit * self.high
+        unit = getattr(scales, self.scale)
+        low = max(unit * self.low, -getattr(scales, self.least)) if self.least else unit * self.low
+        high = min(unit * self.high, getattr(scales, self.most)) if self.most else unit * self.high
         starts = tuple(unit * start for start in self.starts)
-        if self.reach and getattr(machine, self.reach) > high:
-            high = getattr(machine, self.reach)
+        if self.reach and getattr(scales, self.reach) > high:
+            high = getattr(scales, self.reach)
         return replace(
             self,
             scale="one",
@@ -68,7 +68,7 @@ class Parameter:
             null=unit * self.null,
             low=low,
             high=high,
-            spread=unit * self.spread,
+            prior_width=unit * self.prior_width,
             starts=tuple(min(max(start, low), high) for start in starts),
         )
 
@@ -79,16 +79,16 @@ class Parameter:
 
     def value(self, u: float) -> float:
         """The value at `u` spreads from absent, within its bounds."""
-        plain = self.null * math.exp(self.spread * u) if self.logarithmic else self.null + self.spread * u
+        plain = self.null * math.exp(self.prior_width * u) if self.logarithmic else self.null + self.prior_width * u
         return min(max(plain, self.low), self.high)
 
     def scaled(self, value: float) -> float:
         """The inverse of `value`."""
-        return math.log(value) / self.spread if self.logarithmic else (value - self.null) / self.spread
+        return math.log(value) / self.prior_width if self.logarithmic else (value - self.null) / self.prior_width
 
     def slope(self, value: float) -> float:
         """Change of the value by one spread, about a value."""
-        return self.spread * value if self.logarithmic else self.spread
+        return self.prior_width * value if self.logarithmic else self.prior_width
 
     def reported(self, axis: Axis | None) -> tuple[str, str, float]:
         """Name, unit and what one unit of the fit is in it, on this machine."""
@@ -108,7 +108,7 @@ def inside(value: float, low: float, high: float) -> float | None:
     return held if abs(value - held) <= WRITTEN * abs(held) else None
 
 
-# Parameters of another effect from one's own, `beside` those that it has already; None where there are no such.
+# Parameters of another effect from one's own, `existing` those that it has already; None where there are no such.
 Likeness = Callable[..., dict[str, float] | None]
 # Whether the runs of a case lack what would distinguish two effects, see `rtds_host.diagnosis.conditions`.
 Condition = Callable[[Case], bool]
@@ -128,7 +128,7 @@ class Effect:
     `exports_behind_servo`: the same by target where a robot in speed mode has it otherwise; `exports_dcmotor`: the
     same where MuJoCo's own motor has it otherwise; `exports_as`: another
     effect whose parameters of the plant it writes, and whose `exports` it has.
-    `gives`: the wheel may turn beside the gear with it, so that it matters where the encoder sits.
+    `gives`: the wheel may turn next to the gear with it, so that it matters where the encoder sits.
     `compared_at`: sizes in SI at which simulator and replay are compared, where the middle start would not be met;
     `agrees_within`: a wider bound on their difference, in units of noise, and its reason. `check`: a measurement
     by hand that shows this effect and none of `confused_with`; `advice`: what to do once it is shown. `seen_by`:
@@ -189,13 +189,13 @@ class Effect:
         """Sides it can have, in the contract's words."""
         return ("both", "left", "right") if self.sided else ("both",)
 
-    def on(self, machine: Machine) -> Effect:
+    def on(self, scales: Scales) -> Effect:
         """The same with its numbers in SI on a machine."""
-        units = {p.name: getattr(machine, p.scale) for p in self.parameters}
+        units = {p.name: getattr(scales, p.scale) for p in self.parameters}
         return replace(
             self,
-            parameters=tuple(p.on(machine) for p in self.parameters),
-            likened={other: partial(like, machine=machine) for other, like in self.likened.items()},
+            parameters=tuple(p.on(scales) for p in self.parameters),
+            likened={other: partial(like, scales=scales) for other, like in self.likened.items()},
             restarts=tuple({name: units[name] * value for name, value in start.items()} for start in self.restarts),
         )
 
@@ -222,30 +222,30 @@ class Effect:
         return side if axis is None else "left"
 
 
-def scale(slot: str, parameter: str = "ratio") -> Callable:
+def scale(quantity: str, parameter: str = "ratio") -> Callable:
     """An effect that multiplies one entry of the model."""
 
     def apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
-        model.scale(slot, values[parameter], sides)
+        model.scale(quantity, values[parameter], sides)
 
     return apply
 
 
-def add(**slots: str) -> Callable:
+def add(**quantities: str) -> Callable:
     """An effect that adds parameters to entries of the model: entry = parameter's name."""
 
     def apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
-        for slot, parameter in slots.items():
-            model.add(slot, values[parameter], sides)
+        for quantity, parameter in quantities.items():
+            model.add(quantity, values[parameter], sides)
 
     return apply
 
 
-def put(**slots: str) -> Callable:
+def put(**quantities: str) -> Callable:
     """An effect that sets entries of the model: entry = parameter's name."""
 
     def apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
-        for slot, parameter in slots.items():
-            model.put(slot, values[parameter], sides)
+        for quantity, parameter in quantities.items():
+            model.put(quantity, values[parameter], sides)
 
     return apply

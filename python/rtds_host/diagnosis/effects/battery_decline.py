@@ -1,7 +1,7 @@
 """battery_decline: bus = voltage_v - rate t."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import carried, map_of_commands
+from rtds_host.diagnosis.effects.exported import as_number, map_of_commands
 
 EFFECT = Effect(
     id="battery_decline",
@@ -15,7 +15,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=1,
-            spread=0.02,
+            prior_width=0.02,
             starts=(0.02, 0.1),
             meaning="fall of the bus voltage",
         ),
@@ -30,5 +30,5 @@ EFFECT = Effect(
     runs_in="rtl",
     exports=map_of_commands("decline_v_per_s"),
     resembles=(("voltage", "t"),),
-    exports_dcmotor=carried("driver module, by custom/numeric decline_v_per_s"),
+    exports_dcmotor=as_number("driver module, by custom/numeric decline_v_per_s"),
 )

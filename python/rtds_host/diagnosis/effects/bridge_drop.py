@@ -2,7 +2,7 @@
 
 from rtds_host.diagnosis.conditions import no_current_no_reversal
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import carried, map_of_commands
+from rtds_host.diagnosis.effects.exported import as_number, map_of_commands
 
 EFFECT = Effect(
     id="bridge_drop",
@@ -17,7 +17,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=0.7,
-            spread=0.025,
+            prior_width=0.025,
             starts=(0.01, 0.04),
             meaning="brush and bridge drop",
         ),
@@ -35,5 +35,5 @@ EFFECT = Effect(
     same_as={"coulomb_friction": no_current_no_reversal, "driver_deadzone": no_current_no_reversal},
     exports=map_of_commands("drop_v, back_emf_v_s_per_rad"),
     resembles=(("voltage", "i"),),
-    exports_dcmotor=carried("driver module, by custom/numeric drop_v, back_emf_v_s_per_rad, voltage_gain"),
+    exports_dcmotor=as_number("driver module, by custom/numeric drop_v, back_emf_v_s_per_rad, voltage_gain"),
 )

@@ -2,7 +2,7 @@
 
 from rtds_host.diagnosis.conditions import no_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import NO_DRIVER, USD_FED, carried, lost, own, row
+from rtds_host.diagnosis.effects.exported import NO_DRIVER, USD_FED, as_number, left_out, own, row
 from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
 
 EFFECT = Effect(
@@ -16,7 +16,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=LONGEST_DELAY_S,
-            spread=0.012,
+            prior_width=0.012,
             starts=(0.003, 0.015, 0.05, 0.15, 0.35),
             meaning="v_cmd acts late",
             steep=True,
@@ -34,9 +34,9 @@ EFFECT = Effect(
     # No whole number of the log's rows: where a late command and a sample meet, rounding decides which comes first.
     compared_at={"seconds": 0.0127},
     same_as={"measurement_delay": no_pose},
-    exports=row(own("actuator delay"), NO_DRIVER, lost("a joint's force acts at once"), carried(USD_FED)),
+    exports=row(own("actuator delay"), NO_DRIVER, left_out("a joint's force acts at once"), as_number(USD_FED)),
     exports_behind_servo={
-        "mjcf": carried("custom/numeric command_delay_s: the speeds asked for are late, not `ctrl`"),
-        "sdf": lost("JointController acts at once"),
+        "mjcf": as_number("custom/numeric command_delay_s: the speeds asked for are late, not `ctrl`"),
+        "sdf": left_out("JointController acts at once"),
     },
 )

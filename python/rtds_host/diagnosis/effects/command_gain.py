@@ -2,7 +2,7 @@
 
 from rtds_host.diagnosis.conditions import loop_on_wheels
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
-from rtds_host.diagnosis.effects.exported import USD_FED, carried, row
+from rtds_host.diagnosis.effects.exported import USD_FED, as_number, row
 
 EFFECT = Effect(
     id="command_gain",
@@ -15,7 +15,7 @@ EFFECT = Effect(
             null=1,
             low=-5,
             high=5,
-            spread=0.1,
+            prior_width=0.1,
             starts=(0.93, 1.07),
             meaning="speed that the base's loop is asked for over the command",
         ),
@@ -32,10 +32,10 @@ EFFECT = Effect(
     runs_in="refused",
     nearly_as={"speed_gain": loop_on_wheels},
     exports=row(
-        carried("custom/numeric command_gain, with a servo's loop"),
-        carried("comment: the speeds asked for take the loop's scale"),
-        carried("comment: the speeds asked for take the loop's scale"),
-        carried(f"{USD_FED} servo"),
+        as_number("custom/numeric command_gain, with a servo's loop"),
+        as_number("comment: the speeds asked for take the loop's scale"),
+        as_number("comment: the speeds asked for take the loop's scale"),
+        as_number(f"{USD_FED} servo"),
     ),
-    exports_dcmotor=carried("driver module, by custom/numeric command_gain, with the servo's loop"),
+    exports_dcmotor=as_number("driver module, by custom/numeric command_gain, with the servo's loop"),
 )

@@ -16,7 +16,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=2,
-            spread=0.017,
+            prior_width=0.017,
             starts=(0.004, 0.025),
             meaning="dry friction, at the wheel",
         ),

@@ -1,7 +1,7 @@
 """current_bias: i reported plus a constant."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import carried, reading
+from rtds_host.diagnosis.effects.exported import as_number, reading
 
 EFFECT = Effect(
     id="current_bias",
@@ -15,7 +15,7 @@ EFFECT = Effect(
             null=0,
             low=-2,
             high=2,
-            spread=0.007,
+            prior_width=0.007,
             starts=(0.0035, -0.0035),
             meaning="added to i",
         ),
@@ -32,5 +32,5 @@ EFFECT = Effect(
     compared_at={"amperes": 0.02},
     exports=reading("current_bias_a"),
     resembles=(("current_sensor", "i"),),
-    exports_dcmotor=carried("driver module, by custom/numeric current_bias_a"),
+    exports_dcmotor=as_number("driver module, by custom/numeric current_bias_a"),
 )

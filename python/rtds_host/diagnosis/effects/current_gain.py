@@ -1,14 +1,16 @@
 """current_gain: i reported times ratio."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
-from rtds_host.diagnosis.effects.exported import carried, reading
+from rtds_host.diagnosis.effects.exported import as_number, reading
 
 EFFECT = Effect(
     id="current_gain",
     subsystem="sensing",
     sided=True,
     parameters=(
-        Parameter("ratio", "1", null=1, low=-3, high=5, spread=0.1, starts=(0.93, 1.08), meaning="reported over true"),
+        Parameter(
+            "ratio", "1", null=1, low=-3, high=5, prior_width=0.1, starts=(0.93, 1.08), meaning="reported over true"
+        ),
     ),
     apply=scale("current_gain"),
     equation="i reported times ratio",
@@ -24,5 +26,5 @@ EFFECT = Effect(
         ("torque_constant", "i"),
         ("current_sensor", "i"),
     ),
-    exports_dcmotor=carried("driver module, by custom/numeric current_gain"),
+    exports_dcmotor=as_number("driver module, by custom/numeric current_gain"),
 )

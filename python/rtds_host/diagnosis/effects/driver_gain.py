@@ -15,7 +15,7 @@ EFFECT = Effect(
             null=1,
             low=-5,
             high=5,
-            spread=0.1,
+            prior_width=0.1,
             starts=(0.93, 1.07),
             meaning="voltage that reaches the motor over the command",
         ),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 TARGETS = ("mjcf", "urdf", "sdf", "usd-json", "python")
 # How a target has an effect: it acts on its own there; it is in the file as a number that whoever feeds the
 # commands or reads the sensors applies; or it is left out.
-OWN, CARRIED, LOST = "own", "number", "lost"
+OWN, AS_NUMBER, LEFT_OUT = "own", "number", "lost"
 
 
 @dataclass(frozen=True)
@@ -28,14 +28,14 @@ def own(where: str, needs: str = "") -> How:
     return How(OWN, where, needs)
 
 
-def carried(where: str) -> How:
-    """It stands in this element as a number."""
-    return How(CARRIED, where)
+def as_number(where: str) -> How:
+    """It is in this element as a number."""
+    return How(AS_NUMBER, where)
 
 
-def lost(why: str) -> How:
+def left_out(why: str) -> How:
     """It is left out, and why."""
-    return How(LOST, why)
+    return How(LEFT_OUT, why)
 
 
 def row(mjcf: How, urdf: How, sdf: How, usd: How, python: How | None = None) -> dict[str, How]:
@@ -43,18 +43,18 @@ def row(mjcf: How, urdf: How, sdf: How, usd: How, python: How | None = None) -> 
     return dict(zip(TARGETS, (mjcf, urdf, sdf, usd, python or own("`Robot`")), strict=True))
 
 
-NO_DRIVER = lost("a joint is driven by a torque there, there is no driver before it")
+NO_DRIVER = left_out("a joint is driven by a torque there, there is no driver before it")
 TO_EFFORT = "torque a volt, damping (back EMF) and limits of the wheel's joint"
-RIGID = lost("the joint is rigid")
-NO_SENSOR = lost("URDF has no sensors")
+RIGID = left_out("the joint is rigid")
+NO_SENSOR = left_out("URDF has no sensors")
 BODY = "inertials and joint origins"
 USD_READ = "rtds.sensors"
 USD_FED = "rtds.actuators"
 
 
 def map_of_commands(number: str) -> dict[str, How]:
-    """An effect on commands: no target has a driver, a number stands in the file."""
-    return row(carried(f"custom/numeric {number}"), NO_DRIVER, NO_DRIVER, carried(USD_FED))
+    """An effect on commands: no target has a driver, a number is in the file."""
+    return row(as_number(f"custom/numeric {number}"), NO_DRIVER, NO_DRIVER, as_number(USD_FED))
 
 
 def electrical() -> dict[str, How]:
@@ -63,7 +63,7 @@ def electrical() -> dict[str, How]:
         own("actuator/general gainprm, biasprm, gear"),
         own(TO_EFFORT),
         own(TO_EFFORT),
-        carried(f"{USD_FED} torque_nm_per_v, back_emf_nm_s_per_rad"),
+        as_number(f"{USD_FED} torque_nm_per_v, back_emf_nm_s_per_rad"),
     )
 
 
@@ -74,8 +74,8 @@ def of_body(usd: str = "physics:mass, physics:diagonalInertia, physics:centerOfM
 
 def reading(number: str, sdf: How | None = None) -> dict[str, How]:
     return row(
-        carried(f"custom/numeric {number}"),
+        as_number(f"custom/numeric {number}"),
         NO_SENSOR,
-        sdf or lost("SDF has no such sensor of a joint"),
-        carried(USD_READ),
+        sdf or left_out("SDF has no such sensor of a joint"),
+        as_number(USD_READ),
     )

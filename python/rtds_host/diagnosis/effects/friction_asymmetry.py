@@ -2,7 +2,7 @@
 
 from rtds_host.diagnosis.conditions import one_way
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import carried, lost, own, row
+from rtds_host.diagnosis.effects.exported import as_number, left_out, own, row
 
 # Of what a motor loses by its own back-EMF: friction that falls with speed falls by no more than there was, and a
 # machine whose friction takes more than a fourth of its stall torque is none. Beyond, it would drive one way, and pass
@@ -21,7 +21,7 @@ EFFECT = Effect(
             null=0,
             low=-2,
             high=2,
-            spread=0.013,
+            prior_width=0.013,
             starts=(0.004, -0.004),
             meaning="half the difference of dry friction",
         ),
@@ -32,7 +32,7 @@ EFFECT = Effect(
             null=0,
             low=-MOST_FALLING,
             high=MOST_FALLING,
-            spread=0.03,
+            prior_width=0.03,
             starts=(0.009, -0.009),
             meaning="half the difference of viscous friction",
         ),
@@ -52,11 +52,11 @@ EFFECT = Effect(
     friction=True,
     exports=row(
         own("actuator/general biasprm, where dry friction is at least as large; without its part by speed"),
-        lost("friction is the same in both directions"),
-        lost("friction is the same in both directions"),
-        lost("friction is the same in both directions"),
+        left_out("friction is the same in both directions"),
+        left_out("friction is the same in both directions"),
+        left_out("friction is the same in both directions"),
     ),
-    exports_dcmotor=carried(
+    exports_dcmotor=as_number(
         "actuator/general biasprm, where dry friction is at least as large; by speed driver module, "
         "by custom/numeric asymmetry_nm_s_per_rad"
     ),

@@ -3,19 +3,19 @@
 from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, put
-from rtds_host.diagnosis.effects.exported import RIGID, lost, own, row
-from rtds_host.diagnosis.machine import Machine
+from rtds_host.diagnosis.effects.exported import RIGID, left_out, own, row
+from rtds_host.diagnosis.scales import Scales
 
 
 def _soft_tyre(
-    values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None
+    values: Mapping[str, float], scales: Scales, existing: Mapping[str, float] | None = None
 ) -> dict[str, float]:
     """The spring as one of the tyre's tread; behind one that is there already."""
-    softness = machine.radius**2 / values["stiffness_nm_per_rad"] + (beside["softness_m_per_n"] if beside else 0.0)
+    softness = scales.radius**2 / values["stiffness_nm_per_rad"] + (existing["softness_m_per_n"] if existing else 0.0)
     return {
-        **(beside or {}),
+        **(existing or {}),
         "softness_m_per_n": softness,
-        "damping_n_s_per_m": values["damping_nm_s_per_rad"] / machine.radius**2,
+        "damping_n_s_per_m": values["damping_nm_s_per_rad"] / scales.radius**2,
     }
 
 
@@ -31,7 +31,7 @@ EFFECT = Effect(
             null=85,
             low=0.02,
             high=2000,
-            spread=12.5,
+            prior_width=12.5,
             starts=(0.15, 0.3, 0.64, 1.3, 2.5, 5.0, 10.6, 25.0),
             meaning="spring between gear and wheel",
         ),
@@ -42,7 +42,7 @@ EFFECT = Effect(
             null=0.0,
             low=0,
             high=15,
-            spread=0.03,
+            prior_width=0.03,
             starts=(0.03, 0.09),
             shape=True,
             meaning="its damping",
@@ -69,6 +69,6 @@ EFFECT = Effect(
         RIGID,
         RIGID,
         RIGID,
-        lost("its gear is rigid"),
+        left_out("its gear is rigid"),
     ),
 )

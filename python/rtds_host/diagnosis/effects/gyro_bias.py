@@ -1,7 +1,7 @@
 """gyro_bias: gyro reported plus a constant."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import carried, own, reading
+from rtds_host.diagnosis.effects.exported import as_number, own, reading
 
 EFFECT = Effect(
     id="gyro_bias",
@@ -15,7 +15,7 @@ EFFECT = Effect(
             null=0,
             low=-0.7,
             high=0.7,
-            spread=0.0014,
+            prior_width=0.0014,
             starts=(0.0014, -0.0014),
             meaning="added to the gyro",
         ),
@@ -33,5 +33,5 @@ EFFECT = Effect(
     compared_at={"rad_s": 0.02},
     exports=reading("gyro_bias_rad_s", own("sensor imu, noise/bias_mean")),
     resembles=(("gyro_sensor", "yaw_rate"),),
-    exports_dcmotor=carried("driver module, by custom/numeric gyro_bias_rad_s"),
+    exports_dcmotor=as_number("driver module, by custom/numeric gyro_bias_rad_s"),
 )

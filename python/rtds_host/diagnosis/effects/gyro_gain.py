@@ -2,14 +2,16 @@
 
 from rtds_host.diagnosis.conditions import turns_without_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
-from rtds_host.diagnosis.effects.exported import carried, lost, reading
+from rtds_host.diagnosis.effects.exported import as_number, left_out, reading
 
 EFFECT = Effect(
     id="gyro_gain",
     subsystem="sensing",
     sided=False,
     parameters=(
-        Parameter("ratio", "1", null=1, low=-3, high=3, spread=0.05, starts=(0.96, 1.04), meaning="reported over true"),
+        Parameter(
+            "ratio", "1", null=1, low=-3, high=3, prior_width=0.05, starts=(0.96, 1.04), meaning="reported over true"
+        ),
     ),
     apply=scale("gyro_gain"),
     equation="gyro reported times ratio",
@@ -23,7 +25,7 @@ EFFECT = Effect(
     runs_in="signal",
     axis=False,
     same_as={"track_width_error": turns_without_pose, "wheel_radius_error": turns_without_pose},
-    exports=reading("gyro_gain", lost("an imu's noise has no scale")),
+    exports=reading("gyro_gain", left_out("an imu's noise has no scale")),
     resembles=(("gyro_sensor", "yaw_rate"),),
-    exports_dcmotor=carried("driver module, by custom/numeric gyro_gain"),
+    exports_dcmotor=as_number("driver module, by custom/numeric gyro_gain"),
 )

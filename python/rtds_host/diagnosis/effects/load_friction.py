@@ -1,7 +1,7 @@
 """load_friction: loss = c |torque at the gear's input| against the motion."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import carried, lost, row
+from rtds_host.diagnosis.effects.exported import as_number, left_out, row
 
 EFFECT = Effect(
     id="load_friction",
@@ -14,7 +14,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=0.95,
-            spread=0.12,
+            prior_width=0.12,
             starts=(0.08, 0.3),
             meaning="share of the torque before the loss",
         ),
@@ -30,9 +30,9 @@ EFFECT = Effect(
     runs_in="rtl",
     form=0.02,
     compared_at={"ratio": 0.3},
-    exports=row(*[lost("friction there does not grow with the torque that a gear transmits")] * 4),
+    exports=row(*[left_out("friction there does not grow with the torque that a gear transmits")] * 4),
     resembles=(("torque", "load"),),
-    exports_dcmotor=carried(
+    exports_dcmotor=as_number(
         "driver module, by custom/numeric load_share: bound of the joint's dry friction, "
         "by the torque of the step before"
     ),

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter
-from rtds_host.diagnosis.effects.exported import lost, row
-from rtds_host.diagnosis.machine import Machine
+from rtds_host.diagnosis.effects.exported import left_out, row
 from rtds_host.diagnosis.replay.model import Model
+from rtds_host.diagnosis.scales import Scales
 
 
 def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
@@ -18,22 +18,22 @@ def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) ->
 
 
 def _soft_gear(
-    values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None
+    values: Mapping[str, float], scales: Scales, existing: Mapping[str, float] | None = None
 ) -> dict[str, float] | None:
     """The spring of the tread as one between gear and wheel, what a traction at the rim is about the axle; behind one
     that is there already."""
-    softness = values["softness_m_per_n"] / machine.radius**2 + (
-        1.0 / beside["stiffness_nm_per_rad"] if beside else 0.0
+    softness = values["softness_m_per_n"] / scales.radius**2 + (
+        1.0 / existing["stiffness_nm_per_rad"] if existing else 0.0
     )
     if softness <= 0.0:
         return None
     return {
         "stiffness_nm_per_rad": 1.0 / softness,
-        "damping_nm_s_per_rad": machine.radius**2 * values["damping_n_s_per_m"],
+        "damping_nm_s_per_rad": scales.radius**2 * values["damping_n_s_per_m"],
     }
 
 
-CREEP = lost("a contact creeps by force alone or slides, not by a share of the speed")
+CREEP = left_out("a contact creeps by force alone or slides, not by a share of the speed")
 
 EFFECT = Effect(
     id="longitudinal_slip",
@@ -47,7 +47,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=2.5,
-            spread=0.1,
+            prior_width=0.1,
             starts=(0.025, 0.075, 0.25),
             meaning="relative loss of speed a newton of traction",
         ),
@@ -58,7 +58,7 @@ EFFECT = Effect(
             null=0.0,
             low=0.0,
             high=3.75,
-            spread=0.01,
+            prior_width=0.01,
             starts=(0.003, 0.03),
             optional=True,
             shape=True,
@@ -71,7 +71,7 @@ EFFECT = Effect(
             null=0.0,
             low=0.0,
             high=48.0,
-            spread=1.9,
+            prior_width=1.9,
             starts=(2.4,),
             difference=0.05,
             optional=True,
@@ -84,7 +84,7 @@ EFFECT = Effect(
             null=1.0,
             low=0.4,
             high=40.0,
-            spread=1.0,
+            prior_width=1.0,
             starts=(4.0,),
             difference=0.01,
             optional=True,
@@ -120,6 +120,6 @@ EFFECT = Effect(
         CREEP,
         CREEP,
         CREEP,
-        lost("its tyre builds up over a length of rolling and saturates; the module rolls without slip"),
+        left_out("its tyre builds up over a length of rolling and saturates; the module rolls without slip"),
     ),
 )

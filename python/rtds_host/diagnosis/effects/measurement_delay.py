@@ -4,16 +4,16 @@ from collections.abc import Mapping
 
 from rtds_host.diagnosis.conditions import no_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import NO_SENSOR, USD_READ, carried, lost, own, row
-from rtds_host.diagnosis.machine import Machine
+from rtds_host.diagnosis.effects.exported import NO_SENSOR, USD_READ, as_number, left_out, own, row
 from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
+from rtds_host.diagnosis.scales import Scales
 
 
 def _speed_late(
-    values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None
+    values: Mapping[str, float], scales: Scales, existing: Mapping[str, float] | None = None
 ) -> dict[str, float]:
     """The delay as one of the speed alone; after a lag that is there already."""
-    lag, held = (beside["time_constant_s"], beside["delay_s"]) if beside else (0.0, 0.0)
+    lag, held = (existing["time_constant_s"], existing["delay_s"]) if existing else (0.0, 0.0)
     return {"time_constant_s": lag + values["seconds"], "delay_s": held + values["seconds"]}
 
 
@@ -28,7 +28,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=LONGEST_DELAY_S,
-            spread=0.012,
+            prior_width=0.012,
             starts=(0.003, 0.015, 0.05, 0.15, 0.35),
             meaning="i, w, th, gyro and v_bus are reported late",
             steep=True,
@@ -48,6 +48,6 @@ EFFECT = Effect(
     # No whole number of the log's rows: where a late command and a sample meet, rounding decides which comes first.
     compared_at={"seconds": 0.0127},
     same_as={"command_delay": no_pose},
-    exports=row(own("sensor delay"), NO_SENSOR, lost("sensors there are not late"), carried(USD_READ)),
-    exports_dcmotor=carried("sensor delay; of the current driver module, by custom/numeric current_delay_s"),
+    exports=row(own("sensor delay"), NO_SENSOR, left_out("sensors there are not late"), as_number(USD_READ)),
+    exports_dcmotor=as_number("sensor delay; of the current driver module, by custom/numeric current_delay_s"),
 )

@@ -1,7 +1,7 @@
 """pwm_curve: V = v_cmd (1 + c (1 - |v_cmd| / voltage_v))."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import carried, map_of_commands
+from rtds_host.diagnosis.effects.exported import as_number, map_of_commands
 
 EFFECT = Effect(
     id="pwm_curve",
@@ -14,7 +14,7 @@ EFFECT = Effect(
             null=0,
             low=-1,
             high=10,
-            spread=0.5,
+            prior_width=0.5,
             starts=(0.3, 1.0, -0.3),
             meaning="relative excess of voltage at the smallest duty",
         ),
@@ -35,5 +35,5 @@ EFFECT = Effect(
     runs_in="rtl",
     exports=map_of_commands("pwm_curve"),
     resembles=(("voltage", "v_cmd"),),
-    exports_dcmotor=carried("driver module, by custom/numeric pwm_curve"),
+    exports_dcmotor=as_number("driver module, by custom/numeric pwm_curve"),
 )

@@ -10,7 +10,14 @@ EFFECT = Effect(
     sided=False,
     parameters=(
         Parameter(
-            "coefficient", "1", null=0, low=0, high=1, spread=0.03, starts=(0.01, 0.05), meaning="of the normal force"
+            "coefficient",
+            "1",
+            null=0,
+            low=0,
+            high=1,
+            prior_width=0.03,
+            starts=(0.01, 0.05),
+            meaning="of the normal force",
         ),
     ),
     apply=add(rolling="coefficient"),

@@ -2,7 +2,7 @@
 
 from rtds_host.diagnosis.conditions import rotor_counts
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
-from rtds_host.diagnosis.effects.exported import lost, own, row
+from rtds_host.diagnosis.effects.exported import left_out, own, row
 
 EFFECT = Effect(
     id="rotor_inertia_error",
@@ -15,7 +15,7 @@ EFFECT = Effect(
             null=1,
             low=0.05,
             high=10,
-            spread=0.2,
+            prior_width=0.2,
             starts=(0.85, 1.2),
             meaning="J over its nominal value",
             of="motor.rotor_inertia_kg_m2",
@@ -34,8 +34,8 @@ EFFECT = Effect(
     same_as={"payload_error": rotor_counts},
     exports=row(
         own("joint armature"),
-        lost("a joint has no armature"),
-        lost("a joint has no armature"),
+        left_out("a joint has no armature"),
+        left_out("a joint has no armature"),
         own("physxJointAxis armature"),
     ),
 )

@@ -2,7 +2,7 @@
 
 from rtds_host.diagnosis.conditions import one_slope
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import carried, lost, own, row
+from rtds_host.diagnosis.effects.exported import as_number, left_out, own, row
 
 EFFECT = Effect(
     id="slope_error",
@@ -15,7 +15,7 @@ EFFECT = Effect(
             null=0,
             low=-0.5,
             high=0.5,
-            spread=0.02,
+            prior_width=0.02,
             starts=(0.01, -0.01),
             meaning="beyond what the run says, along its uphill direction",
         ),
@@ -34,9 +34,9 @@ EFFECT = Effect(
     nearly_as={"payload_error": one_slope},
     exports=row(
         own("option gravity; custom/numeric slope_extra_rad for a run on a slope"),
-        lost("URDF has no world"),
-        carried("comment: gravity belongs to the world, not to a model"),
-        carried("rtds.world"),
+        left_out("URDF has no world"),
+        as_number("comment: gravity belongs to the world, not to a model"),
+        as_number("rtds.world"),
     ),
     resembles=(
         ("force", "x"),

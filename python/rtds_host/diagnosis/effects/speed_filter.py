@@ -3,23 +3,23 @@
 from collections.abc import Mapping
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter
-from rtds_host.diagnosis.effects.exported import carried, reading
-from rtds_host.diagnosis.machine import Machine
+from rtds_host.diagnosis.effects.exported import as_number, reading
 from rtds_host.diagnosis.replay.model import Model
+from rtds_host.diagnosis.scales import Scales
 
 
 def _apply(model: Model, sides: tuple[int, ...], values: Mapping[str, float]) -> None:
     lag = values["time_constant_s"]
     late = min(values["delay_s"], lag)
     model.add("speed_tau", lag - late, sides)
-    model.add("speed_late", late, sides)
+    model.add("speed_delay", late, sides)
 
 
 def _all_late(
-    values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None
+    values: Mapping[str, float], scales: Scales, existing: Mapping[str, float] | None = None
 ) -> dict[str, float]:
     """The lag as one of all that is measured, which the angle tells from it; after one that is there already."""
-    return {"seconds": values["time_constant_s"] + (beside["seconds"] if beside else 0.0)}
+    return {"seconds": values["time_constant_s"] + (existing["seconds"] if existing else 0.0)}
 
 
 EFFECT = Effect(
@@ -33,7 +33,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=2,
-            spread=0.02,
+            prior_width=0.02,
             starts=(0.004, 0.03, 0.15),
             meaning="lag of a first-order low-pass, a delay of the speed included",
         ),
@@ -45,7 +45,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=0.1,
-            spread=0.02,
+            prior_width=0.02,
             starts=(0.0,),
             optional=True,
             shape=True,
@@ -68,7 +68,7 @@ EFFECT = Effect(
     compared_at={"time_constant_s": 0.03, "delay_s": 0.0126},
     exports=reading("speed_filter_s; sensor delay: what of its lag is a delay"),
     resembles=(("speed_sensor", "w"),),
-    exports_dcmotor=carried(
+    exports_dcmotor=as_number(
         "driver module, by custom/numeric speed_filter_s; sensor delay: what of its lag is a delay"
     ),
 )

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 from rtds_host.diagnosis.conditions import loop_beyond_wheels, loop_on_wheels, speed_alone, torque_drives
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
-from rtds_host.diagnosis.effects.exported import carried, reading
-from rtds_host.diagnosis.machine import Machine
+from rtds_host.diagnosis.effects.exported import as_number, reading
+from rtds_host.diagnosis.scales import Scales
 
 
 def _other_radius(
-    values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None
+    values: Mapping[str, float], scales: Scales, existing: Mapping[str, float] | None = None
 ) -> dict[str, float] | None:
     """The radius with which a base drives as far as one that counts its wheels' turns at this scale.
 
@@ -17,7 +17,7 @@ def _other_radius(
     """
     if values["ratio"] <= 0.0:
         return None
-    return {"ratio": (beside["ratio"] if beside else 1.0) / values["ratio"]}
+    return {"ratio": (existing["ratio"] if existing else 1.0) / values["ratio"]}
 
 
 EFFECT = Effect(
@@ -25,7 +25,9 @@ EFFECT = Effect(
     subsystem="sensing",
     sided=True,
     parameters=(
-        Parameter("ratio", "1", null=1, low=-3, high=3, spread=0.04, starts=(0.97, 1.03), meaning="reported over true"),
+        Parameter(
+            "ratio", "1", null=1, low=-3, high=3, prior_width=0.04, starts=(0.97, 1.03), meaning="reported over true"
+        ),
     ),
     apply=scale("speed_gain"),
     equation="w and th reported times ratio",
@@ -42,9 +44,9 @@ EFFECT = Effect(
     likened={"wheel_radius_error": _other_radius},
     exports=reading("speed_gain"),
     exports_behind_servo={
-        "urdf": carried("the loop's gains have it, and the speeds asked for take the scale in the comment"),
-        "sdf": carried("the loop's gains have it, and the speeds asked for take the scale in the comment"),
+        "urdf": as_number("the loop's gains have it, and the speeds asked for take the scale in the comment"),
+        "sdf": as_number("the loop's gains have it, and the speeds asked for take the scale in the comment"),
     },
     resembles=(("speed_sensor", "w"),),
-    exports_dcmotor=carried("driver module, by custom/numeric speed_gain"),
+    exports_dcmotor=as_number("driver module, by custom/numeric speed_gain"),
 )

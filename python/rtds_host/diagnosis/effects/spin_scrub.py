@@ -1,7 +1,7 @@
 """spin_scrub: -tau sgn(yaw rate)."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import lost, own, row
+from rtds_host.diagnosis.effects.exported import left_out, own, row
 
 EFFECT = Effect(
     id="spin_scrub",
@@ -15,7 +15,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=1,
-            spread=0.0035,
+            prior_width=0.0035,
             starts=(0.0009, 0.007),
             meaning="against the yaw rate",
         ),
@@ -33,7 +33,7 @@ EFFECT = Effect(
     form=0.02,
     exports=row(
         own("tendon/fixed frictionloss of the yaw angle that both wheels roll"),
-        *[lost("a contact's torsional friction depends on how the load is shared among the points of support")] * 3,
+        *[left_out("a contact's torsional friction depends on how the load is shared among the points of support")] * 3,
     ),
     resembles=(
         ("torque", "yaw_rate"),

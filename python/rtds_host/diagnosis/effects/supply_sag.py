@@ -1,7 +1,7 @@
 """supply_sag: V = v_cmd bus / voltage_v, bus = voltage_v - R_s sum(i v_cmd / voltage_v)."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, add
-from rtds_host.diagnosis.effects.exported import carried, map_of_commands
+from rtds_host.diagnosis.effects.exported import as_number, map_of_commands
 
 EFFECT = Effect(
     id="supply_sag",
@@ -15,7 +15,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=2.5,
-            spread=0.06,
+            prior_width=0.06,
             starts=(0.035, 0.12),
             meaning="resistance of supply and wiring",
         ),
@@ -33,5 +33,5 @@ EFFECT = Effect(
     runs_in="rtl",
     exports=map_of_commands("source_resistance_ohm"),
     resembles=(("voltage", "i"),),
-    exports_dcmotor=carried("driver module, by custom/numeric source_resistance_ohm"),
+    exports_dcmotor=as_number("driver module, by custom/numeric source_resistance_ohm"),
 )

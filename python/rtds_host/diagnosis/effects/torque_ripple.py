@@ -1,7 +1,7 @@
 """torque_ripple: A sin(n th + phi)."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, put
-from rtds_host.diagnosis.effects.exported import lost, own, row
+from rtds_host.diagnosis.effects.exported import left_out, own, row
 
 EFFECT = Effect(
     id="torque_ripple",
@@ -15,7 +15,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=2,
-            spread=0.0085,
+            prior_width=0.0085,
             starts=(0.0085,),
             meaning="amplitude at the wheel",
         ),
@@ -26,7 +26,7 @@ EFFECT = Effect(
             null=0,
             low=0.2,
             high=3000,
-            spread=40,
+            prior_width=40,
             starts=(1.0,),
             difference=1e-5,
             shape=True,
@@ -38,7 +38,7 @@ EFFECT = Effect(
             null=0,
             low=-7,
             high=7,
-            spread=2,
+            prior_width=2,
             starts=(0.0,),
             shape=True,
             meaning="phase at angle zero",
@@ -55,7 +55,8 @@ EFFECT = Effect(
     runs_in="rtl",
     compared_at={"amplitude_nm": 0.03, "cycles_per_rev": 4.37, "phase_rad": 0.7},
     exports=row(
-        own("actuator/dcmotor cogging", needs="MuJoCo 4.0 or later"), *[lost("no torque by the angle of a joint")] * 3
+        own("actuator/dcmotor cogging", needs="MuJoCo 4.0 or later"),
+        *[left_out("no torque by the angle of a joint")] * 3,
     ),
     resembles=(
         ("torque", "th"),

@@ -27,7 +27,7 @@ EFFECT = Effect(
             null=0,
             low=-1,
             high=15,
-            spread=0.045,
+            prior_width=0.045,
             starts=(0.015, 0.09, -0.024),
             meaning="beyond the nominal B, at the wheel",
         ),

@@ -15,7 +15,7 @@ EFFECT = Effect(
             null=2,
             low=0.02,
             high=100,
-            spread=0.5,
+            prior_width=0.5,
             starts=(0.83, 0.67, 0.5, 0.33),
             meaning="largest voltage",
         ),

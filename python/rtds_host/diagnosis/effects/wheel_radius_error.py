@@ -5,17 +5,17 @@ from collections.abc import Mapping
 from rtds_host.diagnosis.conditions import loop_beyond_wheels, no_place, straight_without_place, turns_without_pose
 from rtds_host.diagnosis.effects.base import Effect, Parameter, scale
 from rtds_host.diagnosis.effects.exported import own, row
-from rtds_host.diagnosis.machine import Machine
+from rtds_host.diagnosis.scales import Scales
 
 
 def _other_counts(
-    values: Mapping[str, float], machine: Machine, beside: Mapping[str, float] | None = None
+    values: Mapping[str, float], scales: Scales, existing: Mapping[str, float] | None = None
 ) -> dict[str, float]:
     """The scale of the encoders at which a base drives as far as one with wheels of this radius.
 
     Times its own where it is in already.
     """
-    return {"ratio": (beside["ratio"] if beside else 1.0) / values["ratio"]}
+    return {"ratio": (existing["ratio"] if existing else 1.0) / values["ratio"]}
 
 
 EFFECT = Effect(
@@ -29,7 +29,7 @@ EFFECT = Effect(
             null=1,
             low=0.3,
             high=3,
-            spread=0.05,
+            prior_width=0.05,
             starts=(0.96, 1.04),
             meaning="r over its nominal value",
             of="chassis.wheel_radius_m",

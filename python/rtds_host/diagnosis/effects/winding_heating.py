@@ -1,7 +1,7 @@
 """winding_heating: R = R0 (1 + rise), rise' = (rise_per_watt i^2 R - rise) / tau."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, put
-from rtds_host.diagnosis.effects.exported import lost, own, row
+from rtds_host.diagnosis.effects.exported import left_out, own, row
 
 EFFECT = Effect(
     id="winding_heating",
@@ -15,7 +15,7 @@ EFFECT = Effect(
             null=0,
             low=0,
             high=80,
-            spread=1.7,
+            prior_width=1.7,
             starts=(0.8, 3.3),
             meaning="relative rise of R a watt, steady",
         ),
@@ -26,7 +26,7 @@ EFFECT = Effect(
             null=1.5,
             low=0.05,
             high=100,
-            spread=3,
+            prior_width=3,
             starts=(0.75, 3.0),
             shape=True,
             meaning="thermal time constant",
@@ -44,9 +44,9 @@ EFFECT = Effect(
     compared_at={"rise_per_watt": 0.2, "time_constant_s": 4.0},
     exports=row(
         own("actuator/dcmotor thermal"),
-        lost("a joint has no winding"),
-        lost("a joint has no winding"),
-        lost("a drive has no winding"),
+        left_out("a joint has no winding"),
+        left_out("a joint has no winding"),
+        left_out("a drive has no winding"),
     ),
     resembles=(("voltage", "t"),),
     exports_dcmotor=own("actuator/dcmotor thermal"),

@@ -33,13 +33,13 @@ class Forms:
         if not self.entries or self.gap is None or after**2 <= 1.0:
             return rows
         kept = min(max(self.gap**2 - 1.0, 0.0) / (after**2 - 1.0), 1.0)
-        rest = sum(row["share"] for row in rows if row["what"] == "rest")
+        residual = sum(row["share"] for row in rows if row["what"] == "rest")
         steps = [max(a**2 - b**2, 0.0) for a, b in zip(self.left, self.left[1:])]
         mine = [
             {
                 "what": "form",
                 **{key: entry[key] for key in ("term", "side", "over")},
-                "share": rest * (1.0 - kept) * step / max(sum(steps), 1e-12),
+                "share": residual * (1.0 - kept) * step / max(sum(steps), 1e-12),
             }
             for entry, step in zip(self.entries, steps, strict=True)
         ]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from rtds_host.diagnosis.chance import HANDFUL, SLIGHT
 from rtds_host.diagnosis.forms.curves import BODY, Form
-from rtds_host.diagnosis.machine import Machine, machine_of
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import Model
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.scales import Scales, scales_of
+from rtds_host.diagnosis.thresholds import FEW_SHARE, MINOR_SHARE
 from rtds_host.plant import forms as plant
 
 # What each term may run over.
@@ -27,17 +27,17 @@ RUNS_OVER = {
 NEEDS = {"current_sensor": "i_", "speed_sensor": "w_", "gyro_sensor": "gyro_z"}
 
 
-def scale_of(term: str, machine: Machine) -> float:
+def scale_of(term: str, scales: Scales) -> float:
     """What is large of a term on a machine, in its unit."""
     return {
-        "torque": machine.torque,
-        "voltage": machine.volts,
+        "torque": scales.torque,
+        "voltage": scales.volts,
         "torque_constant": 1.0,
-        "force": machine.torque / machine.radius,
-        "yaw_torque": machine.spin,
-        "current_sensor": machine.amps,
-        "speed_sensor": machine.speed,
-        "gyro_sensor": machine.turn,
+        "force": scales.torque / scales.radius,
+        "yaw_torque": scales.spin,
+        "current_sensor": scales.amps,
+        "speed_sensor": scales.speed,
+        "gyro_sensor": scales.turn,
     }[term]
 
 
@@ -46,7 +46,7 @@ def ranges(problem: Problem, model: Model) -> dict[str, tuple[float, float]]:
     outs = [out[np.abs(out).max(axis=1) < 1e6] for out in problem.replay(model)]
     out = np.concatenate(outs)
     sides = ["lr".index(side) for side in problem.robot.sides]
-    tail = 0.5 * HANDFUL
+    tail = 0.5 * FEW_SHARE
 
     def reach(values: np.ndarray) -> tuple[float, float]:
         most = float(np.quantile(np.abs(values), 1.0 - tail)) if values.size else 0.0
@@ -77,10 +77,10 @@ def ranges(problem: Problem, model: Model) -> dict[str, tuple[float, float]]:
 def candidates(problem: Problem, model: Model) -> list[Form]:
     """Terms that a case's equations may lack, with the range that its runs pass through."""
     robot = problem.robot
-    machine = machine_of(robot, problem.case.runs)
+    scales = scales_of(robot, problem.case.runs)
     known = ranges(problem, model)
     found = []
-    # One sigma of a term that nobody knew of is slight beside the machine's own scale.
+    # One sigma of a term that nobody knew of is slight against the machine's own scale.
     for term, overs in RUNS_OVER.items():
         if robot.axis is not None and term in BODY:
             continue
@@ -95,5 +95,5 @@ def candidates(problem: Problem, model: Model) -> list[Form]:
                 continue
             low, high = known[over]
             if high > low:
-                found.append(Form(term, over, low, high, SLIGHT * scale_of(term, machine)))
+                found.append(Form(term, over, low, high, MINOR_SHARE * scale_of(term, scales)))
     return found

@@ -71,7 +71,7 @@ class Form:
     over: str
     low: float
     high: float
-    spread: float
+    prior_width: float
 
     @property
     def id(self) -> str:
@@ -105,10 +105,10 @@ class Form:
                     name,
                     self.units[1],
                     null=0.0,
-                    low=-BOUND * self.spread,
-                    high=BOUND * self.spread,
-                    spread=self.spread * width,
-                    starts=(self.spread * width,),
+                    low=-BOUND * self.prior_width,
+                    high=BOUND * self.prior_width,
+                    prior_width=self.prior_width * width,
+                    starts=(self.prior_width * width,),
                     difference=STEP,
                 )
                 for name, width in zip(names, widths, strict=True)
@@ -153,7 +153,7 @@ def put(
     for side in sides:
         free = np.flatnonzero(model.forms[side, :, plant.TERM] == 0.0)
         if not len(free):
-            raise ValueError(f"a robot has at most {plant.MOST} forms a side")
+            raise ValueError(f"a robot has at most {plant.MOST_FORMS} forms a side")
         row = model.forms[side, free[0]]
         row[: plant.VALUES] = plant.TERM_CODE[term], plant.OVER_CODE[over], low, high
         row[plant.VALUES :] = values

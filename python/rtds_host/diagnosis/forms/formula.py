@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rtds_host.diagnosis.chance import SLIGHT
 from rtds_host.diagnosis.forms.curves import Form, shapes
+from rtds_host.diagnosis.thresholds import MINOR_SHARE
 from rtds_host.plant import forms as plant
 
 # What a formula must close of what the curve closes: all but a slight part.
-ENOUGH = 1.0 - SLIGHT
+ENOUGH = 1.0 - MINOR_SHARE
 # Standard errors to either side of 90 % of a normal (contract: 90 % intervals).
 NORMAL_90 = 1.645
 # Numerical: sizes from which a bend of a formula is fitted, in shares of the range, and powers of it.

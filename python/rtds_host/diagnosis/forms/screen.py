@@ -35,7 +35,7 @@ def columns(problem: Problem, fit: Fit, form: Form, side: tuple[int, ...], base:
     begun = fit.model(problem)
     for p in effect.parameters:
         moved = begun.copy()
-        effect.apply(moved, side, {q.name: STEP * q.spread if q is p else 0.0 for q in effect.parameters})
+        effect.apply(moved, side, {q.name: STEP * q.prior_width if q is p else 0.0 for q in effect.parameters})
         models.append(moved)
     found = problem.residuals(models, [begun.coarse_s] * len(models))
     return np.stack([(one - base) / STEP for one in found], axis=1).astype(np.float32)

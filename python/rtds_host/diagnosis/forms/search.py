@@ -52,7 +52,7 @@ def searched(problem: Problem, fit: Fit, quick: bool) -> Found:
     began = time.process_time()
     found = Found([Judged.of(problem, fit)])
     known: dict[str, Effect] = dict(fit.effects)
-    while len(found.forms) < plant.MOST and found.judged[-1].gap >= LEAST_GAP:
+    while len(found.forms) < plant.MOST_FORMS and found.judged[-1].gap >= LEAST_GAP:
         if time.process_time() - began > SPENT_S[quick]:
             break
         best = _next(problem, found, known, quick)
@@ -116,7 +116,7 @@ def _named(problem: Problem, now: Judged, judged: Judged, promise: Promise) -> s
     for name in RESEMBLES.get((promise.form.term, promise.form.over), ()):
         effect = fitter.effects.get(name)
         side = promise.side if effect is not None and effect.sided else "both"
-        if effect is None or any(member[0] == name for member in now.fit.hypothesis):
+        if effect is None or any(cause[0] == name for cause in now.fit.hypothesis):
             continue
         for first in effect.parameters[0].starts[:2]:
             start = np.array([p.scaled(first if p is effect.parameters[0] else p.starts[0]) for p in effect.parameters])
@@ -132,10 +132,10 @@ def values_of(fit: Fit, form: Form, side: str) -> tuple[np.ndarray, np.ndarray]:
     basis, _ = shapes(form.over)
     ps = parameters(fit.effects, fit.hypothesis)
     at = [k for k, (effect, one, _) in enumerate(ps) if (effect.id, one) == (form.id, side)]
-    spreads = np.array([ps[k][2].spread for k in at])
+    prior_widths = np.array([ps[k][2].prior_width for k in at])
     rows = len(fit.z) + np.array(at)
-    covariance = fit.covariance[np.ix_(rows, rows)] * np.outer(spreads, spreads)
-    return basis @ (fit.u[at] * spreads), covariance
+    covariance = fit.covariance[np.ix_(rows, rows)] * np.outer(prior_widths, prior_widths)
+    return basis @ (fit.u[at] * prior_widths), covariance
 
 
 def closes(found: Found) -> list[float]:

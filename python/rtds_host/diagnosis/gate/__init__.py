@@ -13,7 +13,6 @@ import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.contract.clock import moment
-from rtds_host.diagnosis.chance import MOVES, SLIGHT, handful
 from rtds_host.diagnosis.gap import counts
 from rtds_host.diagnosis.gate import (
     contradictions,
@@ -31,6 +30,7 @@ from rtds_host.diagnosis.gate.findings import SEVERITIES, Finding, Gate, Timing,
 from rtds_host.diagnosis.gate.limits import Limits, channels, limits
 from rtds_host.diagnosis.gate.stuck import timed_faults
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.thresholds import MINOR_SHARE, SIGNIFICANT, few
 from rtds_host.errors import InputError
 
 __all__ = ["Finding", "Gate", "Timing", "examine"]
@@ -122,7 +122,7 @@ def _without_glitches(case: Case, bounds: Limits, noise: dict[str, float]) -> tu
         count = sure + sum(len(run[c][1]) for run in per_run if c in run)
         if not count:
             continue
-        if sure > max(1.0, SLIGHT * rows) or count - sure > handful(rows):
+        if sure > max(1.0, MINOR_SHARE * rows) or count - sure > few(rows):
             found.append(
                 Finding(
                     "",
@@ -208,7 +208,7 @@ def _commands(log: RunLog, case: Case) -> list[Finding]:
                     log.name,
                     name,
                     "beyond_supply",
-                    "warning" if beyond > SLIGHT else "note",
+                    "warning" if beyond > MINOR_SHARE else "note",
                     f"{name} asks for up to {float(values.max()):.3g} V, more than the supply's "
                     f"{robot.supply_v:g} V, in {percent(beyond)} of the rows; the replay clips it.",
                     beyond,
@@ -218,7 +218,7 @@ def _commands(log: RunLog, case: Case) -> list[Finding]:
 
 
 def _rounded(noise: dict[str, float], steps: dict[str, float], declared: dict[str, float | None]) -> list[Finding]:
-    """Channels whose rounding counts beside their noise."""
+    """Channels whose rounding counts against their noise."""
     return [
         Finding(
             "",
@@ -229,7 +229,7 @@ def _rounded(noise: dict[str, float], steps: dict[str, float], declared: dict[st
             f"{declared[c]:.3g}.",
         )
         for c in noise
-        if (size := declared.get(c)) and noise[c] > (1.0 + SLIGHT) * size
+        if (size := declared.get(c)) and noise[c] > (1.0 + MINOR_SHARE) * size
     ]
 
 
@@ -245,7 +245,7 @@ def _enough(case: Case) -> None:
             alive |= spread > 0
             # What turns steadily moves, too.
             moved = math.sqrt(float(np.nanmean(log.columns[c] ** 2))) if c.startswith("w_") else spread
-            moving |= moved > MOVES * min(robot.noise(c) or math.inf, sensors.scatter(log.columns[c]))
+            moving |= moved > SIGNIFICANT * min(robot.noise(c) or math.inf, sensors.scatter(log.columns[c]))
         excited |= bool(np.abs(log.commands(robot.driver.mode)).max() > 1e-6)
     longest = max(float(log.t[-1] - log.t[0]) for log in case.runs)
     rows = max(len(log.t) for log in case.runs)

@@ -12,11 +12,18 @@ from dataclasses import replace
 import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
-from rtds_host.diagnosis.chance import APART, CLOSELY, FEWEST, FOLLOWS, MOVES, SAME
 from rtds_host.diagnosis.gate.findings import Finding
 from rtds_host.diagnosis.gate.sensors import without
 from rtds_host.diagnosis.gate.timing import STRETCHES, hole_s
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
+from rtds_host.diagnosis.thresholds import (
+    CLEAR_RATIO,
+    CLOSELY_CORRELATED,
+    CORRELATED,
+    EQUAL_WITHIN,
+    FEWEST_SAMPLES,
+    SIGNIFICANT,
+)
 
 # Numerical: samples of a stretch.
 ROWS = 10
@@ -79,7 +86,7 @@ def _stretches(log: RunLog, speed: np.ndarray, angle: np.ndarray) -> np.ndarray 
     where one of them has too few."""
     good = np.isfinite(speed)
     rows = np.flatnonzero(np.isfinite(angle))
-    if good.sum() < FEWEST or len(rows) < FEWEST:
+    if good.sum() < FEWEST_SAMPLES or len(rows) < FEWEST_SAMPLES:
         return None
     t, v = log.t[good], speed[good]
     rows = rows[(log.t[rows] >= t[0]) & (log.t[rows] <= t[-1])]
@@ -121,17 +128,17 @@ def _angle(case: Case, s: str, replays: list[np.ndarray]) -> dict[str, str]:
     runs = [log for log in case.runs if log.has(w) and log.has(th)]
     own = _pooled([_stretches(log, log.columns[w], log.columns[th]) for log in runs])
     noise = robot.noise(th)
-    if own is None or noise is None or own.shape[1] < FEWEST:
+    if own is None or noise is None or own.shape[1] < FEWEST_SAMPLES:
         return {}
     left, way, times = _left(own)
-    if left < MOVES * noise or way < MOVES * noise:
+    if left < SIGNIFICANT * noise or way < SIGNIFICANT * noise:
         return {}
     other = {"l": "r", "r": "l"}[s]
     theirs = None
     if other in robot.sides and all(log.has(f"w_{other}") for log in runs):
         theirs = _pooled([_stretches(log, log.columns[f"w_{other}"], log.columns[th]) for log in runs])
-    swapped = theirs is not None and theirs.shape[1] >= FEWEST and _left(theirs)[0] < left / APART
-    if not swapped and left < SAME * way and times > 0.0:
+    swapped = theirs is not None and theirs.shape[1] >= FEWEST_SAMPLES and _left(theirs)[0] < left / CLEAR_RATIO
+    if not swapped and left < EQUAL_WITHIN * way and times > 0.0:
         return {}
     # A speed counts, and its angle then does not: it goes only where it is seen to be the other wheel's.
     wrong, right = (w, th) if _is_the_other_s(runs, robot, s, other) and _believed(case, s, replays) else (th, w)
@@ -150,7 +157,9 @@ def _is_the_other_s(runs: list[RunLog], robot: Robot, s: str, other: str) -> boo
     if other not in robot.sides or noise is None or not all(log.has(f"w_{other}") for log in runs):
         return False
     apart = [log.columns[f"w_{s}"] - log.columns[f"w_{other}"] for log in runs]
-    return all(np.isfinite(d).any() and float(np.nanquantile(np.abs(d), FOLLOWS)) < MOVES * noise for d in apart)
+    return all(
+        np.isfinite(d).any() and float(np.nanquantile(np.abs(d), CORRELATED)) < SIGNIFICANT * noise for d in apart
+    )
 
 
 def _believed(case: Case, s: str, replays: list[np.ndarray]) -> bool:
@@ -170,7 +179,7 @@ def _believed(case: Case, s: str, replays: list[np.ndarray]) -> bool:
         joined = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 1))
         norm = float(np.linalg.norm(joined[0]) * np.linalg.norm(joined[1]))
         matches[name] = float(joined[0] @ joined[1]) / norm if norm > 0.0 else 0.0
-    return 1.0 - matches["th"] < (1.0 - matches["w"]) / APART
+    return 1.0 - matches["th"] < (1.0 - matches["w"]) / CLEAR_RATIO
 
 
 def _turn(case: Case) -> dict[str, str]:
@@ -186,15 +195,15 @@ def _turn(case: Case) -> dict[str, str]:
     for pair, parts in pairs.items():
         pooled = _pooled(parts)
         noise = case.robot.noise("yaw") or 0.0
-        if pooled is None or pooled.shape[1] < FEWEST:
+        if pooled is None or pooled.shape[1] < FEWEST_SAMPLES:
             continue
         left, way, _ = _left(pooled, offset=True)
-        if way > MOVES * noise and way > 0.0:
+        if way > SIGNIFICANT * noise and way > 0.0:
             follows[pair] = np.sqrt(max(0.0, 1.0 - (left / way) ** 2))
     for odd in ("gyro_z", "yaw"):
         against = [m for pair, m in follows.items() if odd in pair]
         among = [m for pair, m in follows.items() if odd not in pair]
-        if len(against) == 2 and among and max(against) < FOLLOWS and among[0] > CLOSELY:
+        if len(against) == 2 and among and max(against) < CORRELATED and among[0] > CLOSELY_CORRELATED:
             rest = "the wheels and the yaw" if odd == "gyro_z" else "the wheels and the gyro"
             return {odd: f"{odd} contradicts what {rest} say alike of the robot's turns; {odd} is set aside."}
     return {}

@@ -10,10 +10,10 @@ import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.contract.clock import moment
-from rtds_host.diagnosis.chance import MOVES, handful
 from rtds_host.diagnosis.gate.findings import Finding, percent
 from rtds_host.diagnosis.gate.timing import hole_s, shorter_than_any
 from rtds_host.diagnosis.replay.model import START_ROWS
+from rtds_host.diagnosis.thresholds import SIGNIFICANT, few
 
 # A sample and those to either side that a start, and what a glitch is, are judged by.
 FEWEST_ROWS = 2 * START_ROWS + 1
@@ -34,7 +34,7 @@ def start_row(log: RunLog, case: Case, rows: np.ndarray) -> int | None:
     for c in angles:
         v = log.columns[c][rows]
         v = v[np.isfinite(v)][:FEWEST_ROWS]
-        if len(v) < FEWEST_ROWS or np.ptp(v) > math.sqrt(2.0) * MOVES * (case.robot.noise(c) or 0.0):
+        if len(v) < FEWEST_ROWS or np.ptp(v) > math.sqrt(2.0) * SIGNIFICANT * (case.robot.noise(c) or 0.0):
             return None
     return int(rows[0]) if angles else None
 
@@ -65,7 +65,7 @@ def _cut(log: RunLog, case: Case) -> tuple[list[RunLog], list[Finding]]:
         f"{dt[worst]:.3g} s at t = {moment(log.t[worst])} s"
     )
     missing = float(dt[holes].sum() / (log.t[-1] - log.t[0]))
-    if holes.size > handful(len(log.t)):
+    if holes.size > few(len(log.t)):
         return [log], [
             Finding(
                 log.name,

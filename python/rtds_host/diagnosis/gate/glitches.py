@@ -2,10 +2,10 @@
 
 A sample is judged by the two samples to either side of it, against the scatter about it, and by one of two further
 marks: the robot cannot do it (a pose or an angle would have to move faster than the motors turn, both ways; a value is
-beyond all bounds), or it stands alone (nothing else on the robot is off its neighbours then, commands do not go there
+beyond all bounds), or it is isolated (nothing else on the robot is off its neighbours then, commands do not go there
 and back by enough, and nothing else in its own channel comes near it). What moves a robot there and back shows in more
 than one channel: an impact in both wheels, the current and the gyro. A sample that the robot cannot do is no witness of
-one beside it. A step moves others too, but there alone; a current may follow one for a sample, and a turn, the
+one next to it. A step moves others too, but there alone; a current may follow one for a sample, and a turn, the
 difference of two wheels, so that nothing else may change at all where these are within what the last commands can do.
 """
 
@@ -16,10 +16,18 @@ from dataclasses import replace
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
-from rtds_host.diagnosis.chance import APART, FEWEST, HANDFUL, MEDIAN_OF_NORMAL, MOST, MOVES, sigmas
 from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels, kind_of
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.thresholds import (
+    CLEAR_RATIO,
+    FEW_SHARE,
+    FEWEST_SAMPLES,
+    MAJORITY,
+    MEDIAN_OF_NORMAL,
+    SIGNIFICANT,
+    sigmas,
+)
 
 # Channels of which one at least must be there, for what really moves a channel to show elsewhere, too.
 WITNESSES = {
@@ -38,20 +46,21 @@ WITNESSES = {
 
 
 def _local(size: np.ndarray) -> np.ndarray:
-    """(n,) median of `size` in blocks of `FEWEST`, the largest of a sample's own block and the two beside it."""
+    """(n,) median of `size` in blocks of `FEWEST_SAMPLES`, the largest of a sample's own block and the two next to
+    it."""
     n = len(size)
-    blocks = max(1, n // FEWEST)
+    blocks = max(1, n // FEWEST_SAMPLES)
     if blocks == 1:
         return np.full(n, np.median(size))
-    level = np.median(size[: blocks * FEWEST].reshape(blocks, FEWEST), axis=1)
+    level = np.median(size[: blocks * FEWEST_SAMPLES].reshape(blocks, FEWEST_SAMPLES), axis=1)
     wide = np.maximum(level, np.maximum(np.append(level[1:], level[-1]), np.insert(level[:-1], 0, level[0])))
-    return np.append(np.repeat(wide, FEWEST), np.full(n - blocks * FEWEST, wide[-1]))
+    return np.append(np.repeat(wide, FEWEST_SAMPLES), np.full(n - blocks * FEWEST_SAMPLES, wide[-1]))
 
 
 def exceedance(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far each sample lies outside what its two neighbours to either side span, and that span, (n,) each.
 
-    A first or last sample is judged by the three beside it; the second from an end by the one and the two.
+    A first or last sample is judged by the three next to it; the second from an end by the one and the two.
     """
     n = len(v)
     padded = np.concatenate([[v[3], v[2]], v, [v[-3], v[-4]]])
@@ -66,12 +75,12 @@ def _events(log: RunLog, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     for c in names:
         good = np.isfinite(log.columns[c])
         v, t = log.columns[c][good], log.t[good]
-        if len(v) < FEWEST:
+        if len(v) < FEWEST_SAMPLES:
             continue
         change = np.abs(np.diff(v))
         # A coarse channel changes rarely, one step at a time: that is ordinary.
         floor = np.median(change[change > 0]) if (change > 0).any() else 0.0
-        at = np.flatnonzero(change > MOVES / MEDIAN_OF_NORMAL * np.maximum(_local(change), 0.5 * floor))
+        at = np.flatnonzero(change > SIGNIFICANT / MEDIAN_OF_NORMAL * np.maximum(_local(change), 0.5 * floor))
         result[c] = np.unique(np.concatenate([t[at], t[at + 1]]))
     return result
 
@@ -79,7 +88,7 @@ def _events(log: RunLog, names: tuple[str, ...]) -> dict[str, np.ndarray]:
 def _candidates(log: RunLog, c: str, noise: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
     """Rows with a sample, exceedance (k,), whether far off (k,), and the shorter time to a neighbour's (k,)."""
     rows = np.flatnonzero(np.isfinite(log.columns[c]))
-    if len(rows) < FEWEST:
+    if len(rows) < FEWEST_SAMPLES:
         return None
     v, t = log.columns[c][rows], log.t[rows]
     off, way = exceedance(v)
@@ -87,7 +96,7 @@ def _candidates(log: RunLog, c: str, noise: float) -> tuple[np.ndarray, np.ndarr
     second[1:-1] = np.abs(v[1:-1] - 0.5 * (v[:-2] + v[2:]))
     # Of a smooth motion the top stands above its neighbours by a third of the way between them.
     most = sigmas(len(v))
-    far = (off > most * noise) & (off > APART * way) & (off > most / MEDIAN_OF_NORMAL * _local(second))
+    far = (off > most * noise) & (off > CLEAR_RATIO * way) & (off > most / MEDIAN_OF_NORMAL * _local(second))
     dt = np.diff(t)
     before, after = np.insert(dt, 0, dt[0]), np.append(dt, dt[-1])
     return rows, off, far, np.maximum(before, after)
@@ -99,8 +108,8 @@ def isolated(
     """Channel -> rows of a run's isolated samples that cannot be (k,), of those that only stand alone (m,), and how
     many samples the channel has.
 
-    What was found is taken out and the rest judged anew, until nothing more is found: a glitch is no witness of the one
-    beside it.
+    What was found is taken out and the rest judged again, until nothing more is found: a glitch is no witness of the
+    one next to it.
     """
     found = _found(log, case, bounds, noise)
     more = found
@@ -140,7 +149,7 @@ def _found(
                 events = _events(log, names)
             # Without a witness a speed or a current that is back within half a time constant still was no motion.
             seen = any(w in events for w in WITNESSES[c])
-            usual = float(np.quantile(np.abs(np.diff(v[~far])), 1.0 - HANDFUL))
+            usual = float(np.quantile(np.abs(np.diff(v[~far])), 1.0 - FEW_SHARE))
             alone = np.array(
                 [
                     _stands_alone(log, case, bounds, c, rows, k, off[k], span[k], events, spikes)
@@ -152,21 +161,21 @@ def _found(
                         and off[k] > bounds.values[c] / ROOM
                         or c[0] in "wt"
                         and not bounds.time_constant_s > 0
-                        and off[k] > MOVES * usual
+                        and off[k] > SIGNIFICANT * usual
                     )
                     and off[k] > _commanded(log, case, bounds, c, rows, k, span[k])
                     for k in np.flatnonzero(doubtful).tolist()
                 ]
             )
             lone = np.flatnonzero(doubtful)[alone]
-            rest = np.ones(len(rows), bool)
+            elsewhere = np.ones(len(rows), bool)
             # A sample far off makes its neighbours look off by part of its own way.
             for shift in (-2, -1, 0, 1, 2):
-                rest[np.clip(np.concatenate([lone, np.flatnonzero(sure)]) + shift, 0, len(rows) - 1)] = False
+                elsewhere[np.clip(np.concatenate([lone, np.flatnonzero(sure)]) + shift, 0, len(rows) - 1)] = False
             # A supply may jump there and back; what counts there is how far it jumps at all.
             other = off if c != "v_bus" else np.abs(np.diff(v, append=v[-1]))
-            top = float(other[rest].max(initial=0.0))
-            lone = lone[off[lone] > APART * top]
+            top = float(other[elsewhere].max(initial=0.0))
+            lone = lone[off[lone] > CLEAR_RATIO * top]
         else:
             lone = np.empty(0, int)
         result[c] = rows[sure], rows[lone], len(rows)
@@ -199,7 +208,7 @@ def _commanded(log: RunLog, case: Case, bounds: Limits, c: str, rows: np.ndarray
     swing = float(np.max(swing))
     reach = bounds.rates[c] * span if c in bounds.rates else bounds.values.get(c, np.inf)
     if not np.isfinite(reach):
-        reach = float(np.ptp(np.quantile(log.columns[c][rows], (HANDFUL, 1.0 - HANDFUL))))
+        reach = float(np.ptp(np.quantile(log.columns[c][rows], (FEW_SHARE, 1.0 - FEW_SHARE))))
     return min(1.0, swing / _full(log, case, bounds)) * reach
 
 
@@ -281,7 +290,7 @@ def beside_replay(
 
     What commands drive there and back is in the replay, too: what is left of it is small, or as large wherever they
     change as much. A sample that is off by several times all that is left elsewhere, in a row where no other channel is
-    off, was no motion; a current beside a step only if it is more than the step can drive.
+    off, was no motion; a current next to a step only if it is more than the step can drive.
 
     replayed : (n, 11) the nominal robot's, columns as `OUTPUTS`.
     """
@@ -291,11 +300,11 @@ def beside_replay(
         rows = np.flatnonzero(np.isfinite(log.columns[c]))
         measured = log.columns[c][rows]
         left = measured - replayed[rows, OUTPUT_INDEX[c]]
-        if len(rows) < FEWEST or not np.isfinite(left).all():
+        if len(rows) < FEWEST_SAMPLES or not np.isfinite(left).all():
             continue
         off, way = exceedance(left)
         off[off < sigmas(len(rows)) * noise.get(c, 0.0)] = 0.0
-        far = off > APART * way
+        far = off > CLEAR_RATIO * way
         spikes[c] = rows[far]
         standing[c] = np.array(
             [
@@ -334,18 +343,20 @@ def _outstanding(measured: np.ndarray, left: np.ndarray, off: np.ndarray, far: n
     peaks = peaks[(peaks > 1) & (peaks < len(left) - 2)]
     peaks = peaks[np.argsort(-off[peaks])]
     level = np.abs(left - np.median(left))
-    for count in range(min(len(peaks), max(1, int(HANDFUL * len(left)))), 0, -1):
-        rest = np.ones(len(left), bool)
+    for count in range(min(len(peaks), max(1, int(FEW_SHARE * len(left)))), 0, -1):
+        elsewhere = np.ones(len(left), bool)
         # One far off makes its neighbours look off, too.
         for shift in (-2, -1, 0, 1, 2):
-            rest[peaks[:count] + shift] = False
-        if off[peaks[count - 1]] > APART * max(float(off[rest].max(initial=0.0)), float(level[rest].max(initial=0.0))):
+            elsewhere[peaks[:count] + shift] = False
+        if off[peaks[count - 1]] > CLEAR_RATIO * max(
+            float(off[elsewhere].max(initial=0.0)), float(level[elsewhere].max(initial=0.0))
+        ):
             return peaks[:count]
     return peaks[:0]
 
 
 def _driven(log: RunLog, case: Case, bounds: Limits, c: str, k: int, towards: float) -> float:
-    """The largest current that a step of its command beside row k can drive in a direction, either side of none; of
+    """The largest current that a step of its command next to row k can drive in a direction, either side of none; of
     speeds 0.
     """
     if c[0] != "i":
@@ -363,4 +374,4 @@ def _driven_elsewhere(t: np.ndarray, change: np.ndarray, k: int) -> bool:
     first = int(np.searchsorted(t, t[k] - LONGEST_DELAY_S))
     about = np.zeros(len(t), bool)
     about[first : k + 2] = True
-    return int(np.sum(change[~about] >= MOST * float(change[about].max()))) >= APART
+    return int(np.sum(change[~about] >= MAJORITY * float(change[about].max()))) >= CLEAR_RATIO

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rtds_host.contract import Case
-from rtds_host.diagnosis.chance import HANDFUL, SLIGHT, in_a_row
+from rtds_host.diagnosis.thresholds import FEW_SHARE, MINOR_SHARE, in_a_row
 
 # Numerical: samples that a step is looked for in, in stretches from so many places of a run.
 SAMPLES, PLACES = 20_000, 20
@@ -19,9 +19,9 @@ TRIED, FAR = (0.5, 0.25, 0.1, 0.02), 20.0
 # Digits beyond which nobody rounds by hand: single precision holds them.
 MOST_DIGITS = np.finfo(np.float32).precision
 # So few values that fit a step to a tenth may do so by chance, as a fifth of all do.
-FEWEST = math.ceil(in_a_row(2.0 * SLIGHT))
+FEWEST = math.ceil(in_a_row(2.0 * MINOR_SHARE))
 # Share of the values that must fit a step: a handful may be glitches, or written by another hand.
-FITTING = 1.0 - HANDFUL
+FITTING = 1.0 - FEW_SHARE
 # Numerical: how many times as far off as these a value may be that no logger wrote by mistake.
 ROOM = 100.0
 # Numerical: values that differ by less than this share of their scatter are one level, written by another division.
@@ -78,7 +78,7 @@ def _grid(values: np.ndarray, same: float = 0.0) -> float:
         near = gaps < FAR * step
         if (
             near.sum() >= FEWEST
-            and np.mean(np.abs(gaps[near] / step - np.round(gaps[near] / step)) < SLIGHT) >= FITTING
+            and np.mean(np.abs(gaps[near] / step - np.round(gaps[near] / step)) < MINOR_SHARE) >= FITTING
         ):
             return step
     return 0.0
@@ -93,7 +93,7 @@ def _coarse(values: np.ndarray, apart: np.ndarray) -> float:
     if not len(apart) or len(values) < FEWEST * (len(apart) + 1):
         return 0.0
     step = float(apart.min())
-    return step if np.all(np.abs(apart / step - np.round(apart / step)) < SLIGHT) else 0.0
+    return step if np.all(np.abs(apart / step - np.round(apart / step)) < MINOR_SHARE) else 0.0
 
 
 def _near(values: np.ndarray) -> np.ndarray:

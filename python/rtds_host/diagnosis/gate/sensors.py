@@ -9,14 +9,23 @@ import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.contract.clock import moment
-from rtds_host.diagnosis.chance import APART, FEWEST, HANDFUL, MEDIAN_OF_NORMAL, MOST, MOVES, SLIGHT, in_a_row
 from rtds_host.diagnosis.gate.findings import Finding, percent
 from rtds_host.diagnosis.gate.limits import ROOM, channels
 from rtds_host.diagnosis.gate.timing import hole_s
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
+from rtds_host.diagnosis.thresholds import (
+    CLEAR_RATIO,
+    FEW_SHARE,
+    FEWEST_SAMPLES,
+    MAJORITY,
+    MEDIAN_OF_NORMAL,
+    MINOR_SHARE,
+    SIGNIFICANT,
+    in_a_row,
+)
 
 # Noises that the nominal robot moves by where any live sensor would show that it moves, however little of it.
-SHOWS = ROOM * MOVES
+SHOWS = ROOM * SIGNIFICANT
 # Numerical: parts that a stretch is looked at in.
 PARTS = 8
 
@@ -31,7 +40,7 @@ def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Fi
     rows = len(log.t)
     names = [c for c in channels(robot) if log.has(c)]
     moves = any(
-        float(np.nanstd(log.columns[c])) > MOVES * (robot.noise(c) or 1e-9)
+        float(np.nanstd(log.columns[c])) > SIGNIFICANT * (robot.noise(c) or 1e-9)
         for c in names
         if c.startswith(("w_", "th_", "x", "y"))
     )
@@ -46,9 +55,9 @@ def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Fi
                 )
             )
             continue
-        if len(v) < (1.0 - SLIGHT) * rows and len(v) > 1:
+        if len(v) < (1.0 - MINOR_SHARE) * rows and len(v) > 1:
             found += _slow(log, c, t)
-        if len(v) < FEWEST:
+        if len(v) < FEWEST_SAMPLES:
             found.append(Finding(log.name, c, "short", "warning", f"{c} has {len(v)} samples only."))
             continue
         if not np.ptp(v):
@@ -91,13 +100,13 @@ def in_samples(log: RunLog, robot: Robot, replayed: np.ndarray) -> tuple[list[Fi
 def _wrapped(log: RunLog, c: str, v: np.ndarray, t: np.ndarray, noise: float) -> list[Finding]:
     """Whether an angle (n,) rad jumps by whole turns."""
     steps = np.diff(v)
-    # Against the steps beside it: a fast wheel may turn by a whole turn from sample to sample.
-    usual = float(np.quantile(np.abs(steps), 1.0 - HANDFUL))
+    # Against the steps next to it: a fast wheel may turn by a whole turn from sample to sample.
+    usual = float(np.quantile(np.abs(steps), 1.0 - FEW_SHARE))
     turns = np.flatnonzero(
-        (np.abs(np.abs(steps) - 2 * math.pi) < max(usual, MOVES * noise))
+        (np.abs(np.abs(steps) - 2 * math.pi) < max(usual, SIGNIFICANT * noise))
         & (np.abs(steps - np.append(steps[1:], steps[-2])) > math.pi)
     )
-    if not turns.size or not np.median(np.abs(steps)) < SLIGHT * 2 * math.pi:
+    if not turns.size or not np.median(np.abs(steps)) < MINOR_SHARE * 2 * math.pi:
         return []
     text = (
         f"{c} jumps by a whole turn {turns.size} time(s), first at t = {moment(t[turns[0] + 1])} s: it is wrapped; "
@@ -143,15 +152,15 @@ def _clipped(
     for edge, word in ((v.max(), "above"), (v.min(), "below")):
         at = v == edge
         count = int(at.sum())
-        if count < max(FEWEST, HANDFUL * len(v)) or edge == 0:
+        if count < max(FEWEST_SAMPLES, FEW_SHARE * len(v)) or edge == 0:
             continue
-        beside = (np.abs(v - edge) < MOVES * noise) & ~at
-        near = np.unique(v[beside], return_counts=True)[1]
+        neighbour = (np.abs(v - edge) < SIGNIFICANT * noise) & ~at
+        near = np.unique(v[neighbour], return_counts=True)[1]
         levels = 1 if near.size == 0 else int(near.max())
         quantum = float(np.min(np.diff(np.unique(v))))
         # A settled reading of a coarse sensor also repeats; there the replay stands still too.
         moved = float(np.std(replayed[at]))
-        if count > APART * levels and moved > max(MOVES * noise, min(quantum, SHOWS * noise)):
+        if count > CLEAR_RATIO * levels and moved > max(SIGNIFICANT * noise, min(quantum, SHOWS * noise)):
             share = count / len(v)
             return Finding(
                 log.name,
@@ -192,13 +201,13 @@ def _noisy_about(v: np.ndarray, value: float, noise: float) -> bool:
     back = pairs[pairs != 0.0] < 0.0
     return (
         len(back) > 0
-        and float(np.mean(back)) > MOST
-        and float(np.median(size)) > MEDIAN_OF_NORMAL * math.sqrt(6.0) * noise / APART
+        and float(np.mean(back)) > MAJORITY
+        and float(np.median(size)) > MEDIAN_OF_NORMAL * math.sqrt(6.0) * noise / CLEAR_RATIO
     )
 
 
 def _moves_within(log: RunLog, robot: Robot, c: str, rows: slice) -> bool:
-    """Whether a channel beside `c` moves beyond its noise in these rows: a robot at rest may well repeat itself."""
+    """Whether a channel next to `c` moves beyond its noise in these rows: a robot at rest may well repeat itself."""
     for other in channels(robot):
         if other == c or other in ("v_bus", "i_l", "i_r") or not log.has(other) or robot.noise(other) is None:
             continue
@@ -209,8 +218,8 @@ def _moves_within(log: RunLog, robot: Robot, c: str, rows: slice) -> bool:
         # Medians of parts: in many samples the noise alone spans more than a few of its sigmas.
         parts = np.array([np.median(part) for part in np.array_split(v, min(len(v), PARTS))])
         # A gyro has an offset: its level alone says little.
-        level = abs(float(np.median(v))) / {"w": MOVES, "g": SHOWS}.get(other[0], math.inf)
-        if max(level, float(np.ptp(parts)) / 2.0 / MOVES) > robot.known_noise(other):
+        level = abs(float(np.median(v))) / {"w": SIGNIFICANT, "g": SHOWS}.get(other[0], math.inf)
+        if max(level, float(np.ptp(parts)) / 2.0 / SIGNIFICANT) > robot.known_noise(other):
             return True
     return False
 
@@ -235,14 +244,14 @@ def _at_rest(log: RunLog, robot: Robot, c: str, value: float, rows: slice, repla
     of a current the nominal robot's. What nothing contradicts is believed.
     """
     noise = robot.known_noise(c)
-    if abs(value) > MOVES * noise:
+    if abs(value) > SIGNIFICANT * noise:
         return False
     seconds = float(np.ptp(log.t[rows]))
     if c[0] == "i":
         return not float(np.median(np.abs(replayed[rows, OUTPUT_INDEX[c]]))) > SHOWS * noise
     own, other = (f"th_{c[-1]}", "w_r" if c[-1] == "l" else "w_l") if c[0] == "w" else ("yaw", "")
     if np.isfinite(turned := _change(log, own, rows)) and (sigma := robot.noise(own)):
-        return abs(turned - value * seconds) <= MOVES * math.hypot(sigma, noise * seconds)
+        return abs(turned - value * seconds) <= SIGNIFICANT * math.hypot(sigma, noise * seconds)
     body = robot.chassis
     if body is None:
         return True
@@ -250,9 +259,9 @@ def _at_rest(log: RunLog, robot: Robot, c: str, value: float, rows: slice, repla
         expected = body.wheel_radius_m / body.track_width_m * (_level(log, "w_r", rows) - _level(log, "w_l", rows))
         return not abs(expected - value) > SHOWS * noise
     turn = _level(log, "gyro_z", rows) * body.track_width_m / body.wheel_radius_m
-    beside = _level(log, other, rows)
-    expected = beside + (turn if other == "w_l" else -turn)
-    return not abs(expected - value) > max(SHOWS * noise, 0.5 * abs(beside))
+    neighbour = _level(log, other, rows)
+    expected = neighbour + (turn if other == "w_l" else -turn)
+    return not abs(expected - value) > max(SHOWS * noise, 0.5 * abs(neighbour))
 
 
 def _frozen(
@@ -260,7 +269,7 @@ def _frozen(
 ) -> tuple[Finding, np.ndarray] | None:
     """A noisy channel that repeats one value for long while the robot moves."""
     same = np.diff(v) == 0
-    if APART * float(np.min(np.diff(np.unique(v)))) > noise:
+    if CLEAR_RATIO * float(np.min(np.diff(np.unique(v)))) > noise:
         # A coarse sensor repeats itself.
         return None
     first, long = _stretches(same)
@@ -315,7 +324,7 @@ def motion(log: RunLog, robot: Robot) -> list[Finding]:
     command = log.commands(robot.driver.mode)
     wheels = [c for c in channels(robot) if c.startswith(("w_", "th_")) and log.has(c)]
     moves = any(
-        float(np.nanstd(log.columns[c])) > MOVES * min(robot.noise(c) or math.inf, scatter(log.columns[c]))
+        float(np.nanstd(log.columns[c])) > SIGNIFICANT * min(robot.noise(c) or math.inf, scatter(log.columns[c]))
         for c in wheels
     )
     if not command.any():
@@ -338,8 +347,8 @@ def motions(case: Case) -> list[Finding]:
     found = []
     for side, w in (("left", left), ("right", right)):
         top = float(np.max(np.abs(w)))
-        back = float(np.quantile(w, HANDFUL)) if np.mean(w) > 0 else -float(np.quantile(w, 1.0 - HANDFUL))
-        if top > 0 and back > -SLIGHT * top:
+        back = float(np.quantile(w, FEW_SHARE)) if np.mean(w) > 0 else -float(np.quantile(w, 1.0 - FEW_SHARE))
+        if top > 0 and back > -MINOR_SHARE * top:
             found.append(
                 Finding(
                     "",

@@ -19,10 +19,10 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from rtds_host.contract import Case, RunLog
-from rtds_host.diagnosis.chance import FEWEST, HANDFUL, MEAN_OF_NORMAL, MOST, MOVES, SLIGHT
 from rtds_host.diagnosis.gate.findings import Finding
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.thresholds import FEW_SHARE, FEWEST_SAMPLES, MAJORITY, MEAN_OF_NORMAL, MINOR_SHARE, SIGNIFICANT
 
 # Numerical: rows by which a grid's period is looked for first, and trials of it within the resolution of what is looked
 # at.
@@ -41,10 +41,10 @@ def stamp_error(case: Case, noise: dict[str, float]) -> float:
         if log.has(f"w_{s}") and log.has(f"th_{s}") and f"th_{s}" in noise
     ]
     every = np.concatenate(found) if found else np.empty(0)
-    if len(every) < FEWEST:
+    if len(every) < FEWEST_SAMPLES:
         return 0.0
     mean, scatter = float(every.mean()), float(every.std()) / math.sqrt(len(every))
-    return math.sqrt(mean) if mean > MOVES * scatter > 0.0 else 0.0
+    return math.sqrt(mean) if mean > SIGNIFICANT * scatter > 0.0 else 0.0
 
 
 def _variances(log: RunLog, speed: str, angle: str, noise: dict[str, float]) -> np.ndarray:
@@ -52,9 +52,9 @@ def _variances(log: RunLog, speed: str, angle: str, noise: dict[str, float]) -> 
     rows = np.flatnonzero(np.isfinite(log.columns[speed]) & np.isfinite(log.columns[angle]))
     t, w, th = log.t[rows], log.columns[speed][rows], log.columns[angle][rows]
     mean = 0.5 * (w[1:] + w[:-1])
-    # At this speed the angle's noise is slight beside a step.
-    slowest = noise[angle] / SLIGHT / float(np.median(np.diff(log.t)))
-    steady = (np.abs(np.diff(w)) < SLIGHT * np.abs(mean)) & (np.abs(mean) > slowest)
+    # At this speed the angle's noise is slight against a step.
+    slowest = noise[angle] / MINOR_SHARE / float(np.median(np.diff(log.t)))
+    steady = (np.abs(np.diff(w)) < MINOR_SHARE * np.abs(mean)) & (np.abs(mean) > slowest)
     safe = np.where(steady, mean, 1.0)
     off = np.diff(t) - np.diff(th) / safe
     pairs = steady[1:] & steady[:-1]
@@ -95,7 +95,7 @@ def even_times(t: np.ndarray, known_hz: float | None = None) -> np.ndarray | Non
 
     known_hz : the grid's rate where another run has told it.
     """
-    if len(t) < FEWEST:
+    if len(t) < FEWEST_SAMPLES:
         return None
     t = t - t[0]
     found = _grid(t, known_hz)
@@ -109,7 +109,7 @@ def even_times(t: np.ndarray, known_hz: float | None = None) -> np.ndarray | Non
         place = (t - start) / slope
     off = t - start - slope * number
     deviation = float(off.std())
-    if deviation < HANDFUL * slope or abs(float(np.mean(off[1:] * off[:-1]))) > MOST * deviation**2:
+    if deviation < FEW_SHARE * slope or abs(float(np.mean(off[1:] * off[:-1]))) > MAJORITY * deviation**2:
         return None
     return t - off
 
@@ -120,18 +120,18 @@ def _grid(t: np.ndarray, known_hz: float | None) -> tuple[float, float] | None:
     """
     step = float(np.median(np.diff(t)))
     steps = np.diff(t) / step
-    if float(np.std(steps - np.round(steps))) < HANDFUL:
+    if float(np.std(steps - np.round(steps))) < FEW_SHARE:
         return None
     rate, rows = known_hz or 1.0 / step, min(len(t), FIRST_ROWS)
     # A median of as many steps is as wrong as their scatter lets it be.
-    width = 1.0 / float(t[rows - 1]) if known_hz else MOVES / math.sqrt(rows) * rate
+    width = 1.0 / float(t[rows - 1]) if known_hz else SIGNIFICANT / math.sqrt(rows) * rate
     while True:
         span = float(t[rows - 1])
         trials = rate + np.arange(-width, width, 1.0 / (TRIALS * span))
         means = np.array([np.mean(np.exp(-2j * np.pi * trial * t[:rows])) for trial in trials])
         best = int(np.argmax(np.abs(means)))
         # Of phases at random the mean's square is exponential, of mean 1 / rows, in each of the trials.
-        if rows * abs(means[best]) ** 2 < 0.5 * MOVES**2 + math.log(len(trials)):
+        if rows * abs(means[best]) ** 2 < 0.5 * SIGNIFICANT**2 + math.log(len(trials)):
             return None
         rate = float(trials[best])
         if rows == len(t):
@@ -171,7 +171,7 @@ def evened(
                 a, b = _share(log.columns[channel][rows] - given, moved - given, sigma)
                 along, across = along + a, across + b
     # A replay that ran away is no number, and says nothing.
-    if not along > max(MOST * across, MOVES * math.sqrt(across)):
+    if not along > max(MAJORITY * across, SIGNIFICANT * math.sqrt(across)):
         return case, []
     runs = tuple(log if even is None else replace(log, t=log.t[0] + even) for log, even in zip(case.runs, regular))
     moved_s = math.sqrt(float(np.mean(np.concatenate([(a.t - b.t) ** 2 for a, b in zip(runs, case.runs)]))))
@@ -192,7 +192,7 @@ def _share(left: np.ndarray, moved: np.ndarray, sigma: float) -> tuple[float, fl
 
     Both are whitened by what a sample of `left` says of the next: what a model has wrong is slow, a scatter is not.
     """
-    if len(left) < FEWEST or not moved.any():
+    if len(left) < FEWEST_SAMPLES or not moved.any():
         return 0.0, 0.0
     left, moved = left - left.mean(), moved - moved.mean()
     kept = min(max(float(left[1:] @ left[:-1]) / max(float(left @ left), sigma**2), 0.0), 1.0)

@@ -8,10 +8,10 @@ import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.contract.clock import moment
-from rtds_host.diagnosis.chance import APART, FEWEST, MOVES, handful
 from rtds_host.diagnosis.gate.findings import Finding, percent
 from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels, kind_of
 from rtds_host.diagnosis.gate.sensors import without
+from rtds_host.diagnosis.thresholds import CLEAR_RATIO, FEWEST_SAMPLES, SIGNIFICANT, few
 
 
 def awake(case: Case, bounds: Limits) -> tuple[Case, list[Finding]]:
@@ -48,19 +48,19 @@ def awake(case: Case, bounds: Limits) -> tuple[Case, list[Finding]]:
 def _asleep(log: RunLog, c: str, bounds: Limits, noise: float) -> np.ndarray:
     """Rows (k,) of a channel's first samples, a handful at most, that what follows shows to be none."""
     rows = np.flatnonzero(np.isfinite(log.columns[c]))
-    if len(rows) < FEWEST:
+    if len(rows) < FEWEST_SAMPLES:
         return rows[:0]
     v, t = log.columns[c][rows], log.t[rows]
-    most = int(max(handful(len(rows)), MOVES))
+    most = int(max(few(len(rows)), SIGNIFICANT))
     if c in bounds.values:
         wrong = np.abs(v) > bounds.values[c]
         # Isolated samples further on are glitches, and a channel that goes on so is in another unit.
         last = int(np.argmin(wrong)) - 1 if not wrong[most : 2 * most].any() else -1
     elif kind_of(c) in ("th", "x", "y", "yaw"):
         step = np.abs(np.diff(v))
-        reach = _reach(log, c, bounds) * np.diff(t) + MOVES * noise
+        reach = _reach(log, c, bounds) * np.diff(t) + SIGNIFICANT * noise
         usual = float(np.max(step[most:], initial=0.0))
-        last = _last((step > reach) & (step > APART * usual) & (np.arange(len(step)) < most))
+        last = _last((step > reach) & (step > CLEAR_RATIO * usual) & (np.arange(len(step)) < most))
         # A single sample, far off and back, is a glitch in whatever row it stands.
         if last > 0 and abs(v[last + 1] - v[last - 1]) <= reach[last] + reach[last - 1]:
             last = -1

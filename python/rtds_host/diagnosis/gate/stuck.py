@@ -11,13 +11,13 @@ import numpy as np
 
 from rtds_host.contract import Robot, RunLog
 from rtds_host.contract.clock import moment
-from rtds_host.diagnosis.chance import APART, FEWEST, MOST, MOVES
 from rtds_host.diagnosis.gate.findings import Finding, percent
 from rtds_host.diagnosis.gate.limits import ROOM
 from rtds_host.diagnosis.gate.sensors import without
+from rtds_host.diagnosis.thresholds import CLEAR_RATIO, FEWEST_SAMPLES, MAJORITY, SIGNIFICANT
 
 # Noises by which something moves where any live sensor would show it.
-SHOWS = ROOM * MOVES
+SHOWS = ROOM * SIGNIFICANT
 SIDES = {"l": "left", "r": "right"}
 
 
@@ -41,11 +41,11 @@ def timed_faults(log: RunLog, robot: Robot) -> tuple[list[Finding], dict[str, np
 
 
 def _stretches(v: np.ndarray) -> list[slice]:
-    """Rows of a channel in which one value repeats to the last digit, `FEWEST` of them or more."""
+    """Rows of a channel in which one value repeats to the last digit, `FEWEST_SAMPLES` of them or more."""
     same = np.concatenate([[False], np.diff(v) == 0.0, [False]]).astype(int)
     edges = np.flatnonzero(np.diff(same))
     pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-    return [slice(a, b + 1) for a, b in pairs if b + 1 - a >= FEWEST]
+    return [slice(a, b + 1) for a, b in pairs if b + 1 - a >= FEWEST_SAMPLES]
 
 
 def _median(log: RunLog, c: str, rows: slice) -> float:
@@ -92,15 +92,15 @@ def _encoder(log: RunLog, robot: Robot, side: str) -> tuple[Finding, dict[str, n
     turned = np.cumsum(np.nan_to_num(rate) * np.gradient(log.t))
     stuck: list[tuple[slice, float]] = []
     for rows in _stretches(th):
-        beside = _median(log, other, rows)
+        neighbour = _median(log, other, rows)
         values = rate[rows][np.isfinite(rate[rows])]
         expected = float(np.median(values)) if len(values) else 0.0
         missed = float(turned[rows.stop - 1] - turned[rows.start])
         reads = _median(log, speed, rows)
         if (
-            abs(expected) > max(least, MOST * abs(beside))
+            abs(expected) > max(least, MAJORITY * abs(neighbour))
             and abs(missed) > SHOWS * max(noise(angle), float(steps.min()))
-            and not abs(reads) > MOVES * (noise(speed) or noise(other))
+            and not abs(reads) > SIGNIFICANT * (noise(speed) or noise(other))
             and _turns(log, robot, side, rows, expected)
         ):
             stuck.append((rows, expected))
@@ -112,7 +112,7 @@ def _encoder(log: RunLog, robot: Robot, side: str) -> tuple[Finding, dict[str, n
         counts.append(np.arange(part.start + 1, part.stop))
         missed = float(turned[part.stop - 1] - turned[part.start])
         after = th[part.stop : part.stop + 1]
-        if len(after) and abs(after[0] - th[part.stop - 1] - missed) > MOST * abs(missed):
+        if len(after) and abs(after[0] - th[part.stop - 1] - missed) > MAJORITY * abs(missed):
             # What was not counted is lost: every later angle lacks it.
             counts.append(np.arange(part.stop, len(th)))
     angles = np.unique(np.concatenate(counts))
@@ -136,7 +136,7 @@ def _turns(log: RunLog, robot: Robot, side: str, rows: slice, expected: float) -
     emf = volts[rows] - m.resistance_ohm * log.columns[f"i_{side}"][rows]
     emf = emf[np.isfinite(emf)]
     turning = m.back_emf_constant_v_s_per_rad * m.gear_ratio * expected
-    return not len(emf) or float(np.median(emf)) / turning > MOST
+    return not len(emf) or float(np.median(emf)) / turning > MAJORITY
 
 
 def _current(log: RunLog, robot: Robot, side: str) -> tuple[Finding, dict[str, np.ndarray]] | None:
@@ -148,15 +148,15 @@ def _current(log: RunLog, robot: Robot, side: str) -> tuple[Finding, dict[str, n
     taken, sigma = known
     i = log.columns[c]
     levels = np.unique(i[np.isfinite(i)])
-    if len(levels) < 2 or APART * float(np.min(np.diff(levels))) > noise:
+    if len(levels) < 2 or CLEAR_RATIO * float(np.min(np.diff(levels))) > noise:
         # A coarse sensor repeats itself.
         return None
     stuck = [
         rows
         for rows in _stretches(i)
-        if abs(i[rows.start]) > MOVES * noise
-        and np.isfinite(taken[rows]).sum() >= FEWEST
-        and float(np.nanstd(taken[rows])) > MOVES * sigma
+        if abs(i[rows.start]) > SIGNIFICANT * noise
+        and np.isfinite(taken[rows]).sum() >= FEWEST_SAMPLES
+        and float(np.nanstd(taken[rows])) > SIGNIFICANT * sigma
     ]
     if not stuck:
         return None
@@ -192,10 +192,10 @@ def _open(log: RunLog, robot: Robot, side: str) -> Finding | None:
     taken, sigma = known
     i = log.columns[f"i_{side}"]
     asked = np.abs(taken) > SHOWS * sigma
-    quiet = np.abs(i) < MOVES * (robot.noise(f"i_{side}") or 0.0)
+    quiet = np.abs(i) < SIGNIFICANT * (robot.noise(f"i_{side}") or 0.0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], quiet, [False]]).astype(int)))
     parts = [slice(a, b) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)]
-    parts = [rows for rows in parts if asked[rows].sum() >= FEWEST]
+    parts = [rows for rows in parts if asked[rows].sum() >= FEWEST_SAMPLES]
     if not parts:
         return None
     longest = max(parts, key=lambda rows: rows.stop - rows.start)
@@ -203,10 +203,10 @@ def _open(log: RunLog, robot: Robot, side: str) -> Finding | None:
     assert volts is not None
     rows = np.flatnonzero(asked[longest]) + longest.start
     # Driven by less, with less before it: neither a dead zone nor a drop lets it through and not the other.
-    less = (np.abs(i) > MOVES * noise) & (i * volts > 0.0) & (i * taken > 0.0)
+    less = (np.abs(i) > SIGNIFICANT * noise) & (i * volts > 0.0) & (i * taken > 0.0)
     for what in (volts, taken):
         less &= np.abs(what) < float(np.median(np.abs(what[rows])))
-    if less.sum() < FEWEST:
+    if less.sum() < FEWEST_SAMPLES:
         return None
     missing = float(np.median(taken[rows]))
     text = (
@@ -234,7 +234,7 @@ def _voltage(log: RunLog, robot: Robot, side: str) -> Finding | None:
     stuck = [
         slice(a, b)
         for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-        if b - a >= FEWEST and np.std(at[a:b]) < MOVES * sigma and np.ptp(volts[a:b]) > SHOWS * sigma
+        if b - a >= FEWEST_SAMPLES and np.std(at[a:b]) < SIGNIFICANT * sigma and np.ptp(volts[a:b]) > SHOWS * sigma
     ]
     if not stuck:
         return None
@@ -253,7 +253,7 @@ def _dip(log: RunLog, robot: Robot) -> Finding | None:
     if not noise or robot.driver.bus == "measured" or not all(log.has(c) for c in ("v_bus", "i_l", "i_r")):
         return None
     volts = [_volts(log, robot, side) for side in SIDES]
-    if volts[0] is None or volts[1] is None or len(log.t) < FEWEST:
+    if volts[0] is None or volts[1] is None or len(log.t) < FEWEST_SAMPLES:
         return None
     bus = log.columns["v_bus"]
     draw = (volts[0] * log.columns["i_l"] + volts[1] * log.columns["i_r"]) / robot.supply_v
@@ -265,7 +265,7 @@ def _dip(log: RunLog, robot: Robot) -> Finding | None:
     if not len(steps):
         return None
     first = int(steps[0]) + 2
-    after = np.flatnonzero(bus[first:] > bus[first] + MOST * fall[first - 2])
+    after = np.flatnonzero(bus[first:] > bus[first] + MAJORITY * fall[first - 2])
     end = first + int(after[0]) if len(after) else len(bus) - 1
     text = (
         f"v_bus falls from {bus[first - 1]:.4g} to {bus[first]:.4g} V at t = {moment(log.t[first])} s while the motors "

@@ -8,10 +8,10 @@ import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.contract.clock import PER_SECOND, SLOWEST_HZ, is_rate, is_staircase, likely_unit, moment
-from rtds_host.diagnosis.chance import APART, FEWEST, FOLLOWS, HANDFUL, MOVES, SAME
 from rtds_host.diagnosis.gap import WINDOW_S
 from rtds_host.diagnosis.gate.findings import Finding, percent
 from rtds_host.diagnosis.gate.limits import limits
+from rtds_host.diagnosis.thresholds import CLEAR_RATIO, CORRELATED, EQUAL_WITHIN, FEW_SHARE, FEWEST_SAMPLES, SIGNIFICANT
 from rtds_host.errors import InputError
 
 # A run that is shorter than this shows nothing (contract, section 1).
@@ -19,7 +19,7 @@ SHORTEST_S = 0.1
 # After so long a hole the rest is another recording (contract, section 1).
 BREAK_S = 60.0
 # How near to a unit's factor what speeds, angles and clocks make of each other must be: gains come between.
-CLOSE = 1.0 / (1.0 - SAME)
+CLOSE = 1.0 / (1.0 - EQUAL_WITHIN)
 # Numerical: stretches that speeds and angles are compared in, and chords that a way is measured by.
 STRETCHES, CHORDS = 30, 100
 
@@ -52,7 +52,7 @@ def rolled_over_turned(log: RunLog, case: Case) -> float | None:
 def clock_ratio(log: RunLog, speed: np.ndarray, angle: np.ndarray, noise: float) -> float | None:
     """Magnitude of the integral of a speed over that of the angle's change, in stretches; None where neither moves."""
     good = np.isfinite(speed)
-    if good.sum() < FEWEST or np.isfinite(angle).sum() < FEWEST:
+    if good.sum() < FEWEST_SAMPLES or np.isfinite(angle).sum() < FEWEST_SAMPLES:
         return None
     t, v = log.t[good] - log.t[0], speed[good]
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
@@ -60,12 +60,12 @@ def clock_ratio(log: RunLog, speed: np.ndarray, angle: np.ndarray, noise: float)
     rows = rows[np.linspace(0, len(rows) - 1, min(len(rows), STRETCHES)).astype(int)]
     turned = np.diff(angle[rows])
     rolled = np.diff(np.interp(log.t[rows] - log.t[0], t, integral))
-    if float(np.max(np.abs(turned))) < MOVES * noise or not turned.any() or not rolled.any():
+    if float(np.max(np.abs(turned))) < SIGNIFICANT * noise or not turned.any() or not rolled.any():
         return None
     if (
         len(turned) > 2
         and np.std(turned) * np.std(rolled) > 0
-        and abs(float(np.corrcoef(turned, rolled)[0, 1])) < FOLLOWS
+        and abs(float(np.corrcoef(turned, rolled)[0, 1])) < CORRELATED
     ):
         return None
     return float(np.sqrt(np.sum(rolled**2) / np.sum(turned**2)))
@@ -124,7 +124,7 @@ def jitter(t: np.ndarray) -> float:
     dt = np.diff(t)
     step = float(np.median(dt))
     dt = dt[np.round(dt / step) < 2]
-    if len(dt) < FEWEST:
+    if len(dt) < FEWEST_SAMPLES:
         return 0.0
     dt = dt - dt.mean()
     square, product = float(np.mean(dt**2)), -float(np.mean(dt[1:] * dt[:-1]))
@@ -142,7 +142,7 @@ def hole_s(t: np.ndarray) -> float:
     """Steps longer than this are holes, s: no shorter than the shortest run, for what a logger's buffers do is
     jitter.
     """
-    return max(APART * float(np.median(np.diff(t))), SHORTEST_S)
+    return max(CLEAR_RATIO * float(np.median(np.diff(t))), SHORTEST_S)
 
 
 def sampled(log: RunLog, case: Case) -> np.ndarray:
@@ -151,7 +151,7 @@ def sampled(log: RunLog, case: Case) -> np.ndarray:
     for c in (f"{kind}_{s}" for kind in ("w", "th") for s in case.robot.sides):
         if c in log.columns:
             good |= np.isfinite(log.columns[c])
-    return log.t[good] if good.sum() >= FEWEST else log.t
+    return log.t[good] if good.sum() >= FEWEST_SAMPLES else log.t
 
 
 def clock_findings(log: RunLog, case: Case) -> list[Finding]:
@@ -173,7 +173,7 @@ def clock_findings(log: RunLog, case: Case) -> list[Finding]:
                 f"a row every {step:.3g} s: each is taken as a settled speed; what is over sooner is not seen.",
             )
         )
-    elif step > time_constant * (1.0 + HANDFUL):
+    elif step > time_constant * (1.0 + FEW_SHARE):
         found.append(
             Finding(
                 log.name,
@@ -186,9 +186,9 @@ def clock_findings(log: RunLog, case: Case) -> list[Finding]:
         )
     regular = dt[dt <= hole_s(t)]
     uneven = float(np.std(regular[np.round(regular / step) < 2])) / step if len(regular) > 2 else 0.0
-    if uneven > HANDFUL:
+    if uneven > FEW_SHARE:
         stamps = jitter(t)
-        told = f", stamps jitter by {1e3 * stamps:.2g} ms" if stamps > uneven * step / APART else ""
+        told = f", stamps jitter by {1e3 * stamps:.2g} ms" if stamps > uneven * step / CLEAR_RATIO else ""
         found.append(
             Finding(
                 log.name,
@@ -199,14 +199,14 @@ def clock_findings(log: RunLog, case: Case) -> list[Finding]:
             )
         )
     missed = float(np.sum(np.round(regular / step) - 1)) / len(dt)
-    if uneven < 1.0 / APART and missed > HANDFUL:
+    if uneven < 1.0 / CLEAR_RATIO and missed > FEW_SHARE:
         found.append(
             Finding(log.name, "t", "dropped", "note", f"about {percent(missed)} of the rows are missing.", missed)
         )
     length = float(log.t[-1] - log.t[0])
     if length < WINDOW_S:
         found.append(Finding(log.name, "t", "short", "warning", f"the run lasts {length:.3g} s only."))
-    elif len(log.t) < FEWEST:
+    elif len(log.t) < FEWEST_SAMPLES:
         found.append(Finding(log.name, "t", "short", "warning", f"the run has {len(log.t)} rows only."))
     return found
 

@@ -14,13 +14,20 @@ import numpy as np
 
 from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.contract.clock import PER_SECOND, is_rate, likely_unit
-from rtds_host.diagnosis.chance import CLOSELY, FEWEST, FOLLOWS, HANDFUL, MOVES, SLIGHT
 from rtds_host.diagnosis.gate.findings import Finding
 from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels, kind_of
 from rtds_host.diagnosis.gate.timing import CLOSE, clock_ratio, rolled_over_turned
 from rtds_host.diagnosis.nuisances import LATENCY_S
+from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S, nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.slots import OUTPUT_INDEX
+from rtds_host.diagnosis.thresholds import (
+    CLOSELY_CORRELATED,
+    CORRELATED,
+    FEW_SHARE,
+    FEWEST_SAMPLES,
+    MINOR_SHARE,
+    SIGNIFICANT,
+)
 from rtds_host.errors import InputError
 
 # Numerical: how finely a lag is looked for, s, first and last, and on how many samples.
@@ -111,7 +118,7 @@ def check_commands(case: Case, bounds: Limits) -> None:
 
 def _scale_of(values: np.ndarray) -> float:
     """What all but a handful of samples stay within: isolated ones may be anything."""
-    return float(np.nanquantile(np.abs(values), 1.0 - HANDFUL))
+    return float(np.nanquantile(np.abs(values), 1.0 - FEW_SHARE))
 
 
 @dataclass
@@ -147,7 +154,7 @@ def lag_and_ratio(
     """
     good = np.isfinite(log.columns[channel])
     v, t = log.columns[channel][good], log.t[good]
-    if len(v) < FEWEST:
+    if len(v) < FEWEST_SAMPLES:
         return None
     thin = max(1, len(v) // SAMPLES)
     some, at = v[::thin], t[::thin]
@@ -164,7 +171,7 @@ def lag_and_ratio(
         # it has to do so on the same samples of both: how a run begins in the replay, from a speed that no friction
         # held, is in no lag's way.
         shared = (at - abs(lag) >= log.t[0]) & (at + abs(lag) <= log.t[-1])
-        if shared.sum() < FEWEST:
+        if shared.sum() < FEWEST_SAMPLES:
             shared[:] = True
         misses = [1.0 - abs(_match(at[shared], some[shared], log.t, replayed, x)) for x in (lag, 0.0)]
         certain = misses[0] <= 0.5 * misses[1]
@@ -213,7 +220,12 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
             # At least so many times the nominal; a comparison below may know it better.
             result.wrong[c] = ROOM * beyond, _unit(ROOM * beyond, factors[kind_of(c)])
         noise = robot.noise(c)
-        if noise is None or column is None or not np.isfinite(column).all() or float(np.std(column)) < MOVES * noise:
+        if (
+            noise is None
+            or column is None
+            or not np.isfinite(column).all()
+            or float(np.std(column)) < SIGNIFICANT * noise
+        ):
             continue
         if not driven and c not in ("gyro_z", "yaw"):
             continue
@@ -237,7 +249,7 @@ def compare(log: RunLog, robot: Robot, replayed: np.ndarray, bounds: Limits) -> 
         result.ratios[c] = ratio, match
         _scale(result, c, ratio, match, factors[kind_of(c)])
         _sign(result, log, c, ratio, match)
-        if c[0] == "w" and match > CLOSELY and lag is not None:
+        if c[0] == "w" and match > CLOSELY_CORRELATED and lag is not None:
             _lag(result, log, c, lag)
     _turn(result, log, robot, ratios)
     _side_by_side(result, log, robot, factors)
@@ -298,16 +310,16 @@ def _scale(result: Compared, c: str, ratio: float, match: float, factors: dict[s
     near = abs(math.log(abs(ratio) / factors[unit])) < math.log(ROOM if freely else CLOSE)
     too_much = abs(ratio) > ROOM and (near or bound)
     # Too little may be friction and a gain; but friction follows no voltage closely at a slight part of the speed.
-    too_little = factors[unit] < SLIGHT and near and match > CLOSELY
-    if too_little or too_much and match > FOLLOWS:
+    too_little = factors[unit] < MINOR_SHARE and near and match > CLOSELY_CORRELATED
+    if too_little or too_much and match > CORRELATED:
         result.wrong[c] = ratio, unit
-    elif match > CLOSELY and 1.0 / ROOM < abs(ratio) < ROOM:
+    elif match > CLOSELY_CORRELATED and 1.0 / ROOM < abs(ratio) < ROOM:
         result.right.add(c)
 
 
 def _sign(result: Compared, log: RunLog, c: str, ratio: float, match: float) -> None:
     # A pose runs against the replay's wherever the robot turned otherwise.
-    if ratio >= 0 or c in ("x", "y") or match < (FOLLOWS if c[0] == "i" else CLOSELY):
+    if ratio >= 0 or c in ("x", "y") or match < (CORRELATED if c[0] == "i" else CLOSELY_CORRELATED):
         return
     if c[0] == "w":
         text = f"{c} runs against its command (correlation {-match:.2f}): leads or sign swapped?"
@@ -335,7 +347,7 @@ def _turn(result: Compared, log: RunLog, robot: Robot, ratios: dict[str, float])
 def _lag(result: Compared, log: RunLog, c: str, lag: float) -> None:
     result.lags.append((c, lag))
     step = float(np.median(np.diff(log.t[np.isfinite(log.columns[c])])))
-    if abs(lag) > max(LATENCY_S, (1.0 + HANDFUL) * step):
+    if abs(lag) > max(LATENCY_S, (1.0 + FEW_SHARE) * step):
         # The catalogue has delays, and nothing that answers before it is asked.
         late = lag > 0
         result.findings.append(
@@ -362,7 +374,7 @@ def _refuse_duty(compared: list[tuple[RunLog, Compared]], robot: Robot) -> None:
     for s in robot.sides:
         name = f"v_cmd_{s}"
         driven = [(log, found) for log, found in compared if log.columns[name].any()]
-        if not driven or max(float(np.max(np.abs(log.columns[name]))) for log, _ in driven) > 1.0 + SLIGHT:
+        if not driven or max(float(np.max(np.abs(log.columns[name]))) for log, _ in driven) > 1.0 + MINOR_SHARE:
             continue
         told = [
             (log, abs(found.ratios[f"w_{s}" if f"w_{s}" in found.ratios else f"th_{s}"][0]))
@@ -384,8 +396,8 @@ def refuse(compared: list[tuple[RunLog, Compared]], robot: Robot, bounds: Limits
     """Refuse a case with a channel whose scale is certainly a unit's; what is said of channels whose scale is not.
 
     One logger wrote all runs, so the evidence is the whole case's: a channel is in another unit where most of the runs
-    that can tell say so and none follows the nominal robot closely at its scale. What a single run shows beside that is
-    what the robot did, unless no robot can: one that slides down a slope goes a hundred times as far as its wheels.
+    that can tell say so and none follows the nominal robot closely at its scale. What a single run shows next to that
+    is what the robot did, unless no robot can: one that slides down a slope goes a hundred times as far as its wheels.
 
     Raises
     ------
@@ -422,7 +434,7 @@ def refuse(compared: list[tuple[RunLog, Compared]], robot: Robot, bounds: Limits
 
 def _in_most(compared: list[tuple[RunLog, Compared]], c: str) -> bool:
     """Whether a channel's scale is a unit's in most of the runs that tell its scale."""
-    tell = [found for _, found in compared if c in found.wrong or found.ratios.get(c, (0.0, 0.0))[1] > FOLLOWS]
+    tell = [found for _, found in compared if c in found.wrong or found.ratios.get(c, (0.0, 0.0))[1] > CORRELATED]
     return 2 * sum(c in found.wrong for found in tell) > len(tell)
 
 
@@ -432,11 +444,11 @@ def _counts(compared: list[tuple[RunLog, Compared]]) -> list[Finding]:
     told = []
     for c in dict.fromkeys(c for _, found in compared for c in found.ratios):
         seen = [found.ratios[c] for _, found in compared if c in found.ratios]
-        ratios = np.abs([ratio for ratio, match in seen if match > CLOSELY])
+        ratios = np.abs([ratio for ratio, match in seen if match > CLOSELY_CORRELATED])
         if c[0] == "i" or c in ("x", "y") or len(ratios) < len(seen):
             continue
         for times in (2.0, 4.0, 0.5, 0.25):
-            if np.all(np.abs(ratios / times - 1.0) < 0.5 * SLIGHT):
+            if np.all(np.abs(ratios / times - 1.0) < 0.5 * MINOR_SHARE):
                 turns = c in ("gyro_z", "yaw")
                 what = "what the wheels' sensors say" if turns else "what the nominal robot would"
                 cause = "are the encoders' edges counted otherwise, or the gear ratio or the wheels another?"
@@ -473,12 +485,12 @@ def check_minutes(log: RunLog, case: Case) -> None:
     if not is_rate(minute * float(np.median(np.diff(log.t)))) or rolled_over_turned(log, case) is not None:
         return
     commands = np.abs(log.commands(robot.driver.mode)).max(axis=1)
-    first = max(0, int(np.argmax(commands > SLIGHT * commands.max())) - 1)
+    first = max(0, int(np.argmax(commands > MINOR_SHARE * commands.max())) - 1)
     part = log.rows(first, int(np.searchsorted(log.t, log.t[first] + 1.0 / PER_SECOND["minutes"] / minute)))
     names = [
         c
         for c in (f"{kind}_{s}" for kind in ("w", "th") for s in robot.sides)
-        if c in part.columns and np.isfinite(part.columns[c]).sum() >= FEWEST and robot.noise(c)
+        if c in part.columns and np.isfinite(part.columns[c]).sum() >= FEWEST_SAMPLES and robot.noise(c)
     ]
     if not names:
         return
@@ -490,7 +502,7 @@ def check_minutes(log: RunLog, case: Case) -> None:
         if (
             not np.isfinite(out).all()
             or factor == minute
-            and any(np.std(v) < MOVES * robot.known_noise(c) for c, v in columns.items())
+            and any(np.std(v) < SIGNIFICANT * robot.known_noise(c) for c, v in columns.items())
         ):
             return
         pace.append(
@@ -500,7 +512,7 @@ def check_minutes(log: RunLog, case: Case) -> None:
                 for good in (np.isfinite(part.columns[c]),)
             ]
         )
-    if max(pace[0]) < FOLLOWS and min(pace[1]) > CLOSELY:
+    if max(pace[0]) < CORRELATED and min(pace[1]) > CLOSELY_CORRELATED:
         raise InputError(
             f"{log.path or log.name}: t: is it in minutes? With seconds, the wheels answer commands as no motor of "
             "this robot does"
@@ -545,7 +557,11 @@ def _follows(log: RunLog, robot: Robot, replayed: np.ndarray) -> float:
             continue
         good = np.isfinite(log.columns[c])
         v, r = log.columns[c], replayed[:, OUTPUT_INDEX[c]]
-        if good.sum() < FEWEST or not np.isfinite(r).all() or np.std(v[good]) < MOVES * robot.known_noise(c):
+        if (
+            good.sum() < FEWEST_SAMPLES
+            or not np.isfinite(r).all()
+            or np.std(v[good]) < SIGNIFICANT * robot.known_noise(c)
+        ):
             continue
         rows = np.arange(len(v), dtype=float)
         shifts = (0.0, -1.0) if c[0] == "w" else (0.0,)
@@ -578,13 +594,13 @@ def refuse_exchanged(case: Case, replays: list[tuple[RunLog, np.ndarray]]) -> No
             turns.append(np.stack([(right - left)[good], log.columns["gyro_z"][good]]))
     if (
         not sums
-        or _together(sums) < FOLLOWS
-        or _together(differences) > -FOLLOWS
-        or _together(_apart(differences, sums)) > -FOLLOWS
+        or _together(sums) < CORRELATED
+        or _together(differences) > -CORRELATED
+        or _together(_apart(differences, sums)) > -CORRELATED
     ):
         return
     turn = _together(turns) if turns else 0.0
-    which = "v_cmd_l and v_cmd_r" if turn > FOLLOWS else "w_l and w_r" if turn < -FOLLOWS else "left and right"
+    which = "v_cmd_l and v_cmd_r" if turn > CORRELATED else "w_l and w_r" if turn < -CORRELATED else "left and right"
     log = replays[0][0]
     raise InputError(
         f"{log.path or log.name}: the sum of both wheels follows the commands and their difference runs against them: "

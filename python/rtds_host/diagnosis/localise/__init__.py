@@ -26,7 +26,7 @@ import numpy as np
 from rtds_host.contract import Case
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise.blocks import own_blocks, replay_blocks
-from rtds_host.diagnosis.localise.lost import lost
+from rtds_host.diagnosis.localise.missing import undetermined
 from rtds_host.diagnosis.localise.shares import BLOCKS, Sums, share
 from rtds_host.diagnosis.replay.model import Model
 
@@ -60,13 +60,13 @@ class Block:
 
 @dataclass(frozen=True)
 class Localisation:
-    """Blocks of a case, the share of each subsystem and the signatures that made it; `lost`: what missing channels
-    keep from being told apart; `lag_s`: delay of `DELAYS_S` that fits the blocks best, 0 without one."""
+    """Blocks of a case, the share of each subsystem and the signatures that made it; `undetermined`: what missing
+    channels keep from being distinguished; `lag_s`: delay of `DELAYS_S` that fits the blocks best, 0 without one."""
 
     blocks: tuple[Block, ...]
     located: dict[str, float]
     signatures: tuple[tuple[str, str, float], ...]
-    lost: tuple[str, ...]
+    undetermined: tuple[str, ...]
     lag_s: float
 
     def shares(self) -> list[dict[str, Any]]:
@@ -107,4 +107,4 @@ def localise(case: Case, model: Model, held: bool = False) -> Localisation:
         )
         for b in sums.blocks
     )
-    return Localisation(found, located, tuple(chosen), lost(case), lag)
+    return Localisation(found, located, tuple(chosen), undetermined(case), lag)

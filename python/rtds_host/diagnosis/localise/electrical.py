@@ -53,7 +53,7 @@ def current_block(run: Signals, k: int) -> None:
     top = float(np.max(np.abs(volts), initial=0.0))
     run.volt_columns(f"driver:gain_{s}", k, end, mean)
     run.volt_columns(f"driver:deadzone_{s}", k, -np.sign(end), -np.sign(mean))
-    over = SIGN_CURRENT * run.machine.amps
+    over = SIGN_CURRENT * run.scales.amps
     run.volt_columns(f"driver:drop_{s}", k, -np.tanh(i / over), -np.tanh(middles(i) / over))
     for part in LIMITS:
         cut_end, cut_mean = (-np.sign(v) * np.maximum(np.abs(v) - part * top, 0.0) for v in (end, mean))

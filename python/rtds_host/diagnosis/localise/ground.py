@@ -96,7 +96,7 @@ def way_block(run: Signals) -> None:
         climb = np.sin(run.slope) * np.cos(run.heading - run.log.meta.uphill_yaw_rad)
         force = (force + run.mass * GRAVITY_M_S2 * climb) * 0.5
         force = force + (1 if k else -1) * model.get("yaw_inertia") / track**2 * (r[1] * run.acc[1] - r[0] * run.acc[0])
-        lost = -run.w[k] * force
-        run.way_columns(f"wheel_ground:slip_{s}", k, lost)
+        undetermined = -run.w[k] * force
+        run.way_columns(f"wheel_ground:slip_{s}", k, undetermined)
         if run.gyro is not None:
-            run.put(f"wheel_ground:slip_{s}", "turn", (1 if k else -1) * r[k] / track * lost)
+            run.put(f"wheel_ground:slip_{s}", "turn", (1 if k else -1) * r[k] / track * undetermined)

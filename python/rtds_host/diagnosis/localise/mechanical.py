@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2
-from rtds_host.diagnosis.chance import APART, MOVES
 from rtds_host.diagnosis.localise.series import cumulated, filled, middles, near, smooth
 from rtds_host.diagnosis.localise.signals import WINDOW_S, Signals
+from rtds_host.diagnosis.thresholds import CLEAR_RATIO, SIGNIFICANT
 from rtds_host.plant.friction import rolling, stribeck
 from rtds_host.plant.ground import pendulum
 from rtds_host.plant.torque import ANGLE
@@ -89,7 +89,7 @@ def torque_block(run: Signals, k: int) -> None:
         torque = torque - body.lever * model.get("scrub") * body.yaw_sign
     dry = dry + model.get("load_share", k) * np.abs(drive - fluid * mid)
     # A wheel at rest is held by as much friction as it takes.
-    rests = np.abs(middles(smooth(run.w[k], run.half))) < MOVES * run.w_noise[k]
+    rests = np.abs(middles(smooth(run.w[k], run.half))) < SIGNIFICANT * run.w_noise[k]
     torque = torque - np.where(rests, np.clip(torque, -dry, dry), dry * sign_mid)
     torque = torque - model.get("asymmetry", k) * np.abs(sign_mid) - model.get("asymmetry_viscous", k) * np.abs(mid)
     th = run.th[k]
@@ -123,7 +123,7 @@ def _motor_torque(run: Signals, k: int) -> tuple[np.ndarray, float] | None:
         _, raw = run.held(run.volts[k], run.delay)
         return raw * model.get("torque_per_volt") * model.get("gear_ratio") * model.get("voltage_gain", k), 0.0
     if run.voltage_mode:
-        if APART * tau < float(np.median(dt)):
+        if CLEAR_RATIO * tau < float(np.median(dt)):
             # Between rows the current follows voltage and speed; its measured end fixes the level.
             start = (run.v_mean[k] - ke * w[:-1]) / middles(res)
             mean = (
@@ -156,7 +156,7 @@ def _body(run: Signals, k: int) -> _Body:
     pull = pull + lever * moment
     drive_acc = 0.25 * run.mass * r * r * (run.acc[0] + run.acc[1])
     turn_acc = lever * model.get("yaw_inertia") * r * (run.acc[1] - run.acc[0]) / model.get("track")
-    yaw_sign = np.tanh(smooth(run.wheel_rate, run.half) / (SIGN_TURN * run.machine.turn))
+    yaw_sign = np.tanh(smooth(run.wheel_rate, run.half) / (SIGN_TURN * run.scales.turn))
     return _Body(r, lever, pull, climb, side_climb, turn_acc, drive_acc + turn_acc - pull, middles(yaw_sign))
 
 
@@ -197,7 +197,7 @@ def _friction_columns(wheel: _Wheel) -> None:
     put(f"drivetrain:coulomb_{s}", -sign_mid)
     put(f"drivetrain:steady_{s}", np.ones(run.n - 1))
     for fade in FADES:
-        put(f"drivetrain:stribeck{fade:g}_{s}", -sign_mid * np.exp(-((mid / (fade * run.machine.speed)) ** 2)))
+        put(f"drivetrain:stribeck{fade:g}_{s}", -sign_mid * np.exp(-((mid / (fade * run.scales.speed)) ** 2)))
     put(f"drivetrain:viscous_{s}", -max(gear**2 * model.get("viscous", k), 1e-9) * mid)
     put(f"drivetrain:direction_{s}", -np.abs(sign_mid))
     put(f"drivetrain:direction_{s}b", -np.abs(mid))
@@ -211,7 +211,7 @@ def _gear_columns(wheel: _Wheel, body: _Body) -> None:
     run, k, s = wheel.run, wheel.k, wheel.side
     model, t = run.model, run.t
     rate = np.gradient(smooth(body.load, run.half), t)
-    knock = np.gradient(np.tanh(smooth(body.load, run.half) / (SIGN_LOAD * run.machine.torque)), t)
+    knock = np.gradient(np.tanh(smooth(body.load, run.half) / (SIGN_LOAD * run.scales.torque)), t)
     # Speed and angle are those of the gear's output; behind a spring or free play the wheel lags.
     for name, lead in (("spring", rate), ("play", knock)):
         cause = f"drivetrain:{name}_{s}"

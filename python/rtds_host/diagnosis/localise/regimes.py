@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.contract import RunMeta
-from rtds_host.diagnosis.chance import APART, SLIGHT
 from rtds_host.diagnosis.localise.series import smooth
+from rtds_host.diagnosis.thresholds import CLEAR_RATIO, MINOR_SHARE
 
 # Layout: what counts as a reversal, to either side of it, s; as steep, rad; as turning at all, rad/s.
 REVERSES_S, CLIMBS, TURNS = 0.1, 0.02, 0.05
@@ -33,25 +33,25 @@ def regimes(motion: Motion, meta: RunMeta, slope_rad: float, half: int) -> dict[
     speed = np.nanmean(np.abs(slow), axis=0)
     top = float(np.nanmax(speed, initial=0.0))
     forward = np.nanmean(slow, axis=0)
-    result = {"slow": APART * speed < top, "fast": APART * speed >= top}
+    result = {"slow": CLEAR_RATIO * speed < top, "fast": CLEAR_RATIO * speed >= top}
     turned = np.zeros(len(t), bool)
     for w in motion.w:
-        sign = np.sign(np.where(np.abs(w) > SLIGHT * max(top, 1e-9), w, 0.0))
+        sign = np.sign(np.where(np.abs(w) > MINOR_SHARE * max(top, 1e-9), w, 0.0))
         kept = np.flatnonzero(sign)
         for a, b in itertools.pairwise(kept):
             if sign[a] != sign[b]:
                 turned |= (t > t[a] - REVERSES_S) & (t < t[b] + REVERSES_S)
     result["reversal"] = turned
     gain = np.gradient(speed, t) if len(t) > 2 else np.zeros(len(t))
-    result["speeding up"], result["slowing down"] = APART * gain > top, APART * gain < -top
-    result["forwards"], result["backwards"] = forward > SLIGHT * top, forward < -SLIGHT * top
+    result["speeding up"], result["slowing down"] = CLEAR_RATIO * gain > top, CLEAR_RATIO * gain < -top
+    result["forwards"], result["backwards"] = forward > MINOR_SHARE * top, forward < -MINOR_SHARE * top
     if motion.heading is not None and motion.yaw_rate is not None:
         climb = np.sin(slope_rad) * np.cos(motion.heading - meta.uphill_yaw_rad) * np.sign(forward)
         result["uphill"], result["downhill"] = climb > CLIMBS, climb < -CLIMBS
         result["level"] = np.abs(climb) <= CLIMBS
         turn = smooth(motion.yaw_rate, half)
         fast = float(np.nanmax(np.abs(turn), initial=0.0))
-        least = max(SLIGHT * fast, TURNS)
+        least = max(MINOR_SHARE * fast, TURNS)
         result["straight"] = np.abs(turn) < least
         result["turning left"], result["turning right"] = turn >= least, turn <= -least
     result["with payload"] = np.full(len(t), meta.payload_kg > 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from rtds_host.diagnosis.chance import APART
+from rtds_host.diagnosis.thresholds import CLEAR_RATIO
 
 
 class Windows:
@@ -31,7 +31,7 @@ def near(t: np.ndarray, good: np.ndarray) -> np.ndarray:
         return np.zeros(len(t), bool)
     after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
     distance = np.minimum(np.abs(t - at[after - 1]), np.abs(at[after] - t))
-    return distance <= APART * float(np.median(np.diff(at)))
+    return distance <= CLEAR_RATIO * float(np.median(np.diff(at)))
 
 
 @numba.njit(cache=True)

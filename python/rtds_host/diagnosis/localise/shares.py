@@ -6,12 +6,12 @@ import functools
 
 import numpy as np
 
-from rtds_host.diagnosis.chance import FEWEST, MOST, QUARTER_OF_NORMAL, SLIGHT, sigmas
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
 from rtds_host.diagnosis.localise.series import smooth
 from rtds_host.diagnosis.localise.signals import Signals
 from rtds_host.diagnosis.nuisances import MOTOR, PRIOR, SIGMAS, tolerance
+from rtds_host.diagnosis.thresholds import FEWEST_SAMPLES, MAJORITY, MINOR_SHARE, QUARTER_OF_NORMAL, sigmas
 
 # Which subsystem a block's own, unexplained residual speaks of.
 BLOCKS = {
@@ -40,7 +40,7 @@ FAINT = 0.05
 # The signature of a current sensor that lies in whatever way.
 CURRENT_FAULT = "sensing:current_fault"
 # The signature of voltages that act late, one a delay.
-LATE = "timing:late"
+DELAYED = "timing:late"
 # Entries of a model by which a wheel shakes behind its gear.
 LOOSE = ("backlash", "stiffness")
 # Numerical: a block that has left all bounds says no more than that, in units of noise.
@@ -89,7 +89,9 @@ class Sums:
             for name, nuisance in NUISANCES.items()
         }
         # Whether wheels may shake behind their gears: nothing is known of that, or they are known to.
-        self.loose = not known or any(run.model.get(slot, k) for run in runs for slot in LOOSE for k in run.sides)
+        self.loose = not known or any(
+            run.model.get(quantity, k) for run in runs for quantity in LOOSE for k in run.sides
+        )
         # Noise energy that a signature takes with it, made of residuals as it is.
         self.noise_in: dict[str, float] = {}
         self.both = [0.0, 0.0, 0.0]
@@ -120,7 +122,7 @@ class Sums:
         self.count[b] += len(z)
         for regime, mask in which.items():
             inside = mask[at]
-            if inside.sum() >= FEWEST:
+            if inside.sum() >= FEWEST_SAMPLES:
                 entry = self.regimes[b].setdefault(regime, [0.0, 0])
                 entry[0] += float(z[inside] @ z[inside])
                 entry[1] += int(inside.sum())
@@ -237,7 +239,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
     excess = {b: max(energy[b] - count[b], 0.0) for b in blocks}
     groups = sums.groups
     # The column of a speed sensor's fault holds that sensor's noise: it counts only where the two readings disagree.
-    twice = any(excess.get(f"speed_twice_{s}", 0.0) > SLIGHT * count.get(f"speed_twice_{s}", 0) for s in "lr")
+    twice = any(excess.get(f"speed_twice_{s}", 0.0) > MINOR_SHARE * count.get(f"speed_twice_{s}", 0) for s in "lr")
     located = dict.fromkeys(SUBSYSTEMS, 0.0)
     chosen: list[tuple[str, str, float]] = []
     picked: list[int] = list(sums.always)
@@ -253,7 +255,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
     chance = sigmas(len(groups)) ** 2
     for _ in groups:
         best = None
-        for group, members in groups.items():
+        for group, causes in groups.items():
             if (
                 "steady" in group
                 or (group == "sensing:speed_fault" and not twice)
@@ -261,17 +263,17 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
             ):
                 continue
             # Of delays one is there; all of them together would be any filter.
-            for chosen_of in [[j] for j in members] if group == LATE else [members]:
+            for chosen_of in [[j] for j in causes] if group == DELAYED else [causes]:
                 extra = [j for j in chosen_of if j not in picked]
                 value, _ = sums.explained(picked + extra, loose | set(chosen_of))
                 gain = value - explained - 2.0 * len(chosen_of) - sums.noise_in.get(group, 0.0)
                 if best is None or gain > best[0]:
                     best = (gain, group, chosen_of, extra)
-        if best is None or best[0] < max(MOST * left, FAINT * whole, chance):
+        if best is None or best[0] < max(MAJORITY * left, FAINT * whole, chance):
             break
-        gain, group, members, extra = best
+        gain, group, causes, extra = best
         picked += extra
-        loose |= set(members)
+        loose |= set(causes)
         explained, theta = sums.explained(picked, loose)
         chosen.append((group, group.split(":")[0], min(gain / max(whole, gain), 1.0)))
         located[group.split(":")[0]] += gain
@@ -287,7 +289,7 @@ def share(sums: Sums) -> tuple[dict[str, float], list[tuple[str, str, float]], f
                 located[subsystem] += part * left * value / scale if scale > 0 else 0.0
     total = sum(located.values())
     located = {s: float(v / total) if total > 0 else 0.0 for s, v in located.items()}
-    lag = next((float(names[j].split("@")[1]) for j in picked if group_of(names[j]) == LATE), 0.0)
+    lag = next((float(names[j].split("@")[1]) for j in picked if group_of(names[j]) == DELAYED), 0.0)
     return located, chosen, lag
 
 

@@ -9,13 +9,13 @@ import numpy as np
 from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis import gap
 from rtds_host.diagnosis.localise.series import Windows, cumulated, filled, first_order, middles, relaxed, smooth
-from rtds_host.diagnosis.machine import machine_of
 from rtds_host.diagnosis.problem import PIECE_S
 from rtds_host.diagnosis.replay.model import Model
+from rtds_host.diagnosis.scales import scales_of
 from rtds_host.plant.compiled import loop
 from rtds_host.plant.driver import duty
 
-# Blocks start anew from what is measured once a discrepancy has come and gone: the longer, the better small torques
+# Blocks start again from what is measured once a discrepancy has come and gone: the longer, the better small torques
 # show, and the farther a wrong start leads.
 WINDOW_S = PIECE_S
 # Numerical: over how many volts of a bridge, and over what share of the largest speed or how many noises, a sign turns
@@ -52,7 +52,7 @@ class Signals:
 
     def __init__(self, log: RunLog, robot: Robot, model: Model, signatures: bool = True):
         self.log, self.robot, self.model, self.signatures = log, robot, model, signatures
-        self.machine = machine_of(robot, [log])
+        self.scales = scales_of(robot, [log])
         self.t = log.t
         self.dt = np.diff(log.t)
         self.n = len(log.t)

@@ -41,8 +41,8 @@ COULOMB, STRIBECK, STRIBECK_W = side_indices("coulomb", "stribeck", "stribeck_sp
 VISCOUS_W, ASYM, ASYM_V, LOAD = side_indices("viscous_wheel", "asymmetry", "asymmetry_viscous", "load_share")
 BACKLASH, RESTITUTION, STIFF, DAMP = side_indices("backlash", "restitution", "stiffness", "damping")
 SLIP, SLIP_LENGTH, SLIP_DAMPING, SLIP_GRIP = side_indices("slip", "slip_relaxation", "slip_damping", "slip_grip")
-W_GAIN, I_GAIN, I_BIAS, W_TAU, W_LATE = side_indices(
-    "speed_gain", "current_gain", "current_bias", "speed_tau", "speed_late"
+W_GAIN, I_GAIN, I_BIAS, W_TAU, W_DELAY = side_indices(
+    "speed_gain", "current_gain", "current_bias", "speed_tau", "speed_delay"
 )
 C_GAIN = SIDE_INDEX["command_gain"]
 GEAR, SUPPLY, MASS, IZ, JW, TRACK = common_indices(
@@ -93,13 +93,13 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     angle : (m, 2) rad, the wheels' measured angles at the same times, which a ripple then follows, or (0, 2): a replay
     drifts,
         and what repeats twelve times a turn is soon out of step.
-    side : (2, len(SIDE)); com : (len(COMMON),), see `slots`; curves : (2, MOST, WIDTH) forms, see `plant.forms`.
+    side : (2, len(SIDE)); com : (len(COMMON),), see `layout`; curves : (2, MOST_FORMS, WIDTH) forms, see `plant.forms`.
     run : (4,) payload kg, slope rad, uphill yaw rad, time s at which the run began.
     start : (15,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at t[0], w_l, w_r, i_l, i_r as reported there (currents: NaN
     where not), and what
         of these currents noise may be.
     h_max : s, longest step; h_play : s, the same while a rotor is within its free play, where it meets a flank next.
-    out : (n, 11) filled with what the sensors would report, columns as `slots.OUTPUTS`.
+    out : (n, 11) filled with what the sensors would report, columns as `layout.OUTPUTS`.
 
     A state that leaves the finite numbers fills the remaining rows with 1e6.
     """
@@ -140,7 +140,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
         th[k] = start[3 + k] / side[k, W_GAIN]
         w[k] = start[5 + k] / side[k, W_GAIN]
         wm[k] = w[k]
-        wf[k] = sensors.behind(w[k], start[9 + k] / side[k, W_GAIN], side[k, W_TAU], side[k, W_LATE])
+        wf[k] = sensors.behind(w[k], start[9 + k] / side[k, W_GAIN], side[k, W_TAU], side[k, W_DELAY])
         cur[k] = sensors.begun(start[7 + k], start[11 + k], start[13 + k], side[k, I_GAIN], side[k, I_BIAS])
         if side[k, STIFF] > 0.0:
             contact[k] = gear.SPRING
@@ -176,7 +176,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
         for k in range(2):
             shear_tau[k] = ground.shear_time(side[k, SLIP_DAMPING], side[k, SLIP], side[k, SLIP_LENGTH])
             grip[k] = ground.grip_of(side[k, SLIP_GRIP], mass)
-    # Inverse of the body's inertia for (v, yaw rate): the centre of mass beside the axle couples them.
+    # Inverse of the body's inertia for (v, yaw rate): the centre of mass next to the axle couples them.
     i22 = 1.0 / (com[IZ] - mass * com[COM_Y] ** 2) if axis == 0 else 1.0
     i12 = com[COM_Y] * i22
     i11 = 1.0 / mass + com[COM_Y] * i12 if axis == 0 else 1.0
@@ -229,7 +229,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     kc = 0  # next command to act, at t_cmd[kc] + dc
     ka = 0  # next delayed sample, the state at t[ka] - dm
     kw = np.zeros(2, np.int64)  # next sample of a speed that is later than that by its own delay, where it is
-    lagging = side[0, W_LATE] > 0.0 or side[1, W_LATE] > 0.0
+    lagging = side[0, W_DELAY] > 0.0 or side[1, W_DELAY] > 0.0
     kp = 0  # next pose sample, at t[kp] - dp
     servo_next = t[0]
     bus = supply
@@ -256,11 +256,11 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             out[ka, 0] = bus
             for k in range(2):
                 out[ka, 1 + k] = sensors.scaled(cur[k], side[k, I_GAIN], side[k, I_BIAS])
-                if side[k, W_LATE] <= 0.0:
+                if side[k, W_DELAY] <= 0.0:
                     out[ka, 3 + k] = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
                 if formed:
                     out[ka, 1 + k] += forms.reads(curves[k], CURRENT, OVER_I + 1, out[ka, 1 + k])
-                    if side[k, W_LATE] <= 0.0:
+                    if side[k, W_DELAY] <= 0.0:
                         out[ka, 3 + k] += forms.reads(curves[k], SPEED, OVER_W + 1, out[ka, 3 + k])
                 out[ka, 5 + k] = (th[k] + before * play[k]) * side[k, W_GAIN]
             out[ka, 7] = sensors.scaled(rate, com[GYRO_GAIN], com[GYRO_BIAS])
@@ -269,8 +269,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             ka += 1
         if lagging:
             for k in range(2):
-                later = dm + side[k, W_LATE]
-                while side[k, W_LATE] > 0.0 and kw[k] < n and t[kw[k]] - later <= now + 1e-9:
+                later = dm + side[k, W_DELAY]
+                while side[k, W_DELAY] > 0.0 and kw[k] < n and t[kw[k]] - later <= now + 1e-9:
                     speed = (wf[k] if side[k, W_TAU] > 0.0 else seen[k]) * side[k, W_GAIN]
                     if formed:
                         speed += forms.reads(curves[k], SPEED, OVER_W + 1, speed)
@@ -316,8 +316,8 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             ahead = min(ahead, t[ka] - dm)
         if lagging:
             for k in range(2):
-                if side[k, W_LATE] > 0.0 and kw[k] < n:
-                    ahead = min(ahead, t[kw[k]] - dm - side[k, W_LATE])
+                if side[k, W_DELAY] > 0.0 and kw[k] < n:
+                    ahead = min(ahead, t[kw[k]] - dm - side[k, W_DELAY])
         if kc < m:
             ahead = min(ahead, t_cmd[kc] + dc)
         if mode == 2:

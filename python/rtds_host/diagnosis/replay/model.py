@@ -10,10 +10,10 @@ import numba
 import numpy as np
 
 from rtds_host.contract import Robot, RunLog
-from rtds_host.diagnosis.chance import MOVES
 from rtds_host.diagnosis.replay import kernel
-from rtds_host.diagnosis.replay.lanes import replay_lanes
-from rtds_host.diagnosis.replay.slots import COMMON, COMMON_INDEX, OUTPUT_INDEX, OUTPUTS, SIDE, SIDE_INDEX
+from rtds_host.diagnosis.replay.layout import COMMON, COMMON_INDEX, OUTPUT_INDEX, OUTPUTS, SIDE, SIDE_INDEX
+from rtds_host.diagnosis.replay.simd import replay_batch
+from rtds_host.diagnosis.thresholds import SIGNIFICANT
 from rtds_host.plant.forms import no_forms
 
 # Numerical: longest step of the search: its error moves no sample by more than about a quarter of its noise (steps of
@@ -25,8 +25,8 @@ SLIP_STEP_S = 8.4e-4
 FINE_STEP_S = 4.0e-4
 # Numerical: how much longer steps are where replays are only compared with one another, and where one has a spring.
 COARSER, COARSER_SPRING = 3.0, 2.0
-# Numerical: from how many at a time, in the mean, replays are done sooner abreast than one by one; with springs, with
-# free play, and with free play and slip.
+# Numerical: from how many at a time, in the mean, replays are done sooner in a batch than one by one; with springs,
+# with free play, and with free play and slip.
 FEWEST, FEWEST_OF_SPRINGS, FEWEST_OF_PLAY, FEWEST_OF_PLAY_AND_SLIP = 2.2, 2.6, 4.0, 3.0
 # Numerical: a spring's step in its fastest swing: the errors then are those above at any stiffness that swings visibly.
 SPRING_STEP_RAD = 0.1
@@ -102,7 +102,7 @@ class Model:
         arm = self.get("axis_arm")
         if self.get("axis") > 0:
             return self.get("axis_inertia") + self.get("axis_mass") * arm**2
-        # The declared mass: what a run carries beside it only slows the swing.
+        # The declared mass: what a run carries next to it only slows the swing.
         mass, half = self.get("mass"), 0.5 * self.get("track")
         if mass <= 0.0:
             return 0.0
@@ -123,20 +123,20 @@ class Model:
 
     @property
     def waits(self) -> bool:
-        """Whether lanes wait for one another where its replays go abreast: for their free play."""
+        """Whether lanes wait for one another where its replays go in a batch: for their free play."""
         return self._has("backlash")
 
     @property
     def fewest(self) -> float:
-        """How many of its replays must go on at a time, in the mean, to be done sooner abreast than one by one. A
-        tyre's shear costs little abreast; where lanes wait for one another's free play, much."""
+        """How many of its replays must go on at a time, in the mean, to be done sooner in a batch than one by one. A
+        tyre's shear costs little in a batch; where lanes wait for one another's free play, much."""
         if self.waits:
             return FEWEST_OF_PLAY_AND_SLIP if self._has("slip") else FEWEST_OF_PLAY
         return FEWEST_OF_SPRINGS if self._has("stiffness") else FEWEST
 
     @property
-    def abreast(self) -> bool:
-        """Whether its replays can go abreast, see `lanes`."""
+    def batched(self) -> bool:
+        """Whether its replays can go in a batch, see `simd`."""
         common, index = self.common, COMMON_INDEX
         return bool(common[index["axis"]] == 0.0 and common[index["mode"]] == 0.0)
 
@@ -216,12 +216,12 @@ def start_state(log: RunLog, robot: Robot) -> np.ndarray:
         if values is None or not np.isfinite(values[0]):
             continue
         noise = robot.noise(name) or 0.0
-        if robot.axis is not None or abs(values[0]) > MOVES * noise + 1e-9:
+        if robot.axis is not None or abs(values[0]) > SIGNIFICANT * noise + 1e-9:
             start[5 + k] = values[0]
     start[9:11] = start[5:7]
     start[11:13] = np.where(start[7:9] != 0.0, start[7:9], np.nan)
     if robot.axis is None:
-        start[13:] = [MOVES * (robot.noise(name) or 0.0) for name in ("i_l", "i_r")]
+        start[13:] = [SIGNIFICANT * (robot.noise(name) or 0.0) for name in ("i_l", "i_r")]
     return start
 
 
@@ -391,8 +391,8 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
 
 def _on_clocks(model: Model, t: np.ndarray, out: np.ndarray) -> None:
     """Let a replay's outputs (n, 11) at times t (n,) come from the clocks of their devices."""
-    for slot, columns in CLOCKS.items():
-        if late := model.get(slot):
+    for quantity, columns in CLOCKS.items():
+        if late := model.get(quantity):
             _delay(t, late, out[:, columns])
 
 
@@ -416,8 +416,8 @@ def _delay(t, late, values):
                 values[i, k] = before[row, k]
 
 
-class Abreast:
-    """Several runs one after another in memory, for replays that go abreast, see `lanes`."""
+class ReplayBatch:
+    """Several runs one after another in memory, for replays that go in a batch, see `simd`."""
 
     def __init__(self, inputs: list[tuple[np.ndarray, ...]]):
         self.inputs = inputs
@@ -432,22 +432,22 @@ class Abreast:
         self.order = np.argsort(-np.diff(self.rows), kind="stable")
 
     def worth(self, models: list[Model], threads: int) -> bool:
-        """Whether replays of some models are done sooner abreast: how many go on at a time in the mean, with the
-        longest run's to wait for. One by one they are shared out by runs; abreast a core has whole models, and others
-        may have none."""
+        """Whether replays of some models are done sooner in a batch: how many go on at a time in the mean, with the
+        longest run's to wait for. One by one they are shared out by runs; in a batch a core has whole models, and
+        others may have none."""
         fewest = max((model.fewest for model in models), default=math.inf) * max(threads / max(len(models), 1), 1.0)
         return len(models) * float(self.rows[-1]) >= fewest * max(float(np.diff(self.rows).max(initial=0)), 1.0)
 
     def replay(self, models: list[Model], steps: Sequence[float | None] | None = None) -> np.ndarray:
-        """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `abreast`; steps : as of
+        """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `batched`; steps : as of
         `replay_run`.
         """
         steps = steps or [None] * len(models)
         out = np.empty((len(models), self.rows[-1], len(OUTPUTS)))
         which = np.array([(k, run) for run in self.order for k in range(len(models))])
-        # Where a run begins may have been estimated anew.
+        # Where a run begins may have been estimated again.
         starts = np.array([run[6] for run in self.inputs])
-        replay_lanes(
+        replay_batch(
             self.t,
             self.rows,
             self.t_cmd,

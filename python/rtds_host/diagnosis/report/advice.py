@@ -12,11 +12,11 @@ from rtds_host.diagnosis.report.words import (
     by_share,
     channel_name,
     enumerated,
+    indistinguishable_from,
     listed_name,
     manoeuvre,
     percent,
     plain_name,
-    twins_of,
 )
 
 # Where to look by hand, by the place of what has no name.
@@ -71,10 +71,10 @@ def _of_effect(diagnosis: dict[str, Any], effect: dict[str, Any]) -> tuple[str, 
     """One blamed effect: a check first; a remedy only where nothing else would show the same."""
     known = CATALOGUE[effect["id"]]
     name = listed_name(effect)
-    if twins := twins_of(diagnosis, effect):
-        names = enumerated([listed_name(one) for one in (effect, *twins)], "or")
+    if indistinguishable := indistinguishable_from(diagnosis, effect):
+        names = enumerated([listed_name(one) for one in (effect, *indistinguishable)], "or")
         title = f"Find out which it is before you change anything: {names} would look the same in these runs."
-        return title, [f"{listed_name(one)}: {CATALOGUE[one['id']].check}" for one in (effect, *twins)]
+        return title, [f"{listed_name(one)}: {CATALOGUE[one['id']].check}" for one in (effect, *indistinguishable)]
     others = enumerated([plain_name(other) for other in known.confused_with], "or")
     return (
         f"{name[0].upper()}{name[1:]}: check it on the robot.",
@@ -111,10 +111,10 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
     show the cause itself.
     """
     verdict, gap = diagnosis["verdict"], diagnosis["gap"]
-    rest = gap.get("rest") or {}
+    residual = gap.get("rest") or {}
     steps: list[tuple[str, list[str]]] = []
     if verdict == "none":
-        lost = details.localisation.lost if details.localisation is not None else ()
+        undetermined = details.localisation.undetermined if details.localisation is not None else ()
         possible = exportable(details.case.robot)
         return [
             (
@@ -123,7 +123,7 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
             ),
             (
                 UNLIKE,
-                [f"These runs cannot show everything: {text}." for text in lost]
+                [f"These runs cannot show everything: {text}." for text in undetermined]
                 + ([PLAN.format("a run to judge the simulator on")] if possible else []),
             ),
         ]
@@ -136,7 +136,7 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
             )
     steps += [_of_effect(diagnosis, effect) for effect in by_share(diagnosis)]
     if verdict in ("partial", "unknown"):
-        place = rest.get("subsystem")
+        place = residual.get("subsystem")
         words = f"the {SUBSYSTEM_WORDS[place]}" if place else "a place that is not known"
         nameless = sum(row["share"] for row in diagnosis["budget"] if row["what"] == "rest")
         title = (
@@ -169,7 +169,7 @@ def next_steps(diagnosis: dict[str, Any], details: Details) -> list[tuple[str, l
             else ("Meanwhile the simulator can have what was found")
         )
         below = _into_simulators(details.case.robot)
-        if any(twins_of(diagnosis, effect) for effect in diagnosis["effects"]):
+        if any(indistinguishable_from(diagnosis, effect) for effect in diagnosis["effects"]):
             below.append(
                 "Causes that look the same here may differ in other driving: trust it for driving like these runs."
             )

@@ -7,7 +7,7 @@ from typing import Any
 
 from rtds_host.diagnosis.report.words import budget_words, percent
 
-# M. Okabe, K. Ito, 2008: told apart by colour-blind readers, too; a pattern each, for print without colours. The ink
+# M. Okabe, K. Ito, 2008: distinguished by colour-blind readers, too; a pattern each, for print without colours. The ink
 # that can be read on each.
 _COLOURS = (
     ("#0072b2", "#ffffff"),

@@ -14,13 +14,13 @@ from rtds_host.diagnosis.report.words import (
     effect_name,
     enumerated,
     explanation_name,
+    indistinguishable_from,
     key_unit,
     listed_name,
     number,
     parameter_name,
     percent,
     scatter_words,
-    twins_of,
     value_words,
 )
 
@@ -60,8 +60,8 @@ def _parameter_cell(effect: dict[str, Any], shown: str, name: str) -> str:
 def _surely(diagnosis: dict[str, Any], effect: dict[str, Any], details: Details) -> str:
     """Probability that a cause is present, and what is known of how constant and how repeatable it is."""
     text = escape(percent(effect["probability"]))
-    if twins := twins_of(diagnosis, effect):
-        text += _small(f"shared with {enumerated([listed_name(twin) for twin in twins], 'and')}")
+    if indistinguishable := indistinguishable_from(diagnosis, effect):
+        text += _small(f"shared with {enumerated([listed_name(equal) for equal in indistinguishable], 'and')}")
     text += _small(scatter_words(effect))
     if repeats := details.repeats.get((effect["id"], effect["side"])):
         text += _small(f"found on {repeats[0]} of {repeats[1]} halves of the data")
@@ -69,7 +69,7 @@ def _surely(diagnosis: dict[str, Any], effect: dict[str, Any], details: Details)
 
 
 def _effect_rows(diagnosis: dict[str, Any], effect: dict[str, Any], details: Details) -> list[tuple[list[str], str]]:
-    """Cells and attributes of an effect's rows, a row a parameter; what holds for all stands in the first."""
+    """Cells and attributes of an effect's rows, a row a parameter; what holds for all is in the first."""
     decided = details.decided.get((effect["id"], effect["side"]))
     channel = (
         f"{channel_name(decided[0])}: {number(decided[1])} without it, {number(decided[2])} with it" if decided else ""

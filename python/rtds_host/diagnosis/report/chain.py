@@ -15,7 +15,7 @@ _SIGNALS = ("command", "", "voltage", "current, torque", "wheel speed", "force",
 def chain(located: list[dict[str, Any]]) -> str:
     """The chain from command to log, in a row or, on a narrow page, in a column; `located` as in the contract.
 
-    The darker a block, the larger its share, which stands in it as well.
+    The darker a block, the larger its share, which is in it as well.
     """
     shares = {entry["subsystem"]: entry["share"] for entry in located}
     parts = []

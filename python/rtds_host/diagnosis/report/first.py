@@ -15,6 +15,7 @@ from rtds_host.diagnosis.report.words import (
     enumerated,
     form_name,
     headline,
+    indistinguishable_from,
     key_unit,
     listed_name,
     number,
@@ -22,7 +23,6 @@ from rtds_host.diagnosis.report.words import (
     percent,
     scatter_words,
     sureness,
-    twins_of,
     unit_of,
 )
 
@@ -63,13 +63,15 @@ def sizes(effect: dict[str, Any], details: Details) -> list[str]:
 
 def _cause(diagnosis: dict[str, Any], effect: dict[str, Any], details: Details, share: float | None) -> str:
     """One line: name, size, share, how sure, how constant, what it may be confused with."""
-    twins = twins_of(diagnosis, effect)
+    indistinguishable = indistinguishable_from(diagnosis, effect)
     pieces = [
         ", ".join(sizes(effect, details)),
         f"{percent(share)} of the difference" if share is not None else "",
-        "" if twins else sureness(effect["probability"]),
+        "" if indistinguishable else sureness(effect["probability"]),
         scatter_words(effect),
-        f"looks the same here: {enumerated([listed_name(twin) for twin in twins], 'or')}" if twins else "",
+        f"looks the same here: {enumerated([listed_name(equal) for equal in indistinguishable], 'or')}"
+        if indistinguishable
+        else "",
     ]
     listed = " · ".join(escape(piece) for piece in pieces if piece)
     return f'<li data-id="{escape(effect["id"])}"><b>{escape(listed_name(effect))}</b>: {listed}</li>'

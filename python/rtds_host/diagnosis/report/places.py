@@ -42,28 +42,30 @@ def _blocks(details: Details, blamed: bool) -> str:
         *([("with effects", True)] if after else []),
         ("worst where", False),
     ]
-    lost = (
-        '<p class="small soft" id="lost">' + escape("; ".join(local.lost)).capitalize() + ".</p>" if local.lost else ""
+    undetermined = (
+        '<p class="small soft" id="lost">' + escape("; ".join(local.undetermined)).capitalize() + ".</p>"
+        if local.undetermined
+        else ""
     )
     return (
         "<h3>Each block on its own, driven by measured signals (units of noise; a perfect robot scores 1)</h3>"
         + table(head, rows, [f'data-block="{b.name}"' for b in local.blocks], "blocks")
-        + lost
+        + undetermined
     )
 
 
 def _rest(diagnosis: dict[str, Any]) -> str:
-    rest = diagnosis["gap"].get("rest") or {}
-    if rest.get("share") is None or diagnosis["verdict"] == "none":
+    residual = diagnosis["gap"].get("rest") or {}
+    if residual.get("share") is None or diagnosis["verdict"] == "none":
         return ""
-    structured = rest.get("structured")
+    structured = residual.get("structured")
     if diagnosis["effects"]:
-        text = f"The named effects leave {percent(rest['share'])} of the refitted robot's gap beyond 1"
+        text = f"The named effects leave {percent(residual['share'])} of the refitted robot's gap beyond 1"
         text += f", {'with' if structured else 'without'} structure"
     else:
         text = f"The gap is {'structured' if structured else 'without structure'}"
-    if structured and rest.get("subsystem"):
-        text += f", mostly in the {SUBSYSTEM_WORDS.get(rest['subsystem'], rest['subsystem'])}"
+    if structured and residual.get("subsystem"):
+        text += f", mostly in the {SUBSYSTEM_WORDS.get(residual['subsystem'], residual['subsystem'])}"
     return f'<p id="rest">{escape(text)}.</p>'
 
 

@@ -42,8 +42,8 @@ def validate(diagnosis: dict[str, Any]) -> None:
         )
     _check_forms(diagnosis)
     blamed = {(e["id"], e["side"]) for e in diagnosis["effects"]}
-    for members in diagnosis["indistinguishable"]:
-        if not blamed & {(m["id"], m["side"]) for m in members}:
+    for causes in diagnosis["indistinguishable"]:
+        if not blamed & {(m["id"], m["side"]) for m in causes}:
             raise ValueError("diagnosis.json: indistinguishable: a set holds no named effect")
     open_end = verdict in ("partial", "unknown") or diagnosis["indistinguishable"]
     if open_end and diagnosis["next_experiment"] is None:

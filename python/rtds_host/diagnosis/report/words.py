@@ -29,7 +29,7 @@ CHANNEL_WORDS = {
     "y": "position y",
     "yaw": "heading",
 }
-# Values of robot.toml and parameters of effects in words; the files' own names stand beside them in small type.
+# Values of robot.toml and parameters of effects in words; the files' own names stand next to them in small type.
 KEY_NAMES = {
     "resistance_ohm": "winding resistance",
     "inductance_h": "winding inductance",
@@ -278,7 +278,10 @@ def headline(diagnosis: dict[str, Any]) -> str:
             f". Most of the difference shows in the {place}." if place else "."
         )
     several = len(diagnosis["effects"]) > LISTED
-    names = [enumerated([listed_name(one) for one in (e, *twins_of(diagnosis, e))], "or") for e in by_share(diagnosis)]
+    names = [
+        enumerated([listed_name(one) for one in (e, *indistinguishable_from(diagnosis, e))], "or")
+        for e in by_share(diagnosis)
+    ]
     # Beyond two, names and look-alikes stand in the list below.
     listed = f"{len(names)} causes" if several else enumerated(names, "and")
     listed = listed[0].upper() + listed[1:]
@@ -298,14 +301,14 @@ def manoeuvre(plan: dict[str, Any]) -> str:
     return scenario + (f" with a payload of {payload} kg" if payload else "")
 
 
-def twins_of(diagnosis: dict[str, Any], effect: dict[str, Any]) -> list[dict[str, str]]:
+def indistinguishable_from(diagnosis: dict[str, Any], effect: dict[str, Any]) -> list[dict[str, str]]:
     """What these runs cannot tell from a blamed effect."""
     me = (effect["id"], effect["side"])
     return [
         m
-        for members in diagnosis["indistinguishable"]
-        if me in {(m["id"], m["side"]) for m in members}
-        for m in members
+        for causes in diagnosis["indistinguishable"]
+        if me in {(m["id"], m["side"]) for m in causes}
+        for m in causes
         if (m["id"], m["side"]) != me
     ]
 
@@ -319,8 +322,8 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
             f"Nothing is missing: with its motor values refitted, the nominal robot explains these runs; the gap is "
             f"{number(refit)} times the sensors' noise."
         )
-    rest = gap.get("rest") or {}
-    place = SUBSYSTEM_WORDS.get(rest.get("subsystem") or "")
+    residual = gap.get("rest") or {}
+    place = SUBSYSTEM_WORDS.get(residual.get("subsystem") or "")
     if not effects:
         text = "There is a gap, and no effect of the catalogue has evidence of its own"
         return text + (f"; most of it lies in the {place}." if place else ".")
@@ -334,20 +337,20 @@ def verdict_sentence(diagnosis: dict[str, Any]) -> str:
     share = f", {percent_closed(closed)} of it closed" if closed is not None else ""
     each = "each at least " if len(effects) > 1 else ""
     sure = f": {each}{percent(min(e['probability'] for e in effects))} probable"
-    probable = "" if any(twins_of(diagnosis, e) for e in effects) else sure
+    probable = "" if any(indistinguishable_from(diagnosis, e) for e in effects) else sure
     where = "On halves of the run" if len(diagnosis.get("held_out_runs") or []) == 1 else "On runs"
     text = (
         f"{names[:1].upper()}{names[1:]}{probable}. {where} not used for the fit the gap falls "
         f"from {number(refit)} to {number(after)} times the sensors' noise{share}."
     )
     if diagnosis["verdict"] == "partial":
-        text += f" {percent(rest.get('share'))} of it is unmodelled" + (
+        text += f" {percent(residual.get('share'))} of it is unmodelled" + (
             f", most of that in the {place}." if place else "."
         )
     blamed = {(e["id"], e["side"]): e["probability"] for e in effects}
-    for members in diagnosis["indistinguishable"]:
-        mine = [m for m in members if (m["id"], m["side"]) in blamed]
-        others = [m for m in members if (m["id"], m["side"]) not in blamed]
+    for causes in diagnosis["indistinguishable"]:
+        mine = [m for m in causes if (m["id"], m["side"]) in blamed]
+        others = [m for m in causes if (m["id"], m["side"]) not in blamed]
         if mine and others:
             text += (
                 f" These runs cannot tell {effect_name(mine[0])} from "

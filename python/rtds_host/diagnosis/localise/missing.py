@@ -5,8 +5,8 @@ from __future__ import annotations
 from rtds_host.contract import Case
 
 
-def lost(case: Case) -> tuple[str, ...]:
-    """What the channels that are missing keep from being told apart, in words."""
+def undetermined(case: Case) -> tuple[str, ...]:
+    """What the channels that are missing keep from being distinguished, in words."""
     robot = case.robot
 
     def there(*names: str) -> bool:

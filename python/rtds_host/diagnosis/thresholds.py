@@ -11,15 +11,15 @@ from statistics import NormalDist
 FALSE_ALARM = 1e-6
 # A handful, as a share of the samples: what fewer do is an accident, what more do is how the channel or its logger
 # works.
-HANDFUL = 0.01
+FEW_SHARE = 0.01
 # The larger part: more is so than is not.
-MOST = 0.5
-# A tenth: a part of a thing that is slight beside it.
-SLIGHT = 0.1
+MAJORITY = 0.5
+# A tenth: a part of a thing that is slight against it.
+MINOR_SHARE = 0.1
 # What is of one size is so to a fifth where little else is wrong; a factor that is missed by more is a gain.
-SAME = 0.2
-# What stands apart is so many times what is beside it.
-APART = 3.0
+EQUAL_WITHIN = 0.2
+# What stands apart is so many times what is next to it.
+CLEAR_RATIO = 3.0
 
 
 def sigmas(count: int = 1) -> float:
@@ -38,9 +38,9 @@ def in_a_row(share: float, count: int = 1) -> float:
     )
 
 
-def handful(count: int) -> float:
+def few(count: int) -> float:
     """Most of `count` samples that are a handful: one always is."""
-    return max(1.0, HANDFUL * count)
+    return max(1.0, FEW_SHARE * count)
 
 
 # Numerical: lower quarter, median and mean of the magnitude of a normal variable of unit variance.
@@ -50,10 +50,10 @@ QUARTER_OF_NORMAL, MEDIAN_OF_NORMAL, MEAN_OF_NORMAL = (
     math.sqrt(2.0 / math.pi),
 )
 # Numerical: correlation of what follows at all: most of it is explained.
-FOLLOWS = math.sqrt(MOST)
+CORRELATED = math.sqrt(MAJORITY)
 # One sample that is so many standard deviations off is more than noise.
-MOVES = sigmas()
+SIGNIFICANT = sigmas()
 # Fewest samples that say anything: so many lie on one side of their median as seldom.
-FEWEST = math.ceil(in_a_row(0.5))
+FEWEST_SAMPLES = math.ceil(in_a_row(0.5))
 # Correlation of what is followed closely: all that differs is noise, of a motion that is just more than it.
-CLOSELY = MOVES / math.hypot(1.0, MOVES)
+CLOSELY_CORRELATED = SIGNIFICANT / math.hypot(1.0, SIGNIFICANT)

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
+from rtds_host.cleanup import end_running, run_supervised, temporary_folder
 from rtds_host.contract import staged_folder, write_atomic
-from rtds_host.remains import end_running, run_guarded, temporary_folder
-from rtds_host.spread import on_threads
+from rtds_host.workers import on_threads
 
 WRITES = """
 import sys, time
 from pathlib import Path
 from rtds_host.contract import staged_folder
-from rtds_host.remains import new_file, temporary_folder
+from rtds_host.cleanup import new_file, temporary_folder
 with temporary_folder(), staged_folder({target!r}) as scratch:
     (scratch / "half").write_text("half")
     kept = new_file({place!r}, "table.csv")
@@ -27,11 +27,11 @@ with temporary_folder(), staged_folder({target!r}) as scratch:
 """
 STARTS = """
 import sys
-from rtds_host.remains import run_guarded
+from rtds_host.cleanup import run_supervised
 child = "import subprocess, sys, time; " \\
         "p = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)']); " \\
         "open(sys.argv[1], 'w').write(str(p.pid)); time.sleep(60)"
-run_guarded([sys.executable, "-c", child, sys.argv[1]])
+run_supervised([sys.executable, "-c", child, sys.argv[1]])
 """
 
 
@@ -110,7 +110,7 @@ def test_a_program_and_what_it_started_end_with_the_killed_process(tmp_path):
 
 def test_a_program_that_takes_too_long_is_ended():
     with pytest.raises(subprocess.TimeoutExpired):
-        run_guarded([sys.executable, "-c", "import time; time.sleep(600)"], timeout_s=0.2)
+        run_supervised([sys.executable, "-c", "import time; time.sleep(600)"], timeout_s=0.2)
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_a_program_that_takes_too_long_is_ended():
     ],
 )
 def test_a_guarded_program_ends_as_it_would_alone(program, status):
-    done = run_guarded(
+    done = run_supervised(
         [
             sys.executable,
             "-c",
@@ -134,12 +134,12 @@ def test_a_guarded_program_ends_as_it_would_alone(program, status):
 
 
 def test_a_program_that_is_not_there_is_said():
-    done = run_guarded(["/no/such/program"])
+    done = run_supervised(["/no/such/program"])
     assert done.returncode == 127 and "/no/such/program: cannot be started" in done.stderr
 
 
 def wait_long(note: str) -> int:
-    return run_guarded(
+    return run_supervised(
         [sys.executable, "-c", f"import os, time; open({note!r}, 'w').write(str(os.getpid())); time.sleep(60)"]
     ).returncode
 
@@ -165,7 +165,7 @@ def test_a_pool_ends_though_a_process_of_it_was_ended_in_the_middle_of_its_resul
     script.write_text("""
 import os, struct
 from contextlib import suppress
-from rtds_host.spread import process_pool
+from rtds_host.workers import process_pool
 
 if __name__ == "__main__":
     with suppress(KeyError), process_pool(1) as pool:
@@ -180,8 +180,8 @@ if __name__ == "__main__":
 
 def test_no_descriptor_of_the_lifeline_reaches_another_program():
     """Else its end would never come while that program lives."""
-    run_guarded([sys.executable, "-c", "pass"])
-    shown = run_guarded([sys.executable, "-c", "import os; print(sorted(os.listdir('/proc/self/fd')))"])
+    run_supervised([sys.executable, "-c", "pass"])
+    shown = run_supervised([sys.executable, "-c", "import os; print(sorted(os.listdir('/proc/self/fd')))"])
     assert len(ast.literal_eval(shown.stdout)) <= 4
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2, Robot, RunLog
-from rtds_host.diagnosis.chance import HANDFUL
+from rtds_host.diagnosis.thresholds import FEW_SHARE
 
 # Physical: a run's length for what is asked of a robot without runs: that of a manoeuvre of the scenarios' menu.
 USUAL_RUN_S = 20.0
@@ -24,7 +24,7 @@ OF_RUNS, OF_SPEEDS_MET, OF_ASKED = {"run", "decline"}, {"speed", "viscous", "tre
 
 
 @dataclass(frozen=True)
-class Machine:
+class Scales:
     """Scales in SI, at the wheel's side of the gear; 1 where a machine has no such thing.
 
     torque : N·m, at stall (torque mode: at the largest command); speed : rad/s, without load (torque mode: the largest
@@ -86,7 +86,7 @@ class Machine:
         return 2.0 * self.radius * self.speed / self.track
 
 
-def machine_of(robot: Robot, runs: Sequence[RunLog] = ()) -> Machine:
+def scales_of(robot: Robot, runs: Sequence[RunLog] = ()) -> Scales:
     """Scales of a robot or an axis; `runs`: its logs, which say how fast and how long it ran where its file
     does not.
     """
@@ -109,8 +109,8 @@ def machine_of(robot: Robot, runs: Sequence[RunLog] = ()) -> Machine:
     body = robot.chassis
     if body is None:
         run = max(longest, 1e-3)
-        return Machine(abs(torque), speed, volts, ohm, amps, loss, run=run, asked=asked, movable=_movable(robot))
-    return Machine(
+        return Scales(abs(torque), speed, volts, ohm, amps, loss, run=run, asked=asked, movable=_movable(robot))
+    return Scales(
         abs(torque),
         speed,
         volts,
@@ -159,8 +159,10 @@ def _met(runs: Sequence[RunLog]) -> float:
         for side in "lr":
             w, th = log.columns.get(f"w_{side}"), log.columns.get(f"th_{side}")
             if w is not None and np.isfinite(w).any():
-                found = max(found, float(np.nanquantile(np.abs(w), 1.0 - HANDFUL)))
+                found = max(found, float(np.nanquantile(np.abs(w), 1.0 - FEW_SHARE)))
             elif th is not None and np.isfinite(th).sum() > 2:
                 good = np.isfinite(th)
-                found = max(found, float(np.quantile(np.abs(np.diff(th[good]) / np.diff(log.t[good])), 1.0 - HANDFUL)))
+                found = max(
+                    found, float(np.quantile(np.abs(np.diff(th[good]) / np.diff(log.t[good])), 1.0 - FEW_SHARE))
+                )
     return found if found > 0.0 and math.isfinite(found) else 1.0

@@ -1,4 +1,4 @@
-"""The inner loop for robots driven by voltages, eight replays abreast.
+"""The inner loop for robots driven by voltages, eight replays in a SIMD batch.
 
 A step waits for itself: each of its operations needs the one before. Eight replays that do not wait for one another
 fill a processor's vector unit instead. Each lane goes through events and steps of its own and begins the next job when
@@ -23,18 +23,18 @@ from rtds_host.plant.torque import functions
 from rtds_host.plant.torques import TORQUES
 
 # Numerical: numbers in a vector register of the widest processors; narrower ones take two or four for it.
-LANES = 8
+SIMD_WIDTH = 8
 # Numerical: s, the time of what does not come any more.
 NEVER = 1e300
 # Numerical: s over a span, what its steps may be longer or shorter and still count as alike.
 ALIKE_S = 1e-10
 
-# Rows of the state, each `LANES` long, at these offsets: of a side, twice, its parameters first, in the schema's order;
-# of the robot, likewise; and of what is the same in a run.
+# Rows of the state, each `SIMD_WIDTH` long, at these offsets: of a side, twice, its parameters first, in the schema's
+# order; of the robot, likewise; and of what is the same in a run.
 # fmt: off
 (RES, IND, LIM, DROP, ASYM_V, HEAT, HEAT_TAU, ASYM, RADIUS, SPEED_TAU, STRIBECK, STRIBECK_W, W_GAIN, I_GAIN, I_BIAS,
  CURVE, DEADZONE, V_GAIN, SLIP, LENGTH, LOAD, BACKLASH, RESTITUTION, STIFF, DAMP) = (
-    k * LANES for k in side_indices(
+    k * SIMD_WIDTH for k in side_indices(
         "resistance", "inductance", "limit", "drop", "asymmetry_viscous", "heat_rise", "heat_tau", "asymmetry",
         "radius", "speed_tau", "stribeck", "stribeck_speed", "speed_gain", "current_gain", "current_bias", "pwm_curve",
         "deadzone", "voltage_gain", "slip", "slip_relaxation", "load_share", "backlash", "restitution", "stiffness",
@@ -45,25 +45,25 @@ _SIDE_ROWS = len(SIDE) + 68
  TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, MEAN, INPUT, OUTPUT, WM, WMN, PLAY, CONTACT, WAS, HELD, KAP,
  FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART, BOUNCES, TANGLED, AT, AHEAD, OWN_GKM, OWN_FLUID, OWN_FRICTION,
  OWN_VD) = (
-    k * LANES for k in range(len(SIDE), _SIDE_ROWS))
-_SIDE = _SIDE_ROWS * LANES
+    k * SIMD_WIDTH for k in range(len(SIDE), _SIDE_ROWS))
+_SIDE = _SIDE_ROWS * SIMD_WIDTH
 _COMMON = 2 * _SIDE
-(SUPPLY, DECLINE, MEASURED, LOAD_J, MASS, COM_X, COM_Y, SCRUB, GYRO_GAIN, GYRO_BIAS, SOURCE, POSE_LATE, COMMAND_LATE,
+(SUPPLY, DECLINE, MEASURED, LOAD_J, MASS, COM_X, COM_Y, SCRUB, GYRO_GAIN, GYRO_BIAS, SOURCE, POSE_DELAY, COMMAND_DELAY,
  AT_WHEEL) = (
-    _COMMON + k * LANES for k in common_indices(
+    _COMMON + k * SIMD_WIDTH for k in common_indices(
         "supply", "decline", "bus_measured", "wheel_inertia", "mass", "com_x", "com_y", "scrub", "gyro_gain",
         "gyro_bias", "source_resistance", "latency", "command_delay", "encoder_at_wheel"))
 _COMMON_ROWS = len(COMMON) + 37
 (H, BEGUN, NOW, DONE, BUS_ROW, I11, I12, I22, HALF, PULL, UP_X, UP_Y, DRY, LEVEL, GX, GZ, X, Y, YAW, V, RATE, DIR_X,
- DIR_Y, RATE_N, V_N, DV, DR, A00, A11, WX, DET, SPIN, H_MAX, LATE, FOLLOWS, SINCE, PER_SPAN) = (
-    _COMMON + k * LANES for k in range(len(COMMON), _COMMON_ROWS))
+ DIR_Y, RATE_N, V_N, DV, DR, A00, A11, WX, DET, SPIN, H_MAX, DELAY, FOLLOWS, SINCE, PER_SPAN) = (
+    _COMMON + k * SIMD_WIDTH for k in range(len(COMMON), _COMMON_ROWS))
 # fmt: on
 # Regimes of a side's gear, as numbers that a row holds.
 _RIGID, _SPRING, _FREE, _PUSH_F, _PUSH_B = map(float, (gear.RIGID, gear.SPRING, gear.FREE, gear.PUSH_F, gear.PUSH_B))
 # Numerical: numbers that the state has.
-SIZE = _COMMON + _COMMON_ROWS * LANES
+SIZE = _COMMON + _COMMON_ROWS * SIMD_WIDTH
 # The sum of torques over the wheel's angle or speed, of a lane's rows.
-_torque_of = law(functions(TORQUES, "s, o, l", lambda entry: f"s[o + {SIDE_INDEX[entry.name] * LANES} + l]")[0])
+_torque_of = law(functions(TORQUES, "s, o, l", lambda entry: f"s[o + {SIDE_INDEX[entry.name] * SIMD_WIDTH} + l]")[0])
 
 
 @loop
@@ -73,11 +73,11 @@ def _begin(s, l, side, com, run, start):
     mass = com[one.MASS] + run[0]
     dry = 0.0
     for n in range(len(com)):
-        s[_COMMON + n * LANES + l] = com[n]
+        s[_COMMON + n * SIMD_WIDTH + l] = com[n]
     for k in range(2):
         o = k * _SIDE + l
         for n in range(side.shape[1]):
-            s[o + n * LANES] = side[k, n]
+            s[o + n * SIMD_WIDTH] = side[k, n]
         s[o + KE], s[o + GKM] = side[k, one.KB] * ratio, ratio * side[k, one.KM]
         s[o + INERTIA] = ratio * ratio * side[k, one.J]
         s[o + FLUID] = ratio * ratio * side[k, one.B] + side[k, one.VISCOUS_W]
@@ -96,7 +96,7 @@ def _begin(s, l, side, com, run, start):
         s[o + TH] = start[3 + k] / side[k, one.W_GAIN]
         s[o + W] = s[o + WM] = start[5 + k] / side[k, one.W_GAIN]
         s[o + WF] = sensors.behind(
-            s[o + W], start[9 + k] / side[k, one.W_GAIN], side[k, one.W_TAU], side[k, one.W_LATE]
+            s[o + W], start[9 + k] / side[k, one.W_GAIN], side[k, one.W_TAU], side[k, one.W_DELAY]
         )
         s[o + CUR] = sensors.begun(start[7 + k], start[11 + k], start[13 + k], side[k, one.I_GAIN], side[k, one.I_BIAS])
         s[o + CONTACT] = _SPRING if side[k, one.STIFF] > 0.0 else (_FREE if side[k, one.BACKLASH] > 0.0 else _RIGID)
@@ -105,8 +105,8 @@ def _begin(s, l, side, com, run, start):
     s[H + l] = s[DONE + l] = 0.0
     s[LEVEL + l] = 1.0
     s[FOLLOWS + l] = s[SINCE + l] = s[PER_SPAN + l] = 0.0
-    s[LATE + l] = com[one.MEAS_DELAY] + com[one.LATENCY]
-    s[COMMAND_LATE + l] = com[one.CMD_DELAY] - com[one.CMD_EARLY]
+    s[DELAY + l] = com[one.MEAS_DELAY] + com[one.LATENCY]
+    s[COMMAND_DELAY + l] = com[one.CMD_DELAY] - com[one.CMD_EARLY]
     s[BEGUN + l] = run[3]
     s[MASS + l], s[DRY + l] = mass, dry
     s[I22 + l] = 1.0 / (com[one.IZ] - mass * com[one.COM_Y] ** 2)
@@ -156,7 +156,7 @@ def _read(out, row, curves, model, held_s, l):
 
 @loop
 def _formed(s, l, model, sides, coms, curves, shaped, about, acts):
-    """Put into a lane's rows what its forms come to in a step; arguments as of `replay_lanes`, and work space."""
+    """Put into a lane's rows what its forms come to in a step; arguments as of `replay_batch`, and work space."""
     rate, v = s[RATE + l], s[V + l]
     half, elapsed = 0.5 * s[H + l], s[NOW + l] + s[DONE + l] - s[H + l] - s[BEGUN + l]
     about[one.OVER_RATE], about[one.OVER_SPEED], about[one.OVER_TURNS] = rate, v, v * rate
@@ -214,7 +214,7 @@ def _kept_state(s, l, kept, back):
 
 
 @loop
-def replay_lanes(
+def replay_batch(
     ts,
     t_first,
     cmds_t,
@@ -242,42 +242,50 @@ def replay_lanes(
     cmds_t, cmds, buses : (sum m,), (sum m, 2), (sum m,) their commands; cmd_first : (runs + 1,) likewise.
     angles : (a, 2), angle_first : (runs + 1,) angles that a ripple follows, of no rows or of m.
     runs : (runs, 4), starts : (runs, 15); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), curves :
-        (models, 2, MOST, WIDTH) forms; h_max : (models,) s, longest steps; h_play : s, the longest within free play,
-        see `kernel.replay`.
+        (models, 2, MOST_FORMS, WIDTH) forms; h_max : (models,) s, longest steps; h_play : s, the longest within free
+        play, see `kernel.replay`.
     which : (jobs, 2) model and run of each; out : (rows, 11) filled, job by job from rows out_first (jobs,).
     """
     jobs = which.shape[0]
     # A row of lanes within one line of the cache: rows across two take half as long again.
-    unaligned = np.zeros(SIZE + LANES)
-    skipped = (-unaligned.ctypes.data // 8) % LANES
+    unaligned = np.zeros(SIZE + SIMD_WIDTH)
+    skipped = (-unaligned.ctypes.data // 8) % SIMD_WIDTH
     s = unaligned[skipped : skipped + SIZE]
-    # Always all, but not known before: loops of a known few steps are unrolled, and are no longer abreast.
-    lanes = LANES if jobs > 0 else 0
-    job = np.full(LANES, -1)
-    left = np.zeros(LANES, np.int64)  # steps until the lane's next event
-    moment = np.zeros(LANES)  # time of the next event, s
+    # Always all, but not known before: loops of a known few steps are unrolled, and are no longer vectorised.
+    lanes = SIMD_WIDTH if jobs > 0 else 0
+    job = np.full(SIMD_WIDTH, -1)
+    left = np.zeros(SIMD_WIDTH, np.int64)  # steps until the lane's next event
+    moment = np.zeros(SIMD_WIDTH)  # time of the next event, s
     # Rows of what comes next in a lane, a sample, its pose, a command, and where they end; and from a sample's row to
     # that of `out`.
-    sample, pose, last = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
-    command, last_command, to_out = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    sample, pose, last = np.zeros(SIMD_WIDTH, np.int64), np.zeros(SIMD_WIDTH, np.int64), np.zeros(SIMD_WIDTH, np.int64)
+    command, last_command, to_out = (
+        np.zeros(SIMD_WIDTH, np.int64),
+        np.zeros(SIMD_WIDTH, np.int64),
+        np.zeros(SIMD_WIDTH, np.int64),
+    )
     # When these are due, s.
-    next_sample, next_pose, next_command = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    next_sample, next_pose, next_command = np.zeros(SIMD_WIDTH), np.zeros(SIMD_WIDTH), np.zeros(SIMD_WIDTH)
     # The next sample of a speed that comes later than that by its own delay, s, and where its run begins.
-    held_s, lagging, begin = np.zeros((2, LANES)), np.zeros((2, LANES), np.int64), np.zeros(LANES, np.int64)
-    lags = np.zeros(LANES, np.bool_)
-    shapes = np.zeros(LANES, np.bool_)
-    curved = np.zeros(LANES, np.bool_)
+    held_s, lagging, begin = (
+        np.zeros((2, SIMD_WIDTH)),
+        np.zeros((2, SIMD_WIDTH), np.int64),
+        np.zeros(SIMD_WIDTH, np.int64),
+    )
+    lags = np.zeros(SIMD_WIDTH, np.bool_)
+    shapes = np.zeros(SIMD_WIDTH, np.bool_)
+    curved = np.zeros(SIMD_WIDTH, np.bool_)
     about, acts = np.zeros(forms.ABOUT), np.zeros(forms.ACTS)
     given = 0
     running = 0
     scrubbed = pulled = shaped = heated = faded = filtered = slipping = drawn = flexible = formed = False
     # Free play asks for short steps between its flanks: whether a lane has any, the longest step then and now, and
     # whether its flanks part in this span; whether a step is taken once more, and what it began with.
-    plays, fine, limit = np.zeros(LANES, np.bool_), np.zeros(LANES), np.zeros(LANES)
-    parts, redone = np.zeros(LANES, np.bool_), np.zeros(LANES, np.bool_)
-    as_begun = np.zeros((LANES, 21))
+    plays, fine, limit = np.zeros(SIMD_WIDTH, np.bool_), np.zeros(SIMD_WIDTH), np.zeros(SIMD_WIDTH)
+    parts, redone = np.zeros(SIMD_WIDTH, np.bool_), np.zeros(SIMD_WIDTH, np.bool_)
+    as_begun = np.zeros((SIMD_WIDTH, 21))
     while True:
-        # Whether what hangs on a step's length and a winding's warmth is to be found anew.
+        # Whether what hangs on a step's length and a winding's warmth is to be found again.
         renewed = heated
         # ---- events of lanes whose step ends at one; idle lanes stand still
         for l in range(lanes):
@@ -286,10 +294,10 @@ def replay_lanes(
                     bound = fine[l] if parts[l] or _is_free(s, l) else s[H_MAX + l]
                     if bound != limit[l]:
                         limit[l] = bound
-                        rest = moment[l] - s[NOW + l] - s[DONE + l]
-                        count = math.ceil(rest / bound - 1e-9)
-                        if abs(rest / count - s[H + l]) * count >= ALIKE_S:
-                            s[H + l], renewed = rest / count, True
+                        remaining = moment[l] - s[NOW + l] - s[DONE + l]
+                        count = math.ceil(remaining / bound - 1e-9)
+                        if abs(remaining / count - s[H + l]) * count >= ALIKE_S:
+                            s[H + l], renewed = remaining / count, True
                         left[l] = count
                 left[l] -= 1
                 continue
@@ -312,12 +320,12 @@ def replay_lanes(
                     sample[l] = pose[l] = begin[l] = lagging[0, l] = lagging[1, l] = t_first[r]
                     last[l] = t_first[r + 1]
                     for i in range(2):
-                        held_s[i, l] = sides[which[j, 0], i, one.W_LATE]
+                        held_s[i, l] = sides[which[j, 0], i, one.W_DELAY]
                     lags[l] = held_s[0, l] > 0.0 or held_s[1, l] > 0.0
                     command[l], last_command[l] = cmd_first[r], cmd_first[r + 1]
-                    next_sample[l], next_pose[l] = ts[t_first[r]] - s[LATE + l], ts[t_first[r]] - s[POSE_LATE + l]
+                    next_sample[l], next_pose[l] = ts[t_first[r]] - s[DELAY + l], ts[t_first[r]] - s[POSE_DELAY + l]
                     next_command[l] = (
-                        cmds_t[cmd_first[r]] + s[COMMAND_LATE + l] if command[l] < last_command[l] else NEVER
+                        cmds_t[cmd_first[r]] + s[COMMAND_DELAY + l] if command[l] < last_command[l] else NEVER
                     )
                     to_out[l] = out_first[j] - t_first[r]
                     now = ts[t_first[r]]
@@ -362,7 +370,7 @@ def replay_lanes(
                         out[row, 9] = s[Y + l]
                         out[row, 10] = s[YAW + l]
                         k += 1
-                        at = ts[k] - s[POSE_LATE + l] if k < end else NEVER
+                        at = ts[k] - s[POSE_DELAY + l] if k < end else NEVER
                         if not at <= due:
                             break
                     pose[l], next_pose[l] = k, at
@@ -387,14 +395,14 @@ def replay_lanes(
                         if curved[l]:
                             _read(out, row, curves, which[job[l], 0], held_s, l)
                         k += 1
-                        at = ts[k] - s[LATE + l] if k < end else NEVER
+                        at = ts[k] - s[DELAY + l] if k < end else NEVER
                         if not at <= due:
                             break
                     sample[l], next_sample[l] = k, at
                 if lags[l]:
                     for i in range(2):
                         if held_s[i, l] > 0.0:
-                            later = s[LATE + l] + held_s[i, l]
+                            later = s[DELAY + l] + held_s[i, l]
                             o = i * _SIDE + l
                             k = lagging[i, l]
                             while k < end and ts[k] - later <= due:
@@ -433,7 +441,7 @@ def replay_lanes(
                     supply = s[SUPPLY + l]
                     while True:
                         k += 1
-                        at = cmds_t[k] + s[COMMAND_LATE + l] if k < last_command[l] else NEVER
+                        at = cmds_t[k] + s[COMMAND_DELAY + l] if k < last_command[l] else NEVER
                         if not at <= due:
                             break
                     s[BUS_ROW + l] = buses[k - 1]
@@ -445,7 +453,7 @@ def replay_lanes(
                         # Between the measured angles of this command's row and the next one's.
                         nearer, to_angle = min(k, last_command[l] - 1), angle_first[r] - cmd_first[r]
                         span_a = cmds_t[nearer] - cmds_t[k - 1]
-                        s[FOLLOWS + l], s[SINCE + l] = 1.0, cmds_t[k - 1] + s[COMMAND_LATE + l]
+                        s[FOLLOWS + l], s[SINCE + l] = 1.0, cmds_t[k - 1] + s[COMMAND_DELAY + l]
                         s[PER_SPAN + l] = 1.0 / span_a if span_a > 0.0 else 0.0
                         for i in range(2):
                             o = i * _SIDE + l
@@ -459,7 +467,7 @@ def replay_lanes(
                 if lags[l]:
                     for i in range(2):
                         if held_s[i, l] > 0.0 and lagging[i, l] < end:
-                            ahead = min(ahead, ts[lagging[i, l]] - s[LATE + l] - held_s[i, l])
+                            ahead = min(ahead, ts[lagging[i, l]] - s[DELAY + l] - held_s[i, l])
                 span = ahead - now
                 if span <= 1e-9:
                     now = ahead
@@ -482,7 +490,7 @@ def replay_lanes(
         if running == 0:
             return
         # ---- constants of armatures, filters and tyres for the step. One exponential after another in each lane took
-        # longer than all the rest of an event: all lanes go abreast, and one whose step is the same finds the same
+        # longer than all the rest of an event: all lanes go in a batch, and one whose step is the same finds the same
         # again.
         if renewed:
             for k in range(2):

@@ -12,13 +12,13 @@ from collections.abc import Iterable, Mapping
 from rtds_host.contract import Case
 from rtds_host.diagnosis.effects import CATALOGUE, Condition
 
-Member = tuple[str, str]
+Cause = tuple[str, str]
 
 
-def _holding(case: Case, member: Member, *tables: Mapping[str, Condition]) -> list[Member]:
+def _holding(case: Case, cause: Cause, *tables: Mapping[str, Condition]) -> list[Cause]:
     """The effects of some tables whose condition these runs meet, each on the member's side."""
-    side = member[1]
-    found: list[Member] = []
+    side = cause[1]
+    found: list[Cause] = []
     for name, holds in (rule for table in tables for rule in table.items()):
         if not holds(case):
             continue
@@ -32,24 +32,24 @@ def _holding(case: Case, member: Member, *tables: Mapping[str, Condition]) -> li
     return found
 
 
-def twins(case: Case, member: Member, beside: Iterable[Member] = ()) -> list[Member]:
+def indistinguishable(case: Case, cause: Cause, included: Iterable[Cause] = ()) -> list[Cause]:
     """The other effects that these runs could as well be blamed on, for the same replays, each on the member's side.
 
-    `beside`: the other effects of the explanation; the friction among them makes more effects indistinguishable.
+    `included`: the other effects of the explanation; the friction among them makes more effects indistinguishable.
     What is indistinguishable from one of these is one of these, too.
     """
-    friction = any(CATALOGUE[effect].friction for effect, _ in beside)
+    friction = any(CATALOGUE[effect].friction for effect, _ in included)
 
-    def others(one: Member) -> list[Member]:
+    def others(one: Cause) -> list[Cause]:
         effect = CATALOGUE[one[0]]
         return _holding(case, one, effect.same_as, effect.same_with_friction if friction else {})
 
-    found = others(member)
-    for twin in found:
-        found += [other for other in others(twin) if other != member and other not in found]
+    found = others(cause)
+    for equal in found:
+        found += [other for other in others(equal) if other != cause and other not in found]
     return found
 
 
-def near_twins(case: Case, member: Member) -> list[Member]:
+def nearly_indistinguishable(case: Case, cause: Cause) -> list[Cause]:
     """What is nearly alike for want of a channel or a setting (formats, section 3), each on the member's side."""
-    return _holding(case, member, CATALOGUE[member[0]].nearly_as)
+    return _holding(case, cause, CATALOGUE[cause[0]].nearly_as)

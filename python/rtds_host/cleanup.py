@@ -1,8 +1,8 @@
 """What a process that is killed leaves: scratch files and folders, which the next start takes away, and no processes.
 
 A scratch file or folder is locked by its owner (`flock`), and the kernel frees the lock when the owner dies, whatever
-the way. So what is not locked is nobody's any more. A program that is started runs beside a guard (`guard.py`), which
-ends it and all that it started when this process is gone.
+the way. So what is not locked is nobody's any more. A program that is started runs next to a guard (`supervisor.py`),
+which ends it and all that it started when this process is gone.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 SUFFIX = ".rtds"
-_GUARD = Path(__file__).with_name("guard.py")
+_SUPERVISOR = Path(__file__).with_name("supervisor.py")
 _TEMPORARY = re.compile(r"rtds-[a-z0-9_]{8}" + re.escape(SUFFIX))
 _running: set[subprocess.Popen] = set()
 _lifeline: tuple[int, int] | None = None
@@ -119,7 +119,7 @@ def temporary_folder() -> Iterator[Path]:
 # ---- processes -------------------------------------------------------------------------------------------------------
 
 
-def guard() -> tuple[list[str], int]:
+def supervisor() -> tuple[list[str], int]:
     """(what to put before a command, the descriptor to pass on to it), for a process in a session of its own.
 
     The program then ends when this process is gone, with all that it started in its session. The descriptor is the
@@ -129,10 +129,10 @@ def guard() -> tuple[list[str], int]:
     with _lock:
         if _lifeline is None:
             _lifeline = os.pipe()
-        return [sys.executable, "-E", "-S", str(_GUARD), str(_lifeline[0])], _lifeline[0]
+        return [sys.executable, "-E", "-S", str(_SUPERVISOR), str(_lifeline[0])], _lifeline[0]
 
 
-def run_guarded(
+def run_supervised(
     command: Sequence[str], timeout_s: float | None = None, cwd: str | os.PathLike | None = None
 ) -> subprocess.CompletedProcess[str]:
     """Run a program that ends with this process; its output comes back as text.
@@ -141,7 +141,7 @@ def run_guarded(
     ------
     subprocess.TimeoutExpired : it took longer than `timeout_s` and was ended. OSError : no process can be started.
     """
-    before, descriptor = guard()
+    before, descriptor = supervisor()
     with subprocess.Popen(
         [*before, *map(str, command)],
         stdin=subprocess.DEVNULL,
@@ -173,7 +173,7 @@ def end_session(process: subprocess.Popen) -> None:
 
 
 def end_running() -> None:
-    """End every program that `run_guarded` waits for in this process, in whatever thread."""
+    """End every program that `run_supervised` waits for in this process, in whatever thread."""
     with _lock:
         for process in _running:
             if process.returncode is None:

@@ -30,8 +30,8 @@ from functools import partial
 from typing import Any
 
 from rtds_host import __version__
+from rtds_host.cleanup import end_running
 from rtds_host.errors import InputError, LinkError, RtdsError, said_of_file
-from rtds_host.remains import end_running
 
 CONNECT_S = 4.0
 WORKERS_S = 20.0
@@ -182,7 +182,7 @@ def on_cores(function: Callable, jobs: Mapping[str, tuple], processes: int) -> G
 def on_threads(
     function: Callable, jobs: Mapping[str, Callable[[], tuple]], width: int
 ) -> Generator[Outcome, None, None]:
-    """Like `on_cores` for jobs that start processes (`run_guarded`): a thread waits for each. Arguments as
+    """Like `on_cores` for jobs that start processes (`run_supervised`): a thread waits for each. Arguments as
     `on_cluster`'s.
 
     When it is closed early, jobs that have not begun are dropped and the programs of those that have are ended.
@@ -386,7 +386,7 @@ def on_cluster(
     """Run `function(*arguments)` of each job on a Dask cluster; yield outcomes as they come, each job once.
 
     The work of a worker that dies is done again by another. A job that keeps killing workers is run once more with no
-    other job beside it before it is blamed.
+    other job next to it before it is blamed.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Runs a program and ends it, with all of its session, when the process at the other end of a pipe is gone.
 
-``python guard.py DESCRIPTOR COMMAND...``: the descriptor is the pipe's reading end, on which nothing ever comes but its
-end. It leaves as the program leaves: with its exit status, or by the signal that ended it. Standard library only: it
-starts before every program that is guarded.
+``python supervisor.py DESCRIPTOR COMMAND...``: the descriptor is the pipe's reading end, on which nothing ever comes
+but its end. It leaves as the program leaves: with its exit status, or by the signal that ended it. Standard library
+only: it starts before every program that is guarded.
 """
 
 import os

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from rtds_host.diagnosis.chance import (
-    CLOSELY,
+from rtds_host.diagnosis.thresholds import (
+    CLOSELY_CORRELATED,
     FALSE_ALARM,
-    FEWEST,
+    FEWEST_SAMPLES,
     MEAN_OF_NORMAL,
     MEDIAN_OF_NORMAL,
-    MOVES,
-    handful,
+    SIGNIFICANT,
+    few,
     in_a_row,
     sigmas,
 )
@@ -23,11 +23,11 @@ def test_no_sample_of_noise_lies_beyond_what_chance_reaches(count):
 
 
 def test_more_samples_reach_farther():
-    assert MOVES == sigmas(1) < sigmas(1000) < sigmas(1_000_000)
+    assert SIGNIFICANT == sigmas(1) < sigmas(1000) < sigmas(1_000_000)
 
 
 def test_what_happens_to_half_of_the_samples_tells_the_fewest_that_say_anything():
-    assert 0.5**FEWEST <= FALSE_ALARM < 0.5 ** (FEWEST - 1)
+    assert 0.5**FEWEST_SAMPLES <= FALSE_ALARM < 0.5 ** (FEWEST_SAMPLES - 1)
 
 
 def test_what_happens_often_may_happen_often_in_a_row():
@@ -37,8 +37,10 @@ def test_what_happens_often_may_happen_often_in_a_row():
 
 def test_a_motion_just_beyond_its_noise_is_followed_closely():
     rng = np.random.default_rng(2)
-    motion = MOVES * np.sin(np.linspace(0, 40, 200_000)) * np.sqrt(2.0)
-    assert np.corrcoef(motion, motion + rng.standard_normal(len(motion)))[0, 1] == pytest.approx(CLOSELY, abs=1e-3)
+    motion = SIGNIFICANT * np.sin(np.linspace(0, 40, 200_000)) * np.sqrt(2.0)
+    assert np.corrcoef(motion, motion + rng.standard_normal(len(motion)))[0, 1] == pytest.approx(
+        CLOSELY_CORRELATED, abs=1e-3
+    )
 
 
 def test_the_magnitude_of_noise_has_its_median_and_its_mean():
@@ -49,4 +51,4 @@ def test_the_magnitude_of_noise_has_its_median_and_its_mean():
 
 
 def test_one_sample_is_a_handful_of_any_number():
-    assert handful(10) == 1.0 and handful(1000) == 10.0
+    assert few(10) == 1.0 and few(1000) == 10.0
