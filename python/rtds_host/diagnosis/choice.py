@@ -101,8 +101,8 @@ def chosen(found: Mapping[int, list[Judged]], prior: Callable[[Fit], float]) -> 
 
     Looks ahead: two effects may be worth it only together, j of them where they leave at most `WORTH`^j. Of the
     explanations of that many effects that are worth it and leave as much, the most probable one: smaller and more usual
-    effects go before large ones that cancel, unless these leave less in each block of time, of unknown size (`account`
-    weighs effects by the same).
+    effects go before large ones that cancel, unless these leave less in many runs. A run left out counts as one sample
+    of unknown size: its blocks of time are off in the same way.
 
     Parameters
     ----------
@@ -114,4 +114,4 @@ def chosen(found: Mapping[int, list[Judged]], prior: Callable[[Fit], float]) -> 
         before, count = count, more[0]
         worthy = [j for j in found[count] if leaves(j, best[before]) < WORTH ** (count - before)]
     alike = [j for j in worthy if j.gap <= AS_MUCH * best[count].gap]
-    return min(alike, key=lambda j: prior(j.fit) + j.problem.block_count * math.log(j.together))
+    return min(alike, key=lambda j: prior(j.fit) + len(j.horizons[0]) * math.log(j.together))

@@ -105,11 +105,9 @@ class Explanations:
     def _at_its_bound(self, effect: str, values: dict[str, float]) -> bool:
         """Whether a parameter lies at an end of what was looked at, its absence left out; as logarithms come back.
 
-        What shapes an effect and may be left out (`optional`) says nothing at its bound.
+        The end at which a parameter is absent is none of these.
         """
         for p in self.effects[effect].parameters:
-            if p.optional:
-                continue
             value = values[p.name]
             low, high = p.low + WRITTEN * abs(p.low), p.high - WRITTEN * abs(p.high)
             if value >= high or (value <= low and p.low != p.null):

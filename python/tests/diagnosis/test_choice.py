@@ -8,15 +8,15 @@ from rtds_host.diagnosis.choice import WORTH, Judged, chosen, leaves
 from rtds_host.diagnosis.gap import Squares
 
 
-def judged(*horizons, prior=0.0, blocks=20, noise=1.0):
+def judged(*horizons, prior=0.0, runs=1, noise=1.0):
     """An explanation by its gaps in speed and current; with two lists of them over whole runs and over pieces.
 
-    noise : what the samples show over what is declared."""
+    runs : how many were left out in turn, all with these gaps; noise : what the samples show over what is declared."""
     each = horizons if isinstance(horizons[0], tuple) else (horizons,)
-    parts = [[{c: Squares(gap**2, 1) for c, gap in zip(("w_l", "i_l"), gaps)}] for gaps in each]
+    parts = [[{c: Squares(gap**2, 1) for c, gap in zip(("w_l", "i_l"), gaps)}] * runs for gaps in each]
     return Judged(
         SimpleNamespace(prior=prior),
-        SimpleNamespace(block_count=blocks, sample_noise={"w_l": noise, "i_l": noise}),
+        SimpleNamespace(sample_noise={"w_l": noise, "i_l": noise}),
         tuple(parts),
     )
 
@@ -73,11 +73,12 @@ def test_of_explanations_that_leave_as_much_the_one_more_probable_before_is_take
     assert taken({0: [judged(9.0, 9.0)], 2: [large, small, worse]}) is small
 
 
-@pytest.mark.parametrize(("blocks", "first"), [(20, True), (200, False)])
-def test_a_little_less_in_each_of_many_blocks_outweighs_what_was_more_probable_before(blocks, first):
-    """One block of time of unknown size says as much as any other: 200 of them ten times what 20 do."""
-    usual = judged(2.1, 2.1, prior=20.0, blocks=blocks)
-    closer = judged(2.0, 2.0, prior=30.0, blocks=blocks)
+@pytest.mark.parametrize(("runs", "first"), [(4, True), (200, False)])
+def test_a_little_less_in_each_of_many_runs_outweighs_what_was_more_probable_before(runs, first):
+    """A run left out is one sample of unknown size; its blocks of time are off in the same way, so that they are not
+    more."""
+    usual = judged(2.1, 2.1, prior=20.0, runs=runs)
+    closer = judged(2.0, 2.0, prior=30.0, runs=runs)
     assert taken({0: [judged(9.0, 9.0)], 1: [usual, closer]}) is (usual if first else closer)
 
 

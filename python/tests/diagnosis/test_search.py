@@ -694,6 +694,14 @@ def test_what_one_side_has_next_to_an_effect_of_both_may_be_that_effect_of_anoth
     assert search.parted_sides(alone, ("pwm_curve", "both")) == []
 
 
+@pytest.mark.parametrize(("delay_s", "named"), [(0.0, True), (0.05, True), (0.1, False)])
+def test_a_parameter_that_shapes_an_effect_lies_at_no_bound_either_but_where_it_is_absent(delay_s, named):
+    """A filter whose delay is as long as is looked at is a delay of all samples."""
+    filtered = ("speed_filter", "both"), {"time_constant_s": 0.4, "delay_s": delay_s}
+    search, fit = fitted(make_case(), filtered)
+    assert search.named(replace(fit, u=scaled(search.effects, (filtered[0],), [filtered[1]]))) is named
+
+
 def test_no_dead_zone_exceeds_the_largest_command():
     """A driver that passes none of the commands on is one without gain; beyond them every dead zone is as good as
     another.
