@@ -63,10 +63,9 @@ def held_out(case: Case, names: list[str] | None) -> tuple[str, ...]:
 
 
 def _inputs(case: Case, model: Model, logs: Iterable[RunLog]) -> dict[str, tuple[np.ndarray, ...]]:
-    """Inputs of the replay for each run, with the heading estimated where the log holds none (see `Problem.align`)."""
+    """Inputs of the replay for each run, with the heading estimated where the log holds none (see `Problem.aligned`)."""
     problem = Problem(replace(case, runs=tuple(logs)), 1)
-    problem.align(model)
-    return {data.log.name: data.inputs for data in problem.whole}
+    return {data.log.name: data.inputs for data in problem.whole_begun(problem.aligned(model))}
 
 
 def _gap(parts: list[dict[str, np.ndarray]]) -> tuple[float, dict[str, float]]:

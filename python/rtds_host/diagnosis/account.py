@@ -117,7 +117,7 @@ def declared(problem: Problem, fit: Fit) -> Fit:
     return replace(
         fit,
         z=np.zeros_like(fit.z),
-        residual=problem.residual(problem.nominal),
+        residual=problem.residual(problem.nominal.begun(fit.start)),
         free=np.zeros_like(fit.free),
     )
 

@@ -51,7 +51,7 @@ def explained(problem: Problem, fit: Fit) -> dict[Hashable, float]:
     def worth(members: frozenset) -> float:
         z = fit.z if TOLERANCE in members else np.zeros_like(fit.z)
         chosen = tuple(h for h in fit.hypothesis if h in members)
-        model = apply(fit.effects, problem.with_nuisances(z), chosen, [values[h] for h in chosen])
+        model = apply(fit.effects, problem.with_nuisances(z, fit.start), chosen, [values[h] for h in chosen])
         # A coalition that lets the replay run away is worth no more than the worst that a sensor could show.
         return -(min(problem.gap(model), 1e6) ** 2)
 

@@ -166,11 +166,11 @@ def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: 
     for other in searches[1:]:
         other.begin()
     owner, taken = _by_runs_left_out(searches, best)
-    if case.robot.axis is None and owner.problem.align_commands(taken.model(owner.problem)) > 0.0:
+    start = owner.problem.aligned_commands(taken.model(owner.problem)) if case.robot.axis is None else taken.start
+    if start != taken.start:
         # The link of one run was later than that of the others, which hides what else is missing: once more without.
-        lates = dict(owner.problem.lates)
         for one in searches:
-            one.problem.begin(one.problem.headings, lates)
+            one.fitter.start = one.fitter.start.with_lates(dict(start.lates))
             one.fits = {}
             one.begin()
         owner, taken = _by_runs_left_out(searches, search.try_fit(taken.hypothesis, taken.u, search.fits[()]))

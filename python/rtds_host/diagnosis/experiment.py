@@ -22,6 +22,7 @@ from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
 from rtds_host.diagnosis.report.words import SUBSYSTEM_WORDS
 from rtds_host.diagnosis.screen import available, clashes, start_values
 from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.start import DECLARED
 from rtds_host.errors import InputError
 from rtds_host.robot import make_body
 from rtds_host.scenario import scenarios
@@ -79,9 +80,10 @@ def _separation(plan: RunLog, problem: Problem, a: Fit, b: Fit, known: np.ndarra
     k).
     """
     there = _with_sensors(plan, a.model(problem), problem)
-    difference = there.residual(b.model(problem))
+    # Where runs of the case began says nothing of the manoeuvre, whatever its name.
+    difference = there.residual(b.model(problem).begun(DECLARED))
     k = len(b.z)
-    models = [b.model_at(problem, b.z + step) for step in np.eye(k)]
+    models = [b.model_at(problem, b.z + step).begun(DECLARED) for step in np.eye(k)]
     jacobian = (
         np.column_stack([r - difference for r in there.residuals(models)]) if k else np.empty((len(difference), 0))
     )

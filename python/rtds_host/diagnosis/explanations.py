@@ -172,7 +172,10 @@ class Explanations:
             # Nuisances that bent to stand in for an effect are a poor place to start from.
             starts = [z, np.zeros_like(z)]
             values = to_values(self.effects, hypothesis, start)
-            models = [apply(self.effects, self.problem.with_nuisances(s), hypothesis, values) for s in starts]
+            models = [
+                apply(self.effects, self.problem.with_nuisances(s, self.fitter.start), hypothesis, values)
+                for s in starts
+            ]
             z = starts[int(np.argmin([float(r @ r) for r in (yield models, [m.coarse_s for m in models])]))]
         known = None
         if rough:
@@ -198,7 +201,7 @@ class Explanations:
     def refitted(self) -> Fit:
         """The nominal robot with nuisances that bring its replay as close as their tolerance allows, whatever is
         missing: no discrepancy, so that what they could explain is not taken for one."""
-        if self._refitted is None:
+        if self._refitted is None or self._refitted.start != self.fitter.start:
             flat = self.problem.white()
             self._refitted = self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), flat, fixed=True)
         return self._refitted
@@ -231,7 +234,10 @@ class Explanations:
         values = [to_values(self.effects, fit.hypothesis, u) for u in trials]
         found = {}
         for z in (fit.z, np.zeros_like(fit.z)) if trials else ():
-            models = [apply(self.effects, problem.with_nuisances(z), fit.hypothesis, v) for v in [*values, fit.values]]
+            models = [
+                apply(self.effects, problem.with_nuisances(z, fit.start), fit.hypothesis, v)
+                for v in [*values, fit.values]
+            ]
             costs = [fit.noise.estimated(r).cost(r) for r in problem.residuals(models, [m.coarse_s for m in models])]
             k = int(np.argmin(costs))
             if k < len(trials):

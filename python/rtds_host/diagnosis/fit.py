@@ -22,6 +22,7 @@ from rtds_host.diagnosis.effects import SIDES, Effect, Parameter
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
+from rtds_host.diagnosis.start import DECLARED, Start
 
 Hypothesis = tuple[tuple[str, str], ...]  # ((effect, side), ...), sorted
 Effects = dict[str, Effect]
@@ -99,7 +100,7 @@ class Fit:
 
     z (k,) nuisances in sigmas; u (p,) scaled effect parameters; residual (N,) in units of noise; by_nuisance (N, k) and
     by_effect (N, p) its derivatives, float32; `free` (k + p,) False where a parameter rests on its bound; noise: the
-    discrepancy estimated with it.
+    discrepancy estimated with it; start: how runs began in all of these: its replays are those that it was fitted to.
     """
 
     effects: Effects = field(repr=False)
@@ -111,6 +112,7 @@ class Fit:
     by_effect: np.ndarray = field(repr=False)
     free: np.ndarray = field(repr=False)
     noise: Likelihood = field(repr=False)
+    start: Start
 
     @cached_property
     def cost(self) -> float:
@@ -146,11 +148,11 @@ class Fit:
 
     def model(self, problem: Problem) -> Model:
         """The replay's model with nuisances and effects."""
-        return apply(self.effects, problem.with_nuisances(self.z), self.hypothesis, self.values)
+        return apply(self.effects, problem.with_nuisances(self.z, self.start), self.hypothesis, self.values)
 
     def model_at(self, problem: Problem, z: np.ndarray) -> Model:
         """The same with other nuisances."""
-        return apply(self.effects, problem.with_nuisances(z), self.hypothesis, self.values)
+        return apply(self.effects, problem.with_nuisances(z, self.start), self.hypothesis, self.values)
 
     def whitened(self) -> tuple[np.ndarray, np.ndarray]:
         """Whitened residual (N,) and derivatives (N, k + p) float32."""
@@ -205,19 +207,22 @@ def side_by_side(problem: Problem, works: Iterable[Asking[T]]) -> list[T]:
 
 
 class Fitter:
-    """Fits explanations of one problem; keeps the nuisances' derivatives about the nominal robot."""
+    """Fits explanations of one problem; keeps the nuisances' derivatives about the nominal robot.
 
-    def __init__(self, problem: Problem):
+    `start`: how runs begin in the fits that are to come. A fit keeps the one that it was made with.
+    """
+
+    def __init__(self, problem: Problem, start: Start = DECLARED):
         self.problem = problem
         self.effects = problem.effects
         self.count = len(problem.nuisances)
         self.by_nuisance: np.ndarray | None = None
+        self.start = start  # of the fits that are to come
 
     def model(self, hypothesis: Hypothesis, x: np.ndarray) -> Model:
         k = self.count
-        return apply(
-            self.effects, self.problem.with_nuisances(x[:k]), hypothesis, to_values(self.effects, hypothesis, x[k:])
-        )
+        nominal = self.problem.with_nuisances(x[:k], self.start)
+        return apply(self.effects, nominal, hypothesis, to_values(self.effects, hypothesis, x[k:]))
 
     def _bounds(self, hypothesis: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
         ps = [p for _, _, p in parameters(self.effects, hypothesis)]
@@ -410,4 +415,6 @@ class Fitter:
                 # which an effect and a tolerance of the same parameter lie.
                 by_nuisance = yield from self._derivatives(hypothesis, x, r, range(k), high)
                 renewals, since, damping = renewals - 1, 0.0, 0.0
-        return Fit(self.effects, hypothesis, x[:k].copy(), x[k:].copy(), r, by_nuisance, by_effect, free, noise)
+        return Fit(
+            self.effects, hypothesis, x[:k].copy(), x[k:].copy(), r, by_nuisance, by_effect, free, noise, self.start
+        )

@@ -56,12 +56,12 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
     runs, traces, stretches = {}, {}, []
     notes = [
         f"{name}: no heading in the log; the slope's pull says that the run began at {heading:.2f} rad"
-        for name, heading in problem.headings.items()
+        for name, heading in account.fit.start.headings
     ]
     notes += [
         f"{name}: its commands act {late:+.2g} s later than those of the other runs; effects were fitted with that,"
         " every gap shown is without it"
-        for name, late in problem.lates.items()
+        for name, late in account.fit.start.lates
     ]
     if problem.searched < 1.0:
         notes.append(
@@ -79,7 +79,7 @@ def held_out(problem: Problem, account: Account) -> HeldOut:
         name: iter(left_out(problem, fit, [rows for mine in pieces for _, _, rows in mine]))
         for name, fit in models.items()
     }
-    for data, mine in zip(problem.whole, pieces):
+    for data, mine in zip(problem.whole_begun(account.fit.start), pieces):
         nominal = replay_run(problem.nominal, data.inputs, step)
         own: dict[str | tuple[str, str], list[dict[str, gaps.Squares]]] = {name: [] for name in parts}
         shown = {"refit": np.empty_like(nominal), "after": np.empty_like(nominal)}

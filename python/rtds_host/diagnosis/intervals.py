@@ -45,7 +45,7 @@ def intervals(
     # Commands have the same stamps as samples: a delay is known no better than these are, or than it is one in all
     # runs, or than the latency of a servo's board, which it is one sum with.
     latency_s = LATENCY_S if any(LATENCY.keys() & n.keys.keys() for n in problem.nuisances) else 0.0
-    late = math.hypot(stamps_s, problem.lag_s, latency_s)
+    late = math.hypot(stamps_s, problem.lag_s(fit.start), latency_s)
     result: dict[Key, tuple[float, float] | None] = {}
     for cause, values in zip(fit.hypothesis, fit.values):
         effect = problem.effects[cause[0]]

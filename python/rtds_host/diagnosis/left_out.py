@@ -131,7 +131,7 @@ def over_runs(problem: Problem, parts: Sequence[Foretold]) -> list[Errors]:
     jobs, owners = [], []
     for k, one in enumerate(parts):
         t = problem.whole[one.run].log.t
-        for data in (data for data, owner in problem.judged() if owner == one.run):
+        for data in (data for data, owner in problem.judged(one.model.start) if owner == one.run):
             # Of a stretch of a long run what lies in this part.
             begin, end = np.searchsorted(data.log.t, t[[one.first, one.last - 1]])
             if end > begin:

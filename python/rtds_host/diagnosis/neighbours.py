@@ -161,7 +161,11 @@ class Neighbours(Explanations):
         trials = [*sizes(effect, values, COARSE), *(start_values(effect) if effect.steep else [])]
         starts = [candidate.start, *(scaled(self.effects, (candidate.cause,), [trial]) for trial in trials)]
         models = [
-            apply(self.effects, self.problem.with_nuisances(z), *self._named_values(fit, candidate.cause, start))
+            apply(
+                self.effects,
+                self.problem.with_nuisances(z, fit.start),
+                *self._named_values(fit, candidate.cause, start),
+            )
             for start in starts
             for z in (fit.z, np.zeros_like(fit.z))
         ]

@@ -34,6 +34,7 @@ from rtds_host.diagnosis.replay.model import (
     stretch_inputs,
 )
 from rtds_host.diagnosis.replay.simd import SIMD_WIDTH
+from rtds_host.diagnosis.start import DECLARED, Start
 from rtds_host.diagnosis.thresholds import MAJORITY, SIGNIFICANT
 
 # Numerical: stretches whose residuals are counted as one draw are as long as the gap's windows; shorter where all runs
@@ -54,6 +55,8 @@ CHI2 = SIGNIFICANT**2
 # Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a
 # residual, in steps of one in a batch.
 ALONE, WAITING, WHITENED = 8.0, 3.0, 0.35
+# Numerical: starts whose inputs are kept: the one that is searched, and those that it is compared with.
+STARTS_KEPT = 4
 # Numerical: lags that are tried in a run, in delays of the others.
 LAGS = np.linspace(0.0, 3.0, 25)
 
@@ -157,8 +160,8 @@ class Problem:
         self.nuisances = nuisances_of(case, self.nominal)
         self.effects: dict[str, Effect] = catalogue(case.robot, case.runs)
         self.threads = max(threads, 1)
-        self.headings: dict[str, float] = {}
-        self.lates: dict[str, float] = {}
+        self._begun: dict[tuple[Start, bool], tuple[list[RunData], list[RunData]]] = {}
+        self._follow = False
         lasted = sum(float(log.t[-1] - log.t[0]) for log in case.runs)
         coarsest = max(float(np.median(np.diff(log.t))) for log in case.runs)
         self.block_s = min(WINDOW_S, max(lasted / LEAST_BLOCKS, ROWS_A_BLOCK * coarsest))
@@ -399,21 +402,54 @@ class Problem:
                 at += len(noise[k])
         return result
 
+    def begun(self, start: Start) -> list[RunData]:
+        """The searched runs, begun as `start` says. A problem in pieces has measured states, which nothing changes."""
+        return self._started(start)[0]
+
+    def whole_begun(self, start: Start) -> list[RunData]:
+        """All runs from end to end, at the headings of `start`: a gap is with speeds as measured and with commands when
+        they were given."""
+        return self._started(start)[1]
+
+    def _started(self, start: Start) -> tuple[list[RunData], list[RunData]]:
+        start = DECLARED if self.pieces else start
+        key = start, self._follow
+        if key not in self._begun:
+            headings, speeds, lates = dict(start.headings), dict(start.speeds), dict(start.lates)
+
+            def of(data: RunData, searched: bool) -> RunData:
+                state, t_cmd, angles = data.inputs[-1].copy(), data.inputs[1], data.inputs[4]
+                name = data.log.name
+                state[2] = headings.get(name, state[2])
+                if searched:
+                    state[5] = state[9] = speeds.get((name, float(data.log.t[0])), state[5])
+                    t_cmd = t_cmd + lates.get(name, 0.0)
+                return replace(data, inputs=(data.inputs[0], t_cmd, *data.inputs[2:4], angles, data.inputs[5], state))
+
+            searched = [of(data, True) for data in self.runs]
+            if self._follow:
+                logs = [self.whole[k].log for k in self.owners]
+                searched = [replace(d, inputs=following(d.inputs, log)) for d, log in zip(searched, logs, strict=True)]
+            while len(self._begun) >= STARTS_KEPT:
+                del self._begun[next(iter(self._begun))]
+            self._begun[key] = searched, [of(data, False) for data in self.whole]
+        return self._begun[key]
+
     def _heading_misfit(self, data: RunData, model: Model, heading: float) -> float:
         start = data.inputs[-1].copy()
         start[2] = heading
         residual = self.run_residual(data, replay_run(model, (*data.inputs[:-1], start)))
         return float(residual @ residual)
 
-    def _settle(self, data: RunData, model: Model) -> float:
-        """Estimate the speed at which a run of an axis began, within the noise of its first sample; its change."""
+    def _settled(self, data: RunData, model: Model) -> float | None:
+        """The speed at which a run of an axis began, within the noise of its first sample; None where it has none."""
         noise = self.robot.noise("w_l")
         start = data.inputs[-1]
         if noise is None or not data.log.has("w_l"):
-            return 0.0
+            return None
         measured = float(data.log.columns["w_l"][0])
         if not np.isfinite(measured):
-            return 0.0
+            return None
 
         def residual(speed: float) -> np.ndarray:
             moved = start.copy()
@@ -424,45 +460,44 @@ class Problem:
         at = residual(begun)
         slope = (residual(begun + 0.3 * noise) - at) / (0.3 * noise)
         step = -(slope @ at + (begun - measured) / noise**2) / (slope @ slope + noise**-2)
-        start[5] = start[9] = float(np.clip(begun + step, measured - 3 * noise, measured + 3 * noise))
-        return abs(start[5] - begun)
+        return float(np.clip(begun + step, measured - 3 * noise, measured + 3 * noise))
 
-    def align(self, model: Model) -> float:
-        """Estimate the heading at which runs began whose log holds none, where it matters: on a slope.
+    def aligned(self, model: Model) -> Start:
+        """The model's start with the heading estimated at which runs began whose log holds none, where it matters: on a
+        slope.
 
         The contract has such runs begin at zero; a real one begins anywhere, and the slope then pulls another way than
         the replay's. An axis begins at a speed that is known to its sensor's noise only, which is estimated likewise.
-        Returns the largest change, rad or rad/s.
         """
-        largest = 0.0
+        runs = self.begun(model.start)
         if self.robot.axis is not None:
-            return max((self._settle(data, model) for data in self.runs), default=0.0) if not self.pieces else 0.0
+            if self.pieces:
+                return model.start
+            found = {(data.log.name, float(data.log.t[0])): self._settled(data, model) for data in runs}
+            return model.start.with_speeds({key: speed for key, speed in found.items() if speed is not None})
         if self.searched < 1.0:
-            return 0.0
-        for data, whole in zip(self.runs, self.whole, strict=True):
+            return model.start
+        headings = dict(model.start.headings)
+        for data in runs:
             log = data.log
             if log.has("yaw") or log.meta.slope_rad == 0.0:
                 continue
-            start = data.inputs[-1]
             misfit = functools.partial(self._heading_misfit, data, model)
             grid = np.linspace(-np.pi, np.pi, 24, endpoint=False)
             k = int(np.argmin(list(self.pool.map(misfit, grid))))
             from scipy.optimize import minimize_scalar  # a third of a second, which few cases have to spend
 
-            found = minimize_scalar(
+            best = minimize_scalar(
                 misfit, bounds=(grid[k] - 0.3, grid[k] + 0.3), method="bounded", options={"xatol": 1e-3}
             )
-            known = misfit(start[2])
-            if found.fun < known - CHI2 * max(1.0, found.fun / max(len(data.block), 1)):
-                largest = max(largest, abs(found.x - start[2]))
-                start[2] = found.x
-                whole.inputs[-1][2] = found.x
-                self.headings[log.name] = float(found.x)
-        return largest
+            known = misfit(data.inputs[-1][2])
+            if best.fun < known - CHI2 * max(1.0, best.fun / max(len(data.block), 1)):
+                headings[log.name] = float(best.x)
+        return model.start.with_headings(headings)
 
-    def align_commands(self, model: Model) -> float:
-        """Estimate by how much later than in the others commands act in single runs, next to a delay; the largest
-        change, s.
+    def aligned_commands(self, model: Model) -> Start:
+        """The model's start with an estimate of how much later than in the others commands act in single runs, next to
+        a delay.
 
         A link is set up again for each run, and its lag is not always the same: one delay for all would be bent, and
         all else with it. What is so in half of the runs is the delay. It serves the search alone: every gap of a
@@ -470,21 +505,16 @@ class Problem:
         """
         delay = model.get("command_delay") + model.get("measurement_delay")
         if delay <= 0.0 or self.pieces or self.searched < 1.0:
-            return 0.0
-        found = {data.log.name: late for data in self.runs if (late := self._later(data, model, delay))}
-        if 2 * len(found) >= len(self.runs):
-            return 0.0
-        moved = max(
-            (abs(found.get(name, 0.0) - self.lates.get(name, 0.0)) for name in {*found, *self.lates}), default=0.0
-        )
-        self._shift(found)
-        return moved
+            return model.start
+        runs = self.begun(model.start)
+        found = {data.log.name: late for data in runs if (late := self._later(data, model, delay))}
+        return model.start if 2 * len(found) >= len(runs) else model.start.with_lates(found)
 
     def _later(self, data: RunData, model: Model, delay: float) -> float:
         """By how much later than `delay` the commands of a run act, s; 0 where that does not explain most of its
         misfit.
         """
-        was = self.lates.get(data.log.name, 0.0)
+        was = dict(model.start.lates).get(data.log.name, 0.0)
 
         def missed(out: np.ndarray) -> float:
             residual = self.run_residual(data, out)
@@ -515,35 +545,16 @@ class Problem:
         )
         return float(best.x) if best.fun < (1.0 - MAJORITY) * as_others else 0.0
 
-    def _shift(self, lates: dict[str, float]) -> None:
-        """Let the commands of some runs act so much later (s), those of the others when they were given."""
-        for data in self.runs:
-            shift = lates.get(data.log.name, 0.0) - self.lates.get(data.log.name, 0.0)
-            data.inputs = (data.inputs[0], data.inputs[1] + shift, *data.inputs[2:])
-        self.lates = dict(lates)
-
-    @property
-    def lag_s(self) -> float:
+    def lag_s(self, start: Start) -> float:
         """How well the mean of the runs' lags is known for what they scatter, one sigma, s."""
-        if not self.lates:
+        if not start.lates:
             return 0.0
-        each = [self.lates.get(data.log.name, 0.0) for data in self.runs]
+        each = [dict(start.lates).get(data.log.name, 0.0) for data in self.runs]
         return float(np.std(each, ddof=1)) / math.sqrt(len(each))
 
-    def begin(self, headings: dict[str, float], lates: dict[str, float]) -> None:
-        """Set the headings at which runs began, and how much later their commands act; zero for runs that are not
-        named.
-        """
-        self._shift(lates)
-        for data, whole in zip(self.runs, self.whole, strict=False):
-            # Only where runs are searched whole are there any, see `align`.
-            if data.log.name in self.headings or data.log.name in headings:
-                data.inputs[-1][2] = whole.inputs[-1][2] = headings.get(data.log.name, 0.0)
-        self.headings = dict(headings)
-
     def replay(self, model: Model) -> list[np.ndarray]:
-        """Replays of all runs, each (n, 11)."""
-        return [replay_run(model, data.inputs) for data in self.runs]
+        """Replays of all runs, each (n, 11), begun as the model's start says."""
+        return [replay_run(model, data.inputs) for data in self.begun(model.start)]
 
     def residual(self, model: Model) -> np.ndarray:
         """Whitened residuals of all runs, (N,)."""
@@ -557,6 +568,9 @@ class Problem:
         alike and take the same: those that are only compared with one another do with longer ones.
         """
         steps = steps or [model.step_s for model in models]
+        if len({model.start for model in models}) > 1:
+            return self._by_start(models, steps)
+        begun = self.begun(models[0].start) if models else self.runs
         found = [np.empty(self.size) for _ in models]
         taken = sum(self._taken(model, step_s) + WHITENED * self.size for model, step_s in zip(models, steps))
         self.work += taken
@@ -565,14 +579,14 @@ class Problem:
         batched = sorted(
             (k for k, model in enumerate(models) if model.batched), key=lambda k: (models[k].slow, steps[k])
         )
-        runs = self._batch(self.runs)
+        runs = self._batch(begun)
         if not runs.worth([models[k] for k in batched], self.threads):
             batched = []
         alone = sorted(set(range(len(models))) - set(batched))
         jobs = deque(
             functools.partial(self._alone, models[k], data, found[k][rows], steps[k])
             for k in alone
-            for data, rows in self.rows
+            for data, (_, rows) in zip(begun, self.rows)
         )
         if batched:
             # Lanes are to be full, and shares for all cores, but none so large that its replays leave the cache.
@@ -600,6 +614,14 @@ class Problem:
             other.result()
         return found
 
+    def _by_start(self, models: list[Model], steps: list[float]) -> list[np.ndarray]:
+        """The same of models whose runs begin differently: those that begin alike at a time."""
+        found: dict[int, np.ndarray] = {}
+        for start in dict.fromkeys(model.start for model in models):
+            mine = [k for k, model in enumerate(models) if model.start == start]
+            found |= zip(mine, self.residuals([models[k] for k in mine], [steps[k] for k in mine]))
+        return [found[k] for k in range(len(models))]
+
     def _taken(self, model: Model, step_s: float) -> float:
         """Work that replays of all runs are: a step from row to row at the least. It hangs on the model, not on how
         many cores there are.
@@ -623,36 +645,33 @@ class Problem:
         for kept in self._kept:
             if len(kept.inputs) == len(inputs) and all(a is b for a, b in zip(kept.inputs, inputs)):
                 return kept
-        # One for what is searched and one for what is judged.
-        self._kept, self._gaps = [ReplayBatch(inputs), *self._kept[:1]], {}
+        # For what is searched and what is judged, of few starts.
+        self._kept, self._gaps = [ReplayBatch(inputs), *self._kept[: STARTS_KEPT - 1]], {}
         return self._kept[0]
 
     def follow_angles(self, follow: bool) -> None:
         """Whether a ripple follows the measured angles, as it does in a search, or the replay's own, as the gap is
         judged.
         """
-        for k, data in enumerate(self.runs):
-            log = self.whole[self.owners[k]].log
-            data.inputs = (
-                following(data.inputs, log) if follow else (*data.inputs[:4], np.empty((0, 2)), *data.inputs[5:])
-            )
+        self._follow = follow
 
-    def judged(self) -> list[tuple[RunData, int]]:
+    def judged(self, start: Start) -> list[tuple[RunData, int]]:
         """What an effect's worth is judged on, and the run that each is of: whole runs, of long ones the stretches that
-        are searched, with commands as late in each run as they were fitted (`align_commands`)."""
-        if self.lates or (self.searched < 1.0 and not self.pieces):
-            return list(zip(self.runs, self.owners, strict=True))
-        return [(data, k) for k, data in enumerate(self.whole)]
+        are searched, with commands as late in each run as they were fitted (`aligned_commands`)."""
+        if start.lates or (self.searched < 1.0 and not self.pieces):
+            return list(zip(self.begun(start), self.owners, strict=True))
+        return [(data, k) for k, data in enumerate(self.whole_begun(start))]
 
     def gap(self, model: Model) -> float:
         """The contract's gap at the search's steps: of whole runs, of long ones of the stretches that are searched."""
-        return self._gap(model, self.runs if self.searched < 1.0 and not self.pieces else self.whole)
+        searched = self.searched < 1.0 and not self.pieces
+        return self._gap(model, self.begun(model.start) if searched else self.whole_begun(model.start))
 
     def gap_as_fitted(self, model: Model) -> float:
-        """The same with commands as late in each run as they were fitted, `align_commands`: what an effect is worth
+        """The same with commands as late in each run as they were fitted, `aligned_commands`: what an effect is worth
         next to that.
         """
-        return self._gap(model, [data for data, _ in self.judged()])
+        return self._gap(model, [data for data, _ in self.judged(model.start)])
 
     def _gap(self, model: Model, judged: list[RunData]) -> float:
         runs = self._batch(judged)
@@ -676,9 +695,9 @@ class Problem:
             outs = list(self.pool.map(lambda data: replay_run(model, data.inputs), judged))
         return gap(pooled([errors(data.log, self.robot, out) for data, out in zip(judged, outs)]))
 
-    def with_nuisances(self, z: np.ndarray) -> Model:
-        """The nominal model with nuisances z (in units of their prior's sigma)."""
-        model = self.nominal.copy()
+    def with_nuisances(self, z: np.ndarray, start: Start) -> Model:
+        """The nominal model with nuisances z (in units of their prior's sigma), whose runs begin as `start` says."""
+        model = self.nominal.begun(start)
         for value, nuisance in zip(z, self.nuisances):
             nuisance.apply(model, float(value))
         return model

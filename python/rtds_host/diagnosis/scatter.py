@@ -98,6 +98,5 @@ def scatter(values: np.ndarray, weighed: np.ndarray, known: np.ndarray) -> float
 def absent(problem: Problem, fit: Fit, cause: tuple[str, str]) -> Model:
     """The model of a fit with everything but one of its effects."""
     kept = [(other, values) for other, values in zip(fit.hypothesis, fit.values) if other != cause]
-    return apply(
-        fit.effects, problem.with_nuisances(fit.z), tuple(other for other, _ in kept), [values for _, values in kept]
-    )
+    nominal = problem.with_nuisances(fit.z, fit.start)
+    return apply(fit.effects, nominal, tuple(other for other, _ in kept), [values for _, values in kept])

@@ -38,28 +38,28 @@ class Search(Neighbours):
         """The explanation without any effect, from which a search goes on."""
         problem = self.problem
         problem.follow_angles(True)
-        problem.align(problem.nominal)
+        start = self.fitter.start = problem.aligned(problem.nominal.begun(self.fitter.start))
         most = self._most()
         self._until, self.last_work = problem.work + most, problem.work + 2.0 * most
         self.slow_sensitivities, self.afresh, self.looked = {}, True, {()}
-        noise = problem.white().estimated(problem.residual(problem.nominal))
+        noise = problem.white().estimated(problem.residual(problem.nominal.begun(start)))
         return self.fits.setdefault((), self.fitter.fit((), np.empty(0), np.zeros(self.fitter.count), noise, 4))
 
     def run(self) -> Fit:
         """Search; the most probable explanation."""
         problem = self.problem
         problem.follow_angles(True)
-        problem.align(problem.nominal)
+        self.fitter.start = problem.aligned(problem.nominal.begun(self.fitter.start))
         found = self._search()
-        suggested, lates = dict(problem.headings), dict(problem.lates)
-        if suggested and not self.closed(found):
+        suggested = self.fitter.start
+        if suggested.headings and not self.closed(found):
             # Headings that the nominal robot suggests are bent by what it lacks: once more from the declared ones.
             first, self.fits = self.fits, {}
-            problem.begin({}, {})
+            self.fitter.start = suggested.with_headings({}).with_lates({})
             other = self._search()
             if self.score(found) < self.score(other):
                 self.fits, other = first, found
-                problem.begin(suggested, lates)
+                self.fitter.start = suggested
             found = other
         found = self._as_declared(found)
         problem.follow_angles(False)
@@ -67,21 +67,21 @@ class Search(Neighbours):
 
     def _as_declared(self, fit: Fit) -> Fit:
         """The same with runs that began as declared, where the explanation does not ask for anything else."""
-        problem, headings = self.problem, dict(self.problem.headings)
-        if headings:
-            problem.begin({}, problem.lates)
+        start = self.fitter.start
+        if start.headings:
+            self.fitter.start = start.with_headings({})
             declared = self.fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise)
             if declared.cost < fit.cost + CHI2:
                 self.fits = {
                     f.hypothesis: self.fitter.fit(f.hypothesis, f.u, f.z, f.noise) for f in (self.fits[()], declared)
                 }
                 return self.fits[fit.hypothesis]
-            problem.begin(headings, problem.lates)
+            self.fitter.start = start
         return fit
 
     def _search(self) -> Fit:
         problem = self.problem
-        noise = problem.white().estimated(problem.residual(problem.nominal))
+        noise = problem.white().estimated(problem.residual(problem.nominal.begun(self.fitter.start)))
         self.slow_sensitivities, self.afresh, self.looked = {}, True, {()}
         most = self._most()
         self._until, self.last_work = problem.work + most, problem.work + 2.0 * most
@@ -171,9 +171,10 @@ class Search(Neighbours):
             )
             fit = self.prune(extended)
             model = fit.model(self.problem)
-            if max(self.problem.align(model), self.problem.align_commands(model)) > 0.0:
+            start = self.problem.aligned_commands(model.begun(self.problem.aligned(model)))
+            if start != self.fitter.start:
                 # Runs began elsewhere or later than was thought: what was fitted to other beginnings is of no use.
-                self.fitter.by_nuisance = None
+                self.fitter.by_nuisance, self.fitter.start = None, start
                 kept = {f.hypothesis: f for f in (self.fits[()], accepted, fit)}
                 self.fits = {h: self.fitter.fit(h, f.u, f.z, f.noise, ITERATIONS) for h, f in kept.items()}
                 accepted, fit = self.fits[accepted.hypothesis], self.fits[fit.hypothesis]

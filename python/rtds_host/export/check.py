@@ -118,7 +118,7 @@ def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog], a
     case = Case("export", robot, tuple(runs))
     problem = Problem(case, 1)
     # A heading that a log does not hold is found from the slope's pull, as in a diagnosis.
-    problem.align(model)
+    start = problem.aligned(model)
     plain = nominal_model(robot)
     parts: dict[str, list[dict[str, np.ndarray]]] = {
         name: [] for name in ("before", "after", "replay before", "replay after")
@@ -127,12 +127,12 @@ def check(corrected: Path, robot: Robot, model: Model, runs: Sequence[RunLog], a
     with temporary_folder() as folder:
         nominal = folder / "nominal.xml"
         nominal.write_text(mjcf.write(figures_of(plain, robot), "", actuator), encoding="utf-8")
-        for data in problem.whole:
-            log, start = data.log, data.inputs[-1]
+        for data in problem.whole_begun(start):
+            log, begun = data.log, data.inputs[-1]
             bus = row_inputs(log, robot)[3] if robot.driver.bus == "measured" else None
             outs = {
-                "before": ExportedRobot(nominal).replay(log, start, bus),
-                "after": ExportedRobot(corrected).replay(log, start, bus),
+                "before": ExportedRobot(nominal).replay(log, begun, bus),
+                "after": ExportedRobot(corrected).replay(log, begun, bus),
                 "replay before": replay_run(plain, data.inputs, REPORT_STEP_S),
                 "replay after": replay_run(model, data.inputs, min(REPORT_STEP_S, model.step_s)),
             }

@@ -25,6 +25,7 @@ from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inpu
 from rtds_host.diagnosis.scatter import scatter, scattered
 from rtds_host.diagnosis.screen import Screen, sensitivities_of
 from rtds_host.diagnosis.search import Search
+from rtds_host.diagnosis.start import DECLARED
 
 POSE = ("x", "y", "yaw")
 
@@ -154,10 +155,10 @@ def test_a_run_whose_commands_act_later_than_the_others_does_not_bend_the_delay(
     model = problem.nominal.copy()
     model.put("command_delay", 0.15)
     before = problem.gap(model)
-    assert problem.align_commands(model) == pytest.approx(0.2, abs=0.01)
-    assert list(problem.lates) == ["r1"]
-    assert problem.gap_as_fitted(model) < 0.5 * before
-    assert problem.gap(model) == before
+    start = problem.aligned_commands(model)
+    assert dict(start.lates) == {"r1": pytest.approx(0.2, abs=0.01)}
+    assert problem.gap_as_fitted(model.begun(start)) < 0.5 * before
+    assert problem.gap_as_fitted(model) == problem.gap(model.begun(start)) == before
     diagnosis, details = diagnose(late_case({"r1": 0.2}), quick=True)
     (delay,) = diagnosis["effects"]
     assert delay["id"] == "command_delay"
@@ -175,7 +176,7 @@ def test_commands_are_late_in_single_runs_only_next_to_the_delay_of_most(lates, 
     problem = Problem(late_case(lates))
     model = problem.nominal.copy()
     model.put("command_delay", delay)
-    assert problem.align_commands(model) == 0.0 and not problem.lates
+    assert problem.aligned_commands(model) == DECLARED
 
 
 def test_a_delay_without_a_pose_is_declared_with_what_is_indistinguishable_and_named_once():
@@ -844,6 +845,11 @@ def test_where_runs_began_elsewhere_the_effect_that_led_there_is_weighed_against
         return cause and search.try_fit((cause,), scaled(search.effects, (cause,), [{"ratio": 0.95}]), fit)
 
     monkeypatch.setattr(search, "extend", extend)
-    monkeypatch.setattr(search.problem, "align", lambda model: next(aligned, 0.0))
+
+    def begun(model):
+        angle = next(aligned, 0.0)
+        return model.start.with_headings({"no run": angle}) if angle else model.start
+
+    monkeypatch.setattr(search.problem, "aligned", begun)
     found = search.climb(nothing)
     assert found.hypothesis == ((driver,) if moved else (gyro,))

@@ -73,7 +73,7 @@ def reported_gap(problem: Problem, fit: Fit) -> float:
     models = iter(left_out(problem, fit, [rows for mine in parts for *_, rows in mine]))
     step = min(REPORT_STEP_S, fit.model(problem).step_s)
     squares = []
-    for data, mine in zip(problem.whole, parts, strict=True):
+    for data, mine in zip(problem.whole_begun(fit.start), parts, strict=True):
         for first, last, _ in mine:
             out = replay_run(next(models), data.inputs, step)[first:last]
             errors = gaps.errors(data.log.rows(first, last), problem.robot, out)

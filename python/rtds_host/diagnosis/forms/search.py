@@ -103,7 +103,7 @@ def _renewed(problem: Problem, fit: Fit) -> Fit:
 
 def _fitted(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Promise) -> Fit:
     """An explanation with one form more, all parameters fitted together."""
-    fitter = Fitter(problem)
+    fitter = Fitter(problem, fit.start)
     fitter.effects = {**known, one.form.id: one.form.effect()}
     hypothesis, start = joined({**fit.parts, (one.form.id, one.side): one.start})
     return fitter.fit(hypothesis, start, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance)
@@ -111,7 +111,7 @@ def _fitted(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Promis
 
 def _named(problem: Problem, now: Judged, judged: Judged, promise: Promise) -> str | None:
     """The effect of the catalogue that does on runs left out what a form does, None without any."""
-    fitter = Fitter(problem)
+    fitter = Fitter(problem, now.fit.start)
     fitter.effects = dict(now.fit.effects)
     for name in RESEMBLES.get((promise.form.term, promise.form.over), ()):
         effect = fitter.effects.get(name)

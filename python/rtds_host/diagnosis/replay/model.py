@@ -13,6 +13,7 @@ from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis.replay import kernel
 from rtds_host.diagnosis.replay.layout import COMMON, COMMON_INDEX, OUTPUT_INDEX, OUTPUTS, SIDE, SIDE_INDEX
 from rtds_host.diagnosis.replay.simd import replay_batch
+from rtds_host.diagnosis.start import DECLARED, Start
 from rtds_host.diagnosis.thresholds import SIGNIFICANT
 from rtds_host.plant.forms import no_forms
 
@@ -46,15 +47,20 @@ CLOCKS = {
 @dataclass
 class Model:
     """Numbers of one robot: `side` (2, len(SIDE)) and `common` (len(COMMON),), addressed by name; `forms` (2, MOST,
-    WIDTH), see `plant.forms`."""
+    WIDTH), see `plant.forms`; `start`: how its runs begin where that was estimated."""
 
     side: np.ndarray
     common: np.ndarray
     forms: np.ndarray = field(default_factory=no_forms)
+    start: Start = DECLARED
 
     def copy(self) -> Model:
         """An independent copy."""
-        return Model(self.side.copy(), self.common.copy(), self.forms.copy())
+        return Model(self.side.copy(), self.common.copy(), self.forms.copy(), self.start)
+
+    def begun(self, start: Start) -> Model:
+        """An independent copy whose runs begin otherwise."""
+        return Model(self.side.copy(), self.common.copy(), self.forms.copy(), start)
 
     def scale(self, name: str, factor: float, sides: tuple[int, ...] = (0, 1)) -> None:
         """Multiply an entry, of the given sides if it has sides."""
