@@ -34,9 +34,10 @@ from rtds_host.contract.runlog import read_object
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.diagnose import diagnose, taken
 from rtds_host.diagnosis.gate import examine
-from rtds_host.diagnosis.problem import Problem, RunData
+from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model
+from rtds_host.diagnosis.residual import RunData
 from rtds_host.errors import InputError, RtdsError
 from rtds_host.export import mjcf
 from rtds_host.export.dcmotor import BRISTLE_SWING, COPPER_PER_K

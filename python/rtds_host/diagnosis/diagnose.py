@@ -28,8 +28,9 @@ from rtds_host.diagnosis.likelihood import correlated
 from rtds_host.diagnosis.localise import Localisation, localise
 from rtds_host.diagnosis.localise.shares import FAINT
 from rtds_host.diagnosis.nuisances import SETUP
-from rtds_host.diagnosis.problem import CHANNELS, Problem
+from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
+from rtds_host.diagnosis.residual import CHANNELS
 from rtds_host.diagnosis.scatter import scattered
 from rtds_host.diagnosis.search import MOST_WORK, QUICK_WORK, Search
 from rtds_host.diagnosis.thresholds import MINOR_SHARE, SIGNIFICANT

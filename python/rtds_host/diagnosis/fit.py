@@ -354,10 +354,9 @@ class Fitter:
         ----------
         start : (p,) scaled effect parameters; z : (k,) nuisances to start from; noise : a discrepancy to begin with.
         known : derivatives by the parameters of some of its effects, (N, n) each, to do with: a rough fit, good enough
-        to
-            see what another effect brings or what one that is gone leaves. fixed : keep the discrepancy. by_nuisance :
-            (N, k) derivatives by the nuisances to begin with, else those about the nominal robot. least : what a step
-            must still bring, in -2 log probability.
+        to see what another effect brings or what one that is gone leaves. fixed : keep the discrepancy. by_nuisance :
+        (N, k) derivatives by the nuisances to begin with, else those about the nominal robot. least : what a step must
+        still bring, in -2 log probability.
         """
         k = self.count
         known = known or {}
@@ -415,6 +414,5 @@ class Fitter:
                 # which an effect and a tolerance of the same parameter lie.
                 by_nuisance = yield from self._derivatives(hypothesis, x, r, range(k), high)
                 renewals, since, damping = renewals - 1, 0.0, 0.0
-        return Fit(
-            self.effects, hypothesis, x[:k].copy(), x[k:].copy(), r, by_nuisance, by_effect, free, noise, self.start
-        )
+        z, u = np.split(x, [k])
+        return Fit(self.effects, hypothesis, z, u, r, by_nuisance, by_effect, free, noise, self.start)

@@ -12,8 +12,9 @@ import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
-from rtds_host.diagnosis.problem import CHANNELS, Problem, RunData
+from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model, replay_run
+from rtds_host.diagnosis.residual import CHANNELS, RunData
 
 # Squares of the errors of one part that was left out, by channel.
 Errors = Mapping[str, gaps.Squares]

@@ -1,28 +1,23 @@
-"""A case as a fitting problem: whitened residuals of whole-run replays, in blocks of time.
+"""A case as a fitting problem: its runs prepared (`residual`), replayed (`replayer`), and how they began estimated.
 
-The residuals hold more than the gap of the contract counts (angles as well as speeds, the bus voltage, window ends
-averaged over their neighbours), since each sample that narrows an explanation is welcome in the choice.
+Nothing that a replay depends on changes after a problem is made, but for whether a ripple follows the measured angles.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from collections import deque
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
-import numba
 import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis.effects import Effect, catalogue
-from rtds_host.diagnosis.effort import spend
-from rtds_host.diagnosis.gap import WINDOW_S, errors, gap, pooled
+from rtds_host.diagnosis.gap import WINDOW_S
 from rtds_host.diagnosis.gate.cuts import start_row
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.nuisances import nuisances_of
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import (
     Model,
     ReplayBatch,
@@ -33,18 +28,14 @@ from rtds_host.diagnosis.replay.model import (
     run_inputs,
     stretch_inputs,
 )
-from rtds_host.diagnosis.replay.simd import SIMD_WIDTH
+from rtds_host.diagnosis.replayer import STARTS_KEPT, Replayer
+from rtds_host.diagnosis.residual import RunData, prepared, run_residual
 from rtds_host.diagnosis.start import DECLARED, Start
 from rtds_host.diagnosis.thresholds import MAJORITY, SIGNIFICANT
 
 # Numerical: stretches whose residuals are counted as one draw are as long as the gap's windows; shorter where all runs
 # together are, so that there are enough of them, of a few rows each.
 LEAST_BLOCKS, ROWS_A_BLOCK = 100, 5
-# Numerical: half the span over which a window's end is averaged: long against a sample, short against the motion.
-AVERAGE_S = 0.05
-# Numerical: the same for angles where no speed is measured, which then have to show what moves fast, too, and for those
-# of an axis, whose pieces are shorter: they tell a speed that alone is late.
-FINE_WINDOW_S, FINE_AVERAGE_S = 0.1, 0.01
 # Numerical: longer cases are searched in stretches: by then the models' errors, and not the samples, bound what can be
 # learnt.
 SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 80_000, 20.0
@@ -52,93 +43,9 @@ SEARCHED_S, SEARCHED_ROWS, STRETCH_S = 300.0, 80_000, 20.0
 PIECE_S = 0.3
 # Numerical: chi2 that chance alone does not bring.
 CHI2 = SIGNIFICANT**2
-# Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a
-# residual, in steps of one in a batch.
-ALONE, WAITING, WHITENED = 8.0, 3.0, 0.35
-# Numerical: starts whose inputs are kept: the one that is searched, and those that it is compared with.
-STARTS_KEPT = 4
 # Numerical: lags that are tried in a run, in delays of the others.
 LAGS = np.linspace(0.0, 3.0, 25)
 
-
-@dataclass
-class _Windows:
-    """Averaging of a channel about the ends of windows: rows grouped by `starts` for np.add.reduceat."""
-
-    rows: np.ndarray
-    starts: np.ndarray
-    counts: np.ndarray
-    times: np.ndarray
-
-    def mean(self, values: np.ndarray) -> np.ndarray:
-        return np.add.reduceat(values[self.rows], self.starts) / self.counts
-
-    def unsure(self, log: RunLog, channel: str) -> np.ndarray | float:
-        """What a channel's moves from end to end have beyond its noise, one standard deviation, (ends - 1,)."""
-        beyond = log.unsure.get(channel)
-        if beyond is None:
-            return 0.0
-        ends = np.sqrt(self.mean(np.square(beyond)) / self.counts)
-        return np.hypot(ends[1:], ends[:-1])
-
-
-def _windows(
-    t: np.ndarray, good: np.ndarray, window_s: float = WINDOW_S, average_s: float = AVERAGE_S
-) -> _Windows | None:
-    rows = np.flatnonzero(good)
-    if len(rows) < 2 or t[rows[-1]] - t[rows[0]] < window_s:
-        return None
-    times = t[rows]
-    marks = times[0] + window_s * np.arange(int((times[-1] - times[0]) / window_s + 1e-6) + 1)
-    first = np.searchsorted(times, marks - average_s - 1e-9)
-    last = np.searchsorted(times, marks + average_s + 1e-9)
-    keep = last > first
-    first, last, marks = first[keep], last[keep], marks[keep]
-    if len(marks) < 2:
-        return None
-    picked = np.concatenate([rows[a:b] for a, b in zip(first, last)])
-    counts = last - first
-    return _Windows(picked, np.concatenate([[0], np.cumsum(counts)[:-1]]), counts, marks)
-
-
-@dataclass
-class _Samples:
-    """Channels compared sample by sample, one after another: entries of a replay, flat, and what was measured there.
-
-    `level` is the part whose mean is no evidence (the bus voltage's), if there is one.
-    """
-
-    entries: np.ndarray
-    measured: np.ndarray
-    noise: np.ndarray
-    level: slice | None
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _in_noise(replayed, entries, measured, noise, into):
-    """Errors in units of noise, (replayed - measured) / noise, at some entries of a replay (none of them negative)."""
-    # By themselves, scattered loads do not keep what follows from going several at a time.
-    for k in range(len(entries)):
-        into[k] = replayed[np.uintp(entries[k])]
-    for k in range(len(entries)):
-        into[k] = (into[k] - measured[k]) / noise[k]
-
-
-@dataclass
-class RunData:
-    """One run prepared: inputs of the replay and what its residual compares."""
-
-    log: RunLog
-    inputs: tuple[np.ndarray, ...]
-    sampled: _Samples | None = None
-    angles: list[tuple[str, int, _Windows, np.ndarray, np.ndarray]] = field(default_factory=list)
-    pose: tuple | None = None
-    time: np.ndarray = field(default_factory=lambda: np.empty(0))
-    block: np.ndarray = field(default_factory=lambda: np.empty(0, int))
-    channel: np.ndarray = field(default_factory=lambda: np.empty(0, int))
-
-
-CHANNELS = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
 
 # Numerical: rows of a block whose noise is measured.
 NOISE_ROWS = 20
@@ -159,17 +66,13 @@ class Problem:
         self.nominal = nominal_model(case.robot)
         self.nuisances = nuisances_of(case, self.nominal)
         self.effects: dict[str, Effect] = catalogue(case.robot, case.runs)
-        self.threads = max(threads, 1)
+        self.replayer = Replayer(case.robot, threads)
         self._begun: dict[tuple[Start, bool], tuple[list[RunData], list[RunData]]] = {}
         self._follow = False
         lasted = sum(float(log.t[-1] - log.t[0]) for log in case.runs)
         coarsest = max(float(np.median(np.diff(log.t))) for log in case.runs)
         self.block_s = min(WINDOW_S, max(lasted / LEAST_BLOCKS, ROWS_A_BLOCK * coarsest))
         self.pieces = pieces
-        self._kept: list[ReplayBatch] = []
-        self._gaps: dict[tuple, float] = {}
-        self.work = 0.0  # done on residuals so far, in steps of a replay in a batch
-        self.pool = ThreadPoolExecutor(self.threads)
         self.whole = [RunData(log, run_inputs(log, case.robot)) for log in case.runs]
         self.searched = min(1.0, SEARCHED_S / lasted, SEARCHED_ROWS / sum(len(log.t) for log in case.runs))
         self.runs, owners = [], []
@@ -182,7 +85,7 @@ class Problem:
                 parts = self._stretches(log, owed)
                 owed -= sum(float(part.log.t[-1] - part.log.t[0]) for part in parts)
             else:
-                parts = [self._prepare(log, run_inputs(log, self.robot))]
+                parts = [self._prepared(log, run_inputs(log, self.robot))]
             self.runs += parts
             owners += [k] * len(parts)
         self.owners = owners
@@ -269,7 +172,7 @@ class Problem:
             if last - first >= ROWS_A_BLOCK
         ]
         return [
-            self._prepare(log.rows(first, last), piece_inputs(log, self.robot, first, last))
+            self._prepared(log.rows(first, last), piece_inputs(log, self.robot, first, last))
             for first, last in bounds or [(0, len(log.t))]
         ]
 
@@ -291,116 +194,29 @@ class Problem:
                 first = start_row(log, self.case, np.arange(first, last))
             if first is not None and last - first >= ROWS_A_BLOCK:
                 parts.append(
-                    self._prepare(
+                    self._prepared(
                         log.rows(int(first), int(last)), stretch_inputs(log, self.robot, int(first), int(last))
                     )
                 )
         return parts
 
-    def _prepare(self, log: RunLog, inputs: tuple[np.ndarray, ...]) -> RunData:
-        robot = self.robot
-        data = RunData(log, inputs)
-        blocks, channels, stamps, sampled = [], [], [], []
+    def _prepared(self, log: RunLog, inputs: tuple[np.ndarray, ...]) -> RunData:
+        return prepared(log, inputs, self.robot, self.block_s)
 
-        def note(channel: str, times: np.ndarray) -> None:
-            blocks.append(((times - log.t[0]) / self.block_s + 1e-9).astype(int))
-            channels.append(np.full(len(times), CHANNELS.index(channel)))
-            stamps.append(times)
+    @property
+    def threads(self) -> int:
+        """Threads that replays share."""
+        return self.replayer.threads
 
-        for channel in ("v_bus", "i_l", "i_r", "w_l", "w_r", "gyro_z"):
-            noise = robot.noise(channel)
-            if noise is None or not log.has(channel) or (channel == "v_bus" and robot.driver.bus == "measured"):
-                continue
-            if channel[0] == "i" and robot.driver.mode == "torque":
-                continue
-            if channel[-2:] == "_r" and len(robot.sides) == 1:
-                continue
-            rows = np.flatnonzero(np.isfinite(log.columns[channel]))
-            sampled.append((channel, rows, log.columns[channel][rows], log.noise(channel, noise, rows)))
-            note(channel, log.t[rows])
-        data.sampled = self._sampled(sampled)
-        for side in robot.sides:
-            channel = f"th_{side}"
-            noise = robot.noise(channel)
-            if noise is None or not log.has(channel):
-                continue
-            lone = not log.has(f"w_{side}") or robot.noise(f"w_{side}") is None
-            fine = lone or robot.axis is not None
-            for spans in ((WINDOW_S, AVERAGE_S), (FINE_WINDOW_S, FINE_AVERAGE_S))[: 2 if fine else 1]:
-                windows = _windows(log.t, np.isfinite(log.columns[channel]), *spans)
-                if windows is None:
-                    continue
-                scale = noise * np.sqrt(1.0 / windows.counts[1:] + 1.0 / windows.counts[:-1])
-                # Averaging does not help against a count that stands still: an encoder's step limits the noise.
-                scale = np.hypot(np.maximum(scale, noise), windows.unsure(log, channel))
-                measured = np.diff(windows.mean(log.columns[channel]))
-                data.angles.append((channel, OUTPUT_INDEX[channel], windows, measured, scale))
-                note(channel, windows.times[:-1])
-        full = log.has("x") and log.has("y") and robot.noise("x") is not None
-        if robot.axis is None and log.has("yaw") and (full or robot.noise("yaw")):
-            good = np.isfinite(log.columns["yaw"])
-            if full:
-                good = good & np.isfinite(log.columns["x"]) & np.isfinite(log.columns["y"])
-            windows = _windows(log.t, good)
-            if windows is not None:
-                spread = np.sqrt(1.0 / windows.counts[1:] + 1.0 / windows.counts[:-1])
-                columns = [log.columns[c] if full or c == "yaw" else np.zeros(len(log.t)) for c in ("x", "y", "yaw")]
-                scales = [
-                    np.hypot(size * spread, windows.unsure(log, c)) if (size := robot.noise(c)) else spread
-                    for c in ("x", "y", "yaw")
-                ]
-                counted = tuple(k for k, c in enumerate(("x", "y", "yaw")) if robot.noise(c) and (full or c == "yaw"))
-                data.pose = (counted, windows, self._moves(windows, *columns), scales)
-                for k in counted:
-                    note(("x", "y", "yaw")[k], windows.times[:-1])
-        data.block = np.concatenate(blocks) if blocks else np.empty(0, int)
-        data.channel = np.concatenate(channels) if channels else np.empty(0, int)
-        data.time = np.concatenate(stamps) if stamps else np.empty(0)
-        return data
+    @property
+    def work(self) -> float:
+        """Done on residuals so far, in steps of a replay in a batch."""
+        return self.replayer.work
 
-    @staticmethod
-    def _sampled(parts: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]) -> _Samples | None:
-        """Channels (name, rows, measured, noise) as one."""
-        if not parts:
-            return None
-        counts = [len(rows) for _, rows, _, _ in parts]
-        # The bus is the first channel there is.
-        level = slice(0, counts[0]) if parts[0][0] == "v_bus" else None
-        return _Samples(
-            np.concatenate([rows * len(OUTPUT_INDEX) + OUTPUT_INDEX[channel] for channel, rows, _, _ in parts]),
-            np.concatenate([measured for _, _, measured, _ in parts]),
-            np.concatenate([noise for *_, noise in parts]),
-            level,
-        )
-
-    @staticmethod
-    def _moves(windows: _Windows, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> tuple[np.ndarray, ...]:
-        px, py, heading = windows.mean(x), windows.mean(y), windows.mean(yaw)
-        dx, dy = np.diff(px), np.diff(py)
-        c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
-        return c * dx + s * dy, c * dy - s * dx, np.diff(heading)
-
-    def run_residual(self, data: RunData, out: np.ndarray, into: np.ndarray | None = None) -> np.ndarray:
-        """(replayed - measured) / noise of one run, (n,); written to `into` if that is given."""
-        result = np.empty(len(data.block)) if into is None else into
-        at = 0
-        if data.sampled is not None:
-            at = len(data.sampled.entries)
-            error = result[:at]
-            _in_noise(out.ravel(), data.sampled.entries, data.sampled.measured, data.sampled.noise, error)
-            if data.sampled.level is not None:
-                # Its level is the supply's affair; only how it moves is evidence.
-                error[data.sampled.level] -= error[data.sampled.level].mean()
-        for _, column, windows, measured, scale in data.angles:
-            result[at : at + len(measured)] = (np.diff(windows.mean(out[:, column])) - measured) / scale
-            at += len(measured)
-        if data.pose is not None:
-            counted, windows, measured, noise = data.pose
-            replayed = self._moves(windows, out[:, 8], out[:, 9], out[:, 10])
-            for k in counted:
-                result[at : at + len(noise[k])] = (replayed[k] - measured[k]) / noise[k]
-                at += len(noise[k])
-        return result
+    @property
+    def pool(self) -> ThreadPoolExecutor:
+        """The replayer's threads, for other work over runs."""
+        return self.replayer.pool
 
     def begun(self, start: Start) -> list[RunData]:
         """The searched runs, begun as `start` says. A problem in pieces has measured states, which nothing changes."""
@@ -438,7 +254,7 @@ class Problem:
     def _heading_misfit(self, data: RunData, model: Model, heading: float) -> float:
         start = data.inputs[-1].copy()
         start[2] = heading
-        residual = self.run_residual(data, replay_run(model, (*data.inputs[:-1], start)))
+        residual = run_residual(data, replay_run(model, (*data.inputs[:-1], start)))
         return float(residual @ residual)
 
     def _settled(self, data: RunData, model: Model) -> float | None:
@@ -454,7 +270,7 @@ class Problem:
         def residual(speed: float) -> np.ndarray:
             moved = start.copy()
             moved[5] = moved[9] = speed
-            return self.run_residual(data, replay_run(model, (*data.inputs[:-1], moved)))
+            return run_residual(data, replay_run(model, (*data.inputs[:-1], moved)))
 
         begun = start[5]
         at = residual(begun)
@@ -517,7 +333,7 @@ class Problem:
         was = dict(model.start.lates).get(data.log.name, 0.0)
 
         def missed(out: np.ndarray) -> float:
-            residual = self.run_residual(data, out)
+            residual = run_residual(data, out)
             return float(residual @ residual) - len(residual)
 
         def beyond(late: float) -> float:
@@ -561,8 +377,7 @@ class Problem:
         return self.residuals([model])[0]
 
     def residuals(self, models: list[Model], steps: list[float] | None = None) -> list[np.ndarray]:
-        """Residuals of several models, on all cores: shared out by runs, since there are often no more models than
-        cores.
+        """Residuals of several models, (N,) each, whose runs begin as each model's start says.
 
         steps : longest step of each, s, by default what it needs. What steps miss is nearly the same in models that are
         alike and take the same: those that are only compared with one another do with longer ones.
@@ -570,49 +385,8 @@ class Problem:
         steps = steps or [model.step_s for model in models]
         if len({model.start for model in models}) > 1:
             return self._by_start(models, steps)
-        begun = self.begun(models[0].start) if models else self.runs
-        found = [np.empty(self.size) for _ in models]
-        taken = sum(self._taken(model, step_s) + WHITENED * self.size for model, step_s in zip(models, steps))
-        self.work += taken
-        spend(taken)
-        # Those with springs or free play side by side: what one lane has is computed in all.
-        batched = sorted(
-            (k for k, model in enumerate(models) if model.batched), key=lambda k: (models[k].slow, steps[k])
-        )
-        runs = self._batch(begun)
-        if not runs.worth([models[k] for k in batched], self.threads):
-            batched = []
-        alone = sorted(set(range(len(models))) - set(batched))
-        jobs = deque(
-            functools.partial(self._alone, models[k], data, found[k][rows], steps[k])
-            for k in alone
-            for data, (_, rows) in zip(begun, self.rows)
-        )
-        if batched:
-            # Lanes are to be full, and shares for all cores, but none so large that its replays leave the cache.
-            lanes = len(batched) * len(self.runs) // SIMD_WIDTH
-            count = min(len(batched), max(lanes // 4, min(lanes, self.threads), 1))
-            jobs.extend(
-                functools.partial(
-                    self._together, runs, [models[k] for k in part], [found[k] for k in part], [steps[k] for k in part]
-                )
-                for part in np.array_split(batched, count)
-            )
-
-        def do_jobs() -> None:
-            # One wait a core: one a job would cost as much as a short replay.
-            while True:
-                try:
-                    job = jobs.popleft()
-                except IndexError:
-                    return
-                job()
-
-        others = [self.pool.submit(do_jobs) for _ in range(min(self.threads, len(jobs)) - 1)]
-        do_jobs()
-        for other in others:
-            other.result()
-        return found
+        runs = self.begun(models[0].start if models else DECLARED)
+        return self.replayer.residuals(runs, [rows for _, rows in self.rows], models, steps)
 
     def _by_start(self, models: list[Model], steps: list[float]) -> list[np.ndarray]:
         """The same of models whose runs begin differently: those that begin alike at a time."""
@@ -621,33 +395,6 @@ class Problem:
             mine = [k for k, model in enumerate(models) if model.start == start]
             found |= zip(mine, self.residuals([models[k] for k in mine], [steps[k] for k in mine]))
         return [found[k] for k in range(len(models))]
-
-    def _taken(self, model: Model, step_s: float) -> float:
-        """Work that replays of all runs are: a step from row to row at the least. It hangs on the model, not on how
-        many cores there are.
-        """
-        each = WAITING if model.waits else 1.0 if model.batched else ALONE
-        return each * sum(
-            max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in self.runs
-        )
-
-    def _alone(self, model: Model, data: RunData, into: np.ndarray, step_s: float) -> None:
-        self.run_residual(data, replay_run(model, data.inputs, step_s), into)
-
-    def _together(self, runs: ReplayBatch, models: list[Model], into: list[np.ndarray], steps: list[float]) -> None:
-        for found, outs in zip(into, runs.replay(models, steps)):
-            for (data, rows), first, last in zip(self.rows, runs.rows, runs.rows[1:]):
-                self.run_residual(data, outs[first:last], found[rows])
-
-    def _batch(self, data: list[RunData]) -> ReplayBatch:
-        """Some runs, all that are searched or all that are judged, as they are replayed by now."""
-        inputs = [one.inputs for one in data]
-        for kept in self._kept:
-            if len(kept.inputs) == len(inputs) and all(a is b for a, b in zip(kept.inputs, inputs)):
-                return kept
-        # For what is searched and what is judged, of few starts.
-        self._kept, self._gaps = [ReplayBatch(inputs), *self._kept[: STARTS_KEPT - 1]], {}
-        return self._kept[0]
 
     def follow_angles(self, follow: bool) -> None:
         """Whether a ripple follows the measured angles, as it does in a search, or the replay's own, as the gap is
@@ -665,35 +412,13 @@ class Problem:
     def gap(self, model: Model) -> float:
         """The contract's gap at the search's steps: of whole runs, of long ones of the stretches that are searched."""
         searched = self.searched < 1.0 and not self.pieces
-        return self._gap(model, self.begun(model.start) if searched else self.whole_begun(model.start))
+        return self.replayer.gap(model, self.begun(model.start) if searched else self.whole_begun(model.start))
 
     def gap_as_fitted(self, model: Model) -> float:
         """The same with commands as late in each run as they were fitted, `aligned_commands`: what an effect is worth
         next to that.
         """
-        return self._gap(model, [data for data, _ in self.judged(model.start)])
-
-    def _gap(self, model: Model, judged: list[RunData]) -> float:
-        runs = self._batch(judged)
-        # The search asks for the gap of the same explanation time and again.
-        asked = (
-            runs,
-            *(one.inputs[-1].tobytes() for one in judged),
-            model.side.tobytes(),
-            model.common.tobytes(),
-            model.forms.tobytes(),
-        )
-        if asked not in self._gaps:
-            self._gaps[asked] = self._gap_of(model, judged, runs)
-        return self._gaps[asked]
-
-    def _gap_of(self, model: Model, judged: list[RunData], runs: ReplayBatch) -> float:
-        if model.batched and runs.worth([model], self.threads):
-            (out,) = runs.replay([model])
-            outs = np.split(out, runs.rows[1:-1])
-        else:
-            outs = list(self.pool.map(lambda data: replay_run(model, data.inputs), judged))
-        return gap(pooled([errors(data.log, self.robot, out) for data, out in zip(judged, outs)]))
+        return self.replayer.gap(model, [data for data, _ in self.judged(model.start)])
 
     def with_nuisances(self, z: np.ndarray, start: Start) -> Model:
         """The nominal model with nuisances z (in units of their prior's sigma), whose runs begin as `start` says."""

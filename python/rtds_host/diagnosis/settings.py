@@ -8,9 +8,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rtds_host.diagnosis.problem import Problem, RunData
+from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import Model
+from rtds_host.diagnosis.residual import RunData
 
 
 def _wheels(out: np.ndarray, quantity: str) -> np.ndarray:

@@ -215,9 +215,8 @@ def test_speeds_that_are_commanded_are_a_setting():
     run = make_run("run", nominal_model(ROBOT), ROBOT, "steps", 4.0)
     speeds = {f"w_cmd_{s}": run.columns[f"v_cmd_{s}"] for s in "lr"}
     problem = Problem(Case("case", ROBOT, (run,)), 1)
-    problem.runs[0].log = replace(
-        run, columns={**{c: v for c, v in run.columns.items() if not c.startswith("v_cmd")}, **speeds}
-    )
+    columns = {**{c: v for c, v in run.columns.items() if not c.startswith("v_cmd")}, **speeds}
+    problem.runs[0] = replace(problem.runs[0], log=replace(run, columns=columns))
     assert np.ptp(settings(problem, problem.nominal)["command"]) > 1.0
 
 

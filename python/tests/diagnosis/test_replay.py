@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from rtds_host.contract import GRAVITY_M_S2, Axis, Case, RunLog, RunMeta, builtin_robot, read_case
 from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
 from rtds_host.diagnosis.fit import apply
-from rtds_host.diagnosis.problem import CHANNELS, Problem
+from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.replay.model import (
     FINE_STEP_S,
@@ -28,6 +28,7 @@ from rtds_host.diagnosis.replay.model import (
     run_inputs,
     stretch_inputs,
 )
+from rtds_host.diagnosis.residual import CHANNELS
 from rtds_host.diagnosis.screen import available, start_values
 from rtds_host.plant.elementary import sine
 

@@ -1,0 +1,151 @@
+"""Replays of many models over the runs of a case: worker threads, SIMD batches, and the gaps asked for before.
+
+It holds nothing that an answer depends on: what a model's replay is follows from the model and the runs alone.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections import deque
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from rtds_host.contract import Robot
+from rtds_host.diagnosis.effort import spend
+from rtds_host.diagnosis.gap import errors, gap, pooled
+from rtds_host.diagnosis.replay.model import Model, ReplayBatch, replay_run
+from rtds_host.diagnosis.replay.simd import SIMD_WIDTH
+from rtds_host.diagnosis.residual import RunData, run_residual
+
+# Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a
+# residual, in steps of one in a batch.
+ALONE, WAITING, WHITENED = 8.0, 3.0, 0.35
+# Numerical: starts whose inputs are kept: the one that is searched, and those that it is compared with.
+STARTS_KEPT = 4
+
+
+class Replayer:
+    """Replays runs of one robot; `work`: what was done on residuals so far, in steps of a replay in a batch."""
+
+    def __init__(self, robot: Robot, threads: int):
+        self.robot = robot
+        self.threads = max(threads, 1)
+        self.pool = ThreadPoolExecutor(self.threads)
+        self.work = 0.0
+        self._kept: list[ReplayBatch] = []
+        self._gaps: dict[tuple, float] = {}
+
+    def residuals(
+        self, runs: Sequence[RunData], rows: Sequence[slice], models: list[Model], steps: list[float]
+    ) -> list[np.ndarray]:
+        """Residuals of several models over some runs, each in its `rows` of the result, on all cores: shared out by
+        runs, since there are often no more models than cores.
+
+        steps : longest step of each, s.
+        """
+        size = rows[-1].stop
+        found = [np.empty(size) for _ in models]
+        taken = sum(_taken(model, step_s, runs) + WHITENED * size for model, step_s in zip(models, steps))
+        self.work += taken
+        spend(taken)
+        # Those with springs or free play side by side: what one lane has is computed in all.
+        batched = sorted(
+            (k for k, model in enumerate(models) if model.batched), key=lambda k: (models[k].slow, steps[k])
+        )
+        batch = self.batch(runs)
+        if not batch.worth([models[k] for k in batched], self.threads):
+            batched = []
+        alone = sorted(set(range(len(models))) - set(batched))
+        jobs = deque(
+            functools.partial(_alone, models[k], data, found[k][mine], steps[k])
+            for k in alone
+            for data, mine in zip(runs, rows)
+        )
+        if batched:
+            # Lanes are to be full, and shares for all cores, but none so large that its replays leave the cache.
+            lanes = len(batched) * len(runs) // SIMD_WIDTH
+            count = min(len(batched), max(lanes // 4, min(lanes, self.threads), 1))
+            jobs.extend(
+                functools.partial(
+                    _together,
+                    batch,
+                    list(zip(runs, rows)),
+                    [models[k] for k in part],
+                    [found[k] for k in part],
+                    [steps[k] for k in part],
+                )
+                for part in np.array_split(batched, count)
+            )
+
+        def do_jobs() -> None:
+            # One wait a core: one a job would cost as much as a short replay.
+            while True:
+                try:
+                    job = jobs.popleft()
+                except IndexError:
+                    return
+                job()
+
+        others = [self.pool.submit(do_jobs) for _ in range(min(self.threads, len(jobs)) - 1)]
+        do_jobs()
+        for other in others:
+            other.result()
+        return found
+
+    def batch(self, data: Sequence[RunData]) -> ReplayBatch:
+        """Some runs, all that are searched or all that are judged, for replays in a batch."""
+        inputs = [one.inputs for one in data]
+        for kept in self._kept:
+            if len(kept.inputs) == len(inputs) and all(a is b for a, b in zip(kept.inputs, inputs)):
+                return kept
+        # For what is searched and what is judged, of few starts.
+        self._kept, self._gaps = [ReplayBatch(inputs), *self._kept[: STARTS_KEPT - 1]], {}
+        return self._kept[0]
+
+    def gap(self, model: Model, judged: Sequence[RunData]) -> float:
+        runs = self.batch(judged)
+        # The search asks for the gap of the same explanation time and again.
+        asked = (
+            runs,
+            *(one.inputs[-1].tobytes() for one in judged),
+            model.side.tobytes(),
+            model.common.tobytes(),
+            model.forms.tobytes(),
+        )
+        if asked not in self._gaps:
+            self._gaps[asked] = self._gap_of(model, judged, runs)
+        return self._gaps[asked]
+
+    def _gap_of(self, model: Model, judged: Sequence[RunData], runs: ReplayBatch) -> float:
+        if model.batched and runs.worth([model], self.threads):
+            (out,) = runs.replay([model])
+            outs = np.split(out, runs.rows[1:-1])
+        else:
+            outs = list(self.pool.map(lambda data: replay_run(model, data.inputs), judged))
+        return gap(pooled([errors(data.log, self.robot, out) for data, out in zip(judged, outs)]))
+
+
+def _taken(model: Model, step_s: float, runs: Sequence[RunData]) -> float:
+    """Work that replays of all runs are: a step from row to row at the least. It hangs on the model, not on how
+    many cores there are.
+    """
+    each = WAITING if model.waits else 1.0 if model.batched else ALONE
+    return each * sum(max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in runs)
+
+
+def _alone(model: Model, data: RunData, into: np.ndarray, step_s: float) -> None:
+    run_residual(data, replay_run(model, data.inputs, step_s), into)
+
+
+def _together(
+    batch: ReplayBatch,
+    runs: list[tuple[RunData, slice]],
+    models: list[Model],
+    into: list[np.ndarray],
+    steps: list[float],
+) -> None:
+    for found, outs in zip(into, batch.replay(models, steps)):
+        for (data, rows), first, last in zip(runs, batch.rows, batch.rows[1:]):
+            run_residual(data, outs[first:last], found[rows])
