@@ -75,8 +75,8 @@ class Explanations:
 
     An entry names a `file`, `why`, and patterns: `toggle`, regular expressions for the whole of `signal[bit]:0->1`, or
     without the direction for both; `line`, text that stands in the source line of a block or branch. `whole = true`: a
-    file that no bench builds. `random = true`: points that the random values before a reset reach in one build and not in
-    another, so that the entry need not fit.
+    file that no bench builds. `random = true`: points that the random values before a reset reach in one build and not
+    in another, so that the entry need not fit.
     """
 
     def __init__(self, path: Path) -> None:
