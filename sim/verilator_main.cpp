@@ -30,10 +30,10 @@
 //   RTDS_PROFILE  with RTDS_POSEDGE only: watches the clocks and writes what the generated members hold in each phase of a
 //                 step to the file that the environment's RTDS_PROFILE names (rtds_host.link.pinning reads it)
 //   RTDS_PINNED   with RTDS_POSEDGE only: the evaluation of a clock is compiled once more for each phase of a step, with the
-//                 values that control has in it. See below: "One evaluation a phase". The environment's RTDS_LOOP=check has
-//                 each such clock evaluated the general way, too, and ends the program with status 3 when a byte of the
-//                 model differs; =plain evaluates all clocks the general way; =count says at the end of each request on
-//                 standard error how many clocks were evaluated which way
+//                 values that control has in it, a few successive clocks in one function. See below: "One evaluation a phase".
+//                 The environment's RTDS_LOOP=check has the same clocks evaluated the general way, too, and ends the program
+//                 with status 3 when a byte of the model differs; =plain evaluates all clocks the general way; =count says
+//                 at the end of each request on standard error how many clocks were evaluated which way
 //   RTDS_NATIVE   sums and products are the host's own (sim/native)
 //   RTDS_WAVES    the model can be traced: what the environment asks for is written to an FST file (class Waves below)
 // rtds_phases.h, which rtds_host.link.pinning writes for the last three, says what a phase is.
@@ -258,81 +258,119 @@ void write_profile() {
 // ---- One evaluation a phase ------------------------------------------------------------------------------------------
 // A phase is a clock of a step (RTDS_PHASE gives its number). Control has the same values in it in nearly every step: its pins.
 // For each phase there is a copy of the evaluation, compiled for its pins: they are written to the registers once more before
-// it, so the compiler knows them and leaves out all that hangs on other values. It is called only in a clock that begins with
-// all of these values, so it gives what the general evaluation gives, whatever the pins are. Whether the next clock begins with
-// the pins of the phase that usually follows is looked at in the same function: where control does not hang on data the
-// compiler knows that, too, and nothing is left of it. A clock that begins with other values is evaluated the general way.
+// it, so the compiler knows them and leaves out all that hangs on other values. It is evaluated only in a clock that begins with
+// all of these values, so it gives what the general evaluation gives, whatever the pins are.
+//
+// Successive phases are in one function, a chain. So what one clock stores and the next one overwrites is never stored, and what
+// does not change from clock to clock is computed once. Before each clock of a chain its pins are looked at: where control does
+// not hang on data the compiler knows that they hold, and nothing is left of it. Otherwise the chain ends early. So it does when
+// sync has toggled or idle clocks may follow, which run_clocks sees to. RTDS_STILL are pairs that are equal while no request
+// begins: a pin, too, although neither has a value of its own. A clock that begins a chain with other values is evaluated the
+// general way, and so are those that follow, up to the next one that begins a chain.
 enum class Loop { pinned, plain, check };
 Loop loop = Loop::pinned;
 bool counting = false;
 std::uint64_t clocks_pinned = 0, clocks_general = 0;
 
+template <typename Root>
+inline auto is_idle(const Root& root, int) -> decltype(root.RTDS_IDLE, bool()) {
+    return root.RTDS_IDLE;
+}
+template <typename Root>
+inline bool is_idle(const Root&, long) {
+    return false;
+}
+
 #define RTDS_DIFFERS(name, value) differs |= static_cast<unsigned>(root.name) ^ (value);
+#define RTDS_UNEQUAL(name, other) differs |= static_cast<unsigned>(root.name) ^ root.other;
 #define RTDS_SET(name, value) root.name = (value);
-#define RTDS_PHASE_FUNCTIONS(phase, next)                                     \
-    [[gnu::noinline]] bool begins_##phase(const Vtop___024root& root) {       \
-        unsigned differs = 0;                                                 \
-        RTDS_PINS_##phase(RTDS_DIFFERS) return differs == 0;                  \
-    }                                                                         \
-    [[gnu::flatten, gnu::noinline]] bool clock_##phase(Vtop___024root& root) { \
-        root.__VnbaTriggered[0] = 1;                                          \
-        RTDS_PINS_##phase(RTDS_SET) pinned::Vtop___024root___eval_nba(&root); \
-        unsigned differs = 0;                                                 \
-        RTDS_PINS_##next(RTDS_DIFFERS) return differs == 0;                   \
+#define RTDS_EQUATE(name, other) root.name = root.other;
+#define RTDS_LOOK(phase) \
+    unsigned differs = 0; \
+    RTDS_PINS_##phase(RTDS_DIFFERS) RTDS_STILL(RTDS_UNEQUAL)
+#define RTDS_EVALUATE(phase) \
+    RTDS_PINS_##phase(RTDS_SET) RTDS_STILL(RTDS_EQUATE) pinned::Vtop___024root___eval_nba(&root); \
+    ++clocks;
+#define RTDS_GO_ON(phase)                                                                        \
+    {                                                                                            \
+        RTDS_LOOK(phase)                                                                         \
+        if (differs || root.RTDS_SYNC != sync || is_idle(root, 0)) return {clocks, false};       \
+        RTDS_EVALUATE(phase)                                                                     \
     }
-RTDS_PHASES(RTDS_PHASE_FUNCTIONS)
+#define RTDS_CHAIN_FUNCTIONS(phase, length, next)                          \
+    [[gnu::noinline]] bool begins_##phase(const Vtop___024root& root) {    \
+        RTDS_LOOK(phase) return differs == 0;                              \
+    }                                                                      \
+    [[gnu::flatten, gnu::noinline]] Done chain_##phase(Vtop___024root& root) { \
+        const CData sync = root.RTDS_SYNC;                                 \
+        unsigned clocks = 0;                                               \
+        root.__VnbaTriggered[0] = 1;                                       \
+        RTDS_EVALUATE(phase)                                               \
+        RTDS_CHAIN_##phase(RTDS_GO_ON) RTDS_LOOK(next) return {clocks, differs == 0}; \
+    }
 
-struct Phase {
+struct Done {
+    unsigned clocks;
+    bool follows;  // the pins of the phase after the chain hold
+};
+RTDS_CHAINS(RTDS_CHAIN_FUNCTIONS)
+
+struct Chain {
     bool (*begins)(const Vtop___024root&) = nullptr;
-    bool (*clock)(Vtop___024root&) = nullptr;  // true: the next phase's pins hold
-    unsigned next = 0;
+    Done (*run)(Vtop___024root&) = nullptr;
+    unsigned length = 0;  // clocks, if it does not end early
+    unsigned next = 0;    // the phase after it
 };
-struct Phases {
-    Phase at[RTDS_PHASE_COUNT];
-    Phases() {
-#define RTDS_ENTRY(phase, next) at[phase] = {begins_##phase, clock_##phase, next};
-        RTDS_PHASES(RTDS_ENTRY)
+struct Chains {
+    Chain at[RTDS_PHASE_COUNT];  // null pointers where none begins
+    Chains() {
+#define RTDS_ENTRY(phase, length, next) at[phase] = {begins_##phase, chain_##phase, length, next};
+        RTDS_CHAINS(RTDS_ENTRY)
     }
 };
-const Phases phases;
+const Chains chains;
 
-// A clock by its phase's evaluation, then from the same start the general way: byte by byte the same, or the end.
-bool clock_checked(const Phase& phase, Vtop___024root& root) {
+// Clocks by a chain, then as many from the same start the general way: byte by byte the same, or the end.
+Done run_checked(const Chain& chain, Vtop___024root& root) {
     auto* const bytes = reinterpret_cast<unsigned char*>(&root);
     static std::vector<unsigned char> start, pinned_end;
     start.assign(bytes, bytes + sizeof root);
-    const bool follows = phase.clock(root);
+    const Done done = chain.run(root);
     pinned_end.assign(bytes, bytes + sizeof root);
     std::memcpy(bytes, start.data(), sizeof root);
-    Vtop___024root___eval_nba(&root);
+    for (unsigned clock = 0; clock < done.clocks; ++clock) Vtop___024root___eval_nba(&root);
     for (std::size_t at = 0; at < sizeof root; ++at) {
         if (bytes[at] == pinned_end[at]) continue;
-        std::fprintf(stderr, "the evaluation of phase %d differs from the general one in byte %zu of the model: %02x, not %02x\n",
-                     static_cast<int>(&phase - phases.at), at, pinned_end[at], bytes[at]);
+        std::fprintf(stderr,
+                     "the chain of phase %d, %u clocks, differs from the general evaluation in byte %zu of the model: %02x, not %02x\n",
+                     static_cast<int>(&chain - chains.at), done.clocks, at, pinned_end[at], bytes[at]);
         std::exit(3);
     }
-    return follows;
+    return done;
 }
 #endif
 
 template <typename Root>
 void run_clocks(Root& root, const CData& sync, CData sync_before, std::uint64_t period_ps, std::uint64_t due_ps) {
 #ifdef RTDS_PINNED
-    const Phase* phase = nullptr;  // whose pins are known to hold
+    const Chain* chain = nullptr;  // whose first pins are known to hold
     const bool pinning = loop != Loop::plain && root.__VnbaTriggered[0] == 1;
 #endif
     do {
         now_ps += period_ps;
 #ifdef RTDS_PINNED
-        if (phase == nullptr && pinning) {
-            phase = &phases.at[RTDS_PHASE(root)];
-            if (phase->begins == nullptr || !phase->begins(root)) phase = nullptr;
+        if (chain == nullptr && pinning) {
+            chain = &chains.at[RTDS_PHASE(root)];
+            if (chain->begins == nullptr || !chain->begins(root)) chain = nullptr;
         }
-        if (phase != nullptr) {
-            const bool follows = loop == Loop::check ? clock_checked(*phase, root) : phase->clock(root);
-            phase = follows ? &phases.at[phase->next] : nullptr;
-            ++clocks_pinned;
+        // None that would go beyond what is due.
+        if (chain != nullptr && chain->run != nullptr && due_ps - now_ps + period_ps >= chain->length * period_ps) {
+            const Done done = loop == Loop::check ? run_checked(*chain, root) : chain->run(root);
+            chain = done.follows ? &chains.at[chain->next] : nullptr;
+            now_ps += (done.clocks - 1) * period_ps;
+            clocks_pinned += done.clocks;
         } else {
+            chain = nullptr;
             Vtop___024root___eval_nba(&root);
             ++clocks_general;
         }

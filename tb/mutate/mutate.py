@@ -3,10 +3,15 @@
 Every mutant of mutants.toml is made in a copy of the tree (with a build folder of its own) and run against the smallest
 relevant test. A mutant that lives is a hole in the tests: status 1. Before its first mutant each test is run without a
 fault: it has to pass, or a failure would prove nothing.
+
+What was killed is kept in build/mutate, for this state of the RTL and of what tests it: a run that was interrupted goes
+on where it was. `--again` runs all of them.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import shutil
 import subprocess
@@ -20,6 +25,9 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 WORK = ROOT / "build" / "mutate"
 COPIED = ("rtl", "tb", "python", "quartus", "sim", "pyproject.toml")
+# What a verdict hangs on: the design, its tests and what these use of the package.
+JUDGED = ("rtl", "tb", "sim", "quartus", "python/rtds_host/link", "python/rtds_host/motor")
+NOT_JUDGED = ("tb/mutate", "tb/pnr", "tb/synth", "tb/formal")
 
 # Short name -> arguments of pytest. Icarus builds at once, so it is the simulator here wherever it can be.
 TESTS = {
@@ -76,38 +84,102 @@ def run_test(folder: Path, test: str) -> bool:
     return done.returncode == 0
 
 
+def state_key(root: Path) -> str:
+    """A hash of all files that a verdict hangs on."""
+    digest = hashlib.sha256()
+    apart = [root / name for name in NOT_JUDGED]
+    for path in sorted(path for name in JUDGED for path in (root / name).rglob("*") if path.is_file()):
+        if path.suffix == ".pyc" or any(folder in path.parents for folder in apart):
+            continue
+        digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+class Kept:
+    """What is known of one state: tests that pass without a fault, and the seconds after which mutants were killed."""
+
+    def __init__(self, path: Path, again: bool) -> None:
+        self._path = path
+        self._known = {"healthy": [], "killed": {}}
+        if path.is_file() and not again:
+            self._known = json.loads(path.read_text())
+
+    @staticmethod
+    def _name(mutant: dict[str, str]) -> str:
+        return hashlib.sha256(json.dumps(mutant, sort_keys=True).encode()).hexdigest()
+
+    def _write(self) -> None:
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        scratch = self._path.with_suffix(".new")
+        scratch.write_text(json.dumps(self._known))
+        scratch.replace(self._path)
+
+    def healthy(self, test: str) -> bool:
+        """Whether the test has passed without a fault."""
+        return test in self._known["healthy"]
+
+    def add_healthy(self, test: str) -> None:
+        """The test has passed without a fault."""
+        self._known["healthy"].append(test)
+        self._write()
+
+    def killed(self, mutant: dict[str, str]) -> float | None:
+        """Seconds after which it was killed; None where that is not known."""
+        return self._known["killed"].get(self._name(mutant))
+
+    def add_killed(self, mutant: dict[str, str], seconds: float) -> None:
+        """It was killed."""
+        self._known["killed"][self._name(mutant)] = seconds
+        self._write()
+
+
+def try_mutant(folder: Path, mutant: dict[str, str]) -> tuple[bool, float]:
+    """(killed, seconds) of one mutant. Raises ValueError when it no longer fits."""
+    path = folder / "rtl" / mutant["file"]
+    right = path.read_text()
+    if right.count(mutant["old"]) != 1:
+        raise ValueError(f"{mutant['name']}: {mutant['file']} has changed, this mutant no longer fits")
+    path.write_text(right.replace(mutant["old"], mutant["new"]))
+    shutil.rmtree(folder / "build", ignore_errors=True)
+    begin = time.monotonic()
+    try:
+        return not run_test(folder, mutant["test"]), time.monotonic() - begin
+    finally:
+        path.write_text(right)
+
+
 def main(argv: list[str]) -> int:
     """Run all mutants, or those whose name contains one of the arguments."""
-    wanted = argv[1:] or [""]
+    wanted = [word for word in argv[1:] if word != "--again"] or [""]
     mutants = [
         m for m in tomllib.loads((HERE / "mutants.toml").read_text())["mutant"] if any(w in m["name"] for w in wanted)
     ]
     folder = WORK / "tree"
     copy_tree(folder)
-    healthy = set()
+    kept = Kept(WORK / "results" / f"{state_key(folder)}.json", "--again" in argv)
     print(f"| {'mutant':<52} | {'file':<22} | {'test':<10} | {'verdict':<7} | seconds |")
     print(f"|{'-' * 54}|{'-' * 24}|{'-' * 12}|---------|--------:|", flush=True)
     killed = 0
     for m in mutants:
-        if m["test"] not in healthy:
-            if not run_test(folder, m["test"]):
-                print(f"{m['test']}: fails without any fault", file=sys.stderr)
+        seconds = kept.killed(m)
+        dead = seconds is not None
+        if seconds is None:
+            if not kept.healthy(m["test"]):
+                if not run_test(folder, m["test"]):
+                    print(f"{m['test']}: fails without any fault", file=sys.stderr)
+                    return 1
+                kept.add_healthy(m["test"])
+            try:
+                dead, seconds = try_mutant(folder, m)
+            except ValueError as error:
+                print(error, file=sys.stderr)
                 return 1
-            healthy.add(m["test"])
-        path = folder / "rtl" / m["file"]
-        right = path.read_text()
-        if right.count(m["old"]) != 1:
-            print(f"{m['name']}: {m['file']} has changed, this mutant no longer fits", file=sys.stderr)
-            return 1
-        path.write_text(right.replace(m["old"], m["new"]))
-        shutil.rmtree(folder / "build", ignore_errors=True)
-        begin = time.monotonic()
-        dead = not run_test(folder, m["test"])
-        path.write_text(right)
+            if dead:
+                kept.add_killed(m, seconds)
         killed += dead
         print(
             f"| {m['name']:<52} | {m['file']:<22} | {m['test']:<10} | {'killed' if dead else 'LIVES':<7} |"
-            f" {time.monotonic() - begin:>7.1f} |",
+            f" {seconds:>7.1f} |",
             flush=True,
         )
     print(f"\n{killed} of {len(mutants)} mutants killed")

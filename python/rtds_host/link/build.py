@@ -42,7 +42,11 @@ _PACKAGES = {
 VERILATOR_FLAGS = ("-O3", "--x-assign", "fast", "--x-initial", "fast", "--noassert", "--timescale", "1ns/1ps")
 # The model is long straight pieces of code: scheduled before registers are given out they wait less for their loads.
 # A product and a sum must not become one operation: the host's arithmetic stands for the RTL's operators.
-CXX_FLAGS = "-O3 -fschedule-insns -fsched-pressure -ffp-contract=off"
+# Several clocks in one function have more loads and stores than the compiler looks through by default.
+CXX_FLAGS = (
+    "-O3 -fschedule-insns -fsched-pressure -ffp-contract=off"
+    " --param=sccvn-max-alias-queries-per-access=100000 --param=dse-max-alias-queries-per-store=20000"
+)
 PROFILE_CXX_FLAGS = "-O1 -ffp-contract=off"  # run once
 WAVES = "sim/waves"  # what the writer of FST files needs of a system
 SIGNALS = "signals.txt"  # in a build with waves: its signals (`rtds_host.link.waves`)
@@ -106,7 +110,7 @@ def _key(top: Top, simulator: str, tools: list[str]) -> str:
         repr(top.posedge_only),
         top.sync,
         repr(top.idle),
-        repr((top.native, top.phases, top.profile, top.waves)),
+        repr((top.native, top.phases, top.still, top.profile, top.waves)),
         *tools,
     ):
         digest.update(text.encode() + b"\0")

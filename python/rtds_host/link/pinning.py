@@ -2,13 +2,15 @@
 
 A compiled simulation evaluates all logic in every clock, although a step's clocks differ: in one a product is taken,
 in the next nothing. The main therefore has a copy of the evaluation for each phase of a step, compiled for the values
-that control has in it (``sim/verilator_main.cpp``, "One evaluation a phase"). Which values these are is found here:
-the members are read from the header that Verilator wrote, a simulator with a profile of its own is run, and what it
-says becomes ``rtds_phases.h``. A pin that is wrong costs time only, since the main looks at all of them first.
+that control has in it, a few successive phases in one function (``sim/verilator_main.cpp``, "One evaluation a
+phase"). Which values these are is found here: the members are read from the header that Verilator wrote, a simulator
+with a profile of its own is run, and what it says becomes ``rtds_phases.h``. A pin that is wrong costs time only,
+since the main looks at all of them first.
 """
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import tempfile
@@ -32,6 +34,11 @@ PROFILE_VARIABLE = "RTDS_PROFILE"
 # A value that a member has in this share of a phase's clocks is a pin. The others are clocks of a sample, of a
 # request's last step or of new parameters, a few in a hundred each; what hangs on data varies far more in these runs.
 PIN_SHARE = 0.96
+# Phases in one function. The first two of a step are by themselves: what a strobe begins hangs on data, and what
+# follows would be compiled for each case. Longer chains are hardly faster, take longer to compile, and leave more
+# clocks to the general evaluation where one ends early.
+FIRST_CHAIN = 2
+CHAIN = 12
 MEMBER = re.compile(r"^\s*(?:CData|SData)/\*\d+:\d+\*/ (\w+);", re.MULTILINE)
 # Members that hold no state from one evaluation to the next.
 PASSING = re.compile(r"__V(?:stl|ico|act|nba|trig|dly)|__VlemCall")
@@ -80,6 +87,35 @@ def profile_header(top: Top, header: str) -> str:
     return macros and f"{macros}#define RTDS_MEMBERS(W) {names}\n"
 
 
+def still_pairs(top: Top, header: str) -> list[tuple[str, str]]:
+    """The generated members (copy, register) of `Top.still`, those that there are.
+
+    A port of the top is a member by its own name, and where the bridge sees it a second one below the top.
+    """
+    bits = widths(header)
+    return [
+        (copy, member_name(top, register))
+        for port, register in top.still
+        for copy in (port, member_name(top, port))
+        if copy in bits and member_name(top, register) in bits
+    ]
+
+
+def chains(follows: Mapping[int, int]) -> list[list[int]]:
+    """The phases of each chain, given which phase usually follows which.
+
+    The step begins with the phase of the highest number (`Top.phases`). A phase outside of it is a chain of its own.
+    """
+    step: list[int] = []
+    phase = max(follows, default=-1)
+    while phase in follows and phase not in step:
+        step.append(phase)
+        phase = follows[phase]
+    ends = [0, *range(FIRST_CHAIN, len(step), CHAIN), len(step)]
+    parts = [step[first:end] for first, end in itertools.pairwise(ends) if first < end]
+    return parts + [[other] for other in follows if other not in step]
+
+
 def pinned_header(top: Top, header: str, profile: str) -> str:
     """``rtds_phases.h`` of the simulator that has an evaluation a phase; "" as `phase_macros`.
 
@@ -95,7 +131,8 @@ def pinned_header(top: Top, header: str, profile: str) -> str:
     macros = phase_macros(top, header)
     if not macros:
         return ""
-    kept = set(members(header))
+    still = still_pairs(top, header)
+    kept = set(members(header)) - {name for pair in still for name in pair}
     pins: dict[int, list[str]] = {}
     follows: dict[int, int] = {}
     phase = -1
@@ -111,11 +148,16 @@ def pinned_header(top: Top, header: str, profile: str) -> str:
                 pins[phase].append(f"IS({name}, {value})")
     except (ValueError, IndexError, KeyError) as error:
         raise LinkError(f"the simulator's profile is not usable ({error})") from error
-    phases = [number for number in sorted(pins) if follows[number] in pins]
+    follows = {number: after for number, after in sorted(follows.items()) if after in pins}
     lines = [macros]
+    lines.append("#define RTDS_STILL(S) " + " ".join(f"S({copy}, {register})" for copy, register in still) + "\n")
     lines += [f"#define RTDS_PINS_{number}(IS) {' '.join(pins[number])}\n" for number in sorted(pins)]
-    lines.append("#define RTDS_PHASES(P) " + " ".join(f"P({number}, {follows[number]})" for number in phases) + "\n")
-    return "".join(lines) if phases else ""
+    entries = []
+    for first, *others in chains(follows):
+        lines.append(f"#define RTDS_CHAIN_{first}(P) {' '.join(f'P({phase})' for phase in others)}\n")
+        entries.append(f"C({first}, {1 + len(others)}, {follows[[first, *others][-1]]})")
+    lines.append(f"#define RTDS_CHAINS(C) {' '.join(entries)}\n")
+    return "".join(lines) if entries else ""
 
 
 def _drive(link: Link, exchanges: int) -> None:

@@ -53,7 +53,9 @@ class Top:
         moves. The C++ main jumps such clocks.
     native : sums and products are the host's own arithmetic on Verilator (`sim/native`): the same results, less time.
     phases : nets or registers below the top of a `posedge_only` top, or (): their values together number the clocks of
-        a step. The C++ main has an evaluation for each (`rtds_host.link.pinning`).
+        a step, and the last is high in the clock that begins one. The C++ main has an evaluation for each
+        (`rtds_host.link.pinning`).
+    still : (port, register) pairs of a top with `phases` that are equal while no request begins.
     profile : this build watches itself, to find what those evaluations are compiled for.
     waves : this build can write waveforms (Verilator only; with `bridge`). Its file `SIGNALS` lists the signals.
     root : folder to which the names are relative: the source tree.
@@ -72,6 +74,7 @@ class Top:
     idle: tuple[str, str, str, int] | tuple[()] = ()
     native: bool = False
     phases: tuple[str, ...] = ()
+    still: tuple[tuple[str, str], ...] = ()
     profile: bool = False
     waves: bool = False
     root: Path = ROOT
@@ -79,7 +82,7 @@ class Top:
     @property
     def plain(self) -> Top:
         """The same with the RTL's own operators and one evaluation for all clocks: Verilator's model as it comes."""
-        return replace(self, native=False, phases=(), profile=False)
+        return replace(self, native=False, phases=(), still=(), profile=False)
 
     @property
     def traced(self) -> Top:
@@ -156,6 +159,7 @@ TOPS: Mapping[str, Top] = {
         idle=("idle_o", "period_q", "step_clocks_q", 3),
         native=True,
         phases=("u_core.u_sequencer.slot_q", "strobe"),
+        still=(("go_i", "go_q"), ("fx_go_i", "fx_go_q")),
     ),
     "hps": Top(
         module="rtds_hps",

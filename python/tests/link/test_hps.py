@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from link_cases import BURGER, STEP_S
 
+from rtds_host.bench import hps as bench
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link import hps, open_link
 from rtds_host.link.hps import READ, UNTIL_ZERO, WRITE, HpsLink, MemoryBus, SimulatedBus
@@ -78,25 +79,23 @@ def test_a_step_is_as_long_as_real_time_has_it_and_what_comes_late_is_counted():
 @pytest.mark.parametrize(("samples", "reads", "clocks"), [(1, 7, 62), (10, 43, 242)])
 def test_an_exchange_of_a_millisecond_takes_so_many_clocks_of_the_bus(samples, reads, clocks):
     """What docs/hps-link.md states; without the wait for the motors."""
-    with HpsLink(SimulatedBus(), step_clocks="min") as link:
-        link.set_parameters(**BURGER)
-        bus = link.bus
-        run, taken = bus.run, []
+    assert bench.on_the_bus(samples) == bench.Accesses(writes=6, reads=reads, clocks=clocks)
 
-        def one_by_one(orders):
-            found = []
-            for order in orders:
-                before = bus.clocks
-                found += run([order])
-                if order[0] in (READ, WRITE):
-                    taken.append((order[0], bus.clocks - before))
-            return found
 
-        bus.run = one_by_one
-        link.exchange([6.0, 6.0], [0.0, 0.0], 100 * STEP_S, 100 // samples * STEP_S)
-    assert sum(kind == READ for kind, _ in taken) == reads
-    assert sum(kind == WRITE for kind, _ in taken) == 6
-    assert sum(spent for _, spent in taken) == clocks
+@pytest.mark.parametrize(("samples", "reads"), [(1, 7), (10, 43)])
+def test_the_benchs_file_of_registers_sees_the_accesses_that_the_bus_sees(samples, reads):
+    """So the exchanges a second that the bench times are those whose clocks are counted."""
+    counted, rate = bench.of_the_host(samples, 0.0)
+    assert counted == bench.Accesses(writes=6, reads=reads, clocks=0)
+    assert rate > 0.0
+
+
+def test_the_bench_of_the_bridge_prints_accesses_clocks_and_what_is_left(capsys, monkeypatch):
+    monkeypatch.setattr(bench, "of_the_host", lambda samples, seconds: (bench.Accesses(6, 7, 0), 50_000.0))
+    bench.run(0.0)
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["1", "6", "7", "62", "0.12%", "50000", "20.0", "50"] in lines
+    assert ["10", "6", "43", "242", "0.48%", "50000", "20.0", "50"] in lines
 
 
 def test_what_the_registers_refuse_ends_in_one_line():
