@@ -77,7 +77,7 @@ def diagnose(
         if mcap is not None:
             from rtds_host.correction.close import model_of
             from rtds_host.diagnosis.predict import predicted_columns
-            from rtds_host.importers.mcap_compare import Compared, write_comparison
+            from rtds_host.export.mcap_compare import Compared, write_comparison
 
             case = details.case
             corrected = model_of(result, case.robot)

@@ -62,7 +62,7 @@ def predict(
         text.write(",".join(repr(float(value)) if exact else f"{value:.9g}" for exact, value in zip(given, row)) + "\n")
     write_atomic(out, text.getvalue())
     if mcap is not None:
-        from rtds_host.importers.mcap_compare import Compared, write_comparison
+        from rtds_host.export.mcap_compare import Compared, write_comparison
 
         replayed = (
             {"corrected": columns, "nominal": predicted_columns(log, nominal)} if diagnosis else {"nominal": columns}

@@ -319,7 +319,7 @@ def _tell(console: Console, summaries: list[tuple[Summary, Path]], mcap: bool, a
     """Print what became of the runs, with recordings next to them where they are asked for."""
     for summary, place in summaries:
         if mcap:
-            from rtds_host.importers import write_mcap
+            from rtds_host.export.mcap import write_mcap
 
             nominal = load_robot(place / "robot.toml")
             write_mcap(place / "run.mcap", read_run(place, nominal), nominal)

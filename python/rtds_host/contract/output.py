@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rtds_host.cleanup import new_file, new_folder
-from rtds_host.errors import OutputError
+from rtds_host.errors import InputError, OutputError
 
 
 def _reason(error: OSError) -> str:
@@ -205,3 +205,20 @@ def write_atomic(path: str | os.PathLike, data: str | bytes) -> None:
             os.unlink(scratch)
         if stream is not None:
             stream.close()
+
+
+def write_between(page: Path, text: str, start: str, end: str) -> None:
+    """Replace what is between two marks of a page.
+
+    Raises
+    ------
+    InputError : the page cannot be read or has no such marks. OutputError : it cannot be written.
+    """
+    try:
+        content = page.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{page}: cannot be read ({error.strerror})") from error
+    if start not in content or end not in content:
+        raise InputError(f"{page}: the marks {start} and {end} are missing")
+    head, rest = content.split(start, 1)
+    write_atomic(page, f"{head}{start}\n{text}{end}{rest.split(end, 1)[1]}")

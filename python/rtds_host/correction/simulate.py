@@ -18,7 +18,7 @@ from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import Model, row_inputs
 from rtds_host.errors import InputError
 from rtds_host.link import Link, open_link
-from rtds_host.link.quantisation import QuantisedLink
+from rtds_host.link.quantised import QuantisedLink
 from rtds_host.plant.compiled import loop
 from rtds_host.plant.sensors import low_pass
 from rtds_host.robot import STEP_S, Body, default_engine, make_body, open_engine

@@ -99,7 +99,7 @@ def main(
     into: Annotated[Path | None, typer.Option(help="Page to put the table into, between its marks.")] = None,
 ) -> None:
     """Drive every ready robot on linear, circle and eight, scaled to it, in every engine."""
-    from rtds_host.correction.agreement import write_between
+    from rtds_host.contract.output import write_between
 
     drives = []
     for drive in survey(robot or ()):

@@ -3,7 +3,12 @@
 import pytest
 
 from rtds_host.contract import builtin_robot
-from rtds_host.correction.agreement import (
+from rtds_host.contract.output import write_between
+from rtds_host.correction.simulate import Setting
+from rtds_host.diagnosis.effects import catalogue
+from rtds_host.errors import InputError
+from rtds_host.robot import available_engines
+from rtds_host.studies.agreement import (
     BOUND,
     END,
     START,
@@ -14,12 +19,7 @@ from rtds_host.correction.agreement import (
     rows,
     sides_of,
     values_of,
-    write_between,
 )
-from rtds_host.correction.simulate import Setting
-from rtds_host.diagnosis.effects import catalogue
-from rtds_host.errors import InputError
-from rtds_host.robot import available_engines
 
 CATALOGUE = catalogue(builtin_robot("burger"))
 
@@ -89,10 +89,10 @@ def test_the_table_goes_between_its_marks(tmp_path):
     row = Row("backlash", "both", {"angle_rad": 0.02}, "robot", 5.0, BOUND / 2, ("gyro_z", 0.1), BOUND, "because")
     page = tmp_path / "page.md"
     page.write_text(f"before\n{START}\nold\n{END}\nafter\n")
-    write_between(page, markdown([row]))
+    write_between(page, markdown([row]), START, END)
     text = page.read_text()
     assert "old" not in text
     assert "| `backlash` | both | angle_rad 0.02 | robot | 5 | 0.05 |" in text
     assert text.startswith("before") and text.endswith("after\n")
     with pytest.raises(InputError, match="marks"):
-        write_between(tmp_path / "page.md", "x", "<!-- no -->")
+        write_between(tmp_path / "page.md", "x", "<!-- no -->", END)

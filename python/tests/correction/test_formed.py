@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rtds_host.contract import Case, builtin_robot
-from rtds_host.correction.agreement import designed_run, measured
 from rtds_host.correction.close import FINE_STEP_S, distance
 from rtds_host.correction.formed import beyond, needs_command
 from rtds_host.correction.simulate import Setting, simulate
@@ -18,6 +17,7 @@ from rtds_host.motor.effects import Curve
 from rtds_host.plant import forms as plant
 from rtds_host.run.path import Sample
 from rtds_host.run.sensors import CorrectedPath
+from rtds_host.studies.agreement import designed_run, measured
 
 ROBOT = builtin_robot("burger")
 TURN = plant.FULL_TURN

@@ -8,12 +8,12 @@ from correction_cases import diagnosis_of, model_with, replayed_case, write_case
 from typer.testing import CliRunner
 
 from rtds_host.contract import builtin_robot
-from rtds_host.correction import scenarios
 from rtds_host.correction.choose import choose
-from rtds_host.correction.survey import Line, cases_of, markdown, survey
 from rtds_host.errors import InputError
 from rtds_host.robot import available_engines
 from rtds_host.run import LinkChoice
+from rtds_host.studies import scenarios
+from rtds_host.studies.survey import Line, cases_of, markdown, survey
 
 SHORT = {"duration_s": 1.2, "length_m": 0.05, "ramp_s": 0.4, "stop_s": 0.4}
 DELAY = ("command_delay", "both", {"seconds": 0.02})

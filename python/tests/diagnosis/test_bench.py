@@ -7,7 +7,7 @@ import pytest
 from diagnosis_cases import make_case
 
 from rtds_host.contract import builtin_robot_path, write_run
-from rtds_host.diagnosis import bench
+from rtds_host.studies import bench
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ import numpy as np
 
 from rtds_host.blind import planar
 from rtds_host.contract import Case, Driver, RunLog, RunMeta, Servo, builtin_robot, builtin_robot_path, write_run
-from rtds_host.correction.agreement import designed_run, values_of
 from rtds_host.correction.close import FINE_STEP_S, distance
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES
 from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.studies.agreement import designed_run, values_of
 
 ROBOT = builtin_robot("burger")
 # The same behind a servo, with a loop as a TurtleBot3's.

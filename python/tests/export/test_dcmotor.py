@@ -11,7 +11,6 @@ from export_cases import LABELLED, ROBOT, SERVO, SIZES, apart, model_of_one, mod
 from typer.testing import CliRunner
 
 from rtds_host.cli.export import app
-from rtds_host.correction.agreement import designed_run, values_of
 from rtds_host.correction.close import FINE_STEP_S
 from rtds_host.diagnosis.effects import CATALOGUE
 from rtds_host.diagnosis.replay.layout import OUTPUTS
@@ -23,6 +22,7 @@ from rtds_host.export.check import verdict
 from rtds_host.export.figures import figures_of
 from rtds_host.export.mujoco_replay import ExportedRobot, driver_class
 from rtds_host.export.table import DCMOTOR, markdown_of_dcmotor
+from rtds_host.studies.agreement import designed_run, values_of
 
 LOG = designed_run(3.3)
 # Units of noise: the bound of the other actuator's test, which steps twice as long.

@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 
 from rtds_host.cli.export import app
 from rtds_host.contract import builtin_robot, builtin_robot_path
-from rtds_host.correction.agreement import designed_run, measured
 from rtds_host.correction.close import FINE_STEP_S, model_of
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.forms.curves import Form, points_of, written
@@ -21,6 +20,7 @@ from rtds_host.export.figures import figures_of
 from rtds_host.export.mjcf import driver_source, forms_source
 from rtds_host.export.python import write
 from rtds_host.plant import forms as plant
+from rtds_host.studies.agreement import designed_run, measured
 
 ROBOT = builtin_robot("burger")
 TURN = plant.FULL_TURN

@@ -12,7 +12,6 @@ import pytest
 from export_cases import ROBOT, SERVO, apart, diagnosis_of, model_of_one, model_with
 
 from rtds_host.contract.robot import Robot
-from rtds_host.correction.agreement import designed_run
 from rtds_host.diagnosis.effects import CATALOGUE, catalogue
 from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
@@ -22,6 +21,7 @@ from rtds_host.export.export import WRITERS, Source, export
 from rtds_host.export.figures import figures_of
 from rtds_host.export.mujoco_replay import ExportedRobot
 from rtds_host.export.table import AS_NUMBER, LEFT_OUT, OWN, TABLE, TARGETS, markdown
+from rtds_host.studies.agreement import designed_run
 
 LOG = designed_run(3.3)
 # Units of noise. MuJoCo steps 0.5 ms by a rule of first order and has no inductance: 0.4 without any effect.

@@ -14,7 +14,7 @@ from rtds_host.faults import Fault, FaultLink, Injection, read_faults, read_stim
 from rtds_host.link import open_link
 from rtds_host.link.chip import ChipLink
 from rtds_host.link.hps import HpsLink, SimulatedBus
-from rtds_host.link.quantisation import QuantisedLink
+from rtds_host.link.quantised import QuantisedLink
 from rtds_host.motor.effects import Curve, SupplyEffects, UnitEffects
 from rtds_host.run import LinkChoice, make_plan, perform, write_outcome
 from rtds_host.run.log import log_columns

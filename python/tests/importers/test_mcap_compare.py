@@ -11,7 +11,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from rtds_host.cli.commands import main
 from rtds_host.contract import RunLog, RunMeta, builtin_robot, builtin_robot_path, write_run
-from rtds_host.importers.mcap_compare import Compared, topic_name, write_comparison
+from rtds_host.export.mcap_compare import Compared, topic_name, write_comparison
 
 ROBOT = builtin_robot("burger")
 

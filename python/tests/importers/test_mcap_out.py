@@ -14,7 +14,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rtds_host.cli.commands import main
 from rtds_host.contract import RunLog, RunMeta, builtin_robot, read_case, read_run
 from rtds_host.errors import OutputError
-from rtds_host.importers import import_case, write_mcap
+from rtds_host.export.mcap import write_mcap
+from rtds_host.importers import import_case
 
 
 def log(mode="voltage", n=120):

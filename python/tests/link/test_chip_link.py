@@ -12,10 +12,11 @@ from rtds_host.link import open_link
 from rtds_host.link.analog import Line, Paths
 from rtds_host.link.calibrate import measure
 from rtds_host.link.chip import ChipLink, check_status
-from rtds_host.link.quantisation import QuantisedLink, cost
+from rtds_host.link.quantised import QuantisedLink
 from rtds_host.motor.parameters import PARAMETER_NAMES
 from rtds_host.run.loop import drive
 from rtds_host.run.plan import Options, make_plan
+from rtds_host.studies.quantisation import cost
 
 MOTOR = dict(zip(PARAMETER_NAMES, (8.6, 1e-3, 6.538e-3, 6.538e-3, 1e-7, 4.372e-7, 1e-5)))
 CONVERTERS = ("voltages", "torques", "outputs")

@@ -8,7 +8,7 @@ import pytest
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link import open_link
 from rtds_host.link.chip import ChipLink
-from rtds_host.link.quantisation import QuantisedLink
+from rtds_host.link.quantised import QuantisedLink
 from rtds_host.link.registers import OP_WRITE, SOF_REQUEST, RegisterClient, decode, encode_answer, load_map
 from rtds_host.motor.effect_tables import tables_of
 from rtds_host.motor.effects import Curve, MotorParameters, SupplyEffects, UnitEffects

@@ -9,8 +9,9 @@ import pytest
 
 from rtds_host.contract import builtin_robot
 from rtds_host.link import open_link
-from rtds_host.link.quantisation import STAGES, QuantisedLink, cost, ranges
+from rtds_host.link.quantised import STAGES, QuantisedLink
 from rtds_host.link.scaling import default_scaling
+from rtds_host.studies.quantisation import cost, ranges
 
 MOTOR = builtin_robot("burger").motor
 SCALING = default_scaling()

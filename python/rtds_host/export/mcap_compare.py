@@ -14,7 +14,7 @@ from mcap_ros2.writer import Writer
 
 from rtds_host.contract import RunLog, write_atomic
 from rtds_host.contract.runlog import MEASURED
-from rtds_host.importers.mcap_out import NO_COVARIANCE
+from rtds_host.export.mcap import NO_COVARIANCE
 from rtds_host.importers.messages import definition, full_name
 from rtds_host.importers.series import NS
 

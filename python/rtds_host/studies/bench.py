@@ -1,4 +1,4 @@
-"""How often the diagnosis is right: `python -m rtds_host.diagnosis.bench`, against what one would do today.
+"""How often the diagnosis is right: `python -m rtds_host.studies.bench`, against what one would do today.
 
 Cases come from the independent planar world (`rtds_host.blind.cases`, as another process); the same searches are
 judged by two common methods: BIC over the candidates, and the largest improvement of fit. Prints a page in Markdown and
@@ -54,8 +54,8 @@ def _chi2(fit: Fit) -> float:
 def _version() -> str:
     """Hash of the diagnosis' sources: rows of another version do not count."""
     digest = hashlib.sha256()
-    root = Path(__file__).parent
-    for path in sorted(root.rglob("*.py")):
+    root = Path(__file__).parents[1]
+    for path in [Path(__file__), *sorted((root / "diagnosis").rglob("*.py"))]:
         digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
     return digest.hexdigest()[:12]
 
@@ -386,7 +386,7 @@ def main() -> None:
             print(f"\r{len(rows)}/{len(jobs)}", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
     command = (
-        "python -m rtds_host.diagnosis.bench"
+        "python -m rtds_host.studies.bench"
         + (f" --seed {options.seed}" if options.seed != 1 else "")
         + (" --full" if options.full else "")
         + (f" --share {options.share:g}" if options.share != 1 else "")

@@ -1,6 +1,6 @@
 """The paper's three scenarios with and without a diagnosed robot's effects, in both physics engines.
 
-    python -m rtds_host.correction.scenarios diagnosis.json --figure effects.png
+    python -m rtds_host.studies.scenarios diagnosis.json --figure effects.png
 
 prints a table (as Markdown) of how each run ends, how well it holds its speeds, and how far the engines lie apart, and
 draws paths, currents and speed errors.
@@ -154,7 +154,7 @@ def main(
 ) -> None:
     """Drive linear, circle and eight with and without effects, in both engines."""
     from rtds_host.contract import load_robot
-    from rtds_host.correction.agreement import write_between
+    from rtds_host.contract.output import write_between
 
     try:
         nominal: Robot = load_robot(robot_path(robot))

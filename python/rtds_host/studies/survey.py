@@ -1,6 +1,6 @@
 """Does the gap close in the simulator as in the replay? Over many sealed cases, on runs that no diagnosis has seen.
 
-    python -m rtds_host.correction.survey build/blind --n 12
+    python -m rtds_host.studies.survey build/blind --n 12
 
 takes the folder of `rtds blind` after its score: each case's diagnosis as it was answered, and the runs that were held
 out of the case. Where the nominal gap is below 1.1 there is nothing to close.
@@ -138,7 +138,7 @@ def main(
     into: Annotated[Path | None, typer.Option(help="Page to put the table into, between its marks.")] = None,
 ) -> None:
     """Replay held-out runs of sealed cases in the simulator; status 1 where the median share is below 0.9."""
-    from rtds_host.correction.agreement import write_between
+    from rtds_host.contract.output import write_between
 
     setting = Setting(
         link=link, link_options={"sim": "verilator", "step_clocks": "min"} if link == "rtl" else {}, engine=engine

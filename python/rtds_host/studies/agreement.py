@@ -1,6 +1,6 @@
 """Does the simulator with an effect agree with the diagnosis' replay of the same effect? A table, effect by effect.
 
-    python -m rtds_host.correction.agreement --help
+    python -m rtds_host.studies.agreement --help
 
 Every effect of the catalogue is switched on at a size met in practice, and one designed run is driven from its commands
 twice: in the real-time simulator (motor units in a link, robot in a physics engine) and in the replay, at a fine step.
@@ -18,7 +18,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from rtds_host.contract import Case, Robot, RunLog, RunMeta, builtin_robot, write_atomic
+from rtds_host.contract import Case, Robot, RunLog, RunMeta, builtin_robot
+from rtds_host.contract.output import write_between
 from rtds_host.correction.close import FINE_STEP_S, distance
 from rtds_host.correction.simulate import Setting, simulate
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
@@ -187,29 +188,12 @@ def main(
         if into is None:
             print(table, end="")
         else:
-            write_between(into, table)
+            write_between(into, table, START, END)
     except RtdsError as error:
         print(f"rtds: {error}", file=sys.stderr)
         raise typer.Exit(2) from error
     if not all(row.within for row in found):
         raise typer.Exit(1)
-
-
-def write_between(page: Path, text: str, start: str = START, end: str = END) -> None:
-    """Replace what stands between two marks of a page.
-
-    Raises
-    ------
-    InputError : the page cannot be read or has no such marks. OutputError : it cannot be written.
-    """
-    try:
-        content = page.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{page}: cannot be read ({error.strerror})") from error
-    if start not in content or end not in content:
-        raise InputError(f"{page}: the marks {start} and {end} are missing")
-    head, rest = content.split(start, 1)
-    write_atomic(page, f"{head}{start}\n{text}{end}{rest.split(end, 1)[1]}")
 
 
 if __name__ == "__main__":

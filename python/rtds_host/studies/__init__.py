@@ -1,0 +1,1 @@
+"""Studies whose tables the pages show; no other room needs them."""
