@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,6 +32,7 @@ from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.residual import CHANNELS
 from rtds_host.diagnosis.scatter import scattered
+from rtds_host.diagnosis.screen import Signature, clashes, sensitivities_of
 from rtds_host.diagnosis.search import MOST_WORK, QUICK_WORK, Search
 from rtds_host.diagnosis.thresholds import MINOR_SHARE, SIGNIFICANT
 from rtds_host.vectors import given
@@ -166,19 +167,26 @@ def chosen_search(case: Case, search: Search, best: Fit, threads: int, without: 
         searches.append(Search(Problem(case, threads, pieces=True), search.quick, without))
     for other in searches[1:]:
         other.begin()
-    owner, taken = _by_runs_left_out(searches, best)
-    start = owner.problem.aligned_commands(taken.model(owner.problem)) if case.robot.axis is None else taken.start
-    if start != taken.start:
+    owner, taken = by_runs_left_out(searches, best)
+    fit = taken.fit
+    start = owner.problem.aligned_commands(fit.model(owner.problem)) if case.robot.axis is None else fit.start
+    if start != fit.start:
         # The link of one run was later than that of the others, which hides what else is missing: once more without.
+        kept = [(one.fits, one.fitter.start) for one in searches]
         for one in searches:
             one.fitter.start = one.fitter.start.with_lates(dict(start.lates))
             one.fits = {}
             one.begin()
-        owner, taken = _by_runs_left_out(searches, search.try_fit(taken.hypothesis, taken.u, search.fits[()]))
-    return owner, taken
+        again = search.try_fit(fit.hypothesis, fit.u, search.fits[()])
+        aligned_owner, aligned = by_runs_left_out(searches, again)
+        if aligned.gap < taken.gap:
+            return aligned_owner, aligned.fit
+        for one, (fits, began) in zip(searches, kept, strict=True):
+            one.fits, one.fitter.start = fits, began
+    return owner, taken.fit
 
 
-def _by_runs_left_out(searches: list[Search], best: Fit) -> tuple[Search, Fit]:
+def by_runs_left_out(searches: list[Search], best: Fit) -> tuple[Search, Judged]:
     """The explanation that runs left out choose of what beams of these searches find and of the first one's best."""
     search = searches[0]
     found: dict[int, list[tuple[Judged, Search]]] = {}
@@ -190,7 +198,7 @@ def _by_runs_left_out(searches: list[Search], best: Fit) -> tuple[Search, Fit]:
         found[len(best.hypothesis)] = [(Judged.of(search.problem, best), search)]
     taken = chosen({count: [judged for judged, _ in mine] for count, mine in found.items()}, search.prior)
     owner = next(one for mine in found.values() for judged, one in mine if judged is taken)
-    return owner, taken.fit
+    return owner, taken
 
 
 def conclude(
@@ -215,7 +223,7 @@ def conclude(
     structured = _beyond_noise(problem, weighed.fit, total["after"]) and _correlated(problem, weighed.fit)
     verdict = _verdict(total, bool(weighed.standing), structured, unexplained)
     timing = given(gate.timing, "the clock")
-    known = intervals(problem, weighed.fit, timing.stamps_s, timing.step_s)
+    known = intervals(problem, weighed.fit, timing.stamps_s, timing.step_s, _missing(found.search, weighed.fit))
     scatter = scattered(problem, weighed.fit) if weighed.standing else {}
     localisation = localise(problem.looked_at, weighed.base.model(problem))
     after = localise(problem.looked_at, weighed.fit.model(problem), held=True) if weighed.standing else localisation
@@ -288,6 +296,27 @@ def _details(
         + said_of_end(found.search)
         + _louder(problem, weighed.fit),
     )
+
+
+def _missing(search: Search, fit: Fit) -> list[np.ndarray]:
+    """Changes of the residuals, (N,) each, by effects that a fit does not have; none where it leaves no gap."""
+    if not fit.hypothesis or search.closed(fit):
+        return []
+    return changes_by_missing(sensitivities_of(search.fitter, fit, {}, search.wanted, {}, coarse=True), fit)
+
+
+def changes_by_missing(changes: Mapping[Signature, np.ndarray], fit: Fit) -> list[np.ndarray]:
+    """Of changes of the residuals, (N,) each, those by effects that a fit does not have, and of what both sides may
+    have their sums.
+    """
+    missing = {one: change for one, change in changes.items() if not clashes((one.effect, one.side), fit.hypothesis)}
+    right = {(one.effect, one.values): change for one, change in missing.items() if one.side == "right"}
+    both = [
+        change + right[one.effect, one.values]
+        for one, change in missing.items()
+        if one.side == "left" and (one.effect, one.values) in right
+    ]
+    return [*missing.values(), *both]
 
 
 def said_of_end(search: Search) -> list[str]:

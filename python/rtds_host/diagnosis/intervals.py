@@ -10,11 +10,17 @@ One sigma is the root of the sum of
 and, of a delay, what stamps, links and a servo's latency leave open; of a sensor's lag, where within a row it measures:
 a driver that takes its speed from one row's counts is late by half of that already. A size that hangs on the setting is
 no constant that is known better than it scatters; on a machine that is described to its noise nothing scatters.
+
+Where something is left unexplained, its part along an effect's sensitivity was taken for a part of the effect. That
+part is not seen, and it does not scatter between runs that move alike. What is missing is taken to resemble an effect
+of the catalogue, nobody knows which: `bias` is the standard deviation, by the 68 % quantile, of the errors that these
+would make, and is added in squares, too.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -26,21 +32,32 @@ from rtds_host.diagnosis.scatter import scattered
 # Standard deviations to either side of 90 % of a normal (contract: 90 % intervals).
 Z90 = 1.6448536269514722
 
+# Share of a normal distribution within one standard deviation.
+WITHIN_SIGMA = math.erf(math.sqrt(0.5))
+# Numerical: share of its size that a change must differ by from what a fit can do.
+DISTINCT = 1e-3
+
 # An effect with its side, and one of its parameters.
 Key = tuple[tuple[str, str], str]
 
 
 def intervals(
-    problem: Problem, fit: Fit, stamps_s: float = 0.0, row_s: float = 0.0
+    problem: Problem,
+    fit: Fit,
+    stamps_s: float = 0.0,
+    row_s: float = 0.0,
+    missing: Iterable[np.ndarray] = (),
 ) -> dict[Key, tuple[float, float] | None]:
     """The 90 % interval of each parameter of each effect, within its bounds; None of what may be anything that it can
     be.
 
-    stamps_s : by how much stamps are off, s; row_s : from row to row, s.
+    stamps_s : by how much stamps are off, s; row_s : from row to row, s; missing : changes of the residuals, (N,) each,
+    by effects that the fit does not have.
     """
     if not fit.hypothesis:
         return {}
     sigma, free = dict(zip(_keys(fit), sigmas_of(problem, fit))), dict(zip(_keys(fit), fit.free[len(fit.z) :]))
+    wrong = dict(zip(_keys(fit), bias(fit, missing)[len(fit.z) :]))
     uneven = scattered(problem, fit)
     # Commands have the same stamps as samples: a delay is known no better than these are, or than it is one in all
     # runs, or than the latency of a servo's board, which it is one sum with.
@@ -62,7 +79,10 @@ def intervals(
                 else 0.0
             )
             spread = Z90 * math.hypot(
-                sigma[key] * p.slope(value), effect.form * size, timed, 0.0 if p.shape else uneven[cause][0] * size
+                math.hypot(sigma[key], wrong[key]) * p.slope(value),
+                effect.form * size,
+                timed,
+                0.0 if p.shape else uneven[cause][0] * size,
             )
             low, high = max(value - spread, p.low), min(value + spread, p.high)
             result[key] = (low, high) if free[key] and (low > p.low or high < p.high) else None
@@ -118,6 +138,32 @@ def command_shift(fit: Fit) -> np.ndarray:
         if p.steep and free[(effect.id, side), p.name]
     }
     result[len(fit.z) :][[cause in late for cause, _ in _keys(fit)]] = 0.0
+    return result
+
+
+def bias(fit: Fit, missing: Iterable[np.ndarray]) -> np.ndarray:
+    """Standard deviation of how far (z, u) are off, (k + p,), by what the fit leaves unexplained; 0 where that is none.
+
+    A missing effect that changes the whitened residuals by c, of any size, moves the parameters by b = P J' c and
+    leaves c - J b, where P is their covariance and J their sensitivities. Scaled so that this is as large as what is
+    left, b is the error that it makes.
+
+    missing : such changes of the residuals, (N,) each.
+    """
+    left, result = fit.noise.misfit(fit.residual), np.zeros(len(fit.free))
+    keep = np.flatnonzero(fit.free)
+    changes = [fit.noise.whiten(change).astype(float) for change in missing] if left > 0.0 and len(keep) else []
+    jacobian = fit.whitened()[1][:, keep].astype(float)
+    inner = np.linalg.inv(fit.precision[np.ix_(keep, keep)]) @ jacobian.T
+    errors = []
+    for change in changes:
+        error = inner @ change
+        seen = float(np.linalg.norm(change - jacobian @ error))
+        # What is the sum of effects that are in leaves nothing to be seen.
+        if seen > DISTINCT * float(np.linalg.norm(change)):
+            errors.append(np.abs(error) * math.sqrt(left) / seen)
+    if errors:
+        result[keep] = np.quantile(errors, WITHIN_SIGMA, axis=0)
     return result
 
 

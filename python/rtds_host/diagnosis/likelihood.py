@@ -95,6 +95,15 @@ class Likelihood:
         cost = np.where(over > 0.0, n * largest + self.samples * np.log(unknown), n * square)
         return Likelihood(self.groups, self.samples, 1.0 / unknown, cost - n * square / unknown)
 
+    def misfit(self, residual: np.ndarray) -> float:
+        """Weighted sum of squares of residuals (N,) beyond what noise alone makes: less than one a sample of unknown
+        size; 0 where only noise is left.
+        """
+        n = self.sizes
+        square = np.bincount(self.groups, residual * residual) / n
+        over = n * np.maximum(square - 1.0 - CHANCE_SIGMAS * np.sqrt(2.0 / n), 0.0)
+        return float(np.sum(over / (1.0 + over / self.samples)))
+
 
 def correlated(residual: np.ndarray, channels: np.ndarray, sigmas: float) -> bool:
     """Whether residuals (N,), in order of time in each channel, are correlated or biased: no white noise of any size.

@@ -32,6 +32,11 @@ def test_what_an_explanation_gains_does_not_hang_on_the_declared_noise_where_muc
     assert gain == pytest.approx(samples.sum() * np.log(4.0), rel=0.15)
 
 
+@pytest.mark.parametrize(("size", "left"), [(1.0, 0.0), (100.0, 20.0)], ids=["noise alone", "a hundred noises"])
+def test_a_misfit_is_one_sample_a_group_where_much_is_left_and_none_where_only_noise_is(size, left):
+    assert Likelihood(GROUPS, ONE).misfit(noise(size=size)) == pytest.approx(left, rel=0.01, abs=1.0)
+
+
 def test_weights_bound_the_cost_from_above_and_touch_it_where_they_were_taken():
     """So each least squares step with them lowers the cost itself."""
     at = Likelihood(GROUPS, ONE).estimated(noise(size=7.0))

@@ -11,13 +11,13 @@ from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis import search as search_module
 from rtds_host.diagnosis.account import account
-from rtds_host.diagnosis.diagnose import diagnose, said_of_end
+from rtds_host.diagnosis.diagnose import changes_by_missing, chosen_search, diagnose, said_of_end
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, distinguishable, excess
 from rtds_host.diagnosis.explanations import FAR
 from rtds_host.diagnosis.fit import AT_ONCE, joined, scaled, side_by_side, to_values
 from rtds_host.diagnosis.indistinguishable import indistinguishable, nearly_indistinguishable
-from rtds_host.diagnosis.intervals import Z90, command_shift, intervals, sigmas_of
+from rtds_host.diagnosis.intervals import Z90, bias, command_shift, intervals, sigmas_of
 from rtds_host.diagnosis.lookalikes import lookalikes, opens_gap, swaps_of
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
@@ -572,6 +572,52 @@ def test_a_gain_that_stands_in_for_a_bend_scatters_and_a_gain_does_not():
     assert scattered(search.problem, fit)[gain[0]] == (0.0, None)
     low, high = intervals(search.problem, fit)[gain[0], "ratio"]
     assert low < 1.1 < high and high - low < 0.02
+
+
+@pytest.mark.parametrize("unmodelled", [0.01, 0.02, 0.04])
+def test_what_is_missing_biases_a_size_by_about_as_much_as_is_said(unmodelled):
+    """Dry friction that the explanation lacks is taken for viscous friction in part, which no scatter shows. Of one
+    missing effect that is known, the bias is known within a factor of three."""
+    viscous = ("viscous_friction", "both"), {"nm_s_per_rad": 0.01}
+
+    def rubs(model):
+        model.add("viscous_wheel", 0.01)
+        model.add("coulomb", unmodelled)
+
+    search, fit = fitted(make_case(rubs, seconds=20.0), viscous)
+    changes = changes_by_missing(sensitivities_of(search.fitter, fit, {}, {"coulomb_friction"}, {}), fit)
+    off = float((fit.u - scaled(search.effects, (viscous[0],), [{"nm_s_per_rad": 0.01}]))[0])
+    assert off > 3.0 * sigmas_of(search.problem, fit)[0]
+    assert off / 3.0 < bias(fit, changes)[-1] < 3.0 * off
+
+
+def test_nothing_missing_biases_nothing():
+    viscous = ("viscous_friction", "both"), {"nm_s_per_rad": 0.01}
+    search, fit = fitted(make_case(lambda m: m.add("viscous_wheel", 0.01), seconds=20.0), viscous)
+    changes = changes_by_missing(sensitivities_of(search.fitter, fit, {}, {"coulomb_friction"}, {}), fit)
+    assert bias(fit, changes)[-1] < sigmas_of(search.problem, fit)[0]
+    assert not bias(fit, []).any()
+
+
+def test_a_search_with_one_run_aligned_counts_only_if_it_leaves_less(monkeypatch):
+    """What a tick of the driver's own makes of commands may look like a late link."""
+    case = late_case({})
+    search = Search(Problem(case, 1), quick=True)
+    best = search.begin()
+    gaps_found, states = iter((3.0, 5.0)), []
+
+    def scripted(searches, start):
+        states.append([(one.fitter.start, one.fits) for one in searches])
+        return searches[0], SimpleNamespace(fit=searches[0].fits[()], gap=next(gaps_found))
+
+    def aligned(problem, model):
+        return model.start.with_lates({"r1": 0.1})
+
+    monkeypatch.setattr("rtds_host.diagnosis.diagnose.by_runs_left_out", scripted)
+    monkeypatch.setattr(Problem, "aligned_commands", aligned)
+    owner, taken = chosen_search(case, search, best, 1, frozenset())
+    assert [dict(start.lates) for start, _ in states[1]] == [{"r1": 0.1}] * 2
+    assert taken is best and (owner.fitter.start, owner.fits) == states[0][0]
 
 
 def test_a_gyro_that_is_upside_down_has_no_lookalike_of_a_negative_width():
