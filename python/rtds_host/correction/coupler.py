@@ -275,7 +275,8 @@ class Coupler:
         known = volts.mean(axis=0) + self.offset_v + self.acting.volts
         amps = mean_current(self.rotor, self.current, known, self.speed, seconds)
         pose = self.engine.state()
-        return self.formed.at(begun, seconds, self.rotor, self.state, amps, self.in_force, (pose.x_m, pose.y_m))
+        place = pose.x_m, pose.y_m, pose.yaw_rad
+        return self.formed.at(begun, seconds, self.rotor, self.state, amps, self.in_force, place)
 
     def load_of(self, rise: np.ndarray) -> np.ndarray:
         """Torques (2,) N m that the wheels take while their speeds change by `rise` (2,) rad/s², nothing giving

@@ -21,7 +21,7 @@ from rtds_host.plant import forms
 from rtds_host.robot import Body
 
 _CODE = forms.TERM_CODE
-# Terms of sensors, and what each runs over.
+# Terms of sensors, and the value of its own that each runs over.
 READINGS = {"current_sensor": "i", "speed_sensor": "w", "gyro_sensor": "yaw_rate"}
 _ABOUT = {name: k for k, name in enumerate(forms.OVERS)}
 
@@ -74,14 +74,14 @@ class Formed:
         state: np.ndarray,
         currents: np.ndarray,
         asked: np.ndarray,
-        place: tuple[float, float],
+        place: tuple[float, float, float],
     ) -> Acting:
         """What acts over the coming exchange.
 
         Parameters
         ----------
         now, seconds : s, its start and length. rotor, state : as of `layer.roll`, at its start. currents : (2,) A, the
-        expected mean over it. asked : (2,) V, commands in force. place : (x, y) m.
+        expected mean over it. asked : (2,) V, commands in force. place : x m, y m, yaw rad.
         """
         if not self.any:
             return NOTHING
@@ -89,7 +89,7 @@ class Formed:
         about = np.zeros(forms.ABOUT)
         rate, speed = float(self.lever @ ground), 0.5 * float(self.radius @ ground)
         about[_ABOUT["yaw_rate"]], about[_ABOUT["speed"]], about[_ABOUT["speed_yaw_rate"]] = rate, speed, speed * rate
-        about[_ABOUT["x"]], about[_ABOUT["y"]] = place
+        about[_ABOUT["x"]], about[_ABOUT["y"]], about[_ABOUT["yaw"]] = place
         acts, prompt, late = np.zeros((2, forms.ACTS)), np.zeros((2, forms.ACTS)), np.zeros(forms.ACTS)
         for k in (0, 1):
             about[_ABOUT["v_cmd"]], about[_ABOUT["i"]] = asked[k], currents[k]
@@ -163,23 +163,25 @@ def beyond(command: Curve | None, supply: float, more: float) -> Curve:
 
 
 def read_with_forms(
-    rows: np.ndarray, currents: np.ndarray, speeds: np.ndarray, rate: float
+    rows: np.ndarray, currents: np.ndarray, speeds: np.ndarray, rate: float, elapsed: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Readings with the forms of their sensors: currents (2,) A, speeds (2,) rad/s, yaw rate rad/s."""
+    """Readings with the forms of their sensors: currents (2,) A, speeds (2,) rad/s, yaw rate rad/s; elapsed : s since
+    the run began, of what is read."""
     if not forms.any_of(rows):
         return currents, speeds, rate
     codes = {term: (_CODE[term], forms.OVER_CODE[over]) for term, over in READINGS.items()}
     amps = np.array([a + forms.reads(rows[k], *codes["current_sensor"], a) for k, a in enumerate(currents)])
     turns = np.array([w + forms.reads(rows[k], *codes["speed_sensor"], w) for k, w in enumerate(speeds)])
-    return amps, turns, rate + forms.reads(rows[0], *codes["gyro_sensor"], rate)
+    return amps, turns, rate + forms.turns_read(rows[0], rate, elapsed)
 
 
-def with_forms(rows: np.ndarray, out: np.ndarray) -> None:
-    """Add to readings (n, 11), columns as the replay's `OUTPUTS`, what forms of sensors do, in place."""
+def with_forms(rows: np.ndarray, out: np.ndarray, elapsed: np.ndarray) -> None:
+    """Add to readings (n, 11), columns as the replay's `OUTPUTS`, what forms of sensors do, in place; elapsed : (n,) s
+    since the run began, of what is read."""
     if not forms.any_of(rows):
         return
-    for row in out:
-        row[1:3], row[3:5], row[7] = read_with_forms(rows, row[1:3], row[3:5], float(row[7]))
+    for row, when in zip(out, elapsed, strict=True):
+        row[1:3], row[3:5], row[7] = read_with_forms(rows, row[1:3], row[3:5], float(row[7]), float(when))
 
 
 def angle_of(over: str, gear: float) -> float:

@@ -232,7 +232,7 @@ class _Replay:
         rate = np.interp(at, poses[:, 0], poses[:, 4])
         out[:, 7] = rate * (s.gyro_gain if s else 1.0) + (s.gyro_bias_rad_s if s else 0.0)
         if s is not None:
-            with_forms(s.forms, out)
+            with_forms(s.forms, out, at)
         for column in (8, 9, 10):
             out[:, column] = np.interp(pose_at, poses[:, 0], poses[:, column - 7])
         return out

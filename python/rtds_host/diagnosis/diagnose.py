@@ -31,7 +31,7 @@ from rtds_host.diagnosis.nuisances import SETUP
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.residual import CHANNELS
-from rtds_host.diagnosis.scatter import scattered
+from rtds_host.diagnosis.scatter import over_runs, scattered
 from rtds_host.diagnosis.screen import Signature, clashes, sensitivities_of
 from rtds_host.diagnosis.search import MOST_WORK, QUICK_WORK, Search
 from rtds_host.diagnosis.thresholds import MINOR_SHARE, SIGNIFICANT
@@ -234,6 +234,7 @@ def conclude(
     looked_for = verdict != "none" and structured and total["after"] >= LEAST_GAP
     shapes = forms_of(problem, weighed.fit, total["after"], found.search.quick) if looked_for else Forms()
     rows = shapes.shared(rows, total["after"])
+    fitted, known = with_forms(problem, weighed.fit, known, shapes)
     say("report", 0.95)
 
     diagnosis = {
@@ -241,12 +242,13 @@ def conclude(
         "verdict": verdict,
         "located": [{**row, "share": _round(row["share"])} for row in located],
         "effects": [
-            {**_effect(problem, weighed, one, held, known), **_scatter(*scatter[one.cause])} for one in weighed.standing
+            {**_effect(problem, weighed, fitted, one, held, known), **_scatter(*scatter[one.cause])}
+            for one in weighed.standing
         ],
         "forms": shapes.entries,
         "budget": [{**row, "share": _round(row["share"])} for row in rows],
-        "nominal_fit": _nominal_fit(problem, weighed.fit),
-        **_setup(problem, weighed.fit),
+        "nominal_fit": _nominal_fit(problem, fitted),
+        **_setup(problem, fitted),
         "alternatives": _alternatives(problem, weighed, verdict),
         "indistinguishable": [[_named(problem, cause) for cause in causes] for causes in weighed.alike],
         "gap": {
@@ -267,7 +269,13 @@ def conclude(
     }
     diagnosis["next_experiment"] = next_experiment(problem, found.search, weighed, diagnosis)
     lies = localisation, after if weighed.standing else None
-    return diagnosis, _details(found, gate, weighed, held, shapes.notes, lies)
+    details = _details(found, gate, weighed, held, shapes.notes, lies)
+    if verdict != "none":
+        details.over_runs = {
+            (cause[0], _side(problem, cause) if cause[0] in problem.effects else cause[1]): sizes
+            for cause, sizes in over_runs(problem, fitted).items()
+        }
+    return diagnosis, details
 
 
 def _details(
@@ -374,10 +382,36 @@ def _round(value: float, digits: int = 5) -> float:
     return float(f"{value:.{digits}g}")
 
 
+def with_forms(
+    problem: Problem, fit: Fit, known: dict[Key, tuple[float, float] | None], shapes: Forms
+) -> tuple[Fit, dict[Key, tuple[float, float] | None]]:
+    """The fit whose values are written, and intervals of its effects: of forms the one of all together.
+
+    A form was fitted along with effects and tolerances, and closes with their values only. An interval keeps its width
+    about the value as it is then, within the parameter's bounds.
+    """
+    if shapes.fit is None:
+        return fit, known
+    before, after = (dict(zip(one.hypothesis, one.values)) for one in (fit, shapes.fit))
+    moved: dict[Key, tuple[float, float] | None] = {}
+    for (cause, name), within in known.items():
+        if within is not None:
+            by = after[cause][name] - before[cause][name]
+            p = next(p for p in problem.effects[cause[0]].parameters if p.name == name)
+            within = min(max(within[0] + by, p.low), p.high), min(max(within[1] + by, p.low), p.high)
+        moved[cause, name] = within
+    return shapes.fit, moved
+
+
 def _effect(
-    problem: Problem, weighed: Account, one: Standing, held: HeldOut, known: dict[Key, tuple[float, float] | None]
+    problem: Problem,
+    weighed: Account,
+    fit: Fit,
+    one: Standing,
+    held: HeldOut,
+    known: dict[Key, tuple[float, float] | None],
 ) -> dict:
-    effect, values = problem.effects[one.cause[0]], dict(zip(weighed.fit.hypothesis, weighed.fit.values))[one.cause]
+    effect, values = problem.effects[one.cause[0]], dict(zip(fit.hypothesis, fit.values))[one.cause]
     entry = {}
     for p in effect.parameters:
         name, _, unit = p.reported(problem.robot.axis)

@@ -12,6 +12,7 @@ Reference: J. Peters, P. Buehlmann, N. Meinshausen, J. R. Stat. Soc. B 78, 2016 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,9 +22,12 @@ from rtds_host.diagnosis.fit import Fit, apply, parameters
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.diagnosis.settings import settings
+from rtds_host.diagnosis.thresholds import MINOR_SHARE
 
 # Numerical: groups that are left out in turn: runs; where there are fewer of these, stretches of them.
 FEWEST_GROUPS = 4
+# Two-sided 90 % of a normal.
+Z90 = 1.645
 
 
 def groups(problem: Problem) -> np.ndarray:
@@ -61,6 +65,55 @@ def scattered(problem: Problem, fit: Fit) -> dict[tuple[str, str], tuple[float, 
         most, setting = max((scatter(values, weighed, known), name) for name, values in met.items())
         result[cause] = (most, setting if most > 0.0 else None)
     return result
+
+
+@dataclass(frozen=True)
+class RunSize:
+    """How large an effect or a form is in a run: `size`, relative to all runs together, and half of its 90 % interval;
+    infinite where the run says nothing of it."""
+
+    run: str
+    size: float
+    reach: float
+
+
+def over_runs(problem: Problem, fit: Fit) -> dict[tuple[str, str], list[RunSize]]:
+    """Sizes run by run, in the order of the runs, of what differs between them beyond chance and by more than a slight
+    part; effects and forms alike.
+
+    A run's size is that of a fit to it alone along the line from nothing to the size of all runs. What other
+    parameters can take up over all runs is projected off. Its error follows from how its blocks of time scatter.
+    """
+    white, jacobian = fit.whitened()
+    columns = list(enumerate(parameters(fit.effects, fit.hypothesis), len(fit.z)))
+    run_of = np.zeros(problem.block_count, int)
+    run_of[problem.blocks] = problem.runs_of
+    found = {}
+    for cause in fit.hypothesis:
+        sized = [(k, p) for k, (effect, side, p) in columns if (effect.id, side) == cause and not p.shape]
+        at = [k for k, _ in columns if fit.free[k] and k not in {j for j, _ in sized}]
+        own = np.zeros(len(jacobian))
+        for k, p in sized:
+            own += jacobian[:, k].astype(float) * _size(p, float(fit.u[k - len(fit.z)]))
+        own = _apart(fit, jacobian, own, at)
+        known = np.bincount(problem.blocks, own * own, minlength=problem.block_count)
+        weighed = known - np.bincount(problem.blocks, own * white, minlength=problem.block_count)
+        if scatter(run_of.astype(float), weighed, known) > MINOR_SHARE:
+            found[cause] = [
+                _of_run(data.log.name, weighed[run_of == k], known[run_of == k]) for k, data in enumerate(problem.whole)
+            ]
+    return found
+
+
+def _of_run(name: str, weighed: np.ndarray, known: np.ndarray) -> RunSize:
+    """A run's size from those of its blocks, I_b s_b and I_b, (blocks,) each."""
+    total, used = float(known.sum()), known > 0.0
+    if total <= 0.0:
+        return RunSize(name, 1.0, math.inf)
+    size = float(weighed.sum()) / total
+    within = float(known[used] @ (weighed[used] / known[used] - size) ** 2)
+    chance = max(within / max(np.count_nonzero(used) - 1, 1), 1.0)
+    return RunSize(name, size, Z90 * math.sqrt(chance / total))
 
 
 def _apart(fit: Fit, jacobian: np.ndarray, own: np.ndarray, at: list[int]) -> np.ndarray:

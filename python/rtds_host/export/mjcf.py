@@ -314,7 +314,7 @@ def forms_source() -> str:
 
 def _form_sources() -> list[str]:
     """Source of what `Forms` uses."""
-    return [form_constants(), *source_of((forms.curve, forms.branch, forms.act, forms.reads))]
+    return [form_constants(), *source_of((forms.curve, forms.branch, forms.act, forms.reads, forms.turns_read))]
 
 
 def write(figures: Figures, comment: str, actuator: str = "general") -> str:

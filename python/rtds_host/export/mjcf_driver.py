@@ -209,5 +209,5 @@ class Driver:
             found["th_" + side] = float(data.sensordata[self.sensors["th_" + side]]) * scale[k]
         rate = float(data.sensordata[self.sensors["gyro"] + 2])
         found["gyro_z"] = rate * self.number("gyro_gain")[0] + self.number("gyro_bias_rad_s")[0]
-        self.forms.readings(found)
+        self.forms.readings(found, float(data.time))
         return found

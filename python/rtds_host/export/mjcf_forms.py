@@ -4,7 +4,7 @@
     data = mujoco.MjData(model)
     forms = Forms(model)
     more = forms.before(data, volts, currents)  # before each step: sets torques, gives V to add behind the driver
-    forms.readings(found)                       # adds to what sensors report, by channel
+    forms.readings(found, data.time)            # adds to what sensors report, by channel
 
 The curves are those of the file: custom/numeric form_left_1 and so on, each a term, what it runs over, the ends of its
 grid and its values. Torques are `qfrc_applied`, dry friction is that of the wheels' joints and of the tendon `scrub`.
@@ -32,11 +32,11 @@ from rtds_host.plant.forms import (
     VOLTS,
     act,
     reads,
+    turns_read,
 )
 
 I_READ = TERM_CODE["current_sensor"], OVER_CODE["i"]
 W_READ = TERM_CODE["speed_sensor"], OVER_CODE["w"]
-GYRO_READ = TERM_CODE["gyro_sensor"], OVER_CODE["yaw_rate"]
 POINTS, WIDTH = 14, VALUES + 14
 # laws: end
 
@@ -79,7 +79,7 @@ class Forms:
         yaw = 2.0 * math.atan2(z, w)
         speed = float(data.qvel[dof]) * math.cos(yaw) + float(data.qvel[dof + 1]) * math.sin(yaw)
         rate, about = float(data.qvel[dof + 5]), [0.0] * ABOUT
-        about[7:] = speed, float(data.time), x, y
+        about[7:] = speed, float(data.time), x, y, yaw
         for k, wheel in enumerate(self.wheels):
             turns = float(data.qvel[int(wheel.dofadr[0])])
             angle = float(data.qpos[int(wheel.qposadr[0])])
@@ -114,11 +114,11 @@ class Forms:
         """A reported wheel speed, rad/s, with what curves add to it."""
         return speed + reads(self.rows[k], W_READ[0], W_READ[1], speed)
 
-    def readings(self, found):
-        """Add to readings, by channel, what curves of sensors do, in place."""
+    def readings(self, found, elapsed):
+        """Add to readings, by channel, what curves of sensors do, in place; elapsed : s since the start."""
         if not self.any:
             return
         for k, side in enumerate("lr"):
             found["i_" + side] += reads(self.rows[k], I_READ[0], I_READ[1], found["i_" + side])
             found["w_" + side] = self.told(k, found["w_" + side])
-        found["gyro_z"] += reads(self.rows[0], GYRO_READ[0], GYRO_READ[1], found["gyro_z"])
+        found["gyro_z"] += turns_read(self.rows[0], found["gyro_z"], elapsed)

@@ -237,7 +237,7 @@ class ExportedRobot:
                 read[current] = before
             if row:
                 late_filter()
-            yaw = self._row(out[row], read, start, yaw, filtered, tau)
+            yaw = self._row(out[row], read, start, yaw, filtered, tau, float(t[row]) - delay)
             out[row, 0] = bus
             if row + 1 == len(t):
                 break
@@ -331,9 +331,16 @@ class ExportedRobot:
         return data.sensordata[[self.sensors["i_l"], self.sensors["i_r"]]].copy()
 
     def _row(
-        self, row: np.ndarray, read: np.ndarray, start: np.ndarray, yaw: float, filtered: np.ndarray, tau: np.ndarray
+        self,
+        row: np.ndarray,
+        read: np.ndarray,
+        start: np.ndarray,
+        yaw: float,
+        filtered: np.ndarray,
+        tau: np.ndarray,
+        elapsed: float,
     ) -> float:
-        """Fill one row of the answer; returns the yaw, not wrapped."""
+        """Fill one row of the answer; returns the yaw, not wrapped. elapsed : s since the start, of what is read."""
         gain, bias = self.number("current_gain", 1.0), self.number("current_bias_a", 0.0)
         scale = self.number("speed_gain", 1.0)
         for k, letter in enumerate("lr"):
@@ -345,7 +352,7 @@ class ExportedRobot:
         )
         if self.forms.any:
             found = dict(zip(OUTPUTS, row.tolist(), strict=True))
-            self.forms.readings(found)
+            self.forms.readings(found, elapsed)
             row[:] = [found[name] for name in OUTPUTS]
         place, heading = self.sensors["position"], self.sensors["heading"]
         row[8:10] = read[place : place + 2]

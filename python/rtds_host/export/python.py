@@ -39,10 +39,11 @@ FORM_CONSTANTS = (
         "_FIRST_TURN",
         "_LAST_TURN",
     ),
-    *("_TORQUE", "_VOLTAGE", "_CONSTANT", "_FORCE", "_YAW", "_W", "_RATE", "DRIVE", "FORWARD", "BACKWARD", "FLUID"),
+    *("_TORQUE", "_VOLTAGE", "_CONSTANT", "_FORCE", "_YAW", "_W", "_RATE", "_HEADING", "_TIME", "_GYRO"),
+    *("DRIVE", "FORWARD", "BACKWARD", "FLUID"),
     *("VOLTS", "CONSTANT", "PUSH", "TURN", "SCRUB", "ACTS", "ABOUT"),
 )
-READINGS = ("I_READ", "W_READ", "GYRO_READ")
+READINGS = ("I_READ", "W_READ")
 # Nobody commands more.
 NO_LIMIT_V = 1e9
 

@@ -33,6 +33,7 @@ from rtds_host.plant.forms import (
     VOLTS,
     act,
     reads,
+    turns_read,
 )
 from rtds_host.plant.friction import by_load, rolling, stribeck, viscous
 from rtds_host.plant.ground import along_slope, offset_forces, slope_torque
@@ -44,7 +45,6 @@ from rtds_host.plant.torques import TORQUES
 # Readings that a curve may add to: its term, and what it runs over.
 I_READ = TERM_CODE["current_sensor"], OVER_CODE["i"]
 W_READ = TERM_CODE["speed_sensor"], OVER_CODE["w"]
-GYRO_READ = TERM_CODE["gyro_sensor"], OVER_CODE["yaw_rate"]
 shaped_torque = functions(TORQUES, "p, k", lambda entry: f"p['{entry.export}'][k]", plain=True)[0]
 
 # laws: end
@@ -140,7 +140,7 @@ class Robot:
     def _report(self):
         p = self.p
         rate = scaled(self._rate(), p["gyro_gain"], p["gyro_bias_rad_s"])
-        found = {"v_bus": self.bus, "gyro_z": rate + self._reads(0, GYRO_READ, rate)}
+        found = {"v_bus": self.bus, "gyro_z": rate + (turns_read(self.forms[0], rate, self.t) if self.forms else 0.0)}
         for k, side in enumerate("lr"):
             current = scaled(self.i[k], p["current_gain"][k], p["current_bias_a"][k])
             speed = self.filtered[k] if p["speed_filter_s"][k] > 0.0 else self.w[k]
@@ -196,7 +196,7 @@ class Robot:
             ohm = warm(self.p["resistance_ohm"][k], self.rise[k])
             current, self.made[k] = settled(self.forms[k], ohm, self.i[k], self.made[k])
             about[:7] = asked[k], current, self.w[k], rate, angle, self.p["gear_ratio"] * angle, speed * rate
-            about[7:] = speed, self.t, self.x, self.y
+            about[7:] = speed, self.t, self.x, self.y, self.yaw
             act(self.forms[k], about, self.acts[k])
 
     def advance(self, h):

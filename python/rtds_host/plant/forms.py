@@ -48,6 +48,7 @@ OVERS = {
     "t": "s",
     "x": "m",
     "y": "m",
+    "yaw": "rad",
 }
 TERM_CODE = {name: k + 1 for k, name in enumerate(TERMS)}
 OVER_CODE = {name: k + 1 for k, name in enumerate(OVERS)}
@@ -55,13 +56,14 @@ OVER_CODE = {name: k + 1 for k, name in enumerate(OVERS)}
 # -0 and from +0 to high.
 BRANCHES = ("v_cmd", "i", "w", "yaw_rate")
 # A full turn, whose end is its beginning.
-PERIODIC = ("th", "motor_angle")
+PERIODIC = ("th", "motor_angle", "yaw")
 FULL_TURN = 2.0 * math.pi
 _LAST_BRANCH, _FIRST_TURN, _LAST_TURN = len(BRANCHES), OVER_CODE["th"], OVER_CODE["motor_angle"]
 _TORQUE, _VOLTAGE, _CONSTANT, _FORCE, _YAW = (
     TERM_CODE[name] for name in ("torque", "voltage", "torque_constant", "force", "yaw_torque")
 )
-_W, _RATE = OVER_CODE["w"], OVER_CODE["yaw_rate"]
+_W, _RATE, _HEADING, _TIME = (OVER_CODE[name] for name in ("w", "yaw_rate", "yaw", "t"))
+_GYRO = TERM_CODE["gyro_sensor"]
 # What the forms of a side come to in a step: torque that drives; levels of dry friction against turning forwards and
 # backwards; friction by speed, N·m·s/rad; voltage; relative torque constant; force; torque about the vertical; and its
 # part against the yaw rate that can hold the robot.
@@ -90,7 +92,7 @@ def curve(row, x):
     span = high - low
     if span <= 0.0:
         return row[VALUES], 0.0
-    if _FIRST_TURN <= over <= _LAST_TURN:
+    if _FIRST_TURN <= over <= _LAST_TURN or over == _HEADING:
         per = POINTS / span
         at = (x - low) * per
         at -= math.floor(at / POINTS) * POINTS
@@ -181,6 +183,12 @@ def reads(rows, term, over, x):
         if row[TERM] == term and row[OVER] == over:
             total += curve(row, x)[0]
     return total
+
+
+@loop
+def turns_read(rows, rate, elapsed):
+    """What a robot's forms add to its gyro's reading of `rate` rad/s, `elapsed` s after the run began, rad/s."""
+    return reads(rows, _GYRO, _RATE, rate) + reads(rows, _GYRO, _TIME, elapsed)
 
 
 @loop

@@ -89,6 +89,7 @@ class CorrectedPath(SignalPath):
             seen.currents_a * np.array(v.current_gain) + np.array(v.current_bias_a),
             seen.speeds_rad_s * gain,
             seen.gyro_rad_s * v.gyro_gain + v.gyro_bias_rad_s,
+            t_s - self._delay,
         )
         return Sample(
             v_bus=seen.v_bus,

@@ -43,6 +43,11 @@ TOGETHER = {
         ("voltage", "t", 0.0, 2.0, lambda x: -1.0 * x),
         ("current_sensor", "i", -0.3, 0.3, lambda x: 0.2 * x),
     ],
+    "heading": [
+        ("force", "yaw", 0.0, TURN, lambda x: 3.0 * np.cos(x - 0.5)),
+        ("gyro_sensor", "t", 0.0, 2.0, lambda x: 0.05 * x),
+        ("voltage", "th", 0.0, TURN, lambda x: 0.4 * np.sin(x)),
+    ],
     "tables": [
         ("voltage", "i", -0.3, 0.3, lambda x: -0.5 * np.tanh(x / 0.05)),
         ("torque", "motor_angle", 0.0, TURN, lambda x: 0.03 * np.sin(x + 0.4)),

@@ -1,6 +1,7 @@
 """Forms: free curves in the equations, found, written, read and replayed."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,12 +9,19 @@ from diagnosis_cases import make_case
 
 from rtds_host.contract import builtin_robot
 from rtds_host.correction.translate import translate
+from rtds_host.diagnosis.diagnose import with_forms
 from rtds_host.diagnosis.fit import Fit, Fitter
-from rtds_host.diagnosis.forms import Forms, forms_of
-from rtds_host.diagnosis.forms.curves import points_of, put
+from rtds_host.diagnosis.forms import Forms, approximate, forms_of
+from rtds_host.diagnosis.forms.curves import Form, points_of, put, shapes
+from rtds_host.diagnosis.forms.formula import fitted, laws
+from rtds_host.diagnosis.forms.in_place import in_place
+from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model, ReplayBatch, nominal_model, replay_run
+from rtds_host.diagnosis.report.drift import drift
+from rtds_host.diagnosis.scatter import over_runs
+from rtds_host.diagnosis.start import DECLARED
 from rtds_host.errors import InputError
 from rtds_host.plant import forms as plant
 
@@ -94,6 +102,14 @@ WORLDS = {
     # Grids of other ends than the search takes, so that no world is a curve of the search's own.
     "voltage": ("v_cmd", -10.0, 10.0, lambda x: 0.8 * np.sign(x) * (x / 9.0) ** 2),
     "torque": ("th", 0.0, TURN, lambda x: 0.05 * np.sin(2.0 * x + 0.4)),
+    "force": ("yaw", 0.0, TURN, lambda x: 1.5 * np.sin(x + 0.9)),
+    "gyro_sensor": ("t", 0.0, 60.0, lambda x: 0.02 * x),
+}
+FORMULAS = {
+    "voltage": ("a·x·|x|", 0.8 / 81.0),
+    "torque": ("a·sin(2·x + φ)", 0.05),
+    "force": ("a·sin(x + φ)", 1.5),
+    "gyro_sensor": ("a·x", 0.02),
 }
 
 
@@ -103,6 +119,7 @@ def test_a_nameless_term_gets_a_curve_in_its_equation_and_a_formula(term):
     forms, before, truth = found_in(lambda model: with_form(model, term, over, low, high, law))
     assert [(entry["term"], entry["over"], entry["side"]) for entry in forms.entries] == [(term, over, "both")]
     (entry,) = forms.entries
+    formula, size_of_it = FORMULAS[term]
     assert before - forms.gap >= 0.9 * (before - truth)
     assert entry["closes"] >= 0.9
     x, y, error = np.array(entry["curve"]).T
@@ -110,10 +127,10 @@ def test_a_nameless_term_gets_a_curve_in_its_equation_and_a_formula(term):
     size = np.abs(law(x[inside])).max()
     assert np.abs(y - law(x))[inside].max() < 0.15 * size
     assert (error > 0.0).all()
-    assert entry["formula"] == {"voltage": "a·x·|x|", "torque": "a·sin(2·x + φ)"}[term]
+    assert entry["formula"] == formula
     a = entry["parameters"]["a"]
     assert a["ci90"][0] < a["value"] < a["ci90"][1]
-    assert a["value"] == pytest.approx({"voltage": 0.8 / 81.0, "torque": 0.05}[term], rel=0.05)
+    assert abs(a["value"]) == pytest.approx(size_of_it, rel=0.05)
 
 
 def test_budget_takes_what_forms_close_off_what_has_no_name():
@@ -137,6 +154,50 @@ def test_no_form_where_an_effect_of_the_catalogue_makes_it_as_well():
     forms, _, _ = found_in(lambda model: model.add("coulomb", 0.05))
     assert forms.entries == []
     assert any("coulomb_friction" in note for note in forms.notes)
+
+
+def named_with(law) -> tuple[Problem, Fit]:
+    """A case whose wheels have a torque over their speed, and the fit that names it Coulomb friction."""
+    problem, fit = explained(lambda model: with_form(model, "torque", "w", -20.0, 20.0, law))
+    coulomb = problem.effects["coulomb_friction"].parameters[0]
+    start = np.array([coulomb.scaled(0.04)])
+    return problem, Fitter(problem).fit((("coulomb_friction", "both"),), start, fit.z, fit.noise)
+
+
+def judged(gap, hypothesis):
+    return SimpleNamespace(gap=gap, fit=SimpleNamespace(hypothesis=hypothesis))
+
+
+def test_a_name_in_whose_equation_a_curve_leaves_clearly_less_is_said_to_be_approximate(problem):
+    form = Form("torque", "w", -9.0, 9.0, 0.01)
+    named = (("coulomb_friction", "left"), ("command_delay", "both"))
+    found = SimpleNamespace(forms=[(form, "both")], judged=[judged(4.0, named), judged(2.0, named)])
+    (note,) = approximate(problem, found)
+    assert note.startswith("Coulomb friction, left side is approximate")
+    assert "torque over wheel speed" in note and "2 and not 4" in note
+    assert approximate(problem, SimpleNamespace(forms=[(form, "right")], judged=found.judged)) == []
+
+
+def test_what_is_written_with_a_form_is_what_was_fitted_along_with_it(problem):
+    cause = ("coulomb_friction", "both")
+    alone = SimpleNamespace(hypothesis=(cause,), values=[{"torque_nm": 0.05}])
+    along = SimpleNamespace(hypothesis=(cause, ("form:torque:w", "both")), values=[{"torque_nm": 0.03}, {}])
+    known = {(cause, "torque_nm"): (0.04, 0.06)}
+    written, moved = with_forms(problem, alone, known, Forms(fit=along))
+    assert written is along
+    assert moved[cause, "torque_nm"] == pytest.approx((0.02, 0.04))
+    assert with_forms(problem, alone, known, Forms()) == (alone, known)
+
+
+def test_a_name_that_is_exact_is_not_said_to_be_approximate():
+    problem, fit = named_with(lambda x: -0.05 * np.sign(x))
+    assert not in_place(problem, fit, "coulomb_friction").approximate
+
+
+def test_an_effect_that_no_curve_replaces_is_refused():
+    problem, fit = explained(lambda model: None)
+    with pytest.raises(InputError, match="command_delay: the diagnosis does not name it"):
+        in_place(problem, fit, "command_delay")
 
 
 def diagnosis(tmp_path, *forms):
@@ -197,3 +258,48 @@ def test_motor_units_hold_friction_and_command_curves():
     assert left.command.at(10.0) == pytest.approx(11.0)
     assert left.command.at(0.0) == 0.0
     assert right.command is None
+
+
+def test_what_fades_over_a_run_gets_an_exponential():
+    form = Form("torque", "t", 0.0, 20.0, 0.01)
+    basis, _ = shapes("t")
+    values = 0.05 * np.exp(-form.points / 4.0)
+    curve = basis @ np.linalg.lstsq(basis, values, rcond=None)[0]
+    (law,) = [law for law in laws("t") if law.text == "a·exp(-x/b)"]
+    found = fitted(law, form, curve, 1e-8 * np.eye(basis.shape[1]))
+    assert found.values == pytest.approx([0.05, 4.0], rel=0.02)
+    straight = fitted(laws("t")[1], form, curve, 1e-8 * np.eye(basis.shape[1]))
+    assert np.abs(straight.curve - values).max() > 5.0 * np.abs(found.curve - values).max()
+
+
+def fit_of_four_runs(sizes) -> tuple[SimpleNamespace, Fit]:
+    """A form that has another size in each of four runs of ten blocks, and a fit to all of them."""
+    rng = np.random.default_rng(11)
+    form = Form("torque", "w", -9.0, 9.0, 0.01).effect()
+    runs = np.repeat(np.arange(4), 200)
+    blocks = np.arange(800) // 20
+    columns = rng.normal(size=(800, len(form.parameters))).astype(np.float32)
+    u = rng.normal(size=columns.shape[1])
+    residual = (columns @ u) * (1.0 - np.asarray(sizes)[runs]) + rng.normal(size=800)
+    white = Likelihood(blocks, np.ones(40))
+    cause = (form.id, "both")
+    nothing, free = np.zeros((800, 0), np.float32), np.ones(len(u), bool)
+    fit = Fit({form.id: form}, (cause,), np.zeros(0), u, residual, nothing, columns, free, white, DECLARED)
+    names = [SimpleNamespace(log=SimpleNamespace(name=name)) for name in ("one", "two", "three", "four")]
+    return SimpleNamespace(runs_of=runs, blocks=blocks, block_count=40, whole=names), fit
+
+
+def test_a_form_that_grows_from_run_to_run_is_drawn_over_the_runs():
+    problem, fit = fit_of_four_runs([0.4, 0.8, 1.2, 1.6])
+    ((cause, found),) = over_runs(problem, fit).items()
+    assert cause == ("form:torque:w", "both")
+    assert [one.run for one in found] == ["one", "two", "three", "four"]
+    for one, size in zip(found, [0.4, 0.8, 1.2, 1.6], strict=True):
+        assert abs(one.size - size) < 3.0 * one.reach < 0.5
+    page = drift(SimpleNamespace(over_runs={cause: found}))
+    assert "Torque over wheel speed, both sides" in page and "one: 0.4" in page
+
+
+def test_a_form_of_the_same_size_in_all_runs_has_no_drawing_over_them():
+    assert over_runs(*fit_of_four_runs([1.0, 1.0, 1.0, 1.0])) == {}
+    assert drift(SimpleNamespace(over_runs={})) == ""

@@ -37,6 +37,11 @@ SETS = {
         ("torque_constant", "i", -0.3, 0.3, lambda x: -0.5 * np.abs(x)),
         ("torque", "th", 0.0, TURN, lambda x: 0.03 * np.sin(2.0 * x)),
     ],
+    "heading": [
+        ("force", "yaw", 0.0, TURN, lambda x: 2.0 * np.cos(x - 0.5)),
+        ("gyro_sensor", "t", 0.0, 5.0, lambda x: 0.05 * x),
+        ("voltage", "th", 0.0, TURN, lambda x: 0.4 * np.sin(x)),
+    ],
     "readings": [
         ("voltage", "v_cmd", -12.0, 12.0, lambda x: 0.01 * x * np.abs(x)),
         ("speed_sensor", "w", -25.0, 25.0, lambda x: 0.002 * x * np.abs(x)),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
+from rtds_host.diagnosis.effects import CATALOGUE, SIDES
 from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.forms.curves import Form, put, shapes, sides_of, written
 from rtds_host.diagnosis.forms.formula import ENOUGH, fitted, laws
@@ -15,18 +16,21 @@ from rtds_host.diagnosis.forms.search import Found, closes, searched, values_of
 from rtds_host.diagnosis.left_out import left_out, parted
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
+from rtds_host.diagnosis.report.words import OVER_WORDS, TERM_WORDS, effect_name
 from rtds_host.plant import forms as plant
 
 
 @dataclass
 class Forms:
     """Forms of a case as a diagnosis has them: `entries`; `gap` on runs left out with them, None without any; `left`:
-    the gap before the first and behind each, at the search's steps; `notes`."""
+    the gap before the first and behind each, at the search's steps; `notes`; `fit`: effects, tolerances and forms as
+    they were fitted together, None without any form."""
 
     entries: list[dict] = field(default_factory=list)
     gap: float | None = None
     left: list[float] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    fit: Fit | None = None
 
     def shared(self, rows: list[dict], after: float) -> list[dict]:
         """The contract's `budget` with forms: what they close is taken off what was left without a name."""
@@ -64,7 +68,24 @@ def forms_of(problem: Problem, fit: Fit, after: float, quick: bool) -> Forms:
         _entry(problem, found, form, side, share)
         for (form, side), share in zip(found.forms, closes(found), strict=True)
     ]
-    return Forms(entries, gap, [judged.gap for judged in found.judged], found.notes)
+    left = [judged.gap for judged in found.judged]
+    return Forms(entries, gap, left, found.notes + approximate(problem, found), found.fit)
+
+
+def approximate(problem: Problem, found: Found) -> list[str]:
+    """What is said of named effects that are approximations: those in whose own equation a free curve leaves clearly
+    less. With the effect or in its place makes no difference, since the effect is one of the curve's shapes."""
+    said = []
+    for (form, side), before, after in zip(found.forms, found.judged, found.judged[1:]):
+        for name, own in before.fit.hypothesis:
+            resembles = CATALOGUE[name].resembles if name in CATALOGUE else ()
+            if (form.term, form.over) in resembles and set(SIDES[own]) & set(SIDES[side]):
+                said.append(
+                    f"{effect_name({'id': name, 'side': problem.effects[name].side_on(problem.robot.axis, own)})} is "
+                    f"approximate: with a free curve in its place, {TERM_WORDS[form.term]} over "
+                    f"{OVER_WORDS[form.over]}, the gap on held-out runs is {after.gap:.3g} and not {before.gap:.3g}"
+                )
+    return said
 
 
 def reported_gap(problem: Problem, fit: Fit) -> float:

@@ -15,13 +15,13 @@ from rtds_host.plant import forms as plant
 # What each term may run over.
 RUNS_OVER = {
     "torque": ("w", "th", "motor_angle", "i", "t"),
-    "voltage": ("v_cmd", "i", "t"),
+    "voltage": ("v_cmd", "i", "th", "t"),
     "torque_constant": ("i",),
-    "force": ("speed", "x", "y"),
+    "force": ("speed", "x", "y", "yaw"),
     "yaw_torque": ("yaw_rate", "speed_yaw_rate"),
     "current_sensor": ("i",),
     "speed_sensor": ("w",),
-    "gyro_sensor": ("yaw_rate",),
+    "gyro_sensor": ("yaw_rate", "t"),
 }
 # The channel that a sensor's term needs in the logs.
 NEEDS = {"current_sensor": "i_", "speed_sensor": "w_", "gyro_sensor": "gyro_z"}
@@ -67,6 +67,7 @@ def ranges(problem: Problem, model: Model) -> dict[str, tuple[float, float]]:
     if problem.robot.axis is None:
         speed = 0.5 * (w @ [model.get("radius", 0), model.get("radius", 1)])
         found["speed"] = reach(speed)
+        found["yaw"] = 0.0, plant.FULL_TURN
         found["yaw_rate"] = reach(column["gyro_z"])
         found["speed_yaw_rate"] = reach(speed * column["gyro_z"])
         for name in ("x", "y"):

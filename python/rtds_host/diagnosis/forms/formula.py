@@ -108,10 +108,25 @@ _TURNS = tuple(
 )
 
 
+# Of time alone: what fades from the start of a run on.
+_FADES = (
+    Law("a·exp(-x/b)", ("a", "b"), ("y", "x"), lambda x, a, b: a * np.exp(-np.abs(x / b)), _scaled(*SCALES)),
+    Law(
+        "a + c·exp(-x/b)",
+        ("a", "c", "b"),
+        ("y", "y", "x"),
+        lambda x, a, c, b: a + c * np.exp(-np.abs(x / b)),
+        _scaled(*SCALES),
+    ),
+)
+
+
 def laws(over: str) -> tuple[Law, ...]:
     """The formulas that are tried over a quantity, simple ones first."""
     if over in plant.PERIODIC:
         return _TURNS
+    if over == "t":
+        return (*_EVEN, *_FADES, _STEP)
     return _ODD if over in plant.BRANCHES else (*_EVEN, _STEP)
 
 

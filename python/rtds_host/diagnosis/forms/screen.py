@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from rtds_host.diagnosis.fit import Fit, prior_weight
 from rtds_host.diagnosis.forms.curves import STEP, Form
 from rtds_host.diagnosis.left_out import parted
+from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.problem import Problem
 
 # Numerical: residuals that are screened at most; of longer cases every so manieth block is.
@@ -17,8 +19,8 @@ ROWS = 60_000
 
 @dataclass(frozen=True)
 class Promise:
-    """A form on a side: `left`, what it leaves of the weighted squares on runs left out, a ratio; `start` (n,) its
-    scaled coefficients."""
+    """A form on a side: `left`, what it leaves of the cost of runs left out, a ratio; `start` (n,) its scaled
+    coefficients."""
 
     form: Form
     side: str
@@ -55,10 +57,12 @@ def screened(problem: Problem, fit: Fit, forms: list[Form]) -> list[Promise]:
     thinned = np.arange(problem.size)
     if problem.size > ROWS:
         thinned = np.flatnonzero(problem.blocks % -(-problem.size // ROWS) == 0)
-    held, root = held[thinned], root[thinned]
-    white, known = root * fit.residual[thinned], root[:, None] * known[thinned]
+    held, root, residual = held[thinned], root[thinned], fit.residual[thinned]
+    white, known = root * residual, root[:, None] * known[thinned]
     own = prior_weight(fit.z, fit.u)[keep]
-    plain = _left(white, known, own, held, len(folds))[0]
+    cost = _cost_of(problem, fit.noise, thinned)
+    begins = _left_out(white, known, own, held, len(folds))[0]
+    plain = cost(begins / root)
     found = []
     for form in forms:
         sides = {"both": tuple(range(len(problem.robot.sides)))}
@@ -71,15 +75,28 @@ def screened(problem: Problem, fit: Fit, forms: list[Form]) -> list[Promise]:
             tried |= {"left": parts[0], "right": parts[1]}
         for side, mine in tried.items():
             weight = np.concatenate([own, np.full(mine.shape[1], 2.0)])
-            left, x = _left(white, np.hstack([known, mine]), weight, held, len(folds))
-            found.append(Promise(form, side, left / plain, x[len(own) :]))
+            after, x = _left_out(white, np.hstack([known, mine]), weight, held, len(folds))
+            found.append(Promise(form, side, cost(after / root) / plain, x[len(own) :]))
     return sorted(found, key=lambda one: one.left)
 
 
-def _left(
+def _cost_of(problem: Problem, noise: Likelihood, rows: np.ndarray) -> Callable[[np.ndarray], float]:
+    """-2 log likelihood of residuals in some rows, (m,), by a likelihood of all; plain squares without weights.
+
+    Its own size in each group is estimated again. Squares with the weights of before would not do: they weigh a group
+    by what it had, so that one which is explained now gains hardly more than one that is off by noise.
+    """
+    if noise.root is None:
+        return lambda residual: float(residual @ residual)
+    kept, groups = np.unique(noise.groups[rows], return_inverse=True)
+    mine = Likelihood(groups, noise.samples[kept])
+    return lambda residual: mine.estimated(residual).cost(residual)
+
+
+def _left_out(
     white: np.ndarray, jacobian: np.ndarray, prior: np.ndarray, held: np.ndarray, folds: int
-) -> tuple[float, np.ndarray]:
-    """Weighted squares on parts left out in turn, and the step (n,) of a fit to all.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted residuals (N,) of parts left out in turn, and the step (n,) of a fit to all.
 
     white : (N,) weighted residuals; jacobian : (N, n) weighted derivatives; prior : (n,) curvature about no step; held
     : (N,) the part that each row is of.
@@ -87,9 +104,8 @@ def _left(
     grams = [jacobian[held == k].T @ jacobian[held == k] for k in range(folds)]
     slopes = [jacobian[held == k].T @ white[held == k] for k in range(folds)]
     gram, slope = sum(grams).astype(float) + np.diag(prior), sum(slopes).astype(float)
-    left = 0.0
+    after = white.astype(float)
     for k in range(folds):
         step = -np.linalg.solve(gram - grams[k], slope - slopes[k])
-        after = white[held == k] + jacobian[held == k] @ step
-        left += float(after @ after)
-    return left, -np.linalg.solve(gram, slope)
+        after[held == k] += jacobian[held == k] @ step
+    return after, -np.linalg.solve(gram, slope)

@@ -67,8 +67,8 @@ torque_of, shaped_by = map(law, functions(TORQUES, "side, k", lambda entry: f"si
 
 
 CURRENT, SPEED, GYRO = (forms.TERM_CODE[f"{name}_sensor"] for name in ("current", "speed", "gyro"))
-OVER_V, OVER_I, OVER_W, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS, OVER_SPEED, OVER_T, OVER_X, OVER_Y = range(
-    len(forms.OVERS)
+(OVER_V, OVER_I, OVER_W, OVER_RATE, OVER_TH, OVER_MOTOR, OVER_TURNS, OVER_SPEED, OVER_T, OVER_X, OVER_Y, OVER_YAW) = (
+    range(len(forms.OVERS))
 )
 
 
@@ -265,7 +265,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 out[ka, 5 + k] = (th[k] + before * play[k]) * side[k, W_GAIN]
             out[ka, 7] = sensors.scaled(rate, com[GYRO_GAIN], com[GYRO_BIAS])
             if formed:
-                out[ka, 7] += forms.reads(curves[0], GYRO, OVER_RATE + 1, out[ka, 7])
+                out[ka, 7] += forms.turns_read(curves[0], out[ka, 7], t[ka] - dm - run[3])
             ka += 1
         if lagging:
             for k in range(2):
@@ -358,7 +358,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 gz += ground.slope_torque(pull, com[COM_X], com[COM_Y], along, across)
             if formed:
                 about[OVER_RATE], about[OVER_SPEED], about[OVER_TURNS] = rate, v, v * rate
-                about[OVER_T], about[OVER_X], about[OVER_Y] = elapsed, x, y
+                about[OVER_T], about[OVER_X], about[OVER_Y], about[OVER_YAW] = elapsed, x, y, yaw
                 for k in range(sides):
                     about[OVER_V], about[OVER_I], about[OVER_W] = va[k], cur[k], wm[k]
                     at = th[k] + 0.5 * h * w[k]

@@ -145,13 +145,16 @@ def _told(curves, model, k, speed):
 
 
 @loop
-def _read(out, row, curves, model, held_s, l):
-    """Add what forms do to the readings in a row of `out`; speeds with a delay of their own come later."""
+def _read(out, row, curves, model, held_s, l, elapsed):
+    """Add what forms do to the readings in a row of `out`, `elapsed` s after the run began.
+
+    Speeds with a delay of their own come later.
+    """
     for k in range(2):
         out[row, 1 + k] += forms.reads(curves[model, k], one.CURRENT, one.OVER_I + 1, out[row, 1 + k])
         if held_s[k, l] <= 0.0:
             out[row, 3 + k] += _told(curves, model, k, out[row, 3 + k])
-    out[row, 7] += forms.reads(curves[model, 0], one.GYRO, one.OVER_RATE + 1, out[row, 7])
+    out[row, 7] += forms.turns_read(curves[model, 0], out[row, 7], elapsed)
 
 
 @loop
@@ -161,6 +164,7 @@ def _formed(s, l, model, sides, coms, curves, shaped, about, acts):
     half, elapsed = 0.5 * s[H + l], s[NOW + l] + s[DONE + l] - s[H + l] - s[BEGUN + l]
     about[one.OVER_RATE], about[one.OVER_SPEED], about[one.OVER_TURNS] = rate, v, v * rate
     about[one.OVER_T], about[one.OVER_X], about[one.OVER_Y] = elapsed, s[X + l], s[Y + l]
+    about[one.OVER_YAW] = s[YAW + l]
     for k in range(2):
         o = k * _SIDE + l
         about[one.OVER_V], about[one.OVER_I], about[one.OVER_W] = s[o + VA], s[o + CUR], s[o + WM]
@@ -393,7 +397,7 @@ def replay_batch(
                             out[row, 5 + i] = (s[o + TH] + before) * s[o + W_GAIN]
                         out[row, 7] = sensors.scaled(s[RATE + l], s[GYRO_GAIN + l], s[GYRO_BIAS + l])
                         if curved[l]:
-                            _read(out, row, curves, which[job[l], 0], held_s, l)
+                            _read(out, row, curves, which[job[l], 0], held_s, l, ts[k] - s[DELAY + l] - s[BEGUN + l])
                         k += 1
                         at = ts[k] - s[DELAY + l] if k < end else NEVER
                         if not at <= due:

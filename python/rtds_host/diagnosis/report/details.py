@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rtds_host.contract import Case
+from rtds_host.diagnosis.scatter import RunSize
 
 if TYPE_CHECKING:
     from rtds_host.diagnosis.gate import Gate
@@ -64,6 +65,8 @@ class Details:
     run_gaps : run -> {"before", "refit", "after"}.
     decided : (id, side) of a blamed effect -> the channel that misses it most, and that channel's gap without and with
     it. repeats : (id, side) of a blamed effect -> on how many halves of the data it was found again, and of how many.
+    over_runs : (id, side) of a blamed effect or "form:term:over" and side -> its size in each run, of what differs
+    between runs.
     seconds : time the diagnosis took; printed on the terminal only, so that the report stays the same to the byte.
     """
 
@@ -77,5 +80,6 @@ class Details:
     run_gaps: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
     decided: dict[tuple[str, str], tuple[str, float, float]] = field(default_factory=dict)
     repeats: dict[tuple[str, str], tuple[int, int]] = field(default_factory=dict)
+    over_runs: dict[tuple[str, str], list[RunSize]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     seconds: float | None = None

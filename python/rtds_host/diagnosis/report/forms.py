@@ -20,6 +20,7 @@ from rtds_host.diagnosis.report.words import (
     parameter_name,
     percent,
 )
+from rtds_host.plant import forms as plant
 
 # Standard errors to either side of 90 % of a normal (contract: 90 % intervals).
 BAND = 1.645
@@ -33,6 +34,9 @@ LOOK = {
     "torque_constant": "Hold the wheel and measure its torque at several currents.",
     "yaw_torque": "Turn the robot on the spot and on a curve and watch the currents.",
     "force": "Pull the robot along with a spring balance at several values of it.",
+    "gyro_sensor": "Turn the robot by hand through whole turns and compare the integral of the yaw rate.",
+    "current_sensor": "Put an ammeter in series with the motor at several values of it.",
+    "speed_sensor": "Count the wheel's turns by hand over a minute at several values of it.",
 }
 
 
@@ -49,7 +53,7 @@ def _samples(over: str, side: str, details: Details) -> np.ndarray:
             found += [scale * columns[f"{stem}_{s}"] for s in sides if f"{stem}_{s}" in columns]
         elif over == "yaw_rate" and "gyro_z" in columns:
             found.append(columns["gyro_z"])
-        elif over in ("x", "y") and over in columns:
+        elif over in ("x", "y", "yaw") and over in columns:
             found.append(columns[over])
         elif over == "t":
             found.append(run.t - run.t[0])
@@ -62,7 +66,7 @@ def density(form: dict[str, Any], details: Details) -> np.ndarray:
     curve = np.asarray(form["curve"], dtype=float)
     low, high = curve[0, 0], curve[-1, 0]
     values = _samples(form["over"], form["side"], details)
-    if form["over"].endswith("angle") and high - low <= 2.001 * math.pi:
+    if form["over"] in plant.PERIODIC:
         values = low + np.mod(values - low, high - low)
     return np.histogram(values, BINS, (low, high))[0]
 

@@ -10,6 +10,7 @@ from typing import Any
 from rtds_host.diagnosis.report.causes import what
 from rtds_host.diagnosis.report.data import condition
 from rtds_host.diagnosis.report.details import Details
+from rtds_host.diagnosis.report.drift import drift
 from rtds_host.diagnosis.report.first import contents, do, head
 from rtds_host.diagnosis.report.forms import shapes
 from rtds_host.diagnosis.report.gaps import gaps, open_questions
@@ -44,6 +45,7 @@ def report_page(diagnosis: dict[str, Any], details: Details) -> str:
         where(diagnosis, details),
         what(diagnosis, details),
         shapes(diagnosis, details),
+        drift(details),
         plots(diagnosis, details),
         gaps(diagnosis, details),
         open_questions(diagnosis, details),

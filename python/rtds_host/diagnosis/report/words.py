@@ -102,6 +102,7 @@ OVER_WORDS = {
     "x": "place x",
     "y": "place y",
     "speed": "speed",
+    "yaw": "heading",
 }
 # How sure one may be, from this probability on.
 SURENESS = ((0.99, "as good as certain"), (0.9, "very likely"), (0.7, "likely"), (0.0, "more likely than not"))
