@@ -40,7 +40,7 @@ struct fmu_model {
   double back_emf_v_s_per_rad[2], rotor_kg_m2[2], viscous_nm_s_per_rad[2], voltage_gain[2], deadzone_v[2], drop_v[2];
   double pwm_curve[2], heat_rise_per_w[2], heat_tau_s[2], stribeck_nm[2], stribeck_rad_s[2], asymmetry_nm[2];
   double asymmetry_nm_s_per_rad[2], load_share[2], ripple_nm[2], ripple_cycles[2], ripple_phase_rad[2], radius_m[2];
-  double speed_gain[2], current_gain[2], current_bias_a[2], speed_filter_s[2], speed_late_s[2];
+  double speed_gain[2], current_gain[2], current_bias_a[2], speed_filter_s[2], speed_delay_s[2];
   double command_gain[2]; /* of a speed asked for, before the servo */
   double gear_ratio, forms[2][MOST][WIDTH];
   int32_t servo_on;
@@ -223,7 +223,7 @@ static double seen_before(const fmu_model *m, int channel, double late) {
 
 static void report(fmu_model *m) {
   for (int n = 0; n < CHANNELS; n++) {
-    const double more = n == W_L || n == W_R ? m->speed_late_s[n - W_L] : 0.0;
+    const double more = n == W_L || n == W_R ? m->speed_delay_s[n - W_L] : 0.0;
     m->out[n] = seen_before(m, n, m->measurement_delay_s + more);
   }
 }
@@ -236,7 +236,7 @@ static const char *check(const fmu_model *m) {
     if (!(m->resistance_ohm[k] > 0.0 && m->radius_m[k] > 0.0)) return "resistance_ohm, radius_m: are to be greater than zero";
     if (m->heat_rise_per_w[k] != 0.0 && !(m->heat_tau_s[k] > 0.0)) return "heat_tau_s: is to be greater than zero";
     if (m->stribeck_nm[k] != 0.0 && !(m->stribeck_rad_s[k] > 0.0)) return "stribeck_rad_s: is to be greater than zero";
-    if (!(m->speed_late_s[k] >= 0.0)) return "speed_late_s: is to be zero or greater";
+    if (!(m->speed_delay_s[k] >= 0.0)) return "speed_delay_s: is to be zero or greater";
   }
   if (!(m->command_delay_s >= 0.0 && m->measurement_delay_s >= 0.0)) return "a delay is to be zero or greater";
   if (m->servo_on && !(m->servo_period_s > 0.0)) return "servo_period_s: is to be greater than zero";
@@ -273,7 +273,7 @@ const char *fmu_initialise(fmu_model *m) {
       m->inertia[j][k] = mass * f[j] * f[k] + my * (f[j] * g[k] + g[j] * f[k]) + iz * g[j] * g[k] +
                          (j == k ? m->rotor_kg_m2[k] + m->wheel_inertia_kg_m2 : 0.0);
   if (!(m->inertia[0][0] * m->inertia[1][1] > m->inertia[0][1] * m->inertia[1][0])) return "the robot has no inertia";
-  const double latest = m->measurement_delay_s + fmax(m->speed_late_s[0], m->speed_late_s[1]);
+  const double latest = m->measurement_delay_s + fmax(m->speed_delay_s[0], m->speed_delay_s[1]);
   m->asked_room = (size_t)ceil(m->command_delay_s / m->step_s) + 4;
   m->seen_room = (size_t)ceil(latest / m->step_s) + 4;
   free(m->asked);
