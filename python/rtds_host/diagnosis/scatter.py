@@ -112,7 +112,7 @@ def _of_run(name: str, weighed: np.ndarray, known: np.ndarray) -> RunSize:
         return RunSize(name, 1.0, math.inf)
     size = float(weighed.sum()) / total
     within = float(known[used] @ (weighed[used] / known[used] - size) ** 2)
-    chance = max(within / max(np.count_nonzero(used) - 1, 1), 1.0)
+    chance = max(within / max(int(np.count_nonzero(used)) - 1, 1), 1.0)
     return RunSize(name, size, Z90 * math.sqrt(chance / total))
 
 

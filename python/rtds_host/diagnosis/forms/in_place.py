@@ -126,7 +126,8 @@ def main(
         check_writable_file(out)
         read = read_case(case)
         problem = Problem(taken(read, examine(read)), pieces=read.robot.axis is not None)
-        found = in_place(problem, fit_of(problem, read_json(diagnosis)), effect)
+        answer: Any = read_json(diagnosis)
+        found = in_place(problem, fit_of(problem, answer), effect)
         draw([found.entry()], out)
     except RtdsError as error:
         print("rtds: " + " ".join(str(error).split()), file=sys.stderr)

@@ -34,7 +34,9 @@ def diagnosed(case: Path, out: Path, quick: bool) -> tuple[dict[str, Any], float
     InputError : the case cannot be diagnosed, or the folder holds no diagnosis of this program.
     """
     if (out / SPENT).exists():
-        return read_json(out / "diagnosis.json"), float(read_json(out / SPENT))
+        kept: Any = read_json(out / "diagnosis.json")
+        spent_before: Any = read_json(out / SPENT)
+        return kept, float(spent_before)
     began = time.process_time()
     diagnosis, _ = diagnose(read_case(case), quick)
     spent = time.process_time() - began
