@@ -27,13 +27,8 @@ import numpy as np
 from rtds_host.diagnosis.fit import Fit, parameters, prior_weight
 from rtds_host.diagnosis.nuisances import LATENCY, LATENCY_S
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.scatter import scattered
+from rtds_host.diagnosis.scatter import Z90, scattered
 
-# Standard deviations to either side of 90 % of a normal (contract: 90 % intervals).
-Z90 = 1.6448536269514722
-
-# Share of a normal distribution within one standard deviation.
-WITHIN_SIGMA = math.erf(math.sqrt(0.5))
 # Numerical: share of its size that a change must differ by from what a fit can do.
 DISTINCT = 1e-3
 
@@ -163,7 +158,8 @@ def bias(fit: Fit, missing: Iterable[np.ndarray]) -> np.ndarray:
         if seen > DISTINCT * float(np.linalg.norm(change)):
             errors.append(np.abs(error) * math.sqrt(left) / seen)
     if errors:
-        result[keep] = np.quantile(errors, WITHIN_SIGMA, axis=0)
+        # The share of a normal distribution that is within one standard deviation.
+        result[keep] = np.quantile(errors, math.erf(math.sqrt(0.5)), axis=0)
     return result
 
 

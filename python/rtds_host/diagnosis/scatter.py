@@ -26,8 +26,8 @@ from rtds_host.diagnosis.thresholds import MINOR_SHARE
 
 # Numerical: groups that are left out in turn: runs; where there are fewer of these, stretches of them.
 FEWEST_GROUPS = 4
-# Two-sided 90 % of a normal.
-Z90 = 1.645
+# Standard deviations to either side of 90 % of a normal (contract: 90 % intervals).
+Z90 = 1.6448536269514722
 
 
 def groups(problem: Problem) -> np.ndarray:

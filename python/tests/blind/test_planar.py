@@ -54,8 +54,8 @@ def test_nothing_is_shared_with_the_diagnoser():
                         "errors",
                         "figures",
                         "cli",
-                        "spread",
-                        "remains",
+                        "workers",
+                        "cleanup",
                         "compat",
                         "vectors",
                     ), (path.name, name)

@@ -22,7 +22,7 @@ from rtds_host.contract import RunLog, RunMeta, builtin_robot
 from rtds_host.correction.simulate import simulate
 from rtds_host.correction.translate import places_of, translate
 from rtds_host.diagnosis.effects import catalogue
-from rtds_host.diagnosis.replay.model import Abreast, nominal_model, replay_run, run_inputs
+from rtds_host.diagnosis.replay.model import ReplayBatch, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.report import report_page, validate
 from rtds_host.export import python
@@ -55,7 +55,7 @@ for name, values in SIZES.items():
     out = replay_run(model, inputs)
     moved = np.abs(out - plain)[:, w].max()
     print(name, "replay", moved > 1e-3 * np.abs(plain[:, w]).max())
-    both = Abreast([inputs]).replay([model, ideal])
+    both = ReplayBatch([inputs]).replay([model, ideal])
     print(name, "vectorised", np.abs(both[0] - out).max() < 1e-4 and np.abs(both[1] - plain).max() < 1e-9)
     here = simulate(log, robot, model).out
     print(name, "simulator", np.abs(here - out)[:, w].max() < 0.05 * moved, places_of(effect, robot) == {"rtl"})
@@ -92,13 +92,13 @@ TORQUE = Torque(air_drag, (Entry("air_drag", "N·m·s²", 0.0, RTL, "air_drag_nm
 EFFECT = '''"""air_drag: a torque that grows with the speed squared."""
 
 from rtds_host.diagnosis.effects.base import Effect, Parameter, put
-from rtds_host.diagnosis.effects.exported import lost, row
+from rtds_host.diagnosis.effects.exported import left_out, row
 
 EFFECT = Effect(
     id="air_drag",
     subsystem="drivetrain",
     sided=True,
-    parameters=(Parameter("drag", "N·m·s²", null=0, low=0, high=1, spread=0.01, starts=(0.01,)),),
+    parameters=(Parameter("drag", "N·m·s²", null=0, low=0, high=1, prior_width=0.01, starts=(0.01,)),),
     apply=put(air_drag="drag"),
     equation="-d |w| w",
     source="a test",
@@ -107,7 +107,7 @@ EFFECT = Effect(
     check="Let the wheel coast in the air: its speed falls faster than by friction alone.",
     advice="Take off the fan.",
     runs_in="rtl",
-    exports=row(*[lost("no such torque")] * 4),
+    exports=row(*[left_out("no such torque")] * 4),
 )
 '''
 

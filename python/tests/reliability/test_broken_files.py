@@ -236,11 +236,11 @@ def test_a_batch_that_is_ended_by_a_signal_says_so_and_leaves_no_semaphore(case,
         "import os, signal, sys, threading, time\n"
         "from rtds_host import workers\n"
         "from rtds_host.cli.main import main\n"
-        "made = spread.process_pool\n"
+        "made = workers.process_pool\n"
         "def pool(count):\n"
         f"    threading.Timer(0.5, lambda: os.kill(os.getpid(), {int(asked)})).start()\n"
         "    return made(count)\n"
-        "spread.process_pool = pool\n"
+        "workers.process_pool = pool\n"
         "if __name__ == '__main__':\n"
         "    main()\n"
     )
