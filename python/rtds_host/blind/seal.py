@@ -337,8 +337,8 @@ def answer(
     """
     seals = read_seals(out)
     ledger = read_ledger(out)
-    todo = [case for case in seals if case not in {entry["case"] for entry in ledger}]
-    jobs = max(1, min(jobs, len(todo)))
+    unanswered = [case for case in seals if case not in {entry["case"] for entry in ledger}]
+    jobs = max(1, min(jobs, len(unanswered)))
     threads = max(1, cores() // jobs) if scheduler is None else 1
 
     def question(case: str) -> tuple:
@@ -346,10 +346,10 @@ def answer(
         files = {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
         return command, quick, threads, case, files, timeout_s
 
-    questions = {case: partial(question, case) for case in todo}
+    questions = {case: partial(question, case) for case in unanswered}
     outcomes = on_cluster(_ask, questions, scheduler) if scheduler else on_threads(_ask, questions, jobs)
     with closing(outcomes):
-        for done, outcome in enumerate(outcomes if todo else (), 1):
+        for done, outcome in enumerate(outcomes if unanswered else (), 1):
             answer: tuple[dict, bytes | None] = outcome.value or (
                 {
                     "case": outcome.name,
@@ -365,7 +365,7 @@ def answer(
                 write_atomic(out / "answers" / entry["case"] / "diagnosis.json", content)
             _append(out, {**entry, "quick": quick})
             if progress:
-                progress(done, len(todo))
+                progress(done, len(unanswered))
     return read_ledger(out)
 
 

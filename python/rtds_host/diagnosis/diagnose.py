@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,7 +32,7 @@ from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.report.details import Candidate, Details
 from rtds_host.diagnosis.residual import CHANNELS
 from rtds_host.diagnosis.scatter import over_runs, scattered
-from rtds_host.diagnosis.screen import Signature, clashes, sensitivities_of
+from rtds_host.diagnosis.screen import changes_by_missing, sensitivities_of
 from rtds_host.diagnosis.search import MOST_WORK, QUICK_WORK, Search
 from rtds_host.diagnosis.thresholds import MINOR_SHARE, SIGNIFICANT
 from rtds_host.vectors import given
@@ -311,20 +311,6 @@ def _missing(search: Search, fit: Fit) -> list[np.ndarray]:
     if not fit.hypothesis or search.closed(fit):
         return []
     return changes_by_missing(sensitivities_of(search.fitter, fit, {}, search.wanted, {}, coarse=True), fit)
-
-
-def changes_by_missing(changes: Mapping[Signature, np.ndarray], fit: Fit) -> list[np.ndarray]:
-    """Of changes of the residuals, (N,) each, those by effects that a fit does not have, and of what both sides may
-    have their sums.
-    """
-    missing = {one: change for one, change in changes.items() if not clashes((one.effect, one.side), fit.hypothesis)}
-    right = {(one.effect, one.values): change for one, change in missing.items() if one.side == "right"}
-    both = [
-        change + right[one.effect, one.values]
-        for one, change in missing.items()
-        if one.side == "left" and (one.effect, one.values) in right
-    ]
-    return [*missing.values(), *both]
 
 
 def said_of_end(search: Search) -> list[str]:

@@ -8,7 +8,7 @@ residuals are (`likelihood`), so that what a candidate promises is a gain of lik
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,6 +104,20 @@ def sensitivities_of(
     for job, moved, m in zip(new, replayed[len(lengths) :], models):
         found[job] = (moved - bases[m.coarse_s]).astype(np.float32)
     return found
+
+
+def changes_by_missing(changes: Mapping[Signature, np.ndarray], fit: Fit) -> list[np.ndarray]:
+    """Of changes of the residuals, (N,) each, those by effects that a fit does not have, and of what both sides may
+    have their sums.
+    """
+    missing = {one: change for one, change in changes.items() if not clashes((one.effect, one.side), fit.hypothesis)}
+    right = {(one.effect, one.values): change for one, change in missing.items() if one.side == "right"}
+    both = [
+        change + right[one.effect, one.values]
+        for one, change in missing.items()
+        if one.side == "left" and (one.effect, one.values) in right
+    ]
+    return [*missing.values(), *both]
 
 
 class Screen:

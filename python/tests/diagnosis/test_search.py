@@ -11,7 +11,7 @@ from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis import search as search_module
 from rtds_host.diagnosis.account import account
-from rtds_host.diagnosis.diagnose import changes_by_missing, chosen_search, diagnose, said_of_end
+from rtds_host.diagnosis.diagnose import chosen_search, diagnose, said_of_end
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.evidence import CONVINCING, distinguishable, excess
 from rtds_host.diagnosis.explanations import FAR
@@ -23,7 +23,7 @@ from rtds_host.diagnosis.problem import SEARCHED_S, Problem
 from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.scatter import scatter, scattered
-from rtds_host.diagnosis.screen import Screen, sensitivities_of
+from rtds_host.diagnosis.screen import Screen, changes_by_missing, sensitivities_of
 from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.start import DECLARED
 

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rtds_host.contract import read_case
+from rtds_host.contract import read_case, write_atomic
 from rtds_host.contract.runlog import read_json
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.report.words import form_name, listed_name, number
@@ -41,8 +41,9 @@ def diagnosed(case: Path, out: Path, quick: bool) -> tuple[dict[str, Any], float
     diagnosis, _ = diagnose(read_case(case), quick)
     spent = time.process_time() - began
     out.mkdir(parents=True, exist_ok=True)
-    (out / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1) + "\n")
-    (out / SPENT).write_text(f"{spent:.1f}\n")
+    write_atomic(out / "diagnosis.json", json.dumps(diagnosis, indent=1) + "\n")
+    # The time comes last: without it a case counts as not diagnosed.
+    write_atomic(out / SPENT, f"{spent:.1f}\n")
     return diagnosis, spent
 
 
