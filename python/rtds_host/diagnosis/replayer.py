@@ -17,11 +17,13 @@ from rtds_host.diagnosis.effort import spend
 from rtds_host.diagnosis.gap import errors, gap, pooled
 from rtds_host.diagnosis.replay.model import Model, ReplayBatch, replay_run
 from rtds_host.diagnosis.replay.simd import SIMD_WIDTH
-from rtds_host.diagnosis.residual import RunData, run_residual
+from rtds_host.diagnosis.residual import Comparison, RunData, run_residual
 
 # Numerical: what a step of a replay alone takes, one where lanes wait for each other's free play, and whitening a
 # residual, in steps of one in a batch.
 ALONE, WAITING, WHITENED = 8.0, 3.0, 0.35
+# Numerical: into how many shares the runs of a model that goes alone are parted, for all cores.
+SHARES = 8
 # Numerical: starts whose inputs are kept: the one that is searched, and those that it is compared with.
 STARTS_KEPT = 4
 
@@ -35,6 +37,7 @@ class Replayer:
         self.pool = ThreadPoolExecutor(self.threads)
         self.work = 0.0
         self._kept: list[ReplayBatch] = []
+        self._comparisons: dict[ReplayBatch, Comparison | None] = {}
         self._gaps: dict[tuple, float] = {}
 
     def residuals(
@@ -58,10 +61,14 @@ class Replayer:
         if not batch.worth([models[k] for k in batched], self.threads):
             batched = []
         alone = sorted(set(range(len(models))) - set(batched))
+        shares = np.array_split(np.arange(len(runs)), min(len(runs), SHARES)) if alone else []
+        compared = self._compared(batch, runs) if alone else None
         jobs = deque(
-            functools.partial(_alone, models[k], data, found[k][mine], steps[k])
+            functools.partial(
+                _alone, batch, compared, runs, rows, (mine[0], mine[-1] + 1), models[k], found[k], steps[k]
+            )
             for k in alone
-            for data, mine in zip(runs, rows)
+            for mine in shares
         )
         if batched:
             # Lanes are to be full, and shares for all cores, but none so large that its replays leave the cache.
@@ -104,6 +111,13 @@ class Replayer:
         self._kept, self._gaps = [ReplayBatch(inputs), *self._kept[: STARTS_KEPT - 1]], {}
         return self._kept[0]
 
+    def _compared(self, batch: ReplayBatch, runs: Sequence[RunData]) -> Comparison | None:
+        """What the residual of a batch's runs compares, which does not hang on where they begin."""
+        if batch not in self._comparisons:
+            self._comparisons = {kept: found for kept, found in self._comparisons.items() if kept in self._kept}
+            self._comparisons[batch] = Comparison.of(runs)
+        return self._comparisons[batch]
+
     def gap(self, model: Model, judged: Sequence[RunData]) -> float:
         runs = self.batch(judged)
         # The search asks for the gap of the same explanation time and again.
@@ -135,8 +149,25 @@ def _taken(model: Model, step_s: float, runs: Sequence[RunData]) -> float:
     return each * sum(max(float(data.inputs[0][-1] - data.inputs[0][0]) / step_s, len(data.inputs[0])) for data in runs)
 
 
-def _alone(model: Model, data: RunData, into: np.ndarray, step_s: float) -> None:
-    run_residual(data, replay_run(model, data.inputs, step_s), into)
+def _alone(
+    batch: ReplayBatch,
+    compared: Comparison | None,
+    runs: Sequence[RunData],
+    rows: Sequence[slice],
+    share: tuple[int, int],
+    model: Model,
+    into: np.ndarray,
+    step_s: float,
+) -> None:
+    """Fill in the residual of a share of the runs, from one to before another."""
+    first, last = share
+    out = batch.replay_alone(model, first, last, step_s)
+    begun = batch.rows[first]
+    if compared is not None:
+        compared.residual(out, begun, slice(rows[first].start, rows[last - 1].stop), into)
+        return
+    for k in range(first, last):
+        run_residual(runs[k], out[batch.rows[k] - begun : batch.rows[k + 1] - begun], into[rows[k]])
 
 
 def _together(

@@ -6,6 +6,7 @@ averaged over their neighbours), since each sample that narrows an explanation i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numba
@@ -34,6 +35,15 @@ class _Windows:
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         return np.add.reduceat(values[self.rows], self.starts) / self.counts
+
+    def moves(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows and weights of what lies between the means of each two ends one after another, as of one sum each."""
+        ends = np.split(self.rows, self.starts[1:])
+        rows = [part for before, after in zip(ends, ends[1:]) for part in (after, before)]
+        signs = [sign for _ in ends[1:] for sign in (1.0, -1.0)]
+        return np.concatenate(rows), np.concatenate(
+            [np.full(len(part), sign / len(part)) for sign, part in zip(signs, rows)]
+        )
 
     def unsure(self, log: RunLog, channel: str) -> np.ndarray | float:
         """What a channel's moves from end to end have beyond its noise, one standard deviation, (ends - 1,)."""
@@ -211,3 +221,80 @@ def run_residual(data: RunData, out: np.ndarray, into: np.ndarray | None = None)
             result[at : at + len(noise[k])] = (replayed[k] - measured[k]) / noise[k]
             at += len(noise[k])
     return result
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What the residual of several runs compares, one after another, all at once: each value is a weighted sum of
+    entries of their replay. Of an axis, whose runs may be hundreds of short pieces; a pose is no such sum.
+
+    first : (N + 1,) where each value's entries begin; entries, weights : of the replay (rows, 11), flat;
+    measured, noise : (N,); levels : parts whose mean is no evidence (the bus voltage's).
+    """
+
+    first: np.ndarray
+    entries: np.ndarray
+    weights: np.ndarray
+    measured: np.ndarray
+    noise: np.ndarray
+    levels: list[slice]
+
+    @classmethod
+    def of(cls, runs: Sequence[RunData]) -> Comparison | None:
+        """Of prepared runs in the order of their replays; None where one compares a pose."""
+        if any(data.pose is not None for data in runs):
+            return None
+        parts: list[tuple[np.ndarray, ...]] = []  # values' numbers of entries, entries, weights, measured, noise
+        levels, at, rows = [], 0, 0
+        for data in runs:
+            begun = rows * len(OUTPUT_INDEX)
+            if data.sampled is not None:
+                seen = data.sampled
+                ones = np.ones(len(seen.entries))
+                parts.append((ones.astype(int), seen.entries + begun, ones, seen.measured, seen.noise))
+                if seen.level is not None:
+                    levels.append(slice(at + seen.level.start, at + seen.level.stop))
+            for _, column, windows, measured, scale in data.angles:
+                entries, weights = windows.moves()
+                parts.append(
+                    (
+                        windows.counts[1:] + windows.counts[:-1],
+                        entries * len(OUTPUT_INDEX) + column + begun,
+                        weights,
+                        measured,
+                        scale,
+                    )
+                )
+            at, rows = at + len(data.block), rows + len(data.inputs[0])
+        counts, entries, weights, measured, noise = (
+            np.concatenate(column) if parts else np.empty(0, kind)
+            for column, kind in zip(zip(*parts) if parts else [()] * 5, (int, int, float, float, float))
+        )
+        return cls(np.concatenate([[0], np.cumsum(counts)]), entries, weights, measured, noise, levels)
+
+    def residual(self, out: np.ndarray, row: int, rows: slice, into: np.ndarray) -> None:
+        """Fill in the `rows` of a residual (N,) from the replay of their runs, (n, 11), which begins at a `row`."""
+        _sums_in_noise(
+            out.ravel(),
+            row * len(OUTPUT_INDEX),
+            self.first,
+            self.entries,
+            self.weights,
+            self.measured,
+            self.noise,
+            (rows.start, rows.stop),
+            into,
+        )
+        for level in self.levels:
+            if rows.start <= level.start < rows.stop:
+                into[level] -= into[level].mean()
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _sums_in_noise(replayed, begun, first, entries, weights, measured, noise, rows, into):
+    """Errors in units of noise of sums of a replay's entries, which begins at the entry `begun`."""
+    for k in range(rows[0], rows[1]):
+        value = 0.0
+        for n in range(first[k], first[k + 1]):
+            value += weights[n] * replayed[entries[n] - begun]
+        into[k] = (value - measured[k]) / noise[k]

@@ -28,7 +28,7 @@ from rtds_host.diagnosis.replay.model import (
     run_inputs,
     stretch_inputs,
 )
-from rtds_host.diagnosis.residual import CHANNELS
+from rtds_host.diagnosis.residual import CHANNELS, run_residual
 from rtds_host.diagnosis.screen import available, start_values
 from rtds_host.plant.elementary import sine
 
@@ -552,6 +552,24 @@ def test_pieces_of_an_axis_begin_with_what_its_late_speed_reports():
     assert np.median(np.abs(problem.residual(model)[speeds])) < 0.1
     model.put("speed_delay", 0.0, (0,))
     assert np.median(np.abs(problem.residual(model)[speeds])) > 1.0
+
+
+@pytest.mark.parametrize("mode", ["voltage", "torque", "speed"])
+@pytest.mark.parametrize("pieces", [False, True], ids=["whole runs", "pieces"])
+def test_runs_replayed_one_after_another_leave_what_each_leaves_by_itself(tmp_path, mode, pieces):
+    """Many short pieces are replayed and compared in one go, in shares for the cores; sums differ in their last digits
+    alone.
+    """
+    case = read_case(write_axis_case(tmp_path / "case", "pendulum", mode))
+    case = replace(case, robot=replace(case.robot, sensors={**case.robot.sensors, "v_bus_v": 0.02}))
+    for log in case.runs:
+        log.columns["v_bus"] = 12.0 + 0.1 * np.sin(log.t)
+    problem = Problem(case, 3, pieces=pieces)
+    model = problem.nominal.copy()
+    model.put("coulomb", 0.01)
+    alone = [run_residual(data, replay_run(model, data.inputs)) for data in problem.begun(model.start)]
+    assert {CHANNELS[k] for k in problem.channels_of} >= {"v_bus", "w_l", "th_l"}
+    np.testing.assert_allclose(problem.residual(model), np.concatenate(alone), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("load", [0.0, 0.2], ids=["no load friction", "load friction"])

@@ -686,3 +686,35 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 for c in range(11):
                     out[k, c] = 1e6
             return
+
+
+@loop
+def replay_runs(t, rows, t_cmd, cmd, bus_log, at_cmd, angle, at_angle, runs, starts, first, model, steps, out):
+    """Replay runs that lie one after another in memory, without a way back to Python between them: pieces of an axis
+    are short, and a call would cost more than what it computes.
+
+    rows, at_cmd, at_angle : (runs + 1,) where each begins in t, in the commands and in the angles.
+    runs : one row each; starts : one row of each run that is wanted, from `first` on.
+    model : side, com and curves; steps : h_max and h_play; out : (n, 11) of the runs wanted. The others are as of
+    `replay`.
+    """
+    side, com, curves = model
+    h_max, h_play = steps
+    for run in range(first, first + len(starts)):
+        a, b, c, d, e, f = rows[run], rows[run + 1], at_cmd[run], at_cmd[run + 1], at_angle[run], at_angle[run + 1]
+        into = out[a - rows[first] : b - rows[first]]
+        replay(
+            t[a:b],
+            t_cmd[c:d],
+            cmd[c:d],
+            bus_log[c:d],
+            angle[e:f],
+            side,
+            com,
+            curves,
+            runs[run],
+            starts[run - first],
+            h_max,
+            h_play,
+            into,
+        )

@@ -444,6 +444,30 @@ class ReplayBatch:
         fewest = max((model.fewest for model in models), default=math.inf) * max(threads / max(len(models), 1), 1.0)
         return len(models) * float(self.rows[-1]) >= fewest * max(float(np.diff(self.rows).max(initial=0)), 1.0)
 
+    def replay_alone(self, model: Model, first: int, last: int, step_s: float) -> np.ndarray:
+        """Replays (rows, 11) of some runs, from `first` to before `last`, of any model: as of `replay_run`."""
+        out = np.empty((self.rows[last] - self.rows[first], len(OUTPUTS)))
+        kernel.replay_runs(
+            self.t,
+            self.rows,
+            self.t_cmd,
+            self.commands,
+            self.bus,
+            self.at_cmd,
+            self.angle,
+            self.at_angle,
+            self.runs,
+            np.array([run[6] for run in self.inputs[first:last]]),
+            first,
+            (model.side, model.common, model.forms),
+            (step_s, FINE_STEP_S),
+            out,
+        )
+        if any(model.get(quantity) for quantity in CLOCKS):
+            for begun, ended in zip(self.rows[first:last], self.rows[first + 1 :]):
+                _on_clocks(model, self.t[begun:ended], out[begun - self.rows[first] : ended - self.rows[first]])
+        return out
+
     def replay(self, models: list[Model], steps: Sequence[float | None] | None = None) -> np.ndarray:
         """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `batched`; steps : as of
         `replay_run`.
