@@ -13,6 +13,12 @@ Vector = Sequence[float] | np.ndarray
 T = TypeVar("T")
 
 
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a x b of two vectors (3,): the bits of `numpy.cross`, which takes ten times as long for two of them."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
 def given(value: T | None, name: str) -> T:
     """`value`, which is there wherever the caller asks for it.
 

@@ -13,6 +13,7 @@ from rtds_host.robot.body import SKID_RADIUS_M, Body, inertia_at_wheel_kg_m2
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import base_inertia, supports
 from rtds_host.robot.window import windowed
+from rtds_host.vectors import cross
 
 # A wheel's speed is given, not found: an armature far above anything on the ground lets a wheel turn as it is told
 # whatever its contact does, and the contact's torque is read off the solver. 10 kg m2 is enough for what would see
@@ -121,7 +122,7 @@ class MujocoEngine:
         rule (speed at the end of a step) into the trapezoidal one."""
         rotation, origin, linear, angular = self._base()
         arm = rotation @ np.array([0.0, 0.0, self._height])
-        axle = origin + arm - 0.5 * self.step_s * (linear + np.cross(angular, arm))
+        axle = origin + arm - 0.5 * self.step_s * (linear + cross(angular, arm))
         yaw = math.atan2(rotation[1, 0], rotation[0, 0]) - 0.5 * self.step_s * angular[2]
         return float(axle[0]), float(axle[1]), yaw
 
@@ -130,7 +131,7 @@ class MujocoEngine:
         x, y, yaw = self._planar()
         self._turns += math.remainder(yaw - self._yaw_before, 2.0 * math.pi)
         self._yaw_before = yaw
-        velocity = linear + np.cross(angular, rotation @ np.array([0.0, 0.0, self._height]))
+        velocity = linear + cross(angular, rotation @ np.array([0.0, 0.0, self._height]))
         turn = self._start[2] - self._origin[2]
         dx, dy = x - self._origin[0], y - self._origin[1]
         return RobotState(

@@ -16,6 +16,7 @@ from rtds_host.robot.body import Body, inertia_at_wheel_kg_m2
 from rtds_host.robot.engine import STEP_S, RobotState
 from rtds_host.robot.urdf import WHEEL_JOINTS, make_urdf, supports
 from rtds_host.robot.window import windowed
+from rtds_host.vectors import cross
 
 
 @contextlib.contextmanager
@@ -47,6 +48,8 @@ FLYWHEEL = 1.0
 MOTOR_LIMIT_NM = 1e3
 SETTLE_S = 0.5
 
+Pose = tuple[float, float, float]  # x, y in m, yaw in rad
+
 
 class PyBulletEngine:
     """See `rtds_host.robot.engine.Engine`."""
@@ -70,7 +73,7 @@ class PyBulletEngine:
         self._spin = self.wheel_speeds()  # after the last step
         self._held = self.advance(np.zeros((max(1, round(SETTLE_S / step_s)), 2)), last=0.1)
         # Settling moves the robot by micrometres; the run's pose counts from where it then stands.
-        self._origin = self._planar()
+        self._origin = self._planar(*self._axle())
         self._turns = 0.0
         self._yaw_before = self._origin[2]
 
@@ -173,25 +176,27 @@ class PyBulletEngine:
         rotation = np.array(pybullet.getMatrixFromQuaternion(quaternion)).reshape(3, 3)
         return rotation, np.array(position), np.array(linear), np.array(angular)
 
-    def _planar(self) -> tuple[float, float, float]:
+    def _axle(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Rotation (3, 3) of the base, mid-point of the axle, velocity there and angular velocity."""
+        rotation, com, linear, angular = self._base()
+        arm = rotation @ (np.array([0.0, 0.0, 0.5 * sum(self._body.wheel_radius_m)]) - self._com_local)
+        return rotation, com + arm, linear + cross(angular, arm), angular
+
+    def _planar(self, rotation: np.ndarray, axle: np.ndarray, velocity: np.ndarray, angular: np.ndarray) -> Pose:
         """x, y and wrapped yaw of the axle's mid-point, to second order in the step.
 
         The engine integrates position with the speed at the end of a step; half a step's travel of the present speed
         is taken off, which turns that into the trapezoidal rule.
         """
-        rotation, com, linear, angular = self._base()
-        arm = rotation @ (np.array([0.0, 0.0, 0.5 * sum(self._body.wheel_radius_m)]) - self._com_local)
-        axle = com + arm - 0.5 * self.step_s * (linear + np.cross(angular, arm))
+        axle = axle - 0.5 * self.step_s * velocity
         yaw = math.atan2(rotation[1, 0], rotation[0, 0]) - 0.5 * self.step_s * angular[2]
         return float(axle[0]), float(axle[1]), yaw
 
     def state(self) -> RobotState:
-        rotation, _, linear, angular = self._base()
-        x, y, yaw = self._planar()
+        rotation, axle, velocity, angular = self._axle()
+        x, y, yaw = self._planar(rotation, axle, velocity, angular)
         self._turns += math.remainder(yaw - self._yaw_before, 2.0 * math.pi)
         self._yaw_before = yaw
-        arm = rotation @ (np.array([0.0, 0.0, 0.5 * sum(self._body.wheel_radius_m)]) - self._com_local)
-        velocity = linear + np.cross(angular, arm)
         turn = self._start[2] - self._origin[2]
         dx, dy = x - self._origin[0], y - self._origin[1]
         return RobotState(

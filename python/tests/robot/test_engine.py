@@ -10,6 +10,7 @@ import pytest
 from rtds_host.contract import GRAVITY_M_S2
 from rtds_host.errors import InputError
 from rtds_host.robot import STEP_S, available_engines, check_engine, default_engine, make_body, open_engine
+from rtds_host.vectors import cross
 
 engines = pytest.mark.parametrize("engine", available_engines())
 
@@ -191,3 +192,9 @@ def test_without_pybullet_the_robot_is_in_mujoco_and_that_is_said(monkeypatch):
     assert said == [f"rtds: PyBullet is not installed (it has no wheel for Python {version}); the robot is in MuJoCo"]
     with pytest.raises(InputError, match=r"--engine 'pybullet': PyBullet is not installed .*; choose mujoco"):
         check_engine("pybullet", "--engine")
+
+
+def test_the_cross_product_has_the_bits_of_numpys():
+    rng = np.random.default_rng(5)
+    for a, b in zip(rng.normal(size=(1000, 3)), 10.0 ** rng.uniform(-9, 9, (1000, 3)), strict=True):
+        assert cross(a, b).tobytes() == np.cross(a, b).tobytes()
