@@ -7,7 +7,7 @@ import os
 import shutil
 import sys
 
-from rtds_host.bench import against
+from rtds_host.bench import against, replays
 from rtds_host.bench.measure import measure_latency, measure_model, measure_rtl
 from rtds_host.errors import RtdsError
 from rtds_host.link import open_link
@@ -70,10 +70,15 @@ def main() -> int:
     parser.add_argument(
         "--against", metavar="STATE", help="a commit or a source tree: its loops and the present ones in turn"
     )
-    parser.add_argument("--pairs", type=int, default=5, help="of measurements a line with --against")
+    parser.add_argument(
+        "--replays", metavar="STATE", help="the diagnosis' replays in place of the loops: whether they are the same"
+    )
+    parser.add_argument("--pairs", type=int, default=5, help="of measurements a line with --against or --replays")
     options = parser.parse_args()
     try:
-        if options.against:
+        if options.replays:
+            replays.run(options.replays, options.pairs)
+        elif options.against:
             against.run(options.against, options.seconds, options.pairs)
         else:
             run(options.seconds)

@@ -61,21 +61,15 @@ def earlier_tree(name: str) -> Path:
     return folder
 
 
-class Worker:
-    """`worker.py` on the package of one tree."""
+class Served:
+    """A program of this folder, run on the package of one tree, that answers a line with a line."""
 
-    def __init__(self, tree: Path, step_clocks: str, exchange_steps: int, effects: bool) -> None:
-        command = [
-            sys.executable,
-            Path(__file__).with_name("worker.py"),
-            step_clocks,
-            str(exchange_steps),
-            str(int(effects)),
-        ]
+    def __init__(self, tree: Path, program: str, *arguments: str) -> None:
+        command = [sys.executable, str(Path(__file__).with_name(program)), *arguments]
         environment = {**os.environ, "PYTHONPATH": str(tree / "python"), "PYTHONSAFEPATH": "1"}
         self.tree = tree
         self.process = subprocess.Popen(
-            list(map(str, command)), cwd=tree, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            command, cwd=tree, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
         # Both are pipes, as asked for above.
         self.input: IO[str] = given(self.process.stdin, "the worker's input")
@@ -86,20 +80,31 @@ class Worker:
         """The next line. Raises LinkError when there is none."""
         line = self.output.readline()
         if not line:
-            raise LinkError(f"{self.tree}: the loop ended with status {self.process.wait()}")
+            raise LinkError(f"{self.tree}: the program ended with status {self.process.wait()}")
         return line
 
-    def measure(self, seconds: float) -> tuple[float, float]:
-        """(simulated over processor time, clocks a step) over about so many seconds."""
-        self.input.write(f"{seconds}\n")
+    def ask(self, line: str) -> str:
+        """The answer to a line. Raises LinkError when there is none."""
+        self.input.write(f"{line}\n")
         self.input.flush()
-        steps, clocks, cpu_s = map(float, self.answer().split())
-        return steps * STEP_S / max(cpu_s, 1e-2), clocks / steps
+        return self.answer()
 
     def close(self) -> None:
         """End it."""
         self.input.close()
         self.process.wait()
+
+
+class Worker(Served):
+    """`worker.py` on the package of one tree."""
+
+    def __init__(self, tree: Path, step_clocks: str, exchange_steps: int, effects: bool) -> None:
+        super().__init__(tree, "worker.py", step_clocks, str(exchange_steps), str(int(effects)))
+
+    def measure(self, seconds: float) -> tuple[float, float]:
+        """(simulated over processor time, clocks a step) over about so many seconds."""
+        steps, clocks, cpu_s = map(float, self.ask(str(seconds)).split())
+        return steps * STEP_S / max(cpu_s, 1e-2), clocks / steps
 
 
 def compare(tree: Path, step_clocks: str, exchange_steps: int, effects: bool, seconds: float, pairs: int) -> list[Pair]:

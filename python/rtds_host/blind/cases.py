@@ -59,6 +59,22 @@ def _burgers_scale():
     return scale_of(load_robot(builtin_robot_path("burger")), 0.01, 16.0)
 
 
+# Channels that a case with few of them lacks.
+MISSING = (
+    ["v_bus", "i", "th", "gyro_z", "pose"],
+    ["v_bus", "th", "gyro_z", "pose"],
+    ["v_bus", "pose"],
+    ["pose"],
+    ["i", "v_bus"],
+    ["v_bus", "i", "pose"],
+    ["w", "i", "v_bus"],
+    ["w", "v_bus"],
+    ["gyro_z", "pose"],
+    ["gyro_z"],
+    ["th", "v_bus", "i", "gyro_z"],
+)
+
+
 def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=None) -> dict:
     """What happens in a case of a tier: effects, tolerance, channels, rates, runs, and runs held out of the case.
 
@@ -80,6 +96,24 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
         "slow": {},
         "form": "parquet",
     }
+    _draw_what_is_there(rng, spec)
+    _draw_the_log(rng, spec)
+    if tier == "hard":
+        hard.draw_case(rng, spec)
+        return spec
+    if tier in OTHERS:
+        machines.draw_conditions(rng, spec, tier == "loggers")
+        spec["effects"], _ = draw_causes(rng, machines.robot_of(spec["robot"]), spec)
+        return spec
+    _draw_runs(rng, spec)
+    if tier in ACCOUNTS:
+        spec["effects"], spec["rest"] = draw_causes(rng, robot or load_robot(builtin_robot_path("burger")), spec)
+    return spec
+
+
+def _draw_what_is_there(rng: np.random.Generator, spec: dict) -> None:
+    """Effects, or what no effect describes, of the kinds that have one or two; `draw_causes` draws those of others."""
+    tier = spec["tier"]
     if tier in ("all", "tol", "few"):
         spec["effects"] = [draw_effect(rng)]
     elif tier == "pair":
@@ -92,9 +126,14 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
         slow = str(rng.choice(SLOW_EFFECTS)) if rng.random() < 0.5 else None
         spec["effects"] = [draw_effect(rng, slow)]
     elif tier == "unknown":
-        spec["outside"] = draw_outside(rng, _burgers_scale(), world=world)
+        spec["outside"] = draw_outside(rng, _burgers_scale(), world=spec["world"])
     elif tier not in ("none", *ACCOUNTS):
         raise ValueError(f"tier {tier!r} is not one of {', '.join(KINDS)}")
+
+
+def _draw_the_log(rng: np.random.Generator, spec: dict) -> None:
+    """Tolerance, clock, noise, channels and file form of a case's logs."""
+    tier = spec["tier"]
     if tier in ("pair", "none", "unknown", "few"):
         spec["tolerance"] = bool(rng.random() < 0.5)
     if rng.random() < 0.35:
@@ -106,41 +145,30 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
     if rng.random() < 0.2:
         spec["slow"] = {"x": 50, "y": 50, "yaw": 50} if rng.random() < 0.6 else {"gyro_z": 50, "v_bus": 10}
     if tier == "few":
-        menus = [
-            ["v_bus", "i", "th", "gyro_z", "pose"],
-            ["v_bus", "th", "gyro_z", "pose"],
-            ["v_bus", "pose"],
-            ["pose"],
-            ["i", "v_bus"],
-            ["v_bus", "i", "pose"],
-            ["w", "i", "v_bus"],
-            ["w", "v_bus"],
-            ["gyro_z", "pose"],
-            ["gyro_z"],
-            ["th", "v_bus", "i", "gyro_z"],
-        ]
-        spec["missing"] = menus[rng.integers(len(menus))]
-        # An effect that only changes channels that are not there would be no case at all.
-        gone = set(spec["missing"])
-        for _ in range(200):
-            effect = spec["effects"][0]["id"]
-            lost = (
-                (effect.startswith("gyro") and "gyro_z" in gone)
-                or (effect.startswith("current") and "i" in gone)
-                or (effect == "speed_filter" and "w" in gone)
-            )
-            if not lost:
-                break
-            spec["effects"] = [draw_effect(rng)]
+        _draw_few_channels(rng, spec)
     if rng.random() < 0.1:
         spec["form"] = "csv"
-    if tier == "hard":
-        hard.draw_case(rng, spec)
-        return spec
-    if tier in OTHERS:
-        machines.draw_conditions(rng, spec, tier == "loggers")
-        spec["effects"], _ = draw_causes(rng, machines.robot_of(spec["robot"]), spec)
-        return spec
+
+
+def _draw_few_channels(rng: np.random.Generator, spec: dict) -> None:
+    """The channels that a case lacks, and an effect that shows in those left: else it would be no case at all."""
+    spec["missing"] = list(MISSING[rng.integers(len(MISSING))])
+    gone = set(spec["missing"])
+    for _ in range(200):
+        effect = spec["effects"][0]["id"]
+        lost = (
+            (effect.startswith("gyro") and "gyro_z" in gone)
+            or (effect.startswith("current") and "i" in gone)
+            or (effect == "speed_filter" and "w" in gone)
+        )
+        if not lost:
+            break
+        spec["effects"] = [draw_effect(rng)]
+
+
+def _draw_runs(rng: np.random.Generator, spec: dict) -> None:
+    """What is driven: the runs of the case, and those held out of it."""
+    tier = spec["tier"]
     count = int(rng.choice([3, 4, 5, 5, 6, 6, 7]))
     names = list(rng.permutation(SCENARIOS))[:count]
     if not set(names) & {"steps", "prbs", "coast"}:
@@ -176,9 +204,6 @@ def draw_spec(rng: np.random.Generator, tier: str, world: str = "planar", robot=
                 "duration": round(float(rng.uniform(40, 60) if tier == "long" else rng.uniform(12, 18)), 1),
             }
         )
-    if tier in ACCOUNTS:
-        spec["effects"], spec["rest"] = draw_causes(rng, robot or load_robot(builtin_robot_path("burger")), spec)
-    return spec
 
 
 def make_case(
@@ -217,43 +242,48 @@ def make_case(
     else:
         shutil.copyfile(robot_path, folder / "robot.toml")
     robot = load_robot(folder / "robot.toml")
-    logger, counts = spec.get("logger"), spec.get("counts")
-    rounding: dict[str, list[float]] = {}
-    scatter = int(rng.integers(2**31))
-    machine = build_machine(robot, spec, np.random.default_rng(scatter))
-    plain = build_machine(robot, spec, np.random.default_rng(scatter), effects=False)
-    changes, slopes = [], []
-    drives: dict[bool, list] = {False: [], True: []}  # by: held out
+    made = Making(spec, robot, rng, scatter=int(rng.integers(2**31)))
     planned = [(run, folder) for run in spec["runs"]]
     if held_out is not None:
         planned += [(run, Path(held_out)) for run in spec["held_out"]]
     for run, place in planned:
-        seed_run = int(rng.integers(2**31))
-        t = sample_times(
-            run["duration"],
-            spec["rate"],
-            spec["jitter"],
-            spec["dropped"],
-            rng,
-            2e-4 if spec["world"] == "mujoco" else 1e-4,
-        )
+        made.run(run, place, shown=place == folder, sizes=sizes)
+    return made.truth(sizes, held_out)
+
+
+class Making:
+    """A case that is being made: the robot with and without its effects, and what its runs have shown so far.
+
+    rng : what is drawn run by run; scatter : the seed of the robot's tolerances.
+    """
+
+    def __init__(self, spec: dict, robot, rng: np.random.Generator, scatter: int) -> None:
+        self.spec, self.robot, self.rng, self.scatter = spec, robot, rng, scatter
+        self.logger, self.counts = spec.get("logger"), spec.get("counts")
+        self.machine = build_machine(robot, spec, np.random.default_rng(scatter))
+        self.plain = build_machine(robot, spec, np.random.default_rng(scatter), effects=False)
+        self.rounding: dict[str, list[float]] = {}
+        # Changes of the channels through the effects, (m,), and through the tolerances, (m, 8), run by run.
+        self.changes: list[np.ndarray] = []
+        self.slopes: list[np.ndarray] = []
+        self.drives: dict[bool, list] = {False: [], True: []}  # by: held out
+
+    def run(self, run: dict, place: Path, shown: bool, sizes: bool) -> None:
+        """Drive one run and write its log below `place`; shown : it is none of those held out."""
+        spec, robot, rng = self.spec, self.robot, self.rng
+        seed = int(rng.integers(2**31))
+        fastest = 2e-4 if spec["world"] == "mujoco" else 1e-4
+        t = sample_times(run["duration"], spec["rate"], spec["jitter"], spec["dropped"], rng, fastest)
         planned_by = np.random.default_rng(run["plan"]) if "plan" in run else rng
         v_cmd, w_ref = commands_of(spec, run, t, planned_by, robot)
         closed = run["name"] in CLOSED
-        heading = float(rng.choice([0.0, run["uphill_yaw_rad"], rng.uniform(-math.pi, math.pi)]))
-        start = np.array([*rng.uniform(-1, 1, 2), heading, *rng.uniform(-20, 20, 2)])
-        # Whoever replays a log without a pose or an angle starts from zero (contract, section 1).
-        if "pose" in spec["missing"]:
-            start[:3] = 0.0
-        if "th" in spec["missing"]:
-            start[3:] = 0.0
-        if robot.axis is not None and "th" not in spec["missing"]:
-            start = np.array([0.0, 0.0, 0.0, robot.axis.zero_rad + rng.uniform(-0.5, 0.5), robot.axis.zero_rad])
-        own = math.sqrt(max(given(robot.noise("w_l"), "noise") ** 2 - quantum_of("w_l", robot, counts) ** 2 / 12, 0))
+        start = self._start(run)
+        quantum = quantum_of("w_l", robot, self.counts)
+        own = math.sqrt(max(given(robot.noise("w_l"), "noise") ** 2 - quantum**2 / 12, 0))
         white_w = own * np.column_stack([coloured(rng.standard_normal(t.size), t, *spec["colour"]) for _ in range(2)])
         where = place_of(run)
         raw = run_machine(
-            machine,
+            self.machine,
             t,
             v_cmd,
             start,
@@ -262,25 +292,18 @@ def make_case(
             noise_w=white_w,
             robot=robot,
             period_rows=control_rows(spec, run),
-            seed=seed_run,
+            seed=seed,
             **where,
             world=spec["world"],
         )
-        measured = add_noise(raw, t, robot, rng, white_w, spec["colour"], counts)
+        measured = add_noise(raw, t, robot, rng, white_w, spec["colour"], self.counts)
         if closed:
             for s, label in enumerate("lr"):
                 measured[f"w_ref_{label}"] = np.round(w_ref[:, s], 4)
         columns = {"t": t} | {f"v_cmd_{label}": v_cmd[:, s] for s, label in enumerate(robot.sides)}
-        for name, values in measured.items():
-            if stem(name) in spec["missing"]:
-                continue
-            slow = spec["slow"].get(name)
-            if slow:
-                every = max(1, round(spec["rate"] / slow))
-                values = np.where(np.arange(t.size) % every == 0, values, np.nan)
-            columns[name] = np.round(values, 6 if counts is None else 9)
-        if logger is not None:
-            columns = as_logged(columns, logger, robot, rng, place == folder, rounding)
+        columns |= self._kept(measured, t.size)
+        if self.logger is not None:
+            columns = as_logged(columns, self.logger, robot, rng, shown, self.rounding)
         meta = RunMeta(
             scenario=run["name"],
             payload_kg=run["payload_kg"],
@@ -288,57 +311,95 @@ def make_case(
             uphill_yaw_rad=run["uphill_yaw_rad"],
         )
         write_run(place / run["name"], meta, columns, spec["form"])
-        drives[place != folder].append((t, v_cmd, start, where, seed_run))
-        if sizes and place == folder and "left" not in spec and (spec["effects"] or spec["outside"]):
+        self.drives[not shown].append((t, v_cmd, start, where, seed))
+        if sizes and shown and "left" not in spec and (spec["effects"] or spec["outside"]):
             if spec["world"] != "planar":  # both sides of the difference come from one world
-                raw = run_machine(machine, t, v_cmd, start, seed=seed_run, **where)
-            a, b = _signature(machine, plain, robot, t, v_cmd, start, where, columns, seed_run, raw)
-            changes.append(a)
-            slopes.append(b)
-    truth = {
-        "schema": "rtds-truth/1",
-        "tier": spec["tier"],
-        "world": spec["world"],
-        "verdict": "unknown" if spec["outside"] else ("known" if spec["effects"] else "none"),
-        "effects": spec["effects"],
-    }
-    if machine.tolerance:
-        absent = (
-            ()
-            if robot.driver.mode != "torque"
-            else ("resistance_ohm", "torque_constant_nm_per_a", "back_emf_constant_v_s_per_rad")
-        )
-        truth["nominal_fit"] = {
-            label: {key: value for key, value in machine.tolerance[label].items() if key not in absent}
-            for label in robot.sides
+                raw = run_machine(self.machine, t, v_cmd, start, seed=seed, **where)
+            change, slope = _signature(self.machine, self.plain, robot, t, v_cmd, start, where, columns, seed, raw)
+            self.changes.append(change)
+            self.slopes.append(slope)
+
+    def _start(self, run: dict) -> np.ndarray:
+        """Where a run begins, (5,): x, y m, yaw rad, angles of both wheels, rad."""
+        robot, rng, missing = self.robot, self.rng, self.spec["missing"]
+        heading = float(rng.choice([0.0, run["uphill_yaw_rad"], rng.uniform(-math.pi, math.pi)]))
+        start = np.array([*rng.uniform(-1, 1, 2), heading, *rng.uniform(-20, 20, 2)])
+        # Whoever replays a log without a pose or an angle starts from zero (contract, section 1).
+        if "pose" in missing:
+            start[:3] = 0.0
+        if "th" in missing:
+            start[3:] = 0.0
+        if robot.axis is not None and "th" not in missing:
+            start = np.array([0.0, 0.0, 0.0, robot.axis.zero_rad + rng.uniform(-0.5, 0.5), robot.axis.zero_rad])
+        return start
+
+    def _kept(self, measured: dict[str, np.ndarray], rows: int) -> dict[str, np.ndarray]:
+        """The channels that the case has, at their own rates, rounded as files are."""
+        spec, columns = self.spec, {}
+        for name, values in measured.items():
+            if stem(name) in spec["missing"]:
+                continue
+            slow = spec["slow"].get(name)
+            if slow:
+                every = max(1, round(spec["rate"] / slow))
+                values = np.where(np.arange(rows) % every == 0, values, np.nan)
+            columns[name] = np.round(values, 6 if self.counts is None else 9)
+        return columns
+
+    def truth(self, sizes: bool, held_out: Path | None) -> dict:
+        """What is true of the case, once all runs are made; arguments as of `make_case`."""
+        spec, robot = self.spec, self.robot
+        truth = {
+            "schema": "rtds-truth/1",
+            "tier": spec["tier"],
+            "world": spec["world"],
+            "verdict": "unknown" if spec["outside"] else ("known" if spec["effects"] else "none"),
+            "effects": spec["effects"],
         }
-    if spec["outside"]:
-        truth["outside"] = spec["outside"]
-    if changes:
-        change, slope = np.concatenate(changes), np.concatenate(slopes)
-        truth["size_gap"] = round(float(np.sqrt(np.mean(change**2))), 4)
+        if self.machine.tolerance:
+            absent = (
+                ()
+                if robot.driver.mode != "torque"
+                else ("resistance_ohm", "torque_constant_nm_per_a", "back_emf_constant_v_s_per_rad")
+            )
+            truth["nominal_fit"] = {
+                label: {key: value for key, value in self.machine.tolerance[label].items() if key not in absent}
+                for label in robot.sides
+            }
+        if spec["outside"]:
+            truth["outside"] = spec["outside"]
+        if self.changes:
+            truth |= self._size()
+        if self.rounding:
+            truth["noise"] = {
+                name: float(f"{math.hypot(given(robot.noise(name), 'noise'), math.sqrt(np.mean(squares))):.6g}")
+                for name, squares in self.rounding.items()
+            }
+        if sizes and spec["effects"]:
+            noise = truth.get("noise")
+            truth |= hard.account(spec) if "left" in spec else _account(robot, spec, self.scatter, self.drives, noise)
+            if self.logger is not None and held_out is not None:
+                # Stamps with a delay are no effect: the truth itself leaves a gap.
+                truth["held_out_gap"] |= {
+                    "known": _left(self.machine, robot, held_out, truth["noise"]),
+                    "before": _left(nominal_machine(robot), robot, held_out, truth["noise"]),
+                }
+        if "machine" in spec:
+            truth["machine"] = spec["machine"]
+            truth["logger"] = None if self.logger is None else asdict(self.logger)
+        truth["conditions"] = {key: spec[key] for key in ("rate", "jitter", "dropped", "missing", "slow", "colour")}
+        return truth
+
+    def _size(self) -> dict[str, float]:
+        """`size_gap` and `size_sigma`, see `make_case`."""
+        change, slope = np.concatenate(self.changes), np.concatenate(self.slopes)
         gram = slope.T @ slope + np.eye(slope.shape[1])
         seen = slope.T @ change
-        truth["size_sigma"] = round(float(np.sqrt(max(change @ change - seen @ np.linalg.solve(gram, seen), 0))), 3)
-    if rounding:
-        truth["noise"] = {
-            name: float(f"{math.hypot(given(robot.noise(name), 'noise'), math.sqrt(np.mean(squares))):.6g}")
-            for name, squares in rounding.items()
+        left = max(change @ change - seen @ np.linalg.solve(gram, seen), 0)
+        return {
+            "size_gap": round(float(np.sqrt(np.mean(change**2))), 4),
+            "size_sigma": round(float(np.sqrt(left)), 3),
         }
-    if sizes and spec["effects"]:
-        truth.update(
-            hard.account(spec) if "left" in spec else _account(robot, spec, scatter, drives, truth.get("noise"))
-        )
-        if logger is not None and held_out is not None:  # late stamps are no effect: the truth itself leaves a gap
-            truth["held_out_gap"] |= {
-                "known": _left(machine, robot, held_out, truth["noise"]),
-                "before": _left(nominal_machine(robot), robot, held_out, truth["noise"]),
-            }
-    if "machine" in spec:
-        truth["machine"] = spec["machine"]
-        truth["logger"] = None if logger is None else asdict(logger)
-    truth["conditions"] = {key: spec[key] for key in ("rate", "jitter", "dropped", "missing", "slow", "colour")}
-    return truth
 
 
 def _left(machine: Machine, robot, held_out: Path, rounded: dict) -> float:

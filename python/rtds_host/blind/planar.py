@@ -336,6 +336,160 @@ def _ramp(t: np.ndarray, knots: list[tuple[float, float]], rate: float) -> np.nd
     return out
 
 
+# Wheel speed that closed-loop scenarios stay within, rad/s.
+TOP = 5.6
+
+
+def _steps(t: np.ndarray, rng: np.random.Generator, r: float, b: float) -> np.ndarray:
+    """Steps of the voltage: both wheels alike, against each other, each its own, or none."""
+    v = np.zeros((t.size, 2))
+    end = t[-1]
+    levels = np.array([3.0, 4.5, 6.0, 8.0, 10.0, 12.0])
+    now = 0.4
+    while now < end - 0.5:
+        mode = rng.choice(4, p=[0.35, 0.3, 0.2, 0.15])
+        a, c = rng.choice(levels, 2) * rng.choice([-1, 1], 2)
+        pair = [(a, a), (a, -a), (a, c), (0.0, 0.0)][mode]
+        v[t >= now] = pair
+        now += rng.uniform(0.6, 2.0)
+    return v
+
+
+def _coast(t: np.ndarray, rng: np.random.Generator, r: float, b: float) -> np.ndarray:
+    """Steps with pauses, in which the robot coasts."""
+    v = np.zeros((t.size, 2))
+    end = t[-1]
+    now, on = 0.4, True
+    while now < end - 0.5:
+        a = rng.uniform(4, 11) * rng.choice([-1, 1])
+        pair = [(a, a), (a, -a), (a, a / 2), (a / 2, a)][rng.choice(4, p=[0.5, 0.2, 0.15, 0.15])]
+        v[t >= now] = pair if on else (0.0, 0.0)
+        on = not on
+        now += rng.uniform(0.8, 2.0)
+    return v
+
+
+def _prbs(t: np.ndarray, rng: np.random.Generator, r: float, b: float) -> np.ndarray:
+    """Pseudo-random binary voltages, each wheel's own."""
+    v = np.zeros((t.size, 2))
+    end = t[-1]
+    high = rng.uniform(3, 10, 2)
+    low = -rng.uniform(3, 10, 2)
+    hold = rng.uniform(0.08, 0.16)
+    for s in range(2):
+        now = 0.4
+        while now < end:
+            v[t >= now, s] = high[s] if rng.random() < 0.5 else low[s]
+            now += hold * rng.integers(1, 5)
+    v[t > end - 0.4] = 0.0
+    return v
+
+
+def _crawl(t: np.ndarray, rng: np.random.Generator, r: float, b: float) -> np.ndarray:
+    """Slow triangles, whose wheels differ a little and part later."""
+    v = np.zeros((t.size, 2))
+    end = t[-1]
+    peak = rng.uniform(1.0, 2.6)
+    period = rng.uniform(4.0, 8.0)
+    wave = np.where(t < 0.1, 0, peak * 2 / math.pi * np.arcsin(np.sin(2 * math.pi * (t - 0.1) / period)))
+    other = rng.uniform(0.85, 1.0)
+    flip = np.where(t > end * rng.uniform(0.4, 0.6), -1.0, 1.0)
+    order = rng.permutation(2)
+    v[:, order[0]], v[:, order[1]] = wave, wave * other * flip
+    return v
+
+
+def _linear(t: np.ndarray, rng: np.random.Generator, r: float, b: float) -> np.ndarray:
+    """Straight on: a ramp up and a ramp down."""
+    w = np.zeros((t.size, 2))
+    end = t[-1]
+    peak = rng.uniform(4.8, 5.6)
+    line = _ramp(t, [(0.5, peak), (end - 2.5, 0.0)], rng.uniform(3, 6))
+    w[:] = line[:, None]
+    return w
+
+
+def _circle(t: np.ndarray, rng: np.random.Generator, r: float, b: float) -> np.ndarray:
+    """A circle of 0.5 m."""
+    w = np.zeros((t.size, 2))
+    end = t[-1]
+    peak, radius = rng.uniform(4.8, 5.6), 0.5
+    ratio = (radius - b / 2) / (radius + b / 2)
+    line = _ramp(t, [(0.5, peak), (end - 2.5, 0.0)], rng.uniform(3, 6))
+    order = rng.permutation(2)
+    w[:, order[0]], w[:, order[1]] = line, line * ratio
+    return w
+
+
+def _eight(t: np.ndarray, rng: np.random.Generator, r: float, b: float) -> np.ndarray:
+    """A lemniscate, turned either way."""
+    w = np.zeros((t.size, 2))
+    end = t[-1]
+    span = end - 2.0
+    u = np.clip((t - 0.5) / span, 0, 1)
+    s = 2 * math.pi * (u**3 * (10 - 15 * u + 6 * u * u) * 0.15 + 0.85 * u)
+    size = rng.uniform(0.5, 0.62)
+    fine = np.linspace(0, 2 * math.pi, 4001)
+    px, py = size * np.sin(fine), size * np.sin(fine) * np.cos(fine)
+    dx, dy = np.gradient(px, fine), np.gradient(py, fine)
+    angle = np.unwrap(np.arctan2(dy, dx))
+    speed = np.interp(s, fine, np.hypot(dx, dy)) * np.gradient(s, t)
+    turn = np.interp(s, fine, np.gradient(angle, fine)) * np.gradient(s, t)
+    turn *= rng.choice([-1, 1])
+    w[:, 0], w[:, 1] = (speed - turn * b / 2) / r, (speed + turn * b / 2) / r
+    w *= min(1.0, rng.uniform(5.0, 5.6) / np.abs(w).max())
+    slow = np.clip((t - 0.3) / 1.0, 0, 1) * np.clip((end - 0.3 - t) / 1.0, 0, 1)
+    w *= slow[:, None]
+    return w
+
+
+def _spin(t: np.ndarray, rng: np.random.Generator, r: float, b: float) -> np.ndarray:
+    """Turns on the spot."""
+    w = np.zeros((t.size, 2))
+    end = t[-1]
+    knots, now = [], 0.4
+    while now < end - 1.5:
+        knots.append((now, float(rng.choice([-1, 1]) * rng.uniform(0.5, 4.8))))
+        now += rng.uniform(1.0, 2.5)
+    line = _ramp(t, [*knots, (end - 1.2, 0.0)], rng.uniform(5, 15))
+    w[:, 0], w[:, 1] = -line, line
+    return w
+
+
+def _teleop(t: np.ndarray, rng: np.random.Generator, r: float, b: float) -> np.ndarray:
+    """A hand on a joystick: speeds and turns, with pauses."""
+    w = np.zeros((t.size, 2))
+    end = t[-1]
+    ahead, around, now = [], [], 0.4
+    while now < end - 1.5:
+        if rng.random() < 0.2:
+            ahead.append((now, 0.0))
+            around.append((now, 0.0))
+        else:
+            ahead.append((now, float(rng.uniform(-0.6, 1.0) * TOP * 0.8)))
+            around.append((now, float(rng.choice([0.0, rng.uniform(-0.45, 0.45) * TOP]))))
+        now += rng.uniform(0.8, 2.5)
+    rate = rng.uniform(4, 12)
+    line, turn = _ramp(t, [*ahead, (end - 1.0, 0.0)], rate), _ramp(t, [*around, (end - 1.0, 0.0)], rate)
+    w[:, 0], w[:, 1] = np.clip(line - turn, -TOP, TOP), np.clip(line + turn, -TOP, TOP)
+    return w
+
+
+# By name, from t (n,) s, a generator, and the wheels' radius and track, m: references of the speed, (n, 2) rad/s, of
+# those in `CLOSED`, and voltages, (n, 2) V, of the others.
+DRIVEN = {
+    "steps": _steps,
+    "coast": _coast,
+    "prbs": _prbs,
+    "crawl": _crawl,
+    "linear": _linear,
+    "circle": _circle,
+    "eight": _eight,
+    "spin": _spin,
+    "teleop": _teleop,
+}
+
+
 def scenario(name: str, t: np.ndarray, rng: np.random.Generator, robot) -> tuple[np.ndarray, np.ndarray]:
     """Commands (n, 2) in V of an open-loop scenario, or speed references (n, 2) in rad/s of a closed-loop one.
 
@@ -343,94 +497,11 @@ def scenario(name: str, t: np.ndarray, rng: np.random.Generator, robot) -> tuple
     -------
     (v_cmd, w_ref), one of them zero.
     """
-    v, w = np.zeros((t.size, 2)), np.zeros((t.size, 2))
-    r, b = (robot.chassis.wheel_radius_m, robot.chassis.track_width_m) if robot.chassis else (1.0, 1.0)
-    end = t[-1]
-    top = 5.6
-    if name == "steps":
-        levels = np.array([3.0, 4.5, 6.0, 8.0, 10.0, 12.0])
-        now = 0.4
-        while now < end - 0.5:
-            mode = rng.choice(4, p=[0.35, 0.3, 0.2, 0.15])
-            a, c = rng.choice(levels, 2) * rng.choice([-1, 1], 2)
-            pair = [(a, a), (a, -a), (a, c), (0.0, 0.0)][mode]
-            v[t >= now] = pair
-            now += rng.uniform(0.6, 2.0)
-    elif name == "coast":
-        now, on = 0.4, True
-        while now < end - 0.5:
-            a = rng.uniform(4, 11) * rng.choice([-1, 1])
-            pair = [(a, a), (a, -a), (a, a / 2), (a / 2, a)][rng.choice(4, p=[0.5, 0.2, 0.15, 0.15])]
-            v[t >= now] = pair if on else (0.0, 0.0)
-            on = not on
-            now += rng.uniform(0.8, 2.0)
-    elif name == "prbs":
-        high = rng.uniform(3, 10, 2)
-        low = -rng.uniform(3, 10, 2)
-        hold = rng.uniform(0.08, 0.16)
-        for s in range(2):
-            now = 0.4
-            while now < end:
-                v[t >= now, s] = high[s] if rng.random() < 0.5 else low[s]
-                now += hold * rng.integers(1, 5)
-        v[t > end - 0.4] = 0.0
-    elif name == "crawl":
-        peak = rng.uniform(1.0, 2.6)
-        period = rng.uniform(4.0, 8.0)
-        wave = np.where(t < 0.1, 0, peak * 2 / math.pi * np.arcsin(np.sin(2 * math.pi * (t - 0.1) / period)))
-        other = rng.uniform(0.85, 1.0)
-        flip = np.where(t > end * rng.uniform(0.4, 0.6), -1.0, 1.0)
-        order = rng.permutation(2)
-        v[:, order[0]], v[:, order[1]] = wave, wave * other * flip
-    elif name == "linear":
-        peak = rng.uniform(4.8, 5.6)
-        line = _ramp(t, [(0.5, peak), (end - 2.5, 0.0)], rng.uniform(3, 6))
-        w[:] = line[:, None]
-    elif name == "circle":
-        peak, radius = rng.uniform(4.8, 5.6), 0.5
-        ratio = (radius - b / 2) / (radius + b / 2)
-        line = _ramp(t, [(0.5, peak), (end - 2.5, 0.0)], rng.uniform(3, 6))
-        order = rng.permutation(2)
-        w[:, order[0]], w[:, order[1]] = line, line * ratio
-    elif name == "eight":
-        span = end - 2.0
-        u = np.clip((t - 0.5) / span, 0, 1)
-        s = 2 * math.pi * (u**3 * (10 - 15 * u + 6 * u * u) * 0.15 + 0.85 * u)
-        size = rng.uniform(0.5, 0.62)
-        fine = np.linspace(0, 2 * math.pi, 4001)
-        px, py = size * np.sin(fine), size * np.sin(fine) * np.cos(fine)
-        dx, dy = np.gradient(px, fine), np.gradient(py, fine)
-        angle = np.unwrap(np.arctan2(dy, dx))
-        speed = np.interp(s, fine, np.hypot(dx, dy)) * np.gradient(s, t)
-        turn = np.interp(s, fine, np.gradient(angle, fine)) * np.gradient(s, t)
-        turn *= rng.choice([-1, 1])
-        w[:, 0], w[:, 1] = (speed - turn * b / 2) / r, (speed + turn * b / 2) / r
-        w *= min(1.0, rng.uniform(5.0, 5.6) / np.abs(w).max())
-        slow = np.clip((t - 0.3) / 1.0, 0, 1) * np.clip((end - 0.3 - t) / 1.0, 0, 1)
-        w *= slow[:, None]
-    elif name == "spin":
-        knots, now = [], 0.4
-        while now < end - 1.5:
-            knots.append((now, float(rng.choice([-1, 1]) * rng.uniform(0.5, 4.8))))
-            now += rng.uniform(1.0, 2.5)
-        line = _ramp(t, [*knots, (end - 1.2, 0.0)], rng.uniform(5, 15))
-        w[:, 0], w[:, 1] = -line, line
-    elif name == "teleop":
-        ahead, around, now = [], [], 0.4
-        while now < end - 1.5:
-            if rng.random() < 0.2:
-                ahead.append((now, 0.0))
-                around.append((now, 0.0))
-            else:
-                ahead.append((now, float(rng.uniform(-0.6, 1.0) * top * 0.8)))
-                around.append((now, float(rng.choice([0.0, rng.uniform(-0.45, 0.45) * top]))))
-            now += rng.uniform(0.8, 2.5)
-        rate = rng.uniform(4, 12)
-        line, turn = _ramp(t, [*ahead, (end - 1.0, 0.0)], rate), _ramp(t, [*around, (end - 1.0, 0.0)], rate)
-        w[:, 0], w[:, 1] = np.clip(line - turn, -top, top), np.clip(line + turn, -top, top)
-    else:
+    if name not in DRIVEN:
         raise ValueError(f"scenario {name!r} is not in the planar world")
-    return np.round(v, 3), w
+    r, b = (robot.chassis.wheel_radius_m, robot.chassis.track_width_m) if robot.chassis else (1.0, 1.0)
+    found, none = DRIVEN[name](t, rng, r, b), np.zeros((t.size, 2))
+    return (none, found) if name in CLOSED else (np.round(found, 3), none)
 
 
 def coloured(white: np.ndarray, t: np.ndarray, tau: float, share: float) -> np.ndarray:

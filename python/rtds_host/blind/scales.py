@@ -7,6 +7,7 @@ the nameless ones that only a rest is made of, are drawn as shares of what the m
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,6 +97,11 @@ class Scale:
         """Newton."""
         return self.mass * GRAVITY_M_S2
 
+    @property
+    def drag(self) -> float:
+        """Stall torque over no-load speed, N·m·s/rad."""
+        return self.torque / self.speed
+
 
 def scale_of(robot, period: float, duration: float) -> Scale:
     """The scales of a nominal robot or axis logged every `period` seconds for about `duration` seconds.
@@ -158,114 +164,108 @@ def scale_of(robot, period: float, duration: float) -> Scale:
     )
 
 
+def _ratio(rng: np.random.Generator, low: float, high: float) -> dict:
+    return {"ratio": 1.0 + with_sign(rng, low, high)}
+
+
+def _delay(rng: np.random.Generator, of: Scale, low_rows: float, high_s: float) -> dict:
+    low = low_rows * of.period
+    return {"seconds": log_uniform(rng, low, max(min(high_s, 0.15 * of.duration), 6 * low))}
+
+
+def _winding_heating(rng: np.random.Generator, of: Scale) -> dict:
+    power = of.volts * of.amps / 4
+    return {
+        "rise_per_watt": log_uniform(rng, 0.2, 3.0) / power,
+        "time_constant_s": log_uniform(rng, 0.15 * of.duration, 3.0 * of.duration),
+    }
+
+
+def _viscous_friction(rng: np.random.Generator, of: Scale) -> dict:
+    value = of.drag * log_uniform(rng, 0.004, 0.12)
+    return {
+        "nm_s_per_rad": -min(value, 0.85 * of.viscous) if rng.random() < 0.25 and of.viscous > 0.01 * of.drag else value
+    }
+
+
+def _friction_asymmetry(rng: np.random.Generator, of: Scale) -> dict:
+    sign = 1 if rng.random() < 0.5 else -1
+    return {
+        "torque_nm": sign * of.torque * log_uniform(rng, 0.0015, 0.02),
+        "nm_s_per_rad": sign * of.drag * log_uniform(rng, 0.0015, 0.03),
+    }
+
+
+def _payload_error(rng: np.random.Generator, of: Scale) -> dict:
+    value = of.mass * log_uniform(rng, 0.1, 2.0)
+    return {"mass_kg": -min(value, 0.4 * of.mass) if rng.random() < 0.2 else value}
+
+
+# Effect -> its parameters, drawn to the size of a robot.
+SIZED: dict[str, Callable[[np.random.Generator, Scale], dict]] = {
+    "supply_sag": lambda rng, of: {"resistance_ohm": of.ohm * log_uniform(rng, 0.015, 0.25)},
+    "battery_decline": lambda rng, of: {"rate_v_per_s": of.volts / of.duration * log_uniform(rng, 0.008, 0.12)},
+    "driver_deadzone": lambda rng, of: {"volts": of.volts * log_uniform(rng, 0.004, 0.07)},
+    "bridge_drop": lambda rng, of: {"volts": of.volts * log_uniform(rng, 0.004, 0.07)},
+    "driver_gain": lambda rng, of: {"ratio": -1.0} if rng.random() < 0.04 else _ratio(rng, 0.015, 0.3),
+    "voltage_limit": lambda rng, of: {"volts": of.volts * float(rng.uniform(0.33, 0.75))},
+    "pwm_curve": lambda rng, of: {"curvature": log_uniform(rng, 0.03, 0.95) * (1 if rng.random() < 0.8 else -1)},
+    "resistance_error": lambda rng, of: _ratio(rng, 0.05, 0.4),
+    "winding_heating": _winding_heating,
+    "torque_constant_error": lambda rng, of: _ratio(rng, 0.04, 0.25),
+    "coulomb_friction": lambda rng, of: {"torque_nm": of.torque * log_uniform(rng, 0.002, 0.06)},
+    "stribeck_friction": lambda rng, of: {
+        "torque_nm": of.torque * log_uniform(rng, 0.003, 0.03),
+        "extra_torque_nm": of.torque * log_uniform(rng, 0.005, 0.04),
+        "speed_rad_s": of.speed * log_uniform(rng, 0.02, 0.2),
+    },
+    "viscous_friction": _viscous_friction,
+    "friction_asymmetry": _friction_asymmetry,
+    "load_friction": lambda rng, of: {"ratio": log_uniform(rng, 0.05, 0.45)},
+    "backlash": lambda rng, of: {"angle_rad": log_uniform(rng, 0.006, 0.15)},
+    "gear_compliance": lambda rng, of: {
+        "stiffness_nm_per_rad": of.torque * log_uniform(rng, 0.15, 6.0),
+        "damping_nm_s_per_rad": of.drag * log_uniform(rng, 0.006, 0.1),
+    },
+    "torque_ripple": lambda rng, of: {
+        "amplitude_nm": of.torque * log_uniform(rng, 0.003, 0.08),
+        "phase_rad": float(rng.uniform(-math.pi, math.pi)),
+        "cycles_per_rev": int(rng.choice([1, 2, 3, 4, 5, 6, 8, 10, 12])),
+    },
+    "rotor_inertia_error": lambda rng, of: _ratio(rng, 0.06, 0.6),
+    "wheel_radius_error": lambda rng, of: _ratio(rng, 0.006, 0.1),
+    "longitudinal_slip": lambda rng, of: {"slip_per_newton": log_uniform(rng, 0.02, 0.4) / of.force},
+    "spin_scrub": lambda rng, of: {"torque_nm": of.weight * of.track * log_uniform(rng, 0.003, 0.07)},
+    "rolling_resistance": lambda rng, of: {"coefficient": log_uniform(rng, 0.004, 0.06)},
+    "track_width_error": lambda rng, of: _ratio(rng, 0.01, 0.15),
+    "payload_error": _payload_error,
+    "com_offset": lambda rng, of: {
+        "x_m": of.track * with_sign(rng, 0.04, 0.3),
+        "y_m": of.track * with_sign(rng, 0.0125, 0.09),
+    },
+    "slope_error": lambda rng, of: {"slope_rad": with_sign(rng, 0.004, 0.06)},
+    "yaw_inertia_error": lambda rng, of: {
+        "ratio": log_uniform(rng, 1.6, 7.0) if rng.random() < 0.8 else log_uniform(rng, 0.35, 0.6)
+    },
+    "speed_gain": lambda rng, of: _ratio(rng, 0.01, 0.15),
+    "current_gain": lambda rng, of: {"ratio": -1.0} if rng.random() < 0.04 else _ratio(rng, 0.03, 0.4),
+    "current_bias": lambda rng, of: {"amperes": of.amps * with_sign(rng, 0.0015, 0.06)},
+    "speed_filter": lambda rng, of: {
+        "time_constant_s": log_uniform(
+            rng, max(0.4 * of.period, 0.001), max(min(0.08, 0.2 * of.duration), 4 * of.period)
+        )
+    },
+    "gyro_bias": lambda rng, of: {"rad_s": with_sign(rng, 0.002, 0.12)},
+    "gyro_gain": lambda rng, of: _ratio(rng, 0.01, 0.15),
+    "command_delay": lambda rng, of: _delay(rng, of, 0.3, 0.05),
+    "measurement_delay": lambda rng, of: _delay(rng, of, 0.3, 0.05),
+}
+
+
 def _parameters(rng: np.random.Generator, name: str, of: Scale) -> dict:
-    drag = of.torque / of.speed
-
-    def ratio(low: float, high: float) -> dict:
-        return {"ratio": 1.0 + with_sign(rng, low, high)}
-
-    def late(low_rows: float, high_s: float) -> dict:
-        low = low_rows * of.period
-        return {"seconds": log_uniform(rng, low, max(min(high_s, 0.15 * of.duration), 6 * low))}
-
-    if name == "supply_sag":
-        return {"resistance_ohm": of.ohm * log_uniform(rng, 0.015, 0.25)}
-    if name == "battery_decline":
-        return {"rate_v_per_s": of.volts / of.duration * log_uniform(rng, 0.008, 0.12)}
-    if name in ("driver_deadzone", "bridge_drop"):
-        return {"volts": of.volts * log_uniform(rng, 0.004, 0.07)}
-    if name == "driver_gain":
-        return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.015, 0.3)
-    if name == "voltage_limit":
-        return {"volts": of.volts * float(rng.uniform(0.33, 0.75))}
-    if name == "pwm_curve":
-        return {"curvature": log_uniform(rng, 0.03, 0.95) * (1 if rng.random() < 0.8 else -1)}
-    if name == "resistance_error":
-        return ratio(0.05, 0.4)
-    if name == "winding_heating":
-        power = of.volts * of.amps / 4
-        return {
-            "rise_per_watt": log_uniform(rng, 0.2, 3.0) / power,
-            "time_constant_s": log_uniform(rng, 0.15 * of.duration, 3.0 * of.duration),
-        }
-    if name == "torque_constant_error":
-        return ratio(0.04, 0.25)
-    if name == "coulomb_friction":
-        return {"torque_nm": of.torque * log_uniform(rng, 0.002, 0.06)}
-    if name == "stribeck_friction":
-        return {
-            "torque_nm": of.torque * log_uniform(rng, 0.003, 0.03),
-            "extra_torque_nm": of.torque * log_uniform(rng, 0.005, 0.04),
-            "speed_rad_s": of.speed * log_uniform(rng, 0.02, 0.2),
-        }
-    if name == "viscous_friction":
-        value = drag * log_uniform(rng, 0.004, 0.12)
-        return {
-            "nm_s_per_rad": -min(value, 0.85 * of.viscous)
-            if rng.random() < 0.25 and of.viscous > 0.01 * drag
-            else value
-        }
-    if name == "friction_asymmetry":
-        sign = 1 if rng.random() < 0.5 else -1
-        return {
-            "torque_nm": sign * of.torque * log_uniform(rng, 0.0015, 0.02),
-            "nm_s_per_rad": sign * drag * log_uniform(rng, 0.0015, 0.03),
-        }
-    if name == "load_friction":
-        return {"ratio": log_uniform(rng, 0.05, 0.45)}
-    if name == "backlash":
-        return {"angle_rad": log_uniform(rng, 0.006, 0.15)}
-    if name == "gear_compliance":
-        return {
-            "stiffness_nm_per_rad": of.torque * log_uniform(rng, 0.15, 6.0),
-            "damping_nm_s_per_rad": drag * log_uniform(rng, 0.006, 0.1),
-        }
-    if name == "torque_ripple":
-        return {
-            "amplitude_nm": of.torque * log_uniform(rng, 0.003, 0.08),
-            "phase_rad": float(rng.uniform(-math.pi, math.pi)),
-            "cycles_per_rev": int(rng.choice([1, 2, 3, 4, 5, 6, 8, 10, 12])),
-        }
-    if name == "rotor_inertia_error":
-        return ratio(0.06, 0.6)
-    if name == "wheel_radius_error":
-        return ratio(0.006, 0.1)
-    if name == "longitudinal_slip":
-        return {"slip_per_newton": log_uniform(rng, 0.02, 0.4) / of.force}
-    if name == "spin_scrub":
-        return {"torque_nm": of.weight * of.track * log_uniform(rng, 0.003, 0.07)}
-    if name == "rolling_resistance":
-        return {"coefficient": log_uniform(rng, 0.004, 0.06)}
-    if name == "track_width_error":
-        return ratio(0.01, 0.15)
-    if name == "payload_error":
-        value = of.mass * log_uniform(rng, 0.1, 2.0)
-        return {"mass_kg": -min(value, 0.4 * of.mass) if rng.random() < 0.2 else value}
-    if name == "com_offset":
-        return {"x_m": of.track * with_sign(rng, 0.04, 0.3), "y_m": of.track * with_sign(rng, 0.0125, 0.09)}
-    if name == "slope_error":
-        return {"slope_rad": with_sign(rng, 0.004, 0.06)}
-    if name == "yaw_inertia_error":
-        return {"ratio": log_uniform(rng, 1.6, 7.0) if rng.random() < 0.8 else log_uniform(rng, 0.35, 0.6)}
-    if name == "speed_gain":
-        return ratio(0.01, 0.15)
-    if name == "current_gain":
-        return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.03, 0.4)
-    if name == "current_bias":
-        return {"amperes": of.amps * with_sign(rng, 0.0015, 0.06)}
-    if name == "speed_filter":
-        return {
-            "time_constant_s": log_uniform(
-                rng, max(0.4 * of.period, 0.001), max(min(0.08, 0.2 * of.duration), 4 * of.period)
-            )
-        }
-    if name == "gyro_bias":
-        return {"rad_s": with_sign(rng, 0.002, 0.12)}
-    if name == "gyro_gain":
-        return ratio(0.01, 0.15)
-    if name in ("command_delay", "measurement_delay"):
-        return late(0.3, 0.05)
-    raise ValueError(f"effect {name!r} is not in the contract")
+    if name not in SIZED:
+        raise ValueError(f"effect {name!r} is not in the contract")
+    return SIZED[name](rng, of)
 
 
 def draw_sized(rng: np.random.Generator, name: str, of: Scale, axis: str | None = None) -> dict:

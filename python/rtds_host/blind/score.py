@@ -12,7 +12,9 @@ import hashlib
 import json
 import math
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -170,6 +172,66 @@ def said_of_residual(answer: dict) -> str | None:
     return next((part["subsystem"] for part in answer.get("located") or [] if part["subsystem"] not in named), None)
 
 
+Cause = tuple[str, str]  # an effect's id and its side
+
+
+@dataclass(frozen=True)
+class Named:
+    """What an answer names, next to what is there.
+
+    actual : causes that are there. shaped : nearest names of what is there in another form. blamed : causes that are
+    named. sets : declared sets that are small enough and hold a named one.
+    """
+
+    actual: set[Cause]
+    shaped: set[str]
+    blamed: list[Cause]
+    sets: list[set[Cause]]
+
+    @classmethod
+    def of(cls, truth: dict, answer: dict) -> Named:
+        """Of an opened truth and an answer, which may lack any part."""
+        blamed = [(e["id"], e["side"]) for e in answer.get("effects") or []]
+        sets = [{(e["id"], e["side"]) for e in group} for group in answer.get("indistinguishable") or []]
+        return cls(
+            {(e["id"], e["side"]) for e in truth["effects"]},
+            {name for form in truth.get("forms", ()) for name in form["names"]},
+            blamed,
+            [group for group in sets if len(group) <= LARGEST_SET and group & set(blamed)],
+        )
+
+    @property
+    def reached(self) -> set[Cause]:
+        """Causes that are there and are named, or are in a declared set."""
+        return {e for e in self.actual if e in self.blamed or any(e in group for group in self.sets)}
+
+    @property
+    def false(self) -> list[Cause]:
+        """Named causes that are neither there nor declared to be confusable with one that is.
+
+        What is there in another form counts under its nearest names, on whichever side of a robot.
+        """
+        return [
+            b
+            for b in self.blamed
+            if b not in self.actual
+            and b[0] not in self.shaped
+            and not any(
+                b in group and (group & self.actual or {name for name, _ in group} & self.shaped) for group in self.sets
+            )
+        ]
+
+    @property
+    def said(self) -> set[str]:
+        """Ids that are named, or are in a declared set."""
+        return {name for name, _ in self.blamed} | {name for group in self.sets for name, _ in group}
+
+    @property
+    def sizes(self) -> list[int]:
+        """The smallest declared set around each cause that was reached."""
+        return [min((len(group) for group in self.sets if e in group), default=1) for e in self.reached]
+
+
 def judge(truth: dict, answer: dict | None, entry: dict) -> dict:
     """What one answer is worth.
 
@@ -181,95 +243,85 @@ def judge(truth: dict, answer: dict | None, entry: dict) -> dict:
     -------
     dict of figures; a figure that does not apply to the case is None.
     """
-    actual = {(e["id"], e["side"]) for e in truth["effects"]}
-    kind = truth["verdict"]
-    subsystems = {e["subsystem"] for e in truth["effects"]} | (
-        {truth["outside"]["subsystem"]} if kind == "unknown" else set()
-    )
-    record = {
+    given = answer or {"verdict": None}
+    named = Named.of(truth, given)
+    return {
         "tier": truth["tier"],
         "world": truth.get("world", "planar"),
-        "kind": kind,
-        "truth": sorted(map(list, actual)),
+        "kind": truth["verdict"],
+        "truth": sorted(map(list, named.actual)),
         "outside": truth.get("outside", {}).get("id"),
         "size_sigma": truth.get("size_sigma"),
         "seconds": entry["seconds"],
         "answered": answer is not None,
         "said": entry["said"] if answer is None else "",
+        **_asked_and_named(truth, given, named),
+        **_what_is_right(truth, given, named),
+        **_sizes_and_probabilities(truth, given, named),
     }
-    answer = answer or {"verdict": None}
-    effects = answer.get("effects") or []
-    blamed = [(e["id"], e["side"]) for e in effects]
-    sets = [{(e["id"], e["side"]) for e in group} for group in answer.get("indistinguishable") or []]
+
+
+def _asked_and_named(truth: dict, answer: dict, named: Named) -> dict:
+    """What was to be found, what was named, and where what has no name was placed."""
+    rest, forms = truth.get("rest"), truth.get("forms", ())
+    worth = [(e["id"], e["side"]) for e in truth["effects"] if e.get("gap_without", ASKED_GAP) >= ASKED_GAP]
+    placed, false = said_of_residual(answer), named.false
+    return {
+        "verdict": answer.get("verdict"),
+        "blamed": [list(b) for b in named.blamed],
+        "located": [part["subsystem"] for part in answer.get("located") or []][:3],
+        "verdict_right": answer.get("verdict") in (("known", "partial") if rest or forms else (truth["verdict"],)),
+        "asked": [[*effect, effect in named.reached] for effect in worth]
+        + [[form["id"], form["side"], bool(named.said & set(form["names"]))] for form in forms if form["matters"]],
+        "named": [[*b, b not in false] for b in named.blamed],
+        "rest": rest and rest["id"],
+        "rest_said": placed,
+        "rest_right": placed == rest["subsystem"] if rest and rest["gap_without"] >= REST_GAP else None,
+        "closable": closable(truth),
+        "closed_ci90": (answer.get("gap") or {}).get("closed_ci90"),
+    }
+
+
+def _what_is_right(truth: dict, answer: dict, named: Named) -> dict:
+    """Shares that the page counts, each None where the case's kind does not ask for it."""
+    kind, actual, blamed = truth["verdict"], named.actual, named.blamed
+    known, reached, false, sizes = kind == "known", named.reached, named.false, named.sizes
     located = [part["subsystem"] for part in answer.get("located") or []]
-    known = kind == "known"
-    good_sets = [group for group in sets if len(group) <= LARGEST_SET and group & set(blamed)]
-    rest = truth.get("rest")
-    forms = truth.get("forms", ())
-    shaped = {name for form in forms for name in form["names"]}
+    subsystems = {e["subsystem"] for e in truth["effects"]}
+    if kind == "unknown":
+        subsystems.add(truth["outside"]["subsystem"])
+    return {
+        "cause_right": (set(blamed) == actual) if known else None,
+        "first_right": (bool(blamed) and blamed[0] in actual) if known else None,
+        "id_right": ({b[0] for b in blamed} == {a[0] for a in actual}) if known else None,
+        "in_set": (len(reached) == len(actual) and not false) if known else None,
+        "any_right": bool(set(blamed) & actual or reached) if known else None,
+        "set_size": max(sizes) if known and sizes else None,
+        "subsystem_right": (bool(located) and located[0] in subsystems) if kind != "none" else None,
+        "false_cause": bool(blamed) if kind == "none" else None,
+        "extra_cause": bool(false) if known else None,
+        "unknown_right": (answer.get("verdict") == "unknown") if kind == "unknown" else None,
+        "wrongly_unknown": (answer.get("verdict") == "unknown") if kind != "unknown" else None,
+    }
 
-    def inside(effect: tuple[str, str]) -> bool:
-        return effect in blamed or any(effect in group for group in good_sets)
 
-    reached = {effect for effect in actual if inside(effect)}
-    # A blamed effect is false if it is neither true nor declared to be confusable with a true one.
-    # What is there in another form counts under its nearest names, on whichever side of a robot.
-    false = [
-        b
-        for b in blamed
-        if b not in actual
-        and b[0] not in shaped
-        and not any(b in group and (group & actual or {name for name, _ in group} & shaped) for group in good_sets)
-    ]
-    said = {name for name, _ in blamed} | {name for group in good_sets for name, _ in group}
-    sizes = [min((len(group) for group in good_sets if effect in group), default=1) for effect in reached]
-    record.update(
-        {
-            "verdict": answer.get("verdict"),
-            "blamed": [list(b) for b in blamed],
-            "located": located[:3],
-            "verdict_right": answer.get("verdict") in (("known", "partial") if rest or forms else (kind,)),
-            "asked": [
-                [*effect, effect in reached]
-                for effect in (
-                    (e["id"], e["side"]) for e in truth["effects"] if e.get("gap_without", ASKED_GAP) >= ASKED_GAP
-                )
-            ]
-            + [[form["id"], form["side"], bool(said & set(form["names"]))] for form in forms if form["matters"]],
-            "named": [[*b, b not in false] for b in blamed],
-            "rest": rest and rest["id"],
-            "rest_said": said_of_residual(answer),
-            "rest_right": said_of_residual(answer) == rest["subsystem"]
-            if rest and rest["gap_without"] >= REST_GAP
-            else None,
-            "closable": closable(truth),
-            "closed_ci90": (answer.get("gap") or {}).get("closed_ci90"),
-            "cause_right": (set(blamed) == actual) if known else None,
-            "first_right": (bool(blamed) and blamed[0] in actual) if known else None,
-            "id_right": ({b[0] for b in blamed} == {a[0] for a in actual}) if known else None,
-            "in_set": (len(reached) == len(actual) and not false) if known else None,
-            "any_right": bool(set(blamed) & actual or reached) if known else None,
-            "set_size": max(sizes) if known and sizes else None,
-            "subsystem_right": (bool(located) and located[0] in subsystems) if kind != "none" else None,
-            "false_cause": bool(blamed) if kind == "none" else None,
-            "extra_cause": bool(false) if known else None,
-            "unknown_right": (answer.get("verdict") == "unknown") if kind == "unknown" else None,
-            "wrongly_unknown": (answer.get("verdict") == "unknown") if kind != "unknown" else None,
-            "parameters": [
-                p
-                for e in truth["effects"]
-                for b in effects
-                if (b["id"], b["side"]) == (e["id"], e["side"])
-                for p in _parameters(e, b)
-            ],
-            "calibration": [
-                [e.get("probability"), (e["id"], e["side"]) in actual]
-                for e in effects
-                if e.get("probability") is not None
-            ],
-        }
-    )
-    return record
+def _sizes_and_probabilities(truth: dict, answer: dict, named: Named) -> dict:
+    """Errors of the parameters of what was found, and each stated probability with whether it is true."""
+    effects = answer.get("effects") or []
+    return {
+        "parameters": [
+            p
+            for e in truth["effects"]
+            for b in effects
+            if (b["id"], b["side"]) == (e["id"], e["side"])
+            for p in _parameters(e, b)
+        ],
+        "calibration": [
+            [e.get("probability"), (e["id"], e["side"]) in named.actual]
+            for e in effects
+            if e.get("probability") is not None
+        ],
+    }
 
 
 def closable(truth: dict) -> float | None:
@@ -574,27 +626,22 @@ def score(
     by_case = {entry["case"]: entry for entry in ledger}
     folder = (diagnoses or out) / "score"
     said = diagnoses or out / "answers"
-    kept, program = folder / "cases", program_state()
+    program = program_state()
 
     def one(case: str) -> dict:
-        record = {"case": case, **judge(truths[case], answers.get(case), by_case[case])}
-        record["closure"] = None
+        record = {"case": case, **judge(truths[case], answers.get(case), by_case[case]), "closure": None}
         if case in answers and with_closure:
-            store = kept / f"{case}.json"
-            mark = [by_case[case]["sha256"], program]
-            if store.is_file():
-                old = json.loads(store.read_text())
-                if old.get("answer") == mark and "runs" in old["closure"]:
-                    record["closure"] = old["closure"]
-            if record["closure"] is None:
-                record["closure"] = closure(
+            record["closure"] = _closure_kept(
+                folder / "cases" / f"{case}.json",
+                [by_case[case]["sha256"], program],
+                lambda: closure(
                     out / "public" / case,
                     out / "sealed" / case / "held-out",
                     said / case / "diagnosis.json",
                     command,
                     truths[case].get("noise"),
-                )
-                write_atomic(store, json.dumps({"answer": mark, "closure": record["closure"]}) + "\n")
+                ),
+            )
         return record
 
     records = []
@@ -603,18 +650,39 @@ def score(
             records.append(record)
             if progress:
                 progress(done, len(truths))
+    result = _summary(records, what_was_drawn(out), ledger, blind=diagnoses is None)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomic(folder / "score.json", json.dumps(result, indent=1) + "\n")
+    draw(records, folder)
+    _write_table(records, folder / "cases.parquet")
+    write_atomic(folder / "page.md", page(result))
+    return result
+
+
+def _closure_kept(store: Path, mark: list, measure: Callable[[], dict]) -> dict:
+    """What was closed in a case, from `store` where it was measured of the same answer by the same program (`mark`)."""
+    if store.is_file():
+        old = json.loads(store.read_text())
+        if old.get("answer") == mark and "runs" in old["closure"]:
+            return old["closure"]
+    found = measure()
+    write_atomic(store, json.dumps({"answer": mark, "closure": found}) + "\n")
+    return found
+
+
+def _summary(records: list[dict], seed: dict, ledger: list[dict], blind: bool) -> dict:
+    """The content of `score.json`; seed : what was drawn; blind : the answers were sealed before the truth."""
     # Without a size in sigmas an effect was drawn to be seen.
     visible = [
         r for r in records if r["kind"] != "known" or r["size_sigma"] is None or r["size_sigma"] >= VISIBLE_SIGMA
     ]
-    seed = what_was_drawn(out)
-    result = {
+    return {
         "schema": SCHEMA,
         "seed": seed["seed"],
         "count": seed["count"],
         "made_by": made_by(seed),
         "quick": any(entry.get("quick") for entry in ledger),
-        "blind": diagnoses is None,
+        "blind": blind,
         "everything": summarise(records),
         "visible": summarise(visible),
         "tiers": {
@@ -630,12 +698,6 @@ def score(
         "calibration": calibration(records),
         "cases": records,
     }
-    folder.mkdir(parents=True, exist_ok=True)
-    write_atomic(folder / "score.json", json.dumps(result, indent=1) + "\n")
-    draw(records, folder)
-    _write_table(records, folder / "cases.parquet")
-    write_atomic(folder / "page.md", page(result))
-    return result
 
 
 def share_cell(value: dict | None) -> str:

@@ -6,6 +6,7 @@ Ranges go from hardly visible to large; magnitudes are drawn log-uniformly.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -142,94 +143,91 @@ def random_side(rng: np.random.Generator, sided: bool) -> str:
     return str(rng.choice(["both", "left", "right"])) if sided else "both"
 
 
-def _parameters(rng: np.random.Generator, name: str) -> dict:
-    def ratio(low: float, high: float) -> dict:
-        return {"ratio": 1.0 + with_sign(rng, low, high)}
+def _ratio(rng: np.random.Generator, low: float, high: float) -> dict:
+    return {"ratio": 1.0 + with_sign(rng, low, high)}
 
-    if name == "supply_sag":
-        return {"resistance_ohm": log_uniform(rng, 0.15, 2.0)}
-    if name == "battery_decline":
-        return {"rate_v_per_s": log_uniform(rng, 0.004, 0.08)}
-    if name in ("driver_deadzone", "bridge_drop"):
-        return {"volts": log_uniform(rng, 0.04, 0.8)}
-    if name == "driver_gain":
-        return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.015, 0.2)
-    if name == "voltage_limit":
-        return {"volts": float(rng.uniform(4.0, 9.0))}
-    if name == "pwm_curve":
-        return {"curvature": log_uniform(rng, 0.02, 0.9) * (1 if rng.random() < 0.8 else -1)}
-    if name == "resistance_error":
-        return ratio(0.05, 0.4)
-    if name == "winding_heating":
-        return {"rise_per_watt": log_uniform(rng, 0.06, 1.0), "time_constant_s": log_uniform(rng, 3.0, 60.0)}
-    if name == "torque_constant_error":
-        return ratio(0.04, 0.25)
-    if name == "coulomb_friction":
-        return {"torque_nm": log_uniform(rng, 0.003, 0.1)}
-    if name == "stribeck_friction":
-        return {
-            "torque_nm": log_uniform(rng, 0.005, 0.06),
-            "extra_torque_nm": log_uniform(rng, 0.008, 0.08),
-            "speed_rad_s": log_uniform(rng, 0.15, 1.5),
-        }
-    if name == "viscous_friction":
-        value = log_uniform(rng, 0.0015, 0.04)
-        return {"nm_s_per_rad": -min(value, 0.025) if rng.random() < 0.3 else value}
-    if name == "friction_asymmetry":
-        sign = 1 if rng.random() < 0.5 else -1
-        return {
-            "torque_nm": sign * log_uniform(rng, 0.003, 0.04),
-            "nm_s_per_rad": sign * log_uniform(rng, 0.0005, 0.01),
-        }
-    if name == "load_friction":
-        return {"ratio": log_uniform(rng, 0.05, 0.45)}
-    if name == "backlash":
-        return {"angle_rad": log_uniform(rng, 0.004, 0.15)}
-    if name == "gear_compliance":
-        stiffness = log_uniform(rng, 0.3, 15.0)
-        return {"stiffness_nm_per_rad": stiffness, "damping_nm_s_per_rad": log_uniform(rng, 0.002, 0.03)}
-    if name == "torque_ripple":
-        return {
-            "amplitude_nm": log_uniform(rng, 0.005, 0.08),
-            "cycles_per_rev": int(rng.choice([1, 2, 3, 4, 5, 6, 8, 10, 12])),
-            "phase_rad": float(rng.uniform(-math.pi, math.pi)),
-        }
-    if name == "rotor_inertia_error":
-        return ratio(0.06, 0.6)
-    if name == "wheel_radius_error":
-        return ratio(0.004, 0.08)
-    if name == "longitudinal_slip":
-        return {"slip_per_newton": log_uniform(rng, 0.004, 0.08)}
-    if name == "spin_scrub":
-        return {"torque_nm": log_uniform(rng, 0.004, 0.1)}
-    if name == "rolling_resistance":
-        return {"coefficient": log_uniform(rng, 0.004, 0.06)}
-    if name == "track_width_error":
-        return ratio(0.008, 0.12)
-    if name == "payload_error":
-        value = log_uniform(rng, 0.1, 2.0)
-        return {"mass_kg": -min(value, 0.4) if rng.random() < 0.2 else value}
-    if name == "com_offset":
-        return {"x_m": with_sign(rng, 0.006, 0.05), "y_m": with_sign(rng, 0.002, 0.02)}
-    if name == "slope_error":
-        return {"slope_rad": with_sign(rng, 0.004, 0.06)}
-    if name == "yaw_inertia_error":
-        return {"ratio": log_uniform(rng, 1.6, 9.0) if rng.random() < 0.8 else log_uniform(rng, 0.3, 0.6)}
-    if name == "speed_gain":
-        return ratio(0.008, 0.12)
-    if name == "current_gain":
-        return {"ratio": -1.0} if rng.random() < 0.04 else ratio(0.03, 0.3)
-    if name == "current_bias":
-        return {"amperes": with_sign(rng, 0.002, 0.06)}
-    if name == "speed_filter":
-        return {"time_constant_s": log_uniform(rng, 0.004, 0.08)}
-    if name == "gyro_bias":
-        return {"rad_s": with_sign(rng, 0.001, 0.05)}
-    if name == "gyro_gain":
-        return ratio(0.01, 0.15)
-    if name in ("command_delay", "measurement_delay"):
-        return {"seconds": log_uniform(rng, 0.0015, 0.04)}
-    raise ValueError(f"effect {name!r} is not in the contract")
+
+def _viscous_friction(rng: np.random.Generator) -> dict:
+    value = log_uniform(rng, 0.0015, 0.04)
+    return {"nm_s_per_rad": -min(value, 0.025) if rng.random() < 0.3 else value}
+
+
+def _friction_asymmetry(rng: np.random.Generator) -> dict:
+    sign = 1 if rng.random() < 0.5 else -1
+    return {
+        "torque_nm": sign * log_uniform(rng, 0.003, 0.04),
+        "nm_s_per_rad": sign * log_uniform(rng, 0.0005, 0.01),
+    }
+
+
+def _gear_compliance(rng: np.random.Generator) -> dict:
+    stiffness = log_uniform(rng, 0.3, 15.0)
+    return {"stiffness_nm_per_rad": stiffness, "damping_nm_s_per_rad": log_uniform(rng, 0.002, 0.03)}
+
+
+def _payload_error(rng: np.random.Generator) -> dict:
+    value = log_uniform(rng, 0.1, 2.0)
+    return {"mass_kg": -min(value, 0.4) if rng.random() < 0.2 else value}
+
+
+# Effect -> its parameters, drawn to the burger's size.
+DRAWN: dict[str, Callable[[np.random.Generator], dict]] = {
+    "supply_sag": lambda rng: {"resistance_ohm": log_uniform(rng, 0.15, 2.0)},
+    "battery_decline": lambda rng: {"rate_v_per_s": log_uniform(rng, 0.004, 0.08)},
+    "driver_deadzone": lambda rng: {"volts": log_uniform(rng, 0.04, 0.8)},
+    "bridge_drop": lambda rng: {"volts": log_uniform(rng, 0.04, 0.8)},
+    "driver_gain": lambda rng: {"ratio": -1.0} if rng.random() < 0.04 else _ratio(rng, 0.015, 0.2),
+    "voltage_limit": lambda rng: {"volts": float(rng.uniform(4.0, 9.0))},
+    "pwm_curve": lambda rng: {"curvature": log_uniform(rng, 0.02, 0.9) * (1 if rng.random() < 0.8 else -1)},
+    "resistance_error": lambda rng: _ratio(rng, 0.05, 0.4),
+    "winding_heating": lambda rng: {
+        "rise_per_watt": log_uniform(rng, 0.06, 1.0),
+        "time_constant_s": log_uniform(rng, 3.0, 60.0),
+    },
+    "torque_constant_error": lambda rng: _ratio(rng, 0.04, 0.25),
+    "coulomb_friction": lambda rng: {"torque_nm": log_uniform(rng, 0.003, 0.1)},
+    "stribeck_friction": lambda rng: {
+        "torque_nm": log_uniform(rng, 0.005, 0.06),
+        "extra_torque_nm": log_uniform(rng, 0.008, 0.08),
+        "speed_rad_s": log_uniform(rng, 0.15, 1.5),
+    },
+    "viscous_friction": _viscous_friction,
+    "friction_asymmetry": _friction_asymmetry,
+    "load_friction": lambda rng: {"ratio": log_uniform(rng, 0.05, 0.45)},
+    "backlash": lambda rng: {"angle_rad": log_uniform(rng, 0.004, 0.15)},
+    "gear_compliance": _gear_compliance,
+    "torque_ripple": lambda rng: {
+        "amplitude_nm": log_uniform(rng, 0.005, 0.08),
+        "cycles_per_rev": int(rng.choice([1, 2, 3, 4, 5, 6, 8, 10, 12])),
+        "phase_rad": float(rng.uniform(-math.pi, math.pi)),
+    },
+    "rotor_inertia_error": lambda rng: _ratio(rng, 0.06, 0.6),
+    "wheel_radius_error": lambda rng: _ratio(rng, 0.004, 0.08),
+    "longitudinal_slip": lambda rng: {"slip_per_newton": log_uniform(rng, 0.004, 0.08)},
+    "spin_scrub": lambda rng: {"torque_nm": log_uniform(rng, 0.004, 0.1)},
+    "rolling_resistance": lambda rng: {"coefficient": log_uniform(rng, 0.004, 0.06)},
+    "track_width_error": lambda rng: _ratio(rng, 0.008, 0.12),
+    "payload_error": _payload_error,
+    "com_offset": lambda rng: {"x_m": with_sign(rng, 0.006, 0.05), "y_m": with_sign(rng, 0.002, 0.02)},
+    "slope_error": lambda rng: {"slope_rad": with_sign(rng, 0.004, 0.06)},
+    "yaw_inertia_error": lambda rng: {
+        "ratio": log_uniform(rng, 1.6, 9.0) if rng.random() < 0.8 else log_uniform(rng, 0.3, 0.6)
+    },
+    "speed_gain": lambda rng: _ratio(rng, 0.008, 0.12),
+    "current_gain": lambda rng: {"ratio": -1.0} if rng.random() < 0.04 else _ratio(rng, 0.03, 0.3),
+    "current_bias": lambda rng: {"amperes": with_sign(rng, 0.002, 0.06)},
+    "speed_filter": lambda rng: {"time_constant_s": log_uniform(rng, 0.004, 0.08)},
+    "gyro_bias": lambda rng: {"rad_s": with_sign(rng, 0.001, 0.05)},
+    "gyro_gain": lambda rng: _ratio(rng, 0.01, 0.15),
+    "command_delay": lambda rng: {"seconds": log_uniform(rng, 0.0015, 0.04)},
+    "measurement_delay": lambda rng: {"seconds": log_uniform(rng, 0.0015, 0.04)},
+}
+
+
+def _parameters(rng: np.random.Generator, name: str) -> dict:
+    if name not in DRAWN:
+        raise ValueError(f"effect {name!r} is not in the contract")
+    return DRAWN[name](rng)
 
 
 def draw_effect(rng: np.random.Generator, name: str | None = None) -> dict:

@@ -392,6 +392,147 @@ def _needs_every_step(side: np.ndarray, world: np.ndarray, events: np.ndarray) -
     )
 
 
+class _Robot:
+    """The robot in MuJoCo while a scenario runs, with what acts on it from outside. Arguments as of `simulate`."""
+
+    def __init__(self, side: np.ndarray, world: np.ndarray, start: np.ndarray, events: np.ndarray, seed: int) -> None:
+        self.side, self.world, self.events = side, world, events
+        self.model = model = mujoco.MjModel.from_xml_string(model_xml(side, world))
+        self.data = data = mujoco.MjData(model)
+        self.gear = np.array([self._dof("gear_l"), self._dof("gear_r")])
+        self.play = [self._dof("play_l"), self._dof("play_r")]
+        self.tread = [self._dof("tread_l"), self._dof("tread_r")]
+        actuator = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"motor_{c}") for c in "lr"]
+        # The current is the last of the motor's own states (the temperature comes before it).
+        self.current = np.array([int(model.actuator_actadr[k] + model.actuator_actnum[k] - 1) for k in actuator])
+        self.control = np.array([int(model.actuator_ctrladr[k]) for k in actuator])
+        self.px, self.py, self.pyaw = (self._dof(name) for name in ("x", "y", "yaw"))
+        data.qpos[[self.px, self.py, self.pyaw]] = start[:3]
+        data.qpos[self.gear] = start[3:]
+        mujoco.mj_forward(model, data)
+        _seed(seed)
+        self.state = np.zeros(12)
+        self.state[0] = world[W_VOLTAGE]
+        self.state[7:9] = start[:2]
+        self.volts, self.torques, self.pull = np.zeros(2), np.zeros(2), np.zeros(2)
+        # Sides whose wheel has both free play and a spring.
+        both = (side[S_BACKLASH] > 0) & (side[S_STIFFNESS] > 0)
+        self.sprung = [s for s in range(2) if self.play[s] is not None and both[s]]
+        self.filter_keep = [_kept(side[S_FILTER_TAU, s]) for s in range(2)]
+        self.current_keep = [_kept(side[S_CURRENT_TAU, s]) for s in range(2)]
+        self.filtered, self.seen = np.zeros(2), np.zeros(2)
+        self.bus = world[W_VOLTAGE]
+
+    def _dof(self, name: str) -> int | None:
+        k = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, name)
+        return None if k < 0 else int(self.model.jnt_dofadr[k])
+
+    def reading(self) -> list[float]:
+        """Bus V, i_l, i_r, w_l, w_r, th_l, th_r, yaw rate, as the sensors have them now."""
+        data, gear = self.data, self.gear
+        return [
+            self.bus,
+            *(self.seen[s] if self.current_keep[s] else data.act[self.current[s]] for s in range(2)),
+            *(self.filtered[s] if self.filter_keep[s] else data.qvel[gear[s]] for s in range(2)),
+            data.qpos[gear[0]],
+            data.qpos[gear[1]],
+            data.qvel[self.pyaw],
+        ]
+
+    def pose(self) -> tuple[float, float, float]:
+        """x, y m and yaw rad."""
+        qpos = self.data.qpos
+        return qpos[self.px], qpos[self.py], qpos[self.pyaw]
+
+    def drive(self, t: float, asked: np.ndarray) -> None:
+        """Let the electronics take the commands (2,), V, at time t, s, and find what acts from outside."""
+        data, gear = self.data, self.gear
+        self.bus = _drive(
+            t,
+            STEP_S,
+            asked,
+            self.side,
+            self.world,
+            self.events,
+            self.state,
+            data.act[self.current],
+            data.qvel[gear],
+            data.qpos[gear],
+            data.qacc[gear],
+            *self.pose(),
+            self.volts,
+            self.torques,
+            self.pull,
+        )
+        data.ctrl[self.control] = self.volts
+
+    def steps(self, count: int) -> None:
+        """Go on by some steps in which nothing outside of MuJoCo acts."""
+        mujoco.mj_step(self.model, self.data, count)
+
+    def step(self, t: float, asked: np.ndarray) -> None:
+        """One step with all that acts; arguments as of `drive`."""
+        side, data = self.side, self.data
+        w = data.qvel[self.gear]
+        self.drive(t, asked)
+        applied = data.qfrc_applied
+        applied[self.gear] = self.torques
+        applied[self.px], applied[self.py] = self.pull
+        for s in range(2):
+            if self.tread[s] is not None:
+                self.model.dof_damping[self.tread[s]] = side[S_RADIUS, s] ** 2 / (
+                    side[S_SLIP, s] * side[S_RADIUS, s] * max(abs(w[s]), 0.05)
+                )
+        for s in self.sprung:
+            twist, rate = -data.qpos[self.play[s]], -data.qvel[self.play[s]]
+            half = 0.5 * side[S_BACKLASH, s]
+            over = twist - min(max(twist, -half), half)
+            applied[self.play[s]] = 0.0 if over == 0 else (side[S_STIFFNESS, s] * over + side[S_DAMPING, s] * rate)
+        mujoco.mj_step(self.model, data)
+        for s in range(2):
+            if keep := self.current_keep[s]:
+                now = data.act[self.current[s]]
+                self.seen[s] = now + (self.seen[s] - now) * keep
+            if keep := self.filter_keep[s]:
+                now = data.qvel[self.gear[s]]
+                self.filtered[s] = now + (self.filtered[s] - now) * keep
+
+
+def _kept(tau: float) -> float:
+    """What a low-pass filter of time constant `tau`, s, keeps of its value in a step; 0 without a filter."""
+    return math.exp(-STEP_S / tau) if tau > 0 else 0.0
+
+
+class _Link:
+    """The link to the driver: commands (n, 2), V, of rows at `times` (n,), s, act with its delay, unless it stalls."""
+
+    def __init__(self, times: np.ndarray, v_cmd: np.ndarray, delay: float, events: np.ndarray) -> None:
+        self.times, self.v_cmd, self.delay, self.events = times, v_cmd, delay, events
+        self.acting = -1  # row whose command reaches the driver
+        self.asked = np.zeros(2)
+
+    def commands(self, t: float, row: int) -> np.ndarray:
+        """Commands (2,) in the step that begins at t, averaged over it; row : the last one that is known."""
+        times, asked = self.times, self.asked
+        stalled = any(side_of < 0 and begin <= t < end for begin, end, side_of, _ in self.events)
+        while not stalled and self.acting + 1 <= row and times[self.acting + 1] + self.delay <= t + 1e-9:
+            self.acting += 1
+        asked[:] = self.v_cmd[self.acting] if self.acting >= 0 else 0.0
+        if not stalled and self.acting + 1 <= row:
+            change = times[self.acting + 1] + self.delay - t
+            if change < STEP_S - 1e-9:
+                asked += (1.0 - change / STEP_S) * (self.v_cmd[self.acting + 1] - asked)
+        return asked
+
+
+def _between(history: np.ndarray, when: float, upto: int) -> np.ndarray:
+    """Readings at a time, s, between those of steps; upto : the last step that is known."""
+    at = min(max(when / STEP_S, 0.0), float(upto))
+    low = int(at)
+    high = min(low + 1, upto)
+    return history[low] + (at - low) * (history[high] - history[low])
+
+
 def simulate(
     times: np.ndarray,
     v_cmd: np.ndarray,
@@ -407,72 +548,23 @@ def simulate(
     seed: int,
 ) -> np.ndarray:
     """Run one scenario; arguments and result as in `kernel.simulate` (`times` in multiples of `STEP_S`)."""
-    model = mujoco.MjModel.from_xml_string(model_xml(side, world))
-    data = mujoco.MjData(model)
-
-    def dof(name: str) -> int | None:
-        k = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
-        return None if k < 0 else int(model.jnt_dofadr[k])
-
-    gear = np.array([dof("gear_l"), dof("gear_r")])
-    play = [dof("play_l"), dof("play_r")]
-    tread = [dof("tread_l"), dof("tread_r")]
-    actuator = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"motor_{c}") for c in "lr"]
-    # The current is the last of the motor's own states (the temperature comes before it).
-    current = np.array([int(model.actuator_actadr[k] + model.actuator_actnum[k] - 1) for k in actuator])
-    control = np.array([int(model.actuator_ctrladr[k]) for k in actuator])
-    px, py, pyaw = (dof(name) for name in ("x", "y", "yaw"))
-    data.qpos[[px, py, pyaw]] = start[:3]
-    data.qpos[gear] = start[3:]
-    mujoco.mj_forward(model, data)
-    _seed(seed)
-    state = np.zeros(12)
-    state[0] = world[W_VOLTAGE]
-    state[7:9] = start[:2]
-    volts, torques, pull, asked = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
-    qpos, qvel, qacc, act, ctrl, applied = (data.qpos, data.qvel, data.qacc, data.act, data.ctrl, data.qfrc_applied)
+    robot = _Robot(side, world, start, events, seed)
+    link = _Link(times, v_cmd, world[W_COMMAND_DELAY], events)
     dense = _needs_every_step(side, world, events)
-    bothways = [s for s in range(2) if play[s] is not None and side[S_BACKLASH, s] > 0 and side[S_STIFFNESS, s] > 0]
-    total_steps = round(times[-1] / STEP_S)
-    filter_keep = [math.exp(-STEP_S / side[S_FILTER_TAU, s]) if side[S_FILTER_TAU, s] > 0 else 0.0 for s in range(2)]
-    current_keep = [math.exp(-STEP_S / side[S_CURRENT_TAU, s]) if side[S_CURRENT_TAU, s] > 0 else 0.0 for s in range(2)]
-    filtered, seen = np.zeros(2), np.zeros(2)
-    history = np.zeros((total_steps + 2, 8)) if dense else np.zeros((0, 8))
+    history = np.zeros((round(times[-1] / STEP_S) + 2, 8)) if dense else np.zeros((0, 8))
     rows = times.size
     out = np.zeros((rows, 11))
     row_step = np.round(times / STEP_S).astype(int)
-    delay_c, delay_m = world[W_COMMAND_DELAY], world[W_MEASUREMENT_DELAY]
     pace = 1.0 - world[W_CLOCK_DRIFT]
     integral = np.zeros(2)
-    bus = world[W_VOLTAGE]
-
-    def reading() -> list[float]:
-        return [
-            bus,
-            seen[0] if current_keep[0] else act[current[0]],
-            seen[1] if current_keep[1] else act[current[1]],
-            filtered[0] if filter_keep[0] else qvel[gear[0]],
-            filtered[1] if filter_keep[1] else qvel[gear[1]],
-            qpos[gear[0]],
-            qpos[gear[1]],
-            qvel[pyaw],
-        ]
-
-    def late(when: float, upto: int) -> np.ndarray:
-        at = min(max(when / STEP_S, 0.0), float(upto))
-        low = int(at)
-        high = min(low + 1, upto)
-        return history[low] + (at - low) * (history[high] - history[low])
-
-    acting = -1
     for row in range(rows):
         k0 = row_step[row]
         if dense:
-            history[k0] = reading()
-            out[row, :8] = late(pace * times[row] - delay_m, k0)
+            history[k0] = robot.reading()
+            out[row, :8] = _between(history, pace * times[row] - world[W_MEASUREMENT_DELAY], k0)
         else:
-            out[row, :8] = reading()
-        out[row, 8:] = qpos[px], qpos[py], qpos[pyaw]
+            out[row, :8] = robot.reading()
+        out[row, 8:] = robot.pose()
         if closed:
             if row % period_rows == 0:
                 last = max(row - period_rows, 0)
@@ -487,77 +579,11 @@ def simulate(
             break
         count = row_step[row + 1] - k0
         if not dense:
-            _drive(
-                k0 * STEP_S,
-                STEP_S,
-                v_cmd[row],
-                side,
-                world,
-                events,
-                state,
-                act[current],
-                qvel[gear],
-                qpos[gear],
-                qacc[gear],
-                qpos[px],
-                qpos[py],
-                qpos[pyaw],
-                volts,
-                torques,
-                pull,
-            )
-            ctrl[control] = volts
-            mujoco.mj_step(model, data, count)
+            robot.drive(k0 * STEP_S, v_cmd[row])
+            robot.steps(count)
             continue
         for k in range(k0, k0 + count):
-            t = k * STEP_S
             if k > k0:
-                history[k] = reading()
-            stalled = any(side_of < 0 and begin <= t < end for begin, end, side_of, _ in events)
-            while not stalled and acting + 1 <= row and times[acting + 1] + delay_c <= t + 1e-9:
-                acting += 1
-            asked[:] = v_cmd[acting] if acting >= 0 else 0.0
-            if not stalled and acting + 1 <= row:
-                change = times[acting + 1] + delay_c - t
-                if change < STEP_S - 1e-9:
-                    asked += (1.0 - change / STEP_S) * (v_cmd[acting + 1] - asked)
-            w = qvel[gear]
-            bus = _drive(
-                t,
-                STEP_S,
-                asked,
-                side,
-                world,
-                events,
-                state,
-                act[current],
-                w,
-                qpos[gear],
-                qacc[gear],
-                qpos[px],
-                qpos[py],
-                qpos[pyaw],
-                volts,
-                torques,
-                pull,
-            )
-            ctrl[control] = volts
-            applied[gear] = torques
-            applied[px], applied[py] = pull
-            for s in range(2):
-                if tread[s] is not None:
-                    model.dof_damping[tread[s]] = side[S_RADIUS, s] ** 2 / (
-                        side[S_SLIP, s] * side[S_RADIUS, s] * max(abs(w[s]), 0.05)
-                    )
-            for s in bothways:
-                twist, rate = -qpos[play[s]], -qvel[play[s]]
-                half = 0.5 * side[S_BACKLASH, s]
-                over = twist - min(max(twist, -half), half)
-                applied[play[s]] = 0.0 if over == 0 else (side[S_STIFFNESS, s] * over + side[S_DAMPING, s] * rate)
-            mujoco.mj_step(model, data)
-            for s in range(2):
-                if current_keep[s]:
-                    seen[s] = act[current[s]] + (seen[s] - act[current[s]]) * current_keep[s]
-                if filter_keep[s]:
-                    filtered[s] = qvel[gear[s]] + (filtered[s] - qvel[gear[s]]) * filter_keep[s]
+                history[k] = robot.reading()
+            robot.step(k * STEP_S, link.commands(k * STEP_S, row))
     return out

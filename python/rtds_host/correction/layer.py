@@ -187,21 +187,21 @@ def roll(
             a00, a11, a01 = beta[0] + give[0] + h * g00, beta[1] + give[1] + h * g11, h * g01
             det = a00 * a11 - a01 * a01
             for again_scrub in range(2):
-                b0 = alpha[0] - u0 + h * (g00 * e0 + g01 * e1) + gl0 * q - shift[0]
-                b1 = alpha[1] - u1 + h * (g01 * e0 + g11 * e1) + gl1 * q - shift[1]
+                b0 = alpha[0] - u0 + ground.rim_moves(h, g00, g01, e0, e1) + gl0 * q - shift[0]
+                b1 = alpha[1] - u1 + ground.rim_moves(h, g01, g11, e0, e1) + gl1 * q - shift[1]
                 f[0], f[1] = (a11 * b0 - a01 * b1) / det, (a00 * b1 - a01 * b0) / det
                 asked[0], asked[1] = f[0], f[1]
                 f[0], f[1] = ground.on_ground(
                     f[0], f[1], b0, b1, a00, a11, a01, side[0, SLIP], side[1, SLIP], grip[0], grip[1]
                 )
-                n0 = u0 + h * (g00 * (f[0] - e0) + g01 * (f[1] - e1)) - gl0 * q
-                n1 = u1 + h * (g01 * (f[0] - e0) + g11 * (f[1] - e1)) - gl1 * q
+                n0 = u0 + ground.rim_moves(h, g00, g01, f[0] - e0, f[1] - e1) - gl0 * q
+                n1 = u1 + ground.rim_moves(h, g01, g11, f[0] - e0, f[1] - e1) - gl1 * q
                 new_rate = lever[0] * n0 + lever[1] * n1
                 if not foretold or scrub == 0.0 or again_scrub == 1 or way * new_rate > 0.0:
                     break
                 # The scrub would turn the robot back: the impulse that just stops it, within its bound.
                 f0, f1 = (a11 * gl0 - a01 * gl1) / det, (a00 * gl1 - a01 * gl0) / det
-                gain = h * (gl0 * f0 + gl1 * f1) - turn
+                gain = ground.rim_moves(h, gl0, gl1, f0, f1) - turn
                 q = ground.stopping(q, new_rate, gain, h * scrub, turn)
             again = False
             for k in range(2):

@@ -102,9 +102,10 @@ class Forms:
         """Torque and dry friction of a wheel that turns by `turns` rad/s."""
         acts, dof = self.acts[k], int(self.wheels[k].dofadr[0])
         # Against the way it turns; at rest, or nearly, a push either way is held by about as much.
-        level = still + (acts[FORWARD] if turns > 0.0 else acts[BACKWARD] if turns < 0.0 else 0.0)
         if turns == 0.0:
-            level += 0.5 * (acts[FORWARD] + acts[BACKWARD])
+            level = still + 0.5 * (acts[FORWARD] + acts[BACKWARD])
+        else:
+            level = still + (acts[FORWARD] if turns > 0.0 else acts[BACKWARD])
         self.model.dof_frictionloss[dof] = max(level, 0.0)
         drive = acts[DRIVE] - acts[FLUID] * turns + self.torque_per_a[k] * acts[CONSTANT] * current
         # A level below none drives on what turns.

@@ -64,6 +64,12 @@ def unloaded_bus(supply, decline, elapsed):
 
 
 @law
+def loaded_bus(supply, source, drawn, decline, elapsed):
+    """Bus at a current drawn, V: supply - source i - decline t (contract, section 3). source : ohm; drawn : A."""
+    return supply - source * drawn - decline * elapsed
+
+
+@law
 def draw(current, volts, supply):
     """Current that a bridge draws from its bus, A: i v / supply (pulse-width modulation, contract, section 3)."""
     return current * volts / supply

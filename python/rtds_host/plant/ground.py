@@ -74,6 +74,25 @@ def body_moves(h, i11, i12, i22, push, turn, brake):
 
 
 @law
+def rim_moves(h, own, other, force, force_other):
+    """Change of a rim's speed by forces at both over a step: h (own f + other f'), own and other as `wheel_moves` / h.
+
+    force, force_other : at this rim and at the other, N (or torques at wheels, N·m, for their speeds, rad/s).
+    """
+    return h * (own * force + other * force_other)
+
+
+@law
+def tractions(a00, a11, wx, det, b0, b1):
+    """Tractions at both rims, N, for changes b0, b1 of their speeds, m/s: Cramer's rule for two wheels on one body.
+
+    a00, a11, wx : resistance of both rims to forces, each to its own and to the other's; det : inverse of their
+    determinant.
+    """
+    return (a11 * b0 - wx * b1) * det, (a00 * b1 - wx * b0) * det
+
+
+@law
 def yawed(h, i12, i22, half, left, right):
     """Change of the yaw rate, rad/s, by tractions at both wheels over a step, N."""
     return h * (i12 * (left + right) + i22 * half * (right - left))
@@ -89,10 +108,10 @@ def pushed(h, i11, i12, half, left, right):
 def scrub_gain(h, i12, i22, half, a00, a11, wx, det):
     """Change of the yaw rate, rad/s, by an impulse of 1 N·m·s against it, with wheels that answer by their tractions.
 
-    a00, a11, wx : resistance of both rims to forces; det : inverse of their determinant.
+    a00, a11, wx, det : as in `tractions`.
     """
-    q0, q1 = i12 - half * i22, i12 + half * i22
-    return yawed(h, i12, i22, half, (a11 * q0 - wx * q1) * det, (a00 * q1 - wx * q0) * det) - i22
+    left, right = tractions(a00, a11, wx, det, i12 - half * i22, i12 + half * i22)
+    return yawed(h, i12, i22, half, left, right) - i22
 
 
 @law

@@ -13,9 +13,6 @@ PACKAGE = ROOT / "python" / "rtds_host"
 LONGEST = 80
 # A compiled loop is one function, since what it calls would have to be handed all of its state.
 COMPILED = {"loop", "njit"}
-# The blind check's worlds are written apart from all else, scenario by scenario and effect by effect.
-APART = PACKAGE / "blind"
-
 # Public in spite of the underscore: those of named tuples, and what the standard library documents.
 DOCUMENTED = {"_asdict", "_exit", "_fields", "_make", "_replace"}
 # Where another library has no public way: attribute -> whose it is.
@@ -88,7 +85,6 @@ def test_functions_are_short_but_for_compiled_loops():
     found = [
         f"{path.relative_to(ROOT)}: {name} has {lines} lines"
         for path in sorted(PACKAGE.rglob("*.py"))
-        if APART not in path.parents
         for name, lines, decorators in long_functions(ast.parse(path.read_text()))
         if not decorators & COMPILED
     ]

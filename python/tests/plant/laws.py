@@ -1,13 +1,15 @@
 """How often each law of the plant is written: `python python/tests/plant/laws.py [PACKAGE]`.
 
-Of each law its expressions of `LEAST` nodes or more, whatever their names are, are looked for in every module. The
-copies kept apart on purpose (`test_apart.py`) do not count.
+Of each law its expressions of `LEAST` nodes or more, whatever their names are, are looked for in every module. A form
+that several laws have, such as a sum of two products, is arithmetic: it says nothing of any of them. The copies kept
+apart on purpose (`test_apart.py`) do not count.
 """
 
 from __future__ import annotations
 
 import ast
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -46,20 +48,27 @@ def formulas(tree: ast.AST) -> Iterator[str]:
             yield form(node)
 
 
-def counted(root: Path = ROOT) -> dict[str, list[str]]:
-    """Law -> the modules in which one of its formulas is written, its own among them."""
-    laws = {}
+def laws() -> dict[str, set[str]]:
+    """Law -> the forms of its expressions that no other law has."""
+    found = {}
     for name in LAWS:
         for node in ast.parse((ROOT / "plant" / f"{name}.py").read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.FunctionDef) and (own := set(formulas(node))):
-                laws[f"{name}.{node.name}"] = own
-    found: dict[str, list[str]] = {law: [] for law in laws}
+            if isinstance(node, ast.FunctionDef):
+                found[f"{name}.{node.name}"] = set(formulas(node))
+    several = {form for form, times in Counter(form for own in found.values() for form in own).items() if times > 1}
+    return {law: own - several for law, own in found.items() if own - several}
+
+
+def counted(root: Path = ROOT) -> dict[str, list[str]]:
+    """Law -> the modules in which one of its formulas is written, its own among them."""
+    known = laws()
+    found: dict[str, list[str]] = {law: [] for law in known}
     for path in sorted(root.rglob("*.py")):
         name = path.relative_to(root).as_posix()
         if name.startswith("blind/") or name == "motor/effect_reference.py":
             continue
         there = set(formulas(ast.parse(path.read_text(encoding="utf-8"))))
-        for law, own in laws.items():
+        for law, own in known.items():
             if own & there:
                 found[law].append(name)
     return found

@@ -163,7 +163,6 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     formed = forms.any_of(curves)
     acts = np.zeros((2, forms.ACTS))  # what the forms of a side come to in a step
     about = np.zeros(forms.ABOUT)  # what they run over
-    shaped = (shaped_by(side, 0), shaped_by(side, 1))
     slipping = side[0, SLIP] != 0.0 or side[1, SLIP] != 0.0
     tyre = np.zeros(2)  # shear of the tyres over their relaxation length
     whole = np.zeros(2)  # force that this shear would give with all the grip there could be
@@ -252,7 +251,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
             if com[BUS_MEAS] > 0.0:
                 bus = row_bus
             else:
-                bus = supply - com[SOURCE_R] * draw - com[DECLINE] * (now - run[3])
+                bus = driver.loaded_bus(supply, com[SOURCE_R], draw, com[DECLINE], now - run[3])
             out[ka, 0] = bus
             for k in range(2):
                 out[ka, 1 + k] = sensors.scaled(cur[k], side[k, I_GAIN], side[k, I_BIAS])
@@ -420,7 +419,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                     inertia = ratio * ratio * side[k, J]
                     # The load's inertia and torques join the rotor's while the gear is rigid.
                     torque = drive
-                    if shaped[k]:
+                    if shaped_by(side, k):
                         at = th[k] + 0.5 * h * wn[k]
                         if angle.shape[0] > 0 and kc > 0:
                             at = _followed(angle, t_cmd, kc, k, now + done - 0.5 * h - dc) / side[k, W_GAIN]
@@ -542,8 +541,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                             if slipping:
                                 b0 -= yield_z[0]
                                 b1 -= yield_z[1]
-                            force[0] = (a11 * b0 - wx * b1) * det
-                            force[1] = (a00 * b1 - wx * b0) * det
+                            force[0], force[1] = ground.tractions(a00, a11, wx, det, b0, b1)
                             if slipping:
                                 asked[0], asked[1] = force[0], force[1]
                                 force[0], force[1] = ground.on_ground(

@@ -158,32 +158,36 @@ def _read(out, row, curves, model, held_s, l, elapsed):
 
 
 @loop
-def _formed(s, l, model, sides, coms, curves, shaped, about, acts):
-    """Put into a lane's rows what its forms come to in a step; arguments as of `replay_batch`, and work space."""
-    rate, v = s[RATE + l], s[V + l]
-    half, elapsed = 0.5 * s[H + l], s[NOW + l] + s[DONE + l] - s[H + l] - s[BEGUN + l]
-    about[one.OVER_RATE], about[one.OVER_SPEED], about[one.OVER_TURNS] = rate, v, v * rate
-    about[one.OVER_T], about[one.OVER_X], about[one.OVER_Y] = elapsed, s[X + l], s[Y + l]
-    about[one.OVER_YAW] = s[YAW + l]
-    for k in range(2):
-        o = k * _SIDE + l
-        about[one.OVER_V], about[one.OVER_I], about[one.OVER_W] = s[o + VA], s[o + CUR], s[o + WM]
-        at = s[o + TH] + half * s[o + W]
-        if s[FOLLOWS + l] > 0.0:
-            share = (s[NOW + l] + s[DONE + l] - half - s[SINCE + l]) * s[PER_SPAN + l]
-            at = s[o + AT] + min(max(share, 0.0), 1.0) * s[o + AHEAD]
-        about[one.OVER_TH], about[one.OVER_MOTOR] = at, coms[model, one.GEAR] * at
-        forms.act(curves[model, k], about, acts)
-        s[o + SHAPED] = (s[o + SHAPED] if shaped else 0.0) + acts[forms.DRIVE]
-        s[o + GKM] = s[o + OWN_GKM] * (1.0 + acts[forms.CONSTANT])
-        s[o + FLUID] = s[o + OWN_FLUID] + acts[forms.FLUID]
-        s[o + VD] = s[o + OWN_VD] + acts[forms.VOLTS]
-        s[o + FRICTION] = s[o + OWN_FRICTION] + 0.5 * (acts[forms.FORWARD] + acts[forms.BACKWARD])
-        s[o + ASYM] = sides[model, k, one.ASYM] + 0.5 * (acts[forms.FORWARD] - acts[forms.BACKWARD])
-        if k == 0:
-            s[GX + l] += acts[forms.PUSH]
-            s[GZ + l] += acts[forms.TURN]
-            s[SCRUB + l] = coms[model, one.SCRUB] + acts[forms.SCRUB]
+def _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts):
+    """Put into the rows of lanes that have forms what these come to in a step; arguments as in `replay_batch`."""
+    for l in range(SIMD_WIDTH):
+        if not curved[l]:
+            continue
+        model = which[job[l], 0]
+        rate, v = s[RATE + l], s[V + l]
+        half, elapsed = 0.5 * s[H + l], s[NOW + l] + s[DONE + l] - s[H + l] - s[BEGUN + l]
+        about[one.OVER_RATE], about[one.OVER_SPEED], about[one.OVER_TURNS] = rate, v, v * rate
+        about[one.OVER_T], about[one.OVER_X], about[one.OVER_Y] = elapsed, s[X + l], s[Y + l]
+        about[one.OVER_YAW] = s[YAW + l]
+        for k in range(2):
+            o = k * _SIDE + l
+            about[one.OVER_V], about[one.OVER_I], about[one.OVER_W] = s[o + VA], s[o + CUR], s[o + WM]
+            at = s[o + TH] + half * s[o + W]
+            if s[FOLLOWS + l] > 0.0:
+                share = (s[NOW + l] + s[DONE + l] - half - s[SINCE + l]) * s[PER_SPAN + l]
+                at = s[o + AT] + min(max(share, 0.0), 1.0) * s[o + AHEAD]
+            about[one.OVER_TH], about[one.OVER_MOTOR] = at, coms[model, one.GEAR] * at
+            forms.act(curves[model, k], about, acts)
+            s[o + SHAPED] = (s[o + SHAPED] if shaped else 0.0) + acts[forms.DRIVE]
+            s[o + GKM] = s[o + OWN_GKM] * (1.0 + acts[forms.CONSTANT])
+            s[o + FLUID] = s[o + OWN_FLUID] + acts[forms.FLUID]
+            s[o + VD] = s[o + OWN_VD] + acts[forms.VOLTS]
+            s[o + FRICTION] = s[o + OWN_FRICTION] + 0.5 * (acts[forms.FORWARD] + acts[forms.BACKWARD])
+            s[o + ASYM] = sides[model, k, one.ASYM] + 0.5 * (acts[forms.FORWARD] - acts[forms.BACKWARD])
+            if k == 0:
+                s[GX + l] += acts[forms.PUSH]
+                s[GZ + l] += acts[forms.TURN]
+                s[SCRUB + l] = coms[model, one.SCRUB] + acts[forms.SCRUB]
 
 
 @law
@@ -384,7 +388,7 @@ def replay_batch(
                         row = to_out[l] + k
                         draw = driver.draw(s[CUR + l], s[VA + l], s[SUPPLY + l])
                         draw += driver.draw(s[_SIDE + CUR + l], s[_SIDE + VA + l], s[SUPPLY + l])
-                        bus = s[SUPPLY + l] - s[SOURCE + l] * draw - s[DECLINE + l] * (now - s[BEGUN + l])
+                        bus = driver.loaded_bus(s[SUPPLY + l], s[SOURCE + l], draw, s[DECLINE + l], now - s[BEGUN + l])
                         out[row, 0] = s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus
                         for i in range(2):
                             o = i * _SIDE + l
@@ -545,9 +549,7 @@ def replay_batch(
                 s[GX + l] -= s[PULL + l] * along
                 s[GZ + l] += ground.slope_torque(s[PULL + l], s[COM_X + l], s[COM_Y + l], along, across)
         if formed:
-            for l in range(lanes):
-                if curved[l]:
-                    _formed(s, l, which[job[l], 0], sides, coms, curves, shaped, about, acts)
+            _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts)
         if faded:
             for k in range(2):
                 o = k * _SIDE
@@ -732,7 +734,7 @@ def replay_batch(
                         - half * dr
                         - s[_SIDE + YIELDS + l]
                     )
-                    f0, f1 = (a11 * b0 - wx * b1) * det, (a00 * b1 - wx * b0) * det
+                    f0, f1 = ground.tractions(a00, a11, wx, det, b0, b1)
                     s[ASKED + l], s[_SIDE + ASKED + l] = f0, f1
                     f0, f1 = ground.on_ground(
                         f0, f1, b0, b1, a00, a11, wx, s[SLIP + l], s[_SIDE + SLIP + l], s[GRIP + l], s[_SIDE + GRIP + l]
@@ -763,7 +765,7 @@ def replay_batch(
                             - half * dr
                             - s[_SIDE + YIELDS + l]
                         )
-                        f0, f1 = (a11 * b0 - wx * b1) * det, (a00 * b1 - wx * b0) * det
+                        f0, f1 = ground.tractions(a00, a11, wx, det, b0, b1)
                         reverses = s[SCRUB + l] != 0.0 and s[SPIN + l] * s[RATE_N + l] <= 0.0
                         s[ASKED + l] = f0 if reverses else s[ASKED + l]
                         s[_SIDE + ASKED + l] = f1 if reverses else s[_SIDE + ASKED + l]
