@@ -35,13 +35,13 @@ from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.diagnose import diagnose, taken
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model
 from rtds_host.diagnosis.residual import RunData
 from rtds_host.errors import InputError, RtdsError
 from rtds_host.export import mjcf
 from rtds_host.export.dcmotor import BRISTLE_SWING, COPPER_PER_K
 from rtds_host.export.figures import figures_of
+from rtds_host.plant.schema import OUTPUT_INDEX, OUTPUTS
 
 # s; a step of a robot with contacts, the longest and shortest of an axis.
 ROBOT_STEP_S, LONGEST_STEP_S, SHORTEST_STEP_S = 2e-3, 1e-3, 2.5e-4

@@ -21,9 +21,9 @@ from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.diagnose import diagnose
 from rtds_host.diagnosis.predict import on_its_clock, read_diagnosis
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run
 from rtds_host.errors import InputError, did_you_mean
+from rtds_host.plant.schema import OUTPUTS
 
 SCHEMA = "rtds-close/1"
 # A replay so fine that its own step does not count.

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from rtds_host.contract import Case
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.figures import STYLE, caption, save
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 if TYPE_CHECKING:
     from rtds_host.correction.result import Result, Run

@@ -14,12 +14,12 @@ from rtds_host.correction.correction import Correction
 from rtds_host.correction.coupler import Coupler, set_effects
 from rtds_host.correction.formed import with_forms
 from rtds_host.correction.translate import translate
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import Model, row_inputs
 from rtds_host.errors import InputError
 from rtds_host.link import Link, open_link
 from rtds_host.link.quantised import QuantisedLink
 from rtds_host.plant.compiled import loop
+from rtds_host.plant.schema import OUTPUTS
 from rtds_host.plant.sensors import low_pass
 from rtds_host.robot import STEP_S, Body, default_engine, make_body, open_engine
 

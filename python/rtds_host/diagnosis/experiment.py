@@ -17,13 +17,13 @@ from rtds_host.contract import Case, Robot, RunLog, RunMeta
 from rtds_host.diagnosis.account import Account
 from rtds_host.diagnosis.fit import Fit, joined, scaled
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
 from rtds_host.diagnosis.report.words import SUBSYSTEM_WORDS
 from rtds_host.diagnosis.screen import available, clashes, start_values
 from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.start import DECLARED
 from rtds_host.errors import InputError
+from rtds_host.plant.schema import OUTPUTS
 from rtds_host.robot import make_body
 from rtds_host.scenario import scenarios
 from rtds_host.scenario.base import Scenario, VoltageMotion

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.contract import Robot, RunLog
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 SAMPLED = ("i_l", "i_r", "w_l", "w_r", "gyro_z")
 # Over which a pose's move counts (contract, section 4).

@@ -16,9 +16,9 @@ from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.left_out import left_out, parted
 from rtds_host.diagnosis.localise.regimes import Motion, regimes
 from rtds_host.diagnosis.problem import STRETCH_S, Problem
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, replay_run
 from rtds_host.diagnosis.report.details import Trace
+from rtds_host.plant.schema import OUTPUTS
 
 # Ends of a 90 % interval (contract, section 5).
 LEVELS = (0.05, 0.95)

@@ -21,10 +21,10 @@ from rtds_host.diagnosis.gate.rounding import effective_noise
 from rtds_host.diagnosis.gate.stamps import evened
 from rtds_host.diagnosis.gate.starts import awake
 from rtds_host.diagnosis.nuisances import SETUP, entries
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.scales import OF_ASKED, OF_RUNS, OF_SPEEDS_MET
 from rtds_host.errors import InputError, did_you_mean
+from rtds_host.plant.schema import OUTPUTS
 
 # Diagnoses of the first schema hold all that a prediction needs.
 DIAGNOSIS_SCHEMAS = ("rtds-diagnosis/3", "rtds-diagnosis/2", "rtds-diagnosis/1")

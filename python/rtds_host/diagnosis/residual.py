@@ -14,7 +14,7 @@ import numpy as np
 
 from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis.gap import WINDOW_S
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 # Numerical: half the span over which a window's end is averaged: long against a sample, short against the motion.
 AVERAGE_S = 0.05

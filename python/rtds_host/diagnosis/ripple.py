@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.thresholds import FEW_SHARE, FEWEST_SAMPLES
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 # Physical: most cycles a turn that are looked for: the cogging of a geared motor.
 MOST_CYCLES = 400.0

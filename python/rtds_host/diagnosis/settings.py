@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.diagnosis.residual import RunData
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 
 def _wheels(out: np.ndarray, quantity: str) -> np.ndarray:

@@ -12,11 +12,11 @@ from rtds_host.cleanup import temporary_folder
 from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, nominal_model, replay_run, row_inputs
 from rtds_host.export import mjcf
 from rtds_host.export.figures import figures_of
 from rtds_host.export.mujoco_replay import ExportedRobot
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 # Share of full scale within which currents, speeds and paths are called those of the replay.
 CLOSE = 0.01

@@ -18,10 +18,10 @@ import numpy as np
 
 from rtds_host.contract import GRAVITY_M_S2, RunLog
 from rtds_host.correction.correction import LEAST_BASE_SHARE
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.errors import InputError, said_of_file
 from rtds_host.export.mjcf import driver_source, forms_source
 from rtds_host.plant.driver import duty, less_drop, servo
+from rtds_host.plant.schema import OUTPUTS
 
 MOTORS = ("motor_left", "motor_right")
 WHEELS = ("wheel_left", "wheel_right")

@@ -13,10 +13,10 @@ from rtds_host.contract.robot import Driver
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.effects import SIDES, catalogue
 from rtds_host.diagnosis.experiment import as_run
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError
 from rtds_host.plan.commands import Commands, knots
+from rtds_host.plant.schema import OUTPUT_INDEX, OUTPUTS
 from rtds_host.robot import make_body
 from rtds_host.scenario import Scenario, SpeedMotion, scenarios
 from rtds_host.scenario.reach import needed_voltage

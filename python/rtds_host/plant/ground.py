@@ -83,6 +83,19 @@ def rim_moves(h, own, other, force, force_other):
 
 
 @law
+def rim_gaps(v, rate, half, dv, dr, rim0, rim1, yields0, yields1):
+    """By how much both rims would be faster than the ground under them without traction at the end of a step, m/s.
+
+    v, rate : of the body as the step begins, m/s and rad/s; dv, dr : their changes without traction; rim0, rim1 : the
+    rims' speeds without traction; yields0, yields1 : what the tyres' shear takes, m/s.
+    """
+    return (
+        rim0 - (v - half * rate) - dv + half * dr - yields0,
+        rim1 - (v + half * rate) - dv - half * dr - yields1,
+    )
+
+
+@law
 def tractions(a00, a11, wx, det, b0, b1):
     """Tractions at both rims, N, for changes b0, b1 of their speeds, m/s: Cramer's rule for two wheels on one body.
 

@@ -23,10 +23,10 @@ from rtds_host.contract.output import write_between
 from rtds_host.correction.close import FINE_STEP_S, distance
 from rtds_host.correction.simulate import Setting, simulate
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.scales import scales_of
 from rtds_host.errors import InputError, RtdsError, did_you_mean
+from rtds_host.plant.schema import OUTPUTS
 from rtds_host.robot import default_engine
 
 # Bound on the difference, in units of noise: a tenth of what a sensor hides.

@@ -16,9 +16,9 @@ from rtds_host.diagnosis import diagnose as diagnose_module
 from rtds_host.diagnosis.diagnose import diagnose, investigate
 from rtds_host.diagnosis.indistinguishable import indistinguishable
 from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 WRONG = {
     ("pendulum", "voltage"): ({"load": 1.3}, "payload_error", 0.3 * AXES["pendulum"]["mass_kg"]),

@@ -20,8 +20,8 @@ from rtds_host.cli.commands import COMMANDS, main
 from rtds_host.cli.completion import known_commands
 from rtds_host.contract import builtin_robot, builtin_robot_path
 from rtds_host.contract.runlog import RunMeta
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.plant.schema import OUTPUTS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "diagnosis"))
 from diagnosis_cases import example_diagnosis  # noqa: E402

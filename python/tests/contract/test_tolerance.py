@@ -10,9 +10,9 @@ import pytest
 from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot, builtin_robot_path, load_robot
 from rtds_host.diagnosis.nuisances import band, nuisances_of
 from rtds_host.diagnosis.predict import read_diagnosis
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 AXIS = """schema = "rtds-robot/1"
 [motor]

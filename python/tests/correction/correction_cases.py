@@ -5,8 +5,8 @@ import numpy as np
 from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot, write_run
 from rtds_host.correction.simulate import simulate
 from rtds_host.diagnosis.effects import SIDES, catalogue
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.plant.schema import OUTPUTS
 
 ROBOT = builtin_robot("burger")
 CATALOGUE = catalogue(ROBOT)

@@ -5,9 +5,9 @@ import numpy as np
 from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.localise import localise
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.report import Candidate, Details, Trace
+from rtds_host.plant.schema import OUTPUTS
 
 STEP_S = 0.01
 

@@ -15,9 +15,9 @@ from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
 from rtds_host.contract.robot import Servo
 from rtds_host.diagnosis import ripple
 from rtds_host.diagnosis.diagnose import diagnose
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.report import validate
+from rtds_host.plant.schema import OUTPUTS
 
 
 def blamed(diagnosis):

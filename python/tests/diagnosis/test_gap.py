@@ -8,8 +8,8 @@ from diagnosis_cases import make_case
 
 from rtds_host.contract import RunLog
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 
 def truth(case):

@@ -8,9 +8,9 @@ from diagnosis_cases import changed, make_case, without
 
 from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.gate import examine
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError
+from rtds_host.plant.schema import OUTPUTS
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,9 @@ from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.gap import errors, gap, pooled
 from rtds_host.diagnosis.gate import examine, stamps
 from rtds_host.diagnosis.gate.rounding import step_of
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError
+from rtds_host.plant.schema import OUTPUTS
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ import pytest
 from rtds_host.contract import Case, Driver, RunLog, RunMeta, Servo, builtin_robot
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES, catalogue
 from rtds_host.diagnosis.indistinguishable import indistinguishable, nearly_indistinguishable
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 TABLES = ("same_as", "same_with_friction", "nearly_as")
 SERVO = replace(builtin_robot("burger"), driver=Driver(mode="speed"), servo=Servo(0.44, 8.6, 12.0, 0.001))

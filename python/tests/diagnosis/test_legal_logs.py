@@ -19,11 +19,11 @@ from rtds_host.diagnosis.left_out import parted
 from rtds_host.diagnosis.localise import localise
 from rtds_host.diagnosis.localise.series import relaxed
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, piece_inputs, replay_run, run_inputs, stretch_inputs
 from rtds_host.diagnosis.scatter import groups
 from rtds_host.diagnosis.settings import settings
 from rtds_host.errors import InputError
+from rtds_host.plant.schema import OUTPUT_INDEX, OUTPUTS
 
 ROBOT = builtin_robot("burger")
 MEASURED = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")

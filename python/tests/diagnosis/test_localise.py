@@ -12,8 +12,8 @@ from rtds_host.contract import Case, builtin_robot
 from rtds_host.diagnosis.effects import SUBSYSTEMS
 from rtds_host.diagnosis.localise import BLOCKS, blocks, localise
 from rtds_host.diagnosis.localise.shares import Sums
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model
+from rtds_host.plant.schema import OUTPUTS
 
 
 def located(case):

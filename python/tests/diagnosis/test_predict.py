@@ -13,9 +13,9 @@ from rtds_host.contract import builtin_robot_path, read_run, write_run
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.gap import errors, gap, pooled, squares
 from rtds_host.diagnosis.predict import predicted_columns, read_diagnosis
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError
+from rtds_host.plant.schema import OUTPUTS
 
 RTDS = [str(Path(sys.executable).with_name("rtds"))]
 

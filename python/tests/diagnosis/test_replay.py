@@ -14,7 +14,6 @@ from rtds_host.contract import GRAVITY_M_S2, Axis, Case, RunLog, RunMeta, builti
 from rtds_host.diagnosis.effects import SIDES, SUBSYSTEMS, catalogue
 from rtds_host.diagnosis.fit import apply
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX, OUTPUTS
 from rtds_host.diagnosis.replay.model import (
     FINE_STEP_S,
     LONGEST_DELAY_S,
@@ -31,6 +30,7 @@ from rtds_host.diagnosis.replay.model import (
 from rtds_host.diagnosis.residual import CHANNELS, run_residual
 from rtds_host.diagnosis.screen import available, start_values
 from rtds_host.plant.elementary import sine
+from rtds_host.plant.schema import OUTPUT_INDEX, OUTPUTS
 
 ROBOT = builtin_robot("burger")
 CATALOGUE = catalogue(ROBOT)

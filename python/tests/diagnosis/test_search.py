@@ -20,12 +20,12 @@ from rtds_host.diagnosis.indistinguishable import indistinguishable, nearly_indi
 from rtds_host.diagnosis.intervals import Z90, bias, command_shift, intervals, sigmas_of
 from rtds_host.diagnosis.lookalikes import lookalikes, opens_gap, swaps_of
 from rtds_host.diagnosis.problem import SEARCHED_S, Problem
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.scatter import scatter, scattered
 from rtds_host.diagnosis.screen import Screen, changes_by_missing, sensitivities_of
 from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.start import DECLARED
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 POSE = ("x", "y", "yaw")
 

@@ -9,9 +9,9 @@ from diagnosis_cases import changed, make_case, without
 
 from rtds_host.contract import Axis, Case, RunLog, RunMeta, builtin_robot
 from rtds_host.diagnosis.gate import examine
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 ROBOT = builtin_robot("burger")
 # A gear motor alone, with a wheel in the air.

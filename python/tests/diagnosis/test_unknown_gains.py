@@ -8,8 +8,8 @@ import pytest
 from rtds_host.contract import Case, Driver, RunLog, RunMeta, Servo, builtin_robot
 from rtds_host.contract.robot import SERVO_GAINS
 from rtds_host.diagnosis.gate import examine
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.plant.schema import OUTPUTS
 
 
 def case_with(kp, ki, left_out=SERVO_GAINS, change=None):

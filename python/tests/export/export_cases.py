@@ -11,8 +11,8 @@ from rtds_host.blind import planar
 from rtds_host.contract import Case, Driver, RunLog, RunMeta, Servo, builtin_robot, builtin_robot_path, write_run
 from rtds_host.correction.close import FINE_STEP_S, distance
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.plant.schema import OUTPUTS
 from rtds_host.studies.agreement import designed_run, values_of
 
 ROBOT = builtin_robot("burger")

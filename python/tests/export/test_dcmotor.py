@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 from rtds_host.cli.export import app
 from rtds_host.correction.close import FINE_STEP_S
 from rtds_host.diagnosis.effects import CATALOGUE
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.errors import RtdsError
 from rtds_host.export import mjcf
@@ -22,6 +21,7 @@ from rtds_host.export.check import verdict
 from rtds_host.export.figures import figures_of
 from rtds_host.export.mujoco_replay import ExportedRobot, driver_class
 from rtds_host.export.table import DCMOTOR, markdown_of_dcmotor
+from rtds_host.plant.schema import OUTPUTS
 from rtds_host.studies.agreement import designed_run, values_of
 
 LOG = designed_run(3.3)

@@ -12,7 +12,6 @@ from rtds_host.contract import builtin_robot, builtin_robot_path
 from rtds_host.correction.close import FINE_STEP_S, model_of
 from rtds_host.diagnosis import gap as gaps
 from rtds_host.diagnosis.forms.curves import Form, points_of, written
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.export.check import check
 from rtds_host.export.export import Source, export
@@ -20,6 +19,7 @@ from rtds_host.export.figures import figures_of
 from rtds_host.export.mjcf import driver_source, forms_source
 from rtds_host.export.python import write
 from rtds_host.plant import forms as plant
+from rtds_host.plant.schema import OUTPUTS
 from rtds_host.studies.agreement import designed_run, measured
 
 ROBOT = builtin_robot("burger")

@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 
 from rtds_host.cli.export import app
 from rtds_host.contract import Driver, RunLog, builtin_robot_path, write_run
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import replay_run, run_inputs
 from rtds_host.errors import InputError
 from rtds_host.export import mjcf, python, sdf, urdf, usd
@@ -23,6 +22,7 @@ from rtds_host.export.export import Source, export
 from rtds_host.export.figures import figures_of
 from rtds_host.export.mujoco_replay import ExportedRobot
 from rtds_host.export.table import AS_NUMBER, LEFT_OUT, OWN
+from rtds_host.plant.schema import OUTPUTS
 
 LOG = speed_run()
 EFFECTS = {

@@ -13,7 +13,6 @@ from export_cases import ROBOT, SERVO, apart, diagnosis_of, model_of_one, model_
 
 from rtds_host.contract.robot import Robot
 from rtds_host.diagnosis.effects import CATALOGUE, catalogue
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError
 from rtds_host.export import mjcf, python, sdf, urdf, usd
@@ -21,6 +20,7 @@ from rtds_host.export.export import WRITERS, Source, export
 from rtds_host.export.figures import figures_of
 from rtds_host.export.mujoco_replay import ExportedRobot
 from rtds_host.export.table import AS_NUMBER, LEFT_OUT, OWN, TABLE, TARGETS, markdown
+from rtds_host.plant.schema import OUTPUTS
 from rtds_host.studies.agreement import designed_run
 
 LOG = designed_run(3.3)

@@ -10,8 +10,8 @@ import numpy as np
 from diagnosis_cases import make_case, without
 
 from rtds_host.contract import Case, RunLog, builtin_robot
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
+from rtds_host.plant.schema import OUTPUTS
 
 SECONDS = 8.0
 

@@ -15,12 +15,12 @@ from typer.testing import CliRunner
 from rtds_host.cli.plan import app
 from rtds_host.contract import RunLog, RunMeta, builtin_robot, builtin_robot_path
 from rtds_host.diagnosis.effects import CATALOGUE
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError, RtdsError
 from rtds_host.plan.commands import knots
 from rtds_host.plan.make import Floor, alike_pairs, choose, fit
 from rtds_host.plan.write import script
+from rtds_host.plant.schema import OUTPUT_INDEX
 from rtds_host.scenario import find_scenario
 
 ROBOT = builtin_robot("burger")

@@ -23,7 +23,7 @@ from rtds_host.correction.simulate import simulate
 from rtds_host.correction.translate import places_of, translate
 from rtds_host.diagnosis.effects import catalogue
 from rtds_host.diagnosis.replay.model import ReplayBatch, nominal_model, replay_run, run_inputs
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
+from rtds_host.plant.schema import OUTPUT_INDEX
 from rtds_host.diagnosis.report import report_page, validate
 from rtds_host.export import python
 from rtds_host.export.figures import figures_of

@@ -9,9 +9,9 @@ import pytest
 from rtds_host.contract import Driver, RunLog, RunMeta, Servo, builtin_robot, builtin_robot_path
 from rtds_host.contract.robot import load_robot
 from rtds_host.diagnosis.effects import SIDES, catalogue
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import ReplayBatch, nominal_model, replay_run, run_inputs
 from rtds_host.errors import InputError
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 ROBOT = builtin_robot("burger")
 SERVO = replace(ROBOT, driver=Driver(mode="speed"), servo=Servo(0.44, 8.6, 12.0, 0.001))

@@ -22,8 +22,8 @@ def measure(rows: int, step_s: float) -> str:
     sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
     from rtds_host.contract import Case, RunLog, RunMeta, builtin_robot
     from rtds_host.diagnosis.diagnose import diagnose
-    from rtds_host.diagnosis.replay.layout import OUTPUTS
     from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+    from rtds_host.plant.schema import OUTPUTS
 
     robot = builtin_robot("burger")
     model = nominal_model(robot)

@@ -10,9 +10,9 @@ from rtds_host.contract import Axis, Case, Driver, Motor, Robot, RunLog, RunMeta
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES  # noqa: E402
 from rtds_host.diagnosis.gap import gap, pooled  # noqa: E402
 from rtds_host.diagnosis.problem import Problem  # noqa: E402
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX  # noqa: E402
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs  # noqa: E402
 from rtds_host.errors import InputError  # noqa: E402
+from rtds_host.plant.schema import OUTPUT_INDEX  # noqa: E402
 
 ROBOT = Robot(
     name="wheel",

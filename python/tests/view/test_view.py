@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from rtds_host.contract import RunLog, RunMeta, builtin_robot, builtin_robot_path, read_run, write_run
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.plant.schema import OUTPUTS
 from rtds_host.run import LinkChoice, Options, SignalPath, drive_with, make_plan, perform
 from rtds_host.view import Feed, LivePath, Viewer, lines_of_run
 from rtds_host.view.command import recorded

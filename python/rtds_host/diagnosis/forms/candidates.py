@@ -6,11 +6,11 @@ import numpy as np
 
 from rtds_host.diagnosis.forms.curves import BODY, Form
 from rtds_host.diagnosis.problem import Problem
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.diagnosis.scales import Scales, scales_of
 from rtds_host.diagnosis.thresholds import FEW_SHARE, MINOR_SHARE
 from rtds_host.plant import forms as plant
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 # What each term may run over.
 RUNS_OVER = {

@@ -15,7 +15,6 @@ from rtds_host.contract import Case, Robot, RunLog
 from rtds_host.diagnosis.gate.findings import Finding
 from rtds_host.diagnosis.gate.sensors import without
 from rtds_host.diagnosis.gate.timing import STRETCHES, hole_s
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.thresholds import (
     CLEAR_RATIO,
     CLOSELY_CORRELATED,
@@ -24,6 +23,7 @@ from rtds_host.diagnosis.thresholds import (
     FEWEST_SAMPLES,
     SIGNIFICANT,
 )
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 # Numerical: samples of a stretch.
 ROWS = 10

@@ -12,8 +12,8 @@ import numpy as np
 
 from rtds_host.contract import RunLog, RunMeta, builtin_robot, builtin_robot_path, read_case, write_run
 from rtds_host.diagnosis.gate import examine
-from rtds_host.diagnosis.replay.layout import OUTPUTS
 from rtds_host.diagnosis.replay.model import nominal_model, replay_run, run_inputs
+from rtds_host.plant.schema import OUTPUTS
 
 # Numerical: a run to time the gate on, 100 Hz, a new voltage a second.
 STEP_S, HOLD_ROWS, VOLTS, SEED = 0.01, 100, 6.0, 1

@@ -17,7 +17,6 @@ import numpy as np
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels, kind_of
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S
 from rtds_host.diagnosis.thresholds import (
     CLEAR_RATIO,
@@ -28,6 +27,7 @@ from rtds_host.diagnosis.thresholds import (
     SIGNIFICANT,
     sigmas,
 )
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 # Channels of which one at least must be there, for what really moves a channel to show elsewhere, too.
 WITNESSES = {

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from rtds_host.contract import Case, Robot
-from rtds_host.diagnosis.replay.layout import OUTPUTS
+from rtds_host.plant.schema import OUTPUTS
 
 # Physical: a robot may be twice as fast as its file says and its sensor may report twice that, and the file's own
 # values miss a little.

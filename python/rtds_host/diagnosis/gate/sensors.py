@@ -12,7 +12,6 @@ from rtds_host.contract.clock import moment
 from rtds_host.diagnosis.gate.findings import Finding, percent
 from rtds_host.diagnosis.gate.limits import ROOM, channels
 from rtds_host.diagnosis.gate.timing import hole_s
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.thresholds import (
     CLEAR_RATIO,
     FEW_SHARE,
@@ -23,6 +22,7 @@ from rtds_host.diagnosis.thresholds import (
     SIGNIFICANT,
     in_a_row,
 )
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 # Noises that the nominal robot moves by where any live sensor would show that it moves, however little of it.
 SHOWS = ROOM * SIGNIFICANT

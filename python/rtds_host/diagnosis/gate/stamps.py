@@ -20,9 +20,9 @@ from scipy.optimize import isotonic_regression
 
 from rtds_host.contract import Case, RunLog
 from rtds_host.diagnosis.gate.findings import Finding
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import Model, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.thresholds import FEW_SHARE, FEWEST_SAMPLES, MAJORITY, MEAN_OF_NORMAL, MINOR_SHARE, SIGNIFICANT
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 # Numerical: rows by which a grid's period is looked for first, and trials of it within the resolution of what is looked
 # at.

@@ -18,7 +18,6 @@ from rtds_host.diagnosis.gate.findings import Finding
 from rtds_host.diagnosis.gate.limits import ROOM, Limits, channels, kind_of
 from rtds_host.diagnosis.gate.timing import CLOSE, clock_ratio, rolled_over_turned
 from rtds_host.diagnosis.nuisances import LATENCY_S
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import LONGEST_DELAY_S, nominal_model, replay_run, run_inputs
 from rtds_host.diagnosis.thresholds import (
     CLOSELY_CORRELATED,
@@ -29,6 +28,7 @@ from rtds_host.diagnosis.thresholds import (
     SIGNIFICANT,
 )
 from rtds_host.errors import InputError
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 # Numerical: how finely a lag is looked for, s, first and last, and on how many samples.
 GRID_S, FINE_S, SAMPLES = 0.01, 0.001, 1500

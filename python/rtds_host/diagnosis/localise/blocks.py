@@ -14,8 +14,8 @@ from rtds_host.diagnosis.localise.mechanical import torque_block
 from rtds_host.diagnosis.localise.shares import in_noise
 from rtds_host.diagnosis.localise.signals import Signals
 from rtds_host.diagnosis.localise.twice import speed_twice_block, yaw_twice_block
-from rtds_host.diagnosis.replay.layout import OUTPUT_INDEX
 from rtds_host.diagnosis.replay.model import Model, replay_run, run_inputs
+from rtds_host.plant.schema import OUTPUT_INDEX
 
 
 def replay_blocks(log: RunLog, robot: Robot, model: Model, signatures: bool = True) -> Signals:

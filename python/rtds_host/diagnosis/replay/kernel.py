@@ -72,6 +72,18 @@ CURRENT, SPEED, GYRO = (forms.TERM_CODE[f"{name}_sensor"] for name in ("current"
 )
 
 
+@law
+def dry_of(side, k, com):
+    """Whether a side has dry friction of its parameters."""
+    return (
+        side[k, COULOMB] != 0.0
+        or side[k, STRIBECK] != 0.0
+        or side[k, ASYM] != 0.0
+        or side[k, LOAD] != 0.0
+        or com[ROLLING] != 0.0
+    )
+
+
 @loop
 def _followed(angle, t_cmd, kc, k, time):
     """A wheel's measured angle, rad, at a time, s, between the rows of the commands in force and next."""
@@ -90,16 +102,14 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     t : (n,) s, times of the samples wanted; the first is where the replay starts.
     t_cmd : (m,) s, times of the commands, which may begin before t; cmd : (m, 2) V (rad/s in speed mode), held until
         the next; bus_log : (m,) V at the same times, used where `bus_measured` is set.
-    angle : (m, 2) rad, the wheels' measured angles at the same times, which a ripple then follows, or (0, 2): a replay
-    drifts,
-        and what repeats twelve times a turn is soon out of step.
-    side : (2, len(SIDE)); com : (len(COMMON),), see `layout`; curves : (2, MOST_FORMS, WIDTH) forms, see `plant.forms`.
+    angle : (m, 2) rad, the wheels' measured angles at the same times, which a ripple then follows, or (0, 2). A replay
+        drifts, and what repeats twelve times a turn is soon out of step.
+    side : (2, len(SIDE)), com : (len(COMMON),), see `plant.schema`; curves : (2, MOST_FORMS, WIDTH), see `plant.forms`.
     run : (4,) payload kg, slope rad, uphill yaw rad, time s at which the run began.
     start : (15,) x, y, yaw, th_l, th_r, w_l, w_r, i_l, i_r at t[0], w_l, w_r, i_l, i_r as reported there (currents: NaN
-    where not), and what
-        of these currents noise may be.
+        where not), and what of these currents noise may be.
     h_max : s, longest step; h_play : s, the same while a rotor is within its free play, where it meets a flank next.
-    out : (n, 11) filled with what the sensors would report, columns as `layout.OUTPUTS`.
+    out : (n, 11) filled with what the sensors would report, columns as `plant.schema.OUTPUTS`.
 
     A state that leaves the finite numbers fills the remaining rows with 1e6.
     """
@@ -148,18 +158,9 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
         elif side[k, BACKLASH] > 0.0:
             contact[k] = gear.FREE
             flexible = True
-        if (
-            side[k, COULOMB] != 0.0
-            or side[k, STRIBECK] != 0.0
-            or side[k, ASYM] != 0.0
-            or side[k, LOAD] != 0.0
-            or com[ROLLING] != 0.0
-        ):
-            dry = True
+        dry = dry or dry_of(side, k, com) or forms.holds(curves[k])
         if side[k, LOAD] != 0.0:
             outer = TRIALS
-        if forms.holds(curves[k]):
-            dry = True
     formed = forms.any_of(curves)
     acts = np.zeros((2, forms.ACTS))  # what the forms of a side come to in a step
     about = np.zeros(forms.ABOUT)  # what they run over
@@ -536,26 +537,14 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                         q = spin * h * scrub
                         for turn in range(2):
                             dv, dr = ground.body_moves(h, i11, i12, i22, gx, gz, q)
-                            b0 = side[0, RADIUS] * alpha[0] - (v - half * rate) - dv + half * dr
-                            b1 = side[1, RADIUS] * alpha[1] - (v + half * rate) - dv - half * dr
-                            if slipping:
-                                b0 -= yield_z[0]
-                                b1 -= yield_z[1]
+                            rim0, rim1 = side[0, RADIUS] * alpha[0], side[1, RADIUS] * alpha[1]
+                            b0, b1 = ground.rim_gaps(v, rate, half, dv, dr, rim0, rim1, yield_z[0], yield_z[1])
                             force[0], force[1] = ground.tractions(a00, a11, wx, det, b0, b1)
                             if slipping:
                                 asked[0], asked[1] = force[0], force[1]
+                                slip0, slip1 = side[0, SLIP], side[1, SLIP]
                                 force[0], force[1] = ground.on_ground(
-                                    force[0],
-                                    force[1],
-                                    b0,
-                                    b1,
-                                    a00,
-                                    a11,
-                                    wx,
-                                    side[0, SLIP],
-                                    side[1, SLIP],
-                                    grip[0],
-                                    grip[1],
+                                    force[0], force[1], b0, b1, a00, a11, wx, slip0, slip1, grip[0], grip[1]
                                 )
                             rate_new = rate + dr + ground.yawed(h, i12, i22, half, force[0], force[1])
                             if scrub == 0.0 or turn == 1 or spin * rate_new > 0.0:
@@ -673,46 +662,32 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                             whole[k] = ground.sheared(whole[k], asked[k], taken[k], tangent[k], grip[k])
                             tyre[k] = ground.relaxed(h, tyre[k], side[k, SLIP], whole[k], shear_i[k])
         now = ahead
-        bad = False
+        bad = not (abs(v) < 1e6 and abs(rate) < 1e6)
         for k in range(sides):
-            if not (abs(w[k]) < 1e6 and abs(cur[k]) < 1e6):
-                bad = True
-        if not (abs(v) < 1e6 and abs(rate) < 1e6):
-            bad = True
+            bad = bad or not (abs(w[k]) < 1e6 and abs(cur[k]) < 1e6)
         if bad:
-            for k in range(min(ka, kp), n):
-                for c in range(11):
-                    out[k, c] = 1e6
+            out[min(ka, kp) :] = 1e6
             return
 
 
 @loop
-def replay_runs(t, rows, t_cmd, cmd, bus_log, at_cmd, angle, at_angle, runs, starts, first, model, steps, out):
+def replay_runs(inputs, starts, first, model, steps, out):
     """Replay runs that lie one after another in memory, without a way back to Python between them: pieces of an axis
     are short, and a call would cost more than what it computes.
 
-    rows, at_cmd, at_angle : (runs + 1,) where each begins in t, in the commands and in the angles.
-    runs : one row each; starts : one row of each run that is wanted, from `first` on.
-    model : side, com and curves; steps : h_max and h_play; out : (n, 11) of the runs wanted. The others are as of
-    `replay`.
+    Parameters
+    ----------
+    inputs : times, where each run begins in them (runs + 1,), times of the commands, commands, bus, where each run
+        begins in the commands, angles, where each run begins in these, and one row of each run: as of `replay`.
+    starts : one row of each run that is wanted, from `first` on.
+    model : side, com and curves; steps : h_max and h_play; out : (n, 11) of the runs wanted.
     """
+    t, rows, t_cmd, cmd, bus_log, at_cmd, angle, at_angle, runs = inputs
     side, com, curves = model
     h_max, h_play = steps
-    for run in range(first, first + len(starts)):
-        a, b, c, d, e, f = rows[run], rows[run + 1], at_cmd[run], at_cmd[run + 1], at_angle[run], at_angle[run + 1]
+    for k in range(len(starts)):
+        r = first + k
+        a, b, c, d, e, f = rows[r], rows[r + 1], at_cmd[r], at_cmd[r + 1], at_angle[r], at_angle[r + 1]
+        driven = t[a:b], t_cmd[c:d], cmd[c:d], bus_log[c:d], angle[e:f]
         into = out[a - rows[first] : b - rows[first]]
-        replay(
-            t[a:b],
-            t_cmd[c:d],
-            cmd[c:d],
-            bus_log[c:d],
-            angle[e:f],
-            side,
-            com,
-            curves,
-            runs[run],
-            starts[run - first],
-            h_max,
-            h_play,
-            into,
-        )
+        replay(*driven, side, com, curves, runs[r], starts[k], h_max, h_play, into)

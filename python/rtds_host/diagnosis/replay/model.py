@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numba
 import numpy as np
 
 from rtds_host.contract import Robot, RunLog
 from rtds_host.diagnosis.replay import kernel
-from rtds_host.diagnosis.replay.layout import COMMON, COMMON_INDEX, OUTPUT_INDEX, OUTPUTS, SIDE, SIDE_INDEX
 from rtds_host.diagnosis.replay.simd import replay_batch
 from rtds_host.diagnosis.start import DECLARED, Start
 from rtds_host.diagnosis.thresholds import SIGNIFICANT
 from rtds_host.plant.forms import no_forms
+from rtds_host.plant.schema import COMMON, COMMON_INDEX, OUTPUT_INDEX, OUTPUTS, SIDE, SIDE_INDEX
 
 # Numerical: longest step of the search: its error moves no sample by more than about a quarter of its noise (steps of
 # 20 V), and chi2 by a few units. What is reported is replayed at `REPORT_STEP_S`, at which these are a tenth of that.
@@ -56,32 +57,32 @@ class Model:
 
     def copy(self) -> Model:
         """An independent copy."""
-        return Model(self.side.copy(), self.common.copy(), self.forms.copy(), self.start)
+        return self.begun(self.start)
 
     def begun(self, start: Start) -> Model:
         """An independent copy whose runs begin otherwise."""
         return Model(self.side.copy(), self.common.copy(), self.forms.copy(), start)
 
+    def _entry(self, name: str, sides: tuple[int, ...]) -> tuple[np.ndarray, Any]:
+        """Where an entry is, of the given sides if it has sides: the array and the place in it."""
+        if name in SIDE_INDEX:
+            return self.side, (list(sides), SIDE_INDEX[name])
+        return self.common, COMMON_INDEX[name]
+
     def scale(self, name: str, factor: float, sides: tuple[int, ...] = (0, 1)) -> None:
         """Multiply an entry, of the given sides if it has sides."""
-        if name in SIDE_INDEX:
-            self.side[list(sides), SIDE_INDEX[name]] *= factor
-        else:
-            self.common[COMMON_INDEX[name]] *= factor
+        values, place = self._entry(name, sides)
+        values[place] *= factor
 
     def add(self, name: str, value: float, sides: tuple[int, ...] = (0, 1)) -> None:
         """Add to an entry, of the given sides if it has sides."""
-        if name in SIDE_INDEX:
-            self.side[list(sides), SIDE_INDEX[name]] += value
-        else:
-            self.common[COMMON_INDEX[name]] += value
+        values, place = self._entry(name, sides)
+        values[place] += value
 
     def put(self, name: str, value: float, sides: tuple[int, ...] = (0, 1)) -> None:
         """Set an entry, of the given sides if it has sides."""
-        if name in SIDE_INDEX:
-            self.side[list(sides), SIDE_INDEX[name]] = value
-        else:
-            self.common[COMMON_INDEX[name]] = value
+        values, place = self._entry(name, sides)
+        values[place] = value
 
     def get(self, name: str, side: int = 0) -> float:
         """One entry."""
@@ -291,13 +292,12 @@ def _angle(log: RunLog, side: str, start: float) -> np.ndarray:
 
 def stretch_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.ndarray, ...]:
     """The same for rows first <= k < last of a robot's run, started from what is measured at the first of them."""
-    t, _, commands, bus, angle, run, _ = row_inputs(log, robot)
-    before = _known(t, first)
+    inputs = row_inputs(log, robot)
     start = start_state(log.rows(first, last), robot)
-    known = t[before:last], commands[before:last], bus[before:last]
+    t, t_cmd, commands, bus, angle, run, _ = _cut(inputs, first, last, start)
     if first == 0:
-        known = _from_before(*known, robot, start)
-    return (np.ascontiguousarray(t[first:last]), *(np.ascontiguousarray(part) for part in known), angle, run, start)
+        t_cmd, commands, bus = _from_before(t_cmd, commands, bus, robot, start)
+    return t, t_cmd, commands, bus, angle, run, start
 
 
 def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.ndarray, ...]:
@@ -307,7 +307,8 @@ def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.n
     filter and no delay into the state), else from the speed's own samples. Commands from before stay known, for effects
     that make them late.
     """
-    t, _, commands, bus, angle, run, start = row_inputs(log, robot)
+    inputs = row_inputs(log, robot)
+    t, _, commands, bus, _, _, start = inputs
     half = START_ROWS * float(np.median(np.diff(t)))
     about = np.abs(t - t[first]) <= half * (1.0 + 1e-6)
     for k, side in enumerate(robot.sides):
@@ -326,21 +327,15 @@ def piece_inputs(log: RunLog, robot: Robot, first: int, last: int) -> tuple[np.n
             start[7 + k] = (
                 volts - motor.back_emf_constant_v_s_per_rad * motor.gear_ratio * start[5 + k]
             ) / motor.resistance_ohm
-    before = _known(t, first)
-    return (
-        np.ascontiguousarray(t[first:last]),
-        np.ascontiguousarray(t[before:last]),
-        np.ascontiguousarray(commands[before:last]),
-        np.ascontiguousarray(bus[before:last]),
-        angle,
-        run,
-        start,
-    )
+    return _cut(inputs, first, last, start)
 
 
-def _known(t: np.ndarray, first: int) -> int:
-    """The row whose command is the first that may still act at row `first`."""
-    return max(0, int(np.searchsorted(t, t[first] - LONGEST_DELAY_S, side="right")) - 1)
+def _cut(inputs: tuple[np.ndarray, ...], first: int, last: int, start: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Inputs of rows first <= k < last that begin at `start`, with the commands from before that may still act."""
+    t, _, commands, bus, angle, run, _ = inputs
+    before = max(0, int(np.searchsorted(t, t[first] - LONGEST_DELAY_S, side="right")) - 1)
+    parts = (part[before:last] for part in (t, commands, bus))
+    return (t[first:last].copy(), *(np.ascontiguousarray(part) for part in parts), angle, run, start)
 
 
 def _at(log: RunLog, name: str, row: int, default: float) -> float:
@@ -374,24 +369,10 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
     -------
     (n, 11) what the sensors would report without noise, columns as `OUTPUTS`, SI.
     """
-    t, t_cmd, commands, bus, angle, run, start = inputs
-    out = np.empty((len(t), len(OUTPUTS)))
-    kernel.replay(
-        t,
-        t_cmd,
-        commands,
-        bus,
-        angle,
-        model.side,
-        model.common,
-        model.forms,
-        run,
-        start,
-        step_s or model.step_s,
-        FINE_STEP_S,
-        out,
-    )
-    _on_clocks(model, t, out)
+    out = np.empty((len(inputs[0]), len(OUTPUTS)))
+    longest, numbers = step_s or model.step_s, (model.side, model.common, model.forms)
+    kernel.replay(*inputs[:5], *numbers, *inputs[5:], longest, FINE_STEP_S, out)
+    _on_clocks(model, inputs[0], out)
     return out
 
 
@@ -427,13 +408,15 @@ class ReplayBatch:
 
     def __init__(self, inputs: list[tuple[np.ndarray, ...]]):
         self.inputs = inputs
-        self.t, self.t_cmd, self.commands, self.bus, self.angle = (
+        t, t_cmd, commands, bus, angle = (
             np.ascontiguousarray(np.concatenate([run[k] for run in inputs])) for k in range(5)
         )
-        self.rows, self.at_cmd, self.at_angle = (
+        self.t = t
+        self.rows, at_cmd, at_angle = (
             np.concatenate([[0], np.cumsum([len(run[k]) for run in inputs])]) for k in (0, 1, 4)
         )
-        self.runs = np.array([run[5] for run in inputs])
+        runs = np.array([run[5] for run in inputs])
+        self._in_memory = t, self.rows, t_cmd, commands, bus, at_cmd, angle, at_angle, runs
         # The longest first: those that come last go on by themselves.
         self.order = np.argsort(-np.diff(self.rows), kind="stable")
 
@@ -447,57 +430,42 @@ class ReplayBatch:
     def replay_alone(self, model: Model, first: int, last: int, step_s: float) -> np.ndarray:
         """Replays (rows, 11) of some runs, from `first` to before `last`, of any model: as of `replay_run`."""
         out = np.empty((self.rows[last] - self.rows[first], len(OUTPUTS)))
-        kernel.replay_runs(
-            self.t,
-            self.rows,
-            self.t_cmd,
-            self.commands,
-            self.bus,
-            self.at_cmd,
-            self.angle,
-            self.at_angle,
-            self.runs,
-            np.array([run[6] for run in self.inputs[first:last]]),
-            first,
-            (model.side, model.common, model.forms),
-            (step_s, FINE_STEP_S),
-            out,
-        )
-        if any(model.get(quantity) for quantity in CLOCKS):
-            for begun, ended in zip(self.rows[first:last], self.rows[first + 1 :]):
-                _on_clocks(model, self.t[begun:ended], out[begun - self.rows[first] : ended - self.rows[first]])
+        numbers = model.side, model.common, model.forms
+        kernel.replay_runs(self._in_memory, self._starts(first, last), first, numbers, (step_s, FINE_STEP_S), out)
+        self._put_on_clocks(model, first, last, out)
         return out
 
     def replay(self, models: list[Model], steps: Sequence[float | None] | None = None) -> np.ndarray:
         """Replays (models, rows of all runs, 11), columns as `OUTPUTS`, of models that are `batched`; steps : as of
         `replay_run`.
         """
-        steps = steps or [None] * len(models)
+        longest = [step or model.step_s for model, step in zip(models, steps or [None] * len(models))]
         out = np.empty((len(models), self.rows[-1], len(OUTPUTS)))
         which = np.array([(k, run) for run in self.order for k in range(len(models))])
-        # Where a run begins may have been estimated again.
-        starts = np.array([run[6] for run in self.inputs])
         replay_batch(
-            self.t,
-            self.rows,
-            self.t_cmd,
-            self.commands,
-            self.bus,
-            self.at_cmd,
-            self.angle,
-            self.at_angle,
-            self.runs,
-            starts,
-            np.array([model.side for model in models]),
-            np.array([model.common for model in models]),
-            np.array([model.forms for model in models]),
-            np.array([step or model.step_s for model, step in zip(models, steps)]),
+            self._in_memory,
+            self._starts(0, len(self.inputs)),
+            (
+                np.array([m.side for m in models]),
+                np.array([m.common for m in models]),
+                np.array([m.forms for m in models]),
+            ),
+            np.array(longest),
             FINE_STEP_S,
             which,
             out.reshape(-1, len(OUTPUTS)),
             which[:, 0] * self.rows[-1] + self.rows[which[:, 1]],
         )
         for model, mine in zip(models, out):
-            for first, last in zip(self.rows, self.rows[1:]):
-                _on_clocks(model, self.t[first:last], mine[first:last])
+            self._put_on_clocks(model, 0, len(self.inputs), mine)
         return out
+
+    def _starts(self, first: int, last: int) -> np.ndarray:
+        """Where runs begin, which may have been estimated again."""
+        return np.array([run[6] for run in self.inputs[first:last]])
+
+    def _put_on_clocks(self, model: Model, first: int, last: int, out: np.ndarray) -> None:
+        if any(model.get(quantity) for quantity in CLOCKS):
+            rows = self.rows[first : last + 1]
+            for begun, ended in zip(rows, rows[1:]):
+                _on_clocks(model, self.t[begun:ended], out[begun - rows[0] : ended - rows[0]])

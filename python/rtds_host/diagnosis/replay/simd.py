@@ -82,13 +82,7 @@ def _begin(s, l, side, com, run, start):
         s[o + INERTIA] = ratio * ratio * side[k, one.J]
         s[o + FLUID] = ratio * ratio * side[k, one.B] + side[k, one.VISCOUS_W]
         s[o + FRICTION] = side[k, one.COULOMB] + friction.rolling(com[one.ROLLING], mass, side[k, one.RADIUS])
-        if (
-            side[k, one.COULOMB] != 0.0
-            or side[k, one.STRIBECK] != 0.0
-            or side[k, one.ASYM] != 0.0
-            or side[k, one.LOAD] != 0.0
-            or com[one.ROLLING] != 0.0
-        ):
+        if one.dry_of(side, k, com):
             dry = 1.0
         s[o + SHEAR_TAU] = ground.shear_time(side[k, one.SLIP_DAMPING], side[k, one.SLIP], side[k, one.SLIP_LENGTH])
         s[o + GRIP] = ground.grip_of(side[k, one.SLIP_GRIP], mass) if side[k, one.SLIP] != 0.0 else 1.0
@@ -119,12 +113,6 @@ def _begin(s, l, side, com, run, start):
     s[DIR_X + l], s[DIR_Y + l] = math.cos(start[2]), math.sin(start[2])
     s[V + l] = 0.5 * (s[RADIUS + l] * s[W + l] + s[_SIDE + RADIUS + l] * s[_SIDE + W + l])
     s[RATE + l] = (s[_SIDE + RADIUS + l] * s[_SIDE + W + l] - s[RADIUS + l] * s[W + l]) / com[one.TRACK]
-
-
-@loop
-def _any_form(curves, model):
-    """Whether a model has a form."""
-    return forms.any_of(curves[model])
 
 
 @loop
@@ -191,9 +179,37 @@ def _formed(s, job, curved, which, sides, coms, curves, shaped, about, acts):
 
 
 @law
-def _encoder(s, o, l):
-    """Speed where the encoder of a side sits (o: that side's offset), rad/s (contract, section 2)."""
-    return s[o + W] if s[AT_WHEEL + l] > 0.0 else s[o + WM]
+def _speed_read(s, o, l):
+    """What a side's speed sensor has behind its filter (o: that side's offset), rad/s (contract, section 2)."""
+    at_encoder = s[o + W] if s[AT_WHEEL + l] > 0.0 else s[o + WM]
+    return (s[o + WF] if s[o + SPEED_TAU] > 0.0 else at_encoder) * s[o + W_GAIN]
+
+
+@law
+def _is_finite(s, l):
+    """Whether a lane's state is within what `kernel.replay` takes for finite."""
+    sides = abs(s[W + l]) < 1e6 and abs(s[_SIDE + W + l]) < 1e6 and abs(s[CUR + l]) < 1e6
+    return sides and abs(s[_SIDE + CUR + l]) < 1e6 and abs(s[V + l]) < 1e6 and abs(s[RATE + l]) < 1e6
+
+
+@law
+def _rim_gaps(s, l, half, dv, dr):
+    """`ground.rim_gaps` of a lane."""
+    rim0, rim1 = s[RADIUS + l] * s[ALPHA + l], s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l]
+    return ground.rim_gaps(s[V + l], s[RATE + l], half, dv, dr, rim0, rim1, s[YIELDS + l], s[_SIDE + YIELDS + l])
+
+
+@law
+def _held_back(s, l, f0, f1, b0, b1, a00, a11, wx):
+    """`ground.on_ground` of a lane."""
+    slip0, slip1, grip0, grip1 = s[SLIP + l], s[_SIDE + SLIP + l], s[GRIP + l], s[_SIDE + GRIP + l]
+    return ground.on_ground(f0, f1, b0, b1, a00, a11, wx, slip0, slip1, grip0, grip1)
+
+
+@law
+def _more_current(s, o, supply):
+    """`motor.more_current` of a lane's side."""
+    return motor.more_current(s[o + MEAN_V], s[o + MEAN_I], s[o + RISE_V], s[o + VD], s[o + VA], supply)
 
 
 @law
@@ -222,38 +238,18 @@ def _kept_state(s, l, kept, back):
 
 
 @loop
-def replay_batch(
-    ts,
-    t_first,
-    cmds_t,
-    cmds,
-    buses,
-    cmd_first,
-    angles,
-    angle_first,
-    runs,
-    starts,
-    sides,
-    coms,
-    curves,
-    h_max,
-    h_play,
-    which,
-    out,
-    out_first,
-):
+def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
     """Replay several jobs, each a model on a run.
 
     Parameters
     ----------
-    ts : (sum n,) s, times of all runs' samples, one run after another; t_first : (runs + 1,) where each run's begin.
-    cmds_t, cmds, buses : (sum m,), (sum m, 2), (sum m,) their commands; cmd_first : (runs + 1,) likewise.
-    angles : (a, 2), angle_first : (runs + 1,) angles that a ripple follows, of no rows or of m.
-    runs : (runs, 4), starts : (runs, 15); sides : (models, 2, len(SIDE)), coms : (models, len(COMMON)), curves :
-        (models, 2, MOST_FORMS, WIDTH) forms; h_max : (models,) s, longest steps; h_play : s, the longest within free
-        play, see `kernel.replay`.
+    inputs : all runs one after another, as of `kernel.replay_runs`; starts : (runs, 15).
+    models : (models, 2, len(SIDE)), (models, len(COMMON)) and (models, 2, MOST_FORMS, WIDTH) forms.
+    h_max : (models,) s, longest steps; h_play : s, the longest within free play, see `kernel.replay`.
     which : (jobs, 2) model and run of each; out : (rows, 11) filled, job by job from rows out_first (jobs,).
     """
+    ts, t_first, cmds_t, cmds, buses, cmd_first, angles, angle_first, runs = inputs
+    sides, coms, curves = models
     jobs = which.shape[0]
     # A row of lanes within one line of the cache: rows across two take half as long again.
     unaligned = np.zeros(SIZE + SIMD_WIDTH)
@@ -267,19 +263,11 @@ def replay_batch(
     # Rows of what comes next in a lane, a sample, its pose, a command, and where they end; and from a sample's row to
     # that of `out`.
     sample, pose, last = np.zeros(SIMD_WIDTH, np.int64), np.zeros(SIMD_WIDTH, np.int64), np.zeros(SIMD_WIDTH, np.int64)
-    command, last_command, to_out = (
-        np.zeros(SIMD_WIDTH, np.int64),
-        np.zeros(SIMD_WIDTH, np.int64),
-        np.zeros(SIMD_WIDTH, np.int64),
-    )
+    command, last_command, to_out = np.zeros_like(sample), np.zeros_like(sample), np.zeros_like(sample)
     # When these are due, s.
     next_sample, next_pose, next_command = np.zeros(SIMD_WIDTH), np.zeros(SIMD_WIDTH), np.zeros(SIMD_WIDTH)
     # The next sample of a speed that comes later than that by its own delay, s, and where its run begins.
-    held_s, lagging, begin = (
-        np.zeros((2, SIMD_WIDTH)),
-        np.zeros((2, SIMD_WIDTH), np.int64),
-        np.zeros(SIMD_WIDTH, np.int64),
-    )
+    held_s, lagging, begin = np.zeros((2, SIMD_WIDTH)), np.zeros((2, SIMD_WIDTH), np.int64), np.zeros_like(sample)
     lags = np.zeros(SIMD_WIDTH, np.bool_)
     shapes = np.zeros(SIMD_WIDTH, np.bool_)
     curved = np.zeros(SIMD_WIDTH, np.bool_)
@@ -338,7 +326,7 @@ def replay_batch(
                     to_out[l] = out_first[j] - t_first[r]
                     now = ts[t_first[r]]
                     of_model = sides[which[j, 0]]
-                    curved[l] = _any_form(curves, which[j, 0])
+                    curved[l] = forms.any_of(curves[which[j, 0]])
                     shapes[l] = one.shaped_by(of_model, 0) or one.shaped_by(of_model, 1)
                     plays[l] = s[BACKLASH + l] > 0.0 or s[_SIDE + BACKLASH + l] > 0.0
                     shaped = heated = scrubbed = pulled = faded = filtered = slipping = drawn = flexible = False
@@ -357,14 +345,7 @@ def replay_batch(
                 due = now + 1e-9
                 end = last[l]
                 reports = next_sample[l] <= due or next_pose[l] <= due
-                if (reports or lags[l]) and not (
-                    abs(s[W + l]) < 1e6
-                    and abs(s[_SIDE + W + l]) < 1e6
-                    and abs(s[CUR + l]) < 1e6
-                    and abs(s[_SIDE + CUR + l]) < 1e6
-                    and abs(s[V + l]) < 1e6
-                    and abs(s[RATE + l]) < 1e6
-                ):
+                if (reports or lags[l]) and not _is_finite(s, l):
                     for k in range(min(sample[l], pose[l]), end):
                         out[to_out[l] + k] = 1e6
                     sample[l] = pose[l] = lagging[0, l] = lagging[1, l] = end
@@ -394,9 +375,7 @@ def replay_batch(
                             o = i * _SIDE + l
                             out[row, 1 + i] = sensors.scaled(s[o + CUR], s[o + I_GAIN], s[o + I_BIAS])
                             if held_s[i, l] <= 0.0:
-                                out[row, 3 + i] = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else _encoder(s, o, l)) * s[
-                                    o + W_GAIN
-                                ]
+                                out[row, 3 + i] = _speed_read(s, o, l)
                             before = 0.0 if s[AT_WHEEL + l] > 0.0 else s[o + PLAY]
                             out[row, 5 + i] = (s[o + TH] + before) * s[o + W_GAIN]
                         out[row, 7] = sensors.scaled(s[RATE + l], s[GYRO_GAIN + l], s[GYRO_BIAS + l])
@@ -414,7 +393,7 @@ def replay_batch(
                             o = i * _SIDE + l
                             k = lagging[i, l]
                             while k < end and ts[k] - later <= due:
-                                speed = (s[o + WF] if s[o + SPEED_TAU] > 0.0 else _encoder(s, o, l)) * s[o + W_GAIN]
+                                speed = _speed_read(s, o, l)
                                 if curved[l]:
                                     speed += _told(curves, which[job[l], 0], i, speed)
                                 if ts[k] - later < ts[begin[l]]:
@@ -434,12 +413,11 @@ def replay_batch(
                     while row < len(s):
                         s[row] = 0.0
                         row += lanes
-                    s[H + l] = s[LOAD_J + l] = s[SUPPLY + l] = s[INERTIA + l] = s[_SIDE + INERTIA + l] = s[I11 + l] = s[
-                        I22 + l
-                    ] = 1.0
+                    s[H + l] = s[LOAD_J + l] = s[SUPPLY + l] = s[I11 + l] = s[I22 + l] = 1.0
                     for i in range(2):
-                        s[i * _SIDE + GRIP + l] = s[i * _SIDE + LATE_SHEAR + l] = s[i * _SIDE + PER_SHEAR + l] = 1.0
-                        s[i * _SIDE + RES + l] = s[i * _SIDE + IND + l] = s[i * _SIDE + STRIBECK_W + l] = 1.0
+                        o = i * _SIDE + l
+                        s[o + INERTIA] = s[o + GRIP] = s[o + LATE_SHEAR] = s[o + PER_SHEAR] = 1.0
+                        s[o + RES] = s[o + IND] = s[o + STRIBECK_W] = 1.0
                     shapes[l] = False
                     curved[l] = False
                     plays[l] = False
@@ -616,16 +594,7 @@ def replay_batch(
                     # them here would keep this one out of vector registers.
                     amperes = driver.draw(s[MEAN + l], s[VA + l], supply)
                     amperes += driver.draw(s[_SIDE + MEAN + l], s[_SIDE + VA + l], supply)
-                    lowers = motor.more_current(
-                        s[MEAN_V + l], s[MEAN_I + l], s[RISE_V + l], s[VD + l], s[VA + l], supply
-                    ) + motor.more_current(
-                        s[_SIDE + MEAN_V + l],
-                        s[_SIDE + MEAN_I + l],
-                        s[_SIDE + RISE_V + l],
-                        s[_SIDE + VD + l],
-                        s[_SIDE + VA + l],
-                        supply,
-                    )
+                    lowers = _more_current(s, l, supply) + _more_current(s, _SIDE + l, supply)
                     stepped = driver.sagging(supply, source, level, bus, amperes, lowers)
                     bus = stepped if source != 0.0 else bus
                     s[LEVEL + l] = (s[BUS_ROW + l] if s[MEASURED + l] > 0.0 else bus) / supply
@@ -726,19 +695,10 @@ def replay_batch(
                     det = 1.0 / (a00 * a11 - wx * wx)
                     q = s[SPIN + l] * h * s[SCRUB + l]
                     dv, dr = ground.body_moves(h, i11, i12, i22, s[GX + l], s[GZ + l], q)
-                    b0 = s[RADIUS + l] * s[ALPHA + l] - (s[V + l] - half * s[RATE + l]) - dv + half * dr - s[YIELDS + l]
-                    b1 = (
-                        s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l]
-                        - (s[V + l] + half * s[RATE + l])
-                        - dv
-                        - half * dr
-                        - s[_SIDE + YIELDS + l]
-                    )
+                    b0, b1 = _rim_gaps(s, l, half, dv, dr)
                     f0, f1 = ground.tractions(a00, a11, wx, det, b0, b1)
                     s[ASKED + l], s[_SIDE + ASKED + l] = f0, f1
-                    f0, f1 = ground.on_ground(
-                        f0, f1, b0, b1, a00, a11, wx, s[SLIP + l], s[_SIDE + SLIP + l], s[GRIP + l], s[_SIDE + GRIP + l]
-                    )
+                    f0, f1 = _held_back(s, l, f0, f1, b0, b1, a00, a11, wx)
                     s[FORCE + l], s[_SIDE + FORCE + l], s[DV + l], s[DR + l] = f0, f1, dv, dr
                     s[A00 + l], s[A11 + l], s[WX + l], s[DET + l] = a00, a11, wx, det
                     s[RATE_N + l] = s[RATE + l] + dr + ground.yawed(h, i12, i22, half, f0, f1)
@@ -751,37 +711,12 @@ def replay_batch(
                         gain = ground.scrub_gain(h, i12, i22, half, a00, a11, wx, det)
                         q = ground.stopping(s[SPIN + l] * most, s[RATE_N + l], gain, most, i22)
                         dv, dr = ground.body_moves(h, i11, i12, i22, s[GX + l], s[GZ + l], q)
-                        b0 = (
-                            s[RADIUS + l] * s[ALPHA + l]
-                            - (s[V + l] - half * s[RATE + l])
-                            - dv
-                            + half * dr
-                            - s[YIELDS + l]
-                        )
-                        b1 = (
-                            s[_SIDE + RADIUS + l] * s[_SIDE + ALPHA + l]
-                            - (s[V + l] + half * s[RATE + l])
-                            - dv
-                            - half * dr
-                            - s[_SIDE + YIELDS + l]
-                        )
+                        b0, b1 = _rim_gaps(s, l, half, dv, dr)
                         f0, f1 = ground.tractions(a00, a11, wx, det, b0, b1)
                         reverses = s[SCRUB + l] != 0.0 and s[SPIN + l] * s[RATE_N + l] <= 0.0
                         s[ASKED + l] = f0 if reverses else s[ASKED + l]
                         s[_SIDE + ASKED + l] = f1 if reverses else s[_SIDE + ASKED + l]
-                        f0, f1 = ground.on_ground(
-                            f0,
-                            f1,
-                            b0,
-                            b1,
-                            a00,
-                            a11,
-                            wx,
-                            s[SLIP + l],
-                            s[_SIDE + SLIP + l],
-                            s[GRIP + l],
-                            s[_SIDE + GRIP + l],
-                        )
+                        f0, f1 = _held_back(s, l, f0, f1, b0, b1, a00, a11, wx)
                         s[FORCE + l] = f0 if reverses else s[FORCE + l]
                         s[_SIDE + FORCE + l] = f1 if reverses else s[_SIDE + FORCE + l]
                         s[DV + l] = dv if reverses else s[DV + l]
@@ -798,23 +733,14 @@ def replay_batch(
                     for k in range(2):
                         o = k * _SIDE
                         for l in range(lanes):
-                            h, kind, stick, load_j, kap = (
-                                s[H + l],
-                                s[o + CONTACT + l],
-                                s[o + STICK + l],
-                                s[LOAD_J + l],
-                                s[o + KAP + l],
-                            )
-                            dry = s[DRY + l] > 0.0
+                            h, kind, stick = s[H + l], s[o + CONTACT + l], s[o + STICK + l]
+                            load_j, kap, dry = s[LOAD_J + l], s[o + KAP + l], s[DRY + l] > 0.0
                             hi, lo = s[o + HI + l], s[o + LO + l]
                             p = friction.impulse(stick, hi, lo)
                             w, bm, turn, play = s[o + W + l], s[o + BM + l], s[o + TURN + l], s[o + PLAY + l]
                             edge = 0.5 * s[o + BACKLASH + l]
-                            swung, freed, touched = (
-                                (bm - h * turn - p + h * kap * w) * s[o + SPRING_I + l],
-                                (bm - p) * s[o + FREE_I + l],
-                                w + s[o + APART + l],
-                            )
+                            swung = (bm - h * turn - p + h * kap * w) * s[o + SPRING_I + l]
+                            freed, touched = (bm - p) * s[o + FREE_I + l], w + s[o + APART + l]
                             wm = swung if kind == _SPRING else freed
                             wm = 0.0 if dry and stick == 0.0 else wm
                             swings = kind == _SPRING or kind == _FREE
