@@ -71,8 +71,9 @@ coverage: setup
 
 # Which lines and branches of the Python code the tests reach; compiled loops count as not reached.
 coverage-python: setup system
-	$(BIN)/python -m coverage run -m pytest -m "not long $(BROWSER)" python/tests
-	$(BIN)/python -m coverage report
+	$(BIN)/python -m coverage erase
+	$(BIN)/python -m coverage run -m pytest -n 2 --dist loadfile -m "not long $(BROWSER)" python/tests; \
+	status=$$?; $(BIN)/python -m coverage combine -q && $(BIN)/python -m coverage report && exit $$status
 
 # After a change of python/rtds_host/link/registers.toml.
 registers: setup
