@@ -18,7 +18,6 @@ The functions of this package, each described in `rtds_host.api`:
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
 
 # One thread a BLAS call, before numpy is loaded: the program spreads its work itself (two processes of two threads
 # each on two cores take ninety times as long), and the same sums in the same order give the same file everywhere.
@@ -43,7 +42,12 @@ __all__ = [
     "run",
 ]
 
+# For tools that read types, which know it by its name. `typing` itself takes longer to load than all else here, and a
+# Ctrl-C in that time would meet nobody who answers it.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from rtds_host import plots
     from rtds_host.api import close, diagnose, export, import_case, plan, predict, read_case, run
     from rtds_host.errors import InputError, LinkError, OutputError, RtdsError

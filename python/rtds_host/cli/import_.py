@@ -78,6 +78,7 @@ def import_(
         raise InputError("--out CASE: missing, the folder to write to")
     from rtds_host.contract import check_writable
     from rtds_host.importers.case import import_case
+    from rtds_host.importers.mapping import unconfirmed
 
     check_writable(out)
     runs = import_case(
@@ -110,6 +111,8 @@ def import_(
         answer({"case": out, "runs": said})
         return
     print(visible(runs[0].assumed))
+    if mapping and (guesses := unconfirmed(mapping)):
+        print(f"  note: {visible(mapping)}: {guesses} lines still say `guess`: nobody has confirmed them")
     for run in runs:
         t = run.imported.columns["t"]
         counts = ", ".join(f"{channel} {count}" for channel, count in run.imported.counts.items() if channel != "t")

@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
+# What is loaded here comes with Python: a Ctrl-C while more loaded would be answered with a traceback. The rest is
+# imported where `main` waits for one.
 import os
-import signal
 import sys
-from contextlib import suppress
 
 
 def _end(number: int, frame: object) -> None:
     """A request to end is answered as Ctrl-C is: what runs is put away, and the process leaves by its own status."""
+    import signal
+
     for asked in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(asked, signal.SIG_IGN)
     raise KeyboardInterrupt(number)
 
 
-def _asked(error: BaseException | None) -> int:
+def _asked(error: BaseException | None, otherwise: int) -> int:
     """Number of the signal that an interruption came from; Click and Typer raise another in its place."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt) and error.args and isinstance(error.args[0], int):
             return error.args[0]
         error = error.__cause__ or error.__context__
-    return int(signal.SIGINT)
+    return otherwise
 
 
 def _release() -> None:
     """Give back what multiprocessing holds in the system: it would warn of semaphores that nobody returned."""
     util = sys.modules.get("multiprocessing.util")
     if util is not None:
-        with suppress(Exception):
+        try:
             util._run_finalizers(0)
+        except Exception:
+            return
 
 
 def main() -> None:
@@ -38,6 +42,8 @@ def main() -> None:
     """
     status = None
     try:
+        import signal
+
         for asked in (signal.SIGTERM, signal.SIGHUP):
             # One that is ignored (nohup) stays so.
             if signal.getsignal(asked) is signal.SIG_DFL:
@@ -52,11 +58,15 @@ def main() -> None:
         # The work is done and said: while Python leaves, Ctrl-C would meet nobody who answers it.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     except KeyboardInterrupt as error:
+        import signal
+
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        by = _asked(error)
-        with suppress(OSError):  # whoever read it has gone first
+        by = _asked(error, int(signal.SIGINT))
+        try:
             print(f"rtds: {'interrupted' if by == signal.SIGINT else 'ended by a signal'}", file=sys.stderr, flush=True)
             sys.stdout.flush()
+        except OSError:
+            pass  # whoever read it has gone first
         _release()
         # Had the signal struck while some import executed a string, Python would end by the signal, whatever status it
         # is given.

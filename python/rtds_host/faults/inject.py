@@ -10,18 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from rtds_host.compat import Self
 from rtds_host.errors import InputError
 from rtds_host.faults.script import INPUT_CHANNELS, SENSOR_CHANNELS, SIDES
 from rtds_host.faults.stimulus import TORQUES, VOLTAGES
 from rtds_host.faults.timeline import NEVER, Injection, Timed
 from rtds_host.link import Exchange, Link
-from rtds_host.link.base import input_words, sample_times, whole_steps
+from rtds_host.link.base import Around, input_words, sample_times, whole_steps
 from rtds_host.link.scaling import ADC_CHANNELS, AdcScale, default_scaling
 from rtds_host.vectors import Vector
 
 
-class FaultLink:
+class FaultLink(Around):
     """`link` with what is injected. Everything but `exchange` and `set_parameters` goes on to it.
 
     Parameters
@@ -34,7 +33,8 @@ class FaultLink:
     """
 
     def __init__(self, link: Link, injection: Injection) -> None:
-        self.inner, self.injection = link, injection
+        super().__init__(link)
+        self.injection = injection
         self.step_s = 0.0
         self._step = 0
         self._open = injection.of_kind("phase_open")
@@ -172,13 +172,3 @@ class FaultLink:
         if force or wanted != self._wanted:
             self._wanted = wanted
             self.inner.set_resistances((wanted[0], wanted[1]))  # type: ignore[attr-defined]
-
-    def close(self) -> None:
-        """See `Link.close`."""
-        self.inner.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exc_info: object) -> None:
-        self.close()

@@ -141,6 +141,12 @@ def load_mapping(path_or_name: str | os.PathLike, above: tuple[str, ...] = ()) -
     return _Parser(path, (*above, place)).mapping(data)
 
 
+def unconfirmed(path: str | os.PathLike) -> int:
+    """Lines of a mapping file that still say that they are a guess, as a draft of `rtds init` marks them."""
+    lines = Path(path).read_text(encoding="utf-8").splitlines() if Path(path).is_file() else []
+    return sum("# guess" in line for line in lines)
+
+
 TOP_LEVEL = (
     *("schema", "name", "robot", "base", "time", "table", "signal", "twist", "commands"),
     *("driver", "servo", "sensors", "definitions", "runs"),

@@ -114,6 +114,31 @@ class Link(Protocol):
     def __exit__(self, *exc_info: object) -> None: ...
 
 
+class Closing:
+    """What `with` needs of an object that has `close`."""
+
+    def close(self) -> None:
+        """Give back what is held. May be called more than once."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        self.close()
+
+
+class Around(Closing):
+    """A link around another one, `inner`, that is closed with it."""
+
+    def __init__(self, inner: Link) -> None:
+        self.inner = inner
+
+    def close(self) -> None:
+        """See `Link.close`."""
+        self.inner.close()
+
+
 def whole_steps(name: str, time_s: float, step_s: float) -> int:
     """The number of steps in `time_s`.
 

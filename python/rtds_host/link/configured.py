@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from rtds_host.compat import Self
 from rtds_host.errors import InputError, LinkError
 from rtds_host.link.base import (
     CLOSED,
     EFFECTS_LATE,
     NO_PARAMETERS,
+    Closing,
     Exchange,
     exchange_of,
     input_words,
@@ -25,7 +25,7 @@ from rtds_host.motor.parameters import Parameters, parameter_words
 from rtds_host.vectors import Vector
 
 
-class ConfiguredLink:
+class ConfiguredLink(Closing):
     """`Link.set_parameters` and `Link.set_effects` by way of `_load`, `Link.exchange` by way of `_run_steps`; a link
     implements both, and `close`.
 
@@ -164,12 +164,6 @@ class ConfiguredLink:
     def close(self) -> None:
         """See `Link.close`."""
         self._closed = True
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exc_info: object) -> None:
-        self.close()
 
     def _check_open(self) -> None:
         if self._closed:

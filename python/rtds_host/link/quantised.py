@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rtds_host.compat import Self
-from rtds_host.link.base import Exchange, Link
+from rtds_host.link.base import Around, Exchange, Link
 from rtds_host.link.scaling import ADC_CHANNELS, DAC_OUTPUTS, Scaling, default_scaling
 from rtds_host.motor.effects import SupplyEffects, UnitEffects
 from rtds_host.vectors import Vector
@@ -16,7 +15,7 @@ STAGES = ("parameters", "voltages", "torques", "outputs")
 """Where a converter is: four parameters, two voltages, two torques through the ADC, four outputs through the DAC."""
 
 
-class QuantisedLink:
+class QuantisedLink(Around):
     """A `Link` with 12-bit converters around another one.
 
     Parameters
@@ -31,7 +30,7 @@ class QuantisedLink:
     """
 
     def __init__(self, inner: Link, scaling: Scaling | None = None, stages: Sequence[str] = STAGES) -> None:
-        self.inner = inner
+        super().__init__(inner)
         self.scaling = scaling or default_scaling()
         self.stages = frozenset(stages)
         self.clipped: set[str] = set()
@@ -107,16 +106,6 @@ class QuantisedLink:
             speeds=np.stack([shown["w_l"], shown["w_r"]], axis=1),
             currents=np.stack([shown["i_l"], shown["i_r"]], axis=1),
         )
-
-    def close(self) -> None:
-        """See `Link.close`."""
-        self.inner.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exc_info: object) -> None:
-        self.close()
 
 
 def columns_of(got: Exchange) -> tuple[np.ndarray, ...]:

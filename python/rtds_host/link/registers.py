@@ -15,8 +15,9 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Protocol
 
-from rtds_host.compat import Self, tomllib
+from rtds_host.compat import tomllib
 from rtds_host.errors import InputError, LinkError
+from rtds_host.link.base import Closing
 
 BAUD = 1_000_000
 SOF_REQUEST = 0xA5
@@ -268,7 +269,7 @@ class SerialTransport:
 # --- client -------------------------------------------------------------------------------------------------------
 
 
-class RegisterClient:
+class RegisterClient(Closing):
     """Reads and writes registers by name.
 
     Parameters
@@ -434,12 +435,6 @@ class RegisterClient:
     def close(self) -> None:
         """Close the transport."""
         self._transport.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *exc_info: object) -> None:
-        self.close()
 
 
 def open_serial(device: str, baud: int = BAUD, timeout_s: float = 0.25) -> RegisterClient:

@@ -78,3 +78,11 @@ def test_when_the_work_is_done_nothing_changes_its_end(tmp_path, program, argume
     ended, printed = struck(tmp_path, program, *arguments)
     assert ended == (status, "rtds: nowhere: is no case folder\n" if status else "")
     assert printed.startswith("rtds, version") == (status == 0)
+
+
+def test_before_it_waits_for_ctrl_c_the_program_loads_nothing_but_itself(tmp_path):
+    program = (
+        "import sys\nbefore = set(sys.modules)\nimport rtds_host.cli.main\nprint(*sorted(set(sys.modules) - before))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert set(done.stdout.split()) <= {"__future__", "rtds_host", "rtds_host.cli", "rtds_host.cli.main"}

@@ -196,11 +196,12 @@ def test_a_draft_of_a_csv_is_a_mapping_that_imports_it(rtds, tmp_path):
     status, out, _ = rtds("init", tmp_path / "mine", *WORDS, "--log", log)
     draft = (tmp_path / "mine" / "mapping.toml").read_text()
     assert status == 0 and "rtds import" in out and draft.count("guess") >= 6 and "# Not used: temp" in draft
-    status, _, said = rtds(
+    status, out, said = rtds(
         "import", log, "--mapping", tmp_path / "mine" / "mapping.toml", "--robot", tmp_path / "mine" / "robot.toml",
         "--out", tmp_path / "case",
     )  # fmt: skip
     assert status == 0, said
+    assert f"mapping.toml: {draft.count('# guess')} lines still say `guess`" in out
     log_read = read_case(tmp_path / "case").runs[0]
     assert np.nanmax(np.abs(log_read.columns["w_l"])) == pytest.approx(30 * 2 * math.pi / 60, rel=0.01)
 
