@@ -42,6 +42,10 @@ def widened(search: Search) -> dict[int, list[Fit]]:
         mine = found.setdefault(len(fit.hypothesis), [])
         if len(mine) < WIDTH:
             mine.append(fit)
+    # Where only noise is left the likelihood is exact.
+    for mine in found.values():
+        for optima in search.optima([f for f in mine if f.hypothesis and not search.closed(f)]):
+            mine.extend(optima[1:])
     return found
 
 

@@ -108,10 +108,14 @@ def chosen(found: Mapping[int, list[Judged]], prior: Callable[[Fit], float]) -> 
     ----------
     found : explanations by their number of effects; prior : -2 log prior density of a fit.
     """
-    best = {count: min(mine, key=lambda j: j.gap) for count, mine in found.items()}
-    count, worthy = min(best), list(found[min(best)])
-    while more := [n for n in sorted(best) if n > count and leaves(best[n], best[count]) < WORTH ** (n - count)]:
-        before, count = count, more[0]
-        worthy = [j for j in found[count] if leaves(j, best[before]) < WORTH ** (count - before)]
-    alike = [j for j in worthy if j.gap <= AS_MUCH * best[count].gap]
+    count = min(found)
+    worthy, best = found[count], min(found[count], key=lambda j: j.gap)
+    while more := {
+        n: worth
+        for n in sorted(found)
+        if n > count and (worth := [j for j in found[n] if leaves(j, best) < WORTH ** (n - count)])
+    }:
+        count, worthy = next(iter(more.items()))
+        best = min(worthy, key=lambda j: j.gap)
+    alike = [j for j in worthy if j.gap <= AS_MUCH * best.gap]
     return min(alike, key=lambda j: prior(j.fit) + len(j.horizons[0]) * math.log(j.together))

@@ -198,7 +198,9 @@ def by_runs_left_out(searches: list[Search], best: Fit) -> tuple[Search, Judged]
         found[len(best.hypothesis)] = [(Judged.of(search.problem, best), search)]
     taken = chosen({count: [judged for judged, _ in mine] for count, mine in found.items()}, search.prior)
     owner = next(one for mine in found.values() for judged, one in mine if judged is taken)
-    return owner, taken
+    # What plain squares found is weighed by the likelihood as all else is, and fitted by it where that is exact.
+    fit = replace(taken.fit, noise=owner.problem.white().estimated(taken.fit.residual))
+    return owner, replace(taken, fit=owner.try_fit(fit.hypothesis, fit.u, fit) if owner.closed(fit) else fit)
 
 
 def conclude(

@@ -6,7 +6,7 @@ Their score is -2 log of evidence and prior (`fit`, `log_prior`).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -59,6 +59,7 @@ class Explanations:
         self.fits: dict[Hypothesis, Fit] = {}
         self._begun: dict[tuple, float] = {}  # explanations that were fitted, what each fit began from, and its score
         self._refitted: Fit | None = None
+        self._optima: dict[Hypothesis, tuple[Fit, Fit]] = {}
 
     # ---- scores
 
@@ -165,6 +166,26 @@ class Explanations:
                 self.fits[fit.hypothesis] = fit
             self._begun[key] = self.score(fit)
         return [self._begun[key] for key in keys]
+
+    def optima(self, fits: Sequence[Fit]) -> list[list[Fit]]:
+        """Of each explanation the fit, that by plain squares from no nuisance, and that by the likelihood from there.
+
+        A logarithm of squares has many local optima, since what fits a stretch well makes that stretch heavy; plain
+        squares have few, and do not hang on the noise that is declared. Which one is best runs left out decide.
+        Graduated non-convexity: A. Blake, A. Zisserman, Visual Reconstruction, 1987.
+        """
+        white = self.problem.white()
+        new = [f for f in fits if f.hypothesis not in self._optima or self._optima[f.hypothesis][0].start != f.start]
+        plain = side_by_side(
+            self.problem,
+            [self.fitter.fitting(f.hypothesis, f.u, np.zeros_like(f.z), white, ITERATIONS, fixed=True) for f in new],
+        )
+        likely = side_by_side(
+            self.problem, [self.fitter.fitting(f.hypothesis, f.u, f.z, white, ITERATIONS) for f in plain]
+        )
+        for others in zip(plain, likely, strict=True):
+            self._optima[others[0].hypothesis] = others
+        return [[fit, *filter(self.named, self._optima[fit.hypothesis])] for fit in fits]
 
     def fitting_to(self, hypothesis: Hypothesis, start: np.ndarray, reference: Fit, rough: bool) -> Asking[Fit]:
         z = reference.z

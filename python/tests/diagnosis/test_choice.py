@@ -67,6 +67,15 @@ def test_a_further_effect_is_not_taken_for_a_little_less():
     assert leaves(two, one) > WORTH
 
 
+def test_one_explanation_of_that_many_effects_is_enough_to_be_worth_them():
+    """The one with the smallest gap is not: of the quiet current it brings nothing closer."""
+    loud, both = judged(4.45, 2.0), judged(4.7, 1.4)
+    assert loud.gap < both.gap
+    none = judged(5.0, 2.0)
+    assert leaves(loud, none) > WORTH > leaves(both, none)
+    assert taken({0: [none], 1: [loud, both]}) is both
+
+
 def test_of_explanations_that_leave_as_much_the_one_more_probable_before_is_taken():
     """Two large effects that cancel leave a little less than two small ones."""
     large, small, worse = judged(2.0, 2.0, prior=30.0), judged(2.1, 2.1, prior=20.0), judged(2.5, 2.5, prior=1.0)

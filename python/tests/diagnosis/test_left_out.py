@@ -133,3 +133,19 @@ def test_samples_that_are_held_show_no_noise():
         columns["w_l"] = np.repeat(columns["w_l"][::5], 5)[: len(t)]
 
     assert "w_l" not in Problem(changed(make_case(seconds=20.0), held), 1).sample_noise
+
+
+def test_plain_squares_find_another_optimum_of_an_explanation_than_the_likelihood():
+    """Two runs say one friction and a third another one: the likelihood lets the third go, plain squares do not."""
+    robot, runs = builtin_robot("burger"), []
+    for seed, friction in enumerate((0.02, 0.02, 0.035)):
+        model = nominal_model(robot)
+        model.add("coulomb", friction)
+        runs.append(make_run(f"steps-{seed}", model, robot, "steps", seed=seed))
+    search, fit = fitted(Case("frictions", robot, tuple(runs)), {COULOMB: {"torque_nm": 0.02}})
+    optima = search.optima([fit])[0]
+    plain = next(one for one in optima if one.noise.root is None)
+    assert optima[0] is fit
+    assert [one.hypothesis for one in optima] == [fit.hypothesis] * len(optima)
+    assert float(plain.residual @ plain.residual) < 0.98 * float(fit.residual @ fit.residual)
+    assert plain.values[0]["torque_nm"] > 1.03 * fit.values[0]["torque_nm"]
