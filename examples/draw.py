@@ -197,6 +197,7 @@ def rooms() -> str:
         Box(410, 180, "robot/\nPyBullet, MuJoCo", "physics"),
         Box(580, 180, "correction/\neffects in the loop"),
         Box(250, 180, "run folder\nrun.json, log.csv", "file"),
+        Box(90, 180, "studies/\nmeasure both halves"),
     ]
     b = [
         Box(90, 320, "importers/\nbags, csv"),
