@@ -1,4 +1,4 @@
-"""What all figures do with names that come from outside: they are text, whatever stands in them."""
+"""What all figures do with names that come from outside: they are text, whatever they hold."""
 
 from __future__ import annotations
 

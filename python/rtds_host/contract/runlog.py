@@ -238,7 +238,7 @@ def _value(cell: str) -> float:
 
 
 def twice(names: list[str]) -> str | None:
-    """The first of the names, in the order of the alphabet, that stands more than once; None where none does."""
+    """The first of the names, in the order of the alphabet, that is there more than once; None where none is."""
     return min((name for name, count in Counter(names).items() if count > 1), default=None)
 
 
@@ -436,7 +436,7 @@ def _header(path: Path, line: str) -> list[str]:
 
 
 def _read_parquet(path: Path) -> _Table:
-    """Columns; sample k stands in row k + 1, a Parquet file has no header line."""
+    """Columns; sample k is in row k + 1, a Parquet file has no header line."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

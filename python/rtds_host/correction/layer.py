@@ -1,4 +1,4 @@
-"""What stands between a motor unit and the physics engine: gear, tyre and scrub, at a small step.
+"""What is between a motor unit and the physics engine: gear, tyre and scrub, at a small step.
 
 The engine's wheels turn as they are told and answer with a torque; a spring, free play, a slipping tyre or a torque
 against the yaw rate have no place in it, and fed back an exchange late they would ring. Here they are integrated with
@@ -130,12 +130,12 @@ def roll(
                 # As in the replay's kernel, in torques and wheel speeds.
                 radius = side[k, RADIUS]
                 tau = ground.shear_time(side[k, SLIP_DAMPING], side[k, SLIP], side[k, SLIP_LENGTH])
-                late, shear[k] = ground.shear_step(h, tau)
+                theta, shear[k] = ground.shear_step(h, tau)
                 give[k], shift[k], tangent[k], taken[k] = ground.shear(
                     h,
                     side[k, SLIP] / (radius * radius),
                     side[k, SLIP_LENGTH],
-                    late,
+                    theta,
                     shear[k],
                     grip[k],
                     state[k, WHOLE],

@@ -34,7 +34,7 @@ FILES = ("diagnosis.json", "report.html")
 # Next to the results of many cases: what is done, and the lock.
 STATE = ".rtds"
 SHARED = ("cases.parquet", "index.html")
-# Layout: bytes of a case's name; with what stands before and behind it while a file is written, 255 are possible.
+# Layout: bytes of a case's name; with what is put before and behind it while a file is written, 255 are possible.
 LONGEST_NAME = 235
 
 # (case, quick, seed, threads) -> (content of diagnosis.json, report.html, seconds)

@@ -19,7 +19,7 @@ from rtds_host.plant.schema import OUTPUT_INDEX
 # Numerical: half the span over which a window's end is averaged: long against a sample, short against the motion.
 AVERAGE_S = 0.05
 # Numerical: the same for angles where no speed is measured, which then have to show what moves fast, too, and for those
-# of an axis, whose pieces are shorter: they tell a speed that alone is late.
+# of an axis, whose pieces are shorter: they show a delay of the speed alone.
 FINE_WINDOW_S, FINE_AVERAGE_S = 0.1, 0.01
 CHANNELS = ("v_bus", "i_l", "i_r", "w_l", "w_r", "th_l", "th_r", "gyro_z", "x", "y", "yaw")
 
@@ -46,7 +46,7 @@ class _Windows:
         )
 
     def unsure(self, log: RunLog, channel: str) -> np.ndarray | float:
-        """What a channel's moves from end to end have beyond its noise, one standard deviation, (ends - 1,)."""
+        """By how much a channel's change from end to end is less certain than by its noise, sigma, (ends - 1,)."""
         beyond = log.unsure.get(channel)
         if beyond is None:
             return 0.0
@@ -144,7 +144,7 @@ def prepared(log: RunLog, inputs: tuple[np.ndarray, ...], robot: Robot, block_s:
             if windows is None:
                 continue
             scale = noise * np.sqrt(1.0 / windows.counts[1:] + 1.0 / windows.counts[:-1])
-            # Averaging does not help against a count that stands still: an encoder's step limits the noise.
+            # Averaging does not help against a count that does not change: an encoder's step limits the noise.
             scale = np.hypot(np.maximum(scale, noise), windows.unsure(log, channel))
             measured = np.diff(windows.mean(log.columns[channel]))
             angles.append((channel, OUTPUT_INDEX[channel], windows, measured, scale))
@@ -163,7 +163,7 @@ def prepared(log: RunLog, inputs: tuple[np.ndarray, ...], robot: Robot, block_s:
                 for c in ("x", "y", "yaw")
             ]
             counted = tuple(k for k, c in enumerate(("x", "y", "yaw")) if robot.noise(c) and (full or c == "yaw"))
-            pose = (counted, windows, _moves(windows, *columns), scales)
+            pose = (counted, windows, _displacements(windows, *columns), scales)
             for k in counted:
                 note(("x", "y", "yaw")[k], windows.times[:-1])
     return RunData(
@@ -193,7 +193,8 @@ def _sampled(parts: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]) -> _Sa
     )
 
 
-def _moves(windows: _Windows, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> tuple[np.ndarray, ...]:
+def _displacements(windows: _Windows, x: np.ndarray, y: np.ndarray, yaw: np.ndarray) -> tuple[np.ndarray, ...]:
+    """From the end of each window to the next: ahead and to the left as seen at the first, m, and turned, rad."""
     px, py, heading = windows.mean(x), windows.mean(y), windows.mean(yaw)
     dx, dy = np.diff(px), np.diff(py)
     c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
@@ -209,14 +210,14 @@ def run_residual(data: RunData, out: np.ndarray, into: np.ndarray | None = None)
         error = result[:at]
         _in_noise(out.ravel(), data.sampled.entries, data.sampled.measured, data.sampled.noise, error)
         if data.sampled.level is not None:
-            # Its level is the supply's affair; only how it moves is evidence.
+            # Its mean depends on the supply, which nobody declares exactly; only its changes are evidence.
             error[data.sampled.level] -= error[data.sampled.level].mean()
     for _, column, windows, measured, scale in data.angles:
         result[at : at + len(measured)] = (np.diff(windows.mean(out[:, column])) - measured) / scale
         at += len(measured)
     if data.pose is not None:
         counted, windows, measured, noise = data.pose
-        replayed = _moves(windows, out[:, 8], out[:, 9], out[:, 10])
+        replayed = _displacements(windows, out[:, 8], out[:, 9], out[:, 10])
         for k in counted:
             result[at : at + len(noise[k])] = (replayed[k] - measured[k]) / noise[k]
             at += len(noise[k])

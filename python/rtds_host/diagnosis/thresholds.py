@@ -18,7 +18,7 @@ MAJORITY = 0.5
 MINOR_SHARE = 0.1
 # What is of one size is so to a fifth where little else is wrong; a factor that is missed by more is a gain.
 EQUAL_WITHIN = 0.2
-# What stands apart is so many times what is next to it.
+# An outlier is so many times what is next to it.
 CLEAR_RATIO = 3.0
 
 

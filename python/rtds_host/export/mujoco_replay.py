@@ -314,7 +314,7 @@ class ExportedRobot:
         drop = self.number("drop_v", 0.0)
         if not drop.any():
             return volts
-        # A driver's gain stands behind the command: resistance times the actuator's gain.
+        # A driver's gain acts behind the command: resistance times the actuator's gain.
         gain = self.gains
         emf = self.number("back_emf_v_s_per_rad", 0.0) * speeds
         reached = np.array([less_drop.py_func(gain[k] * volts[k], emf[k], drop[k]) for k in (0, 1)])

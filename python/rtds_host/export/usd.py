@@ -2,7 +2,7 @@
 PhysxSchema.
 
 Joints: PhysxJointAxisAPI of the instance `angular` (docs.omniverse.nvidia.com, Physx Joint Schema), whose angles are
-degrees. What no attribute holds stands under "rtds", in SI, for the script that feeds commands and reads sensors.
+degrees. What no attribute holds is under "rtds", in SI, for the script that feeds commands and reads sensors.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Builds the simulators of the RTL, once for each state of sources and tools.
 
-A build stands in ``build/sim/<top>-<simulator>-<key>`` (of an installed package: in ``~/.cache/rtds/sim``); the key is
+A build is in ``build/sim/<top>-<simulator>-<key>`` (of an installed package: in ``~/.cache/rtds/sim``); the key is
 a hash of everything that goes into it. It is made in a scratch folder and renamed when complete; a lock file lets a
 second process wait for the first. What the tools said of a build that failed is kept next to it, in ``<folder>.log``.
 """

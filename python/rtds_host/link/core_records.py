@@ -1,4 +1,4 @@
-"""The records at the ports of rtds_core, as integers; where a field stands is read from the Verilog header that says
+"""The records at the ports of rtds_core, as integers; where a field is, is read from the Verilog header that says
 so.
 """
 

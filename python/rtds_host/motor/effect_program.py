@@ -39,7 +39,7 @@ ZERO = 127  # reads as zero
 # What comes from outside, and the clock after the strobe from which it can be written into the registers.
 INPUTS = {"T": 16, "R": 17, "Kb": 18, "vc": 19}
 INPUT_FROM = {"T": 2, "R": 2, "Kb": 2, "vc": 3}
-# What the multiplier can take without the registers, a clock after it stands: i, w are the new state's.
+# What the multiplier can take without the registers, a clock after its result: i, w are the new state's.
 DIRECT = ("i", "w", "vc")
 DIRECT_FROM = {"i": 17, "w": 17, "vc": 4}
 

@@ -138,9 +138,13 @@ def stopping(brake, rate, gain, most, i22):
 
 @law
 def shear_step(h, tau):
-    """Where in a step a tyre's equation holds (1: its end), and its factor, 1/s; tau : damping over stiffness, s."""
-    late = max(0.5, 1.0 - tau / h)
-    return late, 1.0 / (late * h + tau)
+    """The theta method's weight of a step's end in a tyre's equation, and its factor 1 / (theta h + tau), 1/s.
+
+    tau : damping over stiffness, s. 0.5 is the mid-point rule; towards 1, the implicit Euler method, it goes where
+    damping is too little (E. Hairer, G. Wanner, "Solving ODEs II", 1996, section IV.2).
+    """
+    theta = max(0.5, 1.0 - tau / h)
+    return theta, 1.0 / (theta * h + tau)
 
 
 @law
@@ -150,19 +154,19 @@ def shear_time(damping, slip, length):
 
 
 @law
-def shear(h, slip, length, late, factor, grip, whole, tyre, rolled, slid, tanh):
+def shear(h, slip, length, theta, factor, grip, whole, tyre, rolled, slid, tanh):
     """A tyre's answer to a force over a step, linear about the force before.
 
-    slip : 1/N; length : m; late, factor : of `shear_step`; grip, whole : N, the largest force and the one that the
+    slip : 1/N; length : m; theta, factor : of `shear_step`; grip, whole : N, the largest force and the one that the
     shear would give with all the grip there could be; tyre : shear over length, 1; rolled : |r w|, m/s; slid : speed of
     the rim over the ground, m/s; tanh : to use. Returns give (m/s/N), yields (m/s), tangent (1) and taken (N).
     """
-    path = (length + late * h * rolled) * factor
+    path = (length + theta * h * rolled) * factor
     bent = tanh(whole / grip)
     tangent = max(1.0 - bent * bent, FLAT)
     taken = grip * bent
-    give = slip * path / tangent / late
-    yields = (slip * path * (whole - taken / tangent) + (rolled - path) * tyre - (1.0 - late) * slid) / late
+    give = slip * path / tangent / theta
+    yields = (slip * path * (whole - taken / tangent) + (rolled - path) * tyre - (1.0 - theta) * slid) / theta
     return give, yields, tangent, taken
 
 

@@ -27,12 +27,12 @@ def low_pass(filtered, value, before, h, tau, fade):
 
 
 @law
-def behind(speed, reported, tau, late):
+def behind(speed, reported, tau, delay):
     """A speed's filter at a start, where the speed and what is reported of it are known, in rad/s.
 
-    tau, late : s, the filter's and a further delay; of a steady change the filter has its share of the lag.
+    tau, delay : s, the filter's and a further delay; of a steady change the filter has its share of the lag.
     """
-    lag = tau + late
+    lag = tau + delay
     return speed + (reported - speed) * tau / lag if lag > 0.0 else reported
 
 

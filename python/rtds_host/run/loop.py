@@ -100,7 +100,7 @@ def drive(
 
     Parameters
     ----------
-    path : what stands between controller, motors, robot and log; by default that of `default_path`. One that is given
+    path : what is between controller, motors, robot and log; by default that of `default_path`. One that is given
         has the injection's sensors in it already.
     progress : is called with the simulated time, s, once an exchange.
     correction : makes it another robot than the nominal one. With it, and where the body outweighs the rotors, motors

@@ -76,7 +76,7 @@ def serve(
     with Viewer(feed, port) as viewer:
         (say or _print_address)(viewer.address)
         if browser:
-            # Nobody's fault where there is no browser: the address stands above.
+            # Nobody's fault where there is no browser: the address is printed above.
             with suppress(webbrowser.Error):
                 webbrowser.open(viewer.address)
 

@@ -35,7 +35,7 @@ class Timing:
         forth, as those of an event-driven logger.
     stamps_s : one standard deviation of how far the stamps are off by what the angles say, s.
     lag_s : channel -> how much later than the nominal robot it answers the command, s (negative: earlier); only
-        channels for which it is certain. Effects, sensors and clocks together; a lag of 0 stands as 0.
+        channels for which it is certain. Effects, sensors and clocks together; a lag of 0 is reported as 0.
     command_step_s : median time between changes of a command, s; NaN where none changes twice.
     commands_enough : whether commands are rare enough changes, or logged often enough, to be replayed.
     """

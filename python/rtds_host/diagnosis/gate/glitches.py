@@ -94,7 +94,7 @@ def _candidates(log: RunLog, c: str, noise: float) -> tuple[np.ndarray, np.ndarr
     off, way = exceedance(v)
     second = np.zeros(len(v))
     second[1:-1] = np.abs(v[1:-1] - 0.5 * (v[:-2] + v[2:]))
-    # Of a smooth motion the top stands above its neighbours by a third of the way between them.
+    # Of a smooth motion the top is above its neighbours by a third of the way between them.
     most = sigmas(len(v))
     far = (off > most * noise) & (off > CLEAR_RATIO * way) & (off > most / MEDIAN_OF_NORMAL * _local(second))
     dt = np.diff(t)

@@ -7,7 +7,7 @@ differs by D, too, where the stamps are wrong, and by nothing along D where they
 
 Between two samples at a steady speed w an angle turns by w times the time that really passed, so that the stamps' step
 less the angle's, over w, is the difference of two stamps' errors: adjacent ones have one stamp in common, with opposite
-sign, and their covariance is minus the variance of a stamp (less the angle's own noise, which stands in them alike).
+sign, and their covariance is minus the variance of a stamp (less the angle's own noise, which is in both alike).
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ def _asleep(log: RunLog, c: str, bounds: Limits, noise: float) -> np.ndarray:
         reach = _reach(log, c, bounds) * np.diff(t) + SIGNIFICANT * noise
         usual = float(np.max(step[most:], initial=0.0))
         last = _last((step > reach) & (step > CLEAR_RATIO * usual) & (np.arange(len(step)) < most))
-        # A single sample, far off and back, is a glitch in whatever row it stands.
+        # A single sample, far off and back, is a glitch in whatever row it is.
         if last > 0 and abs(v[last + 1] - v[last - 1]) <= reach[last] + reach[last - 1]:
             last = -1
     else:

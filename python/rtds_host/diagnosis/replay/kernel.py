@@ -168,7 +168,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
     tyre = np.zeros(2)  # shear of the tyres over their relaxation length
     whole = np.zeros(2)  # force that this shear would give with all the grip there could be
     shear_tau = np.zeros(2)  # damping over stiffness
-    late = np.ones(2)  # where in a step its equation holds: half way, or at the end where damping is too little
+    theta = np.ones(2)  # weight of a step's end in its equation (theta method)
     give, tangent, taken, asked = np.zeros(2), np.ones(2), np.zeros(2), np.zeros(2)
     yield_z = np.zeros(2)
     grip = np.ones(2)  # N, what a tyre's traction tends to
@@ -347,7 +347,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                 if usual != h:
                     usual = h
                     for k in range(2):
-                        late[k], shear_i[k] = ground.shear_step(h, shear_tau[k])
+                        theta[k], shear_i[k] = ground.shear_step(h, shear_tau[k])
             elapsed = now + done - run[3]
             done += h
             gx, gz = ground.offset_forces(mass, com[COM_X], v, rate)
@@ -520,7 +520,7 @@ def replay(t, t_cmd, cmd, bus_log, angle, side, com, curves, run, start, h_max, 
                                         h,
                                         side[k, SLIP],
                                         side[k, SLIP_LENGTH],
-                                        late[k],
+                                        theta[k],
                                         shear_i[k],
                                         grip[k],
                                         whole[k],

@@ -379,19 +379,19 @@ def replay_run(model: Model, inputs: tuple[np.ndarray, ...], step_s: float | Non
 def _on_clocks(model: Model, t: np.ndarray, out: np.ndarray) -> None:
     """Let a replay's outputs (n, 11) at times t (n,) come from the clocks of their devices."""
     for quantity, columns in CLOCKS.items():
-        if late := model.get(quantity):
-            _delay(t, late, out[:, columns])
+        if delay_s := model.get(quantity):
+            _delay(t, delay_s, out[:, columns])
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _delay(t, late, values):
-    """Let values (n, k) at times t (n,) be those of `late` earlier, s, as `np.interp` has them: rows are found once for
+def _delay(t, delay_s, values):
+    """Let values (n, k) at times t (n,) be those of `delay_s` earlier, as `np.interp` has them: rows are found once for
     all columns.
     """
     before = values.copy()
     n, row = len(t), 0
     for i in range(n):
-        at = t[i] - late
+        at = t[i] - delay_s
         while row + 1 < n and t[row + 1] <= at:
             row += 1
         if at > t[row] and row + 1 < n:

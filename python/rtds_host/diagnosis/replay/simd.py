@@ -41,7 +41,7 @@ ALIKE_S = 1e-10
         "damping"))
 _SIDE_ROWS = len(SIDE) + 68
 (KE, GKM, INERTIA, FLUID, FRICTION, EXTRA, TH, W, CUR, RISE, WF, VA, VD, STICK, WN, C0, M0, DECAY, RISE_V, MEAN_V,
- MEAN_I, C1, M1, FADE, LATE_SHEAR, PER_SHEAR, AM, BM, RIGID, HI, LO, SHAPED, FORCE, ALPHA, BETA, SHEAR_TAU, GRIP,
+ MEAN_I, C1, M1, FADE, THETA, PER_SHEAR, AM, BM, RIGID, HI, LO, SHAPED, FORCE, ALPHA, BETA, SHEAR_TAU, GRIP,
  TYRE, WHOLE, GIVE, YIELDS, TANGENT, TAKEN, ASKED, MEAN, INPUT, OUTPUT, WM, WMN, PLAY, CONTACT, WAS, HELD, KAP,
  FREE_I, SPRING_I, HELD_I, BEHIND_I, TURN, APART, BOUNCES, TANGLED, AT, AHEAD, OWN_GKM, OWN_FLUID, OWN_FRICTION,
  OWN_VD) = (
@@ -416,7 +416,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                     s[H + l] = s[LOAD_J + l] = s[SUPPLY + l] = s[I11 + l] = s[I22 + l] = 1.0
                     for i in range(2):
                         o = i * _SIDE + l
-                        s[o + INERTIA] = s[o + GRIP] = s[o + LATE_SHEAR] = s[o + PER_SHEAR] = 1.0
+                        s[o + INERTIA] = s[o + GRIP] = s[o + THETA] = s[o + PER_SHEAR] = 1.0
                         s[o + RES] = s[o + IND] = s[o + STRIBECK_W] = 1.0
                     shapes[l] = False
                     curved[l] = False
@@ -499,8 +499,8 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                 for k in range(2):
                     o = k * _SIDE
                     for l in range(lanes):
-                        late, factor = ground.shear_step(s[H + l], s[o + SHEAR_TAU + l])
-                        s[o + LATE_SHEAR + l], s[o + PER_SHEAR + l] = late, factor
+                        theta, factor = ground.shear_step(s[H + l], s[o + SHEAR_TAU + l])
+                        s[o + THETA + l], s[o + PER_SHEAR + l] = theta, factor
         # ---- one step of all lanes: torques by angle and speed, the body's forces and the bus
         if shaped:
             for k in range(2):
@@ -570,7 +570,7 @@ def replay_batch(inputs, starts, models, h_max, h_play, which, out, out_first):
                         s[H + l],
                         slip,
                         s[o + LENGTH + l],
-                        s[o + LATE_SHEAR + l],
+                        s[o + THETA + l],
                         s[o + PER_SHEAR + l],
                         s[o + GRIP + l],
                         s[o + WHOLE + l],

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class Trace:
     """One channel of one run: `t` (n,) s; the others (n,) in the channel's unit, NaN where there is no sample.
 
-    `nominal` is the replay of robot.toml as it stands, `refit` with nuisances, `after` with the blamed effects too;
+    `nominal` is the replay of robot.toml as it is, `refit` with nuisances, `after` with the blamed effects too;
     None leaves a line out.
     """
 
@@ -42,7 +42,7 @@ class Candidate:
     was
         not fitted.
     verdict : "blamed", "alike" (cannot be told from what is blamed) or "rejected".
-    reason : one clause, why it was rejected or why it stands.
+    reason : one clause, why it was rejected or accepted.
     """
 
     effects: list[dict[str, str]]
