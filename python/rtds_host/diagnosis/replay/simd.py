@@ -1,10 +1,10 @@
 """The inner loop for robots driven by voltages, eight replays in a SIMD batch.
 
 A step waits for itself: each of its operations needs the one before. Eight replays that do not wait for one another
-fill a processor's vector unit instead. Each lane goes through events and steps of its own and begins the next job when
-its run is through, so that models with other delays and runs of other lengths go together. Equations and method are
-those of `kernel.replay`; a regime that a lane is not in is computed all the same and passed over, and what no lane has
-is left out.
+fill a processor's vector unit instead, each in a lane, which is one element of its registers. Each lane goes through
+events and steps of its own and begins the next job when its run is through, so that models with other delays and runs
+of other lengths go together. Equations and method are those of `kernel.replay`; a regime that a lane is not in is
+computed all the same and passed over, and what no lane has is left out.
 """
 
 from __future__ import annotations
