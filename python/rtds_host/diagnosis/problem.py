@@ -399,6 +399,8 @@ class Problem:
     def follow_angles(self, follow: bool) -> None:
         """Whether a ripple follows the measured angles, as it does in a search, or the replay's own, as the gap is
         judged.
+
+        It is set for a whole phase and not with each call: all fits and comparisons of a search take the same.
         """
         self._follow = follow
 

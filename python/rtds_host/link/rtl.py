@@ -122,7 +122,7 @@ class RtlLink(ConfiguredLink):
     def _start(self, top: Top) -> None:
         """Build the top if need be, start it, take its greeting."""
         self._top = top
-        built = build(top, self._sim, self._progress, _watched)
+        built = build(top, self._sim, self._progress, watched_link)
         if self._waves is not None and self._recording is None:
             chosen = self._waves.chosen(read_signals(built.folder / SIGNALS))
             self._recording = recording = Recording(self._waves, chosen, self._progress or _to_stderr)
@@ -309,7 +309,7 @@ class RtlLink(ConfiguredLink):
         return error
 
 
-def _watched(top: Top, step_clocks: int | str, environment: Mapping[str, str]) -> RtlLink:
+def watched_link(top: Top, step_clocks: int | str, environment: Mapping[str, str]) -> RtlLink:
     """The simulator that watches itself: an opener of `rtds_host.link.pinning`."""
     return RtlLink(step_clocks=step_clocks, top=top, environment=environment)
 

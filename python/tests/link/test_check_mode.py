@@ -30,7 +30,7 @@ def planted(tmp_path, monkeypatch):
             step_clocks=step_clocks, top=dataclasses.replace(top, main=TOPS["core"].main), environment=environment
         )
 
-    monkeypatch.setattr(rtl, "_watched", watched)
+    monkeypatch.setattr(rtl, "watched_link", watched)
     monkeypatch.setattr(build, "CXX_FLAGS", "-O0 -ffp-contract=off")
     return dataclasses.replace(TOPS["core"], main=str(main))
 
