@@ -445,7 +445,7 @@ def _setup(problem: Problem, fit: Fit) -> dict:
         if key in SETUP
     }
     # Where the file does not say it, the answer says where it took the encoder to sit.
-    if problem.robot.encoder == "wheel" and any(problem.effects[e].gives for e, _ in fit.hypothesis):
+    if problem.robot.encoder == "wheel" and any(fit.effects[e].gives for e, _ in fit.hypothesis):
         found["encoder_at_wheel"] = 1.0
     return {"setup": found} if found else {}
 
