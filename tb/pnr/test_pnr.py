@@ -170,6 +170,18 @@ def test_what_resets_or_enables_many_flops_goes_over_the_global_network():
     assert cells["buffer_32"]["connections"] == {"CLKI": [7], "CE": ["1"], "CLKO": [32]}
 
 
+def test_buffers_are_put_in_their_places_and_more_of_them_than_places_are_refused():
+    def module():
+        cells = {f"flop{n}": {"type": "TRELLIS_FF", "connections": {"LSR": [n], "Q": [10 + n]}} for n in (1, 2)}
+        return {"cells": cells, "netnames": {f"reset{n}": {"bits": [n]} for n in (1, 2)}}
+
+    placed = module()
+    assert pnr.promote_controls(placed, 1, 1, ("X1/Y1/A", "X2/Y2/B")) == ["reset1: LSR 1", "reset2: LSR 1"]
+    assert [placed["cells"][f"buffer_{n}"]["attributes"] for n in (13, 14)] == [{"BEL": "X1/Y1/A"}, {"BEL": "X2/Y2/B"}]
+    with pytest.raises(RuntimeError, match="reset2: no place is known for another buffer"):
+        pnr.promote_controls(module(), 1, 1, ("X1/Y1/A",))
+
+
 @pytest.mark.skipif(shutil.which("iverilog") is None, reason="Icarus is not installed")
 def test_the_product_that_is_mapped_is_the_product(tmp_path):
     """For corners of both factors and a million random pairs."""
