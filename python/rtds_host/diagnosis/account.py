@@ -14,7 +14,7 @@ import numpy as np
 
 from rtds_host.diagnosis.choice import WORTH, Judged, leaves
 from rtds_host.diagnosis.evidence import believed, closer, compared, excess, worth_naming
-from rtds_host.diagnosis.fit import Fit, Hypothesis
+from rtds_host.diagnosis.fit import Fit, Hypothesis, joined
 from rtds_host.diagnosis.gap import LEAST
 from rtds_host.diagnosis.left_out import left_out_gap
 from rtds_host.diagnosis.lookalikes import lookalikes
@@ -76,7 +76,22 @@ def account(search: Search, fit: Fit) -> Account:
     """Name the effects of an explanation that are included on their own evidence."""
     dropped: dict[tuple[str, str], str] = {}
     plain = search.prune(fit) if search.closed(fit) else _plainest(search, fit)
-    fit = plain if search.named(plain) else fit
+    return _accounted(search, plain if search.named(plain) else fit, dropped)
+
+
+def less(search: Search, before: Account, gone: dict[tuple[str, str], str]) -> Account:
+    """An account without some of its effects, the others fitted and weighed again; gone : why each of these is no
+    longer included."""
+    kept = {cause: u for cause, u in before.fit.parts.items() if cause not in gone}
+    if not kept:
+        return Account(
+            before.base, before.base, (), before.dropped | gone, (), _alternatives(search, before.base, [], [])
+        )
+    return _accounted(search, search.try_fit(*joined(kept), before.fit), before.dropped | gone)
+
+
+def _accounted(search: Search, fit: Fit, dropped: dict[tuple[str, str], str]) -> Account:
+    """The account of an explanation, without the effects in it that are not worth it, which join `dropped`."""
     while fit.hypothesis:
         standing = [_weighed(search, fit, cause, one) for cause, one in zip(fit.hypothesis, _without(search, fit))]
         exact = search.closed(fit)

@@ -13,14 +13,13 @@ from threadpoolctl import threadpool_limits
 from rtds_host.contract import Case
 from rtds_host.diagnosis import budget
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.account import Account, Standing, account, declared
+from rtds_host.diagnosis.account import Account, Standing, account, declared, less
 from rtds_host.diagnosis.beam import widened
 from rtds_host.diagnosis.choice import Judged, chosen
 from rtds_host.diagnosis.effort import Effort
 from rtds_host.diagnosis.experiment import next_experiment
 from rtds_host.diagnosis.fit import Fit
 from rtds_host.diagnosis.forms import Forms, forms_of
-from rtds_host.diagnosis.forms.search import LEAST_GAP
 from rtds_host.diagnosis.gate import Gate, examine
 from rtds_host.diagnosis.heldout import HeldOut, held_out
 from rtds_host.diagnosis.intervals import Key, intervals
@@ -40,6 +39,8 @@ from rtds_host.vectors import given
 SCHEMA = "rtds-diagnosis/3"
 # Named effects that leave no more than this of the gap explain it (contract, section 5).
 RESIDUAL_OF_KNOWN = 0.3
+# Why an effect is not included in whose place a form leaves clearly less.
+GAVE_WAY = "gives way to a free curve, which leaves clearly less of runs that it was not fitted to"
 # Numerical: a nuisance that moved by less than so many of its sigmas did not move.
 MOVED = 0.01
 
@@ -218,6 +219,13 @@ def conclude(
         # No gap, and no effect of it (contract, section 5): what was found is shown as tried.
         weighed = Account(weighed.base, weighed.base, (), weighed.dropped, (), (((), 1.0),))
         held = held_out(problem, weighed)
+    shapes = Forms()
+    if _looked_for(problem, weighed, held):
+        say("forms", 0.87)
+        lacking = {one.cause: one.refitted for one in weighed.standing}
+        shapes = forms_of(problem, weighed.fit, held.gap("after"), found.search.quick, lacking)
+        if shapes.gave_way:
+            weighed, held, shapes = without_given_way(found, weighed, shapes)
     total = {name: held.gap(name) for name in ("before", "refit", "after")}
     closed = gaps.closed(total["before"], total["after"])
     effect_closed = gaps.closed(total["refit"], total["after"])
@@ -232,9 +240,6 @@ def conclude(
     rows = [] if verdict == "none" else budget.shares(problem, weighed.fit, total["after"], after)
     located = budget.located(problem, rows)
     placed = after.shares()
-    say("forms", 0.9)
-    looked_for = verdict != "none" and structured and total["after"] >= LEAST_GAP
-    shapes = forms_of(problem, weighed.fit, total["after"], found.search.quick) if looked_for else Forms()
     rows = shapes.shared(rows, total["after"])
     fitted, known = with_forms(problem, weighed.fit, known, shapes)
     say("report", 0.95)
@@ -306,6 +311,24 @@ def _details(
         + said_of_end(found.search)
         + _louder(problem, weighed.fit),
     )
+
+
+def _looked_for(problem: Problem, weighed: Account, held: HeldOut) -> bool:
+    """Whether forms are looked for: an explanation leaves a gap with structure."""
+    return held.gap("refit") >= gaps.LEAST and held.gap("after") >= gaps.LEAST and _correlated(problem, weighed.fit)
+
+
+def without_given_way(found: Investigation, weighed: Account, shapes: Forms) -> tuple[Account, HeldOut, Forms]:
+    """The account without the effects that gave way to forms, what it leaves of runs left out, and the forms."""
+    problem = found.problem
+    less_named = less(found.search, weighed, {cause: GAVE_WAY for cause in shapes.gave_way})
+    held = held_out(problem, less_named)
+    kept = {one.cause for one in less_named.standing}
+    if kept != {cause for cause in weighed.fit.hypothesis if cause not in shapes.gave_way}:
+        # Others were included next to what gave way only: forms go with the effects that are left.
+        again = forms_of(problem, less_named.fit, held.gap("after"), found.search.quick)
+        shapes = replace(again, notes=shapes.notes + again.notes)
+    return less_named, held, shapes
 
 
 def _missing(search: Search, fit: Fit) -> list[np.ndarray]:

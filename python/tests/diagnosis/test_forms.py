@@ -9,18 +9,21 @@ from diagnosis_cases import make_case
 
 from rtds_host.contract import builtin_robot
 from rtds_host.correction.translate import translate
-from rtds_host.diagnosis.diagnose import with_forms
+from rtds_host.diagnosis.account import Account
+from rtds_host.diagnosis.diagnose import Investigation, with_forms, without_given_way
 from rtds_host.diagnosis.fit import Fit, Fitter
 from rtds_host.diagnosis.forms import Forms, approximate, forms_of
 from rtds_host.diagnosis.forms.curves import Form, points_of, put, shapes
 from rtds_host.diagnosis.forms.formula import fitted, laws
 from rtds_host.diagnosis.forms.in_place import in_place
+from rtds_host.diagnosis.forms.search import Cause, Found, searched
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.predict import read_diagnosis
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model, ReplayBatch, nominal_model, replay_run
 from rtds_host.diagnosis.report.drift import drift
 from rtds_host.diagnosis.scatter import over_runs
+from rtds_host.diagnosis.search import Search
 from rtds_host.diagnosis.start import DECLARED
 from rtds_host.errors import InputError
 from rtds_host.plant import forms as plant
@@ -171,11 +174,11 @@ def judged(gap, hypothesis):
 def test_a_name_in_whose_equation_a_curve_leaves_clearly_less_is_said_to_be_approximate(problem):
     form = Form("torque", "w", -9.0, 9.0, 0.01)
     named = (("coulomb_friction", "left"), ("command_delay", "both"))
-    found = SimpleNamespace(forms=[(form, "both")], judged=[judged(4.0, named), judged(2.0, named)])
+    found = SimpleNamespace(forms=[(form, "both")], judged=[judged(4.0, named), judged(2.0, named)], gave_way=[])
     (note,) = approximate(problem, found)
     assert note.startswith("Coulomb friction, left side is approximate")
     assert "torque over wheel speed" in note and "2 and not 4" in note
-    assert approximate(problem, SimpleNamespace(forms=[(form, "right")], judged=found.judged)) == []
+    assert approximate(problem, SimpleNamespace(forms=[(form, "right")], judged=found.judged, gave_way=[])) == []
 
 
 def test_what_is_written_with_a_form_is_what_was_fitted_along_with_it(problem):
@@ -198,6 +201,56 @@ def test_an_effect_that_no_curve_replaces_is_refused():
     problem, fit = explained(lambda model: None)
     with pytest.raises(InputError, match="command_delay: the diagnosis does not name it"):
         in_place(problem, fit, "command_delay")
+
+
+def searched_with_friction(change) -> tuple[Problem, Found, Cause]:
+    """Forms of a case whose diagnosis names Coulomb friction on both sides, and that name."""
+    problem, bare = explained(change)
+    cause = ("coulomb_friction", "both")
+    start = np.array([problem.effects[cause[0]].parameters[0].scaled(0.03)])
+    named = Fitter(problem).fit((cause,), start, bare.z, bare.noise)
+    return problem, searched(problem, named, True, {cause: bare}), cause
+
+
+def ripples(model) -> None:
+    with_form(model, "torque", "th", 0.0, TURN, lambda x: 0.05 * np.sin(2.0 * x + 0.4))
+
+
+def test_a_name_that_does_not_help_next_to_a_curve_of_another_equation_gives_way_to_it():
+    _, found, cause = searched_with_friction(ripples)
+    assert [(form.term, form.over) for form, _ in found.forms] == [("torque", "th")]
+    assert found.gave_way == [cause]
+    assert cause not in found.fit.hypothesis
+
+
+def test_a_name_that_helps_next_to_a_curve_stays():
+    def change(model):
+        ripples(model)
+        model.add("coulomb", 0.05)
+
+    _, found, cause = searched_with_friction(change)
+    assert [(form.term, form.over) for form, _ in found.forms] == [("torque", "th")]
+    assert found.gave_way == []
+    assert found.fit.values[found.fit.hypothesis.index(cause)]["torque_nm"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_a_name_that_makes_most_of_what_its_own_curve_makes_stays_as_an_approximation():
+    def bent(model):
+        # Largest in the middle of the speeds that are reached, where no effect of the catalogue has a bend.
+        with_form(
+            model,
+            "torque",
+            "w",
+            -6.0,
+            6.0,
+            lambda x: -0.06 * np.sign(x) * (0.4 + np.exp(-((np.abs(x) - 2.5) ** 2))),
+        )
+
+    problem, found, cause = searched_with_friction(bent)
+    (form, _), *_ = found.forms
+    assert (form.term, form.over) == ("torque", "w")
+    assert found.gave_way == []
+    assert any("approximate" in note for note in approximate(problem, found))
 
 
 def diagnosis(tmp_path, *forms):
@@ -303,3 +356,16 @@ def test_a_form_that_grows_from_run_to_run_is_drawn_over_the_runs():
 def test_a_form_of_the_same_size_in_all_runs_has_no_drawing_over_them():
     assert over_runs(*fit_of_four_runs([1.0, 1.0, 1.0, 1.0])) == {}
     assert drift(SimpleNamespace(over_runs={})) == ""
+
+
+def test_what_gave_way_is_no_longer_named_and_the_gap_is_without_it():
+    search = Search(Problem(make_case(lambda model: model.add("coulomb", 0.05)), 1), True)
+    nothing, cause = search.begin(), ("coulomb_friction", "both")
+    start = np.array([search.effects[cause[0]].parameters[0].scaled(0.05)])
+    named = search.try_fit((cause,), start, nothing)
+    before = Account(named, nothing, (), {}, (), (((cause,), 1.0),))
+    found = Investigation(search.problem, search, before)
+    weighed, held, shapes = without_given_way(found, before, Forms(gave_way=(cause,)))
+    assert weighed.standing == () and "gives way" in weighed.dropped[cause]
+    assert held.gap("after") == held.gap("refit") > 1.5 * search.gap(named)
+    assert shapes.gave_way == (cause,)

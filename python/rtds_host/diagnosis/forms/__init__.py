@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
+from rtds_host.diagnosis.choice import Judged
 from rtds_host.diagnosis.effects import CATALOGUE, SIDES
-from rtds_host.diagnosis.fit import Fit
+from rtds_host.diagnosis.fit import Fit, Fitter, joined
 from rtds_host.diagnosis.forms.curves import Form, put, shapes, sides_of, written
 from rtds_host.diagnosis.forms.formula import ENOUGH, fitted, laws
-from rtds_host.diagnosis.forms.search import Found, closes, searched, values_of
+from rtds_host.diagnosis.forms.search import STEPS, Cause, Found, closes, searched, values_of
 from rtds_host.diagnosis.left_out import left_out, parted
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import REPORT_STEP_S, Model, replay_run
@@ -24,13 +26,14 @@ from rtds_host.plant import forms as plant
 class Forms:
     """Forms of a case as a diagnosis has them: `entries`; `gap` on runs left out with them, None without any; `left`:
     the gap before the first and behind each, at the search's steps; `notes`; `fit`: effects, tolerances and forms as
-    they were fitted together, None without any form."""
+    they were fitted together, None without any form; `gave_way`: named effects that the forms do without."""
 
     entries: list[dict] = field(default_factory=list)
     gap: float | None = None
     left: list[float] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     fit: Fit | None = None
+    gave_way: tuple[Cause, ...] = ()
 
     def shared(self, rows: list[dict], after: float) -> list[dict]:
         """The contract's `budget` with forms: what they close is taken off what was left without a name."""
@@ -51,25 +54,48 @@ class Forms:
         return [*others, *mine, *({**row, "share": kept * row["share"]} for row in rows if row["what"] == "rest")]
 
 
-def forms_of(problem: Problem, fit: Fit, after: float, quick: bool) -> Forms:
+def forms_of(
+    problem: Problem, fit: Fit, after: float, quick: bool, lacking: Mapping[Cause, Fit] | None = None
+) -> Forms:
     """Look for forms in what an explanation leaves.
 
     Parameters
     ----------
-    fit : the explanation that a diagnosis names; after : its gap on runs left out, as reported.
+    fit : the explanation that a diagnosis names; after : its gap on runs left out, as reported; lacking : the
+        explanation without each effect that may give way to a form.
     """
-    found = searched(problem, fit, quick)
+    found = searched(problem, fit, quick, lacking)
     if not found.forms:
         return Forms(notes=found.notes)
     gap = reported_gap(problem, found.fit)
     if gap >= after:
         return Forms(notes=found.notes)
+    notes = [*found.notes, *_said_to_give_way(problem, found)]
+    if found.gave_way:
+        # What curves close is a share of what the names that are left leave.
+        kept = {cause: u for cause, u in fit.parts.items() if cause not in found.gave_way}
+        bare = Fitter(problem, fit.start).fit(*joined(kept), fit.z, fit.noise, STEPS)
+        found.judged[0] = Judged.of(problem, bare)
     entries = [
         _entry(problem, found, form, side, share)
         for (form, side), share in zip(found.forms, closes(found), strict=True)
     ]
     left = [judged.gap for judged in found.judged]
-    return Forms(entries, gap, left, found.notes + approximate(problem, found), found.fit)
+    return Forms(entries, gap, left, notes + approximate(problem, found), found.fit, tuple(found.gave_way))
+
+
+def _said_to_give_way(problem: Problem, found: Found) -> list[str]:
+    """What is said of named effects that curves do without."""
+    curves = " and ".join(f"{TERM_WORDS[form.term]} over {OVER_WORDS[form.over]}" for form, _ in found.forms)
+    return [
+        f"{_name(problem, cause)} gives way to a free curve, {curves}: with the curve and without this effect the gap "
+        f"on held-out runs is {found.judged[-1].gap:.3g}, with the effect alone {found.judged[0].gap:.3g}"
+        for cause in found.gave_way
+    ]
+
+
+def _name(problem: Problem, cause: Cause) -> str:
+    return effect_name({"id": cause[0], "side": problem.effects[cause[0]].side_on(problem.robot.axis, cause[1])})
 
 
 def approximate(problem: Problem, found: Found) -> list[str]:
@@ -78,12 +104,14 @@ def approximate(problem: Problem, found: Found) -> list[str]:
     said = []
     for (form, side), before, after in zip(found.forms, found.judged, found.judged[1:]):
         for name, own in before.fit.hypothesis:
+            if (name, own) in found.gave_way:
+                continue
             resembles = CATALOGUE[name].resembles if name in CATALOGUE else ()
             if (form.term, form.over) in resembles and set(SIDES[own]) & set(SIDES[side]):
+                curve = f"{TERM_WORDS[form.term]} over {OVER_WORDS[form.over]}"
                 said.append(
-                    f"{effect_name({'id': name, 'side': problem.effects[name].side_on(problem.robot.axis, own)})} is "
-                    f"approximate: with a free curve in its place, {TERM_WORDS[form.term]} over "
-                    f"{OVER_WORDS[form.over]}, the gap on held-out runs is {after.gap:.3g} and not {before.gap:.3g}"
+                    f"{_name(problem, (name, own))} is approximate: with a free curve in its place, {curve}, "
+                    f"the gap on held-out runs is {after.gap:.3g} and not {before.gap:.3g}"
                 )
     return said
 

@@ -8,7 +8,7 @@ from rtds_host.diagnosis.forms.curves import BODY, Form
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.replay.model import Model
 from rtds_host.diagnosis.scales import Scales, scales_of
-from rtds_host.diagnosis.thresholds import FEW_SHARE, MINOR_SHARE
+from rtds_host.diagnosis.thresholds import CLEAR_RATIO, FEW_SHARE, MAJORITY, MINOR_SHARE
 from rtds_host.plant import forms as plant
 from rtds_host.plant.schema import OUTPUT_INDEX
 
@@ -41,37 +41,45 @@ def scale_of(term: str, scales: Scales) -> float:
     }[term]
 
 
-def ranges(problem: Problem, model: Model) -> dict[str, tuple[float, float]]:
-    """Ends of what a model's replays pass through, by quantity; of what is counted from zero alike on both sides."""
+def ranges(problem: Problem, model: Model) -> dict[str, list[tuple[float, float]]]:
+    """Ends of what a model's replays pass through, by quantity; of what is counted from zero alike on both sides.
+
+    Of most samples, and of all where a few peaks reach so much farther that a grid over them is another one: what a
+    motor loses at its largest currents shows there only. Of what sensors read also the lower half: what is too small to
+    be read shows there only.
+    """
     outs = [out[np.abs(out).max(axis=1) < 1e6] for out in problem.replay(model)]
     out = np.concatenate(outs)
     sides = ["lr".index(side) for side in problem.robot.sides]
     tail = 0.5 * FEW_SHARE
 
-    def reach(values: np.ndarray) -> tuple[float, float]:
-        most = float(np.quantile(np.abs(values), 1.0 - tail)) if values.size else 0.0
-        return -most, most
+    def reach(values: np.ndarray) -> list[tuple[float, float]]:
+        if not values.size:
+            return []
+        half, most, whole = (float(np.quantile(np.abs(values), end)) for end in (MAJORITY, 1.0 - tail, 1.0))
+        ends = [most, *([whole] if whole > CLEAR_RATIO * most else []), *([half] if most > CLEAR_RATIO * half else [])]
+        return [(-end, end) for end in ends]
 
     column = {name: out[:, k] for name, k in OUTPUT_INDEX.items()}
     w = out[:, [OUTPUT_INDEX["w_l"] + k for k in sides]]
     found = {
         "i": reach(out[:, [OUTPUT_INDEX["i_l"] + k for k in sides]]),
         "w": reach(w),
-        "th": (0.0, plant.FULL_TURN),
-        "motor_angle": (0.0, plant.FULL_TURN),
-        "t": (0.0, max(float(data.log.t[-1] - data.log.t[0]) for data in problem.whole)),
+        "th": [(0.0, plant.FULL_TURN)],
+        "motor_angle": [(0.0, plant.FULL_TURN)],
+        "t": [(0.0, max(float(data.log.t[-1] - data.log.t[0]) for data in problem.whole))],
     }
     asked = np.concatenate([np.abs(data.inputs[2]).ravel() for data in problem.runs])
     most = model.get("supply") if problem.robot.driver.mode == "speed" else min(float(asked.max()), model.get("supply"))
-    found["v_cmd"] = -most, most
+    found["v_cmd"] = [(-most, most)]
     if problem.robot.axis is None:
         speed = 0.5 * (w @ [model.get("radius", 0), model.get("radius", 1)])
         found["speed"] = reach(speed)
-        found["yaw"] = 0.0, plant.FULL_TURN
+        found["yaw"] = [(0.0, plant.FULL_TURN)]
         found["yaw_rate"] = reach(column["gyro_z"])
         found["speed_yaw_rate"] = reach(speed * column["gyro_z"])
         for name in ("x", "y"):
-            found[name] = float(column[name].min()), float(column[name].max())
+            found[name] = [(float(column[name].min()), float(column[name].max()))]
     return found
 
 
@@ -94,7 +102,12 @@ def candidates(problem: Problem, model: Model) -> list[Form]:
                 continue
             if over == "motor_angle" and robot.motor.gear_ratio == 1.0:
                 continue
-            low, high = known[over]
-            if high > low:
-                found.append(Form(term, over, low, high, MINOR_SHARE * scale_of(term, scales)))
+            size = MINOR_SHARE * scale_of(term, scales)
+            # Only what reads a quantity may have an edge below most of what it reads.
+            first = known[over][0][1] if known[over] else 0.0
+            found += [
+                Form(term, over, low, high, size)
+                for low, high in known[over]
+                if high > low and (term in NEEDS or high >= first)
+            ]
     return found

@@ -1,10 +1,10 @@
 """A form as the diagnosis handles it: a curve that is linear in a few coefficients, and its entry in a file.
 
-Coefficients belong to orthogonal shapes, smooth ones first: discrete Legendre polynomials on an even grid, odd and even
-ones of the distance from zero on two branches, sines and cosines over a turn. The prior on each coefficient narrows
-with its wiggliness, which is a penalty on roughness (P. H. C. Eilers, B. D. Marx, Statistical Science 11(2), 1996); its
-tails are heavy, so that the runs decide how much of each shape there is. A form thereby is an effect like those of the
-catalogue, and fits, intervals and runs left out need nothing of their own.
+Coefficients belong to shapes, smooth ones first: discrete Legendre polynomials on an even grid; a jump and polynomials
+of the distance from zero, odd and even ones, on two branches; sines and cosines over a turn. The prior on each
+coefficient narrows with its wiggliness, which is a penalty on roughness (P. H. C. Eilers, B. D. Marx, Statistical
+Science 11(2), 1996); its tails are heavy, so that the runs decide how much of each shape there is. A form thereby is an
+effect like those of the catalogue, and fits, intervals and runs left out need nothing of their own.
 """
 
 from __future__ import annotations
@@ -46,10 +46,20 @@ def _polynomials(s: np.ndarray, count: int) -> np.ndarray:
     return q * np.sign(np.diag(r)) * math.sqrt(len(s))
 
 
+def _rising(s: np.ndarray, count: int) -> np.ndarray:
+    """A constant and orthogonal polynomials of degree 1 to count - 1 that begin at nothing, (n, count) alike.
+
+    The constant alone has a jump where two branches meet. A derivative by a shape with one would say that a wheel
+    sticks, even where the curve that is sought has none.
+    """
+    q, r = np.linalg.qr(np.vander(s, count, increasing=True)[:, 1:])
+    return np.column_stack([np.ones(len(s)), q * np.sign(np.diag(r)) * math.sqrt(len(s))])
+
+
 def shapes(over: str) -> tuple[np.ndarray, np.ndarray]:
     """Shapes of a curve over a quantity, (POINTS, n), and each one's prior width over that of the first, (n,)."""
     if over in plant.BRANCHES:
-        half = _polynomials(np.linspace(0.0, 1.0, plant.HALF), max(ODD_SHAPES, EVEN_SHAPES))
+        half = _rising(np.linspace(0.0, 1.0, plant.HALF), max(ODD_SHAPES, EVEN_SHAPES))
         odd, even = half[:, :ODD_SHAPES], half[:, :EVEN_SHAPES]
         basis = np.hstack([np.vstack([-odd[::-1], odd]), np.vstack([even[::-1], even])])
         # Directions are nearly alike in frictions, bridges and sensors: an even shape counts as one rougher.

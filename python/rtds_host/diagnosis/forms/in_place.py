@@ -23,7 +23,7 @@ from rtds_host.diagnosis.fit import Fit, Fitter, Hypothesis, joined
 from rtds_host.diagnosis.forms.candidates import candidates
 from rtds_host.diagnosis.forms.curves import Form, shapes, written
 from rtds_host.diagnosis.forms.picture import draw
-from rtds_host.diagnosis.forms.screen import screened
+from rtds_host.diagnosis.forms.screen import screened, slopes
 from rtds_host.diagnosis.forms.search import values_of
 from rtds_host.diagnosis.gate import examine
 from rtds_host.diagnosis.problem import Problem
@@ -83,11 +83,13 @@ def in_place(problem: Problem, fit: Fit, name: str) -> InPlace:
     fitter = Fitter(problem, fit.start)
     parts = {cause: u for cause, u in fit.parts.items() if cause in without}
     bare = fitter.fit(*joined(parts), fit.z, fit.noise, STEPS)
-    known = candidates(problem, fit.model(problem))
-    forms = [form for form in known if (form.term, form.over) in CATALOGUE[name].resembles]
+    forms = [
+        form for form in candidates(problem, fit.model(problem)) if (form.term, form.over) in CATALOGUE[name].resembles
+    ]
     if not forms:
         raise InputError(f"{name}: no free curve over one quantity takes its place")
-    promise = next(one for one in screened(problem, bare, forms[:1]) if one.side == mine[0][1])
+    known = slopes(problem, bare, forms[:1])
+    promise = next(one for one in screened(problem, bare, known) if one.side == mine[0][1])
     fitter.effects = {**problem.effects, promise.form.id: promise.form.effect()}
     hypothesis, start = joined({**bare.parts, (promise.form.id, promise.side): promise.start})
     curved = fitter.fit(hypothesis, start, bare.z, bare.noise, STEPS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,26 @@ class Promise:
     start: np.ndarray
 
 
+@dataclass(frozen=True)
+class Slopes:
+    """Derivatives of the residuals by a form's scaled coefficients: `parts`, (N, n) each, of one side after the other;
+    of both at once for what has no side."""
+
+    form: Form
+    parts: tuple[np.ndarray, ...]
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Sides that the form may have."""
+        return ("both", "left", "right") if len(self.parts) == 2 else ("both",)
+
+    def of(self, side: str) -> np.ndarray:
+        """Those on a side, (N, n)."""
+        if side == "both":
+            return self.parts[0] if len(self.parts) == 1 else self.parts[0] + self.parts[1]
+        return self.parts[("left", "right").index(side)]
+
+
 def columns(problem: Problem, fit: Fit, form: Form, side: tuple[int, ...], base: np.ndarray) -> np.ndarray:
     """Derivatives (N, n) of the residuals by a form's scaled coefficients on some sides, at coarse steps.
 
@@ -43,12 +63,26 @@ def columns(problem: Problem, fit: Fit, form: Form, side: tuple[int, ...], base:
     return np.stack([(one - base) / STEP for one in found], axis=1).astype(np.float32)
 
 
-def screened(problem: Problem, fit: Fit, forms: list[Form]) -> list[Promise]:
-    """All forms on all sides that they may have, most promising first."""
+def slopes(problem: Problem, fit: Fit, forms: list[Form]) -> list[Slopes]:
+    """Derivatives by all forms about a fit."""
     begun = fit.model(problem)
     (base,) = problem.residuals([begun], [begun.coarse_s])
+    found = []
+    for form in forms:
+        each = [(k,) for k in range(len(problem.robot.sides))] if form.effect().sided else [(0, 1)]
+        found.append(Slopes(form, tuple(columns(problem, fit, form, one, base) for one in each)))
+    return found
+
+
+def screened(problem: Problem, fit: Fit, known: Sequence[Slopes]) -> list[Promise]:
+    """All forms on all sides that they may have, most promising first.
+
+    Parameters
+    ----------
+    known : derivatives by the forms, about this fit or one near it.
+    """
     keep = np.flatnonzero(fit.free)
-    known = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep]
+    common = np.concatenate([fit.by_nuisance, fit.by_effect], axis=1)[:, keep]
     root = np.ones(problem.size) if fit.noise.root is None else fit.noise.root
     folds = [rows for mine in parted(problem) for *_, rows in mine if len(rows)]
     held = np.full(problem.size, -1)
@@ -57,27 +91,34 @@ def screened(problem: Problem, fit: Fit, forms: list[Form]) -> list[Promise]:
     thinned = np.arange(problem.size)
     if problem.size > ROWS:
         thinned = np.flatnonzero(problem.blocks % -(-problem.size // ROWS) == 0)
-    held, root, residual = held[thinned], root[thinned], fit.residual[thinned]
-    white, known = root * residual, root[:, None] * known[thinned]
+    held, root, residual = held[thinned], root[thinned].astype(np.float32), fit.residual[thinned]
+    white, common = root * residual, root[:, None] * common[thinned]
     own = prior_weight(fit.z, fit.u)[keep]
     cost = _cost_of(problem, fit.noise, thinned)
-    begins = _left_out(white, known, own, held, len(folds))[0]
+    (begins, _), *_ = _left_out(white, common, own, held, len(folds), [np.eye(len(own))])
     plain = cost(begins / root)
     found = []
-    for form in forms:
-        sides = {"both": tuple(range(len(problem.robot.sides)))}
-        parts = [
-            root[:, None] * columns(problem, fit, form, one, base)[thinned]
-            for one in ([(k,) for k in sides["both"]] if form.effect().sided else [(0, 1)])
+    for one in known:
+        mine = np.hstack([common, *(root[:, None] * part[thinned] for part in one.parts)])
+        maps = [_placed(len(own), one, side) for side in one.sides]
+        weight = np.concatenate([own, np.full(one.parts[0].shape[1], 2.0)])
+        steps = _left_out(white, mine, weight, held, len(folds), maps)
+        found += [
+            Promise(one.form, side, cost(after / root) / plain, x[len(own) :])
+            for side, (after, x) in zip(one.sides, steps, strict=True)
         ]
-        tried = {"both": sum(parts[1:], parts[0])}
-        if len(parts) == 2:
-            tried |= {"left": parts[0], "right": parts[1]}
-        for side, mine in tried.items():
-            weight = np.concatenate([own, np.full(mine.shape[1], 2.0)])
-            after, x = _left_out(white, np.hstack([known, mine]), weight, held, len(folds))
-            found.append(Promise(form, side, cost(after / root) / plain, x[len(own) :]))
-    return sorted(found, key=lambda one: one.left)
+    return sorted(found, key=lambda promise: promise.left)
+
+
+def _placed(count: int, one: Slopes, side: str) -> np.ndarray:
+    """(count + all parts' columns, count + n) where the coefficients of a form on a side go, behind `count` others."""
+    n = one.parts[0].shape[1]
+    sides = range(len(one.parts)) if side == "both" else [("left", "right").index(side)]
+    found = np.zeros((count + n * len(one.parts), count + n))
+    found[:count, :count] = np.eye(count)
+    for k in sides:
+        found[count + n * k : count + n * (k + 1), count:] = np.eye(n)
+    return found
 
 
 def _cost_of(problem: Problem, noise: Likelihood, rows: np.ndarray) -> Callable[[np.ndarray], float]:
@@ -94,18 +135,25 @@ def _cost_of(problem: Problem, noise: Likelihood, rows: np.ndarray) -> Callable[
 
 
 def _left_out(
-    white: np.ndarray, jacobian: np.ndarray, prior: np.ndarray, held: np.ndarray, folds: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted residuals (N,) of parts left out in turn, and the step (n,) of a fit to all.
+    white: np.ndarray, jacobian: np.ndarray, prior: np.ndarray, held: np.ndarray, folds: int, maps: list[np.ndarray]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Weighted residuals (N,) of parts left out in turn, and the step (n,) of a fit to all, of several sets of columns.
 
-    white : (N,) weighted residuals; jacobian : (N, n) weighted derivatives; prior : (n,) curvature about no step; held
-    : (N,) the part that each row is of.
+    white : (N,) weighted residuals; jacobian : (N, m) weighted derivatives; prior : (n,) curvature about no step; held
+    : (N,) the part that each row is of; maps : (m, n) each, which columns a set has.
     """
-    grams = [jacobian[held == k].T @ jacobian[held == k] for k in range(folds)]
-    slopes = [jacobian[held == k].T @ white[held == k] for k in range(folds)]
-    gram, slope = sum(grams).astype(float) + np.diag(prior), sum(slopes).astype(float)
-    after = white.astype(float)
-    for k in range(folds):
-        step = -np.linalg.solve(gram - grams[k], slope - slopes[k])
-        after[held == k] += jacobian[held == k] @ step
-    return after, -np.linalg.solve(gram, slope)
+    rows = [np.flatnonzero(held == k) for k in range(folds)]
+    parts = [jacobian[mine] for mine in rows]
+    grams = [(part.T @ part).astype(float) for part in parts]
+    slopes = [(part.T @ white[mine]).astype(float) for part, mine in zip(parts, rows, strict=True)]
+    n = jacobian.shape[1]
+    gram, slope = sum(grams, np.zeros((n, n))), sum(slopes, np.zeros(n))
+    found = []
+    for place in maps:
+        after = white.astype(float)
+        curved, level = place.T @ gram @ place + np.diag(prior), place.T @ slope
+        for k, mine in enumerate(rows):
+            step = -np.linalg.solve(curved - place.T @ grams[k] @ place, level - place.T @ slopes[k])
+            after[mine] += parts[k] @ (place @ step).astype(np.float32)
+        found.append((after, -np.linalg.solve(curved, level)))
+    return found

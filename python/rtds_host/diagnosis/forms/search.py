@@ -8,26 +8,30 @@ runs, and not the one with the largest residual.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rtds_host.diagnosis import gap as gaps
-from rtds_host.diagnosis.choice import AS_MUCH, WORTH, Judged, pooled
+from rtds_host.diagnosis.choice import AS_MUCH, WORTH, Judged, leaves, pooled
 from rtds_host.diagnosis.effects import RESEMBLES, Effect
-from rtds_host.diagnosis.fit import Fit, Fitter, joined, parameters
+from rtds_host.diagnosis.fit import ROUGH_GAIN, Fit, Fitter, joined, parameters, side_by_side
 from rtds_host.diagnosis.forms.candidates import candidates
 from rtds_host.diagnosis.forms.curves import Form, shapes
-from rtds_host.diagnosis.forms.screen import Promise, screened
+from rtds_host.diagnosis.forms.screen import Promise, Slopes, screened, slopes
 from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.thresholds import MAJORITY, MINOR_SHARE
 from rtds_host.plant import forms as plant
 
+# An effect and its side.
+Cause = tuple[str, str]
 # What counts as a gap (contract, section 4).
 LEAST_GAP = gaps.LEAST
-# Numerical: forms that are fitted in earnest at each turn, in a narrow search and in a wide one, and steps of a fit.
-TRIED = {True: 3, False: 6}
-STEPS = 6
+# Numerical: forms of each screening that are fitted roughly at each turn, in a narrow search and in a wide one; how
+# many of these in earnest; and steps of a fit.
+TRIED, FITTED = {True: 4, False: 6}, {True: 2, False: 4}
+STEPS, ROUGH_STEPS = 6, 4
 # Numerical: s of processor time after which no further form is looked for, with a narrow search and with a wide one.
 SPENT_S = {True: 15.0, False: 90.0}
 
@@ -35,11 +39,12 @@ SPENT_S = {True: 15.0, False: 90.0}
 @dataclass
 class Found:
     """Forms of a case, in the order in which they were found: `judged` holds the explanation without any and with one
-    after the other. `notes`: what else is to be said."""
+    after the other. `notes`: what else is to be said; `gave_way`: named effects that curves do without."""
 
     judged: list[Judged]
     forms: list[tuple[Form, str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    gave_way: list[Cause] = field(default_factory=list)
 
     @property
     def fit(self) -> Fit:
@@ -47,53 +52,82 @@ class Found:
         return self.judged[-1].fit
 
 
-def searched(problem: Problem, fit: Fit, quick: bool) -> Found:
-    """Forms of what an explanation leaves."""
+def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fit] | None = None) -> Found:
+    """Forms of what an explanation leaves.
+
+    Parameters
+    ----------
+    lacking : the explanation without each of its effects, the others fitted again: a form may do in such a place, and
+        the effect gives way to it. Effects that are not in here do not.
+    """
     began = time.process_time()
     found = Found([Judged.of(problem, fit)])
     known: dict[str, Effect] = dict(fit.effects)
+    lacking = lacking or {}
     while len(found.forms) < plant.MOST_FORMS and found.judged[-1].gap >= LEAST_GAP:
         if time.process_time() - began > SPENT_S[quick]:
             break
-        best = _next(problem, found, known, quick)
+        # In an effect's place only what is left by named effects alone is known.
+        best = _next(problem, found, known, quick, list(lacking.values()) if not found.forms else [])
         if best is None:
             break
         promise, judged = best
         found.forms.append((promise.form, promise.side))
         found.judged.append(judged)
+    if found.forms and lacking:
+        give_way(problem, found, lacking)
     return found
 
 
-def _next(problem: Problem, found: Found, known: dict[str, Effect], quick: bool) -> tuple[Promise, Judged] | None:
-    """The form more that leaves least of runs left out, if it is worth it and no effect makes it as well."""
+def _next(
+    problem: Problem, found: Found, known: dict[str, Effect], quick: bool, lacking: list[Fit]
+) -> tuple[Promise, Judged] | None:
+    """The form more that leaves least of runs left out, if it is worth it and no effect makes it as well.
+
+    lacking : explanations in which it may stand for what they lack, next to the one that there is.
+    """
     now = found.judged[-1]
     taken = {(form.term, form.over) for form, _ in found.forms}
     problem.follow_angles(True)
     forms = [form for form in candidates(problem, now.fit.model(problem)) if (form.term, form.over) not in taken]
-    promises = [one for one in screened(problem, now.fit, forms) if one.left < 1.0][: TRIED[quick]]
+    known_slopes = slopes(problem, now.fit, forms)
     # By the likelihood what acts often is seen, by plain squares what is large.
-    also = screened(problem, replace(now.fit, noise=problem.white()), forms)
-    mine = {(one.form.id, one.side) for one in promises}
-    promises += [one for one in also[: TRIED[quick]] if (one.form.id, one.side) not in mine and one.left < 1.0]
-    fits = [_fitted(problem, now.fit, known, one) for one in promises]
-    problem.follow_angles(False)
     tried = [
-        (one, Judged.of(problem, _renewed(problem, fit)))
-        for one, fit in zip(promises, fits, strict=True)
-        if fit.score < now.fit.score
+        (base, one)
+        for base in (now.fit, *lacking)
+        for fit in (base, replace(base, noise=problem.white()))
+        for one in screened(problem, fit, known_slopes)[: TRIED[quick] if base is now.fit else 1]
+        if one.left < 1.0
     ]
-    if not tried:
+    tried = list({(id(base), one.form, one.side): (base, one) for base, one in tried}.values())
+    roughly = _roughly(problem, known, known_slopes, tried)
+    problem.follow_angles(False)
+    judged = [
+        (Judged.of(problem, _renewed(problem, fit)), base, one)
+        for (base, one), fit in zip(tried, roughly, strict=True)
+        if fit.score < base.score
+    ]
+    judged.sort(key=lambda each: each[0].gap)
+    problem.follow_angles(True)
+    fits = [_fitted(problem, rough.fit, known, one) for rough, _, one in judged[: FITTED[quick]]]
+    problem.follow_angles(False)
+    ended = [
+        (one, Judged.of(problem, _renewed(problem, fit)))
+        for (_, base, one), fit in zip(judged, fits)
+        if fit.score < base.score
+    ]
+    if not ended:
         return None
-    promise, judged = min(tried, key=lambda pair: pair[1].gap)
-    if pooled(judged, now) > WORTH:
+    promise, best = min(ended, key=lambda pair: pair[1].gap)
+    if pooled(best, now) > WORTH:
         return None
-    name = _named(problem, now, judged, promise)
+    name = _named(problem, now, best, promise)
     if name is not None:
         # Another equation's curve would then stand in for an effect that has a name.
         found.notes.append(f"{promise.form.term} over {promise.form.over}: {name} makes it as well, and is no form")
         return None
     known[promise.form.id] = promise.form.effect()
-    return promise, judged
+    return promise, best
 
 
 def _renewed(problem: Problem, fit: Fit) -> Fit:
@@ -101,12 +135,106 @@ def _renewed(problem: Problem, fit: Fit) -> Fit:
     return replace(fit, residual=problem.residual(fit.model(problem)))
 
 
-def _fitted(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Promise) -> Fit:
-    """An explanation with one form more, all parameters fitted together."""
+def _with_form(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Promise) -> Fitter:
+    """What fits an explanation with one form more."""
     fitter = Fitter(problem, fit.start)
     fitter.effects = {**known, one.form.id: one.form.effect()}
-    hypothesis, start = joined({**fit.parts, (one.form.id, one.side): one.start})
-    return fitter.fit(hypothesis, start, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance)
+    return fitter
+
+
+def _roughly(
+    problem: Problem, known: Mapping[str, Effect], by_form: Sequence[Slopes], tried: Sequence[tuple[Fit, Promise]]
+) -> list[Fit]:
+    """Explanations with one form more each, fitted with the derivatives that the screening had, a replay a step."""
+    of = {id(one.form): one for one in by_form}
+    works = []
+    for base, one in tried:
+        cause = one.form.id, one.side
+        hypothesis, start = joined({**base.parts, cause: one.start})
+        works.append(
+            _with_form(problem, base, known, one).fitting(
+                hypothesis,
+                start,
+                base.z,
+                base.noise,
+                ROUGH_STEPS,
+                {**base.columns, cause: of[id(one.form)].of(one.side)},
+                by_nuisance=base.by_nuisance,
+                least=ROUGH_GAIN,
+            )
+        )
+    return side_by_side(problem, works)
+
+
+def _fitted(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Promise) -> Fit:
+    """An explanation that has a form already, all parameters fitted together."""
+    fitter = _with_form(problem, fit, known, one)
+    return fitter.fit(fit.hypothesis, fit.u, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance)
+
+
+def give_way(problem: Problem, found: Found, lacking: Mapping[Cause, Fit]) -> None:
+    """Take back named effects that help no more once the curves are there, the most needless one first.
+
+    A curve may be what another equation's effect stood in for. What the curve holds itself, as a torque over the speed
+    holds dry friction, never helps next to it: such a name stays as an approximation if alone it makes the larger part
+    of what the curve makes.
+    """
+    named = [cause for cause in found.judged[0].fit.hypothesis if cause in lacking]
+    for cause in named:
+        # A curve that was taken in an effect's place need not be what makes it needless.
+        if cause not in found.fit.hypothesis:
+            now, again = found.judged[-1], Judged.of(problem, _again(problem, found, cause))
+            if leaves(again, now) <= WORTH or _approximates(problem, found, cause, now, lacking[cause]):
+                found.judged[-1] = again
+    while True:
+        now = found.judged[-1]
+        needless = []
+        for cause in named:
+            if cause not in now.fit.hypothesis:
+                continue
+            less = Judged.of(problem, without(problem, now.fit, cause))
+            if leaves(now, less) > WORTH and not _approximates(problem, found, cause, less, lacking[cause]):
+                needless.append((less.gap, cause, less))
+        if not needless:
+            break
+        found.judged[-1] = min(needless, key=lambda one: one[0])[2]
+    found.gave_way = [cause for cause in named if cause not in found.fit.hypothesis]
+
+
+def without(problem: Problem, fit: Fit, cause: Cause) -> Fit:
+    """An explanation without one of its effects, the others fitted again with the derivatives that they have."""
+    parts = {one: u for one, u in fit.parts.items() if one != cause}
+    known = {one: columns for one, columns in fit.columns.items() if one != cause}
+    fitter = Fitter(problem, fit.start)
+    fitter.effects = fit.effects
+    hypothesis, start = joined(parts)
+    return fitter.fit(hypothesis, start, fit.z, fit.noise, STEPS, known, by_nuisance=fit.by_nuisance, least=ROUGH_GAIN)
+
+
+def _again(problem: Problem, found: Found, cause: Cause) -> Fit:
+    """An explanation with an effect that it had before there were curves, all fitted with the derivatives there are."""
+    before, now = found.judged[0].fit, found.fit
+    fitter = Fitter(problem, now.start)
+    fitter.effects = now.effects
+    hypothesis, start = joined({**now.parts, cause: before.parts[cause]})
+    known = {**now.columns, cause: before.columns[cause]}
+    return fitter.fit(hypothesis, start, now.z, now.noise, STEPS, known, by_nuisance=now.by_nuisance, least=ROUGH_GAIN)
+
+
+def _approximates(problem: Problem, found: Found, cause: Cause, less: Judged, lacking: Fit) -> bool:
+    """Whether an effect is a shape of a curve that was found, and makes the larger part of what the curve makes.
+
+    less : with the curves and without the effect; lacking : with neither.
+    """
+    now = found.fit
+    root = np.ones(problem.size) if now.noise.root is None else now.noise.root
+    change = root[:, None] * found.judged[0].fit.columns[cause]
+    curves = root[:, None] * np.hstack([now.columns[form.id, side] for form, side in found.forms])
+    way, *_ = np.linalg.lstsq(curves, change, rcond=1e-6)
+    if np.square(change - curves @ way).sum() > MINOR_SHARE * np.square(change).sum():
+        return False
+    neither = Judged.of(problem, lacking).together
+    return neither - found.judged[0].together >= MAJORITY * (neither - less.together)
 
 
 def _named(problem: Problem, now: Judged, judged: Judged, promise: Promise) -> str | None:
