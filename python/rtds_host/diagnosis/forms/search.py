@@ -7,7 +7,6 @@ runs, and not the one with the largest residual.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -32,8 +31,9 @@ LEAST_GAP = gaps.LEAST
 # many of these in earnest; and steps of a fit.
 TRIED, FITTED = {True: 4, False: 6}, {True: 2, False: 4}
 STEPS, ROUGH_STEPS = 6, 4
-# Numerical: s of processor time after which no further form is looked for, with a narrow search and with a wide one.
-SPENT_S = {True: 15.0, False: 90.0}
+# Numerical: work (`Problem.work`) after which no further form is looked for, with a narrow search and with a wide one:
+# about a quarter of a minute, and a minute and a half. No time, or the answer would hang on the processor.
+MOST_WORK = {True: 1.7e9, False: 1e10}
 
 
 @dataclass
@@ -60,12 +60,12 @@ def searched(problem: Problem, fit: Fit, quick: bool, lacking: Mapping[Cause, Fi
     lacking : the explanation without each of its effects, the others fitted again: a form may do in such a place, and
         the effect gives way to it. Effects that are not in here do not.
     """
-    began = time.process_time()
+    began = problem.work
     found = Found([Judged.of(problem, fit)])
     known: dict[str, Effect] = dict(fit.effects)
     lacking = lacking or {}
     while len(found.forms) < plant.MOST_FORMS and found.judged[-1].gap >= LEAST_GAP:
-        if time.process_time() - began > SPENT_S[quick]:
+        if problem.work - began > MOST_WORK[quick]:
             break
         # In an effect's place only what is left by named effects alone is known.
         best = _next(problem, found, known, quick, list(lacking.values()) if not found.forms else [])
@@ -111,9 +111,11 @@ def _next(
     problem.follow_angles(True)
     fits = [_fitted(problem, rough.fit, known, one) for rough, _, one in judged[: FITTED[quick]]]
     problem.follow_angles(False)
+    # What the likelihood ends in may leave more of runs left out than what the rough fit came to.
     ended = [
-        (one, Judged.of(problem, _renewed(problem, fit)))
-        for (_, base, one), fit in zip(judged, fits)
+        (one, Judged.of(problem, _renewed(problem, fit)) if fit is not rough.fit else rough)
+        for (rough, base, one), earnest in zip(judged, fits)
+        for fit in (rough.fit, earnest)
         if fit.score < base.score
     ]
     if not ended:
