@@ -33,6 +33,8 @@ def _release() -> None:
         try:
             util._run_finalizers(0)
         except Exception:
+            # Whatever a finalizer meets half-way through an interruption: the process leaves in the next line, and its
+            # one line is already said.
             return
 
 

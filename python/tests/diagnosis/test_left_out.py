@@ -30,20 +30,25 @@ def fitted(case: Case, parts: dict[tuple[str, str], dict[str, float]]) -> tuple[
     return search, search.try_fit(hypothesis, start, search.fits[()])
 
 
-def test_a_run_left_out_is_foretold_as_by_a_fit_without_it():
-    """Dry friction that is another in each run: what the others know of it is not what the run itself asks for."""
+def with_frictions(*frictions: float) -> Case:
+    """A run with each of some dry frictions, N·m at the wheel."""
     robot, runs = builtin_robot("burger"), []
-    for seed, friction in enumerate((0.029, 0.03, 0.031)):
+    for seed, friction in enumerate(frictions):
         model = nominal_model(robot)
         model.add("coulomb", friction)
         runs.append(make_run(f"steps-{seed}", model, robot, "steps", seed=seed))
-    case = Case("frictions", robot, tuple(runs))
+    return Case("frictions", robot, tuple(runs))
+
+
+def test_a_run_left_out_is_foretold_as_by_a_fit_without_it():
+    """Dry friction that is another in each run: what the others know of it is not what the run itself asks for."""
+    case = with_frictions(0.029, 0.03, 0.031)
     search, fit = fitted(case, {COULOMB: {"torque_nm": 0.02}})
     found = []
     for k, run in enumerate(case.runs):
         others = replace(case, runs=tuple(r for j, r in enumerate(case.runs) if j != k))
         other, own = fitted(others, {COULOMB: {"torque_nm": 0.02}})
-        found.append(gaps.errors(run, robot, replay_run(own.model(other.problem), search.problem.whole[k].inputs)))
+        found.append(gaps.errors(run, case.robot, replay_run(own.model(other.problem), search.problem.whole[k].inputs)))
     alone = gaps.gap(gaps.pooled(found))
     assert left_out_gap(search.problem, fit) == pytest.approx(alone, rel=0.05)
     assert search.problem.gap(fit.model(search.problem)) < alone
@@ -137,12 +142,7 @@ def test_samples_that_are_held_show_no_noise():
 
 def test_plain_squares_find_another_optimum_of_an_explanation_than_the_likelihood():
     """Two runs say one friction and a third another one: the likelihood lets the third go, plain squares do not."""
-    robot, runs = builtin_robot("burger"), []
-    for seed, friction in enumerate((0.02, 0.02, 0.035)):
-        model = nominal_model(robot)
-        model.add("coulomb", friction)
-        runs.append(make_run(f"steps-{seed}", model, robot, "steps", seed=seed))
-    search, fit = fitted(Case("frictions", robot, tuple(runs)), {COULOMB: {"torque_nm": 0.02}})
+    search, fit = fitted(with_frictions(0.02, 0.02, 0.035), {COULOMB: {"torque_nm": 0.02}})
     optima = search.optima([fit])[0]
     plain = next(one for one in optima if one.noise.root is None)
     assert optima[0] is fit

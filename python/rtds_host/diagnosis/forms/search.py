@@ -99,7 +99,7 @@ def _next(
         for one in screened(problem, fit, known_slopes)[: TRIED[quick] if base is now.fit else 1]
         if one.left < 1.0
     ]
-    tried = list({(id(base), one.form, one.side): (base, one) for base, one in tried}.values())
+    tried = list({(base.hypothesis, one.form, one.side): (base, one) for base, one in tried}.values())
     roughly = _roughly(problem, known, known_slopes, tried)
     problem.follow_angles(False)
     judged = [
@@ -148,7 +148,7 @@ def _roughly(
     problem: Problem, known: Mapping[str, Effect], by_form: Sequence[Slopes], tried: Sequence[tuple[Fit, Promise]]
 ) -> list[Fit]:
     """Explanations with one form more each, fitted with the derivatives that the screening had, a replay a step."""
-    of = {id(one.form): one for one in by_form}
+    of = {one.form: one for one in by_form}
     works = []
     for base, one in tried:
         cause = one.form.id, one.side
@@ -160,7 +160,7 @@ def _roughly(
                 base.z,
                 base.noise,
                 ROUGH_STEPS,
-                {**base.columns, cause: of[id(one.form)].of(one.side)},
+                {**base.columns, cause: of[one.form].of(one.side)},
                 by_nuisance=base.by_nuisance,
                 least=ROUGH_GAIN,
             )
