@@ -255,7 +255,7 @@ def conclude(
         "forms": shapes.entries,
         "budget": [{**row, "share": _round(row["share"])} for row in rows],
         "nominal_fit": _nominal_fit(problem, fitted),
-        **_setup(problem, fitted),
+        **setup_of(problem, fitted),
         "alternatives": _alternatives(problem, weighed, verdict),
         "indistinguishable": [[_named(problem, cause) for cause in causes] for causes in weighed.alike],
         "gap": {
@@ -456,7 +456,7 @@ def _nominal_fit(problem: Problem, fit: Fit) -> dict:
     return result
 
 
-def _setup(problem: Problem, fit: Fit) -> dict:
+def setup_of(problem: Problem, fit: Fit) -> dict:
     """What was refitted of what surrounds the machine, its clocks and its servo's limit; nothing where all is as
     declared.
     """

@@ -10,7 +10,7 @@ from diagnosis_cases import make_case
 from rtds_host.contract import builtin_robot
 from rtds_host.correction.translate import translate
 from rtds_host.diagnosis.account import Account
-from rtds_host.diagnosis.diagnose import Investigation, with_forms, without_given_way
+from rtds_host.diagnosis.diagnose import Investigation, setup_of, with_forms, without_given_way
 from rtds_host.diagnosis.fit import Fit, Fitter
 from rtds_host.diagnosis.forms import Forms, approximate, forms_of
 from rtds_host.diagnosis.forms.curves import Form, points_of, put, shapes
@@ -190,6 +190,19 @@ def test_what_is_written_with_a_form_is_what_was_fitted_along_with_it(problem):
     assert written is along
     assert moved[cause, "torque_nm"] == pytest.approx((0.02, 0.04))
     assert with_forms(problem, alone, known, Forms()) == (alone, known)
+
+
+@pytest.mark.parametrize(("effect", "said"), [("backlash", {"encoder_at_wheel": 1.0}), ("coulomb_friction", None)])
+def test_with_an_encoder_on_the_wheel_its_place_is_read_from_a_fit_with_a_form(problem, effect, said):
+    robot = SimpleNamespace(encoder="wheel", axis=None)
+    form = Form("torque", "w", -9.0, 9.0, 0.01).effect()
+    along = SimpleNamespace(
+        z=np.zeros(0),
+        effects={**problem.effects, form.id: form},
+        hypothesis=((effect, "both"), (form.id, "both")),
+    )
+    machine = SimpleNamespace(robot=robot, effects=problem.effects, nuisances=[])
+    assert setup_of(machine, along).get("setup") == said
 
 
 def test_a_name_that_is_exact_is_not_said_to_be_approximate():
