@@ -12,7 +12,7 @@ import itertools
 import math
 from collections import deque
 from collections.abc import Generator, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -335,6 +335,14 @@ class Fitter:
         weight = prior_weight(x[: self.count], x[self.count :])
         gradient = (jacobian.T @ white.astype(np.float32)).astype(float) + weight * x
         return gradient, (jacobian.T @ jacobian).astype(float) + np.diag(weight)
+
+    def derived(self, fit: Fit) -> Asking[Fit]:
+        """A fit with derivatives by all its effects at its own values."""
+        x = np.concatenate([fit.z, fit.u])
+        (r,) = yield [self.model(fit.hypothesis, x)], None
+        every = range(self.count, len(x))
+        columns = yield from self._derivatives(fit.hypothesis, x, r, every, self._bounds(fit.hypothesis)[1])
+        return replace(fit, residual=r, by_effect=columns)
 
     def fitting(
         self,

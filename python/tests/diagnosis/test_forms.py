@@ -14,8 +14,10 @@ from rtds_host.diagnosis.diagnose import Investigation, setup_of, with_forms, wi
 from rtds_host.diagnosis.fit import Fit, Fitter
 from rtds_host.diagnosis.forms import Forms, approximate, forms_of
 from rtds_host.diagnosis.forms.curves import Form, points_of, put, shapes
+from rtds_host.diagnosis.forms.ends import movable, moved
 from rtds_host.diagnosis.forms.formula import fitted, laws
 from rtds_host.diagnosis.forms.in_place import in_place
+from rtds_host.diagnosis.forms.screen import Promise
 from rtds_host.diagnosis.forms.search import Cause, Found, searched
 from rtds_host.diagnosis.likelihood import Likelihood
 from rtds_host.diagnosis.predict import read_diagnosis
@@ -336,6 +338,55 @@ def test_what_fades_over_a_run_gets_an_exponential():
     assert found.values == pytest.approx([0.05, 4.0], rel=0.02)
     straight = fitted(laws("t")[1], form, curve, 1e-8 * np.eye(basis.shape[1]))
     assert np.abs(straight.curve - values).max() > 5.0 * np.abs(found.curve - values).max()
+
+
+def bent_at_a_place(law):
+    """The formula that fits a curve over a current best, and its errors."""
+    form = Form("current_sensor", "i", -0.12, 0.12, 0.01)
+    basis, _ = shapes("i")
+    curve = basis @ np.linalg.lstsq(basis, law(form.points), rcond=None)[0]
+    tried = [fitted(one, form, curve, 1e-8 * np.eye(basis.shape[1])) for one in laws("i")]
+    return min(tried, key=lambda one: np.abs(one.curve - curve).max())
+
+
+def test_readings_that_are_nothing_below_a_size_or_cut_off_above_it_get_the_place_in_their_formula():
+    floor = bent_at_a_place(lambda x: np.where(np.abs(x) < 0.07, -x, 0.0))
+    assert floor.law.text == "a·x for |x| < b"
+    assert floor.values[0] == pytest.approx(-1.0, abs=0.01)
+    assert abs(floor.values[1] - 0.07) < 1.645 * floor.errors[1] < 0.012
+    clipped = bent_at_a_place(lambda x: -np.sign(x) * np.maximum(np.abs(x) - 0.05, 0.0))
+    assert clipped.law.text == "a·(x - b·sgn(x)) for |x| > b"
+    assert clipped.values == pytest.approx([-1.0, 0.05], abs=0.02)
+
+
+def test_other_ends_keep_the_curve():
+    problem = SimpleNamespace(robot=builtin_robot("burger"))
+    form = Form("current_sensor", "i", -0.1, 0.1, 0.01)
+    one = Promise(form, "left", 0.5, np.zeros(0))
+    wide = moved(problem, one, 0.3 * form.points, 2.0)
+    basis, widths = shapes("i")
+    curve = basis @ (wide.start * 0.01 * widths)
+    assert (wide.form.low, wide.form.high) == (-0.2, 0.2)
+    inside = np.abs(wide.form.points) <= 0.1
+    assert np.abs(curve - 0.3 * wide.form.points)[inside].max() < 0.01
+    assert np.abs(curve)[~inside].max() < 0.04
+    assert not movable(Form("torque", "th", 0.0, TURN, 0.1)) and not movable(Form("force", "x", -1.0, 1.5, 0.1))
+
+
+def test_a_jump_beyond_most_of_what_is_read_is_found_with_its_size():
+    # Half of what this robot's sensor reads is well below the floor, and most of it far above.
+    forms, before, truth = found_in(
+        lambda model: with_form(
+            model, "current_sensor", "i", -0.07, 0.07, lambda x: np.where(np.abs(x) < 0.06, -x, 0.0), (1,)
+        )
+    )
+    assert [(entry["term"], entry["over"], entry["side"]) for entry in forms.entries] == [
+        ("current_sensor", "i", "right")
+    ]
+    (entry,) = forms.entries
+    assert before - forms.gap >= 0.9 * (before - truth)
+    assert entry["formula"] == "a·x for |x| < b"
+    assert entry["parameters"]["a"]["value"] == pytest.approx(-1.0, abs=0.05)
 
 
 def fit_of_four_runs(sizes) -> tuple[SimpleNamespace, Fit]:

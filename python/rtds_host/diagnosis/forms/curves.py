@@ -20,7 +20,7 @@ from rtds_host.diagnosis.replay.model import Model
 from rtds_host.plant import forms as plant
 
 # Numerical: shapes of a curve: of an even grid, odd and even ones of two branches, and pairs of a turn.
-EVEN, ODD_SHAPES, EVEN_SHAPES, TURNS = 9, 5, 4, 5
+EVEN, ODD_SHAPES, EVEN_SHAPES, TURNS = 9, plant.HALF, 4, 5
 # Numerical: where a curve with a jump is written next to zero, in shares of its range.
 BESIDE_ZERO = 1e-4
 # Numerical: a derivative's step, and bounds, in spreads of a coefficient.

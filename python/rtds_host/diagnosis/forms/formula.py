@@ -22,13 +22,15 @@ SCALES, POWERS = (0.1, 0.25, 0.5, 1.0), (0.5, 2.0, 3.0)
 @dataclass(frozen=True)
 class Law:
     """A formula: `text` of x; `names` and `units` of its parameters (x, y: the units of the axes); of(x, values) its
-    values; `starts` of those that enter it bent, in shares of the range where their unit is x's."""
+    values; `starts` of those that enter it bent, in shares of the range where their unit is x's; `jumps_at`: the
+    parameter that is the place of a jump."""
 
     text: str
     names: tuple[str, ...]
     units: tuple[str, ...]
     of: Callable[..., np.ndarray]
     starts: tuple[tuple[float, ...], ...] = ((),)
+    jumps_at: str | None = None
 
 
 def _scaled(*each: float) -> tuple[tuple[float, ...], ...]:
@@ -79,6 +81,33 @@ _ODD = (
         _scaled(*SCALES),
     ),
 )
+# How sharp a change of law at a place is, in shares of a curve's range: less than a point's distance from the next.
+_SHARP = 120.0
+
+
+def _within(x: np.ndarray, place: float) -> np.ndarray:
+    """1 where |x| is below a place and 0 beyond, smooth enough that a fit finds the place."""
+    return 1.0 / (1.0 + np.exp(np.clip((np.abs(x) - place) * _SHARP / np.ptp(x), -60.0, 60.0)))
+
+
+# What changes at a size of x: readings that are cut off above it or read nothing below it, free play.
+_PLACES = (
+    Law(
+        "a·x for |x| < b",
+        ("a", "b"),
+        ("y/x", "x"),
+        lambda x, a, b: a * x * _within(x, b),
+        _scaled(0.25, 0.5, 0.75, 0.9),
+        jumps_at="b",
+    ),
+    Law(
+        "a·(x - b·sgn(x)) for |x| > b",
+        ("a", "b"),
+        ("y/x", "x"),
+        lambda x, a, b: a * np.sign(x) * np.maximum(np.abs(x) - np.abs(b), 0.0),
+        _scaled(0.25, 0.5, 0.75),
+    ),
+)
 _EVEN = (
     Law("a", ("a",), ("y",), lambda x, a: a + 0.0 * x),
     Law("a·x", ("a",), ("y/x",), lambda x, a: a * x),
@@ -95,6 +124,7 @@ _STEP = Law(
     ("y", "x"),
     lambda x, a, b: a / (1.0 + np.exp(-np.clip((x - b) * 40.0 / np.ptp(x), -60.0, 60.0))),
     _scaled(0.25, 0.5, 0.75),
+    jumps_at="b",
 )
 _TURNS = tuple(
     Law(
@@ -127,7 +157,7 @@ def laws(over: str) -> tuple[Law, ...]:
         return _TURNS
     if over == "t":
         return (*_EVEN, *_FADES, _STEP)
-    return _ODD if over in plant.BRANCHES else (*_EVEN, _STEP)
+    return (*_ODD, *_PLACES) if over in plant.BRANCHES else (*_EVEN, _STEP)
 
 
 @dataclass(frozen=True)
@@ -168,9 +198,8 @@ def fitted(law: Law, form: Form, values: np.ndarray, covariance: np.ndarray) -> 
     units = [_unit(unit, size, reach) for unit in law.units]
     best = None
     for start in law.starts:
-        first = np.ones(len(law.names))
-        first[len(first) - len(start) :] = start
         with np.errstate(all="ignore"):
+            first = _begun(law, metric, x, values, units, start)
             found = least_squares(
                 lambda p: np.nan_to_num(metric @ (law.of(x, *(p * units)) - values), nan=1e9, posinf=1e9, neginf=-1e9),
                 first,
@@ -181,7 +210,24 @@ def fitted(law: Law, form: Form, values: np.ndarray, covariance: np.ndarray) -> 
     if best is None or not np.isfinite(best.x).all():
         return None
     spread = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
-    return Formula(law, best.x * units, spread * units, law.of(x, *(best.x * units)))
+    errors = spread * units
+    if law.jumps_at is not None:
+        # A curve says between which two points a jump lies, and no more.
+        place = law.names.index(law.jumps_at)
+        errors[place] = np.hypot(errors[place], float(np.diff(x).max()) / np.sqrt(12.0))
+    return Formula(law, best.x * units, errors, law.of(x, *(best.x * units)))
+
+
+def _begun(
+    law: Law, metric: np.ndarray, x: np.ndarray, values: np.ndarray, units: list[float], start: tuple[float, ...]
+) -> np.ndarray:
+    """Parameters to start a fit from, in their units: those that enter bent as given, the others, which enter straight,
+    as fit best with them."""
+    straight = len(units) - len(start)
+    scaled = np.array(units)
+    columns = [metric @ law.of(x, *(np.array([*one, *start]) * scaled)) for one in np.eye(straight)]
+    best, *_ = np.linalg.lstsq(np.nan_to_num(np.stack(columns, axis=1)), metric @ values, rcond=None)
+    return np.array([*best, *start])
 
 
 def _unit(unit: str, size: float, reach: float) -> float:

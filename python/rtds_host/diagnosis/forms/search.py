@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from rtds_host.diagnosis.effects import RESEMBLES, Effect
 from rtds_host.diagnosis.fit import ROUGH_GAIN, Fit, Fitter, joined, parameters, side_by_side
 from rtds_host.diagnosis.forms.candidates import candidates
 from rtds_host.diagnosis.forms.curves import Form, shapes
+from rtds_host.diagnosis.forms.ends import GAINS, with_ends
 from rtds_host.diagnosis.forms.screen import Promise, Slopes, screened, slopes
 from rtds_host.diagnosis.problem import Problem
 from rtds_host.diagnosis.thresholds import MAJORITY, MINOR_SHARE
@@ -121,6 +123,10 @@ def _next(
     if not ended:
         return None
     promise, best = min(ended, key=lambda pair: pair[1].gap)
+    if pooled(best, now) <= GAINS:
+        reach = max(form.high for form in forms if form.over == promise.form.over)
+        promise, best = with_ends(problem, partial(_side_by_side, problem, known, best.fit), promise, best, reach)
+    best = Judged.of(problem, _renewed(problem, _derived(problem, best.fit, known, promise)))
     if pooled(best, now) > WORTH:
         return None
     name = _named(problem, now, best, promise)
@@ -237,6 +243,28 @@ def _approximates(problem: Problem, found: Found, cause: Cause, less: Judged, la
         return False
     neither = Judged.of(problem, lacking).together
     return neither - found.judged[0].together >= MAJORITY * (neither - less.together)
+
+
+def _derived(problem: Problem, fit: Fit, known: Mapping[str, Effect], one: Promise) -> Fit:
+    """An explanation that has a form, with derivatives at its own values: a rough fit has those of the screening, of
+    which intervals would be rough."""
+    problem.follow_angles(True)
+    (found,) = side_by_side(problem, [_with_form(problem, fit, known, one).derived(fit)])
+    problem.follow_angles(False)
+    return found
+
+
+def _side_by_side(problem: Problem, known: Mapping[str, Effect], fit: Fit, tried: Sequence[Promise]) -> list[Fit]:
+    """Explanations that have a form already, fitted with the form as given, all parameters together."""
+    problem.follow_angles(True)
+    works = []
+    for one in tried:
+        hypothesis, start = joined({**fit.parts, (one.form.id, one.side): one.start})
+        fitter = _with_form(problem, fit, known, one)
+        works.append(fitter.fitting(hypothesis, start, fit.z, fit.noise, STEPS, by_nuisance=fit.by_nuisance))
+    fits = side_by_side(problem, works)
+    problem.follow_angles(False)
+    return [_renewed(problem, one) for one in fits]
 
 
 def _named(problem: Problem, now: Judged, judged: Judged, promise: Promise) -> str | None:

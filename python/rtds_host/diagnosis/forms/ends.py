@@ -1,0 +1,82 @@
+"""Where a curve ends, which is one parameter of it more, and is judged on runs left out like the curve itself.
+
+The screening knows a few quantiles of what a case's runs pass through. A bend or a jump of the term that is sought
+rarely lies between two points of such a grid: it may lie beyond its end, or between the first two points. The ends of
+the curve that was chosen are moved therefore, by factors of two and then of the root of two, as long as held-out runs
+gain by it clearly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rtds_host.diagnosis.choice import Judged, pooled
+from rtds_host.diagnosis.fit import Fit
+from rtds_host.diagnosis.forms.curves import Form, put, shapes
+from rtds_host.diagnosis.forms.screen import Promise
+from rtds_host.diagnosis.problem import Problem
+from rtds_host.diagnosis.replay.model import nominal_model
+from rtds_host.diagnosis.thresholds import MINOR_SHARE
+from rtds_host.plant import forms as plant
+
+# Fits explanations that differ in the ends of one curve, from a start of that curve's scaled coefficients each.
+Fits = Callable[[Sequence[Promise]], Sequence[Fit]]
+# What other ends must leave at most of what is left: as other curves, all but a slight part.
+GAINS = 1.0 - MINOR_SHARE
+# Numerical: moves of the ends, in half octaves, coarse ones first.
+MOVES = (2, 1)
+
+
+def movable(form: Form) -> bool:
+    """Whether a curve's ends are a guess: those of an angle, a time or a place are known."""
+    return form.over not in plant.PERIODIC and form.low == -form.high
+
+
+def moved(problem: Problem, promise: Promise, values: np.ndarray, factor: float) -> Promise:
+    """A form with other ends, and the coefficients that make the curve there that its values (POINTS,) make."""
+    form = replace(promise.form, low=factor * promise.form.low, high=factor * promise.form.high)
+    model = nominal_model(problem.robot)
+    put(model, (0,), form.term, form.over, promise.form.low, promise.form.high, values)
+    there = np.array([plant.curve(model.forms[0, 0], x)[0] for x in form.points])
+    basis, widths = shapes(form.over)
+    coefficients = np.linalg.lstsq(basis, there, rcond=None)[0]
+    return replace(promise, form=form, start=coefficients / (form.prior_width * widths))
+
+
+def with_ends(problem: Problem, fits: Fits, promise: Promise, best: Judged, reach: float) -> tuple[Promise, Judged]:
+    """The form with the ends that leave least of runs left out, and the explanation with it.
+
+    Parameters
+    ----------
+    best : the explanation with the form as it is; reach : the largest size of what the form runs over, beyond which no
+        run says anything.
+    """
+    if not movable(promise.form):
+        return promise, best
+    at, seen = 0, {0}
+    for move in MOVES:
+        while True:
+            values = _values(best.fit, promise)
+            near = [to for to in (at - move, at + move) if to not in seen]
+            tried = [(to, moved(problem, promise, values, math.sqrt(2.0) ** (to - at))) for to in near]
+            tried = [(to, one) for to, one in tried if one.form.high <= 2.0 * reach]
+            seen.update(near)
+            if not tried:
+                break
+            fitted = fits([one for _, one in tried])
+            judged = [(Judged.of(problem, fit), to, one) for (to, one), fit in zip(tried, fitted, strict=True)]
+            least, to, one = min(judged, key=lambda each: each[0].gap)
+            if pooled(least, best) > GAINS:
+                break
+            at, promise, best = to, one, least
+    return promise, best
+
+
+def _values(fit: Fit, promise: Promise) -> np.ndarray:
+    """A form's values (POINTS,) in a fit, in the term's unit."""
+    basis, widths = shapes(promise.form.over)
+    return basis @ (fit.parts[promise.form.id, promise.side] * promise.form.prior_width * widths)
