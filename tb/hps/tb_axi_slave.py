@@ -9,7 +9,8 @@ from cocotb.clock import Clock
 from cocotb.triggers import FallingEdge, RisingEdge, Timer, with_timeout
 from cocotbext.axi import AxiBurstType, AxiBus, AxiMaster, AxiResp
 
-READ_ONLY, NOTHING = 0x40, 0x80  # byte addresses from which on writes, and all accesses, are refused
+READ_ONLY, NOTHING = 0x40, 0x80  # byte addresses from which on writes, and all accesses, are refused,
+MEMORY = 0x100  # and from which on every word is kept
 
 
 class Registers:
@@ -37,7 +38,7 @@ class Registers:
                 dut.reg_ready_i.value = 0
                 continue
             address, write = int(dut.reg_addr_o.value), bool(dut.reg_write_o.value)
-            refused = address >= NOTHING or (write and address >= READ_ONLY)
+            refused = address < MEMORY and (address >= NOTHING or (write and address >= READ_ONLY))
             if write and not refused:
                 self.words[address] = int(dut.reg_wdata_o.value)
             self.seen.append((write, address))
@@ -104,6 +105,52 @@ async def what_is_refused_gives_an_error_and_changes_nothing(dut, late):
     # A burst of which one beat is refused: the others act, the answer says it.
     assert (await soon(master.write(READ_ONLY - 4, b"abcdefgh"))).resp == AxiResp.SLVERR
     assert registers.words == {0: int.from_bytes(b"abcd", "little"), READ_ONLY - 4: int.from_bytes(b"abcd", "little")}
+
+
+@cocotb.test()
+@cocotb.parametrize(late=[False, True])
+async def a_burst_that_is_refused_at_once_ends_after_its_last_beat(dut, late):
+    master, registers = await start(dut, late)
+    for at, count, how in (
+        (0x10, 16, {"burst": AxiBurstType.WRAP}),  # four beats round a border
+        (0x12, 16, {}),  # no multiple of 4
+        (0x10, 6, {"size": 1}),  # three halves of a word
+        (0x10, 2, {"size": 0, "burst": AxiBurstType.FIXED}),
+    ):
+        assert (await soon(master.write(at, bytes(count), **how))).resp == AxiResp.SLVERR
+        assert (await soon(master.read(at, count, **how))).resp == AxiResp.SLVERR
+    assert not registers.seen
+    # What comes next is not mistaken for its rest.
+    assert (await soon(master.write(0x10, b"abcd"))).resp == AxiResp.OKAY
+    assert bytes((await soon(master.read(0x10, 4))).data) == b"abcd" and len(registers.seen) == 2
+
+
+@cocotb.test()
+async def all_beats_of_a_fixed_burst_are_at_one_address(dut):
+    master, registers = await start(dut, late=True)
+    for count in range(1, 9):
+        at, data = random.randrange(MEMORY, 1 << 21, 4), bytes(random.getrandbits(8) for _ in range(4 * count))
+        registers.seen.clear()
+        assert (await soon(master.write(at, data, burst=AxiBurstType.FIXED))).resp == AxiResp.OKAY
+        got = await soon(master.read(at, 4 * count, burst=AxiBurstType.FIXED))
+        assert got.resp == AxiResp.OKAY and bytes(got.data) == data[-4:] * count
+        assert registers.seen == [(True, at)] * count + [(False, at)] * count
+
+
+@cocotb.test()
+@cocotb.parametrize(late=[False, True])
+async def any_id_address_and_length_is_answered(dut, late):
+    master, registers = await start(dut, late)
+    ids, page = 1 << len(dut.s_axi_awid), 4096  # no burst crosses a border of so many bytes
+    for k in range(60):
+        count = 256 if k == 0 else random.randint(1, 20)
+        at = random.randrange(MEMORY, 1 << 21, 4)
+        at = max(MEMORY, min(at, at // page * page + page - 4 * count))
+        data = bytes(random.getrandbits(8) for _ in range(4 * count))
+        answer = await with_timeout(master.write(at, data, awid=random.randrange(ids)), 500, "us")
+        got = await with_timeout(master.read(at, 4 * count, arid=random.randrange(ids)), 500, "us")
+        assert answer.resp == got.resp == AxiResp.OKAY and bytes(got.data) == data
+        assert registers.seen[-1] == (False, at + 4 * count - 4)
 
 
 @cocotb.test()
