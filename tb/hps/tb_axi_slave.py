@@ -114,6 +114,7 @@ async def a_burst_that_is_refused_at_once_ends_after_its_last_beat(dut, late):
     for at, count, how in (
         (0x10, 16, {"burst": AxiBurstType.WRAP}),  # four beats round a border
         (0x12, 16, {}),  # no multiple of 4
+        (0x11, 1, {"size": 0}),
         (0x10, 6, {"size": 1}),  # three halves of a word
         (0x10, 2, {"size": 0, "burst": AxiBurstType.FIXED}),
     ):
